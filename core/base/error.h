@@ -1,0 +1,28 @@
+// Errors with a machine-readable reason, carried inside absl::Status.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "absl/status/status.h"
+
+namespace planish {
+
+// Why something failed, for programs; becomes google.rpc.ErrorInfo at the edge of the server.
+struct ErrorInfo {
+  std::string reason;                           // UPPER_SNAKE_CASE; the list is at planish.v1.Job.error
+  std::map<std::string, std::string> metadata;  // e.g. {"vertices", "12,40"}, ids 0-based
+};
+
+// A status of `code` with `message` for people and `reason` and `metadata` for programs.
+// `code` must not be kOk.
+absl::Status MakeError(absl::StatusCode code, const std::string& reason, const std::string& message,
+                       const std::map<std::string, std::string>& metadata = {});
+
+// The reason and metadata given to MakeError; an empty reason for any other status.
+ErrorInfo ErrorInfoOf(const absl::Status& status);
+
+// Reason "INTERNAL": a bug of ours.
+absl::Status InternalError(const std::string& message);
+
+}  // namespace planish

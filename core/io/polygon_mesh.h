@@ -1,0 +1,35 @@
+// What mesh files hold: polygons, with enough memory of the file to speak of its lines.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+// Polygon p has the corners [polygon_begin[p], polygon_begin[p + 1]) of corner_vertex.
+struct PolygonMesh {
+  std::vector<Vec3> positions;
+  std::vector<std::int64_t> polygon_begin = {0};
+  std::vector<std::int32_t> corner_vertex;  // 0-based, in range
+  // 1-based line of each vertex and polygon in a text file; empty for binary files.
+  std::vector<std::int64_t> vertex_line;
+  std::vector<std::int64_t> polygon_line;
+
+  std::int64_t num_polygons() const { return static_cast<std::int64_t>(polygon_begin.size()) - 1; }
+};
+
+// A polygon mesh cut into the triangles that travel, with the way back.
+struct Triangulation {
+  Mesh mesh;                                     // vertices without a polygon are left out
+  std::vector<std::int32_t> source_vertex;       // per vertex of mesh: vertex of the polygon mesh
+  std::vector<std::int64_t> source_polygon;      // per face of mesh
+  std::vector<std::int64_t> corner_of_triangle;  // per corner 3 f + k: corner of the polygon mesh
+};
+
+// Fans: polygon (c0, c1, ..., cn) becomes (c0, c1, c2), (c0, c2, c3), ...
+Triangulation Triangulate(const PolygonMesh& polygons);
+
+}  // namespace planish

@@ -1,0 +1,28 @@
+// Indexed triangle mesh: positions and faces, nothing derived.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "Eigen/Core"
+
+namespace planish {
+
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+using Face = std::array<std::int32_t, 3>;
+
+struct Mesh {
+  std::vector<Vec3> positions;  // any unit
+  std::vector<Face> faces;      // 0-based vertex ids, counter-clockwise seen from outside
+
+  std::int64_t num_vertices() const { return static_cast<std::int64_t>(positions.size()); }
+  std::int64_t num_faces() const { return static_cast<std::int64_t>(faces.size()); }
+};
+
+// Corner k of face f is number 3 f + k wherever values per corner are stored: angles, UV.
+constexpr int Next(int k) { return k == 2 ? 0 : k + 1; }
+constexpr int Prev(int k) { return k == 0 ? 2 : k - 1; }
+
+}  // namespace planish

@@ -1,0 +1,26 @@
+// Connectivity of a disc: what the solver and the layout need, in flat arrays.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+// Constant after construction.
+struct Topology {
+  std::int32_t num_vertices = 0;
+  std::int32_t num_interior = 0;
+  std::vector<Face> faces;
+  // Corner across the edge opposite corner c = 3 f + k, i.e. the corner of the neighbouring face that faces the edge
+  // (v_{k+1}, v_{k+2}); -1 on the boundary.
+  std::vector<std::int32_t> opposite;
+  // Per vertex: 0-based number among the interior vertices, in vertex order; -1 on the boundary.
+  std::vector<std::int32_t> interior_index;
+
+  std::int32_t num_faces() const { return static_cast<std::int32_t>(faces.size()); }
+  std::int32_t num_corners() const { return 3 * num_faces(); }
+};
+
+}  // namespace planish

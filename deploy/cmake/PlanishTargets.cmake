@@ -1,0 +1,30 @@
+# How every target of the project is compiled. Usage:
+#   planish_library(NAME sources... PUBLIC deps... PRIVATE deps...)
+#   planish_executable(NAME sources... PRIVATE deps...)
+# Include paths are relative to the repository's root ("core/abf/newton.h").
+
+function(planish_compile_options target)
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast)
+  if(PLANISH_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(PLANISH_SANITIZE)
+    target_compile_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE} -fno-omit-frame-pointer)
+    target_link_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE})
+  endif()
+endfunction()
+
+function(planish_library name)
+  cmake_parse_arguments(ARG "" "" "PUBLIC;PRIVATE" ${ARGN})
+  add_library(${name} STATIC ${ARG_UNPARSED_ARGUMENTS})
+  planish_compile_options(${name})
+  target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+endfunction()
+
+function(planish_executable name)
+  cmake_parse_arguments(ARG "" "" "PRIVATE" ${ARGN})
+  add_executable(${name} ${ARG_UNPARSED_ARGUMENTS})
+  planish_compile_options(${name})
+  target_link_libraries(${name} PRIVATE ${ARG_PRIVATE})
+endfunction()
