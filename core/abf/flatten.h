@@ -7,6 +7,7 @@
 
 #include "Eigen/Core"
 #include "absl/status/statusor.h"
+#include "core/abf/target_angles.h"
 #include "core/base/interrupter.h"
 #include "core/mesh/topology.h"
 
@@ -48,12 +49,12 @@ struct Residual {
 };
 
 struct FlattenProgress {
-  int newton_iteration = 0;             // completed
-  std::int64_t linear_iterations = 0;   // over all Newton steps so far
-  double linear_residual = 0;           // relative, within the present linear solve; 0 between solves
-  Residual residual;                    // after newton_iteration steps
-  double energy = 0;                    // f(x)
-  double step_length = 0;               // fraction of the last Newton step taken, in (0, 1]
+  int newton_iteration = 0;            // completed
+  std::int64_t linear_iterations = 0;  // over all Newton steps so far
+  double linear_residual = 0;          // relative, within the present linear solve; 0 between solves
+  Residual residual;                   // after newton_iteration steps
+  double energy = 0;                   // f(x)
+  double step_length = 0;              // fraction of the last Newton step taken, in (0, 1]
 };
 
 struct FlattenControl {
@@ -80,5 +81,11 @@ struct Flattening {
   Eigen::VectorXd angles;  // 3F planar angles, radians, in (0, pi)
   FlattenSummary summary;
 };
+
+// Minimizes f subject to eq. 1, 2 and 6 by Newton's method on the Lagrangian, from x = a and mu = 0. Deterministic.
+// INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: interrupted. INTERNAL: SOLVER_FAILED, no step could be computed.
+// Running out of iterations is not an error: see FlattenSummary::converged.
+absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,
+                                         const FlattenOptions& options, const FlattenControl& control);
 
 }  // namespace planish

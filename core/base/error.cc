@@ -15,8 +15,7 @@ absl::Status MakeError(absl::StatusCode code, const std::string& reason, const s
   absl::Status status(code, message);
   const nlohmann::json payload = {{"reason", reason}, {"metadata", metadata}};
   // Messages may quote bytes of the caller's input, so invalid UTF-8 must not throw here.
-  status.SetPayload(kPayloadUrl,
-                    absl::Cord(payload.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
+  status.SetPayload(kPayloadUrl, absl::Cord(payload.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
   return status;
 }
 

@@ -7,9 +7,7 @@ namespace planish {
 // Wall-clock seconds since construction or Restart().
 class Timer {
  public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
+  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
   // Seconds so far, and starts over.
   double Restart() {
     const double seconds = Seconds();

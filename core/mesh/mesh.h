@@ -22,7 +22,11 @@ struct Mesh {
 };
 
 // Corner k of face f is number 3 f + k wherever values per corner are stored: angles, UV.
-constexpr int Next(int k) { return k == 2 ? 0 : k + 1; }
-constexpr int Prev(int k) { return k == 0 ? 2 : k - 1; }
+constexpr int Next(int k) {
+  return k == 2 ? 0 : k + 1;
+}
+constexpr int Prev(int k) {
+  return k == 0 ? 2 : k - 1;
+}
 
 }  // namespace planish

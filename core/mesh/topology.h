@@ -18,6 +18,8 @@ struct Topology {
   std::vector<std::int32_t> opposite;
   // Per vertex: 0-based number among the interior vertices, in vertex order; -1 on the boundary.
   std::vector<std::int32_t> interior_index;
+  // interior_index of the vertex at each corner.
+  std::vector<std::int32_t> corner_interior;
 
   std::int32_t num_faces() const { return static_cast<std::int32_t>(faces.size()); }
   std::int32_t num_corners() const { return 3 * num_faces(); }

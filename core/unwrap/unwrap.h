@@ -20,7 +20,7 @@ namespace planish {
 
 // The type of the delivered UV.
 enum class Precision {
-  kAuto,    // float, unless rounding to float flips or collapses triangles that double keeps
+  kAuto,  // float, unless rounding to float flips or collapses triangles that double keeps
   kFloat,
   kDouble,
 };

@@ -1,0 +1,44 @@
+// The constraints h(x) = 0 of the paper and their Jacobian B.
+//
+// Per face f:                triangle consistency (eq. 1)  x_0 + x_1 + x_2 - pi
+// Per interior vertex v:     vertex consistency (eq. 2)    sum of the angles at v, minus 2 pi
+//                            wheel condition (eq. 6)       sum of log sin(beta) - log sin(gamma) over the faces at v
+// with beta the angle after v and gamma the angle before v in each face, counter-clockwise. The product form of the
+// wheel condition (eq. 3) is here for comparison.
+//
+// Multipliers and constraint values are ordered: F triangle entries, then one pair (vertex, wheel) per interior vertex.
+#pragma once
+
+#include "Eigen/Core"
+#include "core/linalg/saddle_point.h"
+#include "core/mesh/topology.h"
+
+namespace planish {
+
+struct ConstraintValues {
+  Eigen::VectorXd triangle;  // F
+  Eigen::VectorXd pair;      // 2 num_interior: 2 v is eq. 2 and 2 v + 1 is eq. 6 of interior vertex v
+};
+
+// h(x) with eq. 6; angles in (0, pi).
+ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x);
+
+// Eq. 3, one value per interior vertex: product of sin(beta) / sin(gamma), minus 1.
+Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::VectorXd& x);
+
+// y = rows of the pairs of B times x. `cot` are the cotangents of the angles that B is taken at. y is overwritten.
+void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y);
+
+// x += (rows of the pairs of B)^t pair.
+void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
+                           const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x);
+
+// Cotangent of every angle.
+Eigen::VectorXd Cotangents(const Eigen::VectorXd& x);
+
+enum class WheelForm { kLogarithm /* eq. 6 */, kProduct /* eq. 3 */ };
+
+// B as a matrix, (F + 2 num_interior) x 3F: for tests and comparisons, the solvers never form it.
+SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form);
+
+}  // namespace planish

@@ -1,0 +1,93 @@
+#include <algorithm>
+
+#include "absl/strings/str_format.h"
+#include "core/abf/flatten.h"
+#include "core/base/error.h"
+
+namespace planish {
+namespace {
+
+absl::Status OptionError(const std::string& field, const std::string& message) {
+  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", field + ": " + message, {{"field", field}});
+}
+
+}  // namespace
+
+const char* Name(SolverType type) {
+  switch (type) {
+    case SolverType::kAuto:
+      return "auto";
+    case SolverType::kUzawa:
+      return "uzawa";
+    case SolverType::kMinres:
+      return "minres";
+    case SolverType::kDirect:
+      return "direct";
+  }
+  return "?";
+}
+
+const char* Name(SystemType type) {
+  switch (type) {
+    case SystemType::kAuto:
+      return "auto";
+    case SystemType::kFull:
+      return "full";
+    case SystemType::kReduced:
+      return "reduced";
+  }
+  return "?";
+}
+
+const char* Name(PreconditionerType type) {
+  switch (type) {
+    case PreconditionerType::kAuto:
+      return "auto";
+    case PreconditionerType::kNone:
+      return "none";
+    case PreconditionerType::kJacobi:
+      return "jacobi";
+    case PreconditionerType::kCholesky:
+      return "cholesky";
+  }
+  return "?";
+}
+
+const char* Name(HessianType type) {
+  switch (type) {
+    case HessianType::kConvex:
+      return "convex";
+    case HessianType::kExact:
+      return "exact";
+  }
+  return "?";
+}
+
+double Residual::Max() const {
+  return std::max({triangle, vertex, wheel, gradient});
+}
+
+absl::Status FlattenOptions::Validate() const {
+  if (!(tolerance > 0 && tolerance <= 1e-2)) {
+    return OptionError("tolerance", absl::StrFormat("%g is not in (0, 0.01] radians", tolerance));
+  }
+  if (max_newton_iterations < 1 || max_newton_iterations > 1000) {
+    return OptionError("max_newton_iterations", absl::StrFormat("%d is not in [1, 1000]", max_newton_iterations));
+  }
+  if (system == SystemType::kFull && solver == SolverType::kDirect) {
+    return OptionError("system", "the direct solver factorizes the reduced system; use reduced, or another solver");
+  }
+  if (system == SystemType::kFull && preconditioner == PreconditionerType::kCholesky) {
+    return OptionError("preconditioner", "cholesky factorizes the reduced system; use reduced, or none or jacobi");
+  }
+  if (solver == SolverType::kDirect && preconditioner != PreconditionerType::kAuto &&
+      preconditioner != PreconditionerType::kCholesky) {
+    return OptionError("preconditioner", "the direct solver takes no preconditioner but cholesky");
+  }
+  if (hessian == HessianType::kExact && solver != SolverType::kMinres) {
+    return OptionError("hessian", "the exact Hessian may be indefinite, which only the minres solver can take");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace planish

@@ -1,0 +1,92 @@
+#include "core/abf/lagrangian.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace planish {
+
+Eigen::VectorXd LagrangianGradient(const Topology& topology, const TargetAngles& target, const Eigen::VectorXd& x,
+                                   const Eigen::VectorXd& cot, const Multipliers& mu) {
+  Eigen::VectorXd gradient = 2 * target.weight.array() * (x - target.angle).array();
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) gradient[c] += mu.triangle[c / 3];
+  AddPairRowsTransposed(topology, cot, mu.pair, &gradient);
+  return gradient;
+}
+
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const TargetAngles& target, const Eigen::VectorXd& x,
+                                  const Multipliers& mu) {
+  Eigen::VectorXd hessian = 2 * target.weight;
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    double wheel[3];
+    for (int k = 0; k < 3; ++k) {
+      const std::int32_t v = topology.corner_interior[3 * f + k];
+      wheel[k] = v < 0 ? 0 : mu.pair[2 * v + 1];
+    }
+    for (int k = 0; k < 3; ++k) {
+      const double sine = std::sin(x[3 * f + k]);
+      hessian[3 * f + k] -= (wheel[Prev(k)] - wheel[Next(k)]) / (sine * sine);
+    }
+  }
+  return hessian;
+}
+
+namespace {
+
+// With a and b the diagonals of two 3x3 matrices, the determinants on the plane of zero sum are, up to one common
+// factor, e(a) = a0 a1 + a1 a2 + a2 a0; its polarization m(a, b) gives e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
+double PlaneDeterminant(const double* a) {
+  return a[0] * a[1] + a[1] * a[2] + a[2] * a[0];
+}
+double PlanePolarization(const double* a, const double* b) {
+  return a[0] * (b[1] + b[2]) + a[1] * (b[2] + b[0]) + a[2] * (b[0] + b[1]);
+}
+
+// Smallest t with e(a - t b) = 0: the smallest eigenvalue of a relative to b on the plane. b is positive.
+double SmallestPlaneEigenvalue(const double* a, const double* b) {
+  const double ea = PlaneDeterminant(a), eb = PlaneDeterminant(b), m = PlanePolarization(a, b);
+  const double root = std::sqrt(std::max(0.0, m * m - 4 * ea * eb));
+  return m > 0 ? 2 * ea / (m + root) : (m - root) / (2 * eb);
+}
+
+}  // namespace
+
+std::int64_t Convexify(const Topology& topology, const TargetAngles& target, Convexification kind,
+                       Eigen::VectorXd* hessian) {
+  if (kind == Convexification::kNone) return 0;
+  std::int64_t changed = 0;
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    double* a = &(*hessian)[3 * f];
+    const double b[3] = {2 * target.weight[3 * f], 2 * target.weight[3 * f + 1], 2 * target.weight[3 * f + 2]};
+    bool change = false;
+    if (kind == Convexification::kByFace) {
+      const double smallest = SmallestPlaneEigenvalue(a, b);
+      if (smallest < kMinCurvature) {
+        const double t = (kMinCurvature - smallest) / (1 - smallest);
+        for (int k = 0; k < 3; ++k) a[k] += t * (b[k] - a[k]);
+        change = true;
+      }
+    } else {
+      for (int k = 0; k < 3; ++k) {
+        if (a[k] < kMinCurvature * b[k]) {
+          a[k] = kMinCurvature * b[k];
+          change = true;
+        }
+      }
+    }
+    if (change) ++changed;
+  }
+  return changed;
+}
+
+Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient) {
+  Residual residual;
+  residual.triangle = h.triangle.cwiseAbs().maxCoeff();
+  for (Eigen::Index i = 0; i < h.pair.size(); i += 2) {
+    residual.vertex = std::max(residual.vertex, std::abs(h.pair[i]));
+    residual.wheel = std::max(residual.wheel, std::abs(h.pair[i + 1]));
+  }
+  residual.gradient = (gradient.array() / (2 * target.weight.array())).abs().maxCoeff();
+  return residual;
+}
+
+}  // namespace planish

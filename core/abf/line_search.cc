@@ -1,0 +1,51 @@
+#include "core/abf/line_search.h"
+
+#include <algorithm>
+#include <numbers>
+
+namespace planish {
+namespace {
+
+constexpr double kPenaltyFactor = 1.5;
+
+void Raise(const Eigen::VectorXd& mu, const Eigen::VectorXd& step, Eigen::VectorXd* nu) {
+  const Eigen::ArrayXd wanted = kPenaltyFactor * (mu + step).array().abs();
+  if (nu->size() == 0) {
+    *nu = wanted;
+  } else {
+    // Powell's rule lets penalties shrink, but slowly.
+    *nu = wanted.max((nu->array() + wanted) / 2);
+  }
+}
+
+}  // namespace
+
+double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step) {
+  constexpr double kKeep = 0.05;
+  double alpha = 1;
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    const double room = (1 - kKeep) * (step[i] < 0 ? x[i] : std::numbers::pi - x[i]);
+    if (std::abs(step[i]) * alpha > room) alpha = room / std::abs(step[i]);
+  }
+  return alpha;
+}
+
+void MeritFunction::UpdatePenalties(const Multipliers& mu, const Multipliers& step) {
+  Raise(mu.triangle, step.triangle, &nu_.triangle);
+  Raise(mu.pair, step.pair, &nu_.pair);
+}
+
+double MeritFunction::Penalty(const ConstraintValues& h) const {
+  return (nu_.triangle.array() * h.triangle.array().abs()).sum() + (nu_.pair.array() * h.pair.array().abs()).sum();
+}
+
+double MeritFunction::Value(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h) const {
+  return target.Energy(x) + Penalty(h);
+}
+
+double MeritFunction::Slope(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h,
+                            const Eigen::VectorXd& step) const {
+  return (2 * target.weight.array() * (x - target.angle).array() * step.array()).sum() - Penalty(h);
+}
+
+}  // namespace planish

@@ -1,0 +1,31 @@
+// How far to go along a Newton step.
+#pragma once
+
+#include "core/abf/constraints.h"
+#include "core/abf/lagrangian.h"
+#include "core/abf/target_angles.h"
+
+namespace planish {
+
+// The largest alpha in (0, 1] for which no angle of x + alpha step comes closer to 0 or pi than a twentieth of its
+// present distance.
+double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step);
+
+// The exact penalty function  phi(x) = f(x) + sum of nu_j |h_j(x)|  with one penalty per constraint, nu_j >= |mu_j|.
+class MeritFunction {
+ public:
+  // Penalties that make the step a descent direction, from the multipliers mu + step.
+  void UpdatePenalties(const Multipliers& mu, const Multipliers& step);
+
+  double Value(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h) const;
+  // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
+  double Slope(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h,
+               const Eigen::VectorXd& step) const;
+
+ private:
+  double Penalty(const ConstraintValues& h) const;
+
+  Multipliers nu_;
+};
+
+}  // namespace planish

@@ -1,0 +1,67 @@
+// The reduced system S: the full system with the triangle consistency eliminated too (DESIGN.md, section 3.2).
+//
+// With J the pair rows of B, D = A^-1 on the three angles of a face and s their sum, P = D - D 1 1^t D / s is the
+// inverse of A on the plane of angle changes that sum to zero, and
+//
+//   S = J P J^t,   S lambda_2 = J P f - (g_2 - J x_p),   x = x_p + P (f - J^t lambda_2)
+//
+// where x_p = D 1 g_1 / s meets the triangle rows. To the solvers this is a saddle-point system with J for B and P for
+// A^-1, so that MINRES and Uzawa run on it unchanged; every x they see keeps the sum of each face.
+//
+// P is computed from A without dividing by its entries, which may be zero or negative as long as A is positive definite
+// on the plane: with e = a0 a1 + a1 a2 + a2 a0, P_00 = (a1 + a2) / e and P_01 = -a2 / e.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/abf/constraints.h"
+#include "core/linalg/saddle_point.h"
+
+namespace planish {
+
+class ReducedSystem final : public SaddlePointOperator {
+ public:
+  // `hessian` is the diagonal A, non-singular on the plane of every face; `cot` the cotangents at which J is taken.
+  // `topology` must outlive this.
+  ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
+
+  Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
+  Eigen::Index num_multipliers() const override { return 2 * topology_.num_interior; }
+  void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const override;
+  void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
+  void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const override;
+  Eigen::VectorXd SchurDiagonal() const override;
+
+  // x_p for the right-hand side g_1 of the triangle rows.
+  Eigen::VectorXd ParticularSolution(const Eigen::VectorXd& g1) const;
+  // lambda_1 from the residual f - J^t lambda_2 of the gradient rows and g_1.
+  Eigen::VectorXd TriangleMultipliers(const Eigen::VectorXd& residual, const Eigen::VectorXd& g1) const;
+
+  // S for the angles of one face: rows and columns are (vertex, wheel) of its three corners.
+  Eigen::Matrix<double, 6, 6> FaceBlock(std::int32_t face) const;
+
+ private:
+  const Topology& topology_;
+  Eigen::VectorXd hessian_, cot_;
+  Eigen::VectorXd inverse_e_;  // 1 / e per face
+};
+
+// The lower triangle of S as a matrix. The pattern, one 2x2 block per pair of interior vertices that share a face,
+// is made once; Assemble only changes values.
+class ReducedMatrix {
+ public:
+  explicit ReducedMatrix(const Topology& topology);
+  const SparseMatrix& Assemble(const ReducedSystem& system);
+
+ private:
+  const Topology& topology_;
+  SparseMatrix matrix_;
+  // Per face and pair of corners (i, j): where the block begins in its first column; -1 where there is none or (j, i)
+  // holds it.
+  std::vector<std::array<std::int32_t, 9>> block_begin_;
+  std::vector<std::int32_t> second_column_step_;
+};
+
+}  // namespace planish

@@ -1,0 +1,20 @@
+// Target angles a_i and weights w_i (section 5 of the paper).
+#pragma once
+
+#include "Eigen/Core"
+#include "core/mesh/topology.h"
+
+namespace planish {
+
+struct TargetAngles {
+  Eigen::VectorXd angle;   // a_i, radians, positive: alpha*_i scaled to sum to 2 pi round an interior vertex
+  Eigen::VectorXd weight;  // w_i = 1 / a_i^2
+
+  // f(x) = sum of w_i (x_i - a_i)^2, the ABF energy of eq. 4.
+  double Energy(const Eigen::VectorXd& x) const { return (weight.array() * (x - angle).array().square()).sum(); }
+};
+
+// `measured` are the 3F angles alpha* of the surface, all positive. No angle is clamped (DESIGN.md 3.9).
+TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& measured);
+
+}  // namespace planish

@@ -1,0 +1,196 @@
+#include "core/io/draco_codec.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <new>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "draco/compression/decode.h"
+#include "draco/compression/expert_encode.h"
+#include "draco/core/decoder_buffer.h"
+#include "draco/core/encoder_buffer.h"
+#include "draco/mesh/mesh.h"
+
+namespace planish {
+namespace {
+
+using Point = std::array<float, 3>;
+
+absl::Status Invalid(const std::string& reason, const std::string& message,
+                     const std::map<std::string, std::string>& metadata = {}) {
+  return MakeError(absl::StatusCode::kInvalidArgument, reason, message, metadata);
+}
+
+absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_t count) {
+  return Invalid("MESH_INDEX_OUT_OF_RANGE",
+                 "face " + std::to_string(face) + " refers to vertex " + std::to_string(vertex) +
+                     ", but the mesh has " + std::to_string(count) + ", numbered from 0",
+                 {{"faces", std::to_string(face)}, {"vertices", std::to_string(vertex)}});
+}
+
+absl::Status CheckEncodable(const Mesh& mesh) {
+  if (mesh.num_faces() == 0) return Invalid("MESH_EMPTY", "the mesh has no faces");
+  if (mesh.num_faces() > std::numeric_limits<std::int32_t>::max() / 3) {
+    return Invalid("MESH_TOO_LARGE", "the mesh has " + std::to_string(mesh.num_faces()) +
+                                         " triangles, Draco takes 715827882 at most");
+  }
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    for (const std::int32_t vertex : mesh.faces[f]) {
+      if (vertex < 0 || vertex >= mesh.num_vertices()) return IndexOutOfRange(f, vertex, mesh.num_vertices());
+    }
+  }
+  if (mesh.num_vertices() > 3 * mesh.num_faces()) {
+    return Invalid("MESH_DECODE_FAILED", "the mesh has " + std::to_string(mesh.num_vertices()) + " vertices for " +
+                                             std::to_string(mesh.num_faces()) +
+                                             " triangles; a Draco decoder refuses more than three a triangle: leave "
+                                             "out vertices without a face");
+  }
+  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
+    // NaN and infinity are told to the caller by the mesh check, which sees all of them.
+    const double largest = mesh.positions[v].array().isFinite().select(mesh.positions[v].array().abs(), 0.0).maxCoeff();
+    if (static_cast<double>(static_cast<float>(largest)) > std::numeric_limits<float>::max()) {
+      return Invalid("MESH_POSITION_INVALID",
+                     "vertex " + std::to_string(v) + " lies outside the range of float (3.4e38); scale the mesh down",
+                     {{"vertices", std::to_string(v)}});
+    }
+  }
+  return absl::OkStatus();
+}
+
+draco::Mesh ToDraco(const Mesh& mesh) {
+  draco::Mesh result;
+  result.set_num_points(static_cast<std::uint32_t>(mesh.num_vertices()));
+  draco::GeometryAttribute position;
+  position.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(Point), 0);
+  const int id = result.AddAttribute(position, true, static_cast<std::uint32_t>(mesh.num_vertices()));
+  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
+    const Eigen::Vector3f rounded = mesh.positions[v].cast<float>();
+    result.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(v)), rounded.data());
+  }
+  result.SetNumFaces(mesh.faces.size());
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    draco::Mesh::Face face;
+    for (int k = 0; k < 3; ++k) face[k] = static_cast<std::uint32_t>(mesh.faces[f][k]);
+    result.SetFace(draco::FaceIndex(static_cast<std::uint32_t>(f)), face);
+  }
+  return result;
+}
+
+absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh) {
+  const int count = mesh.NumNamedAttributes(draco::GeometryAttribute::POSITION);
+  if (count != 1) {
+    return Invalid("MESH_POSITION_INVALID",
+                   "the Draco mesh has " + std::to_string(count) + " POSITION attributes, it needs exactly one");
+  }
+  const draco::PointAttribute* position = mesh.GetNamedAttribute(draco::GeometryAttribute::POSITION);
+  if (position->num_components() != 3 || position->data_type() != draco::DT_FLOAT32) {
+    return Invalid("MESH_POSITION_INVALID",
+                   "the POSITION attribute of the Draco mesh must have three components of type FLOAT32; it has " +
+                       std::to_string(position->num_components()) + " of Draco type " +
+                       std::to_string(position->data_type()));
+  }
+  // A decoder fed with hostile bytes does not promise any of this.
+  const std::uint64_t stride = static_cast<std::uint64_t>(std::max<std::int64_t>(position->byte_stride(), 0));
+  const bool is_backed = position->buffer() != nullptr && stride >= sizeof(Point) && position->byte_offset() >= 0 &&
+                         static_cast<std::uint64_t>(position->byte_offset()) + stride * position->size() <=
+                             position->buffer()->data_size();
+  const bool is_mapped = position->is_mapping_identity() ? position->size() >= mesh.num_points()
+                                                         : position->indices_map_size() >= mesh.num_points();
+  if (!is_backed || !is_mapped) {
+    return Invalid("MESH_POSITION_INVALID", "the Draco mesh has fewer positions than its points refer to");
+  }
+  return position;
+}
+
+Point PositionValue(const draco::PointAttribute& position, std::uint32_t value) {
+  Point point;
+  std::memcpy(point.data(), position.GetAddress(draco::AttributeValueIndex(value)), sizeof(point));
+  return point;
+}
+
+absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded) {
+  if (decoded.num_faces() == 0) return Invalid("MESH_EMPTY", "the Draco mesh has no faces");
+  PLANISH_ASSIGN_OR_RETURN(const draco::PointAttribute* position, PositionOf(decoded));
+  Mesh mesh;
+  mesh.faces.resize(decoded.num_faces());
+  for (std::uint32_t f = 0; f < decoded.num_faces(); ++f) {
+    const draco::Mesh::Face& face = decoded.face(draco::FaceIndex(f));
+    for (int k = 0; k < 3; ++k) {
+      const std::uint32_t point = face[k].value();
+      if (point >= decoded.num_points()) return IndexOutOfRange(f, point, decoded.num_points());
+      const std::uint32_t value = position->mapped_index(draco::PointIndex(point)).value();
+      if (value >= position->size()) return IndexOutOfRange(f, value, static_cast<std::int64_t>(position->size()));
+      mesh.faces[f][k] = static_cast<std::int32_t>(value);
+    }
+  }
+  mesh.positions.resize(position->size());
+  for (std::uint32_t v = 0; v < position->size(); ++v) {
+    const Point point = PositionValue(*position, v);
+    mesh.positions[v] = Vec3(point[0], point[1], point[2]);
+  }
+  return mesh;
+}
+
+absl::StatusOr<Mesh> DecodeOrThrow(const std::string& bytes) {
+  draco::DecoderBuffer buffer;
+  buffer.Init(bytes.data(), bytes.size());
+  const auto type = draco::Decoder::GetEncodedGeometryType(&buffer);
+  if (!type.ok() || type.value() == draco::INVALID_GEOMETRY_TYPE) {
+    return Invalid("MESH_DECODE_FAILED", "these " + std::to_string(bytes.size()) +
+                                             " bytes are not Draco data: they need a Draco header at their start");
+  }
+  if (type.value() != draco::TRIANGULAR_MESH) {
+    return Invalid("MESH_NOT_A_MESH", "the Draco data hold a point cloud; only triangle meshes can be unwrapped");
+  }
+  auto decoded = draco::Decoder().DecodeMeshFromBuffer(&buffer);
+  if (!decoded.ok()) {
+    const std::string detail = decoded.status().error_msg_string();
+    return Invalid("MESH_DECODE_FAILED", "the Draco data are damaged or cut off (" + std::to_string(bytes.size()) +
+                                             " bytes" + (detail.empty() ? "" : "; Draco says: " + detail) + ")");
+  }
+  return FromDraco(*std::move(decoded).value());
+}
+
+absl::Status OutOfMemory(const char* doing) {
+  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+                   std::string("not enough memory to ") + doing + " the mesh");
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh) {
+  PLANISH_RETURN_IF_ERROR(CheckEncodable(mesh));
+  try {
+    const draco::Mesh source = ToDraco(mesh);
+    draco::ExpertEncoder encoder(source);
+    encoder.SetEncodingMethod(draco::MESH_SEQUENTIAL_ENCODING);
+    draco::EncoderBuffer buffer;
+    const draco::Status status = encoder.EncodeToBuffer(&buffer);
+    if (!status.ok()) return InternalError("Draco cannot encode the mesh: " + status.error_msg_string());
+    return std::string(buffer.data(), buffer.size());
+  } catch (const std::bad_alloc&) {
+    return OutOfMemory("encode");
+  } catch (const std::length_error&) {
+    return OutOfMemory("encode");
+  }
+}
+
+absl::StatusOr<Mesh> DecodeDraco(const std::string& bytes) {
+  try {
+    return DecodeOrThrow(bytes);
+  } catch (const std::bad_alloc&) {
+    return OutOfMemory("decode");
+  } catch (const std::length_error&) {
+    return OutOfMemory("decode");
+  }
+}
+
+}  // namespace planish

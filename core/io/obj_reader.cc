@@ -1,0 +1,132 @@
+#include <limits>
+
+#include "core/base/status_macros.h"
+#include "core/io/file_error.h"
+#include "core/io/number.h"
+#include "core/io/obj_scanner.h"
+#include "core/io/readers.h"
+
+namespace planish {
+namespace {
+
+constexpr std::int64_t kMaxIndex = std::numeric_limits<std::int32_t>::max();
+
+class ObjReader {
+ public:
+  ObjReader(const std::string& path, std::string_view text) : path_(path), text_(text) {}
+
+  absl::StatusOr<PolygonMesh> Read() {
+    PLANISH_RETURN_IF_ERROR(CheckIsText());
+    ObjScanner scanner(text_);
+    while (scanner.Next(&statement_)) {
+      ObjTokens tokens(text_, statement_);
+      std::string_view keyword;
+      if (!tokens.Next(&keyword)) continue;
+      if (keyword == "v") {
+        PLANISH_RETURN_IF_ERROR(ReadVertex(tokens));
+      } else if (keyword == "f") {
+        PLANISH_RETURN_IF_ERROR(ReadFace(tokens));
+      }
+    }
+    PLANISH_RETURN_IF_ERROR(CheckForwardReferences());
+    if (mesh_.num_polygons() == 0) {
+      return FileMalformed(path_, 0, text_.empty() ? "the file is empty" : "no faces: an OBJ mesh needs \"f\" lines");
+    }
+    return std::move(mesh_);
+  }
+
+ private:
+  absl::Status Fault(const std::string& message) const { return FileMalformed(path_, statement_.line, message); }
+
+  absl::Status CheckIsText() const {
+    const std::string_view mark = text_.substr(0, 2);
+    if (mark == "\xFF\xFE" || mark == "\xFE\xFF") {
+      return FileMalformed(path_, 1, "this is UTF-16 text; save it as UTF-8 or ASCII");
+    }
+    const std::size_t nul = text_.find('\0');
+    if (nul == std::string_view::npos) return absl::OkStatus();
+    std::int64_t line = 1;
+    for (const char c : text_.substr(0, nul)) line += c == '\n';
+    return FileMalformed(path_, line,
+                         "a NUL byte at offset " + std::to_string(nul) +
+                             ": this is a binary file or UTF-16 text, not an OBJ (which is UTF-8 or ASCII)");
+  }
+
+  absl::Status ReadVertex(ObjTokens& tokens) {
+    Vec3 position;
+    for (int axis = 0; axis < 3; ++axis) {
+      std::string_view token;
+      if (!tokens.Next(&token)) {
+        return Fault("a vertex needs three coordinates, this one has " + std::to_string(axis));
+      }
+      if (!ParseDouble(token, &position[axis])) return Fault("coordinate " + Quoted(token) + " is not a number");
+    }
+    if (static_cast<std::int64_t>(mesh_.positions.size()) >= kMaxIndex) return Fault("more than 2147483647 vertices");
+    mesh_.positions.push_back(position);
+    mesh_.vertex_line.push_back(statement_.line);
+    return absl::OkStatus();
+  }
+
+  absl::Status ReadFace(ObjTokens& tokens) {
+    std::string_view token;
+    while (tokens.Next(&token)) {
+      const ObjCorner corner = SplitObjCorner(token);
+      std::int64_t index = 0;
+      if (!ParseInt(corner.vertex, &index) || !IsIndexOrNone(corner.texture) ||
+          !IsIndexOrNone(corner.after.substr(corner.after.empty() ? 0 : 1))) {
+        return Fault("face corner " + Quoted(token) + " is not v, v/vt, v//vn or v/vt/vn with whole numbers");
+      }
+      const std::int64_t count = static_cast<std::int64_t>(mesh_.positions.size());
+      if (index == 0) return Fault("face corner " + Quoted(token) + ": vertices are numbered from 1, there is no 0");
+      if (index < -count || index > kMaxIndex) return OutOfRange(index, count);
+      const std::int64_t vertex = index > 0 ? index - 1 : count + index;
+      largest_vertex_ = std::max(largest_vertex_, vertex);
+      mesh_.corner_vertex.push_back(static_cast<std::int32_t>(vertex));
+    }
+    const std::int64_t end = static_cast<std::int64_t>(mesh_.corner_vertex.size());
+    const std::int64_t corners = end - mesh_.polygon_begin.back();
+    if (corners < 3) return Fault("a face needs at least three corners, this one has " + std::to_string(corners));
+    mesh_.polygon_begin.push_back(end);
+    mesh_.polygon_line.push_back(statement_.line);
+    return absl::OkStatus();
+  }
+
+  static bool IsIndexOrNone(std::string_view token) {
+    std::int64_t ignored = 0;
+    return token.empty() || ParseInt(token, &ignored);
+  }
+
+  absl::Status OutOfRange(std::int64_t index, std::int64_t count) const {
+    return Fault("the face refers to vertex " + std::to_string(index) + ", but " +
+                 (index < 0 ? "only " + std::to_string(count) + " come before it"
+                            : "the file has " + std::to_string(count)));
+  }
+
+  // Faces may come before their vertices, so that only the end of the file tells.
+  absl::Status CheckForwardReferences() {
+    const std::int64_t count = static_cast<std::int64_t>(mesh_.positions.size());
+    if (largest_vertex_ < count) return absl::OkStatus();
+    for (std::int64_t polygon = 0; polygon < mesh_.num_polygons(); ++polygon) {
+      for (std::int64_t c = mesh_.polygon_begin[polygon]; c < mesh_.polygon_begin[polygon + 1]; ++c) {
+        if (mesh_.corner_vertex[c] < count) continue;
+        statement_.line = mesh_.polygon_line[polygon];
+        return OutOfRange(std::int64_t{mesh_.corner_vertex[c]} + 1, count);
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  const std::string& path_;
+  std::string_view text_;
+  ObjStatement statement_;
+  std::int64_t largest_vertex_ = -1;
+  PolygonMesh mesh_;
+};
+
+}  // namespace
+
+absl::StatusOr<PolygonMesh> ReadObj(const std::string& path, std::string_view text) {
+  return ObjReader(path, text).Read();
+}
+
+}  // namespace planish

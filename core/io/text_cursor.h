@@ -1,0 +1,54 @@
+// Tokens and numbers of ascii PLY, OFF and STL, with the line they stand on.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+
+namespace planish {
+
+// What a value belongs to, for messages: "vertex 12".
+struct ElementName {
+  const char* kind;
+  std::int64_t index;  // 0-based
+};
+
+class TextCursor {
+ public:
+  // `path` and `text` must outlive the cursor. With `hash_comments` a '#' hides the rest of its line.
+  TextCursor(const std::string& path, std::string_view text, std::int64_t first_line, bool hash_comments)
+      : path_(path), text_(text), line_(first_line), hash_comments_(hash_comments) {}
+
+  // The next token, or an empty one at the end of the text.
+  std::string_view Token();
+  // The next token, left in place.
+  std::string_view Peek();
+  // Moves to the next line.
+  void SkipLine();
+  // Line of the last token.
+  std::int64_t line() const { return token_line_; }
+  // Bytes not read yet.
+  std::int64_t remaining() const { return static_cast<std::int64_t>(text_.size() - position_); }
+
+  // Read the next token as a number, or fail naming `element`.
+  absl::Status ReadDouble(const ElementName& element, double* value);
+  absl::Status ReadInt(const ElementName& element, std::int64_t* value);
+
+  // FILE_MALFORMED at the line of the last token.
+  absl::Status Fault(const std::string& message) const;
+
+ private:
+  absl::Status NotANumber(const ElementName& element, std::string_view token, const char* wanted) const;
+  void SkipBlanks();
+
+  const std::string& path_;
+  std::string_view text_;
+  std::size_t position_ = 0;
+  std::int64_t line_;
+  std::int64_t token_line_ = 0;
+  bool hash_comments_;
+};
+
+}  // namespace planish

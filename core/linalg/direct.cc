@@ -1,0 +1,52 @@
+#include <cmath>
+
+#include "core/linalg/linear_solver.h"
+
+namespace planish {
+namespace {
+
+// Iterative refinement from lambda = 0 with the factorization as the inverse of M.
+class DirectSolver final : public LinearSolver {
+  LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                          const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
+                          SaddlePointSolution* solution) const override {
+    constexpr std::int64_t kMaxRefinements = 3;
+    LinearSummary summary;
+    Eigen::VectorXd p, residual, correction;
+    double first = 0;
+    while (true) {
+      system.ApplyBTransposed(solution->lambda, &p);
+      p = f - p;
+      system.ApplyInverseA(p, &solution->x);
+      system.ApplyB(solution->x, &residual);
+      residual -= g;
+      const double norm = residual.norm();
+      if (summary.iterations == 0) first = norm;
+      if (!std::isfinite(norm)) {
+        summary.termination = LinearTermination::kStagnated;
+        break;
+      }
+      if (norm <= options.relative_tolerance * first) break;
+      if (summary.iterations == kMaxRefinements) {
+        summary.termination = LinearTermination::kStagnated;
+        break;
+      }
+      if (IsInterrupted(options.interrupter)) {
+        summary.termination = LinearTermination::kInterrupted;
+        break;
+      }
+      preconditioner.Apply(residual, &correction);
+      solution->lambda += correction;
+      ++summary.iterations;
+    }
+    return summary;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<LinearSolver> MakeDirectSolver() {
+  return std::make_unique<DirectSolver>();
+}
+
+}  // namespace planish

@@ -1,0 +1,74 @@
+// Solvers of the saddle-point system (eq. 7), all behind one interface.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+#include "Eigen/Core"
+#include "core/base/interrupter.h"
+#include "core/linalg/preconditioner.h"
+#include "core/linalg/saddle_point.h"
+
+namespace planish {
+
+enum class LinearTermination {
+  kConverged,       // the true residual meets the tolerance
+  kIterationLimit,  //
+  kIndefinite,      // a direction of no or negative curvature: M is not positive definite, and this solver needs it
+  kStagnated,       // the solver believed in convergence, the true residual does not; or non-finite numbers appeared
+  kInterrupted,
+};
+const char* Name(LinearTermination termination);
+
+// One call.
+struct LinearSolveOptions {
+  // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; the norm of the
+  // preconditioner while iterating). In (0, 1).
+  double relative_tolerance = 1e-10;
+  std::int64_t max_iterations = 100000;
+  const Interrupter* interrupter = nullptr;
+  // Called every kProgressInterval iterations with the count and the relative residual.
+  std::function<void(std::int64_t, double)> on_progress;
+};
+
+// Iterations between two looks at the interrupter, and two calls of on_progress.
+constexpr std::int64_t kProgressInterval = 32;
+
+struct LinearSummary {
+  LinearTermination termination = LinearTermination::kConverged;
+  std::int64_t iterations = 0;
+  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from the solution for every solver alike.
+  double true_residual = 0;
+};
+
+struct SaddlePointSolution {
+  Eigen::VectorXd x;
+  Eigen::VectorXd lambda;
+};
+
+class LinearSolver {
+ public:
+  virtual ~LinearSolver() = default;
+
+  // Solves from lambda = 0. Whatever the termination, the solution is the best the solver has, with
+  // x = A^-1 (f - B^t lambda). A system without multipliers converges in no iterations.
+  LinearSummary Solve(const SaddlePointOperator& system, const Preconditioner& preconditioner, const Eigen::VectorXd& f,
+                      const Eigen::VectorXd& g, const LinearSolveOptions& options, SaddlePointSolution* solution) const;
+
+ private:
+  virtual LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                                  const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
+                                  SaddlePointSolution* solution) const = 0;
+};
+
+// First approach (section 7.1): MINRES on M lambda = B A^-1 f - g. M may be indefinite or singular.
+std::unique_ptr<LinearSolver> MakeMinresSolver();
+
+// Second approach (section 7.2): the modified Uzawa algorithm with conjugate directions. M must be positive definite.
+std::unique_ptr<LinearSolver> MakeUzawaSolver();
+
+// Takes the preconditioner for the inverse of M (a factorization) and refines once. M must be positive definite.
+std::unique_ptr<LinearSolver> MakeDirectSolver();
+
+}  // namespace planish

@@ -1,0 +1,34 @@
+// The saddle-point system of one Newton step, seen as three maps (eq. 7 of the paper):
+//
+//   A x + B^t lambda = f
+//   B x              = g
+//
+// Eliminating x leaves the Schur complement  M lambda = B A^-1 f - g,  M = B A^-1 B^t,  x = A^-1 (f - B^t lambda).
+// M is never formed by the iterative solvers.
+#pragma once
+
+#include "Eigen/Core"
+#include "Eigen/SparseCore"
+
+namespace planish {
+
+// Column-compressed, 32-bit indices, as CHOLMOD takes it.
+using SparseMatrix = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
+
+// Implementations are immutable while a solver uses them. Output vectors are resized.
+class SaddlePointOperator {
+ public:
+  virtual ~SaddlePointOperator() = default;
+
+  virtual Eigen::Index num_unknowns() const = 0;     // entries of x and f
+  virtual Eigen::Index num_multipliers() const = 0;  // entries of lambda and g
+
+  virtual void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const = 0;
+  virtual void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const = 0;
+  virtual void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const = 0;
+
+  // The diagonal of M.
+  virtual Eigen::VectorXd SchurDiagonal() const = 0;
+};
+
+}  // namespace planish

@@ -1,0 +1,95 @@
+#include "core/mesh/predicates.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace planish {
+namespace {
+
+// A sum of doubles without rounding error: components do not overlap and ascend in magnitude (Shewchuk 1997, sect. 2).
+class Expansion {
+ public:
+  void AddProduct(double a, double b) {
+    const double product = a * b;
+    Add(std::fma(a, b, -product));
+    Add(product);
+  }
+
+  int Sign() const {
+    for (int i = size_ - 1; i >= 0; --i) {
+      if (component_[i] != 0) return component_[i] > 0 ? 1 : -1;
+    }
+    return 0;
+  }
+
+ private:
+  // Grow-expansion with two-sum.
+  void Add(double value) {
+    double sum = value;
+    for (int i = 0; i < size_; ++i) {
+      const double a = sum, b = component_[i];
+      sum = a + b;
+      const double virtual_b = sum - a;
+      component_[i] = (a - (sum - virtual_b)) + (b - virtual_b);
+    }
+    component_[size_++] = sum;
+  }
+
+  double component_[12];
+  int size_ = 0;
+};
+
+int ExactOrientation(const Vec2& a, const Vec2& b, const Vec2& c) {
+  Expansion determinant;
+  determinant.AddProduct(a.x(), b.y());
+  determinant.AddProduct(-a.x(), c.y());
+  determinant.AddProduct(-c.x(), b.y());
+  determinant.AddProduct(-a.y(), b.x());
+  determinant.AddProduct(a.y(), c.x());
+  determinant.AddProduct(c.y(), b.x());
+  return determinant.Sign();
+}
+
+// Whether some edge of the counter-clockwise triangle s has all of t on its outer side or on it.
+bool EdgeSeparates(const Vec2 s[3], const Vec2 t[3]) {
+  for (int k = 0; k < 3; ++k) {
+    const Vec2 &from = s[k], &to = s[Next(k)];
+    if (Orientation(from, to, t[0]) <= 0 && Orientation(from, to, t[1]) <= 0 && Orientation(from, to, t[2]) <= 0) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool InBox(const Vec2& p, const Vec2& a, const Vec2& b) {
+  return std::min(a.x(), b.x()) <= p.x() && p.x() <= std::max(a.x(), b.x()) && std::min(a.y(), b.y()) <= p.y() &&
+         p.y() <= std::max(a.y(), b.y());
+}
+
+}  // namespace
+
+int Orientation(const Vec2& a, const Vec2& b, const Vec2& c) {
+  const double left = (a.x() - c.x()) * (b.y() - c.y());
+  const double right = (a.y() - c.y()) * (b.x() - c.x());
+  const double determinant = left - right;
+  // Shewchuk's bound for the rounding error of the line above.
+  constexpr double kEpsilon = std::numeric_limits<double>::epsilon() / 2;
+  const double bound = (3 + 16 * kEpsilon) * kEpsilon * (std::abs(left) + std::abs(right));
+  if (std::abs(determinant) > bound) return determinant > 0 ? 1 : -1;
+  return ExactOrientation(a, b, c);
+}
+
+bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]) {
+  return !EdgeSeparates(s, t) && !EdgeSeparates(t, s);
+}
+
+bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
+  const int c_side = Orientation(a, b, c), d_side = Orientation(a, b, d);
+  const int a_side = Orientation(c, d, a), b_side = Orientation(c, d, b);
+  if (c_side * d_side < 0 && a_side * b_side < 0) return true;
+  return (c_side == 0 && InBox(c, a, b)) || (d_side == 0 && InBox(d, a, b)) || (a_side == 0 && InBox(a, c, d)) ||
+         (b_side == 0 && InBox(b, c, d));
+}
+
+}  // namespace planish

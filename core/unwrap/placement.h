@@ -1,0 +1,14 @@
+// Where a single chart lies in the unit square.
+#pragma once
+
+#include <vector>
+
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+// Turns the points so that the rectangle of least area round them is upright, its longer side along u, then moves and
+// scales them uniformly into [0, 1]^2, touching u = 0, v = 0 and u = 1. No reflection. O(n log n).
+void PlaceInUnitSquare(std::vector<Vec2>* points);
+
+}  // namespace planish

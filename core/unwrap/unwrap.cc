@@ -1,0 +1,164 @@
+#include "core/unwrap/unwrap.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "core/abf/layout.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "core/base/timer.h"
+#include "core/mesh/angles.h"
+#include "core/mesh/disc_check.h"
+#include "core/unwrap/distortion.h"
+#include "core/unwrap/placement.h"
+#include "core/unwrap/verify.h"
+
+namespace planish {
+namespace {
+
+std::string Counted(std::int64_t count, const std::string& one, const std::string& many) {
+  return absl::StrCat(count, " ", count == 1 ? one : many);
+}
+
+std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces) {
+  return {{"count", std::to_string(count)}, {"faces", absl::StrJoin(faces, ",")}};
+}
+
+// One run of Unwrap().
+class Run {
+ public:
+  Run(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control)
+      : mesh_(mesh), options_(options), control_(control) {}
+
+  absl::StatusOr<UnwrapResult> operator()();
+
+ private:
+  // Announces a stage, unless interrupted.
+  absl::Status Enter(UnwrapStage stage);
+  void ChoosePrecision(CornerUv uv);
+  absl::Status Verify(const Topology& topology, const Eigen::VectorXd& measured, const TargetAngles& target);
+  void Warn(const std::string& reason, const std::string& message, std::map<std::string, std::string> metadata = {}) {
+    result_.warnings.push_back({reason, message, std::move(metadata)});
+  }
+
+  const Mesh& mesh_;
+  const UnwrapOptions& options_;
+  const UnwrapControl& control_;
+  UnwrapProgress progress_;
+  OrientationFaults orientation_;  // of result_.uv
+  UnwrapResult result_;
+};
+
+absl::Status Run::Enter(UnwrapStage stage) {
+  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  progress_.stage = stage;
+  if (control_.on_progress) control_.on_progress(progress_);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<UnwrapResult> Run::operator()() {
+  Timer timer;
+  PLANISH_RETURN_IF_ERROR(options_.flatten.Validate());
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
+  PLANISH_ASSIGN_OR_RETURN(const Topology topology, CheckDisc(mesh_));
+  if (const std::int64_t isolated = CountIsolatedVertices(mesh_); isolated > 0) {
+    Warn("ISOLATED_VERTICES", absl::StrCat(Counted(isolated, "vertex has", "vertices have"), " no face and no UV"),
+         {{"count", std::to_string(isolated)}});
+  }
+  result_.seconds.charts = timer.Restart();
+
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kSolve));
+  const Eigen::VectorXd measured = MeasuredAngles(mesh_);
+  const TargetAngles target = MakeTargetAngles(topology, measured);
+  FlattenControl flatten_control = {control_.interrupter, [this](const FlattenProgress& progress) {
+                                      progress_.flatten = progress;
+                                      if (control_.on_progress) control_.on_progress(progress_);
+                                    }};
+  PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options_.flatten, flatten_control));
+  result_.charts.push_back({mesh_.num_faces(), flattening.summary});
+  if (!flattening.summary.converged) Warn("NOT_CONVERGED", flattening.summary.stop_message);
+  result_.seconds.solve = timer.Restart();
+
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kLayout));
+  Layout layout = LayOut(topology, flattening.angles);
+  result_.seconds.layout = timer.Restart();
+
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kPack));
+  PlaceInUnitSquare(&layout.positions);
+  CornerUv uv;
+  uv.reserve(2 * topology.num_corners());
+  for (const Face& face : topology.faces) {
+    for (const std::int32_t v : face) uv.insert(uv.end(), {layout.positions[v].x(), layout.positions[v].y()});
+  }
+  if (!std::all_of(uv.begin(), uv.end(), [](double x) { return std::isfinite(x); })) {
+    return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
+                     absl::StrCat("the layout has non-finite coordinates; ", flattening.summary.stop_message));
+  }
+  result_.seconds.pack = timer.Restart();
+
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kVerify));
+  ChoosePrecision(std::move(uv));
+  PLANISH_RETURN_IF_ERROR(Verify(topology, measured, target));
+  result_.seconds.verify = timer.Restart();
+  return std::move(result_);
+}
+
+void Run::ChoosePrecision(CornerUv uv) {
+  const OrientationFaults exact = CheckOrientations(uv);
+  if (options_.precision == Precision::kDouble) {
+    result_.precision = Precision::kDouble;
+    result_.uv = std::move(uv);
+    orientation_ = exact;
+    return;
+  }
+  CornerUv rounded = RoundToFloat(uv);
+  const OrientationFaults after = CheckOrientations(rounded);
+  const std::int64_t lost = after.flipped + after.degenerate - exact.flipped - exact.degenerate;
+  const bool deliver_double = options_.precision == Precision::kAuto && lost > 0;
+  if (lost > 0) {
+    const std::string what = absl::StrCat("rounding to float flips or collapses ",
+                                          Counted(lost, "triangle", "triangles"), ", the scale varies too much; ");
+    Warn("UV_PRECISION",
+         what + (deliver_double ? "the UV are delivered as double" : "float was asked for, double would keep them"),
+         FaceMetadata(lost, after.faces));
+  }
+  result_.precision = deliver_double ? Precision::kDouble : Precision::kFloat;
+  result_.uv = deliver_double ? std::move(uv) : std::move(rounded);
+  orientation_ = deliver_double ? exact : after;
+}
+
+absl::Status Run::Verify(const Topology& topology, const Eigen::VectorXd& measured, const TargetAngles& target) {
+  const Overlaps overlaps = CheckOverlaps(topology, result_.uv, orientation_, control_.interrupter);
+  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  MeasureDistortion(mesh_, measured, target, result_.uv, &result_.quality);
+  result_.quality.flipped = orientation_.flipped;
+  result_.quality.degenerate = orientation_.degenerate;
+  result_.quality.overlapping = overlaps.pairs;
+  if (orientation_.flipped > 0) {
+    Warn("UV_FLIPPED", absl::StrCat(Counted(orientation_.flipped, "UV triangle is", "UV triangles are"), " flipped"),
+         FaceMetadata(orientation_.flipped, orientation_.faces));
+  }
+  if (orientation_.degenerate > 0) {
+    Warn("UV_DEGENERATE",
+         absl::StrCat(Counted(orientation_.degenerate, "UV triangle has", "UV triangles have"), " no area"),
+         FaceMetadata(orientation_.degenerate, orientation_.faces));
+  }
+  if (overlaps.pairs > 0) {
+    Warn("UV_OVERLAPPING",
+         absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
+                      " of UV triangles overlap: the chart runs over itself; a seam would open it"),
+         FaceMetadata(overlaps.pairs, overlaps.faces));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control) {
+  return Run(mesh, options, control)();
+}
+
+}  // namespace planish
