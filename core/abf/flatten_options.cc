@@ -84,7 +84,7 @@ absl::Status FlattenOptions::Validate() const {
       preconditioner != PreconditionerType::kCholesky) {
     return OptionError("preconditioner", "the direct solver takes no preconditioner but cholesky");
   }
-  if (hessian == HessianType::kExact && solver != SolverType::kMinres) {
+  if (hessian == HessianType::kExact && solver != SolverType::kMinres && solver != SolverType::kAuto) {
     return OptionError("hessian", "the exact Hessian may be indefinite, which only the minres solver can take");
   }
   return absl::OkStatus();

@@ -43,11 +43,11 @@ class MinresSolver final : public LinearSolver {
         break;
       }
       if (summary.iterations % kProgressInterval == 0) {
+        if (options.on_progress) options.on_progress(summary.iterations, phi_bar / beta1);
         if (IsInterrupted(options.interrupter)) {
           summary.termination = LinearTermination::kInterrupted;
           break;
         }
-        if (options.on_progress) options.on_progress(summary.iterations, phi_bar / beta1);
       }
 
       v = y / beta;

@@ -46,11 +46,11 @@ class UzawaSolver final : public LinearSolver {
         break;
       }
       if (summary.iterations % kProgressInterval == 0) {
+        if (options.on_progress) options.on_progress(summary.iterations, residual / first);
         if (IsInterrupted(options.interrupter)) {
           summary.termination = LinearTermination::kInterrupted;
           break;
         }
-        if (options.on_progress) options.on_progress(summary.iterations, residual / first);
       }
       system.ApplyBTransposed(d, &p);
       system.ApplyInverseA(p, &h);

@@ -1,0 +1,206 @@
+// Every derivative against finite differences, on meshes with many wheels.
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "Eigen/Dense"
+#include "core/abf/constraints.h"
+#include "core/abf/full_system.h"
+#include "core/abf/lagrangian.h"
+#include "core/abf/reduced_system.h"
+#include "core/mesh/angles.h"
+#include "core/mesh/disc_check.h"
+#include "gtest/gtest.h"
+#include "tests/core/shapes.h"
+
+namespace planish {
+namespace {
+
+struct Fixture {
+  explicit Fixture(const Mesh& mesh) : topology(CheckDisc(mesh).value()) {
+    target = MakeTargetAngles(topology, MeasuredAngles(mesh));
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    x = target.angle;
+    for (double& angle : x) angle *= 1 + 0.1 * unit(random);
+    mu = Multipliers::Zero(topology);
+    for (double& m : mu.triangle) m = unit(random);
+    for (double& m : mu.pair) m = 0.3 * unit(random);
+  }
+
+  Eigen::VectorXd Stacked(const Eigen::VectorXd& at) const {
+    const ConstraintValues h = EvaluateConstraints(topology, at);
+    Eigen::VectorXd all(h.triangle.size() + h.pair.size());
+    all << h.triangle, h.pair;
+    return all;
+  }
+  Eigen::VectorXd StackedMultipliers() const {
+    Eigen::VectorXd all(mu.triangle.size() + mu.pair.size());
+    all << mu.triangle, mu.pair;
+    return all;
+  }
+  Eigen::VectorXd Gradient(const Eigen::VectorXd& at) const {
+    return LagrangianGradient(topology, target, at, Cotangents(at), mu);
+  }
+
+  Topology topology;
+  TargetAngles target;
+  Eigen::VectorXd x;
+  Multipliers mu;
+};
+
+Fixture ManyWheels() {
+  return Fixture(testing::Hills(7, 6));
+}
+
+constexpr double kStep = 1e-6;
+
+// Central differences of a vector function, one column per angle.
+template <typename Function>
+Eigen::MatrixXd Differences(const Function& f, const Eigen::VectorXd& x) {
+  Eigen::MatrixXd result(f(x).size(), x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    Eigen::VectorXd plus = x, minus = x;
+    plus[i] += kStep;
+    minus[i] -= kStep;
+    result.col(i) = (f(plus) - f(minus)) / (2 * kStep);
+  }
+  return result;
+}
+
+TEST(TargetAngles, SumToTwoPiRoundInteriorVertices) {
+  const Fixture f = ManyWheels();
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(f.topology.num_interior);
+  for (std::int32_t c = 0; c < f.topology.num_corners(); ++c) {
+    if (f.topology.corner_interior[c] >= 0) sum[f.topology.corner_interior[c]] += f.target.angle[c];
+  }
+  EXPECT_EQ(f.topology.num_interior, 30);
+  EXPECT_LT((sum.array() - 2 * std::numbers::pi).abs().maxCoeff(), 1e-14);
+}
+
+TEST(Constraints, AreMetByThePlane) {
+  const Fixture f(testing::Plane(6, 5, 0.3));
+  EXPECT_LT(f.Stacked(f.target.angle).cwiseAbs().maxCoeff(), 1e-13);
+  EXPECT_LT(EvaluateWheelProducts(f.topology, f.target.angle).cwiseAbs().maxCoeff(), 1e-13);
+}
+
+TEST(Constraints, ProductAndLogarithmAgree) {
+  const Fixture f = ManyWheels();
+  const ConstraintValues h = EvaluateConstraints(f.topology, f.x);
+  const Eigen::VectorXd product = EvaluateWheelProducts(f.topology, f.x);
+  for (std::int32_t v = 0; v < f.topology.num_interior; ++v) {
+    EXPECT_NEAR(std::log1p(product[v]), h.pair[2 * v + 1], 1e-12);
+  }
+}
+
+TEST(Constraints, JacobianIsTheDerivative) {
+  const Fixture f = ManyWheels();
+  const Eigen::MatrixXd jacobian = ConstraintJacobian(f.topology, f.x, WheelForm::kLogarithm);
+  const Eigen::MatrixXd expected = Differences([&](const auto& at) { return f.Stacked(at); }, f.x);
+  EXPECT_LT((jacobian - expected).cwiseAbs().maxCoeff(), 1e-8);
+}
+
+TEST(Constraints, ProductJacobianIsTheDerivative) {
+  const Fixture f = ManyWheels();
+  const Eigen::MatrixXd jacobian = ConstraintJacobian(f.topology, f.x, WheelForm::kProduct);
+  const Eigen::MatrixXd expected =
+      Differences([&](const auto& at) { return EvaluateWheelProducts(f.topology, at); }, f.x);
+  for (std::int32_t v = 0; v < f.topology.num_interior; ++v) {
+    EXPECT_LT((jacobian.row(f.topology.num_faces() + 2 * v + 1) - expected.row(v)).cwiseAbs().maxCoeff(), 1e-8);
+  }
+}
+
+TEST(Lagrangian, GradientIsTheDerivative) {
+  const Fixture f = ManyWheels();
+  const auto lagrangian = [&](const Eigen::VectorXd& at) {
+    return Eigen::VectorXd::Constant(1, f.target.Energy(at) + f.StackedMultipliers().dot(f.Stacked(at)));
+  };
+  const Eigen::VectorXd expected = Differences(lagrangian, f.x).transpose();
+  EXPECT_LT((f.Gradient(f.x) - expected).cwiseAbs().maxCoeff(), 2e-7);
+}
+
+TEST(Lagrangian, HessianIsTheDerivativeOfTheGradientAndDiagonal) {
+  const Fixture f = ManyWheels();
+  const Eigen::MatrixXd expected = Differences([&](const auto& at) { return f.Gradient(at); }, f.x);
+  const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  EXPECT_LT((Eigen::MatrixXd(hessian.asDiagonal()) - expected).cwiseAbs().maxCoeff(), 2e-7);
+}
+
+// Smallest eigenvalue of diag(a) relative to diag(b) on the plane of zero sum, by a dense solver.
+double PlaneEigenvalue(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  Eigen::Matrix<double, 3, 2> basis;
+  basis << 1, 0, -1, 1, 0, -1;
+  const Eigen::Matrix2d pa = basis.transpose() * a.asDiagonal() * basis;
+  const Eigen::Matrix2d pb = basis.transpose() * b.asDiagonal() * basis;
+  return Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::Matrix2d>(pa, pb).eigenvalues()[0];
+}
+
+TEST(Convexify, LiftsJustTheFacesThatNeedIt) {
+  const Fixture f = ManyWheels();
+  Eigen::VectorXd exact = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  // Face 0: negative entry, but positive on the plane. Face 1: negative on the plane. Face 2: hopeless.
+  const Eigen::VectorXd base = 2 * f.target.weight;
+  exact.segment<3>(0) << -0.1 * base[0], 3 * base[1], 3 * base[2];
+  exact.segment<3>(3) << -2 * base[3], base[4], base[5];
+  exact.segment<3>(6) = -5 * base.segment<3>(6);
+  Eigen::VectorXd convex = exact;
+  const std::int64_t changed = Convexify(f.topology, f.target, Convexification::kByFace, &convex);
+  EXPECT_GE(changed, 2);
+  EXPECT_EQ(convex.segment<3>(0), exact.segment<3>(0));
+  for (std::int32_t face = 0; face < f.topology.num_faces(); ++face) {
+    const double before = PlaneEigenvalue(exact.segment<3>(3 * face), base.segment<3>(3 * face));
+    const double after = PlaneEigenvalue(convex.segment<3>(3 * face), base.segment<3>(3 * face));
+    EXPECT_NEAR(after, std::max(before, kMinCurvature), 1e-9) << face;
+  }
+  Eigen::VectorXd by_angle = exact;
+  EXPECT_GE(Convexify(f.topology, f.target, Convexification::kByAngle, &by_angle), 3);
+  EXPECT_GT((by_angle.array() / base.array()).minCoeff(), 0.999 * kMinCurvature);
+}
+
+// Dense matrices of an operator.
+Eigen::MatrixXd DenseSchur(const SaddlePointOperator& system) {
+  Eigen::MatrixXd schur(system.num_multipliers(), system.num_multipliers());
+  Eigen::VectorXd p, h, y;
+  for (Eigen::Index i = 0; i < schur.cols(); ++i) {
+    system.ApplyBTransposed(Eigen::VectorXd::Unit(schur.cols(), i), &p);
+    system.ApplyInverseA(p, &h);
+    system.ApplyB(h, &y);
+    schur.col(i) = y;
+  }
+  return schur;
+}
+
+TEST(FullSystem, IsTheMatrixOfThePaper) {
+  const Fixture f = ManyWheels();
+  const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  const FullSystem system(f.topology, hessian, Cotangents(f.x));
+  const Eigen::MatrixXd b = ConstraintJacobian(f.topology, f.x, WheelForm::kLogarithm);
+  const Eigen::MatrixXd expected = b * hessian.cwiseInverse().asDiagonal() * b.transpose();
+  const Eigen::MatrixXd schur = DenseSchur(system);
+  EXPECT_LT((schur - expected).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_LT((schur.diagonal() - system.SchurDiagonal()).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+TEST(ReducedSystem, IsTheSchurComplementOfTheFullOneEvenWithZeroEntries) {
+  const Fixture f = ManyWheels();
+  Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  const ReducedSystem system(f.topology, hessian, Cotangents(f.x));
+  const Eigen::MatrixXd m = DenseSchur(FullSystem(f.topology, hessian, Cotangents(f.x)));
+  const Eigen::Index faces = f.topology.num_faces(), pairs = 2 * f.topology.num_interior;
+  const Eigen::MatrixXd expected = m.bottomRightCorner(pairs, pairs) - m.bottomLeftCorner(pairs, faces) *
+                                                                           m.topLeftCorner(faces, faces).inverse() *
+                                                                           m.topRightCorner(faces, pairs);
+  const Eigen::MatrixXd schur = DenseSchur(system);
+  EXPECT_LT((schur - expected).cwiseAbs().maxCoeff(), 1e-11);
+  EXPECT_LT((schur.diagonal() - system.SchurDiagonal()).cwiseAbs().maxCoeff(), 1e-12);
+
+  ReducedMatrix matrix(f.topology);
+  Eigen::MatrixXd lower = matrix.Assemble(system);
+  EXPECT_LT((lower - Eigen::MatrixXd(schur.triangularView<Eigen::Lower>())).cwiseAbs().maxCoeff(), 1e-12);
+
+  hessian[3] = 0;  // 1 / A_i does not exist; the inverse on the plane does
+  EXPECT_TRUE(DenseSchur(ReducedSystem(f.topology, hessian, Cotangents(f.x))).allFinite());
+}
+
+}  // namespace
+}  // namespace planish

@@ -1,0 +1,217 @@
+#include "core/abf/flatten.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "core/abf/layout.h"
+#include "core/base/error.h"
+#include "core/mesh/angles.h"
+#include "core/mesh/disc_check.h"
+#include "gtest/gtest.h"
+#include "tests/core/shapes.h"
+
+namespace planish {
+namespace {
+
+struct Disc {
+  explicit Disc(const Mesh& mesh)
+      : topology(CheckDisc(mesh).value()), target(MakeTargetAngles(topology, MeasuredAngles(mesh))) {}
+  Flattening Flatten(const FlattenOptions& options = {}) const {
+    return FlattenAngles(topology, target, options, {}).value();
+  }
+  Topology topology;
+  TargetAngles target;
+};
+
+TEST(Flatten, MeetsEveryToleranceOnCurvedSurfaces) {
+  for (const Mesh& mesh : {testing::Hills(20, 18, 2), testing::PuncturedSphere(12, 1.0), testing::Cone(9, 1.5),
+                           testing::HalfCylinder(12, 8, 0.25), testing::Cone(3, 2)}) {
+    const Flattening result = Disc(mesh).Flatten();
+    EXPECT_TRUE(result.summary.converged) << result.summary.stop_message;
+    EXPECT_LE(result.summary.residual.Max(), 1e-9);
+    EXPECT_GT(result.angles.minCoeff(), 0);
+    EXPECT_LT(result.angles.maxCoeff(), std::numbers::pi);
+  }
+}
+
+TEST(Flatten, ResidualFallsQuadratically) {
+  const Disc disc(testing::Hills(20, 18, 1.5));
+  std::vector<double> residuals;
+  FlattenControl control;
+  control.on_progress = [&](const FlattenProgress& progress) {
+    if (progress.linear_residual == 0 && progress.newton_iteration == static_cast<int>(residuals.size())) {
+      residuals.push_back(progress.residual.Max());
+    }
+  };
+  FlattenOptions options;
+  options.tolerance = 1e-12;
+  options.solver = SolverType::kDirect;
+  ASSERT_TRUE(FlattenAngles(disc.topology, disc.target, options, control)->summary.converged);
+  ASSERT_GE(residuals.size(), 4u);
+  // The order log(r_{k+1} / r_k) / log(r_k / r_{k-1}) of the last step above the rounding level.
+  std::size_t k = residuals.size() - 1;
+  while (residuals[k] < 1e-13 && k > 3) --k;
+  const double constant = residuals[k - 1] / (residuals[k - 2] * residuals[k - 2]);
+  EXPECT_LT(residuals[k], 10 * constant * residuals[k - 1] * residuals[k - 1] + 1e-13)
+      << residuals[k - 2] << " " << residuals[k - 1] << " " << residuals[k];
+  EXPECT_LT(residuals[k] / residuals[k - 1], 1e-3) << "a wrong Hessian falls by a constant factor";
+}
+
+TEST(Flatten, EverySolverFindsTheSameAngles) {
+  const Disc disc(testing::PuncturedSphere(9, 0.8));
+  const Eigen::VectorXd expected = disc.Flatten().angles;
+  for (const auto solver : {SolverType::kUzawa, SolverType::kMinres, SolverType::kDirect}) {
+    for (const auto system : {SystemType::kFull, SystemType::kReduced}) {
+      for (const auto preconditioner :
+           {PreconditionerType::kNone, PreconditionerType::kJacobi, PreconditionerType::kCholesky}) {
+        FlattenOptions options;
+        options.solver = solver;
+        options.system = system;
+        options.preconditioner = preconditioner;
+        if (!options.Validate().ok()) continue;
+        const Flattening result = disc.Flatten(options);
+        EXPECT_TRUE(result.summary.converged) << result.summary.stop_message;
+        EXPECT_EQ(result.summary.solver, solver);
+        EXPECT_EQ(result.summary.system, system);
+        EXPECT_LT((result.angles - expected).cwiseAbs().maxCoeff(), 1e-6)
+            << Name(solver) << " " << Name(system) << " " << Name(preconditioner);
+      }
+    }
+  }
+}
+
+TEST(Flatten, ExactHessianFindsTheSameAngles) {
+  const Disc disc(testing::Hills(14, 14, 5));
+  const Flattening convex = disc.Flatten();
+  ASSERT_GT(convex.summary.convexified_iterations, 0) << "the example must need the convexified Hessian";
+  FlattenOptions options;
+  options.hessian = HessianType::kExact;
+  const Flattening exact = disc.Flatten(options);
+  EXPECT_EQ(exact.summary.solver, SolverType::kMinres);
+  EXPECT_TRUE(exact.summary.converged) << exact.summary.stop_message;
+  EXPECT_LT((exact.angles - convex.angles).cwiseAbs().maxCoeff(), 1e-6);
+}
+
+TEST(Flatten, IsAMinimumAmongFeasibleNeighbours) {
+  const Disc disc(testing::Hills(10, 9, 2));
+  const Flattening result = disc.Flatten();
+  // Any other flattening of the same connectivity meets the constraints too, and must cost more.
+  const Disc other(testing::Hills(10, 9, 1.9));
+  const Eigen::VectorXd elsewhere = other.Flatten().angles;
+  EXPECT_LT(disc.target.Energy(result.angles), disc.target.Energy(elsewhere));
+}
+
+TEST(Flatten, DoesNotDependOnPositionAndScale) {
+  const Mesh mesh = testing::Hills(12, 10, 1.5);
+  const Flattening expected = Disc(mesh).Flatten();
+  for (const auto& [scale, offset, tolerance] : {std::tuple{1e-6, 0.0, 1e-9}, {1e6, 0.0, 1e-9}, {1.0, 1e4, 1e-7}}) {
+    Mesh moved = mesh;
+    for (Vec3& p : moved.positions) p = scale * p + Vec3::Constant(offset);
+    const Flattening result = Disc(moved).Flatten();
+    EXPECT_TRUE(result.summary.converged);
+    EXPECT_LT((result.angles - expected.angles).cwiseAbs().maxCoeff(), tolerance);
+  }
+}
+
+TEST(Flatten, NoClampChangesSlivers) {
+  // Cells a thousand times as wide as high: angles down to a thousandth of a radian, developable.
+  Mesh slivers = testing::Patch(6, 40, [](double s, double t) { return Vec3(1000 * 6 * s, 40 * t, 0); });
+  const Disc disc(slivers);
+  const Flattening result = disc.Flatten();
+  EXPECT_TRUE(result.summary.converged);
+  EXPECT_LT(((result.angles - disc.target.angle).array() / disc.target.angle.array()).abs().maxCoeff(), 1e-6);
+}
+
+TEST(Flatten, WithoutInteriorVertices) {
+  Mesh fan = testing::Plane(5, 1);
+  const Flattening result = Disc(fan).Flatten();
+  EXPECT_TRUE(result.summary.converged);
+  for (const auto system : {SystemType::kFull, SystemType::kReduced}) {
+    FlattenOptions options;
+    options.system = system;
+    EXPECT_TRUE(Disc(Mesh{{{0, 0, 0}, {3, 0, 0}, {0, 4, 0}}, {{0, 1, 2}}}).Flatten(options).summary.converged);
+  }
+}
+
+TEST(Flatten, GivesTheSameBytesEveryTime) {
+  const Disc disc(testing::Hills(15, 15, 1.5));
+  EXPECT_EQ(disc.Flatten().angles, disc.Flatten().angles);
+}
+
+TEST(Flatten, StopsAtTheIterationLimitAndSaysSo) {
+  FlattenOptions options;
+  options.max_newton_iterations = 1;
+  const Flattening result = Disc(testing::Hills(12, 10, 2)).Flatten(options);
+  EXPECT_FALSE(result.summary.converged);
+  EXPECT_EQ(result.summary.newton_iterations, 1);
+  EXPECT_NE(result.summary.stop_message.find("iteration limit reached after 1 Newton steps"), std::string::npos)
+      << result.summary.stop_message;
+}
+
+TEST(Flatten, OneNewtonStepIsAlreadyClose) {
+  const Disc disc(testing::Hills(16, 16, 1));
+  FlattenOptions one;
+  one.max_newton_iterations = 1;
+  const double best = disc.target.Energy(disc.Flatten().angles), first = disc.target.Energy(disc.Flatten(one).angles);
+  EXPECT_NEAR(first / best, 1, 0.05);
+}
+
+TEST(Flatten, CanBeInterruptedAtAnyProgressPoint) {
+  const Disc disc(testing::PuncturedSphere(40, 0.6));
+  FlattenOptions options;
+  options.system = SystemType::kFull;
+  options.preconditioner = PreconditionerType::kNone;
+  int points = 0;
+  FlattenControl count;
+  count.on_progress = [&](const FlattenProgress&) { ++points; };
+  ASSERT_TRUE(FlattenAngles(disc.topology, disc.target, options, count).ok());
+  ASSERT_GT(points, 20);
+  for (const int at : {0, 1, points / 2, points - 2}) {
+    Interrupter interrupter;
+    int seen = 0;
+    FlattenControl control;
+    control.interrupter = &interrupter;
+    control.on_progress = [&](const FlattenProgress&) {
+      if (seen++ == at) interrupter.Interrupt();
+    };
+    const auto result = FlattenAngles(disc.topology, disc.target, options, control);
+    EXPECT_EQ(result.status().code(), absl::StatusCode::kCancelled) << at;
+    EXPECT_LE(seen, at + 2) << "went on after the interrupt";
+  }
+}
+
+TEST(FlattenOptions, NameTheFieldThatIsWrong) {
+  const auto field = [](const FlattenOptions& options) {
+    const ErrorInfo info = ErrorInfoOf(options.Validate());
+    return info.reason == "OPTIONS_INVALID" ? info.metadata.at("field") : "";
+  };
+  EXPECT_EQ(field({}), "");
+  EXPECT_EQ(field({.tolerance = 0}), "tolerance");
+  EXPECT_EQ(field({.tolerance = NAN}), "tolerance");
+  EXPECT_EQ(field({.tolerance = 0.1}), "tolerance");
+  EXPECT_EQ(field({.max_newton_iterations = 0}), "max_newton_iterations");
+  EXPECT_EQ(field({.solver = SolverType::kDirect, .system = SystemType::kFull}), "system");
+  EXPECT_EQ(field({.solver = SolverType::kDirect, .preconditioner = PreconditionerType::kJacobi}), "preconditioner");
+  EXPECT_EQ(field({.system = SystemType::kFull, .preconditioner = PreconditionerType::kCholesky}), "preconditioner");
+  EXPECT_EQ(field({.solver = SolverType::kUzawa, .hessian = HessianType::kExact}), "hessian");
+}
+
+TEST(Layout, ClosesEveryTriangleEvenWhenTheScaleVaries) {
+  for (const double hole : {1.5, 0.6}) {
+    const Mesh mesh = testing::PuncturedSphere(14, hole);
+    const Disc disc(mesh);
+    const Flattening flattening = disc.Flatten();
+    ASSERT_TRUE(flattening.summary.converged);
+    const Layout layout = LayOut(disc.topology, flattening.angles);
+    EXPECT_LT(layout.largest_gap, 1e-6);
+    for (std::int32_t c = 0; c < disc.topology.num_corners(); ++c) {
+      const Face& face = mesh.faces[c / 3];
+      const int k = c % 3;
+      EXPECT_NEAR(AngleAt(layout.positions[face[k]], layout.positions[face[Next(k)]], layout.positions[face[Prev(k)]]),
+                  flattening.angles[c], 1e-6);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace planish

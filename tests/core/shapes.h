@@ -1,0 +1,32 @@
+// Small meshes for the tests, all made by formula.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "core/mesh/mesh.h"
+
+namespace planish::testing {
+
+// (columns x rows) cells, two triangles each, at f(s, t) with s, t in [0, 1]; interior points are moved by up to
+// `jitter` of a cell (deterministic).
+Mesh Patch(int columns, int rows, const std::function<Vec3(double, double)>& f, double jitter = 0);
+
+Mesh Plane(int columns, int rows, double jitter = 0);
+// Half a cylinder, developable.
+Mesh HalfCylinder(int columns, int rows, double jitter = 0);
+// A height surface with bumps and saddles.
+Mesh Hills(int columns, int rows, double height = 1, double jitter = 0.2);
+// A sphere without the faces within `hole` radians of the south pole: rings x 6 rings faces, a fan at the north pole.
+Mesh PuncturedSphere(int rings, double hole);
+// `valence` triangles round one interior vertex at height `height`.
+Mesh Cone(int valence, double height);
+
+Mesh Tetrahedron();
+Mesh Torus(int columns, int rows);
+Mesh Cylinder(int columns, int rows);  // two boundary loops
+Mesh MoebiusStrip(int cells);
+
+Mesh ReadTriangleObj(const std::string& path);  // v and f lines of triangles; enough for the tests' own data
+
+}  // namespace planish::testing

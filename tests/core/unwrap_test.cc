@@ -1,0 +1,214 @@
+#include "core/unwrap/unwrap.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/error.h"
+#include "core/mesh/angles.h"
+#include "core/mesh/disc_check.h"
+#include "core/unwrap/distortion.h"
+#include "core/unwrap/placement.h"
+#include "core/unwrap/verify.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/core/shapes.h"
+
+namespace planish {
+namespace {
+
+CornerUv PlanarUv(const Mesh& mesh) {
+  CornerUv uv;
+  for (const Face& face : mesh.faces) {
+    for (const auto v : face) uv.insert(uv.end(), {mesh.positions[v].x(), mesh.positions[v].y()});
+  }
+  return uv;
+}
+
+// Overlapping pairs by comparing all triangles.
+std::int64_t BruteForceOverlaps(const Topology& topology, const CornerUv& uv) {
+  OrientationFaults pretend;
+  pretend.flipped = 1;  // keeps CheckOverlaps from the short cut
+  return CheckOverlaps(topology, uv, pretend, nullptr).pairs;
+}
+
+TEST(Verify, CountsPlantedFaults) {
+  const Mesh mesh = testing::Plane(6, 6);
+  const Topology topology = CheckDisc(mesh).value();
+  const CornerUv uv = PlanarUv(mesh);
+  EXPECT_EQ(CheckOrientations(uv).flipped, 0);
+  EXPECT_EQ(CheckOverlaps(topology, uv, CheckOrientations(uv), nullptr).pairs, 0);
+
+  CornerUv mirrored = uv;
+  for (std::size_t i = 0; i < mirrored.size(); i += 2) mirrored[i] = -mirrored[i];
+  EXPECT_EQ(CheckOrientations(mirrored).flipped, topology.num_faces());
+
+  CornerUv collapsed = uv;
+  std::copy_n(collapsed.begin() + 6 * 5, 2, collapsed.begin() + 6 * 5 + 2);
+  const OrientationFaults faults = CheckOrientations(collapsed);
+  EXPECT_EQ(faults.degenerate, 1);
+  EXPECT_THAT(faults.faces, ::testing::ElementsAre(5));
+}
+
+TEST(Verify, FindsAChartThatRunsOverItself) {
+  // A ring that turns by more than a full circle, without a single flip.
+  const Mesh spiral = testing::Patch(60, 2, [](double s, double t) {
+    const double a = 7.2 * s, r = 1 + 0.5 * t;
+    return Vec3(r * std::sin(a), r * std::cos(a), 0);
+  });
+  const Topology topology = CheckDisc(spiral).value();
+  const CornerUv uv = PlanarUv(spiral);
+  ASSERT_EQ(CheckOrientations(uv).flipped, 0);
+  const Overlaps overlaps = CheckOverlaps(topology, uv, CheckOrientations(uv), nullptr);
+  EXPECT_GT(overlaps.pairs, 20);
+  EXPECT_FALSE(overlaps.limited);
+  EXPECT_FALSE(overlaps.faces.empty());
+}
+
+TEST(Verify, ShortCutAgreesWithAllPairs) {
+  for (const double turn : {5.0, 6.2, 6.5}) {
+    const Mesh ring = testing::Patch(40, 3, [turn](double s, double t) {
+      const double a = turn * s, r = 1 + t;
+      return Vec3(r * std::sin(a), r * std::cos(a), 0);
+    });
+    const Topology topology = CheckDisc(ring).value();
+    const CornerUv uv = PlanarUv(ring);
+    ASSERT_EQ(CheckOrientations(uv).flipped, 0);
+    const std::int64_t pairs = CheckOverlaps(topology, uv, CheckOrientations(uv), nullptr).pairs;
+    EXPECT_EQ(pairs, BruteForceOverlaps(topology, uv));
+    EXPECT_EQ(pairs > 0, turn > 2 * M_PI) << turn;
+  }
+}
+
+TEST(Distortion, OfKnownMaps) {
+  const Mesh mesh = testing::Plane(5, 4, 0.3);
+  const Topology topology = CheckDisc(mesh).value();
+  const Eigen::VectorXd measured = MeasuredAngles(mesh);
+  const TargetAngles target = MakeTargetAngles(topology, measured);
+  const auto quality = [&](const Eigen::Matrix2d& map) {
+    CornerUv uv = PlanarUv(mesh);
+    for (std::size_t i = 0; i < uv.size(); i += 2) {
+      const Vec2 p = map * Vec2(uv[i], uv[i + 1]);
+      uv[i] = p.x();
+      uv[i + 1] = p.y();
+    }
+    Quality q;
+    MeasureDistortion(mesh, measured, target, uv, &q);
+    return q;
+  };
+  Eigen::Matrix2d similarity, stretch;
+  similarity << 0.3, -0.4, 0.4, 0.3;
+  stretch << 2, 0, 0, 0.5;
+  EXPECT_NEAR(quality(similarity).conformal_distortion_max, 1, 1e-9);
+  EXPECT_NEAR(quality(similarity).stretch_l2, 1, 1e-12);
+  EXPECT_NEAR(quality(similarity).angle_error_max_deg, 0, 1e-9);
+  EXPECT_NEAR(quality(similarity).packing_efficiency, 0.25, 1e-12);
+  EXPECT_NEAR(quality(stretch).conformal_distortion_mean, 4, 1e-9);
+  EXPECT_NEAR(quality(stretch).conformal_distortion_max, 4, 1e-9);
+  EXPECT_NEAR(quality(stretch).stretch_l2, std::sqrt((4 + 0.25) / 2), 1e-9);
+  EXPECT_GT(quality(stretch).abf_energy, 0.1);
+}
+
+TEST(PlaceInUnitSquare, TurnsTheLongSideAlongU) {
+  std::vector<Vec2> points;
+  const double c = std::cos(0.7), s = std::sin(0.7);
+  for (const Vec2& p : {Vec2(0, 0), Vec2(4, 0), Vec2(4, 1), Vec2(0, 1), Vec2(2, 0.5)}) {
+    points.push_back(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()) + Vec2(10, -3));
+  }
+  PlaceInUnitSquare(&points);
+  Vec2 low = points[0], high = points[0];
+  for (const Vec2& p : points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  EXPECT_NEAR(low.norm(), 0, 1e-12);
+  EXPECT_NEAR(high.x(), 1, 1e-12);
+  EXPECT_NEAR(high.y(), 0.25, 1e-12);
+  EXPECT_NEAR(points[4].x(), 0.5, 1e-12);
+}
+
+TEST(Unwrap, DeliversAVerifiedMap) {
+  const Mesh mesh = testing::ReadTriangleObj(std::string(PLANISH_TEST_DATA) + "/spot_seam.obj");
+  std::vector<UnwrapStage> stages;
+  UnwrapControl control;
+  control.on_progress = [&](const UnwrapProgress& progress) {
+    if (stages.empty() || stages.back() != progress.stage) stages.push_back(progress.stage);
+  };
+  const auto result = Unwrap(mesh, {}, control);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_TRUE(result->charts.at(0).flatten.converged);
+  EXPECT_LE(result->charts[0].flatten.residual.Max(), 1e-9);
+  EXPECT_EQ(result->quality.flipped, 0);
+  EXPECT_EQ(result->quality.degenerate, 0);
+  EXPECT_NEAR(result->quality.abf_energy, 0.000775257, 1e-8);
+  EXPECT_NEAR(result->quality.conformal_distortion_mean, 1.03296, 1e-5);
+  EXPECT_EQ(result->precision, Precision::kFloat);
+  ASSERT_EQ(result->uv.size(), 6 * mesh.faces.size());
+  for (const double x : result->uv) {
+    ASSERT_EQ(x, static_cast<double>(static_cast<float>(x)));
+    ASSERT_GE(x, 0);
+    ASSERT_LE(x, 1);
+  }
+  EXPECT_THAT(stages, ::testing::ElementsAre(UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout,
+                                             UnwrapStage::kPack, UnwrapStage::kVerify));
+}
+
+TEST(Unwrap, DeliversDoubleOnlyWhereFloatLosesTheMap) {
+  const Mesh mesh = testing::PuncturedSphere(60, 0.05);
+  UnwrapOptions options;
+  const auto automatic = Unwrap(mesh, options, {});
+  ASSERT_TRUE(automatic.ok()) << automatic.status();
+  EXPECT_EQ(automatic->precision, Precision::kFloat);
+
+  // The same map with a speck of it shrunk below what float resolves near 1.
+  Mesh speck = testing::Plane(4, 4);
+  const Vec3 centre = speck.positions[12];
+  const auto at_centre = std::find_if(speck.faces.begin(), speck.faces.end(), [](const Face& f) {
+    return std::find(f.begin(), f.end(), 12) != f.end();
+  });
+  const Face split = *at_centre;
+  const auto n = static_cast<std::int32_t>(speck.positions.size());
+  const Vec3 a = speck.positions[split[0]], b = speck.positions[split[1]], c = speck.positions[split[2]];
+  const Vec3 p = centre + 1e-9 * ((a + b + c) / 3 - centre) / ((a + b + c) / 3 - centre).norm();
+  speck.positions.push_back(p);
+  *at_centre = {split[0], split[1], n};
+  speck.faces.push_back({split[1], split[2], n});
+  speck.faces.push_back({split[2], split[0], n});
+  const auto fine = Unwrap(speck, options, {});
+  ASSERT_TRUE(fine.ok()) << fine.status();
+  EXPECT_EQ(fine->precision, Precision::kDouble);
+  EXPECT_EQ(fine->quality.flipped + fine->quality.degenerate, 0);
+  ASSERT_FALSE(fine->warnings.empty());
+  EXPECT_EQ(fine->warnings[0].reason, "UV_PRECISION");
+
+  options.precision = Precision::kFloat;
+  const auto coarse = Unwrap(speck, options, {});
+  ASSERT_TRUE(coarse.ok());
+  EXPECT_EQ(coarse->precision, Precision::kFloat);
+  EXPECT_GT(coarse->quality.flipped + coarse->quality.degenerate, 0);
+}
+
+TEST(Unwrap, CanBeInterruptedInEveryStage) {
+  const Mesh mesh = testing::Hills(20, 20);
+  for (const UnwrapStage stage :
+       {UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout, UnwrapStage::kPack, UnwrapStage::kVerify}) {
+    Interrupter interrupter;
+    UnwrapControl control;
+    control.interrupter = &interrupter;
+    control.on_progress = [&](const UnwrapProgress& progress) {
+      if (progress.stage == stage) interrupter.Interrupt();
+    };
+    EXPECT_EQ(Unwrap(mesh, {}, control).status().code(), absl::StatusCode::kCancelled) << static_cast<int>(stage);
+  }
+}
+
+TEST(Unwrap, WarnsOfIsolatedVertices) {
+  Mesh mesh = testing::Plane(3, 3);
+  mesh.positions.push_back({9, 9, 9});
+  const auto result = Unwrap(mesh, {}, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  ASSERT_EQ(result->warnings.size(), 1u);
+  EXPECT_EQ(result->warnings[0].reason, "ISOLATED_VERTICES");
+}
+
+}  // namespace
+}  // namespace planish
