@@ -33,6 +33,12 @@ double ForcingTerm(double residual) {
   return std::clamp(1e-2 * residual, 1e-10, 1e-4);
 }
 
+// The barrier that remains where f has no minimum with positive angles: it costs little energy and keeps every angle
+// above about a hundredth of its target.
+constexpr double kLeastBarrier = 1e-2;
+// Residual to which the stronger barriers on the way there are solved.
+constexpr double kRoughTolerance = 1e-2;
+
 // Newton's method for one mesh: x and mu, and what is known at them.
 class Newton {
  public:
@@ -40,6 +46,7 @@ class Newton {
          const FlattenControl& control)
       : topology_(topology),
         target_(target),
+        objective_(target),
         options_(options),
         control_(control),
         steps_(topology, options.solver, options.system, options.preconditioner) {}
@@ -47,20 +54,29 @@ class Newton {
   absl::StatusOr<Flattening> Run();
 
  private:
-  enum class StepOutcome { kTaken, kNoProgress };
+  enum class Ending { kConverged, kStuck, kIterationLimit };
 
+  // Back to x = a and mu = 0.
+  void Restart();
+  // Newton steps on the present objective until every residual is at most `tolerance`.
+  absl::StatusOr<Ending> Iterate(double tolerance);
   // Everything that depends on x and mu.
   void Evaluate();
-  absl::StatusOr<StepOutcome> TakeStep();
+  // One step; false if none leads anywhere.
+  absl::StatusOr<bool> TakeStep();
   // Solves eq. 5 with `hessian`; true if the step leads downhill on the merit function.
   absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, NewtonStep* step);
-  // The fraction of `step` to take; 0 if none lowers the merit function.
-  double SearchLine(const NewtonStep& step) const;
+  // Solves eq. 5 of the present iterate for another right-hand side.
+  absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
+  // Shortens `step` until it lowers the merit function; false if it never does.
+  absl::StatusOr<bool> SearchLine(NewtonStep* step);
+  bool LowersMerit(const Eigen::VectorXd& step, double alpha, double slope) const;
   void Report(double linear_residual, std::int64_t linear_iterations) const;
   void Stop(const std::string& why);
 
   const Topology& topology_;
   const TargetAngles& target_;
+  Objective objective_;
   const FlattenOptions& options_;
   const FlattenControl& control_;
   StepSolver steps_;
@@ -71,13 +87,14 @@ class Newton {
   ConstraintValues h_;
   MeritFunction merit_;
   double step_length_ = 0;
+  int short_steps_ = 0;  // in a row
   FlattenSummary summary_;
 };
 
 void Newton::Evaluate() {
   cot_ = Cotangents(x_);
   h_ = EvaluateConstraints(topology_, x_);
-  gradient_ = LagrangianGradient(topology_, target_, x_, cot_, mu_);
+  gradient_ = LagrangianGradient(topology_, objective_, x_, cot_, mu_);
   summary_.residual = MeasureResidual(target_, h_, gradient_);
   summary_.energy = target_.Energy(x_);
 }
@@ -101,40 +118,66 @@ void Newton::Stop(const std::string& why) {
       summary_.newton_iterations, r.triangle, r.vertex, r.wheel, r.gradient, options_.tolerance);
 }
 
-absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
-                                         NewtonStep* step) {
-  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_));
+absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
+                                            NewtonStep* step) {
   LinearSolveOptions linear;
   linear.relative_tolerance = ForcingTerm(summary_.residual.Max());
   linear.interrupter = control_.interrupter;
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
-  const LinearSummary solved = steps_.Solve(gradient_, h_, linear, step);
+  const LinearSummary solved = steps_.Solve(gradient, h, linear, step);
   summary_.linear_iterations += solved.iterations;
   if (solved.termination == LinearTermination::kInterrupted) return absl::CancelledError("cancelled");
+  return solved;
+}
+
+absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
+                                         NewtonStep* step) {
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_));
+  PLANISH_RETURN_IF_ERROR(Solve(gradient_, h_, step).status());
   if (!step->x.allFinite()) return false;
   merit_.UpdatePenalties(mu_, step->mu);
-  return merit_.Slope(target_, x_, h_, step->x) < 0;
+  return merit_.Slope(objective_, x_, h_, step->x) < 0;
 }
 
-double Newton::SearchLine(const NewtonStep& step) const {
+bool Newton::LowersMerit(const Eigen::VectorXd& step, double alpha, double slope) const {
   constexpr double kSufficientDecrease = 1e-4;
-  constexpr int kMaxHalvings = 30;
-  const double slope = merit_.Slope(target_, x_, h_, step.x);
-  const double before = merit_.Value(target_, x_, h_);
+  const double before = merit_.Value(objective_, x_, h_);
   const double rounding = 1e-12 * std::abs(before);  // merit values closer than this cannot be told apart
-  double alpha = LargestStep(x_, step.x);
-  for (int i = 0; i < kMaxHalvings; ++i, alpha /= 2) {
-    const Eigen::VectorXd trial = x_ + alpha * step.x;
-    const double after = merit_.Value(target_, trial, EvaluateConstraints(topology_, trial));
-    if (after <= before + kSufficientDecrease * alpha * slope + rounding) return alpha;
-  }
-  return 0;
+  const Eigen::VectorXd trial = x_ + alpha * step;
+  const double after = merit_.Value(objective_, trial, EvaluateConstraints(topology_, trial));
+  return after <= before + kSufficientDecrease * alpha * slope + rounding;
 }
 
-absl::StatusOr<Newton::StepOutcome> Newton::TakeStep() {
-  const Eigen::VectorXd hessian = LagrangianHessian(topology_, target_, x_, mu_);
+absl::StatusOr<bool> Newton::SearchLine(NewtonStep* step) {
+  constexpr int kMaxHalvings = 30;
+  const double slope = merit_.Slope(objective_, x_, h_, step->x);
+  double alpha = LargestStep(x_, step->x);
+  bool found = LowersMerit(step->x, alpha, slope);
+  if (!found && alpha == 1) {
+    // The curvature of the constraints can make the merit function refuse a good full step (Maratos). A second-order
+    // correction goes back to where the constraints hold: the least step d with B d = -h(x + step).
+    NewtonStep correction;
+    const Eigen::VectorXd trial = x_ + step->x;
+    PLANISH_RETURN_IF_ERROR(
+        Solve(Eigen::VectorXd::Zero(x_.size()), EvaluateConstraints(topology_, trial), &correction).status());
+    correction.x += step->x;
+    if (correction.x.allFinite() && LargestStep(x_, correction.x) == 1 && LowersMerit(correction.x, 1, slope)) {
+      step->x = std::move(correction.x);
+      found = true;
+    }
+  }
+  for (int i = 0; !found && i < kMaxHalvings; ++i) {
+    alpha /= 2;
+    found = LowersMerit(step->x, alpha, slope);
+  }
+  step_length_ = alpha;
+  return found;
+}
+
+absl::StatusOr<bool> Newton::TakeStep() {
+  const Eigen::VectorXd hessian = LagrangianHessian(topology_, objective_, x_, mu_);
   Eigen::VectorXd convex = hessian;
-  const bool changed = Convexify(topology_, target_, steps_.RequiredConvexification(), &convex) > 0;
+  const bool changed = Convexify(objective_.Curvature(x_), steps_.RequiredConvexification(), &convex) > 0;
 
   NewtonStep step;
   bool downhill = false;
@@ -145,14 +188,39 @@ absl::StatusOr<Newton::StepOutcome> Newton::TakeStep() {
     if (changed) ++summary_.convexified_iterations;
     PLANISH_ASSIGN_OR_RETURN(downhill, ComputeStep(convex, convex, &step));
   }
-  const double alpha = downhill ? SearchLine(step) : 0;
-  if (alpha == 0) return StepOutcome::kNoProgress;
-  x_ += alpha * step.x;
-  mu_.triangle += alpha * step.mu.triangle;
-  mu_.pair += alpha * step.mu.pair;
-  step_length_ = alpha;
+  if (!downhill) return false;
+  PLANISH_ASSIGN_OR_RETURN(const bool found, SearchLine(&step));
+  if (!found) return false;
+  x_ += step_length_ * step.x;
+  mu_.triangle += step_length_ * step.mu.triangle;
+  mu_.pair += step_length_ * step.mu.pair;
   ++summary_.newton_iterations;
-  return StepOutcome::kTaken;
+  return true;
+}
+
+void Newton::Restart() {
+  x_ = target_.angle;
+  mu_ = Multipliers::Zero(topology_);
+  merit_ = MeritFunction();
+  short_steps_ = 0;
+}
+
+absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
+  // A run of steps that angles near 0 cut this short is going nowhere.
+  constexpr double kShortStep = 0.1;
+  constexpr int kMaxShortSteps = 3;
+  while (true) {
+    Evaluate();
+    Report(0, 0);
+    if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+    if (summary_.residual.Max() <= tolerance) return Ending::kConverged;
+    if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
+    const absl::StatusOr<bool> taken = TakeStep();
+    if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
+    PLANISH_RETURN_IF_ERROR(taken.status());
+    short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
+    if (!*taken || short_steps_ == kMaxShortSteps) return Ending::kStuck;
+  }
 }
 
 absl::StatusOr<Flattening> Newton::Run() {
@@ -160,32 +228,38 @@ absl::StatusOr<Flattening> Newton::Run() {
   summary_.system = options_.system;
   summary_.preconditioner = options_.preconditioner;
   summary_.hessian = options_.hessian;
-  x_ = target_.angle;
-  mu_ = Multipliers::Zero(topology_);
-  while (true) {
-    Evaluate();
-    Report(0, 0);
-    if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
-    if (summary_.residual.Max() <= options_.tolerance) {
-      summary_.converged = true;
-      Stop("converged");
-      break;
+  Restart();
+  PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
+  if (ending == Ending::kStuck) {
+    // Angles ran into 0. Start again with a barrier, loosen it, and try without it from there.
+    Restart();
+    for (const double tau : {1.0, 0.1, kLeastBarrier}) {
+      objective_.set_barrier(tau);
+      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
+      short_steps_ = 0;
     }
-    if (summary_.newton_iterations >= options_.max_newton_iterations) {
-      Stop("iteration limit reached");
-      break;
+    if (ending == Ending::kConverged) {
+      const Eigen::VectorXd kept_x = x_;
+      const Multipliers kept_mu = mu_;
+      objective_.set_barrier(0);
+      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
+      if (ending != Ending::kConverged) {
+        // f has no minimum with positive angles nearby: the minimum with the barrier stands.
+        x_ = kept_x;
+        mu_ = kept_mu;
+        objective_.set_barrier(kLeastBarrier);
+        Evaluate();
+        ending = Ending::kConverged;
+      }
     }
-    const absl::StatusOr<StepOutcome> outcome = TakeStep();
-    if (outcome.status().code() == absl::StatusCode::kFailedPrecondition) {
-      Stop(absl::StrCat("no step (", std::string(outcome.status().message()), ")"));
-      break;
-    }
-    PLANISH_RETURN_IF_ERROR(outcome.status());
-    if (*outcome == StepOutcome::kNoProgress) {
-      Stop("no further progress");
-      break;
-    }
+    summary_.barrier = objective_.barrier();
   }
+  summary_.converged = ending == Ending::kConverged;
+  std::string why = ending == Ending::kConverged ? "converged"
+                    : ending == Ending::kStuck   ? "no further progress"
+                                                 : "iteration limit reached";
+  if (summary_.barrier > 0) absl::StrAppend(&why, absl::StrFormat(" with a barrier of %g", summary_.barrier));
+  Stop(why);
   return Flattening{std::move(x_), std::move(summary_)};
 }
 

@@ -73,7 +73,10 @@ struct FlattenSummary {
   std::int64_t linear_iterations = 0;
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   Residual residual;
-  double energy = 0;         // f(x) at the end
+  // 0, or the weight tau of the barrier (objective.h) that was left in because f alone has no minimum with positive
+  // angles on this mesh; residual.gradient is then that of f with the barrier.
+  double barrier = 0;
+  double energy = 0;         // f(x) at the end, without barrier
   std::string stop_message;  // one sentence with numbers
 };
 

@@ -5,17 +5,17 @@
 
 namespace planish {
 
-Eigen::VectorXd LagrangianGradient(const Topology& topology, const TargetAngles& target, const Eigen::VectorXd& x,
+Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                    const Eigen::VectorXd& cot, const Multipliers& mu) {
-  Eigen::VectorXd gradient = 2 * target.weight.array() * (x - target.angle).array();
+  Eigen::VectorXd gradient = objective.Gradient(x);
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) gradient[c] += mu.triangle[c / 3];
   AddPairRowsTransposed(topology, cot, mu.pair, &gradient);
   return gradient;
 }
 
-Eigen::VectorXd LagrangianHessian(const Topology& topology, const TargetAngles& target, const Eigen::VectorXd& x,
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                   const Multipliers& mu) {
-  Eigen::VectorXd hessian = 2 * target.weight;
+  Eigen::VectorXd hessian = objective.Curvature(x);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     double wheel[3];
     for (int k = 0; k < 3; ++k) {
@@ -50,13 +50,12 @@ double SmallestPlaneEigenvalue(const double* a, const double* b) {
 
 }  // namespace
 
-std::int64_t Convexify(const Topology& topology, const TargetAngles& target, Convexification kind,
-                       Eigen::VectorXd* hessian) {
+std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian) {
   if (kind == Convexification::kNone) return 0;
   std::int64_t changed = 0;
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+  for (Eigen::Index f = 0; f < curvature.size() / 3; ++f) {
     double* a = &(*hessian)[3 * f];
-    const double b[3] = {2 * target.weight[3 * f], 2 * target.weight[3 * f + 1], 2 * target.weight[3 * f + 2]};
+    const double* b = &curvature[3 * f];
     bool change = false;
     if (kind == Convexification::kByFace) {
       const double smallest = SmallestPlaneEigenvalue(a, b);

@@ -1,4 +1,5 @@
-// The Lagrangian L = f(x) + mu^t h(x) (section 6 of the paper): gradient, Hessian, and the Hessian made positive.
+// The Lagrangian L = f(x) + mu^t h(x) (section 6 of the paper; f is any Objective): gradient, Hessian, and the Hessian
+// made positive.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +7,7 @@
 #include "Eigen/Core"
 #include "core/abf/constraints.h"
 #include "core/abf/flatten.h"
-#include "core/abf/target_angles.h"
+#include "core/abf/objective.h"
 
 namespace planish {
 
@@ -20,30 +21,29 @@ struct Multipliers {
   }
 };
 
-// grad_x L = 2 w (x - a) + B^t mu, with the cotangents of x.
-Eigen::VectorXd LagrangianGradient(const Topology& topology, const TargetAngles& target, const Eigen::VectorXd& x,
+// grad_x L = grad f + B^t mu, with the cotangents of x.
+Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                    const Eigen::VectorXd& cot, const Multipliers& mu);
 
-// The diagonal of hess_xx L: A_i = 2 w_i - m_i / sin^2 x_i, where m_i is the difference of the two wheel multipliers
+// The diagonal of hess_xx L: A_i = f''(x_i) - m_i / sin^2 x_i, where m_i is the difference of the two wheel multipliers
 // that x_i has in eq. 6.
-Eigen::VectorXd LagrangianHessian(const Topology& topology, const TargetAngles& target, const Eigen::VectorXd& x,
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                   const Multipliers& mu);
 
 // How a Hessian is made positive.
 enum class Convexification {
   kNone,
   // Each face's 3x3 block positive definite on the plane of angle changes that sum to zero (all the reduced system
-  // needs): a face whose smallest eigenvalue relative to diag(2 w) lies below kMinCurvature moves towards diag(2 w)
+  // needs): a face whose smallest eigenvalue relative to diag(f'') lies below kMinCurvature moves towards diag(f'')
   // just as far as brings it there.
   kByFace,
-  // Each entry at least kMinCurvature 2 w_i, which the full system needs.
+  // Each entry at least kMinCurvature f''(x_i), which the full system needs.
   kByAngle,
 };
 inline constexpr double kMinCurvature = 0.02;
 
-// Changes `hessian` in place. Returns the number of faces changed.
-std::int64_t Convexify(const Topology& topology, const TargetAngles& target, Convexification kind,
-                       Eigen::VectorXd* hessian);
+// Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed.
+std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian);
 
 // Largest entries of h and of the scaled gradient (Residual in flatten.h).
 Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient);

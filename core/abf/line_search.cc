@@ -39,13 +39,13 @@ double MeritFunction::Penalty(const ConstraintValues& h) const {
   return (nu_.triangle.array() * h.triangle.array().abs()).sum() + (nu_.pair.array() * h.pair.array().abs()).sum();
 }
 
-double MeritFunction::Value(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h) const {
-  return target.Energy(x) + Penalty(h);
+double MeritFunction::Value(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h) const {
+  return objective.Value(x) + Penalty(h);
 }
 
-double MeritFunction::Slope(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h,
+double MeritFunction::Slope(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h,
                             const Eigen::VectorXd& step) const {
-  return (2 * target.weight.array() * (x - target.angle).array() * step.array()).sum() - Penalty(h);
+  return objective.Gradient(x).dot(step) - Penalty(h);
 }
 
 }  // namespace planish

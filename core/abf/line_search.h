@@ -3,7 +3,7 @@
 
 #include "core/abf/constraints.h"
 #include "core/abf/lagrangian.h"
-#include "core/abf/target_angles.h"
+#include "core/abf/objective.h"
 
 namespace planish {
 
@@ -17,9 +17,9 @@ class MeritFunction {
   // Penalties that make the step a descent direction, from the multipliers mu + step.
   void UpdatePenalties(const Multipliers& mu, const Multipliers& step);
 
-  double Value(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h) const;
+  double Value(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h) const;
   // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
-  double Slope(const TargetAngles& target, const Eigen::VectorXd& x, const ConstraintValues& h,
+  double Slope(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h,
                const Eigen::VectorXd& step) const;
 
  private:

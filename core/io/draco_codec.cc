@@ -7,6 +7,7 @@
 #include <memory>
 #include <new>
 #include <numeric>
+#include <set>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -39,8 +40,8 @@ absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_
 absl::Status CheckEncodable(const Mesh& mesh) {
   if (mesh.num_faces() == 0) return Invalid("MESH_EMPTY", "the mesh has no faces");
   if (mesh.num_faces() > std::numeric_limits<std::int32_t>::max() / 3) {
-    return Invalid("MESH_TOO_LARGE", "the mesh has " + std::to_string(mesh.num_faces()) +
-                                         " triangles, Draco takes 715827882 at most");
+    return Invalid("MESH_TOO_LARGE",
+                   "the mesh has " + std::to_string(mesh.num_faces()) + " triangles, Draco takes 715827882 at most");
   }
   for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
     for (const std::int32_t vertex : mesh.faces[f]) {
@@ -65,8 +66,8 @@ absl::Status CheckEncodable(const Mesh& mesh) {
   return absl::OkStatus();
 }
 
-draco::Mesh ToDraco(const Mesh& mesh) {
-  draco::Mesh result;
+void FillDraco(const Mesh& mesh, draco::Mesh* draco_mesh) {
+  draco::Mesh& result = *draco_mesh;
   result.set_num_points(static_cast<std::uint32_t>(mesh.num_vertices()));
   draco::GeometryAttribute position;
   position.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(Point), 0);
@@ -81,7 +82,19 @@ draco::Mesh ToDraco(const Mesh& mesh) {
     for (int k = 0; k < 3; ++k) face[k] = static_cast<std::uint32_t>(mesh.faces[f][k]);
     result.SetFace(draco::FaceIndex(static_cast<std::uint32_t>(f)), face);
   }
-  return result;
+}
+
+// Whether every value lies within the attribute's bytes and every point has an entry: a decoder fed with hostile bytes
+// promises neither. The entries themselves may still be out of range.
+bool IsBacked(const draco::PointAttribute& attribute, std::uint32_t num_points) {
+  const std::int64_t size = attribute.num_components() * draco::DataTypeLength(attribute.data_type());
+  if (attribute.buffer() == nullptr || size <= 0 || attribute.byte_stride() < size || attribute.byte_offset() < 0) {
+    return false;
+  }
+  const std::uint64_t end = static_cast<std::uint64_t>(attribute.byte_offset()) +
+                            static_cast<std::uint64_t>(attribute.byte_stride()) * attribute.size();
+  const std::size_t entries = attribute.is_mapping_identity() ? attribute.size() : attribute.indices_map_size();
+  return end <= attribute.buffer()->data_size() && entries >= num_points;
 }
 
 absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh) {
@@ -97,14 +110,7 @@ absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh)
                        std::to_string(position->num_components()) + " of Draco type " +
                        std::to_string(position->data_type()));
   }
-  // A decoder fed with hostile bytes does not promise any of this.
-  const std::uint64_t stride = static_cast<std::uint64_t>(std::max<std::int64_t>(position->byte_stride(), 0));
-  const bool is_backed = position->buffer() != nullptr && stride >= sizeof(Point) && position->byte_offset() >= 0 &&
-                         static_cast<std::uint64_t>(position->byte_offset()) + stride * position->size() <=
-                             position->buffer()->data_size();
-  const bool is_mapped = position->is_mapping_identity() ? position->size() >= mesh.num_points()
-                                                         : position->indices_map_size() >= mesh.num_points();
-  if (!is_backed || !is_mapped) {
+  if (!IsBacked(*position, mesh.num_points())) {
     return Invalid("MESH_POSITION_INVALID", "the Draco mesh has fewer positions than its points refer to");
   }
   return position;
@@ -114,6 +120,59 @@ Point PositionValue(const draco::PointAttribute& position, std::uint32_t value) 
   Point point;
   std::memcpy(point.data(), position.GetAddress(draco::AttributeValueIndex(value)), sizeof(point));
   return point;
+}
+
+// The bytes of all attributes of a point except POSITION.
+std::string OtherValues(const draco::Mesh& mesh, std::uint32_t point) {
+  std::string values;
+  for (int id = 0; id < mesh.num_attributes(); ++id) {
+    const draco::PointAttribute& attribute = *mesh.attribute(id);
+    if (attribute.attribute_type() == draco::GeometryAttribute::POSITION) continue;
+    const draco::AttributeValueIndex value = attribute.mapped_index(draco::PointIndex(point));
+    if (!IsBacked(attribute, mesh.num_points()) || value.value() >= attribute.size()) continue;
+    values.append(reinterpret_cast<const char*>(attribute.GetAddress(value)),
+                  static_cast<std::size_t>(attribute.num_components()) * draco::DataTypeLength(attribute.data_type()));
+  }
+  return values;
+}
+
+// Joins vertices again that an encoder had to split because it knows points only (one position, one normal, one UV
+// each) and another attribute has several values there. Vertices at the same position (to the bit) are joined if all of
+// them differ in another attribute; alike ones were kept apart on purpose, at a cut of the surface.
+void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
+  const std::int64_t vertices = mesh->num_vertices();
+  std::vector<std::int32_t> order(vertices);
+  std::iota(order.begin(), order.end(), 0);
+  const auto same = [&](std::int32_t a, std::int32_t b) {
+    return std::memcmp(mesh->positions[a].data(), mesh->positions[b].data(), sizeof(Vec3)) == 0;
+  };
+  std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
+    const int difference = std::memcmp(mesh->positions[a].data(), mesh->positions[b].data(), sizeof(Vec3));
+    return difference != 0 ? difference < 0 : a < b;
+  });
+  std::vector<std::int32_t> joined_with(vertices);
+  std::iota(joined_with.begin(), joined_with.end(), 0);
+  for (std::int64_t begin = 0, end = 0; begin < vertices; begin = end) {
+    std::set<std::string> others;
+    for (end = begin; end < vertices && same(order[begin], order[end]); ++end) {
+      if (end > begin && others.empty()) others.insert(OtherValues(decoded, order[begin]));
+      if (end > begin) others.insert(OtherValues(decoded, order[end]));
+    }
+    if (static_cast<std::int64_t>(others.size()) != end - begin) continue;
+    for (std::int64_t i = begin; i < end; ++i) joined_with[order[i]] = order[begin];
+  }
+
+  std::vector<std::int32_t> new_vertex(vertices);
+  std::int32_t count = 0;
+  for (std::int32_t v = 0; v < vertices; ++v) {
+    if (joined_with[v] != v) continue;
+    mesh->positions[count] = mesh->positions[v];
+    new_vertex[v] = count++;
+  }
+  mesh->positions.resize(count);
+  for (Face& face : mesh->faces) {
+    for (std::int32_t& vertex : face) vertex = new_vertex[joined_with[vertex]];
+  }
 }
 
 absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded) {
@@ -135,6 +194,10 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded) {
   for (std::uint32_t v = 0; v < position->size(); ++v) {
     const Point point = PositionValue(*position, v);
     mesh.positions[v] = Vec3(point[0], point[1], point[2]);
+  }
+  // With a mapping of its own POSITION already is as its sender had it, cuts included.
+  if (position->is_mapping_identity() && decoded.num_attributes() > 1 && position->size() == decoded.num_points()) {
+    JoinSplitPoints(decoded, &mesh);
   }
   return mesh;
 }
@@ -169,9 +232,12 @@ absl::Status OutOfMemory(const char* doing) {
 absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh) {
   PLANISH_RETURN_IF_ERROR(CheckEncodable(mesh));
   try {
-    const draco::Mesh source = ToDraco(mesh);
+    draco::Mesh source;
+    FillDraco(mesh, &source);
     draco::ExpertEncoder encoder(source);
     encoder.SetEncodingMethod(draco::MESH_SEQUENTIAL_ENCODING);
+    // Differences of indices, entropy-coded: a quarter smaller in all, as fast, and still in order.
+    encoder.options().SetGlobalBool("compress_connectivity", true);
     draco::EncoderBuffer buffer;
     const draco::Status status = encoder.EncodeToBuffer(&buffer);
     if (!status.ok()) return InternalError("Draco cannot encode the mesh: " + status.error_msg_string());

@@ -98,8 +98,7 @@ absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path) {
   MeshFile file;
   file.path = path;
   file.format = *format;
-  PLANISH_RETURN_IF_ERROR(
-      ReadAll(path, descriptor.value(), static_cast<std::size_t>(status.st_size), &file.bytes));
+  PLANISH_RETURN_IF_ERROR(ReadAll(path, descriptor.value(), static_cast<std::size_t>(status.st_size), &file.bytes));
   PLANISH_ASSIGN_OR_RETURN(file.mesh, Parse(file.format, path, file.bytes));
   PLANISH_RETURN_IF_ERROR(CheckPolygons(file.mesh));
   return file;

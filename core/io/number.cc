@@ -48,8 +48,14 @@ bool ParseInt(std::string_view token, std::int64_t* value) {
   return true;
 }
 
-void AppendShortest(float value, std::string* text) { AppendChars(value, text); }
-void AppendShortest(double value, std::string* text) { AppendChars(value, text); }
-void AppendInt(std::int64_t value, std::string* text) { AppendChars(value, text); }
+void AppendShortest(float value, std::string* text) {
+  AppendChars(value, text);
+}
+void AppendShortest(double value, std::string* text) {
+  AppendChars(value, text);
+}
+void AppendInt(std::int64_t value, std::string* text) {
+  AppendChars(value, text);
+}
 
 }  // namespace planish

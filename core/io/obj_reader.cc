@@ -97,9 +97,9 @@ class ObjReader {
   }
 
   absl::Status OutOfRange(std::int64_t index, std::int64_t count) const {
-    return Fault("the face refers to vertex " + std::to_string(index) + ", but " +
-                 (index < 0 ? "only " + std::to_string(count) + " come before it"
-                            : "the file has " + std::to_string(count)));
+    return Fault(
+        "the face refers to vertex " + std::to_string(index) + ", but " +
+        (index < 0 ? "only " + std::to_string(count) + " come before it" : "the file has " + std::to_string(count)));
   }
 
   // Faces may come before their vertices, so that only the end of the file tells.

@@ -105,8 +105,9 @@ class ObjWriter {
   std::string Write() {
     const std::size_t uv_offset = UvOffset(text_);
     const std::size_t line_feed = text_.find_first_of("\r\n");
-    const std::string_view line_end =
-        line_feed == std::string_view::npos ? "\n" : text_.substr(line_feed, text_.substr(line_feed, 2) == "\r\n" ? 2 : 1);
+    const std::string_view line_end = line_feed == std::string_view::npos
+                                          ? "\n"
+                                          : text_.substr(line_feed, text_.substr(line_feed, 2) == "\r\n" ? 2 : 1);
     const std::string uv_lines = uv_.Lines(line_end);
     out_.reserve(text_.size() + uv_lines.size() + text_.size() / 4);
 

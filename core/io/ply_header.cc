@@ -16,10 +16,10 @@ std::optional<PlyType> TypeOfName(std::string_view name) {
     PlyType type;
   };
   static constexpr Row kRows[] = {
-      {"char", "int8", PlyType::kInt8},         {"uchar", "uint8", PlyType::kUint8},
-      {"short", "int16", PlyType::kInt16},      {"ushort", "uint16", PlyType::kUint16},
-      {"int", "int32", PlyType::kInt32},        {"uint", "uint32", PlyType::kUint32},
-      {"float", "float32", PlyType::kFloat32},  {"double", "float64", PlyType::kFloat64},
+      {"char", "int8", PlyType::kInt8},        {"uchar", "uint8", PlyType::kUint8},
+      {"short", "int16", PlyType::kInt16},     {"ushort", "uint16", PlyType::kUint16},
+      {"int", "int32", PlyType::kInt32},       {"uint", "uint32", PlyType::kUint32},
+      {"float", "float32", PlyType::kFloat32}, {"double", "float64", PlyType::kFloat64},
   };
   for (const Row& row : kRows) {
     if (name == row.name || name == row.other_name) return row.type;
@@ -173,7 +173,9 @@ int PlyTypeSize(PlyType type) {
   return 0;
 }
 
-bool IsInteger(PlyType type) { return type != PlyType::kFloat32 && type != PlyType::kFloat64; }
+bool IsInteger(PlyType type) {
+  return type != PlyType::kFloat32 && type != PlyType::kFloat64;
+}
 
 absl::StatusOr<PlyHeader> ReadPlyHeader(const std::string& path, std::string_view bytes) {
   return HeaderReader(path, bytes).Read();

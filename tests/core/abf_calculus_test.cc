@@ -40,11 +40,12 @@ struct Fixture {
     return all;
   }
   Eigen::VectorXd Gradient(const Eigen::VectorXd& at) const {
-    return LagrangianGradient(topology, target, at, Cotangents(at), mu);
+    return LagrangianGradient(topology, objective, at, Cotangents(at), mu);
   }
 
   Topology topology;
   TargetAngles target;
+  Objective objective{target};
   Eigen::VectorXd x;
   Multipliers mu;
 };
@@ -110,19 +111,32 @@ TEST(Constraints, ProductJacobianIsTheDerivative) {
   }
 }
 
-TEST(Lagrangian, GradientIsTheDerivative) {
+TEST(Objective, BarrierIsLeastAtTheTargetAndGrowsTowardsZero) {
   const Fixture f = ManyWheels();
+  Objective barrier(f.target);
+  barrier.set_barrier(0.5);
+  EXPECT_NEAR(barrier.Value(f.target.angle), 0, 1e-14);
+  EXPECT_LT(barrier.Gradient(f.target.angle).cwiseAbs().maxCoeff(), 1e-14);
+  Eigen::VectorXd collapsed = f.target.angle;
+  collapsed[0] *= 1e-9;
+  EXPECT_GT(barrier.Value(collapsed), f.objective.Value(collapsed) + 0.5 * 19);
+}
+
+TEST(Lagrangian, GradientIsTheDerivative) {
+  Fixture f = ManyWheels();
+  f.objective.set_barrier(0.3);
   const auto lagrangian = [&](const Eigen::VectorXd& at) {
-    return Eigen::VectorXd::Constant(1, f.target.Energy(at) + f.StackedMultipliers().dot(f.Stacked(at)));
+    return Eigen::VectorXd::Constant(1, f.objective.Value(at) + f.StackedMultipliers().dot(f.Stacked(at)));
   };
   const Eigen::VectorXd expected = Differences(lagrangian, f.x).transpose();
   EXPECT_LT((f.Gradient(f.x) - expected).cwiseAbs().maxCoeff(), 2e-7);
 }
 
 TEST(Lagrangian, HessianIsTheDerivativeOfTheGradientAndDiagonal) {
-  const Fixture f = ManyWheels();
+  Fixture f = ManyWheels();
+  f.objective.set_barrier(0.3);
   const Eigen::MatrixXd expected = Differences([&](const auto& at) { return f.Gradient(at); }, f.x);
-  const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
   EXPECT_LT((Eigen::MatrixXd(hessian.asDiagonal()) - expected).cwiseAbs().maxCoeff(), 2e-7);
 }
 
@@ -137,14 +151,14 @@ double PlaneEigenvalue(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 
 TEST(Convexify, LiftsJustTheFacesThatNeedIt) {
   const Fixture f = ManyWheels();
-  Eigen::VectorXd exact = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  Eigen::VectorXd exact = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
   // Face 0: negative entry, but positive on the plane. Face 1: negative on the plane. Face 2: hopeless.
   const Eigen::VectorXd base = 2 * f.target.weight;
   exact.segment<3>(0) << -0.1 * base[0], 3 * base[1], 3 * base[2];
   exact.segment<3>(3) << -2 * base[3], base[4], base[5];
   exact.segment<3>(6) = -5 * base.segment<3>(6);
   Eigen::VectorXd convex = exact;
-  const std::int64_t changed = Convexify(f.topology, f.target, Convexification::kByFace, &convex);
+  const std::int64_t changed = Convexify(base, Convexification::kByFace, &convex);
   EXPECT_GE(changed, 2);
   EXPECT_EQ(convex.segment<3>(0), exact.segment<3>(0));
   for (std::int32_t face = 0; face < f.topology.num_faces(); ++face) {
@@ -153,7 +167,7 @@ TEST(Convexify, LiftsJustTheFacesThatNeedIt) {
     EXPECT_NEAR(after, std::max(before, kMinCurvature), 1e-9) << face;
   }
   Eigen::VectorXd by_angle = exact;
-  EXPECT_GE(Convexify(f.topology, f.target, Convexification::kByAngle, &by_angle), 3);
+  EXPECT_GE(Convexify(base, Convexification::kByAngle, &by_angle), 3);
   EXPECT_GT((by_angle.array() / base.array()).minCoeff(), 0.999 * kMinCurvature);
 }
 
@@ -172,7 +186,7 @@ Eigen::MatrixXd DenseSchur(const SaddlePointOperator& system) {
 
 TEST(FullSystem, IsTheMatrixOfThePaper) {
   const Fixture f = ManyWheels();
-  const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
   const FullSystem system(f.topology, hessian, Cotangents(f.x));
   const Eigen::MatrixXd b = ConstraintJacobian(f.topology, f.x, WheelForm::kLogarithm);
   const Eigen::MatrixXd expected = b * hessian.cwiseInverse().asDiagonal() * b.transpose();
@@ -183,7 +197,7 @@ TEST(FullSystem, IsTheMatrixOfThePaper) {
 
 TEST(ReducedSystem, IsTheSchurComplementOfTheFullOneEvenWithZeroEntries) {
   const Fixture f = ManyWheels();
-  Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.target, f.x, f.mu);
+  Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
   const ReducedSystem system(f.topology, hessian, Cotangents(f.x));
   const Eigen::MatrixXd m = DenseSchur(FullSystem(f.topology, hessian, Cotangents(f.x)));
   const Eigen::Index faces = f.topology.num_faces(), pairs = 2 * f.topology.num_interior;

@@ -92,6 +92,18 @@ TEST(Flatten, ExactHessianFindsTheSameAngles) {
   EXPECT_LT((exact.angles - convex.angles).cwiseAbs().maxCoeff(), 1e-6);
 }
 
+TEST(Flatten, KeepsABarrierWhereTheEnergyHasNoMinimum) {
+  // Closing the sphere drives the outer angles to 0 without a minimum.
+  const Disc disc(testing::PuncturedSphere(10, 0.1));
+  const Flattening result = disc.Flatten();
+  EXPECT_TRUE(result.summary.converged) << result.summary.stop_message;
+  EXPECT_GT(result.summary.barrier, 0);
+  EXPECT_LE(result.summary.residual.Max(), 1e-9);
+  EXPECT_GT((result.angles.array() / disc.target.angle.array()).minCoeff(), 1e-3);
+  EXPECT_NE(result.summary.stop_message.find("with a barrier of 0.01"), std::string::npos);
+  EXPECT_EQ(Disc(testing::PuncturedSphere(10, 0.5)).Flatten().summary.barrier, 0);
+}
+
 TEST(Flatten, IsAMinimumAmongFeasibleNeighbours) {
   const Disc disc(testing::Hills(10, 9, 2));
   const Flattening result = disc.Flatten();

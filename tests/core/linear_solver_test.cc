@@ -23,8 +23,8 @@ struct StepFixture {
     for (Eigen::Index i = 0; i < mu.pair.size(); ++i) mu.pair[i] = 0.2 * std::sin(3.0 * static_cast<double>(i));
     cot = Cotangents(x);
     h = EvaluateConstraints(topology, x);
-    gradient = LagrangianGradient(topology, target, x, cot, mu);
-    hessian = LagrangianHessian(topology, target, x, mu);
+    gradient = LagrangianGradient(topology, objective, x, cot, mu);
+    hessian = LagrangianHessian(topology, objective, x, mu);
   }
 
   // Eq. 5 by a dense factorization.
@@ -44,6 +44,7 @@ struct StepFixture {
   Mesh mesh = testing::Hills(8, 7, 1.5);
   Topology topology;
   TargetAngles target;
+  Objective objective{target};
   Eigen::VectorXd x, cot, gradient, hessian;
   Multipliers mu;
   ConstraintValues h;
@@ -69,7 +70,7 @@ class LinearSolverTest : public ::testing::TestWithParam<Combination> {
 TEST_P(LinearSolverTest, SolvesEquation5) {
   StepSolver solver = MakeStepSolver();
   Eigen::VectorXd convex = fixture_.hessian;
-  Convexify(fixture_.topology, fixture_.target, solver.RequiredConvexification(), &convex);
+  Convexify(2 * fixture_.target.weight, solver.RequiredConvexification(), &convex);
   ASSERT_TRUE(solver.Prepare(convex, convex, fixture_.cot).ok());
   NewtonStep step;
   LinearSolveOptions options;
@@ -84,7 +85,7 @@ TEST_P(LinearSolverTest, SolvesEquation5) {
 TEST_P(LinearSolverTest, StopsAtTheIterationLimitWithAConsistentStep) {
   StepSolver solver = MakeStepSolver();
   Eigen::VectorXd convex = fixture_.hessian;
-  Convexify(fixture_.topology, fixture_.target, solver.RequiredConvexification(), &convex);
+  Convexify(2 * fixture_.target.weight, solver.RequiredConvexification(), &convex);
   ASSERT_TRUE(solver.Prepare(convex, convex, fixture_.cot).ok());
   LinearSolveOptions options;
   options.max_iterations = 5;
@@ -106,7 +107,7 @@ TEST_P(LinearSolverTest, StopsAtTheIterationLimitWithAConsistentStep) {
 TEST_P(LinearSolverTest, ObeysTheInterrupterAndReportsProgress) {
   StepSolver solver = MakeStepSolver();
   Eigen::VectorXd convex = fixture_.hessian;
-  Convexify(fixture_.topology, fixture_.target, solver.RequiredConvexification(), &convex);
+  Convexify(2 * fixture_.target.weight, solver.RequiredConvexification(), &convex);
   ASSERT_TRUE(solver.Prepare(convex, convex, fixture_.cot).ok());
   Interrupter interrupter;
   LinearSolveOptions options;
@@ -153,7 +154,7 @@ TEST_P(LinearSolverTest, ExactIndefiniteHessian) {
   exact.segment<3>(60) *= -1;
   StepSolver solver = MakeStepSolver();
   Eigen::VectorXd convex = exact;
-  Convexify(fixture_.topology, fixture_.target, solver.RequiredConvexification(), &convex);
+  Convexify(2 * fixture_.target.weight, solver.RequiredConvexification(), &convex);
   ASSERT_TRUE(solver.Prepare(exact, convex, fixture_.cot).ok());
   LinearSolveOptions options;
   options.relative_tolerance = 1e-11;

@@ -162,9 +162,8 @@ TEST(Unwrap, DeliversDoubleOnlyWhereFloatLosesTheMap) {
   // The same map with a speck of it shrunk below what float resolves near 1.
   Mesh speck = testing::Plane(4, 4);
   const Vec3 centre = speck.positions[12];
-  const auto at_centre = std::find_if(speck.faces.begin(), speck.faces.end(), [](const Face& f) {
-    return std::find(f.begin(), f.end(), 12) != f.end();
-  });
+  const auto at_centre = std::find_if(speck.faces.begin(), speck.faces.end(),
+                                      [](const Face& f) { return std::find(f.begin(), f.end(), 12) != f.end(); });
   const Face split = *at_centre;
   const auto n = static_cast<std::int32_t>(speck.positions.size());
   const Vec3 a = speck.positions[split[0]], b = speck.positions[split[1]], c = speck.positions[split[2]];

@@ -1,0 +1,31 @@
+// What Newton's method minimizes: f of eq. 4, and on the way to it f with a barrier that keeps angles from collapsing.
+#pragma once
+
+#include "Eigen/Core"
+#include "core/abf/target_angles.h"
+
+namespace planish {
+
+// f_tau(x) = f(x) + tau * sum of (x_i / a_i - 1 - log(x_i / a_i)).
+//
+// The barrier is least at x = a, as f is, grows without bound towards x_i = 0, and keeps the Hessian diagonal. Angles
+// cannot reach pi before another one of their face reaches 0. With tau = 0 it is f.
+class Objective {
+ public:
+  // `target` must outlive this.
+  explicit Objective(const TargetAngles& target) : target_(target) {}
+
+  double barrier() const { return barrier_; }
+  void set_barrier(double tau) { barrier_ = tau; }
+
+  double Value(const Eigen::VectorXd& x) const;
+  Eigen::VectorXd Gradient(const Eigen::VectorXd& x) const;
+  // The diagonal of the Hessian, positive: 2 w_i + tau / x_i^2.
+  Eigen::VectorXd Curvature(const Eigen::VectorXd& x) const;
+
+ private:
+  const TargetAngles& target_;
+  double barrier_ = 0;
+};
+
+}  // namespace planish
