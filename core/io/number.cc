@@ -1,6 +1,8 @@
 #include "core/io/number.h"
 
 #include <charconv>
+#include <cmath>
+#include <limits>
 
 #include "absl/strings/charconv.h"
 
@@ -29,8 +31,9 @@ bool ParseDouble(std::string_view token, double* value) {
   const auto [stop, error] = std::from_chars(token.data(), end, parsed);
   if (stop != end || token.empty()) return false;
   if (error == std::errc::result_out_of_range) {
-    // Unlike std::from_chars, absl's says which of the two ends of the range it was.
+    // Unlike std::from_chars, absl's says which end of the range it was: the largest double, or nearly zero.
     absl::from_chars(token.data(), end, parsed);
+    if (std::abs(parsed) > 1) parsed = std::copysign(std::numeric_limits<double>::infinity(), parsed);
   } else if (error != std::errc()) {
     return false;
   }

@@ -1,4 +1,3 @@
-// Own reader instead of OpenMesh's: see ply_reader.cc.
 #include "core/base/status_macros.h"
 #include "core/io/file_error.h"
 #include "core/io/number.h"

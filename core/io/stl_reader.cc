@@ -1,4 +1,3 @@
-// Own reader instead of OpenMesh's: see ply_reader.cc.
 #include <bit>
 #include <cstring>
 #include <unordered_map>

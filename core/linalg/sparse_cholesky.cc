@@ -1,6 +1,7 @@
 #include "core/linalg/sparse_cholesky.h"
 
 #include <cholmod.h>
+#include <omp.h>
 
 #include <cstring>
 #include <vector>
@@ -105,6 +106,8 @@ SparseCholesky::SparseCholesky() : impl_(std::make_unique<Impl>()) {}
 SparseCholesky::~SparseCholesky() = default;
 
 absl::Status SparseCholesky::Factorize(const SparseMatrix& lower, int block_size) {
+  // CHOLMOD would start four threads for any factorization, whatever the caller's share of the machine is.
+  omp_set_max_active_levels(0);
   if (lower.rows() == 0) return absl::OkStatus();
   if (!impl_->SamePattern(lower)) {
     if (absl::Status status = impl_->Analyze(lower, block_size); !status.ok()) return status;

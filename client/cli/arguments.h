@@ -1,0 +1,44 @@
+// The command line as data.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "planish/types.h"
+
+namespace planish::cli {
+
+enum class Command { kUnwrap, kJobsList, kJobsShow, kJobsWatch, kJobsCancel, kJobsDelete, kVersion };
+enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
+
+struct Arguments {
+  Command command = Command::kUnwrap;
+  std::string server;  // empty: a private one
+  bool json = false;
+  ProgressMode progress = ProgressMode::kAuto;
+
+  // unwrap; jobs watch has the mesh in `input` if it was given.
+  std::string input;
+  std::string output;
+  UnwrapOptions options;
+  bool detach = false;
+  std::string label;
+  double timeout_seconds = 0;  // 0: none
+
+  // jobs
+  std::string job;  // "jobs/..."
+  std::optional<JobState> state;
+  int limit = 50;
+};
+
+// Either arguments, or what to print and the code to exit with.
+struct ParsedArguments {
+  std::optional<Arguments> arguments;
+  int exit_code = 0;
+  std::string out;  // for stdout: help
+  std::string err;  // for stderr: what is wrong
+};
+
+ParsedArguments ParseArguments(int argc, const char* const* argv);
+
+}  // namespace planish::cli

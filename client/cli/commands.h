@@ -1,0 +1,15 @@
+// What the subcommands do. Each returns an exit code and throws planish::Error for what stops it.
+#pragma once
+
+#include "client/cli/arguments.h"
+#include "client/cli/interrupts.h"
+
+namespace planish::cli {
+
+int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
+int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
+int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, cancel, delete
+int RunVersion(const Arguments& arguments, Interrupts& interrupts);
+
+
+}  // namespace planish::cli

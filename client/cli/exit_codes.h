@@ -1,0 +1,22 @@
+// What the command's exit codes mean (DESIGN.md, section 6).
+#pragma once
+
+#include "planish/error.h"
+
+namespace planish::cli {
+
+enum ExitCode : int {
+  kOk = 0,                  // a usable result
+  kFailed = 1,              // the job failed, or its result is not usable
+  kUsage = 2,               // bad usage or unreadable input
+  kServerUnreachable = 3,
+  kInterrupted = 130,       // Ctrl-C
+};
+
+inline ExitCode ExitCodeOf(const Error& error) {
+  if (error.reason().rfind("FILE_", 0) == 0 || error.reason() == "OPTIONS_INVALID") return kUsage;
+  if (error.code() == ErrorCode::kUnavailable) return kServerUnreachable;
+  return kFailed;
+}
+
+}  // namespace planish::cli

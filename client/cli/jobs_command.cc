@@ -1,0 +1,118 @@
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <iostream>
+#include <vector>
+
+#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/json.h"
+#include "client/cli/numbers.h"
+#include "client/cli/server_choice.h"
+#include "client/cli/summary.h"
+#include "client/cli/terminal.h"
+
+namespace planish::cli {
+namespace {
+
+std::string LocalTime(const std::optional<Job::Time>& time) {
+  if (!time) return "-";
+  const std::time_t seconds = Job::Time::clock::to_time_t(*time);
+  std::tm parts = {};
+  localtime_r(&seconds, &parts);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", &parts);
+  return text;
+}
+
+// How long it ran, or has run so far.
+std::string RunTime(const Job& job) {
+  if (!job.start_time) return "-";
+  const Job::Time end = job.end_time.value_or(Job::Time::clock::now());
+  return Duration(std::max(0.0, std::chrono::duration<double>(end - *job.start_time).count()));
+}
+
+void PrintTable(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()), 0);
+    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
+  }
+  for (const auto& row : rows) {
+    std::string line;
+    for (std::size_t c = 0; c < row.size(); ++c) {
+      line += row[c];
+      if (c + 1 < row.size()) line += std::string(widths[c] - row[c].size() + 2, ' ');
+    }
+    std::cout << line << "\n";
+  }
+  std::cout << std::flush;
+}
+
+int List(const Arguments& arguments, Client& client) {
+  const std::vector<Job> jobs = client.ListJobs(arguments.limit, arguments.state);
+  if (arguments.json) {
+    Json array = Json::array();
+    for (const Job& job : jobs) array.push_back(ToJson(job));
+    std::cout << ToText({{"jobs", array}}) << std::flush;
+    return kOk;
+  }
+  std::vector<std::vector<std::string>> rows = {{"JOB", "STATE", "CREATED", "TIME", "LABEL"}};
+  for (const Job& job : jobs) {
+    rows.push_back({job.name, ToString(job.state), LocalTime(job.create_time), RunTime(job), job.label});
+  }
+  PrintTable(rows);
+  return kOk;
+}
+
+void PrintJob(const Job& job) {
+  PrintTable({{"job", job.name},
+              {"state", ToString(job.state)},
+              {"label", job.label},
+              {"created", LocalTime(job.create_time)},
+              {"started", LocalTime(job.start_time)},
+              {"ended", LocalTime(job.end_time)},
+              {"time", RunTime(job)},
+              {"mesh", WithCommas(job.mesh_bytes) + " bytes as sent"}});
+  if (job.state == JobState::kQueued) std::cout << "ahead    " << job.queue_position << "\n";
+  if (job.progress) {
+    std::cout << "at       " << ToString(job.progress->stage) << ", newton " << job.progress->newton_iteration
+              << ", residual " << Scientific(job.progress->residual.Worst()) << "\n";
+  }
+  if (job.error) std::cout << "error    " << job.error->message << " [" << job.error->reason << "]\n";
+  if (job.report) {
+    Report report = *job.report;
+    if (job.create_time && job.end_time) {
+      report.seconds.total = std::chrono::duration<double>(*job.end_time - *job.create_time).count();
+    }
+    std::cout << "\n" << Summary(report, "", Terminal());
+  }
+  std::cout << std::flush;
+}
+
+}  // namespace
+
+int RunJobs(const Arguments& arguments, Interrupts& interrupts) {
+  ServerChoice server(arguments.server, interrupts);
+  Client& client = server.client();
+  switch (arguments.command) {
+    case Command::kJobsList: return List(arguments, client);
+    case Command::kJobsDelete:
+      client.DeleteJob(arguments.job);
+      std::cerr << "Deleted " << arguments.job << ".\n";
+      return kOk;
+    default: break;
+  }
+  const bool cancels = arguments.command == Command::kJobsCancel;
+  const Job job = cancels ? client.CancelJob(arguments.job) : client.GetJob(arguments.job);
+  if (arguments.json) {
+    std::cout << ToText(ToJson(job)) << std::flush;
+  } else if (cancels) {
+    std::cout << job.name << " " << ToString(job.state) << "\n" << std::flush;
+  } else {
+    PrintJob(job);
+  }
+  return kOk;
+}
+
+}  // namespace planish::cli

@@ -1,0 +1,179 @@
+#include "client/cli/json.h"
+
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+
+namespace planish::cli {
+namespace {
+
+// RFC 3339 with microseconds, UTC.
+std::string TimeText(Job::Time time) {
+  const auto since = std::chrono::duration_cast<std::chrono::microseconds>(time.time_since_epoch()).count();
+  const std::time_t seconds = static_cast<std::time_t>(since / 1000000);
+  std::tm parts = {};
+  gmtime_r(&seconds, &parts);
+  char date[32], text[48];
+  std::strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%S", &parts);
+  std::snprintf(text, sizeof text, "%s.%06dZ", date, static_cast<int>(since % 1000000));
+  return text;
+}
+
+Json ResidualJson(const Residual& residual) {
+  return {{"triangle", residual.triangle},
+          {"vertex", residual.vertex},
+          {"wheel", residual.wheel},
+          {"gradient", residual.gradient}};
+}
+
+Json ProgressJson(const Progress& progress) {
+  return {{"stage", ToString(progress.stage)},
+          {"chart", progress.chart},
+          {"chart_count", progress.chart_count},
+          {"newton_iteration", progress.newton_iteration},
+          {"linear_iterations", progress.linear_iterations},
+          {"linear_residual", progress.linear_residual},
+          {"residual", ResidualJson(progress.residual)},
+          {"energy", progress.energy},
+          {"step_length", progress.step_length},
+          {"elapsed_seconds", progress.elapsed_seconds},
+          {"tolerance", progress.tolerance}};
+}
+
+Json ChartsJson(const std::vector<ChartReport>& charts) {
+  Json json = Json::array();
+  for (const ChartReport& chart : charts) {
+    json.push_back({{"triangles", chart.triangles},
+                    {"method", chart.method},
+                    {"solver", ToString(chart.solver)},
+                    {"system", ToString(chart.system)},
+                    {"preconditioner", ToString(chart.preconditioner)},
+                    {"hessian", ToString(chart.hessian)},
+                    {"converged", chart.converged},
+                    {"newton_iterations", chart.newton_iterations},
+                    {"linear_iterations", chart.linear_iterations},
+                    {"convexified_iterations", chart.convexified_iterations},
+                    {"residual", ResidualJson(chart.residual)},
+                    {"stop_message", chart.stop_message}});
+  }
+  return json;
+}
+
+Json QualityJson(const Quality& quality) {
+  return {{"flipped", quality.flipped},
+          {"degenerate", quality.degenerate},
+          {"overlapping", quality.overlapping},
+          {"angle_error_mean_deg", quality.angle_error_mean_deg},
+          {"angle_error_max_deg", quality.angle_error_max_deg},
+          {"abf_energy", quality.abf_energy},
+          {"conformal_distortion_mean", quality.conformal_distortion_mean},
+          {"conformal_distortion_max", quality.conformal_distortion_max},
+          {"stretch_l2", quality.stretch_l2},
+          {"packing_efficiency", quality.packing_efficiency}};
+}
+
+Json SecondsJson(const StageSeconds& seconds) {
+  return {{"upload", seconds.upload}, {"queue", seconds.queue},   {"decode", seconds.decode},
+          {"charts", seconds.charts}, {"solve", seconds.solve},   {"layout", seconds.layout},
+          {"pack", seconds.pack},     {"verify", seconds.verify}, {"encode", seconds.encode},
+          {"download", seconds.download}, {"total", seconds.total}};
+}
+
+Json WarningsJson(const std::vector<Warning>& warnings) {
+  Json json = Json::array();
+  for (const Warning& warning : warnings) {
+    Json entry = {{"reason", warning.reason}, {"message", warning.message}};
+    if (!warning.metadata.empty()) entry["metadata"] = warning.metadata;
+    json.push_back(entry);
+  }
+  return json;
+}
+
+void AddReport(const Report& report, Json& json) {
+  json["input"] = {{"triangles", report.triangles}, {"vertices", report.vertices}};
+  json["charts"] = ChartsJson(report.charts);
+  json["quality"] = QualityJson(report.quality);
+  json["seconds"] = SecondsJson(report.seconds);
+  json["peak_memory_bytes"] = report.peak_memory_bytes;
+  json["warnings"] = WarningsJson(report.warnings);
+}
+
+}  // namespace
+
+std::string ToLine(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+std::string ToText(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
+Json ToJson(const Job& job) {
+  Json json = {{"job", job.name}, {"state", ToString(job.state)}, {"label", job.label}};
+  if (job.create_time) json["create_time"] = TimeText(*job.create_time);
+  if (job.start_time) json["start_time"] = TimeText(*job.start_time);
+  if (job.end_time) json["end_time"] = TimeText(*job.end_time);
+  json["mesh_bytes"] = job.mesh_bytes;
+  if (job.state == JobState::kQueued) json["queue_position"] = job.queue_position;
+  if (job.progress) json["progress"] = ProgressJson(*job.progress);
+  if (job.error) {
+    json["error"] = {{"code", job.error->code},
+                     {"reason", job.error->reason},
+                     {"message", job.error->message},
+                     {"metadata", job.error->metadata}};
+  }
+  if (job.report) AddReport(*job.report, json);
+  return json;
+}
+
+Json ToJson(const Event& event) {
+  Json json = {{"sequence", event.sequence}, {"time", TimeText(event.time)}, {"skipped", event.skipped}};
+  if (event.job) json["job"] = ToJson(*event.job);
+  if (event.progress) json["progress"] = ProgressJson(*event.progress);
+  return json;
+}
+
+Json ToJson(const Capabilities& capabilities) {
+  Json solvers = Json::array();
+  for (const SolverCombination& combination : capabilities.solvers) {
+    solvers.push_back({{"solver", ToString(combination.solver)},
+                       {"system", ToString(combination.system)},
+                       {"preconditioner", ToString(combination.preconditioner)}});
+  }
+  return {{"version", capabilities.version},
+          {"max_mesh_bytes", capabilities.max_mesh_bytes},
+          {"workers", capabilities.workers},
+          {"queue_capacity", capabilities.queue_capacity},
+          {"solvers", solvers}};
+}
+
+Json ReportJson(const std::string& job, const Report& report, Precision precision, const std::string& output) {
+  Json json = {{"job", job}, {"state", ToString(JobState::kSucceeded)}};
+  AddReport(report, json);
+  json["precision"] = ToString(precision);
+  if (!output.empty()) json["output"] = output;
+  return json;
+}
+
+Failure FailureOf(const Error& error) {
+  Failure failure;
+  failure.job = error.job();
+  failure.state = error.code() == ErrorCode::kCancelled ? JobState::kCancelled : JobState::kFailed;
+  failure.code = ToString(error.code());
+  failure.reason = error.reason();
+  failure.message = error.what();
+  failure.metadata = error.metadata();
+  return failure;
+}
+
+Json ReportJson(const Failure& failure) {
+  return {{"job", failure.job},
+          {"state", ToString(failure.state)},
+          {"error",
+           {{"code", failure.code},
+            {"reason", failure.reason},
+            {"message", failure.message},
+            {"metadata", failure.metadata}}},
+          {"input", {{"triangles", failure.triangles}, {"vertices", failure.vertices}}},
+          {"charts", Json::array()},
+          {"seconds", {{"total", failure.total_seconds}}},
+          {"warnings", Json::array()}};
+}
+
+}  // namespace planish::cli

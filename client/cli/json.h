@@ -1,0 +1,40 @@
+// The JSON that planish prints (DESIGN.md, section 6).
+#pragma once
+
+#include <string>
+
+#include "nlohmann/json.hpp"
+#include "planish/client.h"
+
+namespace planish::cli {
+
+using Json = nlohmann::ordered_json;
+
+// On one line; bytes that are not UTF-8 (file names) are replaced.
+std::string ToLine(const Json& json);
+// Indented, with a line break at the end.
+std::string ToText(const Json& json);
+
+Json ToJson(const Job& job);
+Json ToJson(const Event& event);
+Json ToJson(const Capabilities& capabilities);
+
+// The report object of a job that succeeded. `output` is left out if empty.
+Json ReportJson(const std::string& job, const Report& report, Precision precision, const std::string& output);
+
+// What is known of a job that did not.
+struct Failure {
+  std::string job;
+  JobState state = JobState::kFailed;
+  std::string code;
+  std::string reason;
+  std::string message;
+  std::map<std::string, std::string> metadata;
+  std::int64_t triangles = 0;
+  std::int64_t vertices = 0;
+  double total_seconds = 0;
+};
+Failure FailureOf(const Error& error);
+Json ReportJson(const Failure& failure);
+
+}  // namespace planish::cli

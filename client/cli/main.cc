@@ -1,0 +1,43 @@
+// planish: the command line.
+#include <exception>
+#include <iostream>
+
+#include "client/cli/arguments.h"
+#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/interrupts.h"
+#include "client/cli/json.h"
+#include "client/cli/summary.h"
+
+namespace planish::cli {
+namespace {
+
+int Run(const Arguments& arguments) {
+  Interrupts interrupts;
+  try {
+    switch (arguments.command) {
+      case Command::kUnwrap: return RunUnwrap(arguments, interrupts);
+      case Command::kJobsWatch: return RunJobsWatch(arguments, interrupts);
+      case Command::kVersion: return RunVersion(arguments, interrupts);
+      default: return RunJobs(arguments, interrupts);
+    }
+  } catch (const Error& error) {
+    std::cerr << ErrorText(error, "", StderrTerminal());
+    if (arguments.json) std::cout << ToText(ReportJson(FailureOf(error)));
+    return ExitCodeOf(error);
+  } catch (const std::exception& exception) {
+    std::cerr << "planish: internal error: " << exception.what() << "\n";
+    return kFailed;
+  }
+}
+
+}  // namespace
+}  // namespace planish::cli
+
+int main(int argc, char** argv) {
+  const planish::cli::ParsedArguments parsed = planish::cli::ParseArguments(argc, argv);
+  std::cout << parsed.out << std::flush;
+  std::cerr << parsed.err;
+  if (!parsed.arguments) return parsed.exit_code;
+  return planish::cli::Run(*parsed.arguments);
+}

@@ -1,0 +1,21 @@
+#include "client/cli/server_choice.h"
+
+#include <filesystem>
+
+namespace planish::cli {
+
+ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts) : interrupts_(interrupts) {
+  if (address.empty()) {
+    private_server_.emplace();
+    // Leaving at once skips destructors: the server ends by itself, but nobody else removes its socket.
+    interrupts.SetLastWords([directory = private_server_->directory()] {
+      std::error_code ignored;
+      std::filesystem::remove_all(directory, ignored);
+    });
+  }
+  client_.emplace(address.empty() ? private_server_->target() : address);
+}
+
+ServerChoice::~ServerChoice() { interrupts_.SetLastWords({}); }
+
+}  // namespace planish::cli

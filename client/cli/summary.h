@@ -1,0 +1,21 @@
+// The words a command ends with, for people.
+#pragma once
+
+#include <string>
+
+#include "client/cli/terminal.h"
+#include "planish/client.h"
+
+namespace planish::cli {
+
+// Two lines on what was done and how good it is, a line per warning, and, if the result is not usable, one that
+// says why. `output` is the file that was written; empty if none.
+std::string Summary(const Report& report, const std::string& output, const Terminal& terminal);
+
+// Why the result is not usable; empty if it is.
+std::string WhyNotUsable(const Report& report);
+
+// "planish: error: ..." with the `places` in the file, if any, and what can be done about it, as far as we know.
+std::string ErrorText(const Error& error, const std::string& places, const Terminal& terminal);
+
+}  // namespace planish::cli

@@ -1,0 +1,17 @@
+// What the terminal behind stderr can do.
+#pragma once
+
+namespace planish::cli {
+
+struct Terminal {
+  bool is_tty = false;
+  bool is_dumb = false;  // no cursor movement: a bar would only make a mess
+  bool utf8 = false;
+  bool color = false;
+  int width = 80;  // columns, as of now
+};
+
+// Looks at stderr, $TERM, $NO_COLOR and the locale (LC_ALL, LC_CTYPE, LANG).
+Terminal StderrTerminal();
+
+}  // namespace planish::cli

@@ -1,0 +1,200 @@
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <stop_token>
+
+#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/json.h"
+#include "client/cli/mesh_input.h"
+#include "client/cli/progress.h"
+#include "client/cli/server_choice.h"
+#include "client/cli/summary.h"
+#include "client/cli/terminal.h"
+#include "core/base/timer.h"
+
+namespace planish::cli {
+namespace {
+
+// How long a cancelled job may take to say so before we leave without its word.
+constexpr double kCancelPatienceSeconds = 10;
+
+// What both commands that bring a result share: the error in the file's words, the result on its way out.
+class ResultCommand {
+ public:
+  explicit ResultCommand(const Arguments& arguments) : arguments_(arguments) {}
+
+  void LoadInput() {
+    if (arguments_.input.empty()) return;
+    CheckOutput(arguments_.output.empty() ? "-" : arguments_.output);
+    input_.emplace(arguments_.input);
+  }
+
+  const MeshInput& input() const { return *input_; }
+  double Seconds() const { return timer_.Seconds(); }
+
+  // Seconds of --timeout that are left for the server; 0: no limit.
+  double TimeLeft() const {
+    if (arguments_.timeout_seconds <= 0) return 0;
+    return std::max(0.001, arguments_.timeout_seconds - timer_.Seconds());
+  }
+
+  int Deliver(UnwrapResult result, const Arguments& arguments) {
+    for (Warning& warning : result.report.warnings) warning = input_->InFileIds(warning);
+    WriteOutput(arguments.output, input_->WithUv(result.uv));
+    result.report.seconds.total = timer_.Seconds();
+    std::cerr << Summary(result.report, arguments.output, StderrTerminal());
+    if (arguments.json) {
+      std::cout << ToText(ReportJson(result.job, result.report, result.uv.precision,
+                                     arguments.output == "-" ? "" : arguments.output))
+                << std::flush;
+    }
+    return result.IsUsable() ? kOk : kFailed;
+  }
+
+  int Fail(const Error& sent_error) {
+    const Error error = input_ ? input_->InFileIds(sent_error) : sent_error;
+    const std::string places = input_ ? input_->Places(error.metadata()) : "";
+    std::cerr << ErrorText(error, places, StderrTerminal());
+    if (arguments_.json) {
+      Failure failure = FailureOf(error);
+      failure.triangles = input_ ? input_->view().triangle_count() : 0;
+      failure.vertices = input_ ? input_->view().vertex_count() : 0;
+      failure.total_seconds = timer_.Seconds();
+      std::cout << ToText(ReportJson(failure)) << std::flush;
+    }
+    return ExitCodeOf(error);
+  }
+
+  int Interrupted(const std::string& what_happened, const Error& error) {
+    std::cerr << "planish: " << what_happened << "\n";
+    if (arguments_.json) {
+      Failure failure = FailureOf(error);
+      failure.total_seconds = timer_.Seconds();
+      std::cout << ToText(ReportJson(failure)) << std::flush;
+    }
+    return kInterrupted;
+  }
+
+ private:
+  const Arguments& arguments_;
+  Timer timer_;
+  std::optional<MeshInput> input_;
+};
+
+int Detach(const Arguments& arguments, const MeshInput& input, Client& client, const CallOptions& call) {
+  const Job job = client.CreateJob(input.view(), arguments.options, call);
+  if (arguments.json) {
+    std::cout << ToText(ToJson(job)) << std::flush;
+  } else {
+    std::cout << job.name << "\n" << std::flush;
+  }
+  std::cerr << "Queued. Fetch the result with: planish jobs watch " << job.name << " --mesh " << arguments.input
+            << " -o OUT.obj --server=" << arguments.server << "\n";
+  return kOk;
+}
+
+// The end of a call, or nothing if it did not come within the patience after an interrupt.
+std::optional<UnwrapResult> WaitOrInterrupt(Call& call, const Interrupts& interrupts) {
+  std::optional<Timer> since_interrupt;
+  while (!call.WaitFor(0.05)) {
+    if (interrupts.interrupted() && !since_interrupt) since_interrupt.emplace();
+    if (since_interrupt && since_interrupt->Seconds() > kCancelPatienceSeconds) return std::nullopt;
+  }
+  return call.Wait();
+}
+
+}  // namespace
+
+int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
+  ResultCommand command(arguments);
+  std::unique_ptr<ProgressView> view;
+  try {
+    command.LoadInput();
+    ServerChoice server(arguments.server, interrupts);
+    const std::string file_name = std::filesystem::path(arguments.input).filename();
+    CallOptions call_options;
+    call_options.label = arguments.label.empty() ? file_name : arguments.label;
+    call_options.timeout_seconds = command.TimeLeft();
+    if (arguments.detach) return Detach(arguments, command.input(), server.client(), call_options);
+
+    view = NewProgressView(arguments.progress, file_name);
+    Call call = server.client().StartUnwrap(command.input().view(), arguments.options, view->AsCallbacks(),
+                                            call_options);
+    interrupts.SetCancel([&] {
+      view->OnNotice(kCancelling);
+      call.Cancel();
+    });
+    std::optional<UnwrapResult> result;
+    std::optional<Error> error;
+    try {
+      result = WaitOrInterrupt(call, interrupts);
+    } catch (const Error& e) {
+      error = e;
+    }
+    interrupts.SetCancel({});
+    view->Finish(result.has_value() && !interrupts.interrupted());
+    if (interrupts.interrupted()) {
+      const Error cancelled = Error(ErrorCode::kCancelled, "CANCELLED", "interrupted").set_job(call.job());
+      const bool confirmed = result.has_value() || (error && error->code() == ErrorCode::kCancelled);
+      return command.Interrupted(confirmed ? "interrupted; the job was cancelled on the server"
+                                           : "interrupted; the server did not confirm that the job was cancelled",
+                                 cancelled);
+    }
+    if (error) return command.Fail(*error);
+    return command.Deliver(*std::move(result), arguments);
+  } catch (const Error& error) {
+    if (view) view->Finish(false);
+    return command.Fail(error);
+  }
+}
+
+int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
+  ResultCommand command(arguments);
+  std::unique_ptr<ProgressView> view;
+  std::stop_source stop;
+  try {
+    command.LoadInput();
+    ServerChoice server(arguments.server, interrupts);
+    view = NewProgressView(arguments.progress, arguments.job);
+    // The job is not ours to cancel.
+    interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
+    CallOptions call;
+    call.stop = stop.get_token();
+    call.timeout_seconds = command.TimeLeft();
+    if (!arguments.input.empty()) {
+      UnwrapResult result =
+          server.client().AttachResult(arguments.job, command.input().view(), view->AsCallbacks(), call);
+      view->Finish(true);
+      return command.Deliver(std::move(result), arguments);
+    }
+    const Job job = server.client().WatchJob(arguments.job, view->AsCallbacks(), 0, call);
+    view->Finish(job.state == JobState::kSucceeded);
+    if (arguments.json) std::cout << ToText(ToJson(job)) << std::flush;
+    if (job.error) {
+      std::cerr << "planish: " << job.name << " failed: " << job.error->message << " [" << job.error->reason << "]\n";
+    } else if (!job.report) {
+      std::cerr << "planish: " << job.name << " ended as " << ToString(job.state) << "\n";
+    } else {
+      Report report = *job.report;
+      if (job.create_time && job.end_time) {
+        report.seconds.total = std::chrono::duration<double>(*job.end_time - *job.create_time).count();
+      }
+      std::cerr << Summary(report, "", StderrTerminal());
+      return WhyNotUsable(report).empty() ? kOk : kFailed;
+    }
+    return kFailed;
+  } catch (const Error& error) {
+    if (view) view->Finish(false);
+    if (interrupts.interrupted()) {
+      return command.Interrupted("stopped watching; the job goes on. To end it: planish jobs cancel " + arguments.job,
+                                 error);
+    }
+    return command.Fail(error);
+  }
+}
+
+}  // namespace planish::cli

@@ -1,0 +1,228 @@
+// What goes into an unwrap and what comes out: plain structs, the proto's messages with std types.
+//
+// Everything lives in namespace planish; the inline namespace keeps these names apart from the server's in a binary.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace planish {
+inline namespace api {
+
+// A triangle mesh that belongs to the caller; nothing is copied. `positions` holds x, y, z per vertex in any unit;
+// `triangles` holds three 0-based vertex ids per triangle, counter-clockwise seen from outside. Positions travel as
+// float. Vertices without a triangle are allowed and ignored.
+class MeshView {
+ public:
+  MeshView(std::span<const float> positions, std::span<const std::uint32_t> triangles);
+  MeshView(std::span<const double> positions, std::span<const std::uint32_t> triangles);
+  MeshView(std::span<const float> positions, std::span<const std::int32_t> triangles);
+  MeshView(std::span<const double> positions, std::span<const std::int32_t> triangles);
+
+  std::int64_t vertex_count() const { return coordinate_count_ / 3; }
+  std::int64_t triangle_count() const { return index_count_ / 3; }
+
+ private:
+  friend class MeshPacker;
+  const float* floats_ = nullptr;
+  const double* doubles_ = nullptr;
+  const std::uint32_t* indices_ = nullptr;  // negative ids wrap and are refused as out of range
+  std::int64_t coordinate_count_ = 0;
+  std::int64_t index_count_ = 0;
+};
+
+enum class JobState { kUnspecified, kQueued, kRunning, kStopping, kSucceeded, kFailed, kCancelled, kExpired };
+enum class Stage { kUnspecified, kUpload, kQueue, kDecode, kCharts, kSolve, kLayout, kPack, kVerify, kEncode, kDownload };
+enum class Seams { kNone };
+enum class Solver { kAuto, kUzawa, kMinres, kDirect };
+enum class System { kAuto, kFull, kReduced };
+enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky };
+enum class Hessian { kConvex, kExact };
+enum class Precision { kAuto, kFloat, kDouble };
+
+// As the command line and the JSON report spell them: "SUCCEEDED", "solve", "uzawa", ...; "unknown" for a value
+// that only a newer server knows.
+const char* ToString(JobState state);
+const char* ToString(Stage stage);
+const char* ToString(Seams seams);
+const char* ToString(Solver solver);
+const char* ToString(System system);
+const char* ToString(Preconditioner preconditioner);
+const char* ToString(Hessian hessian);
+const char* ToString(Precision precision);
+
+// Whether a job in this state will never change again.
+bool IsTerminal(JobState state);
+
+struct UnwrapOptions {
+  Seams seams = Seams::kNone;  // the mesh must be a topological disc
+  Solver solver = Solver::kAuto;
+  System system = System::kAuto;
+  Preconditioner preconditioner = Preconditioner::kAuto;
+  Hessian hessian = Hessian::kConvex;
+  Precision precision = Precision::kAuto;
+  double tolerance = 0;           // radians per angle, in (0, 1e-2]; 0: the server's default, 1e-9
+  int max_newton_iterations = 0;  // in [1, 1000]; 0: the server's default, 100
+};
+
+// Largest residual of each constraint family and of the scaled gradient, in radians (wheel: a logarithm).
+struct Residual {
+  double triangle = 0;
+  double vertex = 0;
+  double wheel = 0;
+  double gradient = 0;
+
+  double Worst() const;
+};
+
+struct Progress {
+  Stage stage = Stage::kUnspecified;
+  int chart = 0;  // 0-based
+  int chart_count = 0;
+  int newton_iteration = 0;            // completed
+  std::int64_t linear_iterations = 0;  // over all Newton steps so far
+  double linear_residual = 0;          // relative, of the present linear solve; 0 between solves
+  Residual residual;                   // after newton_iteration steps
+  double energy = 0;
+  double step_length = 0;      // fraction of the last Newton step taken
+  double elapsed_seconds = 0;  // since the worker began
+  double tolerance = 0;        // largest residual that ends the solve as converged
+};
+
+struct ChartReport {
+  std::int64_t triangles = 0;
+  std::string method;  // "abf"
+  Solver solver = Solver::kAuto;
+  System system = System::kAuto;
+  Preconditioner preconditioner = Preconditioner::kAuto;
+  Hessian hessian = Hessian::kConvex;
+  bool converged = false;
+  int newton_iterations = 0;
+  std::int64_t linear_iterations = 0;
+  Residual residual;
+  int convexified_iterations = 0;  // Newton steps in which the Hessian of a face was made positive
+  std::string stop_message;        // one sentence with numbers
+};
+
+// Measured on the delivered UV with exact predicates.
+struct Quality {
+  std::int64_t flipped = 0;
+  std::int64_t degenerate = 0;
+  std::int64_t overlapping = 0;  // pairs of UV triangles whose interiors meet
+  double angle_error_mean_deg = 0;
+  double angle_error_max_deg = 0;
+  double abf_energy = 0;
+  double conformal_distortion_mean = 1;
+  double conformal_distortion_max = 1;
+  double stretch_l2 = 1;
+  double packing_efficiency = 0;
+};
+
+// Wall-clock seconds of each stage: upload (encode, send, accept), download and total as this client saw them, the
+// others as the server did.
+struct StageSeconds {
+  double upload = 0;
+  double queue = 0;
+  double decode = 0;
+  double charts = 0;
+  double solve = 0;
+  double layout = 0;
+  double pack = 0;
+  double verify = 0;
+  double encode = 0;
+  double download = 0;
+  double total = 0;
+};
+
+// A promise that was not kept, or something the caller should know; reasons as in planish.v1.Warning.
+struct Warning {
+  std::string reason;
+  std::string message;
+  std::map<std::string, std::string> metadata;  // element ids are the caller's own
+};
+
+struct Report {
+  std::int64_t triangles = 0;
+  std::int64_t vertices = 0;
+  std::vector<ChartReport> charts;
+  Quality quality;
+  StageSeconds seconds;
+  std::int64_t peak_memory_bytes = 0;
+  std::vector<Warning> warnings;
+};
+
+// Why a job failed, as data; planish::Error is the same thing thrown.
+struct JobError {
+  std::string code;    // "INVALID_ARGUMENT", ...
+  std::string reason;  // "MESH_CLOSED", ...
+  std::string message;
+  std::map<std::string, std::string> metadata;
+};
+
+struct Job {
+  using Time = std::chrono::system_clock::time_point;
+
+  std::string name;  // "jobs/..."
+  JobState state = JobState::kUnspecified;
+  std::string label;
+  UnwrapOptions options;
+  std::optional<Time> create_time;
+  std::optional<Time> start_time;
+  std::optional<Time> end_time;
+  std::int64_t mesh_bytes = 0;
+  int queue_position = 0;            // jobs ahead while QUEUED
+  std::optional<Progress> progress;  // while RUNNING or STOPPING
+  std::optional<JobError> error;     // when FAILED; ids in the order of the mesh as sent
+  std::optional<Report> report;      // when SUCCEEDED
+};
+
+// Something that happened to a job: exactly one of `job` (after a change of state) and `progress` is set.
+struct Event {
+  std::int64_t sequence = 0;  // 1, 2, 3, ... within a job
+  Job::Time time;
+  std::int64_t skipped = 0;  // events between the one before and this one that the server no longer had
+  std::optional<Job> job;
+  std::optional<Progress> progress;
+};
+
+// UV of every corner in the caller's own order: numbers 2 (3 f + k) and 2 (3 f + k) + 1 are (u, v) of corner k of
+// triangle f. The server chose `precision` (UnwrapOptions::precision kAuto): exactly one vector is filled.
+struct Uv {
+  Precision precision = Precision::kFloat;  // kFloat or kDouble
+  std::vector<float> floats;
+  std::vector<double> doubles;
+
+  // Either kind as double.
+  std::vector<double> AsDouble() const;
+};
+
+struct UnwrapResult {
+  std::string job;  // name
+  Uv uv;
+  Report report;
+
+  // Every chart converged and no UV triangle is flipped or degenerate. (Overlaps are warnings.)
+  bool IsUsable() const;
+};
+
+struct SolverCombination {
+  Solver solver = Solver::kAuto;
+  System system = System::kAuto;
+  Preconditioner preconditioner = Preconditioner::kAuto;
+};
+
+struct Capabilities {
+  std::string version;
+  std::int64_t max_mesh_bytes = 0;
+  int workers = 0;
+  int queue_capacity = 0;
+  std::vector<SolverCombination> solvers;
+};
+
+}  // namespace api
+}  // namespace planish

@@ -1,0 +1,284 @@
+#include "planish/client.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "client/src/convert.h"
+#include "client/src/errors.h"
+#include "client/src/follower.h"
+#include "client/src/mesh_packer.h"
+#include "client/src/request_id.h"
+#include "client/src/rpc.h"
+#include "client/src/uv_bytes.h"
+
+namespace planish {
+inline namespace api {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double SecondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+// Why a job that ended without UV did so.
+Error ErrorOf(const v1::Job& job, const PackedMesh& mesh) {
+  if (job.state() == v1::JOB_STATE_FAILED && job.has_error()) {
+    return Renumbered(ErrorFrom(job.error()), mesh.ToCaller()).set_job(job.name());
+  }
+  if (job.state() == v1::JOB_STATE_CANCELLED) {
+    return Error(ErrorCode::kCancelled, "CANCELLED", "the job was cancelled").set_job(job.name());
+  }
+  return Error(ErrorCode::kInternal, "INTERNAL", "the job ended as " + v1::JobState_Name(job.state()) + " without a word")
+      .set_job(job.name());
+}
+
+// Takes the Draco bytes out of `mesh`.
+template <typename Request>
+Request NewJobRequest(PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
+  Request request;
+  request.set_draco(std::move(mesh.draco));
+  *request.mutable_options() = ToProto(options);
+  request.set_request_id(call.request_id.empty() ? NewRequestId() : call.request_id);
+  request.set_label(call.label);
+  return request;
+}
+
+UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh) {
+  if (followed.job.state() != v1::JOB_STATE_SUCCEEDED) throw ErrorOf(followed.job, mesh);
+  UnwrapResult result;
+  result.job = followed.job.name();
+  try {
+    result.uv = ParseUv(followed.job.uv(), followed.uv_bytes, mesh);
+  } catch (Error& error) {
+    throw error.set_job(result.job);
+  }
+  result.report = FromProto(followed.job.report(), mesh.ToCaller());
+  return result;
+}
+
+}  // namespace
+
+class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
+ public:
+  Impl(const std::string& target, const ClientOptions& options)
+      : options_(options), rpc_(std::make_shared<Rpc>(target, options)) {}
+
+  Rpc& rpc() { return *rpc_; }
+
+  // `start` is when the caller called, before the mesh was packed.
+  UnwrapResult Unwrap(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
+                      const Callbacks& callbacks, const CallOptions& call,
+                      std::function<void(const std::string&)> on_job_name) {
+    const double packing_seconds = SecondsSince(start);
+    FollowPlan plan;
+    plan.unwrap = NewJobRequest<v1::UnwrapRequest>(mesh, options, call);
+    plan.unwrap->set_detached(call.detached);
+    plan.mesh = &mesh;
+    plan.call = call;
+    plan.on_job_name = std::move(on_job_name);
+    const Followed followed = Follower(rpc_, options_, std::move(plan), callbacks).Run();
+    UnwrapResult result = ResultOf(followed, mesh);
+    result.report.seconds.upload = packing_seconds + followed.upload_seconds;
+    result.report.seconds.download = followed.download_seconds;
+    result.report.seconds.total = SecondsSince(start);
+    return result;
+  }
+
+  Followed Watch(const std::string& job, const PackedMesh* mesh, std::int64_t after_sequence,
+                 const Callbacks& callbacks, const CallOptions& call) {
+    FollowPlan plan;
+    plan.watch.emplace();
+    plan.watch->set_name(job);
+    plan.watch->set_after_sequence(after_sequence);
+    plan.watch->set_include_uv(mesh != nullptr);
+    plan.mesh = mesh;
+    plan.call = call;
+    return Follower(rpc_, options_, std::move(plan), callbacks).Run();
+  }
+
+  // Repeats `create` while the server's queue is full and patience lasts.
+  template <typename Create>
+  v1::Job WaitForRoom(const Create& create) const {
+    for (double waited = 0;;) {
+      try {
+        return create();
+      } catch (const Error& error) {
+        const double pause = std::max(0.05, error.retry_after_seconds());
+        if (error.reason() != "QUEUE_FULL" || waited + pause > options_.queue_full_wait_seconds) throw;
+        std::this_thread::sleep_for(std::chrono::duration<double>(pause));
+        waited += pause;
+      }
+    }
+  }
+
+ private:
+  const ClientOptions options_;
+  const std::shared_ptr<Rpc> rpc_;
+};
+
+struct Call::State {
+  std::stop_source stop;
+  std::thread thread;
+
+  mutable std::mutex mutex;
+  mutable std::condition_variable changed;
+  bool done = false;
+  std::string job;
+  std::optional<UnwrapResult> result;
+  std::exception_ptr error;
+
+  void Finish(std::optional<UnwrapResult> r, std::exception_ptr e) {
+    const std::lock_guard lock(mutex);
+    result = std::move(r);
+    error = std::move(e);
+    done = true;
+    changed.notify_all();
+  }
+};
+
+Call::Call() = default;
+Call::Call(std::shared_ptr<State> state) : state_(std::move(state)) {}
+Call::Call(Call&&) noexcept = default;
+Call& Call::operator=(Call&& other) noexcept {
+  if (this != &other) {
+    End();
+    state_ = std::move(other.state_);
+  }
+  return *this;
+}
+Call::~Call() { End(); }
+
+void Call::End() {
+  if (state_ == nullptr || !state_->thread.joinable()) return;
+  state_->stop.request_stop();
+  if (state_->thread.get_id() == std::this_thread::get_id()) {
+    state_->thread.detach();  // ended from within its own callback; the thread keeps its state
+  } else {
+    state_->thread.join();
+  }
+}
+
+void Call::Cancel() {
+  if (state_ != nullptr) state_->stop.request_stop();
+}
+
+std::string Call::job() const {
+  if (state_ == nullptr) return {};
+  const std::lock_guard lock(state_->mutex);
+  return state_->job;
+}
+
+bool Call::WaitFor(double seconds) const {
+  if (state_ == nullptr) return true;
+  std::unique_lock lock(state_->mutex);
+  return state_->changed.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return state_->done; });
+}
+
+UnwrapResult Call::Wait() {
+  if (state_ == nullptr) throw Error(ErrorCode::kFailedPrecondition, "CALL_EMPTY", "this call was never started");
+  std::unique_lock lock(state_->mutex);
+  state_->changed.wait(lock, [&] { return state_->done; });
+  if (state_->error) std::rethrow_exception(state_->error);
+  return *std::move(state_->result);
+}
+
+Client::Client(const std::string& target, const ClientOptions& options)
+    : impl_(std::make_shared<Impl>(target, options)) {}
+Client::~Client() = default;
+Client::Client(Client&&) noexcept = default;
+Client& Client::operator=(Client&&) noexcept = default;
+
+const std::string& Client::target() const { return impl_->rpc().target(); }
+
+UnwrapResult Client::Unwrap(const MeshView& mesh, const UnwrapOptions& options, const Callbacks& callbacks,
+                            const CallOptions& call) {
+  const Clock::time_point start = Clock::now();
+  return impl_->Unwrap(MeshPacker::Pack(mesh), start, options, callbacks, call, {});
+}
+
+Call Client::StartUnwrap(const MeshView& mesh, const UnwrapOptions& options, Callbacks callbacks, CallOptions call) {
+  const Clock::time_point start = Clock::now();
+  auto state = std::make_shared<Call::State>();
+  // A token of the caller's works as well as Call::Cancel().
+  auto callers_stop = std::make_shared<std::stop_callback<std::function<void()>>>(
+      call.stop, [weak = std::weak_ptr(state)] {
+        if (const auto locked = weak.lock()) locked->stop.request_stop();
+      });
+  call.stop = state->stop.get_token();
+  state->thread = std::thread([impl = impl_, state, callers_stop, start, packed = MeshPacker::Pack(mesh), options,
+                               callbacks = std::move(callbacks), call = std::move(call)]() mutable {
+    const auto on_job_name = [&](const std::string& name) {
+      const std::lock_guard lock(state->mutex);
+      state->job = name;
+    };
+    std::optional<UnwrapResult> result;
+    std::exception_ptr failure;
+    try {
+      result = impl->Unwrap(std::move(packed), start, options, callbacks, call, on_job_name);
+      if (callbacks.on_done) callbacks.on_done(*result);
+    } catch (const Error& error) {
+      failure = std::current_exception();
+      if (callbacks.on_error) callbacks.on_error(error);
+    } catch (const std::exception& exception) {
+      failure = std::current_exception();
+      if (callbacks.on_error) callbacks.on_error(Error(ErrorCode::kUnknown, "CALLBACK_FAILED", exception.what()));
+    }
+    state->Finish(std::move(result), failure);
+  });
+  return Call(state);
+}
+
+Job Client::CreateJob(const MeshView& mesh, const UnwrapOptions& options, const CallOptions& call) {
+  const Deadline deadline = DeadlineAfter(call.timeout_seconds);
+  PackedMesh packed = MeshPacker::Pack(mesh);
+  const auto request = NewJobRequest<v1::CreateJobRequest>(packed, options, call);
+  return FromProto(impl_->WaitForRoom([&] { return impl_->rpc().CreateJob(request, deadline); }));
+}
+
+UnwrapResult Client::AttachResult(const std::string& job, const MeshView& mesh, const Callbacks& callbacks,
+                                  const CallOptions& call) {
+  const Clock::time_point start = Clock::now();
+  const PackedMesh packed = MeshPacker::Pack(mesh);
+  const Followed followed = impl_->Watch(job, &packed, 0, callbacks, call);
+  UnwrapResult result = ResultOf(followed, packed);
+  result.report.seconds.download = followed.download_seconds;
+  result.report.seconds.total = SecondsSince(start);
+  return result;
+}
+
+Job Client::WatchJob(const std::string& job, const Callbacks& callbacks, std::int64_t after_sequence,
+                     const CallOptions& call) {
+  const Followed followed = impl_->Watch(job, nullptr, after_sequence, callbacks, call);
+  return FromProto(followed.job);
+}
+
+Job Client::GetJob(const std::string& job) { return FromProto(impl_->rpc().GetJob(job)); }
+
+std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state) {
+  constexpr int kPageSize = 1000;
+  std::vector<Job> jobs;
+  v1::ListJobsRequest request;
+  if (state) request.set_state(ToProto(*state));
+  do {
+    const int left = limit > 0 ? limit - static_cast<int>(jobs.size()) : kPageSize;
+    request.set_page_size(std::min(left, kPageSize));
+    const v1::ListJobsResponse response = impl_->rpc().ListJobs(request);
+    for (const v1::Job& job : response.jobs()) jobs.push_back(FromProto(job));
+    request.set_page_token(response.next_page_token());
+  } while (!request.page_token().empty() && (limit <= 0 || static_cast<int>(jobs.size()) < limit));
+  return jobs;
+}
+
+Job Client::CancelJob(const std::string& job) { return FromProto(impl_->rpc().CancelJob(job)); }
+
+void Client::DeleteJob(const std::string& job) { impl_->rpc().DeleteJob(job); }
+
+Capabilities Client::GetCapabilities() { return FromProto(impl_->rpc().GetCapabilities()); }
+
+const char* Version() { return PLANISH_VERSION; }
+
+}  // namespace api
+}  // namespace planish

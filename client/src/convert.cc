@@ -1,0 +1,190 @@
+#include "client/src/convert.h"
+
+#include "client/src/errors.h"
+
+namespace planish {
+inline namespace api {
+namespace {
+
+// The enums below number their values like the proto's, from SOMETHING_AUTO = 1 on. A value that only a newer
+// server knows becomes one that ToString calls "unknown".
+template <typename Enum>
+Enum EnumFromProto(int value) {
+  return static_cast<Enum>(value == 0 ? 0 : value - 1);
+}
+
+template <typename ProtoEnum, typename Enum>
+ProtoEnum EnumToProto(Enum value) {
+  return static_cast<ProtoEnum>(static_cast<int>(value) + 1);
+}
+
+static_assert(static_cast<int>(Solver::kDirect) + 1 == v1::SOLVER_DIRECT);
+static_assert(static_cast<int>(System::kReduced) + 1 == v1::SYSTEM_REDUCED);
+static_assert(static_cast<int>(Preconditioner::kCholesky) + 1 == v1::PRECONDITIONER_CHOLESKY);
+static_assert(static_cast<int>(Hessian::kExact) + 1 == v1::HESSIAN_EXACT);
+static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
+static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
+static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
+static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
+
+Job::Time TimeFrom(const google::protobuf::Timestamp& time) {
+  return Job::Time(std::chrono::duration_cast<Job::Time::duration>(std::chrono::seconds(time.seconds()) +
+                                                                   std::chrono::nanoseconds(time.nanos())));
+}
+
+UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
+  UnwrapOptions options;
+  options.seams = EnumFromProto<Seams>(proto.seams());
+  options.solver = EnumFromProto<Solver>(proto.solver());
+  options.system = EnumFromProto<System>(proto.system());
+  options.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
+  options.hessian = EnumFromProto<Hessian>(proto.hessian());
+  options.precision = EnumFromProto<Precision>(proto.precision());
+  options.tolerance = proto.tolerance();
+  options.max_newton_iterations = proto.max_newton_iterations();
+  return options;
+}
+
+Residual FromProto(const v1::Residual& proto) {
+  return {proto.triangle(), proto.vertex(), proto.wheel(), proto.gradient()};
+}
+
+ChartReport FromProto(const v1::ChartReport& proto) {
+  ChartReport chart;
+  chart.triangles = proto.triangles();
+  chart.method = proto.method();
+  chart.solver = EnumFromProto<Solver>(proto.solver());
+  chart.system = EnumFromProto<System>(proto.system());
+  chart.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
+  chart.hessian = EnumFromProto<Hessian>(proto.hessian());
+  chart.converged = proto.converged();
+  chart.newton_iterations = proto.newton_iterations();
+  chart.linear_iterations = proto.linear_iterations();
+  chart.residual = FromProto(proto.residual());
+  chart.convexified_iterations = proto.convexified_iterations();
+  chart.stop_message = proto.stop_message();
+  return chart;
+}
+
+Quality FromProto(const v1::Quality& proto) {
+  Quality quality;
+  quality.flipped = proto.flipped();
+  quality.degenerate = proto.degenerate();
+  quality.overlapping = proto.overlapping();
+  quality.angle_error_mean_deg = proto.angle_error_mean_deg();
+  quality.angle_error_max_deg = proto.angle_error_max_deg();
+  quality.abf_energy = proto.abf_energy();
+  quality.conformal_distortion_mean = proto.conformal_distortion_mean();
+  quality.conformal_distortion_max = proto.conformal_distortion_max();
+  quality.stretch_l2 = proto.stretch_l2();
+  quality.packing_efficiency = proto.packing_efficiency();
+  return quality;
+}
+
+StageSeconds FromProto(const v1::StageSeconds& proto) {
+  StageSeconds seconds;
+  seconds.queue = proto.queue();
+  seconds.decode = proto.decode();
+  seconds.charts = proto.charts();
+  seconds.solve = proto.solve();
+  seconds.layout = proto.layout();
+  seconds.pack = proto.pack();
+  seconds.verify = proto.verify();
+  seconds.encode = proto.encode();
+  return seconds;
+}
+
+}  // namespace
+
+v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
+  v1::UnwrapOptions proto;
+  proto.set_seams(EnumToProto<v1::Seams>(options.seams));
+  proto.set_solver(EnumToProto<v1::Solver>(options.solver));
+  proto.set_system(EnumToProto<v1::System>(options.system));
+  proto.set_preconditioner(EnumToProto<v1::Preconditioner>(options.preconditioner));
+  proto.set_hessian(EnumToProto<v1::Hessian>(options.hessian));
+  proto.set_precision(EnumToProto<v1::Precision>(options.precision));
+  proto.set_tolerance(options.tolerance);
+  proto.set_max_newton_iterations(options.max_newton_iterations);
+  return proto;
+}
+
+v1::JobState ToProto(JobState state) { return static_cast<v1::JobState>(state); }
+
+Progress FromProto(const v1::Progress& proto) {
+  Progress progress;
+  progress.stage = static_cast<Stage>(proto.stage());
+  progress.chart = proto.chart();
+  progress.chart_count = proto.chart_count();
+  progress.newton_iteration = proto.newton_iteration();
+  progress.linear_iterations = proto.linear_iterations();
+  progress.linear_residual = proto.linear_residual();
+  progress.residual = FromProto(proto.residual());
+  progress.energy = proto.energy();
+  progress.step_length = proto.step_length();
+  progress.elapsed_seconds = proto.elapsed_seconds();
+  progress.tolerance = proto.tolerance();
+  return progress;
+}
+
+Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
+  Report report;
+  report.triangles = proto.input().triangles();
+  report.vertices = proto.input().vertices();
+  for (const v1::ChartReport& chart : proto.charts()) report.charts.push_back(FromProto(chart));
+  report.quality = FromProto(proto.quality());
+  report.seconds = FromProto(proto.seconds());
+  report.peak_memory_bytes = proto.peak_memory_bytes();
+  for (const v1::Warning& warning : proto.warnings()) {
+    report.warnings.push_back(
+        {warning.reason(), ids::RenumberMessage(warning.message(), renumbering),
+         ids::RenumberMetadata({warning.metadata().begin(), warning.metadata().end()}, renumbering)});
+  }
+  return report;
+}
+
+Job FromProto(const v1::Job& proto, const ids::Renumbering& renumbering) {
+  Job job;
+  job.name = proto.name();
+  job.state = static_cast<JobState>(proto.state());
+  job.label = proto.label();
+  job.options = FromProto(proto.options());
+  if (proto.has_create_time()) job.create_time = TimeFrom(proto.create_time());
+  if (proto.has_start_time()) job.start_time = TimeFrom(proto.start_time());
+  if (proto.has_end_time()) job.end_time = TimeFrom(proto.end_time());
+  job.mesh_bytes = proto.mesh_bytes();
+  job.queue_position = proto.queue_position();
+  if (proto.has_progress()) job.progress = FromProto(proto.progress());
+  if (proto.has_error()) {
+    const Error error = Renumbered(ErrorFrom(proto.error()), renumbering);
+    job.error = JobError{ToString(error.code()), error.reason(), error.what(), error.metadata()};
+  }
+  if (proto.has_report()) job.report = FromProto(proto.report(), renumbering);
+  return job;
+}
+
+Event FromProto(const v1::JobEvent& proto, const ids::Renumbering& renumbering) {
+  Event event;
+  event.sequence = proto.sequence();
+  event.time = TimeFrom(proto.time());
+  event.skipped = proto.skipped();
+  if (proto.has_job()) event.job = FromProto(proto.job(), renumbering);
+  if (proto.has_progress()) event.progress = FromProto(proto.progress());
+  return event;
+}
+
+Capabilities FromProto(const v1::Capabilities& proto) {
+  Capabilities capabilities;
+  capabilities.version = proto.version();
+  capabilities.max_mesh_bytes = proto.max_mesh_bytes();
+  capabilities.workers = proto.workers();
+  capabilities.queue_capacity = proto.queue_capacity();
+  for (const v1::SolverCombination& solver : proto.solvers()) {
+    capabilities.solvers.push_back({EnumFromProto<Solver>(solver.solver()), EnumFromProto<System>(solver.system()),
+                                    EnumFromProto<Preconditioner>(solver.preconditioner())});
+  }
+  return capabilities;
+}
+
+}  // namespace api
+}  // namespace planish

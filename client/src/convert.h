@@ -1,0 +1,23 @@
+// Messages to and from the library's own types.
+#pragma once
+
+#include "planish/types.h"
+#include "client/src/element_ids.h"
+#include "planish/v1/job.pb.h"
+#include "planish/v1/planish.pb.h"
+
+namespace planish {
+inline namespace api {
+
+v1::UnwrapOptions ToProto(const UnwrapOptions& options);
+v1::JobState ToProto(JobState state);
+
+// Element ids in a job's error and warnings pass through `renumbering`.
+Job FromProto(const v1::Job& job, const ids::Renumbering& renumbering = {});
+Progress FromProto(const v1::Progress& progress);
+Report FromProto(const v1::Report& report, const ids::Renumbering& renumbering = {});
+Event FromProto(const v1::JobEvent& event, const ids::Renumbering& renumbering = {});
+Capabilities FromProto(const v1::Capabilities& capabilities);
+
+}  // namespace api
+}  // namespace planish

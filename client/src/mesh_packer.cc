@@ -1,0 +1,79 @@
+#include "client/src/mesh_packer.h"
+
+#include <limits>
+
+#include "planish/error.h"
+#include "client/src/errors.h"
+#include "client/src/sha256.h"
+#include "core/io/draco_codec.h"
+
+namespace planish {
+inline namespace api {
+namespace {
+
+Error BadMesh(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {}) {
+  return Error(ErrorCode::kInvalidArgument, reason, message, metadata);
+}
+
+}  // namespace
+
+ids::Renumbering PackedMesh::ToCaller() const {
+  ids::Renumbering renumbering;
+  if (source_vertex.empty()) return renumbering;
+  renumbering.vertex = [this](std::int64_t v) -> std::int64_t {
+    return v < static_cast<std::int64_t>(source_vertex.size()) ? source_vertex[static_cast<std::size_t>(v)] : -1;
+  };
+  return renumbering;
+}
+
+PackedMesh MeshPacker::Pack(const MeshView& view) {
+  if (view.coordinate_count_ % 3 != 0 || view.index_count_ % 3 != 0) {
+    throw BadMesh("MESH_POSITION_INVALID", "positions and triangles must come in threes; got " +
+                                               std::to_string(view.coordinate_count_) + " coordinates and " +
+                                               std::to_string(view.index_count_) + " indices");
+  }
+  if (view.index_count_ == 0) throw BadMesh("MESH_EMPTY", "the mesh has no triangles; there is nothing to flatten");
+  const std::int64_t vertex_count = view.vertex_count();
+  if (vertex_count > std::numeric_limits<std::int32_t>::max()) {
+    throw BadMesh("MESH_TOO_LARGE", "the mesh has more than 2^31 vertices");
+  }
+
+  std::vector<std::int32_t> sent(static_cast<std::size_t>(vertex_count), -1);
+  for (std::int64_t i = 0; i < view.index_count_; ++i) {
+    if (view.indices_[i] >= static_cast<std::uint64_t>(vertex_count)) {
+      throw BadMesh("MESH_INDEX_OUT_OF_RANGE",
+                    "face " + std::to_string(i / 3) + " refers to vertex " + std::to_string(view.indices_[i]) +
+                        ", but the mesh has " + std::to_string(vertex_count),
+                    {{"faces", std::to_string(i / 3)}});
+    }
+    sent[view.indices_[i]] = 0;
+  }
+
+  PackedMesh packed;
+  packed.triangles = view.triangle_count();
+  Mesh mesh;
+  for (std::int64_t v = 0; v < vertex_count; ++v) {
+    if (sent[static_cast<std::size_t>(v)] < 0) continue;
+    sent[static_cast<std::size_t>(v)] = static_cast<std::int32_t>(mesh.positions.size());
+    packed.source_vertex.push_back(static_cast<std::int32_t>(v));
+    if (view.floats_ != nullptr) {
+      mesh.positions.emplace_back(view.floats_[3 * v], view.floats_[3 * v + 1], view.floats_[3 * v + 2]);
+    } else {
+      mesh.positions.emplace_back(view.doubles_[3 * v], view.doubles_[3 * v + 1], view.doubles_[3 * v + 2]);
+    }
+  }
+  mesh.faces.resize(static_cast<std::size_t>(view.triangle_count()));
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    for (std::size_t k = 0; k < 3; ++k) mesh.faces[f][k] = sent[view.indices_[3 * f + k]];
+  }
+  if (mesh.num_vertices() == vertex_count) packed.source_vertex.clear();
+
+  absl::StatusOr<std::string> draco = EncodeDraco(mesh);
+  if (!draco.ok()) throw Renumbered(ErrorFrom(draco.status()), packed.ToCaller());
+  packed.draco = *std::move(draco);
+  packed.sha256 = Sha256(packed.draco);
+  return packed;
+}
+
+}  // namespace api
+}  // namespace planish

@@ -1,0 +1,33 @@
+// A caller's mesh made ready for the wire.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "planish/types.h"
+#include "client/src/element_ids.h"
+
+namespace planish {
+inline namespace api {
+
+struct PackedMesh {
+  std::string draco;
+  std::string sha256;  // of draco
+  std::int64_t triangles = 0;
+  // Caller's vertex id per vertex sent; empty if all were sent and ids agree.
+  std::vector<std::int32_t> source_vertex;
+
+  // From ids as sent to the caller's.
+  ids::Renumbering ToCaller() const;
+};
+
+class MeshPacker {
+ public:
+  // Leaves out vertices without a triangle and encodes the rest. Throws planish::Error: MESH_EMPTY,
+  // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID.
+  static PackedMesh Pack(const MeshView& mesh);
+};
+
+}  // namespace api
+}  // namespace planish

@@ -1,0 +1,30 @@
+#!/bin/sh
+# Installs what the build needs and builds the preset "default" into build/default.
+#
+#   deploy/build.sh            server, command and library
+#   deploy/build.sh --tests    the tests as well
+set -eu
+cd "$(dirname "$0")/.."
+
+tests=OFF
+lists=build
+if [ "${1:-}" = --tests ]; then
+  tests=ON
+  lists="build test"
+elif [ $# -gt 0 ]; then
+  echo "usage: $0 [--tests]" >&2
+  exit 2
+fi
+# shellcheck disable=SC2086  # a list of words
+deploy/install-packages.sh $lists
+
+# As many compilers as cores, but not more than one for each 1.5 GB of free memory: gRPC's headers are heavy.
+jobs=$(awk -v cores="$(nproc)" '/^MemAvailable:/ {
+  fit = int($2 / 1572864); print (fit < 1 ? 1 : fit < cores ? fit : cores) }' /proc/meminfo)
+
+if command -v ccache >/dev/null; then
+  export CMAKE_CXX_COMPILER_LAUNCHER="${CMAKE_CXX_COMPILER_LAUNCHER-ccache}"
+fi
+echo "Building into build/default with $jobs jobs" >&2
+cmake --preset default -DPLANISH_BUILD_TESTS=$tests --log-level=WARNING >&2
+cmake --build --preset default --parallel "$jobs" >&2

@@ -1,0 +1,71 @@
+// What happened to a job, for any number of readers at their own pace.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "planish/v1/job.pb.h"
+
+namespace planish {
+
+// A bounded ring of events numbered 1, 2, 3, ... When it is full the oldest progress event goes; changes of state
+// stay, there are only a handful. The writer never waits for a reader.
+//
+// Thread-safe. Append and Notify are separate so that a writer can append under its own lock and wake readers,
+// who may call back into it, after it let go.
+class JobEventLog {
+ public:
+  // A live subscription; dropping it ends it.
+  using Subscription = std::shared_ptr<const std::function<void()>>;
+
+  struct Read {
+    std::optional<v1::JobEvent> event;  // empty: none yet, or `ended`
+    bool ended = false;                 // there will be no more events
+  };
+
+  // `capacity`: events held at most, unless changes of state alone are more.
+  explicit JobEventLog(std::size_t capacity) : capacity_(capacity) {}
+
+  // Adds an event and sets its sequence. Ignored after AppendLast.
+  void Append(v1::JobEvent event);
+
+  // Adds the final event; `uv` is the job's result or null.
+  void AppendLast(v1::JobEvent event, std::shared_ptr<const std::string> uv);
+
+  // Calls every subscriber, on this thread. Call it after each append, holding no lock.
+  void Notify() const;
+
+  // The first event held with a sequence greater than `after` (>= 0), with `skipped` set to the number of events
+  // between the two that are gone.
+  Read ReadAfter(std::int64_t after) const;
+
+  // Null before the last event, and for a job that did not succeed.
+  std::shared_ptr<const std::string> uv() const;
+
+  // From now on calls `wake` after each append. A call under way when the subscription is dropped runs on, so
+  // `wake` should hold weak pointers only.
+  [[nodiscard]] Subscription Subscribe(std::function<void()> wake) const;
+
+ private:
+  // Requires mutex_.
+  void AppendLocked(v1::JobEvent event);
+
+  const std::size_t capacity_;
+
+  mutable std::mutex mutex_;
+  // Guarded by mutex_.
+  std::deque<v1::JobEvent> events_;
+  std::int64_t last_sequence_ = 0;
+  bool ended_ = false;
+  std::shared_ptr<const std::string> uv_;
+  mutable std::vector<std::weak_ptr<const std::function<void()>>> subscribers_;
+};
+
+}  // namespace planish

@@ -1,0 +1,16 @@
+#include "server/jobs/ids.h"
+
+#include <cstdint>
+#include <random>
+
+#include "absl/strings/str_cat.h"
+
+namespace planish {
+
+std::string RandomId() {
+  std::random_device entropy;
+  const std::uint64_t id = (std::uint64_t{entropy()} << 32) | std::uint64_t{entropy()};
+  return absl::StrCat(absl::Hex(id, absl::kZeroPad16));
+}
+
+}  // namespace planish

@@ -1,0 +1,82 @@
+#include "server/jobs/lifecycle.h"
+
+#include <optional>
+
+#include "core/base/error.h"
+#include "google/protobuf/util/time_util.h"
+
+namespace planish {
+namespace {
+
+using v1::JobState;
+
+std::optional<JobState> Next(JobState state, JobAction action) {
+  const bool running = state == v1::JOB_STATE_RUNNING;
+  const bool stopping = state == v1::JOB_STATE_STOPPING;
+  switch (action) {
+    case JobAction::kStart:
+      if (state == v1::JOB_STATE_QUEUED) return v1::JOB_STATE_RUNNING;
+      break;
+    case JobAction::kCancel:
+      if (state == v1::JOB_STATE_QUEUED) return v1::JOB_STATE_CANCELLED;
+      if (running) return v1::JOB_STATE_STOPPING;
+      break;
+    case JobAction::kSucceed:
+      if (running || stopping) return v1::JOB_STATE_SUCCEEDED;
+      break;
+    case JobAction::kFail:
+      if (running || stopping) return v1::JOB_STATE_FAILED;
+      break;
+    case JobAction::kCancelled:
+      if (stopping) return v1::JOB_STATE_CANCELLED;
+      break;
+  }
+  return std::nullopt;
+}
+
+const char* Name(JobAction action) {
+  switch (action) {
+    case JobAction::kStart:
+      return "start";
+    case JobAction::kCancel:
+      return "cancel";
+    case JobAction::kSucceed:
+      return "succeed";
+    case JobAction::kFail:
+      return "fail";
+    case JobAction::kCancelled:
+      return "be reported as cancelled";
+  }
+  return "?";
+}
+
+}  // namespace
+
+std::string StateName(JobState state) {
+  constexpr int kPrefix = sizeof("JOB_STATE_") - 1;
+  const std::string name = v1::JobState_Name(state);
+  return name.empty() ? std::to_string(static_cast<int>(state)) : name.substr(kPrefix);
+}
+
+bool IsTerminal(JobState state) {
+  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED || state == v1::JOB_STATE_CANCELLED ||
+         state == v1::JOB_STATE_EXPIRED;
+}
+
+absl::Status Advance(JobAction action, absl::Time now, v1::Job* job) {
+  const std::optional<JobState> next = Next(job->state(), action);
+  if (!next.has_value()) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_STATE",
+                     job->name() + " is " + StateName(job->state()) + " and cannot " + Name(action));
+  }
+  job->set_state(*next);
+  if (action == JobAction::kStart) *job->mutable_start_time() = ToTimestamp(now);
+  if (IsTerminal(*next)) *job->mutable_end_time() = ToTimestamp(now);
+  return absl::OkStatus();
+}
+
+google::protobuf::Timestamp ToTimestamp(absl::Time time) {
+  return google::protobuf::util::TimeUtil::NanosecondsToTimestamp(absl::ToUnixNanos(time));
+}
+
+}  // namespace planish

@@ -1,0 +1,24 @@
+// Where the next page of a list begins, as a string that callers do not look into.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "planish/v1/job.pb.h"
+
+namespace planish {
+
+struct PagePosition {
+  std::string instance;  // of the server: job numbers start anew with each
+  v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
+  std::int64_t before_number = 0;
+};
+
+std::string EncodePageToken(const PagePosition& position);
+
+// The job number before which the page begins; 0 for an empty token. INVALID_ARGUMENT if `token` was made by another
+// server or for another filter.
+absl::StatusOr<std::int64_t> DecodePageToken(const std::string& token, const std::string& instance, v1::JobState state);
+
+}  // namespace planish

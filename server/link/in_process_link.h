@@ -1,0 +1,15 @@
+// A worker on a thread of this process.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "server/link/worker_link.h"
+
+namespace planish {
+
+// Runs `worker` on a new thread. When it returns or throws, the link closes.
+// Destroying the link closes it and waits for `worker` to return, so `worker` must heed a closed link.
+absl::StatusOr<std::shared_ptr<WorkerLink>> StartInProcessWorker(std::function<void(ServerLink&)> worker);
+
+}  // namespace planish

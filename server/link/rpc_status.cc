@@ -1,0 +1,55 @@
+#include "server/link/rpc_status.h"
+
+#include <string>
+
+#include "absl/strings/cord.h"
+#include "core/base/error.h"
+#include "google/rpc/error_details.pb.h"
+#include "nlohmann/json.hpp"
+
+namespace planish {
+namespace {
+
+constexpr char kDomain[] = "planish";
+constexpr char kRetryInfoUrl[] = "type.googleapis.com/google.rpc.RetryInfo";
+
+// Messages may quote bytes of the caller's input; a proto string that is not UTF-8 breaks its receiver.
+std::string ToUtf8(const std::string& text) {
+  const auto replace = nlohmann::json::error_handler_t::replace;
+  return nlohmann::json::parse(nlohmann::json(text).dump(-1, ' ', false, replace)).get<std::string>();
+}
+
+}  // namespace
+
+absl::Status WithRetryDelay(absl::Status status, absl::Duration delay) {
+  google::rpc::RetryInfo retry;
+  const absl::Duration whole = absl::Floor(delay, absl::Seconds(1));
+  retry.mutable_retry_delay()->set_seconds(absl::ToInt64Seconds(whole));
+  retry.mutable_retry_delay()->set_nanos(static_cast<int>(absl::ToInt64Nanoseconds(delay - whole)));
+  status.SetPayload(kRetryInfoUrl, absl::Cord(retry.SerializeAsString()));
+  return status;
+}
+
+google::rpc::Status ToRpcStatus(const absl::Status& status) {
+  google::rpc::Status rpc;
+  if (status.ok()) return rpc;
+  rpc.set_code(static_cast<int>(status.code()));
+  rpc.set_message(ToUtf8(std::string(status.message())));
+
+  const ErrorInfo info = ErrorInfoOf(status);
+  google::rpc::ErrorInfo detail;
+  const bool named = !info.reason.empty();
+  detail.set_reason(named ? info.reason : absl::StatusCodeToString(status.code()));
+  detail.set_domain(kDomain);
+  detail.mutable_metadata()->insert(info.metadata.begin(), info.metadata.end());
+  rpc.add_details()->PackFrom(detail);
+
+  if (const auto retry = status.GetPayload(kRetryInfoUrl); retry.has_value()) {
+    google::protobuf::Any* any = rpc.add_details();
+    any->set_type_url(kRetryInfoUrl);
+    any->set_value(std::string(*retry));
+  }
+  return rpc;
+}
+
+}  // namespace planish

@@ -1,0 +1,50 @@
+// What a watcher of a job is sent, message by message.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "absl/status/status.h"
+#include "planish/v1/job.pb.h"
+#include "server/jobs/event_log.h"
+
+namespace planish {
+
+// Not thread-safe.
+class JobStream {
+ public:
+  // Fields as in planish.v1.WatchJobRequest.
+  struct Position {
+    std::int64_t after_sequence = 0;
+    bool include_uv = false;
+    std::int64_t uv_offset = 0;
+  };
+
+  enum class Step {
+    kEvent,  // `event` was filled: send it
+    kUv,     // `chunk` was filled: send it
+    kWait,   // nothing yet: ask again when the log wakes its subscribers
+    kEnd,    // all was sent; status() says how it went
+  };
+
+  // Bytes of UV in a message.
+  static constexpr std::int64_t kChunkBytes = std::int64_t{1} << 20;
+
+  JobStream(std::shared_ptr<const JobEventLog> events, const Position& position)
+      : events_(std::move(events)), position_(position) {}
+
+  Step Next(v1::JobEvent* event, v1::UvChunk* chunk);
+
+  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset.
+  const absl::Status& status() const { return status_; }
+
+ private:
+  const std::shared_ptr<const JobEventLog> events_;
+  Position position_;
+  absl::Status status_;
+};
+
+// INVALID_ARGUMENT with REQUEST_INVALID if a number is negative.
+absl::Status Validate(const JobStream::Position& position);
+
+}  // namespace planish

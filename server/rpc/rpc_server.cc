@@ -1,0 +1,89 @@
+#include "server/rpc/rpc_server.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "grpcpp/ext/proto_server_reflection_plugin.h"
+#include "grpcpp/health_check_service_interface.h"
+#include "grpcpp/security/server_credentials.h"
+#include "grpcpp/server_builder.h"
+
+namespace planish {
+namespace {
+
+constexpr char kServiceName[] = "planish.v1.Planish";
+
+// What a request may hold beside the mesh, and how much too large a mesh may be to get an answer from us, with error
+// details, instead of gRPC's bare one.
+constexpr std::int64_t kMessageSlack = std::int64_t{16} << 20;
+
+constexpr int kKeepaliveMs = 30'000;
+constexpr int kKeepaliveTimeoutMs = 10'000;
+constexpr int kMinPingIntervalMs = 5'000;
+
+void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
+  const std::int64_t limit =
+      std::min<std::int64_t>(options.max_mesh_bytes + kMessageSlack, std::numeric_limits<int>::max());
+  builder->SetMaxReceiveMessageSize(static_cast<int>(limit));
+  // Two servers on one port would share its connections at random.
+  builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  // A caller whose machine vanished is noticed within kKeepaliveMs + kKeepaliveTimeoutMs, and its job cancelled.
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options, grpc::Service* service) {
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+
+  grpc::ServerBuilder builder;
+  Configure(options, &builder);
+  std::vector<int> ports(options.listen.size(), 0);
+  for (std::size_t i = 0; i < options.listen.size(); ++i) {
+    const ListenAddress& address = options.listen[i];
+    if (!address.unix_path.empty()) PLANISH_RETURN_IF_ERROR(RemoveStaleSocket(address.unix_path));
+    builder.AddListeningPort(address.grpc, grpc::InsecureServerCredentials(), &ports[i]);
+  }
+  builder.RegisterService(service);
+
+  std::unique_ptr<RpcServer> rpc_server(new RpcServer);
+  rpc_server->server_ = builder.BuildAndStart();
+  for (std::size_t i = 0; i < options.listen.size(); ++i) {
+    const ListenAddress& address = options.listen[i];
+    if (rpc_server->server_ == nullptr && ports[i] == 0) {
+      return absl::UnavailableError(absl::StrCat("cannot listen on ", address.text, ": ", WhyNotListening(address)));
+    }
+    if (!address.unix_path.empty()) {
+      rpc_server->socket_files_.push_back(std::make_unique<SocketFile>(address.unix_path));
+      rpc_server->addresses_.push_back(address.text);
+    } else {
+      rpc_server->addresses_.push_back(absl::StrCat(address.text.substr(0, address.text.rfind(':')), ":", ports[i]));
+    }
+  }
+  if (rpc_server->server_ == nullptr) return absl::UnavailableError("cannot start the gRPC server");
+  rpc_server->SetServing(true);
+  return rpc_server;
+}
+
+RpcServer::~RpcServer() {
+  if (server_ != nullptr) Shutdown(absl::InfinitePast());
+}
+
+void RpcServer::SetServing(bool serving) {
+  grpc::HealthCheckServiceInterface* health = server_->GetHealthCheckService();
+  health->SetServingStatus(serving);
+  health->SetServingStatus(kServiceName, serving);
+}
+
+void RpcServer::Shutdown(absl::Time deadline) {
+  server_->Shutdown(absl::ToChronoTime(deadline));
+  socket_files_.clear();
+}
+
+}  // namespace planish

@@ -1,0 +1,42 @@
+// What the main thread of planishd waits for.
+#pragma once
+
+#include "absl/time/time.h"
+
+namespace planish {
+
+enum class Wake {
+  kSignal,          // SIGTERM or SIGINT
+  kSupervisorGone,  // the supervisor's end of the socket is closed; told once
+  kIdle,            // NotifyIdle() was called; told once
+  kTimeout,
+};
+
+// Takes SIGTERM and SIGINT out of ordinary delivery: make it before any thread starts, once in a process. A supervised
+// server ignores SIGINT: Ctrl-C in a terminal hits the whole process group, and the supervisor wants to cancel first.
+class ShutdownEvents {
+ public:
+  // `supervisor_fd`: see ServerFlags; taken over. -1: none.
+  explicit ShutdownEvents(int supervisor_fd);
+  ~ShutdownEvents();
+  ShutdownEvents(const ShutdownEvents&) = delete;
+  ShutdownEvents& operator=(const ShutdownEvents&) = delete;
+
+  // Writes "ready\n" to the supervisor, if there is one.
+  void TellReady();
+
+  // Waits at most `timeout`. One thread.
+  Wake Wait(absl::Duration timeout);
+
+  // Thread-safe.
+  void NotifyIdle();
+
+ private:
+  bool SupervisorGone();
+
+  int supervisor_fd_;  // -1: none, or gone
+  int signal_fd_;
+  int idle_fd_;
+};
+
+}  // namespace planish

@@ -1,0 +1,134 @@
+#include "server/worker/options.h"
+
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+absl::Status Invalid(const std::string& field, const std::string& message) {
+  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", absl::StrCat(field, ": ", message),
+                   {{"field", field}});
+}
+
+// The default of an unset field is the core's own.
+template <typename Proto, typename Core>
+struct Choice {
+  Proto proto;
+  Core core;
+};
+
+constexpr Choice<v1::Solver, SolverType> kSolvers[] = {
+    {v1::SOLVER_AUTO, SolverType::kAuto},
+    {v1::SOLVER_UZAWA, SolverType::kUzawa},
+    {v1::SOLVER_MINRES, SolverType::kMinres},
+    {v1::SOLVER_DIRECT, SolverType::kDirect},
+};
+constexpr Choice<v1::System, SystemType> kSystems[] = {
+    {v1::SYSTEM_AUTO, SystemType::kAuto},
+    {v1::SYSTEM_FULL, SystemType::kFull},
+    {v1::SYSTEM_REDUCED, SystemType::kReduced},
+};
+constexpr Choice<v1::Preconditioner, PreconditionerType> kPreconditioners[] = {
+    {v1::PRECONDITIONER_AUTO, PreconditionerType::kAuto},
+    {v1::PRECONDITIONER_NONE, PreconditionerType::kNone},
+    {v1::PRECONDITIONER_JACOBI, PreconditionerType::kJacobi},
+    {v1::PRECONDITIONER_CHOLESKY, PreconditionerType::kCholesky},
+};
+constexpr Choice<v1::Hessian, HessianType> kHessians[] = {
+    {v1::HESSIAN_CONVEX, HessianType::kConvex},
+    {v1::HESSIAN_EXACT, HessianType::kExact},
+};
+constexpr Choice<v1::Precision, Precision> kPrecisions[] = {
+    {v1::PRECISION_AUTO, Precision::kAuto},
+    {v1::PRECISION_FLOAT, Precision::kFloat},
+    {v1::PRECISION_DOUBLE, Precision::kDouble},
+};
+
+template <typename Proto, typename Core, std::size_t size>
+absl::Status Choose(const std::string& field, const Choice<Proto, Core> (&choices)[size], Proto proto, Core* core) {
+  if (static_cast<int>(proto) == 0) return absl::OkStatus();
+  for (const auto& choice : choices) {
+    if (choice.proto != proto) continue;
+    *core = choice.core;
+    return absl::OkStatus();
+  }
+  return Invalid(field, absl::StrCat("this server does not know the value ", static_cast<int>(proto)));
+}
+
+template <typename Proto, typename Core, std::size_t size>
+Proto Find(const Choice<Proto, Core> (&choices)[size], Core core) {
+  for (const auto& choice : choices) {
+    if (choice.core == core) return choice.proto;
+  }
+  return Proto();
+}
+
+}  // namespace
+
+absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
+  UnwrapOptions core;
+  FlattenOptions& flatten = core.flatten;
+  if (options.seams() != v1::SEAMS_UNSPECIFIED && options.seams() != v1::SEAMS_NONE) {
+    return Invalid("seams", absl::StrCat("this server does not know the value ", static_cast<int>(options.seams())));
+  }
+  PLANISH_RETURN_IF_ERROR(Choose("solver", kSolvers, options.solver(), &flatten.solver));
+  PLANISH_RETURN_IF_ERROR(Choose("system", kSystems, options.system(), &flatten.system));
+  PLANISH_RETURN_IF_ERROR(
+      Choose("preconditioner", kPreconditioners, options.preconditioner(), &flatten.preconditioner));
+  PLANISH_RETURN_IF_ERROR(Choose("hessian", kHessians, options.hessian(), &flatten.hessian));
+  PLANISH_RETURN_IF_ERROR(Choose("precision", kPrecisions, options.precision(), &core.precision));
+  if (options.tolerance() != 0) flatten.tolerance = options.tolerance();
+  if (options.max_newton_iterations() != 0) flatten.max_newton_iterations = options.max_newton_iterations();
+  PLANISH_RETURN_IF_ERROR(flatten.Validate());
+  return core;
+}
+
+absl::Status ValidateOptions(const v1::UnwrapOptions& options) {
+  return ToCore(options).status();
+}
+
+std::vector<v1::SolverCombination> SolverCombinations() {
+  std::vector<v1::SolverCombination> combinations;
+  for (const auto& solver : kSolvers) {
+    for (const auto& system : kSystems) {
+      for (const auto& preconditioner : kPreconditioners) {
+        if (solver.core == SolverType::kAuto || system.core == SystemType::kAuto ||
+            preconditioner.core == PreconditionerType::kAuto) {
+          continue;
+        }
+        v1::UnwrapOptions options;
+        options.set_solver(solver.proto);
+        options.set_system(system.proto);
+        options.set_preconditioner(preconditioner.proto);
+        if (!ValidateOptions(options).ok()) continue;
+        v1::SolverCombination& combination = combinations.emplace_back();
+        combination.set_solver(solver.proto);
+        combination.set_system(system.proto);
+        combination.set_preconditioner(preconditioner.proto);
+      }
+    }
+  }
+  return combinations;
+}
+
+v1::Solver ToProto(SolverType type) {
+  return Find(kSolvers, type);
+}
+v1::System ToProto(SystemType type) {
+  return Find(kSystems, type);
+}
+v1::Preconditioner ToProto(PreconditionerType type) {
+  return Find(kPreconditioners, type);
+}
+v1::Hessian ToProto(HessianType type) {
+  return Find(kHessians, type);
+}
+v1::Precision ToProto(Precision precision) {
+  return Find(kPrecisions, precision);
+}
+
+}  // namespace planish

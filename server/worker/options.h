@@ -1,0 +1,30 @@
+// planish.v1.UnwrapOptions and what the core makes of it: one check for callers (when they submit) and workers.
+#pragma once
+
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/unwrap/unwrap.h"
+#include "planish/v1/job.pb.h"
+#include "planish/v1/planish.pb.h"
+
+namespace planish {
+
+// INVALID_ARGUMENT with OPTIONS_INVALID and metadata "field" for an enumerator this server does not know, a number
+// out of range, or choices that do not go together.
+absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options);
+
+// ToCore() without the result.
+absl::Status ValidateOptions(const v1::UnwrapOptions& options);
+
+// Every concrete choice that ValidateOptions() accepts.
+std::vector<v1::SolverCombination> SolverCombinations();
+
+// For reports; never UNSPECIFIED.
+v1::Solver ToProto(SolverType type);
+v1::System ToProto(SystemType type);
+v1::Preconditioner ToProto(PreconditionerType type);
+v1::Hessian ToProto(HessianType type);
+v1::Precision ToProto(Precision precision);
+
+}  // namespace planish

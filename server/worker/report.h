@@ -1,0 +1,27 @@
+// The core's progress and results in the service's words.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/mesh/mesh.h"
+#include "core/unwrap/unwrap.h"
+#include "planish/v1/job.pb.h"
+
+namespace planish {
+
+// Without elapsed_seconds and tolerance.
+v1::Progress ToProto(const UnwrapProgress& progress);
+
+// Without seconds.queue, seconds.decode, seconds.encode and peak_memory_bytes.
+v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh);
+
+// The UV bytes of planish.v1.UvDescription: little-endian float32 when `precision` is kFloat (every number must then
+// be a float), float64 otherwise.
+std::string PackUv(const std::vector<double>& uv, Precision precision);
+
+// High-water mark of this process's resident memory.
+std::int64_t PeakMemoryBytes();
+
+}  // namespace planish

@@ -1,0 +1,10 @@
+#pragma once
+
+#include <string>
+
+namespace planish {
+
+// The 32 bytes of the SHA-256 of `bytes`. Throws std::bad_alloc if the crypto library has no memory.
+std::string Sha256(const std::string& bytes);
+
+}  // namespace planish

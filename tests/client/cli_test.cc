@@ -1,0 +1,194 @@
+// The command's parts that need no server: arguments, exit codes, words, JSON.
+#include "client/cli/arguments.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/json.h"
+#include "client/cli/numbers.h"
+#include "client/cli/summary.h"
+#include "client/src/element_ids.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace planish::cli {
+namespace {
+
+using ::testing::HasSubstr;
+
+ParsedArguments Parse(std::vector<const char*> words) {
+  words.insert(words.begin(), "planish");
+  unsetenv("PLANISH_SERVER");
+  return ParseArguments(static_cast<int>(words.size()), words.data());
+}
+
+TEST(ArgumentsTest, UnwrapWithEverything) {
+  const ParsedArguments parsed =
+      Parse({"unwrap", "in.obj", "-o", "out.obj", "--server=h:1", "--solver=minres", "--system", "full",
+             "--preconditioner=none", "--hessian=exact", "--precision=double", "--seams=none", "--tolerance=1e-7",
+             "--max-newton-iterations=7", "--json", "--progress=plain", "--label=mine", "--timeout=2.5"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  const Arguments& arguments = *parsed.arguments;
+  EXPECT_EQ(arguments.command, Command::kUnwrap);
+  EXPECT_EQ(arguments.input, "in.obj");
+  EXPECT_EQ(arguments.output, "out.obj");
+  EXPECT_EQ(arguments.server, "h:1");
+  EXPECT_EQ(arguments.options.solver, Solver::kMinres);
+  EXPECT_EQ(arguments.options.system, System::kFull);
+  EXPECT_EQ(arguments.options.preconditioner, Preconditioner::kNone);
+  EXPECT_EQ(arguments.options.hessian, Hessian::kExact);
+  EXPECT_EQ(arguments.options.precision, Precision::kDouble);
+  EXPECT_EQ(arguments.options.tolerance, 1e-7);
+  EXPECT_EQ(arguments.options.max_newton_iterations, 7);
+  EXPECT_TRUE(arguments.json);
+  EXPECT_EQ(arguments.progress, ProgressMode::kPlain);
+  EXPECT_EQ(arguments.label, "mine");
+  EXPECT_EQ(arguments.timeout_seconds, 2.5);
+}
+
+TEST(ArgumentsTest, JobsCommands) {
+  ParsedArguments parsed = Parse({"jobs", "watch", "abc", "--mesh", "in.obj", "-o", "-", "--server=h:1"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_EQ(parsed.arguments->command, Command::kJobsWatch);
+  EXPECT_EQ(parsed.arguments->job, "jobs/abc");
+  EXPECT_EQ(parsed.arguments->input, "in.obj");
+  parsed = Parse({"jobs", "list", "--state=FAILED", "--limit=3", "--server=h:1"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_EQ(parsed.arguments->state, JobState::kFailed);
+  EXPECT_EQ(parsed.arguments->limit, 3);
+  EXPECT_EQ(Parse({"jobs", "cancel", "jobs/x", "--server=h:1"}).arguments->command, Command::kJobsCancel);
+  EXPECT_EQ(Parse({"jobs", "delete", "jobs/x", "--server=h:1"}).arguments->command, Command::kJobsDelete);
+  EXPECT_EQ(Parse({"jobs", "show", "jobs/x", "--server=h:1"}).arguments->command, Command::kJobsShow);
+}
+
+TEST(ArgumentsTest, ServerFromTheEnvironment) {
+  setenv("PLANISH_SERVER", "farm:7741", 1);
+  const char* words[] = {"planish", "jobs", "list"};
+  const ParsedArguments parsed = ParseArguments(3, words);
+  unsetenv("PLANISH_SERVER");
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_EQ(parsed.arguments->server, "farm:7741");
+}
+
+TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
+  const std::vector<std::pair<std::vector<const char*>, const char*>> cases = {
+      {{}, "subcommand"},
+      {{"unwrap"}, "IN"},
+      {{"unwrap", "in.obj"}, "-o in_uv.obj"},
+      {{"unwrap", "in.obj", "-o", "out.ply"}, "OBJ"},
+      {{"unwrap", "in.obj", "-o", "-", "--json"}, "stdout"},
+      {{"unwrap", "in.obj", "--detach"}, "--server"},
+      {{"unwrap", "in.obj", "--detach", "--server=h:1", "-o", "x.obj"}, "jobs watch"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--solver=gauss"}, "gauss"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--tolerance=1"}, "tolerance"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--max-newton-iterations=0"}, "max-newton-iterations"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--no-such-flag"}, "no-such-flag"},
+      {{"jobs", "list"}, "--server"},
+      {{"jobs", "watch", "x", "--mesh", "in.obj", "--server=h:1"}, "-o"},
+  };
+  for (const auto& [words, hint] : cases) {
+    const ParsedArguments parsed = Parse(words);
+    EXPECT_FALSE(parsed.arguments);
+    EXPECT_EQ(parsed.exit_code, kUsage);
+    EXPECT_THAT(parsed.err, HasSubstr(hint));
+    EXPECT_EQ(parsed.out, "");
+  }
+}
+
+TEST(ArgumentsTest, HelpGoesToStdoutWithExamples) {
+  for (const std::vector<const char*>& words :
+       {std::vector<const char*>{"--help"}, std::vector<const char*>{"unwrap", "--help"}}) {
+    const ParsedArguments parsed = Parse(words);
+    EXPECT_FALSE(parsed.arguments);
+    EXPECT_EQ(parsed.exit_code, 0);
+    EXPECT_THAT(parsed.out, HasSubstr("Examples:"));
+    EXPECT_EQ(parsed.err, "");
+  }
+}
+
+TEST(ExitCodesTest, FollowTheError) {
+  const auto code = [](ErrorCode c, const char* reason) { return ExitCodeOf(Error(c, reason, "")); };
+  EXPECT_EQ(code(ErrorCode::kInvalidArgument, "MESH_CLOSED"), kFailed);
+  EXPECT_EQ(code(ErrorCode::kInvalidArgument, "FILE_MALFORMED"), kUsage);
+  EXPECT_EQ(code(ErrorCode::kNotFound, "FILE_UNREADABLE"), kUsage);
+  EXPECT_EQ(code(ErrorCode::kInvalidArgument, "OPTIONS_INVALID"), kUsage);
+  EXPECT_EQ(code(ErrorCode::kUnavailable, "SERVER_UNREACHABLE"), kServerUnreachable);
+  EXPECT_EQ(code(ErrorCode::kUnavailable, "PRIVATE_SERVER_FAILED"), kServerUnreachable);
+  EXPECT_EQ(code(ErrorCode::kDeadlineExceeded, "DEADLINE_EXCEEDED"), kFailed);
+  EXPECT_EQ(code(ErrorCode::kCancelled, "CANCELLED"), kFailed);
+}
+
+Report GoodReport() {
+  Report report;
+  report.triangles = 23062;
+  report.seconds.total = 0.82;
+  ChartReport chart;
+  chart.solver = Solver::kUzawa;
+  chart.preconditioner = Preconditioner::kCholesky;
+  chart.converged = true;
+  chart.newton_iterations = 8;
+  chart.residual.vertex = 3e-12;
+  report.charts = {chart};
+  report.quality.angle_error_mean_deg = 1.204;
+  report.quality.angle_error_max_deg = 33.96;
+  report.quality.stretch_l2 = 1.897;
+  return report;
+}
+
+TEST(SummaryTest, UsableResult) {
+  EXPECT_EQ(Summary(GoodReport(), "out.obj", Terminal()),
+            "Flattened 23,062 triangles in 0.82 s: 8 Newton iterations, uzawa+cholesky, worst residual 3.0e-12.\n"
+            "Map: no flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
+            "stretch 1.90. Wrote out.obj.\n");
+}
+
+TEST(SummaryTest, WarningsAndUnusableResult) {
+  Report report = GoodReport();
+  report.charts[0].converged = false;
+  report.quality.flipped = 1;
+  report.quality.overlapping = 12;
+  report.warnings.push_back({"UV_FLIPPED", "1 UV triangle is flipped", {}});
+  const std::string text = Summary(report, "out.obj", Terminal());
+  EXPECT_THAT(text, HasSubstr("Map: 1 flipped triangle and 12 overlapping pairs;"));
+  EXPECT_THAT(text, HasSubstr("warning: 1 UV triangle is flipped [UV_FLIPPED]\n"));
+  EXPECT_THAT(text, HasSubstr("planish: not usable: the solve did not converge and 1 triangle is flipped; it was "
+                              "written all the same"));
+}
+
+TEST(SummaryTest, ErrorSaysWhatWhereAndWhatToDo) {
+  EXPECT_EQ(ErrorText(Error(ErrorCode::kInvalidArgument, "MESH_FACE_DEGENERATE", "face 12 has no area"),
+                      "face 12 (in.obj:345)", Terminal()),
+            "planish: error: face 12 has no area [MESH_FACE_DEGENERATE]\n  at face 12 (in.obj:345)\n");
+  EXPECT_THAT(ErrorText(Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", "x"), "", Terminal()), HasSubstr("hint:"));
+}
+
+TEST(JsonTest, FailureHasStateAndError) {
+  const Json json = ReportJson(FailureOf(Error(ErrorCode::kInvalidArgument, "MESH_CLOSED", "closed", {{"genus", "0"}})));
+  EXPECT_EQ(json["state"], "FAILED");
+  EXPECT_EQ(json["error"]["code"], "INVALID_ARGUMENT");
+  EXPECT_EQ(json["error"]["reason"], "MESH_CLOSED");
+  EXPECT_EQ(json["error"]["metadata"]["genus"], "0");
+}
+
+TEST(NumbersTest, ForPeople) {
+  EXPECT_EQ(WithCommas(0), "0");
+  EXPECT_EQ(WithCommas(999), "999");
+  EXPECT_EQ(WithCommas(1000), "1,000");
+  EXPECT_EQ(WithCommas(-1234567), "-1,234,567");
+  EXPECT_EQ(Duration(0.424), "0.42 s");
+  EXPECT_EQ(Duration(12.34), "12.3 s");
+  EXPECT_EQ(Duration(59.96), "1:00");
+  EXPECT_EQ(Duration(3725), "1:02:05");
+}
+
+TEST(ElementIdsTest, MessagesKeepWhatIsNoId) {
+  ids::Renumbering plus;
+  plus.vertex = [](std::int64_t v) { return v + 100; };
+  plus.face = [](std::int64_t f) { return f + 1000; };
+  EXPECT_EQ(ids::RenumberMessage("faces 1, 2 and 80 more meet at edges 3-4, 5-6 (vertex 7, 8 edges)", plus),
+            "faces 1001, 1002 and 80 more meet at edges 103-104, 105-106 (vertex 107, 8 edges)");
+  EXPECT_EQ(ids::RenumberMessage("20 edges through vertex 5, 40 edges through vertex 9", plus),
+            "20 edges through vertex 105, 40 edges through vertex 109");
+  EXPECT_EQ(ids::RenumberMessage("vertices that do not exist (the mesh has 9)", plus),
+            "vertices that do not exist (the mesh has 9)");
+}
+
+}  // namespace
+}  // namespace planish::cli

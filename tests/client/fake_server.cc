@@ -1,0 +1,154 @@
+#include "tests/client/fake_server.h"
+
+#include <grpcpp/grpcpp.h>
+
+#include "client/src/sha256.h"
+#include "google/rpc/error_details.pb.h"
+#include "planish/v1/planish.grpc.pb.h"
+
+namespace planish::testing {
+namespace {
+
+grpc::Status ToGrpc(const google::rpc::Status& status) {
+  if (status.code() == 0) return grpc::Status::OK;
+  return grpc::Status(static_cast<grpc::StatusCode>(status.code()), status.message(),
+                      status.details_size() > 0 ? status.SerializeAsString() : "");
+}
+
+const grpc::Status kUnimplemented(grpc::StatusCode::UNIMPLEMENTED, "the test has no script for this");
+
+template <typename Response>
+class Writer : public FakeStream {
+ public:
+  Writer(grpc::ServerContext* context, grpc::ServerWriter<Response>* writer) : context_(context), writer_(writer) {}
+  void Send(const v1::JobEvent& event) override {
+    Response response;
+    *response.mutable_event() = event;
+    writer_->Write(response);
+  }
+  void SendUv(std::int64_t offset, const std::string& data) override {
+    Response response;
+    response.mutable_uv()->set_offset(offset);
+    response.mutable_uv()->set_data(data);
+    writer_->Write(response);
+  }
+  bool IsCancelled() const override { return context_->IsCancelled(); }
+
+ private:
+  grpc::ServerContext* context_;
+  grpc::ServerWriter<Response>* writer_;
+};
+
+}  // namespace
+
+class FakeServer::Service : public v1::Planish::Service {
+ public:
+  explicit Service(FakeServer* fake) : fake_(fake) {
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+    builder.RegisterService(this);
+    server = builder.BuildAndStart();
+  }
+
+  grpc::Status Unwrap(grpc::ServerContext* context, const v1::UnwrapRequest* request,
+                      grpc::ServerWriter<v1::UnwrapResponse>* writer) override {
+    if (!fake_->on_unwrap) return kUnimplemented;
+    Writer<v1::UnwrapResponse> stream(context, writer);
+    return ToGrpc(fake_->on_unwrap(*request, stream));
+  }
+  grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
+                        grpc::ServerWriter<v1::WatchJobResponse>* writer) override {
+    if (!fake_->on_watch) return kUnimplemented;
+    Writer<v1::WatchJobResponse> stream(context, writer);
+    return ToGrpc(fake_->on_watch(*request, stream));
+  }
+  grpc::Status CreateJob(grpc::ServerContext*, const v1::CreateJobRequest* request, v1::Job* job) override {
+    return fake_->on_create ? ToGrpc(fake_->on_create(*request, *job)) : kUnimplemented;
+  }
+  grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest* request,
+                        v1::ListJobsResponse* response) override {
+    return fake_->on_list ? ToGrpc(fake_->on_list(*request, *response)) : kUnimplemented;
+  }
+  grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest* request, v1::Job* job) override {
+    return fake_->on_job ? ToGrpc(fake_->on_job("Get", request->name(), *job)) : kUnimplemented;
+  }
+  grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest* request, v1::Job* job) override {
+    return fake_->on_job ? ToGrpc(fake_->on_job("Cancel", request->name(), *job)) : kUnimplemented;
+  }
+  grpc::Status DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest* request,
+                         google::protobuf::Empty*) override {
+    v1::Job job;
+    return fake_->on_job ? ToGrpc(fake_->on_job("Delete", request->name(), job)) : kUnimplemented;
+  }
+
+  int port = 0;
+  std::unique_ptr<grpc::Server> server;
+
+ private:
+  FakeServer* const fake_;
+};
+
+FakeServer::FakeServer()
+    : service_(std::make_unique<Service>(this)), target_("127.0.0.1:" + std::to_string(service_->port)) {}
+
+FakeServer::~FakeServer() { service_->server->Shutdown(std::chrono::system_clock::now()); }
+
+google::rpc::Status MakeStatus(int code, const std::string& message, const std::string& reason,
+                               const std::map<std::string, std::string>& metadata, double retry_seconds) {
+  google::rpc::Status status;
+  status.set_code(code);
+  status.set_message(message);
+  if (!reason.empty()) {
+    google::rpc::ErrorInfo info;
+    info.set_reason(reason);
+    info.set_domain("planish");
+    for (const auto& [key, value] : metadata) (*info.mutable_metadata())[key] = value;
+    status.add_details()->PackFrom(info);
+  }
+  if (retry_seconds > 0) {
+    google::rpc::RetryInfo retry;
+    retry.mutable_retry_delay()->set_nanos(static_cast<int>(1e9 * retry_seconds));
+    status.add_details()->PackFrom(retry);
+  }
+  return status;
+}
+
+v1::JobEvent StateEvent(std::int64_t sequence, v1::JobState state) {
+  v1::JobEvent event;
+  event.set_sequence(sequence);
+  event.mutable_job()->set_name("jobs/1");
+  event.mutable_job()->set_state(state);
+  return event;
+}
+
+v1::JobEvent ProgressEvent(std::int64_t sequence, int newton_iteration, double residual) {
+  v1::JobEvent event;
+  event.set_sequence(sequence);
+  v1::Progress& progress = *event.mutable_progress();
+  progress.set_stage(v1::STAGE_SOLVE);
+  progress.set_newton_iteration(newton_iteration);
+  progress.mutable_residual()->set_vertex(residual);
+  progress.set_tolerance(1e-9);
+  return event;
+}
+
+v1::JobEvent SuccessEvent(std::int64_t sequence, const std::string& draco, const std::string& uv_bytes,
+                          v1::Precision precision) {
+  v1::JobEvent event = StateEvent(sequence, v1::JOB_STATE_SUCCEEDED);
+  v1::UvDescription& uv = *event.mutable_job()->mutable_uv();
+  uv.set_precision(precision);
+  uv.set_corner_count(static_cast<std::int64_t>(uv_bytes.size()) / (precision == v1::PRECISION_DOUBLE ? 16 : 8));
+  uv.set_total_bytes(static_cast<std::int64_t>(uv_bytes.size()));
+  uv.set_mesh_sha256(Sha256(draco));
+  uv.set_uv_sha256(Sha256(uv_bytes));
+  v1::Report& report = *event.mutable_job()->mutable_report();
+  report.mutable_input()->set_triangles(uv.corner_count() / 3);
+  v1::ChartReport& chart = *report.add_charts();
+  chart.set_method("abf");
+  chart.set_solver(v1::SOLVER_DIRECT);
+  chart.set_converged(true);
+  report.mutable_seconds()->set_solve(0.25);
+  return event;
+}
+
+}  // namespace planish::testing

@@ -1,0 +1,62 @@
+// A planish server for tests that does what the test says, on a real socket.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "google/rpc/status.pb.h"
+#include "planish/v1/planish.pb.h"
+
+namespace planish::testing {
+
+// The server's side of an open Unwrap or WatchJob.
+class FakeStream {
+ public:
+  virtual ~FakeStream() = default;
+  virtual void Send(const v1::JobEvent& event) = 0;
+  virtual void SendUv(std::int64_t offset, const std::string& data) = 0;
+  virtual bool IsCancelled() const = 0;
+};
+
+class FakeServer {
+ public:
+  using Status = google::rpc::Status;
+
+  FakeServer();
+  ~FakeServer();
+  const std::string& target() const { return target_; }
+
+  // What calls do; set before they come. Left empty, they answer UNIMPLEMENTED.
+  std::function<Status(const v1::UnwrapRequest&, FakeStream&)> on_unwrap;
+  std::function<Status(const v1::WatchJobRequest&, FakeStream&)> on_watch;
+  std::function<Status(const v1::ListJobsRequest&, v1::ListJobsResponse&)> on_list;
+  std::function<Status(const std::string& method, const std::string& job, v1::Job&)> on_job;  // Get, Cancel, Delete
+  std::function<Status(const v1::CreateJobRequest&, v1::Job&)> on_create;
+
+ private:
+  class Service;
+  std::unique_ptr<Service> service_;
+  std::string target_;
+};
+
+// {code, message} with an ErrorInfo if `reason` is not empty, and a RetryInfo if `retry_seconds` is not 0.
+google::rpc::Status MakeStatus(int code, const std::string& message, const std::string& reason = "",
+                               const std::map<std::string, std::string>& metadata = {}, double retry_seconds = 0);
+
+// Events of "jobs/1".
+v1::JobEvent StateEvent(std::int64_t sequence, v1::JobState state);
+v1::JobEvent ProgressEvent(std::int64_t sequence, int newton_iteration, double residual);
+// The last event of a job that succeeded on the mesh with `draco`.
+v1::JobEvent SuccessEvent(std::int64_t sequence, const std::string& draco, const std::string& uv_bytes,
+                          v1::Precision precision = v1::PRECISION_FLOAT);
+
+// Numbers as they travel.
+template <typename Number>
+std::string Bytes(const std::vector<Number>& numbers) {
+  return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(Number));
+}
+
+}  // namespace planish::testing

@@ -1,0 +1,105 @@
+// Starting, failing and ending planishd, played by shell scripts.
+#include "planish/private_server.h"
+
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "planish/error.h"
+
+namespace planish {
+namespace {
+
+using ::testing::HasSubstr;
+
+class PrivateServerTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = ::testing::TempDir() + "planish-test-XXXXXX";
+    directory_ = mkdtemp(pattern.data());
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  PrivateServerOptions Script(const std::string& body) {
+    PrivateServerOptions options;
+    options.executable = directory_ + "/planishd";
+    std::ofstream(options.executable) << "#!/bin/sh\n" << body;
+    chmod(options.executable.c_str(), 0755);
+    return options;
+  }
+
+  static std::string MessageOf(const PrivateServerOptions& options) {
+    try {
+      PrivateServer server(options);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.reason(), "PRIVATE_SERVER_FAILED");
+      EXPECT_EQ(error.code(), ErrorCode::kUnavailable);
+      return error.what();
+    }
+    ADD_FAILURE() << "it started";
+    return "";
+  }
+
+  std::string directory_;
+};
+
+TEST_F(PrivateServerTest, StartsAndEndsWithItsOwner) {
+  std::string socket_directory;
+  int pid = 0;
+  {
+    const PrivateServer server(Script("echo \"$@\" >&2\necho ready >&3\nread end <&3\n"));
+    socket_directory = server.directory();
+    pid = server.pid();
+    EXPECT_EQ(server.target(), "unix:" + socket_directory + "/socket");
+    EXPECT_THAT(server.log(), HasSubstr("--listen=" + server.target() + " --supervisor-fd=3 --workers=1"));
+    EXPECT_EQ(kill(pid, 0), 0);
+    EXPECT_EQ(getpgid(pid), pid);
+    struct stat info;
+    ASSERT_EQ(stat(socket_directory.c_str(), &info), 0);
+    EXPECT_EQ(info.st_mode & 0777, 0700u);
+  }
+  EXPECT_EQ(kill(pid, 0), -1) << "neither running nor a zombie";
+  EXPECT_FALSE(std::filesystem::exists(socket_directory));
+}
+
+TEST_F(PrivateServerTest, DeathAtTheStartTellsItsLastWords) {
+  EXPECT_THAT(MessageOf(Script("echo 'cannot listen: no luck' >&2\nexit 7\n")),
+              ::testing::AllOf(HasSubstr("exited with code 7"), HasSubstr("cannot listen: no luck")));
+  EXPECT_THAT(MessageOf(Script("kill -KILL $$\n")), HasSubstr("killed by signal 9"));
+}
+
+TEST_F(PrivateServerTest, SilenceIsNotWaitedForForever) {
+  PrivateServerOptions options = Script("echo hm >&2\nread end <&3\n");
+  options.start_timeout_seconds = 0.3;
+  EXPECT_THAT(MessageOf(options), ::testing::AllOf(HasSubstr("did not become ready"), HasSubstr("hm")));
+}
+
+TEST_F(PrivateServerTest, MissingProgram) {
+  PrivateServerOptions options;
+  options.executable = directory_ + "/nothing";
+  EXPECT_THAT(MessageOf(options), HasSubstr("nothing is not a program"));
+  setenv("PLANISHD", "/nonexistent/planishd", 1);
+  EXPECT_EQ(FindPrivateServer(), "");
+  EXPECT_THAT(MessageOf({}), HasSubstr("$PLANISHD is /nonexistent/planishd"));
+  unsetenv("PLANISHD");
+}
+
+TEST_F(PrivateServerTest, FoundByNameAndInPath) {
+  const PrivateServerOptions options = Script("");
+  setenv("PLANISHD", options.executable.c_str(), 1);
+  EXPECT_EQ(FindPrivateServer(), options.executable);
+  unsetenv("PLANISHD");
+  const std::string path = getenv("PATH");
+  setenv("PATH", ("/nonexistent:" + directory_).c_str(), 1);
+  EXPECT_EQ(FindPrivateServer(), options.executable);
+  setenv("PATH", path.c_str(), 1);
+}
+
+}  // namespace
+}  // namespace planish

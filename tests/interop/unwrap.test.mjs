@@ -1,0 +1,191 @@
+// What a client that knows only the published proto files may rely on.
+import grpc from '@grpc/grpc-js';
+import assert from 'node:assert/strict';
+import {createHash} from 'node:crypto';
+import {mkdtempSync, rmSync} from 'node:fs';
+import os from 'node:os';
+import path from 'node:path';
+import {after, before, test} from 'node:test';
+
+import {bump, cylinderPatch, decode, encode, tetrahedron} from './meshes.mjs';
+import {call, collect, errorInfoOfCall, errorInfoOfJob, freePort, startServer} from './server.mjs';
+
+const sha256 = (bytes) => createHash('sha256').update(bytes).digest('hex');
+const STATES = ['JOB_STATE_QUEUED', 'JOB_STATE_RUNNING', 'JOB_STATE_SUCCEEDED'];
+
+let server;
+before(async () => {
+  server = await startServer(`127.0.0.1:${await freePort()}`);
+});
+after(async () => {
+  if (server) assert.equal(await server.stop(), 0, 'SIGTERM ends planishd with exit code 0');
+});
+
+// Takes the answers of Unwrap or WatchJob apart and checks what holds for every stream.
+function checkStream(messages, firstSequence = 1, firstOffset = 0) {
+  const events = messages.filter(({content}) => content === 'event').map(({event}) => event);
+  const chunks = messages.filter(({content}) => content === 'uv').map(({uv}) => uv);
+  events.forEach((event, i) => {
+    assert.equal(event.sequence, firstSequence + i, 'sequences are ordered and without gaps');
+    assert.equal(event.skipped, 0);
+  });
+  const jobs = events.filter(({detail}) => detail === 'job').map(({job}) => job);
+  const progress = events.filter(({detail}) => detail === 'progress').map((event) => event.progress);
+  const lastEvent = messages.findLastIndex(({content}) => content === 'event');
+  const firstChunk = messages.findIndex(({content}) => content === 'uv');
+  assert.ok(firstChunk < 0 || firstChunk > lastEvent, 'UV come after the last event');
+  let end = firstOffset;
+  for (const {offset, data} of chunks) {
+    assert.equal(offset, end, 'chunks lie end to end');
+    end += data.length;
+  }
+  return {jobs, progress, job: jobs.at(-1), uv: Buffer.concat(chunks.map(({data}) => data))};
+}
+
+// Checks the UV of a job that succeeded against the bytes that were sent. Returns them with the decoded mesh.
+async function checkUv(job, uv, draco) {
+  assert.equal(job.state, 'JOB_STATE_SUCCEEDED', job.error?.message);
+  const mesh = await decode(draco);
+  assert.equal(job.uv.corner_count, mesh.faces.length, 'one pair for each corner of the decoded mesh');
+  assert.equal(job.uv.precision, 'PRECISION_FLOAT');
+  assert.equal(uv.length, 8 * mesh.faces.length);
+  assert.equal(job.uv.total_bytes, uv.length);
+  assert.equal(job.uv.mesh_sha256.toString('hex'), sha256(draco));
+  assert.equal(job.uv.uv_sha256.toString('hex'), sha256(uv));
+  const pairs = Array.from({length: mesh.faces.length}, (_, i) => [uv.readFloatLE(8 * i), uv.readFloatLE(8 * i + 4)]);
+  for (const pair of pairs) assert.ok(pair.every((x) => x >= 0 && x <= 1), `UV within the unit square: ${pair}`);
+  for (let c = 0; c < pairs.length; c += 3) {
+    const [p, q, r] = pairs.slice(c, c + 3);
+    const area = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+    assert.ok(area > 0, `face ${c / 3} keeps its orientation: doubled area ${area}`);
+  }
+  const ofPoint = new Map();
+  mesh.faces.forEach((point, corner) => {
+    if (!ofPoint.has(point)) ofPoint.set(point, pairs[corner]);
+    assert.deepEqual(pairs[corner], ofPoint.get(point), 'a disc needs no seam: all corners of a vertex agree');
+  });
+  const {quality} = job.report;
+  assert.deepEqual([quality.flipped, quality.degenerate, quality.overlapping], [0, 0, 0]);
+  assert.equal(job.report.input.triangles, mesh.faces.length / 3);
+  assert.equal(job.report.charts.length, 1);
+  assert.ok(job.report.charts[0].converged, job.report.charts[0].stop_message);
+  return {mesh, pairs};
+}
+
+// Longest over shortest edge of the map, as multiples of the edges on the surface, less 1: 0 for an isometry.
+function edgeDistortion({mesh, pairs}) {
+  const ratios = mesh.faces.map((point, corner) => {
+    const next = corner - (corner % 3) + ((corner + 1) % 3);
+    const at = (p) => mesh.positions.slice(3 * p, 3 * p + 3);
+    const [a, b] = [at(point), at(mesh.faces[next])];
+    const [u, v] = [pairs[corner], pairs[next]];
+    return Math.hypot(v[0] - u[0], v[1] - u[1]) / Math.hypot(...b.map((x, i) => x - a[i]));
+  });
+  return Math.max(...ratios) / Math.min(...ratios) - 1;
+}
+
+async function unwrap(draco, more = {}) {
+  return checkStream(await collect(server.client, 'Unwrap', {draco, label: 'interop', ...more}));
+}
+
+test('health check', async () => {
+  assert.equal((await call(server.health, 'Check', {service: ''})).status, 'SERVING');
+});
+
+test('capabilities', async () => {
+  const capabilities = await call(server.client, 'GetCapabilities', {});
+  assert.match(capabilities.version, /^\d+\.\d+\.\d+/);
+  assert.equal(capabilities.workers, 2);
+  assert.ok(capabilities.max_mesh_bytes > 1_000_000);
+  assert.ok(capabilities.seams.includes('SEAMS_NONE'));
+  assert.ok(capabilities.solvers.some(({solver}) => solver === 'SOLVER_UZAWA'));
+});
+
+test('a cylinder patch, encoded sequentially, unrolls without distortion', async () => {
+  const draco = await encode(cylinderPatch());
+  const {jobs, progress, job, uv} = await unwrap(draco);
+  const order = jobs.map(({state}) => STATES.indexOf(state));
+  assert.deepEqual([...order].sort((a, b) => a - b), order, `states in order: ${jobs.map(({state}) => state)}`);
+  assert.equal(jobs[0].label, 'interop');
+  assert.match(job.name, /^jobs\/.+/);
+  assert.ok(progress.some(({stage}) => stage === 'STAGE_SOLVE'));
+  assert.ok(edgeDistortion(await checkUv(job, uv, draco)) < 1e-4);
+});
+
+test('progress follows Newton: iterations grow, residuals fall', async () => {
+  const {progress, job} = await unwrap(await encode(bump()));
+  const solve = progress.filter(({stage}) => stage === 'STAGE_SOLVE');
+  const iterations = solve.map(({newton_iteration}) => newton_iteration);
+  assert.deepEqual([...iterations].sort((a, b) => a - b), iterations);
+  assert.equal(iterations.at(-1), job.report.charts[0].newton_iterations);
+  assert.ok(iterations.at(-1) > 1, 'a bump takes more than one step');
+  const worst = solve.map(({residual}) => Math.max(residual.triangle, residual.vertex, residual.wheel));
+  const measured = worst.filter((residual) => residual > 0);  // not yet so when the stage begins
+  assert.ok(measured.at(-1) < 1e-3 * measured[0], `residuals: ${worst}`);
+});
+
+test('edgebreaker with quantization and normals: UV in the order of the decoded faces', async () => {
+  const draco = await encode(cylinderPatch(), {edgebreaker: true, quantizationBits: 14, normals: true});
+  const {job, uv} = await unwrap(draco);
+  const flat = await checkUv(job, uv, draco);
+  assert.notDeepEqual(flat.mesh.faces, cylinderPatch().faces, 'edgebreaker gave the faces another order');
+  assert.ok(edgeDistortion(flat) < 0.02);
+});
+
+test('create, watch, list and delete a job; same bytes as in one call', async () => {
+  const draco = await encode(bump());
+  const first = await unwrap(draco);
+  const {name} = await call(server.client, 'CreateJob', {draco, label: 'queued'});
+  const watched = checkStream(await collect(server.client, 'WatchJob', {name, include_uv: true}));
+  await checkUv(watched.job, watched.uv, draco);
+  assert.ok(watched.uv.equals(first.uv), 'the same bytes for the same input');
+
+  const resume = {name, after_sequence: 2, include_uv: true, uv_offset: 800};
+  const rest = checkStream(await collect(server.client, 'WatchJob', resume), 3, 800);
+  assert.equal(rest.job.state, 'JOB_STATE_SUCCEEDED');
+  assert.ok(rest.uv.equals(first.uv.subarray(800)), 'a watch resumes where the caller says');
+
+  const {jobs} = await call(server.client, 'ListJobs', {});
+  assert.ok(jobs.some((job) => job.name === name && job.label === 'queued'));
+  await call(server.client, 'DeleteJob', {name});
+  await assert.rejects(call(server.client, 'GetJob', {name}), (error) => error.code === grpc.status.NOT_FOUND);
+});
+
+test('a closed mesh fails with a reason', async () => {
+  const {job, uv} = await unwrap(await encode(tetrahedron()));
+  assert.equal(job.state, 'JOB_STATE_FAILED');
+  assert.equal(errorInfoOfJob(job).reason, 'MESH_CLOSED');
+  assert.equal(errorInfoOfJob(job).domain, 'planish');
+  assert.ok(job.error.message.length > 10, job.error.message);
+  assert.equal(uv.length, 0);
+});
+
+test('bytes that are no Draco fail with a reason', async () => {
+  const whole = await encode(bump());
+  for (const draco of [Buffer.from('This is not a mesh.'), whole.subarray(0, whole.length / 2)]) {
+    const {job} = await unwrap(draco);
+    assert.equal(job.state, 'JOB_STATE_FAILED');
+    assert.equal(errorInfoOfJob(job).reason, 'MESH_DECODE_FAILED');
+  }
+});
+
+test('a call without a mesh is refused with details', async () => {
+  await assert.rejects(collect(server.client, 'Unwrap', {}), (error) => {
+    assert.equal(error.code, grpc.status.INVALID_ARGUMENT);
+    assert.equal(errorInfoOfCall(error)?.domain, 'planish');
+    return true;
+  });
+});
+
+test('over a Unix socket', async () => {
+  const folder = mkdtempSync(path.join(os.tmpdir(), 'planish-'));
+  try {
+    const local = await startServer(`unix:${folder}/s`);
+    const draco = await encode(cylinderPatch());
+    const {job, uv} = checkStream(await collect(local.client, 'Unwrap', {draco}));
+    await checkUv(job, uv, draco);
+    assert.equal(await local.stop(), 0);
+  } finally {
+    rmSync(folder, {recursive: true});
+  }
+});

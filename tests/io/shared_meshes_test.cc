@@ -1,0 +1,147 @@
+// Every file of the shared collection, against the counts in its MANIFEST.tsv.
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "core/io/draco_codec.h"
+#include "core/io/mesh_file.h"
+#include "gtest/gtest.h"
+#include "tests/io/sample_meshes.h"
+
+namespace planish {
+namespace {
+
+namespace fs = std::filesystem;
+
+using Row = std::map<std::string, std::string>;
+
+std::vector<std::string> Fields(const std::string& line) {
+  std::vector<std::string> fields;
+  std::stringstream stream(line);
+  for (std::string field; std::getline(stream, field, '\t');) fields.push_back(field);
+  return fields;
+}
+
+std::vector<Row> Manifest(const std::string& extension) {
+  std::ifstream file(fs::path(PLANISH_SHARED_MESHES) / "MANIFEST.tsv");
+  std::string line;
+  std::getline(file, line);
+  const std::vector<std::string> names = Fields(line);
+  std::vector<Row> rows;
+  while (std::getline(file, line)) {
+    const std::vector<std::string> fields = Fields(line);
+    Row row;
+    for (std::size_t i = 0; i < std::min(names.size(), fields.size()); ++i) row[names[i]] = fields[i];
+    if (fs::path(row["file"]).extension() == extension) rows.push_back(row);
+  }
+  return rows;
+}
+
+class SharedMeshes : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!fs::exists(fs::path(PLANISH_SHARED_MESHES) / "MANIFEST.tsv")) {
+      GTEST_SKIP() << "no shared meshes at " << PLANISH_SHARED_MESHES;
+    }
+  }
+  static std::string Path(const Row& row) { return (fs::path(PLANISH_SHARED_MESHES) / row.at("file")).string(); }
+};
+
+TEST_F(SharedMeshes, EveryObjIsReadOrRefused) {
+  const std::map<std::string, std::string> refused = {{"malformed.obj", "28"}, {"box_utf16be.obj", "1"}};
+  const std::vector<Row> rows = Manifest(".obj");
+  ASSERT_GE(rows.size(), 60u);
+  for (const Row& row : rows) {
+    const std::string& name = row.at("file");
+    SCOPED_TRACE(name);
+    const auto file = ReadMeshFile(Path(row));
+    if (const auto expected = refused.find(name); expected != refused.end()) {
+      ASSERT_FALSE(file.ok());
+      EXPECT_EQ(Reason(file.status()), "FILE_MALFORMED");
+      EXPECT_NE(std::string(file.status().message()).find(name + ":" + expected->second + ": "), std::string::npos)
+          << file.status();
+      continue;
+    }
+    ASSERT_TRUE(file.ok()) << file.status();
+    const Triangulation triangles = Triangulate(file->mesh);
+    EXPECT_EQ(triangles.mesh.num_faces(), std::stoll(row.at("F")));
+    EXPECT_EQ(static_cast<long long>(file->mesh.positions.size()), std::stoll(row.at("V")));
+    EXPECT_EQ(triangles.mesh.num_vertices(), std::stoll(row.at("V")) - std::stoll(row.at("unref")));
+    const auto polygons = std::count_if(file->mesh.polygon_begin.begin() + 1, file->mesh.polygon_begin.end(),
+                                        [&](const std::int64_t& end) { return end - *(&end - 1) > 3; });
+    EXPECT_EQ(polygons, std::stoll(row.at("polys")));
+
+    const auto bytes = EncodeDraco(triangles.mesh);
+    ASSERT_TRUE(bytes.ok()) << bytes.status();
+    const auto decoded = DecodeDraco(*bytes);
+    ASSERT_TRUE(decoded.ok()) << decoded.status();
+    EXPECT_EQ(decoded->faces, triangles.mesh.faces);
+  }
+}
+
+// The text without what may change: vt lines and everything behind the first '/' of a corner.
+std::string WithoutUv(const std::string& text) {
+  std::stringstream lines(text);
+  std::string result;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("vt")) continue;
+    if (line.starts_with("f ")) {
+      for (std::size_t at = line.find('/'); at != std::string::npos; at = line.find('/', at)) {
+        std::size_t end = at + 1;
+        while (end < line.size() && std::isdigit(static_cast<unsigned char>(line[end])) != 0) ++end;
+        line.erase(at, end - at);
+        // What is left begins with the '/' of a normal, or with a blank.
+        while (at < line.size() && line[at] == '/') ++at;
+      }
+    }
+    result += line + "\n";
+  }
+  return result;
+}
+
+TEST_F(SharedMeshes, EveryObjGoesThroughByteFaithfully) {
+  for (const Row& row : Manifest(".obj")) {
+    SCOPED_TRACE(row.at("file"));
+    auto file = ReadMeshFile(Path(row));
+    if (!file.ok()) continue;
+    std::vector<double> uv;
+    for (std::size_t c = 0; c < file->mesh.corner_vertex.size(); ++c) {
+      uv.push_back(static_cast<double>(c % 1024) / 1024);
+      uv.push_back(static_cast<double>(file->mesh.corner_vertex[c] % 1024) / 1024);
+    }
+    const std::string written = WriteObjWithUv(*file, uv, true);
+    EXPECT_EQ(WithoutUv(written) == WithoutUv(file->bytes), true);
+
+    const MeshFile again = ReadObjText(written);
+    EXPECT_EQ(again.mesh.corner_vertex, file->mesh.corner_vertex);
+    EXPECT_EQ(again.mesh.polygon_begin, file->mesh.polygon_begin);
+    EXPECT_EQ(WriteObjWithUv(again, uv, true) == written, true) << "writing is not idempotent";
+  }
+}
+
+TEST_F(SharedMeshes, EveryDracoFileIsDecodedOrRefused) {
+  const std::set<std::string> clouds = {"cube_pc.drc", "pc_kd_color.drc"};
+  const std::vector<Row> rows = Manifest(".drc");
+  ASSERT_GE(rows.size(), 14u);
+  for (const Row& row : rows) {
+    const std::string& name = row.at("file");
+    SCOPED_TRACE(name);
+    const auto mesh = DecodeDraco(GetFile(Path(row)));
+    if (clouds.count(name) != 0) {
+      EXPECT_EQ(Reason(mesh.status()), "MESH_NOT_A_MESH");
+      continue;
+    }
+    ASSERT_TRUE(mesh.ok()) << mesh.status();
+    EXPECT_EQ(mesh->num_faces(), std::stoll(row.at("F")));
+    std::int64_t vertices = std::stoll(row.at("V"));
+    // Sequential with normals and UV: its 936 repeated positions are UV and normal seams, not cuts.
+    if (name == "car_1744.drc") vertices -= std::stoll(row.at("dup_verts"));
+    EXPECT_EQ(mesh->num_vertices(), vertices);
+  }
+}
+
+}  // namespace
+}  // namespace planish

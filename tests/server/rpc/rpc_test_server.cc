@@ -1,0 +1,124 @@
+#include "tests/server/rpc/rpc_test_server.h"
+
+#include <utility>
+
+#include "grpcpp/create_channel.h"
+#include "grpcpp/generic/generic_stub.h"
+#include "server/rpc/service.h"
+
+namespace planish {
+namespace {
+
+template <class Response>
+Received ReceiveStream(grpc::ClientReader<Response>* reader) {
+  Received received;
+  Response response;
+  while (reader->Read(&response)) {
+    if (response.has_event()) received.events.push_back(response.event());
+    if (response.has_uv()) {
+      received.chunks.push_back(response.uv());
+      received.uv += response.uv().data();
+    }
+  }
+  received.status = reader->Finish();
+  return received;
+}
+
+std::string ToString(const grpc::ByteBuffer& buffer) {
+  std::vector<grpc::Slice> slices;
+  if (!buffer.Dump(&slices).ok()) return "";
+  std::string bytes;
+  for (const grpc::Slice& slice : slices) bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
+  return bytes;
+}
+
+}  // namespace
+
+RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options)
+    : manager_(options, NewMemoryJobStore()),
+      pool_(std::make_unique<WorkerPool>(&manager_, ScriptedWorkers(std::move(script)), options.workers)) {
+  v1::Capabilities capabilities;
+  capabilities.set_version("1.2.3");
+  capabilities.set_workers(options.workers);
+  service_ = NewPlanishService(&manager_, std::move(capabilities));
+  RpcServerOptions rpc_options;
+  rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
+  rpc_options.max_mesh_bytes = options.max_mesh_bytes;
+  rpc_ = *RpcServer::Start(rpc_options, service_.get());
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(-1);
+  channel_ = grpc::CreateCustomChannel("unix:" + dir_.Path("socket"), grpc::InsecureChannelCredentials(), arguments);
+  stub_ = v1::Planish::NewStub(channel_);
+}
+
+RpcTestServer::~RpcTestServer() {
+  manager_.Drain([] {});
+  manager_.CancelAll();
+  rpc_->Shutdown(absl::Now() + absl::Seconds(5));
+  manager_.Stop();
+}
+
+std::string RpcTestServer::Create() {
+  grpc::ClientContext context;
+  v1::CreateJobRequest request;
+  request.set_draco("mesh");
+  v1::Job job;
+  const grpc::Status status = stub_->CreateJob(&context, request, &job);
+  return status.ok() ? job.name() : status.error_message();
+}
+
+std::string RpcTestServer::CallBytes(const std::string& method, const std::string& request) {
+  grpc::GenericStub stub(channel_);
+  grpc::CompletionQueue queue;
+  grpc::ClientContext context;
+  const auto wait = [&queue] {
+    void* tag = nullptr;
+    bool ok = false;
+    return queue.Next(&tag, &ok) && ok;
+  };
+  const grpc::Slice slice(request);
+  grpc::ByteBuffer answer;
+  grpc::Status status;
+  const auto call = stub.PrepareCall(&context, method, &queue);
+  call->StartCall(nullptr);
+  wait();
+  call->Write(grpc::ByteBuffer(&slice, 1), nullptr);
+  wait();
+  call->WritesDone(nullptr);
+  wait();
+  call->Read(&answer, nullptr);
+  const bool answered = wait();
+  context.TryCancel();
+  call->Finish(&status, nullptr);
+  wait();
+  return answered ? ToString(answer) : status.error_message();
+}
+
+Received ReceiveAll(grpc::ClientReader<v1::UnwrapResponse>* reader) {
+  return ReceiveStream(reader);
+}
+Received ReceiveAll(grpc::ClientReader<v1::WatchJobResponse>* reader) {
+  return ReceiveStream(reader);
+}
+
+google::rpc::ErrorInfo InfoOf(const grpc::Status& status) {
+  google::rpc::Status rpc;
+  google::rpc::ErrorInfo info;
+  if (!rpc.ParseFromString(status.error_details()) || rpc.code() != status.error_code()) return info;
+  for (const auto& detail : rpc.details()) {
+    if (detail.UnpackTo(&info) && info.domain() == "planish") return info;
+  }
+  return google::rpc::ErrorInfo();
+}
+
+bool HasRetryInfo(const grpc::Status& status) {
+  google::rpc::Status rpc;
+  google::rpc::RetryInfo retry;
+  if (!rpc.ParseFromString(status.error_details())) return false;
+  for (const auto& detail : rpc.details()) {
+    if (detail.UnpackTo(&retry)) return true;
+  }
+  return false;
+}
+
+}  // namespace planish

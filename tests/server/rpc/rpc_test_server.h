@@ -1,0 +1,62 @@
+// A server with scripted workers on a Unix socket, and a client for it.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
+#include "planish/v1/planish.grpc.pb.h"
+#include "server/jobs/job_manager.h"
+#include "server/jobs/worker_pool.h"
+#include "server/rpc/rpc_server.h"
+#include "tests/server/testing/fake_workers.h"
+#include "tests/server/testing/temp_dir.h"
+
+namespace planish {
+
+class RpcTestServer {
+ public:
+  explicit RpcTestServer(WorkerScript script, JobManagerOptions options = JobManagerOptions());
+  ~RpcTestServer();
+
+  JobManager& manager() { return manager_; }
+  RpcServer& rpc() { return *rpc_; }
+  v1::Planish::Stub& stub() { return *stub_; }
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+
+  // CreateJob with a small mesh; the job's name.
+  std::string Create();
+
+  // Sends `request` to `method` ("/package.Service/Method") and returns the first answer, or the error's message.
+  std::string CallBytes(const std::string& method, const std::string& request);
+
+ private:
+  TempDir dir_;
+  JobManager manager_;
+  std::unique_ptr<WorkerPool> pool_;
+  std::unique_ptr<grpc::Service> service_;
+  std::unique_ptr<RpcServer> rpc_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::Planish::Stub> stub_;
+};
+
+// What came over a stream until it ended.
+struct Received {
+  std::vector<v1::JobEvent> events;
+  std::vector<v1::UvChunk> chunks;
+  std::string uv;
+  grpc::Status status;
+
+  v1::Job LastJob() const { return events.empty() ? v1::Job() : events.back().job(); }
+};
+
+Received ReceiveAll(grpc::ClientReader<v1::UnwrapResponse>* reader);
+Received ReceiveAll(grpc::ClientReader<v1::WatchJobResponse>* reader);
+
+// The details of an error: reason "" if there is no ErrorInfo of domain "planish".
+google::rpc::ErrorInfo InfoOf(const grpc::Status& status);
+bool HasRetryInfo(const grpc::Status& status);
+
+}  // namespace planish

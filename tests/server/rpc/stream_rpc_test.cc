@@ -1,0 +1,266 @@
+// Unwrap and WatchJob.
+#include <chrono>
+#include <thread>
+
+#include "core/base/error.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/server/rpc/rpc_test_server.h"
+#include "tests/server/testing/event_reader.h"
+
+namespace planish {
+namespace {
+
+v1::UnwrapRequest MeshRequest() {
+  v1::UnwrapRequest request;
+  request.set_draco("mesh");
+  return request;
+}
+
+Received Unwrap(RpcTestServer& server, const v1::UnwrapRequest& request) {
+  grpc::ClientContext context;
+  return ReceiveAll(server.stub().Unwrap(&context, request).get());
+}
+
+v1::WatchJobRequest WatchRequest(const std::string& name, std::int64_t after, bool uv = false,
+                                 std::int64_t offset = 0) {
+  v1::WatchJobRequest request;
+  request.set_name(name);
+  request.set_after_sequence(after);
+  request.set_include_uv(uv);
+  request.set_uv_offset(offset);
+  return request;
+}
+
+Received Watch(RpcTestServer& server, const v1::WatchJobRequest& request) {
+  grpc::ClientContext context;
+  return ReceiveAll(server.stub().WatchJob(&context, request).get());
+}
+
+// A call to Unwrap under way whose first `events` events were read.
+class Caller {
+ public:
+  Caller(RpcTestServer& server, const v1::UnwrapRequest& request, int events,
+         std::chrono::milliseconds deadline = std::chrono::minutes(1)) {
+    context_.set_deadline(std::chrono::system_clock::now() + deadline);
+    reader_ = server.stub().Unwrap(&context_, request);
+    v1::UnwrapResponse response;
+    for (int i = 0; i < events && reader_->Read(&response); ++i) {
+      if (response.event().has_job()) name_ = response.event().job().name();
+    }
+  }
+
+  const std::string& name() const { return name_; }
+  void GoAway() { context_.TryCancel(); }
+  Received Rest() { return ReceiveAll(reader_.get()); }
+
+ private:
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<v1::UnwrapResponse>> reader_;
+  std::string name_;
+};
+
+v1::JobState EndState(RpcTestServer& server, const std::string& name) {
+  return Follow(**server.manager().Watch(name)).back().job().state();
+}
+
+TEST(UnwrapRpc, EventsInOrderThenUvInChunks) {
+  std::string uv((3 << 20) + 5, '\0');
+  for (std::size_t i = 0; i < uv.size(); ++i) uv[i] = static_cast<char>(i * 7 + i / 1000);
+  RpcTestServer server(Succeed(20, uv));
+  const Received received = Unwrap(server, MeshRequest());
+  EXPECT_TRUE(received.status.ok()) << received.status.error_message();
+  ASSERT_EQ(received.events.size(), 23u);
+  for (std::size_t i = 0; i < received.events.size(); ++i) {
+    EXPECT_EQ(received.events[i].sequence(), static_cast<std::int64_t>(i) + 1);
+    EXPECT_EQ(received.events[i].skipped(), 0);
+  }
+  EXPECT_EQ(received.events[0].job().state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_SUCCEEDED);
+  ASSERT_EQ(received.chunks.size(), 4u);
+  EXPECT_EQ(received.chunks[1].offset(), 1 << 20);
+  EXPECT_EQ(received.chunks[3].data().size(), 5u);
+  EXPECT_TRUE(received.uv == uv);
+}
+
+TEST(UnwrapRpc, FailedJobEndsTheStreamWithOk) {
+  RpcTestServer server([](ServerLink& link, const worker::v1::WorkRequest&) {
+    link.Send(
+        FailureMessage(MakeError(absl::StatusCode::kInvalidArgument, "MESH_CLOSED", "no boundary", {{"loops", "0"}})));
+  });
+  const Received received = Unwrap(server, MeshRequest());
+  EXPECT_TRUE(received.status.ok());
+  EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_FAILED);
+  google::rpc::ErrorInfo info;
+  ASSERT_TRUE(received.LastJob().error().details(0).UnpackTo(&info));
+  EXPECT_EQ(info.reason(), "MESH_CLOSED");
+  EXPECT_TRUE(received.chunks.empty());
+}
+
+TEST(UnwrapRpc, RefusalsCarryDetails) {
+  RpcTestServer server(Succeed(1, "uv"));
+  const Received received = Unwrap(server, v1::UnwrapRequest());
+  EXPECT_EQ(received.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(InfoOf(received.status).reason(), "MESH_MISSING");
+}
+
+TEST(UnwrapRpc, CallerGoesAwayAndTheJobIsCancelled) {
+  RpcTestServer server(WaitForCancel());
+  Caller caller(server, MeshRequest(), 3);
+  caller.GoAway();
+  EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
+}
+
+TEST(UnwrapRpc, DeadlinePassesAndTheJobIsCancelled) {
+  RpcTestServer server(WaitForCancel());
+  Caller caller(server, MeshRequest(), 3, std::chrono::milliseconds(200));
+  EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+}
+
+TEST(UnwrapRpc, DetachedJobRunsOn) {
+  Gate gate;
+  RpcTestServer server([&gate](ServerLink& link, const worker::v1::WorkRequest&) {
+    link.Send(ProgressMessage(1));
+    gate.Wait();
+    link.Send(SuccessMessage("uv"));
+  });
+  v1::UnwrapRequest request = MeshRequest();
+  request.set_detached(true);
+  Caller caller(server, request, 3);
+  caller.GoAway();
+  EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
+  gate.Open();
+  EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(Watch(server, WatchRequest(caller.name(), 0, true)).uv, "uv");
+}
+
+TEST(UnwrapRpc, RetryAttachesToTheSameJob) {
+  Gate gate;
+  RpcTestServer server([&gate](ServerLink& link, const worker::v1::WorkRequest&) {
+    link.Send(ProgressMessage(1));
+    gate.Wait();
+    link.Send(SuccessMessage("uv"));
+  });
+  v1::UnwrapRequest request = MeshRequest();
+  request.set_request_id("r1");
+  Caller lost(server, request, 3);
+  Caller retry(server, request, 3);
+  EXPECT_EQ(retry.name(), lost.name());
+  lost.GoAway();
+  EXPECT_EQ(lost.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
+  gate.Open();
+  const Received received = retry.Rest();
+  EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(received.uv, "uv");
+}
+
+TEST(UnwrapRpc, TenCallersOnTwoWorkers) {
+  JobManagerOptions options;
+  options.workers = 2;
+  RpcTestServer server(Succeed(30, "uv"), options);
+  std::vector<std::thread> callers;
+  for (int i = 0; i < 10; ++i) {
+    callers.emplace_back([&server] {
+      const Received received = Unwrap(server, MeshRequest());
+      EXPECT_TRUE(received.status.ok());
+      EXPECT_EQ(received.events.size(), 33u);
+      for (std::size_t e = 0; e < received.events.size(); ++e) {
+        EXPECT_EQ(received.events[e].sequence(), static_cast<std::int64_t>(e) + 1);
+      }
+      EXPECT_EQ(received.uv, "uv");
+    });
+  }
+  for (std::thread& caller : callers) caller.join();
+}
+
+TEST(WatchRpc, ResumesAfterASequence) {
+  RpcTestServer server(Succeed(5, "0123456789"));
+  const std::string name = server.Create();
+  EXPECT_EQ(EndState(server, name), v1::JOB_STATE_SUCCEEDED);
+  const Received all = Watch(server, WatchRequest(name, 0));
+  ASSERT_EQ(all.events.size(), 8u);
+  EXPECT_TRUE(all.chunks.empty()) << "not asked for";
+  const Received rest = Watch(server, WatchRequest(name, 6, true, 4));
+  ASSERT_EQ(rest.events.size(), 2u);
+  EXPECT_EQ(rest.events[0].sequence(), 7);
+  EXPECT_EQ(rest.events[0].skipped(), 0);
+  ASSERT_EQ(rest.chunks.size(), 1u);
+  EXPECT_EQ(rest.chunks[0].offset(), 4);
+  EXPECT_EQ(rest.uv, "456789");
+}
+
+TEST(WatchRpc, OffsetsAtAndBeyondTheEnd) {
+  RpcTestServer server(Succeed(1, "0123456789"));
+  const std::string name = server.Create();
+  EXPECT_TRUE(Watch(server, WatchRequest(name, 0, true, 10)).status.ok());
+  const Received beyond = Watch(server, WatchRequest(name, 0, true, 11));
+  EXPECT_EQ(beyond.status.error_code(), grpc::StatusCode::OUT_OF_RANGE);
+  EXPECT_EQ(InfoOf(beyond.status).metadata().at("total_bytes"), "10");
+  EXPECT_EQ(Watch(server, WatchRequest(name, -1)).status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(Watch(server, WatchRequest(name, 0, true, -1)).status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(Watch(server, WatchRequest("jobs/none", 0)).status.error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+TEST(WatchRpc, WatchersComeAndGoWithoutEffect) {
+  RpcTestServer server(WaitForCancel());
+  const std::string name = server.Create();
+  {
+    grpc::ClientContext context;
+    const auto reader = server.stub().WatchJob(&context, WatchRequest(name, 0));
+    v1::WatchJobResponse response;
+    for (int i = 0; i < 3; ++i) ASSERT_TRUE(reader->Read(&response));
+    context.TryCancel();
+    EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+  }
+  EXPECT_EQ(server.manager().Get(name)->state(), v1::JOB_STATE_RUNNING);
+  std::thread watcher([&] {
+    const Received received = Watch(server, WatchRequest(name, 3));
+    EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_CANCELLED);
+  });
+  EXPECT_TRUE(server.manager().Cancel(name).ok());
+  watcher.join();
+}
+
+TEST(WatchRpc, SlowReaderSkipsProgressAndHoldsUpNobody) {
+  constexpr int kIterations = 50'000;  // far more than HTTP/2 windows and socket buffers hold
+  JobManagerOptions options;
+  options.events_per_job = 16;
+  RpcTestServer server(Succeed(kIterations, "uv"), options);
+  Caller slow(server, MeshRequest(), 1);
+  EXPECT_EQ(EndState(server, slow.name()), v1::JOB_STATE_SUCCEEDED) << "although nobody reads";
+
+  const Received received = slow.Rest();
+  std::int64_t last = 1;
+  std::int64_t skipped = 0;
+  for (const v1::JobEvent& event : received.events) {
+    EXPECT_EQ(event.sequence(), last + event.skipped() + 1);
+    last = event.sequence();
+    skipped += event.skipped();
+  }
+  EXPECT_EQ(last, kIterations + 3);
+  EXPECT_GT(skipped, 0);
+  EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(received.uv, "uv");
+}
+
+TEST(WatchRpc, StreamsEndWhenTheServerShutsDown) {
+  Received received;
+  std::thread watcher;
+  {
+    RpcTestServer server(WaitForCancel());
+    Caller caller(server, MeshRequest(), 3);
+    watcher =
+        std::thread([&server, &received, name = caller.name()] { received = Watch(server, WatchRequest(name, 0)); });
+    server.manager().Drain([] {});
+    server.manager().CancelAll();
+    EXPECT_EQ(caller.Rest().LastJob().state(), v1::JOB_STATE_CANCELLED);
+    watcher.join();
+  }
+  EXPECT_TRUE(received.status.ok());
+  EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_CANCELLED);
+}
+
+}  // namespace
+}  // namespace planish

@@ -1,0 +1,77 @@
+#include "tests/server/testing/fake_workers.h"
+
+#include <optional>
+#include <utility>
+
+#include "server/link/in_process_link.h"
+#include "server/link/rpc_status.h"
+
+namespace planish {
+
+using worker::v1::FromWorker;
+using worker::v1::ToWorker;
+
+WorkerFactory ScriptedWorkers(WorkerScript script) {
+  return [script = std::move(script)] {
+    return StartInProcessWorker([script](ServerLink& server) {
+      const std::optional<ToWorker> message = server.Receive();
+      if (message.has_value() && message->has_request()) script(server, message->request());
+    });
+  };
+}
+
+FromWorker ProgressMessage(int newton_iteration) {
+  FromWorker message;
+  v1::Progress* progress = message.mutable_event()->mutable_progress();
+  progress->set_stage(v1::STAGE_SOLVE);
+  progress->set_newton_iteration(newton_iteration);
+  return message;
+}
+
+FromWorker SuccessMessage(const std::string& uv_bytes) {
+  FromWorker message;
+  worker::v1::WorkResult* result = message.mutable_result();
+  result->mutable_report()->mutable_input()->set_triangles(1);
+  result->mutable_uv()->set_total_bytes(static_cast<std::int64_t>(uv_bytes.size()));
+  result->set_uv_bytes(uv_bytes);
+  return message;
+}
+
+FromWorker FailureMessage(const absl::Status& status) {
+  FromWorker message;
+  *message.mutable_result()->mutable_status() = ToRpcStatus(status);
+  return message;
+}
+
+FromWorker CancelledMessage() {
+  return FailureMessage(absl::CancelledError("cancelled"));
+}
+
+WorkerScript Succeed(int iterations, const std::string& uv_bytes) {
+  return [iterations, uv_bytes](ServerLink& server, const worker::v1::WorkRequest&) {
+    for (int i = 1; i <= iterations; ++i) server.Send(ProgressMessage(i));
+    server.Send(SuccessMessage(uv_bytes));
+  };
+}
+
+WorkerScript WaitForCancel() {
+  return [](ServerLink& server, const worker::v1::WorkRequest&) {
+    server.Send(ProgressMessage(1));
+    while (const std::optional<ToWorker> message = server.Receive()) {
+      if (message->has_cancel()) return server.Send(CancelledMessage());
+    }
+  };
+}
+
+void Gate::Open() {
+  const std::lock_guard lock(mutex_);
+  open_ = true;
+  opened_.notify_all();
+}
+
+void Gate::Wait() {
+  std::unique_lock lock(mutex_);
+  opened_.wait(lock, [this] { return open_; });
+}
+
+}  // namespace planish

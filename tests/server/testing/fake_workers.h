@@ -1,0 +1,42 @@
+// Workers that do what a test tells them, step by step.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <string>
+
+#include "server/link/worker_link.h"
+
+namespace planish {
+
+// Runs a script for each job, on the job's worker thread.
+using WorkerScript = std::function<void(ServerLink& server, const worker::v1::WorkRequest& request)>;
+
+WorkerFactory ScriptedWorkers(WorkerScript script);
+
+// Messages to the server.
+worker::v1::FromWorker ProgressMessage(int newton_iteration);
+worker::v1::FromWorker SuccessMessage(const std::string& uv_bytes);
+worker::v1::FromWorker FailureMessage(const absl::Status& status);
+worker::v1::FromWorker CancelledMessage();
+
+// Reports `iterations` Newton iterations, then `uv_bytes`.
+WorkerScript Succeed(int iterations, const std::string& uv_bytes);
+
+// Reports iteration 1, then waits for a cancellation and obeys; a link that closes ends it without a result.
+WorkerScript WaitForCancel();
+
+// A door that threads wait at until a test opens it. Thread-safe.
+class Gate {
+ public:
+  void Open();
+  void Wait();
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable opened_;
+  bool open_ = false;
+};
+
+}  // namespace planish

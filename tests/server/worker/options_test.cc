@@ -1,0 +1,106 @@
+#include "server/worker/options.h"
+
+#include <limits>
+
+#include "core/base/error.h"
+#include "gtest/gtest.h"
+
+namespace planish {
+namespace {
+
+// The field that ValidateOptions() complains about.
+std::string BadField(const v1::UnwrapOptions& options) {
+  const ErrorInfo info = ErrorInfoOf(ValidateOptions(options));
+  return info.reason == "OPTIONS_INVALID" ? info.metadata.at("field") : info.reason;
+}
+
+TEST(Options, NothingSetMeansTheCoresDefaults) {
+  const auto core = ToCore(v1::UnwrapOptions());
+  ASSERT_TRUE(core.ok());
+  EXPECT_EQ(core->flatten.solver, SolverType::kAuto);
+  EXPECT_EQ(core->flatten.hessian, HessianType::kConvex);
+  EXPECT_EQ(core->precision, Precision::kAuto);
+  EXPECT_EQ(core->flatten.tolerance, 1e-9);
+  EXPECT_EQ(core->flatten.max_newton_iterations, 100);
+}
+
+TEST(Options, EverythingSetArrives) {
+  v1::UnwrapOptions options;
+  options.set_seams(v1::SEAMS_NONE);
+  options.set_solver(v1::SOLVER_MINRES);
+  options.set_system(v1::SYSTEM_FULL);
+  options.set_preconditioner(v1::PRECONDITIONER_JACOBI);
+  options.set_hessian(v1::HESSIAN_EXACT);
+  options.set_precision(v1::PRECISION_DOUBLE);
+  options.set_tolerance(1e-5);
+  options.set_max_newton_iterations(7);
+  const auto core = ToCore(options);
+  ASSERT_TRUE(core.ok()) << core.status();
+  EXPECT_EQ(core->flatten.solver, SolverType::kMinres);
+  EXPECT_EQ(core->flatten.system, SystemType::kFull);
+  EXPECT_EQ(core->flatten.preconditioner, PreconditionerType::kJacobi);
+  EXPECT_EQ(core->flatten.hessian, HessianType::kExact);
+  EXPECT_EQ(core->precision, Precision::kDouble);
+  EXPECT_EQ(core->flatten.tolerance, 1e-5);
+  EXPECT_EQ(core->flatten.max_newton_iterations, 7);
+}
+
+TEST(Options, UnknownEnumeratorsNameTheirField) {
+  v1::UnwrapOptions options;
+  options.set_seams(static_cast<v1::Seams>(99));
+  EXPECT_EQ(BadField(options), "seams");
+  options.clear_seams();
+  options.set_solver(static_cast<v1::Solver>(99));
+  EXPECT_EQ(BadField(options), "solver");
+  options.clear_solver();
+  options.set_system(static_cast<v1::System>(99));
+  EXPECT_EQ(BadField(options), "system");
+  options.clear_system();
+  options.set_preconditioner(static_cast<v1::Preconditioner>(-1));
+  EXPECT_EQ(BadField(options), "preconditioner");
+  options.clear_preconditioner();
+  options.set_hessian(static_cast<v1::Hessian>(99));
+  EXPECT_EQ(BadField(options), "hessian");
+  options.clear_hessian();
+  options.set_precision(static_cast<v1::Precision>(99));
+  EXPECT_EQ(BadField(options), "precision");
+}
+
+TEST(Options, NumbersOutOfRangeNameTheirField) {
+  for (const double tolerance :
+       {-1.0, 0.011, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    v1::UnwrapOptions options;
+    options.set_tolerance(tolerance);
+    EXPECT_EQ(BadField(options), "tolerance") << tolerance;
+  }
+  for (const int iterations : {-1, 1001}) {
+    v1::UnwrapOptions options;
+    options.set_max_newton_iterations(iterations);
+    EXPECT_EQ(BadField(options), "max_newton_iterations") << iterations;
+  }
+}
+
+TEST(Options, CombinationsAreThoseThatPass) {
+  bool paper = false;
+  bool direct = false;
+  for (const v1::SolverCombination& c : SolverCombinations()) {
+    EXPECT_FALSE(c.solver() == v1::SOLVER_DIRECT && c.system() == v1::SYSTEM_FULL);
+    EXPECT_FALSE(c.preconditioner() == v1::PRECONDITIONER_CHOLESKY && c.system() == v1::SYSTEM_FULL);
+    paper |= c.solver() == v1::SOLVER_UZAWA && c.system() == v1::SYSTEM_FULL &&
+             c.preconditioner() == v1::PRECONDITIONER_NONE;
+    direct |= c.solver() == v1::SOLVER_DIRECT;
+  }
+  EXPECT_TRUE(paper);
+  EXPECT_TRUE(direct);
+}
+
+TEST(Options, ReportsNeverSayUnspecified) {
+  EXPECT_EQ(ToProto(SolverType::kDirect), v1::SOLVER_DIRECT);
+  EXPECT_EQ(ToProto(SystemType::kReduced), v1::SYSTEM_REDUCED);
+  EXPECT_EQ(ToProto(PreconditionerType::kCholesky), v1::PRECONDITIONER_CHOLESKY);
+  EXPECT_EQ(ToProto(HessianType::kConvex), v1::HESSIAN_CONVEX);
+  EXPECT_EQ(ToProto(Precision::kFloat), v1::PRECISION_FLOAT);
+}
+
+}  // namespace
+}  // namespace planish
