@@ -26,5 +26,9 @@ if command -v ccache >/dev/null; then
   export CMAKE_CXX_COMPILER_LAUNCHER="${CMAKE_CXX_COMPILER_LAUNCHER-ccache}"
 fi
 echo "Building into build/default with $jobs jobs" >&2
-cmake --preset default -DPLANISH_BUILD_TESTS=$tests --log-level=WARNING >&2
+mkdir -p build
+cmake --preset default -DPLANISH_BUILD_TESTS=$tests >build/configure.log 2>&1 || {
+  cat build/configure.log >&2
+  exit 1
+}
 cmake --build --preset default --parallel "$jobs" >&2

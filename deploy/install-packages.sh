@@ -13,7 +13,7 @@ set -eu
 build="
   g++ cmake ninja-build
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
-  libeigen3-dev libopenmesh-dev libdraco-dev libsuitesparse-dev libopenblas-serial-dev
+  libeigen3-dev libdraco-dev libsuitesparse-dev libopenblas-serial-dev
   libpng-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev"
 
 # What only the tests need. tests/interop also uses node and npm where they are installed already.

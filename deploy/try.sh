@@ -5,8 +5,10 @@ cd "$(dirname "$0")/.."
 deploy/build.sh
 
 cmake --install build/default --prefix build/planish --strip >/dev/null
+progress=plain
+[ ! -t 2 ] || progress=bar
 echo >&2
-build/planish/bin/planish unwrap tests/data/spot_seam.obj -o build/spot_flat.obj
+build/planish/bin/planish unwrap tests/data/spot_seam.obj -o build/spot_flat.obj --progress=$progress
 cat <<END
 
 build/spot_flat.obj is tests/data/spot_seam.obj with texture coordinates: open it in any UV editor. Next:

@@ -31,6 +31,7 @@ constexpr std::int64_t kMiB = std::int64_t{1} << 20;
 constexpr absl::Duration kCancelLimit = absl::Seconds(5);
 constexpr absl::Duration kCloseLimit = absl::Seconds(1);
 constexpr absl::Duration kFlushLimit = absl::Seconds(2);
+constexpr absl::Duration kLastCallsLimit = absl::Milliseconds(20);
 
 void SetUpLogging(const ServerFlags& flags) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("planishd"));
@@ -88,7 +89,8 @@ int Serve(const ServerFlags& flags) {
   ShutdownEvents events(flags.supervisor_fd);
   SetUpLogging(flags);
   JobManager manager(ManagerOptions(flags), NewMemoryJobStore());
-  const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, Capabilities(flags));
+  StreamCounter streams;
+  const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, Capabilities(flags), &streams);
   absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
       RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, service.get());
   if (!rpc.ok()) {
@@ -111,12 +113,15 @@ int Serve(const ServerFlags& flags) {
   spdlog::info("shutting down, jobs have {} to end", absl::FormatDuration(grace));
   (*rpc)->SetServing(false);
   const bool workers_done = EndJobs(grace, &manager, &events);
-  (*rpc)->Shutdown(absl::Now() + kFlushLimit);
+  streams.WaitForNone(absl::Now() + kFlushLimit);
+  (*rpc)->Shutdown(absl::Now() + kLastCallsLimit);
   manager.Stop();
   // A worker that is deaf cannot be joined; its job has failed, so nothing is lost with it.
   if (!workers_done) std::_Exit(EXIT_SUCCESS);
   pool.reset();
   spdlog::info("bye");
+  // gRPC's threads may outlive the logger.
+  gpr_set_log_function(nullptr);
   return EXIT_SUCCESS;
 }
 

@@ -31,11 +31,16 @@ The first of several choices is the default. An OBJ comes back byte for byte exc
 
 const char* ToString(ProgressMode mode) {
   switch (mode) {
-    case ProgressMode::kAuto: return "auto";
-    case ProgressMode::kBar: return "bar";
-    case ProgressMode::kPlain: return "plain";
-    case ProgressMode::kJson: return "json";
-    case ProgressMode::kNone: return "none";
+    case ProgressMode::kAuto:
+      return "auto";
+    case ProgressMode::kBar:
+      return "bar";
+    case ProgressMode::kPlain:
+      return "plain";
+    case ProgressMode::kJson:
+      return "json";
+    case ProgressMode::kNone:
+      return "none";
   }
   return "";
 }
@@ -77,8 +82,8 @@ void AddJson(CLI::App& app, Arguments& arguments) {
 }
 
 void AddProgress(CLI::App& app, Arguments& arguments) {
-  Choices<ProgressMode>{{ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson,
-                         ProgressMode::kNone}}
+  Choices<ProgressMode>{
+      {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
       .AddTo(app, "--progress", arguments.progress,
              "What stderr shows of a running job; auto: a bar on a terminal, else nothing");
 }
@@ -107,25 +112,24 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.add_option("--label", arguments.label, "Name for people in jobs list [the file's name]")->type_name("TEXT");
 
   UnwrapOptions& options = arguments.options;
-  Choices<Seams>{{Seams::kNone}}.AddTo(unwrap, "--seams", options.seams,
-                                       "Where to cut; none: the mesh must be a disc");
+  Choices<Seams>{{Seams::kNone}}.AddTo(unwrap, "--seams", options.seams, "Where to cut; none: the mesh must be a disc");
   Choices<Solver>{{Solver::kAuto, Solver::kUzawa, Solver::kMinres, Solver::kDirect}}.AddTo(
       unwrap, "--solver", options.solver, "Linear solver of a Newton step");
-  Choices<System>{{System::kAuto, System::kFull, System::kReduced}}.AddTo(
-      unwrap, "--system", options.system, "System it works on; full: the paper's M");
-  Choices<Preconditioner>{
-      {Preconditioner::kAuto, Preconditioner::kNone, Preconditioner::kJacobi, Preconditioner::kCholesky}}
+  Choices<System>{{System::kAuto, System::kFull, System::kReduced}}.AddTo(unwrap, "--system", options.system,
+                                                                          "System it works on; full: the paper's M");
+  Choices<Preconditioner>{{Preconditioner::kAuto, Preconditioner::kNone, Preconditioner::kJacobi,
+                           Preconditioner::kCholesky, Preconditioner::kAmg}}
       .AddTo(unwrap, "--preconditioner", options.preconditioner, "Preconditioner of uzawa and minres");
-  Choices<Hessian>{{Hessian::kConvex, Hessian::kExact}}.AddTo(
-      unwrap, "--hessian", options.hessian, "exact: even where indefinite, with minres only");
+  Choices<Hessian>{{Hessian::kConvex, Hessian::kExact}}.AddTo(unwrap, "--hessian", options.hessian,
+                                                              "exact: even where indefinite, with minres only");
   Choices<Precision>{{Precision::kAuto, Precision::kFloat, Precision::kDouble}}.AddTo(
       unwrap, "--precision", options.precision, "Type of the UV; auto: float where it keeps the map");
-  unwrap
-      .add_option("--tolerance", options.tolerance,
-                  "Residual per angle at which Newton stops, up to 1e-2 [1e-9]")
+  unwrap.add_option("--tolerance", options.tolerance, "Residual per angle at which Newton stops, up to 1e-2 [1e-9]")
       ->check(CLI::Range(1e-300, 1e-2).description(""))
       ->type_name("RAD");
-  unwrap.add_option("--max-newton-iterations", options.max_newton_iterations, "Newton iterations at most, up to 1000 [100]")
+  unwrap
+      .add_option("--max-newton-iterations", options.max_newton_iterations,
+                  "Newton iterations at most, up to 1000 [100]")
       ->check(CLI::Range(1, 1000).description(""))
       ->type_name("N");
 }
@@ -179,8 +183,8 @@ std::string CheckTogether(Arguments& arguments) {
   if (!arguments.job.empty() && arguments.job.rfind("jobs/", 0) != 0) arguments.job = "jobs/" + arguments.job;
   const bool to_stdout = arguments.output == "-";
   const std::string_view output = arguments.output;
-  const bool is_obj = output.size() > 4 && (output.substr(output.size() - 4) == ".obj" ||
-                                            output.substr(output.size() - 4) == ".OBJ");
+  const bool is_obj =
+      output.size() > 4 && (output.substr(output.size() - 4) == ".obj" || output.substr(output.size() - 4) == ".OBJ");
   if (!arguments.output.empty() && !to_stdout && !is_obj) {
     return "-o " + arguments.output + ": planish writes OBJ; give a name that ends in .obj, or - for stdout";
   }

@@ -11,5 +11,4 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
 int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, cancel, delete
 int RunVersion(const Arguments& arguments, Interrupts& interrupts);
 
-
 }  // namespace planish::cli

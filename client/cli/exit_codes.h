@@ -6,11 +6,11 @@
 namespace planish::cli {
 
 enum ExitCode : int {
-  kOk = 0,                  // a usable result
-  kFailed = 1,              // the job failed, or its result is not usable
-  kUsage = 2,               // bad usage or unreadable input
+  kOk = 0,      // a usable result
+  kFailed = 1,  // the job failed, or its result is not usable
+  kUsage = 2,   // bad usage or unreadable input
   kServerUnreachable = 3,
-  kInterrupted = 130,       // Ctrl-C
+  kInterrupted = 130,  // Ctrl-C
 };
 
 inline ExitCode ExitCodeOf(const Error& error) {

@@ -96,12 +96,14 @@ int RunJobs(const Arguments& arguments, Interrupts& interrupts) {
   ServerChoice server(arguments.server, interrupts);
   Client& client = server.client();
   switch (arguments.command) {
-    case Command::kJobsList: return List(arguments, client);
+    case Command::kJobsList:
+      return List(arguments, client);
     case Command::kJobsDelete:
       client.DeleteJob(arguments.job);
       std::cerr << "Deleted " << arguments.job << ".\n";
       return kOk;
-    default: break;
+    default:
+      break;
   }
   const bool cancels = arguments.command == Command::kJobsCancel;
   const Job job = cancels ? client.CancelJob(arguments.job) : client.GetJob(arguments.job);

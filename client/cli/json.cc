@@ -54,7 +54,9 @@ Json ChartsJson(const std::vector<ChartReport>& charts) {
                     {"linear_iterations", chart.linear_iterations},
                     {"convexified_iterations", chart.convexified_iterations},
                     {"residual", ResidualJson(chart.residual)},
-                    {"stop_message", chart.stop_message}});
+                    {"stop_message", chart.stop_message},
+                    {"abf_energy", chart.abf_energy},
+                    {"barrier", chart.barrier}});
   }
   return json;
 }
@@ -73,9 +75,9 @@ Json QualityJson(const Quality& quality) {
 }
 
 Json SecondsJson(const StageSeconds& seconds) {
-  return {{"upload", seconds.upload}, {"queue", seconds.queue},   {"decode", seconds.decode},
-          {"charts", seconds.charts}, {"solve", seconds.solve},   {"layout", seconds.layout},
-          {"pack", seconds.pack},     {"verify", seconds.verify}, {"encode", seconds.encode},
+  return {{"upload", seconds.upload},     {"queue", seconds.queue},   {"decode", seconds.decode},
+          {"charts", seconds.charts},     {"solve", seconds.solve},   {"layout", seconds.layout},
+          {"pack", seconds.pack},         {"verify", seconds.verify}, {"encode", seconds.encode},
           {"download", seconds.download}, {"total", seconds.total}};
 }
 
@@ -100,9 +102,13 @@ void AddReport(const Report& report, Json& json) {
 
 }  // namespace
 
-std::string ToLine(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+std::string ToLine(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
 
-std::string ToText(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; }
+std::string ToText(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
 
 Json ToJson(const Job& job) {
   Json json = {{"job", job.name}, {"state", ToString(job.state)}, {"label", job.label}};

@@ -16,10 +16,14 @@ int Run(const Arguments& arguments) {
   Interrupts interrupts;
   try {
     switch (arguments.command) {
-      case Command::kUnwrap: return RunUnwrap(arguments, interrupts);
-      case Command::kJobsWatch: return RunJobsWatch(arguments, interrupts);
-      case Command::kVersion: return RunVersion(arguments, interrupts);
-      default: return RunJobs(arguments, interrupts);
+      case Command::kUnwrap:
+        return RunUnwrap(arguments, interrupts);
+      case Command::kJobsWatch:
+        return RunJobsWatch(arguments, interrupts);
+      case Command::kVersion:
+        return RunVersion(arguments, interrupts);
+      default:
+        return RunJobs(arguments, interrupts);
     }
   } catch (const Error& error) {
     std::cerr << ErrorText(error, "", StderrTerminal());

@@ -47,14 +47,17 @@ MeshView MeshInput::view() const {
 ids::Renumbering MeshInput::ToFile() const {
   const auto through = [](const auto& table) {
     return [&table](std::int64_t id) -> std::int64_t {
-      return id < static_cast<std::int64_t>(table.size()) ? static_cast<std::int64_t>(table[static_cast<std::size_t>(id)])
-                                                          : -1;
+      return id < static_cast<std::int64_t>(table.size())
+                 ? static_cast<std::int64_t>(table[static_cast<std::size_t>(id)])
+                 : -1;
     };
   };
   return {through(triangulation_.source_vertex), through(triangulation_.source_polygon)};
 }
 
-Error MeshInput::InFileIds(const Error& error) const { return Renumbered(error, ToFile()); }
+Error MeshInput::InFileIds(const Error& error) const {
+  return Renumbered(error, ToFile());
+}
 
 Warning MeshInput::InFileIds(const Warning& warning) const {
   return {warning.reason, ids::RenumberMessage(warning.message, ToFile()),
@@ -70,15 +73,18 @@ std::string MeshInput::Places(const std::map<std::string, std::string>& metadata
     text += (text.empty() ? "" : ", ") + std::string(element) + " " + std::to_string(id) + " (" + file_name + ":" +
             std::to_string(lines[static_cast<std::size_t>(id)]) + ")";
   };
+  // Where faces are named, the vertices of the edges between them add nothing.
   for (const auto& [key, value] : metadata) {
-    const bool is_face = key == "face" || key == "faces";
-    const bool is_vertex = key == "vertex" || key == "vertices" || key == "edge" || key == "edges";
-    if (!is_face && !is_vertex) continue;
-    for (const std::int64_t id : IdsIn(value)) {
-      add(is_face ? "face" : "vertex", id, is_face ? file_.mesh.polygon_line : file_.mesh.vertex_line);
-    }
+    if (key != "face" && key != "faces") continue;
+    for (const std::int64_t id : IdsIn(value)) add("face", id, file_.mesh.polygon_line);
   }
-  return count > kMaxPlaces ? text + " and " + std::to_string(count - kMaxPlaces) + " more" : text;
+  for (const auto& [key, value] : metadata) {
+    const bool is_edge = key == "edge" || key == "edges";
+    if (key != "vertex" && key != "vertices" && !(is_edge && count == 0)) continue;
+    for (const std::int64_t id : IdsIn(value)) add("vertex", id, file_.mesh.vertex_line);
+  }
+  // The server names only the first few as well, so there is no telling how many more.
+  return count > kMaxPlaces ? text + ", ..." : text;
 }
 
 std::string MeshInput::WithUv(const Uv& uv) const {

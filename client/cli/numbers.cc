@@ -25,9 +25,13 @@ std::string WithCommas(std::int64_t number) {
   return text;
 }
 
-std::string Scientific(double number) { return Format("%.1e", number); }
+std::string Scientific(double number) {
+  return Format("%.1e", number);
+}
 
-std::string Fixed(double number, int digits) { return Format("%.*f", digits, number); }
+std::string Fixed(double number, int digits) {
+  return Format("%.*f", digits, number);
+}
 
 std::string Duration(double seconds) {
   if (seconds < 9.995) return Format("%.2f s", seconds);

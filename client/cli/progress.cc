@@ -30,10 +30,14 @@ std::unique_ptr<ProgressView> NewProgressView(ProgressMode mode, const std::stri
     mode = !terminal.is_tty ? ProgressMode::kNone : terminal.is_dumb ? ProgressMode::kPlain : ProgressMode::kBar;
   }
   switch (mode) {
-    case ProgressMode::kBar: return std::make_unique<ProgressBar>();
-    case ProgressMode::kPlain: return std::make_unique<PlainProgress>(title);
-    case ProgressMode::kJson: return std::make_unique<JsonProgress>();
-    default: return std::make_unique<NoView>();
+    case ProgressMode::kBar:
+      return std::make_unique<ProgressBar>();
+    case ProgressMode::kPlain:
+      return std::make_unique<PlainProgress>(title);
+    case ProgressMode::kJson:
+      return std::make_unique<JsonProgress>();
+    default:
+      return std::make_unique<NoView>();
   }
 }
 

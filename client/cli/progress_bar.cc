@@ -154,7 +154,8 @@ std::string RenderBar(const BarState& state, const Terminal& terminal, int frame
   const int width = terminal.width - 1;  // the last column would wrap on some terminals
   const char* stage_color = !state.notice.empty() && state.ending == BarState::Ending::kNone ? kYellow : kBold;
   std::vector<Piece> pieces;
-  pieces.push_back({Mark(state, terminal, frame) + " " + Colored(terminal, stage_color, PadTo(StageText(state), 8)), 0});
+  pieces.push_back(
+      {Mark(state, terminal, frame) + " " + Colored(terminal, stage_color, PadTo(StageText(state), 8)), 0});
   const std::size_t bar_at = pieces.size();
   pieces.push_back({"", 2});
   if (!state.residuals.empty()) {

@@ -41,6 +41,8 @@ void PlainProgress::OnNotice(const std::string& notice) {
   std::cerr << title_ + ": " + notice + "\n" << std::flush;
 }
 
-void JsonProgress::OnEvent(const Event& event) { std::cerr << ToLine(ToJson(event)) + "\n" << std::flush; }
+void JsonProgress::OnEvent(const Event& event) {
+  std::cerr << ToLine(ToJson(event)) + "\n" << std::flush;
+}
 
 }  // namespace planish::cli

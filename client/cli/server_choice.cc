@@ -16,6 +16,8 @@ ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts) :
   client_.emplace(address.empty() ? private_server_->target() : address);
 }
 
-ServerChoice::~ServerChoice() { interrupts_.SetLastWords({}); }
+ServerChoice::~ServerChoice() {
+  interrupts_.SetLastWords({});
+}
 
 }  // namespace planish::cli

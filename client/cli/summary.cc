@@ -26,7 +26,7 @@ std::string Validity(const Quality& quality) {
   if (quality.flipped > 0) bad.push_back(Counted(quality.flipped, "flipped triangle", "flipped triangles"));
   if (quality.degenerate > 0) bad.push_back(Counted(quality.degenerate, "degenerate triangle", "degenerate triangles"));
   if (quality.overlapping > 0) bad.push_back(Counted(quality.overlapping, "overlapping pair", "overlapping pairs"));
-  return bad.empty() ? "no flipped, degenerate or overlapping triangles" : Join(bad, " and ");
+  return bad.empty() ? "No flipped, degenerate or overlapping triangles" : Join(bad, " and ");
 }
 
 std::string Hint(const Error& error) {
@@ -62,7 +62,6 @@ std::string WhyNotUsable(const Report& report) {
 }
 
 std::string Summary(const Report& report, const std::string& output, const Terminal& terminal) {
-  Residual worst;
   int newton = 0;
   double residual = 0;
   for (const ChartReport& chart : report.charts) {
@@ -72,20 +71,20 @@ std::string Summary(const Report& report, const std::string& output, const Termi
   std::string solver;
   if (!report.charts.empty()) {
     const ChartReport& chart = report.charts.front();
-    solver = std::string(", ") + ToString(chart.solver);
+    solver = std::string(" (") + ToString(chart.solver);
     if (chart.preconditioner != Preconditioner::kNone && chart.solver != Solver::kDirect) {
       solver += std::string("+") + ToString(chart.preconditioner);
     }
+    solver += ")";
   }
-  const Quality& quality = report.quality;
   std::string text = Colored(terminal, "\x1b[1m", "Flattened " + Counted(report.triangles, "triangle", "triangles")) +
-                     " in " + Duration(report.seconds.total) + ": " +
-                     Counted(newton, "Newton iteration", "Newton iterations") + solver + ", worst residual " +
-                     Scientific(residual) + ".\n";
-  text += "Map: " + Validity(quality) + "; angles off by " + Fixed(quality.angle_error_mean_deg, 2) + " deg on average, " +
-          Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) + ".";
-  if (!output.empty()) text += " Wrote " + (output == "-" ? "stdout" : output) + ".";
-  text += "\n";
+                     " in " + Duration(report.seconds.total) +
+                     (output.empty() || output == "-" ? "" : " into " + output) + ": " +
+                     Counted(newton, "Newton iteration", "Newton iterations") + ", worst residual " +
+                     Scientific(residual) + solver + ".\n";
+  const Quality& quality = report.quality;
+  text += Validity(quality) + "; angles off by " + Fixed(quality.angle_error_mean_deg, 2) + " deg on average, " +
+          Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) + ".\n";
   for (const Warning& warning : report.warnings) {
     text += Colored(terminal, "\x1b[33m", "warning:") + " " + warning.message + " [" + warning.reason + "]\n";
   }

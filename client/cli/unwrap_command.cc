@@ -58,7 +58,10 @@ class ResultCommand {
   int Fail(const Error& sent_error) {
     const Error error = input_ ? input_->InFileIds(sent_error) : sent_error;
     const std::string places = input_ ? input_->Places(error.metadata()) : "";
-    std::cerr << ErrorText(error, places, StderrTerminal());
+    // A private server's job is of no use to anybody afterwards.
+    Error told = error;
+    if (arguments_.server.empty()) told.set_job("");
+    std::cerr << ErrorText(told, places, StderrTerminal());
     if (arguments_.json) {
       Failure failure = FailureOf(error);
       failure.triangles = input_ ? input_->view().triangle_count() : 0;
@@ -122,8 +125,8 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     if (arguments.detach) return Detach(arguments, command.input(), server.client(), call_options);
 
     view = NewProgressView(arguments.progress, file_name);
-    Call call = server.client().StartUnwrap(command.input().view(), arguments.options, view->AsCallbacks(),
-                                            call_options);
+    Call call =
+        server.client().StartUnwrap(command.input().view(), arguments.options, view->AsCallbacks(), call_options);
     interrupts.SetCancel([&] {
       view->OnNotice(kCancelling);
       call.Cancel();

@@ -21,7 +21,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double SecondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
 // Why a job that ended without UV did so.
 Error ErrorOf(const v1::Job& job, const PackedMesh& mesh) {
@@ -31,7 +33,8 @@ Error ErrorOf(const v1::Job& job, const PackedMesh& mesh) {
   if (job.state() == v1::JOB_STATE_CANCELLED) {
     return Error(ErrorCode::kCancelled, "CANCELLED", "the job was cancelled").set_job(job.name());
   }
-  return Error(ErrorCode::kInternal, "INTERNAL", "the job ended as " + v1::JobState_Name(job.state()) + " without a word")
+  return Error(ErrorCode::kInternal, "INTERNAL",
+               "the job ended as " + v1::JobState_Name(job.state()) + " without a word")
       .set_job(job.name());
 }
 
@@ -149,7 +152,9 @@ Call& Call::operator=(Call&& other) noexcept {
   }
   return *this;
 }
-Call::~Call() { End(); }
+Call::~Call() {
+  End();
+}
 
 void Call::End() {
   if (state_ == nullptr || !state_->thread.joinable()) return;
@@ -191,7 +196,9 @@ Client::~Client() = default;
 Client::Client(Client&&) noexcept = default;
 Client& Client::operator=(Client&&) noexcept = default;
 
-const std::string& Client::target() const { return impl_->rpc().target(); }
+const std::string& Client::target() const {
+  return impl_->rpc().target();
+}
 
 UnwrapResult Client::Unwrap(const MeshView& mesh, const UnwrapOptions& options, const Callbacks& callbacks,
                             const CallOptions& call) {
@@ -203,8 +210,8 @@ Call Client::StartUnwrap(const MeshView& mesh, const UnwrapOptions& options, Cal
   const Clock::time_point start = Clock::now();
   auto state = std::make_shared<Call::State>();
   // A token of the caller's works as well as Call::Cancel().
-  auto callers_stop = std::make_shared<std::stop_callback<std::function<void()>>>(
-      call.stop, [weak = std::weak_ptr(state)] {
+  auto callers_stop =
+      std::make_shared<std::stop_callback<std::function<void()>>>(call.stop, [weak = std::weak_ptr(state)] {
         if (const auto locked = weak.lock()) locked->stop.request_stop();
       });
   call.stop = state->stop.get_token();
@@ -255,7 +262,9 @@ Job Client::WatchJob(const std::string& job, const Callbacks& callbacks, std::in
   return FromProto(followed.job);
 }
 
-Job Client::GetJob(const std::string& job) { return FromProto(impl_->rpc().GetJob(job)); }
+Job Client::GetJob(const std::string& job) {
+  return FromProto(impl_->rpc().GetJob(job));
+}
 
 std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state) {
   constexpr int kPageSize = 1000;
@@ -272,13 +281,21 @@ std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state) {
   return jobs;
 }
 
-Job Client::CancelJob(const std::string& job) { return FromProto(impl_->rpc().CancelJob(job)); }
+Job Client::CancelJob(const std::string& job) {
+  return FromProto(impl_->rpc().CancelJob(job));
+}
 
-void Client::DeleteJob(const std::string& job) { impl_->rpc().DeleteJob(job); }
+void Client::DeleteJob(const std::string& job) {
+  impl_->rpc().DeleteJob(job);
+}
 
-Capabilities Client::GetCapabilities() { return FromProto(impl_->rpc().GetCapabilities()); }
+Capabilities Client::GetCapabilities() {
+  return FromProto(impl_->rpc().GetCapabilities());
+}
 
-const char* Version() { return PLANISH_VERSION; }
+const char* Version() {
+  return PLANISH_VERSION;
+}
 
 }  // namespace api
 }  // namespace planish

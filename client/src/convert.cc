@@ -20,7 +20,7 @@ ProtoEnum EnumToProto(Enum value) {
 
 static_assert(static_cast<int>(Solver::kDirect) + 1 == v1::SOLVER_DIRECT);
 static_assert(static_cast<int>(System::kReduced) + 1 == v1::SYSTEM_REDUCED);
-static_assert(static_cast<int>(Preconditioner::kCholesky) + 1 == v1::PRECONDITIONER_CHOLESKY);
+static_assert(static_cast<int>(Preconditioner::kAmg) + 1 == v1::PRECONDITIONER_AMG);
 static_assert(static_cast<int>(Hessian::kExact) + 1 == v1::HESSIAN_EXACT);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
@@ -63,6 +63,8 @@ ChartReport FromProto(const v1::ChartReport& proto) {
   chart.residual = FromProto(proto.residual());
   chart.convexified_iterations = proto.convexified_iterations();
   chart.stop_message = proto.stop_message();
+  chart.abf_energy = proto.abf_energy();
+  chart.barrier = proto.barrier();
   return chart;
 }
 
@@ -109,7 +111,9 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   return proto;
 }
 
-v1::JobState ToProto(JobState state) { return static_cast<v1::JobState>(state); }
+v1::JobState ToProto(JobState state) {
+  return static_cast<v1::JobState>(state);
+}
 
 Progress FromProto(const v1::Progress& proto) {
   Progress progress;

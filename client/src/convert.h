@@ -1,8 +1,8 @@
 // Messages to and from the library's own types.
 #pragma once
 
-#include "planish/types.h"
 #include "client/src/element_ids.h"
+#include "planish/types.h"
 #include "planish/v1/job.pb.h"
 #include "planish/v1/planish.pb.h"
 

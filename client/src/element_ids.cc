@@ -1,13 +1,17 @@
 #include "client/src/element_ids.h"
 
-#include <charconv>
 #include <cctype>
+#include <charconv>
 
 namespace planish::ids {
 namespace {
 
-bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
-bool IsAlpha(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; }
+bool IsDigit(char c) {
+  return std::isdigit(static_cast<unsigned char>(c)) != 0;
+}
+bool IsAlpha(char c) {
+  return std::isalpha(static_cast<unsigned char>(c)) != 0;
+}
 
 // The id that begins at text[at], mapped; `at` moves past its digits.
 std::string TakeId(const std::string& text, std::size_t& at, const IdMap& map) {

@@ -4,9 +4,9 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "planish/error.h"
 #include "client/src/element_ids.h"
 #include "google/rpc/status.pb.h"
+#include "planish/error.h"
 
 namespace planish {
 inline namespace api {

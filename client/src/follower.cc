@@ -14,7 +14,9 @@ constexpr double kLongestPauseSeconds = 5;
 // Times a job is submitted anew after it was lost together with its stream.
 constexpr int kMostLostJobs = 3;
 
-bool IsTerminal(v1::JobState state) { return IsTerminal(static_cast<JobState>(state)); }
+bool IsTerminal(v1::JobState state) {
+  return IsTerminal(static_cast<JobState>(state));
+}
 
 // Whether the stream broke under way, so that the same call may succeed a moment later.
 bool IsBrokenStream(const Error& error) {
@@ -134,9 +136,9 @@ void Follower::TakeEvent(const v1::JobEvent& proto) {
 void Follower::TakeUv(const v1::UvChunk& chunk) {
   const auto have = static_cast<std::int64_t>(followed_.uv_bytes.size());
   if (chunk.offset() > have) {
-    throw Error(ErrorCode::kDataLoss, "UV_CORRUPT",
-                "the server skipped from byte " + std::to_string(have) + " of the UV to " +
-                    std::to_string(chunk.offset()));
+    throw Error(
+        ErrorCode::kDataLoss, "UV_CORRUPT",
+        "the server skipped from byte " + std::to_string(have) + " of the UV to " + std::to_string(chunk.offset()));
   }
   const auto known = static_cast<std::size_t>(have - chunk.offset());
   if (known < chunk.data().size()) followed_.uv_bytes.append(chunk.data(), known, std::string::npos);
@@ -168,7 +170,8 @@ void Follower::OnStreamError(const Error& error) {
                 "lost the planish server at " + rpc_->target() + " and could not re-attach in " +
                     std::to_string(options_.reattach_attempts) + " attempts: " + error.what());
   }
-  PauseBeforeRetry(error, std::min(kLongestPauseSeconds, options_.reattach_backoff_seconds * (1 << std::min(failures_ - 1, 10))));
+  PauseBeforeRetry(
+      error, std::min(kLongestPauseSeconds, options_.reattach_backoff_seconds * (1 << std::min(failures_ - 1, 10))));
 }
 
 void Follower::PauseBeforeRetry(const Error& why, double seconds) {

@@ -2,10 +2,10 @@
 
 #include <limits>
 
-#include "planish/error.h"
 #include "client/src/errors.h"
 #include "client/src/sha256.h"
 #include "core/io/draco_codec.h"
+#include "planish/error.h"
 
 namespace planish {
 inline namespace api {

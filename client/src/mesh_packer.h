@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "planish/types.h"
 #include "client/src/element_ids.h"
+#include "planish/types.h"
 
 namespace planish {
 inline namespace api {

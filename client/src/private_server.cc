@@ -16,8 +16,8 @@
 #include <sstream>
 #include <system_error>
 
-#include "planish/error.h"
 #include "client/src/process.h"
+#include "planish/error.h"
 
 namespace planish {
 inline namespace api {
@@ -88,11 +88,9 @@ struct PrivateServer::State {
     }
     supervisor = OwnedFd(sockets[0]);
     OwnedFd theirs(sockets[1]);
-    std::vector<std::string> arguments = {executable,
-                                          "--listen=" + target,
+    std::vector<std::string> arguments = {executable, "--listen=" + target,
                                           "--supervisor-fd=" + std::to_string(kSupervisorFd),
-                                          "--workers=" + std::to_string(options.workers),
-                                          "--log-level=warn"};
+                                          "--workers=" + std::to_string(options.workers), "--log-level=warn"};
     arguments.insert(arguments.end(), options.extra_arguments.begin(), options.extra_arguments.end());
     try {
       pid = Spawn(arguments, log.get(), theirs.get(), kSupervisorFd);
@@ -163,11 +161,21 @@ PrivateServer::~PrivateServer() = default;
 PrivateServer::PrivateServer(PrivateServer&&) noexcept = default;
 PrivateServer& PrivateServer::operator=(PrivateServer&&) noexcept = default;
 
-const std::string& PrivateServer::target() const { return state_->target; }
-const std::string& PrivateServer::executable() const { return state_->executable; }
-int PrivateServer::pid() const { return state_->pid; }
-const std::string& PrivateServer::directory() const { return state_->directory; }
-std::string PrivateServer::log() const { return state_->Log(); }
+const std::string& PrivateServer::target() const {
+  return state_->target;
+}
+const std::string& PrivateServer::executable() const {
+  return state_->executable;
+}
+int PrivateServer::pid() const {
+  return state_->pid;
+}
+const std::string& PrivateServer::directory() const {
+  return state_->directory;
+}
+std::string PrivateServer::log() const {
+  return state_->Log();
+}
 
 }  // namespace api
 }  // namespace planish

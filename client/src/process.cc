@@ -42,7 +42,9 @@ OwnedFd& OwnedFd::operator=(OwnedFd&& other) noexcept {
   return *this;
 }
 
-int OwnedFd::Release() { return std::exchange(fd_, -1); }
+int OwnedFd::Release() {
+  return std::exchange(fd_, -1);
+}
 
 void OwnedFd::Reset() {
   if (fd_ >= 0) close(fd_);

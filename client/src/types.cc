@@ -7,7 +7,9 @@ inline namespace api {
 namespace {
 
 // Signed and unsigned variants of one type may alias.
-const std::uint32_t* AsUnsigned(const std::int32_t* ids) { return reinterpret_cast<const std::uint32_t*>(ids); }
+const std::uint32_t* AsUnsigned(const std::int32_t* ids) {
+  return reinterpret_cast<const std::uint32_t*>(ids);
+}
 
 }  // namespace
 
@@ -31,79 +33,118 @@ MeshView::MeshView(std::span<const double> positions, std::span<const std::int32
 
 const char* ToString(JobState state) {
   switch (state) {
-    case JobState::kUnspecified: return "unknown";
-    case JobState::kQueued: return "QUEUED";
-    case JobState::kRunning: return "RUNNING";
-    case JobState::kStopping: return "STOPPING";
-    case JobState::kSucceeded: return "SUCCEEDED";
-    case JobState::kFailed: return "FAILED";
-    case JobState::kCancelled: return "CANCELLED";
-    case JobState::kExpired: return "EXPIRED";
+    case JobState::kUnspecified:
+      return "unknown";
+    case JobState::kQueued:
+      return "QUEUED";
+    case JobState::kRunning:
+      return "RUNNING";
+    case JobState::kStopping:
+      return "STOPPING";
+    case JobState::kSucceeded:
+      return "SUCCEEDED";
+    case JobState::kFailed:
+      return "FAILED";
+    case JobState::kCancelled:
+      return "CANCELLED";
+    case JobState::kExpired:
+      return "EXPIRED";
   }
   return "unknown";
 }
 
 const char* ToString(Stage stage) {
   switch (stage) {
-    case Stage::kUnspecified: return "unknown";
-    case Stage::kUpload: return "upload";
-    case Stage::kQueue: return "queue";
-    case Stage::kDecode: return "decode";
-    case Stage::kCharts: return "charts";
-    case Stage::kSolve: return "solve";
-    case Stage::kLayout: return "layout";
-    case Stage::kPack: return "pack";
-    case Stage::kVerify: return "verify";
-    case Stage::kEncode: return "encode";
-    case Stage::kDownload: return "download";
+    case Stage::kUnspecified:
+      return "unknown";
+    case Stage::kUpload:
+      return "upload";
+    case Stage::kQueue:
+      return "queue";
+    case Stage::kDecode:
+      return "decode";
+    case Stage::kCharts:
+      return "charts";
+    case Stage::kSolve:
+      return "solve";
+    case Stage::kLayout:
+      return "layout";
+    case Stage::kPack:
+      return "pack";
+    case Stage::kVerify:
+      return "verify";
+    case Stage::kEncode:
+      return "encode";
+    case Stage::kDownload:
+      return "download";
   }
   return "unknown";
 }
 
-const char* ToString(Seams seams) { return seams == Seams::kNone ? "none" : "unknown"; }
+const char* ToString(Seams seams) {
+  return seams == Seams::kNone ? "none" : "unknown";
+}
 
 const char* ToString(Solver solver) {
   switch (solver) {
-    case Solver::kAuto: return "auto";
-    case Solver::kUzawa: return "uzawa";
-    case Solver::kMinres: return "minres";
-    case Solver::kDirect: return "direct";
+    case Solver::kAuto:
+      return "auto";
+    case Solver::kUzawa:
+      return "uzawa";
+    case Solver::kMinres:
+      return "minres";
+    case Solver::kDirect:
+      return "direct";
   }
   return "unknown";
 }
 
 const char* ToString(System system) {
   switch (system) {
-    case System::kAuto: return "auto";
-    case System::kFull: return "full";
-    case System::kReduced: return "reduced";
+    case System::kAuto:
+      return "auto";
+    case System::kFull:
+      return "full";
+    case System::kReduced:
+      return "reduced";
   }
   return "unknown";
 }
 
 const char* ToString(Preconditioner preconditioner) {
   switch (preconditioner) {
-    case Preconditioner::kAuto: return "auto";
-    case Preconditioner::kNone: return "none";
-    case Preconditioner::kJacobi: return "jacobi";
-    case Preconditioner::kCholesky: return "cholesky";
+    case Preconditioner::kAuto:
+      return "auto";
+    case Preconditioner::kNone:
+      return "none";
+    case Preconditioner::kJacobi:
+      return "jacobi";
+    case Preconditioner::kCholesky:
+      return "cholesky";
+    case Preconditioner::kAmg:
+      return "amg";
   }
   return "unknown";
 }
 
 const char* ToString(Hessian hessian) {
   switch (hessian) {
-    case Hessian::kConvex: return "convex";
-    case Hessian::kExact: return "exact";
+    case Hessian::kConvex:
+      return "convex";
+    case Hessian::kExact:
+      return "exact";
   }
   return "unknown";
 }
 
 const char* ToString(Precision precision) {
   switch (precision) {
-    case Precision::kAuto: return "auto";
-    case Precision::kFloat: return "float";
-    case Precision::kDouble: return "double";
+    case Precision::kAuto:
+      return "auto";
+    case Precision::kFloat:
+      return "float";
+    case Precision::kDouble:
+      return "double";
   }
   return "unknown";
 }
@@ -113,15 +154,17 @@ bool IsTerminal(JobState state) {
          state == JobState::kExpired;
 }
 
-double Residual::Worst() const { return std::max({triangle, vertex, wheel, gradient}); }
+double Residual::Worst() const {
+  return std::max({triangle, vertex, wheel, gradient});
+}
 
 std::vector<double> Uv::AsDouble() const {
   return precision == Precision::kDouble ? doubles : std::vector<double>(floats.begin(), floats.end());
 }
 
 bool UnwrapResult::IsUsable() const {
-  const bool converged = std::all_of(report.charts.begin(), report.charts.end(),
-                                     [](const ChartReport& chart) { return chart.converged; });
+  const bool converged =
+      std::all_of(report.charts.begin(), report.charts.end(), [](const ChartReport& chart) { return chart.converged; });
   return converged && report.quality.flipped == 0 && report.quality.degenerate == 0;
 }
 

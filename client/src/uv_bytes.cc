@@ -3,8 +3,8 @@
 #include <bit>
 #include <cstring>
 
-#include "planish/error.h"
 #include "client/src/sha256.h"
+#include "planish/error.h"
 
 namespace planish {
 inline namespace api {

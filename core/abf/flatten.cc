@@ -14,28 +14,36 @@
 namespace planish {
 namespace {
 
-// kAuto resolved: Uzawa on the reduced system with a Cholesky factorization that is kept over Newton steps as long as
-// it preconditions well, which measured fastest on every shared disc; the full system knows nothing better than Jacobi.
-FlattenOptions Resolve(FlattenOptions options) {
+// From this many faces on multigrid beats a Cholesky factorization (measured on the shared discs).
+constexpr std::int32_t kMultigridFaces = 4000;
+
+// kAuto resolved: Uzawa on the reduced system, preconditioned by multigrid, or by a Cholesky factorization where the
+// mesh is small. The full system knows nothing better than Jacobi.
+FlattenOptions Resolve(FlattenOptions options, const Topology& topology) {
   if (options.system == SystemType::kAuto) options.system = SystemType::kReduced;
   if (options.solver == SolverType::kAuto) {
     options.solver = options.hessian == HessianType::kExact ? SolverType::kMinres : SolverType::kUzawa;
   }
   if (options.preconditioner == PreconditionerType::kAuto) {
-    options.preconditioner =
-        options.system == SystemType::kFull ? PreconditionerType::kJacobi : PreconditionerType::kCholesky;
+    if (options.system == SystemType::kFull) {
+      options.preconditioner = PreconditionerType::kJacobi;
+    } else if (options.solver == SolverType::kDirect || topology.num_faces() < kMultigridFaces) {
+      options.preconditioner = PreconditionerType::kCholesky;
+    } else {
+      options.preconditioner = PreconditionerType::kAmg;
+    }
   }
   return options;
 }
 
-// Relative tolerance of the linear solve (the forcing term of an inexact Newton method): proportional to the residual, so
-// that Newton stays quadratic, but no smaller than the last step needs to end below the tolerance.
+// Relative tolerance of the linear solve (the forcing term of an inexact Newton method): proportional to the residual,
+// so that Newton stays quadratic, but no smaller than the last step needs to end below the tolerance.
 double ForcingTerm(double residual, double tolerance) {
   return std::clamp(std::max(1e-2 * residual, 3e-2 * tolerance / residual), 1e-10, 1e-4);
 }
 
-// The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs 0.2 %
-// of the energy, and the least angle stays at 0.3 degrees.
+// The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
+// 0.2 % of the energy, and the least angle stays at 0.3 degrees.
 constexpr double kLeastBarrier = 1e-2;
 // Residual to which the stronger barriers on the way there are solved.
 constexpr double kRoughTolerance = 1e-2;
@@ -227,7 +235,6 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
 absl::StatusOr<Flattening> Newton::Run() {
   summary_.solver = options_.solver;
   summary_.system = options_.system;
-  summary_.preconditioner = options_.preconditioner;
   summary_.hessian = options_.hessian;
   Restart();
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
@@ -255,6 +262,8 @@ absl::StatusOr<Flattening> Newton::Run() {
     }
     summary_.barrier = objective_.barrier();
   }
+  summary_.preconditioner = steps_.preconditioner();
+  summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
   summary_.converged = ending == Ending::kConverged;
   std::string why = ending == Ending::kConverged ? "converged"
                     : ending == Ending::kStuck   ? "no further progress"
@@ -269,7 +278,7 @@ absl::StatusOr<Flattening> Newton::Run() {
 absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control) {
   PLANISH_RETURN_IF_ERROR(options.Validate());
-  const FlattenOptions resolved = Resolve(options);
+  const FlattenOptions resolved = Resolve(options, topology);
   return Newton(topology, target, resolved, control).Run();
 }
 

@@ -15,7 +15,7 @@ namespace planish {
 
 enum class SolverType { kAuto, kUzawa, kMinres, kDirect };
 enum class SystemType { kAuto, kFull, kReduced };
-enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky };
+enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class HessianType { kConvex, kExact };
 
 // Names as on the command line and in reports: "uzawa", "reduced", ...
@@ -67,6 +67,7 @@ struct FlattenSummary {
   SolverType solver = SolverType::kDirect;
   SystemType system = SystemType::kReduced;
   PreconditionerType preconditioner = PreconditionerType::kNone;
+  bool preconditioner_changed = false;  // multigrid failed on the way and Cholesky took over
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
   int newton_iterations = 0;

@@ -49,6 +49,8 @@ const char* Name(PreconditionerType type) {
       return "jacobi";
     case PreconditionerType::kCholesky:
       return "cholesky";
+    case PreconditionerType::kAmg:
+      return "amg";
   }
   return "?";
 }
@@ -75,17 +77,24 @@ absl::Status FlattenOptions::Validate() const {
     return OptionError("max_newton_iterations", absl::StrFormat("%d is not in [1, 1000]", max_newton_iterations));
   }
   if (system == SystemType::kFull && solver == SolverType::kDirect) {
-    return OptionError("system", "the direct solver factorizes the reduced system; use reduced, or another solver");
+    return OptionError("system",
+                       "the direct solver factorizes the reduced "
+                       "system; use reduced, or another solver");
   }
-  if (system == SystemType::kFull && preconditioner == PreconditionerType::kCholesky) {
-    return OptionError("preconditioner", "cholesky factorizes the reduced system; use reduced, or none or jacobi");
+  if (system == SystemType::kFull &&
+      (preconditioner == PreconditionerType::kCholesky || preconditioner == PreconditionerType::kAmg)) {
+    return OptionError("preconditioner",
+                       "cholesky and amg are made from the reduced system; use "
+                       "reduced, or none or jacobi");
   }
   if (solver == SolverType::kDirect && preconditioner != PreconditionerType::kAuto &&
       preconditioner != PreconditionerType::kCholesky) {
     return OptionError("preconditioner", "the direct solver takes no preconditioner but cholesky");
   }
   if (hessian == HessianType::kExact && solver != SolverType::kMinres && solver != SolverType::kAuto) {
-    return OptionError("hessian", "the exact Hessian may be indefinite, which only the minres solver can take");
+    return OptionError("hessian",
+                       "the exact Hessian may be indefinite, which "
+                       "only the minres solver can take");
   }
   return absl::OkStatus();
 }

@@ -90,69 +90,62 @@ Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
   return j * p * j.transpose();
 }
 
-ReducedMatrix::ReducedMatrix(const Topology& topology) : topology_(topology), block_begin_(topology.faces.size()) {
+ReducedMatrix::ReducedMatrix(const Topology& topology) : topology_(topology), block_(topology.faces.size()) {
   const std::int32_t n = topology.num_interior;
-  // Lower neighbours of each interior vertex (itself first), sorted.
-  std::vector<std::vector<std::int32_t>> below(n);
-  for (std::int32_t v = 0; v < n; ++v) below[v].push_back(v);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    for (int k = 0; k < 3; ++k) {
-      const auto [low, high] =
-          std::minmax({topology.corner_interior[3 * f + k], topology.corner_interior[3 * f + Next(k)]});
-      if (low >= 0) below[low].push_back(high);
+  // Each edge between interior vertices is seen from both of its ends; duplicates are few and go.
+  std::vector<std::int32_t> begin(n + 1, 0);
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+    if (const std::int32_t v = topology.corner_interior[c]; v >= 0) begin[v + 1] += 2;
+  }
+  for (std::int32_t v = 0; v < n; ++v) begin[v + 1] += begin[v] + 1;
+  std::vector<std::int32_t> neighbour(begin[n]), cursor(begin.begin(), begin.end() - 1);
+  for (std::int32_t v = 0; v < n; ++v) neighbour[cursor[v]++] = v;
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+    const std::int32_t f = c / 3, k = c % 3, v = topology.corner_interior[c];
+    if (v < 0) continue;
+    for (const int other : {Next(k), Prev(k)}) {
+      const std::int32_t u = topology.corner_interior[3 * f + other];
+      neighbour[cursor[v]++] = u < 0 ? v : u;
     }
   }
-  std::vector<int> column_begin(2 * n + 1, 0), rows;
-  std::vector<double> values;
+  matrix_.row_begin.reserve(n + 1);
   for (std::int32_t v = 0; v < n; ++v) {
-    std::sort(below[v].begin(), below[v].end());
-    below[v].erase(std::unique(below[v].begin(), below[v].end()), below[v].end());
-    // The first column holds whole blocks, the second lacks the entry above the diagonal.
-    for (const std::int32_t u : below[v]) rows.insert(rows.end(), {2 * u, 2 * u + 1});
-    column_begin[2 * v + 1] = static_cast<int>(rows.size());
-    rows.push_back(2 * v + 1);
-    for (const std::int32_t u : below[v]) {
-      if (u != v) rows.insert(rows.end(), {2 * u, 2 * u + 1});
-    }
-    column_begin[2 * v + 2] = static_cast<int>(rows.size());
+    const auto first = neighbour.begin() + begin[v], last = neighbour.begin() + begin[v + 1];
+    std::sort(first, last);
+    matrix_.column.insert(matrix_.column.end(), first, std::unique(first, last));
+    matrix_.row_begin.push_back(static_cast<std::int32_t>(matrix_.column.size()));
   }
-  values.assign(rows.size(), 0.0);
-  matrix_ = Eigen::Map<const SparseMatrix>(2 * n, 2 * n, static_cast<Eigen::Index>(rows.size()), column_begin.data(),
-                                           rows.data(), values.data());
-  second_column_step_.resize(n);
-  for (std::int32_t v = 0; v < n; ++v) {
-    second_column_step_[v] = static_cast<std::int32_t>(2 * below[v].size()) - 1;
-  }
+  matrix_.value.resize(4 * matrix_.column.size());
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
         const std::int32_t row = topology.corner_interior[3 * f + i], column = topology.corner_interior[3 * f + j];
-        std::int32_t begin = -1;
-        if (column >= 0 && row >= column) {
-          const auto& list = below[column];
-          begin = column_begin[2 * column] +
-                  2 * static_cast<std::int32_t>(std::lower_bound(list.begin(), list.end(), row) - list.begin());
+        if (row < 0 || column < 0) {
+          block_[f][3 * i + j] = -1;
+          continue;
         }
-        block_begin_[f][3 * i + j] = begin;
+        const auto first = matrix_.column.begin() + matrix_.row_begin[row];
+        const auto last = matrix_.column.begin() + matrix_.row_begin[row + 1];
+        block_[f][3 * i + j] =
+            static_cast<std::int32_t>(std::lower_bound(first, last, column) - matrix_.column.begin());
       }
     }
   }
 }
 
-const SparseMatrix& ReducedMatrix::Assemble(const ReducedSystem& system) {
-  double* values = matrix_.valuePtr();
-  std::fill(values, values + matrix_.nonZeros(), 0.0);
+const BlockMatrix<double>& ReducedMatrix::Assemble(const ReducedSystem& system) {
+  std::fill(matrix_.value.begin(), matrix_.value.end(), 0.0);
   for (std::int32_t f = 0; f < topology_.num_faces(); ++f) {
-    const Eigen::Matrix<double, 6, 6> block = system.FaceBlock(f);
+    const Eigen::Matrix<double, 6, 6> face = system.FaceBlock(f);
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
-        const std::int32_t begin = block_begin_[f][3 * i + j];
-        if (begin < 0) continue;
-        const std::int32_t second = begin + second_column_step_[topology_.corner_interior[3 * f + j]];
-        values[begin] += block(2 * i, 2 * j);
-        values[begin + 1] += block(2 * i + 1, 2 * j);
-        if (i != j) values[second] += block(2 * i, 2 * j + 1);
-        values[second + 1] += block(2 * i + 1, 2 * j + 1);
+        const std::int32_t k = block_[f][3 * i + j];
+        if (k < 0) continue;
+        double* block = &matrix_.value[4 * static_cast<std::int64_t>(k)];
+        block[0] += face(2 * i, 2 * j);
+        block[1] += face(2 * i, 2 * j + 1);
+        block[2] += face(2 * i + 1, 2 * j);
+        block[3] += face(2 * i + 1, 2 * j + 1);
       }
     }
   }

@@ -8,8 +8,8 @@
 // where x_p = D 1 g_1 / s meets the triangle rows. To the solvers this is a saddle-point system with J for B and P for
 // A^-1, so that MINRES and Uzawa run on it unchanged; every x they see keeps the sum of each face.
 //
-// P is computed from A without dividing by its entries, which may be zero or negative as long as A is positive definite
-// on the plane: with e = a0 a1 + a1 a2 + a2 a0, P_00 = (a1 + a2) / e and P_01 = -a2 / e.
+// P is computed from A without dividing by its entries, which may be zero or negative as long as A is positive
+// definite on the plane: with e = a0 a1 + a1 a2 + a2 a0, P_00 = (a1 + a2) / e and P_01 = -a2 / e.
 #pragma once
 
 #include <array>
@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "core/abf/constraints.h"
+#include "core/linalg/block_matrix.h"
 #include "core/linalg/saddle_point.h"
 
 namespace planish {
@@ -48,20 +49,19 @@ class ReducedSystem final : public SaddlePointOperator {
   Eigen::VectorXd inverse_e_;  // 1 / e per face
 };
 
-// The lower triangle of S as a matrix. The pattern, one 2x2 block per pair of interior vertices that share a face,
-// is made once; Assemble only changes values.
+// S as a matrix. The pattern, one 2x2 block per pair of interior vertices that share a face, is made once; Assemble
+// only changes values.
 class ReducedMatrix {
  public:
+  // `topology` must outlive this.
   explicit ReducedMatrix(const Topology& topology);
-  const SparseMatrix& Assemble(const ReducedSystem& system);
+  const BlockMatrix<double>& Assemble(const ReducedSystem& system);
 
  private:
   const Topology& topology_;
-  SparseMatrix matrix_;
-  // Per face and pair of corners (i, j): where the block begins in its first column; -1 where there is none or (j, i)
-  // holds it.
-  std::vector<std::array<std::int32_t, 9>> block_begin_;
-  std::vector<std::int32_t> second_column_step_;
+  BlockMatrix<double> matrix_;
+  // Per face and pair of corners (i, j): the block; -1 where a corner is on the boundary.
+  std::vector<std::array<std::int32_t, 9>> block_;
 };
 
 }  // namespace planish

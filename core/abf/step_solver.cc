@@ -1,14 +1,17 @@
 #include "core/abf/step_solver.h"
 
-#include "absl/strings/str_cat.h"
+#include <algorithm>
+
 #include "core/base/status_macros.h"
 
 namespace planish {
 namespace {
 
-// An old factorization is kept as preconditioner while the last solve with it took no more iterations than this: about
-// what a new one costs.
-constexpr std::int64_t kWornOutIterations = 12;
+// A factorization or hierarchy is kept as long as the last solve with it took at most this many iterations more than
+// the first: about what a new one costs.
+constexpr std::int64_t kWornOutIterations = 10;
+
+constexpr std::int64_t kMaxMultigridIterations = 300;
 
 std::unique_ptr<LinearSolver> MakeSolver(SolverType type) {
   switch (type) {
@@ -41,35 +44,72 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     reduced_ = std::make_unique<ReducedSystem>(topology_, hessian, cot);
     system = reduced_.get();
   }
+  convex_ = system_type_ == SystemType::kReduced ? std::make_unique<ReducedSystem>(topology_, convex, cot) : nullptr;
   switch (preconditioner_type_) {
     case PreconditionerType::kJacobi:
       preconditioner_ = std::make_unique<JacobiPreconditioner>(system->SchurDiagonal());
-      break;
-    case PreconditionerType::kCholesky: {
-      const bool worn_out = iterations_since_factorization_ > kWornOutIterations;
-      if (!factorized_ || worn_out || solver_type_ == SolverType::kDirect) {
-        PLANISH_RETURN_IF_ERROR(FactorizeReduced(convex, cot));
-      }
-      preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
-      break;
-    }
+      return absl::OkStatus();
+    case PreconditionerType::kCholesky:
+      return PrepareCholesky();
+    case PreconditionerType::kAmg:
+      if (const absl::Status status = PrepareMultigrid(); status.ok()) return status;
+      preconditioner_type_ = PreconditionerType::kCholesky;
+      kept_ = false;
+      return PrepareCholesky();
     default:
       preconditioner_ = std::make_unique<IdentityPreconditioner>();
+      return absl::OkStatus();
   }
+}
+
+absl::Status StepSolver::PrepareCholesky() {
+  const bool worn_out = last_iterations_ > first_iterations_ + kWornOutIterations;
+  if (!kept_ || worn_out || solver_type_ == SolverType::kDirect) {
+    if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_);
+    PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(matrix_->Assemble(*convex_)), /*block_size=*/2));
+    kept_ = true;
+    first_iterations_ = -1;
+  }
+  preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
   return absl::OkStatus();
 }
 
-absl::Status StepSolver::FactorizeReduced(const Eigen::VectorXd& convex, const Eigen::VectorXd& cot) {
-  if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_);
-  PLANISH_RETURN_IF_ERROR(
-      factorization_.Factorize(matrix_->Assemble(ReducedSystem(topology_, convex, cot)), /*block_size=*/2));
-  factorized_ = true;
-  iterations_since_factorization_ = 0;
+absl::Status StepSolver::PrepareMultigrid() {
+  const bool worn_out = last_iterations_ > first_iterations_ + kWornOutIterations;
+  if (!kept_ || worn_out) {
+    if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_);
+    const BlockMatrix<double>& s = matrix_->Assemble(*convex_);
+    PLANISH_RETURN_IF_ERROR(kept_ ? multigrid_.Refresh(s) : multigrid_.Build(s));
+    kept_ = true;
+    first_iterations_ = -1;
+  }
+  preconditioner_ = std::make_unique<MultigridPreconditioner>(&multigrid_);
   return absl::OkStatus();
 }
 
 LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                 const LinearSolveOptions& options, NewtonStep* step) {
+  LinearSolveOptions watched = options;
+  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg;
+  if (multigrid) watched.max_iterations = std::min(options.max_iterations, kMaxMultigridIterations);
+  LinearSummary summary = SolveOnce(gradient, h, watched, step);
+  const bool failed = summary.termination != LinearTermination::kConverged &&
+                      summary.termination != LinearTermination::kInterrupted &&
+                      summary.iterations < options.max_iterations;
+  if (multigrid && failed) {
+    preconditioner_type_ = PreconditionerType::kCholesky;
+    kept_ = false;
+    if (PrepareCholesky().ok()) {
+      const std::int64_t wasted = summary.iterations;
+      summary = SolveOnce(gradient, h, options, step);
+      summary.iterations += wasted;
+    }
+  }
+  return summary;
+}
+
+LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h,
+                                    const LinearSolveOptions& options, NewtonStep* step) {
   SaddlePointSolution solution;
   LinearSummary summary;
   if (system_type_ == SystemType::kFull) {
@@ -92,7 +132,8 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
     step->mu.triangle = reduced_->TriangleMultipliers(-gradient - transposed, g1);
     step->mu.pair = std::move(solution.lambda);
   }
-  iterations_since_factorization_ = summary.iterations;
+  last_iterations_ = summary.iterations;
+  if (first_iterations_ < 0) first_iterations_ = summary.iterations;
   return summary;
 }
 

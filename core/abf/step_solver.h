@@ -10,6 +10,7 @@
 #include "core/abf/lagrangian.h"
 #include "core/abf/reduced_system.h"
 #include "core/linalg/linear_solver.h"
+#include "core/linalg/multigrid.h"
 
 namespace planish {
 
@@ -31,8 +32,13 @@ class StepSolver {
 
   // Eq. 5 for the gradient and constraint values of the iterate:
   //   A dx + B^t dmu = -gradient,  B dx = -h.
+  // Multigrid is watched: if it cannot be built or the solver does not converge with it within
+  // kMaxMultigridIterations, this solve and all later ones use Cholesky.
   LinearSummary Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
                       NewtonStep* step);
+
+  // The preconditioner in use: as asked for, or kCholesky once multigrid has failed (see Solve).
+  PreconditionerType preconditioner() const { return preconditioner_type_; }
 
   // What the system needs of a convexified Hessian.
   Convexification RequiredConvexification() const {
@@ -40,20 +46,27 @@ class StepSolver {
   }
 
  private:
-  absl::Status FactorizeReduced(const Eigen::VectorXd& convex, const Eigen::VectorXd& cot);
+  absl::Status PrepareMultigrid();
+  absl::Status PrepareCholesky();
+  LinearSummary SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
+                          NewtonStep* step);
 
   const Topology& topology_;
   const SolverType solver_type_;
   const SystemType system_type_;
-  const PreconditionerType preconditioner_type_;
+  PreconditionerType preconditioner_type_;
   std::unique_ptr<LinearSolver> solver_;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
+  std::unique_ptr<ReducedSystem> convex_;  // what S is assembled from for preconditioners
   std::unique_ptr<ReducedMatrix> matrix_;
   SparseCholesky factorization_;
-  bool factorized_ = false;
-  std::int64_t iterations_since_factorization_ = 0;
+  Multigrid multigrid_;
   std::unique_ptr<Preconditioner> preconditioner_;
+  // Of the preconditioner that is kept over several steps: whether there is one yet, and the iterations of the first
+  // and the latest solve with it.
+  bool kept_ = false;
+  std::int64_t first_iterations_ = -1, last_iterations_ = 0;
 };
 
 }  // namespace planish

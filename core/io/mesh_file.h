@@ -1,4 +1,4 @@
-// Reading mesh files and writing OBJ with UV.
+// Reading mesh files and writing OBJ with UV. Functions are thread-safe; none depends on the locale.
 #pragma once
 
 #include <string>
@@ -18,20 +18,28 @@ struct MeshFile {
   PolygonMesh mesh;
 };
 
-// Reads OBJ, PLY (ascii and binary), OFF and STL (ascii and binary; corners at exactly the same position become one
-// vertex), told apart by extension.
-// NOT_FOUND / PERMISSION_DENIED: FILE_UNREADABLE. INVALID_ARGUMENT: FILE_FORMAT_UNKNOWN, FILE_MALFORMED with
-// metadata "line" where the format has lines; the message starts with "path:line: ".
+// Reads OBJ, PLY (ascii and binary), OFF (text) and STL (ascii and binary; corners at exactly the same position become
+// one vertex), told apart by extension in any case. Polygons have three corners or more, indices are in range;
+// positions may be NaN or infinite. Files that were cut off are refused wherever the format lets one tell.
+// NOT_FOUND / PERMISSION_DENIED / UNAVAILABLE (anything else the system says): FILE_UNREADABLE.
+// INVALID_ARGUMENT: FILE_FORMAT_UNKNOWN; FILE_MALFORMED, message "path:line: what is wrong" and metadata "line" where
+// the fault has a line, else "path: what is wrong". RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path);
 
-// The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh. `uv_is_float` chooses the
-// shortest digits that read back to the same float, or double.
-// From an OBJ: the file's own bytes, except that its vt lines are replaced and the f (and l) elements refer to the
-// new ones. From other formats: v, vt and f lines.
+// The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh: its size must be twice that of
+// file.mesh.corner_vertex. `uv_is_float` chooses the shortest digits that read back to the same float, or double.
+// There is one vt per distinct (vertex, u, v), -0 counting as 0, in the order in which corners first use them.
+//
+// From an OBJ: the file's own bytes, except that the old vt lines are gone, the new ones stand in one block before the
+// first face, f corners refer to them, and other elements (l, p, surf) lose their references to vt.
+// From other formats: v, vt and f lines; positions have the shortest digits that read back to the same float, or the
+// same double where the file held more than a float.
 std::string WriteObjWithUv(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float);
 
-// Writes `bytes` to `path` so that a reader sees the old file or the whole new one (temporary file and rename);
-// "-" is stdout. PERMISSION_DENIED or UNAVAILABLE: FILE_UNWRITABLE.
+// Writes `bytes` to `path` so that a reader sees the old file or the whole new one (temporary file beside it, and
+// rename). Permissions of an old file stay, a read-only one is refused, symbolic links are followed. "-" and
+// /dev/stdout are stdout; pipes and devices are written in place.
+// PERMISSION_DENIED or UNAVAILABLE: FILE_UNWRITABLE, with the system's own words; no temporary file is left.
 absl::Status WriteFile(const std::string& path, const std::string& bytes);
 
 }  // namespace planish

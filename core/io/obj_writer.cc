@@ -78,6 +78,13 @@ std::string_view Keyword(std::string_view text, const ObjStatement& statement) {
   return tokens.Next(&keyword) ? keyword : std::string_view();
 }
 
+// How the first line of the text ends, with the ObjScanner's notion of a line.
+std::string_view LineEnd(std::string_view text) {
+  const std::size_t line_feed = text.find('\n');
+  if (line_feed == std::string_view::npos) return text.find('\r') == std::string_view::npos ? "\n" : "\r";
+  return line_feed > 0 && text[line_feed - 1] == '\r' ? "\r\n" : "\n";
+}
+
 // Offset at which the vt lines go: in place of the first old vt, else behind the last v or vn, both only if they come
 // before the first face, else right before that. So a reader in one pass knows every vt when a face names it.
 std::size_t UvOffset(std::string_view text) {
@@ -104,11 +111,7 @@ class ObjWriter {
 
   std::string Write() {
     const std::size_t uv_offset = UvOffset(text_);
-    const std::size_t line_feed = text_.find_first_of("\r\n");
-    const std::string_view line_end = line_feed == std::string_view::npos
-                                          ? "\n"
-                                          : text_.substr(line_feed, text_.substr(line_feed, 2) == "\r\n" ? 2 : 1);
-    const std::string uv_lines = uv_.Lines(line_end);
+    const std::string uv_lines = uv_.Lines(LineEnd(text_));
     out_.reserve(text_.size() + uv_lines.size() + text_.size() / 4);
 
     ObjScanner scanner(text_);

@@ -80,6 +80,9 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
   PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options_.flatten, flatten_control));
   result_.charts.push_back({mesh_.num_faces(), flattening.summary});
   if (!flattening.summary.converged) Warn("NOT_CONVERGED", flattening.summary.stop_message);
+  if (flattening.summary.preconditioner_changed) {
+    Warn("PRECONDITIONER_CHANGED", "multigrid did not converge on this mesh; a Cholesky factorization took over");
+  }
   if (const double barrier = flattening.summary.barrier; barrier > 0) {
     Warn("BARRIER_KEPT",
          absl::StrFormat("the ABF energy alone has no minimum with positive angles on this mesh; a "

@@ -20,8 +20,8 @@ class StreamReactor : public grpc::ServerWriteReactor<Response>,
                       public std::enable_shared_from_this<StreamReactor<Response>> {
  public:
   static StreamReactor* Start(std::shared_ptr<const JobEventLog> events, const JobStream::Position& position,
-                              JobAttachment attachment) {
-    auto reactor = std::make_shared<StreamReactor>(events, position, std::move(attachment));
+                              JobAttachment attachment, StreamCounter* streams) {
+    auto reactor = std::make_shared<StreamReactor>(events, position, std::move(attachment), streams);
     reactor->self_ = reactor;
     const std::weak_ptr<StreamReactor> weak = reactor;
     reactor->subscription_ = events->Subscribe([weak] {
@@ -32,8 +32,12 @@ class StreamReactor : public grpc::ServerWriteReactor<Response>,
   }
 
   StreamReactor(std::shared_ptr<const JobEventLog> events, const JobStream::Position& position,
-                JobAttachment attachment)
-      : stream_(std::move(events), position), attachment_(std::move(attachment)) {}
+                JobAttachment attachment, StreamCounter* streams)
+      : streams_(streams), stream_(std::move(events), position), attachment_(std::move(attachment)) {
+    streams_->Add();
+  }
+
+  ~StreamReactor() override { streams_->Remove(); }
 
   void OnWriteDone(bool ok) override {
     {
@@ -96,6 +100,8 @@ class StreamReactor : public grpc::ServerWriteReactor<Response>,
     return step;
   }
 
+  StreamCounter* const streams_;
+
   // Set by Start(), dropped by OnDone().
   std::shared_ptr<StreamReactor> self_;
   JobEventLog::Subscription subscription_;
@@ -145,8 +151,8 @@ JobRequest TakeRequest(const Request* request) {
 
 class PlanishService : public v1::Planish::CallbackService {
  public:
-  PlanishService(JobManager* manager, v1::Capabilities capabilities)
-      : manager_(manager), capabilities_(std::move(capabilities)) {}
+  PlanishService(JobManager* manager, v1::Capabilities capabilities, StreamCounter* streams)
+      : manager_(manager), capabilities_(std::move(capabilities)), streams_(streams) {}
 
   grpc::ServerWriteReactor<v1::UnwrapResponse>* Unwrap(grpc::CallbackServerContext*,
                                                        const v1::UnwrapRequest* request) override {
@@ -156,7 +162,8 @@ class PlanishService : public v1::Planish::CallbackService {
     if (!accepted.ok()) return new FailedStream<v1::UnwrapResponse>(accepted.status());
     JobStream::Position position;
     position.include_uv = true;
-    return StreamReactor<v1::UnwrapResponse>::Start(accepted->events, position, std::move(accepted->attachment));
+    return StreamReactor<v1::UnwrapResponse>::Start(accepted->events, position, std::move(accepted->attachment),
+                                                    streams_);
   }
 
   grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context, const v1::CreateJobRequest* request,
@@ -188,7 +195,7 @@ class PlanishService : public v1::Planish::CallbackService {
     }
     auto events = manager_->Watch(request->name());
     if (!events.ok()) return new FailedStream<v1::WatchJobResponse>(events.status());
-    return StreamReactor<v1::WatchJobResponse>::Start(*std::move(events), position, JobAttachment());
+    return StreamReactor<v1::WatchJobResponse>::Start(*std::move(events), position, JobAttachment(), streams_);
   }
 
   grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context, const v1::CancelJobRequest* request,
@@ -210,12 +217,14 @@ class PlanishService : public v1::Planish::CallbackService {
  private:
   JobManager* const manager_;
   const v1::Capabilities capabilities_;
+  StreamCounter* const streams_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, v1::Capabilities capabilities) {
-  return std::make_unique<PlanishService>(manager, std::move(capabilities));
+std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, v1::Capabilities capabilities,
+                                                 StreamCounter* streams) {
+  return std::make_unique<PlanishService>(manager, std::move(capabilities), streams);
 }
 
 }  // namespace planish

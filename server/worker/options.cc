@@ -37,6 +37,7 @@ constexpr Choice<v1::Preconditioner, PreconditionerType> kPreconditioners[] = {
     {v1::PRECONDITIONER_NONE, PreconditionerType::kNone},
     {v1::PRECONDITIONER_JACOBI, PreconditionerType::kJacobi},
     {v1::PRECONDITIONER_CHOLESKY, PreconditionerType::kCholesky},
+    {v1::PRECONDITIONER_AMG, PreconditionerType::kAmg},
 };
 constexpr Choice<v1::Hessian, HessianType> kHessians[] = {
     {v1::HESSIAN_CONVEX, HessianType::kConvex},

@@ -134,9 +134,10 @@ Report GoodReport() {
 
 TEST(SummaryTest, UsableResult) {
   EXPECT_EQ(Summary(GoodReport(), "out.obj", Terminal()),
-            "Flattened 23,062 triangles in 0.82 s: 8 Newton iterations, uzawa+cholesky, worst residual 3.0e-12.\n"
-            "Map: no flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
-            "stretch 1.90. Wrote out.obj.\n");
+            "Flattened 23,062 triangles in 0.82 s into out.obj: 8 Newton iterations, worst residual 3.0e-12 "
+            "(uzawa+cholesky).\n"
+            "No flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
+            "stretch 1.90.\n");
 }
 
 TEST(SummaryTest, WarningsAndUnusableResult) {
@@ -146,7 +147,7 @@ TEST(SummaryTest, WarningsAndUnusableResult) {
   report.quality.overlapping = 12;
   report.warnings.push_back({"UV_FLIPPED", "1 UV triangle is flipped", {}});
   const std::string text = Summary(report, "out.obj", Terminal());
-  EXPECT_THAT(text, HasSubstr("Map: 1 flipped triangle and 12 overlapping pairs;"));
+  EXPECT_THAT(text, HasSubstr("1 flipped triangle and 12 overlapping pairs;"));
   EXPECT_THAT(text, HasSubstr("warning: 1 UV triangle is flipped [UV_FLIPPED]\n"));
   EXPECT_THAT(text, HasSubstr("planish: not usable: the solve did not converge and 1 triangle is flipped; it was "
                               "written all the same"));
@@ -160,7 +161,8 @@ TEST(SummaryTest, ErrorSaysWhatWhereAndWhatToDo) {
 }
 
 TEST(JsonTest, FailureHasStateAndError) {
-  const Json json = ReportJson(FailureOf(Error(ErrorCode::kInvalidArgument, "MESH_CLOSED", "closed", {{"genus", "0"}})));
+  const Json json =
+      ReportJson(FailureOf(Error(ErrorCode::kInvalidArgument, "MESH_CLOSED", "closed", {{"genus", "0"}})));
   EXPECT_EQ(json["state"], "FAILED");
   EXPECT_EQ(json["error"]["code"], "INVALID_ARGUMENT");
   EXPECT_EQ(json["error"]["reason"], "MESH_CLOSED");

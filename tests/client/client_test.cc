@@ -14,14 +14,14 @@ namespace planish {
 namespace {
 
 using testing::Bytes;
+using ::testing::ElementsAre;
 using testing::FakeServer;
 using testing::FakeStream;
+using ::testing::HasSubstr;
 using testing::MakeStatus;
 using testing::ProgressEvent;
 using testing::StateEvent;
 using testing::SuccessEvent;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 constexpr int kUnavailable = 14;
 using Status = google::rpc::Status;

@@ -75,8 +75,7 @@ class FakeServer::Service : public v1::Planish::Service {
   grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest* request, v1::Job* job) override {
     return fake_->on_job ? ToGrpc(fake_->on_job("Cancel", request->name(), *job)) : kUnimplemented;
   }
-  grpc::Status DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest* request,
-                         google::protobuf::Empty*) override {
+  grpc::Status DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest* request, google::protobuf::Empty*) override {
     v1::Job job;
     return fake_->on_job ? ToGrpc(fake_->on_job("Delete", request->name(), job)) : kUnimplemented;
   }
@@ -91,7 +90,9 @@ class FakeServer::Service : public v1::Planish::Service {
 FakeServer::FakeServer()
     : service_(std::make_unique<Service>(this)), target_("127.0.0.1:" + std::to_string(service_->port)) {}
 
-FakeServer::~FakeServer() { service_->server->Shutdown(std::chrono::system_clock::now()); }
+FakeServer::~FakeServer() {
+  service_->server->Shutdown(std::chrono::system_clock::now());
+}
 
 google::rpc::Status MakeStatus(int code, const std::string& message, const std::string& reason,
                                const std::map<std::string, std::string>& metadata, double retry_seconds) {

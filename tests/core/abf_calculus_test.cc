@@ -209,8 +209,13 @@ TEST(ReducedSystem, IsTheSchurComplementOfTheFullOneEvenWithZeroEntries) {
   EXPECT_LT((schur.diagonal() - system.SchurDiagonal()).cwiseAbs().maxCoeff(), 1e-12);
 
   ReducedMatrix matrix(f.topology);
-  Eigen::MatrixXd lower = matrix.Assemble(system);
+  const BlockMatrix<double>& assembled = matrix.Assemble(system);
+  const Eigen::MatrixXd lower = LowerTriangle(assembled);
   EXPECT_LT((lower - Eigen::MatrixXd(schur.triangularView<Eigen::Lower>())).cwiseAbs().maxCoeff(), 1e-12);
+  const Eigen::VectorXd probe = Eigen::VectorXd::LinSpaced(pairs, -1, 2);
+  Eigen::VectorXd product;
+  Multiply(assembled, probe, &product);
+  EXPECT_LT((product - schur * probe).cwiseAbs().maxCoeff(), 1e-11);
 
   hessian[3] = 0;  // 1 / A_i does not exist; the inverse on the plane does
   EXPECT_TRUE(DenseSchur(ReducedSystem(f.topology, hessian, Cotangents(f.x))).allFinite());

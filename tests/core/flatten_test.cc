@@ -62,8 +62,8 @@ TEST(Flatten, EverySolverFindsTheSameAngles) {
   const Eigen::VectorXd expected = disc.Flatten().angles;
   for (const auto solver : {SolverType::kUzawa, SolverType::kMinres, SolverType::kDirect}) {
     for (const auto system : {SystemType::kFull, SystemType::kReduced}) {
-      for (const auto preconditioner :
-           {PreconditionerType::kNone, PreconditionerType::kJacobi, PreconditionerType::kCholesky}) {
+      for (const auto preconditioner : {PreconditionerType::kNone, PreconditionerType::kJacobi,
+                                        PreconditionerType::kCholesky, PreconditionerType::kAmg}) {
         FlattenOptions options;
         options.solver = solver;
         options.system = system;

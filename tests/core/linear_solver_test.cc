@@ -184,11 +184,13 @@ INSTANTIATE_TEST_SUITE_P(
                       Combination{SolverType::kUzawa, SystemType::kReduced, PreconditionerType::kNone},
                       Combination{SolverType::kUzawa, SystemType::kReduced, PreconditionerType::kJacobi},
                       Combination{SolverType::kUzawa, SystemType::kReduced, PreconditionerType::kCholesky},
+                      Combination{SolverType::kUzawa, SystemType::kReduced, PreconditionerType::kAmg},
                       Combination{SolverType::kMinres, SystemType::kFull, PreconditionerType::kNone},
                       Combination{SolverType::kMinres, SystemType::kFull, PreconditionerType::kJacobi},
                       Combination{SolverType::kMinres, SystemType::kReduced, PreconditionerType::kNone},
                       Combination{SolverType::kMinres, SystemType::kReduced, PreconditionerType::kJacobi},
                       Combination{SolverType::kMinres, SystemType::kReduced, PreconditionerType::kCholesky},
+                      Combination{SolverType::kMinres, SystemType::kReduced, PreconditionerType::kAmg},
                       Combination{SolverType::kDirect, SystemType::kReduced, PreconditionerType::kCholesky}),
     CombinationName);
 

@@ -77,6 +77,19 @@ TEST(Draco, DuplicateAndDegenerateFacesSurvive) {
   ExpectRoundTrip(mesh);
 }
 
+// The decoder refuses data of fewer than three bytes a face, to which equal faces compress.
+TEST(Draco, ManyFacesOnFewVertices) {
+  for (const int faces : {1, 11, 12, 13, 1000, 100000}) {
+    for (const Face& face : {Face{0, 0, 0}, Face{0, 1, 2}}) {
+      Mesh mesh;
+      mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+      mesh.faces.assign(faces, face);
+      ExpectRoundTrip(mesh);
+    }
+  }
+  for (const int faces : {1000, 1200, 1201, 1300, 5000}) ExpectRoundTrip(RandomMesh(300, faces, faces));
+}
+
 TEST(Draco, SpecialValuesKeepTheirBits) {
   Mesh mesh;
   const float denormal = std::bit_cast<float>(1u);

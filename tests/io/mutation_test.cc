@@ -1,5 +1,5 @@
 // Damaged files: every reader ends with valid polygons or an error of its own kind, in little time and memory.
-// PLANISH_IO_MUTATIONS sets the number of damaged files per format (default 400).
+// PLANISH_IO_MUTATIONS sets the number of damaged files per format (default 2000).
 #include <cstdlib>
 #include <random>
 
@@ -13,7 +13,7 @@ namespace {
 
 int NumMutations() {
   const char* const text = std::getenv("PLANISH_IO_MUTATIONS");
-  return text == nullptr ? 400 : std::atoi(text);
+  return text == nullptr ? 2000 : std::atoi(text);
 }
 
 std::string Mutated(std::string bytes, std::mt19937& random) {

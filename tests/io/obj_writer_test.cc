@@ -71,6 +71,12 @@ TEST(ObjWriter, OldMacLineEndsStay) {
             "v 0 0 0\rv 1 0 0\rv 0 1 0\rvt 0 0.5\rvt 0.125 0.5\rvt 0.25 0.5\rf 1/1 2/2 3/3\r");
 }
 
+// Found by mutation: the CR in the comment was taken for the line end of the file.
+TEST(ObjWriter, AStrayCarriageReturnIsNoLineEnd) {
+  EXPECT_EQ(Write("# a\rb\nv 0 0 0\nv 1 0 0\nv 0 1 0\r \nf 1 2 3\n"),
+            "# a\rb\nv 0 0 0\nv 1 0 0\nv 0 1 0\r \nvt 0 0.5\nvt 0.125 0.5\nvt 0.25 0.5\nf 1/1 2/2 3/3\n");
+}
+
 TEST(ObjWriter, WritingTwiceChangesNothing) {
   const std::string once = Write(SampleObj() + "l 1 2\n");
   EXPECT_EQ(Write(once), once);

@@ -37,11 +37,23 @@ class MeshView {
 };
 
 enum class JobState { kUnspecified, kQueued, kRunning, kStopping, kSucceeded, kFailed, kCancelled, kExpired };
-enum class Stage { kUnspecified, kUpload, kQueue, kDecode, kCharts, kSolve, kLayout, kPack, kVerify, kEncode, kDownload };
+enum class Stage {
+  kUnspecified,
+  kUpload,
+  kQueue,
+  kDecode,
+  kCharts,
+  kSolve,
+  kLayout,
+  kPack,
+  kVerify,
+  kEncode,
+  kDownload
+};
 enum class Seams { kNone };
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
 enum class System { kAuto, kFull, kReduced };
-enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky };
+enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class Hessian { kConvex, kExact };
 enum class Precision { kAuto, kFloat, kDouble };
 
@@ -107,6 +119,8 @@ struct ChartReport {
   Residual residual;
   int convexified_iterations = 0;  // Newton steps in which the Hessian of a face was made positive
   std::string stop_message;        // one sentence with numbers
+  double abf_energy = 0;           // as Quality::abf_energy, of the angles as solved, before any rounding
+  double barrier = 0;              // above 0 where the ABF energy alone has no minimum (warning BARRIER_KEPT)
 };
 
 // Measured on the delivered UV with exact predicates.

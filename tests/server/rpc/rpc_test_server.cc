@@ -40,7 +40,7 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options)
   v1::Capabilities capabilities;
   capabilities.set_version("1.2.3");
   capabilities.set_workers(options.workers);
-  service_ = NewPlanishService(&manager_, std::move(capabilities));
+  service_ = NewPlanishService(&manager_, std::move(capabilities), &streams_);
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;
@@ -54,7 +54,8 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options)
 RpcTestServer::~RpcTestServer() {
   manager_.Drain([] {});
   manager_.CancelAll();
-  rpc_->Shutdown(absl::Now() + absl::Seconds(5));
+  streams_.WaitForNone(absl::Now() + absl::Seconds(5));
+  rpc_->Shutdown(absl::Now());
   manager_.Stop();
 }
 

@@ -11,6 +11,7 @@
 #include "server/jobs/job_manager.h"
 #include "server/jobs/worker_pool.h"
 #include "server/rpc/rpc_server.h"
+#include "server/rpc/stream_counter.h"
 #include "tests/server/testing/fake_workers.h"
 #include "tests/server/testing/temp_dir.h"
 
@@ -36,6 +37,7 @@ class RpcTestServer {
   TempDir dir_;
   JobManager manager_;
   std::unique_ptr<WorkerPool> pool_;
+  StreamCounter streams_;
   std::unique_ptr<grpc::Service> service_;
   std::unique_ptr<RpcServer> rpc_;
   std::shared_ptr<grpc::Channel> channel_;

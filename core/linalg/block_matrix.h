@@ -1,0 +1,30 @@
+// Square sparse matrices of dense 2x2 blocks, symmetric, stored whole.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "Eigen/Core"
+#include "core/linalg/saddle_point.h"
+
+namespace planish {
+
+// Row i of blocks is [row_begin[i], row_begin[i + 1]), columns ascending. `value` holds four numbers a block, by rows.
+// Entry (2 i + p, 2 j + q) of the matrix is number 2 p + q of block (i, j).
+template <typename Scalar>
+struct BlockMatrix {
+  std::vector<std::int32_t> row_begin = {0};
+  std::vector<std::int32_t> column;
+  std::vector<Scalar> value;
+
+  std::int32_t num_rows() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
+  std::int64_t num_blocks() const { return static_cast<std::int64_t>(column.size()); }
+};
+
+// y = A x.
+void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y);
+
+// The lower triangle, as CHOLMOD takes it.
+SparseMatrix LowerTriangle(const BlockMatrix<double>& a);
+
+}  // namespace planish

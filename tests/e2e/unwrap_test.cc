@@ -1,0 +1,246 @@
+// `planish unwrap` with a private server: the first minutes of a newcomer, good and bad.
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <thread>
+
+#include "client/src/process.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "nlohmann/json.hpp"
+#include "planish/client.h"
+#include "tests/e2e/command.h"
+#include "tests/e2e/meshes.h"
+
+namespace planish::testing {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+constexpr char kSpot[] = PLANISH_TEST_DATA "/spot_seam.obj";
+
+std::vector<std::string> LinesWithout(const std::string& text, const std::set<std::string>& keywords) {
+  std::vector<std::string> kept;
+  for (const std::string& line : Lines(text)) {
+    if (!keywords.contains(line.substr(0, line.find(' ')))) kept.push_back(line);
+  }
+  return kept;
+}
+
+std::set<std::string> SocketDirectories() {
+  std::set<std::string> found;
+  for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::temp_directory_path())) {
+    const std::string name = entry.path().filename();
+    if (name.rfind("planish-", 0) == 0 && std::filesystem::exists(entry.path() / "socket")) found.insert(name);
+  }
+  return found;
+}
+
+class UnwrapTest : public ::testing::Test {
+ protected:
+  std::string File(const std::string& name, const std::string& text) {
+    WriteTextFile(directory_ / name, text);
+    return directory_ / name;
+  }
+
+  TempDirectory directory_;
+};
+
+TEST_F(UnwrapTest, FirstRunNeedsNothing) {
+  const std::string output = directory_ / "spot_uv.obj";
+  const Outcome run = Planish({"unwrap", kSpot, "-o", output, "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, StartsWith("Flattened 23,062 triangles in "));
+
+  const json report = json::parse(run.out);
+  EXPECT_THAT(report["job"].get<std::string>(), StartsWith("jobs/"));
+  EXPECT_EQ(report["state"], "SUCCEEDED");
+  EXPECT_EQ(report["input"], json({{"triangles", 23062}, {"vertices", 11840}}));
+  ASSERT_EQ(report["charts"].size(), 1u);
+  const json& chart = report["charts"][0];
+  EXPECT_EQ(chart["triangles"], 23062);
+  EXPECT_EQ(chart["method"], "abf");
+  EXPECT_EQ(chart["converged"], true);
+  for (const char* key : {"solver", "preconditioner", "newton_iterations", "linear_iterations"}) {
+    EXPECT_TRUE(chart.contains(key)) << key;
+  }
+  for (const char* key : {"triangle", "vertex", "wheel", "gradient"}) {
+    EXPECT_LT(chart["residual"][key].get<double>(), 1e-8) << key;
+  }
+  EXPECT_EQ(report["quality"]["flipped"], 0);
+  EXPECT_EQ(report["quality"]["degenerate"], 0);
+  for (const char* key :
+       {"overlapping", "angle_error_mean_deg", "angle_error_max_deg", "abf_energy", "conformal_distortion_mean",
+        "conformal_distortion_max", "stretch_l2", "packing_efficiency"}) {
+    EXPECT_TRUE(report["quality"].contains(key)) << key;
+  }
+  double stages = 0;
+  for (const char* key :
+       {"upload", "queue", "decode", "charts", "solve", "layout", "pack", "verify", "encode", "download"}) {
+    EXPECT_TRUE(report["seconds"].contains(key)) << key;
+    stages += report["seconds"].value(key, 0.0);
+  }
+  EXPECT_LE(stages, report["seconds"]["total"].get<double>() + 0.01);
+  EXPECT_GT(report["peak_memory_bytes"].get<std::int64_t>(), 1000000);
+  EXPECT_TRUE(report["warnings"].is_array());
+
+  // Everything but vt and f lines is the caller's own.
+  const std::string before = ReadFile(kSpot), after = ReadFile(output);
+  EXPECT_EQ(LinesWithout(before, {"vt", "f"}), LinesWithout(after, {"vt", "f"}));
+  const std::vector<std::string> lines = Lines(after);
+  EXPECT_GE(std::count_if(lines.begin(), lines.end(), [](const auto& l) { return l.rfind("vt ", 0) == 0; }), 11840);
+  EXPECT_EQ(std::count_if(lines.begin(), lines.end(), [](const auto& l) { return l.rfind("f ", 0) == 0; }), 23062);
+}
+
+TEST_F(UnwrapTest, ObjKeepsItsOwnBytes) {
+  const std::string input =
+      "# a comment\r\nmtllib things.mtl\no thing\nv 0 0 0 # first\nv 1 0 0\nv 1 1 0.5\nv 0 1 0\n\nv 9 9 9\n"
+      "vn 0 0 1\nvt 0.5 0.5\ng one\nusemtl red\ns 1\nf 1/1/1 2/1/1 3/1/1 4/1/1\n# the end";
+  const Outcome run = Planish({"unwrap", File("in.obj", input), "-o", "-"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(LinesWithout(run.out, {"vt", "f"}), LinesWithout(input, {"vt", "f"}));
+  EXPECT_THAT(run.out, ::testing::ContainsRegex("\nf 1/[0-9]+/1 2/[0-9]+/1 3/[0-9]+/1 4/[0-9]+/1\n# the end"));
+}
+
+TEST_F(UnwrapTest, OtherFormatsIn) {
+  for (const auto& [name, text] : std::map<std::string, std::string>{
+           {"grid.ply", GridPly(8)}, {"grid.off", GridOff(8)}, {"grid.stl", GridStl(8)}}) {
+    const std::string output = directory_ / (name + ".obj");
+    const Outcome run = Planish({"unwrap", File(name, text), "-o", output});
+    EXPECT_EQ(run.exit_code, 0) << name << run.err;
+    EXPECT_THAT(run.err, HasSubstr("Flattened 128 triangles"));
+    EXPECT_THAT(ReadFile(output), HasSubstr("\nvt "));
+  }
+}
+
+TEST_F(UnwrapTest, PaperSolversAgree) {
+  const std::string input = File("grid.obj", GridObj(6));
+  for (const char* solver : {"uzawa", "minres"}) {
+    const Outcome run = Planish({"unwrap", input, "-o", directory_ / "out.obj", "--json", "--solver", solver,
+                                 "--system=full", "--preconditioner=none", "--precision=double"});
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    const json report = json::parse(run.out);
+    EXPECT_EQ(report["charts"][0]["solver"], solver);
+    EXPECT_EQ(report["charts"][0]["system"], "full");
+    EXPECT_EQ(report["charts"][0]["preconditioner"], "none");
+    EXPECT_EQ(report["precision"], "double");
+  }
+}
+
+TEST_F(UnwrapTest, BadInputSaysWhatAndWhere) {
+  const std::string output = directory_ / "out.obj";
+  Outcome run = Planish({"unwrap", directory_ / "missing.obj", "-o", output});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.err, HasSubstr("missing.obj"));
+
+  run = Planish({"unwrap", File("bad.obj", "v 0 0 0\nv 1 0 zero\n"), "-o", output, "--json"});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.err, HasSubstr("bad.obj:2"));
+  EXPECT_EQ(json::parse(run.out)["error"]["reason"], "FILE_MALFORMED");
+
+  run = Planish({"unwrap", File("closed.obj", kClosedObj), "-o", output, "--json"});
+  EXPECT_EQ(run.exit_code, 1);
+  const json report = json::parse(run.out);
+  EXPECT_EQ(report["state"], "FAILED");
+  EXPECT_EQ(report["error"]["reason"], "MESH_CLOSED");
+  EXPECT_EQ(report["error"]["code"], "INVALID_ARGUMENT");
+  EXPECT_EQ(report["input"]["triangles"], 4);
+
+  run = Planish({"unwrap", File("fan.obj", kFanObj), "-o", output});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("MESH_EDGE_NON_MANIFOLD"));
+  EXPECT_THAT(run.err, HasSubstr("face 2 (fan.obj:8)"));
+
+  run = Planish({"unwrap", File("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n"), "-o", output});
+  EXPECT_NE(run.exit_code, 0);
+  EXPECT_THAT(run.err, HasSubstr("nan.obj:2"));
+  EXPECT_FALSE(std::filesystem::exists(output));
+}
+
+TEST_F(UnwrapTest, BadUsageExitsWith2) {
+  const std::string input = File("grid.obj", GridObj(4));
+  EXPECT_EQ(Planish({"unwrap", input}).exit_code, 2);
+  EXPECT_EQ(Planish({"unwrap", input, "-o", "/nonexistent/dir/out.obj"}).exit_code, 2);
+  const Outcome run = Planish({"unwrap", input, "-o", directory_ / "o.obj", "--hessian=exact", "--solver=direct"});
+  EXPECT_EQ(run.exit_code, 2) << run.err;
+}
+
+TEST_F(UnwrapTest, UnreachableServerExitsWith3Promptly) {
+  const std::string input = File("grid.obj", GridObj(4));
+  const std::string output = directory_ / "out.obj";
+  for (const char* server : {"127.0.0.1:1", "unix:/nonexistent/socket"}) {
+    const Outcome run = Planish({"unwrap", input, "-o", output, "--json"}, {{"PLANISH_SERVER", server}});
+    EXPECT_EQ(run.exit_code, 3);
+    EXPECT_THAT(run.err, HasSubstr(server));
+    EXPECT_LT(run.seconds, 3);
+    EXPECT_EQ(json::parse(run.out)["error"]["reason"], "SERVER_UNREACHABLE");
+  }
+  const Outcome run = Planish({"unwrap", input, "-o", output}, {{"PLANISHD", "/nonexistent/planishd"}});
+  EXPECT_EQ(run.exit_code, 3);
+  EXPECT_THAT(run.err, HasSubstr("PLANISHD"));
+}
+
+TEST_F(UnwrapTest, CtrlCEndsAPrivateServerToo) {
+  const std::set<std::string> before = SocketDirectories();
+  Command command({"unwrap", File("grid.obj", GridObj(250)), "-o", directory_ / "out.obj", "--solver=uzawa",
+                   "--system=full", "--preconditioner=none", "--progress=json"});
+  ASSERT_TRUE(command.WaitForErr("\"linear_iterations\":1", 30)) << command.Err();
+  command.Signal(SIGINT);
+  const Outcome outcome = command.Wait();
+  EXPECT_EQ(outcome.exit_code, 130);
+  EXPECT_THAT(outcome.err, HasSubstr("the job was cancelled"));
+  EXPECT_FALSE(std::filesystem::exists(directory_ / "out.obj"));
+  EXPECT_EQ(SocketDirectories(), before);
+}
+
+TEST_F(UnwrapTest, KilledCommandTakesItsServerAlong) {
+  Command command({"unwrap", File("grid.obj", GridObj(250)), "-o", directory_ / "out.obj", "--solver=uzawa",
+                   "--system=full", "--preconditioner=none", "--progress=json"},
+                  {{"XDG_RUNTIME_DIR", directory_ / ""}});  // what a killed command leaves goes with the test
+  ASSERT_TRUE(command.WaitForErr("\"solve\"", 30)) << command.Err();
+  pid_t server = 0;
+  const std::string pid = std::to_string(command.pid());
+  std::ifstream("/proc/" + pid + "/task/" + pid + "/children") >> server;
+  ASSERT_GT(server, 0);
+  command.Signal(SIGKILL);
+  command.Wait();
+  // An orphan is reaped by somebody else, so that its entry disappears or shows a zombie.
+  const auto is_gone = [&] {
+    std::string state, text = ReadFile("/proc/" + std::to_string(server) + "/stat");
+    return text.empty() || text[text.rfind(')') + 2] == 'Z';
+  };
+  for (int i = 0; i < 500 && !is_gone(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_TRUE(is_gone());
+}
+
+TEST_F(UnwrapTest, PrivateServerCostsLittle) {
+  double best = 1e9;
+  for (int i = 0; i < 7; ++i) {
+    const double start = Now();
+    {
+      PrivateServerOptions options;
+      options.executable = PLANISHD_COMMAND;
+      const PrivateServer server(options);
+      EXPECT_EQ(Client(server.target()).GetCapabilities().workers, 1);
+    }
+    best = std::min(best, Now() - start);
+  }
+  RecordProperty("seconds", std::to_string(best));
+  EXPECT_LT(best, 0.2);
+}
+
+TEST(VersionTest, OfBothSides) {
+  const Outcome run = Planish({"version"});
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_THAT(run.out, ::testing::ContainsRegex("planish [0-9.]+\nplanishd [0-9.]+ "));
+  EXPECT_EQ(Planish({"version", "--server=127.0.0.1:1"}).exit_code, 3);
+}
+
+}  // namespace
+}  // namespace planish::testing
