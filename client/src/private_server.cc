@@ -13,9 +13,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <sstream>
 #include <system_error>
 
+#include "client/src/find_planishd.h"
 #include "client/src/process.h"
 #include "planish/error.h"
 
@@ -128,21 +128,7 @@ struct PrivateServer::State {
 
 std::string FindPrivateServer() {
   std::error_code ignored;
-  const fs::path here = fs::read_symlink("/proc/self/exe", ignored).parent_path();
-  if (!here.empty()) {
-    for (const fs::path& candidate : {here / "planishd", here / ".." / "bin" / "planishd"}) {
-      if (IsExecutable(candidate)) return candidate.lexically_normal();
-    }
-  }
-  const char* named = std::getenv("PLANISHD");
-  if (named != nullptr && *named != '\0') return IsExecutable(named) ? named : "";
-  const char* path = std::getenv("PATH");
-  std::istringstream directories(path == nullptr ? "" : path);
-  for (std::string directory; std::getline(directories, directory, ':');) {
-    const fs::path candidate = fs::path(directory) / "planishd";
-    if (!directory.empty() && IsExecutable(candidate)) return candidate;
-  }
-  return "";
+  return FindPlanishd(fs::read_symlink("/proc/self/exe", ignored).parent_path());
 }
 
 PrivateServer::PrivateServer(const PrivateServerOptions& options) : state_(std::make_unique<State>()) {

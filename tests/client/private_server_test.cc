@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "client/src/find_planishd.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"
@@ -84,20 +85,19 @@ TEST_F(PrivateServerTest, MissingProgram) {
   PrivateServerOptions options;
   options.executable = directory_ + "/nothing";
   EXPECT_THAT(MessageOf(options), HasSubstr("nothing is not a program"));
-  setenv("PLANISHD", "/nonexistent/planishd", 1);
-  EXPECT_EQ(FindPrivateServer(), "");
-  EXPECT_THAT(MessageOf({}), HasSubstr("$PLANISHD is /nonexistent/planishd"));
-  unsetenv("PLANISHD");
 }
 
-TEST_F(PrivateServerTest, FoundByNameAndInPath) {
+TEST_F(PrivateServerTest, FoundBesideTheProgramThenByNameThenInPath) {
   const PrivateServerOptions options = Script("");
-  setenv("PLANISHD", options.executable.c_str(), 1);
-  EXPECT_EQ(FindPrivateServer(), options.executable);
-  unsetenv("PLANISHD");
   const std::string path = getenv("PATH");
   setenv("PATH", ("/nonexistent:" + directory_).c_str(), 1);
-  EXPECT_EQ(FindPrivateServer(), options.executable);
+  EXPECT_EQ(FindPlanishd("/nonexistent"), options.executable);
+  setenv("PLANISHD", "/nonexistent/planishd", 1);
+  EXPECT_EQ(FindPlanishd(directory_), options.executable);
+  EXPECT_EQ(FindPlanishd("/nonexistent"), "") << "a wrong name is not papered over";
+  setenv("PLANISHD", options.executable.c_str(), 1);
+  EXPECT_EQ(FindPlanishd("/nonexistent"), options.executable);
+  unsetenv("PLANISHD");
   setenv("PATH", path.c_str(), 1);
 }
 
