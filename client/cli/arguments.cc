@@ -2,6 +2,8 @@
 
 #include <sstream>
 #include <string_view>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "CLI/CLI.hpp"
@@ -14,9 +16,9 @@ namespace {
 constexpr char kExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj             flatten a disc; starts a server of its own
   planish unwrap face.ply -o face.obj --json         and print the report as JSON
-  planish unwrap face.obj -o uv.obj --server=farm:50051
-  planish unwrap big.obj --detach --server=farm:50051
-  planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:50051
+  planish unwrap face.obj -o uv.obj --server=farm:7741
+  planish unwrap big.obj --detach --server=farm:7741
+  planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
 Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
 3 server unreachable, 130 interrupted (the first Ctrl-C cancels the job, a second leaves at once).)";
@@ -25,6 +27,7 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj
   planish unwrap scan.stl -o scan.obj --precision=double --json > report.json
   planish unwrap face.obj -o - > face_uv.obj
+  planish unwrap face.obj -o face_uv.obj --picture=map.png
   planish unwrap face.obj -o uv.obj --solver=uzawa --system=full --preconditioner=none   (the paper as written)
 
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
@@ -92,6 +95,18 @@ void AddOutput(CLI::App& app, Arguments& arguments) {
   app.add_option("-o,--output", arguments.output, "Where the OBJ with UV goes; - is stdout")->type_name("OUT");
 }
 
+void AddPicture(CLI::App& app, Arguments& arguments) {
+  app.add_option("--picture", arguments.picture, "Draw the map: the surface with a checkerboard, and the chart")
+      ->type_name("PNG");
+  app.add_option_function<std::pair<double, double>>(
+         "--view",
+         [&arguments](const std::pair<double, double>& view) {
+           std::tie(arguments.view_azimuth, arguments.view_elevation) = view;
+         },
+         "Where the picture looks from: round y, and up, in degrees [35 17]")
+      ->type_name("AZIMUTH ELEVATION");
+}
+
 void AddTimeout(CLI::App& app, Arguments& arguments, const std::string& description) {
   app.add_option("--timeout", arguments.timeout_seconds, description)
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
@@ -104,6 +119,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.footer(kUnwrapExamples);
   unwrap.add_option("IN", arguments.input, "Mesh file: .obj, .ply, .off or .stl")->required()->type_name("");
   AddOutput(unwrap, arguments);
+  AddPicture(unwrap, arguments);
   AddServer(unwrap, arguments, "without it a private server is started");
   AddJson(unwrap, arguments);
   AddProgress(unwrap, arguments);

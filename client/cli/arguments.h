@@ -20,6 +20,8 @@ struct Arguments {
   // unwrap; jobs watch has the mesh in `input` if it was given.
   std::string input;
   std::string output;
+  std::string picture;                            // a PNG of the map; empty: none
+  double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;
   bool detach = false;
   std::string label;

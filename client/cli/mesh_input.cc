@@ -4,9 +4,11 @@
 
 #include <charconv>
 #include <filesystem>
+#include <numbers>
 #include <vector>
 
 #include "client/src/errors.h"
+#include "core/io/map_picture.h"
 
 namespace planish::cli {
 namespace {
@@ -96,6 +98,16 @@ std::string MeshInput::WithUv(const Uv& uv) const {
     by_corner[2 * corner + 1] = by_triangle[2 * i + 1];
   }
   return WriteObjWithUv(file_, by_corner, uv.precision == Precision::kFloat);
+}
+
+std::string MeshInput::Picture(const Uv& uv, double azimuth, double elevation) const {
+  constexpr double kRadians = std::numbers::pi / 180;
+  MapPictureOptions options;
+  options.azimuth = azimuth * kRadians;
+  options.elevation = elevation * kRadians;
+  absl::StatusOr<std::string> png = EncodePng(DrawMap(triangulation_.mesh, uv.AsDouble(), options));
+  if (!png.ok()) throw ErrorFrom(png.status());
+  return *std::move(png);
 }
 
 void WriteOutput(const std::string& path, const std::string& bytes) {

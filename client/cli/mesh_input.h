@@ -27,6 +27,8 @@ class MeshInput {
 
   // The file with UV; `uv` in the order of view().
   std::string WithUv(const Uv& uv) const;
+  // A PNG file that shows the map (core/io/map_picture.h); angles in degrees.
+  std::string Picture(const Uv& uv, double azimuth, double elevation) const;
 
  private:
   ids::Renumbering ToFile() const;

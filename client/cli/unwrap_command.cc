@@ -30,6 +30,7 @@ class ResultCommand {
   void LoadInput() {
     if (arguments_.input.empty()) return;
     CheckOutput(arguments_.output.empty() ? "-" : arguments_.output);
+    if (!arguments_.picture.empty()) CheckOutput(arguments_.picture);
     input_.emplace(arguments_.input);
   }
 
@@ -45,6 +46,9 @@ class ResultCommand {
   int Deliver(UnwrapResult result, const Arguments& arguments) {
     for (Warning& warning : result.report.warnings) warning = input_->InFileIds(warning);
     WriteOutput(arguments.output, input_->WithUv(result.uv));
+    if (!arguments.picture.empty()) {
+      WriteOutput(arguments.picture, input_->Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
+    }
     result.report.seconds.total = timer_.Seconds();
     std::cerr << Summary(result.report, arguments.output, StderrTerminal());
     if (arguments.json) {

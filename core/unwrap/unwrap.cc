@@ -70,7 +70,8 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
   }
   result_.seconds.charts = timer.Restart();
 
-  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kSolve));
+  // The solve announces itself, with its first residual.
+  progress_.stage = UnwrapStage::kSolve;
   const Eigen::VectorXd measured = MeasuredAngles(mesh_);
   const TargetAngles target = MakeTargetAngles(topology, measured);
   FlattenControl flatten_control = {control_.interrupter, [this](const FlattenProgress& progress) {

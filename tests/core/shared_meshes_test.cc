@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "core/base/error.h"
+#include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
 #include "core/unwrap/unwrap.h"
 #include "gtest/gtest.h"
@@ -73,6 +74,36 @@ TEST_F(SharedMeshes, EveryDiscComesBackFlat) {
       EXPECT_GT(found, energy * (1 - 1e-4) - 1e-12) << file;
     }
   }
+}
+
+TEST_F(SharedMeshes, TheSolversAsInThePaperAgreeWithTheDirectOne) {
+  for (const std::string file :
+       {"hand_lowres_1602.obj", "lego_3072.obj", "bff_hemisphere_4000.obj", "goathead_cut_5279.obj"}) {
+    const Mesh mesh = testing::ReadTriangleObj(kMeshes / file);
+    const Topology topology = CheckDisc(mesh).value();
+    const TargetAngles target = MakeTargetAngles(topology, MeasuredAngles(mesh));
+    FlattenOptions direct;
+    direct.solver = SolverType::kDirect;
+    const Eigen::VectorXd expected = FlattenAngles(topology, target, direct, {})->angles;
+    for (const SolverType solver : {SolverType::kMinres, SolverType::kUzawa}) {
+      FlattenOptions paper;
+      paper.solver = solver;
+      paper.system = SystemType::kFull;
+      paper.preconditioner = PreconditionerType::kNone;
+      const auto result = FlattenAngles(topology, target, paper, {});
+      ASSERT_TRUE(result.ok()) << result.status();
+      EXPECT_TRUE(result->summary.converged) << file << " " << result->summary.stop_message;
+      EXPECT_LT((result->angles - expected).cwiseAbs().maxCoeff(), 1e-6) << file << " " << Name(solver);
+    }
+  }
+}
+
+TEST_F(SharedMeshes, TheSphereThroughAThreeEdgeHoleConverges) {
+  const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "punctured_sphere_223.obj"), {}, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_TRUE(result->charts.at(0).flatten.converged) << result->charts[0].flatten.stop_message;
+  EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0);
+  EXPECT_EQ(result->warnings.at(0).reason, "BARRIER_KEPT");
 }
 
 TEST_F(SharedMeshes, WhatIsNoDiscIsRefusedWithTheFault) {
