@@ -39,6 +39,8 @@ class Run {
   // Announces a stage, unless interrupted.
   absl::Status Enter(UnwrapStage stage);
   void ChoosePrecision(CornerUv uv);
+  // Says so if rounding to float, which keeps every triangle, still costs energy worth mentioning.
+  void WarnOfCoarseFloat();
   absl::Status Verify(const Topology& topology, const Eigen::VectorXd& measured, const TargetAngles& target);
   void Warn(const std::string& reason, const std::string& message, std::map<std::string, std::string> metadata = {}) {
     result_.warnings.push_back({reason, message, std::move(metadata)});
@@ -141,10 +143,23 @@ void Run::ChoosePrecision(CornerUv uv) {
   orientation_ = deliver_double ? exact : after;
 }
 
+void Run::WarnOfCoarseFloat() {
+  constexpr double kNegligible = 1e-9;   // energy per angle
+  constexpr double kWorthSaying = 1e-3;  // of the energy before rounding
+  const double solved = result_.charts[0].flatten.energy / (3.0 * static_cast<double>(mesh_.num_faces()));
+  const double lost = result_.quality.abf_energy - solved;
+  if (result_.precision != Precision::kFloat || lost <= kNegligible || lost <= kWorthSaying * solved) return;
+  Warn("UV_PRECISION",
+       absl::StrFormat("rounding to float adds %.2g %% to the ABF energy, the scale varies much; double would keep it",
+                       100 * lost / solved),
+       {{"abf_energy_lost", absl::StrFormat("%g", lost)}});
+}
+
 absl::Status Run::Verify(const Topology& topology, const Eigen::VectorXd& measured, const TargetAngles& target) {
   const Overlaps overlaps = CheckOverlaps(topology, result_.uv, orientation_, control_.interrupter);
   if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
   MeasureDistortion(mesh_, measured, target, result_.uv, &result_.quality);
+  WarnOfCoarseFloat();
   result_.quality.flipped = orientation_.flipped;
   result_.quality.degenerate = orientation_.degenerate;
   result_.quality.overlapping = overlaps.pairs;

@@ -66,6 +66,10 @@ TEST_F(SharedMeshes, EveryDiscComesBackFlat) {
     EXPECT_EQ(result->quality.degenerate, 0) << file;
     const bool needs_double = file == "hand_lowres_1602.obj" || file == "hand_cut_15749.obj";
     EXPECT_EQ(result->precision == Precision::kDouble, needs_double) << file;
+    if (file == "goathead_cut_5279.obj") {
+      ASSERT_FALSE(result->warnings.empty());
+      EXPECT_EQ(result->warnings[0].reason, "UV_PRECISION") << "float keeps every triangle but not the energy";
+    }
     // The energy of the angles, before any rounding. The reference for koala_seam lies 0.4 % above what is found here,
     // so only more than the reference is a failure.
     const double found = summary.energy / (3.0 * static_cast<double>(mesh.num_faces()));

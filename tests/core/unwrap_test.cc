@@ -186,6 +186,23 @@ TEST(Unwrap, DeliversDoubleOnlyWhereFloatLosesTheMap) {
   EXPECT_GT(coarse->quality.flipped + coarse->quality.degenerate, 0);
 }
 
+TEST(Unwrap, SaysWhatFloatCosts) {
+  const Mesh mesh = testing::PuncturedSphere(60, 0.05);
+  UnwrapOptions options;
+  const auto in_float = Unwrap(mesh, options, {});
+  options.precision = Precision::kDouble;
+  const auto in_double = Unwrap(mesh, options, {});
+  ASSERT_TRUE(in_float.ok() && in_double.ok());
+  ASSERT_EQ(in_float->precision, Precision::kFloat);
+  const auto warned = [](const UnwrapResult& result) {
+    return std::any_of(result.warnings.begin(), result.warnings.end(),
+                       [](const UnwrapWarning& warning) { return warning.reason == "UV_PRECISION"; });
+  };
+  EXPECT_FALSE(warned(*in_double));
+  EXPECT_EQ(warned(*in_float), in_float->quality.abf_energy > 1.001 * in_double->quality.abf_energy + 1e-9)
+      << in_float->quality.abf_energy << " " << in_double->quality.abf_energy;
+}
+
 TEST(Unwrap, CanBeInterruptedInEveryStage) {
   const Mesh mesh = testing::Hills(20, 20);
   for (const UnwrapStage stage :
