@@ -136,8 +136,9 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   Choices<Preconditioner>{{Preconditioner::kAuto, Preconditioner::kNone, Preconditioner::kJacobi,
                            Preconditioner::kCholesky, Preconditioner::kAmg}}
       .AddTo(unwrap, "--preconditioner", options.preconditioner, "Preconditioner of uzawa and minres");
-  Choices<Hessian>{{Hessian::kConvex, Hessian::kExact}}.AddTo(unwrap, "--hessian", options.hessian,
-                                                              "exact: even where indefinite, with minres only");
+  Choices<Hessian>{{Hessian::kAuto, Hessian::kConvex, Hessian::kExact}}.AddTo(
+      unwrap, "--hessian", options.hessian,
+      "Where it is not positive; exact: as it is, by minres; auto: near the solution");
   Choices<Precision>{{Precision::kAuto, Precision::kFloat, Precision::kDouble}}.AddTo(
       unwrap, "--precision", options.precision, "Type of the UV; auto: float where it keeps the map");
   unwrap.add_option("--tolerance", options.tolerance, "Residual per angle at which Newton stops, up to 1e-2 [1e-9]")

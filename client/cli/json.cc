@@ -53,6 +53,7 @@ Json ChartsJson(const std::vector<ChartReport>& charts) {
                     {"newton_iterations", chart.newton_iterations},
                     {"linear_iterations", chart.linear_iterations},
                     {"convexified_iterations", chart.convexified_iterations},
+                    {"indefinite_iterations", chart.indefinite_iterations},
                     {"residual", ResidualJson(chart.residual)},
                     {"stop_message", chart.stop_message},
                     {"abf_energy", chart.abf_energy},

@@ -21,7 +21,7 @@ ProtoEnum EnumToProto(Enum value) {
 static_assert(static_cast<int>(Solver::kDirect) + 1 == v1::SOLVER_DIRECT);
 static_assert(static_cast<int>(System::kReduced) + 1 == v1::SYSTEM_REDUCED);
 static_assert(static_cast<int>(Preconditioner::kAmg) + 1 == v1::PRECONDITIONER_AMG);
-static_assert(static_cast<int>(Hessian::kExact) + 1 == v1::HESSIAN_EXACT);
+static_assert(static_cast<int>(Hessian::kAuto) + 1 == v1::HESSIAN_AUTO);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
@@ -38,7 +38,8 @@ UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   options.solver = EnumFromProto<Solver>(proto.solver());
   options.system = EnumFromProto<System>(proto.system());
   options.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
-  options.hessian = EnumFromProto<Hessian>(proto.hessian());
+  options.hessian =
+      proto.hessian() == v1::HESSIAN_UNSPECIFIED ? Hessian::kAuto : EnumFromProto<Hessian>(proto.hessian());
   options.precision = EnumFromProto<Precision>(proto.precision());
   options.tolerance = proto.tolerance();
   options.max_newton_iterations = proto.max_newton_iterations();
@@ -64,6 +65,7 @@ ChartReport FromProto(const v1::ChartReport& proto) {
   chart.convexified_iterations = proto.convexified_iterations();
   chart.stop_message = proto.stop_message();
   chart.abf_energy = proto.abf_energy();
+  chart.indefinite_iterations = proto.indefinite_iterations();
   chart.barrier = proto.barrier();
   return chart;
 }

@@ -133,6 +133,8 @@ const char* ToString(Hessian hessian) {
       return "convex";
     case Hessian::kExact:
       return "exact";
+    case Hessian::kAuto:
+      return "auto";
   }
   return "unknown";
 }

@@ -21,6 +21,10 @@ constexpr std::int32_t kMultigridFaces = 4000;
 // mesh is small. The full system knows nothing better than Jacobi.
 FlattenOptions Resolve(FlattenOptions options, const Topology& topology) {
   if (options.system == SystemType::kAuto) options.system = SystemType::kReduced;
+  if (options.hessian == HessianType::kAuto && options.solver != SolverType::kAuto &&
+      options.solver != SolverType::kMinres) {
+    options.hessian = HessianType::kConvex;
+  }
   if (options.solver == SolverType::kAuto) {
     options.solver = options.hessian == HessianType::kExact ? SolverType::kMinres : SolverType::kUzawa;
   }
@@ -48,6 +52,10 @@ constexpr double kLeastBarrier = 1e-2;
 // Residual to which the stronger barriers on the way there are solved.
 constexpr double kRoughTolerance = 1e-2;
 
+// Residual from which on HessianType::kAuto trusts the exact Hessian where it is not positive. Further away it leads
+// astray (22 steps instead of 10 on boot_seam); nearer, the convexified one converges linearly only.
+constexpr double kNearSolution = 3e-2;
+
 // Newton's method for one mesh: x and mu, and what is known at them.
 class Newton {
  public:
@@ -74,7 +82,8 @@ class Newton {
   // One step; false if none leads anywhere.
   absl::StatusOr<bool> TakeStep();
   // Solves eq. 5 with `hessian`; true if the step leads downhill on the merit function.
-  absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, NewtonStep* step);
+  absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
+                                   NewtonStep* step);
   // Solves eq. 5 of the present iterate for another right-hand side.
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
   // Shortens `step` until it lowers the merit function; false if it never does.
@@ -139,13 +148,14 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   return solved;
 }
 
-absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
+absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step) {
-  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_));
-  PLANISH_RETURN_IF_ERROR(Solve(gradient_, h_, step).status());
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite));
+  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, h_, step));
   if (!step->x.allFinite()) return false;
+  if (indefinite && solved.termination != LinearTermination::kConverged) return false;
   merit_.UpdatePenalties(mu_, step->mu);
-  return merit_.Slope(objective_, x_, h_, step->x) < 0;
+  return merit_.Slope(objective_, x_, h_, step->x) <= merit_.SlopeNoise(objective_, x_, step->x);
 }
 
 bool Newton::LowersMerit(const Eigen::VectorXd& step, double alpha, double slope) const {
@@ -159,7 +169,7 @@ bool Newton::LowersMerit(const Eigen::VectorXd& step, double alpha, double slope
 
 absl::StatusOr<bool> Newton::SearchLine(NewtonStep* step) {
   constexpr int kMaxHalvings = 30;
-  const double slope = merit_.Slope(objective_, x_, h_, step->x);
+  const double slope = std::min(0.0, merit_.Slope(objective_, x_, h_, step->x));
   double alpha = LargestStep(x_, step->x);
   bool found = LowersMerit(step->x, alpha, slope);
   if (!found && alpha == 1) {
@@ -189,17 +199,22 @@ absl::StatusOr<bool> Newton::TakeStep() {
   const bool changed = Convexify(objective_.Curvature(x_), steps_.RequiredConvexification(), &convex) > 0;
 
   NewtonStep step;
-  bool downhill = false;
-  if (options_.hessian == HessianType::kExact) {
-    PLANISH_ASSIGN_OR_RETURN(downhill, ComputeStep(hessian, convex, &step));
+  bool found = false;
+  const bool near = summary_.residual.Max() <= kNearSolution;
+  if (changed && (options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near))) {
+    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, convex, /*indefinite=*/true, &step));
+    if (downhill) {
+      PLANISH_ASSIGN_OR_RETURN(found, SearchLine(&step));
+    }
+    if (found) ++summary_.indefinite_iterations;
   }
-  if (!downhill) {
+  if (!found) {
     if (changed) ++summary_.convexified_iterations;
-    PLANISH_ASSIGN_OR_RETURN(downhill, ComputeStep(convex, convex, &step));
+    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(convex, convex, /*indefinite=*/false, &step));
+    if (!downhill) return false;
+    PLANISH_ASSIGN_OR_RETURN(found, SearchLine(&step));
+    if (!found) return false;
   }
-  if (!downhill) return false;
-  PLANISH_ASSIGN_OR_RETURN(const bool found, SearchLine(&step));
-  if (!found) return false;
   x_ += step_length_ * step.x;
   mu_.triangle += step_length_ * step.mu.triangle;
   mu_.pair += step_length_ * step.mu.pair;
@@ -261,6 +276,9 @@ absl::StatusOr<Flattening> Newton::Run() {
       }
     }
     summary_.barrier = objective_.barrier();
+  }
+  if (summary_.hessian == HessianType::kAuto) {
+    summary_.hessian = summary_.indefinite_iterations > 0 ? HessianType::kExact : HessianType::kConvex;
   }
   summary_.preconditioner = steps_.preconditioner();
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;

@@ -16,7 +16,7 @@ namespace planish {
 enum class SolverType { kAuto, kUzawa, kMinres, kDirect };
 enum class SystemType { kAuto, kFull, kReduced };
 enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky, kAmg };
-enum class HessianType { kConvex, kExact };
+enum class HessianType { kConvex, kExact, kAuto };
 
 // Names as on the command line and in reports: "uzawa", "reduced", ...
 const char* Name(SolverType type);
@@ -28,7 +28,10 @@ struct FlattenOptions {
   SolverType solver = SolverType::kAuto;
   SystemType system = SystemType::kAuto;
   PreconditionerType preconditioner = PreconditionerType::kAuto;
-  HessianType hessian = HessianType::kConvex;
+  // kConvex: made positive wherever it is not. kExact: as it is, with MINRES, and made positive only where that leads
+  // nowhere. kAuto, for SolverType::kAuto and kMinres: kConvex far from the solution and kExact near it; for the other
+  // solvers the same as kConvex.
+  HessianType hessian = HessianType::kAuto;
   // Newton stops as converged when the largest violation of every constraint family and the largest scaled entry of
   // the gradient (Residual) are all at most this, in radians. In (0, 1e-2].
   double tolerance = 1e-9;
@@ -73,6 +76,7 @@ struct FlattenSummary {
   int newton_iterations = 0;
   std::int64_t linear_iterations = 0;
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
+  int indefinite_iterations = 0;   // Newton steps taken with the exact Hessian where it was not positive, by MINRES
   Residual residual;
   // 0, or the weight tau of the barrier (objective.h) that was left in because f alone has no minimum with positive
   // angles on this mesh; residual.gradient is then that of f with the barrier.

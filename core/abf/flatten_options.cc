@@ -61,6 +61,8 @@ const char* Name(HessianType type) {
       return "convex";
     case HessianType::kExact:
       return "exact";
+    case HessianType::kAuto:
+      return "auto";
   }
   return "?";
 }

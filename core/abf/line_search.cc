@@ -43,6 +43,12 @@ double MeritFunction::Value(const Objective& objective, const Eigen::VectorXd& x
   return objective.Value(x) + Penalty(h);
 }
 
+double MeritFunction::SlopeNoise(const Objective& objective, const Eigen::VectorXd& x,
+                                 const Eigen::VectorXd& step) const {
+  constexpr double kRelative = 1e-6;
+  return kRelative * objective.Gradient(x).cwiseProduct(step).cwiseAbs().sum();
+}
+
 double MeritFunction::Slope(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h,
                             const Eigen::VectorXd& step) const {
   return objective.Gradient(x).dot(step) - Penalty(h);

@@ -21,6 +21,8 @@ class MeritFunction {
   // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
   double Slope(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h,
                const Eigen::VectorXd& step) const;
+  // What Slope() may be off by: the step is solved for to a tolerance only, and near the solution its terms cancel.
+  double SlopeNoise(const Objective& objective, const Eigen::VectorXd& x, const Eigen::VectorXd& step) const;
 
  private:
   double Penalty(const ConstraintValues& h) const;

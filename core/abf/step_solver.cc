@@ -13,6 +13,10 @@ constexpr std::int64_t kWornOutIterations = 10;
 
 constexpr std::int64_t kMaxMultigridIterations = 300;
 
+// MINRES on an indefinite system gives up here: with a preconditioner made from S, and without.
+constexpr std::int64_t kMaxIndefiniteIterations = 1000;
+constexpr std::int64_t kMaxPlainIndefiniteIterations = 20000;
+
 std::unique_ptr<LinearSolver> MakeSolver(SolverType type) {
   switch (type) {
     case SolverType::kMinres:
@@ -35,7 +39,8 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
       solver_(MakeSolver(solver)) {}
 
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
-                                 const Eigen::VectorXd& cot) {
+                                 const Eigen::VectorXd& cot, bool indefinite) {
+  indefinite_ = indefinite;
   const SaddlePointOperator* system;
   if (system_type_ == SystemType::kFull) {
     full_ = std::make_unique<FullSystem>(topology_, hessian, cot);
@@ -90,7 +95,14 @@ absl::Status StepSolver::PrepareMultigrid() {
 LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                 const LinearSolveOptions& options, NewtonStep* step) {
   LinearSolveOptions watched = options;
-  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg;
+  // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
+  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !indefinite_;
+  if (indefinite_) {
+    const bool plain =
+        preconditioner_type_ == PreconditionerType::kNone || preconditioner_type_ == PreconditionerType::kJacobi;
+    watched.max_iterations =
+        std::min(options.max_iterations, plain ? kMaxPlainIndefiniteIterations : kMaxIndefiniteIterations);
+  }
   if (multigrid) watched.max_iterations = std::min(options.max_iterations, kMaxMultigridIterations);
   LinearSummary summary = SolveOnce(gradient, h, watched, step);
   const bool failed = summary.termination != LinearTermination::kConverged &&
@@ -110,12 +122,13 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
 
 LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                     const LinearSolveOptions& options, NewtonStep* step) {
+  const LinearSolver& solver = indefinite_ ? *minres_ : *solver_;
   SaddlePointSolution solution;
   LinearSummary summary;
   if (system_type_ == SystemType::kFull) {
     Eigen::VectorXd g(h.triangle.size() + h.pair.size());
     g << -h.triangle, -h.pair;
-    summary = solver_->Solve(*full_, *preconditioner_, -gradient, g, options, &solution);
+    summary = solver.Solve(*full_, *preconditioner_, -gradient, g, options, &solution);
     step->x = std::move(solution.x);
     step->mu.triangle = solution.lambda.head(h.triangle.size());
     step->mu.pair = solution.lambda.tail(h.pair.size());
@@ -125,13 +138,14 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
     Eigen::VectorXd g2;
     reduced_->ApplyB(particular, &g2);
     g2 = -h.pair - g2;
-    summary = solver_->Solve(*reduced_, *preconditioner_, -gradient, g2, options, &solution);
+    summary = solver.Solve(*reduced_, *preconditioner_, -gradient, g2, options, &solution);
     step->x = particular + solution.x;
     Eigen::VectorXd transposed;
     reduced_->ApplyBTransposed(solution.lambda, &transposed);
     step->mu.triangle = reduced_->TriangleMultipliers(-gradient - transposed, g1);
     step->mu.pair = std::move(solution.lambda);
   }
+  if (indefinite_) return summary;  // says nothing about how well the preconditioner has kept
   last_iterations_ = summary.iterations;
   if (first_iterations_ < 0) first_iterations_ = summary.iterations;
   return summary;

@@ -27,8 +27,10 @@ class StepSolver {
   StepSolver(const Topology& topology, SolverType solver, SystemType system, PreconditionerType preconditioner);
 
   // Takes up the Hessian and the cotangents of a new iterate. `convex` is the Hessian that preconditioners are made
-  // from, positive in the sense of RequiredConvexification(); it may be `hessian` itself.
-  absl::Status Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot);
+  // from, positive in the sense of RequiredConvexification(); it may be `hessian` itself. If `indefinite`, `hessian` is
+  // not positive and MINRES solves, whatever the solver is otherwise.
+  absl::Status Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot,
+                       bool indefinite = false);
 
   // Eq. 5 for the gradient and constraint values of the iterate:
   //   A dx + B^t dmu = -gradient,  B dx = -h.
@@ -56,6 +58,8 @@ class StepSolver {
   const SystemType system_type_;
   PreconditionerType preconditioner_type_;
   std::unique_ptr<LinearSolver> solver_;
+  const std::unique_ptr<LinearSolver> minres_ = MakeMinresSolver();
+  bool indefinite_ = false;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
   std::unique_ptr<ReducedSystem> convex_;  // what S is assembled from for preconditioners

@@ -42,6 +42,7 @@ constexpr Choice<v1::Preconditioner, PreconditionerType> kPreconditioners[] = {
 constexpr Choice<v1::Hessian, HessianType> kHessians[] = {
     {v1::HESSIAN_CONVEX, HessianType::kConvex},
     {v1::HESSIAN_EXACT, HessianType::kExact},
+    {v1::HESSIAN_AUTO, HessianType::kAuto},
 };
 constexpr Choice<v1::Precision, Precision> kPrecisions[] = {
     {v1::PRECISION_AUTO, Precision::kAuto},

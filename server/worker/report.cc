@@ -53,6 +53,7 @@ v1::ChartReport ToProto(const ChartReport& chart) {
   proto.set_convexified_iterations(flatten.convexified_iterations);
   proto.set_stop_message(flatten.stop_message);
   proto.set_abf_energy(flatten.energy / (3.0 * static_cast<double>(chart.triangles)));
+  proto.set_indefinite_iterations(flatten.indefinite_iterations);
   proto.set_barrier(flatten.barrier);
   return proto;
 }

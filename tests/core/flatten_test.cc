@@ -80,16 +80,25 @@ TEST(Flatten, EverySolverFindsTheSameAngles) {
   }
 }
 
-TEST(Flatten, ExactHessianFindsTheSameAngles) {
+TEST(Flatten, EveryHessianFindsTheSameAngles) {
   const Disc disc(testing::Hills(14, 14, 5));
-  const Flattening convex = disc.Flatten();
-  ASSERT_GT(convex.summary.convexified_iterations, 0) << "the example must need the convexified Hessian";
   FlattenOptions options;
+  options.hessian = HessianType::kConvex;
+  const Flattening convex = disc.Flatten(options);
+  EXPECT_TRUE(convex.summary.converged) << convex.summary.stop_message;
+  ASSERT_GT(convex.summary.convexified_iterations, 0) << "the example must need the convexified Hessian";
+  EXPECT_EQ(convex.summary.indefinite_iterations, 0);
   options.hessian = HessianType::kExact;
   const Flattening exact = disc.Flatten(options);
   EXPECT_EQ(exact.summary.solver, SolverType::kMinres);
   EXPECT_TRUE(exact.summary.converged) << exact.summary.stop_message;
+  EXPECT_GT(exact.summary.indefinite_iterations, 0);
   EXPECT_LT((exact.angles - convex.angles).cwiseAbs().maxCoeff(), 1e-6);
+  const Flattening automatic = disc.Flatten();
+  EXPECT_TRUE(automatic.summary.converged) << automatic.summary.stop_message;
+  EXPECT_GT(automatic.summary.indefinite_iterations, 0);
+  EXPECT_LT(automatic.summary.newton_iterations, convex.summary.newton_iterations) << "quadratic, not linear";
+  EXPECT_LT((automatic.angles - convex.angles).cwiseAbs().maxCoeff(), 1e-6);
 }
 
 TEST(Flatten, KeepsABarrierWhereTheEnergyHasNoMinimum) {

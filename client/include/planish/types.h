@@ -54,7 +54,7 @@ enum class Seams { kNone };
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
 enum class System { kAuto, kFull, kReduced };
 enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
-enum class Hessian { kConvex, kExact };
+enum class Hessian { kConvex, kExact, kAuto };
 enum class Precision { kAuto, kFloat, kDouble };
 
 // As the command line and the JSON report spell them: "SUCCEEDED", "solve", "uzawa", ...; "unknown" for a value
@@ -76,7 +76,7 @@ struct UnwrapOptions {
   Solver solver = Solver::kAuto;
   System system = System::kAuto;
   Preconditioner preconditioner = Preconditioner::kAuto;
-  Hessian hessian = Hessian::kConvex;
+  Hessian hessian = Hessian::kAuto;
   Precision precision = Precision::kAuto;
   double tolerance = 0;           // radians per angle, in (0, 1e-2]; 0: the server's default, 1e-9
   int max_newton_iterations = 0;  // in [1, 1000]; 0: the server's default, 100
@@ -118,6 +118,7 @@ struct ChartReport {
   std::int64_t linear_iterations = 0;
   Residual residual;
   int convexified_iterations = 0;  // Newton steps in which the Hessian of a face was made positive
+  int indefinite_iterations = 0;   // Newton steps with the exact, indefinite Hessian, by MINRES whatever `solver` is
   std::string stop_message;        // one sentence with numbers
   double abf_energy = 0;           // as Quality::abf_energy, of the angles as solved, before any rounding
   double barrier = 0;              // above 0 where the ABF energy alone has no minimum (warning BARRIER_KEPT)

@@ -18,7 +18,7 @@ TEST(Options, NothingSetMeansTheCoresDefaults) {
   const auto core = ToCore(v1::UnwrapOptions());
   ASSERT_TRUE(core.ok());
   EXPECT_EQ(core->flatten.solver, SolverType::kAuto);
-  EXPECT_EQ(core->flatten.hessian, HessianType::kConvex);
+  EXPECT_EQ(core->flatten.hessian, HessianType::kAuto);
   EXPECT_EQ(core->precision, Precision::kAuto);
   EXPECT_EQ(core->flatten.tolerance, 1e-9);
   EXPECT_EQ(core->flatten.max_newton_iterations, 100);
