@@ -66,7 +66,9 @@ class Newton {
         objective_(target),
         options_(options),
         control_(control),
-        steps_(topology, options.solver, options.system, options.preconditioner) {}
+        steps_(topology, options.solver, options.system, options.preconditioner) {
+    steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
+  }
 
   absl::StatusOr<Flattening> Run();
 
@@ -105,7 +107,8 @@ class Newton {
   ConstraintValues h_;
   MeritFunction merit_;
   double step_length_ = 0;
-  int short_steps_ = 0;  // in a row
+  int short_steps_ = 0;          // in a row
+  bool indefinite_pays_ = true;  // HessianType::kAuto: no step with the exact Hessian has failed yet
   FlattenSummary summary_;
 };
 
@@ -201,12 +204,17 @@ absl::StatusOr<bool> Newton::TakeStep() {
   NewtonStep step;
   bool found = false;
   const bool near = summary_.residual.Max() <= kNearSolution;
-  if (changed && (options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near))) {
+  if (changed && (options_.hessian == HessianType::kExact ||
+                  (options_.hessian == HessianType::kAuto && near && indefinite_pays_))) {
     PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, convex, /*indefinite=*/true, &step));
     if (downhill) {
       PLANISH_ASSIGN_OR_RETURN(found, SearchLine(&step));
     }
-    if (found) ++summary_.indefinite_iterations;
+    if (found) {
+      ++summary_.indefinite_iterations;
+    } else {
+      indefinite_pays_ = false;
+    }
   }
   if (!found) {
     if (changed) ++summary_.convexified_iterations;

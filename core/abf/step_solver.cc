@@ -13,9 +13,10 @@ constexpr std::int64_t kWornOutIterations = 10;
 
 constexpr std::int64_t kMaxMultigridIterations = 300;
 
-// MINRES on an indefinite system gives up here: with a preconditioner made from S, and without.
-constexpr std::int64_t kMaxIndefiniteIterations = 1000;
-constexpr std::int64_t kMaxPlainIndefiniteIterations = 20000;
+// MINRES on an indefinite system gives up after this many iterations, or this many times those of the last positive
+// one.
+constexpr std::int64_t kMaxIndefiniteIterations = 100;
+constexpr std::int64_t kIndefiniteFactor = 5;
 
 std::unique_ptr<LinearSolver> MakeSolver(SolverType type) {
   switch (type) {
@@ -97,11 +98,8 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
   LinearSolveOptions watched = options;
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
   const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !indefinite_;
-  if (indefinite_) {
-    const bool plain =
-        preconditioner_type_ == PreconditionerType::kNone || preconditioner_type_ == PreconditionerType::kJacobi;
-    watched.max_iterations =
-        std::min(options.max_iterations, plain ? kMaxPlainIndefiniteIterations : kMaxIndefiniteIterations);
+  if (indefinite_ && limit_indefinite_) {
+    watched.max_iterations = std::max(kMaxIndefiniteIterations, kIndefiniteFactor * last_iterations_);
   }
   if (multigrid) watched.max_iterations = std::min(options.max_iterations, kMaxMultigridIterations);
   LinearSummary summary = SolveOnce(gradient, h, watched, step);

@@ -32,6 +32,9 @@ class StepSolver {
   absl::Status Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot,
                        bool indefinite = false);
 
+  // Whether MINRES on an indefinite system must stay within a few times the iterations of a positive one.
+  void set_limit_indefinite(bool limit) { limit_indefinite_ = limit; }
+
   // Eq. 5 for the gradient and constraint values of the iterate:
   //   A dx + B^t dmu = -gradient,  B dx = -h.
   // Multigrid is watched: if it cannot be built or the solver does not converge with it within
@@ -59,7 +62,7 @@ class StepSolver {
   PreconditionerType preconditioner_type_;
   std::unique_ptr<LinearSolver> solver_;
   const std::unique_ptr<LinearSolver> minres_ = MakeMinresSolver();
-  bool indefinite_ = false;
+  bool indefinite_ = false, limit_indefinite_ = true;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
   std::unique_ptr<ReducedSystem> convex_;  // what S is assembled from for preconditioners
