@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/abf/plane.h"
+
 namespace planish {
 
 Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
@@ -32,11 +34,7 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& obj
 
 namespace {
 
-// With a and b the diagonals of two 3x3 matrices, the determinants on the plane of zero sum are, up to one common
-// factor, e(a) = a0 a1 + a1 a2 + a2 a0; its polarization m(a, b) gives e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
-double PlaneDeterminant(const double* a) {
-  return a[0] * a[1] + a[1] * a[2] + a[2] * a[0];
-}
+// The polarization of e (plane.h): e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
 double PlanePolarization(const double* a, const double* b) {
   return a[0] * (b[1] + b[2]) + a[1] * (b[2] + b[0]) + a[2] * (b[0] + b[1]);
 }

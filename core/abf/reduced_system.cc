@@ -3,15 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/abf/plane.h"
+
 namespace planish {
-namespace {
-
-double PlaneDeterminant(const double* a) {
-  return a[0] * a[1] + a[1] * a[2] + a[2] * a[0];
-}
-
-}  // namespace
-
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot)
     : topology_(topology), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]);

@@ -93,6 +93,9 @@ TEST_F(ServerTest, TenAtOnceAllSucceedWithGapFreeProgress) {
 }
 
 TEST_F(ServerTest, CtrlCFreesTheWorkerWithinHalfASecond) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a time limit says nothing about instrumented code";
+#endif
   // The machine may be busy with other tests: the best of three counts.
   double best = 1e9;
   for (int attempt = 0; attempt < 3 && best > 0.5; ++attempt) {
