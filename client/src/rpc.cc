@@ -16,6 +16,8 @@ using Clock = std::chrono::system_clock;
 
 // Answers that carry no mesh must not take longer than this, connection included.
 constexpr double kUnarySeconds = 20;
+// A cancellation in the background keeps its Rpc alive for so long at most.
+constexpr double kCancelSeconds = 5;
 
 std::shared_ptr<grpc::Channel> NewChannel(const std::string& target, const ClientOptions& options) {
   grpc::ChannelArguments arguments;
@@ -193,19 +195,19 @@ v1::Capabilities Rpc::GetCapabilities() {
                        DeadlineAfter(kUnarySeconds));
 }
 
+// Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
+// would have to wait for themselves.
 void Rpc::CancelJobInBackground(const std::string& name) {
-  struct Pending {
-    std::shared_ptr<Stubs> stubs;
+  const std::lock_guard lock(cancels_mutex_);
+  cancels_.emplace_back([stubs = stubs_, name] {
     grpc::ClientContext context;
+    SetDeadline(context, DeadlineAfter(kCancelSeconds));
     v1::CancelJobRequest request;
-    v1::Job response;
-  };
-  auto pending = std::make_shared<Pending>();
-  pending->stubs = stubs_;
-  SetDeadline(pending->context, DeadlineAfter(kUnarySeconds));
-  pending->request.set_name(name);
-  stubs_->planish->async()->CancelJob(&pending->context, &pending->request, &pending->response,
-                                      [pending](const grpc::Status&) {});
+    request.set_name(name);
+    v1::Job job;
+    // Whether it got through shows in the job's own stream.
+    stubs->planish->CancelJob(&context, request, &job);
+  });
 }
 
 }  // namespace api

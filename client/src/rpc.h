@@ -4,8 +4,11 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
+#include <vector>
 
 #include "planish/client.h"
 #include "planish/v1/planish.pb.h"
@@ -57,7 +60,8 @@ class Rpc {
   void DeleteJob(const std::string& name);
   v1::Capabilities GetCapabilities();
 
-  // Returns at once. The answer is not waited for: whoever cancels watches the job's stream.
+  // Returns at once. The answer is not waited for: whoever cancels watches the job's stream. The destructor waits for
+  // calls that are still out, a few seconds at most.
   void CancelJobInBackground(const std::string& name);
 
  private:
@@ -65,6 +69,8 @@ class Rpc {
   std::string target_;
   ClientOptions options_;
   std::shared_ptr<Stubs> stubs_;
+  std::mutex cancels_mutex_;
+  std::vector<std::jthread> cancels_;  // guarded by cancels_mutex_; joined by their destructors
 };
 
 }  // namespace api
