@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "client/src/errors.h"
-#include "client/src/sha256.h"
+#include "core/base/sha256.h"
 #include "core/io/draco_codec.h"
 #include "planish/error.h"
 

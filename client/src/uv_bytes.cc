@@ -3,7 +3,7 @@
 #include <bit>
 #include <cstring>
 
-#include "client/src/sha256.h"
+#include "core/base/sha256.h"
 #include "planish/error.h"
 
 namespace planish {

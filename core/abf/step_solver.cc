@@ -68,11 +68,18 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
   }
 }
 
+bool StepSolver::IsWornOut() const {
+  return !kept_ || last_iterations_ > first_iterations_ + kWornOutIterations;
+}
+
+const BlockMatrix<double>& StepSolver::AssembleConvex() {
+  if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_);
+  return matrix_->Assemble(*convex_);
+}
+
 absl::Status StepSolver::PrepareCholesky() {
-  const bool worn_out = last_iterations_ > first_iterations_ + kWornOutIterations;
-  if (!kept_ || worn_out || solver_type_ == SolverType::kDirect) {
-    if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_);
-    PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(matrix_->Assemble(*convex_)), /*block_size=*/2));
+  if (IsWornOut() || solver_type_ == SolverType::kDirect) {
+    PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(AssembleConvex()), /*block_size=*/2));
     kept_ = true;
     first_iterations_ = -1;
   }
@@ -81,10 +88,8 @@ absl::Status StepSolver::PrepareCholesky() {
 }
 
 absl::Status StepSolver::PrepareMultigrid() {
-  const bool worn_out = last_iterations_ > first_iterations_ + kWornOutIterations;
-  if (!kept_ || worn_out) {
-    if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_);
-    const BlockMatrix<double>& s = matrix_->Assemble(*convex_);
+  if (IsWornOut()) {
+    const BlockMatrix<double>& s = AssembleConvex();
     PLANISH_RETURN_IF_ERROR(kept_ ? multigrid_.Refresh(s) : multigrid_.Build(s));
     kept_ = true;
     first_iterations_ = -1;

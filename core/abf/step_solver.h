@@ -51,6 +51,9 @@ class StepSolver {
   }
 
  private:
+  // Whether the kept preconditioner is to be made anew, or for the first time.
+  bool IsWornOut() const;
+  const BlockMatrix<double>& AssembleConvex();
   absl::Status PrepareMultigrid();
   absl::Status PrepareCholesky();
   LinearSummary SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,

@@ -14,7 +14,7 @@
 #include "server/link/rpc_status.h"
 #include "server/worker/options.h"
 #include "server/worker/report.h"
-#include "server/worker/sha256.h"
+#include "core/base/sha256.h"
 
 namespace planish {
 namespace {

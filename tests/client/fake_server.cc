@@ -2,7 +2,7 @@
 
 #include <grpcpp/grpcpp.h>
 
-#include "client/src/sha256.h"
+#include "core/base/sha256.h"
 #include "google/rpc/error_details.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
 

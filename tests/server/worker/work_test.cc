@@ -13,7 +13,7 @@
 #include "gtest/gtest.h"
 #include "server/link/in_process_link.h"
 #include "server/worker/report.h"
-#include "server/worker/sha256.h"
+#include "core/base/sha256.h"
 #include "server/worker/worker.h"
 #include "tests/server/testing/meshes.h"
 
