@@ -9,11 +9,11 @@ namespace planish {
 ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x) {
   ConstraintValues h;
   h.triangle.resize(topology.num_faces());
-  h.pair = Eigen::VectorXd::Zero(2 * topology.num_interior);
-  for (std::int32_t v = 0; v < topology.num_interior; ++v) h.pair[2 * v] = -2 * std::numbers::pi;
+  h.pair = Eigen::VectorXd::Zero(2 * topology.num_rows);
+  for (std::int32_t v = 0; v < topology.num_rows; ++v) h.pair[2 * v] = -2 * std::numbers::pi;
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     const double* angle = &x[3 * f];
-    const std::int32_t* vertex = &topology.corner_interior[3 * f];
+    const std::int32_t* vertex = &topology.corner_row[3 * f];
     h.triangle[f] = angle[0] + angle[1] + angle[2] - std::numbers::pi;
     const double log_sin[3] = {std::log(std::sin(angle[0])), std::log(std::sin(angle[1])),
                                std::log(std::sin(angle[2]))};
@@ -30,7 +30,7 @@ Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::Vec
   Eigen::VectorXd product = Eigen::VectorXd::Ones(topology.num_interior);
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     const std::int32_t f = c / 3, k = c % 3;
-    if (const std::int32_t v = topology.corner_interior[c]; v >= 0) {
+    if (const std::int32_t v = topology.corner_row[c]; v >= 0) {
       product[v] *= std::sin(x[3 * f + Next(k)]) / std::sin(x[3 * f + Prev(k)]);
     }
   }
@@ -38,10 +38,10 @@ Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::Vec
 }
 
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y) {
-  y->setZero(2 * topology.num_interior);
+  y->setZero(2 * topology.num_rows);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     const double* angle = &x[3 * f];
-    const std::int32_t* vertex = &topology.corner_interior[3 * f];
+    const std::int32_t* vertex = &topology.corner_row[3 * f];
     const double wheel[3] = {cot[3 * f] * angle[0], cot[3 * f + 1] * angle[1], cot[3 * f + 2] * angle[2]};
     for (int k = 0; k < 3; ++k) {
       if (vertex[k] < 0) continue;
@@ -54,7 +54,7 @@ void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const E
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x) {
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const std::int32_t* vertex = &topology.corner_interior[3 * f];
+    const std::int32_t* vertex = &topology.corner_row[3 * f];
     double wheel[3];
     for (int k = 0; k < 3; ++k) {
       wheel[k] = vertex[k] < 0 ? 0 : pair[2 * vertex[k] + 1];
@@ -79,7 +79,7 @@ SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd&
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     const std::int32_t f = c / 3, k = c % 3;
     entries.emplace_back(f, c, 1.0);
-    const std::int32_t v = topology.corner_interior[c];
+    const std::int32_t v = topology.corner_row[c];
     if (v < 0) continue;
     const std::int32_t vertex_row = topology.num_faces() + 2 * v, wheel_row = vertex_row + 1;
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
@@ -87,7 +87,7 @@ SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd&
     entries.emplace_back(wheel_row, after, scale[v] * cot[after]);
     entries.emplace_back(wheel_row, before, -scale[v] * cot[before]);
   }
-  SparseMatrix jacobian(topology.num_faces() + 2 * topology.num_interior, topology.num_corners());
+  SparseMatrix jacobian(topology.num_faces() + 2 * topology.num_rows, topology.num_corners());
   jacobian.setFromTriplets(entries.begin(), entries.end());
   return jacobian;
 }

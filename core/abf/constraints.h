@@ -17,7 +17,7 @@ namespace planish {
 
 struct ConstraintValues {
   Eigen::VectorXd triangle;  // F
-  Eigen::VectorXd pair;      // 2 num_interior: 2 v is eq. 2 and 2 v + 1 is eq. 6 of interior vertex v
+  Eigen::VectorXd pair;      // 2 num_rows: 2 v is eq. 2 and 2 v + 1 is eq. 6 of interior vertex v
 };
 
 // h(x) with eq. 6; angles in (0, pi).
@@ -38,7 +38,7 @@ Eigen::VectorXd Cotangents(const Eigen::VectorXd& x);
 
 enum class WheelForm { kLogarithm /* eq. 6 */, kProduct /* eq. 3 */ };
 
-// B as a matrix, (F + 2 num_interior) x 3F: for tests and comparisons, the solvers never form it.
+// B as a matrix, (F + 2 num_rows) x 3F: for tests and comparisons, the solvers never form it.
 SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form);
 
 }  // namespace planish

@@ -16,7 +16,7 @@ void FullSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
 void FullSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const {
   x->resize(num_unknowns());
   for (std::int32_t c = 0; c < topology_.num_corners(); ++c) (*x)[c] = lambda[c / 3];
-  AddPairRowsTransposed(topology_, cot_, lambda.tail(2 * topology_.num_interior), x);
+  AddPairRowsTransposed(topology_, cot_, lambda.tail(2 * topology_.num_rows), x);
 }
 
 void FullSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
@@ -28,7 +28,7 @@ Eigen::VectorXd FullSystem::SchurDiagonal() const {
   for (std::int32_t c = 0; c < topology_.num_corners(); ++c) {
     const std::int32_t f = c / 3, k = c % 3;
     diagonal[f] += inverse_hessian_[c];
-    const std::int32_t v = topology_.corner_interior[c];
+    const std::int32_t v = topology_.corner_row[c];
     if (v < 0) continue;
     double* pair = &diagonal[topology_.num_faces() + 2 * v];
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);

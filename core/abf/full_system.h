@@ -1,4 +1,4 @@
-// The full system M = B A^-1 B^t of the paper: all F + 2 num_interior multipliers, matrix-free.
+// The full system M = B A^-1 B^t of the paper: all F + 2 num_rows multipliers, matrix-free.
 #pragma once
 
 #include "core/abf/constraints.h"
@@ -12,7 +12,7 @@ class FullSystem final : public SaddlePointOperator {
   FullSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
 
   Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
-  Eigen::Index num_multipliers() const override { return topology_.num_faces() + 2 * topology_.num_interior; }
+  Eigen::Index num_multipliers() const override { return topology_.num_faces() + 2 * topology_.num_rows; }
   void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const override;
   void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
   void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const override;

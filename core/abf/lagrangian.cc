@@ -21,7 +21,7 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& obj
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     double wheel[3];
     for (int k = 0; k < 3; ++k) {
-      const std::int32_t v = topology.corner_interior[3 * f + k];
+      const std::int32_t v = topology.corner_row[3 * f + k];
       wheel[k] = v < 0 ? 0 : mu.pair[2 * v + 1];
     }
     for (int k = 0; k < 3; ++k) {

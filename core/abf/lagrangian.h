@@ -14,10 +14,10 @@ namespace planish {
 // mu, in the order of ConstraintValues.
 struct Multipliers {
   Eigen::VectorXd triangle;  // F
-  Eigen::VectorXd pair;      // 2 num_interior
+  Eigen::VectorXd pair;      // 2 num_rows
 
   static Multipliers Zero(const Topology& topology) {
-    return {Eigen::VectorXd::Zero(topology.num_faces()), Eigen::VectorXd::Zero(2 * topology.num_interior)};
+    return {Eigen::VectorXd::Zero(topology.num_faces()), Eigen::VectorXd::Zero(2 * topology.num_rows)};
   }
 };
 

@@ -38,7 +38,7 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
   for (std::int32_t f = 0; f < topology_.num_faces(); ++f) {
     const Eigen::Matrix<double, 6, 6> block = FaceBlock(f);
     for (int k = 0; k < 3; ++k) {
-      if (const std::int32_t v = topology_.corner_interior[3 * f + k]; v >= 0) {
+      if (const std::int32_t v = topology_.corner_row[3 * f + k]; v >= 0) {
         diagonal.segment<2>(2 * v) += block.diagonal().segment<2>(2 * k);
       }
     }
@@ -85,20 +85,20 @@ Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
 }
 
 ReducedMatrix::ReducedMatrix(const Topology& topology) : topology_(topology), block_(topology.faces.size()) {
-  const std::int32_t n = topology.num_interior;
+  const std::int32_t n = topology.num_rows;
   // Each edge between interior vertices is seen from both of its ends; duplicates are few and go.
   std::vector<std::int32_t> begin(n + 1, 0);
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (const std::int32_t v = topology.corner_interior[c]; v >= 0) begin[v + 1] += 2;
+    if (const std::int32_t v = topology.corner_row[c]; v >= 0) begin[v + 1] += 2;
   }
   for (std::int32_t v = 0; v < n; ++v) begin[v + 1] += begin[v] + 1;
   std::vector<std::int32_t> neighbour(begin[n]), cursor(begin.begin(), begin.end() - 1);
   for (std::int32_t v = 0; v < n; ++v) neighbour[cursor[v]++] = v;
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    const std::int32_t f = c / 3, k = c % 3, v = topology.corner_interior[c];
+    const std::int32_t f = c / 3, k = c % 3, v = topology.corner_row[c];
     if (v < 0) continue;
     for (const int other : {Next(k), Prev(k)}) {
-      const std::int32_t u = topology.corner_interior[3 * f + other];
+      const std::int32_t u = topology.corner_row[3 * f + other];
       neighbour[cursor[v]++] = u < 0 ? v : u;
     }
   }
@@ -113,7 +113,7 @@ ReducedMatrix::ReducedMatrix(const Topology& topology) : topology_(topology), bl
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
-        const std::int32_t row = topology.corner_interior[3 * f + i], column = topology.corner_interior[3 * f + j];
+        const std::int32_t row = topology.corner_row[3 * f + i], column = topology.corner_row[3 * f + j];
         if (row < 0 || column < 0) {
           block_[f][3 * i + j] = -1;
           continue;

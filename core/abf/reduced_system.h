@@ -29,7 +29,7 @@ class ReducedSystem final : public SaddlePointOperator {
   ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
 
   Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
-  Eigen::Index num_multipliers() const override { return 2 * topology_.num_interior; }
+  Eigen::Index num_multipliers() const override { return 2 * topology_.num_rows; }
   void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const override;
   void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
   void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const override;

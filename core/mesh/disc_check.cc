@@ -382,13 +382,14 @@ absl::StatusOr<Topology> CheckDisc(const Mesh& mesh) {
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     if (topology.opposite[c] < 0) interior[Origin(mesh.faces, c)] = interior[Target(mesh.faces, c)] = 0;
   }
-  topology.interior_index.assign(mesh.num_vertices(), -1);
+  topology.vertex_row.assign(mesh.num_vertices(), -1);
   for (std::int32_t v = 0; v < topology.num_vertices; ++v) {
-    if (interior[v]) topology.interior_index[v] = topology.num_interior++;
+    if (interior[v]) topology.vertex_row[v] = topology.num_interior++;
   }
-  topology.corner_interior.reserve(3 * mesh.faces.size());
+  topology.num_rows = topology.num_interior;
+  topology.corner_row.reserve(3 * mesh.faces.size());
   for (const Face& face : mesh.faces) {
-    for (const std::int32_t v : face) topology.corner_interior.push_back(topology.interior_index[v]);
+    for (const std::int32_t v : face) topology.corner_row.push_back(topology.vertex_row[v]);
   }
   return topology;
 }

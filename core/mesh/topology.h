@@ -12,14 +12,18 @@ namespace planish {
 struct Topology {
   std::int32_t num_vertices = 0;
   std::int32_t num_interior = 0;
+  // Vertices under constraints, each with a pair of rows: first the interior ones, which have both conditions of the
+  // pair (vertex consistency and wheel), then the boundary vertices whose angles must add up to pi, which have the
+  // first only. None of the latter unless boundary control put them there.
+  std::int32_t num_rows = 0;
   std::vector<Face> faces;
   // Corner across the edge opposite corner c = 3 f + k, i.e. the corner of the neighbouring face that faces the edge
   // (v_{k+1}, v_{k+2}); -1 on the boundary.
   std::vector<std::int32_t> opposite;
-  // Per vertex: 0-based number among the interior vertices, in vertex order; -1 on the boundary.
-  std::vector<std::int32_t> interior_index;
-  // interior_index of the vertex at each corner.
-  std::vector<std::int32_t> corner_interior;
+  // Per vertex: its number among the vertices under constraints; -1 for none.
+  std::vector<std::int32_t> vertex_row;
+  // vertex_row of the vertex at each corner.
+  std::vector<std::int32_t> corner_row;
 
   std::int32_t num_faces() const { return static_cast<std::int32_t>(faces.size()); }
   std::int32_t num_corners() const { return 3 * num_faces(); }

@@ -73,7 +73,7 @@ TEST(TargetAngles, SumToTwoPiRoundInteriorVertices) {
   const Fixture f = ManyWheels();
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(f.topology.num_interior);
   for (std::int32_t c = 0; c < f.topology.num_corners(); ++c) {
-    if (f.topology.corner_interior[c] >= 0) sum[f.topology.corner_interior[c]] += f.target.angle[c];
+    if (f.topology.corner_row[c] >= 0) sum[f.topology.corner_row[c]] += f.target.angle[c];
   }
   EXPECT_EQ(f.topology.num_interior, 30);
   EXPECT_LT((sum.array() - 2 * std::numbers::pi).abs().maxCoeff(), 1e-14);

@@ -1,0 +1,220 @@
+#include "core/abf/newton.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+// Relative tolerance of the linear solve (the forcing term of an inexact Newton method): proportional to the residual,
+// so that Newton stays quadratic, but no smaller than the last step needs to end below the tolerance.
+double ForcingTerm(double residual, double tolerance) {
+  return std::clamp(std::max(1e-2 * residual, 3e-2 * tolerance / residual), 1e-10, 1e-4);
+}
+
+// The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
+// 0.2 % of the energy, and the least angle stays at 0.3 degrees.
+constexpr double kLeastBarrier = 1e-2;
+// Residual to which the stronger barriers on the way there are solved.
+constexpr double kRoughTolerance = 1e-2;
+
+// Residual from which on HessianType::kAuto trusts the exact Hessian where it is not positive. Further away it leads
+// astray (22 steps instead of 10 on boot_seam); nearer, the convexified one converges linearly only.
+constexpr double kNearSolution = 3e-2;
+
+}  // namespace
+
+void Newton::Evaluate() {
+  cot_ = Cotangents(x_);
+  h_ = EvaluateConstraints(topology_, x_);
+  gradient_ = LagrangianGradient(topology_, objective_, x_, cot_, mu_);
+  summary_.residual = MeasureResidual(target_, h_, gradient_);
+  summary_.energy = target_.Energy(x_);
+}
+
+void Newton::Report(double linear_residual, std::int64_t linear_iterations) const {
+  if (!control_.on_progress) return;
+  FlattenProgress progress;
+  progress.newton_iteration = summary_.newton_iterations;
+  progress.linear_iterations = summary_.linear_iterations + linear_iterations;
+  progress.linear_residual = linear_residual;
+  progress.residual = summary_.residual;
+  progress.energy = summary_.energy;
+  progress.step_length = step_length_;
+  control_.on_progress(progress);
+}
+
+void Newton::Stop(const std::string& why) {
+  const Residual& r = summary_.residual;
+  summary_.stop_message = absl::StrFormat(
+      "%s after %d Newton steps: triangle %.1e, vertex %.1e, wheel %.1e, gradient %.1e rad, tolerance %.1e", why,
+      summary_.newton_iterations, r.triangle, r.vertex, r.wheel, r.gradient, options_.tolerance);
+}
+
+absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
+                                            NewtonStep* step) {
+  LinearSolveOptions linear;
+  linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance);
+  linear.interrupter = control_.interrupter;
+  linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
+  const LinearSummary solved = steps_.Solve(gradient, h, linear, step);
+  summary_.linear_iterations += solved.iterations;
+  if (solved.termination == LinearTermination::kInterrupted) return absl::CancelledError("cancelled");
+  return solved;
+}
+
+absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
+                                         NewtonStep* step) {
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite));
+  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, h_, step));
+  if (!step->x.allFinite()) return false;
+  if (indefinite && solved.termination != LinearTermination::kConverged) return false;
+  merit_.UpdatePenalties(mu_, step->mu);
+  return merit_.Slope(objective_, x_, h_, step->x) <= merit_.SlopeNoise(objective_, x_, step->x);
+}
+
+bool Newton::LowersMerit(const Eigen::VectorXd& step, double alpha, double slope) const {
+  constexpr double kSufficientDecrease = 1e-4;
+  const double before = merit_.Value(objective_, x_, h_);
+  const double rounding = 1e-12 * std::abs(before);  // merit values closer than this cannot be told apart
+  const Eigen::VectorXd trial = x_ + alpha * step;
+  const double after = merit_.Value(objective_, trial, EvaluateConstraints(topology_, trial));
+  return after <= before + kSufficientDecrease * alpha * slope + rounding;
+}
+
+absl::StatusOr<bool> Newton::SearchLine(NewtonStep* step) {
+  constexpr int kMaxHalvings = 30;
+  const double slope = std::min(0.0, merit_.Slope(objective_, x_, h_, step->x));
+  double alpha = LargestStep(x_, step->x);
+  bool found = LowersMerit(step->x, alpha, slope);
+  if (!found && alpha == 1) {
+    // The curvature of the constraints can make the merit function refuse a good full step (Maratos). A second-order
+    // correction goes back to where the constraints hold: the least step d with B d = -h(x + step).
+    NewtonStep correction;
+    const Eigen::VectorXd trial = x_ + step->x;
+    PLANISH_RETURN_IF_ERROR(
+        Solve(Eigen::VectorXd::Zero(x_.size()), EvaluateConstraints(topology_, trial), &correction).status());
+    correction.x += step->x;
+    if (correction.x.allFinite() && LargestStep(x_, correction.x) == 1 && LowersMerit(correction.x, 1, slope)) {
+      step->x = std::move(correction.x);
+      found = true;
+    }
+  }
+  for (int i = 0; !found && i < kMaxHalvings; ++i) {
+    alpha /= 2;
+    found = LowersMerit(step->x, alpha, slope);
+  }
+  step_length_ = alpha;
+  return found;
+}
+
+absl::StatusOr<bool> Newton::TakeStep() {
+  const Eigen::VectorXd hessian = LagrangianHessian(topology_, objective_, x_, mu_);
+  Eigen::VectorXd convex = hessian;
+  const bool changed = Convexify(objective_.Curvature(x_), steps_.RequiredConvexification(), &convex) > 0;
+
+  NewtonStep step;
+  bool found = false;
+  const bool near = summary_.residual.Max() <= kNearSolution;
+  if (changed && (options_.hessian == HessianType::kExact ||
+                  (options_.hessian == HessianType::kAuto && near && indefinite_pays_))) {
+    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, convex, /*indefinite=*/true, &step));
+    if (downhill) {
+      PLANISH_ASSIGN_OR_RETURN(found, SearchLine(&step));
+    }
+    if (found) {
+      ++summary_.indefinite_iterations;
+    } else {
+      indefinite_pays_ = false;
+    }
+  }
+  if (!found) {
+    if (changed) ++summary_.convexified_iterations;
+    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(convex, convex, /*indefinite=*/false, &step));
+    if (!downhill) return false;
+    PLANISH_ASSIGN_OR_RETURN(found, SearchLine(&step));
+    if (!found) return false;
+  }
+  x_ += step_length_ * step.x;
+  mu_.triangle += step_length_ * step.mu.triangle;
+  mu_.pair += step_length_ * step.mu.pair;
+  ++summary_.newton_iterations;
+  return true;
+}
+
+void Newton::Restart() {
+  x_ = target_.angle;
+  mu_ = Multipliers::Zero(topology_);
+  merit_ = MeritFunction();
+  short_steps_ = 0;
+}
+
+absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
+  // A run of steps that angles near 0 cut this short is going nowhere.
+  constexpr double kShortStep = 0.1;
+  constexpr int kMaxShortSteps = 3;
+  while (true) {
+    Evaluate();
+    Report(0, 0);
+    if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+    if (summary_.residual.Max() <= tolerance) return Ending::kConverged;
+    if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
+    const absl::StatusOr<bool> taken = TakeStep();
+    if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
+    PLANISH_RETURN_IF_ERROR(taken.status());
+    short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
+    if (!*taken || short_steps_ == kMaxShortSteps) return Ending::kStuck;
+  }
+}
+
+absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
+  summary_.solver = options_.solver;
+  summary_.system = options_.system;
+  summary_.hessian = options_.hessian;
+  x_ = std::move(start.x);
+  mu_ = std::move(start.mu);
+  PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
+  if (ending == Ending::kStuck) {
+    // Angles ran into 0. Start again with a barrier, loosen it, and try without it from there.
+    Restart();
+    for (const double tau : {1.0, 0.1, kLeastBarrier}) {
+      objective_.set_barrier(tau);
+      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
+      short_steps_ = 0;
+    }
+    if (ending == Ending::kConverged) {
+      const Eigen::VectorXd kept_x = x_;
+      const Multipliers kept_mu = mu_;
+      objective_.set_barrier(0);
+      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
+      if (ending != Ending::kConverged) {
+        // f has no minimum with positive angles nearby: the minimum with the barrier stands.
+        x_ = kept_x;
+        mu_ = kept_mu;
+        objective_.set_barrier(kLeastBarrier);
+        Evaluate();
+        ending = Ending::kConverged;
+      }
+    }
+    summary_.barrier = objective_.barrier();
+  }
+  if (summary_.hessian == HessianType::kAuto) {
+    summary_.hessian = summary_.indefinite_iterations > 0 ? HessianType::kExact : HessianType::kConvex;
+  }
+  summary_.preconditioner = steps_.preconditioner();
+  summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
+  summary_.converged = ending == Ending::kConverged;
+  std::string why = ending == Ending::kConverged ? "converged"
+                    : ending == Ending::kStuck   ? "no further progress"
+                                                 : "iteration limit reached";
+  if (summary_.barrier > 0) absl::StrAppend(&why, absl::StrFormat(" with a barrier of %g", summary_.barrier));
+  Stop(why);
+  return summary_;
+}
+
+}  // namespace planish

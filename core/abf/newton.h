@@ -1,0 +1,85 @@
+// Newton's method on the Lagrangian of one mesh, with everything that makes it converge: convexification, line search,
+// barrier.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "core/abf/constraints.h"
+#include "core/abf/flatten.h"
+#include "core/abf/lagrangian.h"
+#include "core/abf/line_search.h"
+#include "core/abf/objective.h"
+#include "core/abf/step_solver.h"
+
+namespace planish {
+
+// A point that Newton's method starts from or ends at.
+struct NewtonIterate {
+  Eigen::VectorXd x;  // angles
+  Multipliers mu;
+};
+
+// x and mu, and what is known at them. All arguments of the constructor must outlive this; no type in `options` may be
+// kAuto but hessian.
+class Newton {
+ public:
+  Newton(const Topology& topology, const TargetAngles& target, const FlattenOptions& options,
+         const FlattenControl& control)
+      : topology_(topology),
+        target_(target),
+        objective_(target),
+        options_(options),
+        control_(control),
+        steps_(topology, options.solver, options.system, options.preconditioner) {
+    steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
+  }
+
+  // From `start` to a minimum of f, or of f with a barrier where f has none. Restarts begin at x = a and mu = 0.
+  absl::StatusOr<FlattenSummary> Run(NewtonIterate start);
+
+  // Where Run() ended.
+  const Eigen::VectorXd& x() const { return x_; }
+  const Multipliers& mu() const { return mu_; }
+
+ private:
+  enum class Ending { kConverged, kStuck, kIterationLimit };
+
+  // Back to x = a and mu = 0.
+  void Restart();
+  // Newton steps on the present objective until every residual is at most `tolerance`.
+  absl::StatusOr<Ending> Iterate(double tolerance);
+  // Everything that depends on x and mu.
+  void Evaluate();
+  // One step; false if none leads anywhere.
+  absl::StatusOr<bool> TakeStep();
+  // Solves eq. 5 with `hessian`; true if the step leads downhill on the merit function.
+  absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
+                                   NewtonStep* step);
+  // Solves eq. 5 of the present iterate for another right-hand side.
+  absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
+  // Shortens `step` until it lowers the merit function; false if it never does.
+  absl::StatusOr<bool> SearchLine(NewtonStep* step);
+  bool LowersMerit(const Eigen::VectorXd& step, double alpha, double slope) const;
+  void Report(double linear_residual, std::int64_t linear_iterations) const;
+  void Stop(const std::string& why);
+
+  const Topology& topology_;
+  const TargetAngles& target_;
+  Objective objective_;
+  const FlattenOptions& options_;
+  const FlattenControl& control_;
+  StepSolver steps_;
+
+  Eigen::VectorXd x_;
+  Multipliers mu_;
+  Eigen::VectorXd cot_, gradient_;
+  ConstraintValues h_;
+  MeritFunction merit_;
+  double step_length_ = 0;
+  int short_steps_ = 0;          // in a row
+  bool indefinite_pays_ = true;  // HessianType::kAuto: no step with the exact Hessian has failed yet
+  FlattenSummary summary_;
+};
+
+}  // namespace planish
