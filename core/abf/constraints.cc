@@ -4,26 +4,83 @@
 #include <numbers>
 #include <vector>
 
+#include "core/linalg/vector_ops.h"
+
 namespace planish {
 
-ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x) {
+namespace {
+
+constexpr std::int64_t kFaces = 4096, kRows = 2048;  // of one chunk
+
+// The logarithm of a quotient of products of sines.
+class LogQuotient {
+ public:
+  void Multiply(double factor) {
+    numerator_ *= factor;
+    if (numerator_ < kSmall) Flush();
+  }
+  void Divide(double factor) {
+    denominator_ *= factor;
+    if (denominator_ < kSmall) Flush();
+  }
+  double Value() const { return sum_ + std::log(numerator_ / denominator_); }
+
+ private:
+  // Products of sines only become smaller; far from underflow they start anew.
+  static constexpr double kSmall = 1e-100;
+  void Flush() {
+    sum_ += std::log(numerator_) - std::log(denominator_);
+    numerator_ = denominator_ = 1;
+  }
+  double numerator_ = 1, denominator_ = 1, sum_ = 0;
+};
+
+}  // namespace
+
+Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team) {
+  Eigen::VectorXd sine;
+  Assign(team, x.unaryExpr([](double angle) { return std::sin(angle); }), &sine);
+  return sine;
+}
+
+Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, const Eigen::VectorXd& sine, ThreadTeam& team) {
+  Eigen::VectorXd cot;
+  Assign(team, x.unaryExpr([](double angle) { return std::cos(angle); }).cwiseQuotient(sine), &cot);
+  return cot;
+}
+
+Eigen::VectorXd Cotangents(const Eigen::VectorXd& x) {
+  return Cotangents(x, Sines(x));
+}
+
+ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x, const Eigen::VectorXd& sine,
+                                     ThreadTeam& team) {
   ConstraintValues h;
   h.triangle.resize(topology.num_faces());
-  h.pair = Eigen::VectorXd::Zero(2 * topology.num_rows);
-  for (std::int32_t v = 0; v < topology.num_rows; ++v) h.pair[2 * v] = -2 * std::numbers::pi;
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const double* angle = &x[3 * f];
-    const std::int32_t* vertex = &topology.corner_row[3 * f];
-    h.triangle[f] = angle[0] + angle[1] + angle[2] - std::numbers::pi;
-    const double log_sin[3] = {std::log(std::sin(angle[0])), std::log(std::sin(angle[1])),
-                               std::log(std::sin(angle[2]))};
-    for (int k = 0; k < 3; ++k) {
-      if (vertex[k] < 0) continue;
-      h.pair[2 * vertex[k]] += angle[k];
-      h.pair[2 * vertex[k] + 1] += log_sin[Next(k)] - log_sin[Prev(k)];
+  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f)
+      h.triangle[f] = x[3 * f] + x[3 * f + 1] + x[3 * f + 2] - std::numbers::pi;
+  });
+  h.pair.resize(2 * topology.num_rows);
+  team.For(topology.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) {
+      double sum = -2 * std::numbers::pi;
+      LogQuotient wheel;
+      for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
+        const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
+        sum += x[c];
+        wheel.Multiply(sine[3 * f + Next(k)]);
+        wheel.Divide(sine[3 * f + Prev(k)]);
+      }
+      h.pair[2 * v] = sum;
+      h.pair[2 * v + 1] = wheel.Value();
     }
-  }
+  });
   return h;
+}
+
+ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x) {
+  return EvaluateConstraints(topology, x, Sines(x));
 }
 
 Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::VectorXd& x) {
@@ -37,36 +94,38 @@ Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::Vec
   return product.array() - 1;
 }
 
-void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y) {
-  y->setZero(2 * topology.num_rows);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const double* angle = &x[3 * f];
-    const std::int32_t* vertex = &topology.corner_row[3 * f];
-    const double wheel[3] = {cot[3 * f] * angle[0], cot[3 * f + 1] * angle[1], cot[3 * f + 2] * angle[2]};
-    for (int k = 0; k < 3; ++k) {
-      if (vertex[k] < 0) continue;
-      (*y)[2 * vertex[k]] += angle[k];
-      (*y)[2 * vertex[k] + 1] += wheel[Next(k)] - wheel[Prev(k)];
+void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
+                   ThreadTeam& team) {
+  y->resize(2 * topology.num_rows);
+  team.For(topology.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) {
+      double sum = 0, wheel = 0;
+      for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
+        const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
+        const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
+        sum += x[c];
+        wheel += cot[after] * x[after] - cot[before] * x[before];
+      }
+      (*y)[2 * v] = sum;
+      (*y)[2 * v + 1] = wheel;
     }
-  }
+  });
 }
 
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
-                           const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x) {
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const std::int32_t* vertex = &topology.corner_row[3 * f];
-    double wheel[3];
-    for (int k = 0; k < 3; ++k) {
-      wheel[k] = vertex[k] < 0 ? 0 : pair[2 * vertex[k] + 1];
-      if (vertex[k] >= 0) (*x)[3 * f + k] += pair[2 * vertex[k]];
+                           const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x, ThreadTeam& team) {
+  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      const std::int32_t* vertex = &topology.corner_row[3 * f];
+      double wheel[3];
+      for (int k = 0; k < 3; ++k) {
+        wheel[k] = vertex[k] < 0 ? 0 : pair[2 * vertex[k] + 1];
+        if (vertex[k] >= 0) (*x)[3 * f + k] += pair[2 * vertex[k]];
+      }
+      // Angle k comes after the vertex at Prev(k) and before the vertex at Next(k).
+      for (int k = 0; k < 3; ++k) (*x)[3 * f + k] += cot[3 * f + k] * (wheel[Prev(k)] - wheel[Next(k)]);
     }
-    // Angle k comes after the vertex at Prev(k) and before the vertex at Next(k).
-    for (int k = 0; k < 3; ++k) (*x)[3 * f + k] += cot[3 * f + k] * (wheel[Prev(k)] - wheel[Next(k)]);
-  }
-}
-
-Eigen::VectorXd Cotangents(const Eigen::VectorXd& x) {
-  return x.unaryExpr([](double angle) { return 1 / std::tan(angle); });
+  });
 }
 
 SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form) {

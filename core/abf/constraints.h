@@ -10,6 +10,7 @@
 #pragma once
 
 #include "Eigen/Core"
+#include "core/base/thread_team.h"
 #include "core/linalg/saddle_point.h"
 #include "core/mesh/topology.h"
 
@@ -20,21 +21,28 @@ struct ConstraintValues {
   Eigen::VectorXd pair;      // 2 num_rows: 2 v is eq. 2 and 2 v + 1 is eq. 6 of interior vertex v
 };
 
-// h(x) with eq. 6; angles in (0, pi).
+// Sine of every angle.
+Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team = Alone());
+// Cotangent of every angle, from its sine.
+Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, const Eigen::VectorXd& sine, ThreadTeam& team = Alone());
+Eigen::VectorXd Cotangents(const Eigen::VectorXd& x);
+
+// h(x) with eq. 6; angles in (0, pi). `sine` are the sines of x. Eq. 6 is evaluated as the logarithm of a product.
+ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x, const Eigen::VectorXd& sine,
+                                     ThreadTeam& team = Alone());
 ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x);
 
 // Eq. 3, one value per interior vertex: product of sin(beta) / sin(gamma), minus 1.
 Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::VectorXd& x);
 
 // y = rows of the pairs of B times x. `cot` are the cotangents of the angles that B is taken at. y is overwritten.
-void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y);
+void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
+                   ThreadTeam& team = Alone());
 
 // x += (rows of the pairs of B)^t pair.
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
-                           const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x);
-
-// Cotangent of every angle.
-Eigen::VectorXd Cotangents(const Eigen::VectorXd& x);
+                           const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x,
+                           ThreadTeam& team = Alone());
 
 enum class WheelForm { kLogarithm /* eq. 6 */, kProduct /* eq. 3 */ };
 

@@ -4,6 +4,7 @@
 
 #include "core/abf/newton.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/face_order.h"
 
 namespace planish {
 namespace {
@@ -40,9 +41,13 @@ absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetA
                                          const FlattenOptions& options, const FlattenControl& control) {
   PLANISH_RETURN_IF_ERROR(options.Validate());
   const FlattenOptions resolved = Resolve(options, topology);
-  Newton newton(topology, target, resolved, control);
-  PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary, newton.Run({target.angle, Multipliers::Zero(topology)}));
-  return Flattening{newton.x(), std::move(summary)};
+  // The solver goes over faces and rows in turn, time and again: both lie along the same curve.
+  const SortedTopology sorted = SortFaces(topology);
+  const TargetAngles sorted_target = {sorted.ToSorted(target.angle), sorted.ToSorted(target.weight)};
+  Newton newton(sorted.topology, sorted_target, resolved, control);
+  PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary,
+                           newton.Run({sorted_target.angle, Multipliers::Zero(sorted.topology)}));
+  return Flattening{sorted.ToOriginal(newton.x()), std::move(summary)};
 }
 
 }  // namespace planish

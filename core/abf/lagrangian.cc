@@ -4,31 +4,44 @@
 #include <cmath>
 
 #include "core/abf/plane.h"
+#include "core/linalg/vector_ops.h"
 
 namespace planish {
 
+namespace {
+
+constexpr std::int64_t kFaces = 4096;  // of one chunk
+
+}  // namespace
+
 Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
-                                   const Eigen::VectorXd& cot, const Multipliers& mu) {
+                                   const Eigen::VectorXd& cot, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd gradient = objective.Gradient(x);
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) gradient[c] += mu.triangle[c / 3];
-  AddPairRowsTransposed(topology, cot, mu.pair, &gradient);
+  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      for (int k = 0; k < 3; ++k) gradient[3 * f + k] += mu.triangle[f];
+    }
+  });
+  AddPairRowsTransposed(topology, cot, mu.pair, &gradient, team);
   return gradient;
 }
 
-Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
-                                  const Multipliers& mu) {
-  Eigen::VectorXd hessian = objective.Curvature(x);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    double wheel[3];
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t v = topology.corner_row[3 * f + k];
-      wheel[k] = v < 0 ? 0 : mu.pair[2 * v + 1];
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
+                                  const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team) {
+  Eigen::VectorXd hessian(curvature.size());
+  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      double wheel[3];
+      for (int k = 0; k < 3; ++k) {
+        const std::int32_t v = topology.corner_row[3 * f + k];
+        wheel[k] = v < 0 ? 0 : mu.pair[2 * v + 1];
+      }
+      for (int k = 0; k < 3; ++k) {
+        const double s = sine[3 * f + k];
+        hessian[3 * f + k] = curvature[3 * f + k] - (wheel[Prev(k)] - wheel[Next(k)]) / (s * s);
+      }
     }
-    for (int k = 0; k < 3; ++k) {
-      const double sine = std::sin(x[3 * f + k]);
-      hessian[3 * f + k] -= (wheel[Prev(k)] - wheel[Next(k)]) / (sine * sine);
-    }
-  }
+  });
   return hessian;
 }
 
@@ -48,41 +61,45 @@ double SmallestPlaneEigenvalue(const double* a, const double* b) {
 
 }  // namespace
 
-std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian) {
+std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
+                       ThreadTeam& team) {
   if (kind == Convexification::kNone) return 0;
-  std::int64_t changed = 0;
-  for (Eigen::Index f = 0; f < curvature.size() / 3; ++f) {
+  const auto convexify_face = [&](std::int64_t f) {
     double* a = &(*hessian)[3 * f];
     const double* b = &curvature[3 * f];
-    bool change = false;
     if (kind == Convexification::kByFace) {
       const double smallest = SmallestPlaneEigenvalue(a, b);
-      if (smallest < kMinCurvature) {
-        const double t = (kMinCurvature - smallest) / (1 - smallest);
-        for (int k = 0; k < 3; ++k) a[k] += t * (b[k] - a[k]);
-        change = true;
-      }
-    } else {
-      for (int k = 0; k < 3; ++k) {
-        if (a[k] < kMinCurvature * b[k]) {
-          a[k] = kMinCurvature * b[k];
-          change = true;
-        }
-      }
+      if (smallest >= kMinCurvature) return false;
+      const double t = (kMinCurvature - smallest) / (1 - smallest);
+      for (int k = 0; k < 3; ++k) a[k] += t * (b[k] - a[k]);
+      return true;
     }
-    if (change) ++changed;
-  }
-  return changed;
+    bool change = false;
+    for (int k = 0; k < 3; ++k) {
+      if (a[k] >= kMinCurvature * b[k]) continue;
+      a[k] = kMinCurvature * b[k];
+      change = true;
+    }
+    return change;
+  };
+  return static_cast<std::int64_t>(team.Sum(curvature.size() / 3, kFaces, [&](std::int64_t begin, std::int64_t end) {
+    double changed = 0;
+    for (std::int64_t f = begin; f < end; ++f) changed += convexify_face(f) ? 1 : 0;
+    return changed;
+  }));
 }
 
-Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient) {
+Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient,
+                         ThreadTeam& team) {
   Residual residual;
-  residual.triangle = h.triangle.cwiseAbs().maxCoeff();
-  for (Eigen::Index i = 0; i < h.pair.size(); i += 2) {
-    residual.vertex = std::max(residual.vertex, std::abs(h.pair[i]));
-    residual.wheel = std::max(residual.wheel, std::abs(h.pair[i + 1]));
+  residual.triangle = Largest(team, h.triangle.cwiseAbs());
+  const Eigen::Index pairs = h.pair.size() / 2;
+  using EveryOther = Eigen::Map<const Eigen::VectorXd, 0, Eigen::InnerStride<2>>;
+  if (pairs > 0) {
+    residual.vertex = Largest(team, EveryOther(h.pair.data(), pairs).cwiseAbs());
+    residual.wheel = Largest(team, EveryOther(h.pair.data() + 1, pairs).cwiseAbs());
   }
-  residual.gradient = (gradient.array() / (2 * target.weight.array())).abs().maxCoeff();
+  residual.gradient = Largest(team, gradient.cwiseQuotient(2 * target.weight).cwiseAbs());
   return residual;
 }
 

@@ -23,12 +23,12 @@ struct Multipliers {
 
 // grad_x L = grad f + B^t mu, with the cotangents of x.
 Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
-                                   const Eigen::VectorXd& cot, const Multipliers& mu);
+                                   const Eigen::VectorXd& cot, const Multipliers& mu, ThreadTeam& team = Alone());
 
 // The diagonal of hess_xx L: A_i = f''(x_i) - m_i / sin^2 x_i, where m_i is the difference of the two wheel multipliers
-// that x_i has in eq. 6.
-Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
-                                  const Multipliers& mu);
+// that x_i has in eq. 6. `curvature` is f''(x), `sine` the sines of x.
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
+                                  const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team = Alone());
 
 // How a Hessian is made positive.
 enum class Convexification {
@@ -43,9 +43,11 @@ enum class Convexification {
 inline constexpr double kMinCurvature = 0.02;
 
 // Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed.
-std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian);
+std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
+                       ThreadTeam& team = Alone());
 
 // Largest entries of h and of the scaled gradient (Residual in flatten.h).
-Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient);
+Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient,
+                         ThreadTeam& team = Alone());
 
 }  // namespace planish

@@ -1,57 +1,61 @@
 #include "core/abf/line_search.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
+
+#include "core/linalg/vector_ops.h"
 
 namespace planish {
 namespace {
 
 constexpr double kPenaltyFactor = 1.5;
 
-void Raise(const Eigen::VectorXd& mu, const Eigen::VectorXd& step, Eigen::VectorXd* nu) {
-  const Eigen::ArrayXd wanted = kPenaltyFactor * (mu + step).array().abs();
+void Raise(ThreadTeam& team, const Eigen::VectorXd& mu, const Eigen::VectorXd& step, Eigen::VectorXd* nu) {
   if (nu->size() == 0) {
-    *nu = wanted;
-  } else {
-    // Powell's rule lets penalties shrink, but slowly.
-    *nu = wanted.max((nu->array() + wanted) / 2);
+    Assign(team, kPenaltyFactor * (mu + step).cwiseAbs(), nu);
+    return;
   }
+  // Powell's rule lets penalties shrink, but slowly.
+  Assign(team,
+         nu->binaryExpr(mu + step,
+                        [](double old, double multiplier) {
+                          const double wanted = kPenaltyFactor * std::abs(multiplier);
+                          return std::max(wanted, (old + wanted) / 2);
+                        }),
+         nu);
 }
 
 }  // namespace
 
-double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step) {
+double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team) {
   constexpr double kKeep = 0.05;
-  double alpha = 1;
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    const double room = (1 - kKeep) * (step[i] < 0 ? x[i] : std::numbers::pi - x[i]);
-    if (std::abs(step[i]) * alpha > room) alpha = room / std::abs(step[i]);
-  }
-  return alpha;
+  // The largest share of an angle's room that the whole step would take.
+  const double taken = Largest(team, x.binaryExpr(step, [](double angle, double change) {
+    return std::abs(change) / ((1 - kKeep) * (change < 0 ? angle : std::numbers::pi - angle));
+  }));
+  return taken > 1 ? 1 / taken : 1;
 }
 
 void MeritFunction::UpdatePenalties(const Multipliers& mu, const Multipliers& step) {
-  Raise(mu.triangle, step.triangle, &nu_.triangle);
-  Raise(mu.pair, step.pair, &nu_.pair);
+  Raise(team_, mu.triangle, step.triangle, &nu_.triangle);
+  Raise(team_, mu.pair, step.pair, &nu_.pair);
 }
 
 double MeritFunction::Penalty(const ConstraintValues& h) const {
-  return (nu_.triangle.array() * h.triangle.array().abs()).sum() + (nu_.pair.array() * h.pair.array().abs()).sum();
+  return Sum(team_, nu_.triangle.cwiseProduct(h.triangle.cwiseAbs())) +
+         Sum(team_, nu_.pair.cwiseProduct(h.pair.cwiseAbs()));
 }
 
-double MeritFunction::Value(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h) const {
-  return objective.Value(x) + Penalty(h);
+double MeritFunction::Value(const Eigen::VectorXd& x, const ConstraintValues& h) const {
+  return objective_.Value(x) + Penalty(h);
 }
 
-double MeritFunction::SlopeNoise(const Objective& objective, const Eigen::VectorXd& x,
-                                 const Eigen::VectorXd& step) const {
+MeritFunction::Derivative MeritFunction::Slope(const Eigen::VectorXd& x, const ConstraintValues& h,
+                                               const Eigen::VectorXd& step) const {
   constexpr double kRelative = 1e-6;
-  return kRelative * objective.Gradient(x).cwiseProduct(step).cwiseAbs().sum();
-}
-
-double MeritFunction::Slope(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h,
-                            const Eigen::VectorXd& step) const {
-  return objective.Gradient(x).dot(step) - Penalty(h);
+  const Eigen::VectorXd gradient = objective_.Gradient(x);
+  return {Dot(team_, gradient, step) - Penalty(h), kRelative * Sum(team_, gradient.cwiseProduct(step).cwiseAbs())};
 }
 
 }  // namespace planish

@@ -9,24 +9,33 @@ namespace planish {
 
 // The largest alpha in (0, 1] for which no angle of x + alpha step comes closer to 0 or pi than a twentieth of its
 // present distance.
-double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step);
+double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone());
 
 // The exact penalty function  phi(x) = f(x) + sum of nu_j |h_j(x)|  with one penalty per constraint, nu_j >= |mu_j|.
 class MeritFunction {
  public:
+  // `objective` and `team` must outlive this.
+  explicit MeritFunction(const Objective& objective, ThreadTeam& team = Alone()) : objective_(objective), team_(team) {}
+
+  // Forgets all penalties.
+  void Reset() { nu_ = Multipliers(); }
   // Penalties that make the step a descent direction, from the multipliers mu + step.
   void UpdatePenalties(const Multipliers& mu, const Multipliers& step);
 
-  double Value(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h) const;
+  double Value(const Eigen::VectorXd& x, const ConstraintValues& h) const;
   // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
-  double Slope(const Objective& objective, const Eigen::VectorXd& x, const ConstraintValues& h,
-               const Eigen::VectorXd& step) const;
-  // What Slope() may be off by: the step is solved for to a tolerance only, and near the solution its terms cancel.
-  double SlopeNoise(const Objective& objective, const Eigen::VectorXd& x, const Eigen::VectorXd& step) const;
+  struct Derivative {
+    double slope;
+    double
+        noise;  // what it may be off by: the step is solved for to a tolerance only, and near the solution terms cancel
+  };
+  Derivative Slope(const Eigen::VectorXd& x, const ConstraintValues& h, const Eigen::VectorXd& step) const;
 
  private:
   double Penalty(const ConstraintValues& h) const;
 
+  const Objective& objective_;
+  ThreadTeam& team_;
   Multipliers nu_;
 };
 

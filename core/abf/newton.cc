@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/base/status_macros.h"
+#include "core/linalg/vector_ops.h"
 
 namespace planish {
 namespace {
@@ -29,12 +30,19 @@ constexpr double kNearSolution = 3e-2;
 
 }  // namespace
 
+Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
+  Point point;
+  point.sine = Sines(x, team_);
+  point.h = EvaluateConstraints(topology_, x, point.sine, team_);
+  point.x = std::move(x);
+  return point;
+}
+
 void Newton::Evaluate() {
-  cot_ = Cotangents(x_);
-  h_ = EvaluateConstraints(topology_, x_);
-  gradient_ = LagrangianGradient(topology_, objective_, x_, cot_, mu_);
-  summary_.residual = MeasureResidual(target_, h_, gradient_);
-  summary_.energy = target_.Energy(x_);
+  cot_ = Cotangents(at_.x, at_.sine, team_);
+  gradient_ = LagrangianGradient(topology_, objective_, at_.x, cot_, mu_, team_);
+  summary_.residual = MeasureResidual(target_, at_.h, gradient_, team_);
+  summary_.energy = objective_.Energy(at_.x);
 }
 
 void Newton::Report(double linear_residual, std::int64_t linear_iterations) const {
@@ -70,53 +78,56 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
 
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step) {
-  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite));
-  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, h_, step));
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, control_.interrupter));
+  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
   if (!step->x.allFinite()) return false;
   if (indefinite && solved.termination != LinearTermination::kConverged) return false;
   merit_.UpdatePenalties(mu_, step->mu);
-  return merit_.Slope(objective_, x_, h_, step->x) <= merit_.SlopeNoise(objective_, x_, step->x);
+  const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
+  return derivative.slope <= derivative.noise;
 }
 
-bool Newton::LowersMerit(const Eigen::VectorXd& step, double alpha, double slope) const {
-  constexpr double kSufficientDecrease = 1e-4;
-  const double before = merit_.Value(objective_, x_, h_);
-  const double rounding = 1e-12 * std::abs(before);  // merit values closer than this cannot be told apart
-  const Eigen::VectorXd trial = x_ + alpha * step;
-  const double after = merit_.Value(objective_, trial, EvaluateConstraints(topology_, trial));
-  return after <= before + kSufficientDecrease * alpha * slope + rounding;
-}
-
-absl::StatusOr<bool> Newton::SearchLine(NewtonStep* step) {
+absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step) {
   constexpr int kMaxHalvings = 30;
-  const double slope = std::min(0.0, merit_.Slope(objective_, x_, h_, step->x));
-  double alpha = LargestStep(x_, step->x);
-  bool found = LowersMerit(step->x, alpha, slope);
+  constexpr double kSufficientDecrease = 1e-4;
+  const double slope = std::min(0.0, merit_.Slope(at_.x, at_.h, step.x).slope);
+  const double before = merit_.Value(at_.x, at_.h);
+  const double rounding = 1e-12 * std::abs(before);  // merit values closer than this cannot be told apart
+  // The point alpha along a step, and whether it is low enough.
+  Point trial;
+  const auto lowers_merit = [&](const Eigen::VectorXd& x, double alpha) {
+    Eigen::VectorXd moved;
+    Assign(team_, at_.x + alpha * x, &moved);
+    trial = PointAt(std::move(moved));
+    return merit_.Value(trial.x, trial.h) <= before + kSufficientDecrease * alpha * slope + rounding;
+  };
+  double alpha = LargestStep(at_.x, step.x, team_);
+  bool found = lowers_merit(step.x, alpha);
   if (!found && alpha == 1) {
     // The curvature of the constraints can make the merit function refuse a good full step (Maratos). A second-order
     // correction goes back to where the constraints hold: the least step d with B d = -h(x + step).
     NewtonStep correction;
-    const Eigen::VectorXd trial = x_ + step->x;
-    PLANISH_RETURN_IF_ERROR(
-        Solve(Eigen::VectorXd::Zero(x_.size()), EvaluateConstraints(topology_, trial), &correction).status());
-    correction.x += step->x;
-    if (correction.x.allFinite() && LargestStep(x_, correction.x) == 1 && LowersMerit(correction.x, 1, slope)) {
-      step->x = std::move(correction.x);
-      found = true;
-    }
+    PLANISH_RETURN_IF_ERROR(Solve(Eigen::VectorXd::Zero(step.x.size()), trial.h, &correction).status());
+    correction.x += step.x;
+    found = correction.x.allFinite() && LargestStep(at_.x, correction.x, team_) == 1 && lowers_merit(correction.x, 1);
   }
   for (int i = 0; !found && i < kMaxHalvings; ++i) {
     alpha /= 2;
-    found = LowersMerit(step->x, alpha, slope);
+    found = lowers_merit(step.x, alpha);
   }
   step_length_ = alpha;
-  return found;
+  if (!found) return false;
+  at_ = std::move(trial);
+  Assign(team_, mu_.triangle + alpha * step.mu.triangle, &mu_.triangle);
+  Assign(team_, mu_.pair + alpha * step.mu.pair, &mu_.pair);
+  return true;
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  const Eigen::VectorXd hessian = LagrangianHessian(topology_, objective_, x_, mu_);
+  const Eigen::VectorXd curvature = objective_.Curvature(at_.x);
+  const Eigen::VectorXd hessian = LagrangianHessian(topology_, curvature, at_.sine, mu_, team_);
   Eigen::VectorXd convex = hessian;
-  const bool changed = Convexify(objective_.Curvature(x_), steps_.RequiredConvexification(), &convex) > 0;
+  const bool changed = Convexify(curvature, steps_.RequiredConvexification(), &convex, team_) > 0;
 
   NewtonStep step;
   bool found = false;
@@ -125,7 +136,7 @@ absl::StatusOr<bool> Newton::TakeStep() {
                   (options_.hessian == HessianType::kAuto && near && indefinite_pays_))) {
     PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, convex, /*indefinite=*/true, &step));
     if (downhill) {
-      PLANISH_ASSIGN_OR_RETURN(found, SearchLine(&step));
+      PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step));
     }
     if (found) {
       ++summary_.indefinite_iterations;
@@ -137,20 +148,17 @@ absl::StatusOr<bool> Newton::TakeStep() {
     if (changed) ++summary_.convexified_iterations;
     PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(convex, convex, /*indefinite=*/false, &step));
     if (!downhill) return false;
-    PLANISH_ASSIGN_OR_RETURN(found, SearchLine(&step));
+    PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step));
     if (!found) return false;
   }
-  x_ += step_length_ * step.x;
-  mu_.triangle += step_length_ * step.mu.triangle;
-  mu_.pair += step_length_ * step.mu.pair;
   ++summary_.newton_iterations;
   return true;
 }
 
 void Newton::Restart() {
-  x_ = target_.angle;
+  at_ = PointAt(target_.angle);
   mu_ = Multipliers::Zero(topology_);
-  merit_ = MeritFunction();
+  merit_.Reset();
   short_steps_ = 0;
 }
 
@@ -176,7 +184,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
   summary_.solver = options_.solver;
   summary_.system = options_.system;
   summary_.hessian = options_.hessian;
-  x_ = std::move(start.x);
+  at_ = PointAt(std::move(start.x));
   mu_ = std::move(start.mu);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck) {
@@ -188,13 +196,13 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
       short_steps_ = 0;
     }
     if (ending == Ending::kConverged) {
-      const Eigen::VectorXd kept_x = x_;
+      const Point kept = at_;
       const Multipliers kept_mu = mu_;
       objective_.set_barrier(0);
       PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
       if (ending != Ending::kConverged) {
         // f has no minimum with positive angles nearby: the minimum with the barrier stands.
-        x_ = kept_x;
+        at_ = kept;
         mu_ = kept_mu;
         objective_.set_barrier(kLeastBarrier);
         Evaluate();

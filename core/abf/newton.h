@@ -28,10 +28,12 @@ class Newton {
          const FlattenControl& control)
       : topology_(topology),
         target_(target),
-        objective_(target),
+        team_(control.team != nullptr ? *control.team : Alone()),
+        objective_(target, team_),
         options_(options),
         control_(control),
-        steps_(topology, options.solver, options.system, options.preconditioner) {
+        steps_(topology, options.solver, options.system, options.preconditioner, team_),
+        merit_(objective_, team_) {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
@@ -39,17 +41,24 @@ class Newton {
   absl::StatusOr<FlattenSummary> Run(NewtonIterate start);
 
   // Where Run() ended.
-  const Eigen::VectorXd& x() const { return x_; }
+  const Eigen::VectorXd& x() const { return at_.x; }
   const Multipliers& mu() const { return mu_; }
 
  private:
   enum class Ending { kConverged, kStuck, kIterationLimit };
 
+  // Angles, and what follows from them alone.
+  struct Point {
+    Eigen::VectorXd x, sine;
+    ConstraintValues h;
+  };
+  Point PointAt(Eigen::VectorXd x) const;
+
   // Back to x = a and mu = 0.
   void Restart();
   // Newton steps on the present objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
-  // Everything that depends on x and mu.
+  // Everything else that depends on x and mu.
   void Evaluate();
   // One step; false if none leads anywhere.
   absl::StatusOr<bool> TakeStep();
@@ -58,23 +67,22 @@ class Newton {
                                    NewtonStep* step);
   // Solves eq. 5 of the present iterate for another right-hand side.
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
-  // Shortens `step` until it lowers the merit function; false if it never does.
-  absl::StatusOr<bool> SearchLine(NewtonStep* step);
-  bool LowersMerit(const Eigen::VectorXd& step, double alpha, double slope) const;
+  // Shortens `step` until it lowers the merit function, and goes there; false if it never does.
+  absl::StatusOr<bool> SearchLine(const NewtonStep& step);
   void Report(double linear_residual, std::int64_t linear_iterations) const;
   void Stop(const std::string& why);
 
   const Topology& topology_;
   const TargetAngles& target_;
+  ThreadTeam& team_;
   Objective objective_;
   const FlattenOptions& options_;
   const FlattenControl& control_;
   StepSolver steps_;
 
-  Eigen::VectorXd x_;
+  Point at_;
   Multipliers mu_;
   Eigen::VectorXd cot_, gradient_;
-  ConstraintValues h_;
   MeritFunction merit_;
   double step_length_ = 0;
   int short_steps_ = 0;          // in a row

@@ -1,23 +1,35 @@
 #include "core/abf/objective.h"
 
+#include "core/linalg/vector_ops.h"
+
 namespace planish {
 
+double Objective::Energy(const Eigen::VectorXd& x) const {
+  return Sum(team_, target_.weight.cwiseProduct((x - target_.angle).cwiseAbs2()));
+}
+
 double Objective::Value(const Eigen::VectorXd& x) const {
-  const double energy = target_.Energy(x);
+  const double energy = Energy(x);
   if (barrier_ == 0) return energy;
-  const Eigen::ArrayXd ratio = x.array() / target_.angle.array();
-  return energy + barrier_ * (ratio - 1 - ratio.log()).sum();
+  return energy + barrier_ * Sum(team_, x.binaryExpr(target_.angle, [](double angle, double target) {
+                    const double ratio = angle / target;
+                    return ratio - 1 - std::log(ratio);
+                  }));
 }
 
 Eigen::VectorXd Objective::Gradient(const Eigen::VectorXd& x) const {
-  Eigen::VectorXd gradient = 2 * target_.weight.array() * (x - target_.angle).array();
-  if (barrier_ != 0) gradient.array() += barrier_ * (target_.angle.array().inverse() - x.array().inverse());
+  Eigen::VectorXd gradient;
+  Assign(team_, 2 * target_.weight.cwiseProduct(x - target_.angle), &gradient);
+  if (barrier_ != 0) {
+    Assign(team_, gradient + barrier_ * (target_.angle.cwiseInverse() - x.cwiseInverse()), &gradient);
+  }
   return gradient;
 }
 
 Eigen::VectorXd Objective::Curvature(const Eigen::VectorXd& x) const {
-  Eigen::VectorXd curvature = 2 * target_.weight;
-  if (barrier_ != 0) curvature.array() += barrier_ * x.array().square().inverse();
+  Eigen::VectorXd curvature;
+  Assign(team_, 2 * target_.weight, &curvature);
+  if (barrier_ != 0) Assign(team_, curvature + barrier_ * x.cwiseAbs2().cwiseInverse(), &curvature);
   return curvature;
 }
 

@@ -3,6 +3,7 @@
 
 #include "Eigen/Core"
 #include "core/abf/target_angles.h"
+#include "core/base/thread_team.h"
 
 namespace planish {
 
@@ -12,12 +13,14 @@ namespace planish {
 // cannot reach pi before another one of their face reaches 0. With tau = 0 it is f.
 class Objective {
  public:
-  // `target` must outlive this.
-  explicit Objective(const TargetAngles& target) : target_(target) {}
+  // `target` and `team` must outlive this.
+  explicit Objective(const TargetAngles& target, ThreadTeam& team = Alone()) : target_(target), team_(team) {}
 
   double barrier() const { return barrier_; }
   void set_barrier(double tau) { barrier_ = tau; }
 
+  // f(x), without the barrier.
+  double Energy(const Eigen::VectorXd& x) const;
   double Value(const Eigen::VectorXd& x) const;
   Eigen::VectorXd Gradient(const Eigen::VectorXd& x) const;
   // The diagonal of the Hessian, positive: 2 w_i + tau / x_i^2.
@@ -25,6 +28,7 @@ class Objective {
 
  private:
   const TargetAngles& target_;
+  ThreadTeam& team_;
   double barrier_ = 0;
 };
 

@@ -1,35 +1,54 @@
 #include "core/abf/reduced_system.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "core/abf/plane.h"
+#include "core/linalg/vector_ops.h"
 
 namespace planish {
-ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot)
-    : topology_(topology), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]);
+namespace {
+
+constexpr std::int64_t kFaces = 4096, kRows = 1024;  // of one chunk
+
+}  // namespace
+
+ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
+                             ThreadTeam& team)
+    : topology_(topology), team_(team), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
+  team_.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]);
+  });
 }
 
 void ReducedSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
-  ApplyPairRows(topology_, cot_, x, y);
+  ApplyPairRows(topology_, cot_, x, y, team_);
 }
 
 void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const {
-  x->setZero(num_unknowns());
-  AddPairRowsTransposed(topology_, cot_, lambda, x);
+  Assign(team_, Eigen::VectorXd::Zero(num_unknowns()), x);
+  AddPairRowsTransposed(topology_, cot_, lambda, x, team_);
 }
 
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
-  for (std::int32_t face = 0; face < topology_.num_faces(); ++face) {
-    const double *a = &hessian_[3 * face], *in = &f[3 * face];
-    double* out = &(*x)[3 * face];
-    // Differences first: P annihilates the constants, and a large common part of f must not drown the rest.
-    const double d01 = in[0] - in[1], d12 = in[1] - in[2], d20 = in[2] - in[0];
-    out[0] = (a[2] * d01 - a[1] * d20) * inverse_e_[face];
-    out[1] = (a[0] * d12 - a[2] * d01) * inverse_e_[face];
-    out[2] = (a[1] * d20 - a[0] * d12) * inverse_e_[face];
+  team_.For(topology_.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t face = begin; face < end; ++face) {
+      const double *a = &hessian_[3 * face], *in = &f[3 * face];
+      double* out = &(*x)[3 * face];
+      // Differences first: P annihilates the constants, and a large common part of f must not drown the rest.
+      const double d01 = in[0] - in[1], d12 = in[1] - in[2], d20 = in[2] - in[0];
+      out[0] = (a[2] * d01 - a[1] * d20) * inverse_e_[face];
+      out[1] = (a[0] * d12 - a[2] * d01) * inverse_e_[face];
+      out[2] = (a[1] * d20 - a[0] * d12) * inverse_e_[face];
+    }
+  });
+}
+
+void ReducedSystem::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
+  if (matrix_ == nullptr) {
+    SaddlePointOperator::ApplySchur(lambda, y);
+  } else {
+    Multiply(*matrix_, lambda, y, team_);
   }
 }
 
@@ -48,22 +67,26 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
 
 Eigen::VectorXd ReducedSystem::ParticularSolution(const Eigen::VectorXd& g1) const {
   Eigen::VectorXd x(num_unknowns());
-  for (std::int32_t f = 0; f < topology_.num_faces(); ++f) {
-    for (int k = 0; k < 3; ++k) {
-      x[3 * f + k] = g1[f] * hessian_[3 * f + Next(k)] * hessian_[3 * f + Prev(k)] * inverse_e_[f];
+  team_.For(topology_.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      const double *a = &hessian_[3 * f], scale = g1[f] * inverse_e_[f];
+      x[3 * f] = scale * a[1] * a[2];
+      x[3 * f + 1] = scale * a[2] * a[0];
+      x[3 * f + 2] = scale * a[0] * a[1];
     }
-  }
+  });
   return x;
 }
 
 Eigen::VectorXd ReducedSystem::TriangleMultipliers(const Eigen::VectorXd& residual, const Eigen::VectorXd& g1) const {
   Eigen::VectorXd lambda(topology_.num_faces());
-  for (std::int32_t f = 0; f < topology_.num_faces(); ++f) {
-    const double* a = &hessian_[3 * f];
-    const double* r = &residual[3 * f];
-    lambda[f] =
-        (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] - a[0] * a[1] * a[2] * g1[f]) * inverse_e_[f];
-  }
+  team_.For(topology_.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      const double *a = &hessian_[3 * f], *r = &residual[3 * f];
+      lambda[f] =
+          (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] - a[0] * a[1] * a[2] * g1[f]) * inverse_e_[f];
+    }
+  });
   return lambda;
 }
 
@@ -84,65 +107,85 @@ Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
   return j * p * j.transpose();
 }
 
-ReducedMatrix::ReducedMatrix(const Topology& topology) : topology_(topology), block_(topology.faces.size()) {
+ReducedMatrix::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topology_(topology), team_(team) {
   const std::int32_t n = topology.num_rows;
-  // Each edge between interior vertices is seen from both of its ends; duplicates are few and go.
-  std::vector<std::int32_t> begin(n + 1, 0);
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (const std::int32_t v = topology.corner_row[c]; v >= 0) begin[v + 1] += 2;
-  }
-  for (std::int32_t v = 0; v < n; ++v) begin[v + 1] += begin[v] + 1;
-  std::vector<std::int32_t> neighbour(begin[n]), cursor(begin.begin(), begin.end() - 1);
-  for (std::int32_t v = 0; v < n; ++v) neighbour[cursor[v]++] = v;
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    const std::int32_t f = c / 3, k = c % 3, v = topology.corner_row[c];
-    if (v < 0) continue;
-    for (const int other : {Next(k), Prev(k)}) {
-      const std::int32_t u = topology.corner_row[3 * f + other];
-      neighbour[cursor[v]++] = u < 0 ? v : u;
-    }
-  }
-  matrix_.row_begin.reserve(n + 1);
-  for (std::int32_t v = 0; v < n; ++v) {
-    const auto first = neighbour.begin() + begin[v], last = neighbour.begin() + begin[v + 1];
-    std::sort(first, last);
-    matrix_.column.insert(matrix_.column.end(), first, std::unique(first, last));
-    matrix_.row_begin.push_back(static_cast<std::int32_t>(matrix_.column.size()));
-  }
-  matrix_.value.resize(4 * matrix_.column.size());
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) {
-        const std::int32_t row = topology.corner_row[3 * f + i], column = topology.corner_row[3 * f + j];
-        if (row < 0 || column < 0) {
-          block_[f][3 * i + j] = -1;
-          continue;
-        }
-        const auto first = matrix_.column.begin() + matrix_.row_begin[row];
-        const auto last = matrix_.column.begin() + matrix_.row_begin[row + 1];
-        block_[f][3 * i + j] =
-            static_cast<std::int32_t>(std::lower_bound(first, last, column) - matrix_.column.begin());
+  // The rows next to row v, v itself included, ascending.
+  const auto find_columns = [&](std::int64_t v, std::vector<std::int32_t>* columns) {
+    columns->assign(1, static_cast<std::int32_t>(v));
+    for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
+      const std::int32_t f = topology.row_corner[i] / 3, k = topology.row_corner[i] % 3;
+      for (const int other : {Next(k), Prev(k)}) {
+        if (const std::int32_t u = topology.corner_row[3 * f + other]; u >= 0) columns->push_back(u);
       }
     }
-  }
+    std::sort(columns->begin(), columns->end());
+    columns->erase(std::unique(columns->begin(), columns->end()), columns->end());
+  };
+  matrix_.row_begin.assign(n + 1, 0);
+  team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<std::int32_t> columns;
+    for (std::int64_t v = begin; v < end; ++v) {
+      find_columns(v, &columns);
+      matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
+    }
+  });
+  for (std::int32_t v = 0; v < n; ++v) matrix_.row_begin[v + 1] += matrix_.row_begin[v];
+  matrix_.column.resize(matrix_.row_begin[n]);
+  matrix_.value.resize(4 * matrix_.column.size());
+  diagonal_.resize(n);
+  neighbours_.resize(topology.row_corner.size());
+  team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<std::int32_t> columns;
+    for (std::int64_t v = begin; v < end; ++v) {
+      find_columns(v, &columns);
+      std::copy(columns.begin(), columns.end(), matrix_.column.begin() + matrix_.row_begin[v]);
+      const auto block_of = [&](std::int32_t u) {
+        if (u < 0) return std::int32_t{-1};
+        const auto place = std::lower_bound(columns.begin(), columns.end(), u) - columns.begin();
+        return matrix_.row_begin[v] + static_cast<std::int32_t>(place);
+      };
+      diagonal_[v] = block_of(static_cast<std::int32_t>(v));
+      for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
+        const std::int32_t f = topology.row_corner[i] / 3, k = topology.row_corner[i] % 3;
+        neighbours_[i] = {block_of(topology.corner_row[3 * f + Next(k)]),
+                          block_of(topology.corner_row[3 * f + Prev(k)])};
+      }
+    }
+  });
 }
 
-const BlockMatrix<double>& ReducedMatrix::Assemble(const ReducedSystem& system) {
-  std::fill(matrix_.value.begin(), matrix_.value.end(), 0.0);
-  for (std::int32_t f = 0; f < topology_.num_faces(); ++f) {
-    const Eigen::Matrix<double, 6, 6> face = system.FaceBlock(f);
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) {
-        const std::int32_t k = block_[f][3 * i + j];
-        if (k < 0) continue;
-        double* block = &matrix_.value[4 * static_cast<std::int64_t>(k)];
-        block[0] += face(2 * i, 2 * j);
-        block[1] += face(2 * i, 2 * j + 1);
-        block[2] += face(2 * i + 1, 2 * j);
-        block[3] += face(2 * i + 1, 2 * j + 1);
+const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot) {
+  team_.For(topology_.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) {
+      std::fill(&matrix_.value[4 * std::size_t(matrix_.row_begin[v])],
+                matrix_.value.data() + 4 * std::size_t(matrix_.row_begin[v + 1]), 0.0);
+      for (std::int32_t i = topology_.row_corner_begin[v]; i < topology_.row_corner_begin[v + 1]; ++i) {
+        // The face's part of J P J^t in the rows of corner k. Everything is numbered from k on: 0 is k, 1 the angle
+        // after it and 2 the one before.
+        const std::int32_t f = topology_.row_corner[i] / 3, k = topology_.row_corner[i] % 3;
+        const std::int32_t at[3] = {3 * f + k, 3 * f + Next(k), 3 * f + Prev(k)};
+        const double a0 = hessian[at[0]], a1 = hessian[at[1]], a2 = hessian[at[2]];
+        const double c0 = cot[at[0]], c1 = cot[at[1]], c2 = cot[at[2]];
+        const double scale = 1 / (a0 * a1 + a1 * a2 + a2 * a0);
+        const double p00 = scale * (a1 + a2), p11 = scale * (a2 + a0), p22 = scale * (a0 + a1);
+        const double p01 = -scale * a2, p12 = -scale * a0, p02 = -scale * a1;
+        // The vertex row of J is (1, 0, 0), the wheel row (0, c1, -c2); t and w are they times P.
+        const double t[3] = {p00, p01, p02};
+        const double w[3] = {c1 * p01 - c2 * p02, c1 * p11 - c2 * p12, c1 * p12 - c2 * p22};
+        const auto add = [&](std::int32_t block, int corner, double wheel_t, double wheel_w) {
+          if (block < 0) return;
+          double* value = &matrix_.value[4 * std::size_t(block)];
+          value[0] += t[corner];
+          value[1] += wheel_t;
+          value[2] += w[corner];
+          value[3] += wheel_w;
+        };
+        add(diagonal_[v], 0, c1 * t[1] - c2 * t[2], c1 * w[1] - c2 * w[2]);
+        add(neighbours_[i].after, 1, c2 * t[2] - c0 * t[0], c2 * w[2] - c0 * w[0]);
+        add(neighbours_[i].before, 2, c0 * t[0] - c1 * t[1], c0 * w[0] - c1 * w[1]);
       }
     }
-  }
+  });
   return matrix_;
 }
 

@@ -12,7 +12,6 @@
 // definite on the plane: with e = a0 a1 + a1 a2 + a2 a0, P_00 = (a1 + a2) / e and P_01 = -a2 / e.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -26,14 +25,20 @@ class ReducedSystem final : public SaddlePointOperator {
  public:
   // `hessian` is the diagonal A, non-singular on the plane of every face; `cot` the cotangents at which J is taken.
   // `topology` must outlive this.
-  ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
+  ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
+                ThreadTeam& team = Alone());
+
+  // From now on ApplySchur takes `matrix` for S; it must be the S of this and outlive it.
+  void set_matrix(const BlockMatrix<double>* matrix) { matrix_ = matrix; }
 
   Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
   Eigen::Index num_multipliers() const override { return 2 * topology_.num_rows; }
   void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const override;
   void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
   void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const override;
+  void ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const override;
   Eigen::VectorXd SchurDiagonal() const override;
+  ThreadTeam& team() const override { return team_; }
 
   // x_p for the right-hand side g_1 of the triangle rows.
   Eigen::VectorXd ParticularSolution(const Eigen::VectorXd& g1) const;
@@ -45,23 +50,31 @@ class ReducedSystem final : public SaddlePointOperator {
 
  private:
   const Topology& topology_;
+  ThreadTeam& team_;
   Eigen::VectorXd hessian_, cot_;
   Eigen::VectorXd inverse_e_;  // 1 / e per face
+  const BlockMatrix<double>* matrix_ = nullptr;
 };
 
-// S as a matrix. The pattern, one 2x2 block per pair of interior vertices that share a face, is made once; Assemble
-// only changes values.
+// S as a matrix. The pattern, one 2x2 block per pair of rows whose vertices share a face, is made once; Assemble only
+// changes values.
 class ReducedMatrix {
  public:
-  // `topology` must outlive this.
-  explicit ReducedMatrix(const Topology& topology);
-  const BlockMatrix<double>& Assemble(const ReducedSystem& system);
+  // `topology` and `team` must outlive this.
+  explicit ReducedMatrix(const Topology& topology, ThreadTeam& team = Alone());
+  // S for the diagonal A and the cotangents that J is taken at.
+  const BlockMatrix<double>& Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
 
  private:
   const Topology& topology_;
+  ThreadTeam& team_;
   BlockMatrix<double> matrix_;
-  // Per face and pair of corners (i, j): the block; -1 where a corner is on the boundary.
-  std::vector<std::array<std::int32_t, 9>> block_;
+  std::vector<std::int32_t> diagonal_;  // block of each row
+  // The blocks that the vertices after and before corner row_corner[i] have in its row; -1 for none.
+  struct Neighbours {
+    std::int32_t after, before;
+  };
+  std::vector<Neighbours> neighbours_;
 };
 
 }  // namespace planish

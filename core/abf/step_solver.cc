@@ -2,14 +2,16 @@
 
 #include <algorithm>
 
+#include "core/abf/unfolding.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
 namespace {
 
-// A factorization or hierarchy is kept as long as the last solve with it took at most this many iterations more than
-// the first: about what a new one costs.
-constexpr std::int64_t kWornOutIterations = 10;
+// A preconditioner is kept as long as the last solve with it took at most this many iterations more than the first:
+// about what a new factorization, or new numbers for the multigrid, cost.
+constexpr std::int64_t kWornOutFactorization = 10;
+constexpr std::int64_t kWornOutMultigrid = 4;
 
 constexpr std::int64_t kMaxMultigridIterations = 300;
 
@@ -32,67 +34,72 @@ std::unique_ptr<LinearSolver> MakeSolver(SolverType type) {
 }  // namespace
 
 StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType system,
-                       PreconditionerType preconditioner)
+                       PreconditionerType preconditioner, ThreadTeam& team)
     : topology_(topology),
+      team_(team),
       solver_type_(solver),
       system_type_(system),
       preconditioner_type_(preconditioner),
       solver_(MakeSolver(solver)) {}
 
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
-                                 const Eigen::VectorXd& cot, bool indefinite) {
+                                 const Eigen::VectorXd& cot, bool indefinite, const Interrupter* interrupter) {
   indefinite_ = indefinite;
   const SaddlePointOperator* system;
   if (system_type_ == SystemType::kFull) {
     full_ = std::make_unique<FullSystem>(topology_, hessian, cot);
     system = full_.get();
   } else {
-    reduced_ = std::make_unique<ReducedSystem>(topology_, hessian, cot);
+    if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_, team_);
+    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+    convex_ = convex;
+    cot_ = cot;
+    const BlockMatrix<double>& s = matrix_->Assemble(convex, cot);
+    if (preconditioner_type_ == PreconditionerType::kAmg) {
+      const absl::Status status = PrepareMultigrid(s, cot, interrupter);
+      if (absl::IsCancelled(status)) return status;
+      if (!status.ok()) {
+        preconditioner_type_ = PreconditionerType::kCholesky;
+        uses_ = -1;
+      }
+    }
+    if (preconditioner_type_ == PreconditionerType::kCholesky) PLANISH_RETURN_IF_ERROR(PrepareCholesky(s));
+    if (&hessian != &convex) matrix_->Assemble(hessian, cot);
+    reduced_ = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
+    reduced_->set_matrix(&s);
     system = reduced_.get();
   }
-  convex_ = system_type_ == SystemType::kReduced ? std::make_unique<ReducedSystem>(topology_, convex, cot) : nullptr;
-  switch (preconditioner_type_) {
-    case PreconditionerType::kJacobi:
-      preconditioner_ = std::make_unique<JacobiPreconditioner>(system->SchurDiagonal());
-      return absl::OkStatus();
-    case PreconditionerType::kCholesky:
-      return PrepareCholesky();
-    case PreconditionerType::kAmg:
-      if (const absl::Status status = PrepareMultigrid(); status.ok()) return status;
-      preconditioner_type_ = PreconditionerType::kCholesky;
-      kept_ = false;
-      return PrepareCholesky();
-    default:
-      preconditioner_ = std::make_unique<IdentityPreconditioner>();
-      return absl::OkStatus();
+  if (preconditioner_type_ == PreconditionerType::kJacobi) {
+    preconditioner_ = std::make_unique<JacobiPreconditioner>(system->SchurDiagonal());
+  } else if (preconditioner_type_ == PreconditionerType::kNone) {
+    preconditioner_ = std::make_unique<IdentityPreconditioner>();
   }
+  return absl::OkStatus();
 }
 
-bool StepSolver::IsWornOut() const {
-  return !kept_ || last_iterations_ > first_iterations_ + kWornOutIterations;
+bool StepSolver::IsWornOut(std::int64_t tolerated) const {
+  return uses_ < 0 || (uses_ > 0 && last_iterations_ > first_iterations_ + tolerated);
 }
 
-const BlockMatrix<double>& StepSolver::AssembleConvex() {
-  if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_);
-  return matrix_->Assemble(*convex_);
-}
-
-absl::Status StepSolver::PrepareCholesky() {
-  if (IsWornOut() || solver_type_ == SolverType::kDirect) {
-    PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(AssembleConvex()), /*block_size=*/2));
-    kept_ = true;
-    first_iterations_ = -1;
+absl::Status StepSolver::PrepareCholesky(const BlockMatrix<double>& s) {
+  if (IsWornOut(kWornOutFactorization) || solver_type_ == SolverType::kDirect) {
+    PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(s), /*block_size=*/2));
+    uses_ = 0;
   }
   preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
   return absl::OkStatus();
 }
 
-absl::Status StepSolver::PrepareMultigrid() {
-  if (IsWornOut()) {
-    const BlockMatrix<double>& s = AssembleConvex();
-    PLANISH_RETURN_IF_ERROR(kept_ ? multigrid_.Refresh(s) : multigrid_.Build(s));
-    kept_ = true;
-    first_iterations_ = -1;
+absl::Status StepSolver::PrepareMultigrid(const BlockMatrix<double>& s, const Eigen::VectorXd& cot,
+                                          const Interrupter* interrupter) {
+  // The first numbers stand on an unfolding with target angles, which do not close up.
+  const bool first = uses_ < 0;
+  if (first || !multigrid_closed_ || IsWornOut(kWornOutMultigrid)) {
+    const std::vector<std::complex<double>> z = UnfoldRows(topology_, cot);
+    PLANISH_RETURN_IF_ERROR(first ? multigrid_.Build(s, z, topology_.num_interior, team_, interrupter)
+                                  : multigrid_.Refresh(s, z, interrupter));
+    multigrid_closed_ = !first;
+    uses_ = 0;
   }
   preconditioner_ = std::make_unique<MultigridPreconditioner>(&multigrid_);
   return absl::OkStatus();
@@ -113,8 +120,8 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
                       summary.iterations < options.max_iterations;
   if (multigrid && failed) {
     preconditioner_type_ = PreconditionerType::kCholesky;
-    kept_ = false;
-    if (PrepareCholesky().ok()) {
+    uses_ = -1;
+    if (PrepareCholesky(matrix_->Assemble(convex_, cot_)).ok()) {
       const std::int64_t wasted = summary.iterations;
       summary = SolveOnce(gradient, h, options, step);
       summary.iterations += wasted;
@@ -150,7 +157,7 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
   }
   if (indefinite_) return summary;  // says nothing about how well the preconditioner has kept
   last_iterations_ = summary.iterations;
-  if (first_iterations_ < 0) first_iterations_ = summary.iterations;
+  if (uses_++ == 0) first_iterations_ = summary.iterations;
   return summary;
 }
 

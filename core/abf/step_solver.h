@@ -24,13 +24,14 @@ struct NewtonStep {
 class StepSolver {
  public:
   // None of the types may be kAuto; the combination must be valid (FlattenOptions::Validate).
-  StepSolver(const Topology& topology, SolverType solver, SystemType system, PreconditionerType preconditioner);
+  StepSolver(const Topology& topology, SolverType solver, SystemType system, PreconditionerType preconditioner,
+             ThreadTeam& team = Alone());
 
   // Takes up the Hessian and the cotangents of a new iterate. `convex` is the Hessian that preconditioners are made
   // from, positive in the sense of RequiredConvexification(); it may be `hessian` itself. If `indefinite`, `hessian` is
-  // not positive and MINRES solves, whatever the solver is otherwise.
+  // not positive and MINRES solves, whatever the solver is otherwise. CANCELLED: interrupted.
   absl::Status Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot,
-                       bool indefinite = false);
+                       bool indefinite = false, const Interrupter* interrupter = nullptr);
 
   // Whether MINRES on an indefinite system must stay within a few times the iterations of a positive one.
   void set_limit_indefinite(bool limit) { limit_indefinite_ = limit; }
@@ -51,15 +52,17 @@ class StepSolver {
   }
 
  private:
-  // Whether the kept preconditioner is to be made anew, or for the first time.
-  bool IsWornOut() const;
-  const BlockMatrix<double>& AssembleConvex();
-  absl::Status PrepareMultigrid();
-  absl::Status PrepareCholesky();
+  // Whether the preconditioner is to be made anew, or for the first time.
+  bool IsWornOut(std::int64_t tolerated) const;
+  // Each takes S of the convex Hessian.
+  absl::Status PrepareMultigrid(const BlockMatrix<double>& s, const Eigen::VectorXd& cot,
+                                const Interrupter* interrupter);
+  absl::Status PrepareCholesky(const BlockMatrix<double>& s);
   LinearSummary SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
                           NewtonStep* step);
 
   const Topology& topology_;
+  ThreadTeam& team_;
   const SolverType solver_type_;
   const SystemType system_type_;
   PreconditionerType preconditioner_type_;
@@ -68,15 +71,16 @@ class StepSolver {
   bool indefinite_ = false, limit_indefinite_ = true;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
-  std::unique_ptr<ReducedSystem> convex_;  // what S is assembled from for preconditioners
   std::unique_ptr<ReducedMatrix> matrix_;
+  Eigen::VectorXd convex_, cot_;  // of the present iterate, should Cholesky have to take over
   SparseCholesky factorization_;
   Multigrid multigrid_;
+  bool multigrid_closed_ = false;  // its numbers stand on an unfolding of angles that have met the constraints, nearly
   std::unique_ptr<Preconditioner> preconditioner_;
-  // Of the preconditioner that is kept over several steps: whether there is one yet, and the iterations of the first
-  // and the latest solve with it.
-  bool kept_ = false;
-  std::int64_t first_iterations_ = -1, last_iterations_ = 0;
+  // Of the factorization or the numbers of the multigrid in use: the solves with them, -1 if there are none yet, and
+  // the iterations of the first and the latest of these.
+  int uses_ = -1;
+  std::int64_t first_iterations_ = 0, last_iterations_ = 0;
 };
 
 }  // namespace planish

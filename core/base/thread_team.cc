@@ -81,4 +81,9 @@ void ThreadTeam::HelperMain() {
   }
 }
 
+ThreadTeam& Alone() {
+  thread_local ThreadTeam alone(1);
+  return alone;
+}
+
 }  // namespace planish

@@ -75,4 +75,7 @@ class ThreadTeam {
   std::atomic<bool> ending_ = false;
 };
 
+// A team of nobody but the calling thread.
+ThreadTeam& Alone();
+
 }  // namespace planish

@@ -5,18 +5,20 @@
 namespace planish {
 namespace {
 
+// Of the leading 2x2 part.
 float SquaredNorm(const float* block) {
   return block[0] * block[0] + block[1] * block[1] + block[2] * block[2] + block[3] * block[3];
 }
 
 }  // namespace
 
-std::vector<char> StrongCouplings(const BlockMatrix<float>& matrix, double theta) {
+template <int N>
+std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta) {
   const std::int32_t n = matrix.num_rows();
   std::vector<float> diagonal(n, 0);
   for (std::int32_t i = 0; i < n; ++i) {
     for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-      if (matrix.column[k] == i) diagonal[i] = std::sqrt(SquaredNorm(&matrix.value[4 * std::int64_t{k}]));
+      if (matrix.column[k] == i) diagonal[i] = std::sqrt(SquaredNorm(matrix.Block(k)));
     }
   }
   const auto threshold = static_cast<float>(theta * theta);
@@ -24,35 +26,57 @@ std::vector<char> StrongCouplings(const BlockMatrix<float>& matrix, double theta
   for (std::int32_t i = 0; i < n; ++i) {
     for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
       const std::int32_t j = matrix.column[k];
-      strong[k] = j != i && SquaredNorm(&matrix.value[4 * std::int64_t{k}]) >= threshold * diagonal[i] * diagonal[j];
+      strong[k] = j != i && SquaredNorm(matrix.Block(k)) >= threshold * diagonal[i] * diagonal[j];
     }
   }
   return strong;
 }
 
-Aggregates Aggregate(const BlockMatrix<float>& matrix, const std::vector<char>& strong) {
+template <int N>
+Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& strong, bool wide) {
   constexpr std::int32_t kFree = -2, kIsolated = -1;
+  constexpr int kNeighboursInside = 2;
   const std::int32_t n = matrix.num_rows();
   Aggregates aggregates;
   std::vector<std::int32_t>& of_row = aggregates.of_row;
   of_row.assign(n, kFree);
-
-  for (std::int32_t i = 0; i < n; ++i) {
-    bool any = false, all_free = of_row[i] == kFree;
+  // Calls see(j) for the strong neighbours of i until it returns false; true if it never does.
+  const auto each_neighbour = [&](std::int32_t i, const auto& see) {
     for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-      if (!strong[k]) continue;
-      any = true;
-      all_free = all_free && of_row[matrix.column[k]] == kFree;
+      if (strong[k] && !see(matrix.column[k])) return false;
     }
-    if (!any) {
+    return true;
+  };
+  const auto is_free = [&](std::int32_t j) { return of_row[j] == kFree; };
+  const auto take = [&](std::int32_t j) {
+    of_row[j] = aggregates.count;
+    return true;
+  };
+
+  std::vector<std::int32_t> second_ring;
+  std::vector<int> inside(wide ? n : 0, 0);  // neighbours that a row of the second ring has in the first
+  for (std::int32_t i = 0; i < n; ++i) {
+    if (each_neighbour(i, [](std::int32_t) { return false; })) {
       of_row[i] = kIsolated;
-    } else if (all_free) {
-      of_row[i] = aggregates.count;
-      for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-        if (strong[k]) of_row[matrix.column[k]] = aggregates.count;
-      }
-      ++aggregates.count;
+      continue;
     }
+    if (!is_free(i) || !each_neighbour(i, is_free)) continue;
+    take(i);
+    each_neighbour(i, take);
+    if (wide) {
+      second_ring.clear();
+      each_neighbour(i, [&](std::int32_t j) {
+        return each_neighbour(j, [&](std::int32_t m) {
+          if (is_free(m) && inside[m]++ == 0) second_ring.push_back(m);
+          return true;
+        });
+      });
+      for (const std::int32_t m : second_ring) {
+        if (inside[m] >= kNeighboursInside) take(m);
+        inside[m] = 0;
+      }
+    }
+    ++aggregates.count;
   }
 
   // A row between aggregates joins the one it is coupled to most strongly. Looking at the first pass's result only
@@ -63,7 +87,7 @@ Aggregates Aggregate(const BlockMatrix<float>& matrix, const std::vector<char>& 
     float best = -1;
     for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
       if (!strong[k] || first_pass[matrix.column[k]] < 0) continue;
-      const float coupling = SquaredNorm(&matrix.value[4 * std::int64_t{k}]);
+      const float coupling = SquaredNorm(matrix.Block(k));
       if (coupling > best) {
         best = coupling;
         of_row[i] = first_pass[matrix.column[k]];
@@ -73,13 +97,16 @@ Aggregates Aggregate(const BlockMatrix<float>& matrix, const std::vector<char>& 
 
   for (std::int32_t i = 0; i < n; ++i) {
     if (of_row[i] != kFree) continue;
-    of_row[i] = aggregates.count;
-    for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-      if (strong[k] && of_row[matrix.column[k]] == kFree) of_row[matrix.column[k]] = aggregates.count;
-    }
+    take(i);
+    each_neighbour(i, [&](std::int32_t j) { return is_free(j) ? take(j) : true; });
     ++aggregates.count;
   }
   return aggregates;
 }
+
+template std::vector<char> StrongCouplings(const LevelMatrix<2>& matrix, double theta);
+template std::vector<char> StrongCouplings(const LevelMatrix<4>& matrix, double theta);
+template Aggregates Aggregate(const LevelMatrix<2>& matrix, const std::vector<char>& strong, bool wide);
+template Aggregates Aggregate(const LevelMatrix<4>& matrix, const std::vector<char>& strong, bool wide);
 
 }  // namespace planish

@@ -4,19 +4,24 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/linalg/block_matrix.h"
+#include "core/linalg/level_matrix.h"
 
 namespace planish {
 
-// Whether each off-diagonal block couples its row strongly: |A_ij|^2 >= theta^2 |A_ii| |A_jj| (Frobenius norms).
-std::vector<char> StrongCouplings(const BlockMatrix<float>& matrix, double theta);
+// Couplings weaker than this do not bind rows into one aggregate: |A_ij|^2 < theta^2 |A_ii| |A_jj| (Frobenius norms of
+// the leading 2x2 parts).
+template <int N>
+std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta);
 
 struct Aggregates {
   std::vector<std::int32_t> of_row;  // -1: no strong neighbour, left to the smoother
   std::int32_t count = 0;
 };
 
-// Greedy (Vanek, Mandel, Brezina 1996): whole strong neighbourhoods first, then the rows between them.
-Aggregates Aggregate(const BlockMatrix<float>& matrix, const std::vector<char>& strong);
+// Greedy (Vanek, Mandel, Brezina 1996): whole strong neighbourhoods first, then the rows between them. A `wide`
+// neighbourhood also has the second neighbours that two of its rows are coupled to: about 13 rows of a triangulation
+// instead of 7.
+template <int N>
+Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& strong, bool wide);
 
 }  // namespace planish

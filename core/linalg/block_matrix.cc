@@ -2,20 +2,22 @@
 
 namespace planish {
 
-void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y) {
+void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y, ThreadTeam& team) {
+  constexpr std::int64_t kRows = 2048;
   y->resize(x.size());
-  const double* value = a.value.data();
-  for (std::int32_t i = 0; i < a.num_rows(); ++i) {
-    double y0 = 0, y1 = 0;
-    for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
-      const double x0 = x[2 * a.column[k]], x1 = x[2 * a.column[k] + 1];
-      const double* block = value + 4 * static_cast<std::int64_t>(k);
-      y0 += block[0] * x0 + block[1] * x1;
-      y1 += block[2] * x0 + block[3] * x1;
+  team.For(a.num_rows(), kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      Eigen::Array2d upper(0, 0), lower(0, 0);
+      for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+        const double* block = &a.value[4 * static_cast<std::size_t>(k)];
+        const Eigen::Array2d at = x.segment<2>(2 * Eigen::Index{a.column[k]}).array();
+        upper += Eigen::Map<const Eigen::Array2d>(block) * at;
+        lower += Eigen::Map<const Eigen::Array2d>(block + 2) * at;
+      }
+      (*y)[2 * i] = upper.sum();
+      (*y)[2 * i + 1] = lower.sum();
     }
-    (*y)[2 * i] = y0;
-    (*y)[2 * i + 1] = y1;
-  }
+  });
 }
 
 SparseMatrix LowerTriangle(const BlockMatrix<double>& a) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "core/base/thread_team.h"
 #include "core/linalg/saddle_point.h"
 
 namespace planish {
@@ -22,7 +23,7 @@ struct BlockMatrix {
 };
 
 // y = A x.
-void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y);
+void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y, ThreadTeam& team);
 
 // The lower triangle, as CHOLMOD takes it.
 SparseMatrix LowerTriangle(const BlockMatrix<double>& a);

@@ -8,18 +8,15 @@ namespace {
 // Iterative refinement from lambda = 0 with the factorization as the inverse of M.
 class DirectSolver final : public LinearSolver {
   LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
-                          SaddlePointSolution* solution) const override {
+                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                          Eigen::VectorXd* lambda) const override {
     constexpr std::int64_t kMaxRefinements = 3;
     LinearSummary summary;
-    Eigen::VectorXd p, residual, correction;
+    Eigen::VectorXd residual, correction;
     double first = 0;
     while (true) {
-      system.ApplyBTransposed(solution->lambda, &p);
-      p = f - p;
-      system.ApplyInverseA(p, &solution->x);
-      system.ApplyB(solution->x, &residual);
-      residual -= g;
+      system.ApplySchur(*lambda, &residual);
+      residual = rhs - residual;
       const double norm = residual.norm();
       if (summary.iterations == 0) first = norm;
       if (!std::isfinite(norm)) {
@@ -36,7 +33,7 @@ class DirectSolver final : public LinearSolver {
         break;
       }
       preconditioner.Apply(residual, &correction);
-      solution->lambda += correction;
+      *lambda += correction;
       ++summary.iterations;
     }
     return summary;

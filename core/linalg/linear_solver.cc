@@ -1,5 +1,7 @@
 #include "core/linalg/linear_solver.h"
 
+#include "core/linalg/vector_ops.h"
+
 namespace planish {
 namespace {
 
@@ -26,6 +28,12 @@ const char* Name(LinearTermination termination) {
   return "?";
 }
 
+void SaddlePointOperator::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
+  ApplyBTransposed(lambda, &p_);
+  ApplyInverseA(p_, &h_);
+  ApplyB(h_, y);
+}
+
 LinearSummary LinearSolver::Solve(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                                   const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
                                   SaddlePointSolution* solution) const {
@@ -33,21 +41,22 @@ LinearSummary LinearSolver::Solve(const SaddlePointOperator& system, const Preco
   system.ApplyInverseA(f, &solution->x);
   if (system.num_multipliers() == 0) return {};
 
-  Eigen::VectorXd residual;
-  system.ApplyB(solution->x, &residual);
-  residual -= g;
-  const double initial = residual.norm();
+  ThreadTeam& team = system.team();
+  Eigen::VectorXd rhs, residual;
+  system.ApplyB(solution->x, &rhs);
+  Assign(team, rhs - g, &rhs);
+  const double initial = Norm(team, rhs);
   if (initial == 0) return {};
 
-  LinearSummary summary = SolveImpl(system, preconditioner, f, g, options, solution);
+  LinearSummary summary = SolveImpl(system, preconditioner, rhs, options, &solution->lambda);
 
   Eigen::VectorXd transposed;
   system.ApplyBTransposed(solution->lambda, &transposed);
-  transposed = f - transposed;
+  Assign(team, f - transposed, &transposed);
   system.ApplyInverseA(transposed, &solution->x);
-  system.ApplyB(solution->x, &residual);
-  residual -= g;
-  summary.true_residual = residual.norm() / initial;
+  system.ApplySchur(solution->lambda, &residual);
+  Assign(team, rhs - residual, &residual);
+  summary.true_residual = Norm(team, residual) / initial;
   const double promised = std::max(kResidualSlack * options.relative_tolerance, kResidualFloor);
   if (summary.termination == LinearTermination::kConverged && !(summary.true_residual <= promised)) {
     summary.termination = LinearTermination::kStagnated;

@@ -32,13 +32,13 @@ struct LinearSolveOptions {
   std::function<void(std::int64_t, double)> on_progress;
 };
 
-// Iterations between two looks at the interrupter, and two calls of on_progress.
+// Iterations between two calls of on_progress. The interrupter is looked at in each.
 constexpr std::int64_t kProgressInterval = 32;
 
 struct LinearSummary {
   LinearTermination termination = LinearTermination::kConverged;
   std::int64_t iterations = 0;
-  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from the solution for every solver alike.
+  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from lambda for every solver alike.
   double true_residual = 0;
 };
 
@@ -57,9 +57,10 @@ class LinearSolver {
                       const Eigen::VectorXd& g, const LinearSolveOptions& options, SaddlePointSolution* solution) const;
 
  private:
+  // M lambda = rhs, from lambda = 0; rhs is not zero.
   virtual LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                                  const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
-                                  SaddlePointSolution* solution) const = 0;
+                                  const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                                  Eigen::VectorXd* lambda) const = 0;
 };
 
 // First approach (section 7.1): MINRES on M lambda = B A^-1 f - g. M may be indefinite or singular.

@@ -1,5 +1,6 @@
 // MINRES (Paige & Saunders 1975, reference [15]) on M lambda = B A^-1 f - g, section 7.1 of the paper, with a symmetric
-// positive definite preconditioner K; K = I is the paper's. M is applied as B (A^-1 (B^t .)), never formed.
+// positive definite preconditioner K; K = I is the paper's. M is applied as B (A^-1 (B^t .)), or as a
+// matrix by a system that has it.
 //
 // Letters as in Paige & Saunders: Lanczos vectors v with coefficients alfa, beta; the tridiagonal matrix is reduced by
 // plane rotations (cs, sn); w are the search directions.
@@ -7,27 +8,24 @@
 #include <limits>
 
 #include "core/linalg/linear_solver.h"
+#include "core/linalg/vector_ops.h"
 
 namespace planish {
 namespace {
 
 class MinresSolver final : public LinearSolver {
   LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
-                          SaddlePointSolution* solution) const override {
-    Eigen::VectorXd p, h;
-    system.ApplyInverseA(f, &h);
-    Eigen::VectorXd r1;
-    system.ApplyB(h, &r1);
-    r1 -= g;  // B A^-1 f - g
-
+                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                          Eigen::VectorXd* lambda) const override {
+    ThreadTeam& team = system.team();
+    Eigen::VectorXd r1 = rhs;
     Eigen::VectorXd r2 = r1, y, v, w, w1, w2;
     const Eigen::Index n = r1.size();
     w = w1 = w2 = Eigen::VectorXd::Zero(n);
     preconditioner.Apply(r1, &y);
 
     LinearSummary summary;
-    const double beta1 = std::sqrt(r1.dot(y));
+    const double beta1 = std::sqrt(Dot(team, r1, y));
     double beta = beta1, old_beta = 0;
     double delta_bar = 0, epsilon = 0;
     double phi_bar = beta1;  // norm of the residual
@@ -42,26 +40,23 @@ class MinresSolver final : public LinearSolver {
         summary.termination = LinearTermination::kIterationLimit;
         break;
       }
-      if (summary.iterations % kProgressInterval == 0) {
-        if (options.on_progress) options.on_progress(summary.iterations, phi_bar / beta1);
-        if (IsInterrupted(options.interrupter)) {
-          summary.termination = LinearTermination::kInterrupted;
-          break;
-        }
+      if (IsInterrupted(options.interrupter)) {
+        summary.termination = LinearTermination::kInterrupted;
+        break;
+      }
+      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
+        options.on_progress(summary.iterations, phi_bar / beta1);
       }
 
-      v = y / beta;
-      system.ApplyBTransposed(v, &p);
-      system.ApplyInverseA(p, &h);
-      system.ApplyB(h, &y);
-      if (summary.iterations > 0) y -= (beta / old_beta) * r1;
-      const double alfa = v.dot(y);
-      y -= (alfa / beta) * r2;
+      Assign(team, y / beta, &v);
+      system.ApplySchur(v, &y);
+      if (summary.iterations > 0) Assign(team, y - (beta / old_beta) * r1, &y);
+      const double alfa = Dot(team, v, y);
       r1.swap(r2);
-      r2 = y;
+      Assign(team, y - (alfa / beta) * r1, &r2);
       preconditioner.Apply(r2, &y);
       old_beta = beta;
-      const double beta_squared = r2.dot(y);
+      const double beta_squared = Dot(team, r2, y);
       if (beta_squared < 0) {
         summary.termination = LinearTermination::kStagnated;
         break;
@@ -81,8 +76,8 @@ class MinresSolver final : public LinearSolver {
 
       w1.swap(w2);
       w2.swap(w);
-      w = (v - old_epsilon * w1 - delta * w2) / gamma;
-      solution->lambda += phi * w;
+      Assign(team, (v - old_epsilon * w1 - delta * w2) / gamma, &w);
+      Assign(team, *lambda + phi * w, lambda);
       ++summary.iterations;
       if (beta == 0) break;  // the Krylov space is exhausted
     }

@@ -4,11 +4,12 @@
 //   B x              = g
 //
 // Eliminating x leaves the Schur complement  M lambda = B A^-1 f - g,  M = B A^-1 B^t,  x = A^-1 (f - B^t lambda).
-// M is never formed by the iterative solvers.
+// M is never formed by the iterative solvers; a system that has it as a matrix may apply that (ApplySchur).
 #pragma once
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
+#include "core/base/thread_team.h"
 
 namespace planish {
 
@@ -27,8 +28,16 @@ class SaddlePointOperator {
   virtual void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const = 0;
   virtual void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const = 0;
 
+  // y = M lambda, by default B (A^-1 (B^t lambda)).
+  virtual void ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const;
   // The diagonal of M.
   virtual Eigen::VectorXd SchurDiagonal() const = 0;
+
+  // Who does the work on vectors of this system.
+  virtual ThreadTeam& team() const { return Alone(); }
+
+ private:
+  mutable Eigen::VectorXd p_, h_;  // of ApplySchur: one solver at a time
 };
 
 }  // namespace planish

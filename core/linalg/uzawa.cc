@@ -9,33 +9,33 @@
 //
 // (The paper prints u_0 for x_0 and a minus before beta d_k; with q = g - B x the conjugate direction needs the plus,
 // as in Braess 2001, section IV.5.) A preconditioner K puts z = K^-1 q in the place of q in d and of one q in each
-// scalar product; K = I is the algorithm as printed. <p_k, h_k> is the curvature d^t M d.
+// scalar product; K = I is the algorithm as printed.
+//
+// Neither p, h nor x appears below by itself: <p_k, h_k> = <d_k, M d_k> is the curvature of M, q_{k+1} = q_k + alpha_k
+// M d_k, and x follows from the last lambda. So a system that has M as a matrix can use it.
+#include <cmath>
+
 #include "core/linalg/linear_solver.h"
+#include "core/linalg/vector_ops.h"
 
 namespace planish {
 namespace {
 
 class UzawaSolver final : public LinearSolver {
   LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
-                          SaddlePointSolution* solution) const override {
-    Eigen::VectorXd &x = solution->x, &lambda = solution->lambda;
-    Eigen::VectorXd q, z, p, h;
-
-    system.ApplyBTransposed(lambda, &p);
-    p = f - p;
-    system.ApplyInverseA(p, &x);
-    system.ApplyB(x, &q);
-    q = g - q;
+                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                          Eigen::VectorXd* lambda) const override {
+    ThreadTeam& team = system.team();
+    Eigen::VectorXd q = -rhs, z, schur;
     preconditioner.Apply(q, &z);
     Eigen::VectorXd d = -z;
-    double qz = q.dot(z);
-    const double goal = options.relative_tolerance * q.norm();
+    double qz = Dot(team, q, z);
+    const double first = Norm(team, q);
+    const double goal = options.relative_tolerance * first;
 
     LinearSummary summary;
-    const double first = q.norm();
+    double residual = first;
     while (true) {
-      const double residual = q.norm();
       if (!std::isfinite(residual)) {
         summary.termination = LinearTermination::kStagnated;
         break;
@@ -45,30 +45,31 @@ class UzawaSolver final : public LinearSolver {
         summary.termination = LinearTermination::kIterationLimit;
         break;
       }
-      if (summary.iterations % kProgressInterval == 0) {
-        if (options.on_progress) options.on_progress(summary.iterations, residual / first);
-        if (IsInterrupted(options.interrupter)) {
-          summary.termination = LinearTermination::kInterrupted;
-          break;
-        }
+      if (IsInterrupted(options.interrupter)) {
+        summary.termination = LinearTermination::kInterrupted;
+        break;
       }
-      system.ApplyBTransposed(d, &p);
-      system.ApplyInverseA(p, &h);
-      const double curvature = p.dot(h);
+      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
+        options.on_progress(summary.iterations, residual / first);
+      }
+      system.ApplySchur(d, &schur);
+      const double curvature = Dot(team, d, schur);
       if (!(curvature > 0) || !(qz > 0)) {
         summary.termination = LinearTermination::kIndefinite;
         break;
       }
       const double alpha = qz / curvature;
-      lambda += alpha * d;
-      x -= alpha * h;
-      system.ApplyB(x, &q);
-      q = g - q;
+      residual = std::sqrt(team.Sum(q.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
+        const std::int64_t n = end - begin;
+        lambda->segment(begin, n) += alpha * d.segment(begin, n);
+        q.segment(begin, n) += alpha * schur.segment(begin, n);
+        return q.segment(begin, n).squaredNorm();
+      }));
       preconditioner.Apply(q, &z);
-      const double next_qz = q.dot(z);
+      const double next_qz = Dot(team, q, z);
       const double beta = next_qz / qz;
       qz = next_qz;
-      d = beta * d - z;
+      Assign(team, beta * d - z, &d);
       ++summary.iterations;
     }
     return summary;

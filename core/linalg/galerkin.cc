@@ -1,0 +1,304 @@
+// The structure and the numbers of the coarse levels: P and P^t A P.
+#include <algorithm>
+#include <cmath>
+
+#include "core/linalg/multigrid_level.h"
+
+namespace planish {
+namespace {
+
+using Index = std::int32_t;
+
+constexpr Index kRows = 4096;
+
+// Which columns of a row have been met, and where they are.
+class ColumnMarks {
+ public:
+  explicit ColumnMarks(Index num_columns) : place_(num_columns, -1) {}
+
+  // Begins a row whose entries start at `begin`, no smaller than any place so far.
+  void Begin(Index begin) { begin_ = begin; }
+  bool Has(Index column) const { return place_[column] >= begin_; }
+  Index Place(Index column) const { return place_[column]; }
+  void Set(Index column, Index place) { place_[column] = place; }
+
+ private:
+  std::vector<Index> place_;
+  Index begin_ = 0;
+};
+
+// Rows whose lengths are known only when they are there, made chunk by chunk side by side: row(i, add) calls
+// add(column) for the columns of row i, as often as it likes.
+template <typename Row>
+void BuildRows(Index num_rows, Index num_columns, ThreadTeam* team, const Row& row, std::vector<Index>* row_begin,
+               std::vector<Index>* column) {
+  struct Part {
+    std::vector<Index> column, length;
+  };
+  std::vector<Part> parts(static_cast<std::size_t>((num_rows + kRows - 1) / kRows));
+  team->For(num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+    Part& part = parts[static_cast<std::size_t>(begin / kRows)];
+    ColumnMarks marks(num_columns);
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      const auto start = static_cast<Index>(part.column.size());
+      marks.Begin(start);
+      row(i, [&](Index j) {
+        if (marks.Has(j)) return;
+        marks.Set(j, static_cast<Index>(part.column.size()));
+        part.column.push_back(j);
+      });
+      part.length.push_back(static_cast<Index>(part.column.size()) - start);
+    }
+  });
+  row_begin->assign(1, 0);
+  row_begin->reserve(num_rows + 1);
+  column->clear();
+  for (Part& part : parts) {
+    for (const Index length : part.length) row_begin->push_back(row_begin->back() + length);
+    column->insert(column->end(), part.column.begin(), part.column.end());
+    part = Part();
+  }
+}
+
+// c += a b and c += a^t b for blocks of 2x2 parts: a is Rows x Inner (or its transpose), b Inner x 2.
+template <int Rows, int Inner>
+void AddProduct(const float* a, const float* b, float* c) {
+  for (int r = 0; r < Rows; ++r) {
+    for (int q = 0; q < 2; ++q) {
+      float* to = c + 4 * (2 * r + q);
+      auto sum = Load<Float4>(to);
+      for (int s = 0; s < Inner; ++s) {
+        sum += Product(Load<Float4>(a + 4 * (Inner * r + s)), Load<Float4>(b + 4 * (2 * s + q)));
+      }
+      Store(sum, to);
+    }
+  }
+}
+template <int Inner>
+void AddTransposedProduct(const float* a, const float* b, float* c) {
+  for (int r = 0; r < 2; ++r) {
+    for (int q = 0; q < 2; ++q) {
+      float* to = c + 4 * (2 * r + q);
+      auto sum = Load<Float4>(to);
+      for (int s = 0; s < Inner; ++s) {
+        sum += Product(Transposed(Load<Float4>(a + 4 * (2 * s + r))), Load<Float4>(b + 4 * (2 * s + q)));
+      }
+      Store(sum, to);
+    }
+  }
+}
+
+// Largest eigenvalue of D^-1 A, from below, by a few power iterations.
+template <int N>
+double LargestEigenvalue(const LevelMatrix<N>& a, ThreadTeam* team) {
+  using Vector = typename LevelVector<N>::Type;
+  constexpr int kIterations = 8;
+  const Index n = a.num_rows();
+  std::vector<float> v(N * std::size_t(n)), next(N * std::size_t(n));
+  std::uint32_t state = 1;
+  for (float& entry : v) {
+    state = state * 1664525U + 1013904223U;  // fixed seed: the same numbers on every run
+    entry = static_cast<float>(state >> 8) / 8388608.0F - 1.0F;
+  }
+  double norm = std::sqrt(N / 3.0 * n);
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    const auto scale = static_cast<float>(1 / norm);
+    norm = std::sqrt(team->Sum(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+      double sum = 0;
+      for (auto i = static_cast<Index>(begin); i < end; ++i) {
+        const Vector y = SolveRow(a, i, RowProduct(a, a.row_begin[i], a.row_begin[i + 1], v.data()) * scale);
+        Store(y, &next[N * std::size_t(i)]);
+        for (int q = 0; q < N; ++q) sum += double(y[q]) * y[q];
+      }
+      return sum;
+    }));
+    v.swap(next);
+  }
+  return norm;
+}
+
+}  // namespace
+
+template <int N>
+bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix<4>* coarse, ThreadTeam* team) {
+  constexpr double kLeastCoarsening = 0.9;
+  constexpr double kEigenvalueMargin = 1.05;
+  const Index n = num_rows();
+  Prolongation& p = prolongation;
+  std::vector<char> strong = StrongCouplings(a, theta);
+  for (Index i = 0; i < n; ++i) {
+    for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+      if (i >= num_coupled || a.column[k] >= num_coupled) strong[k] = 0;
+    }
+  }
+  p.aggregates = Aggregate(a, strong, /*wide=*/N == 2);
+  const std::vector<Index>& aggregate = p.aggregates.of_row;
+  const Index count = p.aggregates.count;
+  if (count == 0 || count > kLeastCoarsening * n) return false;
+  p.omega = 4.0 / 3 / (kEigenvalueMargin * LargestEigenvalue(a, team));
+
+  BuildRows(
+      n, count, team,
+      [&](Index i, const auto& add) {
+        if (i >= num_coupled) return;
+        for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+          if (const Index c = aggregate[a.column[k]]; c >= 0) add(c);
+        }
+      },
+      &p.row_begin, &p.column);
+  p.value.resize(4 * N * p.column.size());
+
+  p.transposed_begin.assign(count + 1, 0);
+  for (const Index c : p.column) ++p.transposed_begin[c + 1];
+  for (Index c = 0; c < count; ++c) p.transposed_begin[c + 1] += p.transposed_begin[c];
+  p.transposed.resize(p.column.size());
+  std::vector<Index> cursor(p.transposed_begin.begin(), p.transposed_begin.end() - 1);
+  for (Index i = 0; i < n; ++i) {
+    for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) p.transposed[cursor[p.column[k]]++] = {i, k};
+  }
+
+  BuildRows(
+      n, count, team,
+      [&](Index i, const auto& add) {
+        for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+          const Index j = a.column[k];
+          for (Index m = p.row_begin[j]; m < p.row_begin[j + 1]; ++m) add(p.column[m]);
+        }
+      },
+      &p.product_begin, &p.product_column);
+
+  std::vector<Index> begin, column;
+  BuildRows(
+      count, count, team,
+      [&](Index c, const auto& add) {
+        add(c);
+        for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
+          const Index i = p.transposed[t].row;
+          for (Index m = p.product_begin[i]; m < p.product_begin[i + 1]; ++m) add(p.product_column[m]);
+        }
+      },
+      &begin, &column);
+  coarse->SetPattern(begin, column);
+  return true;
+}
+
+template <int N>
+void MultigridLevel<N>::FillOffsets(LevelCoordinates* coarse_coordinates) {
+  Prolongation& p = prolongation;
+  const std::vector<Index>& aggregate = p.aggregates.of_row;
+  const Index n = num_rows(), count = p.aggregates.count;
+  std::vector<std::complex<double>>& centre = coarse_coordinates->centre;
+  std::vector<double>& extent = coarse_coordinates->extent;
+  std::vector<Index> members(count, 0);
+  centre.assign(count, 0);
+  extent.assign(count, 0);
+  for (Index i = 0; i < n; ++i) {
+    if (aggregate[i] < 0) continue;
+    ++members[aggregate[i]];
+    centre[aggregate[i]] += coordinates.centre[i];
+  }
+  for (Index c = 0; c < count; ++c) centre[c] /= members[c];
+  for (Index i = 0; i < n; ++i) {
+    if (aggregate[i] < 0) continue;
+    extent[aggregate[i]] += std::norm(coordinates.centre[i] - centre[aggregate[i]]);
+    if (N == 4) extent[aggregate[i]] += coordinates.extent[i] * coordinates.extent[i];
+  }
+  for (Index c = 0; c < count; ++c) extent[c] = std::sqrt(extent[c] / members[c]);
+  p.offset.assign(2 * std::size_t(n), 0.0F);
+  p.scale.assign(N == 2 ? 0 : std::size_t(n), 0.0F);
+  for (Index i = 0; i < n; ++i) {
+    const Index c = aggregate[i];
+    if (c < 0 || !(extent[c] > 0)) continue;
+    const std::complex<double> offset = (coordinates.centre[i] - centre[c]) / extent[c];
+    Store(Float2{static_cast<float>(offset.real()), static_cast<float>(offset.imag())}, &p.offset[2 * std::size_t(i)]);
+    if (N == 4) p.scale[i] = static_cast<float>(coordinates.extent[i] / extent[c]);
+  }
+}
+
+template <int N>
+void MultigridLevel<N>::FillProlongation(ThreadTeam* team) {
+  constexpr int kParts = N / 2;
+  Prolongation& p = prolongation;
+  const std::vector<Index>& aggregate = p.aggregates.of_row;
+  const auto omega = static_cast<float>(p.omega);
+  team->For(num_rows(), kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      const Index row = p.row_begin[i], row_end = p.row_begin[i + 1];
+      if (row == row_end) continue;
+      std::fill(&p.value[4 * N * std::size_t(row)], p.value.data() + 4 * N * std::size_t(row_end), 0.0F);
+      for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+        const Index j = a.column[k], c = aggregate[j];
+        if (c < 0) continue;
+        // W = delta_ij - omega D_i^-1 A_ij, by parts, then W P_0j.
+        Float4 w[kParts][kParts];
+        for (int r = 0; r < kParts; ++r) {
+          for (int q = 0; q < kParts; ++q) {
+            w[r][q] = i == j && r == q ? Float4{1, 0, 0, 1} : Float4{};
+            for (int s = 0; s < kParts; ++s) {
+              w[r][q] -= omega * Product(Load<Float4>(&a.inverse[N * N * std::size_t(i)] + 4 * (kParts * r + s)),
+                                         Load<Float4>(a.Block(k) + 4 * (kParts * s + q)));
+            }
+          }
+        }
+        const Index at = static_cast<Index>(std::find(&p.column[row], &p.column[row_end - 1], c) - p.column.data());
+        float* to = &p.value[4 * N * std::size_t(at)];
+        const Float4 offset = ComplexBlock(Load<Float2>(&p.offset[2 * std::size_t(j)]));
+        for (int r = 0; r < kParts; ++r) {
+          Store(Load<Float4>(to + 8 * r) + w[r][0], to + 8 * r);
+          Float4 beta = Product(w[r][0], offset);
+          if (N == 4) beta += w[r][kParts - 1] * p.scale[j];
+          Store(Load<Float4>(to + 8 * r + 4) + beta, to + 8 * r + 4);
+        }
+      }
+    }
+  });
+}
+
+template <int N>
+void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team) {
+  constexpr int kParts = N / 2;
+  FillOffsets(coarse_coordinates);
+  FillProlongation(team);
+  const Prolongation& p = prolongation;
+  const Index count = p.aggregates.count;
+  std::vector<float> product(4 * N * p.product_column.size());
+  team->For(num_rows(), kRows, [&](std::int64_t first, std::int64_t last) {
+    ColumnMarks marks(count);
+    for (auto i = static_cast<Index>(first); i < last; ++i) {
+      for (Index k = p.product_begin[i]; k < p.product_begin[i + 1]; ++k) marks.Set(p.product_column[k], k);
+      for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+        const Index j = a.column[k];
+        for (Index m = p.row_begin[j]; m < p.row_begin[j + 1]; ++m) {
+          AddProduct<kParts, kParts>(a.Block(k), &p.value[4 * N * std::size_t(m)],
+                                     &product[4 * N * std::size_t(marks.Place(p.column[m]))]);
+        }
+      }
+    }
+  });
+  team->For(count, kRows / 16, [&](std::int64_t first, std::int64_t last) {
+    ColumnMarks marks(count);
+    for (auto c = static_cast<Index>(first); c < last; ++c) {
+      for (Index k = coarse->row_begin[c]; k < coarse->row_begin[c + 1]; ++k) {
+        marks.Set(coarse->column[k], k);
+        std::fill(coarse->Block(k), coarse->Block(k) + 16, 0.0F);
+      }
+      for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
+        const auto [i, block] = p.transposed[t];
+        for (Index m = p.product_begin[i]; m < p.product_begin[i + 1]; ++m) {
+          AddTransposedProduct<kParts>(&p.value[4 * N * std::size_t(block)], &product[4 * N * std::size_t(m)],
+                                       coarse->Block(marks.Place(p.product_column[m])));
+        }
+      }
+      // An aggregate of no extent does not use its beta: any positive diagonal will do.
+      float* diagonal = coarse->Block(coarse->diagonal[c]);
+      if (!(coarse_coordinates->extent[c] > 0)) std::copy(diagonal, diagonal + 4, diagonal + 12);
+    }
+  });
+}
+
+template bool MultigridLevel<2>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*);
+template bool MultigridLevel<4>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*);
+template void MultigridLevel<2>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*);
+template void MultigridLevel<4>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*);
+
+}  // namespace planish

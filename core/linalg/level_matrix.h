@@ -1,0 +1,89 @@
+// The matrix of one level of the multigrid: float blocks in the order the smoother walks them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/base/thread_team.h"
+#include "core/linalg/block_matrix.h"
+#include "core/linalg/float_block.h"
+
+namespace planish {
+
+// N x N blocks, N = 2 on the finest level and 4 on the others. Row i holds [row_begin[i], row_begin[i + 1]) in this
+// order: columns of its own chunk before i, the diagonal at diagonal[i], columns of its own chunk after i, and from
+// outside_begin[i] on columns of other chunks.
+//
+// A block of 2x2 is stored by rows; one of 4x4 as its four 2x2 parts (00, 01, 10, 11), each by rows.
+template <int N>
+struct LevelMatrix {
+  // Rows that one thread relaxes in sequence. Rows of different chunks are relaxed side by side, from each other's old
+  // values, whatever the number of threads.
+  static constexpr std::int32_t kChunk = N == 2 ? 4096 : 1024;
+  static constexpr std::int64_t kBlockSize = N * N;
+
+  std::vector<std::int32_t> row_begin = {0};
+  std::vector<std::int32_t> diagonal, outside_begin;
+  std::vector<std::int32_t> column;
+  std::vector<float> value;
+  std::vector<float> inverse;  // of the diagonal blocks
+
+  std::int32_t num_rows() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
+  const float* Block(std::int32_t k) const { return &value[static_cast<std::size_t>(kBlockSize * k)]; }
+  float* Block(std::int32_t k) { return &value[static_cast<std::size_t>(kBlockSize * k)]; }
+
+  // The pattern of rows given one after the other, columns in any order.
+  void SetPattern(const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& columns);
+  // Fills `inverse`. FAILED_PRECONDITION: a diagonal block is missing or not positive definite.
+  absl::Status InvertDiagonal(ThreadTeam* team);
+};
+
+// The numbers of `matrix`, columns ascending, whose pattern `level` has.
+void SetValues(const BlockMatrix<double>& matrix, LevelMatrix<2>* level, ThreadTeam* team);
+
+template <int N>
+struct LevelVector;
+template <>
+struct LevelVector<2> {
+  using Type = Float2;
+};
+template <>
+struct LevelVector<4> {
+  using Type = Float4;
+};
+
+// Sum of blocks [first, last) of `a`, of one row, times x.
+inline Float2 RowProduct(const LevelMatrix<2>& a, std::int32_t first, std::int32_t last, const float* x) {
+  Float4 terms = {};
+  for (std::int32_t k = first; k < last; ++k) {
+    terms += Terms(Load<Float4>(a.Block(k)), Load<Float2>(x + 2 * std::int64_t{a.column[k]}));
+  }
+  return RowSums(terms);
+}
+inline Float4 RowProduct(const LevelMatrix<4>& a, std::int32_t first, std::int32_t last, const float* x) {
+  Float4 upper = {}, lower = {};
+  for (std::int32_t k = first; k < last; ++k) {
+    const float *block = a.Block(k), *at = x + 4 * std::int64_t{a.column[k]};
+    const Float4 x0 = Load<Float4>(at);
+    const Float4 x00 = __builtin_shufflevector(x0, x0, 0, 1, 0, 1), x11 = __builtin_shufflevector(x0, x0, 2, 3, 2, 3);
+    upper += Load<Float4>(block) * x00 + Load<Float4>(block + 4) * x11;
+    lower += Load<Float4>(block + 8) * x00 + Load<Float4>(block + 12) * x11;
+  }
+  const Float2 u = RowSums(upper), l = RowSums(lower);
+  return __builtin_shufflevector(u, l, 0, 1, 2, 3);
+}
+
+// inverse of diagonal block i times r.
+inline Float2 SolveRow(const LevelMatrix<2>& a, std::int32_t i, const Float2& r) {
+  return RowSums(Terms(Load<Float4>(&a.inverse[4 * std::size_t(i)]), r));
+}
+inline Float4 SolveRow(const LevelMatrix<4>& a, std::int32_t i, const Float4& r) {
+  const float* block = &a.inverse[16 * std::size_t(i)];
+  const Float4 r00 = __builtin_shufflevector(r, r, 0, 1, 0, 1), r11 = __builtin_shufflevector(r, r, 2, 3, 2, 3);
+  const Float2 u = RowSums(Load<Float4>(block) * r00 + Load<Float4>(block + 4) * r11);
+  const Float2 l = RowSums(Load<Float4>(block + 8) * r00 + Load<Float4>(block + 12) * r11);
+  return __builtin_shufflevector(u, l, 0, 1, 2, 3);
+}
+
+}  // namespace planish

@@ -1,0 +1,101 @@
+#include "core/linalg/multigrid_level.h"
+
+#include <cmath>
+
+namespace planish {
+namespace {
+
+using Index = std::int32_t;
+
+// Rows of a loop whose rows do not depend on each other.
+constexpr Index kRows = 4096;
+
+// Block k of P times the coarse unknowns, to be added up.
+Float2 Prolong(const float* block, const Float4& coarse, Float2 /*tag*/) {
+  const Float4 alpha = __builtin_shufflevector(coarse, coarse, 0, 1, 0, 1);
+  const Float4 beta = __builtin_shufflevector(coarse, coarse, 2, 3, 2, 3);
+  return RowSums(Load<Float4>(block) * alpha + Load<Float4>(block + 4) * beta);
+}
+Float4 Prolong(const float* block, const Float4& coarse, Float4 /*tag*/) {
+  const Float2 alpha = Prolong(block, coarse, Float2{}), beta = Prolong(block + 8, coarse, Float2{});
+  return __builtin_shufflevector(alpha, beta, 0, 1, 2, 3);
+}
+// The transposed block times r.
+Float4 RestrictOne(const float* block, const Float2& r) {
+  const Float4 rr = __builtin_shufflevector(r, r, 0, 0, 1, 1);
+  const Float4 alpha = Load<Float4>(block) * rr, beta = Load<Float4>(block + 4) * rr;
+  return __builtin_shufflevector(alpha, beta, 0, 1, 4, 5) + __builtin_shufflevector(alpha, beta, 2, 3, 6, 7);
+}
+Float4 RestrictOne(const float* block, const Float4& r) {
+  return RestrictOne(block, __builtin_shufflevector(r, r, 0, 1)) +
+         RestrictOne(block + 8, __builtin_shufflevector(r, r, 2, 3));
+}
+
+}  // namespace
+
+template <int N>
+void MultigridLevel<N>::ResizeVectors() {
+  for (std::vector<float>* v : {&b, &x, &old}) v->resize(N * std::size_t(num_rows()));
+}
+
+template <int N>
+void MultigridLevel<N>::RelaxFromZero(ThreadTeam* team) {
+  team->For(num_rows(), a.kChunk, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      const Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data());
+      Store(SolveRow(a, i, r), &x[N * std::size_t(i)]);
+    }
+  });
+}
+
+template <int N>
+void MultigridLevel<N>::Restrict(std::vector<float>* coarse_b, ThreadTeam* team) {
+  const Prolongation& p = prolongation;
+  // Of b - a x the part that the sweep solved for is zero.
+  team->For(num_rows(), kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      const Vector r = -RowProduct(a, a.diagonal[i] + 1, a.row_begin[i + 1], x.data());
+      Store(r, &old[N * std::size_t(i)]);
+    }
+  });
+  team->For(p.aggregates.count, kRows / 16, [&](std::int64_t begin, std::int64_t end) {
+    for (auto c = static_cast<Index>(begin); c < end; ++c) {
+      Float4 sum = {};
+      for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
+        const auto [row, block] = p.transposed[t];
+        sum += RestrictOne(&p.value[4 * N * std::size_t(block)], Load<Vector>(&old[N * std::size_t(row)]));
+      }
+      Store(sum, &(*coarse_b)[4 * std::size_t(c)]);
+    }
+  });
+}
+
+template <int N>
+void MultigridLevel<N>::CorrectAndRelax(const std::vector<float>& coarse_x, ThreadTeam* team) {
+  const Index n = num_rows();
+  const Prolongation& p = prolongation;
+  team->For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<Index>(begin); i < end; ++i) {
+      auto corrected = Load<Vector>(&x[N * std::size_t(i)]);
+      for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) {
+        corrected +=
+            Prolong(&p.value[4 * N * std::size_t(k)], Load<Float4>(&coarse_x[4 * std::size_t(p.column[k])]), Vector{});
+      }
+      Store(corrected, &x[N * std::size_t(i)]);
+      Store(corrected, &old[N * std::size_t(i)]);
+    }
+  });
+  team->For(n, a.kChunk, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<Index>(end) - 1; i >= begin; --i) {
+      const Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data()) -
+                       RowProduct(a, a.diagonal[i] + 1, a.outside_begin[i], x.data()) -
+                       RowProduct(a, a.outside_begin[i], a.row_begin[i + 1], old.data());
+      Store(SolveRow(a, i, r), &x[N * std::size_t(i)]);
+    }
+  });
+}
+
+template struct MultigridLevel<2>;
+template struct MultigridLevel<4>;
+
+}  // namespace planish
