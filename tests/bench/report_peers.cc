@@ -1,0 +1,70 @@
+// Others on the same meshes in the same minutes.
+#include <algorithm>
+
+#include "tests/bench/report.h"
+
+namespace planish::bench {
+namespace {
+
+std::string NameOf(const std::string& tool) {
+  return tool == "blender" ? "Blender ABF" : tool == "cgal" ? "CGAL LSCM" : tool;
+}
+
+// `tool`'s seconds over ours, round by round.
+std::vector<double> Ratios(const Runs& mesh, const std::string& tool) {
+  std::vector<double> ratios;
+  for (const auto& round : Values(mesh, "round")) {
+    const Runs now = Where(mesh, "round", round);
+    const std::vector<double> ours = Numbers(Where(now, "tool", "planish"), "map_seconds");
+    const std::vector<double> theirs = Numbers(Where(now, "tool", tool), "map_seconds");
+    if (!ours.empty() && !theirs.empty()) ratios.push_back(theirs[0] / ours[0]);
+  }
+  return ratios;
+}
+
+std::string Flips(const nlohmann::json& run) {
+  if (!run.contains("flipped")) return "-";
+  return WithCommas(run["flipped"]) + " / " + WithCommas(run["degenerate"]);
+}
+
+std::string Energy(const nlohmann::json& run) {
+  if (!run.contains("abf_energy")) return "-";
+  if (!run["abf_energy"].is_number()) return "infinite";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3e", run["abf_energy"].get<double>());
+  return text;
+}
+
+}  // namespace
+
+std::string ReportPeers(const Runs& runs, const std::string& columns) {
+  std::string text = HeaderRow({"mesh", "triangles", "tool", "seconds", "times planish", "least to most", "ABF energy",
+                                "flipped / degenerate", "mean conformal distortion"});
+  std::string data = "mesh planish blender cgal\n";
+  for (const auto& label : Values(runs, "mesh")) {
+    const Runs mesh = Where(runs, "mesh", label);
+    std::string row = "\"" + label.get<std::string>() + "\\n" + WithCommas(mesh.front()["triangles"]) + "\"";
+    for (const char* tool : {"planish", "blender", "cgal"}) {
+      const Runs own = Where(mesh, "tool", tool);
+      const std::vector<double> seconds = Numbers(own, "map_seconds");
+      row += seconds.empty() ? " NaN" : " " + std::to_string(Median(seconds));
+      if (own.empty()) continue;
+      const std::vector<double> ratios = Ratios(mesh, tool);
+      const bool peer = std::string(tool) != "planish" && !ratios.empty();
+      const auto& run = own.front();
+      const std::vector<double> distortion = Numbers(own, "conformal_distortion_mean");
+      text += Row({label, WithCommas(run["triangles"]), NameOf(tool),
+                   seconds.empty() ? run.value("ended", "failed") : ThreeDigits(Median(seconds)),
+                   peer ? ThreeDigits(Median(ratios)) : "",
+                   peer ? ThreeDigits(*std::min_element(ratios.begin(), ratios.end())) + " to " +
+                              ThreeDigits(*std::max_element(ratios.begin(), ratios.end()))
+                        : "",
+                   Energy(run), Flips(run), distortion.empty() ? "-" : ThreeDigits(distortion[0])});
+    }
+    data += row + "\n";
+  }
+  WriteText(columns + ".columns", data);
+  return text;
+}
+
+}  // namespace planish::bench
