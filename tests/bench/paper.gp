@@ -10,11 +10,10 @@ set style line 5 lc rgb "#8d6a9f" lw 2 pt 7
 set style line 6 lc rgb "#444444" lw 2 pt 7
 set logscale y
 set format y "10^{%L}"
-set grid ytics lc rgb "#dddddd"
+set grid ytics lt 1 lw 0.5 lc rgb "#cccccc"
 set xtics ("full,\nnone" 0, "full,\nJacobi" 1, "reduced,\nnone" 2, "reduced,\nJacobi" 3, "reduced,\nmultigrid" 4, "and\nforcing" 5)
 set xrange [-0.3:5.3]
-blocks = 12
-half = blocks / 2
+set datafile columnheaders
 stats columns nooutput
 blocks = STATS_blocks
 half = blocks / 2

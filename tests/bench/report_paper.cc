@@ -132,6 +132,7 @@ std::string Columns(const Runs& runs, const std::vector<nlohmann::json>& steps) 
     for (const auto& triangles : Values(runs, "triangles")) {
       const Runs mesh = Where(Where(runs, "triangles", triangles), "solver", solver);
       if (mesh.empty()) continue;
+      if (!text.empty()) text += "\n\n";  // between gnuplot's blocks
       text += "\"" + mesh.front()["mesh"].get<std::string>() + " " + WithCommas(triangles) + "\"\n";
       for (std::size_t i = 0; i < steps.size(); ++i) {
         const Runs run = Where(mesh, "step", steps[i]);
@@ -141,7 +142,6 @@ std::string Columns(const Runs& runs, const std::vector<nlohmann::json>& steps) 
                 std::to_string(run.front()["linear_iterations"].get<std::int64_t>()) + " " +
                 (Converged(run.front()) ? "0" : "1") + "\n";
       }
-      text += "\n\n";
     }
   }
   return text;

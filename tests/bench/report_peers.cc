@@ -1,5 +1,6 @@
 // Others on the same meshes in the same minutes.
 #include <algorithm>
+#include <cstdio>
 
 #include "tests/bench/report.h"
 
@@ -27,11 +28,12 @@ std::string Flips(const nlohmann::json& run) {
   return WithCommas(run["flipped"]) + " / " + WithCommas(run["degenerate"]);
 }
 
-std::string Energy(const nlohmann::json& run) {
-  if (!run.contains("abf_energy")) return "-";
-  if (!run["abf_energy"].is_number()) return "infinite";
+// A number printed by `format`; "infinite" where a triangle has no area; "-" where the tool failed.
+std::string Number(const nlohmann::json& run, const char* field, const char* format) {
+  if (!run.contains(field)) return "-";
+  if (!run[field].is_number()) return "infinite";
   char text[32];
-  std::snprintf(text, sizeof text, "%.3e", run["abf_energy"].get<double>());
+  std::snprintf(text, sizeof text, format, run[field].get<double>());
   return text;
 }
 
@@ -40,7 +42,7 @@ std::string Energy(const nlohmann::json& run) {
 std::string ReportPeers(const Runs& runs, const std::string& columns) {
   std::string text = HeaderRow({"mesh", "triangles", "tool", "seconds", "times planish", "least to most", "ABF energy",
                                 "flipped / degenerate", "mean conformal distortion"});
-  std::string data = "mesh planish blender cgal\n";
+  std::string data;  // label, then seconds of planish, Blender and CGAL
   for (const auto& label : Values(runs, "mesh")) {
     const Runs mesh = Where(runs, "mesh", label);
     std::string row = "\"" + label.get<std::string>() + "\\n" + WithCommas(mesh.front()["triangles"]) + "\"";
@@ -52,14 +54,13 @@ std::string ReportPeers(const Runs& runs, const std::string& columns) {
       const std::vector<double> ratios = Ratios(mesh, tool);
       const bool peer = std::string(tool) != "planish" && !ratios.empty();
       const auto& run = own.front();
-      const std::vector<double> distortion = Numbers(own, "conformal_distortion_mean");
       text += Row({label, WithCommas(run["triangles"]), NameOf(tool),
                    seconds.empty() ? run.value("ended", "failed") : ThreeDigits(Median(seconds)),
                    peer ? ThreeDigits(Median(ratios)) : "",
                    peer ? ThreeDigits(*std::min_element(ratios.begin(), ratios.end())) + " to " +
                               ThreeDigits(*std::max_element(ratios.begin(), ratios.end()))
                         : "",
-                   Energy(run), Flips(run), distortion.empty() ? "-" : ThreeDigits(distortion[0])});
+                   Number(run, "abf_energy", "%.3e"), Flips(run), Number(run, "conformal_distortion_mean", "%.3f")});
     }
     data += row + "\n";
   }

@@ -11,6 +11,7 @@ std::string ReportScale(const Runs& runs, const std::string& columns) {
     for (const auto& label : Values(runs, "family")) {
       const Runs family = Where(Where(runs, "threads", threads), "family", label);
       if (family.empty()) continue;
+      if (!data.empty()) data += "\n\n";  // between gnuplot's blocks
       data +=
           "\"" + label.get<std::string>() + ", " + threads.dump() + (threads == 1 ? " thread" : " threads") + "\"\n";
       for (const auto& triangles : Values(family, "triangles")) {
@@ -32,7 +33,6 @@ std::string ReportScale(const Runs& runs, const std::string& columns) {
                   std::to_string(bytes) + "\n";
         }
       }
-      data += "\n\n";
     }
   }
   WriteText(columns + ".columns", data);

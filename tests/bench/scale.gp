@@ -2,6 +2,7 @@
 set terminal pngcairo size 1100,400 font "sans,10"
 set output out
 set multiplot layout 1,3 margins 0.06,0.98,0.14,0.9 spacing 0.07,0
+set datafile columnheaders
 stats columns nooutput
 last = STATS_blocks - 1
 set style line 1 lc rgb "#1b6ca8" lw 2 pt 7
@@ -11,7 +12,7 @@ set style line 4 lc rgb "#edae49" lw 2 pt 5
 set logscale x
 set xlabel "triangles"
 set format x "10^{%L}"
-set grid lc rgb "#dddddd"
+set grid lt 1 lw 0.5 lc rgb "#cccccc"
 set key left top Left reverse samplen 1.5
 set logscale y
 set format y "10^{%L}"
