@@ -27,13 +27,16 @@ bool Converged(const nlohmann::json& run) {
   return run["ended"] == "converged";
 }
 
+double SolveSeconds(const Runs& runs) {
+  return Median(Numbers(runs, "solve_seconds"));
+}
+
 // Seconds, or "over N".
 std::string Seconds(const Runs& runs) {
   if (runs.empty()) return "-";
-  const auto& run = runs.front();
-  if (Converged(run)) return ThreeDigits(run["solve_seconds"]);
-  if (run["ended"] == "time limit") return "over " + ThreeDigits(run["solve_seconds"]);
-  return "not converged (" + ThreeDigits(run["solve_seconds"]) + ")";
+  const std::string seconds = ThreeDigits(SolveSeconds(runs));
+  if (Converged(runs.front())) return seconds;
+  return runs.front()["ended"] == "time limit" ? "over " + seconds : "not converged (" + seconds + ")";
 }
 
 // Newton steps, linear iterations, seconds.
@@ -92,7 +95,7 @@ std::string Gain(const Runs& runs, const nlohmann::json& from, const nlohmann::j
     if (before.empty() || after.empty() || !Converged(before.front()) || !Converged(after.front())) continue;
     iterations.push_back(before.front()["linear_iterations"].get<double>() /
                          after.front()["linear_iterations"].get<double>());
-    seconds.push_back(before.front()["solve_seconds"].get<double>() / after.front()["solve_seconds"].get<double>());
+    seconds.push_back(SolveSeconds(before) / SolveSeconds(after));
   }
   if (iterations.empty()) return "-";
   return ThreeDigits(GeometricMean(iterations)) + " / " + ThreeDigits(GeometricMean(seconds)) + " (" +
@@ -138,7 +141,7 @@ std::string Columns(const Runs& runs, const std::vector<nlohmann::json>& steps) 
         const Runs run = Where(mesh, "step", steps[i]);
         if (run.empty()) continue;
         // The fourth column is 1 for a run that was given up.
-        text += std::to_string(i) + " " + std::to_string(run.front()["solve_seconds"].get<double>()) + " " +
+        text += std::to_string(i) + " " + std::to_string(SolveSeconds(run)) + " " +
                 std::to_string(run.front()["linear_iterations"].get<std::int64_t>()) + " " +
                 (Converged(run.front()) ? "0" : "1") + "\n";
       }

@@ -11,6 +11,16 @@ std::string NameOf(const std::string& tool) {
   return tool == "blender" ? "Blender ABF" : tool == "cgal" ? "CGAL LSCM" : tool;
 }
 
+// The runs of each mesh: the same name and as many triangles.
+std::vector<Runs> ByMesh(const Runs& runs) {
+  std::vector<Runs> meshes;
+  for (const auto& label : Values(runs, "mesh")) {
+    const Runs same = Where(runs, "mesh", label);
+    for (const auto& triangles : Values(same, "triangles")) meshes.push_back(Where(same, "triangles", triangles));
+  }
+  return meshes;
+}
+
 // `tool`'s seconds over ours, round by round.
 std::vector<double> Ratios(const Runs& mesh, const std::string& tool) {
   std::vector<double> ratios;
@@ -43,8 +53,8 @@ std::string ReportPeers(const Runs& runs, const std::string& columns) {
   std::string text = HeaderRow({"mesh", "triangles", "tool", "seconds", "times planish", "least to most", "ABF energy",
                                 "flipped / degenerate", "mean conformal distortion"});
   std::string data;  // label, then seconds of planish, Blender and CGAL
-  for (const auto& label : Values(runs, "mesh")) {
-    const Runs mesh = Where(runs, "mesh", label);
+  for (const Runs& mesh : ByMesh(runs)) {
+    const auto& label = mesh.front()["mesh"];
     std::string row = "\"" + label.get<std::string>() + "\\n" + WithCommas(mesh.front()["triangles"]) + "\"";
     for (const char* tool : {"planish", "blender", "cgal"}) {
       const Runs own = Where(mesh, "tool", tool);

@@ -24,7 +24,7 @@ fail() {
 }
 
 [ $# -gt 0 ] || { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "$0" >&2; exit 2; }
-bench=$1 quick= build=$root/build/bench out= meshes=()
+bench=$1 quick="" build=$root/build/bench out="" meshes=()
 shift
 while [ $# -gt 0 ]; do
   case $1 in
@@ -71,8 +71,8 @@ plot() {
 }
 
 paper() {
-  local limit=60 meshes=(ear:1796 head:5420 twists:6000 waves:10000 waves:24000 foot:20000 "$spot")
-  [ -z "$quick" ] || { limit=5 meshes=(ear:1796 head:5420 twists:6000); }
+  local limit=60 repeats=3 meshes=(ear:1796 head:5420 twists:6000 waves:10000 waves:24000 foot:20000 "$spot")
+  [ -z "$quick" ] || { limit=5 repeats=1 meshes=(ear:1796 head:5420 twists:6000); }
   local solver mesh step system preconditioner tolerance
   # Unrelenting linear solves to 1e-8, as Newton's method without forcing terms needs them, until the last step.
   for solver in minres uzawa; do
@@ -81,7 +81,7 @@ paper() {
       while IFS=, read -r step system preconditioner tolerance; do
         one_core "$bin/planish_solve_time" "$mesh" --step "$step" --solver "$solver" --system "$system" \
           --preconditioner "$preconditioner" --linear-tolerance "$tolerance" --hessian convex \
-          --time-limit "$limit" </dev/null >>"$runs"
+          --time-limit "$limit" --runs "$repeats" </dev/null >>"$runs"
       done <<'STEPS'
 as written,full,none,1e-8
 Jacobi,full,jacobi,1e-8
@@ -99,10 +99,9 @@ STEPS
   heading "The paper again" "Meshes by formula of the paper's sizes and names (\`tests/bench/bench_meshes.h\`; the
 paper's own are not public), and Spot from \`tests/data\`. Every constraint and the gradient to 1e-9 radians per angle; the linear
 systems to 1e-8, except for the last step; a Hessian made positive where it is not; one core; given up after
-$limit seconds. Seconds are those of the solve." |
+$limit seconds. Seconds are those of the solve, medians of $repeats runs." |
     "$bin/planish_bench_report" paper "$runs" "$work/paper" >"$out/paper.md"
   plot "columns='$work/paper.steps'; out='$out/paper.png'" paper.gp
-  local spy_count
   spy_count() { LC_ALL=C printf "%d" "$(wc -l <"$work/spy.$1")" | sed ':a;s/\B[0-9]\{3\}\>/,&/;ta'; }
   plot "spy='$work/spy'; rows=$(tail -1 "$work/spy.log" | awk '{print $2 + 1}'); left='$(spy_count product)';
     right='$(spy_count log)'; out='$out/figure2.png'" figure2.gp
@@ -111,7 +110,7 @@ $limit seconds. Seconds are those of the solve." |
 scale() {
   local foot=(20000 63000 200000 630000 2000000) levels=(0 1 2 3) repeats=3 threads=(1)
   [ -z "$quick" ] || { foot=(5000 20000) levels=(0 1) repeats=1; }
-  local flag=
+  local flag=""
   if "$bin/planish_solve_time" --help | grep -q -- --threads; then
     flag=--threads threads=(1)
     [ "$(nproc)" -lt 2 ] || threads=(1 2)
@@ -138,16 +137,16 @@ the most that the whole unwrapping, verifier included, held at once beyond the m
 peers() {
   local rounds=5 all=("$spot" waves:24000 foot:20000 "$spot@1") version
   [ -z "$quick" ] || { rounds=2 all=(ear:1796 foot:5000); }
-  local tools=(planish) missing=
+  local tools=(planish) missing=""
   if command -v blender >/dev/null; then tools+=(blender); else missing+=" Blender was not there."; fi
   if [ -x "$bin/planish_cgal_lscm" ]; then tools+=(cgal); else missing+=" CGAL was not there."; fi
   version=$(blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/Blender \1/p' | head -1)
-  local mesh round tool file map seconds quality flag=
+  local mesh round tool file map seconds quality flag=""
   "$bin/planish_solve_time" --help | grep -q -- --threads && flag="--threads 1"
   for mesh in "${all[@]}" "${meshes[@]}"; do
     file=$work/mesh.obj
     "$bin/planish_write_mesh" "$mesh" "$file"
-    local triangles label=
+    local triangles label=""
     triangles=$(grep -c '^f ' "$file")
     for round in $(seq "$rounds"); do
       echo "$mesh, round $round" >&2

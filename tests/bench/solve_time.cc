@@ -151,8 +151,10 @@ int Main(int argc, char** argv) {
     return 2;
   }
   for (int i = 0; i < arguments.runs; ++i) {
-    std::printf("%s\n", Measure(*mesh, arguments).dump().c_str());
+    const nlohmann::json line = Measure(*mesh, arguments);
+    std::printf("%s\n", line.dump().c_str());
     std::fflush(stdout);
+    if (line["ended"] == "time limit") break;  // the next run would end there too
   }
   return 0;
 }
