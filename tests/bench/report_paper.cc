@@ -28,7 +28,7 @@ bool Converged(const nlohmann::json& run) {
 }
 
 double SolveSeconds(const Runs& runs) {
-  return Median(Numbers(runs, "solve_seconds"));
+  return Median(Numbers(runs, "solve_cpu_seconds"));
 }
 
 // Seconds, or "over N".
@@ -69,7 +69,7 @@ std::string Table1(const Runs& runs, const std::string& first, const std::string
     }
     text += Row(cells);
   }
-  return text + "\nSeconds. The paper's were measured on a 1.7 GHz Xeon, on its own meshes; the rightmost four here.\n";
+  return text + "\nCPU seconds. The paper's were measured on a 1.7 GHz Xeon, on its own meshes; the rightmost four here.\n";
 }
 
 std::string StepTable(const Runs& runs, const std::vector<nlohmann::json>& steps, const std::string& solver) {
@@ -160,7 +160,7 @@ std::string ReportPaper(const Runs& runs, const std::string& columns) {
   const std::vector<nlohmann::json> steps = Values(solves, "step");
   WriteText(columns + ".steps", Columns(solves, steps));
   return Table1(solves, steps.front(), steps.back()) +
-         "\n## What each step buys\n\nNewton steps / linear iterations / seconds.\n\nUzawa (section 7.2):\n\n" +
+         "\n## What each step buys\n\nNewton steps / linear iterations / CPU seconds.\n\nUzawa (section 7.2):\n\n" +
          StepTable(solves, steps, "uzawa") + "\nMINRES (section 7.1):\n\n" + StepTable(solves, steps, "minres") +
          "\nTimes fewer linear iterations / times faster, geometric means over the meshes (their number) where both "
          "converged:\n\n" +

@@ -1,5 +1,6 @@
 // Others on the same meshes in the same minutes.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "tests/bench/report.h"
@@ -21,13 +22,13 @@ std::vector<Runs> ByMesh(const Runs& runs) {
   return meshes;
 }
 
-// `tool`'s seconds over ours, round by round.
+// `tool`'s CPU seconds over ours, round by round.
 std::vector<double> Ratios(const Runs& mesh, const std::string& tool) {
   std::vector<double> ratios;
   for (const auto& round : Values(mesh, "round")) {
     const Runs now = Where(mesh, "round", round);
-    const std::vector<double> ours = Numbers(Where(now, "tool", "planish"), "map_seconds");
-    const std::vector<double> theirs = Numbers(Where(now, "tool", tool), "map_seconds");
+    const std::vector<double> ours = Numbers(Where(now, "tool", "planish"), "map_cpu_seconds");
+    const std::vector<double> theirs = Numbers(Where(now, "tool", tool), "map_cpu_seconds");
     if (!ours.empty() && !theirs.empty()) ratios.push_back(theirs[0] / ours[0]);
   }
   return ratios;
@@ -50,16 +51,28 @@ std::string Number(const nlohmann::json& run, const char* field, const char* for
 }  // namespace
 
 std::string ReportPeers(const Runs& runs, const std::string& columns) {
-  std::string text = HeaderRow({"mesh", "triangles", "tool", "seconds", "times planish", "least to most", "ABF energy",
-                                "flipped / degenerate", "mean conformal distortion"});
-  std::string data;  // label, then seconds of planish, Blender and CGAL
+  std::string text = HeaderRow({"mesh", "triangles", "tool", "CPU seconds", "times planish", "least to most",
+                                "ABF energy", "flipped / degenerate", "mean conformal distortion"});
+  // For gnuplot, between tabs: the mesh, then the seconds of every tool that has any.
+  std::vector<std::string> tools;
+  std::string data = "mesh";
+  for (const char* tool : {"planish", "blender", "cgal"}) {
+    if (Numbers(Where(runs, "tool", tool), "map_cpu_seconds").empty()) continue;
+    tools.push_back(tool);
+    data += "\t" + NameOf(tool);
+  }
+  data += "\n";
   for (const Runs& mesh : ByMesh(runs)) {
     const auto& label = mesh.front()["mesh"];
-    std::string row = "\"" + label.get<std::string>() + "\\n" + WithCommas(mesh.front()["triangles"]) + "\"";
+    data += "\"" + label.get<std::string>() + "\\n" + WithCommas(mesh.front()["triangles"]) + "\"";
+    for (const std::string& tool : tools) {
+      const double seconds = Median(Numbers(Where(mesh, "tool", tool), "map_cpu_seconds"));
+      data += std::isfinite(seconds) ? "\t" + std::to_string(seconds) : "\tNaN";
+    }
+    data += "\n";
     for (const char* tool : {"planish", "blender", "cgal"}) {
       const Runs own = Where(mesh, "tool", tool);
-      const std::vector<double> seconds = Numbers(own, "map_seconds");
-      row += seconds.empty() ? " NaN" : " " + std::to_string(Median(seconds));
+      const std::vector<double> seconds = Numbers(own, "map_cpu_seconds");
       if (own.empty()) continue;
       const std::vector<double> ratios = Ratios(mesh, tool);
       const bool peer = std::string(tool) != "planish" && !ratios.empty();
@@ -72,7 +85,6 @@ std::string ReportPeers(const Runs& runs, const std::string& columns) {
                         : "",
                    Number(run, "abf_energy", "%.3e"), Flips(run), Number(run, "conformal_distortion_mean", "%.3f")});
     }
-    data += row + "\n";
   }
   WriteText(columns + ".columns", data);
   return text;

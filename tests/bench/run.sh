@@ -99,7 +99,7 @@ STEPS
   heading "The paper again" "Meshes by formula of the paper's sizes and names (\`tests/bench/bench_meshes.h\`; the
 paper's own are not public), and Spot from \`tests/data\`. Every constraint and the gradient to 1e-9 radians per angle; the linear
 systems to 1e-8, except for the last step; a Hessian made positive where it is not; one core; given up after
-$limit seconds. Seconds are those of the solve, medians of $repeats runs." |
+$limit seconds. Seconds are CPU seconds of the solve, medians of $repeats runs." |
     "$bin/planish_bench_report" paper "$runs" "$work/paper" >"$out/paper.md"
   plot "columns='$work/paper.steps'; out='$out/paper.png'" paper.gp
   spy_count() { LC_ALL=C printf "%d" "$(wc -l <"$work/spy.$1")" | sed ':a;s/\B[0-9]\{3\}\>/,&/;ta'; }
@@ -140,7 +140,7 @@ peers() {
   local tools=(planish) missing=""
   if command -v blender >/dev/null; then tools+=(blender); else missing+=" Blender was not there."; fi
   if [ -x "$bin/planish_cgal_lscm" ]; then tools+=(cgal); else missing+=" CGAL was not there."; fi
-  version=$(blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/Blender \1/p' | head -1)
+  version=$(blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/Blender \1/p' | head -1) || true
   local mesh round tool file map seconds quality flag=""
   "$bin/planish_solve_time" --help | grep -q -- --threads && flag="--threads 1"
   for mesh in "${all[@]}" "${meshes[@]}"; do
@@ -161,12 +161,9 @@ peers() {
             ;;
           blender)
             seconds=$(one_core blender -b --factory-startup -t 1 -P "$here/blender_abf.py" -- "$file" "$map" \
-              2>/dev/null | sed -n 's/^RESULT {"seconds":\([0-9.]*\)}.*/\1/p')
+              2>/dev/null | sed -n 's/^RESULT //p') || true
             ;;
-          cgal)
-            seconds=$(one_core "$bin/planish_cgal_lscm" "$file" "$map" | sed -n 's/^{"seconds":\([0-9.]*\)}.*/\1/p') ||
-              true
-            ;;
+          cgal) seconds=$(one_core "$bin/planish_cgal_lscm" "$file" "$map" | sed -n 's/^RESULT //p') || true ;;
         esac
         if [ -z "$seconds" ]; then
           echo "{\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,\"triangles\":$triangles,\"ended\":\"failed\"}" \
@@ -176,12 +173,12 @@ peers() {
         # The same map in every round: judged once.
         [ "$round" -gt 1 ] || quality=$("$bin/planish_uv_quality" "$file" "$map")
         printf '%s\n' "${quality:-{\"triangles\":$triangles\}}" |
-          record "\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,\"map_seconds\":$seconds"
+          record "\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,$seconds"
       done
     done
   done
   heading "Against others" "Each round runs every tool once, one after the other, on one core; medians of $rounds rounds, and
-each tool's time over planish's in the same round. planish: disc check, solve, layout, placement, without its verifier.
+each tool's CPU time over planish's in the same round. planish: disc check, solve, layout, placement, without its verifier.
 ${version:-Blender}: its ABF unwrap operator (Debian's package). CGAL: \`LSCM_parameterizer_3\` with its defaults,
 the parameterization alone; a linear method, not ABF. The ABF energy (mean over all angles) and everything after it are measured by
 planish's own code on each tool's UV as delivered.$missing" |

@@ -13,7 +13,7 @@ set logscale x
 set xlabel "triangles"
 set format x "10^{%L}"
 set grid lt 1 lw 0.5 lc rgb "#cccccc"
-set key left top Left reverse samplen 1.5
+set key left top Left reverse samplen 1.5 noenhanced
 set logscale y
 set format y "10^{%L}"
 set title "seconds"
@@ -21,6 +21,7 @@ plot for [i=0:last] columns index i using 1:2 with linespoints ls (i % 4 + 1) ti
 unset logscale y
 set format y "%g"
 set yrange [0:*]
+set offsets graph 0, 0, 0.08, 0
 unset key
 set title "CPU microseconds a triangle"
 plot for [i=0:last] columns index i using 1:3 with linespoints ls (i % 4 + 1)

@@ -62,13 +62,16 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
   FlattenProgress last;
   Timer timer;
   const double cpu_start = CpuSeconds();
-  double cpu_solve = 0, cpu_map = 0;
+  double cpu_start_solve = 0, cpu_solve = 0, cpu_map = 0;
   UnwrapControl control;
   control.interrupter = &interrupter;
   control.on_progress = [&](const UnwrapProgress& progress) {
     if (timer.Seconds() > arguments.time_limit) interrupter.Interrupt();
-    if (progress.stage == UnwrapStage::kSolve) last = progress.flatten;
-    if (progress.stage == UnwrapStage::kLayout) cpu_solve = CpuSeconds() - cpu_start;
+    if (progress.stage == UnwrapStage::kSolve) {
+      if (cpu_start_solve == 0) cpu_start_solve = CpuSeconds();
+      last = progress.flatten;
+    }
+    if (progress.stage == UnwrapStage::kLayout) cpu_solve = CpuSeconds() - cpu_start_solve;
     if (progress.stage == UnwrapStage::kVerify) cpu_map = CpuSeconds() - cpu_start;
   };
   const FlattenOptions& asked = arguments.options.flatten;
@@ -91,6 +94,7 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
     line["newton_iterations"] = last.newton_iteration;
     line["linear_iterations"] = last.linear_iterations;
     line["solve_seconds"] = line["map_seconds"] = seconds;
+    line["solve_cpu_seconds"] = line["map_cpu_seconds"] = CpuSeconds() - cpu_start;
     return line;
   }
   const FlattenSummary& summary = result->charts.at(0).flatten;
