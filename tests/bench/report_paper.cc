@@ -69,7 +69,8 @@ std::string Table1(const Runs& runs, const std::string& first, const std::string
     }
     text += Row(cells);
   }
-  return text + "\nCPU seconds. The paper's were measured on a 1.7 GHz Xeon, on its own meshes; the rightmost four here.\n";
+  return text +
+         "\nCPU seconds. The paper's were measured on a 1.7 GHz Xeon, on its own meshes; the rightmost four here.\n";
 }
 
 std::string StepTable(const Runs& runs, const std::vector<nlohmann::json>& steps, const std::string& solver) {
