@@ -106,7 +106,10 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
   line["newton_iterations"] = summary.newton_iterations;
   line["linear_iterations"] = summary.linear_iterations;
   line["residual"] = summary.residual.Max();
+  line["charts_seconds"] = stage.charts;
   line["solve_seconds"] = stage.solve;
+  line["layout_seconds"] = stage.layout;
+  line["pack_seconds"] = stage.pack;
   line["map_seconds"] = stage.charts + stage.solve + stage.layout + stage.pack;
   line["verify_seconds"] = stage.verify;
   line["solve_cpu_seconds"] = cpu_solve;

@@ -1,0 +1,78 @@
+// A team of threads for one caller's loops, with results that do not depend on how many there are.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <thread>
+#include <type_traits>
+#include <vector>
+
+namespace planish {
+
+// The calling thread and `size - 1` helpers. Loops are cut into chunks of a fixed size, whatever the size of the team,
+// and each chunk is one thread's: a loop whose chunks do not read what another one writes gives the same bits with any
+// team. Helpers look out for work for some microseconds after each loop, then sleep.
+//
+// One thread at a time may use a team. Bodies must not throw and must not use the team themselves.
+class ThreadTeam {
+ public:
+  // size >= 1.
+  explicit ThreadTeam(int size);
+  ~ThreadTeam();
+  ThreadTeam(const ThreadTeam&) = delete;
+  ThreadTeam& operator=(const ThreadTeam&) = delete;
+
+  int size() const { return static_cast<int>(helpers_.size()) + 1; }
+
+  // body(begin, end) for every chunk of [0, n), in any order and from any thread.
+  template <typename Body>
+  void For(std::int64_t n, std::int64_t chunk_size, const Body& body) {
+    const std::int64_t chunks = (n + chunk_size - 1) / chunk_size;
+    const auto run_chunk = [&](std::int64_t chunk) {
+      const std::int64_t begin = chunk * chunk_size;
+      body(begin, begin + chunk_size < n ? begin + chunk_size : n);
+    };
+    if (helpers_.empty() || chunks < 2) {
+      for (std::int64_t chunk = 0; chunk < chunks; ++chunk) run_chunk(chunk);
+    } else {
+      using Function = std::remove_reference_t<decltype(run_chunk)>;
+      Run(
+          chunks, [](const void* f, std::int64_t chunk) { (*static_cast<const Function*>(f))(chunk); }, &run_chunk);
+    }
+  }
+
+  // Sum over all chunks of body(begin, end), added in order.
+  template <typename Body>
+  double Sum(std::int64_t n, std::int64_t chunk_size, const Body& body) {
+    partial_.assign(static_cast<std::size_t>((n + chunk_size - 1) / chunk_size), 0.0);
+    For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {
+      partial_[static_cast<std::size_t>(begin / chunk_size)] = body(begin, end);
+    });
+    double sum = 0;
+    for (const double part : partial_) sum += part;
+    return sum;
+  }
+
+ private:
+  using ChunkFunction = void (*)(const void* context, std::int64_t chunk);
+
+  void Run(std::int64_t chunks, ChunkFunction function, const void* context);
+  void WorkOnChunks();
+  void HelperMain();
+
+  std::vector<std::thread> helpers_;
+  std::vector<double> partial_;
+
+  // The present loop. Written by the caller while `door_` is shut and nobody is inside.
+  ChunkFunction function_ = nullptr;
+  const void* context_ = nullptr;
+  std::int64_t chunks_ = 0;
+  alignas(64) std::atomic<std::int64_t> next_chunk_ = 0;
+  // The loop's number times kLoop, kOpen while helpers may still join in, and the number of those inside.
+  alignas(64) std::atomic<std::uint64_t> door_ = 0;
+  // What sleeping helpers wait on: changes with every loop.
+  alignas(64) std::atomic<std::uint32_t> bell_ = 0;
+  std::atomic<bool> ending_ = false;
+};
+
+}  // namespace planish
