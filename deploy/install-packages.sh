@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages that planish needs, and only those that are missing. The one place where
 # they are listed: the scripts beside this one and the Dockerfile call it.
 #
-#   deploy/install-packages.sh build|test|runtime...
+#   deploy/install-packages.sh build|test|bench|runtime...
 #
 # Needs root or sudo when something is missing, and nothing at all when everything is there.
 set -eu
@@ -19,6 +19,9 @@ build="
 # What only the tests need. tests/interop also uses node and npm where they are installed already.
 test="libgtest-dev libgmock-dev"
 
+# What only tests/bench/run.sh needs: plots, and the programs of others that it measures.
+bench="gnuplot-nox libcgal-dev blender"
+
 # What the installed programs need.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libdraco7 libcholmod3 libopenblas0-serial
@@ -29,14 +32,15 @@ fail() {
   exit 1
 }
 
-[ $# -gt 0 ] || fail "usage: $0 build|test|runtime..."
+[ $# -gt 0 ] || fail "usage: $0 build|test|bench|runtime..."
 wanted=
 for list in "$@"; do
   case $list in
     build) wanted="$wanted $build" ;;
     test) wanted="$wanted $test" ;;
+    bench) wanted="$wanted $bench" ;;
     runtime) wanted="$wanted $runtime" ;;
-    *) fail "no such list: $list (build, test, runtime)" ;;
+    *) fail "no such list: $list (build, test, bench, runtime)" ;;
   esac
 done
 

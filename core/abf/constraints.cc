@@ -130,10 +130,20 @@ void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
 
 SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form) {
   const Eigen::VectorXd cot = Cotangents(x);
-  // d(product - 1) = product d(log product), so eq. 3 is eq. 6 with its rows scaled.
-  const Eigen::VectorXd scale = form == WheelForm::kProduct
-                                    ? Eigen::VectorXd(EvaluateWheelProducts(topology, x).array() + 1)
-                                    : Eigen::VectorXd::Ones(topology.num_interior);
+  // d(P/Q) = P/Q (d log P - d log Q) and d(P - Q) = P d log P - Q d log Q: eq. 6 with its entries scaled.
+  Eigen::VectorXd scale_after = Eigen::VectorXd::Ones(topology.num_rows), scale_before = scale_after;
+  if (form == WheelForm::kProduct) {
+    scale_after.head(topology.num_interior).array() += EvaluateWheelProducts(topology, x).array();
+    scale_before = scale_after;
+  } else if (form == WheelForm::kDifference) {
+    for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+      const std::int32_t f = c / 3, k = c % 3;
+      if (const std::int32_t v = topology.corner_row[c]; v >= 0) {
+        scale_after[v] *= std::sin(x[3 * f + Next(k)]);
+        scale_before[v] *= std::sin(x[3 * f + Prev(k)]);
+      }
+    }
+  }
   std::vector<Eigen::Triplet<double, int>> entries;
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     const std::int32_t f = c / 3, k = c % 3;
@@ -143,8 +153,8 @@ SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd&
     const std::int32_t vertex_row = topology.num_faces() + 2 * v, wheel_row = vertex_row + 1;
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
     entries.emplace_back(vertex_row, c, 1.0);
-    entries.emplace_back(wheel_row, after, scale[v] * cot[after]);
-    entries.emplace_back(wheel_row, before, -scale[v] * cot[before]);
+    entries.emplace_back(wheel_row, after, scale_after[v] * cot[after]);
+    entries.emplace_back(wheel_row, before, -scale_before[v] * cot[before]);
   }
   SparseMatrix jacobian(topology.num_faces() + 2 * topology.num_rows, topology.num_corners());
   jacobian.setFromTriplets(entries.begin(), entries.end());

@@ -44,7 +44,12 @@ void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x,
                            ThreadTeam& team = Alone());
 
-enum class WheelForm { kLogarithm /* eq. 6 */, kProduct /* eq. 3 */ };
+// The same condition three times. With P_v the product of sin(beta) and Q_v that of sin(gamma) over the faces at v:
+enum class WheelForm {
+  kLogarithm,   // eq. 6: log P_v - log Q_v
+  kProduct,     // eq. 3: P_v / Q_v - 1
+  kDifference,  // eq. 3 times Q_v: P_v - Q_v, as the original ABF (reference [17] of the paper) has it
+};
 
 // B as a matrix, (F + 2 num_rows) x 3F: for tests and comparisons, the solvers never form it.
 SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form);

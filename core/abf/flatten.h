@@ -37,6 +37,9 @@ struct FlattenOptions {
   // the gradient (Residual) are all at most this, in radians. In (0, 1e-2].
   double tolerance = 1e-9;
   int max_newton_iterations = 100;  // in [1, 1000]
+  // Relative tolerance of every linear solve, in [0, 1e-2]. 0: a forcing term, proportional to the residual of the
+  // Newton step, which is what to use; a fixed one is here for comparison.
+  double linear_tolerance = 0;
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID naming the field, or OK.
   absl::Status Validate() const;

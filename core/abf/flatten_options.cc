@@ -78,6 +78,9 @@ absl::Status FlattenOptions::Validate() const {
   if (max_newton_iterations < 1 || max_newton_iterations > 1000) {
     return OptionError("max_newton_iterations", absl::StrFormat("%d is not in [1, 1000]", max_newton_iterations));
   }
+  if (!(linear_tolerance >= 0 && linear_tolerance <= 1e-2)) {
+    return OptionError("linear_tolerance", absl::StrFormat("%g is not in [0, 0.01]", linear_tolerance));
+  }
   if (system == SystemType::kFull && solver == SolverType::kDirect) {
     return OptionError("system",
                        "the direct solver factorizes the reduced "

@@ -67,7 +67,8 @@ void Newton::Stop(const std::string& why) {
 absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                             NewtonStep* step) {
   LinearSolveOptions linear;
-  linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance);
+  linear.relative_tolerance = options_.linear_tolerance > 0 ? options_.linear_tolerance
+                                                            : ForcingTerm(summary_.residual.Max(), options_.tolerance);
   linear.interrupter = control_.interrupter;
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
   const LinearSummary solved = steps_.Solve(gradient, h, linear, step);

@@ -57,6 +57,21 @@ TEST(Flatten, ResidualFallsQuadratically) {
   EXPECT_LT(residuals[k] / residuals[k - 1], 1e-3) << "a wrong Hessian falls by a constant factor";
 }
 
+TEST(Flatten, ForcingTermsSaveLinearIterations) {
+  const Disc disc(testing::Hills(20, 18, 1.5));
+  FlattenOptions options;
+  options.preconditioner = PreconditionerType::kJacobi;
+  const Flattening forced = disc.Flatten(options);
+  options.linear_tolerance = 1e-8;
+  const Flattening fixed = disc.Flatten(options);
+  ASSERT_TRUE(forced.summary.converged && fixed.summary.converged);
+  EXPECT_LT((fixed.angles - forced.angles).cwiseAbs().maxCoeff(), 1e-7);
+  EXPECT_LE(fixed.summary.newton_iterations, forced.summary.newton_iterations);
+  EXPECT_GT(fixed.summary.linear_iterations, 1.2 * forced.summary.linear_iterations);
+  options.linear_tolerance = 0.5;
+  EXPECT_FALSE(options.Validate().ok());
+}
+
 TEST(Flatten, EverySolverFindsTheSameAngles) {
   const Disc disc(testing::PuncturedSphere(9, 0.8));
   const Eigen::VectorXd expected = disc.Flatten().angles;

@@ -1,0 +1,120 @@
+// planish_bench_report paper|scale|peers RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the tables. COLUMNS
+// is the start of the names of the files for gnuplot.
+#include "tests/bench/report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <limits>
+#include <stdexcept>
+
+namespace planish::bench {
+
+Runs Where(const Runs& runs, const std::string& field, const nlohmann::json& value) {
+  Runs found;
+  for (const auto& run : runs) {
+    if (run.contains(field) && run[field] == value) found.push_back(run);
+  }
+  return found;
+}
+
+std::vector<nlohmann::json> Values(const Runs& runs, const std::string& field) {
+  std::vector<nlohmann::json> values;
+  for (const auto& run : runs) {
+    if (run.contains(field) && std::find(values.begin(), values.end(), run[field]) == values.end()) {
+      values.push_back(run[field]);
+    }
+  }
+  return values;
+}
+
+std::vector<double> Numbers(const Runs& runs, const std::string& field) {
+  std::vector<double> numbers;
+  for (const auto& run : runs) {
+    if (run.contains(field) && run[field].is_number()) numbers.push_back(run[field]);
+  }
+  return numbers;
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  std::sort(values.begin(), values.end());
+  const std::size_t middle = values.size() / 2;
+  return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
+}
+
+double GeometricMean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += std::log(value);
+  return std::exp(sum / static_cast<double>(values.size()));
+}
+
+std::string WithCommas(std::int64_t value) {
+  std::string digits = std::to_string(value);
+  for (auto at = static_cast<std::int64_t>(digits.size()) - 3; at > 0; at -= 3) digits.insert(at, ",");
+  return digits;
+}
+
+std::string ThreeDigits(double value) {
+  if (!std::isfinite(value)) return "-";
+  if (std::abs(value) >= 1000) return WithCommas(std::llround(value));
+  const int before = value == 0 ? 1 : static_cast<int>(std::floor(std::log10(std::abs(value)))) + 1;
+  char text[32];
+  std::snprintf(text, sizeof text, "%.*f", std::clamp(3 - before, 0, 6), value);
+  return text;
+}
+
+std::string Row(const std::vector<std::string>& cells) {
+  std::string row = "|";
+  for (const std::string& cell : cells) row += " " + cell + " |";
+  return row + "\n";
+}
+
+std::string HeaderRow(const std::vector<std::string>& cells) {
+  std::string line = "|---|";
+  for (std::size_t i = 1; i < cells.size(); ++i) line += "--:|";
+  return Row(cells) + line + "\n";
+}
+
+void WriteText(const std::string& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  file.close();
+  if (!file) throw std::runtime_error("cannot write " + path);
+}
+
+namespace {
+
+int Main(int argc, char** argv) {
+  const std::string which = argc == 4 ? argv[1] : "";
+  if (which != "paper" && which != "scale" && which != "peers") {
+    std::fprintf(stderr, "usage: planish_bench_report paper|scale|peers RUNS.jsonl COLUMNS < heading > TABLE.md\n");
+    return 2;
+  }
+  Runs runs;
+  std::ifstream file(argv[2]);
+  for (std::string line; std::getline(file, line);) {
+    if (!line.empty()) runs.push_back(nlohmann::json::parse(line));
+  }
+  const std::string heading(std::istreambuf_iterator<char>(std::cin), {});
+  const std::string tables = which == "paper"   ? ReportPaper(runs, argv[3])
+                             : which == "scale" ? ReportScale(runs, argv[3])
+                                                : ReportPeers(runs, argv[3]);
+  std::cout << heading << "\n" << tables;
+  return 0;
+}
+
+}  // namespace
+}  // namespace planish::bench
+
+int main(int argc, char** argv) {
+  try {
+    return planish::bench::Main(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "planish_bench_report: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,190 @@
+#!/usr/bin/env bash
+# Measures, and writes a Markdown table and PNG plots:
+#
+#   tests/bench/run.sh paper            table 1 and figure 2 of the paper, and what each step away from it buys
+#   tests/bench/run.sh scale [MESH...]  20,000 to 2 million triangles: time, CPU, iterations, memory
+#   tests/bench/run.sh peers [MESH...]  Blender's ABF and CGAL's LSCM on the same meshes, in turn, on one core
+#
+#   --quick      small sizes and few rounds, to see that it works; results go to BUILD/results
+#   --build DIR  where to build (default build/bench)
+#   --out DIR    where the results go (default tests/bench/results)
+#
+# MESH is a file, FILE@LEVELS for Loop subdivision, or NAME:TRIANGLES (bench_meshes.h), measured beside those chosen
+# here. Packages: deploy/install-packages.sh build test bench. What others' programs measure is left out, and said so,
+# where they are missing. In the environment: CORE, the core that everything on one core runs on (default 0), and JOBS
+# for the build (default 2).
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+root=$(cd "$here/../.." && pwd)
+spot=$root/tests/data/spot_seam.obj
+
+fail() {
+  echo "run.sh: $*" >&2
+  exit 2
+}
+
+[ $# -gt 0 ] || { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "$0" >&2; exit 2; }
+bench=$1 quick="" build=$root/build/bench out="" meshes=()
+shift
+while [ $# -gt 0 ]; do
+  case $1 in
+    --quick) quick=1 ;;
+    --build) [ $# -gt 1 ] || fail "--build DIR"; build=$2; shift ;;
+    --out) [ $# -gt 1 ] || fail "--out DIR"; out=$2; shift ;;
+    -*) fail "no such flag: $1" ;;
+    *) meshes+=("$1") ;;
+  esac
+  shift
+done
+case $bench in paper | scale | peers) ;; *) fail "no such bench: $bench (paper, scale, peers)" ;; esac
+[ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
+command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench"
+
+[ -f "$build/CMakeCache.txt" ] ||
+  cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
+cmake --build "$build" -j "${JOBS:-2}" --target planish_bench >&2
+bin=$build/bin
+work=$build/bench-runs/$bench
+rm -rf "$work"
+mkdir -p "$work" "$out"
+runs=$work/runs.jsonl
+
+# Adds fields, given as the inside of a JSON object, to the objects on stdin, and the result to the runs.
+record() { sed "s|^{|{$1,|" >>"$runs"; }
+
+one_core() {
+  if command -v taskset >/dev/null; then taskset -c "${CORE:-0}" "$@"; else "$@"; fi
+}
+
+heading() {
+  echo "# $1"
+  echo
+  echo "\`tests/bench/run.sh $bench${quick:+ --quick}\`, $(date -u +%Y-%m-%d), commit" \
+    "$(git -C "$root" rev-parse --short HEAD 2>/dev/null || echo unknown)," \
+    "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -1).${quick:+ **Quick settings: not a measurement.**}"
+  echo
+  echo "$2"
+}
+
+plot() {
+  gnuplot -e "$1" "$here/$2"
+}
+
+paper() {
+  local limit=60 repeats=3 meshes=(ear:1796 head:5420 twists:6000 waves:10000 waves:24000 foot:20000 "$spot")
+  [ -z "$quick" ] || { limit=5 repeats=1 meshes=(ear:1796 head:5420 twists:6000); }
+  local solver mesh step system preconditioner tolerance
+  # Unrelenting linear solves to 1e-8, as Newton's method without forcing terms needs them, until the last step.
+  for solver in minres uzawa; do
+    for mesh in "${meshes[@]}"; do
+      echo "$solver $mesh" >&2
+      while IFS=, read -r step system preconditioner tolerance; do
+        one_core "$bin/planish_solve_time" "$mesh" --step "$step" --solver "$solver" --system "$system" \
+          --preconditioner "$preconditioner" --linear-tolerance "$tolerance" --hessian convex \
+          --time-limit "$limit" --runs "$repeats" </dev/null >>"$runs"
+      done <<'STEPS'
+as written,full,none,1e-8
+Jacobi,full,jacobi,1e-8
+reduced,reduced,none,1e-8
+reduced and Jacobi,reduced,jacobi,1e-8
+reduced and multigrid,reduced,amg,1e-8
+and forcing,reduced,amg,0
+STEPS
+    done
+  done
+  for mesh in "${meshes[@]}"; do
+    if [ "$mesh" = ear:1796 ]; then set -- "$work/spy"; else set --; fi
+    "$bin/planish_kkt_nonzeros" "$mesh" "$@" >>"$runs"
+  done
+  heading "The paper again" "Meshes by formula of the paper's sizes and names (\`tests/bench/bench_meshes.h\`; the
+paper's own are not public), and Spot from \`tests/data\`. Every constraint and the gradient to 1e-9 radians per angle; the linear
+systems to 1e-8, except for the last step; a Hessian made positive where it is not; one core; given up after
+$limit seconds. Seconds are CPU seconds of the solve, medians of $repeats runs." |
+    "$bin/planish_bench_report" paper "$runs" "$work/paper" >"$out/paper.md"
+  plot "columns='$work/paper.steps'; out='$out/paper.png'" paper.gp
+  spy_count() { LC_ALL=C printf "%d" "$(wc -l <"$work/spy.$1")" | sed ':a;s/\B[0-9]\{3\}\>/,&/;ta'; }
+  plot "spy='$work/spy'; rows=$(tail -1 "$work/spy.log" | awk '{print $2 + 1}'); left='$(spy_count product)';
+    right='$(spy_count log)'; out='$out/figure2.png'" figure2.gp
+}
+
+scale() {
+  local foot=(20000 63000 200000 630000 2000000) levels=(0 1 2 3) repeats=3 threads=(1)
+  [ -z "$quick" ] || { foot=(5000 20000) levels=(0 1) repeats=1; }
+  local flag=""
+  if "$bin/planish_solve_time" --help | grep -q -- --threads; then
+    flag=--threads threads=(1)
+    [ "$(nproc)" -lt 2 ] || threads=(1 2)
+  fi
+  measure() {  # FAMILY THREADS MESH REPEATS
+    echo "$3, threads: $2" >&2
+    "$bin/planish_solve_time" "$3" --runs "$4" ${flag:+$flag $2} --time-limit 120 |
+      record "\"threads\":$2,\"family\":\"$1\""
+  }
+  local t n mesh
+  for t in "${threads[@]}"; do
+    for n in "${foot[@]}"; do measure foot "$t" "foot:$n" $((n > 300000 ? 1 : repeats)); done
+    for n in "${levels[@]}"; do measure "Spot, subdivided" "$t" "$spot@$n" $((n > 1 ? 1 : repeats)); done
+    for mesh in "${meshes[@]}"; do measure "$(basename "${mesh%%[.:]*}")" "$t" "$mesh" 1; done
+  done
+  heading "Up to two million triangles" "Disc check, solve, layout and placement with the default options, without
+reading the file and without the verifier; medians of up to $repeats runs. \`foot\` is a surface by formula
+(\`tests/bench/bench_meshes.h\`), \`spot_seam_L3\` is \`tests/data/spot_seam.obj\` after three Loop subdivisions. Peak bytes are
+the most that the whole unwrapping, verifier included, held at once beyond the mesh itself." |
+    "$bin/planish_bench_report" scale "$runs" "$work/scale" >"$out/scale.md"
+  plot "columns='$work/scale.columns'; out='$out/scale.png'" scale.gp
+}
+
+peers() {
+  local rounds=5 all=("$spot" waves:24000 foot:20000 "$spot@1") version
+  [ -z "$quick" ] || { rounds=2 all=(ear:1796 foot:5000); }
+  local tools=(planish) missing=""
+  if command -v blender >/dev/null; then tools+=(blender); else missing+=" Blender was not there."; fi
+  if [ -x "$bin/planish_cgal_lscm" ]; then tools+=(cgal); else missing+=" CGAL was not there."; fi
+  version=$(blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/Blender \1/p' | head -1) || true
+  local mesh round tool file map seconds quality flag=""
+  "$bin/planish_solve_time" --help | grep -q -- --threads && flag="--threads 1"
+  for mesh in "${all[@]}" "${meshes[@]}"; do
+    file=$work/mesh.obj
+    "$bin/planish_write_mesh" "$mesh" "$file"
+    local triangles label=""
+    triangles=$(grep -c '^f ' "$file")
+    for round in $(seq "$rounds"); do
+      echo "$mesh, round $round" >&2
+      for tool in "${tools[@]}"; do
+        map=$work/$tool.obj quality=
+        case $tool in
+          planish)
+            # shellcheck disable=SC2086  # a flag and its value
+            one_core "$bin/planish_solve_time" "$mesh" $flag | record "\"round\":$round"
+            label=$(tail -1 "$runs" | sed 's/.*"mesh":"\([^"]*\)".*/\1/')
+            continue
+            ;;
+          blender)
+            seconds=$(one_core blender -b --factory-startup -t 1 -P "$here/blender_abf.py" -- "$file" "$map" \
+              2>/dev/null | sed -n 's/^RESULT //p') || true
+            ;;
+          cgal) seconds=$(one_core "$bin/planish_cgal_lscm" "$file" "$map" | sed -n 's/^RESULT //p') || true ;;
+        esac
+        if [ -z "$seconds" ]; then
+          echo "{\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,\"triangles\":$triangles,\"ended\":\"failed\"}" \
+            >>"$runs"
+          continue
+        fi
+        # The same map in every round: judged once.
+        [ "$round" -gt 1 ] || quality=$("$bin/planish_uv_quality" "$file" "$map")
+        printf '%s\n' "${quality:-{\"triangles\":$triangles\}}" |
+          record "\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,$seconds"
+      done
+    done
+  done
+  heading "Against others" "Each round runs every tool once, one after the other, on one core; medians of $rounds rounds, and
+each tool's CPU time over planish's in the same round. planish: disc check, solve, layout, placement, without its verifier.
+${version:-Blender}: its ABF unwrap operator (Debian's package). CGAL: \`LSCM_parameterizer_3\` with its defaults,
+the parameterization alone; a linear method, not ABF. The ABF energy (mean over all angles) and everything after it are measured by
+planish's own code on each tool's UV as delivered.$missing" |
+    "$bin/planish_bench_report" peers "$runs" "$work/peers" >"$out/peers.md"
+  plot "columns='$work/peers.columns'; out='$out/peers.png'" peers.gp
+}
+
+"$bench"
+echo "$out/$bench.md" >&2

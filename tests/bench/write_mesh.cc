@@ -1,0 +1,24 @@
+// planish_write_mesh MESH OUT.obj: a mesh as the measuring programs name it (bench_meshes.h), for programs of others.
+#include <cstdio>
+
+#include "tests/bench/bench_meshes.h"
+
+int main(int argc, char** argv) {
+  if (argc != 3) {
+    std::fprintf(stderr, "usage: planish_write_mesh NAME:TRIANGLES|PATH|PATH@LEVELS OUT.obj\n");
+    return 2;
+  }
+  const auto mesh = planish::bench::LoadMesh(argv[1]);
+  if (!mesh.ok()) {
+    std::fprintf(stderr, "%s\n", std::string(mesh.status().message()).c_str());
+    return 2;
+  }
+  std::FILE* file = std::fopen(argv[2], "w");
+  if (file == nullptr) {
+    std::perror(argv[2]);
+    return 2;
+  }
+  for (const planish::Vec3& p : mesh->positions) std::fprintf(file, "v %.9g %.9g %.9g\n", p.x(), p.y(), p.z());
+  for (const planish::Face& f : mesh->faces) std::fprintf(file, "f %d %d %d\n", f[0] + 1, f[1] + 1, f[2] + 1);
+  return std::fclose(file) == 0 ? 0 : 2;
+}
