@@ -10,7 +10,9 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
   ConstraintValues h;
   h.triangle.resize(topology.num_faces());
   h.pair = Eigen::VectorXd::Zero(2 * topology.num_rows);
-  for (std::int32_t v = 0; v < topology.num_rows; ++v) h.pair[2 * v] = -2 * std::numbers::pi;
+  for (std::int32_t v = 0; v < topology.num_rows; ++v) {
+    h.pair[2 * v] = topology.has_wheel(v) ? -2 * std::numbers::pi : -std::numbers::pi;
+  }
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     const double* angle = &x[3 * f];
     const std::int32_t* vertex = &topology.corner_row[3 * f];
@@ -20,7 +22,7 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
     for (int k = 0; k < 3; ++k) {
       if (vertex[k] < 0) continue;
       h.pair[2 * vertex[k]] += angle[k];
-      h.pair[2 * vertex[k] + 1] += log_sin[Next(k)] - log_sin[Prev(k)];
+      if (topology.has_wheel(vertex[k])) h.pair[2 * vertex[k] + 1] += log_sin[Next(k)] - log_sin[Prev(k)];
     }
   }
   return h;
@@ -30,7 +32,7 @@ Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::Vec
   Eigen::VectorXd product = Eigen::VectorXd::Ones(topology.num_interior);
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     const std::int32_t f = c / 3, k = c % 3;
-    if (const std::int32_t v = topology.corner_row[c]; v >= 0) {
+    if (const std::int32_t v = topology.corner_row[c]; topology.has_wheel(v)) {
       product[v] *= std::sin(x[3 * f + Next(k)]) / std::sin(x[3 * f + Prev(k)]);
     }
   }
@@ -46,7 +48,7 @@ void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const E
     for (int k = 0; k < 3; ++k) {
       if (vertex[k] < 0) continue;
       (*y)[2 * vertex[k]] += angle[k];
-      (*y)[2 * vertex[k] + 1] += wheel[Next(k)] - wheel[Prev(k)];
+      if (topology.has_wheel(vertex[k])) (*y)[2 * vertex[k] + 1] += wheel[Next(k)] - wheel[Prev(k)];
     }
   }
 }
@@ -57,7 +59,7 @@ void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
     const std::int32_t* vertex = &topology.corner_row[3 * f];
     double wheel[3];
     for (int k = 0; k < 3; ++k) {
-      wheel[k] = vertex[k] < 0 ? 0 : pair[2 * vertex[k] + 1];
+      wheel[k] = topology.has_wheel(vertex[k]) ? pair[2 * vertex[k] + 1] : 0;
       if (vertex[k] >= 0) (*x)[3 * f + k] += pair[2 * vertex[k]];
     }
     // Angle k comes after the vertex at Prev(k) and before the vertex at Next(k).
@@ -84,6 +86,7 @@ SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd&
     const std::int32_t vertex_row = topology.num_faces() + 2 * v, wheel_row = vertex_row + 1;
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
     entries.emplace_back(vertex_row, c, 1.0);
+    if (!topology.has_wheel(v)) continue;
     entries.emplace_back(wheel_row, after, scale[v] * cot[after]);
     entries.emplace_back(wheel_row, before, -scale[v] * cot[before]);
   }

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "core/abf/boundary_control.h"
 #include "core/abf/newton.h"
 #include "core/base/status_macros.h"
 
@@ -40,6 +41,7 @@ absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetA
                                          const FlattenOptions& options, const FlattenControl& control) {
   PLANISH_RETURN_IF_ERROR(options.Validate());
   const FlattenOptions resolved = Resolve(options, topology);
+  if (resolved.boundary == BoundaryType::kConvex) return FlattenConvex(topology, target, resolved, control);
   Newton newton(topology, target, resolved, control);
   PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary, newton.Run({target.angle, Multipliers::Zero(topology)}));
   return Flattening{newton.x(), std::move(summary)};

@@ -17,12 +17,14 @@ enum class SolverType { kAuto, kUzawa, kMinres, kDirect };
 enum class SystemType { kAuto, kFull, kReduced };
 enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class HessianType { kConvex, kExact, kAuto };
+enum class BoundaryType { kFree, kConvex };
 
 // Names as on the command line and in reports: "uzawa", "reduced", ...
 const char* Name(SolverType type);
 const char* Name(SystemType type);
 const char* Name(PreconditionerType type);
 const char* Name(HessianType type);
+const char* Name(BoundaryType type);
 
 struct FlattenOptions {
   SolverType solver = SolverType::kAuto;
@@ -32,6 +34,9 @@ struct FlattenOptions {
   // nowhere. kAuto, for SolverType::kAuto and kMinres: kConvex far from the solution and kExact near it; for the other
   // solvers the same as kConvex.
   HessianType hessian = HessianType::kAuto;
+  // kConvex: the angles at every boundary vertex add up to at most pi, so that the map is a convex polygon
+  // (boundary_control.h).
+  BoundaryType boundary = BoundaryType::kFree;
   // Newton stops as converged when the largest violation of every constraint family and the largest scaled entry of
   // the gradient (Residual) are all at most this, in radians. In (0, 1e-2].
   double tolerance = 1e-9;

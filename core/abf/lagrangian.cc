@@ -22,7 +22,7 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& obj
     double wheel[3];
     for (int k = 0; k < 3; ++k) {
       const std::int32_t v = topology.corner_row[3 * f + k];
-      wheel[k] = v < 0 ? 0 : mu.pair[2 * v + 1];
+      wheel[k] = topology.has_wheel(v) ? mu.pair[2 * v + 1] : 0;
     }
     for (int k = 0; k < 3; ++k) {
       const double sine = std::sin(x[3 * f + k]);

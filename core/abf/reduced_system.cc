@@ -43,6 +43,7 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
       }
     }
   }
+  for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) diagonal[2 * v + 1] = diagonal[2 * v];
   return diagonal;
 }
 
@@ -81,6 +82,9 @@ Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
       -c[0], 0, c[2],  //
       0, 0, 1,         //
       c[0], -c[1], 0;
+  for (int k = 0; k < 3; ++k) {
+    if (!topology_.has_wheel(topology_.corner_row[3 * face + k])) j.row(2 * k + 1).setZero();
+  }
   return j * p * j.transpose();
 }
 
@@ -142,6 +146,12 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const ReducedSystem& system) 
         block[3] += face(2 * i + 1, 2 * j + 1);
       }
     }
+  }
+  for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) {
+    // The absent wheel row of a boundary vertex: anything positive on the diagonal.
+    const auto first = matrix_.column.begin() + matrix_.row_begin[v], last = matrix_.column.begin() + matrix_.row_begin[v + 1];
+    double* diagonal = &matrix_.value[4 * (std::lower_bound(first, last, v) - matrix_.column.begin())];
+    diagonal[3] = diagonal[0];
   }
   return matrix_;
 }

@@ -25,6 +25,9 @@ struct Topology {
   // vertex_row of the vertex at each corner.
   std::vector<std::int32_t> corner_row;
 
+  // Whether a row (or corner_row, which may be -1) is that of an interior vertex, with a wheel condition.
+  bool has_wheel(std::int32_t row) const { return row >= 0 && row < num_interior; }
+
   std::int32_t num_faces() const { return static_cast<std::int32_t>(faces.size()); }
   std::int32_t num_corners() const { return 3 * num_faces(); }
 };

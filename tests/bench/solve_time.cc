@@ -19,7 +19,9 @@ int main(int argc, char** argv) {
   const planish::Mesh mesh = planish::Triangulate(file->mesh).mesh;
   const int runs = argc > 2 ? std::atoi(argv[2]) : 1;
   for (int i = 0; i < runs; ++i) {
-    const auto result = planish::Unwrap(mesh, {}, {});
+    planish::UnwrapOptions options;
+    if (std::getenv("CONVEX")) options.flatten.boundary = planish::BoundaryType::kConvex;
+    const auto result = planish::Unwrap(mesh, options, {});
     if (!result.ok()) {
       std::fprintf(stderr, "%s\n", std::string(result.status().message()).c_str());
       return 1;
@@ -31,7 +33,7 @@ int main(int argc, char** argv) {
         {"newton_iterations", summary.newton_iterations},
         {"linear_iterations", summary.linear_iterations},
         {"abf_energy", result->quality.abf_energy},
-        {"flipped", result->quality.flipped},
+        {"flipped", result->quality.flipped}, {"degenerate", result->quality.degenerate}, {"overlapping", result->quality.overlapping}, {"barrier", summary.barrier},
         {"charts_seconds", result->seconds.charts},
         {"solve_seconds", result->seconds.solve},
         {"layout_seconds", result->seconds.layout},
