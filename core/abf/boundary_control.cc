@@ -1,10 +1,8 @@
 #include "core/abf/boundary_control.h"
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
+#include <limits>
 #include <numbers>
-#include <numeric>
 #include <set>
 #include <utility>
 
@@ -64,16 +62,20 @@ Eigen::VectorXd ActiveSet::Pressures(const Eigen::VectorXd& x, const Multipliers
 
 std::int32_t ActiveSet::CountWrong(const Eigen::VectorXd& pressures, double tolerance) const {
   std::int32_t wrong = 0;
-  for (std::int32_t b = 0; b < num_vertices(); ++b) {
-    if (active_[b] ? pressures[b] < -tolerance : pressures[b] > tolerance) ++wrong;
-  }
+  for (std::int32_t b = 0; b < num_vertices(); ++b) wrong += Wrongness(pressures, b) > tolerance;
   return wrong;
+}
+
+double ActiveSet::Worst(const Eigen::VectorXd& pressures) const {
+  double worst = 0;
+  for (std::int32_t b = 0; b < num_vertices(); ++b) worst = std::max(worst, Wrongness(pressures, b));
+  return worst;
 }
 
 std::int32_t ActiveSet::Update(const Eigen::VectorXd& pressures, double tolerance, bool only_last) {
   const std::vector<char> before = active_;
   for (std::int32_t b = num_vertices() - 1; b >= 0; --b) {
-    if (!(active_[b] ? pressures[b] < -tolerance : pressures[b] > tolerance)) continue;
+    if (Wrongness(pressures, b) <= tolerance) continue;
     active_[b] = !active_[b];
     if (only_last) break;
   }
@@ -138,55 +140,152 @@ Multipliers ActiveSet::Carry(const Multipliers& mu, const std::vector<char>& act
   return carried;
 }
 
-double Env(const char* name, double fallback) {
-  const char* v = std::getenv(name);
-  return v ? std::atof(v) : fallback;
+namespace {
+
+// Newton's method need not know the angles for a set any better than this part of how wrong the set is, or than this
+// residual.
+constexpr double kRoughPart = 0.1;
+constexpr double kRoughTolerance = 1e-2;
+// Changes of the set that may fail to make it less wrong before vertices change one at a time.
+constexpr int kPatience = 3;
+constexpr int kMaxSetChanges = 200;
+
+// One FlattenConvex() call.
+class ActiveSetMethod {
+ public:
+  ActiveSetMethod(const Topology& topology, const TargetAngles& target, const FlattenOptions& options,
+                  const FlattenControl& control)
+      : target_(target),
+        options_(options),
+        control_(control),
+        set_(topology, target),
+        iterate_{target.angle, Multipliers::Zero(topology)} {}
+
+  absl::StatusOr<Flattening> operator()();
+
+ private:
+  // Newton's method for the present set, from where the last one ended.
+  absl::Status Solve(double tolerance);
+  // The same for a set that has been solved for to a rougher tolerance.
+  absl::Status Polish();
+  // The next set; false if there is none to try.
+  bool ChangeSet(const Eigen::VectorXd& pressures);
+  // Says in the stop message how the set ended, wrong at `wrong` vertices.
+  void Describe(std::int32_t wrong);
+
+  const TargetAngles& target_;
+  FlattenOptions options_;
+  const FlattenControl& control_;
+  ActiveSet set_;
+  NewtonIterate iterate_;
+  FlattenSummary summary_;  // of the last solve, with the counts of all
+  int solves_ = 0, set_changes_ = 0;
+  std::int32_t least_wrong_ = std::numeric_limits<std::int32_t>::max();
+  int patience_ = kPatience;
+};
+
+absl::Status ActiveSetMethod::Solve(double tolerance) {
+  const FlattenSummary before = summary_;
+  const Topology constrained = set_.ConstrainedTopology();
+  FlattenOptions options = options_;
+  options.tolerance = tolerance;
+  options.max_newton_iterations -= before.newton_iterations;
+  FlattenControl control = control_;
+  if (control_.on_progress) {
+    control.on_progress = [&](FlattenProgress progress) {
+      progress.newton_iteration += before.newton_iterations;
+      progress.linear_iterations += before.linear_iterations;
+      control_.on_progress(progress);
+    };
+  }
+  Newton newton(constrained, target_, options, control);
+  PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run(std::move(iterate_)));
+  iterate_ = {newton.x(), newton.mu(), summary_.barrier};
+  ++solves_;
+  summary_.newton_iterations += before.newton_iterations;
+  summary_.linear_iterations += before.linear_iterations;
+  summary_.convexified_iterations += before.convexified_iterations;
+  summary_.indefinite_iterations += before.indefinite_iterations;
+  if (options.hessian == HessianType::kAuto && before.indefinite_iterations > 0) summary_.hessian = HessianType::kExact;
+  options_.preconditioner = summary_.preconditioner;
+  summary_.preconditioner_changed = summary_.preconditioner_changed || before.preconditioner_changed;
+  return absl::OkStatus();
 }
+
+absl::Status ActiveSetMethod::Polish() {
+  const NewtonIterate start = iterate_;
+  const FlattenSummary before = summary_;
+  PLANISH_RETURN_IF_ERROR(Solve(options_.tolerance));
+  if (options_.preconditioner == PreconditionerType::kAmg && summary_.barrier > start.barrier) {
+    // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
+    iterate_ = start;
+    options_.preconditioner = PreconditionerType::kCholesky;
+    PLANISH_RETURN_IF_ERROR(Solve(options_.tolerance));
+    summary_.preconditioner_changed = true;
+  }
+  return absl::OkStatus();
+}
+
+bool ActiveSetMethod::ChangeSet(const Eigen::VectorXd& pressures) {
+  if (set_changes_ >= kMaxSetChanges) return false;
+  const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
+  if (wrong < least_wrong_) {
+    least_wrong_ = wrong;
+    patience_ = kPatience;
+  } else if (patience_ > 0) {
+    --patience_;
+  }
+  const std::vector<char> before = set_.active();
+  if (set_.Update(pressures, options_.tolerance, /*only_last=*/patience_ == 0) == 0) return false;
+  iterate_.mu = set_.Carry(iterate_.mu, before);
+  ++set_changes_;
+  return true;
+}
+
+void ActiveSetMethod::Describe(std::int32_t wrong) {
+  const BoundaryReport& boundary = summary_.boundary;
+  absl::StrAppend(
+      &summary_.stop_message,
+      absl::StrFormat(", in the last of %d solves with %d Newton steps in all; %d of %d boundary vertices are "
+                      "straight, after %d changes of the active set",
+                      solves_, summary_.newton_iterations, boundary.active, boundary.vertices, boundary.set_changes));
+  if (wrong > 0)
+    absl::StrAppend(&summary_.stop_message, absl::StrFormat(", which is still wrong at %d of them", wrong));
+}
+
+absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
+  double tolerance = std::max(kRoughTolerance, options_.tolerance);
+  bool same_set = false, out_of_sets = false;
+  std::int32_t wrong = 0;
+  while (true) {
+    PLANISH_RETURN_IF_ERROR(same_set ? Polish() : Solve(tolerance));
+    if (!summary_.converged && summary_.newton_iterations >= options_.max_newton_iterations) break;
+    const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
+    wrong = set_.CountWrong(pressures, options_.tolerance);
+    const double worst = set_.Worst(pressures);
+    if (wrong > 0 && !out_of_sets) {
+      same_set = false;
+      out_of_sets = !ChangeSet(pressures);
+      if (!out_of_sets) {
+        tolerance = std::max(std::min(kRoughTolerance, kRoughPart * worst), options_.tolerance);
+        continue;
+      }
+    }
+    if (tolerance == options_.tolerance) break;
+    tolerance = options_.tolerance;
+    same_set = true;
+  }
+  summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), set_.num_active(), set_changes_,
+                       summary_.converged && wrong == 0};
+  Describe(wrong);
+  return Flattening{std::move(iterate_.x), std::move(summary_)};
+}
+
+}  // namespace
 
 absl::StatusOr<Flattening> FlattenConvex(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control) {
-  const double rough_tolerance = Env("ROUGH", 1e-2), rough_wrong = Env("WRONG", 1e-2);
-  ActiveSet set(topology, target);
-  NewtonIterate iterate = {target.angle, Multipliers::Zero(topology)};
-  Eigen::VectorXd pressures = set.Pressures(iterate.x, iterate.mu);
-  int stage = 0;
-  if (Env("FREEFIRST", 0) == 0) {
-    const int c = set.Update(pressures, rough_wrong, false);
-    std::fprintf(stderr, "start: n %d active %d changed %d\n", set.num_vertices(), set.num_active(), c);
-    iterate.mu = set.Carry(iterate.mu, std::vector<char>(set.num_vertices(), 0));
-  }
-  Flattening result;
-  int newton = 0;
-  std::int64_t linear = 0;
-  for (int outer = 0; outer < 40; ++outer) {
-    const Topology constrained = set.ConstrainedTopology();
-    FlattenOptions o = options;
-    o.tolerance = stage == 0 ? std::max(rough_tolerance, options.tolerance) : options.tolerance;
-    Newton solver(constrained, target, o, control);
-    PLANISH_ASSIGN_OR_RETURN(result.summary, solver.Run({std::move(iterate.x), std::move(iterate.mu)}));
-    newton += result.summary.newton_iterations;
-    linear += result.summary.linear_iterations;
-    iterate = {solver.x(), solver.mu()};
-    pressures = set.Pressures(iterate.x, iterate.mu);
-    const double tol = stage == 0 ? std::max(rough_wrong, options.tolerance) : options.tolerance;
-    const int wrong = set.CountWrong(pressures, tol);
-    std::fprintf(stderr, "outer %d stage %d active %d newton %d linear %lld energy %g barrier %g wrong %d  %s\n", outer,
-                 stage, set.num_active(), result.summary.newton_iterations, static_cast<long long>(result.summary.linear_iterations),
-                 result.summary.energy, result.summary.barrier, wrong, result.summary.stop_message.c_str());
-    if (wrong == 0) {
-      if (stage == 1) break;
-      stage = 1;
-      continue;
-    }
-    const std::vector<char> before = set.active();
-    const int changed = set.Update(pressures, tol, false);
-    if (changed == 0) { std::fprintf(stderr, "blocked\n"); if (stage == 1) break; stage = 1; continue; }
-    iterate.mu = set.Carry(iterate.mu, before);
-  }
-  result.summary.newton_iterations = newton;
-  result.summary.linear_iterations = linear;
-  result.angles = iterate.x;
-  return result;
+  return ActiveSetMethod(topology, target, options, control)();
 }
 
 }  // namespace planish

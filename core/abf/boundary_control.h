@@ -48,8 +48,11 @@ class ActiveSet {
   // p_b of each boundary vertex, in their order. `mu` has the rows of ConstrainedTopology(), or those of interior
   // vertices only where none was active.
   Eigen::VectorXd Pressures(const Eigen::VectorXd& x, const Multipliers& mu) const;
-  // The number of vertices that belong on the other side: active with p_b < -tolerance or inactive with p_b > tolerance.
+  // The number of vertices that belong on the other side: active with p_b < -tolerance or inactive with p_b >
+  // tolerance.
   std::int32_t CountWrong(const Eigen::VectorXd& pressures, double tolerance) const;
+  // The largest |p_b| among the vertices that CountWrong(pressures, 0) counts.
+  double Worst(const Eigen::VectorXd& pressures) const;
   // Moves every wrong vertex to the other side, or only the last one; then releases vertices, those with the least
   // pressure first, until a polygon exists. Returns the number of vertices that changed.
   std::int32_t Update(const Eigen::VectorXd& pressures, double tolerance, bool only_last);
@@ -65,6 +68,10 @@ class ActiveSet {
   struct Stretch {
     std::int32_t first, last;
   };
+  // How far vertex b is on the wrong side; not positive for a right one.
+  double Wrongness(const Eigen::VectorXd& pressures, std::int32_t b) const {
+    return active_[b] ? -pressures[b] : pressures[b];
+  }
   void ReleaseForPolygon(const Eigen::VectorXd& pressures);
 
   const Topology& topology_;

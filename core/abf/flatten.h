@@ -34,13 +34,13 @@ struct FlattenOptions {
   // nowhere. kAuto, for SolverType::kAuto and kMinres: kConvex far from the solution and kExact near it; for the other
   // solvers the same as kConvex.
   HessianType hessian = HessianType::kAuto;
-  // kConvex: the angles at every boundary vertex add up to at most pi, so that the map is a convex polygon
-  // (boundary_control.h).
+  // kConvex: the angles at every boundary vertex add up to at most pi, within the tolerance, so that the outline of the
+  // map is a convex polygon (boundary_control.h).
   BoundaryType boundary = BoundaryType::kFree;
   // Newton stops as converged when the largest violation of every constraint family and the largest scaled entry of
   // the gradient (Residual) are all at most this, in radians. In (0, 1e-2].
   double tolerance = 1e-9;
-  int max_newton_iterations = 100;  // in [1, 1000]
+  int max_newton_iterations = 100;  // in [1, 1000], over all active sets
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID naming the field, or OK.
   absl::Status Validate() const;
@@ -70,6 +70,17 @@ struct FlattenControl {
   std::function<void(const FlattenProgress&)> on_progress;
 };
 
+// How BoundaryType::kConvex went.
+struct BoundaryReport {
+  BoundaryType type = BoundaryType::kFree;
+  // The rest is for kConvex only.
+  std::int32_t vertices = 0;  // boundary vertices
+  std::int32_t active = 0;    // of these, held straight at the end: angles that add up to pi
+  int set_changes = 0;        // times that the set of active vertices changed
+  // Whether the set is right (boundary_control.h): no boundary vertex has more than pi, and none is held without need.
+  bool settled = true;
+};
+
 struct FlattenSummary {
   // As used, never kAuto.
   SolverType solver = SolverType::kDirect;
@@ -83,6 +94,7 @@ struct FlattenSummary {
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps taken with the exact Hessian where it was not positive, by MINRES
   Residual residual;
+  BoundaryReport boundary;
   // 0, or the weight tau of the barrier (objective.h) that was left in because f alone has no minimum with positive
   // angles on this mesh; residual.gradient is then that of f with the barrier.
   double barrier = 0;
@@ -95,7 +107,7 @@ struct Flattening {
   FlattenSummary summary;
 };
 
-// Minimizes f subject to eq. 1, 2 and 6 by Newton's method on the Lagrangian, from x = a and mu = 0. Deterministic.
+// Minimizes f subject to eq. 1, 2 and 6, and the boundary control asked for, by Newton's method on the Lagrangian, from x = a and mu = 0. Deterministic.
 // INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: interrupted. INTERNAL: SOLVER_FAILED, no step could be computed.
 // Running out of iterations is not an error: see FlattenSummary::converged.
 absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,

@@ -178,6 +178,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
   summary_.hessian = options_.hessian;
   x_ = std::move(start.x);
   mu_ = std::move(start.mu);
+  objective_.set_barrier(start.barrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck) {
     // Angles ran into 0. Start again with a barrier, loosen it, and try without it from there.
@@ -201,8 +202,8 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
         ending = Ending::kConverged;
       }
     }
-    summary_.barrier = objective_.barrier();
   }
+  summary_.barrier = objective_.barrier();
   if (summary_.hessian == HessianType::kAuto) {
     summary_.hessian = summary_.indefinite_iterations > 0 ? HessianType::kExact : HessianType::kConvex;
   }

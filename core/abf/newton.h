@@ -18,6 +18,7 @@ namespace planish {
 struct NewtonIterate {
   Eigen::VectorXd x;  // angles
   Multipliers mu;
+  double barrier = 0;  // of the objective
 };
 
 // x and mu, and what is known at them. All arguments of the constructor must outlive this; no type in `options` may be
@@ -35,7 +36,8 @@ class Newton {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From `start` to a minimum of f, or of f with a barrier where f has none. Restarts begin at x = a and mu = 0.
+  // From `start` to a minimum of f, or of f with a barrier where f has none or `start` has one. Restarts begin at x = a
+  // and mu = 0.
   absl::StatusOr<FlattenSummary> Run(NewtonIterate start);
 
   // Where Run() ended.

@@ -149,7 +149,8 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const ReducedSystem& system) 
   }
   for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) {
     // The absent wheel row of a boundary vertex: anything positive on the diagonal.
-    const auto first = matrix_.column.begin() + matrix_.row_begin[v], last = matrix_.column.begin() + matrix_.row_begin[v + 1];
+    const auto first = matrix_.column.begin() + matrix_.row_begin[v],
+               last = matrix_.column.begin() + matrix_.row_begin[v + 1];
     double* diagonal = &matrix_.value[4 * (std::lower_bound(first, last, v) - matrix_.column.begin())];
     diagonal[3] = diagonal[0];
   }
