@@ -146,16 +146,21 @@ namespace {
 // residual.
 constexpr double kRoughPart = 0.1;
 constexpr double kRoughTolerance = 1e-2;
-// Changes of the set that may fail to make it less wrong before vertices change one at a time.
-constexpr int kPatience = 3;
+// Changes of the set that may fail to make it less wrong than ever before vertices change one at a time.
+constexpr int kPatience = 10;
 constexpr int kMaxSetChanges = 200;
+// Where angles run into 0: the barriers (objective.h) to settle under, one after the other.
+constexpr double kBarriers[] = {1.0, 0.1, 1e-2, 0.0};
+// The one that stays if there is no minimum without; the stronger ones are not solved for better than roughly.
+constexpr double kLeastBarrier = 1e-2;
 
 // One FlattenConvex() call.
 class ActiveSetMethod {
  public:
   ActiveSetMethod(const Topology& topology, const TargetAngles& target, const FlattenOptions& options,
                   const FlattenControl& control)
-      : target_(target),
+      : topology_(topology),
+        target_(target),
         options_(options),
         control_(control),
         set_(topology, target),
@@ -164,15 +169,17 @@ class ActiveSetMethod {
   absl::StatusOr<Flattening> operator()();
 
  private:
+  // Changes the set until it is right for the barrier of iterate_; summary_ says how that ended.
+  absl::Status Settle();
   // Newton's method for the present set, from where the last one ended.
   absl::Status Solve(double tolerance);
   // The same for a set that has been solved for to a rougher tolerance.
-  absl::Status Polish();
-  // The next set; false if there is none to try.
+  absl::Status Polish(double tolerance);
+  // Takes the next set; false if there is none to try.
   bool ChangeSet(const Eigen::VectorXd& pressures);
-  // Says in the stop message how the set ended, wrong at `wrong` vertices.
-  void Describe(std::int32_t wrong);
+  bool OutOfIterations() const { return summary_.newton_iterations >= options_.max_newton_iterations; }
 
+  const Topology& topology_;
   const TargetAngles& target_;
   FlattenOptions options_;
   const FlattenControl& control_;
@@ -180,8 +187,9 @@ class ActiveSetMethod {
   NewtonIterate iterate_;
   FlattenSummary summary_;  // of the last solve, with the counts of all
   int solves_ = 0, set_changes_ = 0;
-  std::int32_t least_wrong_ = std::numeric_limits<std::int32_t>::max();
-  int patience_ = kPatience;
+  // Since Settle() began.
+  std::int32_t least_wrong_ = 0;
+  int patience_ = 0;
 };
 
 absl::Status ActiveSetMethod::Solve(double tolerance) {
@@ -199,7 +207,7 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
     };
   }
   Newton newton(constrained, target_, options, control);
-  PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run(std::move(iterate_)));
+  PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run(std::move(iterate_), /*may_restart=*/false));
   iterate_ = {newton.x(), newton.mu(), summary_.barrier};
   ++solves_;
   summary_.newton_iterations += before.newton_iterations;
@@ -212,15 +220,14 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   return absl::OkStatus();
 }
 
-absl::Status ActiveSetMethod::Polish() {
+absl::Status ActiveSetMethod::Polish(double tolerance) {
   const NewtonIterate start = iterate_;
-  const FlattenSummary before = summary_;
-  PLANISH_RETURN_IF_ERROR(Solve(options_.tolerance));
-  if (options_.preconditioner == PreconditionerType::kAmg && summary_.barrier > start.barrier) {
+  PLANISH_RETURN_IF_ERROR(Solve(tolerance));
+  if (!summary_.converged && !OutOfIterations() && options_.preconditioner == PreconditionerType::kAmg) {
     // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
     iterate_ = start;
     options_.preconditioner = PreconditionerType::kCholesky;
-    PLANISH_RETURN_IF_ERROR(Solve(options_.tolerance));
+    PLANISH_RETURN_IF_ERROR(Solve(tolerance));
     summary_.preconditioner_changed = true;
   }
   return absl::OkStatus();
@@ -242,43 +249,57 @@ bool ActiveSetMethod::ChangeSet(const Eigen::VectorXd& pressures) {
   return true;
 }
 
-void ActiveSetMethod::Describe(std::int32_t wrong) {
-  const BoundaryReport& boundary = summary_.boundary;
-  absl::StrAppend(
-      &summary_.stop_message,
-      absl::StrFormat(", in the last of %d solves with %d Newton steps in all; %d of %d boundary vertices are "
-                      "straight, after %d changes of the active set",
-                      solves_, summary_.newton_iterations, boundary.active, boundary.vertices, boundary.set_changes));
-  if (wrong > 0)
-    absl::StrAppend(&summary_.stop_message, absl::StrFormat(", which is still wrong at %d of them", wrong));
+absl::Status ActiveSetMethod::Settle() {
+  const double rough = std::max(kRoughTolerance, options_.tolerance);
+  const double goal = iterate_.barrier > kLeastBarrier ? rough : options_.tolerance;
+  least_wrong_ = std::numeric_limits<std::int32_t>::max();
+  patience_ = kPatience;
+  double tolerance = rough;
+  bool same_set = false, out_of_sets = false, right = false;
+  while (true) {
+    PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
+    if (!summary_.converged) break;
+    const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
+    right = set_.CountWrong(pressures, options_.tolerance) == 0;
+    same_set = right || out_of_sets;
+    if (!same_set) {
+      const double worst = set_.Worst(pressures);
+      same_set = out_of_sets = !ChangeSet(pressures);
+      if (!same_set) tolerance = std::clamp(kRoughPart * worst, goal, rough);
+    }
+    if (same_set) {
+      if (tolerance == goal) break;
+      tolerance = goal;
+    }
+  }
+  summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), set_.num_active(), set_changes_,
+                       summary_.converged && right};
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
-  double tolerance = std::max(kRoughTolerance, options_.tolerance);
-  bool same_set = false, out_of_sets = false;
-  std::int32_t wrong = 0;
-  while (true) {
-    PLANISH_RETURN_IF_ERROR(same_set ? Polish() : Solve(tolerance));
-    if (!summary_.converged && summary_.newton_iterations >= options_.max_newton_iterations) break;
-    const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
-    wrong = set_.CountWrong(pressures, options_.tolerance);
-    const double worst = set_.Worst(pressures);
-    if (wrong > 0 && !out_of_sets) {
-      same_set = false;
-      out_of_sets = !ChangeSet(pressures);
-      if (!out_of_sets) {
-        tolerance = std::max(std::min(kRoughTolerance, kRoughPart * worst), options_.tolerance);
-        continue;
-      }
+  PLANISH_RETURN_IF_ERROR(Settle());
+  Flattening result = {iterate_.x, summary_};
+  if (!summary_.converged && !OutOfIterations()) {
+    iterate_ = {target_.angle, Multipliers::Zero(set_.ConstrainedTopology())};
+    for (const double tau : kBarriers) {
+      iterate_.barrier = tau;
+      PLANISH_RETURN_IF_ERROR(Settle());
+      if (tau > 0 || summary_.boundary.settled) result = {iterate_.x, summary_};
+      if (!summary_.converged) break;
     }
-    if (tolerance == options_.tolerance) break;
-    tolerance = options_.tolerance;
-    same_set = true;
   }
-  summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), set_.num_active(), set_changes_,
-                       summary_.converged && wrong == 0};
-  Describe(wrong);
-  return Flattening{std::move(iterate_.x), std::move(summary_)};
+  const BoundaryReport& boundary = result.summary.boundary;
+  result.summary.newton_iterations = summary_.newton_iterations;
+  result.summary.linear_iterations = summary_.linear_iterations;
+  absl::StrAppend(
+      &result.summary.stop_message,
+      absl::StrFormat(
+          " in the last solve, %d Newton steps in all %d; %d of %d boundary vertices are straight, the active "
+          "set %s after %d changes",
+          summary_.newton_iterations, solves_, boundary.active, boundary.vertices,
+          boundary.settled ? "settled" : "has not settled", boundary.set_changes));
+  return result;
 }
 
 }  // namespace

@@ -107,9 +107,9 @@ struct Flattening {
   FlattenSummary summary;
 };
 
-// Minimizes f subject to eq. 1, 2 and 6, and the boundary control asked for, by Newton's method on the Lagrangian, from x = a and mu = 0. Deterministic.
-// INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: interrupted. INTERNAL: SOLVER_FAILED, no step could be computed.
-// Running out of iterations is not an error: see FlattenSummary::converged.
+// Minimizes f subject to eq. 1, 2 and 6, and the boundary control asked for, by Newton's method on the Lagrangian, from
+// x = a and mu = 0. Deterministic. INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: interrupted. INTERNAL: SOLVER_FAILED,
+// no step could be computed. Running out of iterations is not an error: see FlattenSummary::converged.
 absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control);
 

@@ -172,7 +172,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
   }
 }
 
-absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
+absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart) {
   summary_.solver = options_.solver;
   summary_.system = options_.system;
   summary_.hessian = options_.hessian;
@@ -180,7 +180,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
-  if (ending == Ending::kStuck) {
+  if (ending == Ending::kStuck && may_restart) {
     // Angles ran into 0. Start again with a barrier, loosen it, and try without it from there.
     Restart();
     for (const double tau : {1.0, 0.1, kLeastBarrier}) {

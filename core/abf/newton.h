@@ -36,9 +36,9 @@ class Newton {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From `start` to a minimum of f, or of f with a barrier where f has none or `start` has one. Restarts begin at x = a
-  // and mu = 0.
-  absl::StatusOr<FlattenSummary> Run(NewtonIterate start);
+  // From `start` to a minimum of f with the barrier of `start`. If angles run into 0 on the way and `may_restart`,
+  // again from x = a and mu = 0 with a barrier, which stays where f has no minimum without.
+  absl::StatusOr<FlattenSummary> Run(NewtonIterate start, bool may_restart = true);
 
   // Where Run() ended.
   const Eigen::VectorXd& x() const { return x_; }
