@@ -75,14 +75,14 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
   return changed;
 }
 
-Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient) {
+Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient) {
   Residual residual;
   residual.triangle = h.triangle.cwiseAbs().maxCoeff();
   for (Eigen::Index i = 0; i < h.pair.size(); i += 2) {
     residual.vertex = std::max(residual.vertex, std::abs(h.pair[i]));
     residual.wheel = std::max(residual.wheel, std::abs(h.pair[i + 1]));
   }
-  residual.gradient = (gradient.array() / (2 * target.weight.array())).abs().maxCoeff();
+  residual.gradient = (gradient.array() / curvature.array()).abs().maxCoeff();
   return residual;
 }
 

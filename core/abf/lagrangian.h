@@ -46,6 +46,6 @@ inline constexpr double kMinCurvature = 0.02;
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian);
 
 // Largest entries of h and of the scaled gradient (Residual in flatten.h).
-Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient);
+Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient);
 
 }  // namespace planish

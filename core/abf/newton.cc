@@ -33,7 +33,7 @@ void Newton::Evaluate() {
   cot_ = Cotangents(x_);
   h_ = EvaluateConstraints(topology_, x_);
   gradient_ = LagrangianGradient(topology_, objective_, x_, cot_, mu_);
-  summary_.residual = MeasureResidual(target_, h_, gradient_);
+  summary_.residual = MeasureResidual(objective_.Curvature(x_), h_, gradient_);
   summary_.energy = target_.Energy(x_);
 }
 
