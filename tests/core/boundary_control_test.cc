@@ -58,7 +58,7 @@ double LargestBoundaryAngle(const Mesh& mesh, const CornerUv& uv) {
 
 std::vector<Mesh> NonConvexMeshes() {
   return {testing::LShape(4),        testing::LShape(9),
-          testing::Star(6, 3),       testing::Star(9, 4),
+          testing::Star(4),          testing::Star(6),
           BentStrip(24, 5.0),        testing::Hills(14, 12, 2),
           testing::Hills(20, 18, 1), testing::HalfCylinder(9, 7),
           testing::Cone(9, 2),       testing::PuncturedSphere(8, 1.0)};
@@ -80,7 +80,7 @@ TEST(BoundaryControl, MakesEveryOutlineConvexAndInjective) {
 }
 
 TEST(BoundaryControl, EndsWhereTheInequalitiesHoldAndTheirMultipliersHaveTheRightSign) {
-  for (const Mesh& mesh : {testing::LShape(6), testing::Star(6, 4), testing::Hills(14, 12, 2)}) {
+  for (const Mesh& mesh : {testing::LShape(6), testing::Star(6), testing::Hills(14, 12, 2)}) {
     const Disc disc(mesh);
     const Flattening result = disc.Flatten();
     ASSERT_TRUE(result.summary.converged) << result.summary.stop_message;
@@ -217,7 +217,8 @@ TEST(ActiveSet, NeverAsksForAPolygonThatDoesNotExist) {
     const std::int32_t n = set.num_vertices();
     Eigen::VectorXd pressures(n);
     for (std::int32_t b = 0; b < n; ++b) pressures[b] = 1 + (b * 7) % n;
-    EXPECT_EQ(set.Update(pressures, 0, /*only_last=*/false), set.num_active());
+    const std::int32_t changed = set.Update(pressures, 0, /*only_last=*/false);
+    EXPECT_EQ(set.num_active(), changed);
     EXPECT_LE(set.num_active(), n - 3);
     std::vector<std::int32_t> position(mesh.num_vertices(), -1);
     for (std::int32_t b = 0; b < n; ++b) position[set.vertices()[b]] = b;
@@ -232,16 +233,16 @@ TEST(ActiveSet, NeverAsksForAPolygonThatDoesNotExist) {
 }
 
 TEST(ActiveSet, CarriesMultipliersOfVerticesThatStay) {
-  const Disc disc(testing::Plane(3, 3));
+  const Disc disc(testing::Cone(9, 1));
   ActiveSet set(disc.topology, disc.target);
-  Eigen::VectorXd pressures = Eigen::VectorXd::Constant(12, -1);
-  pressures[2] = pressures[5] = pressures[9] = 1;
+  Eigen::VectorXd pressures = Eigen::VectorXd::Constant(9, -1);
+  pressures[2] = pressures[5] = pressures[7] = 1;
   EXPECT_EQ(set.Update(pressures, 0, /*only_last=*/false), 3);
   const Topology topology = set.ConstrainedTopology();
-  EXPECT_EQ(topology.num_rows, 4 + 3);
-  EXPECT_EQ(topology.vertex_row[set.vertices()[5]], 5);
+  ASSERT_EQ(topology.num_rows, 1 + 3);
+  EXPECT_EQ(topology.vertex_row[set.vertices()[5]], 2);
   Multipliers mu = Multipliers::Zero(topology);
-  mu.pair << 1, 2, 3, 4, 5, 6, 7, 8, 20, 0, 50, 0, 90, 0;
+  mu.pair << 1, 2, 20, 0, 50, 0, 70, 0;
   const std::vector<char> before = set.active();
   pressures[5] = -1;
   pressures[0] = 1;
@@ -249,8 +250,8 @@ TEST(ActiveSet, CarriesMultipliersOfVerticesThatStay) {
   EXPECT_EQ(set.Update(pressures, 0, /*only_last=*/true), 1) << "the last one only";
   EXPECT_FALSE(set.active()[5]);
   EXPECT_EQ(set.Update(pressures, 0, /*only_last=*/false), 1);
-  Eigen::VectorXd expected(14);
-  expected << 1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 20, 0, 90, 0;
+  Eigen::VectorXd expected(8);
+  expected << 1, 2, 0, 0, 20, 0, 70, 0;
   EXPECT_EQ(set.Carry(mu, before).pair, expected);
 }
 

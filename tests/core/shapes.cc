@@ -60,11 +60,11 @@ Mesh LShape(int size) {
   return mesh;
 }
 
-Mesh Star(int rings, int points) {
+Mesh Star(int rings) {
   Mesh mesh = PuncturedSphere(rings, 1.0);
   for (Vec3& p : mesh.positions) {
     const double polar = std::acos(p.z()), azimuth = std::atan2(p.y(), p.x());
-    const double radius = polar * (1 + 0.5 * std::cos(points * azimuth));
+    const double radius = polar * (1 + 0.3 * std::cos(3 * azimuth));
     p = {radius * std::cos(azimuth), radius * std::sin(azimuth), 0};
   }
   return mesh;
