@@ -146,6 +146,10 @@ namespace {
 // residual.
 constexpr double kRoughPart = 0.1;
 constexpr double kRoughTolerance = 1e-2;
+// A rough solve ends after so many Newton steps; the angles are good enough to judge the set by if the constraints hold
+// and the gradient is at most so large.
+constexpr int kRoughSteps = 12;
+constexpr double kRoughGradient = 0.5;
 // Changes of the set that may fail to make it less wrong than ever before vertices change one at a time.
 constexpr int kPatience = 10;
 constexpr int kMaxSetChanges = 200;
@@ -177,6 +181,11 @@ class ActiveSetMethod {
   absl::Status Polish(double tolerance);
   // Takes the next set; false if there is none to try.
   bool ChangeSet(const Eigen::VectorXd& pressures);
+  // Whether a solve that did not converge will do to judge the set by.
+  bool IsRoughlyRight(double rough) const {
+    const Residual& r = summary_.residual;
+    return !OutOfIterations() && std::max({r.triangle, r.vertex, r.wheel}) <= rough && r.gradient <= kRoughGradient;
+  }
   bool OutOfIterations() const { return summary_.newton_iterations >= options_.max_newton_iterations; }
 
   const Topology& topology_;
@@ -187,6 +196,7 @@ class ActiveSetMethod {
   NewtonIterate iterate_;
   FlattenSummary summary_;  // of the last solve, with the counts of all
   int solves_ = 0, set_changes_ = 0;
+  bool usable_ = false;  // the last solve converged, or for a rough one nearly
   // Since Settle() began.
   std::int32_t least_wrong_ = 0;
   int patience_ = 0;
@@ -198,6 +208,8 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   FlattenOptions options = options_;
   options.tolerance = tolerance;
   options.max_newton_iterations -= before.newton_iterations;
+  if (tolerance > options_.tolerance)
+    options.max_newton_iterations = std::min(options.max_newton_iterations, kRoughSteps);
   FlattenControl control = control_;
   if (control_.on_progress) {
     control.on_progress = [&](FlattenProgress progress) {
@@ -258,7 +270,8 @@ absl::Status ActiveSetMethod::Settle() {
   bool same_set = false, out_of_sets = false, right = false;
   while (true) {
     PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
-    if (!summary_.converged) break;
+    usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
+    if (!usable_) break;
     const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
     right = set_.CountWrong(pressures, options_.tolerance) == 0;
     same_set = right || out_of_sets;
@@ -286,7 +299,7 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
       iterate_.barrier = tau;
       PLANISH_RETURN_IF_ERROR(Settle());
       if (tau > 0 || summary_.boundary.settled) result = {iterate_.x, summary_};
-      if (!summary_.converged) break;
+      if (!usable_) break;
     }
   }
   const BoundaryReport& boundary = result.summary.boundary;
