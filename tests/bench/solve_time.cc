@@ -1,6 +1,8 @@
-// planish_solve_time MESH [RUNS]: seconds of each stage for a mesh file, one JSON object per run.
+// planish_solve_time MESH [RUNS [convex]]: seconds of each stage for a mesh file, one JSON object per run; with convex,
+// under boundary control.
 #include <cstdio>
 #include <cstdlib>
+#include <string>
 
 #include "core/io/mesh_file.h"
 #include "core/unwrap/unwrap.h"
@@ -8,7 +10,7 @@
 
 int main(int argc, char** argv) {
   if (argc < 2) {
-    std::fprintf(stderr, "usage: planish_solve_time MESH [RUNS]\n");
+    std::fprintf(stderr, "usage: planish_solve_time MESH [RUNS [convex]]\n");
     return 2;
   }
   const auto file = planish::ReadMeshFile(argv[1]);
@@ -18,47 +20,34 @@ int main(int argc, char** argv) {
   }
   const planish::Mesh mesh = planish::Triangulate(file->mesh).mesh;
   const int runs = argc > 2 ? std::atoi(argv[2]) : 1;
+  planish::UnwrapOptions options;
+  if (argc > 3 && argv[3] == std::string("convex")) options.flatten.boundary = planish::BoundaryType::kConvex;
   for (int i = 0; i < runs; ++i) {
-    planish::UnwrapOptions options;
-    if (std::getenv("CONVEX")) options.flatten.boundary = planish::BoundaryType::kConvex;
-    if (std::getenv("MAXN")) options.flatten.max_newton_iterations = std::atoi(std::getenv("MAXN"));
-    if (std::getenv("HEXACT")) options.flatten.hessian = planish::HessianType::kExact;
-    if (std::getenv("DIRECT")) options.flatten.solver = planish::SolverType::kDirect;
-    if (std::getenv("CHOL")) options.flatten.preconditioner = planish::PreconditionerType::kCholesky;
-    if (std::getenv("HCONVEX")) options.flatten.hessian = planish::HessianType::kConvex;
-    planish::UnwrapControl ctl;
-    if (std::getenv("PROG"))
-      ctl.on_progress = [](const planish::UnwrapProgress& p) {
-        if (p.flatten.linear_residual == 0)
-          std::fprintf(stderr, "  it %d lin %d step %g tri %.1e ver %.1e wh %.1e gr %.1e en %.10g\n",
-                       p.flatten.newton_iteration, static_cast<int>(p.flatten.linear_iterations), p.flatten.step_length,
-                       p.flatten.residual.triangle, p.flatten.residual.vertex, p.flatten.residual.wheel,
-                       p.flatten.residual.gradient, p.flatten.energy);
-      };
-    const auto result = planish::Unwrap(mesh, options, ctl);
+    const auto result = planish::Unwrap(mesh, options, {});
     if (!result.ok()) {
       std::fprintf(stderr, "%s\n", std::string(result.status().message()).c_str());
       return 1;
     }
     const planish::FlattenSummary& summary = result->charts.at(0).flatten;
-    const nlohmann::json line = {
-        {"triangles", mesh.num_faces()},
-        {"converged", summary.converged},
-        {"newton_iterations", summary.newton_iterations},
-        {"linear_iterations", summary.linear_iterations},
-        {"abf_energy", result->quality.abf_energy},
-        {"flipped", result->quality.flipped},
-        {"degenerate", result->quality.degenerate},
-        {"overlapping", result->quality.overlapping},
-        {"barrier", summary.barrier},
-        {"precision", result->precision == planish::Precision::kDouble ? "double" : "float"},
-        {"stop", summary.stop_message},
-        {"boundary",
-         {summary.boundary.vertices, summary.boundary.active, summary.boundary.set_changes, summary.boundary.settled}},
-        {"charts_seconds", result->seconds.charts},
-        {"solve_seconds", result->seconds.solve},
-        {"layout_seconds", result->seconds.layout},
-        {"solve_and_layout_seconds", result->seconds.solve + result->seconds.layout}};
+    const nlohmann::json line = {{"triangles", mesh.num_faces()},
+                                 {"converged", summary.converged},
+                                 {"newton_iterations", summary.newton_iterations},
+                                 {"linear_iterations", summary.linear_iterations},
+                                 {"abf_energy", result->quality.abf_energy},
+                                 {"barrier", summary.barrier},
+                                 {"boundary_vertices", summary.boundary.vertices},
+                                 {"boundary_active", summary.boundary.active},
+                                 {"boundary_set_changes", summary.boundary.set_changes},
+                                 {"boundary_settled", summary.boundary.settled},
+                                 {"flipped", result->quality.flipped},
+                                 {"degenerate", result->quality.degenerate},
+                                 {"overlapping", result->quality.overlapping},
+                                 {"charts_seconds", result->seconds.charts},
+                                 {"solve_seconds", result->seconds.solve},
+                                 {"layout_seconds", result->seconds.layout},
+                                 {"pack_seconds", result->seconds.pack},
+                                 {"verify_seconds", result->seconds.verify},
+                                 {"solve_and_layout_seconds", result->seconds.solve + result->seconds.layout}};
     std::printf("%s\n", line.dump().c_str());
   }
   return 0;
