@@ -13,10 +13,14 @@
 // The rule: solve for a set, set active = { b : p_b > 0 }, solve again from there: block principal pivoting, which is
 // the primal-dual active set method, or Newton's method on the piecewise smooth system max(p_b, 0) = s_b mu_b. Few
 // changes settle thousands of vertices, because the energy couples the boundary vertices weakly. Where the number of
-// wrong vertices does not fall three times in a row, they change one at a time (the last one, as in Murty's
+// wrong vertices has not fallen below its least for ten changes, they change one at a time (the last one, as in Murty's
 // method) until it does: Portugal, Judice, Vicente 1994, "A comparison of block pivoting and interior-point algorithms
 // for linear least squares problems with nonnegative variables". That cannot cycle on a convex problem; this one is
 // convex near its solution only, so the number of changes is limited.
+//
+// Newton's method is run anew for each set, from the x and mu of the last one, and only to a tenth of how wrong the
+// last set was; a set that looks right is solved for to the full tolerance. The first set is empty. Where angles run into 0,
+// the set settles under a strong barrier (objective.h) first, then under weaker ones, then without.
 //
 // A set can ask for the impossible. With positive angles, a polygon whose straight vertices are given exists exactly
 // when at least three vertices are not straight and no inner edge has both of its ends on one straight side (Floater
@@ -36,7 +40,7 @@ namespace planish {
 // The boundary vertices of a disc, in order, and which of them are held straight.
 class ActiveSet {
  public:
-  // None active. `topology` is without boundary rows; both must outlive this.
+  // None active. `topology` is without boundary rows and must outlive this.
   ActiveSet(const Topology& topology, const TargetAngles& target);
 
   std::int32_t num_vertices() const { return static_cast<std::int32_t>(vertices_.size()); }

@@ -49,9 +49,9 @@ struct FlattenOptions {
 // Largest absolute residual of each family, in radians.
 struct Residual {
   double triangle = 0;  // eq. 1
-  double vertex = 0;    // eq. 2
+  double vertex = 0;    // eq. 2, and angle sums of boundary vertices held straight
   double wheel = 0;     // eq. 6
-  double gradient = 0;  // of the Lagrangian, entry i divided by 2 w_i
+  double gradient = 0;  // of the Lagrangian, entry i divided by the objective's f''(x_i): 2 w_i, more with a barrier
 
   double Max() const;
 };

@@ -45,7 +45,7 @@ inline constexpr double kMinCurvature = 0.02;
 // Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed.
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian);
 
-// Largest entries of h and of the scaled gradient (Residual in flatten.h).
+// Largest entries of h and of the gradient divided by `curvature`, the diagonal f'' (Residual in flatten.h).
 Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient);
 
 }  // namespace planish

@@ -94,10 +94,11 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
          {{"changes", absl::StrCat(boundary.set_changes)}});
   }
   if (const double barrier = flattening.summary.barrier; barrier > 0) {
+    const bool convex = options_.flatten.boundary == BoundaryType::kConvex;
     Warn("BARRIER_KEPT",
-         absl::StrFormat("the ABF energy alone has no minimum with positive angles on this mesh; a "
-                         "barrier of %g keeps its triangles open; a seam would relieve it",
-                         barrier),
+         absl::StrFormat("the ABF energy alone has no minimum with positive angles on this mesh%s; a "
+                         "barrier of %g keeps its triangles open; a seam%s would relieve it",
+                         convex ? " with a convex outline" : "", barrier, convex ? " or a free boundary" : ""),
          {{"barrier", absl::StrFormat("%g", barrier)}});
   }
   result_.seconds.solve = timer.Restart();
