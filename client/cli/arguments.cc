@@ -139,6 +139,8 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   Choices<Hessian>{{Hessian::kAuto, Hessian::kConvex, Hessian::kExact}}.AddTo(
       unwrap, "--hessian", options.hessian,
       "Where it is not positive; exact: as it is, by minres; auto: near the solution");
+  Choices<Boundary>{{Boundary::kFree, Boundary::kConvex}}.AddTo(
+      unwrap, "--boundary", options.boundary, "Outline of the map; convex: a convex polygon, which never overlaps");
   Choices<Precision>{{Precision::kAuto, Precision::kFloat, Precision::kDouble}}.AddTo(
       unwrap, "--precision", options.precision, "Type of the UV; auto: float where it keeps the map");
   unwrap.add_option("--tolerance", options.tolerance, "Residual per angle at which Newton stops, up to 1e-2 [1e-9]")

@@ -40,6 +40,14 @@ Json ProgressJson(const Progress& progress) {
           {"tolerance", progress.tolerance}};
 }
 
+Json BoundaryJson(const BoundaryReport& boundary) {
+  return {{"type", ToString(boundary.boundary)},
+          {"vertices", boundary.vertices},
+          {"active", boundary.active},
+          {"set_changes", boundary.set_changes},
+          {"settled", boundary.settled}};
+}
+
 Json ChartsJson(const std::vector<ChartReport>& charts) {
   Json json = Json::array();
   for (const ChartReport& chart : charts) {
@@ -57,7 +65,8 @@ Json ChartsJson(const std::vector<ChartReport>& charts) {
                     {"residual", ResidualJson(chart.residual)},
                     {"stop_message", chart.stop_message},
                     {"abf_energy", chart.abf_energy},
-                    {"barrier", chart.barrier}});
+                    {"barrier", chart.barrier},
+                    {"boundary", BoundaryJson(chart.boundary)}});
   }
   return json;
 }

@@ -82,6 +82,11 @@ std::string Summary(const Report& report, const std::string& output, const Termi
                      (output.empty() || output == "-" ? "" : " into " + output) + ": " +
                      Counted(newton, "Newton iteration", "Newton iterations") + ", worst residual " +
                      Scientific(residual) + solver + ".\n";
+  for (const ChartReport& chart : report.charts) {
+    if (chart.boundary.boundary != Boundary::kConvex || !chart.boundary.settled) continue;
+    text += "The outline is convex: straight at " + WithCommas(chart.boundary.active) + " of its " +
+            Counted(chart.boundary.vertices, "vertex", "vertices") + ".\n";
+  }
   const Quality& quality = report.quality;
   text += Validity(quality) + "; angles off by " + Fixed(quality.angle_error_mean_deg, 2) + " deg on average, " +
           Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) + ".\n";

@@ -22,6 +22,7 @@ static_assert(static_cast<int>(Solver::kDirect) + 1 == v1::SOLVER_DIRECT);
 static_assert(static_cast<int>(System::kReduced) + 1 == v1::SYSTEM_REDUCED);
 static_assert(static_cast<int>(Preconditioner::kAmg) + 1 == v1::PRECONDITIONER_AMG);
 static_assert(static_cast<int>(Hessian::kAuto) + 1 == v1::HESSIAN_AUTO);
+static_assert(static_cast<int>(Boundary::kConvex) + 1 == v1::BOUNDARY_CONVEX);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
@@ -40,6 +41,7 @@ UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   options.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
   options.hessian =
       proto.hessian() == v1::HESSIAN_UNSPECIFIED ? Hessian::kAuto : EnumFromProto<Hessian>(proto.hessian());
+  options.boundary = EnumFromProto<Boundary>(proto.boundary());
   options.precision = EnumFromProto<Precision>(proto.precision());
   options.tolerance = proto.tolerance();
   options.max_newton_iterations = proto.max_newton_iterations();
@@ -48,6 +50,11 @@ UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
 
 Residual FromProto(const v1::Residual& proto) {
   return {proto.triangle(), proto.vertex(), proto.wheel(), proto.gradient()};
+}
+
+BoundaryReport FromProto(const v1::BoundaryReport& proto) {
+  return {EnumFromProto<Boundary>(proto.boundary()), proto.vertices(), proto.active(), proto.set_changes(),
+          proto.settled()};
 }
 
 ChartReport FromProto(const v1::ChartReport& proto) {
@@ -67,6 +74,7 @@ ChartReport FromProto(const v1::ChartReport& proto) {
   chart.abf_energy = proto.abf_energy();
   chart.indefinite_iterations = proto.indefinite_iterations();
   chart.barrier = proto.barrier();
+  if (proto.has_boundary()) chart.boundary = FromProto(proto.boundary());  // older servers know no boundary control
   return chart;
 }
 
@@ -107,6 +115,7 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   proto.set_system(EnumToProto<v1::System>(options.system));
   proto.set_preconditioner(EnumToProto<v1::Preconditioner>(options.preconditioner));
   proto.set_hessian(EnumToProto<v1::Hessian>(options.hessian));
+  proto.set_boundary(EnumToProto<v1::Boundary>(options.boundary));
   proto.set_precision(EnumToProto<v1::Precision>(options.precision));
   proto.set_tolerance(options.tolerance);
   proto.set_max_newton_iterations(options.max_newton_iterations);

@@ -139,6 +139,16 @@ const char* ToString(Hessian hessian) {
   return "unknown";
 }
 
+const char* ToString(Boundary boundary) {
+  switch (boundary) {
+    case Boundary::kFree:
+      return "free";
+    case Boundary::kConvex:
+      return "convex";
+  }
+  return "unknown";
+}
+
 const char* ToString(Precision precision) {
   switch (precision) {
     case Precision::kAuto:

@@ -64,7 +64,8 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
   h.pair.resize(2 * topology.num_rows);
   team.For(topology.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v) {
-      double sum = -2 * std::numbers::pi;
+      const bool has_wheel = topology.has_wheel(static_cast<std::int32_t>(v));
+      double sum = has_wheel ? -2 * std::numbers::pi : -std::numbers::pi;
       LogQuotient wheel;
       for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
         const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
@@ -73,7 +74,7 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
         wheel.Divide(sine[3 * f + Prev(k)]);
       }
       h.pair[2 * v] = sum;
-      h.pair[2 * v + 1] = wheel.Value();
+      h.pair[2 * v + 1] = has_wheel ? wheel.Value() : 0;
     }
   });
   return h;
@@ -87,7 +88,7 @@ Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::Vec
   Eigen::VectorXd product = Eigen::VectorXd::Ones(topology.num_interior);
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     const std::int32_t f = c / 3, k = c % 3;
-    if (const std::int32_t v = topology.corner_row[c]; v >= 0) {
+    if (const std::int32_t v = topology.corner_row[c]; topology.has_wheel(v)) {
       product[v] *= std::sin(x[3 * f + Next(k)]) / std::sin(x[3 * f + Prev(k)]);
     }
   }
@@ -107,7 +108,7 @@ void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const E
         wheel += cot[after] * x[after] - cot[before] * x[before];
       }
       (*y)[2 * v] = sum;
-      (*y)[2 * v + 1] = wheel;
+      (*y)[2 * v + 1] = topology.has_wheel(static_cast<std::int32_t>(v)) ? wheel : 0;
     }
   });
 }
@@ -119,7 +120,7 @@ void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
       const std::int32_t* vertex = &topology.corner_row[3 * f];
       double wheel[3];
       for (int k = 0; k < 3; ++k) {
-        wheel[k] = vertex[k] < 0 ? 0 : pair[2 * vertex[k] + 1];
+        wheel[k] = topology.has_wheel(vertex[k]) ? pair[2 * vertex[k] + 1] : 0;
         if (vertex[k] >= 0) (*x)[3 * f + k] += pair[2 * vertex[k]];
       }
       // Angle k comes after the vertex at Prev(k) and before the vertex at Next(k).
@@ -153,6 +154,7 @@ SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd&
     const std::int32_t vertex_row = topology.num_faces() + 2 * v, wheel_row = vertex_row + 1;
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
     entries.emplace_back(vertex_row, c, 1.0);
+    if (!topology.has_wheel(v)) continue;
     entries.emplace_back(wheel_row, after, scale_after[v] * cot[after]);
     entries.emplace_back(wheel_row, before, -scale_before[v] * cot[before]);
   }

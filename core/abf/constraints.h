@@ -3,10 +3,12 @@
 // Per face f:                triangle consistency (eq. 1)  x_0 + x_1 + x_2 - pi
 // Per interior vertex v:     vertex consistency (eq. 2)    sum of the angles at v, minus 2 pi
 //                            wheel condition (eq. 6)       sum of log sin(beta) - log sin(gamma) over the faces at v
+// Per active boundary vertex b (boundary_control.h):       sum of the angles at b, minus pi
 // with beta the angle after v and gamma the angle before v in each face, counter-clockwise. The product form of the
 // wheel condition (eq. 3) is here for comparison.
 //
-// Multipliers and constraint values are ordered: F triangle entries, then one pair (vertex, wheel) per interior vertex.
+// Multipliers and constraint values are ordered: F triangle entries, then one pair (vertex, wheel) per row of the
+// topology. Boundary vertices have no wheel condition: the second of their pair has the value 0 and an empty row of B.
 #pragma once
 
 #include "Eigen/Core"
@@ -18,7 +20,7 @@ namespace planish {
 
 struct ConstraintValues {
   Eigen::VectorXd triangle;  // F
-  Eigen::VectorXd pair;      // 2 num_rows: 2 v is eq. 2 and 2 v + 1 is eq. 6 of interior vertex v
+  Eigen::VectorXd pair;      // 2 num_rows: 2 v is eq. 2 (or its like at the boundary) and 2 v + 1 is eq. 6 of row v
 };
 
 // Sine of every angle.

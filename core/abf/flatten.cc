@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "core/abf/boundary_control.h"
 #include "core/abf/newton.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/face_order.h"
@@ -44,6 +45,11 @@ absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetA
   // The solver goes over faces and rows in turn, time and again: both lie along the same curve.
   const SortedTopology sorted = SortFaces(topology);
   const TargetAngles sorted_target = {sorted.ToSorted(target.angle), sorted.ToSorted(target.weight)};
+  if (resolved.boundary == BoundaryType::kConvex) {
+    PLANISH_ASSIGN_OR_RETURN(Flattening convex, FlattenConvex(sorted.topology, sorted_target, resolved, control));
+    convex.angles = sorted.ToOriginal(convex.angles);
+    return convex;
+  }
   Newton newton(sorted.topology, sorted_target, resolved, control);
   PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary,
                            newton.Run({sorted_target.angle, Multipliers::Zero(sorted.topology)}));

@@ -18,12 +18,14 @@ enum class SolverType { kAuto, kUzawa, kMinres, kDirect };
 enum class SystemType { kAuto, kFull, kReduced };
 enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class HessianType { kConvex, kExact, kAuto };
+enum class BoundaryType { kFree, kConvex };
 
 // Names as on the command line and in reports: "uzawa", "reduced", ...
 const char* Name(SolverType type);
 const char* Name(SystemType type);
 const char* Name(PreconditionerType type);
 const char* Name(HessianType type);
+const char* Name(BoundaryType type);
 
 struct FlattenOptions {
   SolverType solver = SolverType::kAuto;
@@ -33,10 +35,13 @@ struct FlattenOptions {
   // nowhere. kAuto, for SolverType::kAuto and kMinres: kConvex far from the solution and kExact near it; for the other
   // solvers the same as kConvex.
   HessianType hessian = HessianType::kAuto;
+  // kConvex: the angles at every boundary vertex add up to at most pi, within the tolerance, so that the outline of the
+  // map is a convex polygon (boundary_control.h).
+  BoundaryType boundary = BoundaryType::kFree;
   // Newton stops as converged when the largest violation of every constraint family and the largest scaled entry of
   // the gradient (Residual) are all at most this, in radians. In (0, 1e-2].
   double tolerance = 1e-9;
-  int max_newton_iterations = 100;  // in [1, 1000]
+  int max_newton_iterations = 100;  // in [1, 1000], over all active sets
   // Relative tolerance of every linear solve, in [0, 1e-2]. 0: a forcing term, proportional to the residual of the
   // Newton step, which is what to use; a fixed one is here for comparison.
   double linear_tolerance = 0;
@@ -48,9 +53,9 @@ struct FlattenOptions {
 // Largest absolute residual of each family, in radians.
 struct Residual {
   double triangle = 0;  // eq. 1
-  double vertex = 0;    // eq. 2
+  double vertex = 0;    // eq. 2, and angle sums of boundary vertices held straight
   double wheel = 0;     // eq. 6
-  double gradient = 0;  // of the Lagrangian, entry i divided by 2 w_i
+  double gradient = 0;  // of the Lagrangian, entry i divided by the objective's f''(x_i): 2 w_i, more with a barrier
 
   double Max() const;
 };
@@ -71,6 +76,17 @@ struct FlattenControl {
   ThreadTeam* team = nullptr;
 };
 
+// How BoundaryType::kConvex went.
+struct BoundaryReport {
+  BoundaryType type = BoundaryType::kFree;
+  // The rest is for kConvex only.
+  std::int32_t vertices = 0;  // boundary vertices
+  std::int32_t active = 0;    // of these, held straight at the end: angles that add up to pi
+  int set_changes = 0;        // times that the set of active vertices changed
+  // Whether the set is right (boundary_control.h): no boundary vertex has more than pi, and none is held without need.
+  bool settled = true;
+};
+
 struct FlattenSummary {
   // As used, never kAuto.
   SolverType solver = SolverType::kDirect;
@@ -84,6 +100,7 @@ struct FlattenSummary {
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps taken with the exact Hessian where it was not positive, by MINRES
   Residual residual;
+  BoundaryReport boundary;
   // 0, or the weight tau of the barrier (objective.h) that was left in because f alone has no minimum with positive
   // angles on this mesh; residual.gradient is then that of f with the barrier.
   double barrier = 0;
@@ -96,9 +113,9 @@ struct Flattening {
   FlattenSummary summary;
 };
 
-// Minimizes f subject to eq. 1, 2 and 6 by Newton's method on the Lagrangian, from x = a and mu = 0. Deterministic.
-// INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: interrupted. INTERNAL: SOLVER_FAILED, no step could be computed.
-// Running out of iterations is not an error: see FlattenSummary::converged.
+// Minimizes f subject to eq. 1, 2 and 6, and the boundary control asked for, by Newton's method on the Lagrangian, from
+// x = a and mu = 0. Deterministic. INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: interrupted. INTERNAL: SOLVER_FAILED,
+// no step could be computed. Running out of iterations is not an error: see FlattenSummary::converged.
 absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control);
 

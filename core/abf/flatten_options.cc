@@ -67,6 +67,16 @@ const char* Name(HessianType type) {
   return "?";
 }
 
+const char* Name(BoundaryType type) {
+  switch (type) {
+    case BoundaryType::kFree:
+      return "free";
+    case BoundaryType::kConvex:
+      return "convex";
+  }
+  return "?";
+}
+
 double Residual::Max() const {
   return std::max({triangle, vertex, wheel, gradient});
 }

@@ -33,6 +33,10 @@ Eigen::VectorXd FullSystem::SchurDiagonal() const {
     double* pair = &diagonal[topology_.num_faces() + 2 * v];
     const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
     pair[0] += inverse_hessian_[c];
+    if (!topology_.has_wheel(v)) {
+      pair[1] = pair[0];  // the row is absent: anything positive
+      continue;
+    }
     pair[1] +=
         cot_[after] * cot_[after] * inverse_hessian_[after] + cot_[before] * cot_[before] * inverse_hessian_[before];
   }

@@ -148,7 +148,7 @@ absl::StatusOr<KktSolution> SolveByKkt(const Topology& topology, const TargetAng
     Eigen::VectorXd mu(faces + pairs);
     mu << solution.mu.triangle, solution.mu.pair;
     const Eigen::VectorXd gradient = objective.Gradient(solution.x) + jacobian.transpose() * mu;
-    solution.residual = MeasureResidual(target, h, gradient);
+    solution.residual = MeasureResidual(objective.Curvature(solution.x), h, gradient);
     solution.converged = solution.residual.Max() <= options.tolerance;
     if (solution.converged || solution.newton_iterations == options.max_newton_iterations) return solution;
 

@@ -34,7 +34,7 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
       double wheel[3];
       for (int k = 0; k < 3; ++k) {
         const std::int32_t v = topology.corner_row[3 * f + k];
-        wheel[k] = v < 0 ? 0 : mu.pair[2 * v + 1];
+        wheel[k] = topology.has_wheel(v) ? mu.pair[2 * v + 1] : 0;
       }
       for (int k = 0; k < 3; ++k) {
         const double s = sine[3 * f + k];
@@ -43,6 +43,11 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
     }
   });
   return hessian;
+}
+
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
+                                  const Multipliers& mu) {
+  return LagrangianHessian(topology, objective.Curvature(x), Sines(x), mu);
 }
 
 namespace {
@@ -89,7 +94,7 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
   }));
 }
 
-Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient,
+Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient,
                          ThreadTeam& team) {
   Residual residual;
   residual.triangle = Largest(team, h.triangle.cwiseAbs());
@@ -99,7 +104,7 @@ Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, 
     residual.vertex = Largest(team, EveryOther(h.pair.data(), pairs).cwiseAbs());
     residual.wheel = Largest(team, EveryOther(h.pair.data() + 1, pairs).cwiseAbs());
   }
-  residual.gradient = Largest(team, gradient.cwiseQuotient(2 * target.weight).cwiseAbs());
+  residual.gradient = Largest(team, gradient.cwiseQuotient(curvature).cwiseAbs());
   return residual;
 }
 

@@ -29,6 +29,8 @@ Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& ob
 // that x_i has in eq. 6. `curvature` is f''(x), `sine` the sines of x.
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
                                   const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team = Alone());
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
+                                  const Multipliers& mu);
 
 // How a Hessian is made positive.
 enum class Convexification {
@@ -46,8 +48,8 @@ inline constexpr double kMinCurvature = 0.02;
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
                        ThreadTeam& team = Alone());
 
-// Largest entries of h and of the scaled gradient (Residual in flatten.h).
-Residual MeasureResidual(const TargetAngles& target, const ConstraintValues& h, const Eigen::VectorXd& gradient,
+// Largest entries of h and of the gradient divided by `curvature`, the diagonal f'' (Residual in flatten.h).
+Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient,
                          ThreadTeam& team = Alone());
 
 }  // namespace planish

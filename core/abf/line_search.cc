@@ -42,9 +42,12 @@ void MeritFunction::UpdatePenalties(const Multipliers& mu, const Multipliers& st
   Raise(team_, mu.pair, step.pair, &nu_.pair);
 }
 
+double MeritFunction::PairPenalty(const Eigen::VectorXd& pair) const {
+  return Sum(team_, nu_.pair.cwiseProduct(pair.cwiseAbs()));
+}
+
 double MeritFunction::Penalty(const ConstraintValues& h) const {
-  return Sum(team_, nu_.triangle.cwiseProduct(h.triangle.cwiseAbs())) +
-         Sum(team_, nu_.pair.cwiseProduct(h.pair.cwiseAbs()));
+  return Sum(team_, nu_.triangle.cwiseProduct(h.triangle.cwiseAbs())) + PairPenalty(h.pair);
 }
 
 double MeritFunction::Value(const Eigen::VectorXd& x, const ConstraintValues& h) const {

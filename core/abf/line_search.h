@@ -22,6 +22,8 @@ class MeritFunction {
   // Penalties that make the step a descent direction, from the multipliers mu + step.
   void UpdatePenalties(const Multipliers& mu, const Multipliers& step);
 
+  // What the rows of the pairs contribute for values `pair` of theirs.
+  double PairPenalty(const Eigen::VectorXd& pair) const;
   double Value(const Eigen::VectorXd& x, const ConstraintValues& h) const;
   // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
   struct Derivative {

@@ -12,10 +12,12 @@
 namespace planish {
 namespace {
 
+constexpr double kLeastForcingTerm = 1e-10;
+
 // Relative tolerance of the linear solve (the forcing term of an inexact Newton method): proportional to the residual,
 // so that Newton stays quadratic, but no smaller than the last step needs to end below the tolerance.
 double ForcingTerm(double residual, double tolerance) {
-  return std::clamp(std::max(1e-2 * residual, 3e-2 * tolerance / residual), 1e-10, 1e-4);
+  return std::clamp(std::max(1e-2 * residual, 3e-2 * tolerance / residual), kLeastForcingTerm, 1e-4);
 }
 
 // The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
@@ -40,8 +42,9 @@ Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
 
 void Newton::Evaluate() {
   cot_ = Cotangents(at_.x, at_.sine, team_);
+  curvature_ = objective_.Curvature(at_.x);
   gradient_ = LagrangianGradient(topology_, objective_, at_.x, cot_, mu_, team_);
-  summary_.residual = MeasureResidual(target_, at_.h, gradient_, team_);
+  summary_.residual = MeasureResidual(curvature_, at_.h, gradient_, team_);
   summary_.energy = objective_.Energy(at_.x);
 }
 
@@ -68,6 +71,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
                                             NewtonStep* step) {
   LinearSolveOptions linear;
   linear.relative_tolerance = options_.linear_tolerance > 0 ? options_.linear_tolerance
+                              : exact_steps_                ? kLeastForcingTerm
                                                             : ForcingTerm(summary_.residual.Max(), options_.tolerance);
   linear.interrupter = control_.interrupter;
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
@@ -85,7 +89,13 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   if (indefinite && solved.termination != LinearTermination::kConverged) return false;
   merit_.UpdatePenalties(mu_, step->mu);
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
-  return derivative.slope <= derivative.noise;
+  if (derivative.slope <= derivative.noise) return true;
+  // The slope is that of a step which meets the linearized constraints; where they hold already, what the linear solver
+  // has left of them counts for more.
+  Eigen::VectorXd left;
+  ApplyPairRows(topology_, cot_, step->x, &left, team_);
+  Assign(team_, left + at_.h.pair, &left);
+  return derivative.slope <= derivative.noise + merit_.PairPenalty(left);
 }
 
 absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step) {
@@ -125,10 +135,9 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  const Eigen::VectorXd curvature = objective_.Curvature(at_.x);
-  const Eigen::VectorXd hessian = LagrangianHessian(topology_, curvature, at_.sine, mu_, team_);
+  const Eigen::VectorXd hessian = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
   Eigen::VectorXd convex = hessian;
-  const bool changed = Convexify(curvature, steps_.RequiredConvexification(), &convex, team_) > 0;
+  const bool changed = Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_) > 0;
 
   NewtonStep step;
   bool found = false;
@@ -161,6 +170,7 @@ void Newton::Restart() {
   mu_ = Multipliers::Zero(topology_);
   merit_.Reset();
   short_steps_ = 0;
+  exact_steps_ = false;
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
@@ -177,18 +187,23 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
     short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
-    if (!*taken || short_steps_ == kMaxShortSteps) return Ending::kStuck;
+    if (short_steps_ == kMaxShortSteps) return Ending::kStuck;
+    if (*taken) continue;
+    // Perhaps the linear solves are too rough for the merit function.
+    if (exact_steps_) return Ending::kStuck;
+    exact_steps_ = true;
   }
 }
 
-absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
+absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart) {
   summary_.solver = options_.solver;
   summary_.system = options_.system;
   summary_.hessian = options_.hessian;
   at_ = PointAt(std::move(start.x));
   mu_ = std::move(start.mu);
+  objective_.set_barrier(start.barrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
-  if (ending == Ending::kStuck) {
+  if (ending == Ending::kStuck && may_restart) {
     // Angles ran into 0. Start again with a barrier, loosen it, and try without it from there.
     Restart();
     for (const double tau : {1.0, 0.1, kLeastBarrier}) {
@@ -210,8 +225,8 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start) {
         ending = Ending::kConverged;
       }
     }
-    summary_.barrier = objective_.barrier();
   }
+  summary_.barrier = objective_.barrier();
   if (summary_.hessian == HessianType::kAuto) {
     summary_.hessian = summary_.indefinite_iterations > 0 ? HessianType::kExact : HessianType::kConvex;
   }

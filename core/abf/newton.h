@@ -18,6 +18,7 @@ namespace planish {
 struct NewtonIterate {
   Eigen::VectorXd x;  // angles
   Multipliers mu;
+  double barrier = 0;  // of the objective
 };
 
 // x and mu, and what is known at them. All arguments of the constructor must outlive this; no type in `options` may be
@@ -37,8 +38,9 @@ class Newton {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From `start` to a minimum of f, or of f with a barrier where f has none. Restarts begin at x = a and mu = 0.
-  absl::StatusOr<FlattenSummary> Run(NewtonIterate start);
+  // From `start` to a minimum of f with the barrier of `start`. If angles run into 0 on the way and `may_restart`,
+  // again from x = a and mu = 0 with a barrier, which stays where f has no minimum without.
+  absl::StatusOr<FlattenSummary> Run(NewtonIterate start, bool may_restart = true);
 
   // Where Run() ended.
   const Eigen::VectorXd& x() const { return at_.x; }
@@ -82,10 +84,11 @@ class Newton {
 
   Point at_;
   Multipliers mu_;
-  Eigen::VectorXd cot_, gradient_;
+  Eigen::VectorXd cot_, curvature_, gradient_;
   MeritFunction merit_;
   double step_length_ = 0;
   int short_steps_ = 0;          // in a row
+  bool exact_steps_ = false;     // no forcing terms any more
   bool indefinite_pays_ = true;  // HessianType::kAuto: no step with the exact Hessian has failed yet
   FlattenSummary summary_;
 };

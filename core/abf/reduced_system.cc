@@ -62,6 +62,7 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
       }
     }
   }
+  for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) diagonal[2 * v + 1] = diagonal[2 * v];
   return diagonal;
 }
 
@@ -104,6 +105,9 @@ Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
       -c[0], 0, c[2],  //
       0, 0, 1,         //
       c[0], -c[1], 0;
+  for (int k = 0; k < 3; ++k) {
+    if (!topology_.has_wheel(topology_.corner_row[3 * face + k])) j.row(2 * k + 1).setZero();
+  }
   return j * p * j.transpose();
 }
 
@@ -169,9 +173,14 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessia
         const double scale = 1 / (a0 * a1 + a1 * a2 + a2 * a0);
         const double p00 = scale * (a1 + a2), p11 = scale * (a2 + a0), p22 = scale * (a0 + a1);
         const double p01 = -scale * a2, p12 = -scale * a0, p02 = -scale * a1;
-        // The vertex row of J is (1, 0, 0), the wheel row (0, c1, -c2); t and w are they times P.
+        // The vertex row of J is (1, 0, 0), the wheel row (0, c1, -c2) or, of a vertex without a wheel, zero; t and w
+        // are they times P.
+        const auto wheel = [&](int corner) {
+          return topology_.has_wheel(topology_.corner_row[at[corner]]) ? 1.0 : 0.0;
+        };
+        const double w0 = wheel(0), w1 = wheel(1), w2 = wheel(2);
         const double t[3] = {p00, p01, p02};
-        const double w[3] = {c1 * p01 - c2 * p02, c1 * p11 - c2 * p12, c1 * p12 - c2 * p22};
+        const double w[3] = {w0 * (c1 * p01 - c2 * p02), w0 * (c1 * p11 - c2 * p12), w0 * (c1 * p12 - c2 * p22)};
         const auto add = [&](std::int32_t block, int corner, double wheel_t, double wheel_w) {
           if (block < 0) return;
           double* value = &matrix_.value[4 * std::size_t(block)];
@@ -180,9 +189,14 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessia
           value[2] += w[corner];
           value[3] += wheel_w;
         };
-        add(diagonal_[v], 0, c1 * t[1] - c2 * t[2], c1 * w[1] - c2 * w[2]);
-        add(neighbours_[i].after, 1, c2 * t[2] - c0 * t[0], c2 * w[2] - c0 * w[0]);
-        add(neighbours_[i].before, 2, c0 * t[0] - c1 * t[1], c0 * w[0] - c1 * w[1]);
+        add(diagonal_[v], 0, w0 * (c1 * t[1] - c2 * t[2]), w0 * (c1 * w[1] - c2 * w[2]));
+        add(neighbours_[i].after, 1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
+        add(neighbours_[i].before, 2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
+      }
+      if (!topology_.has_wheel(
+              static_cast<std::int32_t>(v))) {  // anything positive will do in the place of its wheel row
+        double* diagonal = &matrix_.value[4 * std::size_t(diagonal_[v])];
+        diagonal[3] = diagonal[0];
       }
     }
   });

@@ -40,12 +40,12 @@ class MinresSolver final : public LinearSolver {
         summary.termination = LinearTermination::kIterationLimit;
         break;
       }
+      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
+        options.on_progress(summary.iterations, phi_bar / beta1);
+      }
       if (IsInterrupted(options.interrupter)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
-      }
-      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
-        options.on_progress(summary.iterations, phi_bar / beta1);
       }
 
       Assign(team, y / beta, &v);

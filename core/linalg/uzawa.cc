@@ -45,12 +45,12 @@ class UzawaSolver final : public LinearSolver {
         summary.termination = LinearTermination::kIterationLimit;
         break;
       }
+      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
+        options.on_progress(summary.iterations, residual / first);
+      }
       if (IsInterrupted(options.interrupter)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
-      }
-      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
-        options.on_progress(summary.iterations, residual / first);
       }
       system.ApplySchur(d, &schur);
       const double curvature = Dot(team, d, schur);

@@ -30,6 +30,9 @@ struct Topology {
   std::vector<std::int32_t> row_corner_begin = {0};
   std::vector<std::int32_t> row_corner;
 
+  // Whether a row (or corner_row, which may be -1) is that of an interior vertex, with a wheel condition.
+  bool has_wheel(std::int32_t row) const { return row >= 0 && row < num_interior; }
+
   std::int32_t num_faces() const { return static_cast<std::int32_t>(faces.size()); }
   std::int32_t num_corners() const { return 3 * num_faces(); }
 };

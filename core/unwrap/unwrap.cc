@@ -86,11 +86,19 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
   if (flattening.summary.preconditioner_changed) {
     Warn("PRECONDITIONER_CHANGED", "multigrid did not converge on this mesh; a Cholesky factorization took over");
   }
+  if (const BoundaryReport& boundary = flattening.summary.boundary; !boundary.settled) {
+    Warn("BOUNDARY_NOT_SETTLED",
+         absl::StrCat("the active set of the boundary control had not settled after ",
+                      Counted(boundary.set_changes, "change", "changes"),
+                      ": the outline may be not quite convex, or straighter than it need be"),
+         {{"changes", absl::StrCat(boundary.set_changes)}});
+  }
   if (const double barrier = flattening.summary.barrier; barrier > 0) {
+    const bool convex = options_.flatten.boundary == BoundaryType::kConvex;
     Warn("BARRIER_KEPT",
-         absl::StrFormat("the ABF energy alone has no minimum with positive angles on this mesh; a "
-                         "barrier of %g keeps its triangles open; a seam would relieve it",
-                         barrier),
+         absl::StrFormat("the ABF energy alone has no minimum with positive angles on this mesh%s; a "
+                         "barrier of %g keeps its triangles open; a seam%s would relieve it",
+                         convex ? " with a convex outline" : "", barrier, convex ? " or a free boundary" : ""),
          {{"barrier", absl::StrFormat("%g", barrier)}});
   }
   result_.seconds.solve = timer.Restart();

@@ -44,6 +44,10 @@ constexpr Choice<v1::Hessian, HessianType> kHessians[] = {
     {v1::HESSIAN_EXACT, HessianType::kExact},
     {v1::HESSIAN_AUTO, HessianType::kAuto},
 };
+constexpr Choice<v1::Boundary, BoundaryType> kBoundaries[] = {
+    {v1::BOUNDARY_FREE, BoundaryType::kFree},
+    {v1::BOUNDARY_CONVEX, BoundaryType::kConvex},
+};
 constexpr Choice<v1::Precision, Precision> kPrecisions[] = {
     {v1::PRECISION_AUTO, Precision::kAuto},
     {v1::PRECISION_FLOAT, Precision::kFloat},
@@ -82,6 +86,7 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   PLANISH_RETURN_IF_ERROR(
       Choose("preconditioner", kPreconditioners, options.preconditioner(), &flatten.preconditioner));
   PLANISH_RETURN_IF_ERROR(Choose("hessian", kHessians, options.hessian(), &flatten.hessian));
+  PLANISH_RETURN_IF_ERROR(Choose("boundary", kBoundaries, options.boundary(), &flatten.boundary));
   PLANISH_RETURN_IF_ERROR(Choose("precision", kPrecisions, options.precision(), &core.precision));
   if (options.tolerance() != 0) flatten.tolerance = options.tolerance();
   if (options.max_newton_iterations() != 0) flatten.max_newton_iterations = options.max_newton_iterations();
@@ -128,6 +133,9 @@ v1::Preconditioner ToProto(PreconditionerType type) {
 }
 v1::Hessian ToProto(HessianType type) {
   return Find(kHessians, type);
+}
+v1::Boundary ToProto(BoundaryType type) {
+  return Find(kBoundaries, type);
 }
 v1::Precision ToProto(Precision precision) {
   return Find(kPrecisions, precision);

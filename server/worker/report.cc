@@ -37,6 +37,16 @@ v1::Residual ToProto(const Residual& residual) {
   return proto;
 }
 
+v1::BoundaryReport ToProto(const BoundaryReport& boundary) {
+  v1::BoundaryReport proto;
+  proto.set_boundary(ToProto(boundary.type));
+  proto.set_vertices(boundary.vertices);
+  proto.set_active(boundary.active);
+  proto.set_set_changes(boundary.set_changes);
+  proto.set_settled(boundary.settled);
+  return proto;
+}
+
 v1::ChartReport ToProto(const ChartReport& chart) {
   const FlattenSummary& flatten = chart.flatten;
   v1::ChartReport proto;
@@ -55,6 +65,7 @@ v1::ChartReport ToProto(const ChartReport& chart) {
   proto.set_abf_energy(flatten.energy / (3.0 * static_cast<double>(chart.triangles)));
   proto.set_indefinite_iterations(flatten.indefinite_iterations);
   proto.set_barrier(flatten.barrier);
+  *proto.mutable_boundary() = ToProto(flatten.boundary);
   return proto;
 }
 

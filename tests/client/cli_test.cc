@@ -20,10 +20,10 @@ ParsedArguments Parse(std::vector<const char*> words) {
 }
 
 TEST(ArgumentsTest, UnwrapWithEverything) {
-  const ParsedArguments parsed =
-      Parse({"unwrap", "in.obj", "-o", "out.obj", "--server=h:1", "--solver=minres", "--system", "full",
-             "--preconditioner=none", "--hessian=exact", "--precision=double", "--seams=none", "--tolerance=1e-7",
-             "--max-newton-iterations=7", "--json", "--progress=plain", "--label=mine", "--timeout=2.5"});
+  const ParsedArguments parsed = Parse(
+      {"unwrap", "in.obj", "-o", "out.obj", "--server=h:1", "--solver=minres", "--system", "full",
+       "--preconditioner=none", "--hessian=exact", "--boundary=convex", "--precision=double", "--seams=none",
+       "--tolerance=1e-7", "--max-newton-iterations=7", "--json", "--progress=plain", "--label=mine", "--timeout=2.5"});
   ASSERT_TRUE(parsed.arguments) << parsed.err;
   const Arguments& arguments = *parsed.arguments;
   EXPECT_EQ(arguments.command, Command::kUnwrap);
@@ -34,6 +34,7 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.options.system, System::kFull);
   EXPECT_EQ(arguments.options.preconditioner, Preconditioner::kNone);
   EXPECT_EQ(arguments.options.hessian, Hessian::kExact);
+  EXPECT_EQ(arguments.options.boundary, Boundary::kConvex);
   EXPECT_EQ(arguments.options.precision, Precision::kDouble);
   EXPECT_EQ(arguments.options.tolerance, 1e-7);
   EXPECT_EQ(arguments.options.max_newton_iterations, 7);
@@ -138,6 +139,16 @@ TEST(SummaryTest, UsableResult) {
             "(uzawa+cholesky).\n"
             "No flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
             "stretch 1.90.\n");
+}
+
+TEST(SummaryTest, SaysWhatBecameOfTheOutline) {
+  Report report = GoodReport();
+  report.charts[0].boundary = {Boundary::kConvex, 1616, 610, 6, true};
+  EXPECT_THAT(
+      Summary(report, "out.obj", Terminal()),
+      HasSubstr("(uzawa+cholesky).\nThe outline is convex: straight at 610 of its 1,616 vertices.\nNo flipped"));
+  report.charts[0].boundary.settled = false;
+  EXPECT_THAT(Summary(report, "out.obj", Terminal()), ::testing::Not(HasSubstr("convex")));
 }
 
 TEST(SummaryTest, WarningsAndUnusableResult) {

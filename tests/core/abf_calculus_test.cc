@@ -4,6 +4,7 @@
 #include <random>
 
 #include "Eigen/Dense"
+#include "core/abf/boundary_control.h"
 #include "core/abf/constraints.h"
 #include "core/abf/full_system.h"
 #include "core/abf/lagrangian.h"
@@ -17,8 +18,16 @@ namespace planish {
 namespace {
 
 struct Fixture {
-  explicit Fixture(const Mesh& mesh) : topology(CheckDisc(mesh).value()) {
+  // Every `straight`-th boundary vertex is held straight.
+  explicit Fixture(const Mesh& mesh, int straight = 0) : topology(CheckDisc(mesh).value()) {
     target = MakeTargetAngles(topology, MeasuredAngles(mesh));
+    if (straight > 0) {
+      ActiveSet set(topology, target);
+      Eigen::VectorXd pressures(set.num_vertices());
+      for (Eigen::Index b = 0; b < pressures.size(); ++b) pressures[b] = b % straight == 0 ? 1 : -1;
+      set.Update(pressures, 0, /*only_last=*/false);
+      topology = set.ConstrainedTopology();
+    }
     std::mt19937 random(3);
     std::uniform_real_distribution<double> unit(-1, 1);
     x = target.angle;
@@ -54,6 +63,14 @@ Fixture ManyWheels() {
   return Fixture(testing::Hills(7, 6));
 }
 
+Fixture StraightVertices() {
+  return Fixture(testing::Hills(7, 6), 3);
+}
+
+// With and without boundary control.
+class Calculus : public ::testing::TestWithParam<Fixture (*)()> {};
+INSTANTIATE_TEST_SUITE_P(Boundaries, Calculus, ::testing::Values(&ManyWheels, &StraightVertices));
+
 constexpr double kStep = 1e-6;
 
 // Central differences of a vector function, one column per angle.
@@ -79,6 +96,12 @@ TEST(TargetAngles, SumToTwoPiRoundInteriorVertices) {
   EXPECT_LT((sum.array() - 2 * std::numbers::pi).abs().maxCoeff(), 1e-14);
 }
 
+TEST(TargetAngles, DoNotDependOnTheActiveSet) {
+  const Fixture f = StraightVertices();
+  const Eigen::VectorXd measured = MeasuredAngles(testing::Hills(7, 6));
+  EXPECT_EQ(MakeTargetAngles(f.topology, measured).angle, f.target.angle);
+}
+
 TEST(Constraints, AreMetByThePlane) {
   const Fixture f(testing::Plane(6, 5, 0.3));
   EXPECT_LT(f.Stacked(f.target.angle).cwiseAbs().maxCoeff(), 1e-13);
@@ -94,15 +117,29 @@ TEST(Constraints, ProductAndLogarithmAgree) {
   }
 }
 
-TEST(Constraints, JacobianIsTheDerivative) {
-  const Fixture f = ManyWheels();
+TEST(Constraints, OfBoundaryVerticesAreTheirAngleSumsAlone) {
+  const Fixture f = StraightVertices();
+  ASSERT_GE(f.topology.num_rows, f.topology.num_interior + 7);
+  const ConstraintValues h = EvaluateConstraints(f.topology, f.x);
+  Eigen::VectorXd sum = Eigen::VectorXd::Constant(f.topology.num_rows, -std::numbers::pi);
+  for (std::int32_t c = 0; c < f.topology.num_corners(); ++c) {
+    if (f.topology.corner_row[c] >= 0) sum[f.topology.corner_row[c]] += f.x[c];
+  }
+  for (std::int32_t v = f.topology.num_interior; v < f.topology.num_rows; ++v) {
+    EXPECT_NEAR(h.pair[2 * v], sum[v], 1e-14);
+    EXPECT_EQ(h.pair[2 * v + 1], 0);
+  }
+}
+
+TEST_P(Calculus, JacobianIsTheDerivative) {
+  const Fixture f = GetParam()();
   const Eigen::MatrixXd jacobian = ConstraintJacobian(f.topology, f.x, WheelForm::kLogarithm);
   const Eigen::MatrixXd expected = Differences([&](const auto& at) { return f.Stacked(at); }, f.x);
   EXPECT_LT((jacobian - expected).cwiseAbs().maxCoeff(), 1e-8);
 }
 
-TEST(Constraints, ProductJacobianIsTheDerivative) {
-  const Fixture f = ManyWheels();
+TEST_P(Calculus, ProductJacobianIsTheDerivative) {
+  const Fixture f = GetParam()();
   const Eigen::MatrixXd jacobian = ConstraintJacobian(f.topology, f.x, WheelForm::kProduct);
   const Eigen::MatrixXd expected =
       Differences([&](const auto& at) { return EvaluateWheelProducts(f.topology, at); }, f.x);
@@ -122,8 +159,8 @@ TEST(Objective, BarrierIsLeastAtTheTargetAndGrowsTowardsZero) {
   EXPECT_GT(barrier.Value(collapsed), f.objective.Value(collapsed) + 0.5 * 19);
 }
 
-TEST(Lagrangian, GradientIsTheDerivative) {
-  Fixture f = ManyWheels();
+TEST_P(Calculus, GradientIsTheDerivative) {
+  Fixture f = GetParam()();
   f.objective.set_barrier(0.3);
   const auto lagrangian = [&](const Eigen::VectorXd& at) {
     return Eigen::VectorXd::Constant(1, f.objective.Value(at) + f.StackedMultipliers().dot(f.Stacked(at)));
@@ -132,8 +169,8 @@ TEST(Lagrangian, GradientIsTheDerivative) {
   EXPECT_LT((f.Gradient(f.x) - expected).cwiseAbs().maxCoeff(), 2e-7);
 }
 
-TEST(Lagrangian, HessianIsTheDerivativeOfTheGradientAndDiagonal) {
-  Fixture f = ManyWheels();
+TEST_P(Calculus, HessianIsTheDerivativeOfTheGradientAndDiagonal) {
+  Fixture f = GetParam()();
   f.objective.set_barrier(0.3);
   const Eigen::MatrixXd expected = Differences([&](const auto& at) { return f.Gradient(at); }, f.x);
   const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
@@ -184,32 +221,44 @@ Eigen::MatrixXd DenseSchur(const SaddlePointOperator& system) {
   return schur;
 }
 
-TEST(FullSystem, IsTheMatrixOfThePaper) {
-  const Fixture f = ManyWheels();
+// What systems and matrices put on the diagonal for wheel rows that are not there, so that it is positive.
+Eigen::VectorXd AbsentRows(const Topology& topology, const Eigen::VectorXd& diagonal) {
+  Eigen::VectorXd absent = Eigen::VectorXd::Zero(diagonal.size());
+  const Eigen::Index first = diagonal.size() - 2 * topology.num_rows;
+  for (std::int32_t v = topology.num_interior; v < topology.num_rows; ++v) {
+    absent[first + 2 * v + 1] = diagonal[first + 2 * v];
+  }
+  return absent;
+}
+
+TEST_P(Calculus, FullSystemIsTheMatrixOfThePaper) {
+  const Fixture f = GetParam()();
   const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
   const FullSystem system(f.topology, hessian, Cotangents(f.x));
   const Eigen::MatrixXd b = ConstraintJacobian(f.topology, f.x, WheelForm::kLogarithm);
   const Eigen::MatrixXd expected = b * hessian.cwiseInverse().asDiagonal() * b.transpose();
   const Eigen::MatrixXd schur = DenseSchur(system);
   EXPECT_LT((schur - expected).cwiseAbs().maxCoeff(), 1e-12);
-  EXPECT_LT((schur.diagonal() - system.SchurDiagonal()).cwiseAbs().maxCoeff(), 1e-12);
+  const Eigen::VectorXd diagonal = schur.diagonal() + AbsentRows(f.topology, schur.diagonal());
+  EXPECT_LT((diagonal - system.SchurDiagonal()).cwiseAbs().maxCoeff(), 1e-12);
 }
 
-TEST(ReducedSystem, IsTheSchurComplementOfTheFullOneEvenWithZeroEntries) {
-  const Fixture f = ManyWheels();
+TEST_P(Calculus, ReducedSystemIsTheSchurComplementOfTheFullOneEvenWithZeroEntries) {
+  const Fixture f = GetParam()();
   Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
   const ReducedSystem system(f.topology, hessian, Cotangents(f.x));
   const Eigen::MatrixXd m = DenseSchur(FullSystem(f.topology, hessian, Cotangents(f.x)));
-  const Eigen::Index faces = f.topology.num_faces(), pairs = 2 * f.topology.num_interior;
+  const Eigen::Index faces = f.topology.num_faces(), pairs = 2 * f.topology.num_rows;
   const Eigen::MatrixXd expected = m.bottomRightCorner(pairs, pairs) - m.bottomLeftCorner(pairs, faces) *
                                                                            m.topLeftCorner(faces, faces).inverse() *
                                                                            m.topRightCorner(faces, pairs);
-  const Eigen::MatrixXd schur = DenseSchur(system);
+  Eigen::MatrixXd schur = DenseSchur(system);
   EXPECT_LT((schur - expected).cwiseAbs().maxCoeff(), 1e-11);
+  schur.diagonal() += AbsentRows(f.topology, schur.diagonal());
   EXPECT_LT((schur.diagonal() - system.SchurDiagonal()).cwiseAbs().maxCoeff(), 1e-12);
 
   ReducedMatrix matrix(f.topology);
-  const BlockMatrix<double>& assembled = matrix.Assemble(system);
+  const BlockMatrix<double>& assembled = matrix.Assemble(hessian, Cotangents(f.x));
   const Eigen::MatrixXd lower = LowerTriangle(assembled);
   EXPECT_LT((lower - Eigen::MatrixXd(schur.triangularView<Eigen::Lower>())).cwiseAbs().maxCoeff(), 1e-12);
   const Eigen::VectorXd probe = Eigen::VectorXd::LinSpaced(pairs, -1, 2);

@@ -51,6 +51,25 @@ Mesh Plane(int columns, int rows, double jitter) {
       columns, rows, [](double s, double t) { return Vec3(s, t, 0); }, jitter);
 }
 
+Mesh LShape(int size) {
+  Mesh mesh = Plane(2 * size, 2 * size);
+  std::erase_if(mesh.faces, [&](const Face& face) {
+    const Vec3 middle = (mesh.positions[face[0]] + mesh.positions[face[1]] + mesh.positions[face[2]]) / 3;
+    return middle.x() > 0.5 && middle.y() > 0.5;
+  });
+  return mesh;
+}
+
+Mesh Star(int rings) {
+  Mesh mesh = PuncturedSphere(rings, 1.0);
+  for (Vec3& p : mesh.positions) {
+    const double polar = std::acos(p.z()), azimuth = std::atan2(p.y(), p.x());
+    const double radius = polar * (1 + 0.3 * std::cos(3 * azimuth));
+    p = {radius * std::cos(azimuth), radius * std::sin(azimuth), 0};
+  }
+  return mesh;
+}
+
 Mesh HalfCylinder(int columns, int rows, double jitter) {
   return Patch(
       columns, rows, [](double s, double t) { return Vec3(std::cos(kPi * s), 2 * t, std::sin(kPi * s)); }, jitter);

@@ -13,6 +13,10 @@ namespace planish::testing {
 Mesh Patch(int columns, int rows, const std::function<Vec3(double, double)>& f, double jitter = 0);
 
 Mesh Plane(int columns, int rows, double jitter = 0);
+// The plane without its quarter s, t > 1/2: an L of 2 size cells a side, with vertices that belong to no face.
+Mesh LShape(int size);
+// A flat star with three points and 12 boundary vertices.
+Mesh Star(int rings);
 // Half a cylinder, developable.
 Mesh HalfCylinder(int columns, int rows, double jitter = 0);
 // A height surface with bumps and saddles.

@@ -80,6 +80,27 @@ TEST_F(SharedMeshes, EveryDiscComesBackFlat) {
   }
 }
 
+TEST_F(SharedMeshes, EveryDiscCanHaveAConvexOutline) {
+  for (const auto& row : ReadTable(kMeshes / "MANIFEST.tsv")) {
+    const std::string& file = row.at("file");
+    if (row.at("group") != "a") continue;
+    // On koala_seam Newton's method does not converge with most of the seam held straight; boot_seam converges, but its
+    // scale varies beyond double.
+    if (file == "koala_seam_99994.obj" || file == "boot_seam_39906.obj") continue;
+    UnwrapOptions options;
+    options.flatten.boundary = BoundaryType::kConvex;
+    const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / file), options, {});
+    ASSERT_TRUE(result.ok()) << file << " " << result.status();
+    const FlattenSummary& summary = result->charts.at(0).flatten;
+    EXPECT_TRUE(summary.converged && summary.boundary.settled) << file << " " << summary.stop_message;
+    EXPECT_LE(summary.residual.Max(), 1e-8) << file;
+    EXPECT_EQ(std::to_string(summary.boundary.vertices), row.at("bnd_edges")) << file;
+    EXPECT_LE(summary.boundary.active, summary.boundary.vertices - 3) << file;
+    EXPECT_LE(summary.boundary.set_changes, 20) << file;
+    EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0) << file;
+  }
+}
+
 TEST_F(SharedMeshes, TheSolversAsInThePaperAgreeWithTheDirectOne) {
   for (const std::string file :
        {"hand_lowres_1602.obj", "lego_3072.obj", "bff_hemisphere_4000.obj", "goathead_cut_5279.obj"}) {

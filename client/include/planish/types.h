@@ -55,6 +55,7 @@ enum class Solver { kAuto, kUzawa, kMinres, kDirect };
 enum class System { kAuto, kFull, kReduced };
 enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class Hessian { kConvex, kExact, kAuto };
+enum class Boundary { kFree, kConvex };
 enum class Precision { kAuto, kFloat, kDouble };
 
 // As the command line and the JSON report spell them: "SUCCEEDED", "solve", "uzawa", ...; "unknown" for a value
@@ -66,6 +67,7 @@ const char* ToString(Solver solver);
 const char* ToString(System system);
 const char* ToString(Preconditioner preconditioner);
 const char* ToString(Hessian hessian);
+const char* ToString(Boundary boundary);
 const char* ToString(Precision precision);
 
 // Whether a job in this state will never change again.
@@ -77,6 +79,7 @@ struct UnwrapOptions {
   System system = System::kAuto;
   Preconditioner preconditioner = Preconditioner::kAuto;
   Hessian hessian = Hessian::kAuto;
+  Boundary boundary = Boundary::kFree;  // kConvex: the outline of the map is a convex polygon
   Precision precision = Precision::kAuto;
   double tolerance = 0;           // radians per angle, in (0, 1e-2]; 0: the server's default, 1e-9
   int max_newton_iterations = 0;  // in [1, 1000]; 0: the server's default, 100
@@ -106,6 +109,16 @@ struct Progress {
   double tolerance = 0;        // largest residual that ends the solve as converged
 };
 
+// How the boundary control of a chart went.
+struct BoundaryReport {
+  Boundary boundary = Boundary::kFree;  // as asked for
+  // The rest is for kConvex only.
+  int vertices = 0;     // boundary vertices
+  int active = 0;       // of these, held straight in the end
+  int set_changes = 0;  // times that the set of these changed
+  bool settled = true;  // the set is right; otherwise warning BOUNDARY_NOT_SETTLED
+};
+
 struct ChartReport {
   std::int64_t triangles = 0;
   std::string method;  // "abf"
@@ -122,6 +135,7 @@ struct ChartReport {
   std::string stop_message;        // one sentence with numbers
   double abf_energy = 0;           // as Quality::abf_energy, of the angles as solved, before any rounding
   double barrier = 0;              // above 0 where the ABF energy alone has no minimum (warning BARRIER_KEPT)
+  BoundaryReport boundary;
 };
 
 // Measured on the delivered UV with exact predicates.

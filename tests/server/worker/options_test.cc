@@ -19,6 +19,7 @@ TEST(Options, NothingSetMeansTheCoresDefaults) {
   ASSERT_TRUE(core.ok());
   EXPECT_EQ(core->flatten.solver, SolverType::kAuto);
   EXPECT_EQ(core->flatten.hessian, HessianType::kAuto);
+  EXPECT_EQ(core->flatten.boundary, BoundaryType::kFree);
   EXPECT_EQ(core->precision, Precision::kAuto);
   EXPECT_EQ(core->flatten.tolerance, 1e-9);
   EXPECT_EQ(core->flatten.max_newton_iterations, 100);
@@ -31,6 +32,7 @@ TEST(Options, EverythingSetArrives) {
   options.set_system(v1::SYSTEM_FULL);
   options.set_preconditioner(v1::PRECONDITIONER_JACOBI);
   options.set_hessian(v1::HESSIAN_EXACT);
+  options.set_boundary(v1::BOUNDARY_CONVEX);
   options.set_precision(v1::PRECISION_DOUBLE);
   options.set_tolerance(1e-5);
   options.set_max_newton_iterations(7);
@@ -40,6 +42,7 @@ TEST(Options, EverythingSetArrives) {
   EXPECT_EQ(core->flatten.system, SystemType::kFull);
   EXPECT_EQ(core->flatten.preconditioner, PreconditionerType::kJacobi);
   EXPECT_EQ(core->flatten.hessian, HessianType::kExact);
+  EXPECT_EQ(core->flatten.boundary, BoundaryType::kConvex);
   EXPECT_EQ(core->precision, Precision::kDouble);
   EXPECT_EQ(core->flatten.tolerance, 1e-5);
   EXPECT_EQ(core->flatten.max_newton_iterations, 7);
@@ -62,6 +65,9 @@ TEST(Options, UnknownEnumeratorsNameTheirField) {
   options.set_hessian(static_cast<v1::Hessian>(99));
   EXPECT_EQ(BadField(options), "hessian");
   options.clear_hessian();
+  options.set_boundary(static_cast<v1::Boundary>(99));
+  EXPECT_EQ(BadField(options), "boundary");
+  options.clear_boundary();
   options.set_precision(static_cast<v1::Precision>(99));
   EXPECT_EQ(BadField(options), "precision");
 }
@@ -99,6 +105,7 @@ TEST(Options, ReportsNeverSayUnspecified) {
   EXPECT_EQ(ToProto(SystemType::kReduced), v1::SYSTEM_REDUCED);
   EXPECT_EQ(ToProto(PreconditionerType::kCholesky), v1::PRECONDITIONER_CHOLESKY);
   EXPECT_EQ(ToProto(HessianType::kConvex), v1::HESSIAN_CONVEX);
+  EXPECT_EQ(ToProto(BoundaryType::kFree), v1::BOUNDARY_FREE);
   EXPECT_EQ(ToProto(Precision::kFloat), v1::PRECISION_FLOAT);
 }
 

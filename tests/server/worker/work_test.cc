@@ -7,13 +7,13 @@
 #include <stdexcept>
 #include <vector>
 
+#include "core/base/sha256.h"
 #include "core/io/draco_codec.h"
 #include "gmock/gmock.h"
 #include "google/rpc/error_details.pb.h"
 #include "gtest/gtest.h"
 #include "server/link/in_process_link.h"
 #include "server/worker/report.h"
-#include "core/base/sha256.h"
 #include "server/worker/worker.h"
 #include "tests/server/testing/meshes.h"
 
@@ -86,6 +86,19 @@ TEST(Work, UnwrapsADisc) {
     if (progress[i].newton_iteration() == newton_iterations + 1) ++newton_iterations;
   }
   EXPECT_EQ(newton_iterations, report.charts(0).newton_iterations()) << "every Newton iteration is reported";
+}
+
+TEST(Work, ReportsTheBoundary) {
+  worker::v1::WorkRequest request = Request(Bump(8));
+  EXPECT_EQ(RunOnce(request).report().charts(0).boundary().boundary(), v1::BOUNDARY_FREE);
+  request.mutable_options()->set_boundary(v1::BOUNDARY_CONVEX);
+  const worker::v1::WorkResult result = RunOnce(request);
+  const v1::BoundaryReport& boundary = result.report().charts(0).boundary();
+  EXPECT_EQ(boundary.boundary(), v1::BOUNDARY_CONVEX);
+  EXPECT_EQ(boundary.vertices(), 32);
+  EXPECT_GT(boundary.active(), 0);
+  EXPECT_GT(boundary.set_changes(), 0);
+  EXPECT_TRUE(boundary.settled());
 }
 
 TEST(Work, DoubleWhenAskedFor) {

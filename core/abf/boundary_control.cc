@@ -1,0 +1,325 @@
+#include "core/abf/boundary_control.h"
+
+#include <algorithm>
+#include <limits>
+#include <numbers>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/abf/newton.h"
+#include "core/base/status_macros.h"
+#include "core/mesh/half_edges.h"
+#include "core/mesh/rows.h"
+
+namespace planish {
+
+ActiveSet::ActiveSet(const Topology& topology, const TargetAngles& target)
+    : topology_(topology), position_(topology.num_vertices, -1) {
+  std::vector<std::int32_t> following(topology.num_vertices, -1);
+  std::int32_t start = -1;
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+    if (topology.opposite[c] >= 0) continue;
+    start = Origin(topology.faces, c);
+    following[start] = Target(topology.faces, c);
+  }
+  for (std::int32_t v = start; position_[v] < 0; v = following[v]) {
+    position_[v] = num_vertices();
+    vertices_.push_back(v);
+  }
+  active_.assign(vertices_.size(), 0);
+
+  compliance_ = Eigen::VectorXd::Zero(num_vertices());
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+    const std::int32_t at = position_[topology.faces[c / 3][c % 3]];
+    if (at >= 0) compliance_[at] += 1 / (2 * target.weight[c]);
+    if (topology.opposite[c] < 0) continue;
+    // Each inner edge is seen from both of its ends, and has a stretch of the boundary on either side.
+    const std::int32_t from = position_[Origin(topology.faces, c)], to = position_[Target(topology.faces, c)];
+    if (from >= 0 && to >= 0) stretches_.push_back({from, to > from ? to : to + num_vertices()});
+  }
+  std::sort(stretches_.begin(), stretches_.end(), [](const Stretch& a, const Stretch& b) {
+    return std::pair(a.last - a.first, a.first) < std::pair(b.last - b.first, b.first);
+  });
+}
+
+std::int32_t ActiveSet::num_active() const {
+  return static_cast<std::int32_t>(std::count(active_.begin(), active_.end(), 1));
+}
+
+Eigen::VectorXd ActiveSet::Pressures(const Eigen::VectorXd& x, const Multipliers& mu) const {
+  Eigen::VectorXd pressures = Eigen::VectorXd::Constant(num_vertices(), -std::numbers::pi);
+  for (std::int32_t c = 0; c < topology_.num_corners(); ++c) {
+    const std::int32_t at = position_[topology_.faces[c / 3][c % 3]];
+    if (at >= 0) pressures[at] += x[c];
+  }
+  std::int32_t row = topology_.num_interior;
+  for (std::int32_t b = 0; b < num_vertices(); ++b) {
+    if (active_[b]) pressures[b] += compliance_[b] * mu.pair[2 * row++];
+  }
+  return pressures;
+}
+
+std::int32_t ActiveSet::CountWrong(const Eigen::VectorXd& pressures, double tolerance) const {
+  std::int32_t wrong = 0;
+  for (std::int32_t b = 0; b < num_vertices(); ++b) wrong += Wrongness(pressures, b) > tolerance;
+  return wrong;
+}
+
+double ActiveSet::Worst(const Eigen::VectorXd& pressures) const {
+  double worst = 0;
+  for (std::int32_t b = 0; b < num_vertices(); ++b) worst = std::max(worst, Wrongness(pressures, b));
+  return worst;
+}
+
+std::int32_t ActiveSet::Update(const Eigen::VectorXd& pressures, double tolerance, bool only_last) {
+  const std::vector<char> before = active_;
+  for (std::int32_t b = num_vertices() - 1; b >= 0; --b) {
+    if (Wrongness(pressures, b) <= tolerance) continue;
+    active_[b] = !active_[b];
+    if (only_last) break;
+  }
+  ReleaseForPolygon(pressures);
+  std::int32_t changed = 0;
+  for (std::int32_t b = 0; b < num_vertices(); ++b) changed += active_[b] != before[b];
+  return changed;
+}
+
+void ActiveSet::ReleaseForPolygon(const Eigen::VectorXd& pressures) {
+  const std::int32_t n = num_vertices();
+  std::set<std::int32_t> inactive;
+  for (std::int32_t b = 0; b < n; ++b) {
+    if (!active_[b]) inactive.insert(b);
+  }
+  const auto release = [&](std::int32_t b) {
+    active_[b] = 0;
+    inactive.insert(b);
+  };
+  for (const Stretch& stretch : stretches_) {
+    // The first inactive position after stretch.first, counted round and round.
+    const auto next = inactive.upper_bound(stretch.first);
+    const std::int32_t found =
+        next != inactive.end() ? *next : (inactive.empty() ? stretch.last : *inactive.begin() + n);
+    if (found < stretch.last) continue;
+    std::int32_t least = stretch.first + 1;
+    for (std::int32_t b = least; b < stretch.last; ++b) {
+      if (pressures[b % n] < pressures[least % n]) least = b;
+    }
+    release(least % n);
+  }
+  while (inactive.size() < 3) {
+    std::int32_t least = -1;
+    for (std::int32_t b = 0; b < n; ++b) {
+      if (active_[b] && (least < 0 || pressures[b] < pressures[least])) least = b;
+    }
+    release(least);
+  }
+}
+
+Topology ActiveSet::ConstrainedTopology() const {
+  Topology constrained = topology_;
+  std::vector<std::int32_t> rows = RowVertices(topology_);
+  for (std::int32_t b = 0; b < num_vertices(); ++b) {
+    if (active_[b]) rows.push_back(vertices_[b]);
+  }
+  AssignRows(rows, &constrained);
+  return constrained;
+}
+
+Multipliers ActiveSet::Carry(const Multipliers& mu, const std::vector<char>& active_before) const {
+  const Eigen::Index interior = 2 * Eigen::Index{topology_.num_interior};
+  Multipliers carried = {mu.triangle, Eigen::VectorXd::Zero(interior + 2 * num_active())};
+  carried.pair.head(interior) = mu.pair.head(interior);
+  Eigen::Index from = interior, to = interior;
+  for (std::int32_t b = 0; b < num_vertices(); ++b) {
+    if (active_[b] && active_before[b]) carried.pair[to] = mu.pair[from];
+    if (active_before[b]) from += 2;
+    if (active_[b]) to += 2;
+  }
+  return carried;
+}
+
+namespace {
+
+// Newton's method need not know the angles for a set any better than this part of how wrong the set is, or than this
+// residual.
+constexpr double kRoughPart = 0.1;
+constexpr double kRoughTolerance = 1e-2;
+// A rough solve ends after so many Newton steps; the angles are good enough to judge the set by if the constraints hold
+// and the gradient is at most so large.
+constexpr int kRoughSteps = 12;
+constexpr double kRoughGradient = 0.5;
+// Changes of the set that may fail to make it less wrong than ever before vertices change one at a time.
+constexpr int kPatience = 10;
+constexpr int kMaxSetChanges = 200;
+// Where angles run into 0: the barriers (objective.h) to settle under, one after the other.
+constexpr double kBarriers[] = {1.0, 0.1, 1e-2, 0.0};
+// The one that stays if there is no minimum without; the stronger ones are not solved for better than roughly.
+constexpr double kLeastBarrier = 1e-2;
+
+// One FlattenConvex() call.
+class ActiveSetMethod {
+ public:
+  ActiveSetMethod(const Topology& topology, const TargetAngles& target, const FlattenOptions& options,
+                  const FlattenControl& control)
+      : topology_(topology),
+        target_(target),
+        options_(options),
+        control_(control),
+        set_(topology, target),
+        iterate_{target.angle, Multipliers::Zero(topology)} {}
+
+  absl::StatusOr<Flattening> operator()();
+
+ private:
+  // Changes the set until it is right for the barrier of iterate_; summary_ says how that ended.
+  absl::Status Settle();
+  // Newton's method for the present set, from where the last one ended.
+  absl::Status Solve(double tolerance);
+  // The same for a set that has been solved for to a rougher tolerance.
+  absl::Status Polish(double tolerance);
+  // Takes the next set; false if there is none to try.
+  bool ChangeSet(const Eigen::VectorXd& pressures);
+  // Whether a solve that did not converge will do to judge the set by.
+  bool IsRoughlyRight(double rough) const {
+    const Residual& r = summary_.residual;
+    return !OutOfIterations() && std::max({r.triangle, r.vertex, r.wheel}) <= rough && r.gradient <= kRoughGradient;
+  }
+  bool OutOfIterations() const { return summary_.newton_iterations >= options_.max_newton_iterations; }
+
+  const Topology& topology_;
+  const TargetAngles& target_;
+  FlattenOptions options_;
+  const FlattenControl& control_;
+  ActiveSet set_;
+  NewtonIterate iterate_;
+  FlattenSummary summary_;  // of the last solve, with the counts of all
+  int solves_ = 0, set_changes_ = 0;
+  bool usable_ = false;  // the last solve converged, or for a rough one nearly
+  // Since Settle() began.
+  std::int32_t least_wrong_ = 0;
+  int patience_ = 0;
+};
+
+absl::Status ActiveSetMethod::Solve(double tolerance) {
+  const FlattenSummary before = summary_;
+  const Topology constrained = set_.ConstrainedTopology();
+  FlattenOptions options = options_;
+  options.tolerance = tolerance;
+  options.max_newton_iterations -= before.newton_iterations;
+  if (tolerance > options_.tolerance)
+    options.max_newton_iterations = std::min(options.max_newton_iterations, kRoughSteps);
+  FlattenControl control = control_;
+  if (control_.on_progress) {
+    control.on_progress = [&](FlattenProgress progress) {
+      progress.newton_iteration += before.newton_iterations;
+      progress.linear_iterations += before.linear_iterations;
+      control_.on_progress(progress);
+    };
+  }
+  Newton newton(constrained, target_, options, control);
+  PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run(std::move(iterate_), /*may_restart=*/false));
+  iterate_ = {newton.x(), newton.mu(), summary_.barrier};
+  ++solves_;
+  summary_.newton_iterations += before.newton_iterations;
+  summary_.linear_iterations += before.linear_iterations;
+  summary_.convexified_iterations += before.convexified_iterations;
+  summary_.indefinite_iterations += before.indefinite_iterations;
+  if (options.hessian == HessianType::kAuto && before.indefinite_iterations > 0) summary_.hessian = HessianType::kExact;
+  options_.preconditioner = summary_.preconditioner;
+  summary_.preconditioner_changed = summary_.preconditioner_changed || before.preconditioner_changed;
+  return absl::OkStatus();
+}
+
+absl::Status ActiveSetMethod::Polish(double tolerance) {
+  const NewtonIterate start = iterate_;
+  PLANISH_RETURN_IF_ERROR(Solve(tolerance));
+  if (!summary_.converged && !OutOfIterations() && options_.preconditioner == PreconditionerType::kAmg) {
+    // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
+    iterate_ = start;
+    options_.preconditioner = PreconditionerType::kCholesky;
+    PLANISH_RETURN_IF_ERROR(Solve(tolerance));
+    summary_.preconditioner_changed = true;
+  }
+  return absl::OkStatus();
+}
+
+bool ActiveSetMethod::ChangeSet(const Eigen::VectorXd& pressures) {
+  if (set_changes_ >= kMaxSetChanges) return false;
+  const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
+  if (wrong < least_wrong_) {
+    least_wrong_ = wrong;
+    patience_ = kPatience;
+  } else if (patience_ > 0) {
+    --patience_;
+  }
+  const std::vector<char> before = set_.active();
+  if (set_.Update(pressures, options_.tolerance, /*only_last=*/patience_ == 0) == 0) return false;
+  iterate_.mu = set_.Carry(iterate_.mu, before);
+  ++set_changes_;
+  return true;
+}
+
+absl::Status ActiveSetMethod::Settle() {
+  const double rough = std::max(kRoughTolerance, options_.tolerance);
+  const double goal = iterate_.barrier > kLeastBarrier ? rough : options_.tolerance;
+  least_wrong_ = std::numeric_limits<std::int32_t>::max();
+  patience_ = kPatience;
+  double tolerance = rough;
+  bool same_set = false, out_of_sets = false, right = false;
+  while (true) {
+    PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
+    usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
+    if (!usable_) break;
+    const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
+    right = set_.CountWrong(pressures, options_.tolerance) == 0;
+    same_set = right || out_of_sets;
+    if (!same_set) {
+      const double worst = set_.Worst(pressures);
+      same_set = out_of_sets = !ChangeSet(pressures);
+      if (!same_set) tolerance = std::clamp(kRoughPart * worst, goal, rough);
+    }
+    if (same_set) {
+      if (tolerance == goal) break;
+      tolerance = goal;
+    }
+  }
+  summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), set_.num_active(), set_changes_,
+                       summary_.converged && right};
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
+  PLANISH_RETURN_IF_ERROR(Settle());
+  Flattening result = {iterate_.x, summary_};
+  if (!summary_.converged && !OutOfIterations()) {
+    iterate_ = {target_.angle, Multipliers::Zero(set_.ConstrainedTopology())};
+    for (const double tau : kBarriers) {
+      iterate_.barrier = tau;
+      PLANISH_RETURN_IF_ERROR(Settle());
+      if (tau > 0 || summary_.boundary.settled) result = {iterate_.x, summary_};
+      if (!usable_) break;
+    }
+  }
+  const BoundaryReport& boundary = result.summary.boundary;
+  result.summary.newton_iterations = summary_.newton_iterations;
+  result.summary.linear_iterations = summary_.linear_iterations;
+  absl::StrAppend(
+      &result.summary.stop_message,
+      absl::StrFormat(
+          " in the last solve, %d Newton steps in all %d; %d of %d boundary vertices are straight, the active "
+          "set %s after %d changes",
+          summary_.newton_iterations, solves_, boundary.active, boundary.vertices,
+          boundary.settled ? "settled" : "has not settled", boundary.set_changes));
+  return result;
+}
+
+}  // namespace
+
+absl::StatusOr<Flattening> FlattenConvex(const Topology& topology, const TargetAngles& target,
+                                         const FlattenOptions& options, const FlattenControl& control) {
+  return ActiveSetMethod(topology, target, options, control)();
+}
+
+}  // namespace planish
