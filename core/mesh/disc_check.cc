@@ -14,6 +14,7 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/half_edges.h"
+#include "core/mesh/rows.h"
 
 namespace planish {
 namespace {
@@ -382,15 +383,12 @@ absl::StatusOr<Topology> CheckDisc(const Mesh& mesh) {
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     if (topology.opposite[c] < 0) interior[Origin(mesh.faces, c)] = interior[Target(mesh.faces, c)] = 0;
   }
-  topology.vertex_row.assign(mesh.num_vertices(), -1);
+  std::vector<std::int32_t> vertices;
   for (std::int32_t v = 0; v < topology.num_vertices; ++v) {
-    if (interior[v]) topology.vertex_row[v] = topology.num_interior++;
+    if (interior[v]) vertices.push_back(v);
   }
-  topology.num_rows = topology.num_interior;
-  topology.corner_row.reserve(3 * mesh.faces.size());
-  for (const Face& face : mesh.faces) {
-    for (const std::int32_t v : face) topology.corner_row.push_back(topology.vertex_row[v]);
-  }
+  topology.num_interior = static_cast<std::int32_t>(vertices.size());
+  AssignRows(InSpatialOrder(mesh.positions, vertices), &topology);
   return topology;
 }
 

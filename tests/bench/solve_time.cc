@@ -35,6 +35,8 @@ int main(int argc, char** argv) {
         {"charts_seconds", result->seconds.charts},
         {"solve_seconds", result->seconds.solve},
         {"layout_seconds", result->seconds.layout},
+        {"pack_seconds", result->seconds.pack},
+        {"verify_seconds", result->seconds.verify},
         {"solve_and_layout_seconds", result->seconds.solve + result->seconds.layout}};
     std::printf("%s\n", line.dump().c_str());
   }

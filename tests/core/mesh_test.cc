@@ -3,11 +3,13 @@
 #include <random>
 
 #include "core/base/error.h"
+#include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/disc_check.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
+#include "core/mesh/rows.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
@@ -117,6 +119,75 @@ TEST(DiscCheck, NamesComponentsLoopsAndHandles) {
   Mesh punctured = testing::Torus(6, 5);
   punctured.faces.pop_back();
   EXPECT_EQ(Reason(punctured), "MESH_HAS_HANDLES");
+}
+
+TEST(Rows, ListEveryCornerRoundEveryInteriorVertex) {
+  const Topology topology = CheckDisc(testing::Plane(7, 5)).value();
+  ASSERT_EQ(topology.num_rows, 24);
+  ASSERT_EQ(topology.row_corner_begin.size(), 25u);
+  const std::vector<std::int32_t> vertices = RowVertices(topology);
+  for (std::int32_t row = 0; row < topology.num_rows; ++row) {
+    EXPECT_EQ(topology.vertex_row[vertices[row]], row);
+    std::vector<std::int32_t> expected;
+    for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+      if (topology.faces[c / 3][c % 3] == vertices[row]) expected.push_back(c);
+      EXPECT_EQ(topology.corner_row[c], topology.vertex_row[topology.faces[c / 3][c % 3]]);
+    }
+    const auto begin = topology.row_corner.begin();
+    EXPECT_EQ(
+        std::vector<std::int32_t>(begin + topology.row_corner_begin[row], begin + topology.row_corner_begin[row + 1]),
+        expected);
+  }
+}
+
+TEST(Rows, BoundaryVerticesMayFollow) {
+  Topology topology = CheckDisc(testing::Plane(3, 3)).value();
+  std::vector<std::int32_t> vertices = RowVertices(topology);
+  vertices.push_back(0);
+  vertices.push_back(2);
+  AssignRows(vertices, &topology);
+  EXPECT_EQ(topology.num_rows, 6);
+  EXPECT_EQ(topology.num_interior, 4);
+  EXPECT_EQ(topology.vertex_row[2], 5);
+  EXPECT_EQ(topology.row_corner_begin.size(), 7u);
+  EXPECT_EQ(topology.row_corner_begin[6] - topology.row_corner_begin[5], 4) << "diagonals alternate";
+  EXPECT_EQ(RowVertices(topology), vertices);
+}
+
+TEST(InSpatialOrder, VisitsEveryCellOfACubeByStepsToItsNeighbour) {
+  std::vector<Vec3> positions;
+  std::vector<std::int32_t> vertices;
+  for (int i = 0; i < 512; ++i) {
+    vertices.push_back(i);
+    const int shuffled = i * 37 % 512;
+    positions.emplace_back(shuffled % 8, shuffled / 8 % 8, shuffled / 64);
+  }
+  const std::vector<std::int32_t> order = InSpatialOrder(positions, vertices);
+  EXPECT_THAT(order, ::testing::UnorderedElementsAreArray(vertices));
+  for (int i = 1; i < 512; ++i) {
+    EXPECT_EQ((positions[order[i]] - positions[order[i - 1]]).lpNorm<1>(), 1) << i;
+  }
+}
+
+TEST(InSpatialOrder, TakesAnyFinitePositions) {
+  const std::vector<std::int32_t> all = {2, 0, 1};
+  EXPECT_EQ(InSpatialOrder({{1, 2, 3}, {1, 2, 3}, {1, 2, 3}}, all), all);
+  EXPECT_EQ(InSpatialOrder({{NAN, 0, 0}, {1, 0, 0}, {0, 0, 0}}, {1, 2}), (std::vector<std::int32_t>{2, 1}));
+  const double huge = 1.7e308, tiny = 5e-324;
+  EXPECT_EQ(InSpatialOrder({{0, 0, 0}, {huge, huge, huge}, {-huge, -huge, -huge}}, all).size(), 3u);
+  EXPECT_EQ(InSpatialOrder({{0, 0, 0}, {tiny, 0, 0}, {2 * tiny, 0, 0}}, all).size(), 3u);
+  EXPECT_TRUE(InSpatialOrder({}, {}).empty());
+}
+
+TEST(SortByKey, IsStableOverAllBits) {
+  std::mt19937_64 random(3);
+  std::vector<KeyedIndex> entries;
+  for (std::int32_t i = 0; i < 3000; ++i) entries.push_back({random() >> (i % 64), i});
+  for (std::int32_t i = 0; i < 3000; ++i) entries.push_back({entries[i].key, 3000 + i});
+  std::vector<KeyedIndex> expected = entries;
+  std::stable_sort(expected.begin(), expected.end(), [](const auto& a, const auto& b) { return a.key < b.key; });
+  SortByKey(&entries);
+  for (std::size_t i = 0; i < entries.size(); ++i) ASSERT_EQ(entries[i].index, expected[i].index);
 }
 
 TEST(MeasuredAngles, AreAccurateForNeedlesFarFromTheOrigin) {
