@@ -98,6 +98,7 @@ void AddReport(const Report& report, Json& json) {
   json["quality"] = QualityJson(report.quality);
   json["seconds"] = SecondsJson(report.seconds);
   json["peak_memory_bytes"] = report.peak_memory_bytes;
+  json["threads"] = report.threads;
   json["warnings"] = WarningsJson(report.warnings);
 }
 
@@ -146,6 +147,7 @@ Json ToJson(const Capabilities& capabilities) {
   return {{"version", capabilities.version},
           {"max_mesh_bytes", capabilities.max_mesh_bytes},
           {"workers", capabilities.workers},
+          {"threads", capabilities.threads},
           {"queue_capacity", capabilities.queue_capacity},
           {"solvers", solvers}};
 }

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "core/abf/target_angles.h"
 #include "core/base/interrupter.h"
+#include "core/base/thread_team.h"
 #include "core/mesh/topology.h"
 
 namespace planish {
@@ -63,6 +64,8 @@ struct FlattenProgress {
 struct FlattenControl {
   const Interrupter* interrupter = nullptr;
   std::function<void(const FlattenProgress&)> on_progress;
+  // For the solver's loops; null: the calling thread is alone. Not to be used by others meanwhile.
+  ThreadTeam* team = nullptr;
 };
 
 struct FlattenSummary {

@@ -7,13 +7,13 @@
 #include <stdexcept>
 #include <vector>
 
+#include "core/base/sha256.h"
 #include "core/io/draco_codec.h"
 #include "gmock/gmock.h"
 #include "google/rpc/error_details.pb.h"
 #include "gtest/gtest.h"
 #include "server/link/in_process_link.h"
 #include "server/worker/report.h"
-#include "core/base/sha256.h"
 #include "server/worker/worker.h"
 #include "tests/server/testing/meshes.h"
 
@@ -99,6 +99,20 @@ TEST(Work, DoubleWhenAskedFor) {
 TEST(Work, SameBytesEveryTime) {
   const worker::v1::WorkRequest request = Request(Bump(8));
   EXPECT_EQ(RunOnce(request).uv_bytes(), RunOnce(request).uv_bytes());
+}
+
+TEST(Work, ThreadsAreThoseAskedForWithinTheLimitAndChangeNothing) {
+  worker::v1::WorkRequest request = Request(Bump(20));
+  const worker::v1::WorkResult alone = RunOnce(request);
+  EXPECT_EQ(alone.report().threads(), 1);
+  request.set_max_threads(3);
+  const worker::v1::WorkResult all = RunOnce(request);
+  EXPECT_EQ(all.report().threads(), 3);
+  EXPECT_EQ(all.uv_bytes(), alone.uv_bytes());
+  request.mutable_options()->set_threads(2);
+  EXPECT_EQ(RunOnce(request).report().threads(), 2);
+  request.mutable_options()->set_threads(200);
+  EXPECT_EQ(RunOnce(request).report().threads(), 3);
 }
 
 TEST(Work, FaultsAreNamed) {
