@@ -107,6 +107,14 @@ class ShortestFirst {
     first_ = std::min(first_, index);
   }
 
+  // What Pop() will return after some more calls, as far as can be told; -1 if it cannot.
+  std::int32_t Foresee() const {
+    constexpr std::size_t kAhead = 12;
+    if (first_ >= queues_.size()) return -1;
+    const Queue& queue = queues_[first_];
+    return queue.head + kAhead < queue.half_edges.size() ? queue.half_edges[queue.head + kAhead] : -1;
+  }
+
   // -1 when none is left.
   std::int32_t Pop() {
     for (; first_ < queues_.size(); ++first_) {
@@ -170,6 +178,11 @@ std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const R
   std::int64_t steps = 0;
   for (std::int32_t c; (c = waiting.Pop()) >= 0;) {
     if (execution.IsStoppedAt(++steps)) return {};
+    if (const std::int32_t soon = waiting.Foresee(); soon >= 0) {
+      __builtin_prefetch(&topology.faces[soon / 3]);
+      __builtin_prefetch(&topology.opposite[soon]);
+      __builtin_prefetch(&edges[soon]);
+    }
     const std::int32_t f = c / 3, k = c % 3, from = topology.faces[f][Next(k)], to = topology.faces[f][Prev(k)];
     const Vec2 edge(edges[c].re, edges[c].im);
     if (!placed[to]) {
