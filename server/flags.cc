@@ -10,6 +10,7 @@ namespace planish {
 namespace {
 
 constexpr int kBadUsage = 2;
+constexpr int kMaxThreads = 256;
 
 void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen) {
   app->set_version_flag("--version", "planishd " PLANISH_VERSION);
@@ -20,6 +21,8 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen)
   app->add_option("--workers", flags->workers, "Jobs that run at a time")
       ->capture_default_str()
       ->check(CLI::Range(1, 1024));
+  app->add_option("--threads", flags->threads, "Threads a job may use at most [cores / workers]")
+      ->check(CLI::Range(1, kMaxThreads));
   app->add_option("--queue", flags->queue, "Jobs that may wait beside those that run")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000));
@@ -50,7 +53,8 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen)
 std::variant<ServerFlags, int> ParseFlags(int argc, char** argv) {
   CLI::App app("planishd: flattens triangle meshes for callers over gRPC", "planishd");
   ServerFlags flags;
-  flags.workers = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 1024);
+  const int cores = static_cast<int>(std::thread::hardware_concurrency());
+  flags.workers = std::clamp(cores, 1, 1024);
   std::vector<std::string> listen = {"127.0.0.1:7741"};
   Define(&app, &flags, &listen);
   try {
@@ -58,6 +62,7 @@ std::variant<ServerFlags, int> ParseFlags(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kBadUsage;
   }
+  if (app.count("--threads") == 0) flags.threads = std::clamp(cores / flags.workers, 1, kMaxThreads);
   for (const std::string& text : listen) {
     const absl::StatusOr<ListenAddress> address = ParseListenAddress(text);
     if (!address.ok()) {

@@ -13,6 +13,7 @@ namespace planish {
 struct ServerFlags {
   std::vector<ListenAddress> listen;  // at least one
   int workers = 1;                    // >= 1
+  int threads = 1;                    // of a job, in [1, 256]
   int queue = 64;                     // jobs, >= 0
   std::int64_t max_mesh_mb = 256;     // MiB, in [1, 2000]
   int retain_jobs = 256;              // >= 1

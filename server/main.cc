@@ -44,6 +44,7 @@ void SetUpLogging(const ServerFlags& flags) {
 JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   JobManagerOptions options;
   options.workers = flags.workers;
+  options.threads = flags.threads;
   options.queue_capacity = flags.queue;
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.retained_jobs = flags.retain_jobs;
@@ -58,6 +59,7 @@ v1::Capabilities Capabilities(const ServerFlags& flags) {
   capabilities.set_version(PLANISH_VERSION);
   capabilities.set_max_mesh_bytes(flags.max_mesh_mb * kMiB);
   capabilities.set_workers(flags.workers);
+  capabilities.set_threads(flags.threads);
   capabilities.set_queue_capacity(flags.queue);
   capabilities.add_seams(v1::SEAMS_NONE);
   for (const v1::SolverCombination& combination : SolverCombinations()) *capabilities.add_solvers() = combination;
@@ -100,8 +102,8 @@ int Serve(const ServerFlags& flags) {
   auto pool = std::make_unique<WorkerPool>(
       &manager, [] { return StartInProcessWorker(RunWorker); }, flags.workers);
 
-  spdlog::info("planishd " PLANISH_VERSION " listens on {} with {} workers", absl::StrJoin((*rpc)->addresses(), ", "),
-               flags.workers);
+  spdlog::info("planishd " PLANISH_VERSION " listens on {} with {} workers of up to {} threads",
+               absl::StrJoin((*rpc)->addresses(), ", "), flags.workers, flags.threads);
   for (const ListenAddress& address : flags.listen) {
     if (!IsLocal(address))
       spdlog::warn("{} is open to the network, without encryption or authentication", address.text);

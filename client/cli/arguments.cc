@@ -151,6 +151,11 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
                   "Newton iterations at most, up to 1000 [100]")
       ->check(CLI::Range(1, 1000).description(""))
       ->type_name("N");
+  unwrap
+      .add_option("--threads", options.threads,
+                  "Threads to use, within the server's limit [that limit; all cores without --server]")
+      ->check(CLI::Range(1, 256).description(""))
+      ->type_name("N");
 }
 
 CLI::App& AddJobCommand(CLI::App& jobs, Arguments& arguments, Command command, const std::string& name,

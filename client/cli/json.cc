@@ -107,6 +107,7 @@ void AddReport(const Report& report, Json& json) {
   json["quality"] = QualityJson(report.quality);
   json["seconds"] = SecondsJson(report.seconds);
   json["peak_memory_bytes"] = report.peak_memory_bytes;
+  json["threads"] = report.threads;
   json["warnings"] = WarningsJson(report.warnings);
 }
 
@@ -155,6 +156,7 @@ Json ToJson(const Capabilities& capabilities) {
   return {{"version", capabilities.version},
           {"max_mesh_bytes", capabilities.max_mesh_bytes},
           {"workers", capabilities.workers},
+          {"threads", capabilities.threads},
           {"queue_capacity", capabilities.queue_capacity},
           {"solvers", solvers}};
 }

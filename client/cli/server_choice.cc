@@ -4,9 +4,11 @@
 
 namespace planish::cli {
 
-ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts) : interrupts_(interrupts) {
+ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts, int threads) : interrupts_(interrupts) {
   if (address.empty()) {
-    private_server_.emplace();
+    PrivateServerOptions options;
+    options.threads = threads;
+    private_server_.emplace(options);
     // Leaving at once skips destructors: the server ends by itself, but nobody else removes its socket.
     interrupts.SetLastWords([directory = private_server_->directory()] {
       std::error_code ignored;

@@ -11,8 +11,9 @@ namespace planish::cli {
 
 class ServerChoice {
  public:
-  // An empty address starts a private server; throws planish::Error if that fails.
-  ServerChoice(const std::string& address, Interrupts& interrupts);
+  // An empty address starts a private server whose jobs may use `threads` threads (0: all cores); throws planish::Error
+  // if that fails.
+  ServerChoice(const std::string& address, Interrupts& interrupts, int threads = 0);
   ~ServerChoice();
 
   Client& client() { return *client_; }

@@ -121,7 +121,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
   std::unique_ptr<ProgressView> view;
   try {
     command.LoadInput();
-    ServerChoice server(arguments.server, interrupts);
+    ServerChoice server(arguments.server, interrupts, arguments.options.threads);
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
     call_options.label = arguments.label.empty() ? file_name : arguments.label;

@@ -45,6 +45,7 @@ UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   options.precision = EnumFromProto<Precision>(proto.precision());
   options.tolerance = proto.tolerance();
   options.max_newton_iterations = proto.max_newton_iterations();
+  options.threads = proto.threads();
   return options;
 }
 
@@ -119,6 +120,7 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   proto.set_precision(EnumToProto<v1::Precision>(options.precision));
   proto.set_tolerance(options.tolerance);
   proto.set_max_newton_iterations(options.max_newton_iterations);
+  proto.set_threads(options.threads);
   return proto;
 }
 
@@ -150,6 +152,7 @@ Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
   report.quality = FromProto(proto.quality());
   report.seconds = FromProto(proto.seconds());
   report.peak_memory_bytes = proto.peak_memory_bytes();
+  report.threads = proto.threads();
   for (const v1::Warning& warning : proto.warnings()) {
     report.warnings.push_back(
         {warning.reason(), ids::RenumberMessage(warning.message(), renumbering),
@@ -194,6 +197,7 @@ Capabilities FromProto(const v1::Capabilities& proto) {
   capabilities.max_mesh_bytes = proto.max_mesh_bytes();
   capabilities.workers = proto.workers();
   capabilities.queue_capacity = proto.queue_capacity();
+  capabilities.threads = proto.threads();
   for (const v1::SolverCombination& solver : proto.solvers()) {
     capabilities.solvers.push_back({EnumFromProto<Solver>(solver.solver()), EnumFromProto<System>(solver.system()),
                                     EnumFromProto<Preconditioner>(solver.preconditioner())});

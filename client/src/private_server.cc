@@ -91,6 +91,7 @@ struct PrivateServer::State {
     std::vector<std::string> arguments = {executable, "--listen=" + target,
                                           "--supervisor-fd=" + std::to_string(kSupervisorFd),
                                           "--workers=" + std::to_string(options.workers), "--log-level=warn"};
+    if (options.threads > 0) arguments.push_back("--threads=" + std::to_string(options.threads));
     arguments.insert(arguments.end(), options.extra_arguments.begin(), options.extra_arguments.end());
     try {
       pid = Spawn(arguments, log.get(), theirs.get(), kSupervisorFd);

@@ -1,140 +1,240 @@
 #include "core/abf/layout.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <numbers>
-#include <numeric>
-#include <utility>
+#include <cstdint>
+#include <limits>
+#include <memory>
 
 #include "core/mesh/half_edges.h"
 
 namespace planish {
 namespace {
 
-// A half-edge c = 3 f + k as a vector: log of its length and its direction, an angle.
-struct PolarEdges {
-  std::vector<double> log_length;
-  std::vector<double> direction;
-};
+// A vector in the plane as a complex number: products turn and scale. Plain arithmetic, unlike std::complex, which
+// looks after infinities.
+struct Complex {
+  double re, im;
 
-PolarEdges PropagateEdges(const Topology& topology, const Eigen::VectorXd& angles) {
-  const std::int32_t num_corners = topology.num_corners();
-  PolarEdges edges = {std::vector<double>(num_corners), std::vector<double>(num_corners)};
-  std::vector<char> placed(topology.num_faces(), 0);
-  std::vector<std::int32_t> queue;
-  queue.reserve(topology.num_faces());
-  // Places the face of half-edge c from the length and direction of c.
-  const auto place = [&](std::int32_t c, double log_length, double direction) {
-    const std::int32_t f = c / 3;
-    const double log_scale = log_length - std::log(std::sin(angles[c]));
-    double turned = direction;
-    for (int k = c % 3, i = 0; i < 3; ++i, k = Next(k)) {
-      const std::int32_t e = 3 * f + k;
-      edges.log_length[e] = i == 0 ? log_length : log_scale + std::log(std::sin(angles[e]));
-      edges.direction[e] = turned;
-      // Half-edge k ends at v_{k+2}, where the exterior angle leads on to half-edge k + 1.
-      turned += std::numbers::pi - angles[3 * f + Prev(k)];
+  double SquaredNorm() const { return re * re + im * im; }
+};
+Complex operator*(const Complex& a, const Complex& b) {
+  return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+}
+// -a / b
+Complex MinusQuotient(const Complex& a, const Complex& b) {
+  const double inverse = -1 / b.SquaredNorm();
+  return {(a.re * b.re + a.im * b.im) * inverse, (a.im * b.re - a.re * b.im) * inverse};
+}
+
+// Per half-edge c = 3 f + k. Unlike a vector's its memory is first touched by the loop that fills it, on many threads.
+using Edges = std::unique_ptr<Complex[]>;
+
+// The half-edges of every face by itself: half-edge 0 along the real axis, unit the diameter of the circumcircle.
+Edges FaceShapes(const Eigen::VectorXd& angles, const Execution& execution) {
+  Edges edges = std::make_unique_for_overwrite<Complex[]>(angles.size());
+  execution.For(angles.size() / 3, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      const double sin0 = std::sin(angles[3 * f]), cos0 = std::cos(angles[3 * f]);
+      const double sin1 = std::sin(angles[3 * f + 1]);
+      const double sin2 = std::sin(angles[3 * f + 2]), cos2 = std::cos(angles[3 * f + 2]);
+      // Half-edge k has the length of the sine of the angle it faces and ends at v_{k+2}, where the exterior angle
+      // leads on to half-edge k + 1.
+      const Complex turn1 = {-cos2, sin2}, turn2 = turn1 * Complex{-cos0, sin0};
+      edges[3 * f] = {sin0, 0};
+      edges[3 * f + 1] = {sin1 * turn1.re, sin1 * turn1.im};
+      edges[3 * f + 2] = {sin2 * turn2.re, sin2 * turn2.im};
     }
-    placed[f] = 1;
-    queue.push_back(f);
-  };
-  place(0, 0, 0);
-  for (std::size_t head = 0; head < queue.size(); ++head) {
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t c = 3 * queue[head] + k, o = topology.opposite[c];
-      if (o < 0 || placed[o / 3]) continue;
-      place(o, edges.log_length[c], std::remainder(edges.direction[c] + std::numbers::pi, 2 * std::numbers::pi));
-    }
-  }
+  });
   return edges;
 }
 
-class DisjointSets {
+// Turns and scales each face so that its edges agree with those of its neighbours, from face 0 on.
+void JoinFaces(const Topology& topology, const Execution& execution, const Edges& edges) {
+  std::vector<char> placed(topology.num_faces(), 0);
+  std::vector<std::int32_t> queue;
+  queue.reserve(topology.num_faces());
+  placed[0] = 1;
+  queue.push_back(0);
+  for (std::size_t head = 0; head < queue.size(); ++head) {
+    if (execution.IsStoppedAt(static_cast<std::int64_t>(head))) return;
+    for (int k = 0; k < 3; ++k) {
+      const std::int32_t c = 3 * queue[head] + k, o = topology.opposite[c];
+      if (o < 0 || placed[o / 3]) continue;
+      const std::int32_t g = o / 3;
+      placed[g] = 1;
+      queue.push_back(g);
+      const Complex edge = edges[c], scale = MinusQuotient(edge, edges[o]);
+      for (std::int32_t e = 3 * g; e < 3 * g + 3; ++e) edges[e] = scale * edges[e];
+      edges[o] = {-edge.re, -edge.im};
+    }
+  }
+}
+
+struct Range {
+  double low = std::numeric_limits<double>::infinity(), high = 0;
+};
+
+Range SquaredLengths(const Topology& topology, const Edges& edges, const Execution& execution) {
+  Range range;
+  for (const Range& part : execution.Collect<Range>(topology.num_corners(), [&](std::int64_t begin, std::int64_t end) {
+         Range chunk;
+         for (std::int64_t c = begin; c < end; ++c) {
+           const double squared_length = edges[c].SquaredNorm();
+           chunk.low = std::min(chunk.low, squared_length);
+           chunk.high = std::max(chunk.high, squared_length);
+         }
+         return chunk;
+       })) {
+    range.low = std::min(range.low, part.low);
+    range.high = std::max(range.high, part.high);
+  }
+  return range;
+}
+
+// Half-edges that wait for their turn, those of the shortest class first, in a class those that came first. A class
+// spans a factor of about 2^(1/4): four of them double the length.
+class ShortestFirst {
  public:
-  explicit DisjointSets(std::int32_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0); }
-  // Whether a and b were apart.
-  bool Unite(std::int32_t a, std::int32_t b) {
-    a = Find(a);
-    b = Find(b);
-    parent_[a] = b;
-    return a != b;
+  explicit ShortestFirst(double shortest_squared) : shortest_(Class(shortest_squared)), queues_(1), first_(0) {}
+
+  void Push(std::int32_t half_edge, double squared_length) {
+    const std::uint64_t shifted = Class(squared_length);
+    const std::size_t index = shifted > shortest_ ? shifted - shortest_ : 0;
+    if (index >= queues_.size()) queues_.resize(index + 1);
+    queues_[index].half_edges.push_back(half_edge);
+    first_ = std::min(first_, index);
+  }
+
+  // What Pop() will return after some more calls, as far as can be told; -1 if it cannot.
+  std::int32_t Foresee() const {
+    constexpr std::size_t kAhead = 12;
+    if (first_ >= queues_.size()) return -1;
+    const Queue& queue = queues_[first_];
+    return queue.head + kAhead < queue.half_edges.size() ? queue.half_edges[queue.head + kAhead] : -1;
+  }
+
+  // -1 when none is left.
+  std::int32_t Pop() {
+    for (; first_ < queues_.size(); ++first_) {
+      Queue& queue = queues_[first_];
+      if (queue.head < queue.half_edges.size()) return queue.half_edges[queue.head++];
+      queue.half_edges.clear();
+      queue.head = 0;
+    }
+    return -1;
   }
 
  private:
-  std::int32_t Find(std::int32_t a) {
-    while (parent_[a] != a) a = parent_[a] = parent_[parent_[a]];
-    return a;
-  }
-  std::vector<std::int32_t> parent_;
+  struct Queue {
+    std::vector<std::int32_t> half_edges;
+    std::size_t head = 0;
+  };
+
+  // The exponent and the first bit of the mantissa, which grow with the logarithm; 4096 of them.
+  static std::uint64_t Class(double squared_length) { return std::bit_cast<std::uint64_t>(squared_length) << 1 >> 52; }
+
+  const std::uint64_t shortest_;
+  std::vector<Queue> queues_;
+  std::size_t first_;  // none before it has anything
 };
 
-// Half-edges of the minimum spanning tree of the vertices by length (Kruskal), shortest first.
-std::vector<std::int32_t> ShortestTree(const Topology& topology, const std::vector<double>& log_length) {
-  std::vector<std::pair<double, std::int32_t>> sorted;
-  sorted.reserve(topology.num_corners());
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (topology.opposite[c] < c) sorted.emplace_back(log_length[c], c);
+// Calls visit(c, w) for each half-edge c between the vertex at `corner` and a neighbour w, once per neighbour.
+template <typename Visit>
+void ForEachNeighbour(const Topology& topology, std::int32_t corner, const Visit& visit) {
+  // Counter-clockwise from v_{k+1}; if that ends at the boundary, clockwise for the rest.
+  for (std::int32_t c = corner;;) {
+    const std::int32_t f = c / 3, k = c % 3, o = topology.opposite[3 * f + Next(k)];
+    visit(3 * f + Prev(k), topology.faces[f][Next(k)]);
+    if (o < 0) {
+      visit(3 * f + Next(k), topology.faces[f][Prev(k)]);
+      break;
+    }
+    c = 3 * (o / 3) + Next(o % 3);
+    if (c == corner) return;
   }
-  std::sort(sorted.begin(), sorted.end());
-  DisjointSets sets(topology.num_vertices);
-  std::vector<std::int32_t> tree;
-  tree.reserve(topology.num_vertices);
-  for (const auto& [length, c] : sorted) {
-    if (sets.Unite(Origin(topology.faces, c), Target(topology.faces, c))) tree.push_back(c);
+  for (std::int32_t c = corner, o; (o = topology.opposite[3 * (c / 3) + Prev(c % 3)]) >= 0;) {
+    c = 3 * (o / 3) + Prev(o % 3);
+    visit(3 * (c / 3) + Prev(c % 3), topology.faces[c / 3][Next(c % 3)]);
   }
-  return tree;
+}
+
+std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const Range& squared,
+                           const Execution& execution) {
+  std::vector<Vec2> positions(topology.num_vertices, Vec2::Zero());
+  std::vector<char> placed(topology.num_vertices, 0);
+  ShortestFirst waiting(squared.low);
+  const auto place = [&](std::int32_t v, std::int32_t corner) {
+    placed[v] = 1;
+    ForEachNeighbour(topology, corner, [&](std::int32_t c, std::int32_t w) {
+      if (!placed[w]) waiting.Push(c, edges[c].SquaredNorm());
+    });
+  };
+  // From the shortest edge, so that where coordinates must be fine they are small.
+  std::int32_t shortest = 0;
+  while (shortest + 1 < topology.num_corners() && edges[shortest].SquaredNorm() > squared.low) ++shortest;
+  place(Origin(topology.faces, shortest), 3 * (shortest / 3) + Next(shortest % 3));
+  std::int64_t steps = 0;
+  for (std::int32_t c; (c = waiting.Pop()) >= 0;) {
+    if (execution.IsStoppedAt(++steps)) return {};
+    if (const std::int32_t soon = waiting.Foresee(); soon >= 0) {
+      __builtin_prefetch(&topology.faces[soon / 3]);
+      __builtin_prefetch(&topology.opposite[soon]);
+      __builtin_prefetch(&edges[soon]);
+    }
+    const std::int32_t f = c / 3, k = c % 3, from = topology.faces[f][Next(k)], to = topology.faces[f][Prev(k)];
+    const Vec2 edge(edges[c].re, edges[c].im);
+    if (!placed[to]) {
+      positions[to] = positions[from] + edge;
+      place(to, 3 * f + Prev(k));
+    } else if (!placed[from]) {
+      positions[from] = positions[to] - edge;
+      place(from, 3 * f + Next(k));
+    }
+  }
+  return positions;
+}
+
+double LargestGap(const Topology& topology, const Edges& edges, const std::vector<Vec2>& positions,
+                  const Execution& execution) {
+  double largest = 0;
+  for (const double part : execution.Collect<double>(topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
+         double chunk = 0;
+         for (std::int64_t f = begin; f < end; ++f) {
+           const Face& face = topology.faces[f];
+           for (int k = 0; k < 3; ++k) {
+             const Complex& edge = edges[3 * f + k];
+             const Vec2 got = positions[face[Prev(k)]] - positions[face[Next(k)]];
+             const double gap = (got - Vec2(edge.re, edge.im)).squaredNorm();
+             if (gap > chunk * edge.SquaredNorm()) chunk = gap / edge.SquaredNorm();
+           }
+         }
+         return chunk;
+       })) {
+    largest = std::max(largest, part);
+  }
+  return std::sqrt(largest);
 }
 
 }  // namespace
 
-Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles) {
-  PolarEdges edges = PropagateEdges(topology, angles);
-  const auto [shortest, longest] = std::minmax_element(edges.log_length.begin(), edges.log_length.end());
+Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution) {
+  const Edges edges = FaceShapes(angles, execution);
+  if (execution.IsStopped()) return {};
+  JoinFaces(topology, execution, edges);
+  const Range squared = SquaredLengths(topology, edges, execution);
   Layout layout;
-  layout.scale_range = std::exp(*longest - *shortest);
-  const double unit = *longest;
-  const auto vector = [&](std::int32_t c) -> Vec2 {
-    const double length = std::exp(edges.log_length[c] - unit);
-    return {length * std::cos(edges.direction[c]), length * std::sin(edges.direction[c])};
-  };
-
-  // Neighbours in the tree, in compressed rows.
-  const std::vector<std::int32_t> tree = ShortestTree(topology, edges.log_length);
-  std::vector<std::int32_t> begin(topology.num_vertices + 1, 0), row(2 * tree.size());
-  for (const std::int32_t c : tree) {
-    ++begin[Origin(topology.faces, c) + 1];
-    ++begin[Target(topology.faces, c) + 1];
-  }
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<std::int32_t> cursor(begin.begin(), begin.end() - 1);
-  for (const std::int32_t c : tree) {
-    row[cursor[Origin(topology.faces, c)]++] = c;
-    row[cursor[Target(topology.faces, c)]++] = c;
-  }
-
-  // From the shortest edge, so that where coordinates must be fine they are small.
-  layout.positions.assign(topology.num_vertices, Vec2::Zero());
-  std::vector<char> placed(topology.num_vertices, 0);
-  std::vector<std::int32_t> queue = {Origin(topology.faces, tree.front())};
-  placed[queue.front()] = 1;
-  for (std::size_t head = 0; head < queue.size(); ++head) {
-    const std::int32_t v = queue[head];
-    for (std::int32_t i = begin[v]; i < begin[v + 1]; ++i) {
-      const std::int32_t c = row[i], from = Origin(topology.faces, c), to = Target(topology.faces, c);
-      const std::int32_t next = from == v ? to : from;
-      if (placed[next]) continue;
-      placed[next] = 1;
-      const Vec2 step = vector(c);
-      layout.positions[next] = from == v ? Vec2(layout.positions[v] + step) : Vec2(layout.positions[v] - step);
-      queue.push_back(next);
-    }
-  }
-
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    const Vec2 wanted = vector(c);
-    const Vec2 got = layout.positions[Target(topology.faces, c)] - layout.positions[Origin(topology.faces, c)];
-    layout.largest_gap = std::max(layout.largest_gap, (got - wanted).norm() / wanted.norm());
-  }
+  if (execution.IsStopped()) return {};
+  layout.positions = SumEdges(topology, edges, squared, execution);
+  if (layout.positions.empty()) return {};
+  layout.scale_range = std::sqrt(squared.high / squared.low);
+  layout.largest_gap = LargestGap(topology, edges, layout.positions, execution);
+  const double unit = 1 / std::sqrt(squared.high);
+  execution.For(topology.num_vertices, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) layout.positions[v] *= unit;
+  });
+  if (execution.IsStopped()) return {};
   return layout;
 }
 

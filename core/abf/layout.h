@@ -1,14 +1,16 @@
-// Angles to (u, v): additive propagation (DESIGN.md, section 3.6).
+// Angles to (u, v): propagation of edges, then sums of them (DESIGN.md, section 3.6).
 //
-// Each triangle's log scale and turning angle follow from its neighbour's by additions alone, over a spanning tree of
-// the dual graph; so does each edge as a vector. Positions are sums of edge vectors along the spanning tree of the
-// vertices with the shortest edges: the path that closes the loop of any other edge then has no edge longer than it,
-// so what error the angles have shows relative to that edge, however much the scale varies over the mesh.
+// Each triangle's edges follow from its neighbour's by one turn and one change of scale, over a spanning tree of the
+// dual graph: errors add up relative to each edge, as they would for logarithms of lengths and for directions.
+// Positions are sums of edges along a spanning tree of the vertices that prefers short edges: the path that closes the
+// loop of any other edge then has no edge much longer than it, so what error the angles have shows relative to that
+// edge, however much the scale varies over the mesh.
 #pragma once
 
 #include <vector>
 
 #include "Eigen/Core"
+#include "core/base/execution.h"
 #include "core/mesh/topology.h"
 
 namespace planish {
@@ -22,7 +24,7 @@ struct Layout {
   double scale_range = 1;
 };
 
-// `angles` are 3F planar angles that meet the constraints. O(F log F).
-Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles);
+// `angles` are 3F planar angles that meet the constraints. O(F). No positions after an interrupt.
+Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution = {});
 
 }  // namespace planish

@@ -4,19 +4,22 @@
 
 namespace planish {
 
-TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& measured) {
-  Eigen::VectorXd sum = Eigen::VectorXd::Zero(topology.num_interior);
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (const std::int32_t v = topology.corner_row[c]; topology.has_wheel(v)) sum[v] += measured[c];
-  }
+TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& measured, const Execution& execution) {
   TargetAngles target;
   target.angle = measured;
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (const std::int32_t v = topology.corner_row[c]; topology.has_wheel(v)) {
-      target.angle[c] *= 2 * std::numbers::pi / sum[v];
+  target.weight.resize(measured.size());
+  execution.For(topology.num_interior, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) {
+      const std::int32_t first = topology.row_corner_begin[v], last = topology.row_corner_begin[v + 1];
+      double sum = 0;
+      for (std::int32_t i = first; i < last; ++i) sum += measured[topology.row_corner[i]];
+      const double scale = 2 * std::numbers::pi / sum;
+      for (std::int32_t i = first; i < last; ++i) target.angle[topology.row_corner[i]] *= scale;
     }
-  }
-  target.weight = target.angle.array().square().inverse();
+  });
+  execution.For(measured.size(), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t c = begin; c < end; ++c) target.weight[c] = 1 / (target.angle[c] * target.angle[c]);
+  });
   return target;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "Eigen/Core"
+#include "core/base/execution.h"
 #include "core/mesh/topology.h"
 
 namespace planish {
@@ -15,6 +16,8 @@ struct TargetAngles {
 };
 
 // `measured` are the 3F angles alpha* of the surface, all positive. No angle is clamped (DESIGN.md 3.9).
-TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& measured);
+// Of no use after an interrupt.
+TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& measured,
+                              const Execution& execution = {});
 
 }  // namespace planish

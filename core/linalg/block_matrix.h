@@ -23,8 +23,7 @@ struct BlockMatrix {
 };
 
 // y = A x.
-void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y,
-              ThreadTeam& team = Alone());
+void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y, ThreadTeam& team = Alone());
 
 // The lower triangle, as CHOLMOD takes it.
 SparseMatrix LowerTriangle(const BlockMatrix<double>& a);

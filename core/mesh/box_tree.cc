@@ -1,53 +1,99 @@
 #include "core/mesh/box_tree.h"
 
-#include <algorithm>
-#include <numeric>
+#include <array>
 #include <utility>
 
-namespace planish {
+#include "core/base/radix_sort.h"
 
-BoxTree::BoxTree(std::vector<Box> boxes) : boxes_(std::move(boxes)), order_(boxes_.size()) {
-  std::iota(order_.begin(), order_.end(), 0);
-  if (!order_.empty()) Build(0, static_cast<std::int32_t>(order_.size()));
+namespace planish {
+namespace {
+
+// The bits of x, 31 of them, with a 0 before each.
+std::uint64_t Spread(std::uint64_t x) {
+  x = (x | x << 16) & 0x0000ffff0000ffff;
+  x = (x | x << 8) & 0x00ff00ff00ff00ff;
+  x = (x | x << 4) & 0x0f0f0f0f0f0f0f0f;
+  x = (x | x << 2) & 0x3333333333333333;
+  return (x | x << 1) & 0x5555555555555555;
 }
 
-void BoxTree::Build(std::int32_t begin, std::int32_t end) {
-  constexpr std::int32_t kLeafSize = 4;
-  Node node = {Box(), begin, end, -1};
-  for (std::int32_t i = begin; i < end; ++i) {
-    node.box.Add(boxes_[order_[i]].low);
-    node.box.Add(boxes_[order_[i]].high);
+// Half of the centre: cannot overflow.
+Vec2 HalfCentre(const Box& box) {
+  return box.low / 4 + box.high / 4;
+}
+
+// Numbers of the boxes along a Z-curve through their centres.
+std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Execution& execution) {
+  const auto n = static_cast<std::int64_t>(boxes.size());
+  Box all;
+  for (const Box& part : execution.Collect<Box>(n, [&](std::int64_t begin, std::int64_t end) {
+         Box chunk;
+         for (std::int64_t i = begin; i < end; ++i) {
+           if (boxes[i].Meets(boxes[i])) chunk.Add(HalfCentre(boxes[i]));
+         }
+         return chunk;
+       })) {
+    all.Add(part);
   }
-  const std::size_t index = nodes_.size();
-  nodes_.push_back(node);
-  if (end - begin <= kLeafSize) return;
-  const Vec2 extent = node.box.high - node.box.low;
-  const int axis = extent.x() >= extent.y() ? 0 : 1;
-  const std::int32_t middle = begin + (end - begin) / 2;
-  std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
-                   [&](std::int32_t a, std::int32_t b) {
-                     return std::pair(boxes_[a].low[axis] + boxes_[a].high[axis], a) <
-                            std::pair(boxes_[b].low[axis] + boxes_[b].high[axis], b);
-                   });
-  Build(begin, middle);
-  nodes_[index].right = static_cast<std::int32_t>(nodes_.size());
-  Build(middle, end);
+  constexpr double kLastCell = (std::int64_t{1} << 31) - 1;
+  const double extent = (all.high - all.low).maxCoeff(), scale = extent > 0 ? kLastCell / extent : 0;
+  std::vector<KeyedIndex> entries(boxes.size());
+  execution.For(n, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      const bool is_empty = !boxes[i].Meets(boxes[i]);
+      const Vec2 cell = is_empty ? Vec2(0, 0) : Vec2((HalfCentre(boxes[i]) - all.low) * scale);
+      const std::uint64_t key =
+          Spread(static_cast<std::uint64_t>(cell.x())) << 1 | Spread(static_cast<std::uint64_t>(cell.y()));
+      entries[i] = {key, static_cast<std::int32_t>(i)};
+    }
+  });
+  if (execution.IsStopped()) return {};
+  SortByKey(&entries);
+  std::vector<std::int32_t> order(boxes.size());
+  for (std::int64_t i = 0; i < n; ++i) order[i] = entries[i].index;
+  return order;
+}
+
+}  // namespace
+
+BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(std::move(boxes)) {
+  if (boxes_.empty()) return;
+  order_ = InSpatialOrder(boxes_, execution);
+  if (execution.IsStopped()) return;
+  const auto n = static_cast<std::int64_t>(boxes_.size());
+  std::int32_t leaves = 1;
+  while (std::int64_t{kLeafSize} * leaves < n) leaves *= 2;
+  std::vector<Box> nodes(2 * leaves - 1);
+  execution.For(leaves, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t leaf = begin; leaf < end; ++leaf) {
+      for (std::int64_t i = kLeafSize * leaf; i < kLeafSize * (leaf + 1) && i < n; ++i) {
+        nodes[leaves - 1 + leaf].Add(boxes_[order_[i]]);
+      }
+    }
+  });
+  if (execution.IsStopped()) return;
+  for (std::int32_t i = leaves - 2; i >= 0; --i) {
+    nodes[i].Add(nodes[2 * i + 1]);
+    nodes[i].Add(nodes[2 * i + 2]);
+  }
+  leaves_ = leaves;
+  nodes_ = std::move(nodes);
 }
 
 bool BoxTree::ForEachMeeting(const Box& box, const std::function<bool(std::int32_t)>& visit) const {
   if (nodes_.empty()) return true;
-  std::vector<std::int32_t> stack = {0};
-  while (!stack.empty()) {
-    const std::int32_t n = stack.back();
-    stack.pop_back();
-    const Node& node = nodes_[n];
-    if (!node.box.Meets(box)) continue;
-    if (node.right >= 0) {
-      stack.push_back(n + 1);
-      stack.push_back(node.right);
+  // Depth first: the stack holds one node a level and one more.
+  std::array<std::int32_t, 64> stack = {0};
+  for (int top = 1; top > 0;) {
+    const std::int32_t node = stack[--top];
+    if (!nodes_[node].Meets(box)) continue;
+    if (node < leaves_ - 1) {
+      stack[top++] = 2 * node + 2;
+      stack[top++] = 2 * node + 1;
       continue;
     }
-    for (std::int32_t i = node.begin; i < node.end; ++i) {
+    const std::size_t first = static_cast<std::size_t>(kLeafSize) * (node - leaves_ + 1);
+    for (std::size_t i = first; i < first + kLeafSize && i < order_.size(); ++i) {
       if (boxes_[order_[i]].Meets(box) && !visit(order_[i])) return false;
     }
   }

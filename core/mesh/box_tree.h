@@ -3,8 +3,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <vector>
 
+#include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
@@ -17,31 +19,35 @@ struct Box {
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
   }
+  void Add(const Box& other) {
+    low = low.cwiseMin(other.low);
+    high = high.cwiseMax(other.high);
+  }
   bool Meets(const Box& other) const {
     return (low.array() <= other.high.array()).all() && (other.low.array() <= high.array()).all();
   }
 };
 
-// Constant after construction: O(n log n).
+// Constant after construction: O(n). Empty boxes meet nothing. Finds nothing if that was interrupted.
 class BoxTree {
  public:
-  explicit BoxTree(std::vector<Box> boxes);
+  explicit BoxTree(std::vector<Box> boxes, const Execution& execution = {});
 
   // Calls visit(i) for every box that meets `box`, until it returns false. Returns whether all were visited.
+  // Thread-safe.
   bool ForEachMeeting(const Box& box, const std::function<bool(std::int32_t)>& visit) const;
 
+  const std::vector<Box>& boxes() const { return boxes_; }
+
  private:
-  struct Node {
-    Box box;
-    std::int32_t begin, end;  // range of order_
-    std::int32_t right;       // the left child follows its parent; -1 in a leaf
-  };
+  static constexpr std::int32_t kLeafSize = 4;
 
-  void Build(std::int32_t begin, std::int32_t end);
-
+  // Node i of a binary tree in an array has the children 2 i + 1 and 2 i + 2. The last `leaves_`, a power of two, are
+  // leaves: leaf i has the boxes [kLeafSize i, kLeafSize (i + 1)) of order_, none if that is beyond its end.
   std::vector<Box> boxes_;
-  std::vector<std::int32_t> order_;
-  std::vector<Node> nodes_;
+  std::vector<std::int32_t> order_;  // along a space-filling curve
+  std::vector<Box> nodes_;
+  std::int32_t leaves_ = 0;
 };
 
 }  // namespace planish

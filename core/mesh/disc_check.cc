@@ -47,22 +47,36 @@ absl::Status MeshFault(const std::string& reason, const std::string& message, st
   return MakeError(absl::StatusCode::kInvalidArgument, reason, message, metadata);
 }
 
+// Those of [0, n) that fulfil `predicate`, ascending.
+template <typename Index, typename Predicate>
+std::vector<Index> Find(std::int64_t n, const Execution& execution, const Predicate& predicate) {
+  std::vector<Index> found;
+  for (const std::vector<Index>&part :
+       execution.Collect<std::vector<Index>>(n, [&](std::int64_t begin, std::int64_t end) {
+         std::vector<Index> chunk;
+         for (auto i = static_cast<Index>(begin); i < static_cast<Index>(end); ++i) {
+           if (predicate(i)) chunk.push_back(i);
+         }
+         return chunk;
+       })) {
+    found.insert(found.end(), part.begin(), part.end());
+  }
+  return found;
+}
+
 std::string EdgeName(const std::vector<Face>& faces, std::int32_t half_edge) {
   const auto [low, high] = std::minmax({Origin(faces, half_edge), Target(faces, half_edge)});
   return absl::StrCat(low, "-", high);
 }
 
-absl::Status CheckIndices(const Mesh& mesh) {
+absl::Status CheckIndices(const Mesh& mesh, const Execution& execution) {
   if (mesh.faces.empty()) {
     return MeshFault("MESH_EMPTY", "the mesh has no faces; there is nothing to flatten", 0, {});
   }
-  std::vector<std::int64_t> faces;
-  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+  const std::vector<std::int64_t> faces = Find<std::int64_t>(mesh.num_faces(), execution, [&](std::int64_t f) {
     const Face& face = mesh.faces[f];
-    if (std::any_of(face.begin(), face.end(), [&](auto v) { return v < 0 || v >= mesh.num_vertices(); })) {
-      faces.push_back(f);
-    }
-  }
+    return std::any_of(face.begin(), face.end(), [&](auto v) { return v < 0 || v >= mesh.num_vertices(); });
+  });
   if (faces.empty()) return absl::OkStatus();
   return MeshFault("MESH_INDEX_OUT_OF_RANGE",
                    absl::StrCat(Elements("face", "faces", faces), faces.size() == 1 ? " refers" : " refer",
@@ -70,14 +84,18 @@ absl::Status CheckIndices(const Mesh& mesh) {
                    faces.size(), {{"faces", IdList(faces)}});
 }
 
-absl::Status CheckPositions(const Mesh& mesh) {
+absl::Status CheckPositions(const Mesh& mesh, const Execution& execution) {
+  const std::vector<std::int64_t> faces = Find<std::int64_t>(mesh.num_faces(), execution, [&](std::int64_t f) {
+    const Face& face = mesh.faces[f];
+    return !std::all_of(face.begin(), face.end(), [&](auto v) { return mesh.positions[v].allFinite(); });
+  });
+  if (faces.empty()) return absl::OkStatus();
   std::set<std::int32_t> bad;
-  for (const Face& face : mesh.faces) {
-    for (const std::int32_t v : face) {
+  for (const std::int64_t f : faces) {
+    for (const std::int32_t v : mesh.faces[f]) {
       if (!mesh.positions[v].allFinite()) bad.insert(v);
     }
   }
-  if (bad.empty()) return absl::OkStatus();
   const std::vector<std::int32_t> vertices(bad.begin(), bad.end());
   return MeshFault("MESH_POSITION_NOT_FINITE",
                    absl::StrCat("the position of ", Elements("vertex", "vertices", vertices),
@@ -85,14 +103,11 @@ absl::Status CheckPositions(const Mesh& mesh) {
                    vertices.size(), {{"vertices", IdList(vertices)}});
 }
 
-absl::Status CheckFaces(const Mesh& mesh) {
-  std::vector<std::int64_t> degenerate;
-  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+absl::Status CheckFaces(const Mesh& mesh, const Execution& execution) {
+  const std::vector<std::int64_t> degenerate = Find<std::int64_t>(mesh.num_faces(), execution, [&](std::int64_t f) {
     const auto& [a, b, c] = mesh.faces[f];
-    if (a == b || b == c || c == a || IsDegenerateTriangle(mesh.positions[a], mesh.positions[b], mesh.positions[c])) {
-      degenerate.push_back(f);
-    }
-  }
+    return a == b || b == c || c == a || IsDegenerateTriangle(mesh.positions[a], mesh.positions[b], mesh.positions[c]);
+  });
   if (degenerate.empty()) return absl::OkStatus();
   return MeshFault(
       "MESH_FACE_DEGENERATE",
@@ -108,19 +123,26 @@ bool SameVertices(Face a, Face b) {
 }
 
 // Two faces on one edge whose third vertices agree are the same face twice.
-absl::Status CheckDuplicates(const std::vector<Face>& faces, const EdgeGroups& edges) {
-  std::set<std::int32_t> duplicates;
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+absl::Status CheckDuplicates(const std::vector<Face>& faces, const EdgeGroups& edges, const Execution& execution) {
+  // Those at edge e that are the same as an earlier one there, to `visit`.
+  const auto for_each_duplicate = [&](std::int32_t e, const auto& visit) {
     for (std::int32_t i = edges.begin[e]; i < edges.begin[e + 1]; ++i) {
       for (std::int32_t j = i + 1; j < edges.begin[e + 1]; ++j) {
         const std::int32_t f = edges.half_edge[i] / 3, g = edges.half_edge[j] / 3;
-        if (SameVertices(faces[f], faces[g])) duplicates.insert(std::max(f, g));
+        if (SameVertices(faces[f], faces[g])) visit(std::max(f, g));
       }
       // A fan of thousands of faces on one edge is reported as non-manifold; comparing it pairwise would take hours.
       if (edges.begin[e + 1] - edges.begin[e] > 64) break;
     }
-  }
-  if (duplicates.empty()) return absl::OkStatus();
+  };
+  const std::vector<std::int32_t> at = Find<std::int32_t>(edges.num_edges(), execution, [&](std::int32_t e) {
+    bool found = false;
+    for_each_duplicate(e, [&](std::int32_t) { found = true; });
+    return found;
+  });
+  if (at.empty()) return absl::OkStatus();
+  std::set<std::int32_t> duplicates;
+  for (const std::int32_t e : at) for_each_duplicate(e, [&](std::int32_t f) { duplicates.insert(f); });
   const std::vector<std::int32_t> ids(duplicates.begin(), duplicates.end());
   return MeshFault("MESH_FACE_DUPLICATE",
                    absl::StrCat(Elements("face", "faces", ids), ids.size() == 1 ? " has" : " have",
@@ -128,11 +150,11 @@ absl::Status CheckDuplicates(const std::vector<Face>& faces, const EdgeGroups& e
                    ids.size(), {{"faces", IdList(ids)}});
 }
 
-absl::Status CheckEdges(const std::vector<Face>& faces, const EdgeGroups& edges) {
+absl::Status CheckEdges(const std::vector<Face>& faces, const EdgeGroups& edges, const Execution& execution) {
   std::vector<std::string> names;
   std::vector<std::int32_t> at_faces;
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-    if (edges.begin[e + 1] - edges.begin[e] <= 2) continue;
+  for (const std::int32_t e : Find<std::int32_t>(
+           edges.num_edges(), execution, [&](std::int32_t e) { return edges.begin[e + 1] - edges.begin[e] > 2; })) {
     names.push_back(EdgeName(faces, edges.half_edge[edges.begin[e]]));
     for (std::int32_t i = edges.begin[e]; i < edges.begin[e + 1]; ++i) at_faces.push_back(edges.half_edge[i] / 3);
   }
@@ -144,13 +166,13 @@ absl::Status CheckEdges(const std::vector<Face>& faces, const EdgeGroups& edges)
 }
 
 // Whether turning some faces over would make all orientations agree.
-bool IsOrientable(const std::vector<Face>& faces, const EdgeGroups& edges) {
+bool IsOrientable(const std::vector<Face>& faces, const EdgeGroups& edges, const Execution& execution) {
   struct Neighbour {
     std::int32_t face;
     bool agrees;
   };
   std::vector<std::vector<Neighbour>> neighbours(faces.size());
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+  for (std::int32_t e = 0; e < edges.num_edges() && !execution.IsStoppedAt(e); ++e) {
     if (edges.begin[e + 1] - edges.begin[e] != 2) continue;
     const std::int32_t c = edges.half_edge[edges.begin[e]], d = edges.half_edge[edges.begin[e] + 1];
     const bool agrees = Origin(faces, c) == Target(faces, d);
@@ -159,11 +181,13 @@ bool IsOrientable(const std::vector<Face>& faces, const EdgeGroups& edges) {
   }
   std::vector<signed char> side(faces.size(), 0);
   std::vector<std::int32_t> stack;
+  std::int64_t steps = 0;
   for (std::size_t start = 0; start < faces.size(); ++start) {
     if (side[start] != 0) continue;
     side[start] = 1;
     stack.push_back(static_cast<std::int32_t>(start));
     while (!stack.empty()) {
+      if (execution.IsStoppedAt(++steps)) return true;
       const std::int32_t f = stack.back();
       stack.pop_back();
       for (const Neighbour& n : neighbours[f]) {
@@ -180,13 +204,14 @@ bool IsOrientable(const std::vector<Face>& faces, const EdgeGroups& edges) {
   return true;
 }
 
-absl::Status CheckOrientation(const std::vector<Face>& faces, const EdgeGroups& edges) {
+absl::Status CheckOrientation(const std::vector<Face>& faces, const EdgeGroups& edges, const Execution& execution) {
   std::vector<std::string> names;
   std::vector<std::int32_t> at_faces;
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-    if (edges.begin[e + 1] - edges.begin[e] != 2) continue;
+  for (const std::int32_t e : Find<std::int32_t>(edges.num_edges(), execution, [&](std::int32_t e) {
+         return edges.begin[e + 1] - edges.begin[e] == 2 &&
+                Origin(faces, edges.half_edge[edges.begin[e]]) != Target(faces, edges.half_edge[edges.begin[e] + 1]);
+       })) {
     const std::int32_t c = edges.half_edge[edges.begin[e]], d = edges.half_edge[edges.begin[e] + 1];
-    if (Origin(faces, c) == Target(faces, d)) continue;
     names.push_back(EdgeName(faces, c));
     at_faces.push_back(c / 3);
     at_faces.push_back(d / 3);
@@ -195,7 +220,7 @@ absl::Status CheckOrientation(const std::vector<Face>& faces, const EdgeGroups& 
   const Metadata metadata = {{"edges", IdList(names)}, {"faces", IdList(at_faces)}};
   const std::string where =
       absl::StrCat(Elements("edge", "edges", names), " (", Elements("face", "faces", at_faces), ")");
-  if (!IsOrientable(faces, edges)) {
+  if (!IsOrientable(faces, edges, execution)) {
     return MeshFault("MESH_NOT_ORIENTABLE",
                      absl::StrCat("the surface has one side only, like a Moebius strip: orientations clash at ", where,
                                   " and turning faces over cannot help; cut it open"),
@@ -207,14 +232,17 @@ absl::Status CheckOrientation(const std::vector<Face>& faces, const EdgeGroups& 
       names.size(), metadata);
 }
 
-std::vector<std::int32_t> OppositeCorners(const std::vector<Face>& faces, const EdgeGroups& edges) {
+std::vector<std::int32_t> OppositeCorners(const std::vector<Face>& faces, const EdgeGroups& edges,
+                                          const Execution& execution) {
   std::vector<std::int32_t> opposite(3 * faces.size(), -1);
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-    if (edges.begin[e + 1] - edges.begin[e] != 2) continue;
-    const std::int32_t c = edges.half_edge[edges.begin[e]], d = edges.half_edge[edges.begin[e] + 1];
-    opposite[c] = d;
-    opposite[d] = c;
-  }
+  execution.For(edges.num_edges(), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t e = begin; e < end; ++e) {
+      if (edges.begin[e + 1] - edges.begin[e] != 2) continue;
+      const std::int32_t c = edges.half_edge[edges.begin[e]], d = edges.half_edge[edges.begin[e] + 1];
+      opposite[c] = d;
+      opposite[d] = c;
+    }
+  });
   return opposite;
 }
 
@@ -227,10 +255,11 @@ std::int32_t Turn(const std::vector<std::int32_t>& opposite, std::int32_t corner
   return 3 * (o / 3) + (counter_clockwise ? Next(o % 3) : Prev(o % 3));
 }
 
-absl::Status CheckVertices(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
+absl::Status CheckVertices(const Mesh& mesh, const std::vector<std::int32_t>& opposite, const Execution& execution) {
   std::vector<char> seen(opposite.size(), 0);
   std::vector<std::int32_t> fans(mesh.num_vertices(), 0);
   for (std::int32_t start = 0; start < static_cast<std::int32_t>(opposite.size()); ++start) {
+    if (execution.IsStoppedAt(start)) break;
     if (seen[start]) continue;
     ++fans[mesh.faces[start / 3][start % 3]];
     seen[start] = 1;
@@ -252,9 +281,11 @@ absl::Status CheckVertices(const Mesh& mesh, const std::vector<std::int32_t>& op
                    vertices.size(), {{"vertices", IdList(vertices)}});
 }
 
-absl::Status CheckComponents(const std::vector<Face>& faces, const std::vector<std::int32_t>& opposite) {
+absl::Status CheckComponents(const std::vector<Face>& faces, const std::vector<std::int32_t>& opposite,
+                             const Execution& execution) {
   std::vector<std::int32_t> first_faces, sizes, stack;
   std::vector<char> seen(faces.size(), 0);
+  std::int64_t steps = 0;
   for (std::int32_t start = 0; start < static_cast<std::int32_t>(faces.size()); ++start) {
     if (seen[start]) continue;
     first_faces.push_back(start);
@@ -264,6 +295,7 @@ absl::Status CheckComponents(const std::vector<Face>& faces, const std::vector<s
     while (!stack.empty()) {
       const std::int32_t f = stack.back();
       stack.pop_back();
+      if (execution.IsStoppedAt(++steps)) return absl::OkStatus();
       ++sizes.back();
       for (int k = 0; k < 3; ++k) {
         const std::int32_t o = opposite[3 * f + k];
@@ -343,6 +375,25 @@ absl::Status CheckLoopsAndHandles(const Mesh& mesh, const EdgeGroups& edges, con
   return absl::OkStatus();
 }
 
+// Everything there is to check; the opposite corners on the way.
+absl::Status CheckConnectivity(const Mesh& mesh, const Execution& execution, std::vector<std::int32_t>* opposite) {
+  PLANISH_RETURN_IF_ERROR(CheckIndices(mesh, execution));
+  PLANISH_RETURN_IF_ERROR(CheckPositions(mesh, execution));
+  PLANISH_RETURN_IF_ERROR(CheckFaces(mesh, execution));
+  if (execution.IsStopped()) return absl::OkStatus();
+  const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution);
+  PLANISH_RETURN_IF_ERROR(CheckDuplicates(mesh.faces, edges, execution));
+  PLANISH_RETURN_IF_ERROR(CheckEdges(mesh.faces, edges, execution));
+  PLANISH_RETURN_IF_ERROR(CheckOrientation(mesh.faces, edges, execution));
+
+  *opposite = OppositeCorners(mesh.faces, edges, execution);
+  if (execution.IsStopped()) return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(CheckVertices(mesh, *opposite, execution));
+  PLANISH_RETURN_IF_ERROR(CheckComponents(mesh.faces, *opposite, execution));
+  if (execution.IsStopped()) return absl::OkStatus();
+  return CheckLoopsAndHandles(mesh, edges, BoundaryLoops(mesh, *opposite));
+}
+
 }  // namespace
 
 bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c) {
@@ -359,20 +410,12 @@ std::int64_t CountIsolatedVertices(const Mesh& mesh) {
   return std::count(used.begin(), used.end(), 0);
 }
 
-absl::StatusOr<Topology> CheckDisc(const Mesh& mesh) {
-  PLANISH_RETURN_IF_ERROR(CheckIndices(mesh));
-  PLANISH_RETURN_IF_ERROR(CheckPositions(mesh));
-  PLANISH_RETURN_IF_ERROR(CheckFaces(mesh));
-  const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices());
-  PLANISH_RETURN_IF_ERROR(CheckDuplicates(mesh.faces, edges));
-  PLANISH_RETURN_IF_ERROR(CheckEdges(mesh.faces, edges));
-  PLANISH_RETURN_IF_ERROR(CheckOrientation(mesh.faces, edges));
-
+absl::StatusOr<Topology> CheckDisc(const Mesh& mesh, const Execution& execution) {
   Topology topology;
-  topology.opposite = OppositeCorners(mesh.faces, edges);
-  PLANISH_RETURN_IF_ERROR(CheckVertices(mesh, topology.opposite));
-  PLANISH_RETURN_IF_ERROR(CheckComponents(mesh.faces, topology.opposite));
-  PLANISH_RETURN_IF_ERROR(CheckLoopsAndHandles(mesh, edges, BoundaryLoops(mesh, topology.opposite)));
+  const absl::Status status = CheckConnectivity(mesh, execution, &topology.opposite);
+  // What was found after an interrupt may be wrong.
+  if (execution.IsStopped()) return absl::CancelledError("cancelled");
+  PLANISH_RETURN_IF_ERROR(status);
 
   topology.num_vertices = static_cast<std::int32_t>(mesh.num_vertices());
   topology.faces = mesh.faces;
@@ -388,7 +431,8 @@ absl::StatusOr<Topology> CheckDisc(const Mesh& mesh) {
     if (interior[v]) vertices.push_back(v);
   }
   topology.num_interior = static_cast<std::int32_t>(vertices.size());
-  AssignRows(InSpatialOrder(mesh.positions, vertices), &topology);
+  AssignRows(InSpatialOrder(mesh.positions, vertices, execution), &topology);
+  if (execution.IsStopped()) return absl::CancelledError("cancelled");
   return topology;
 }
 

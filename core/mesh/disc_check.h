@@ -2,6 +2,7 @@
 #pragma once
 
 #include "absl/status/statusor.h"
+#include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 #include "core/mesh/topology.h"
 
@@ -17,8 +18,10 @@ namespace planish {
 // The message names the first few elements; metadata has "count" and, as they apply, "faces" and "vertices"
 // (comma-separated 0-based ids) and "edges" ("a-b,c-d", vertex ids), at most 16 of each.
 //
+// CANCELLED after an interrupt.
+//
 // O(F) time and memory.
-absl::StatusOr<Topology> CheckDisc(const Mesh& mesh);
+absl::StatusOr<Topology> CheckDisc(const Mesh& mesh, const Execution& execution = {});
 
 // Vertices that no face refers to. Indices must be in range.
 std::int64_t CountIsolatedVertices(const Mesh& mesh);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
@@ -24,7 +25,7 @@ struct EdgeGroups {
   std::int32_t num_edges() const { return static_cast<std::int32_t>(begin.size()) - 1; }
 };
 
-// O(F) for bounded valence. Faces must have three distinct vertices in [0, num_vertices).
-EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices);
+// O(F) for bounded valence. Faces must have three distinct vertices in [0, num_vertices). No groups after an interrupt.
+EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution = {});
 
 }  // namespace planish

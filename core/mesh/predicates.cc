@@ -77,6 +77,8 @@ int Orientation(const Vec2& a, const Vec2& b, const Vec2& c) {
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon() / 2;
   const double bound = (3 + 16 * kEpsilon) * kEpsilon * (std::abs(left) + std::abs(right));
   if (std::abs(determinant) > bound) return determinant > 0 ? 1 : -1;
+  // As often as triangles share a corner.
+  if (a == b || b == c || c == a) return 0;
   return ExactOrientation(a, b, c);
 }
 

@@ -1,6 +1,7 @@
 #include "core/mesh/rows.h"
 
 #include <array>
+#include <bit>
 #include <limits>
 #include <numeric>
 
@@ -11,37 +12,57 @@ namespace {
 
 constexpr int kCellBits = 21;
 
-// How far along the Hilbert curve the cell lies (J. Skilling, "Programming the Hilbert curve", 2004).
-std::uint64_t HilbertIndex(std::array<std::uint32_t, 3> x) {
-  for (std::uint32_t q = 1u << (kCellBits - 1); q > 1; q >>= 1) {
-    const std::uint32_t below = q - 1;
-    for (std::uint32_t& xi : x) {
-      if ((xi & q) != 0) {
-        x[0] ^= below;
-      } else {
-        const std::uint32_t t = (x[0] ^ xi) & below;
-        x[0] ^= t;
-        xi ^= t;
+// A Hilbert curve passes the eight parts of a cube one after the other, and each of them in the same way up to a
+// symmetry of the cube: a state. Which part comes when, and the state in it, is Hamilton's construction ("Compact
+// Hilbert Indices", 2006): `entry` is the corner where the curve enters and `axis` the one along which it leaves.
+struct Step {
+  std::uint8_t when;   // the part is passed, 0 to 7
+  std::uint8_t state;  // in it
+};
+using Steps = std::array<std::array<Step, 8>, 24>;  // by state and part, bit i of which is the half along axis i
+
+constexpr unsigned RotateLeft(unsigned x, unsigned by) {
+  return (x << by % 3 | x >> (3 - by % 3)) & 7;
+}
+constexpr unsigned GrayCode(unsigned i) {
+  return i ^ i >> 1;
+}
+
+constexpr Steps MakeSteps() {
+  Steps steps = {};
+  for (unsigned entry = 0; entry < 8; ++entry) {
+    for (unsigned axis = 0; axis < 3; ++axis) {
+      for (unsigned when = 0; when < 8; ++when) {
+        const unsigned part = RotateLeft(GrayCode(when), axis + 1) ^ entry;
+        const unsigned sub_entry = when == 0 ? 0 : GrayCode((when - 1) / 2 * 2);
+        const unsigned sub_axis =
+            when == 0 ? 0 : static_cast<unsigned>(std::countr_one(when % 2 == 0 ? when - 1 : when)) % 3;
+        const unsigned next_entry = entry ^ RotateLeft(sub_entry, axis + 1), next_axis = (axis + sub_axis + 1) % 3;
+        steps[3 * entry + axis][part] = {static_cast<std::uint8_t>(when),
+                                         static_cast<std::uint8_t>(3 * next_entry + next_axis)};
       }
     }
   }
-  x[1] ^= x[0];
-  x[2] ^= x[1];
-  std::uint32_t t = 0;
-  for (std::uint32_t q = 1u << (kCellBits - 1); q > 1; q >>= 1) {
-    if ((x[2] & q) != 0) t ^= q - 1;
-  }
+  return steps;
+}
+
+// How far along the curve the cell lies.
+std::uint64_t HilbertIndex(const std::array<std::uint32_t, 3>& cell) {
+  static constexpr Steps kSteps = MakeSteps();
   std::uint64_t index = 0;
+  unsigned state = 0;
   for (int bit = kCellBits - 1; bit >= 0; --bit) {
-    for (const std::uint32_t xi : x) index = index << 1 | ((xi ^ t) >> bit & 1);
+    const Step step = kSteps[state][(cell[0] >> bit & 1) | (cell[1] >> bit & 1) << 1 | (cell[2] >> bit & 1) << 2];
+    index = index << 3 | step.when;
+    state = step.state;
   }
   return index;
 }
 
 }  // namespace
 
-std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions,
-                                         const std::vector<std::int32_t>& vertices) {
+std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, const std::vector<std::int32_t>& vertices,
+                                         const Execution& execution) {
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (const std::int32_t v : vertices) {
     low = low.cwiseMin(positions[v]);
@@ -50,15 +71,17 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions,
   // In halves, which cannot overflow.
   const double extent = (high / 2 - low / 2).maxCoeff();
   constexpr double kLastCell = (1 << kCellBits) - 1;
-  std::vector<KeyedIndex> entries;
-  entries.reserve(vertices.size());
-  for (const std::int32_t v : vertices) {
-    std::array<std::uint32_t, 3> cell = {};
-    for (int i = 0; extent > 0 && i < 3; ++i) {
-      cell[i] = static_cast<std::uint32_t>((positions[v][i] / 2 - low[i] / 2) / extent * kLastCell);
+  std::vector<KeyedIndex> entries(vertices.size());
+  execution.For(static_cast<std::int64_t>(vertices.size()), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t j = begin; j < end; ++j) {
+      const std::int32_t v = vertices[j];
+      std::array<std::uint32_t, 3> cell = {};
+      for (int i = 0; extent > 0 && i < 3; ++i) {
+        cell[i] = static_cast<std::uint32_t>((positions[v][i] / 2 - low[i] / 2) / extent * kLastCell);
+      }
+      entries[j] = {HilbertIndex(cell), v};
     }
-    entries.push_back({HilbertIndex(cell), v});
-  }
+  });
   SortByKey(&entries);
   std::vector<std::int32_t> order;
   order.reserve(entries.size());

@@ -31,13 +31,21 @@ std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::v
 class Run {
  public:
   Run(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control)
-      : mesh_(mesh), options_(options), control_(control) {}
+      : mesh_(mesh),
+        options_(options),
+        control_(control),
+        team_(options.threads),
+        execution_{&team_, control.interrupter} {}
 
   absl::StatusOr<UnwrapResult> operator()();
 
  private:
+  // CANCELLED after an interrupt.
+  absl::Status CheckInterrupt() const;
   // Announces a stage, unless interrupted.
   absl::Status Enter(UnwrapStage stage);
+  // The UV of every corner as double.
+  CornerUv AtCorners(const Topology& topology, const std::vector<Vec2>& positions) const;
   void ChoosePrecision(CornerUv uv);
   // Says so if rounding to float, which keeps every triangle, still costs energy worth mentioning.
   void WarnOfCoarseFloat();
@@ -49,13 +57,19 @@ class Run {
   const Mesh& mesh_;
   const UnwrapOptions& options_;
   const UnwrapControl& control_;
+  ThreadTeam team_;
+  const Execution execution_;
   UnwrapProgress progress_;
   OrientationFaults orientation_;  // of result_.uv
   UnwrapResult result_;
 };
 
+absl::Status Run::CheckInterrupt() const {
+  return execution_.IsStopped() ? absl::CancelledError("cancelled") : absl::OkStatus();
+}
+
 absl::Status Run::Enter(UnwrapStage stage) {
-  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
   progress_.stage = stage;
   if (control_.on_progress) control_.on_progress(progress_);
   return absl::OkStatus();
@@ -63,9 +77,8 @@ absl::Status Run::Enter(UnwrapStage stage) {
 
 absl::StatusOr<UnwrapResult> Run::operator()() {
   Timer timer;
-  PLANISH_RETURN_IF_ERROR(options_.flatten.Validate());
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
-  PLANISH_ASSIGN_OR_RETURN(const Topology topology, CheckDisc(mesh_));
+  PLANISH_ASSIGN_OR_RETURN(const Topology topology, CheckDisc(mesh_, execution_));
   if (const std::int64_t isolated = CountIsolatedVertices(mesh_); isolated > 0) {
     Warn("ISOLATED_VERTICES", absl::StrCat(Counted(isolated, "vertex has", "vertices have"), " no face and no UV"),
          {{"count", std::to_string(isolated)}});
@@ -74,12 +87,17 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
 
   // The solve announces itself, with its first residual.
   progress_.stage = UnwrapStage::kSolve;
-  const Eigen::VectorXd measured = MeasuredAngles(mesh_);
-  const TargetAngles target = MakeTargetAngles(topology, measured);
-  FlattenControl flatten_control = {control_.interrupter, [this](const FlattenProgress& progress) {
-                                      progress_.flatten = progress;
-                                      if (control_.on_progress) control_.on_progress(progress_);
-                                    }};
+  const Eigen::VectorXd measured = MeasuredAngles(mesh_, execution_);
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
+  const TargetAngles target = MakeTargetAngles(topology, measured, execution_);
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
+  FlattenControl flatten_control;
+  flatten_control.interrupter = control_.interrupter;
+  flatten_control.team = &team_;
+  flatten_control.on_progress = [this](const FlattenProgress& progress) {
+    progress_.flatten = progress;
+    if (control_.on_progress) control_.on_progress(progress_);
+  };
   PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options_.flatten, flatten_control));
   result_.charts.push_back({mesh_.num_faces(), flattening.summary});
   if (!flattening.summary.converged) Warn("NOT_CONVERGED", flattening.summary.stop_message);
@@ -104,39 +122,53 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
   result_.seconds.solve = timer.Restart();
 
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kLayout));
-  Layout layout = LayOut(topology, flattening.angles);
-  result_.seconds.layout = timer.Restart();
-
-  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kPack));
-  PlaceInUnitSquare(&layout.positions);
-  CornerUv uv;
-  uv.reserve(2 * topology.num_corners());
-  for (const Face& face : topology.faces) {
-    for (const std::int32_t v : face) uv.insert(uv.end(), {layout.positions[v].x(), layout.positions[v].y()});
-  }
-  if (!std::all_of(uv.begin(), uv.end(), [](double x) { return std::isfinite(x); })) {
+  Layout layout = LayOut(topology, flattening.angles, execution_);
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
+  flattening.angles.resize(0);
+  if (!std::all_of(layout.positions.begin(), layout.positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                      absl::StrCat("the layout has non-finite coordinates; ", flattening.summary.stop_message));
   }
+  result_.seconds.layout = timer.Restart();
+
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kPack));
+  PlaceInUnitSquare(&layout.positions, execution_);
+  CornerUv uv = AtCorners(topology, layout.positions);
+  layout = Layout();
   result_.seconds.pack = timer.Restart();
 
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kVerify));
   ChoosePrecision(std::move(uv));
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
   PLANISH_RETURN_IF_ERROR(Verify(topology, measured, target));
   result_.seconds.verify = timer.Restart();
   return std::move(result_);
 }
 
+CornerUv Run::AtCorners(const Topology& topology, const std::vector<Vec2>& positions) const {
+  CornerUv uv(2 * static_cast<std::size_t>(topology.num_corners()));
+  execution_.For(topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      for (int k = 0; k < 3; ++k) {
+        const Vec2& p = positions[topology.faces[f][k]];
+        uv[2 * (3 * f + k)] = p.x();
+        uv[2 * (3 * f + k) + 1] = p.y();
+      }
+    }
+  });
+  return uv;
+}
+
 void Run::ChoosePrecision(CornerUv uv) {
-  const OrientationFaults exact = CheckOrientations(uv);
+  const OrientationFaults exact = CheckOrientations(uv, execution_);
   if (options_.precision == Precision::kDouble) {
     result_.precision = Precision::kDouble;
     result_.uv = std::move(uv);
     orientation_ = exact;
     return;
   }
-  CornerUv rounded = RoundToFloat(uv);
-  const OrientationFaults after = CheckOrientations(rounded);
+  CornerUv rounded = RoundToFloat(uv, execution_);
+  const OrientationFaults after = CheckOrientations(rounded, execution_);
   const std::int64_t lost = after.flipped + after.degenerate - exact.flipped - exact.degenerate;
   const bool deliver_double = options_.precision == Precision::kAuto && lost > 0;
   if (lost > 0) {
@@ -164,9 +196,10 @@ void Run::WarnOfCoarseFloat() {
 }
 
 absl::Status Run::Verify(const Topology& topology, const Eigen::VectorXd& measured, const TargetAngles& target) {
-  const Overlaps overlaps = CheckOverlaps(topology, result_.uv, orientation_, control_.interrupter);
-  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
-  MeasureDistortion(mesh_, measured, target, result_.uv, &result_.quality);
+  const Overlaps overlaps = CheckOverlaps(topology, result_.uv, orientation_, execution_);
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
+  MeasureDistortion(mesh_, measured, target, result_.uv, &result_.quality, execution_);
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
   WarnOfCoarseFloat();
   result_.quality.flipped = orientation_.flipped;
   result_.quality.degenerate = orientation_.degenerate;
@@ -191,7 +224,15 @@ absl::Status Run::Verify(const Topology& topology, const Eigen::VectorXd& measur
 
 }  // namespace
 
+absl::Status UnwrapOptions::Validate() const {
+  PLANISH_RETURN_IF_ERROR(flatten.Validate());
+  if (threads >= 1 && threads <= kMaxThreads) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
+                   absl::StrCat("threads: ", threads, " is not in [1, ", kMaxThreads, "]"), {{"field", "threads"}});
+}
+
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control) {
+  PLANISH_RETURN_IF_ERROR(options.Validate());
   return Run(mesh, options, control)();
 }
 

@@ -28,7 +28,14 @@ enum class Precision {
 struct UnwrapOptions {
   FlattenOptions flatten;
   Precision precision = Precision::kAuto;
+  // Threads the job may use, the calling one included. In [1, kMaxThreads]. The result is the same bytes for any
+  // number.
+  int threads = 1;
+
+  // INVALID_ARGUMENT with reason OPTIONS_INVALID naming the field, or OK.
+  absl::Status Validate() const;
 };
+inline constexpr int kMaxThreads = 256;
 
 enum class UnwrapStage { kCharts, kSolve, kLayout, kPack, kVerify };
 
@@ -82,7 +89,7 @@ struct UnwrapResult {
 // Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason; CANCELLED after an interrupt (within a few
 // dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if no finite map came out.
 // A solve that stops early is not an error: see FlattenSummary::converged and the warnings.
-// Thread-safe: calls share nothing.
+// Thread-safe: calls share nothing, each has a team of threads of its own.
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control);
 
 }  // namespace planish

@@ -1,6 +1,9 @@
 #include "core/unwrap/verify.h"
 
 #include <algorithm>
+#include <array>
+#include <atomic>
+#include <optional>
 #include <utility>
 
 #include "core/mesh/box_tree.h"
@@ -10,7 +13,6 @@ namespace planish {
 namespace {
 
 constexpr std::size_t kMaxNamed = 16;
-constexpr std::int32_t kInterruptInterval = 1024;
 
 Vec2 Uv(const CornerUv& uv, std::int32_t corner) {
   return {uv[2 * corner], uv[2 * corner + 1]};
@@ -20,23 +22,41 @@ struct BoundaryEdge {
   Vec2 from, to;
 };
 
-// Half-edges without a neighbour in the plane, in the order in which they follow each other; empty if they are not one
-// closed curve.
-std::vector<BoundaryEdge> BoundaryCurve(const Topology& topology, const CornerUv& uv) {
+// Whether the edge of a half-edge that has a neighbour has other ends in the plane as seen from there.
+bool IsSeam(const Topology& topology, const CornerUv& uv, std::int32_t c) {
+  const std::int32_t o = topology.opposite[c], f = c / 3, from = 3 * f + Next(c % 3), to = 3 * f + Prev(c % 3);
+  const std::int32_t g = o / 3, other_to = 3 * g + Next(o % 3), other_from = 3 * g + Prev(o % 3);
+  return Uv(uv, from) != Uv(uv, other_from) || Uv(uv, to) != Uv(uv, other_to);
+}
+
+// Half-edges without a neighbour, in the order in which they follow each other; empty if they are not one closed curve,
+// or if there are seams in the plane: several charts, or one folded onto itself.
+std::vector<BoundaryEdge> BoundaryCurve(const Topology& topology, const CornerUv& uv, const Execution& execution) {
+  struct Part {
+    std::vector<std::int32_t> boundary;
+    bool has_seam = false;
+  };
   std::vector<std::int32_t> starting(topology.num_vertices, -1);  // boundary half-edge that starts at a vertex
   std::int32_t count = 0, first = -1;
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    const std::int32_t f = c / 3, from = 3 * f + Next(c % 3), to = 3 * f + Prev(c % 3);
-    if (const std::int32_t o = topology.opposite[c]; o >= 0) {
-      const std::int32_t g = o / 3, other_to = 3 * g + Next(o % 3), other_from = 3 * g + Prev(o % 3);
-      // A seam in the plane: several charts, or one folded onto itself.
-      if (Uv(uv, from) != Uv(uv, other_from) || Uv(uv, to) != Uv(uv, other_to)) return {};
-      continue;
+  for (const Part& part : execution.Collect<Part>(topology.num_corners(), [&](std::int64_t begin, std::int64_t end) {
+         Part chunk;
+         for (auto c = static_cast<std::int32_t>(begin); c < end; ++c) {
+           if (topology.opposite[c] < 0) {
+             chunk.boundary.push_back(c);
+           } else if (topology.opposite[c] < c && IsSeam(topology, uv, c)) {
+             chunk.has_seam = true;
+           }
+         }
+         return chunk;
+       })) {
+    if (part.has_seam) return {};
+    for (const std::int32_t c : part.boundary) {
+      starting[topology.faces[c / 3][Next(c % 3)]] = c;
+      ++count;
+      first = c;
     }
-    starting[topology.faces[f][Next(c % 3)]] = c;
-    ++count;
-    first = c;
   }
+  if (first < 0) return {};
   std::vector<BoundaryEdge> curve;
   for (std::int32_t c = first; static_cast<std::int32_t>(curve.size()) < count;) {
     const std::int32_t f = c / 3;
@@ -48,16 +68,18 @@ std::vector<BoundaryEdge> BoundaryCurve(const Topology& topology, const CornerUv
   return curve;
 }
 
-bool IsSimple(const std::vector<BoundaryEdge>& curve) {
+// False after an interrupt.
+bool IsSimple(const std::vector<BoundaryEdge>& curve, const Execution& execution) {
   const auto n = static_cast<std::int32_t>(curve.size());
   std::vector<Box> boxes(n);
   for (std::int32_t i = 0; i < n; ++i) {
     boxes[i].Add(curve[i].from);
     boxes[i].Add(curve[i].to);
   }
-  const BoxTree tree(boxes);
+  const BoxTree tree(std::move(boxes), execution);
   for (std::int32_t i = 0; i < n; ++i) {
-    const bool clear = tree.ForEachMeeting(boxes[i], [&](std::int32_t j) {
+    if (execution.IsStopped()) return false;
+    const bool clear = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
       if (j <= i) return true;
       const bool follows = j == i + 1, closes = i == 0 && j == n - 1;
       if (!follows && !closes) return !SegmentsMeet(curve[i].from, curve[i].to, curve[j].from, curve[j].to);
@@ -73,60 +95,133 @@ bool IsSimple(const std::vector<BoundaryEdge>& curve) {
 
 }  // namespace
 
-CornerUv RoundToFloat(const CornerUv& uv) {
+CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution) {
   CornerUv rounded(uv.size());
-  std::transform(uv.begin(), uv.end(), rounded.begin(),
-                 [](double x) { return static_cast<double>(static_cast<float>(x)); });
+  execution.For(static_cast<std::int64_t>(uv.size()), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) rounded[i] = static_cast<double>(static_cast<float>(uv[i]));
+  });
   return rounded;
 }
 
-OrientationFaults CheckOrientations(const CornerUv& uv) {
+OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution) {
   OrientationFaults faults;
-  const auto num_faces = static_cast<std::int32_t>(uv.size() / 6);
-  for (std::int32_t f = 0; f < num_faces; ++f) {
-    const int orientation = Orientation(Uv(uv, 3 * f), Uv(uv, 3 * f + 1), Uv(uv, 3 * f + 2));
-    if (orientation > 0) continue;
-    ++(orientation < 0 ? faults.flipped : faults.degenerate);
-    if (faults.faces.size() < kMaxNamed) faults.faces.push_back(f);
+  for (const OrientationFaults& part : execution.Collect<OrientationFaults>(
+           static_cast<std::int64_t>(uv.size() / 6), [&](std::int64_t begin, std::int64_t end) {
+             OrientationFaults chunk;
+             for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
+               const int orientation = Orientation(Uv(uv, 3 * f), Uv(uv, 3 * f + 1), Uv(uv, 3 * f + 2));
+               if (orientation > 0) continue;
+               ++(orientation < 0 ? chunk.flipped : chunk.degenerate);
+               if (chunk.faces.size() < kMaxNamed) chunk.faces.push_back(f);
+             }
+             return chunk;
+           })) {
+    faults.flipped += part.flipped;
+    faults.degenerate += part.degenerate;
+    for (const std::int32_t f : part.faces) {
+      if (faults.faces.size() < kMaxNamed) faults.faces.push_back(f);
+    }
   }
   return faults;
 }
 
-Overlaps CheckOverlaps(const Topology& topology, const CornerUv& uv, const OrientationFaults& orientation,
-                       const Interrupter* interrupter) {
-  Overlaps overlaps;
-  if (orientation.flipped == 0 && orientation.degenerate == 0) {
-    const std::vector<BoundaryEdge> curve = BoundaryCurve(topology, uv);
-    if (!curve.empty() && IsSimple(curve)) return overlaps;
+namespace {
+
+// Every triangle against all later ones.
+class PairwiseCheck {
+ public:
+  PairwiseCheck(const CornerUv& uv, const Execution& execution)
+      : execution_(execution), num_faces_(static_cast<std::int32_t>(uv.size() / 6)), triangles_(num_faces_) {
+    std::vector<Box> boxes(num_faces_);
+    execution_.For(num_faces_, [&](std::int64_t begin, std::int64_t end) {
+      for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
+        Triangle& t = triangles_[f];
+        for (int k = 0; k < 3; ++k) {
+          t[k] = Uv(uv, 3 * f + k);
+          boxes[f].Add(t[k]);
+        }
+        const int sign = Orientation(t[0], t[1], t[2]);
+        if (sign < 0) std::swap(t[1], t[2]);
+        // Without an interior it meets nothing.
+        if (sign == 0) boxes[f] = Box();
+      }
+    });
+    tree_.emplace(std::move(boxes), execution_);
   }
 
-  const std::int32_t num_faces = topology.num_faces();
-  std::vector<std::array<Vec2, 3>> triangles(num_faces);
-  std::vector<Box> boxes(num_faces);
-  std::vector<char> has_interior(num_faces);
-  for (std::int32_t f = 0; f < num_faces; ++f) {
-    auto& [a, b, c] = triangles[f];
-    a = Uv(uv, 3 * f);
-    b = Uv(uv, 3 * f + 1);
-    c = Uv(uv, 3 * f + 2);
-    const int sign = Orientation(a, b, c);
-    if (sign < 0) std::swap(b, c);
-    has_interior[f] = sign != 0;
-    for (const Vec2& p : triangles[f]) boxes[f].Add(p);
+  Overlaps Run() const {
+    // Some faces at a time, so that counting can stop early with the same result for any team.
+    constexpr std::int64_t kBlock = 64, kBlocks = 64;
+    Overlaps all;
+    for (std::int64_t begin = 0; begin < num_faces_; begin += kBlock * kBlocks) {
+      const std::int64_t end = std::min<std::int64_t>(begin + kBlock * kBlocks, num_faces_);
+      std::atomic<std::int64_t> count = all.pairs;
+      std::array<std::vector<std::int32_t>, kBlocks> named;
+      const auto look = [&](std::int64_t first, std::int64_t last) {
+        for (std::int64_t i = first; i < last; ++i) {
+          const std::int64_t from = std::min(begin + i * kBlock, end);
+          Look(from, std::min(from + kBlock, end), &count, &named[i]);
+        }
+      };
+      if (execution_.team != nullptr) {
+        execution_.team->For(kBlocks, 1, look);
+      } else {
+        look(0, kBlocks);
+      }
+      all.pairs = std::min(count.load(), kMaxOverlaps);
+      all.limited = all.pairs == kMaxOverlaps || execution_.IsStopped();
+      if (all.limited) {
+        // Blocks were cut short, who knows where.
+        named = {};
+        std::atomic<std::int64_t> enough = kMaxOverlaps - static_cast<std::int64_t>(kMaxNamed / 2);
+        Look(begin, end, &enough, &named[0]);
+      }
+      for (const std::vector<std::int32_t>& faces : named) {
+        for (const std::int32_t f : faces) {
+          if (all.faces.size() < kMaxNamed) all.faces.push_back(f);
+        }
+      }
+      if (all.limited) break;
+    }
+    return all;
   }
-  const BoxTree tree(boxes);
-  for (std::int32_t f = 0; f < num_faces && !overlaps.limited; ++f) {
-    if (f % kInterruptInterval == 0 && IsInterrupted(interrupter)) overlaps.limited = true;
-    if (!has_interior[f]) continue;
-    tree.ForEachMeeting(boxes[f], [&](std::int32_t g) {
-      if (g <= f || !has_interior[g] || !InteriorsMeet(triangles[f].data(), triangles[g].data())) return true;
-      ++overlaps.pairs;
-      if (overlaps.faces.size() < kMaxNamed) overlaps.faces.insert(overlaps.faces.end(), {f, g});
-      overlaps.limited = overlaps.pairs >= kMaxOverlaps;
-      return !overlaps.limited;
-    });
+
+ private:
+  using Triangle = std::array<Vec2, 3>;  // counter-clockwise
+
+  // Counts the pairs of the faces in [begin, end), which go on from `count`, until kMaxOverlaps; names the first ones.
+  void Look(std::int64_t begin, std::int64_t end, std::atomic<std::int64_t>* count,
+            std::vector<std::int32_t>* named) const {
+    for (auto f = static_cast<std::int32_t>(begin); f < end && !execution_.IsStopped(); ++f) {
+      const Box& box = tree_->boxes()[f];
+      if (!box.Meets(box)) continue;
+      const bool go_on = tree_->ForEachMeeting(box, [&](std::int32_t g) {
+        if (g <= f || !InteriorsMeet(triangles_[f].data(), triangles_[g].data())) return true;
+        if (named->size() < kMaxNamed) named->insert(named->end(), {f, g});
+        return count->fetch_add(1, std::memory_order_relaxed) + 1 < kMaxOverlaps;
+      });
+      if (!go_on || count->load(std::memory_order_relaxed) >= kMaxOverlaps) return;
+    }
   }
-  return overlaps;
+
+  const Execution& execution_;
+  const std::int32_t num_faces_;
+  std::vector<Triangle> triangles_;
+  std::optional<BoxTree> tree_;
+};
+
+}  // namespace
+
+Overlaps CheckOverlaps(const Topology& topology, const CornerUv& uv, const OrientationFaults& orientation,
+                       const Execution& execution) {
+  if (orientation.flipped == 0 && orientation.degenerate == 0) {
+    const std::vector<BoundaryEdge> curve = BoundaryCurve(topology, uv, execution);
+    if (!curve.empty() && IsSimple(curve, execution)) return {};
+  }
+  if (execution.IsStopped()) return {0, true, {}};
+  const PairwiseCheck check(uv, execution);
+  if (execution.IsStopped()) return {0, true, {}};
+  return check.Run();
 }
 
 }  // namespace planish

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/base/interrupter.h"
+#include "core/base/execution.h"
 #include "core/mesh/topology.h"
 
 namespace planish {
@@ -13,7 +13,7 @@ namespace planish {
 using CornerUv = std::vector<double>;
 
 // `uv` rounded to float.
-CornerUv RoundToFloat(const CornerUv& uv);
+CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution = {});
 
 struct OrientationFaults {
   std::int64_t flipped = 0;         // clockwise triangles
@@ -21,8 +21,8 @@ struct OrientationFaults {
   std::vector<std::int32_t> faces;  // the first few of both
 };
 
-// Exact. O(F).
-OrientationFaults CheckOrientations(const CornerUv& uv);
+// Exact. O(F). Incomplete after an interrupt.
+OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution = {});
 
 struct Overlaps {
   std::int64_t pairs = 0;           // triangles whose interiors meet; at least this many if `limited`
@@ -35,6 +35,6 @@ inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 // (every point inside is covered as often as the curve winds round it, once), which takes O(b log b) for b boundary
 // edges; only otherwise are pairs of triangles looked at. Degenerate triangles have no interior.
 Overlaps CheckOverlaps(const Topology& topology, const CornerUv& uv, const OrientationFaults& orientation,
-                       const Interrupter* interrupter);
+                       const Execution& execution = {});
 
 }  // namespace planish

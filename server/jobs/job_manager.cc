@@ -237,6 +237,7 @@ std::optional<JobAssignment> JobManager::TakeNext() {
   assignment.name = *name;
   assignment.request.set_job(*name);
   *assignment.request.mutable_options() = record.job.options();
+  assignment.request.set_max_threads(options_.threads);
   assignment.request.set_draco(std::move(live_.at(*name).mesh));
   ++running_;
   Apply(JobAction::kStart, std::move(record), nullptr, &wakeups);

@@ -31,6 +31,7 @@ namespace planish {
 
 struct JobManagerOptions {
   int workers = 1;                                        // jobs that run at a time
+  int threads = 1;                                        // that a job may use
   int queue_capacity = 64;                                // jobs that may wait beside them, >= 0
   std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;

@@ -90,7 +90,8 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   PLANISH_RETURN_IF_ERROR(Choose("precision", kPrecisions, options.precision(), &core.precision));
   if (options.tolerance() != 0) flatten.tolerance = options.tolerance();
   if (options.max_newton_iterations() != 0) flatten.max_newton_iterations = options.max_newton_iterations();
-  PLANISH_RETURN_IF_ERROR(flatten.Validate());
+  if (options.threads() != 0) core.threads = options.threads();
+  PLANISH_RETURN_IF_ERROR(core.Validate());
   return core;
 }
 

@@ -14,7 +14,7 @@ namespace planish {
 // Without elapsed_seconds and tolerance.
 v1::Progress ToProto(const UnwrapProgress& progress);
 
-// Without seconds.queue, seconds.decode, seconds.encode and peak_memory_bytes.
+// Without seconds.queue, seconds.decode, seconds.encode, peak_memory_bytes and threads.
 v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh);
 
 // The UV bytes of planish.v1.UvDescription: little-endian float32 when `precision` is kFloat (every number must then

@@ -1,5 +1,6 @@
 #include "server/worker/work.h"
 
+#include <algorithm>
 #include <exception>
 #include <new>
 #include <string>
@@ -7,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/io/draco_codec.h"
@@ -14,7 +16,6 @@
 #include "server/link/rpc_status.h"
 #include "server/worker/options.h"
 #include "server/worker/report.h"
-#include "core/base/sha256.h"
 
 namespace planish {
 namespace {
@@ -29,7 +30,9 @@ class Work {
       : request_(request), interrupter_(interrupter), on_progress_(on_progress) {}
 
   absl::StatusOr<WorkResult> Run() {
-    PLANISH_ASSIGN_OR_RETURN(const UnwrapOptions options, ToCore(request_.options()));
+    PLANISH_ASSIGN_OR_RETURN(UnwrapOptions options, ToCore(request_.options()));
+    const int max_threads = std::clamp(request_.max_threads(), 1, kMaxThreads);
+    options.threads = request_.options().threads() == 0 ? max_threads : std::min(options.threads, max_threads);
     tolerance_ = options.flatten.tolerance;
 
     ReportStage(v1::STAGE_DECODE);
@@ -48,6 +51,7 @@ class Work {
     timer.Restart();
     WorkResult result;
     Describe(unwrapped, mesh, &result);
+    result.mutable_report()->set_threads(options.threads);
     result.mutable_report()->mutable_seconds()->set_decode(decode_seconds);
     result.mutable_report()->mutable_seconds()->set_encode(timer.Seconds());
     result.mutable_report()->set_peak_memory_bytes(PeakMemoryBytes());

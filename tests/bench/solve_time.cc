@@ -79,6 +79,7 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
                          {"step", arguments.step},
                          {"tool", "planish"},
                          {"triangles", mesh.num_faces()},
+                         {"threads", arguments.options.threads},
                          {"solver", Name(asked.solver)},
                          {"system", Name(asked.system)},
                          {"preconditioner", Name(asked.preconditioner)},
@@ -118,6 +119,11 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
   line["conformal_distortion_mean"] = Finite(result->quality.conformal_distortion_mean);
   line["flipped"] = result->quality.flipped;
   line["degenerate"] = result->quality.degenerate;
+  line["overlapping"] = result->quality.overlapping;
+  line["precision"] = result->precision == Precision::kDouble ? "double" : "float";
+  line["barrier"] = summary.barrier;
+  line["boundary_active"] = summary.boundary.active;
+  line["boundary_settled"] = summary.boundary.settled;
   return line;
 }
 
@@ -148,6 +154,9 @@ int Main(int argc, char** argv) {
                   PreconditionerType::kCholesky, PreconditionerType::kAmg})));
   app.add_option("--hessian", flatten.hessian)
       ->transform(CLI::CheckedTransformer(ByName({HessianType::kAuto, HessianType::kConvex, HessianType::kExact})));
+  app.add_option("--boundary", flatten.boundary)
+      ->transform(CLI::CheckedTransformer(ByName({BoundaryType::kFree, BoundaryType::kConvex})));
+  app.add_option("--threads", arguments.options.threads, "threads that work on it");
   app.add_option("--tolerance", flatten.tolerance, "radians, per angle");
   app.add_option("--linear-tolerance", flatten.linear_tolerance, "relative, of every linear solve; 0: forcing terms");
   CLI11_PARSE(app, argc, argv);

@@ -20,10 +20,26 @@ ParsedArguments Parse(std::vector<const char*> words) {
 }
 
 TEST(ArgumentsTest, UnwrapWithEverything) {
-  const ParsedArguments parsed = Parse(
-      {"unwrap", "in.obj", "-o", "out.obj", "--server=h:1", "--solver=minres", "--system", "full",
-       "--preconditioner=none", "--hessian=exact", "--boundary=convex", "--precision=double", "--seams=none",
-       "--tolerance=1e-7", "--max-newton-iterations=7", "--json", "--progress=plain", "--label=mine", "--timeout=2.5"});
+  const ParsedArguments parsed = Parse({"unwrap",
+                                        "in.obj",
+                                        "-o",
+                                        "out.obj",
+                                        "--server=h:1",
+                                        "--solver=minres",
+                                        "--system",
+                                        "full",
+                                        "--preconditioner=none",
+                                        "--hessian=exact",
+                                        "--boundary=convex",
+                                        "--precision=double",
+                                        "--seams=none",
+                                        "--tolerance=1e-7",
+                                        "--max-newton-iterations=7",
+                                        "--threads=3",
+                                        "--json",
+                                        "--progress=plain",
+                                        "--label=mine",
+                                        "--timeout=2.5"});
   ASSERT_TRUE(parsed.arguments) << parsed.err;
   const Arguments& arguments = *parsed.arguments;
   EXPECT_EQ(arguments.command, Command::kUnwrap);
@@ -38,6 +54,7 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.options.precision, Precision::kDouble);
   EXPECT_EQ(arguments.options.tolerance, 1e-7);
   EXPECT_EQ(arguments.options.max_newton_iterations, 7);
+  EXPECT_EQ(arguments.options.threads, 3);
   EXPECT_TRUE(arguments.json);
   EXPECT_EQ(arguments.progress, ProgressMode::kPlain);
   EXPECT_EQ(arguments.label, "mine");

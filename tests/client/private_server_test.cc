@@ -69,6 +69,13 @@ TEST_F(PrivateServerTest, StartsAndEndsWithItsOwner) {
   EXPECT_FALSE(std::filesystem::exists(socket_directory));
 }
 
+TEST_F(PrivateServerTest, PassesItsLimitOfThreadsOn) {
+  PrivateServerOptions options = Script("echo \"$@\" >&2\necho ready >&3\nread end <&3\n");
+  EXPECT_THAT(PrivateServer(options).log(), ::testing::Not(HasSubstr("--threads")));
+  options.threads = 5;
+  EXPECT_THAT(PrivateServer(options).log(), HasSubstr("--threads=5"));
+}
+
 TEST_F(PrivateServerTest, DeathAtTheStartTellsItsLastWords) {
   EXPECT_THAT(MessageOf(Script("echo 'cannot listen: no luck' >&2\nexit 7\n")),
               ::testing::AllOf(HasSubstr("exited with code 7"), HasSubstr("cannot listen: no luck")));

@@ -73,7 +73,7 @@ TEST(BoundaryControl, MakesEveryOutlineConvexAndInjective) {
     EXPECT_LE(summary.residual.Max(), 1e-9);
     EXPECT_EQ(result.quality.flipped + result.quality.degenerate, 0);
     const OrientationFaults orientation = CheckOrientations(result.uv);
-    EXPECT_EQ(CheckOverlaps(CheckDisc(mesh).value(), result.uv, orientation, nullptr).pairs, 0);
+    EXPECT_EQ(CheckOverlaps(CheckDisc(mesh).value(), result.uv, orientation).pairs, 0);
     EXPECT_LT(LargestBoundaryAngle(mesh, result.uv), kPi + (result.precision == Precision::kDouble ? 1e-8 : 1e-3));
     for (const UnwrapWarning& warning : result.warnings) EXPECT_NE(warning.reason, "BOUNDARY_NOT_SETTLED");
   }

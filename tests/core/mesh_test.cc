@@ -198,6 +198,20 @@ TEST(MeasuredAngles, AreAccurateForNeedlesFarFromTheOrigin) {
   EXPECT_NEAR(angles.sum(), M_PI, 1e-15);
 }
 
+TEST(TriangleAngles, AreThoseOfTheCornersAndAddUpToPi) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 100; ++i) {
+    const double flat = i % 2 == 0 ? 1 : 1e-7;
+    Vec3 p[3];
+    for (Vec3& x : p) x = Vec3(normal(random), flat * normal(random), flat * normal(random));
+    double angles[3];
+    TriangleAngles(p, angles);
+    EXPECT_NEAR(angles[0] + angles[1] + angles[2], M_PI, 1e-15);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(angles[k] / AngleAt(p[k], p[Next(k)], p[Prev(k)]), 1, 1e-8);
+  }
+}
+
 TEST(Orientation, IsExactWhereRoundingIsNot) {
   // Points on a line with slope 1, moved by single units in the last place.
   const double ulp = std::ldexp(1.0, -53);
@@ -242,6 +256,7 @@ TEST(BoxTree, FindsWhatBruteForceFinds) {
     box.Add(p);
     box.Add(p + Vec2(size(random), size(random)));
   }
+  boxes[17] = Box();
   const BoxTree tree(boxes);
   for (const Box& box : boxes) {
     std::vector<std::int32_t> found, expected;

@@ -2,10 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <random>
 
+#include "core/abf/layout.h"
+#include "core/abf/target_angles.h"
 #include "core/base/error.h"
+#include "core/base/execution.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/box_tree.h"
 #include "core/mesh/disc_check.h"
+#include "core/mesh/half_edges.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/placement.h"
 #include "core/unwrap/verify.h"
@@ -28,7 +35,7 @@ CornerUv PlanarUv(const Mesh& mesh) {
 std::int64_t BruteForceOverlaps(const Topology& topology, const CornerUv& uv) {
   OrientationFaults pretend;
   pretend.flipped = 1;  // keeps CheckOverlaps from the short cut
-  return CheckOverlaps(topology, uv, pretend, nullptr).pairs;
+  return CheckOverlaps(topology, uv, pretend).pairs;
 }
 
 TEST(Verify, CountsPlantedFaults) {
@@ -36,7 +43,7 @@ TEST(Verify, CountsPlantedFaults) {
   const Topology topology = CheckDisc(mesh).value();
   const CornerUv uv = PlanarUv(mesh);
   EXPECT_EQ(CheckOrientations(uv).flipped, 0);
-  EXPECT_EQ(CheckOverlaps(topology, uv, CheckOrientations(uv), nullptr).pairs, 0);
+  EXPECT_EQ(CheckOverlaps(topology, uv, CheckOrientations(uv)).pairs, 0);
 
   CornerUv mirrored = uv;
   for (std::size_t i = 0; i < mirrored.size(); i += 2) mirrored[i] = -mirrored[i];
@@ -58,7 +65,7 @@ TEST(Verify, FindsAChartThatRunsOverItself) {
   const Topology topology = CheckDisc(spiral).value();
   const CornerUv uv = PlanarUv(spiral);
   ASSERT_EQ(CheckOrientations(uv).flipped, 0);
-  const Overlaps overlaps = CheckOverlaps(topology, uv, CheckOrientations(uv), nullptr);
+  const Overlaps overlaps = CheckOverlaps(topology, uv, CheckOrientations(uv));
   EXPECT_GT(overlaps.pairs, 20);
   EXPECT_FALSE(overlaps.limited);
   EXPECT_FALSE(overlaps.faces.empty());
@@ -73,7 +80,7 @@ TEST(Verify, ShortCutAgreesWithAllPairs) {
     const Topology topology = CheckDisc(ring).value();
     const CornerUv uv = PlanarUv(ring);
     ASSERT_EQ(CheckOrientations(uv).flipped, 0);
-    const std::int64_t pairs = CheckOverlaps(topology, uv, CheckOrientations(uv), nullptr).pairs;
+    const std::int64_t pairs = CheckOverlaps(topology, uv, CheckOrientations(uv)).pairs;
     EXPECT_EQ(pairs, BruteForceOverlaps(topology, uv));
     EXPECT_EQ(pairs > 0, turn > 2 * M_PI) << turn;
   }
@@ -124,6 +131,137 @@ TEST(PlaceInUnitSquare, TurnsTheLongSideAlongU) {
   EXPECT_NEAR(high.x(), 1, 1e-12);
   EXPECT_NEAR(high.y(), 0.25, 1e-12);
   EXPECT_NEAR(points[4].x(), 0.5, 1e-12);
+}
+
+// Every stage sees an interrupt by itself, before it has done anything to speak of.
+TEST(Interrupt, IsNoticedInEveryStage) {
+  const Mesh mesh = testing::Hills(90, 90);
+  const Topology topology = CheckDisc(mesh).value();
+  const Eigen::VectorXd measured = MeasuredAngles(mesh);
+  const TargetAngles target = MakeTargetAngles(topology, measured);
+  const CornerUv collapsed(2 * static_cast<std::size_t>(topology.num_corners()), 0.5);
+  Interrupter interrupter;
+  interrupter.Interrupt();
+  for (const int threads : {1, 3}) {
+    ThreadTeam team(threads);
+    const Execution execution = {&team, &interrupter};
+    EXPECT_EQ(CheckDisc(mesh, execution).status().code(), absl::StatusCode::kCancelled);
+    EXPECT_EQ(GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution).num_edges(), 0);
+    EXPECT_TRUE(LayOut(topology, measured, execution).positions.empty());
+    std::vector<Vec2> points = {{0, 0}, {4, 0}, {4, 1}, {0, 1}};
+    PlaceInUnitSquare(&points, execution);
+    EXPECT_EQ(points[2], Vec2(4, 1));
+    EXPECT_EQ(CheckOrientations(collapsed, execution).degenerate, 0);
+    OrientationFaults pretend;
+    pretend.flipped = 1;
+    const Overlaps overlaps = CheckOverlaps(topology, collapsed, pretend, execution);
+    EXPECT_TRUE(overlaps.limited);
+    EXPECT_EQ(overlaps.pairs, 0);
+    Quality quality;
+    MeasureDistortion(mesh, measured, target, collapsed, &quality, execution);
+    EXPECT_EQ(quality.packing_efficiency, 0);
+    EXPECT_EQ(quality.stretch_l2, 1);
+    const BoxTree tree(std::vector<Box>(9000, {{0, 0}, {1, 1}}), execution);
+    EXPECT_TRUE(tree.ForEachMeeting({{0, 0}, {1, 1}}, [](std::int32_t) { return false; })) << "it has nothing";
+  }
+}
+
+// An interrupt at the announcement of a stage ends the call before the next one is announced.
+TEST(Interrupt, EndsTheStageThatIsUnderWay) {
+  const Mesh mesh = testing::Hills(90, 90);
+  for (const UnwrapStage last :
+       {UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout, UnwrapStage::kPack, UnwrapStage::kVerify}) {
+    Interrupter interrupter;
+    UnwrapStage seen = UnwrapStage::kCharts;
+    UnwrapControl control;
+    control.interrupter = &interrupter;
+    control.on_progress = [&](const UnwrapProgress& progress) {
+      seen = progress.stage;
+      if (seen == last) interrupter.Interrupt();
+    };
+    UnwrapOptions options;
+    options.threads = 2;
+    EXPECT_EQ(Unwrap(mesh, options, control).status().code(), absl::StatusCode::kCancelled);
+    EXPECT_EQ(seen, last);
+  }
+}
+
+TEST(Threads, ChangeNoBit) {
+  for (const Mesh& mesh : {testing::Hills(70, 50), testing::PuncturedSphere(40, 0.6)}) {
+    UnwrapOptions options;
+    options.precision = Precision::kDouble;
+    const auto alone = Unwrap(mesh, options, {});
+    ASSERT_TRUE(alone.ok()) << alone.status();
+    for (const int threads : {2, 3}) {
+      options.threads = threads;
+      const auto together = Unwrap(mesh, options, {});
+      ASSERT_TRUE(together.ok()) << together.status();
+      EXPECT_EQ(together->uv, alone->uv) << threads;
+      EXPECT_EQ(together->quality.abf_energy, alone->quality.abf_energy);
+      EXPECT_EQ(together->quality.conformal_distortion_mean, alone->quality.conformal_distortion_mean);
+      EXPECT_EQ(together->quality.stretch_l2, alone->quality.stretch_l2);
+    }
+  }
+}
+
+TEST(Threads, OutOfRangeAreRefused) {
+  for (const int threads : {0, -1, kMaxThreads + 1}) {
+    UnwrapOptions options;
+    options.threads = threads;
+    const ErrorInfo info = ErrorInfoOf(Unwrap(testing::Plane(2, 2), options, {}).status());
+    EXPECT_EQ(info.reason, "OPTIONS_INVALID");
+    EXPECT_EQ(info.metadata.at("field"), "threads");
+  }
+}
+
+// A map folded onto itself many times over: more overlaps than are counted.
+TEST(Verify, CountingEndsAtTheSamePlaceForAnyTeam) {
+  const Mesh mesh = testing::Plane(60, 60);
+  const Topology topology = CheckDisc(mesh).value();
+  CornerUv uv;
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    for (const Vec2& p : {Vec2(0, 0), Vec2(1, 0), Vec2(f / 1e6, 1)}) uv.insert(uv.end(), {p.x(), p.y()});
+  }
+  const Overlaps alone = CheckOverlaps(topology, uv, CheckOrientations(uv));
+  EXPECT_EQ(alone.pairs, kMaxOverlaps);
+  EXPECT_TRUE(alone.limited);
+  EXPECT_EQ(alone.faces.size(), 16u);
+  ThreadTeam team(3);
+  for (int i = 0; i < 5; ++i) {
+    const Overlaps together = CheckOverlaps(topology, uv, CheckOrientations(uv), {&team, nullptr});
+    EXPECT_EQ(together.pairs, kMaxOverlaps);
+    EXPECT_EQ(together.faces, alone.faces);
+  }
+}
+
+TEST(PlaceInUnitSquare, FindsTheLeastRectangleRoundAnyPoints) {
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal;
+  for (const int n : {1, 2, 3, 5, 40, 20000}) {
+    std::vector<Vec2> points;
+    for (int i = 0; i < n; ++i) {
+      const Vec2 p(3 * normal(random), normal(random));
+      points.push_back(Vec2(0.8 * p.x() - 0.6 * p.y(), 0.6 * p.x() + 0.8 * p.y()));
+    }
+    // Against all directions of a fine fan.
+    double best = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 2000; ++i) {
+      const Vec2 u(std::cos(i * M_PI / 4000), std::sin(i * M_PI / 4000)), v(-u.y(), u.x());
+      Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity()), high = -low;
+      for (const Vec2& p : points) {
+        low = low.cwiseMin(Vec2(p.dot(u), p.dot(v)));
+        high = high.cwiseMax(Vec2(p.dot(u), p.dot(v)));
+      }
+      best = std::min(best, (high - low).prod());
+    }
+    const std::vector<Vec2> before = points;
+    PlaceInUnitSquare(&points);
+    if (n == 1) continue;
+    double height = 0;
+    for (const Vec2& p : points) height = std::max(height, p.y());
+    const double scale = (points[1] - points[0]).norm() / (before[1] - before[0]).norm();
+    EXPECT_LE(height, best * scale * scale + 1e-12) << n;
+  }
 }
 
 TEST(Unwrap, DeliversAVerifiedMap) {

@@ -110,6 +110,18 @@ TEST_F(UnwrapTest, OtherFormatsIn) {
   }
 }
 
+TEST_F(UnwrapTest, ThreadsChangeNoByte) {
+  std::vector<std::string> outputs;
+  for (const int threads : {1, 2}) {
+    const std::string output = directory_ / (std::to_string(threads) + ".obj");
+    const Outcome run = Planish({"unwrap", kSpot, "-o", output, "--json", "--threads=" + std::to_string(threads)});
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_EQ(json::parse(run.out)["threads"], threads);
+    outputs.push_back(ReadFile(output));
+  }
+  EXPECT_EQ(outputs[0], outputs[1]);
+}
+
 TEST_F(UnwrapTest, PaperSolversAgree) {
   const std::string input = File("grid.obj", GridObj(6));
   for (const char* solver : {"uzawa", "minres"}) {

@@ -12,6 +12,7 @@ struct PrivateServerOptions {
   // Empty: planishd beside the running executable, else in ../bin from there, else $PLANISHD, else in PATH.
   std::string executable;
   int workers = 1;
+  int threads = 0;  // that a job may use; 0: the cores of this machine, divided by `workers`
   double start_timeout_seconds = 10;
   std::vector<std::string> extra_arguments;
 };

@@ -83,6 +83,7 @@ struct UnwrapOptions {
   Precision precision = Precision::kAuto;
   double tolerance = 0;           // radians per angle, in (0, 1e-2]; 0: the server's default, 1e-9
   int max_newton_iterations = 0;  // in [1, 1000]; 0: the server's default, 100
+  int threads = 0;  // in [1, 256], at most what the server allows; 0: that many. The UV do not depend on it
 };
 
 // Largest residual of each constraint family and of the scaled gradient, in radians (wheel: a logarithm).
@@ -182,6 +183,7 @@ struct Report {
   Quality quality;
   StageSeconds seconds;
   std::int64_t peak_memory_bytes = 0;
+  int threads = 0;  // the job could use: UnwrapOptions::threads, or less where the server allowed less
   std::vector<Warning> warnings;
 };
 
@@ -251,6 +253,7 @@ struct Capabilities {
   int workers = 0;
   int queue_capacity = 0;
   std::vector<SolverCombination> solvers;
+  int threads = 0;  // a job may use at most
 };
 
 }  // namespace api

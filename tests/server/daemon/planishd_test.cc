@@ -107,6 +107,7 @@ TEST_F(PlanishdTest, ServesUntilSigterm) {
   grpc::ClientContext context;
   ASSERT_TRUE(stub_->GetCapabilities(&context, v1::GetCapabilitiesRequest(), &capabilities).ok());
   EXPECT_EQ(capabilities.workers(), 2);
+  EXPECT_GE(capabilities.threads(), 1);
   EXPECT_GT(capabilities.solvers_size(), 3);
   daemon->Signal(SIGTERM);
   EXPECT_EQ(daemon->Wait(), 0);

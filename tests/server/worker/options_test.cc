@@ -23,6 +23,7 @@ TEST(Options, NothingSetMeansTheCoresDefaults) {
   EXPECT_EQ(core->precision, Precision::kAuto);
   EXPECT_EQ(core->flatten.tolerance, 1e-9);
   EXPECT_EQ(core->flatten.max_newton_iterations, 100);
+  EXPECT_EQ(core->threads, 1);
 }
 
 TEST(Options, EverythingSetArrives) {
@@ -36,6 +37,7 @@ TEST(Options, EverythingSetArrives) {
   options.set_precision(v1::PRECISION_DOUBLE);
   options.set_tolerance(1e-5);
   options.set_max_newton_iterations(7);
+  options.set_threads(3);
   const auto core = ToCore(options);
   ASSERT_TRUE(core.ok()) << core.status();
   EXPECT_EQ(core->flatten.solver, SolverType::kMinres);
@@ -46,6 +48,7 @@ TEST(Options, EverythingSetArrives) {
   EXPECT_EQ(core->precision, Precision::kDouble);
   EXPECT_EQ(core->flatten.tolerance, 1e-5);
   EXPECT_EQ(core->flatten.max_newton_iterations, 7);
+  EXPECT_EQ(core->threads, 3);
 }
 
 TEST(Options, UnknownEnumeratorsNameTheirField) {
@@ -83,6 +86,11 @@ TEST(Options, NumbersOutOfRangeNameTheirField) {
     v1::UnwrapOptions options;
     options.set_max_newton_iterations(iterations);
     EXPECT_EQ(BadField(options), "max_newton_iterations") << iterations;
+  }
+  for (const int threads : {-1, 257}) {
+    v1::UnwrapOptions options;
+    options.set_threads(threads);
+    EXPECT_EQ(BadField(options), "threads") << threads;
   }
 }
 

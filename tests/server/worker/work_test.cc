@@ -114,6 +114,20 @@ TEST(Work, SameBytesEveryTime) {
   EXPECT_EQ(RunOnce(request).uv_bytes(), RunOnce(request).uv_bytes());
 }
 
+TEST(Work, ThreadsAreThoseAskedForWithinTheLimitAndChangeNothing) {
+  worker::v1::WorkRequest request = Request(Bump(20));
+  const worker::v1::WorkResult alone = RunOnce(request);
+  EXPECT_EQ(alone.report().threads(), 1);
+  request.set_max_threads(3);
+  const worker::v1::WorkResult all = RunOnce(request);
+  EXPECT_EQ(all.report().threads(), 3);
+  EXPECT_EQ(all.uv_bytes(), alone.uv_bytes());
+  request.mutable_options()->set_threads(2);
+  EXPECT_EQ(RunOnce(request).report().threads(), 2);
+  request.mutable_options()->set_threads(200);
+  EXPECT_EQ(RunOnce(request).report().threads(), 3);
+}
+
 TEST(Work, FaultsAreNamed) {
   EXPECT_EQ(Reason(RunOnce(Request(Tetrahedron()))), "MESH_CLOSED");
 

@@ -1,0 +1,65 @@
+// What a stage of the work may use, and what may end it.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/base/interrupter.h"
+#include "core/base/thread_team.h"
+
+namespace planish {
+
+// After an interrupt loops leave out what is left of them: whoever reads their results must ask IsStopped() before.
+struct Execution {
+  ThreadTeam* team = nullptr;                // null: the calling thread alone
+  const Interrupter* interrupter = nullptr;  // null: nothing ends it
+
+  // Some milliseconds of work on a mesh at most, so that an interrupt is noticed soon.
+  static constexpr std::int64_t kChunk = 4096;
+  // For loops that are no chunks: how many steps may pass between two calls of IsStopped(). A power of two.
+  static constexpr std::int64_t kStride = 16384;
+
+  bool IsStopped() const { return IsInterrupted(interrupter); }
+  // IsStopped(), asked once in kStride steps.
+  bool IsStoppedAt(std::int64_t step) const { return step % kStride == 0 && IsStopped(); }
+
+  // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
+  template <typename Body>
+  void For(std::int64_t n, const Body& body) const {
+    const auto run = [&](std::int64_t begin, std::int64_t end) {
+      if (!IsStopped()) body(begin, end);
+    };
+    if (team != nullptr) {
+      team->For(n, kChunk, run);
+    } else {
+      for (std::int64_t begin = 0; begin < n; begin += kChunk) run(begin, begin + kChunk < n ? begin + kChunk : n);
+    }
+  }
+
+  // The results of body(begin, end) for every chunk, in order: what is made of them does not depend on the team.
+  // Result() stands for chunks that were left out.
+  template <typename Result, typename Body>
+  std::vector<Result> Collect(std::int64_t n, const Body& body) const {
+    std::vector<Result> results(static_cast<std::size_t>((n + kChunk - 1) / kChunk));
+    For(n, [&](std::int64_t begin, std::int64_t end) {
+      results[static_cast<std::size_t>(begin / kChunk)] = body(begin, end);
+    });
+    return results;
+  }
+
+  // How many of [0, n) fulfil `predicate`.
+  template <typename Predicate>
+  std::int64_t Count(std::int64_t n, const Predicate& predicate) const {
+    std::int64_t count = 0;
+    for (const std::int64_t part : Collect<std::int64_t>(n, [&](std::int64_t begin, std::int64_t end) {
+           std::int64_t fulfilling = 0;
+           for (std::int64_t i = begin; i < end; ++i) fulfilling += predicate(i) ? 1 : 0;
+           return fulfilling;
+         })) {
+      count += part;
+    }
+    return count;
+  }
+};
+
+}  // namespace planish
