@@ -8,6 +8,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "grpc/support/log.h"
+#include "core/base/heap.h"
 #include "server/flags.h"
 #include "server/job_log.h"
 #include "server/jobs/job_manager.h"
@@ -90,6 +91,7 @@ bool EndJobs(absl::Duration grace, JobManager* manager, ShutdownEvents* events) 
 int Serve(const ServerFlags& flags) {
   ShutdownEvents events(flags.supervisor_fd);
   SetUpLogging(flags);
+  KeepFreedMemory();  // until the job ends (worker.cc)
   JobManager manager(ManagerOptions(flags), NewMemoryJobStore());
   StreamCounter streams;
   const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, Capabilities(flags), &streams);

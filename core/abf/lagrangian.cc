@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "Eigen/Cholesky"
+#include "Eigen/Eigenvalues"
+#include "Eigen/LU"
 #include "core/abf/plane.h"
 #include "core/linalg/vector_ops.h"
 
@@ -92,6 +95,34 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
     for (std::int64_t f = begin; f < end; ++f) changed += convexify_face(f) ? 1 : 0;
     return changed;
   }));
+}
+
+Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian, ThreadTeam& team) {
+  // diag(a) on the plane in the coordinates (u, v) of (u, v, -u - v).
+  const auto on_plane = [](const double* a) {
+    Eigen::Matrix2d plane;
+    plane << a[0] + a[2], a[2], a[2], a[1] + a[2];
+    return plane;
+  };
+  Eigen::VectorXd absolute = hessian;
+  team.For(hessian.size() / 3, kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      double* a = &absolute[3 * f];
+      const double* b = &curvature[3 * f];
+      if (SmallestPlaneEigenvalue(a, b) >= kMinCurvature) continue;
+      const Eigen::Matrix2d root = Eigen::LLT<Eigen::Matrix2d>(on_plane(b)).matrixL();
+      const Eigen::Matrix2d inverse = root.inverse();
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+      eigen.computeDirect(inverse * on_plane(a) * inverse.transpose());
+      const Eigen::Vector2d values = eigen.eigenvalues().cwiseAbs().cwiseMax(kMinCurvature);
+      const Eigen::Matrix2d vectors = root * eigen.eigenvectors();
+      const Eigen::Matrix2d plane = vectors * values.asDiagonal() * vectors.transpose();
+      a[0] = plane(0, 0) - plane(0, 1);
+      a[1] = plane(1, 1) - plane(0, 1);
+      a[2] = plane(0, 1);
+    }
+  });
+  return absolute;
 }
 
 Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient,

@@ -48,6 +48,12 @@ inline constexpr double kMinCurvature = 0.02;
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
                        ThreadTeam& team = Alone());
 
+// The absolute value of the Hessian on the plane, relative to diag(f''): the eigenvalues of faces that kByFace would
+// change turn positive by a change of sign, and those below kMinCurvature become that. What an indefinite system is to
+// be preconditioned with: its eigenvalues end up near 1 and -1.
+Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
+                                ThreadTeam& team = Alone());
+
 // Largest entries of h and of the gradient divided by `curvature`, the diagonal f'' (Residual in flatten.h).
 Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient,
                          ThreadTeam& team = Alone());

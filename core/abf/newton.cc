@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -23,8 +24,16 @@ double ForcingTerm(double residual, double tolerance) {
 // The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
 // 0.2 % of the energy, and the least angle stays at 0.3 degrees.
 constexpr double kLeastBarrier = 1e-2;
+// Angles that become so much smaller than their targets are on their way to 0. On meshes where f has a minimum the
+// smallest ratio on the way there has been 0.025.
+constexpr double kCollapsed = 1e-2;
+// The same, as a part of the smallest ratio with the least barrier.
+constexpr double kStillThere = 0.25;
 // Residual to which the stronger barriers on the way there are solved.
 constexpr double kRoughTolerance = 1e-2;
+
+// Relative residual at which MINRES on an indefinite system that has used up its iterations still gives a good step.
+constexpr double kGoodEnough = 1e-3;
 
 // Residual from which on HessianType::kAuto trusts the exact Hessian where it is not positive. Further away it leads
 // astray (22 steps instead of 10 on boot_seam); nearer, the convexified one converges linearly only.
@@ -86,7 +95,9 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, control_.interrupter));
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
   if (!step->x.allFinite()) return false;
-  if (indefinite && solved.termination != LinearTermination::kConverged) return false;
+  if (indefinite && solved.termination != LinearTermination::kConverged && !(solved.true_residual <= kGoodEnough)) {
+    return false;
+  }
   merit_.UpdatePenalties(mu_, step->mu);
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
   if (derivative.slope <= derivative.noise) return true;
@@ -135,16 +146,21 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  const Eigen::VectorXd hessian = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
-  Eigen::VectorXd convex = hessian;
+  Eigen::VectorXd convex = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
+  Eigen::VectorXd hessian;  // where it is not convex itself
+  const bool near = summary_.residual.Max() <= kNearSolution;
+  const bool try_exact =
+      options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
+  if (try_exact) hessian = convex;
   const bool changed = Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_) > 0;
+
+  if (!changed) hessian.resize(0);
 
   NewtonStep step;
   bool found = false;
-  const bool near = summary_.residual.Max() <= kNearSolution;
-  if (changed && (options_.hessian == HessianType::kExact ||
-                  (options_.hessian == HessianType::kAuto && near && indefinite_pays_))) {
-    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, convex, /*indefinite=*/true, &step));
+  if (changed && try_exact) {
+    const Eigen::VectorXd absolute = AbsoluteHessian(curvature_, hessian, team_);
+    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, absolute, /*indefinite=*/true, &step));
     if (downhill) {
       PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step));
     }
@@ -173,6 +189,10 @@ void Newton::Restart() {
   exact_steps_ = false;
 }
 
+bool Newton::AnglesCollapse() const {
+  return objective_.barrier() == 0 && Smallest(team_, at_.x.cwiseQuotient(target_.angle)) < collapsed_;
+}
+
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
   // A run of steps that angles near 0 cut this short is going nowhere.
   constexpr double kShortStep = 0.1;
@@ -187,7 +207,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
     short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
-    if (short_steps_ == kMaxShortSteps) return Ending::kStuck;
+    if (short_steps_ == kMaxShortSteps || (*taken && AnglesCollapse())) return Ending::kStuck;
     if (*taken) continue;
     // Perhaps the linear solves are too rough for the merit function.
     if (exact_steps_) return Ending::kStuck;
@@ -200,21 +220,26 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
   summary_.system = options_.system;
   summary_.hessian = options_.hessian;
   at_ = PointAt(std::move(start.x));
+  collapsed_ = kCollapsed;
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck && may_restart) {
-    // Angles ran into 0. Start again with a barrier, loosen it, and try without it from there.
-    Restart();
-    for (const double tau : {1.0, 0.1, kLeastBarrier}) {
-      objective_.set_barrier(tau);
-      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
-      short_steps_ = 0;
+    // Angles ran into 0. Start again with a barrier, if need be by way of stronger ones, and try without it from there.
+    for (const std::vector<double>& barriers : {std::vector<double>{kLeastBarrier}, {1.0, 0.1, kLeastBarrier}}) {
+      Restart();
+      for (const double tau : barriers) {
+        objective_.set_barrier(tau);
+        PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
+        short_steps_ = 0;
+      }
+      if (ending != Ending::kStuck) break;
     }
     if (ending == Ending::kConverged) {
       const Point kept = at_;
       const Multipliers kept_mu = mu_;
       objective_.set_barrier(0);
+      collapsed_ = std::min(kCollapsed, kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle)));
       PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
       if (ending != Ending::kConverged) {
         // f has no minimum with positive angles nearby: the minimum with the barrier stands.

@@ -71,6 +71,8 @@ class Newton {
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
   // Shortens `step` until it lowers the merit function, and goes there; false if it never does.
   absl::StatusOr<bool> SearchLine(const NewtonStep& step);
+  // Without a barrier: whether some angle has become less than `collapsed_` times its target.
+  bool AnglesCollapse() const;
   void Report(double linear_residual, std::int64_t linear_iterations) const;
   void Stop(const std::string& why);
 
@@ -86,6 +88,7 @@ class Newton {
   Multipliers mu_;
   Eigen::VectorXd cot_, curvature_, gradient_;
   MeritFunction merit_;
+  double collapsed_ = 0;  // see AnglesCollapse()
   double step_length_ = 0;
   int short_steps_ = 0;          // in a row
   bool exact_steps_ = false;     // no forcing terms any more

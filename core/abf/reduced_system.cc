@@ -66,29 +66,30 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
   return diagonal;
 }
 
-Eigen::VectorXd ReducedSystem::ParticularSolution(const Eigen::VectorXd& g1) const {
-  Eigen::VectorXd x(num_unknowns());
+void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::VectorXd& h1, const Eigen::VectorXd& lambda2,
+                            Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const {
+  x->resize(num_unknowns());
+  if (lambda1 != nullptr) lambda1->resize(topology_.num_faces());
   team_.For(topology_.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
-      const double *a = &hessian_[3 * f], scale = g1[f] * inverse_e_[f];
-      x[3 * f] = scale * a[1] * a[2];
-      x[3 * f + 1] = scale * a[2] * a[0];
-      x[3 * f + 2] = scale * a[0] * a[1];
+      const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
+      const std::int32_t* row = &topology_.corner_row[3 * f];
+      double vertex[3], wheel[3], r[3];  // r = f - J^t lambda_2
+      for (int k = 0; k < 3; ++k) {
+        vertex[k] = row[k] < 0 ? 0 : lambda2[2 * row[k]];
+        wheel[k] = topology_.has_wheel(row[k]) ? lambda2[2 * row[k] + 1] : 0;
+      }
+      for (int k = 0; k < 3; ++k) r[k] = -g[k] - vertex[k] - c[k] * (wheel[Prev(k)] - wheel[Next(k)]);
+      const double d01 = r[0] - r[1], d12 = r[1] - r[2], d20 = r[2] - r[0];
+      double* out = &(*x)[3 * f];
+      out[0] = (a[2] * d01 - a[1] * d20 - h1[f] * a[1] * a[2]) * inverse_e_[f];
+      out[1] = (a[0] * d12 - a[2] * d01 - h1[f] * a[2] * a[0]) * inverse_e_[f];
+      out[2] = (a[1] * d20 - a[0] * d12 - h1[f] * a[0] * a[1]) * inverse_e_[f];
+      if (lambda1 == nullptr) continue;
+      (*lambda1)[f] =
+          (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];
     }
   });
-  return x;
-}
-
-Eigen::VectorXd ReducedSystem::TriangleMultipliers(const Eigen::VectorXd& residual, const Eigen::VectorXd& g1) const {
-  Eigen::VectorXd lambda(topology_.num_faces());
-  team_.For(topology_.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const double *a = &hessian_[3 * f], *r = &residual[3 * f];
-      lambda[f] =
-          (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] - a[0] * a[1] * a[2] * g1[f]) * inverse_e_[f];
-    }
-  });
-  return lambda;
 }
 
 Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {

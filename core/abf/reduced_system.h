@@ -23,10 +23,12 @@ namespace planish {
 
 class ReducedSystem final : public SaddlePointOperator {
  public:
-  // `hessian` is the diagonal A, non-singular on the plane of every face; `cot` the cotangents at which J is taken.
-  // `topology` must outlive this.
+  // `hessian` is the diagonal A, non-singular on the plane of every face; `cot` the cotangents at which J is taken. All
+  // arguments must outlive this.
   ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
                 ThreadTeam& team = Alone());
+  ReducedSystem(const Topology&, Eigen::VectorXd&&, const Eigen::VectorXd&, ThreadTeam& = Alone()) = delete;
+  ReducedSystem(const Topology&, const Eigen::VectorXd&, Eigen::VectorXd&&, ThreadTeam& = Alone()) = delete;
 
   // From now on ApplySchur takes `matrix` for S; it must be the S of this and outlive it.
   void set_matrix(const BlockMatrix<double>* matrix) { matrix_ = matrix; }
@@ -40,10 +42,9 @@ class ReducedSystem final : public SaddlePointOperator {
   Eigen::VectorXd SchurDiagonal() const override;
   ThreadTeam& team() const override { return team_; }
 
-  // x_p for the right-hand side g_1 of the triangle rows.
-  Eigen::VectorXd ParticularSolution(const Eigen::VectorXd& g1) const;
-  // lambda_1 from the residual f - J^t lambda_2 of the gradient rows and g_1.
-  Eigen::VectorXd TriangleMultipliers(const Eigen::VectorXd& residual, const Eigen::VectorXd& g1) const;
+  // The rest of the step from lambda_2, with f = -gradient and g_1 = -h_1: x as above, and lambda_1 if it is asked for.
+  void Recover(const Eigen::VectorXd& gradient, const Eigen::VectorXd& h1, const Eigen::VectorXd& lambda2,
+               Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const;
 
   // S for the angles of one face: rows and columns are (vertex, wheel) of its three corners.
   Eigen::Matrix<double, 6, 6> FaceBlock(std::int32_t face) const;
@@ -51,7 +52,7 @@ class ReducedSystem final : public SaddlePointOperator {
  private:
   const Topology& topology_;
   ThreadTeam& team_;
-  Eigen::VectorXd hessian_, cot_;
+  const Eigen::VectorXd &hessian_, &cot_;
   Eigen::VectorXd inverse_e_;  // 1 / e per face
   const BlockMatrix<double>* matrix_ = nullptr;
 };

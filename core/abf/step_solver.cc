@@ -4,6 +4,7 @@
 
 #include "core/abf/unfolding.h"
 #include "core/base/status_macros.h"
+#include "core/linalg/vector_ops.h"
 
 namespace planish {
 namespace {
@@ -11,7 +12,7 @@ namespace {
 // A preconditioner is kept as long as the last solve with it took at most this many iterations more than the first:
 // about what a new factorization, or new numbers for the multigrid, cost.
 constexpr std::int64_t kWornOutFactorization = 10;
-constexpr std::int64_t kWornOutMultigrid = 4;
+constexpr std::int64_t kWornOutMultigrid = 2;
 
 constexpr std::int64_t kMaxMultigridIterations = 300;
 
@@ -52,8 +53,8 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
   } else {
     if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_, team_);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    convex_ = convex;
-    cot_ = cot;
+    convex_ = &convex;
+    cot_ = &cot;
     const BlockMatrix<double>& s = matrix_->Assemble(convex, cot);
     if (preconditioner_type_ == PreconditionerType::kAmg) {
       const absl::Status status = PrepareMultigrid(s, cot, interrupter);
@@ -94,7 +95,7 @@ absl::Status StepSolver::PrepareMultigrid(const BlockMatrix<double>& s, const Ei
                                           const Interrupter* interrupter) {
   // The first numbers stand on an unfolding with target angles, which do not close up.
   const bool first = uses_ < 0;
-  if (first || !multigrid_closed_ || IsWornOut(kWornOutMultigrid)) {
+  if (first || !multigrid_closed_ || indefinite_ || IsWornOut(kWornOutMultigrid)) {
     const std::vector<std::complex<double>> z = UnfoldRows(topology_, cot);
     PLANISH_RETURN_IF_ERROR(first ? multigrid_.Build(s, z, topology_.num_interior, team_, interrupter)
                                   : multigrid_.Refresh(s, z, interrupter));
@@ -121,7 +122,7 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
   if (multigrid && failed) {
     preconditioner_type_ = PreconditionerType::kCholesky;
     uses_ = -1;
-    if (PrepareCholesky(matrix_->Assemble(convex_, cot_)).ok()) {
+    if (PrepareCholesky(matrix_->Assemble(*convex_, *cot_)).ok()) {
       const std::int64_t wasted = summary.iterations;
       summary = SolveOnce(gradient, h, options, step);
       summary.iterations += wasted;
@@ -133,9 +134,9 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
 LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                     const LinearSolveOptions& options, NewtonStep* step) {
   const LinearSolver& solver = indefinite_ ? *minres_ : *solver_;
-  SaddlePointSolution solution;
   LinearSummary summary;
   if (system_type_ == SystemType::kFull) {
+    SaddlePointSolution solution;
     Eigen::VectorXd g(h.triangle.size() + h.pair.size());
     g << -h.triangle, -h.pair;
     summary = solver.Solve(*full_, *preconditioner_, -gradient, g, options, &solution);
@@ -143,17 +144,12 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
     step->mu.triangle = solution.lambda.head(h.triangle.size());
     step->mu.pair = solution.lambda.tail(h.pair.size());
   } else {
-    const Eigen::VectorXd g1 = -h.triangle;
-    const Eigen::VectorXd particular = reduced_->ParticularSolution(g1);
-    Eigen::VectorXd g2;
-    reduced_->ApplyB(particular, &g2);
-    g2 = -h.pair - g2;
-    summary = solver.Solve(*reduced_, *preconditioner_, -gradient, g2, options, &solution);
-    step->x = particular + solution.x;
-    Eigen::VectorXd transposed;
-    reduced_->ApplyBTransposed(solution.lambda, &transposed);
-    step->mu.triangle = reduced_->TriangleMultipliers(-gradient - transposed, g1);
-    step->mu.pair = std::move(solution.lambda);
+    Eigen::VectorXd rhs;
+    reduced_->Recover(gradient, h.triangle, Eigen::VectorXd::Zero(h.pair.size()), &step->x, nullptr);
+    reduced_->ApplyB(step->x, &rhs);
+    Assign(team_, rhs + h.pair, &rhs);
+    summary = solver.SolveSchur(*reduced_, *preconditioner_, rhs, options, &step->mu.pair);
+    reduced_->Recover(gradient, h.triangle, step->mu.pair, &step->x, &step->mu.triangle);
   }
   if (indefinite_) return summary;  // says nothing about how well the preconditioner has kept
   last_iterations_ = summary.iterations;

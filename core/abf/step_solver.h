@@ -29,7 +29,8 @@ class StepSolver {
 
   // Takes up the Hessian and the cotangents of a new iterate. `convex` is the Hessian that preconditioners are made
   // from, positive in the sense of RequiredConvexification(); it may be `hessian` itself. If `indefinite`, `hessian` is
-  // not positive and MINRES solves, whatever the solver is otherwise. CANCELLED: interrupted.
+  // not positive and MINRES solves, whatever the solver is otherwise. All three vectors must last as long as Solve() is
+  // called. CANCELLED: interrupted.
   absl::Status Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot,
                        bool indefinite = false, const Interrupter* interrupter = nullptr);
 
@@ -72,7 +73,7 @@ class StepSolver {
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
   std::unique_ptr<ReducedMatrix> matrix_;
-  Eigen::VectorXd convex_, cot_;  // of the present iterate, should Cholesky have to take over
+  const Eigen::VectorXd *convex_ = nullptr, *cot_ = nullptr;  // of Prepare(), should Cholesky have to take over
   SparseCholesky factorization_;
   Multigrid multigrid_;
   bool multigrid_closed_ = false;  // its numbers stand on an unfolding of angles that have met the constraints, nearly

@@ -20,7 +20,7 @@ template <int N>
 struct LevelMatrix {
   // Rows that one thread relaxes in sequence. Rows of different chunks are relaxed side by side, from each other's old
   // values, whatever the number of threads.
-  static constexpr std::int32_t kChunk = N == 2 ? 4096 : 1024;
+  static constexpr std::int32_t kChunk = N == 2 ? 16384 : 4096;
   static constexpr std::int64_t kBlockSize = N * N;
 
   std::vector<std::int32_t> row_begin = {0};

@@ -37,26 +37,31 @@ void SaddlePointOperator::ApplySchur(const Eigen::VectorXd& lambda, Eigen::Vecto
 LinearSummary LinearSolver::Solve(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                                   const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
                                   SaddlePointSolution* solution) const {
-  solution->lambda = Eigen::VectorXd::Zero(system.num_multipliers());
+  Eigen::VectorXd rhs;
   system.ApplyInverseA(f, &solution->x);
-  if (system.num_multipliers() == 0) return {};
-
-  ThreadTeam& team = system.team();
-  Eigen::VectorXd rhs, residual;
   system.ApplyB(solution->x, &rhs);
-  Assign(team, rhs - g, &rhs);
-  const double initial = Norm(team, rhs);
-  if (initial == 0) return {};
-
-  LinearSummary summary = SolveImpl(system, preconditioner, rhs, options, &solution->lambda);
-
+  Assign(system.team(), rhs - g, &rhs);
+  const LinearSummary summary = SolveSchur(system, preconditioner, rhs, options, &solution->lambda);
   Eigen::VectorXd transposed;
   system.ApplyBTransposed(solution->lambda, &transposed);
-  Assign(team, f - transposed, &transposed);
+  Assign(system.team(), f - transposed, &transposed);
   system.ApplyInverseA(transposed, &solution->x);
-  system.ApplySchur(solution->lambda, &residual);
-  Assign(team, rhs - residual, &residual);
-  summary.true_residual = Norm(team, residual) / initial;
+  return summary;
+}
+
+LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                                       const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                                       Eigen::VectorXd* lambda) const {
+  *lambda = Eigen::VectorXd::Zero(system.num_multipliers());
+  const double initial = Norm(system.team(), rhs);
+  if (initial == 0) return {};
+
+  LinearSummary summary = SolveImpl(system, preconditioner, rhs, options, lambda);
+
+  Eigen::VectorXd residual;
+  system.ApplySchur(*lambda, &residual);
+  Assign(system.team(), rhs - residual, &residual);
+  summary.true_residual = Norm(system.team(), residual) / initial;
   const double promised = std::max(kResidualSlack * options.relative_tolerance, kResidualFloor);
   if (summary.termination == LinearTermination::kConverged && !(summary.true_residual <= promised)) {
     summary.termination = LinearTermination::kStagnated;

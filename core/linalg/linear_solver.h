@@ -56,8 +56,13 @@ class LinearSolver {
   LinearSummary Solve(const SaddlePointOperator& system, const Preconditioner& preconditioner, const Eigen::VectorXd& f,
                       const Eigen::VectorXd& g, const LinearSolveOptions& options, SaddlePointSolution* solution) const;
 
+  // The same for the Schur complement by itself: M lambda = rhs, from lambda = 0.
+  LinearSummary SolveSchur(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                           const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                           Eigen::VectorXd* lambda) const;
+
  private:
-  // M lambda = rhs, from lambda = 0; rhs is not zero.
+  // rhs is not zero.
   virtual LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                                   const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                                   Eigen::VectorXd* lambda) const = 0;

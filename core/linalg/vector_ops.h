@@ -36,10 +36,10 @@ inline double Norm(ThreadTeam& team, const Eigen::VectorXd& a) {
   return std::sqrt(Dot(team, a, a));
 }
 
-// Largest entry of an expression without negative entries; NaN if one is.
+// Largest entry of an expression without negative entries; NaN if one is. 0 if it has none.
 template <typename Expression>
 double Largest(ThreadTeam& team, const Expression& expression) {
-  std::vector<double> parts(static_cast<std::size_t>((expression.size() + kVectorChunk - 1) / kVectorChunk), 0.0);
+  std::vector<double> parts(static_cast<std::size_t>((expression.size() + kVectorChunk - 1) / kVectorChunk));
   team.For(expression.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
     parts[static_cast<std::size_t>(begin / kVectorChunk)] =
         expression.segment(begin, end - begin).template maxCoeff<Eigen::PropagateNaN>();
@@ -47,6 +47,12 @@ double Largest(ThreadTeam& team, const Expression& expression) {
   double largest = 0;
   for (const double part : parts) largest = part > largest || std::isnan(part) ? part : largest;
   return largest;
+}
+
+// Smallest entry of an expression with positive entries only.
+template <typename Expression>
+double Smallest(ThreadTeam& team, const Expression& expression) {
+  return 1 / Largest(team, expression.cwiseInverse());
 }
 
 }  // namespace planish

@@ -4,6 +4,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/base/heap.h"
 #include "core/base/interrupter.h"
 #include "server/worker/work.h"
 
@@ -38,6 +39,7 @@ void RunWorker(ServerLink& server) {
   server.Send(std::move(answer));
   server.Close();
   listener.join();
+  ReturnFreedMemory();
 }
 
 }  // namespace planish

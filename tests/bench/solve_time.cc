@@ -5,8 +5,6 @@
 //                          and placement, without reading the file and without the verifier
 //   peak_bytes             the most memory the unwrapping held at once beyond the mesh: VmHWM, set back before it
 //                          starts, less what was resident then
-#include <malloc.h>
-
 #include <cstdio>
 #include <ctime>
 #include <fstream>
@@ -14,6 +12,7 @@
 #include <string>
 
 #include "CLI/CLI.hpp"
+#include "core/base/heap.h"
 #include "core/base/timer.h"
 #include "core/unwrap/unwrap.h"
 #include "nlohmann/json.hpp"
@@ -47,7 +46,7 @@ std::int64_t StatusBytes(const std::string& field) {
 
 // Gives freed memory back and sets VmHWM to what is resident; returns that.
 std::int64_t ResetPeak() {
-  malloc_trim(0);
+  ReturnFreedMemory();
   std::ofstream("/proc/self/clear_refs") << "5";
   return StatusBytes("VmRSS");
 }
@@ -160,6 +159,7 @@ int Main(int argc, char** argv) {
   app.add_option("--tolerance", flatten.tolerance, "radians, per angle");
   app.add_option("--linear-tolerance", flatten.linear_tolerance, "relative, of every linear solve; 0: forcing terms");
   CLI11_PARSE(app, argc, argv);
+  KeepFreedMemory();
 
   const auto mesh = LoadMesh(arguments.mesh);
   if (!mesh.ok()) {

@@ -246,7 +246,8 @@ TEST_P(Calculus, FullSystemIsTheMatrixOfThePaper) {
 TEST_P(Calculus, ReducedSystemIsTheSchurComplementOfTheFullOneEvenWithZeroEntries) {
   const Fixture f = GetParam()();
   Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
-  const ReducedSystem system(f.topology, hessian, Cotangents(f.x));
+  const Eigen::VectorXd cot = Cotangents(f.x);
+  const ReducedSystem system(f.topology, hessian, cot);
   const Eigen::MatrixXd m = DenseSchur(FullSystem(f.topology, hessian, Cotangents(f.x)));
   const Eigen::Index faces = f.topology.num_faces(), pairs = 2 * f.topology.num_rows;
   const Eigen::MatrixXd expected = m.bottomRightCorner(pairs, pairs) - m.bottomLeftCorner(pairs, faces) *
@@ -267,7 +268,7 @@ TEST_P(Calculus, ReducedSystemIsTheSchurComplementOfTheFullOneEvenWithZeroEntrie
   EXPECT_LT((product - schur * probe).cwiseAbs().maxCoeff(), 1e-11);
 
   hessian[3] = 0;  // 1 / A_i does not exist; the inverse on the plane does
-  EXPECT_TRUE(DenseSchur(ReducedSystem(f.topology, hessian, Cotangents(f.x))).allFinite());
+  EXPECT_TRUE(DenseSchur(ReducedSystem(f.topology, hessian, cot)).allFinite());
 }
 
 }  // namespace

@@ -138,7 +138,8 @@ TEST_P(LinearSolverTest, ObeysTheInterrupterAndReportsProgress) {
 
 TEST_P(LinearSolverTest, ZeroRightHandSideNeedsNoIterations) {
   StepSolver solver = MakeStepSolver();
-  ASSERT_TRUE(solver.Prepare(2 * fixture_.target.weight, 2 * fixture_.target.weight, fixture_.cot).ok());
+  const Eigen::VectorXd hessian = 2 * fixture_.target.weight;
+  ASSERT_TRUE(solver.Prepare(hessian, hessian, fixture_.cot).ok());
   const ConstraintValues zero = {Eigen::VectorXd::Zero(fixture_.h.triangle.size()),
                                  Eigen::VectorXd::Zero(fixture_.h.pair.size())};
   NewtonStep step;

@@ -21,10 +21,11 @@ struct FirstStep {
   explicit FirstStep(const Mesh& mesh)
       : topology(CheckDisc(mesh).value()),
         target(MakeTargetAngles(topology, MeasuredAngles(mesh))),
+        hessian(2 * target.weight),
         cot(Cotangents(target.angle)),
-        system(topology, 2 * target.weight, cot),
+        system(topology, hessian, cot),
         reduced(topology),
-        matrix(reduced.Assemble(2 * target.weight, cot)),
+        matrix(reduced.Assemble(hessian, cot)),
         z(UnfoldRows(topology, cot)) {}
 
   absl::Status Build(Multigrid* multigrid, ThreadTeam& team = Alone()) const {
@@ -45,7 +46,7 @@ struct FirstStep {
 
   Topology topology;
   TargetAngles target;
-  Eigen::VectorXd cot;
+  Eigen::VectorXd hessian, cot;
   ReducedSystem system;
   ReducedMatrix reduced;
   const BlockMatrix<double>& matrix;
@@ -123,7 +124,7 @@ TEST(Multigrid, SimilaritiesAreNearNullVectors) {
 
 // More rows than one chunk of the smoother has, so that some couplings are Jacobi's.
 TEST(Multigrid, TheCycleIsTheSameBitsWithAnyTeam) {
-  const FirstStep step(testing::Hills(100, 90, 1.5));
+  const FirstStep step(testing::Hills(190, 180, 1.5));
   ASSERT_GT(step.topology.num_interior, 2 * LevelMatrix<2>::kChunk);
   const Eigen::VectorXd r = RandomVector(2 * step.topology.num_interior, 7);
   Eigen::VectorXd alone, together;
