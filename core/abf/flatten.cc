@@ -5,7 +5,6 @@
 #include "core/abf/boundary_control.h"
 #include "core/abf/newton.h"
 #include "core/base/status_macros.h"
-#include "core/mesh/face_order.h"
 
 namespace planish {
 namespace {
@@ -42,18 +41,10 @@ absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetA
                                          const FlattenOptions& options, const FlattenControl& control) {
   PLANISH_RETURN_IF_ERROR(options.Validate());
   const FlattenOptions resolved = Resolve(options, topology);
-  // The solver goes over faces and rows in turn, time and again: both lie along the same curve.
-  const SortedTopology sorted = SortFaces(topology);
-  const TargetAngles sorted_target = {sorted.ToSorted(target.angle), sorted.ToSorted(target.weight)};
-  if (resolved.boundary == BoundaryType::kConvex) {
-    PLANISH_ASSIGN_OR_RETURN(Flattening convex, FlattenConvex(sorted.topology, sorted_target, resolved, control));
-    convex.angles = sorted.ToOriginal(convex.angles);
-    return convex;
-  }
-  Newton newton(sorted.topology, sorted_target, resolved, control);
-  PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary,
-                           newton.Run({sorted_target.angle, Multipliers::Zero(sorted.topology)}));
-  return Flattening{sorted.ToOriginal(newton.x()), std::move(summary)};
+  if (resolved.boundary == BoundaryType::kConvex) return FlattenConvex(topology, target, resolved, control);
+  Newton newton(topology, target, resolved, control);
+  PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary, newton.Run({target.angle, Multipliers::Zero(topology)}));
+  return Flattening{newton.x(), std::move(summary)};
 }
 
 }  // namespace planish

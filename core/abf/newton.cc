@@ -50,10 +50,11 @@ Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
 }
 
 void Newton::Evaluate() {
+  if (at_.sine.size() == 0) at_.sine = Sines(at_.x, team_);
   cot_ = Cotangents(at_.x, at_.sine, team_);
-  curvature_ = objective_.Curvature(at_.x);
+  const Eigen::VectorXd curvature = objective_.Curvature(at_.x);
   gradient_ = LagrangianGradient(topology_, objective_, at_.x, cot_, mu_, team_);
-  summary_.residual = MeasureResidual(curvature_, at_.h, gradient_, team_);
+  summary_.residual = MeasureResidual(curvature, at_.h, gradient_, team_);
   summary_.energy = objective_.Energy(at_.x);
 }
 
@@ -146,20 +147,24 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  Eigen::VectorXd convex = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
+  Eigen::VectorXd curvature = objective_.Curvature(at_.x);
+  Eigen::VectorXd convex = LagrangianHessian(topology_, curvature, at_.sine, mu_, team_);
   Eigen::VectorXd hessian;  // where it is not convex itself
   const bool near = summary_.residual.Max() <= kNearSolution;
   const bool try_exact =
       options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
   if (try_exact) hessian = convex;
-  const bool changed = Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_) > 0;
+  const bool changed = Convexify(curvature, steps_.RequiredConvexification(), &convex, team_) > 0;
 
+  Eigen::VectorXd absolute;
+  if (changed && try_exact) absolute = AbsoluteHessian(curvature, hessian, team_);
   if (!changed) hessian.resize(0);
+  curvature.resize(0);
+  at_.sine.resize(0);
 
   NewtonStep step;
   bool found = false;
   if (changed && try_exact) {
-    const Eigen::VectorXd absolute = AbsoluteHessian(curvature_, hessian, team_);
     PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, absolute, /*indefinite=*/true, &step));
     if (downhill) {
       PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step));

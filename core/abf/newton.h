@@ -51,7 +51,7 @@ class Newton {
 
   // Angles, and what follows from them alone.
   struct Point {
-    Eigen::VectorXd x, sine;
+    Eigen::VectorXd x, sine;  // sine: empty once a step has been computed from it
     ConstraintValues h;
   };
   Point PointAt(Eigen::VectorXd x) const;
@@ -86,7 +86,7 @@ class Newton {
 
   Point at_;
   Multipliers mu_;
-  Eigen::VectorXd cot_, curvature_, gradient_;
+  Eigen::VectorXd cot_, gradient_;
   MeritFunction merit_;
   double collapsed_ = 0;  // see AnglesCollapse()
   double step_length_ = 0;

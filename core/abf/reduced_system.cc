@@ -138,23 +138,13 @@ ReducedMatrix::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topol
   matrix_.column.resize(matrix_.row_begin[n]);
   matrix_.value.resize(4 * matrix_.column.size());
   diagonal_.resize(n);
-  neighbours_.resize(topology.row_corner.size());
   team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
     std::vector<std::int32_t> columns;
     for (std::int64_t v = begin; v < end; ++v) {
       find_columns(v, &columns);
       std::copy(columns.begin(), columns.end(), matrix_.column.begin() + matrix_.row_begin[v]);
-      const auto block_of = [&](std::int32_t u) {
-        if (u < 0) return std::int32_t{-1};
-        const auto place = std::lower_bound(columns.begin(), columns.end(), u) - columns.begin();
-        return matrix_.row_begin[v] + static_cast<std::int32_t>(place);
-      };
-      diagonal_[v] = block_of(static_cast<std::int32_t>(v));
-      for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
-        const std::int32_t f = topology.row_corner[i] / 3, k = topology.row_corner[i] % 3;
-        neighbours_[i] = {block_of(topology.corner_row[3 * f + Next(k)]),
-                          block_of(topology.corner_row[3 * f + Prev(k)])};
-      }
+      const auto place = std::lower_bound(columns.begin(), columns.end(), v) - columns.begin();
+      diagonal_[v] = matrix_.row_begin[v] + static_cast<std::int32_t>(place);
     }
   });
 }
@@ -182,6 +172,13 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessia
         const double w0 = wheel(0), w1 = wheel(1), w2 = wheel(2);
         const double t[3] = {p00, p01, p02};
         const double w[3] = {w0 * (c1 * p01 - c2 * p02), w0 * (c1 * p11 - c2 * p12), w0 * (c1 * p12 - c2 * p22)};
+        const auto block_of = [&](int corner) {
+          const std::int32_t u = topology_.corner_row[at[corner]];
+          if (u < 0) return std::int32_t{-1};
+          const auto first = matrix_.column.begin() + matrix_.row_begin[v];
+          const auto last = matrix_.column.begin() + matrix_.row_begin[v + 1];
+          return static_cast<std::int32_t>(std::lower_bound(first, last, u) - matrix_.column.begin());
+        };
         const auto add = [&](std::int32_t block, int corner, double wheel_t, double wheel_w) {
           if (block < 0) return;
           double* value = &matrix_.value[4 * std::size_t(block)];
@@ -191,8 +188,8 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessia
           value[3] += wheel_w;
         };
         add(diagonal_[v], 0, w0 * (c1 * t[1] - c2 * t[2]), w0 * (c1 * w[1] - c2 * w[2]));
-        add(neighbours_[i].after, 1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
-        add(neighbours_[i].before, 2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
+        add(block_of(1), 1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
+        add(block_of(2), 2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
       }
       if (!topology_.has_wheel(
               static_cast<std::int32_t>(v))) {  // anything positive will do in the place of its wheel row

@@ -71,11 +71,6 @@ class ReducedMatrix {
   ThreadTeam& team_;
   BlockMatrix<double> matrix_;
   std::vector<std::int32_t> diagonal_;  // block of each row
-  // The blocks that the vertices after and before corner row_corner[i] have in its row; -1 for none.
-  struct Neighbours {
-    std::int32_t after, before;
-  };
-  std::vector<Neighbours> neighbours_;
 };
 
 }  // namespace planish

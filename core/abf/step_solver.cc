@@ -148,6 +148,7 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
     reduced_->Recover(gradient, h.triangle, Eigen::VectorXd::Zero(h.pair.size()), &step->x, nullptr);
     reduced_->ApplyB(step->x, &rhs);
     Assign(team_, rhs + h.pair, &rhs);
+    step->x.resize(0);  // room for the solver
     summary = solver.SolveSchur(*reduced_, *preconditioner_, rhs, options, &step->mu.pair);
     reduced_->Recover(gradient, h.triangle, step->mu.pair, &step->x, &step->mu.triangle);
   }

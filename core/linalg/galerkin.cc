@@ -261,16 +261,23 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
   FillProlongation(team);
   const Prolongation& p = prolongation;
   const Index count = p.aggregates.count;
-  std::vector<float> product(4 * N * p.product_column.size());
+  // A P, chunk by chunk: pieces that fit where something else was free before.
+  std::vector<std::vector<float>> product(static_cast<std::size_t>((num_rows() + kRows - 1) / kRows));
+  const auto product_block = [&](Index row, Index k) {
+    const Index chunk = row / kRows;
+    return product[chunk].data() + 4 * N * std::size_t(k - p.product_begin[chunk * kRows]);
+  };
   team->For(num_rows(), kRows, [&](std::int64_t first, std::int64_t last) {
     ColumnMarks marks(count);
+    product[static_cast<std::size_t>(first / kRows)].assign(
+        4 * N * std::size_t(p.product_begin[last] - p.product_begin[first]), 0.0F);
     for (auto i = static_cast<Index>(first); i < last; ++i) {
       for (Index k = p.product_begin[i]; k < p.product_begin[i + 1]; ++k) marks.Set(p.product_column[k], k);
       for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
         const Index j = a.column[k];
         for (Index m = p.row_begin[j]; m < p.row_begin[j + 1]; ++m) {
           AddProduct<kParts, kParts>(a.Block(k), &p.value[4 * N * std::size_t(m)],
-                                     &product[4 * N * std::size_t(marks.Place(p.column[m]))]);
+                                     product_block(i, marks.Place(p.column[m])));
         }
       }
     }
@@ -285,7 +292,7 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
       for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
         const auto [i, block] = p.transposed[t];
         for (Index m = p.product_begin[i]; m < p.product_begin[i + 1]; ++m) {
-          AddTransposedProduct<kParts>(&p.value[4 * N * std::size_t(block)], &product[4 * N * std::size_t(m)],
+          AddTransposedProduct<kParts>(&p.value[4 * N * std::size_t(block)], product_block(i, m),
                                        coarse->Block(marks.Place(p.product_column[m])));
         }
       }

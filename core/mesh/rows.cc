@@ -119,4 +119,12 @@ std::vector<std::int32_t> RowVertices(const Topology& topology) {
   return vertices;
 }
 
+void DropRows(Topology* topology) {
+  topology->num_rows = 0;
+  for (std::vector<std::int32_t>* rows : {&topology->vertex_row, &topology->corner_row, &topology->row_corner}) {
+    *rows = std::vector<std::int32_t>();
+  }
+  topology->row_corner_begin = {0};
+}
+
 }  // namespace planish

@@ -21,6 +21,9 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, con
 // were. num_vertices and faces must be set; the first num_interior of `vertices` must be the interior ones. O(F).
 void AssignRows(const std::vector<std::int32_t>& vertices, Topology* topology);
 
+// Gives back the memory of what AssignRows has set.
+void DropRows(Topology* topology);
+
 // The inverse of vertex_row: the vertex of every row.
 std::vector<std::int32_t> RowVertices(const Topology& topology);
 

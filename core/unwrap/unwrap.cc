@@ -12,6 +12,8 @@
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
+#include "core/mesh/face_order.h"
+#include "core/mesh/rows.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/placement.h"
 #include "core/unwrap/verify.h"
@@ -49,7 +51,9 @@ class Run {
   void ChoosePrecision(CornerUv uv);
   // Says so if rounding to float, which keeps every triangle, still costs energy worth mentioning.
   void WarnOfCoarseFloat();
-  absl::Status Verify(const Topology& topology, const Eigen::VectorXd& measured, const TargetAngles& target);
+  // Of the faces in `sorted`.
+  TargetAngles Targets(const SortedTopology& sorted) const;
+  absl::Status Verify(const Topology& topology, const SortedTopology& sorted);
   void Warn(const std::string& reason, const std::string& message, std::map<std::string, std::string> metadata = {}) {
     result_.warnings.push_back({reason, message, std::move(metadata)});
   }
@@ -78,18 +82,20 @@ absl::Status Run::Enter(UnwrapStage stage) {
 absl::StatusOr<UnwrapResult> Run::operator()() {
   Timer timer;
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
-  PLANISH_ASSIGN_OR_RETURN(const Topology topology, CheckDisc(mesh_, execution_));
+  PLANISH_ASSIGN_OR_RETURN(Topology topology, CheckDisc(mesh_, execution_));
   if (const std::int64_t isolated = CountIsolatedVertices(mesh_); isolated > 0) {
     Warn("ISOLATED_VERTICES", absl::StrCat(Counted(isolated, "vertex has", "vertices have"), " no face and no UV"),
          {{"count", std::to_string(isolated)}});
   }
+  // The solver goes over faces and rows in turn, time and again: it gets a topology where both lie along one curve.
+  const SortedTopology sorted = SortFaces(topology);
+  DropRows(&topology);
+  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
   result_.seconds.charts = timer.Restart();
 
   // The solve announces itself, with its first residual.
   progress_.stage = UnwrapStage::kSolve;
-  const Eigen::VectorXd measured = MeasuredAngles(mesh_, execution_);
-  PLANISH_RETURN_IF_ERROR(CheckInterrupt());
-  const TargetAngles target = MakeTargetAngles(topology, measured, execution_);
+  TargetAngles target = Targets(sorted);
   PLANISH_RETURN_IF_ERROR(CheckInterrupt());
   FlattenControl flatten_control;
   flatten_control.interrupter = control_.interrupter;
@@ -98,7 +104,9 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
     progress_.flatten = progress;
     if (control_.on_progress) control_.on_progress(progress_);
   };
-  PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options_.flatten, flatten_control));
+  PLANISH_ASSIGN_OR_RETURN(Flattening flattening,
+                           FlattenAngles(sorted.topology, target, options_.flatten, flatten_control));
+  target = TargetAngles();
   result_.charts.push_back({mesh_.num_faces(), flattening.summary});
   if (!flattening.summary.converged) Warn("NOT_CONVERGED", flattening.summary.stop_message);
   if (flattening.summary.preconditioner_changed) {
@@ -122,7 +130,7 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
   result_.seconds.solve = timer.Restart();
 
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kLayout));
-  Layout layout = LayOut(topology, flattening.angles, execution_);
+  Layout layout = LayOut(sorted.topology, flattening.angles, execution_);
   PLANISH_RETURN_IF_ERROR(CheckInterrupt());
   flattening.angles.resize(0);
   if (!std::all_of(layout.positions.begin(), layout.positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
@@ -140,7 +148,7 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kVerify));
   ChoosePrecision(std::move(uv));
   PLANISH_RETURN_IF_ERROR(CheckInterrupt());
-  PLANISH_RETURN_IF_ERROR(Verify(topology, measured, target));
+  PLANISH_RETURN_IF_ERROR(Verify(topology, sorted));
   result_.seconds.verify = timer.Restart();
   return std::move(result_);
 }
@@ -195,10 +203,16 @@ void Run::WarnOfCoarseFloat() {
        {{"abf_energy_lost", absl::StrFormat("%g", lost)}});
 }
 
-absl::Status Run::Verify(const Topology& topology, const Eigen::VectorXd& measured, const TargetAngles& target) {
+TargetAngles Run::Targets(const SortedTopology& sorted) const {
+  return MakeTargetAngles(sorted.topology, sorted.ToSorted(MeasuredAngles(mesh_, execution_)), execution_);
+}
+
+absl::Status Run::Verify(const Topology& topology, const SortedTopology& sorted) {
   const Overlaps overlaps = CheckOverlaps(topology, result_.uv, orientation_, execution_);
   PLANISH_RETURN_IF_ERROR(CheckInterrupt());
-  MeasureDistortion(mesh_, measured, target, result_.uv, &result_.quality, execution_);
+  TargetAngles target = Targets(sorted);
+  target = {sorted.ToOriginal(target.angle), sorted.ToOriginal(target.weight)};
+  MeasureDistortion(mesh_, MeasuredAngles(mesh_, execution_), target, result_.uv, &result_.quality, execution_);
   PLANISH_RETURN_IF_ERROR(CheckInterrupt());
   WarnOfCoarseFloat();
   result_.quality.flipped = orientation_.flipped;
