@@ -160,6 +160,7 @@ absl::StatusOr<bool> Newton::TakeStep() {
   if (changed && try_exact) absolute = AbsoluteHessian(curvature, hessian, team_);
   if (!changed) hessian.resize(0);
   curvature.resize(0);
+  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
   at_.sine.resize(0);
 
   NewtonStep step;
@@ -225,6 +226,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
   summary_.system = options_.system;
   summary_.hessian = options_.hessian;
   at_ = PointAt(std::move(start.x));
+  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
   collapsed_ = kCollapsed;
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);

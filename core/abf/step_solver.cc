@@ -51,11 +51,13 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     full_ = std::make_unique<FullSystem>(topology_, hessian, cot);
     system = full_.get();
   } else {
+    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_, team_);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     convex_ = &convex;
     cot_ = &cot;
     const BlockMatrix<double>& s = matrix_->Assemble(convex, cot);
+    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     if (preconditioner_type_ == PreconditionerType::kAmg) {
       const absl::Status status = PrepareMultigrid(s, cot, interrupter);
       if (absl::IsCancelled(status)) return status;
@@ -97,6 +99,7 @@ absl::Status StepSolver::PrepareMultigrid(const BlockMatrix<double>& s, const Ei
   const bool first = uses_ < 0;
   if (first || !multigrid_closed_ || indefinite_ || IsWornOut(kWornOutMultigrid)) {
     const std::vector<std::complex<double>> z = UnfoldRows(topology_, cot);
+    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     PLANISH_RETURN_IF_ERROR(first ? multigrid_.Build(s, z, topology_.num_interior, team_, interrupter)
                                   : multigrid_.Refresh(s, z, interrupter));
     multigrid_closed_ = !first;

@@ -120,7 +120,8 @@ double LargestEigenvalue(const LevelMatrix<N>& a, ThreadTeam* team) {
 }  // namespace
 
 template <int N>
-bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix<4>* coarse, ThreadTeam* team) {
+bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix<4>* coarse, ThreadTeam* team,
+                                    const Interrupter* interrupter) {
   constexpr double kLeastCoarsening = 0.9;
   constexpr double kEigenvalueMargin = 1.05;
   const Index n = num_rows();
@@ -131,12 +132,14 @@ bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix
       if (i >= num_coupled || a.column[k] >= num_coupled) strong[k] = 0;
     }
   }
+  if (IsInterrupted(interrupter)) return false;
   p.aggregates = Aggregate(a, strong, /*wide=*/N == 2);
   const std::vector<Index>& aggregate = p.aggregates.of_row;
   const Index count = p.aggregates.count;
-  if (count == 0 || count > kLeastCoarsening * n) return false;
+  if (count == 0 || count > kLeastCoarsening * n || IsInterrupted(interrupter)) return false;
   p.omega = 4.0 / 3 / (kEigenvalueMargin * LargestEigenvalue(a, team));
 
+  if (IsInterrupted(interrupter)) return false;
   BuildRows(
       n, count, team,
       [&](Index i, const auto& add) {
@@ -148,6 +151,7 @@ bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix
       &p.row_begin, &p.column);
   p.value.resize(4 * N * p.column.size());
 
+  if (IsInterrupted(interrupter)) return false;
   p.transposed_begin.assign(count + 1, 0);
   for (const Index c : p.column) ++p.transposed_begin[c + 1];
   for (Index c = 0; c < count; ++c) p.transposed_begin[c + 1] += p.transposed_begin[c];
@@ -157,6 +161,7 @@ bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix
     for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) p.transposed[cursor[p.column[k]]++] = {i, k};
   }
 
+  if (IsInterrupted(interrupter)) return false;
   BuildRows(
       n, count, team,
       [&](Index i, const auto& add) {
@@ -167,6 +172,7 @@ bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix
       },
       &p.product_begin, &p.product_column);
 
+  if (IsInterrupted(interrupter)) return false;
   std::vector<Index> begin, column;
   BuildRows(
       count, count, team,
@@ -255,10 +261,13 @@ void MultigridLevel<N>::FillProlongation(ThreadTeam* team) {
 }
 
 template <int N>
-void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team) {
+void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team,
+                                   const Interrupter* interrupter) {
   constexpr int kParts = N / 2;
   FillOffsets(coarse_coordinates);
+  if (IsInterrupted(interrupter)) return;
   FillProlongation(team);
+  if (IsInterrupted(interrupter)) return;
   const Prolongation& p = prolongation;
   const Index count = p.aggregates.count;
   // A P, chunk by chunk: pieces that fit where something else was free before.
@@ -282,6 +291,7 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
       }
     }
   });
+  if (IsInterrupted(interrupter)) return;
   team->For(count, kRows / 16, [&](std::int64_t first, std::int64_t last) {
     ColumnMarks marks(count);
     for (auto c = static_cast<Index>(first); c < last; ++c) {
@@ -303,9 +313,9 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
   });
 }
 
-template bool MultigridLevel<2>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*);
-template bool MultigridLevel<4>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*);
-template void MultigridLevel<2>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*);
-template void MultigridLevel<4>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*);
+template bool MultigridLevel<2>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
+template bool MultigridLevel<4>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
+template void MultigridLevel<2>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
+template void MultigridLevel<4>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
 
 }  // namespace planish

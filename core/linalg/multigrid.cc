@@ -32,6 +32,7 @@ absl::Status Multigrid::Impl::Build(const BlockMatrix<double>& matrix, const std
                                     std::int32_t num_coupled, const Interrupter* interrupter) {
   coarse.clear();
   finest.a.SetPattern(matrix.row_begin, matrix.column);
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   SetValues(matrix, &finest.a, team);
   finest.coordinates.centre = z;
   finest.ResizeVectors();
@@ -41,9 +42,11 @@ absl::Status Multigrid::Impl::Build(const BlockMatrix<double>& matrix, const std
   const auto coarsen = [&](auto* level, std::int32_t coupled) -> absl::StatusOr<bool> {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     MultigridLevel<4> next;
-    if (!level->BuildCoarse(theta, coupled, &next.a, team)) return false;
+    const bool built = level->BuildCoarse(theta, coupled, &next.a, team, interrupter);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    level->FillCoarse(&next.coordinates, &next.a, team);
+    if (!built) return false;
+    level->FillCoarse(&next.coordinates, &next.a, team, interrupter);
+    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     PLANISH_RETURN_IF_ERROR(next.a.InvertDiagonal(team));
     next.ResizeVectors();
     coarse.push_back(std::move(next));
@@ -66,12 +69,12 @@ absl::Status Multigrid::Impl::Refresh(const BlockMatrix<double>& matrix, const s
   finest.coordinates.centre = z;
   PLANISH_RETURN_IF_ERROR(finest.a.InvertDiagonal(team));
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  finest.FillCoarse(&coarse[0].coordinates, &coarse[0].a, team);
+  finest.FillCoarse(&coarse[0].coordinates, &coarse[0].a, team, interrupter);
   for (std::size_t l = 0;; ++l) {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     PLANISH_RETURN_IF_ERROR(coarse[l].a.InvertDiagonal(team));
     if (l + 1 == coarse.size()) break;
-    coarse[l].FillCoarse(&coarse[l + 1].coordinates, &coarse[l + 1].a, team);
+    coarse[l].FillCoarse(&coarse[l + 1].coordinates, &coarse[l + 1].a, team, interrupter);
   }
   return FactorizeCoarsest();
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/interrupter.h"
 #include "core/base/thread_team.h"
 #include "core/linalg/aggregation.h"
 #include "core/linalg/level_matrix.h"
@@ -64,11 +65,15 @@ struct MultigridLevel {
   void Restrict(std::vector<float>* coarse_b, ThreadTeam* team);
   // x += P coarse_x, then one backward sweep: the transpose of RelaxFromZero's.
   void CorrectAndRelax(const std::vector<float>& coarse_x, ThreadTeam* team);
+  // Both of these leave things half done after an interrupt.
+  //
   // The structure of P and of P^t A P, and omega. False: the rows hold together too little for a coarser level. Rows
   // from `num_coupled` on stay out of aggregates.
-  bool BuildCoarse(double theta, std::int32_t num_coupled, LevelMatrix<4>* coarse, ThreadTeam* team);
+  bool BuildCoarse(double theta, std::int32_t num_coupled, LevelMatrix<4>* coarse, ThreadTeam* team,
+                   const Interrupter* interrupter);
   // The numbers of P, the coordinates of the aggregates, and P^t A P.
-  void FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team);
+  void FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team,
+                  const Interrupter* interrupter);
 
  private:
   void FillOffsets(LevelCoordinates* coarse_coordinates);
