@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "grpc/support/log.h"
 #include "core/base/heap.h"
+#include "grpc/support/log.h"
 #include "server/flags.h"
 #include "server/job_log.h"
 #include "server/jobs/job_manager.h"

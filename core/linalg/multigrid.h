@@ -11,13 +11,11 @@
 //
 // Per level, with D the diagonal blocks:
 //   aggregates     sets of strongly coupled neighbours
-//   prolongation   P = (I - omega D^-1 A) P_0, P_0 the functions a + b z on every aggregate, omega = 4/3 over the
-//   largest
-//                  eigenvalue of D^-1 A
+//   prolongation   P = (I - omega D^-1 A) P_0, P_0 the functions a + b z on every aggregate,
+//                  omega = 4/3 over the largest eigenvalue of D^-1 A
 //   coarse matrix  P^t A P, of 4x4 blocks: the complex unknowns a and b of every aggregate
-//   smoother       Gauss-Seidel within chunks of rows, forward before and backward after the coarse correction: the
-//   cycle
-//                  is symmetric
+//   smoother       Gauss-Seidel within chunks of rows, forward before and backward after the coarse
+//                  correction: the cycle is symmetric
 // The coarsest matrix is inverted.
 #pragma once
 
