@@ -24,8 +24,8 @@ double ForcingTerm(double residual, double tolerance) {
 // The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
 // 0.2 % of the energy, and the least angle stays at 0.3 degrees.
 constexpr double kLeastBarrier = 1e-2;
-// Angles that become so much smaller than their targets are on their way to 0. On meshes where f has a minimum the
-// smallest ratio on the way there has been 0.025.
+// Angles that stay so much smaller than their targets for three steps are on their way to 0. On the shared discs where
+// f has a minimum the smallest ratio on the way there is 0.025; on coarse ones it may fall lower for a step or two.
 constexpr double kCollapsed = 1e-2;
 // The same, as a part of the smallest ratio with the least barrier.
 constexpr double kStillThere = 0.25;
@@ -190,18 +190,26 @@ absl::StatusOr<bool> Newton::TakeStep() {
 void Newton::Restart() {
   at_ = PointAt(target_.angle);
   mu_ = Multipliers::Zero(topology_);
+  Forget();
+}
+
+void Newton::Forget() {
   merit_.Reset();
-  short_steps_ = 0;
+  short_steps_ = narrow_steps_ = 0;
   exact_steps_ = false;
 }
 
-bool Newton::AnglesCollapse() const {
-  return objective_.barrier() == 0 && Smallest(team_, at_.x.cwiseQuotient(target_.angle)) < collapsed_;
+bool Newton::AnglesCollapse() {
+  if (objective_.barrier() != 0) return false;
+  const bool narrow = Smallest(team_, at_.x.cwiseQuotient(target_.angle)) < collapsed_;
+  narrow_steps_ = narrow ? narrow_steps_ + 1 : 0;
+  return narrow_steps_ > narrow_steps_allowed_;
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
   // A run of steps that angles near 0 cut this short is going nowhere.
   constexpr double kShortStep = 0.1;
+  constexpr double kTinyStep = 1e-3;
   constexpr int kMaxShortSteps = 3;
   while (true) {
     Evaluate();
@@ -212,12 +220,15 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     const absl::StatusOr<bool> taken = TakeStep();
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
+    // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
+    // ever going down.
+    if (step_length_ < kTinyStep && !exact_steps_) {
+      exact_steps_ = true;
+      continue;
+    }
     short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
     if (short_steps_ == kMaxShortSteps || (*taken && AnglesCollapse())) return Ending::kStuck;
-    if (*taken) continue;
-    // Perhaps the linear solves are too rough for the merit function.
-    if (exact_steps_) return Ending::kStuck;
-    exact_steps_ = true;
+    if (!*taken && std::exchange(exact_steps_, true)) return Ending::kStuck;
   }
 }
 
@@ -228,24 +239,28 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
   at_ = PointAt(std::move(start.x));
   if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
   collapsed_ = kCollapsed;
+  narrow_steps_allowed_ = 2;
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck && may_restart) {
-    // Angles ran into 0. Start again with a barrier, if need be by way of stronger ones, and try without it from there.
-    for (const std::vector<double>& barriers : {std::vector<double>{kLeastBarrier}, {1.0, 0.1, kLeastBarrier}}) {
+    // Angles ran into 0. Go on with a barrier, or start again with stronger ones before it; then try without it.
+    Forget();
+    objective_.set_barrier(kLeastBarrier);
+    PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
+    if (ending == Ending::kStuck) {
       Restart();
-      for (const double tau : barriers) {
+      for (const double tau : {1.0, 0.1, kLeastBarrier}) {
         objective_.set_barrier(tau);
         PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
         short_steps_ = 0;
       }
-      if (ending != Ending::kStuck) break;
     }
     if (ending == Ending::kConverged) {
       const Point kept = at_;
       const Multipliers kept_mu = mu_;
       objective_.set_barrier(0);
+      narrow_steps_allowed_ = 0;
       collapsed_ = std::min(kCollapsed, kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle)));
       PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
       if (ending != Ending::kConverged) {

@@ -58,6 +58,8 @@ class Newton {
 
   // Back to x = a and mu = 0.
   void Restart();
+  // Of the steps so far, what is not x and mu.
+  void Forget();
   // Newton steps on the present objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
   // Everything else that depends on x and mu.
@@ -71,8 +73,9 @@ class Newton {
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
   // Shortens `step` until it lowers the merit function, and goes there; false if it never does.
   absl::StatusOr<bool> SearchLine(const NewtonStep& step);
-  // Without a barrier: whether some angle has become less than `collapsed_` times its target.
-  bool AnglesCollapse() const;
+  // Without a barrier: whether some angle has been less than `collapsed_` times its target for more steps in a row than
+  // allowed. To be asked after each step.
+  bool AnglesCollapse();
   void Report(double linear_residual, std::int64_t linear_iterations) const;
   void Stop(const std::string& why);
 
@@ -89,6 +92,7 @@ class Newton {
   Eigen::VectorXd cot_, gradient_;
   MeritFunction merit_;
   double collapsed_ = 0;  // see AnglesCollapse()
+  int narrow_steps_ = 0, narrow_steps_allowed_ = 0;
   double step_length_ = 0;
   int short_steps_ = 0;          // in a row
   bool exact_steps_ = false;     // no forcing terms any more
