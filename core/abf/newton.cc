@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -27,7 +26,9 @@ constexpr double kLeastBarrier = 1e-2;
 // Angles that stay so much smaller than their targets for three steps are on their way to 0. On the shared discs where
 // f has a minimum the smallest ratio on the way there is 0.025; on coarse ones it may fall lower for a step or two.
 constexpr double kCollapsed = 1e-2;
-// The same, as a part of the smallest ratio with the least barrier.
+// So many steps before that one may be as narrow.
+constexpr int kNarrowStepsAllowed = 2;
+// The same, as a part of the smallest ratio with the least barrier; from there a single step will do.
 constexpr double kStillThere = 0.25;
 // Residual to which the stronger barriers on the way there are solved.
 constexpr double kRoughTolerance = 1e-2;
@@ -92,7 +93,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
 }
 
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
-                                         NewtonStep* step) {
+                                         NewtonStep* step, double* slope) {
   PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, control_.interrupter));
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
   if (!step->x.allFinite()) return false;
@@ -101,6 +102,7 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   }
   merit_.UpdatePenalties(mu_, step->mu);
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
+  *slope = derivative.slope;
   if (derivative.slope <= derivative.noise) return true;
   // The slope is that of a step which meets the linearized constraints; where they hold already, what the linear solver
   // has left of them counts for more.
@@ -110,10 +112,9 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   return derivative.slope <= derivative.noise + merit_.PairPenalty(left);
 }
 
-absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step) {
+absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
   constexpr int kMaxHalvings = 30;
   constexpr double kSufficientDecrease = 1e-4;
-  const double slope = std::min(0.0, merit_.Slope(at_.x, at_.h, step.x).slope);
   const double before = merit_.Value(at_.x, at_.h);
   const double rounding = 1e-12 * std::abs(before);  // merit values closer than this cannot be told apart
   // The point alpha along a step, and whether it is low enough.
@@ -122,7 +123,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step) {
     Eigen::VectorXd moved;
     Assign(team_, at_.x + alpha * x, &moved);
     trial = PointAt(std::move(moved));
-    return merit_.Value(trial.x, trial.h) <= before + kSufficientDecrease * alpha * slope + rounding;
+    return merit_.Value(trial.x, trial.h) <= before + kSufficientDecrease * alpha * std::min(0.0, slope) + rounding;
   };
   double alpha = LargestStep(at_.x, step.x, team_);
   bool found = lowers_merit(step.x, alpha);
@@ -164,11 +165,12 @@ absl::StatusOr<bool> Newton::TakeStep() {
   at_.sine.resize(0);
 
   NewtonStep step;
+  double slope = 0;
   bool found = false;
   if (changed && try_exact) {
-    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, absolute, /*indefinite=*/true, &step));
+    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(hessian, absolute, /*indefinite=*/true, &step, &slope));
     if (downhill) {
-      PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step));
+      PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step, slope));
     }
     if (found) {
       ++summary_.indefinite_iterations;
@@ -178,9 +180,9 @@ absl::StatusOr<bool> Newton::TakeStep() {
   }
   if (!found) {
     if (changed) ++summary_.convexified_iterations;
-    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(convex, convex, /*indefinite=*/false, &step));
+    PLANISH_ASSIGN_OR_RETURN(const bool downhill, ComputeStep(convex, convex, /*indefinite=*/false, &step, &slope));
     if (!downhill) return false;
-    PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step));
+    PLANISH_ASSIGN_OR_RETURN(found, SearchLine(step, slope));
     if (!found) return false;
   }
   ++summary_.newton_iterations;
@@ -239,7 +241,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
   at_ = PointAt(std::move(start.x));
   if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
   collapsed_ = kCollapsed;
-  narrow_steps_allowed_ = 2;
+  narrow_steps_allowed_ = kNarrowStepsAllowed;
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));

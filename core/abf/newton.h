@@ -66,13 +66,14 @@ class Newton {
   void Evaluate();
   // One step; false if none leads anywhere.
   absl::StatusOr<bool> TakeStep();
-  // Solves eq. 5 with `hessian`; true if the step leads downhill on the merit function.
+  // Solves eq. 5 with `hessian`; true if the step leads downhill on the merit function, with its slope.
   absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
-                                   NewtonStep* step);
+                                   NewtonStep* step, double* slope);
   // Solves eq. 5 of the present iterate for another right-hand side.
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
-  // Shortens `step` until it lowers the merit function, and goes there; false if it never does.
-  absl::StatusOr<bool> SearchLine(const NewtonStep& step);
+  // Shortens `step` until it lowers the merit function, and goes there; false if it never does. `slope` is the merit
+  // function's along the step.
+  absl::StatusOr<bool> SearchLine(const NewtonStep& step, double slope);
   // Without a barrier: whether some angle has been less than `collapsed_` times its target for more steps in a row than
   // allowed. To be asked after each step.
   bool AnglesCollapse();

@@ -19,7 +19,7 @@ class Objective {
   double barrier() const { return barrier_; }
   void set_barrier(double tau) { barrier_ = tau; }
 
-  // f(x), without the barrier.
+  // f(x) = sum of w_i (x_i - a_i)^2, the ABF energy of eq. 4, without the barrier.
   double Energy(const Eigen::VectorXd& x) const;
   double Value(const Eigen::VectorXd& x) const;
   Eigen::VectorXd Gradient(const Eigen::VectorXd& x) const;

@@ -10,9 +10,6 @@ namespace planish {
 struct TargetAngles {
   Eigen::VectorXd angle;   // a_i, radians, positive: alpha*_i scaled to sum to 2 pi round an interior vertex
   Eigen::VectorXd weight;  // w_i = 1 / a_i^2
-
-  // f(x) = sum of w_i (x_i - a_i)^2, the ABF energy of eq. 4.
-  double Energy(const Eigen::VectorXd& x) const { return (weight.array() * (x - angle).array().square()).sum(); }
 };
 
 // `measured` are the 3F angles alpha* of the surface, all positive. No angle is clamped (DESIGN.md 3.9).

@@ -12,6 +12,7 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
 #include "gtest/gtest.h"
+#include "tests/core/differences.h"
 #include "tests/core/shapes.h"
 
 namespace planish {
@@ -71,21 +72,6 @@ Fixture StraightVertices() {
 class Calculus : public ::testing::TestWithParam<Fixture (*)()> {};
 INSTANTIATE_TEST_SUITE_P(Boundaries, Calculus, ::testing::Values(&ManyWheels, &StraightVertices));
 
-constexpr double kStep = 1e-6;
-
-// Central differences of a vector function, one column per angle.
-template <typename Function>
-Eigen::MatrixXd Differences(const Function& f, const Eigen::VectorXd& x) {
-  Eigen::MatrixXd result(f(x).size(), x.size());
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    Eigen::VectorXd plus = x, minus = x;
-    plus[i] += kStep;
-    minus[i] -= kStep;
-    result.col(i) = (f(plus) - f(minus)) / (2 * kStep);
-  }
-  return result;
-}
-
 TEST(TargetAngles, SumToTwoPiRoundInteriorVertices) {
   const Fixture f = ManyWheels();
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(f.topology.num_interior);
@@ -134,7 +120,7 @@ TEST(Constraints, OfBoundaryVerticesAreTheirAngleSumsAlone) {
 TEST_P(Calculus, JacobianIsTheDerivative) {
   const Fixture f = GetParam()();
   const Eigen::MatrixXd jacobian = ConstraintJacobian(f.topology, f.x, WheelForm::kLogarithm);
-  const Eigen::MatrixXd expected = Differences([&](const auto& at) { return f.Stacked(at); }, f.x);
+  const Eigen::MatrixXd expected = testing::Differences([&](const auto& at) { return f.Stacked(at); }, f.x);
   EXPECT_LT((jacobian - expected).cwiseAbs().maxCoeff(), 1e-8);
 }
 
@@ -142,7 +128,7 @@ TEST_P(Calculus, ProductJacobianIsTheDerivative) {
   const Fixture f = GetParam()();
   const Eigen::MatrixXd jacobian = ConstraintJacobian(f.topology, f.x, WheelForm::kProduct);
   const Eigen::MatrixXd expected =
-      Differences([&](const auto& at) { return EvaluateWheelProducts(f.topology, at); }, f.x);
+      testing::Differences([&](const auto& at) { return EvaluateWheelProducts(f.topology, at); }, f.x);
   for (std::int32_t v = 0; v < f.topology.num_interior; ++v) {
     EXPECT_LT((jacobian.row(f.topology.num_faces() + 2 * v + 1) - expected.row(v)).cwiseAbs().maxCoeff(), 1e-8);
   }
@@ -165,14 +151,14 @@ TEST_P(Calculus, GradientIsTheDerivative) {
   const auto lagrangian = [&](const Eigen::VectorXd& at) {
     return Eigen::VectorXd::Constant(1, f.objective.Value(at) + f.StackedMultipliers().dot(f.Stacked(at)));
   };
-  const Eigen::VectorXd expected = Differences(lagrangian, f.x).transpose();
+  const Eigen::VectorXd expected = testing::Differences(lagrangian, f.x).transpose();
   EXPECT_LT((f.Gradient(f.x) - expected).cwiseAbs().maxCoeff(), 2e-7);
 }
 
 TEST_P(Calculus, HessianIsTheDerivativeOfTheGradientAndDiagonal) {
   Fixture f = GetParam()();
   f.objective.set_barrier(0.3);
-  const Eigen::MatrixXd expected = Differences([&](const auto& at) { return f.Gradient(at); }, f.x);
+  const Eigen::MatrixXd expected = testing::Differences([&](const auto& at) { return f.Gradient(at); }, f.x);
   const Eigen::VectorXd hessian = LagrangianHessian(f.topology, f.objective, f.x, f.mu);
   EXPECT_LT((Eigen::MatrixXd(hessian.asDiagonal()) - expected).cwiseAbs().maxCoeff(), 2e-7);
 }

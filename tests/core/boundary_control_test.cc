@@ -10,6 +10,7 @@
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"
 #include "gtest/gtest.h"
+#include "tests/core/every_solver.h"
 #include "tests/core/shapes.h"
 
 namespace planish {
@@ -131,22 +132,12 @@ TEST(BoundaryControl, EverySolverFindsTheSameAngles) {
   const Disc disc(testing::LShape(5));
   const Flattening expected = disc.Flatten();
   EXPECT_EQ(expected.summary.boundary.type, BoundaryType::kConvex);
-  for (const auto solver : {SolverType::kUzawa, SolverType::kMinres, SolverType::kDirect}) {
-    for (const auto system : {SystemType::kFull, SystemType::kReduced}) {
-      for (const auto preconditioner : {PreconditionerType::kNone, PreconditionerType::kJacobi,
-                                        PreconditionerType::kCholesky, PreconditionerType::kAmg}) {
-        FlattenOptions options;
-        options.solver = solver;
-        options.system = system;
-        options.preconditioner = preconditioner;
-        if (!options.Validate().ok()) continue;
-        const Flattening result = disc.Flatten(options);
-        EXPECT_TRUE(result.summary.converged && result.summary.boundary.settled) << result.summary.stop_message;
-        EXPECT_EQ(result.summary.boundary.active, expected.summary.boundary.active);
-        EXPECT_LT((result.angles - expected.angles).cwiseAbs().maxCoeff(), 1e-6)
-            << Name(solver) << " " << Name(system) << " " << Name(preconditioner);
-      }
-    }
+  for (const FlattenOptions& options : testing::EverySolver()) {
+    const Flattening result = disc.Flatten(options);
+    EXPECT_TRUE(result.summary.converged && result.summary.boundary.settled) << result.summary.stop_message;
+    EXPECT_EQ(result.summary.boundary.active, expected.summary.boundary.active);
+    EXPECT_LT((result.angles - expected.angles).cwiseAbs().maxCoeff(), 1e-6)
+        << Name(options.solver) << " " << Name(options.system) << " " << Name(options.preconditioner);
   }
 }
 

@@ -9,6 +9,7 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
 #include "gtest/gtest.h"
+#include "tests/core/differences.h"
 #include "tests/core/shapes.h"
 
 namespace planish {
@@ -48,26 +49,13 @@ struct Disc {
   Multipliers mu;
 };
 
-// Central differences of a vector function, one column per angle.
-template <typename Function>
-Eigen::MatrixXd Differences(const Function& f, const Eigen::VectorXd& x) {
-  constexpr double kStep = 1e-6;
-  Eigen::MatrixXd result(f(x).size(), x.size());
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    Eigen::VectorXd plus = x, minus = x;
-    plus[i] += kStep;
-    minus[i] -= kStep;
-    result.col(i) = (f(plus) - f(minus)) / (2 * kStep);
-  }
-  return result;
-}
-
 class EveryWheelForm : public ::testing::TestWithParam<WheelForm> {};
 
 TEST_P(EveryWheelForm, JacobianIsTheDerivativeOfTheConstraints) {
   const Disc disc(testing::Hills(7, 6));
   const Eigen::MatrixXd jacobian = ConstraintJacobian(disc.topology, disc.x, GetParam());
-  const Eigen::MatrixXd expected = Differences([&](const auto& at) { return disc.Values(at, GetParam()); }, disc.x);
+  const Eigen::MatrixXd expected =
+      testing::Differences([&](const auto& at) { return disc.Values(at, GetParam()); }, disc.x);
   EXPECT_LT((jacobian - expected).cwiseAbs().maxCoeff(), 1e-8);
 }
 
@@ -78,14 +66,15 @@ TEST_P(EveryWheelForm, GradientIsTheDerivativeOfTheLagrangian) {
   const auto lagrangian = [&](const Eigen::VectorXd& at) {
     return Eigen::VectorXd::Constant(1, disc.objective.Value(at) + mu.dot(disc.Values(at, GetParam())));
   };
-  const Eigen::VectorXd expected = Differences(lagrangian, disc.x).transpose();
+  const Eigen::VectorXd expected = testing::Differences(lagrangian, disc.x).transpose();
   EXPECT_LT((disc.Gradient(disc.x, GetParam()) - expected).cwiseAbs().maxCoeff(), 2e-7);
 }
 
 TEST_P(EveryWheelForm, HessianIsTheDerivativeOfTheGradient) {
   const Disc disc(testing::Hills(7, 6));
   const Eigen::MatrixXd hessian = LagrangianHessianMatrix(disc.topology, disc.objective, disc.x, disc.mu, GetParam());
-  const Eigen::MatrixXd expected = Differences([&](const auto& at) { return disc.Gradient(at, GetParam()); }, disc.x);
+  const Eigen::MatrixXd expected =
+      testing::Differences([&](const auto& at) { return disc.Gradient(at, GetParam()); }, disc.x);
   EXPECT_LT((hessian - expected).cwiseAbs().maxCoeff(), 2e-7);
   EXPECT_LT((hessian - hessian.transpose()).cwiseAbs().maxCoeff(), 1e-12);
 }
