@@ -14,6 +14,7 @@
 #include "core/abf/flatten.h"
 #include "core/base/interrupter.h"
 #include "core/mesh/mesh.h"
+#include "core/pack/pack.h"
 #include "core/unwrap/quality.h"
 
 namespace planish {
@@ -25,8 +26,31 @@ enum class Precision {
   kDouble,
 };
 
+// Which edges part charts, beside boundaries and edges that no chart can cross (those of one face or of more than two,
+// and those whose two faces are wound against each other).
+enum class SeamPolicy {
+  kNone,    // none: the mesh must be a disc
+  kKeep,    // the given seams and no others: the pieces must be discs
+  kNeeded,  // the given seams, and more only where a piece is no disc or its map would overlap itself
+  kAuto,    // the given seams, and as many more as keep stretch below max_stretch
+};
+
+struct SeamOptions {
+  SeamPolicy policy = SeamPolicy::kAuto;
+  // Edges at which the normals of the two faces are further apart than this are seams. Degrees in (0, 180]; 0: none.
+  double hard_edge_degrees = 0;
+  // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).
+  std::vector<std::int32_t> corners;
+  // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
+  // below this, as far as cutting helps. In [1.001, 100].
+  double max_stretch = 1.05;
+};
+
 struct UnwrapOptions {
   FlattenOptions flatten;
+  SeamOptions seams;
+  bool pack = true;  // false: charts as they were solved, to the surface's scale, one over the other
+  PackOptions atlas;
   Precision precision = Precision::kAuto;
   // Threads the job may use, the calling one included. In [1, kMaxThreads]. The result is the same bytes for any
   // number.
@@ -72,6 +96,7 @@ struct UnwrapSeconds {
 struct ChartReport {
   std::int64_t triangles = 0;
   FlattenSummary flatten;
+  double stretch_l2 = 1;  // as Quality::stretch_l2, of this chart by itself
 };
 
 struct UnwrapResult {
@@ -80,6 +105,9 @@ struct UnwrapResult {
   std::vector<double> uv;
   Precision precision = Precision::kFloat;  // kFloat or kDouble
   std::vector<ChartReport> charts;
+  std::vector<std::int32_t> face_chart;  // per face: its chart, an index into `charts`
+  int tiles = 1;                         // of the texture that are used
+  double texels_per_unit = 0;            // texture_size times UV length per length on the surface; 0 without packing
   Quality quality;  // of `uv` as delivered
   UnwrapSeconds seconds;
   std::vector<UnwrapWarning> warnings;
