@@ -377,8 +377,7 @@ absl::Status CheckLoopsAndHandles(const Mesh& mesh, const EdgeGroups& edges, con
 
 // Everything there is to check; the opposite corners on the way.
 absl::Status CheckConnectivity(const Mesh& mesh, const Execution& execution, std::vector<std::int32_t>* opposite) {
-  PLANISH_RETURN_IF_ERROR(CheckIndices(mesh, execution));
-  PLANISH_RETURN_IF_ERROR(CheckPositions(mesh, execution));
+  PLANISH_RETURN_IF_ERROR(CheckElements(mesh, execution));
   PLANISH_RETURN_IF_ERROR(CheckFaces(mesh, execution));
   if (execution.IsStopped()) return absl::OkStatus();
   const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution);
@@ -400,6 +399,11 @@ bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c) {
   const double twice_area = (b - a).cross(c - a).norm();
   const double longest = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
   return !(twice_area > 1e-14 * longest);
+}
+
+absl::Status CheckElements(const Mesh& mesh, const Execution& execution) {
+  PLANISH_RETURN_IF_ERROR(CheckIndices(mesh, execution));
+  return CheckPositions(mesh, execution);
 }
 
 std::int64_t CountIsolatedVertices(const Mesh& mesh) {

@@ -23,6 +23,10 @@ namespace planish {
 // O(F) time and memory.
 absl::StatusOr<Topology> CheckDisc(const Mesh& mesh, const Execution& execution = {});
 
+// The part of CheckDisc without which nothing can be done: MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE and
+// MESH_POSITION_NOT_FINITE (of vertices that faces refer to). O(F).
+absl::Status CheckElements(const Mesh& mesh, const Execution& execution = {});
+
 // Vertices that no face refers to. Indices must be in range.
 std::int64_t CountIsolatedVertices(const Mesh& mesh);
 

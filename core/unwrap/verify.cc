@@ -8,6 +8,7 @@
 
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
+#include "core/unwrap/outlines.h"
 
 namespace planish {
 namespace {
@@ -16,81 +17,6 @@ constexpr std::size_t kMaxNamed = 16;
 
 Vec2 Uv(const CornerUv& uv, std::int32_t corner) {
   return {uv[2 * corner], uv[2 * corner + 1]};
-}
-
-struct BoundaryEdge {
-  Vec2 from, to;
-};
-
-// Whether the edge of a half-edge that has a neighbour has other ends in the plane as seen from there.
-bool IsSeam(const Topology& topology, const CornerUv& uv, std::int32_t c) {
-  const std::int32_t o = topology.opposite[c], f = c / 3, from = 3 * f + Next(c % 3), to = 3 * f + Prev(c % 3);
-  const std::int32_t g = o / 3, other_to = 3 * g + Next(o % 3), other_from = 3 * g + Prev(o % 3);
-  return Uv(uv, from) != Uv(uv, other_from) || Uv(uv, to) != Uv(uv, other_to);
-}
-
-// Half-edges without a neighbour, in the order in which they follow each other; empty if they are not one closed curve,
-// or if there are seams in the plane: several charts, or one folded onto itself.
-std::vector<BoundaryEdge> BoundaryCurve(const Topology& topology, const CornerUv& uv, const Execution& execution) {
-  struct Part {
-    std::vector<std::int32_t> boundary;
-    bool has_seam = false;
-  };
-  std::vector<std::int32_t> starting(topology.num_vertices, -1);  // boundary half-edge that starts at a vertex
-  std::int32_t count = 0, first = -1;
-  for (const Part& part : execution.Collect<Part>(topology.num_corners(), [&](std::int64_t begin, std::int64_t end) {
-         Part chunk;
-         for (auto c = static_cast<std::int32_t>(begin); c < end; ++c) {
-           if (topology.opposite[c] < 0) {
-             chunk.boundary.push_back(c);
-           } else if (topology.opposite[c] < c && IsSeam(topology, uv, c)) {
-             chunk.has_seam = true;
-           }
-         }
-         return chunk;
-       })) {
-    if (part.has_seam) return {};
-    for (const std::int32_t c : part.boundary) {
-      starting[topology.faces[c / 3][Next(c % 3)]] = c;
-      ++count;
-      first = c;
-    }
-  }
-  if (first < 0) return {};
-  std::vector<BoundaryEdge> curve;
-  for (std::int32_t c = first; static_cast<std::int32_t>(curve.size()) < count;) {
-    const std::int32_t f = c / 3;
-    curve.push_back({Uv(uv, 3 * f + Next(c % 3)), Uv(uv, 3 * f + Prev(c % 3))});
-    c = starting[topology.faces[f][Prev(c % 3)]];
-    if (c == first) break;
-  }
-  if (static_cast<std::int32_t>(curve.size()) != count) return {};
-  return curve;
-}
-
-// False after an interrupt.
-bool IsSimple(const std::vector<BoundaryEdge>& curve, const Execution& execution) {
-  const auto n = static_cast<std::int32_t>(curve.size());
-  std::vector<Box> boxes(n);
-  for (std::int32_t i = 0; i < n; ++i) {
-    boxes[i].Add(curve[i].from);
-    boxes[i].Add(curve[i].to);
-  }
-  const BoxTree tree(std::move(boxes), execution);
-  for (std::int32_t i = 0; i < n; ++i) {
-    if (execution.IsStopped()) return false;
-    const bool clear = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
-      if (j <= i) return true;
-      const bool follows = j == i + 1, closes = i == 0 && j == n - 1;
-      if (!follows && !closes) return !SegmentsMeet(curve[i].from, curve[i].to, curve[j].from, curve[j].to);
-      // Neighbours share a vertex; they meet elsewhere only if one folds back onto the other.
-      const BoundaryEdge &before = follows ? curve[i] : curve[j], &after = follows ? curve[j] : curve[i];
-      const bool collinear = Orientation(before.from, before.to, after.to) == 0;
-      return !(collinear && (before.to - before.from).dot(after.to - after.from) <= 0);
-    });
-    if (!clear) return false;
-  }
-  return true;
 }
 
 }  // namespace
@@ -103,12 +29,13 @@ CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution) {
   return rounded;
 }
 
-OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution) {
+OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution, const std::vector<char>& ignored) {
   OrientationFaults faults;
   for (const OrientationFaults& part : execution.Collect<OrientationFaults>(
            static_cast<std::int64_t>(uv.size() / 6), [&](std::int64_t begin, std::int64_t end) {
              OrientationFaults chunk;
              for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
+               if (!ignored.empty() && ignored[f]) continue;
                const int orientation = Orientation(Uv(uv, 3 * f), Uv(uv, 3 * f + 1), Uv(uv, 3 * f + 2));
                if (orientation > 0) continue;
                ++(orientation < 0 ? chunk.flipped : chunk.degenerate);
@@ -130,7 +57,7 @@ namespace {
 // Every triangle against all later ones.
 class PairwiseCheck {
  public:
-  PairwiseCheck(const CornerUv& uv, const Execution& execution)
+  PairwiseCheck(const CornerUv& uv, const std::vector<char>& ignored, const Execution& execution)
       : execution_(execution), num_faces_(static_cast<std::int32_t>(uv.size() / 6)), triangles_(num_faces_) {
     std::vector<Box> boxes(num_faces_);
     execution_.For(num_faces_, [&](std::int64_t begin, std::int64_t end) {
@@ -143,7 +70,7 @@ class PairwiseCheck {
         const int sign = Orientation(t[0], t[1], t[2]);
         if (sign < 0) std::swap(t[1], t[2]);
         // Without an interior it meets nothing.
-        if (sign == 0) boxes[f] = Box();
+        if (sign == 0 || (!ignored.empty() && ignored[f])) boxes[f] = Box();
       }
     });
     tree_.emplace(std::move(boxes), execution_);
@@ -212,14 +139,18 @@ class PairwiseCheck {
 
 }  // namespace
 
-Overlaps CheckOverlaps(const Topology& topology, const CornerUv& uv, const OrientationFaults& orientation,
-                       const Execution& execution) {
-  if (orientation.flipped == 0 && orientation.degenerate == 0) {
-    const std::vector<BoundaryEdge> curve = BoundaryCurve(topology, uv, execution);
-    if (!curve.empty() && IsSimple(curve, execution)) return {};
-  }
+Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
+                       const OrientationFaults& orientation, const Execution& execution,
+                       const std::vector<char>& ignored) {
+  const bool all_upright =
+      orientation.flipped == 0 && orientation.degenerate == 0 &&
+      (ignored.empty() || execution.Count(static_cast<std::int64_t>(ignored.size()), [&](std::int64_t f) {
+         const auto c = static_cast<std::int32_t>(3 * f);
+         return ignored[f] && Orientation(Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)) <= 0;
+       }) == 0);
+  if (all_upright && OutlinesAreApart(opposite, uv, execution)) return {};
   if (execution.IsStopped()) return {0, true, {}};
-  const PairwiseCheck check(uv, execution);
+  const PairwiseCheck check(uv, ignored, execution);
   if (execution.IsStopped()) return {0, true, {}};
   return check.Run();
 }

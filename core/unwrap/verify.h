@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/base/execution.h"
-#include "core/mesh/topology.h"
+#include "core/mesh/mesh.h"
 
 namespace planish {
 
@@ -21,8 +21,9 @@ struct OrientationFaults {
   std::vector<std::int32_t> faces;  // the first few of both
 };
 
-// Exact. O(F). Incomplete after an interrupt.
-OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution = {});
+// Exact. O(F). Faces marked in `ignored` (empty: none) do not count. Incomplete after an interrupt.
+OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution = {},
+                                    const std::vector<char>& ignored = {});
 
 struct Overlaps {
   std::int64_t pairs = 0;           // triangles whose interiors meet; at least this many if `limited`
@@ -31,10 +32,14 @@ struct Overlaps {
 };
 inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 
-// Exact. A map without faults of orientation whose boundary is one closed curve that does not meet itself is injective
-// (every point inside is covered as often as the curve winds round it, once), which takes O(b log b) for b boundary
-// edges; only otherwise are pairs of triangles looked at. Degenerate triangles have no interior.
-Overlaps CheckOverlaps(const Topology& topology, const CornerUv& uv, const OrientationFaults& orientation,
-                       const Execution& execution = {});
+// Exact. `opposite` tells which corners face the same edge (-1: none, an outline; Topology::opposite), and with it which
+// faces make up a chart. Where every triangle keeps its orientation and outlines neither meet themselves nor each other,
+// a chart is injective: every point is covered as often as its outlines wind round it, once (they are simple curves, one
+// of which runs round all the others, by their total turning). Charts then overlap only if one lies inside another,
+// which their winding numbers tell. This takes O(b log b) for b outline edges; only otherwise are pairs of triangles
+// looked at. Triangles without area have no interior, and faces marked in `ignored` (empty: none) count neither way.
+Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
+                       const OrientationFaults& orientation, const Execution& execution = {},
+                       const std::vector<char>& ignored = {});
 
 }  // namespace planish

@@ -1,0 +1,51 @@
+// Which faces make up which chart, and where charts are slit open: every chart is a disc.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/base/execution.h"
+#include "core/charts/gluing.h"
+#include "core/charts/surface.h"
+
+namespace planish {
+
+class Segmentation {
+ public:
+  // Charts as large as the surface lets them be (kWhole): connected pieces, slit open where they are closed or have
+  // holes or handles. Or cut so that their estimated root mean square stretch is at most `max_stretch` (kStretch).
+  enum class Kind { kWhole, kStretch };
+
+  // `surface` must outlive this. Of no use after an interrupt.
+  Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution);
+
+  const Gluing& gluing() const { return gluing_; }
+  // Per face: its chart; -1 for faces that take no part.
+  const std::vector<std::int32_t>& chart() const { return chart_; }
+  // Faces of each chart, ascending.
+  const std::vector<std::vector<std::int32_t>>& charts() const { return faces_; }
+
+  // Whether part of a chart's outline is a slit: the same edge from both sides.
+  bool HasSlit(std::int32_t chart) const;
+
+  struct Cut {
+    std::int32_t chart;
+    // Two of its faces that must come apart; -1: any, the farther apart the better.
+    std::int32_t face = -1, other_face = -1;
+  };
+  // Cuts each of these charts in two or more, none of them stretched more than max_stretch. One of them gets its number,
+  // the others get new ones; all of those numbers are returned, ascending. Charts of one face stay.
+  std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, double max_stretch, const Execution& execution);
+
+ private:
+  void CollectFaces();
+
+  const Surface& surface_;
+  Gluing gluing_;
+  std::vector<std::int32_t> patch_;  // per face; where charts may be cut
+  std::vector<std::int32_t> chart_;
+  std::vector<std::vector<std::int32_t>> faces_;
+};
+
+}  // namespace planish

@@ -1,0 +1,256 @@
+#include "core/unwrap/chart_set.h"
+
+#include <algorithm>
+#include <numeric>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "core/base/timer.h"
+#include "core/mesh/angles.h"
+#include "core/mesh/disc_check.h"
+#include "core/mesh/rows.h"
+#include "core/unwrap/warnings.h"
+
+namespace planish {
+namespace {
+
+constexpr std::int32_t kLargeChart = 30'000;  // faces; smaller ones are one thread's work
+constexpr int kMaxRounds = 12;                // of splitting
+constexpr double kStretchSlack = 1.01;        // an estimate is not a map
+constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
+
+}  // namespace
+
+ChartSet::ChartSet(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
+                   const Execution& execution)
+    : mesh_(mesh), options_(options), control_(control), execution_(execution) {}
+
+bool ChartSet::MaySplit() const {
+  return options_.seams.policy == SeamPolicy::kAuto || options_.seams.policy == SeamPolicy::kNeeded;
+}
+
+absl::Status ChartSet::Enter(UnwrapStage stage) {
+  if (execution_.IsStopped()) return absl::CancelledError("cancelled");
+  progress_.stage = stage;
+  if (control_.on_progress) control_.on_progress(progress_);
+  return absl::OkStatus();
+}
+
+absl::Status ChartSet::Cut(std::vector<UnwrapWarning>* warnings) {
+  if (options_.seams.policy == SeamPolicy::kNone) {
+    PLANISH_ASSIGN_OR_RETURN(Topology topology, CheckDisc(mesh_, execution_));
+    charts_.push_back(MakeChart(topology));
+    disc_opposite_ = std::move(topology.opposite);
+    return absl::OkStatus();
+  }
+  PLANISH_RETURN_IF_ERROR(CheckElements(mesh_, execution_));
+  surface_ = MakeSurface(mesh_, {options_.seams.corners, options_.seams.hard_edge_degrees}, execution_);
+  if (execution_.IsStopped()) return absl::CancelledError("cancelled");
+  std::int64_t without_area = 0;
+  for (std::int32_t f = 0; f < surface_->num_faces(); ++f) {
+    total_area_ += surface_->area[f];
+    without_area += !surface_->takes_part[f] || surface_->is_flat[f];
+  }
+  if (without_area == surface_->num_faces()) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "MESH_FACE_DEGENERATE",
+                     absl::StrCat("none of the ", without_area, " faces has an area; there is nothing to flatten"),
+                     {{"count", absl::StrCat(without_area)}});
+  }
+  if (without_area > 0) {
+    ignored_.resize(surface_->num_faces());
+    for (std::int32_t f = 0; f < surface_->num_faces(); ++f) {
+      ignored_[f] = !surface_->takes_part[f] || surface_->is_flat[f];
+    }
+  }
+  WarnOfSurface(*surface_, ignored_, warnings);
+  const bool by_stretch = options_.seams.policy == SeamPolicy::kAuto;
+  segmentation_.emplace(*surface_, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
+                        options_.seams.max_stretch, execution_);
+  if (execution_.IsStopped()) return absl::CancelledError("cancelled");
+  PLANISH_RETURN_IF_ERROR(CheckPieces());
+  charts_.resize(segmentation_->charts().size());
+  for (std::size_t i = 0; i < charts_.size(); ++i) {
+    charts_[i] = MakeChart(segmentation_->gluing(), segmentation_->charts()[i], {nullptr, execution_.interrupter});
+  }
+  return absl::OkStatus();
+}
+
+// With SeamPolicy::kKeep every piece must be a disc as it is.
+absl::Status ChartSet::CheckPieces() const {
+  if (options_.seams.policy != SeamPolicy::kKeep) return absl::OkStatus();
+  std::vector<std::int32_t> first_faces;
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(segmentation_->charts().size()); ++i) {
+    if (segmentation_->HasSlit(i)) first_faces.push_back(segmentation_->charts()[i].front());
+  }
+  if (first_faces.empty()) return absl::OkStatus();
+  const std::size_t count = first_faces.size();
+  if (first_faces.size() > 16) first_faces.resize(16);
+  return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
+                   absl::StrCat(count, count == 1 ? " piece" : " pieces",
+                                " between the given seams cannot lie flat without another seam (closed, with several "
+                                "boundary loops or with a handle): at face ",
+                                absl::StrJoin(first_faces, ", "), "; give more seams, or allow them to be added"),
+                   {{"count", absl::StrCat(count)}, {"faces", absl::StrJoin(first_faces, ",")}});
+}
+
+absl::Status ChartSet::MapOne(std::int32_t i, const Execution& execution, bool reports) {
+  const Chart& chart = charts_[i];
+  FlattenControl control;
+  control.interrupter = execution.interrupter;
+  control.team = execution.team;
+  if (reports && control_.on_progress) {
+    control.on_progress = [this, i](const FlattenProgress& progress) {
+      progress_.chart = i;
+      progress_.flatten = progress;
+      control_.on_progress(progress_);
+    };
+  }
+  const auto measured = [&] {
+    return surface_ ? Gather(chart, surface_->angle.data()) : Gather(chart, MeasuredAngles(mesh_, execution).data());
+  };
+  absl::StatusOr<ChartMap> map = MapChart(mesh_, chart, measured(), options_.flatten, control, execution);
+  if (map.ok() && MaySplit()) {
+    faults_[i] = FindFaults(mesh_, chart, *map, ignored_, execution);
+    // A convex outline cannot run over itself. Where more seams are welcome it is no use: of 200 maps that did, all were
+    // stretched too far by it, at ten times the cost of a split.
+    if (faults_[i].does_overlap && options_.seams.policy == SeamPolicy::kNeeded &&
+        options_.flatten.boundary == BoundaryType::kFree) {
+      FlattenOptions convex = options_.flatten;
+      convex.boundary = BoundaryType::kConvex;
+      absl::StatusOr<ChartMap> other = MapChart(mesh_, chart, measured(), convex, control, execution);
+      if (other.ok() && other->flatten.converged && other->flatten.barrier == 0) {
+        const ChartFaults faults = FindFaults(mesh_, chart, *other, ignored_, execution);
+        if (!faults.does_overlap) {
+          other->solve_seconds += map->solve_seconds;
+          other->layout_seconds += map->layout_seconds;
+          map = std::move(other);
+          faults_[i] = faults;
+        }
+      }
+    }
+  }
+  if (!map.ok()) return map.status();
+  maps_[i] = *std::move(map);
+  return absl::OkStatus();
+}
+
+absl::Status ChartSet::MapAll(std::vector<std::int32_t> charts, UnwrapSeconds* seconds) {
+  Timer timer;
+  std::stable_sort(charts.begin(), charts.end(), [&](std::int32_t i, std::int32_t j) {
+    return charts_[i].faces.size() > charts_[j].faces.size();
+  });
+  maps_.resize(charts_.size());
+  faults_.resize(charts_.size());
+  statuses_.assign(charts_.size(), absl::OkStatus());
+  progress_.stage = UnwrapStage::kSolve;
+  progress_.chart_count = count();
+  const int threads = execution_.team == nullptr ? 1 : execution_.team->size();
+  const auto small = std::find_if(charts.begin(), charts.end(), [&](std::int32_t i) {
+    return threads > 1 && static_cast<std::int32_t>(charts_[i].faces.size()) < kLargeChart;
+  });
+  for (auto it = charts.begin(); it != small; ++it) statuses_[*it] = MapOne(*it, execution_, true);
+  if (const std::int64_t n = charts.end() - small; n > 0) {
+    const std::thread::id self = std::this_thread::get_id();
+    execution_.team->For(n, 1, [&](std::int64_t begin, std::int64_t end) {
+      for (std::int64_t j = begin; j < end; ++j) {
+        const std::int32_t i = small[j];
+        statuses_[i] = MapOne(i, {nullptr, execution_.interrupter}, std::this_thread::get_id() == self);
+      }
+    });
+  }
+  double layout = 0, solve = 0;
+  for (const std::int32_t i : charts) {
+    solve += maps_[i].solve_seconds;
+    layout += maps_[i].layout_seconds;
+  }
+  // Threads share the time out as their work goes.
+  const double wall = timer.Seconds(), work = solve + layout;
+  seconds->layout += work > 0 ? wall * layout / work : 0;
+  seconds->solve += work > 0 ? wall * solve / work : wall;
+  if (execution_.IsStopped()) return absl::CancelledError("cancelled");
+  for (const std::int32_t i : charts) {
+    const bool split_helps = MaySplit() && charts_[i].faces.size() > 1;
+    if (!statuses_[i].ok() && !(split_helps && absl::IsInternal(statuses_[i]))) return statuses_[i];
+  }
+  return absl::OkStatus();
+}
+
+std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::int32_t>& charts) const {
+  std::vector<Segmentation::Cut> split;
+  if (!MaySplit()) return split;
+  for (const std::int32_t i : charts) {
+    if (charts_[i].faces.size() < 2) continue;
+    const ChartMap& map = maps_[i];
+    const bool is_sound = statuses_[i].ok() && map.flatten.converged && map.flatten.barrier == 0;
+    double area = 0;
+    for (const std::int32_t f : charts_[i].faces) area += surface_->area[f];
+    const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
+                              faults_[i].stretch > kStretchSlack * options_.seams.max_stretch;
+    if (!is_sound || faults_[i].does_overlap || is_stretched) {
+      split.push_back({i, faults_[i].face, faults_[i].other_face});
+    }
+  }
+  return split;
+}
+
+absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds* seconds) {
+  Timer timer;
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
+  PLANISH_RETURN_IF_ERROR(Cut(warnings));
+  seconds->charts = timer.Restart();
+  std::vector<std::int32_t> todo(charts_.size());
+  std::iota(todo.begin(), todo.end(), 0);
+  std::int64_t added = 0;
+  for (int round = 0;; ++round) {
+    PLANISH_RETURN_IF_ERROR(MapAll(todo, seconds));
+    const std::vector<Segmentation::Cut> split = ChartsToSplit(todo);
+    timer.Restart();
+    if (split.empty() || round == kMaxRounds) break;
+    PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
+    todo = segmentation_->Split(split, options_.seams.policy == SeamPolicy::kAuto ? options_.seams.max_stretch : 1e300,
+                                execution_);
+    if (execution_.IsStopped()) return absl::CancelledError("cancelled");
+    added += static_cast<std::int64_t>(todo.size() - split.size());
+    charts_.resize(segmentation_->charts().size());
+    for (const std::int32_t i : todo) {
+      charts_[i] = MakeChart(segmentation_->gluing(), segmentation_->charts()[i], {nullptr, execution_.interrupter});
+    }
+    seconds->charts += timer.Restart();
+  }
+  for (const absl::Status& status : statuses_) PLANISH_RETURN_IF_ERROR(status);
+  if (options_.seams.policy == SeamPolicy::kNeeded) {
+    std::int64_t slit = 0;
+    for (int i = 0; i < count(); ++i) slit += segmentation_->HasSlit(i);
+    WarnOfAddedSeams(slit, added, warnings);
+  }
+  return absl::OkStatus();
+}
+
+std::vector<std::int32_t> ChartSet::FaceChart() const {
+  return segmentation_ ? segmentation_->chart() : std::vector<std::int32_t>(mesh_.faces.size(), 0);
+}
+
+std::vector<std::int32_t> ChartSet::Opposite() const {
+  if (!segmentation_) return disc_opposite_;
+  std::vector<std::int32_t> opposite = segmentation_->gluing().opposite();
+  for (int i = 0; i < count(); ++i) {
+    const auto in_mesh = [&](std::int32_t c) { return 3 * charts_[i].faces[c / 3] + c % 3; };
+    for (const std::int32_t slit : maps_[i].closed_slits) {
+      const std::int32_t c = in_mesh(charts_[i].slits[slit].first), d = in_mesh(charts_[i].slits[slit].second);
+      opposite[c] = d;
+      opposite[d] = c;
+    }
+  }
+  return opposite;
+}
+
+Eigen::VectorXd ChartSet::Measured() const {
+  if (!surface_) return MeasuredAngles(mesh_, execution_);
+  return Eigen::Map<const Eigen::VectorXd>(surface_->angle.data(), static_cast<Eigen::Index>(surface_->angle.size()));
+}
+
+}  // namespace planish

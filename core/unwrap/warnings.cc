@@ -1,0 +1,163 @@
+#include "core/unwrap/warnings.h"
+
+#include <functional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+
+namespace planish {
+namespace {
+
+constexpr std::size_t kMaxNamed = 16;
+
+// Those charts that fulfil `predicate`.
+std::vector<int> ChartsWith(const std::vector<ChartReport>& charts,
+                            const std::function<bool(const ChartReport&)>& predicate) {
+  std::vector<int> found;
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    if (predicate(charts[i])) found.push_back(static_cast<int>(i));
+  }
+  return found;
+}
+
+// Of a mesh with several charts: " (chart 3)", " (charts 3, 7 and 5 more)".
+std::string Where(const std::vector<ChartReport>& charts, const std::vector<int>& found) {
+  if (charts.size() == 1) return "";
+  constexpr std::size_t kMaxInMessage = 4;
+  const std::vector<int> first(found.begin(), found.begin() + std::min(found.size(), kMaxInMessage));
+  return absl::StrCat(found.size() == 1 ? " (chart " : " (charts ", absl::StrJoin(first, ", "),
+                      found.size() > kMaxInMessage ? absl::StrCat(" and ", found.size() - kMaxInMessage, " more") : "",
+                      ")");
+}
+
+std::map<std::string, std::string> ChartMetadata(const std::vector<int>& found) {
+  const std::vector<int> first(found.begin(), found.begin() + std::min(found.size(), kMaxNamed));
+  return {{"charts", absl::StrJoin(first, ",")}, {"chart_count", absl::StrCat(found.size())}};
+}
+
+}  // namespace
+
+std::string Counted(std::int64_t count, const std::string& one, const std::string& many) {
+  return absl::StrCat(count, " ", count == 1 ? one : many);
+}
+
+std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces) {
+  return {{"count", std::to_string(count)}, {"faces", absl::StrJoin(faces, ",")}};
+}
+
+void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings) {
+  std::int64_t count = 0;
+  std::vector<std::int32_t> faces;
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(ignored.size()); ++f) {
+    if (!ignored[f]) continue;
+    ++count;
+    if (faces.size() < kMaxNamed) faces.push_back(f);
+  }
+  if (count > 0) {
+    warnings->push_back({"FACES_WITHOUT_AREA",
+                         absl::StrCat(Counted(count, "face has", "faces have"),
+                                      " no area; they get UV, but no promise holds for them"),
+                         FaceMetadata(count, faces)});
+  }
+  if (surface.non_manifold_edges > 0) {
+    warnings->push_back(
+        {"EDGES_NON_MANIFOLD",
+         absl::StrCat("more than two faces meet at ", Counted(surface.non_manifold_edges, "edge", "edges"),
+                      "; charts end there"),
+         {{"count", absl::StrCat(surface.non_manifold_edges)}}});
+  }
+  if (surface.clashing_edges > 0) {
+    warnings->push_back(
+        {"ORIENTATION_INCONSISTENT",
+         absl::StrCat("the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
+                      " run round in opposite senses; charts end there"),
+         {{"count", absl::StrCat(surface.clashing_edges)}}});
+  }
+}
+
+void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings) {
+  if (slit == 0 && added == 0) return;
+  std::vector<std::string> parts;
+  if (slit > 0) parts.push_back(absl::StrCat(Counted(slit, "chart was", "charts were"), " slit open to lie flat"));
+  if (added > 0) {
+    parts.push_back(absl::StrCat(Counted(added, "chart was", "charts were"),
+                                 " split off, as the map would have overlapped itself"));
+  }
+  warnings->push_back({"SEAMS_ADDED", absl::StrCat("seams beside the given ones: ", absl::StrJoin(parts, "; ")),
+                       {{"slit", absl::StrCat(slit)}, {"split", absl::StrCat(added)}}});
+}
+
+void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, std::vector<UnwrapWarning>* warnings) {
+  const auto warn = [&](const std::string& reason, const std::function<bool(const ChartReport&)>& predicate,
+                        const std::function<std::string(const ChartReport&)>& message,
+                        std::map<std::string, std::string> metadata) {
+    const std::vector<int> found = ChartsWith(charts, predicate);
+    if (found.empty()) return;
+    if (charts.size() > 1) metadata.merge(ChartMetadata(found));
+    warnings->push_back({reason, message(charts[found.front()]) + Where(charts, found), std::move(metadata)});
+  };
+  warn(
+      "NOT_CONVERGED", [](const ChartReport& c) { return !c.flatten.converged; },
+      [](const ChartReport& c) { return c.flatten.stop_message; }, {});
+  warn(
+      "PRECONDITIONER_CHANGED", [](const ChartReport& c) { return c.flatten.preconditioner_changed; },
+      [](const ChartReport&) {
+        return "multigrid did not converge on this mesh; a Cholesky factorization took over";
+      },
+      {});
+  warn(
+      "BOUNDARY_NOT_SETTLED", [](const ChartReport& c) { return !c.flatten.boundary.settled; },
+      [](const ChartReport& c) {
+        return absl::StrCat("the active set of the boundary control had not settled after ",
+                            Counted(c.flatten.boundary.set_changes, "change", "changes"),
+                            ": the outline may be not quite convex, or straighter than it need be");
+      },
+      {});
+  double barrier = 0;
+  for (const ChartReport& chart : charts) barrier = std::max(barrier, chart.flatten.barrier);
+  warn(
+      "BARRIER_KEPT", [](const ChartReport& c) { return c.flatten.barrier > 0; },
+      [](const ChartReport& c) {
+        const bool convex = c.flatten.boundary.type == BoundaryType::kConvex;
+        return absl::StrFormat(
+            "the ABF energy alone has no minimum with positive angles on this mesh%s; a "
+            "barrier of %g keeps its triangles open; a seam%s would relieve it",
+            convex ? " with a convex outline" : "", c.flatten.barrier, convex ? " or a free boundary" : "");
+      },
+      {{"barrier", absl::StrFormat("%g", barrier)}});
+  if (max_stretch <= 0) return;
+  double worst = 1;
+  for (const ChartReport& chart : charts) worst = std::max(worst, chart.stretch_l2);
+  warn(
+      "STRETCH_ABOVE_LIMIT", [&](const ChartReport& c) { return c.stretch_l2 > 1.02 * max_stretch; },
+      [&](const ChartReport&) {
+        return absl::StrFormat("stretch of up to %.3g where %.3g was asked for: more seams would not help", worst,
+                               max_stretch);
+      },
+      {{"stretch", absl::StrFormat("%g", worst)}});
+}
+
+void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps,
+                  std::vector<UnwrapWarning>* warnings) {
+  if (orientation.flipped > 0) {
+    warnings->push_back(
+        {"UV_FLIPPED", absl::StrCat(Counted(orientation.flipped, "UV triangle is", "UV triangles are"), " flipped"),
+         FaceMetadata(orientation.flipped, orientation.faces)});
+  }
+  if (orientation.degenerate > 0) {
+    warnings->push_back(
+        {"UV_DEGENERATE",
+         absl::StrCat(Counted(orientation.degenerate, "UV triangle has", "UV triangles have"), " no area"),
+         FaceMetadata(orientation.degenerate, orientation.faces)});
+  }
+  if (overlaps.pairs > 0) {
+    warnings->push_back(
+        {"UV_OVERLAPPING",
+         absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
+                      " of UV triangles overlap: a chart runs over itself; a seam would open it"),
+         FaceMetadata(overlaps.pairs, overlaps.faces)});
+  }
+}
+
+}  // namespace planish

@@ -1,0 +1,32 @@
+// What callers are told about a result, in words and as data.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/charts/surface.h"
+#include "core/unwrap/unwrap.h"
+#include "core/unwrap/verify.h"
+
+namespace planish {
+
+// "1 vertex has", "3 vertices have".
+std::string Counted(std::int64_t count, const std::string& one, const std::string& many);
+
+// FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
+void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings);
+
+// SEAMS_ADDED: `slit` pieces that are no discs were cut open, `added` charts came from splitting others.
+void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings);
+
+// NOT_CONVERGED, PRECONDITIONER_CHANGED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, STRETCH_ABOVE_LIMIT: one warning for all
+// charts concerned. `max_stretch` 0: no limit.
+void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, std::vector<UnwrapWarning>* warnings);
+
+// UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
+void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps, std::vector<UnwrapWarning>* warnings);
+
+// {"count", "faces"}, as metadata.
+std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces);
+
+}  // namespace planish
