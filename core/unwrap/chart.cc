@@ -9,8 +9,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/abf/layout.h"
 #include "core/base/error.h"
-#include "core/base/status_macros.h"
-#include "core/base/timer.h"
 #include "core/mesh/face_order.h"
 #include "core/mesh/predicates.h"
 #include "core/mesh/rows.h"
@@ -322,22 +320,19 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   return faults;
 }
 
-absl::StatusOr<ChartMap> MapChart(const Mesh& mesh, const Chart& chart, Eigen::VectorXd measured,
-                                  const FlattenOptions& options, const FlattenControl& control,
-                                  const Execution& execution) {
+absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd measured, const FlattenOptions& options,
+                                        const FlattenControl& control, const Execution& execution) {
+  const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
+  measured.resize(0);
+  if (execution.IsStopped()) return absl::CancelledError("cancelled");
+  return FlattenAngles(chart.topology, target, options, control);
+}
+
+absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
+                                     const Execution& execution) {
   ChartMap map;
-  Timer timer;
-  Eigen::VectorXd angles;
-  {
-    const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
-    measured.resize(0);
-    if (execution.IsStopped()) return absl::CancelledError("cancelled");
-    PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(chart.topology, target, options, control));
-    map.flatten = std::move(flattening.summary);
-    angles = std::move(flattening.angles);
-  }
-  map.solve_seconds = timer.Restart();
-  Layout layout = LayOut(chart.topology, angles, execution);
+  map.flatten = std::move(flattening.summary);
+  Layout layout = LayOut(chart.topology, flattening.angles, execution);
   if (execution.IsStopped()) return absl::CancelledError("cancelled");
   if (!std::all_of(layout.positions.begin(), layout.positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
@@ -346,7 +341,6 @@ absl::StatusOr<ChartMap> MapChart(const Mesh& mesh, const Chart& chart, Eigen::V
   map.positions = std::move(layout.positions);
   map.closed_slits = CloseSlits(chart, &map.positions);
   ScaleToSurface(mesh, chart, execution, &map.positions);
-  map.layout_seconds = timer.Restart();
   return map;
 }
 

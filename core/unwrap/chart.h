@@ -38,8 +38,7 @@ struct ChartMap {
   FlattenSummary flatten;
   // Per vertex of the chart's topology; the area of the map is that of the surface.
   std::vector<Vec2> positions;
-  std::vector<std::int32_t> closed_slits;        // indices into Chart::slits: both sides have become one line again
-  double solve_seconds = 0, layout_seconds = 0;  // wall-clock
+  std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };
 
 // Judged by UV of the mesh's corners, as delivered: stretch as in ChartFaults, and pairs of triangles of the chart that
@@ -59,11 +58,13 @@ struct ChartFaults {
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        const Execution& execution);
 
-// Angles by ABF, then positions. Slits whose sides come to lie on each other, up to rounding, are closed: as around a
-// hole in a flat sheet. `measured` are the angles on the surface of the chart's corners, radians.
-// Errors as FlattenAngles(); SOLVER_FAILED too if a position is not finite.
-absl::StatusOr<ChartMap> MapChart(const Mesh& mesh, const Chart& chart, Eigen::VectorXd measured,
-                                  const FlattenOptions& options, const FlattenControl& control,
-                                  const Execution& execution);
+// Angles by ABF. `measured` are the angles on the surface of the chart's corners, radians. Errors as FlattenAngles().
+absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd measured, const FlattenOptions& options,
+                                        const FlattenControl& control, const Execution& execution);
+
+// Positions from angles. Slits whose sides come to lie on each other, up to rounding, are closed: as around a hole in a
+// flat sheet. INTERNAL, SOLVER_FAILED: a position is not finite.
+absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
+                                     const Execution& execution);
 
 }  // namespace planish

@@ -97,8 +97,8 @@ absl::Status ChartSet::CheckPieces() const {
                    {{"count", absl::StrCat(count)}, {"faces", absl::StrJoin(first_faces, ",")}});
 }
 
-absl::Status ChartSet::MapOne(std::int32_t i, const Execution& execution, bool reports) {
-  const Chart& chart = charts_[i];
+absl::StatusOr<Flattening> ChartSet::Flatten(std::int32_t i, BoundaryType boundary, const Execution& execution,
+                                             bool reports) {
   FlattenControl control;
   control.interrupter = execution.interrupter;
   control.team = execution.team;
@@ -109,33 +109,49 @@ absl::Status ChartSet::MapOne(std::int32_t i, const Execution& execution, bool r
       control_.on_progress(progress_);
     };
   }
-  const auto measured = [&] {
-    return surface_ ? Gather(chart, surface_->angle.data()) : Gather(chart, MeasuredAngles(mesh_, execution).data());
-  };
-  absl::StatusOr<ChartMap> map = MapChart(mesh_, chart, measured(), options_.flatten, control, execution);
-  if (map.ok() && MaySplit()) {
-    faults_[i] = FindFaults(mesh_, chart, *map, ignored_, execution);
-    // A convex outline cannot run over itself. Where more seams are welcome it is no use: of 200 maps that did, all were
-    // stretched too far by it, at ten times the cost of a split.
-    if (faults_[i].does_overlap && options_.seams.policy == SeamPolicy::kNeeded &&
-        options_.flatten.boundary == BoundaryType::kFree) {
-      FlattenOptions convex = options_.flatten;
-      convex.boundary = BoundaryType::kConvex;
-      absl::StatusOr<ChartMap> other = MapChart(mesh_, chart, measured(), convex, control, execution);
-      if (other.ok() && other->flatten.converged && other->flatten.barrier == 0) {
-        const ChartFaults faults = FindFaults(mesh_, chart, *other, ignored_, execution);
-        if (!faults.does_overlap) {
-          other->solve_seconds += map->solve_seconds;
-          other->layout_seconds += map->layout_seconds;
-          map = std::move(other);
-          faults_[i] = faults;
-        }
-      }
-    }
+  FlattenOptions options = options_.flatten;
+  options.boundary = boundary;
+  const Chart& chart = charts_[i];
+  Eigen::VectorXd measured =
+      surface_ ? Gather(chart, surface_->angle.data()) : Gather(chart, MeasuredAngles(mesh_, execution).data());
+  return FlattenChart(chart, std::move(measured), options, control, execution);
+}
+
+absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
+  const Chart& chart = charts_[i];
+  PLANISH_ASSIGN_OR_RETURN(maps_[i], LayOutChart(mesh_, chart, std::move(flattenings_[i]), execution));
+  if (!MaySplit()) return absl::OkStatus();
+  faults_[i] = FindFaults(mesh_, chart, maps_[i], ignored_, execution);
+  // A convex outline cannot run over itself. Where more seams are welcome it is no use: of 200 maps that did, all were
+  // stretched too far by it, at ten times the cost of a split.
+  if (!faults_[i].does_overlap || options_.seams.policy != SeamPolicy::kNeeded ||
+      options_.flatten.boundary != BoundaryType::kFree) {
+    return absl::OkStatus();
   }
-  if (!map.ok()) return map.status();
-  maps_[i] = *std::move(map);
+  absl::StatusOr<Flattening> convex = Flatten(i, BoundaryType::kConvex, execution, false);
+  if (!convex.ok() || !convex->summary.converged || convex->summary.barrier > 0) return absl::OkStatus();
+  PLANISH_ASSIGN_OR_RETURN(ChartMap map, LayOutChart(mesh_, chart, *std::move(convex), execution));
+  const ChartFaults faults = FindFaults(mesh_, chart, map, ignored_, execution);
+  if (faults.does_overlap) return absl::OkStatus();
+  maps_[i] = std::move(map);
+  faults_[i] = faults;
   return absl::OkStatus();
+}
+
+template <typename Body>
+void ChartSet::ForEachChart(const std::vector<std::int32_t>& charts, const Body& body) {
+  const int threads = execution_.team == nullptr ? 1 : execution_.team->size();
+  const auto small = std::find_if(charts.begin(), charts.end(), [&](std::int32_t i) {
+    return threads > 1 && static_cast<std::int32_t>(charts_[i].faces.size()) < kLargeChart;
+  });
+  for (auto it = charts.begin(); it != small; ++it) body(*it, execution_, true);
+  if (small == charts.end()) return;
+  const std::thread::id self = std::this_thread::get_id();
+  execution_.team->For(charts.end() - small, 1, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t j = begin; j < end; ++j) {
+      body(small[j], Execution{nullptr, execution_.interrupter}, std::this_thread::get_id() == self);
+    }
+  });
 }
 
 absl::Status ChartSet::MapAll(std::vector<std::int32_t> charts, UnwrapSeconds* seconds) {
@@ -143,34 +159,24 @@ absl::Status ChartSet::MapAll(std::vector<std::int32_t> charts, UnwrapSeconds* s
   std::stable_sort(charts.begin(), charts.end(), [&](std::int32_t i, std::int32_t j) {
     return charts_[i].faces.size() > charts_[j].faces.size();
   });
+  flattenings_.resize(charts_.size());
   maps_.resize(charts_.size());
   faults_.resize(charts_.size());
   statuses_.assign(charts_.size(), absl::OkStatus());
+  // The solve announces itself, with its first residual.
   progress_.stage = UnwrapStage::kSolve;
   progress_.chart_count = count();
-  const int threads = execution_.team == nullptr ? 1 : execution_.team->size();
-  const auto small = std::find_if(charts.begin(), charts.end(), [&](std::int32_t i) {
-    return threads > 1 && static_cast<std::int32_t>(charts_[i].faces.size()) < kLargeChart;
+  ForEachChart(charts, [&](std::int32_t i, const Execution& execution, bool reports) {
+    absl::StatusOr<Flattening> flattening = Flatten(i, options_.flatten.boundary, execution, reports);
+    statuses_[i] = flattening.status();
+    if (flattening.ok()) flattenings_[i] = *std::move(flattening);
   });
-  for (auto it = charts.begin(); it != small; ++it) statuses_[*it] = MapOne(*it, execution_, true);
-  if (const std::int64_t n = charts.end() - small; n > 0) {
-    const std::thread::id self = std::this_thread::get_id();
-    execution_.team->For(n, 1, [&](std::int64_t begin, std::int64_t end) {
-      for (std::int64_t j = begin; j < end; ++j) {
-        const std::int32_t i = small[j];
-        statuses_[i] = MapOne(i, {nullptr, execution_.interrupter}, std::this_thread::get_id() == self);
-      }
-    });
-  }
-  double layout = 0, solve = 0;
-  for (const std::int32_t i : charts) {
-    solve += maps_[i].solve_seconds;
-    layout += maps_[i].layout_seconds;
-  }
-  // Threads share the time out as their work goes.
-  const double wall = timer.Seconds(), work = solve + layout;
-  seconds->layout += work > 0 ? wall * layout / work : 0;
-  seconds->solve += work > 0 ? wall * solve / work : wall;
+  seconds->solve += timer.Restart();
+  PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kLayout));
+  ForEachChart(charts, [&](std::int32_t i, const Execution& execution, bool) {
+    if (statuses_[i].ok()) statuses_[i] = Finish(i, execution);
+  });
+  seconds->layout += timer.Restart();
   if (execution_.IsStopped()) return absl::CancelledError("cancelled");
   for (const std::int32_t i : charts) {
     const bool split_helps = MaySplit() && charts_[i].faces.size() > 1;

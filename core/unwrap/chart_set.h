@@ -40,9 +40,15 @@ class ChartSet {
  private:
   absl::Status Cut(std::vector<UnwrapWarning>* warnings);
   absl::Status CheckPieces() const;
-  // Maps these charts, the largest first; those that are worth it with the whole team.
+  // Maps these charts.
   absl::Status MapAll(std::vector<std::int32_t> charts, UnwrapSeconds* seconds);
-  absl::Status MapOne(std::int32_t i, const Execution& execution, bool reports);
+  // body(chart, execution, whether it runs on the calling thread) for each, the largest first, and those that are worth
+  // it with the whole team.
+  template <typename Body>
+  void ForEachChart(const std::vector<std::int32_t>& charts, const Body& body);
+  absl::StatusOr<Flattening> Flatten(std::int32_t i, BoundaryType boundary, const Execution& execution, bool reports);
+  // Layout and faults.
+  absl::Status Finish(std::int32_t i, const Execution& execution);
   // Of these charts, those to be cut again.
   std::vector<Segmentation::Cut> ChartsToSplit(const std::vector<std::int32_t>& charts) const;
   absl::Status Enter(UnwrapStage stage);
@@ -59,6 +65,7 @@ class ChartSet {
   std::vector<char> ignored_;
   double total_area_ = 0;
   std::vector<Chart> charts_;
+  std::vector<Flattening> flattenings_;  // between solve and layout
   std::vector<ChartMap> maps_;
   std::vector<ChartFaults> faults_;
   std::vector<absl::Status> statuses_;

@@ -86,7 +86,9 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
                          {"tolerance", asked.tolerance}};
   const std::int64_t before = ResetPeak();
   timer.Restart();
-  const auto result = Unwrap(mesh, arguments.options, control);
+  UnwrapOptions options = arguments.options;
+  options.seams.policy = SeamPolicy::kNone;
+  const auto result = Unwrap(mesh, options, control);
   const double seconds = timer.Seconds();
   line["peak_bytes"] = StatusBytes("VmHWM") - before;
   if (!result.ok()) {

@@ -64,7 +64,7 @@ int Main(int argc, char** argv) {
 
   const Eigen::VectorXd measured = MeasuredAngles(mesh);
   Quality quality;
-  MeasureDistortion(mesh, measured, MakeTargetAngles(*topology, measured), *uv, &quality);
+  MeasureDistortion(mesh, measured, MakeTargetAngles(*topology, measured), *uv, {}, &quality);
   const OrientationFaults faults = CheckOrientations(*uv);
   const nlohmann::json line = {{"triangles", mesh.num_faces()},
                                {"abf_energy", Finite(quality.abf_energy)},

@@ -10,6 +10,7 @@
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"
 #include "gtest/gtest.h"
+#include "tests/core/disc_options.h"
 #include "tests/core/every_solver.h"
 #include "tests/core/shapes.h"
 
@@ -43,7 +44,7 @@ struct Disc {
 UnwrapResult UnwrapConvex(const Mesh& mesh) {
   UnwrapOptions options;
   options.flatten.boundary = BoundaryType::kConvex;
-  return Unwrap(mesh, options, {}).value();
+  return Unwrap(mesh, testing::AsDisc(options), {}).value();
 }
 
 // Sum of the delivered UV angles at every boundary vertex, the largest one.
@@ -74,7 +75,7 @@ TEST(BoundaryControl, MakesEveryOutlineConvexAndInjective) {
     EXPECT_LE(summary.residual.Max(), 1e-9);
     EXPECT_EQ(result.quality.flipped + result.quality.degenerate, 0);
     const OrientationFaults orientation = CheckOrientations(result.uv);
-    EXPECT_EQ(CheckOverlaps(CheckDisc(mesh).value(), result.uv, orientation).pairs, 0);
+    EXPECT_EQ(CheckOverlaps(CheckDisc(mesh).value().opposite, result.uv, orientation).pairs, 0);
     EXPECT_LT(LargestBoundaryAngle(mesh, result.uv), kPi + (result.precision == Precision::kDouble ? 1e-8 : 1e-3));
     for (const UnwrapWarning& warning : result.warnings) EXPECT_NE(warning.reason, "BOUNDARY_NOT_SETTLED");
   }

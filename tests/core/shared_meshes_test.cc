@@ -10,6 +10,7 @@
 #include "core/mesh/disc_check.h"
 #include "core/unwrap/unwrap.h"
 #include "gtest/gtest.h"
+#include "tests/core/disc_options.h"
 #include "tests/core/shapes.h"
 
 namespace planish {
@@ -56,7 +57,7 @@ TEST_F(SharedMeshes, EveryDiscComesBackFlat) {
   for (const auto& [file, energy] : reference) {
     const Mesh mesh = testing::ReadTriangleObj(kMeshes / file);
     UnwrapOptions options;
-    const auto result = Unwrap(mesh, options, {});
+    const auto result = Unwrap(mesh, testing::AsDisc(options), {});
     ASSERT_TRUE(result.ok()) << file << " " << result.status();
     const FlattenSummary& summary = result->charts.at(0).flatten;
     EXPECT_TRUE(summary.converged) << file << " " << summary.stop_message;
@@ -89,7 +90,7 @@ TEST_F(SharedMeshes, EveryDiscCanHaveAConvexOutline) {
     if (file == "koala_seam_99994.obj" || file == "boot_seam_39906.obj") continue;
     UnwrapOptions options;
     options.flatten.boundary = BoundaryType::kConvex;
-    const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / file), options, {});
+    const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / file), testing::AsDisc(options), {});
     ASSERT_TRUE(result.ok()) << file << " " << result.status();
     const FlattenSummary& summary = result->charts.at(0).flatten;
     EXPECT_TRUE(summary.converged && summary.boundary.settled) << file << " " << summary.stop_message;
@@ -124,7 +125,7 @@ TEST_F(SharedMeshes, TheSolversAsInThePaperAgreeWithTheDirectOne) {
 }
 
 TEST_F(SharedMeshes, TheSphereThroughAThreeEdgeHoleConverges) {
-  const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "punctured_sphere_223.obj"), {}, {});
+  const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "punctured_sphere_223.obj"), testing::AsDisc(), {});
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_TRUE(result->charts.at(0).flatten.converged) << result->charts[0].flatten.stop_message;
   EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0);
@@ -152,7 +153,7 @@ TEST_F(SharedMeshes, WhatIsNoDiscIsRefusedWithTheFault) {
       {"soup_100.obj", "MESH_SEVERAL_COMPONENTS"},
   };
   for (const auto& [file, reason] : expected) {
-    const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / file), {}, {});
+    const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / file), testing::AsDisc(), {});
     EXPECT_EQ(ErrorInfoOf(result.status()).reason, reason) << file << " " << result.status();
   }
 }

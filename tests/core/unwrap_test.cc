@@ -18,6 +18,7 @@
 #include "core/unwrap/verify.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/core/disc_options.h"
 #include "tests/core/shapes.h"
 
 namespace planish {
@@ -35,7 +36,7 @@ CornerUv PlanarUv(const Mesh& mesh) {
 std::int64_t BruteForceOverlaps(const Topology& topology, const CornerUv& uv) {
   OrientationFaults pretend;
   pretend.flipped = 1;  // keeps CheckOverlaps from the short cut
-  return CheckOverlaps(topology, uv, pretend).pairs;
+  return CheckOverlaps(topology.opposite, uv, pretend).pairs;
 }
 
 TEST(Verify, CountsPlantedFaults) {
@@ -43,7 +44,7 @@ TEST(Verify, CountsPlantedFaults) {
   const Topology topology = CheckDisc(mesh).value();
   const CornerUv uv = PlanarUv(mesh);
   EXPECT_EQ(CheckOrientations(uv).flipped, 0);
-  EXPECT_EQ(CheckOverlaps(topology, uv, CheckOrientations(uv)).pairs, 0);
+  EXPECT_EQ(CheckOverlaps(topology.opposite, uv, CheckOrientations(uv)).pairs, 0);
 
   CornerUv mirrored = uv;
   for (std::size_t i = 0; i < mirrored.size(); i += 2) mirrored[i] = -mirrored[i];
@@ -65,7 +66,7 @@ TEST(Verify, FindsAChartThatRunsOverItself) {
   const Topology topology = CheckDisc(spiral).value();
   const CornerUv uv = PlanarUv(spiral);
   ASSERT_EQ(CheckOrientations(uv).flipped, 0);
-  const Overlaps overlaps = CheckOverlaps(topology, uv, CheckOrientations(uv));
+  const Overlaps overlaps = CheckOverlaps(topology.opposite, uv, CheckOrientations(uv));
   EXPECT_GT(overlaps.pairs, 20);
   EXPECT_FALSE(overlaps.limited);
   EXPECT_FALSE(overlaps.faces.empty());
@@ -80,7 +81,7 @@ TEST(Verify, ShortCutAgreesWithAllPairs) {
     const Topology topology = CheckDisc(ring).value();
     const CornerUv uv = PlanarUv(ring);
     ASSERT_EQ(CheckOrientations(uv).flipped, 0);
-    const std::int64_t pairs = CheckOverlaps(topology, uv, CheckOrientations(uv)).pairs;
+    const std::int64_t pairs = CheckOverlaps(topology.opposite, uv, CheckOrientations(uv)).pairs;
     EXPECT_EQ(pairs, BruteForceOverlaps(topology, uv));
     EXPECT_EQ(pairs > 0, turn > 2 * M_PI) << turn;
   }
@@ -99,7 +100,7 @@ TEST(Distortion, OfKnownMaps) {
       uv[i + 1] = p.y();
     }
     Quality q;
-    MeasureDistortion(mesh, measured, target, uv, &q);
+    MeasureDistortion(mesh, measured, target, uv, {}, &q);
     return q;
   };
   Eigen::Matrix2d similarity, stretch;
@@ -154,11 +155,11 @@ TEST(Interrupt, IsNoticedInEveryStage) {
     EXPECT_EQ(CheckOrientations(collapsed, execution).degenerate, 0);
     OrientationFaults pretend;
     pretend.flipped = 1;
-    const Overlaps overlaps = CheckOverlaps(topology, collapsed, pretend, execution);
+    const Overlaps overlaps = CheckOverlaps(topology.opposite, collapsed, pretend, execution);
     EXPECT_TRUE(overlaps.limited);
     EXPECT_EQ(overlaps.pairs, 0);
     Quality quality;
-    MeasureDistortion(mesh, measured, target, collapsed, &quality, execution);
+    MeasureDistortion(mesh, measured, target, collapsed, {}, &quality, execution);
     EXPECT_EQ(quality.packing_efficiency, 0);
     EXPECT_EQ(quality.stretch_l2, 1);
     const BoxTree tree(std::vector<Box>(9000, {{0, 0}, {1, 1}}), execution);
@@ -181,7 +182,7 @@ TEST(Interrupt, EndsTheStageThatIsUnderWay) {
     };
     UnwrapOptions options;
     options.threads = 2;
-    EXPECT_EQ(Unwrap(mesh, options, control).status().code(), absl::StatusCode::kCancelled);
+    EXPECT_EQ(Unwrap(mesh, testing::AsDisc(options), control).status().code(), absl::StatusCode::kCancelled);
     EXPECT_EQ(seen, last);
   }
 }
@@ -190,11 +191,11 @@ TEST(Threads, ChangeNoBit) {
   for (const Mesh& mesh : {testing::Hills(70, 50), testing::PuncturedSphere(40, 0.6)}) {
     UnwrapOptions options;
     options.precision = Precision::kDouble;
-    const auto alone = Unwrap(mesh, options, {});
+    const auto alone = Unwrap(mesh, testing::AsDisc(options), {});
     ASSERT_TRUE(alone.ok()) << alone.status();
     for (const int threads : {2, 3}) {
       options.threads = threads;
-      const auto together = Unwrap(mesh, options, {});
+      const auto together = Unwrap(mesh, testing::AsDisc(options), {});
       ASSERT_TRUE(together.ok()) << together.status();
       EXPECT_EQ(together->uv, alone->uv) << threads;
       EXPECT_EQ(together->quality.abf_energy, alone->quality.abf_energy);
@@ -208,7 +209,7 @@ TEST(Threads, OutOfRangeAreRefused) {
   for (const int threads : {0, -1, kMaxThreads + 1}) {
     UnwrapOptions options;
     options.threads = threads;
-    const ErrorInfo info = ErrorInfoOf(Unwrap(testing::Plane(2, 2), options, {}).status());
+    const ErrorInfo info = ErrorInfoOf(Unwrap(testing::Plane(2, 2), testing::AsDisc(options), {}).status());
     EXPECT_EQ(info.reason, "OPTIONS_INVALID");
     EXPECT_EQ(info.metadata.at("field"), "threads");
   }
@@ -222,13 +223,13 @@ TEST(Verify, CountingEndsAtTheSamePlaceForAnyTeam) {
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     for (const Vec2& p : {Vec2(0, 0), Vec2(1, 0), Vec2(f / 1e6, 1)}) uv.insert(uv.end(), {p.x(), p.y()});
   }
-  const Overlaps alone = CheckOverlaps(topology, uv, CheckOrientations(uv));
+  const Overlaps alone = CheckOverlaps(topology.opposite, uv, CheckOrientations(uv));
   EXPECT_EQ(alone.pairs, kMaxOverlaps);
   EXPECT_TRUE(alone.limited);
   EXPECT_EQ(alone.faces.size(), 16u);
   ThreadTeam team(3);
   for (int i = 0; i < 5; ++i) {
-    const Overlaps together = CheckOverlaps(topology, uv, CheckOrientations(uv), {&team, nullptr});
+    const Overlaps together = CheckOverlaps(topology.opposite, uv, CheckOrientations(uv), {&team, nullptr});
     EXPECT_EQ(together.pairs, kMaxOverlaps);
     EXPECT_EQ(together.faces, alone.faces);
   }
@@ -271,7 +272,7 @@ TEST(Unwrap, DeliversAVerifiedMap) {
   control.on_progress = [&](const UnwrapProgress& progress) {
     if (stages.empty() || stages.back() != progress.stage) stages.push_back(progress.stage);
   };
-  const auto result = Unwrap(mesh, {}, control);
+  const auto result = Unwrap(mesh, testing::AsDisc(), control);
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_TRUE(result->charts.at(0).flatten.converged);
   EXPECT_LE(result->charts[0].flatten.residual.Max(), 1e-9);
@@ -293,7 +294,7 @@ TEST(Unwrap, DeliversAVerifiedMap) {
 TEST(Unwrap, DeliversDoubleOnlyWhereFloatLosesTheMap) {
   const Mesh mesh = testing::PuncturedSphere(60, 0.05);
   UnwrapOptions options;
-  const auto automatic = Unwrap(mesh, options, {});
+  const auto automatic = Unwrap(mesh, testing::AsDisc(options), {});
   ASSERT_TRUE(automatic.ok()) << automatic.status();
   EXPECT_EQ(automatic->precision, Precision::kFloat);
 
@@ -310,7 +311,7 @@ TEST(Unwrap, DeliversDoubleOnlyWhereFloatLosesTheMap) {
   *at_centre = {split[0], split[1], n};
   speck.faces.push_back({split[1], split[2], n});
   speck.faces.push_back({split[2], split[0], n});
-  const auto fine = Unwrap(speck, options, {});
+  const auto fine = Unwrap(speck, testing::AsDisc(options), {});
   ASSERT_TRUE(fine.ok()) << fine.status();
   EXPECT_EQ(fine->precision, Precision::kDouble);
   EXPECT_EQ(fine->quality.flipped + fine->quality.degenerate, 0);
@@ -318,7 +319,7 @@ TEST(Unwrap, DeliversDoubleOnlyWhereFloatLosesTheMap) {
   EXPECT_EQ(fine->warnings[0].reason, "UV_PRECISION");
 
   options.precision = Precision::kFloat;
-  const auto coarse = Unwrap(speck, options, {});
+  const auto coarse = Unwrap(speck, testing::AsDisc(options), {});
   ASSERT_TRUE(coarse.ok());
   EXPECT_EQ(coarse->precision, Precision::kFloat);
   EXPECT_GT(coarse->quality.flipped + coarse->quality.degenerate, 0);
@@ -327,9 +328,9 @@ TEST(Unwrap, DeliversDoubleOnlyWhereFloatLosesTheMap) {
 TEST(Unwrap, SaysWhatFloatCosts) {
   const Mesh mesh = testing::PuncturedSphere(60, 0.05);
   UnwrapOptions options;
-  const auto in_float = Unwrap(mesh, options, {});
+  const auto in_float = Unwrap(mesh, testing::AsDisc(options), {});
   options.precision = Precision::kDouble;
-  const auto in_double = Unwrap(mesh, options, {});
+  const auto in_double = Unwrap(mesh, testing::AsDisc(options), {});
   ASSERT_TRUE(in_float.ok() && in_double.ok());
   ASSERT_EQ(in_float->precision, Precision::kFloat);
   const auto warned = [](const UnwrapResult& result) {
@@ -351,14 +352,14 @@ TEST(Unwrap, CanBeInterruptedInEveryStage) {
     control.on_progress = [&](const UnwrapProgress& progress) {
       if (progress.stage == stage) interrupter.Interrupt();
     };
-    EXPECT_EQ(Unwrap(mesh, {}, control).status().code(), absl::StatusCode::kCancelled) << static_cast<int>(stage);
+    EXPECT_EQ(Unwrap(mesh, testing::AsDisc(), control).status().code(), absl::StatusCode::kCancelled) << static_cast<int>(stage);
   }
 }
 
 TEST(Unwrap, WarnsOfIsolatedVertices) {
   Mesh mesh = testing::Plane(3, 3);
   mesh.positions.push_back({9, 9, 9});
-  const auto result = Unwrap(mesh, {}, {});
+  const auto result = Unwrap(mesh, testing::AsDisc(), {});
   ASSERT_TRUE(result.ok()) << result.status();
   ASSERT_EQ(result->warnings.size(), 1u);
   EXPECT_EQ(result->warnings[0].reason, "ISOLATED_VERTICES");
