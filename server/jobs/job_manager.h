@@ -143,6 +143,7 @@ class JobManager {
   struct Live {
     std::shared_ptr<JobEventLog> events;
     std::string mesh;                  // while QUEUED
+    std::vector<std::int32_t> seam_corners;  // while QUEUED
     std::shared_ptr<WorkerLink> link;  // while a worker has it
     v1::Progress progress;             // latest
     bool has_progress = false;
