@@ -215,7 +215,8 @@ void DefineInspect(CLI::App& app, Arguments& arguments) {
   CLI::App& inspect = *app.add_subcommand("inspect", "Say what a mesh is like and what unwrap would do with it");
   inspect.parse_complete_callback([&arguments] { arguments.command = Command::kInspect; });
   inspect.footer(
-      "Needs no server. Exit codes: 0 unwrap would take the mesh, 1 it would refuse it, 2 bad usage or unreadable file.");
+      "Needs no server. Exit codes: 0 unwrap would take the mesh, 1 it would refuse it, 2 bad usage or unreadable "
+      "file.");
   inspect.add_option("IN", arguments.input, "Mesh file, as for unwrap")->required()->type_name("");
   AddJson(inspect, arguments);
 }

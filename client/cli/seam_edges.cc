@@ -129,11 +129,11 @@ std::vector<std::int32_t> PolygonEdges::ListedIn(const std::string& path) const 
                       " to " + std::to_string(last));
       }
     }
-    const auto [low, high] = std::minmax({static_cast<std::int32_t>(ends[0] - first),
-                                          static_cast<std::int32_t>(ends[1] - first)});
-    const auto found = std::lower_bound(
-        half_edges_.begin(), half_edges_.end(), std::pair(low, high),
-        [](const HalfEdge& h, const auto& edge) { return std::pair(h.low, h.high) < edge; });
+    const auto [low, high] =
+        std::minmax({static_cast<std::int32_t>(ends[0] - first), static_cast<std::int32_t>(ends[1] - first)});
+    const auto found =
+        std::lower_bound(half_edges_.begin(), half_edges_.end(), std::pair(low, high),
+                         [](const HalfEdge& h, const auto& edge) { return std::pair(h.low, h.high) < edge; });
     if (found == half_edges_.end() || found->low != low || found->high != high) {
       Malformed(path, line_number,
                 "no face of " + file_.path + " has an edge from vertex " + words[0] + " to vertex " + words[1]);

@@ -9,8 +9,8 @@
 
 namespace planish::cli {
 
-// The edges of a file's polygons at which its triangles meet. Diagonals, which only the triangulation has, are not among
-// them.
+// The edges of a file's polygons at which its triangles meet. Diagonals, which only the triangulation has, are not
+// among them.
 class PolygonEdges {
  public:
   // Both must outlive this object; `triangles` is that of `file.mesh`. O(F log F).

@@ -79,8 +79,8 @@ std::string OutlinesText(const std::vector<ChartReport>& charts) {
     vertices += chart.boundary.vertices;
   }
   if (settled == 0) return "";
-  return (charts.size() == 1 ? "The outline is convex" : "The outlines of " + Counted(settled, "chart", "charts") +
-                                                             " are convex") +
+  return (charts.size() == 1 ? "The outline is convex"
+                             : "The outlines of " + Counted(settled, "chart", "charts") + " are convex") +
          std::string(": straight at ") + WithCommas(active) + (charts.size() == 1 ? " of its " : " of their ") +
          Counted(vertices, "vertex", "vertices") + ".\n";
 }
@@ -141,8 +141,7 @@ std::string WhyNotUsable(const Report& report) {
   std::vector<std::string> reasons;
   const ChartTotals& totals = report.chart_totals;
   if (totals.not_converged > 0) {
-    reasons.push_back(totals.charts == 1 ? "the solve did not converge"
-                                         : UnconvergedText(report));
+    reasons.push_back(totals.charts == 1 ? "the solve did not converge" : UnconvergedText(report));
   }
   const Quality& quality = report.quality;
   if (quality.flipped > 0) {

@@ -141,8 +141,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     if (arguments.detach) return Detach(arguments, command.view(), server.client(), call_options);
 
     view = NewProgressView(arguments.progress, file_name);
-    Call call =
-        server.client().StartUnwrap(command.view(), arguments.options, view->AsCallbacks(), call_options);
+    Call call = server.client().StartUnwrap(command.view(), arguments.options, view->AsCallbacks(), call_options);
     interrupts.SetCancel([&] {
       view->OnNotice(kCancelling);
       call.Cancel();

@@ -39,10 +39,11 @@ absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh
   }
   const std::int64_t bytes = request.MeshBytes();
   if (bytes > max_mesh_bytes) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
-                     absl::StrCat("the mesh has ", bytes, request.seam_corners.empty() ? "" : " bytes with its seams",
-                                  request.seam_corners.empty() ? " bytes, this" : ", this server takes at most ", max_mesh_bytes),
-                     {{"bytes", absl::StrCat(bytes)}, {"max_mesh_bytes", absl::StrCat(max_mesh_bytes)}});
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+        absl::StrCat("the mesh has ", bytes, request.seam_corners.empty() ? "" : " bytes with its seams",
+                     request.seam_corners.empty() ? " bytes, this" : ", this server takes at most ", max_mesh_bytes),
+        {{"bytes", absl::StrCat(bytes)}, {"max_mesh_bytes", absl::StrCat(max_mesh_bytes)}});
   }
   if (request.request_id.size() > kMaxRequestId) return TooLong("request_id", kMaxRequestId);
   if (request.label.size() > kMaxLabel) return TooLong("label", kMaxLabel);

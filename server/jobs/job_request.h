@@ -28,7 +28,8 @@ struct JobRequest {
 };
 
 // INVALID_ARGUMENT naming the field (metadata "field"; reason MESH_MISSING, REQUEST_INVALID, OPTIONS_INVALID for a
-// negative seam corner, with its id as "corner", or what `validate_options` says); RESOURCE_EXHAUSTED with MESH_TOO_LARGE. `validate_options` may be null.
+// negative seam corner, with its id as "corner", or what `validate_options` says); RESOURCE_EXHAUSTED with
+// MESH_TOO_LARGE. `validate_options` may be null.
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options);
 

@@ -137,8 +137,9 @@ grpc::ServerUnaryReactor* Finish(grpc::CallbackServerContext* context, absl::Sta
   return Finish(context, result.status());
 }
 
-// Takes the mesh and its seams out of the request instead of keeping them twice: gRPC keeps the request until the call ends, which for
-// Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads it again.
+// Takes the mesh and its seams out of the request instead of keeping them twice: gRPC keeps the request until the call
+// ends, which for Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads it
+// again.
 template <class Request>
 JobRequest TakeRequest(const Request* request) {
   JobRequest job;

@@ -110,10 +110,10 @@ WorkResult Failure(const absl::Status& status) {
 
 bool ProgressThrottle::Pass(const v1::Progress& progress) {
   const bool one_chart = progress.chart_count() <= 1;
-  const bool news = !last_.has_value() || progress.stage() != last_->stage() ||
-                    progress.elapsed_seconds() - last_->elapsed_seconds() >= kIntervalSeconds ||
-                    (one_chart && (progress.linear_residual() == 0 ||
-                                   progress.newton_iteration() != last_->newton_iteration()));
+  const bool news =
+      !last_.has_value() || progress.stage() != last_->stage() ||
+      progress.elapsed_seconds() - last_->elapsed_seconds() >= kIntervalSeconds ||
+      (one_chart && (progress.linear_residual() == 0 || progress.newton_iteration() != last_->newton_iteration()));
   if (news) last_ = progress;
   return news;
 }

@@ -173,7 +173,9 @@ TEST_F(ClientTest, SeamsThatAreNoneAreRefusedBeforeTheyTravel) {
   Error error = ErrorOf([&] { NewClient().Unwrap(mesh.WithSeams(diagonal)); });
   EXPECT_EQ(error.reason(), "OPTIONS_INVALID");
   EXPECT_EQ(error.metadata().at("edges"), "2-5") << "in the caller's ids";
-  EXPECT_EQ(ErrorOf([&] { NewClient().Unwrap(mesh.WithSeams(std::vector<std::int32_t>{1, 2, 4})); }).reason(),
+  EXPECT_EQ(ErrorOf([&] {
+              NewClient().Unwrap(mesh.WithSeams(std::vector<std::int32_t>{1, 2, 4}));
+            }).reason(),
             "OPTIONS_INVALID");
   for (const std::int32_t corner : {-1, 6}) {
     error = ErrorOf([&] { NewClient().Unwrap(mesh.WithSeamCorners(std::vector<std::int32_t>{0, corner})); });

@@ -16,7 +16,8 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 // Two quads side by side, 0 1 4 3 and 1 2 5 4, which meet at the edge 1-4, and a triangle 2 6 5 at the edge 2-5.
-// Triangles: (0 1 4) (0 4 3) (1 2 5) (1 5 4) (2 6 5); their corners are numbered 0 to 14. Corner 2 faces 0-1, and so on.
+// Triangles: (0 1 4) (0 4 3) (1 2 5) (1 5 4) (2 6 5); their corners are numbered 0 to 14. Corner 2 faces 0-1, and so
+// on.
 class PolygonEdgesTest : public ::testing::Test {
  protected:
   PolygonEdgesTest() {
@@ -111,7 +112,7 @@ TEST_F(PolygonEdgesTest, ListsAreCheckedLineByLine) {
 }
 
 TEST_F(PolygonEdgesTest, SourcesThatTheFileDoesNotHaveAreRefused) {
-  for (bool SeamList::* source : {&SeamList::uv, &SeamList::materials, &SeamList::groups}) {
+  for (bool SeamList::*source : {&SeamList::uv, &SeamList::materials, &SeamList::groups}) {
     SeamList list;
     list.*source = true;
     try {

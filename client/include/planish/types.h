@@ -25,8 +25,9 @@ class MeshView {
   MeshView(std::span<const double> positions, std::span<const std::int32_t> triangles);
 
   // The same mesh with given seams: edges along which charts part, in addition to hard edges
-  // (UnwrapOptions::hard_edge_degrees); what Seams adds to them is its own affair. By the two vertices of each edge, two
-  // ids per edge in any order: a pair that no triangle has as an edge is refused (OPTIONS_INVALID, metadata "edges").
+  // (UnwrapOptions::hard_edge_degrees); what Seams adds to them is its own affair. By the two vertices of each edge,
+  // two ids per edge in any order: a pair that no triangle has as an edge is refused (OPTIONS_INVALID, metadata
+  // "edges").
   MeshView WithSeams(std::span<const std::uint32_t> vertex_pairs) const;
   MeshView WithSeams(std::span<const std::int32_t> vertex_pairs) const;
   // By corners: number 3 t + k stands for the edge that corner k of triangle t faces, between its other two corners.
