@@ -42,8 +42,8 @@ struct Triangulation {
   std::vector<std::int64_t> corner_of_triangle;  // per corner 3 f + k: corner of the polygon mesh
 };
 
-// Fans: polygon (c0, c1, ..., cn) becomes (c0, c1, c2), (c0, c2, c3), ..., in the order of the polygons. Vertices keep
-// their order. Indices of `polygons` must be in range.
+// Each polygon into the triangles of core/io/ear_clipping.h, in the order of the polygons. Vertices keep their order.
+// Indices of `polygons` must be in range.
 Triangulation Triangulate(const PolygonMesh& polygons);
 
 }  // namespace planish

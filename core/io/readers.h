@@ -16,6 +16,7 @@
 
 namespace planish {
 
+// A corner that refers to a vt that is not there has none: its geometry is sound, and the vt will be replaced.
 absl::StatusOr<PolygonMesh> ReadObj(const std::string& path, std::string_view text);
 absl::StatusOr<PolygonMesh> ReadPly(const std::string& path, std::string_view bytes);
 absl::StatusOr<PolygonMesh> ReadOff(const std::string& path, std::string_view text);
