@@ -27,13 +27,13 @@ Mesh AsSent(const MeshInput& input) {
   return mesh;
 }
 
-// From triangles to the file's polygons, each once: those of one polygon stand together.
+// From triangles to the file's polygons, each once.
 std::vector<std::int64_t> Polygons(const MeshInput& input, const std::vector<std::int64_t>& triangles) {
   std::vector<std::int64_t> polygons;
   for (const std::int64_t t : triangles) {
-    polygons.push_back(input.triangulation().source_polygon[static_cast<std::size_t>(t)]);
+    const std::int64_t polygon = input.triangulation().source_polygon[static_cast<std::size_t>(t)];
+    if (std::find(polygons.begin(), polygons.end(), polygon) == polygons.end()) polygons.push_back(polygon);
   }
-  polygons.erase(std::unique(polygons.begin(), polygons.end()), polygons.end());
   return polygons;
 }
 
@@ -187,8 +187,10 @@ std::string Paragraph(const std::string& heading, const std::vector<std::string>
 
 std::vector<std::string> SurfaceLines(const Diagnosis& d) {
   const auto components = static_cast<std::int64_t>(d.components.size());
+  if (components == 0) return {"none: no triangle has area"};
   std::vector<std::string> lines = {
-      Counted(components, "component", "components") + ", " +
+      Counted(components, "component", "components") +
+      (components == 1 && d.components[0].IsDisc() ? ", a disc, " : ", ") +
       (d.boundary_loops() == 0 ? "closed"
                                : Counted(d.boundary_loops(), "boundary loop", "boundary loops") + " with " +
                                      Counted(d.boundary_edges, "edge", "edges")) +
@@ -301,11 +303,13 @@ std::string InspectionText(const MeshInput& input, const Inspection& inspection)
       Counted(d.faces, "triangle", "triangles") +
       (inspection.polygons == d.faces ? "" : " in " + Counted(inspection.polygons, "polygon", "polygons")) + "\n\n";
   text += Paragraph("Surface", SurfaceLines(d));
-  const Vec3 size = d.box_max - d.box_min;
-  text += Paragraph("Size", {Significant(size.x()) + " x " + Significant(size.y()) + " x " + Significant(size.z()) +
-                             ", area " + Significant(d.area)});
-  text +=
-      Paragraph("Angles", {Significant(d.angle_min_degrees) + " to " + Significant(d.angle_max_degrees) + " degrees"});
+  if (d.area > 0) {
+    const Vec3 size = d.box_max - d.box_min;
+    text += Paragraph("Size", {Significant(size.x(), 3) + " x " + Significant(size.y(), 3) + " x " +
+                               Significant(size.z(), 3) + ", area " + Significant(d.area, 3)});
+    text += Paragraph(
+        "Angles", {Significant(d.angle_min_degrees, 4) + " to " + Significant(d.angle_max_degrees, 4) + " degrees"});
+  }
   if (inspection.uv_islands > 0) {
     text += Paragraph("UV", {Counted(inspection.uv_islands, "island", "islands") + ", " +
                              Counted(inspection.uv_seams, "seam edge", "seam edges")});
@@ -319,7 +323,7 @@ std::string InspectionText(const MeshInput& input, const Inspection& inspection)
     findings.push_back(finding.text);
     if (!finding.places.empty()) findings.push_back("  " + finding.places);
   }
-  if (findings.empty()) findings.emplace_back("no faults");
+  if (findings.empty()) findings.emplace_back("none");
   text += "\n" + Paragraph("Findings", findings) + "\n";
   if (inspection.refusal) {
     text += Paragraph("Unwrap", {std::string("refuses it: ") + inspection.refusal->what() + " [" +

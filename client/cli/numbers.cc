@@ -33,8 +33,8 @@ std::string Fixed(double number, int digits) {
   return Format("%.*f", digits, number);
 }
 
-std::string Significant(double number) {
-  return Format("%.3g", number);
+std::string Significant(double number, int digits) {
+  return Format("%.*g", digits, number);
 }
 
 std::string Duration(double seconds) {

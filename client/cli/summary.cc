@@ -92,7 +92,7 @@ std::string AtlasText(const Report& report) {
   const std::string size = WithCommas(atlas.texture_size);
   return "Packed into " + Counted(atlas.tiles, "tile", "tiles") + " of " + size + " x " + size + " texels, " +
          Fixed(100 * report.quality.packing_efficiency, 0) + " % covered, " +
-         Counted(atlas.padding, "texel", "texels") + " between charts, " + Significant(atlas.texels_per_unit) +
+         Counted(atlas.padding, "texel", "texels") + " between charts, " + Significant(atlas.texels_per_unit, 3) +
          " texels per unit of length.\n";
 }
 

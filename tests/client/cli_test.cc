@@ -296,6 +296,8 @@ TEST(NumbersTest, ForPeople) {
   EXPECT_EQ(WithCommas(999), "999");
   EXPECT_EQ(WithCommas(1000), "1,000");
   EXPECT_EQ(WithCommas(-1234567), "-1,234,567");
+  EXPECT_EQ(Significant(341.23, 3), "341");
+  EXPECT_EQ(Significant(179.84, 4), "179.8");
   EXPECT_EQ(Duration(0.424), "0.42 s");
   EXPECT_EQ(Duration(12.34), "12.3 s");
   EXPECT_EQ(Duration(59.96), "1:00");
