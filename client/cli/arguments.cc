@@ -33,6 +33,18 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj --picture=map.png
   planish unwrap face.obj -o uv.obj --solver=uzawa --system=full --preconditioner=none   (the paper as written)
 
+Seams: --seams takes a comma-separated list of at most one policy and any number of sources.
+  auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
+  needed       the given seams, and more only where a piece is no disc or would overlap itself; what sources
+               without a policy mean
+  keep         the given seams and no others: a piece that is no disc is refused
+  none         no cut: the mesh must be a disc
+  uv           borders of the UV islands that the file has
+  materials    between faces of different materials
+  groups       between faces of different objects or groups
+  hard[:DEG]   edges whose faces' normals are further apart than DEG degrees [66]
+  edges:FILE   two vertex numbers per line, as the mesh file counts them (an OBJ from 1, others from 0)
+
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
 
 const char* ToString(ProgressMode mode) {
@@ -116,14 +128,6 @@ void AddTimeout(CLI::App& app, Arguments& arguments, const std::string& descript
       ->type_name("SECONDS");
 }
 
-constexpr char kSeamsHelp[] =
-    "Where to cut, a comma-separated list.\n"
-    "A policy: auto adds as many seams as --max-stretch needs [alone]; needed: only where a piece is no disc or would "
-    "overlap itself [with sources alone]; keep: none, the pieces must be discs; none: the mesh must be a disc.\n"
-    "Sources of given seams: uv, the borders of the file's UV islands; materials; groups, objects too; hard or "
-    "hard:DEG, edges sharper than that [66]; edges:FILE, two vertex numbers per line, as the mesh file counts them "
-    "(an OBJ from 1)";
-
 void AddSeams(CLI::App& app, Arguments& arguments) {
   app.add_option_function<std::string>(
          "--seams",
@@ -134,7 +138,7 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
            arguments.options.seams = arguments.seams.policy;
            arguments.options.hard_edge_degrees = arguments.seams.hard_edge_degrees;
          },
-         kSeamsHelp)
+         "Where to cut: a policy and sources of given seams, see below [auto]")
       ->type_name("LIST");
   app.add_option("--max-stretch", arguments.options.max_stretch,
                  "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.05]")
