@@ -62,7 +62,7 @@ v1::Capabilities Capabilities(const ServerFlags& flags) {
   capabilities.set_workers(flags.workers);
   capabilities.set_threads(flags.threads);
   capabilities.set_queue_capacity(flags.queue);
-  capabilities.add_seams(v1::SEAMS_NONE);
+  for (const v1::Seams seams : SeamPolicies()) capabilities.add_seams(seams);
   for (const v1::SolverCombination& combination : SolverCombinations()) *capabilities.add_solvers() = combination;
   return capabilities;
 }

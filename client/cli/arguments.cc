@@ -14,10 +14,11 @@ namespace planish::cli {
 namespace {
 
 constexpr char kExamples[] = R"(Examples:
-  planish unwrap face.obj -o face_uv.obj             flatten a disc; starts a server of its own
+  planish unwrap face.obj -o face_uv.obj             unwrap a mesh; starts a server of its own
   planish unwrap face.ply -o face.obj --json         and print the report as JSON
   planish unwrap face.obj -o uv.obj --server=farm:7741
   planish unwrap big.obj --detach --server=farm:7741
+  planish inspect scan.stl                           what is wrong with it, and what unwrap would do
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
 Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
@@ -27,8 +28,22 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj
   planish unwrap scan.stl -o scan.obj --precision=double --json > report.json
   planish unwrap face.obj -o - > face_uv.obj
+  planish unwrap prop.obj -o prop_uv.obj --seams=auto,hard:60,materials --texture-size=2048 --padding=4
+  planish unwrap hero.obj -o hero_uv.obj --seams=keep,uv       (the borders of its UV islands, and no others)
   planish unwrap face.obj -o face_uv.obj --picture=map.png
   planish unwrap face.obj -o uv.obj --solver=uzawa --system=full --preconditioner=none   (the paper as written)
+
+Seams: --seams takes a comma-separated list of at most one policy and any number of sources.
+  auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
+  needed       the given seams, and more only where a piece is no disc or would overlap itself; what sources
+               without a policy mean
+  keep         the given seams and no others: a piece that is no disc is refused
+  none         no cut: the mesh must be a disc
+  uv           borders of the UV islands that the file has
+  materials    between faces of different materials
+  groups       between faces of different objects or groups
+  hard[:DEG]   edges whose faces' normals are further apart than DEG degrees [66]
+  edges:FILE   two vertex numbers per line, as the mesh file counts them (an OBJ from 1, others from 0)
 
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
 
@@ -113,6 +128,47 @@ void AddTimeout(CLI::App& app, Arguments& arguments, const std::string& descript
       ->type_name("SECONDS");
 }
 
+void AddSeams(CLI::App& app, Arguments& arguments) {
+  app.add_option_function<std::string>(
+         "--seams",
+         [&arguments](const std::string& text) {
+           if (const std::string problem = ParseSeamList(text, &arguments.seams); !problem.empty()) {
+             throw CLI::ValidationError("--seams", problem);
+           }
+           arguments.options.seams = arguments.seams.policy;
+           arguments.options.hard_edge_degrees = arguments.seams.hard_edge_degrees;
+         },
+         "Where to cut: a policy and sources of given seams, see below [auto]")
+      ->type_name("LIST");
+  app.add_option("--max-stretch", arguments.options.max_stretch,
+                 "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.05]")
+      ->check(CLI::Range(1.001, 100.0).description(""))
+      ->type_name("X");
+  app.add_option("--texcoord", arguments.texcoord, "Set of UV to read and write, where a format has several [0]")
+      ->check(CLI::Validator(CLI::NonNegativeNumber).description(""))
+      ->type_name("N");
+}
+
+void AddAtlas(CLI::App& app, Arguments& arguments) {
+  UnwrapOptions& options = arguments.options;
+  app.add_option("--texture-size", options.texture_size, "Texels per side of a tile, 16 to 65536 [1024]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+  app.add_option_function<int>(
+         "--padding", [&options](const int& texels) { options.padding = texels; },
+         "Texels that stay free between charts, half as many at the rim, up to 64 [2]")
+      ->check(CLI::Range(0, 64).description(""))
+      ->type_name("N");
+  app.add_option("--tiles", options.tiles, "Tiles (UDIM 1001, 1002, ...) that may be used, up to 100 [1]")
+      ->check(CLI::Range(1, 100).description(""))
+      ->type_name("N");
+  app.add_option_function<std::string>(
+         "--pack", [&options](const std::string& word) { options.pack = word == "on"; },
+         "Move charts into the tiles; off: leave them as solved, at the surface's scale, one over the other")
+      ->check(CLI::IsMember({"on", "off"}).description(""))
+      ->type_name("on|off");
+}
+
 void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   CLI::App& unwrap = *app.add_subcommand("unwrap", "Flatten a mesh and write it with UV");
   unwrap.parse_complete_callback([&arguments] { arguments.command = Command::kUnwrap; });
@@ -128,7 +184,8 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.add_option("--label", arguments.label, "Name for people in jobs list [the file's name]")->type_name("TEXT");
 
   UnwrapOptions& options = arguments.options;
-  Choices<Seams>{{Seams::kNone}}.AddTo(unwrap, "--seams", options.seams, "Where to cut; none: the mesh must be a disc");
+  AddSeams(unwrap, arguments);
+  AddAtlas(unwrap, arguments);
   Choices<Solver>{{Solver::kAuto, Solver::kUzawa, Solver::kMinres, Solver::kDirect}}.AddTo(
       unwrap, "--solver", options.solver, "Linear solver of a Newton step");
   Choices<System>{{System::kAuto, System::kFull, System::kReduced}}.AddTo(unwrap, "--system", options.system,
@@ -156,6 +213,16 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
                   "Threads to use, within the server's limit [that limit; all cores without --server]")
       ->check(CLI::Range(1, 256).description(""))
       ->type_name("N");
+}
+
+void DefineInspect(CLI::App& app, Arguments& arguments) {
+  CLI::App& inspect = *app.add_subcommand("inspect", "Say what a mesh is like and what unwrap would do with it");
+  inspect.parse_complete_callback([&arguments] { arguments.command = Command::kInspect; });
+  inspect.footer(
+      "Needs no server. Exit codes: 0 unwrap would take the mesh, 1 it would refuse it, 2 bad usage or unreadable "
+      "file.");
+  inspect.add_option("IN", arguments.input, "Mesh file, as for unwrap")->required()->type_name("");
+  AddJson(inspect, arguments);
 }
 
 CLI::App& AddJobCommand(CLI::App& jobs, Arguments& arguments, Command command, const std::string& name,
@@ -202,6 +269,18 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
 }
 
+// Options without effect beside each other.
+std::string CheckAtlas(const UnwrapOptions& options) {
+  if (options.max_stretch != 0 && options.seams != Seams::kAuto) {
+    return std::string("--max-stretch is what --seams=auto cuts by; with the policy ") + ToString(options.seams) +
+           " no seam is added for stretch (name auto beside the sources, as in --seams=auto,uv)";
+  }
+  if (!options.pack && (options.texture_size != 0 || options.padding || options.tiles != 0)) {
+    return "--pack=off leaves charts as they are, so --texture-size, --padding and --tiles have no effect";
+  }
+  return "";
+}
+
 // What CLI11 cannot check by itself; empty if all is well.
 std::string CheckTogether(Arguments& arguments) {
   if (!arguments.job.empty() && arguments.job.rfind("jobs/", 0) != 0) arguments.job = "jobs/" + arguments.job;
@@ -217,6 +296,7 @@ std::string CheckTogether(Arguments& arguments) {
   }
   switch (arguments.command) {
     case Command::kUnwrap:
+      if (const std::string problem = CheckAtlas(arguments.options); !problem.empty()) return problem;
       if (arguments.detach && arguments.server.empty()) {
         return "--detach needs --server (or PLANISH_SERVER): a private server ends with this command, and the job "
                "with it";
@@ -232,6 +312,7 @@ std::string CheckTogether(Arguments& arguments) {
                "_uv.obj (or -o - for stdout)";
       }
       return "";
+    case Command::kInspect:
     case Command::kVersion:
       return "";
     case Command::kJobsWatch:
@@ -249,11 +330,12 @@ std::string CheckTogether(Arguments& arguments) {
 
 ParsedArguments ParseArguments(int argc, const char* const* argv) {
   Arguments arguments;
-  CLI::App app("planish flattens triangle meshes by Angle Based Flattening.", "planish");
+  CLI::App app("planish unwraps triangle meshes by Angle Based Flattening.", "planish");
   app.footer(kExamples);
   app.require_subcommand(1);
   app.get_formatter()->column_width(44);
   DefineUnwrap(app, arguments);
+  DefineInspect(app, arguments);
   DefineJobs(app, arguments);
   CLI::App& version = *app.add_subcommand("version", "Versions of this command and of the server");
   version.parse_complete_callback([&arguments] { arguments.command = Command::kVersion; });

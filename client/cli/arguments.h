@@ -4,11 +4,12 @@
 #include <optional>
 #include <string>
 
+#include "client/cli/seam_list.h"
 #include "planish/types.h"
 
 namespace planish::cli {
 
-enum class Command { kUnwrap, kJobsList, kJobsShow, kJobsWatch, kJobsCancel, kJobsDelete, kVersion };
+enum class Command { kUnwrap, kInspect, kJobsList, kJobsShow, kJobsWatch, kJobsCancel, kJobsDelete, kVersion };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
 struct Arguments {
@@ -17,12 +18,14 @@ struct Arguments {
   bool json = false;
   ProgressMode progress = ProgressMode::kAuto;
 
-  // unwrap; jobs watch has the mesh in `input` if it was given.
+  // unwrap and inspect; jobs watch has the mesh in `input` if it was given.
   std::string input;
   std::string output;
   std::string picture;                            // a PNG of the map; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
-  UnwrapOptions options;
+  int texcoord = 0;                               // which of the file's sets of UV
+  UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
+  SeamList seams;
   bool detach = false;
   std::string label;
   double timeout_seconds = 0;  // 0: none

@@ -51,7 +51,8 @@ Json BoundaryJson(const BoundaryReport& boundary) {
 Json ChartsJson(const std::vector<ChartReport>& charts) {
   Json json = Json::array();
   for (const ChartReport& chart : charts) {
-    json.push_back({{"triangles", chart.triangles},
+    json.push_back({{"chart", chart.chart},
+                    {"triangles", chart.triangles},
                     {"method", chart.method},
                     {"solver", ToString(chart.solver)},
                     {"system", ToString(chart.system)},
@@ -66,9 +67,27 @@ Json ChartsJson(const std::vector<ChartReport>& charts) {
                     {"stop_message", chart.stop_message},
                     {"abf_energy", chart.abf_energy},
                     {"barrier", chart.barrier},
+                    {"stretch_l2", chart.stretch_l2},
                     {"boundary", BoundaryJson(chart.boundary)}});
   }
   return json;
+}
+
+Json TotalsJson(const ChartTotals& totals) {
+  return {{"charts", totals.charts},
+          {"not_converged", totals.not_converged},
+          {"newton_iterations", totals.newton_iterations},
+          {"linear_iterations", totals.linear_iterations},
+          {"residual", ResidualJson(totals.residual)},
+          {"stretch_l2_max", totals.stretch_l2_max}};
+}
+
+Json AtlasJson(const Atlas& atlas) {
+  return {{"pack", atlas.pack ? "on" : "off"},
+          {"texture_size", atlas.texture_size},
+          {"padding", atlas.padding},
+          {"tiles", atlas.tiles},
+          {"texels_per_unit", atlas.texels_per_unit}};
 }
 
 Json QualityJson(const Quality& quality) {
@@ -104,6 +123,8 @@ Json WarningsJson(const std::vector<Warning>& warnings) {
 void AddReport(const Report& report, Json& json) {
   json["input"] = {{"triangles", report.triangles}, {"vertices", report.vertices}};
   json["charts"] = ChartsJson(report.charts);
+  json["chart_totals"] = TotalsJson(report.chart_totals);
+  json["atlas"] = AtlasJson(report.atlas);
   json["quality"] = QualityJson(report.quality);
   json["seconds"] = SecondsJson(report.seconds);
   json["peak_memory_bytes"] = report.peak_memory_bytes;
@@ -153,11 +174,14 @@ Json ToJson(const Capabilities& capabilities) {
                        {"system", ToString(combination.system)},
                        {"preconditioner", ToString(combination.preconditioner)}});
   }
+  Json seams = Json::array();
+  for (const Seams policy : capabilities.seams) seams.push_back(ToString(policy));
   return {{"version", capabilities.version},
           {"max_mesh_bytes", capabilities.max_mesh_bytes},
           {"workers", capabilities.workers},
           {"threads", capabilities.threads},
           {"queue_capacity", capabilities.queue_capacity},
+          {"seams", seams},
           {"solvers", solvers}};
 }
 

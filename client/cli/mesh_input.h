@@ -15,6 +15,8 @@ class MeshInput {
   explicit MeshInput(const std::string& path);
 
   const std::string& path() const { return file_.path; }
+  const MeshFile& file() const { return file_; }
+  const Triangulation& triangulation() const { return triangulation_; }
   // As sent; lives as long as this object.
   MeshView view() const;
 

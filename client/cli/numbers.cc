@@ -33,6 +33,10 @@ std::string Fixed(double number, int digits) {
   return Format("%.*f", digits, number);
 }
 
+std::string Significant(double number, int digits) {
+  return Format("%.*g", digits, number);
+}
+
 std::string Duration(double seconds) {
   if (seconds < 9.995) return Format("%.2f s", seconds);
   if (seconds < 59.95) return Format("%.1f s", seconds);

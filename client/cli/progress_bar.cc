@@ -139,10 +139,16 @@ void BarState::Apply(const Event& event) {
   const auto count = static_cast<std::size_t>(std::max(0, progress.newton_iteration)) + 1;
   if (residuals.size() < count) residuals.resize(count, worst);
   residuals[count - 1] = worst;
+  if (chart_count > 1) reached = Fraction();
 }
 
 double BarState::Fraction() const {
   if (ending == Ending::kSucceeded || stage > Stage::kSolve) return 1;
+  if (chart_count <= 1) return ChartFraction();
+  return std::clamp((chart + ChartFraction()) / chart_count, reached, 1.0);
+}
+
+double BarState::ChartFraction() const {
   if (residuals.empty() || tolerance <= 0) return 0;
   const double first = *std::max_element(residuals.begin(), residuals.end());
   const double least = *std::min_element(residuals.begin(), residuals.end());

@@ -29,6 +29,7 @@ struct BarState {
   double tolerance = 0;           // 0: not known yet
   int chart = 0;
   int chart_count = 0;
+  double reached = 0;  // of all charts, where there are several
   double elapsed_seconds = 0;
   std::int64_t received_bytes = 0;
   std::int64_t total_bytes = 0;
@@ -36,8 +37,10 @@ struct BarState {
   Ending ending = Ending::kNone;
 
   void Apply(const Event& event);
-  // Of the way from the first residual to the tolerance, in [0, 1]; never falls.
+  // Of the way from the first residual to the tolerance, over all charts, in [0, 1]; never falls.
   double Fraction() const;
+  // Of the present chart.
+  double ChartFraction() const;
 };
 
 // The line, without line break, at most terminal.width - 1 columns wide. `frame` counts paintings. Pure.

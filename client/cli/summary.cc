@@ -1,12 +1,17 @@
 #include "client/cli/summary.h"
 
 #include <algorithm>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "client/cli/numbers.h"
 
 namespace planish::cli {
 namespace {
+
+constexpr std::size_t kMaxNamedCharts = 3;
+constexpr std::size_t kMaxWarningsOfAKind = 3;
 
 std::string Colored(const Terminal& terminal, const char* color, const std::string& text) {
   return terminal.color ? color + text + "\x1b[0m" : text;
@@ -29,6 +34,95 @@ std::string Validity(const Quality& quality) {
   return bad.empty() ? "No flipped, degenerate or overlapping triangles" : Join(bad, " and ");
 }
 
+// "3 of 120 charts (12, 40 and 77) did not converge"; the largest few are named.
+std::string UnconvergedText(const Report& report) {
+  std::vector<const ChartReport*> charts;
+  for (const ChartReport& chart : report.charts) {
+    if (!chart.converged) charts.push_back(&chart);
+  }
+  std::stable_sort(charts.begin(), charts.end(),
+                   [](const ChartReport* a, const ChartReport* b) { return a->triangles > b->triangles; });
+  std::vector<std::string> names;
+  for (const ChartReport* chart : charts) {
+    if (names.size() < kMaxNamedCharts) names.push_back(std::to_string(chart->chart));
+  }
+  const auto unnamed = report.chart_totals.not_converged - static_cast<std::int64_t>(names.size());
+  if (unnamed > 0) names.push_back(WithCommas(unnamed) + " more");
+  return WithCommas(report.chart_totals.not_converged) + " of " +
+         Counted(report.chart_totals.charts, "chart", "charts") + " (" + Join(names, " and ") + ") did not converge";
+}
+
+// The solvers in use, those of most triangles first: " (uzawa+amg, uzawa+cholesky)".
+std::string SolversText(const std::vector<ChartReport>& charts) {
+  std::map<std::string, std::int64_t> triangles;
+  for (const ChartReport& chart : charts) {
+    std::string name = ToString(chart.solver);
+    if (chart.preconditioner != Preconditioner::kNone && chart.solver != Solver::kDirect) {
+      name += std::string("+") + ToString(chart.preconditioner);
+    }
+    triangles[name] += chart.triangles;
+  }
+  std::vector<std::pair<std::string, std::int64_t>> ranked(triangles.begin(), triangles.end());
+  std::stable_sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::vector<std::string> names;
+  for (const auto& [name, count] : ranked) names.push_back(name);
+  return names.empty() ? "" : " (" + Join(names, ", ") + ")";
+}
+
+// What became of the outlines of BOUNDARY_CONVEX: one line, whatever the number of charts.
+std::string OutlinesText(const std::vector<ChartReport>& charts) {
+  std::int64_t settled = 0, active = 0, vertices = 0;
+  for (const ChartReport& chart : charts) {
+    if (chart.boundary.boundary != Boundary::kConvex || !chart.boundary.settled) continue;
+    ++settled;
+    active += chart.boundary.active;
+    vertices += chart.boundary.vertices;
+  }
+  if (settled == 0) return "";
+  return (charts.size() == 1 ? "The outline is convex"
+                             : "The outlines of " + Counted(settled, "chart", "charts") + " are convex") +
+         std::string(": straight at ") + WithCommas(active) + (charts.size() == 1 ? " of its " : " of their ") +
+         Counted(vertices, "vertex", "vertices") + ".\n";
+}
+
+std::string AtlasText(const Report& report) {
+  const Atlas& atlas = report.atlas;
+  if (report.chart_totals.charts <= 1 && atlas.tiles <= 1) return "";
+  if (!atlas.pack) return "Not packed: charts lie one over the other, at the surface's scale.\n";
+  const std::string size = WithCommas(atlas.texture_size);
+  return "Packed into " + Counted(atlas.tiles, "tile", "tiles") + " of " + size + " x " + size + " texels, " +
+         Fixed(100 * report.quality.packing_efficiency, 0) + " % covered, " +
+         Counted(atlas.padding, "texel", "texels") + " between charts, " + Significant(atlas.texels_per_unit, 3) +
+         " texels per unit of length.\n";
+}
+
+std::string MostStretchedText(const Report& report) {
+  if (report.chart_totals.charts <= 1 || report.charts.empty()) return "";
+  const auto most =
+      std::max_element(report.charts.begin(), report.charts.end(),
+                       [](const ChartReport& a, const ChartReport& b) { return a.stretch_l2 < b.stretch_l2; });
+  return ", " + Fixed(most->stretch_l2, 2) + " in the worst chart (" + std::to_string(most->chart) + ", " +
+         Counted(most->triangles, "triangle", "triangles") + ")";
+}
+
+// A line each; of many with the same reason the first few.
+std::string WarningsText(const std::vector<Warning>& warnings, const Terminal& terminal) {
+  std::map<std::string, std::size_t> count;
+  std::string text;
+  const std::string mark = Colored(terminal, "\x1b[33m", "warning:") + " ";
+  for (const Warning& warning : warnings) {
+    if (++count[warning.reason] <= kMaxWarningsOfAKind) {
+      text += mark + warning.message + " [" + warning.reason + "]\n";
+    }
+  }
+  for (const auto& [reason, number] : count) {
+    if (number <= kMaxWarningsOfAKind) continue;
+    text += mark + WithCommas(static_cast<std::int64_t>(number - kMaxWarningsOfAKind)) + " more of [" + reason +
+            "]; --json has them all\n";
+  }
+  return text;
+}
+
 std::string Hint(const Error& error) {
   if (error.reason() == "SERVER_UNREACHABLE") {
     return "check the address, start a server (planishd --listen=ADDR), or leave out --server to use a private one";
@@ -45,11 +139,9 @@ std::string Hint(const Error& error) {
 
 std::string WhyNotUsable(const Report& report) {
   std::vector<std::string> reasons;
-  const auto unconverged = std::count_if(report.charts.begin(), report.charts.end(),
-                                         [](const ChartReport& chart) { return !chart.converged; });
-  if (unconverged > 0) {
-    reasons.push_back(report.charts.size() == 1 ? "the solve did not converge"
-                                                : Counted(unconverged, "chart", "charts") + " did not converge");
+  const ChartTotals& totals = report.chart_totals;
+  if (totals.not_converged > 0) {
+    reasons.push_back(totals.charts == 1 ? "the solve did not converge" : UnconvergedText(report));
   }
   const Quality& quality = report.quality;
   if (quality.flipped > 0) {
@@ -62,37 +154,20 @@ std::string WhyNotUsable(const Report& report) {
 }
 
 std::string Summary(const Report& report, const std::string& output, const Terminal& terminal) {
-  int newton = 0;
-  double residual = 0;
-  for (const ChartReport& chart : report.charts) {
-    newton += chart.newton_iterations;
-    residual = std::max(residual, chart.residual.Worst());
-  }
-  std::string solver;
-  if (!report.charts.empty()) {
-    const ChartReport& chart = report.charts.front();
-    solver = std::string(" (") + ToString(chart.solver);
-    if (chart.preconditioner != Preconditioner::kNone && chart.solver != Solver::kDirect) {
-      solver += std::string("+") + ToString(chart.preconditioner);
-    }
-    solver += ")";
-  }
+  const ChartTotals& totals = report.chart_totals;
   std::string text = Colored(terminal, "\x1b[1m", "Flattened " + Counted(report.triangles, "triangle", "triangles")) +
                      " in " + Duration(report.seconds.total) +
                      (output.empty() || output == "-" ? "" : " into " + output) + ": " +
-                     Counted(newton, "Newton iteration", "Newton iterations") + ", worst residual " +
-                     Scientific(residual) + solver + ".\n";
-  for (const ChartReport& chart : report.charts) {
-    if (chart.boundary.boundary != Boundary::kConvex || !chart.boundary.settled) continue;
-    text += "The outline is convex: straight at " + WithCommas(chart.boundary.active) + " of its " +
-            Counted(chart.boundary.vertices, "vertex", "vertices") + ".\n";
-  }
+                     (totals.charts > 1 ? Counted(totals.charts, "chart", "charts") + ", " : "") +
+                     Counted(totals.newton_iterations, "Newton iteration", "Newton iterations") + ", worst residual " +
+                     Scientific(totals.residual.Worst()) + SolversText(report.charts) + ".\n";
+  text += AtlasText(report);
+  text += OutlinesText(report.charts);
   const Quality& quality = report.quality;
   text += Validity(quality) + "; angles off by " + Fixed(quality.angle_error_mean_deg, 2) + " deg on average, " +
-          Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) + ".\n";
-  for (const Warning& warning : report.warnings) {
-    text += Colored(terminal, "\x1b[33m", "warning:") + " " + warning.message + " [" + warning.reason + "]\n";
-  }
+          Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) +
+          MostStretchedText(report) + ".\n";
+  text += WarningsText(report.warnings, terminal);
   if (const std::string why = WhyNotUsable(report); !why.empty()) {
     text += Colored(terminal, "\x1b[31m", "planish: not usable:") + " " + why +
             (output.empty() ? "" : "; it was written all the same, for you to look at") + "\n";

@@ -8,8 +8,8 @@
 
 namespace planish::cli {
 
-// Two lines on what was done and how good it is, a line per warning, and, if the result is not usable, one that
-// says why. `output` is the file that was written; empty if none.
+// Two to four lines on what was done and how good it is, however many charts there are; the first few warnings of each
+// kind; and, if the result is not usable, why. `output` is the file that was written; empty if none.
 std::string Summary(const Report& report, const std::string& output, const Terminal& terminal);
 
 // Why the result is not usable; empty if it is.

@@ -5,12 +5,14 @@
 #include <memory>
 #include <optional>
 #include <stop_token>
+#include <vector>
 
 #include "client/cli/commands.h"
 #include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/progress.h"
+#include "client/cli/seam_edges.h"
 #include "client/cli/server_choice.h"
 #include "client/cli/summary.h"
 #include "client/cli/terminal.h"
@@ -32,9 +34,18 @@ class ResultCommand {
     CheckOutput(arguments_.output.empty() ? "-" : arguments_.output);
     if (!arguments_.picture.empty()) CheckOutput(arguments_.picture);
     input_.emplace(arguments_.input);
+    if (arguments_.texcoord > 0) {
+      throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                  "--texcoord=" + std::to_string(arguments_.texcoord) + ": " + arguments_.input +
+                      " is of a format with one set of UV, number 0",
+                  {{"field", "texcoord"}});
+    }
+    seam_corners_ = SeamCorners(input_->file(), input_->triangulation(), arguments_.seams);
   }
 
   const MeshInput& input() const { return *input_; }
+  // The mesh with the seams that the file gives; lives as long as this object.
+  MeshView view() const { return input_->view().WithSeamCorners(seam_corners_); }
   double Seconds() const { return timer_.Seconds(); }
 
   // Seconds of --timeout that are left for the server; 0: no limit.
@@ -90,10 +101,11 @@ class ResultCommand {
   const Arguments& arguments_;
   Timer timer_;
   std::optional<MeshInput> input_;
+  std::vector<std::int32_t> seam_corners_;
 };
 
-int Detach(const Arguments& arguments, const MeshInput& input, Client& client, const CallOptions& call) {
-  const Job job = client.CreateJob(input.view(), arguments.options, call);
+int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, const CallOptions& call) {
+  const Job job = client.CreateJob(mesh, arguments.options, call);
   if (arguments.json) {
     std::cout << ToText(ToJson(job)) << std::flush;
   } else {
@@ -126,11 +138,10 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     CallOptions call_options;
     call_options.label = arguments.label.empty() ? file_name : arguments.label;
     call_options.timeout_seconds = command.TimeLeft();
-    if (arguments.detach) return Detach(arguments, command.input(), server.client(), call_options);
+    if (arguments.detach) return Detach(arguments, command.view(), server.client(), call_options);
 
     view = NewProgressView(arguments.progress, file_name);
-    Call call =
-        server.client().StartUnwrap(command.input().view(), arguments.options, view->AsCallbacks(), call_options);
+    Call call = server.client().StartUnwrap(command.view(), arguments.options, view->AsCallbacks(), call_options);
     interrupts.SetCancel([&] {
       view->OnNotice(kCancelling);
       call.Cancel();

@@ -38,11 +38,13 @@ Error ErrorOf(const v1::Job& job, const PackedMesh& mesh) {
       .set_job(job.name());
 }
 
-// Takes the Draco bytes out of `mesh`.
+// Takes the Draco bytes and the seams out of `mesh`.
 template <typename Request>
 Request NewJobRequest(PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
   Request request;
   request.set_draco(std::move(mesh.draco));
+  request.mutable_seam_corners()->Add(mesh.seam_corners.begin(), mesh.seam_corners.end());
+  mesh.seam_corners = {};
   *request.mutable_options() = ToProto(options);
   request.set_request_id(call.request_id.empty() ? NewRequestId() : call.request_id);
   request.set_label(call.label);

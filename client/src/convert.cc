@@ -25,6 +25,7 @@ static_assert(static_cast<int>(Hessian::kAuto) + 1 == v1::HESSIAN_AUTO);
 static_assert(static_cast<int>(Boundary::kConvex) + 1 == v1::BOUNDARY_CONVEX);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
+static_assert(static_cast<int>(Seams::kAuto) + 1 == v1::SEAMS_AUTO);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
 static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
 
@@ -35,7 +36,7 @@ Job::Time TimeFrom(const google::protobuf::Timestamp& time) {
 
 UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   UnwrapOptions options;
-  options.seams = EnumFromProto<Seams>(proto.seams());
+  options.seams = proto.seams() == v1::SEAMS_UNSPECIFIED ? Seams::kAuto : EnumFromProto<Seams>(proto.seams());
   options.solver = EnumFromProto<Solver>(proto.solver());
   options.system = EnumFromProto<System>(proto.system());
   options.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
@@ -46,6 +47,12 @@ UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   options.tolerance = proto.tolerance();
   options.max_newton_iterations = proto.max_newton_iterations();
   options.threads = proto.threads();
+  options.max_stretch = proto.max_stretch();
+  options.hard_edge_degrees = proto.hard_edge_degrees();
+  options.pack = proto.pack() != v1::PACK_OFF;
+  options.texture_size = proto.texture_size();
+  if (proto.has_padding()) options.padding = proto.padding();
+  options.tiles = proto.tiles();
   return options;
 }
 
@@ -76,7 +83,22 @@ ChartReport FromProto(const v1::ChartReport& proto) {
   chart.indefinite_iterations = proto.indefinite_iterations();
   chart.barrier = proto.barrier();
   if (proto.has_boundary()) chart.boundary = FromProto(proto.boundary());  // older servers know no boundary control
+  chart.stretch_l2 = proto.stretch_l2();
+  chart.chart = proto.chart();
   return chart;
+}
+
+ChartTotals FromProto(const v1::ChartTotals& proto) {
+  return {proto.charts(),
+          proto.not_converged(),
+          proto.newton_iterations(),
+          proto.linear_iterations(),
+          FromProto(proto.residual()),
+          proto.stretch_l2_max()};
+}
+
+Atlas FromProto(const v1::Atlas& proto) {
+  return {proto.pack() != v1::PACK_OFF, proto.texture_size(), proto.padding(), proto.tiles(), proto.texels_per_unit()};
 }
 
 Quality FromProto(const v1::Quality& proto) {
@@ -121,6 +143,12 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   proto.set_tolerance(options.tolerance);
   proto.set_max_newton_iterations(options.max_newton_iterations);
   proto.set_threads(options.threads);
+  proto.set_max_stretch(options.max_stretch);
+  proto.set_hard_edge_degrees(options.hard_edge_degrees);
+  proto.set_pack(options.pack ? v1::PACK_ON : v1::PACK_OFF);
+  proto.set_texture_size(options.texture_size);
+  if (options.padding) proto.set_padding(*options.padding);
+  proto.set_tiles(options.tiles);
   return proto;
 }
 
@@ -149,6 +177,8 @@ Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
   report.triangles = proto.input().triangles();
   report.vertices = proto.input().vertices();
   for (const v1::ChartReport& chart : proto.charts()) report.charts.push_back(FromProto(chart));
+  report.chart_totals = FromProto(proto.chart_totals());
+  report.atlas = FromProto(proto.atlas());
   report.quality = FromProto(proto.quality());
   report.seconds = FromProto(proto.seconds());
   report.peak_memory_bytes = proto.peak_memory_bytes();
@@ -198,6 +228,7 @@ Capabilities FromProto(const v1::Capabilities& proto) {
   capabilities.workers = proto.workers();
   capabilities.queue_capacity = proto.queue_capacity();
   capabilities.threads = proto.threads();
+  for (const int seams : proto.seams()) capabilities.seams.push_back(EnumFromProto<Seams>(seams));
   for (const v1::SolverCombination& solver : proto.solvers()) {
     capabilities.solvers.push_back({EnumFromProto<Solver>(solver.solver()), EnumFromProto<System>(solver.system()),
                                     EnumFromProto<Preconditioner>(solver.preconditioner())});

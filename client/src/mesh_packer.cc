@@ -1,6 +1,8 @@
 #include "client/src/mesh_packer.h"
 
+#include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
@@ -13,6 +15,46 @@ namespace {
 
 Error BadMesh(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {}) {
   return Error(ErrorCode::kInvalidArgument, reason, message, metadata);
+}
+
+Error BadSeam(const std::string& message, const Error::Metadata& metadata) {
+  return Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID", message, metadata);
+}
+
+using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller id first
+
+// A corner that faces each of the edges, which `triangles` (three ids each) must have.
+std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pairs,
+                                        std::span<const std::uint32_t> triangles) {
+  std::vector<Edge> edges(vertex_pairs.size() / 2);
+  for (std::size_t i = 0; i < edges.size(); ++i) edges[i] = std::minmax({vertex_pairs[2 * i], vertex_pairs[2 * i + 1]});
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  std::vector<std::int32_t> corners(edges.size(), -1);
+  for (std::size_t c = 0; c < triangles.size(); ++c) {
+    const std::size_t first = c - c % 3;
+    const Edge edge = std::minmax({triangles[first + (c + 1) % 3], triangles[first + (c + 2) % 3]});
+    const auto found = std::lower_bound(edges.begin(), edges.end(), edge);
+    if (found == edges.end() || *found != edge) continue;
+    std::int32_t& corner = corners[static_cast<std::size_t>(found - edges.begin())];
+    if (corner < 0) corner = static_cast<std::int32_t>(c);
+  }
+  const auto missing = std::find(corners.begin(), corners.end(), -1);
+  if (missing == corners.end()) return corners;
+  const Edge& edge = edges[static_cast<std::size_t>(missing - corners.begin())];
+  const std::string a = std::to_string(edge.first), b = std::to_string(edge.second);
+  throw BadSeam("no triangle has the edge from vertex " + a + " to vertex " + b + ", which is to be a seam",
+                {{"field", "seam_corners"}, {"edges", a + "-" + b}});
+}
+
+// `corners`, all of them among 3 `triangles`.
+void CheckCorners(std::span<const std::int32_t> corners, std::int64_t triangles) {
+  for (const std::int32_t corner : corners) {
+    if (corner >= 0 && corner < 3 * triangles) continue;
+    throw BadSeam("there is no corner " + std::to_string(corner) + ", which is to face a seam: the mesh has " +
+                      std::to_string(triangles) + " triangles",
+                  {{"field", "seam_corners"}, {"corner", std::to_string(corner)}});
+  }
 }
 
 }  // namespace
@@ -67,6 +109,14 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
     for (std::size_t k = 0; k < 3; ++k) mesh.faces[f][k] = sent[view.indices_[3 * f + k]];
   }
   if (mesh.num_vertices() == vertex_count) packed.source_vertex.clear();
+  if (view.seam_vertices_.size() % 2 != 0) {
+    throw BadSeam("seams are pairs of vertices; got " + std::to_string(view.seam_vertices_.size()) + " ids",
+                  {{"field", "seam_corners"}});
+  }
+  CheckCorners(view.seam_corners_, view.triangle_count());
+  packed.seam_corners =
+      CornersFacing(view.seam_vertices_, {view.indices_, static_cast<std::size_t>(view.index_count_)});
+  packed.seam_corners.insert(packed.seam_corners.end(), view.seam_corners_.begin(), view.seam_corners_.end());
 
   absl::StatusOr<std::string> draco = EncodeDraco(mesh);
   if (!draco.ok()) throw Renumbered(ErrorFrom(draco.status()), packed.ToCaller());

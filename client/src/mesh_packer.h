@@ -14,6 +14,8 @@ inline namespace api {
 struct PackedMesh {
   std::string draco;
   std::string sha256;  // of draco
+  // Given seams, as planish.v1.UnwrapRequest.seam_corners: triangles travel in the caller's order.
+  std::vector<std::int32_t> seam_corners;
   std::int64_t triangles = 0;
   // Caller's vertex id per vertex sent; empty if all were sent and ids agree.
   std::vector<std::int32_t> source_vertex;
@@ -25,7 +27,8 @@ struct PackedMesh {
 class MeshPacker {
  public:
   // Leaves out vertices without a triangle and encodes the rest. Throws planish::Error: MESH_EMPTY,
-  // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID.
+  // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID; OPTIONS_INVALID for seams that are no edges ("edges") or
+  // corners that do not exist ("corner").
   static PackedMesh Pack(const MeshView& mesh);
 };
 

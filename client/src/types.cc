@@ -31,6 +31,22 @@ MeshView::MeshView(std::span<const float> positions, std::span<const std::int32_
 MeshView::MeshView(std::span<const double> positions, std::span<const std::int32_t> triangles)
     : MeshView(positions, std::span(AsUnsigned(triangles.data()), triangles.size())) {}
 
+MeshView MeshView::WithSeams(std::span<const std::uint32_t> vertex_pairs) const {
+  MeshView view = *this;
+  view.seam_vertices_ = vertex_pairs;
+  return view;
+}
+
+MeshView MeshView::WithSeams(std::span<const std::int32_t> vertex_pairs) const {
+  return WithSeams(std::span(AsUnsigned(vertex_pairs.data()), vertex_pairs.size()));
+}
+
+MeshView MeshView::WithSeamCorners(std::span<const std::int32_t> corners) const {
+  MeshView view = *this;
+  view.seam_corners_ = corners;
+  return view;
+}
+
 const char* ToString(JobState state) {
   switch (state) {
     case JobState::kUnspecified:
@@ -82,7 +98,17 @@ const char* ToString(Stage stage) {
 }
 
 const char* ToString(Seams seams) {
-  return seams == Seams::kNone ? "none" : "unknown";
+  switch (seams) {
+    case Seams::kNone:
+      return "none";
+    case Seams::kKeep:
+      return "keep";
+    case Seams::kNeeded:
+      return "needed";
+    case Seams::kAuto:
+      return "auto";
+  }
+  return "unknown";
 }
 
 const char* ToString(Solver solver) {
@@ -175,9 +201,7 @@ std::vector<double> Uv::AsDouble() const {
 }
 
 bool UnwrapResult::IsUsable() const {
-  const bool converged =
-      std::all_of(report.charts.begin(), report.charts.end(), [](const ChartReport& chart) { return chart.converged; });
-  return converged && report.quality.flipped == 0 && report.quality.degenerate == 0;
+  return report.chart_totals.not_converged == 0 && report.quality.flipped == 0 && report.quality.degenerate == 0;
 }
 
 }  // namespace api

@@ -183,15 +183,9 @@ absl::Status Run::Verify() {
 
 }  // namespace
 
-absl::Status UnwrapOptions::Validate() const {
-  PLANISH_RETURN_IF_ERROR(flatten.Validate());
-  if (threads >= 1 && threads <= kMaxThreads) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
-                   absl::StrCat("threads: ", threads, " is not in [1, ", kMaxThreads, "]"), {{"field", "threads"}});
-}
-
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control) {
   PLANISH_RETURN_IF_ERROR(options.Validate());
+  PLANISH_RETURN_IF_ERROR(options.ValidateSeams(mesh.num_faces()));
   return Run(mesh, options, control)();
 }
 

@@ -56,8 +56,11 @@ struct UnwrapOptions {
   // number.
   int threads = 1;
 
-  // INVALID_ARGUMENT with reason OPTIONS_INVALID naming the field, or OK.
+  // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;
+  // Whether seams.corners are corners of a mesh of so many faces; otherwise OPTIONS_INVALID with metadata "field"
+  // (seam_corners) and "corner", the first that is not.
+  absl::Status ValidateSeams(std::int64_t num_faces) const;
 };
 inline constexpr int kMaxThreads = 256;
 
@@ -114,7 +117,7 @@ struct UnwrapResult {
 };
 
 // Flattens `mesh`, which must be a disc (core/mesh/disc_check.h); deterministic.
-// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason; CANCELLED after an interrupt (within a few
+// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED after an interrupt (within a few
 // dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if no finite map came out.
 // A solve that stops early is not an error: see FlattenSummary::converged and the warnings.
 // Thread-safe: calls share nothing, each has a team of threads of its own.

@@ -61,7 +61,7 @@ JobManager::JobManager(JobManagerOptions options, std::unique_ptr<JobStore> stor
 
 absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   PLANISH_RETURN_IF_ERROR(ValidateJobRequest(request, options_.max_mesh_bytes, options_.validate_options));
-  const auto mesh_bytes = static_cast<std::int64_t>(request.draco.size());
+  const std::int64_t mesh_bytes = request.MeshBytes();
 
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
@@ -87,6 +87,7 @@ absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   Live& live = live_[record.job.name()];
   live.events = std::make_shared<JobEventLog>(options_.events_per_job);
   live.mesh = std::move(request.draco);
+  live.seam_corners = std::move(request.seam_corners);
   queue_.Push(record.job.name(), mesh_bytes);
   AcceptedJob accepted = Accept(record, live, request.attached);
 
@@ -238,7 +239,10 @@ std::optional<JobAssignment> JobManager::TakeNext() {
   assignment.request.set_job(*name);
   *assignment.request.mutable_options() = record.job.options();
   assignment.request.set_max_threads(options_.threads);
-  assignment.request.set_draco(std::move(live_.at(*name).mesh));
+  Live& live = live_.at(*name);
+  assignment.request.set_draco(std::move(live.mesh));
+  assignment.request.mutable_seam_corners()->Add(live.seam_corners.begin(), live.seam_corners.end());
+  live.seam_corners = {};
   ++running_;
   Apply(JobAction::kStart, std::move(record), nullptr, &wakeups);
   return assignment;
@@ -367,6 +371,7 @@ void JobManager::Apply(JobAction action, JobRecord record, std::shared_ptr<const
   }
   live.events->AppendLast(std::move(event), std::move(uv));
   live.mesh = std::string();
+  live.seam_corners = {};
   live.link = nullptr;
   if (was_running) --running_;
   Retain(name);

@@ -137,12 +137,17 @@ grpc::ServerUnaryReactor* Finish(grpc::CallbackServerContext* context, absl::Sta
   return Finish(context, result.status());
 }
 
-// Takes the mesh out of the request instead of copying it: gRPC keeps the request until the call ends, which for
-// Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads it again.
+// Takes the mesh and its seams out of the request instead of keeping them twice: gRPC keeps the request until the call
+// ends, which for Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads it
+// again.
 template <class Request>
 JobRequest TakeRequest(const Request* request) {
   JobRequest job;
-  job.draco = std::move(*const_cast<Request*>(request)->mutable_draco());
+  auto* mine = const_cast<Request*>(request);
+  job.draco = std::move(*mine->mutable_draco());
+  google::protobuf::RepeatedField<std::int32_t> seam_corners;
+  seam_corners.Swap(mine->mutable_seam_corners());
+  job.seam_corners.assign(seam_corners.begin(), seam_corners.end());
   job.options = request->options();
   job.request_id = request->request_id();
   job.label = request->label();

@@ -21,6 +21,16 @@ struct Choice {
   Core core;
 };
 
+constexpr Choice<v1::Seams, SeamPolicy> kSeams[] = {
+    {v1::SEAMS_NONE, SeamPolicy::kNone},
+    {v1::SEAMS_KEEP, SeamPolicy::kKeep},
+    {v1::SEAMS_NEEDED, SeamPolicy::kNeeded},
+    {v1::SEAMS_AUTO, SeamPolicy::kAuto},
+};
+constexpr Choice<v1::Pack, bool> kPacks[] = {
+    {v1::PACK_ON, true},
+    {v1::PACK_OFF, false},
+};
 constexpr Choice<v1::Solver, SolverType> kSolvers[] = {
     {v1::SOLVER_AUTO, SolverType::kAuto},
     {v1::SOLVER_UZAWA, SolverType::kUzawa},
@@ -78,9 +88,8 @@ Proto Find(const Choice<Proto, Core> (&choices)[size], Core core) {
 absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   UnwrapOptions core;
   FlattenOptions& flatten = core.flatten;
-  if (options.seams() != v1::SEAMS_UNSPECIFIED && options.seams() != v1::SEAMS_NONE) {
-    return Invalid("seams", absl::StrCat("this server does not know the value ", static_cast<int>(options.seams())));
-  }
+  PLANISH_RETURN_IF_ERROR(Choose("seams", kSeams, options.seams(), &core.seams.policy));
+  PLANISH_RETURN_IF_ERROR(Choose("pack", kPacks, options.pack(), &core.pack));
   PLANISH_RETURN_IF_ERROR(Choose("solver", kSolvers, options.solver(), &flatten.solver));
   PLANISH_RETURN_IF_ERROR(Choose("system", kSystems, options.system(), &flatten.system));
   PLANISH_RETURN_IF_ERROR(
@@ -91,12 +100,23 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   if (options.tolerance() != 0) flatten.tolerance = options.tolerance();
   if (options.max_newton_iterations() != 0) flatten.max_newton_iterations = options.max_newton_iterations();
   if (options.threads() != 0) core.threads = options.threads();
+  if (options.max_stretch() != 0) core.seams.max_stretch = options.max_stretch();
+  core.seams.hard_edge_degrees = options.hard_edge_degrees();
+  if (options.texture_size() != 0) core.atlas.texture_size = options.texture_size();
+  if (options.has_padding()) core.atlas.padding = options.padding();
+  if (options.tiles() != 0) core.atlas.tiles = options.tiles();
   PLANISH_RETURN_IF_ERROR(core.Validate());
   return core;
 }
 
 absl::Status ValidateOptions(const v1::UnwrapOptions& options) {
   return ToCore(options).status();
+}
+
+std::vector<v1::Seams> SeamPolicies() {
+  std::vector<v1::Seams> policies;
+  for (const auto& seams : kSeams) policies.push_back(seams.proto);
+  return policies;
 }
 
 std::vector<v1::SolverCombination> SolverCombinations() {

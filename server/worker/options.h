@@ -17,6 +17,9 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options);
 // ToCore() without the result.
 absl::Status ValidateOptions(const v1::UnwrapOptions& options);
 
+// Every policy but UNSPECIFIED.
+std::vector<v1::Seams> SeamPolicies();
+
 // Every concrete choice that ValidateOptions() accepts.
 std::vector<v1::SolverCombination> SolverCombinations();
 

@@ -2,8 +2,11 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
+#include <numeric>
+#include <tuple>
 
 #include "server/worker/options.h"
 
@@ -66,7 +69,54 @@ v1::ChartReport ToProto(const ChartReport& chart) {
   proto.set_indefinite_iterations(flatten.indefinite_iterations);
   proto.set_barrier(flatten.barrier);
   *proto.mutable_boundary() = ToProto(flatten.boundary);
+  proto.set_stretch_l2(chart.stretch_l2);
   return proto;
+}
+
+// Which charts a report describes, ascending: all, or those that did not converge, then the most stretched ones.
+std::vector<std::size_t> ReportedCharts(const std::vector<ChartReport>& charts) {
+  std::vector<std::size_t> ids(charts.size());
+  std::iota(ids.begin(), ids.end(), std::size_t{0});
+  if (ids.size() <= kMaxChartReports) return ids;
+  const auto kept = ids.begin() + static_cast<std::ptrdiff_t>(kMaxChartReports);
+  std::partial_sort(ids.begin(), kept, ids.end(), [&](std::size_t a, std::size_t b) {
+    return std::tuple(charts[a].flatten.converged, -charts[a].stretch_l2, a) <
+           std::tuple(charts[b].flatten.converged, -charts[b].stretch_l2, b);
+  });
+  ids.erase(kept, ids.end());
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
+v1::ChartTotals Totals(const std::vector<ChartReport>& charts) {
+  v1::ChartTotals totals;
+  Residual worst;
+  double stretch = 0;
+  for (const ChartReport& chart : charts) {
+    const FlattenSummary& flatten = chart.flatten;
+    totals.set_not_converged(totals.not_converged() + (flatten.converged ? 0 : 1));
+    totals.set_newton_iterations(totals.newton_iterations() + flatten.newton_iterations);
+    totals.set_linear_iterations(totals.linear_iterations() + flatten.linear_iterations);
+    worst.triangle = std::max(worst.triangle, flatten.residual.triangle);
+    worst.vertex = std::max(worst.vertex, flatten.residual.vertex);
+    worst.wheel = std::max(worst.wheel, flatten.residual.wheel);
+    worst.gradient = std::max(worst.gradient, flatten.residual.gradient);
+    stretch = std::max(stretch, chart.stretch_l2);
+  }
+  totals.set_charts(static_cast<std::int32_t>(charts.size()));
+  *totals.mutable_residual() = ToProto(worst);
+  totals.set_stretch_l2_max(stretch);
+  return totals;
+}
+
+v1::Atlas AtlasOf(const UnwrapResult& result, const UnwrapOptions& options) {
+  v1::Atlas atlas;
+  atlas.set_pack(options.pack ? v1::PACK_ON : v1::PACK_OFF);
+  atlas.set_texture_size(options.atlas.texture_size);
+  atlas.set_padding(options.atlas.padding);
+  atlas.set_tiles(result.tiles);
+  atlas.set_texels_per_unit(result.texels_per_unit);
+  return atlas;
 }
 
 v1::Quality ToProto(const Quality& quality) {
@@ -109,11 +159,16 @@ v1::Progress ToProto(const UnwrapProgress& progress) {
   return proto;
 }
 
-v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh) {
+v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh, const UnwrapOptions& options) {
   v1::Report proto;
   proto.mutable_input()->set_triangles(mesh.num_faces());
   proto.mutable_input()->set_vertices(mesh.num_vertices());
-  for (const ChartReport& chart : result.charts) *proto.add_charts() = ToProto(chart);
+  for (const std::size_t chart : ReportedCharts(result.charts)) {
+    *proto.add_charts() = ToProto(result.charts[chart]);
+    proto.mutable_charts()->rbegin()->set_chart(static_cast<std::int32_t>(chart));
+  }
+  *proto.mutable_chart_totals() = Totals(result.charts);
+  *proto.mutable_atlas() = AtlasOf(result, options);
   *proto.mutable_quality() = ToProto(result.quality);
   v1::StageSeconds* seconds = proto.mutable_seconds();
   seconds->set_charts(result.seconds.charts);

@@ -33,6 +33,7 @@ class Work {
     PLANISH_ASSIGN_OR_RETURN(UnwrapOptions options, ToCore(request_.options()));
     const int max_threads = std::clamp(request_.max_threads(), 1, kMaxThreads);
     options.threads = request_.options().threads() == 0 ? max_threads : std::min(options.threads, max_threads);
+    options.seams.corners.assign(request_.seam_corners().begin(), request_.seam_corners().end());
     tolerance_ = options.flatten.tolerance;
 
     ReportStage(v1::STAGE_DECODE);
@@ -50,7 +51,7 @@ class Work {
     ReportStage(v1::STAGE_ENCODE);
     timer.Restart();
     WorkResult result;
-    Describe(unwrapped, mesh, &result);
+    Describe(unwrapped, mesh, options, &result);
     result.mutable_report()->set_threads(options.threads);
     result.mutable_report()->mutable_seconds()->set_decode(decode_seconds);
     result.mutable_report()->mutable_seconds()->set_encode(timer.Seconds());
@@ -78,8 +79,9 @@ class Work {
     if (throttle_.Pass(progress)) on_progress_(progress);
   }
 
-  void Describe(const UnwrapResult& unwrapped, const Mesh& mesh, WorkResult* result) const {
-    *result->mutable_report() = ToProto(unwrapped, mesh);
+  void Describe(const UnwrapResult& unwrapped, const Mesh& mesh, const UnwrapOptions& options,
+                WorkResult* result) const {
+    *result->mutable_report() = ToProto(unwrapped, mesh, options);
     result->set_uv_bytes(PackUv(unwrapped.uv, unwrapped.precision));
     v1::UvDescription* uv = result->mutable_uv();
     uv->set_precision(ToProto(unwrapped.precision));
@@ -107,9 +109,11 @@ WorkResult Failure(const absl::Status& status) {
 }  // namespace
 
 bool ProgressThrottle::Pass(const v1::Progress& progress) {
-  const bool news = !last_.has_value() || progress.linear_residual() == 0 || progress.stage() != last_->stage() ||
-                    progress.chart() != last_->chart() || progress.newton_iteration() != last_->newton_iteration() ||
-                    progress.elapsed_seconds() - last_->elapsed_seconds() >= kIntervalSeconds;
+  const bool one_chart = progress.chart_count() <= 1;
+  const bool news =
+      !last_.has_value() || progress.stage() != last_->stage() ||
+      progress.elapsed_seconds() - last_->elapsed_seconds() >= kIntervalSeconds ||
+      (one_chart && (progress.linear_residual() == 0 || progress.newton_iteration() != last_->newton_iteration()));
   if (news) last_ = progress;
   return news;
 }

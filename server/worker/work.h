@@ -9,8 +9,8 @@
 
 namespace planish {
 
-// Thins out progress: every change of stage, chart or Newton iteration passes, and every report between two linear
-// solves; reports from within a linear solve at most every `kIntervalSeconds`.
+// Thins out progress: every change of stage passes; with one chart every Newton iteration too, and every report between
+// two linear solves. Anything else, as the Newton iterations of a thousand charts, at most every `kIntervalSeconds`.
 class ProgressThrottle {
  public:
   static constexpr double kIntervalSeconds = 0.1;

@@ -32,7 +32,12 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
                                         "--hessian=exact",
                                         "--boundary=convex",
                                         "--precision=double",
-                                        "--seams=none",
+                                        "--seams=auto,hard:30,uv,materials,groups,edges:a.txt,edges:b.txt",
+                                        "--max-stretch=1.5",
+                                        "--texture-size=2048",
+                                        "--padding=0",
+                                        "--tiles=3",
+                                        "--texcoord=1",
                                         "--tolerance=1e-7",
                                         "--max-newton-iterations=7",
                                         "--threads=3",
@@ -52,6 +57,16 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.options.hessian, Hessian::kExact);
   EXPECT_EQ(arguments.options.boundary, Boundary::kConvex);
   EXPECT_EQ(arguments.options.precision, Precision::kDouble);
+  EXPECT_EQ(arguments.options.seams, Seams::kAuto);
+  EXPECT_EQ(arguments.options.hard_edge_degrees, 30);
+  EXPECT_EQ(arguments.options.max_stretch, 1.5);
+  EXPECT_EQ(arguments.options.texture_size, 2048);
+  EXPECT_EQ(arguments.options.padding, 0);
+  EXPECT_EQ(arguments.options.tiles, 3);
+  EXPECT_TRUE(arguments.options.pack);
+  EXPECT_TRUE(arguments.seams.uv && arguments.seams.materials && arguments.seams.groups);
+  EXPECT_THAT(arguments.seams.edge_files, ::testing::ElementsAre("a.txt", "b.txt"));
+  EXPECT_EQ(arguments.texcoord, 1);
   EXPECT_EQ(arguments.options.tolerance, 1e-7);
   EXPECT_EQ(arguments.options.max_newton_iterations, 7);
   EXPECT_EQ(arguments.options.threads, 3);
@@ -59,6 +74,32 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.progress, ProgressMode::kPlain);
   EXPECT_EQ(arguments.label, "mine");
   EXPECT_EQ(arguments.timeout_seconds, 2.5);
+}
+
+TEST(ArgumentsTest, SeamPolicies) {
+  const auto policy = [](const char* list) {
+    const ParsedArguments parsed = Parse({"unwrap", "in.obj", "-o", "o.obj", list});
+    EXPECT_TRUE(parsed.arguments) << parsed.err;
+    return parsed.arguments ? parsed.arguments->options.seams : Seams::kNone;
+  };
+  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj"}).arguments->options.seams, Seams::kAuto) << "the default";
+  EXPECT_EQ(policy("--seams=none"), Seams::kNone);
+  EXPECT_EQ(policy("--seams=keep"), Seams::kKeep);
+  EXPECT_EQ(policy("--seams=needed"), Seams::kNeeded);
+  EXPECT_EQ(policy("--seams=uv"), Seams::kNeeded) << "sources alone: these, and no more than needed";
+  EXPECT_EQ(policy("--seams=uv,keep"), Seams::kKeep);
+  EXPECT_EQ(policy("--seams=hard,auto"), Seams::kAuto);
+  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--seams=hard"}).arguments->options.hard_edge_degrees, 66);
+  EXPECT_FALSE(Parse({"unwrap", "in.obj", "-o", "o.obj", "--pack=off"}).arguments->options.pack);
+}
+
+TEST(ArgumentsTest, Inspect) {
+  const ParsedArguments parsed = Parse({"inspect", "in.obj", "--json"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_EQ(parsed.arguments->command, Command::kInspect);
+  EXPECT_EQ(parsed.arguments->input, "in.obj");
+  EXPECT_TRUE(parsed.arguments->json);
+  EXPECT_EQ(Parse({"inspect"}).exit_code, kUsage);
 }
 
 TEST(ArgumentsTest, JobsCommands) {
@@ -98,6 +139,22 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"unwrap", "in.obj", "-o", "x.obj", "--tolerance=1"}, "tolerance"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--max-newton-iterations=0"}, "max-newton-iterations"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--no-such-flag"}, "no-such-flag"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=uw"}, "'uw' is neither"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams="}, "--seams"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=uv,,hard"}, "'' is neither"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=edges:"}, "'edges:' is neither"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=keep,auto"}, "keep and auto exclude each other"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=none,uv"}, "no edge is cut"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=hard:0"}, "above 0 and up to 180"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=hard:nan"}, "above 0 and up to 180"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=hard:60deg"}, "above 0 and up to 180"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--seams=uv", "--max-stretch=1.1"}, "--seams=auto,uv"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--max-stretch=1"}, "max-stretch"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--texture-size=8"}, "texture-size"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--padding=-1"}, "padding"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--tiles=0"}, "tiles"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--pack=maybe"}, "maybe"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--pack=off", "--padding=4"}, "--pack=off"},
       {{"jobs", "list"}, "--server"},
       {{"jobs", "watch", "x", "--mesh", "in.obj", "--server=h:1"}, "-o"},
   };
@@ -144,6 +201,8 @@ Report GoodReport() {
   chart.newton_iterations = 8;
   chart.residual.vertex = 3e-12;
   report.charts = {chart};
+  report.chart_totals = {1, 0, 8, 0, chart.residual, 1.897};
+  report.atlas = {true, 1024, 2, 1, 341.2};
   report.quality.angle_error_mean_deg = 1.204;
   report.quality.angle_error_max_deg = 33.96;
   report.quality.stretch_l2 = 1.897;
@@ -171,6 +230,7 @@ TEST(SummaryTest, SaysWhatBecameOfTheOutline) {
 TEST(SummaryTest, WarningsAndUnusableResult) {
   Report report = GoodReport();
   report.charts[0].converged = false;
+  report.chart_totals.not_converged = 1;
   report.quality.flipped = 1;
   report.quality.overlapping = 12;
   report.warnings.push_back({"UV_FLIPPED", "1 UV triangle is flipped", {}});
@@ -179,6 +239,40 @@ TEST(SummaryTest, WarningsAndUnusableResult) {
   EXPECT_THAT(text, HasSubstr("warning: 1 UV triangle is flipped [UV_FLIPPED]\n"));
   EXPECT_THAT(text, HasSubstr("planish: not usable: the solve did not converge and 1 triangle is flipped; it was "
                               "written all the same"));
+}
+
+TEST(SummaryTest, ManyChartsMakeNoLongerText) {
+  Report report = GoodReport();
+  for (int i = 1; i < 1024; ++i) {
+    ChartReport chart = report.charts[0];
+    chart.chart = i;
+    chart.triangles = 5000 - i;
+    chart.stretch_l2 = i == 77 ? 1.31 : 1.01;
+    chart.converged = i % 100 != 0;
+    chart.preconditioner = i < 10 ? Preconditioner::kAmg : Preconditioner::kCholesky;
+    chart.boundary = {Boundary::kConvex, 40, 10, 1, true};
+    report.charts.push_back(chart);
+    report.warnings.push_back({"NOT_CONVERGED", "chart " + std::to_string(i) + " is slow", {}});
+  }
+  report.chart_totals = {5000, 12, 40000, 0, report.charts[0].residual, 1.31};
+  report.atlas.tiles = 2;
+  report.quality.packing_efficiency = 0.784;
+  EXPECT_EQ(Summary(report, "out.obj", Terminal()),
+            "Flattened 23,062 triangles in 0.82 s into out.obj: 5,000 charts, 40,000 Newton iterations, worst residual "
+            "3.0e-12 (uzawa+cholesky, uzawa+amg).\n"
+            "Packed into 2 tiles of 1,024 x 1,024 texels, 78 % covered, 2 texels between charts, 341 texels per unit "
+            "of length.\n"
+            "The outlines of 1,023 charts are convex: straight at 10,230 of their 40,920 vertices.\n"
+            "No flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
+            "stretch 1.90, 1.31 in the worst chart (77, 4,923 triangles).\n"
+            "warning: chart 1 is slow [NOT_CONVERGED]\n"
+            "warning: chart 2 is slow [NOT_CONVERGED]\n"
+            "warning: chart 3 is slow [NOT_CONVERGED]\n"
+            "warning: 1,020 more of [NOT_CONVERGED]; --json has them all\n"
+            "planish: not usable: 12 of 5,000 charts (100, 200, 300 and 9 more) did not converge; it was written all "
+            "the same, for you to look at\n");
+  report.atlas.pack = false;
+  EXPECT_THAT(Summary(report, "out.obj", Terminal()), HasSubstr("Not packed: charts lie one over the other"));
 }
 
 TEST(SummaryTest, ErrorSaysWhatWhereAndWhatToDo) {
@@ -202,6 +296,8 @@ TEST(NumbersTest, ForPeople) {
   EXPECT_EQ(WithCommas(999), "999");
   EXPECT_EQ(WithCommas(1000), "1,000");
   EXPECT_EQ(WithCommas(-1234567), "-1,234,567");
+  EXPECT_EQ(Significant(341.23, 3), "341");
+  EXPECT_EQ(Significant(179.84, 4), "179.8");
   EXPECT_EQ(Duration(0.424), "0.42 s");
   EXPECT_EQ(Duration(12.34), "12.3 s");
   EXPECT_EQ(Duration(59.96), "1:00");

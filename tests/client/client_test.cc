@@ -96,6 +96,94 @@ TEST_F(ClientTest, UnwrapBringsUvAndReport) {
   EXPECT_FALSE(seen.detached());
 }
 
+TEST_F(ClientTest, SeamsAndAtlasTravel) {
+  v1::UnwrapRequest seen;
+  server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
+    seen = request;
+    v1::JobEvent success = SuccessEvent(1, request.draco(), Bytes(kUv));
+    v1::Report& report = *success.mutable_job()->mutable_report();
+    report.mutable_charts(0)->set_stretch_l2(1.25);
+    report.mutable_charts(0)->set_chart(3);
+    report.mutable_chart_totals()->set_charts(40);
+    report.mutable_chart_totals()->set_not_converged(2);
+    report.mutable_chart_totals()->mutable_residual()->set_wheel(0.5);
+    report.mutable_atlas()->set_pack(v1::PACK_ON);
+    report.mutable_atlas()->set_tiles(3);
+    report.mutable_atlas()->set_texels_per_unit(12.5);
+    *success.mutable_job()->mutable_options() = request.options();
+    stream.Send(success);
+    stream.SendUv(0, Bytes(kUv));
+    return Status();
+  };
+  UnwrapOptions options;
+  options.seams = Seams::kKeep;
+  options.hard_edge_degrees = 30;
+  options.max_stretch = 2;
+  options.texture_size = 512;
+  options.padding = 0;
+  options.tiles = 4;
+  options.pack = false;
+  Job echo;
+  Callbacks callbacks;
+  callbacks.on_event = [&](const Event& event) { echo = *event.job; };
+  const std::vector<std::uint32_t> edges = {4, 1, 5, 4};  // the diagonal, in the caller's ids, and an outer edge
+  const std::vector<std::int32_t> corners = {0};          // faces the edge 2-4
+  const UnwrapResult result = NewClient().Unwrap(
+      MeshView(kPositions, kTriangles).WithSeams(edges).WithSeamCorners(corners), options, callbacks);
+
+  EXPECT_THAT(seen.seam_corners(), ElementsAre(1, 3, 0));
+  EXPECT_EQ(seen.options().seams(), v1::SEAMS_KEEP);
+  EXPECT_EQ(seen.options().hard_edge_degrees(), 30);
+  EXPECT_EQ(seen.options().max_stretch(), 2);
+  EXPECT_EQ(seen.options().texture_size(), 512);
+  EXPECT_TRUE(seen.options().has_padding());
+  EXPECT_EQ(seen.options().padding(), 0);
+  EXPECT_EQ(seen.options().tiles(), 4);
+  EXPECT_EQ(seen.options().pack(), v1::PACK_OFF);
+  EXPECT_EQ(echo.options.seams, Seams::kKeep);
+  EXPECT_EQ(echo.options.padding, 0);
+  EXPECT_FALSE(echo.options.pack);
+  EXPECT_EQ(result.report.charts.at(0).stretch_l2, 1.25);
+  EXPECT_EQ(result.report.charts.at(0).chart, 3);
+  EXPECT_EQ(result.report.chart_totals.charts, 40);
+  EXPECT_EQ(result.report.chart_totals.residual.Worst(), 0.5);
+  EXPECT_EQ(result.report.atlas.tiles, 3);
+  EXPECT_EQ(result.report.atlas.texels_per_unit, 12.5);
+  EXPECT_FALSE(result.IsUsable()) << "two charts did not converge, be they described or not";
+}
+
+TEST_F(ClientTest, DefaultsAreTheServers) {
+  v1::CreateJobRequest seen;
+  server_.on_create = [&](const v1::CreateJobRequest& request, v1::Job&) {
+    seen = request;
+    return Status();
+  };
+  const std::vector<std::int32_t> edge = {1, 4};
+  const Job job = NewClient().CreateJob(MeshView(kPositions, kTriangles).WithSeams(edge));
+  EXPECT_EQ(seen.options().seams(), v1::SEAMS_AUTO);
+  EXPECT_FALSE(seen.options().has_padding());
+  EXPECT_EQ(seen.options().pack(), v1::PACK_ON);
+  EXPECT_THAT(seen.seam_corners(), ElementsAre(1));
+  EXPECT_EQ(job.options.seams, Seams::kAuto) << "what a server leaves open is auto";
+}
+
+TEST_F(ClientTest, SeamsThatAreNoneAreRefusedBeforeTheyTravel) {
+  const MeshView mesh(kPositions, kTriangles);
+  const std::vector<std::uint32_t> diagonal = {1, 4, 2, 5};
+  Error error = ErrorOf([&] { NewClient().Unwrap(mesh.WithSeams(diagonal)); });
+  EXPECT_EQ(error.reason(), "OPTIONS_INVALID");
+  EXPECT_EQ(error.metadata().at("edges"), "2-5") << "in the caller's ids";
+  EXPECT_EQ(ErrorOf([&] {
+              NewClient().Unwrap(mesh.WithSeams(std::vector<std::int32_t>{1, 2, 4}));
+            }).reason(),
+            "OPTIONS_INVALID");
+  for (const std::int32_t corner : {-1, 6}) {
+    error = ErrorOf([&] { NewClient().Unwrap(mesh.WithSeamCorners(std::vector<std::int32_t>{0, corner})); });
+    EXPECT_EQ(error.reason(), "OPTIONS_INVALID");
+    EXPECT_EQ(error.metadata().at("corner"), std::to_string(corner));
+  }
+}
+
 TEST_F(ClientTest, DoubleUvAndDoublePositions) {
   const std::vector<double> uv = {0, 0, 1.0 / 3, 0, 1, 0.1};
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {

@@ -84,6 +84,30 @@ TEST(ProgressBarTest, LastLine) {
             "✓ done      ██████████████████████████████  1.0e-05  █▇▆▅  newton 3  1,234 linear  3.21 s");
 }
 
+TEST(ProgressBarTest, FractionCountsChartsAndNeverFalls) {
+  BarState state;
+  Event event;
+  event.progress.emplace();
+  Progress& progress = *event.progress;
+  progress.stage = Stage::kSolve;
+  progress.chart_count = 4;
+  progress.tolerance = 1e-8;
+  progress.chart = 1;
+  progress.residual.vertex = 1e-4;
+  state.Apply(event);
+  EXPECT_NEAR(state.Fraction(), 0.25, 1e-12);
+  progress.newton_iteration = 1;
+  progress.residual.vertex = 1e-6;
+  state.Apply(event);
+  EXPECT_NEAR(state.Fraction(), 0.375, 1e-12);
+  progress.chart = 0;  // charts may be solved at the same time
+  state.Apply(event);
+  EXPECT_NEAR(state.Fraction(), 0.375, 1e-12);
+  progress.chart = 3;
+  state.Apply(event);
+  EXPECT_NEAR(state.Fraction(), 0.75, 1e-12);
+}
+
 TEST(ProgressBarTest, FractionFollowsTheLogarithmOfTheResidual) {
   BarState state;
   EXPECT_EQ(state.Fraction(), 0);

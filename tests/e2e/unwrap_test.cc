@@ -166,6 +166,53 @@ TEST_F(UnwrapTest, BadInputSaysWhatAndWhere) {
   EXPECT_FALSE(std::filesystem::exists(output));
 }
 
+TEST_F(UnwrapTest, SeamsAndAtlasOnTheWay) {
+  const std::string input = File("grid.obj", GridObj(4));
+  const std::string output = directory_ / "out.obj";
+  // A seam from the rim inwards leaves a disc.
+  const std::string list = File("seams.txt", "2 7 # into the middle\n");
+  Outcome run = Planish(
+      {"unwrap", input, "-o", output, "--json", "--seams=keep,edges:" + list, "--texture-size=256", "--padding=4"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json report = json::parse(run.out);
+  EXPECT_EQ(report["atlas"]["texture_size"], 256);
+  EXPECT_EQ(report["atlas"]["padding"], 4);
+  EXPECT_EQ(report["atlas"]["pack"], "on");
+  EXPECT_EQ(report["chart_totals"]["charts"], report["charts"].size());
+  EXPECT_EQ(report["charts"][0]["chart"], 0);
+  EXPECT_TRUE(report["charts"][0].contains("stretch_l2"));
+
+  run = Planish({"unwrap", input, "-o", output, "--seams=edges:" + File("bad.txt", "1 2\n1 13\n")});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.err, HasSubstr("bad.txt:2: no face of "));
+  run = Planish({"unwrap", input, "-o", output, "--seams=uv"});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.err, HasSubstr("has no UV"));
+  run = Planish({"unwrap", input, "-o", output, "--texture-size=16", "--padding=16"});
+  EXPECT_EQ(run.exit_code, 2) << "refused by the server";
+  EXPECT_THAT(run.err, HasSubstr("padding"));
+}
+
+TEST_F(UnwrapTest, InspectNeedsNoServer) {
+  const std::map<std::string, std::string> nowhere = {{"PLANISHD", "/nonexistent"}, {"PLANISH_SERVER", "127.0.0.1:1"}};
+  Outcome run = Planish({"inspect", kSpot}, nowhere);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(run.err, "");
+  EXPECT_THAT(run.out, HasSubstr("1 component, a disc, 1 boundary loop with 616 edges"));
+
+  run = Planish({"inspect", File("fan.obj", kFanObj), "--json"}, nowhere);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const json inspection = json::parse(run.out);
+  EXPECT_EQ(inspection["findings"]["non_manifold_edges"]["count"], 1);
+  EXPECT_EQ(inspection["findings"]["non_manifold_edges"]["lines"][2], 8);
+  EXPECT_EQ(inspection["unwrap"]["seams_none"]["reason"], "MESH_EDGE_NON_MANIFOLD");
+
+  run = Planish({"inspect", File("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n"), "--json"}, nowhere);
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_EQ(json::parse(run.out)["unwrap"]["error"]["reason"], "MESH_POSITION_NOT_FINITE");
+  EXPECT_EQ(Planish({"inspect", directory_ / "missing.obj"}, nowhere).exit_code, 2);
+}
+
 TEST_F(UnwrapTest, BadUsageExitsWith2) {
   const std::string input = File("grid.obj", GridObj(4));
   EXPECT_EQ(Planish({"unwrap", input}).exit_code, 2);

@@ -97,7 +97,7 @@ test('capabilities', async () => {
   assert.match(capabilities.version, /^\d+\.\d+\.\d+/);
   assert.equal(capabilities.workers, 2);
   assert.ok(capabilities.max_mesh_bytes > 1_000_000);
-  assert.ok(capabilities.seams.includes('SEAMS_NONE'));
+  assert.ok(capabilities.seams.includes('SEAMS_AUTO'));
   assert.ok(capabilities.solvers.some(({solver}) => solver === 'SOLVER_UZAWA'));
 });
 

@@ -24,6 +24,16 @@ class MeshView {
   MeshView(std::span<const float> positions, std::span<const std::int32_t> triangles);
   MeshView(std::span<const double> positions, std::span<const std::int32_t> triangles);
 
+  // The same mesh with given seams: edges along which charts part, in addition to hard edges
+  // (UnwrapOptions::hard_edge_degrees); what Seams adds to them is its own affair. By the two vertices of each edge,
+  // two ids per edge in any order: a pair that no triangle has as an edge is refused (OPTIONS_INVALID, metadata
+  // "edges").
+  MeshView WithSeams(std::span<const std::uint32_t> vertex_pairs) const;
+  MeshView WithSeams(std::span<const std::int32_t> vertex_pairs) const;
+  // By corners: number 3 t + k stands for the edge that corner k of triangle t faces, between its other two corners.
+  // May be used beside WithSeams.
+  MeshView WithSeamCorners(std::span<const std::int32_t> corners) const;
+
   std::int64_t vertex_count() const { return coordinate_count_ / 3; }
   std::int64_t triangle_count() const { return index_count_ / 3; }
 
@@ -34,6 +44,8 @@ class MeshView {
   const std::uint32_t* indices_ = nullptr;  // negative ids wrap and are refused as out of range
   std::int64_t coordinate_count_ = 0;
   std::int64_t index_count_ = 0;
+  std::span<const std::uint32_t> seam_vertices_;
+  std::span<const std::int32_t> seam_corners_;
 };
 
 enum class JobState { kUnspecified, kQueued, kRunning, kStopping, kSucceeded, kFailed, kCancelled, kExpired };
@@ -50,7 +62,12 @@ enum class Stage {
   kEncode,
   kDownload
 };
-enum class Seams { kNone };
+enum class Seams {
+  kNone,    // no edge is cut: the mesh must be a topological disc
+  kKeep,    // the given seams and no others: the pieces must be discs
+  kNeeded,  // the given seams, and more only where a piece is no disc or its map would overlap itself (SEAMS_ADDED)
+  kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
+};
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
 enum class System { kAuto, kFull, kReduced };
 enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
@@ -74,7 +91,13 @@ const char* ToString(Precision precision);
 bool IsTerminal(JobState state);
 
 struct UnwrapOptions {
-  Seams seams = Seams::kNone;  // the mesh must be a topological disc
+  Seams seams = Seams::kAuto;
+  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
+  double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
+  bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
+  int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024
+  std::optional<int> padding;    // texels between charts, half as many at the rim, in [0, 64]; unset: 2
+  int tiles = 0;                 // at most so many: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
   Solver solver = Solver::kAuto;
   System system = System::kAuto;
   Preconditioner preconditioner = Preconditioner::kAuto;
@@ -137,6 +160,27 @@ struct ChartReport {
   double abf_energy = 0;           // as Quality::abf_energy, of the angles as solved, before any rounding
   double barrier = 0;              // above 0 where the ABF energy alone has no minimum (warning BARRIER_KEPT)
   BoundaryReport boundary;
+  double stretch_l2 = 1;  // as Quality::stretch_l2, of this chart by itself
+  int chart = 0;          // its number, 0-based
+};
+
+// Over all charts, however many.
+struct ChartTotals {
+  int charts = 0;
+  int not_converged = 0;
+  std::int64_t newton_iterations = 0;
+  std::int64_t linear_iterations = 0;
+  Residual residual;  // the largest of each family
+  double stretch_l2_max = 1;
+};
+
+// Where the charts went, in texels of the texture that was asked for.
+struct Atlas {
+  bool pack = true;
+  int texture_size = 0;
+  int padding = 0;
+  int tiles = 1;               // that are used
+  double texels_per_unit = 0;  // of length on the surface; 0 without packing
 };
 
 // Measured on the delivered UV with exact predicates.
@@ -179,7 +223,10 @@ struct Warning {
 struct Report {
   std::int64_t triangles = 0;
   std::int64_t vertices = 0;
+  // One per chart, ascending; of more than 1024 those that did not converge, then those of the largest stretch.
   std::vector<ChartReport> charts;
+  ChartTotals chart_totals;
+  Atlas atlas;
   Quality quality;
   StageSeconds seconds;
   std::int64_t peak_memory_bytes = 0;
@@ -252,6 +299,7 @@ struct Capabilities {
   std::int64_t max_mesh_bytes = 0;
   int workers = 0;
   int queue_capacity = 0;
+  std::vector<Seams> seams;
   std::vector<SolverCombination> solvers;
   int threads = 0;  // a job may use at most
 };

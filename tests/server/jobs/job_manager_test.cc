@@ -152,6 +152,26 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
   EXPECT_THAT(manager_->List(0, "", v1::JOB_STATE_UNSPECIFIED)->jobs, IsEmpty());
 }
 
+TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
+  options_.max_mesh_bytes = 12;
+  Restart();
+  JobRequest request = Request();
+  request.seam_corners = {5, 0};
+  const auto accepted = manager_->Create(request);
+  ASSERT_TRUE(accepted.ok()) << accepted.status();
+  EXPECT_EQ(accepted->job.mesh_bytes(), 12);
+  EXPECT_THAT(manager_->TakeNext()->request.seam_corners(), ElementsAre(5, 0));
+
+  request.seam_corners = {5, 0, 7};
+  EXPECT_EQ(Reason(manager_->Create(request).status()), "MESH_TOO_LARGE");
+
+  request.seam_corners = {5, -3};
+  const ErrorInfo info = ErrorInfoOf(manager_->Create(request).status());
+  EXPECT_EQ(info.reason, "OPTIONS_INVALID");
+  EXPECT_EQ(info.metadata.at("field"), "seam_corners");
+  EXPECT_EQ(info.metadata.at("corner"), "-3");
+}
+
 TEST_F(JobManagerTest, FullQueueSaysWhenToRetry) {
   Create();
   ASSERT_TRUE(manager_->TakeNext().has_value());

@@ -64,6 +64,35 @@ v1::JobState EndState(RpcTestServer& server, const std::string& name) {
   return Follow(**server.manager().Watch(name)).back().job().state();
 }
 
+TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
+  std::vector<std::vector<int>> seen;
+  RpcTestServer server([&seen](ServerLink& link, const worker::v1::WorkRequest& request) {
+    seen.emplace_back(request.seam_corners().begin(), request.seam_corners().end());
+    EXPECT_EQ(request.draco(), "mesh");
+    link.Send(SuccessMessage("uv"));
+  });
+  v1::UnwrapRequest request = MeshRequest();
+  for (const int corner : {7, 0, 7}) request.add_seam_corners(corner);
+  const Received received = Unwrap(server, request);
+  EXPECT_TRUE(received.status.ok()) << received.status.error_message();
+  EXPECT_EQ(received.LastJob().mesh_bytes(), 4 + 3 * 4);
+
+  v1::CreateJobRequest create;
+  create.set_draco("mesh");
+  create.add_seam_corners(3);
+  grpc::ClientContext context;
+  v1::Job job;
+  ASSERT_TRUE(server.stub().CreateJob(&context, create, &job).ok());
+  Watch(server, WatchRequest(job.name(), 0));
+  EXPECT_THAT(seen, ::testing::ElementsAre(::testing::ElementsAre(7, 0, 7), ::testing::ElementsAre(3)));
+
+  request.add_seam_corners(-1);
+  const Received refused = Unwrap(server, request);
+  EXPECT_EQ(refused.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(InfoOf(refused.status).reason(), "OPTIONS_INVALID");
+  EXPECT_EQ(InfoOf(refused.status).metadata().at("field"), "seam_corners");
+}
+
 TEST(UnwrapRpc, EventsInOrderThenUvInChunks) {
   std::string uv((3 << 20) + 5, '\0');
   for (std::size_t i = 0; i < uv.size(); ++i) uv[i] = static_cast<char>(i * 7 + i / 1000);

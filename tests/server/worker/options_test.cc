@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "core/base/error.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
 namespace planish {
@@ -24,6 +25,42 @@ TEST(Options, NothingSetMeansTheCoresDefaults) {
   EXPECT_EQ(core->flatten.tolerance, 1e-9);
   EXPECT_EQ(core->flatten.max_newton_iterations, 100);
   EXPECT_EQ(core->threads, 1);
+  EXPECT_EQ(core->seams.policy, SeamPolicy::kAuto);
+  EXPECT_EQ(core->seams.max_stretch, 1.05);
+  EXPECT_EQ(core->seams.hard_edge_degrees, 0);
+  EXPECT_TRUE(core->pack);
+  EXPECT_EQ(core->atlas.texture_size, 1024);
+  EXPECT_EQ(core->atlas.padding, 2);
+  EXPECT_EQ(core->atlas.tiles, 1);
+}
+
+TEST(Options, SeamsAndAtlasArrive) {
+  v1::UnwrapOptions options;
+  options.set_seams(v1::SEAMS_NEEDED);
+  options.set_max_stretch(1.2);
+  options.set_hard_edge_degrees(66);
+  options.set_texture_size(4096);
+  options.set_padding(0);
+  options.set_tiles(12);
+  options.set_pack(v1::PACK_OFF);
+  const auto core = ToCore(options);
+  ASSERT_TRUE(core.ok()) << core.status();
+  EXPECT_EQ(core->seams.policy, SeamPolicy::kNeeded);
+  EXPECT_EQ(core->seams.max_stretch, 1.2);
+  EXPECT_EQ(core->seams.hard_edge_degrees, 66);
+  EXPECT_EQ(core->atlas.texture_size, 4096);
+  EXPECT_EQ(core->atlas.padding, 0) << "0 is a padding, not a default";
+  EXPECT_EQ(core->atlas.tiles, 12);
+  EXPECT_FALSE(core->pack);
+}
+
+TEST(Options, EveryPolicyThatIsAnnouncedIsTaken) {
+  EXPECT_THAT(SeamPolicies(), ::testing::ElementsAre(v1::SEAMS_NONE, v1::SEAMS_KEEP, v1::SEAMS_NEEDED, v1::SEAMS_AUTO));
+  for (const v1::Seams seams : SeamPolicies()) {
+    v1::UnwrapOptions options;
+    options.set_seams(seams);
+    EXPECT_TRUE(ValidateOptions(options).ok()) << v1::Seams_Name(seams);
+  }
 }
 
 TEST(Options, EverythingSetArrives) {
@@ -56,6 +93,9 @@ TEST(Options, UnknownEnumeratorsNameTheirField) {
   options.set_seams(static_cast<v1::Seams>(99));
   EXPECT_EQ(BadField(options), "seams");
   options.clear_seams();
+  options.set_pack(static_cast<v1::Pack>(99));
+  EXPECT_EQ(BadField(options), "pack");
+  options.clear_pack();
   options.set_solver(static_cast<v1::Solver>(99));
   EXPECT_EQ(BadField(options), "solver");
   options.clear_solver();
@@ -92,6 +132,42 @@ TEST(Options, NumbersOutOfRangeNameTheirField) {
     options.set_threads(threads);
     EXPECT_EQ(BadField(options), "threads") << threads;
   }
+}
+
+TEST(Options, SeamAndAtlasNumbersOutOfRangeNameTheirField) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto with = [](const auto& set) {
+    v1::UnwrapOptions options;
+    set(options);
+    return BadField(options);
+  };
+  for (const double stretch : {-1.0, 1.0, 100.5, nan}) {
+    EXPECT_EQ(with([&](auto& o) { o.set_max_stretch(stretch); }), "max_stretch") << stretch;
+  }
+  for (const double degrees : {-1.0, 180.5, nan}) {
+    EXPECT_EQ(with([&](auto& o) { o.set_hard_edge_degrees(degrees); }), "hard_edge_degrees") << degrees;
+  }
+  for (const int size : {-1, 15, 65537}) {
+    EXPECT_EQ(with([&](auto& o) { o.set_texture_size(size); }), "texture_size") << size;
+  }
+  for (const int padding : {-1, 65}) {
+    EXPECT_EQ(with([&](auto& o) { o.set_padding(padding); }), "padding") << padding;
+  }
+  for (const int tiles : {-1, 101}) {
+    EXPECT_EQ(with([&](auto& o) { o.set_tiles(tiles); }), "tiles") << tiles;
+  }
+}
+
+TEST(Options, ChoicesThatContradictEachOtherAreRefused) {
+  v1::UnwrapOptions options;
+  options.set_texture_size(16);
+  options.set_padding(15);
+  EXPECT_EQ(BadField(options), "padding") << "two rims of 8 fill 16 texels";
+  options.set_padding(14);
+  EXPECT_TRUE(ValidateOptions(options).ok());
+  options.set_seams(v1::SEAMS_NONE);
+  options.set_hard_edge_degrees(60);
+  EXPECT_EQ(BadField(options), "seams") << "none and hard edges";
 }
 
 TEST(Options, CombinationsAreThoseThatPass) {

@@ -150,6 +150,85 @@ TEST(Work, FaultsAreNamed) {
   EXPECT_EQ(Reason(RunOnce(Request(mesh))), "MESH_POSITION_NOT_FINITE");
 }
 
+TEST(Work, SeamCornersBeyondTheMeshAreRefusedByNumber) {
+  worker::v1::WorkRequest request = Request(Bump(4));  // 32 faces
+  request.add_seam_corners(95);
+  EXPECT_EQ(RunOnce(request).status().code(), 0);
+  for (const int corner : {96, -1}) {
+    request.add_seam_corners(corner);
+    const worker::v1::WorkResult result = RunOnce(request);
+    EXPECT_EQ(result.status().code(), static_cast<int>(absl::StatusCode::kInvalidArgument));
+    google::rpc::ErrorInfo info;
+    ASSERT_TRUE(result.status().details(0).UnpackTo(&info));
+    EXPECT_EQ(info.reason(), "OPTIONS_INVALID");
+    EXPECT_EQ(info.metadata().at("field"), "seam_corners");
+    EXPECT_EQ(info.metadata().at("corner"), std::to_string(corner));
+    request.mutable_seam_corners()->RemoveLast();
+  }
+}
+
+TEST(Work, ReportsTheAtlasThatWasAskedFor) {
+  worker::v1::WorkRequest request = Request(Bump(4));
+  request.mutable_options()->set_texture_size(512);
+  request.mutable_options()->set_padding(7);
+  const v1::Atlas atlas = RunOnce(request).report().atlas();
+  EXPECT_EQ(atlas.pack(), v1::PACK_ON);
+  EXPECT_EQ(atlas.texture_size(), 512);
+  EXPECT_EQ(atlas.padding(), 7);
+  EXPECT_EQ(atlas.tiles(), 1);
+}
+
+// A result of charts with 1, 2, 3, ... triangles.
+UnwrapResult ManyCharts(std::size_t count) {
+  UnwrapResult result;
+  result.charts.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    ChartReport& chart = result.charts[i];
+    chart.triangles = static_cast<std::int64_t>(i) + 1;
+    chart.stretch_l2 = 1 + 0.001 * static_cast<double>(i % 1000);
+    chart.flatten.converged = true;
+    chart.flatten.newton_iterations = 3;
+    chart.flatten.residual.vertex = 1e-10;
+  }
+  return result;
+}
+
+TEST(Report, DescribesEveryChartOfAThousand) {
+  UnwrapResult result = ManyCharts(kMaxChartReports);
+  result.charts[7].flatten.residual.wheel = 1e-3;
+  result.charts[9].flatten.converged = false;
+  const v1::Report report = ToProto(result, Mesh(), {});
+  ASSERT_EQ(report.charts_size(), static_cast<int>(kMaxChartReports));
+  EXPECT_EQ(report.charts(7).triangles(), 8);
+  EXPECT_EQ(report.charts(7).chart(), 7);
+  EXPECT_EQ(report.chart_totals().charts(), static_cast<int>(kMaxChartReports));
+  EXPECT_EQ(report.chart_totals().not_converged(), 1);
+  EXPECT_EQ(report.chart_totals().newton_iterations(), 3 * static_cast<int>(kMaxChartReports));
+  EXPECT_EQ(report.chart_totals().residual().wheel(), 1e-3);
+  EXPECT_EQ(report.chart_totals().residual().vertex(), 1e-10);
+  EXPECT_EQ(report.chart_totals().stretch_l2_max(), 1.999);
+}
+
+TEST(Report, OfMoreChartsDescribesTheWorst) {
+  UnwrapResult result = ManyCharts(5000);
+  result.charts[4000].flatten.converged = false;  // with the least stretch of all
+  const v1::Report report = ToProto(result, Mesh(), {});
+  ASSERT_EQ(report.charts_size(), static_cast<int>(kMaxChartReports));
+  EXPECT_EQ(report.chart_totals().charts(), 5000);
+  bool has_unconverged = false;
+  for (int i = 0; i < report.charts_size(); ++i) {
+    const v1::ChartReport& chart = report.charts(i);
+    if (i > 0) {
+      EXPECT_GT(chart.chart(), report.charts(i - 1).chart());
+    }
+    EXPECT_EQ(chart.triangles(), chart.chart() + 1);
+    has_unconverged |= !chart.converged();
+    EXPECT_TRUE(!chart.converged() || chart.stretch_l2() > 1.79) << chart.stretch_l2();
+  }
+  EXPECT_TRUE(has_unconverged);
+  EXPECT_LT(report.ByteSizeLong(), 1u << 19);
+}
+
 TEST(Work, InterruptedWorkIsCancelled) {
   Interrupter interrupter;
   const worker::v1::WorkResult result = DoWork(Request(Bump(12)), interrupter, [&](const v1::Progress& progress) {
@@ -188,6 +267,19 @@ TEST(ProgressThrottle, ThinsOutLinearIterationsOnly) {
   v1::Progress layout = At(0.14, 2, 0.1);
   layout.set_stage(v1::STAGE_LAYOUT);
   EXPECT_TRUE(throttle.Pass(layout)) << "a new stage";
+}
+
+TEST(ProgressThrottle, ManyChartsDoNotMakeManyReports) {
+  ProgressThrottle throttle;
+  int passed = 0;
+  for (int chart = 0; chart < 1000; ++chart) {
+    v1::Progress progress = At(0.001 * chart, 3, 0);
+    progress.set_chart(chart);
+    progress.set_chart_count(1000);
+    passed += throttle.Pass(progress) ? 1 : 0;
+  }
+  EXPECT_GE(passed, 9);
+  EXPECT_LE(passed, 11);
 }
 
 TEST(PackUv, LittleEndian) {

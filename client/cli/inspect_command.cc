@@ -1,0 +1,17 @@
+#include <iostream>
+
+#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/inspection.h"
+
+namespace planish::cli {
+
+int RunInspect(const Arguments& arguments) {
+  const MeshInput input(arguments.input);
+  const Inspection inspection = Inspect(input);
+  std::cout << (arguments.json ? ToText(InspectionJson(input, inspection)) : InspectionText(input, inspection))
+            << std::flush;
+  return inspection.refusal ? kFailed : kOk;
+}
+
+}  // namespace planish::cli

@@ -1,0 +1,192 @@
+#include "client/cli/seam_edges.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <fstream>
+#include <numeric>
+#include <sstream>
+#include <tuple>
+#include <utility>
+
+#include "client/src/errors.h"
+#include "core/io/file_error.h"
+#include "core/io/number.h"
+#include "planish/error.h"
+
+namespace planish::cli {
+namespace {
+
+[[noreturn]] void Malformed(const std::string& path, std::int64_t line, const std::string& message) {
+  throw ErrorFrom(FileMalformed(path, line, message));
+}
+
+// Words of a line up to a #.
+std::vector<std::string> Words(const std::string& line) {
+  std::istringstream stream(line.substr(0, line.find('#')));
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  return words;
+}
+
+}  // namespace
+
+PolygonEdges::PolygonEdges(const MeshFile& file, const Triangulation& triangles) : file_(file), triangles_(triangles) {
+  const auto& polygon_begin = file.mesh.polygon_begin;
+  const std::size_t num_corners = 3 * triangles.mesh.faces.size();
+  half_edges_.reserve(num_corners);
+  for (std::size_t c = 0; c < num_corners; ++c) {
+    const std::size_t first = c - c % 3;
+    const std::int64_t a = triangles.corner_of_triangle[first + (c + 1) % 3];
+    const std::int64_t b = triangles.corner_of_triangle[first + (c + 2) % 3];
+    const auto polygon = static_cast<std::size_t>(triangles.source_polygon[c / 3]);
+    const std::int64_t begin = polygon_begin[polygon], last = polygon_begin[polygon + 1] - 1;
+    const bool is_polygon_edge = b - a == 1 || a - b == 1 || std::minmax(a, b) == std::minmax(begin, last);
+    const auto [low, high] = std::minmax({file.mesh.corner_vertex[a], file.mesh.corner_vertex[b]});
+    if (!is_polygon_edge || low == high) continue;
+    half_edges_.push_back({low, high, static_cast<std::int32_t>(c)});
+  }
+  std::sort(half_edges_.begin(), half_edges_.end(), [](const HalfEdge& a, const HalfEdge& b) {
+    return std::tie(a.low, a.high, a.corner) < std::tie(b.low, b.high, b.corner);
+  });
+}
+
+template <typename Visit>
+void PolygonEdges::ForEachEdge(const Visit& visit) const {
+  for (auto begin = half_edges_.begin(), end = begin; begin != half_edges_.end(); begin = end) {
+    end = std::find_if(begin, half_edges_.end(),
+                       [&](const HalfEdge& h) { return h.low != begin->low || h.high != begin->high; });
+    visit(begin, end);
+  }
+}
+
+template <typename Same>
+std::vector<std::int32_t> PolygonEdges::Borders(const Same& same) const {
+  std::vector<std::int32_t> corners;
+  ForEachEdge([&](auto begin, auto end) {
+    if (!std::all_of(begin, end, [&](const HalfEdge& h) { return same(*begin, h); })) corners.push_back(begin->corner);
+  });
+  std::sort(corners.begin(), corners.end());
+  return corners;
+}
+
+std::int64_t PolygonEdges::PolygonCorner(std::int32_t corner, std::int32_t vertex) const {
+  const std::int32_t first = corner - corner % 3;
+  const std::int64_t candidate = triangles_.corner_of_triangle[first + Next(corner % 3)];
+  return file_.mesh.corner_vertex[candidate] == vertex ? candidate
+                                                       : triangles_.corner_of_triangle[first + Prev(corner % 3)];
+}
+
+bool PolygonEdges::SameUv(const HalfEdge& a, const HalfEdge& b) const {
+  const auto& texcoord = file_.mesh.corner_texcoord;
+  for (const std::int32_t vertex : {a.low, a.high}) {
+    if (texcoord[PolygonCorner(a.corner, vertex)] != texcoord[PolygonCorner(b.corner, vertex)]) return false;
+  }
+  return true;
+}
+
+std::int64_t PolygonEdges::PolygonOf(const HalfEdge& half_edge) const {
+  return triangles_.source_polygon[half_edge.corner / 3];
+}
+
+std::vector<std::int32_t> PolygonEdges::UvBorders() const {
+  if (file_.mesh.corner_texcoord.empty()) return {};
+  return Borders([this](const HalfEdge& a, const HalfEdge& b) { return SameUv(a, b); });
+}
+
+std::vector<std::int32_t> PolygonEdges::MaterialBorders() const {
+  const auto& material = file_.mesh.polygon_material;
+  if (material.empty()) return {};
+  return Borders(
+      [&](const HalfEdge& a, const HalfEdge& b) { return material[PolygonOf(a)] == material[PolygonOf(b)]; });
+}
+
+std::vector<std::int32_t> PolygonEdges::GroupBorders() const {
+  const auto& group = file_.mesh.polygon_group;
+  if (group.empty()) return {};
+  return Borders([&](const HalfEdge& a, const HalfEdge& b) { return group[PolygonOf(a)] == group[PolygonOf(b)]; });
+}
+
+std::vector<std::int32_t> PolygonEdges::ListedIn(const std::string& path) const {
+  if (file_.format == MeshFormat::kStl) {
+    Malformed(path, 0, "the vertices of an STL have no numbers, so their edges cannot be listed");
+  }
+  std::ifstream stream(path);
+  if (!stream) throw ErrorFrom(FileUnreadable(path, "cannot read the list of seams", errno));
+  const std::int64_t first = file_.format == MeshFormat::kObj ? 1 : 0;
+  const std::int64_t last = static_cast<std::int64_t>(file_.mesh.positions.size()) - 1 + first;
+  std::vector<std::int32_t> corners;
+  std::int64_t line_number = 0;
+  for (std::string line; std::getline(stream, line);) {
+    ++line_number;
+    const std::vector<std::string> words = Words(line);
+    if (words.empty()) continue;
+    if (words.size() != 2) Malformed(path, line_number, "expected the numbers of two vertices");
+    std::int64_t ends[2] = {};
+    for (int i = 0; i < 2; ++i) {
+      if (!ParseInt(words[i], &ends[i]) || ends[i] < first || ends[i] > last) {
+        Malformed(path, line_number,
+                  Quoted(words[i]) + " is no vertex of " + file_.path + ", which has " + std::to_string(first) +
+                      " to " + std::to_string(last));
+      }
+    }
+    const auto [low, high] =
+        std::minmax({static_cast<std::int32_t>(ends[0] - first), static_cast<std::int32_t>(ends[1] - first)});
+    const auto found =
+        std::lower_bound(half_edges_.begin(), half_edges_.end(), std::pair(low, high),
+                         [](const HalfEdge& h, const auto& edge) { return std::pair(h.low, h.high) < edge; });
+    if (found == half_edges_.end() || found->low != low || found->high != high) {
+      Malformed(path, line_number,
+                "no face of " + file_.path + " has an edge from vertex " + words[0] + " to vertex " + words[1]);
+    }
+    corners.push_back(found->corner);
+  }
+  std::sort(corners.begin(), corners.end());
+  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
+  return corners;
+}
+
+std::int64_t PolygonEdges::CountUvIslands() const {
+  if (file_.mesh.corner_texcoord.empty()) return 0;
+  std::vector<std::int64_t> parent(static_cast<std::size_t>(file_.mesh.num_polygons()));
+  std::iota(parent.begin(), parent.end(), std::int64_t{0});
+  const auto root = [&](std::int64_t p) {
+    while (parent[p] != p) p = parent[p] = parent[parent[p]];
+    return p;
+  };
+  std::int64_t islands = file_.mesh.num_polygons();
+  ForEachEdge([&](auto begin, auto end) {
+    if (end - begin != 2 || !SameUv(begin[0], begin[1])) return;
+    const std::int64_t a = root(PolygonOf(begin[0])), b = root(PolygonOf(begin[1]));
+    if (a == b) return;
+    parent[std::max(a, b)] = std::min(a, b);
+    --islands;
+  });
+  return islands;
+}
+
+std::vector<std::int32_t> SeamCorners(const MeshFile& file, const Triangulation& triangles, const SeamList& list) {
+  if (!list.NeedsFile()) return {};
+  const auto require = [&](bool wanted, bool present, const char* source, const char* what) {
+    if (!wanted || present) return;
+    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                std::string("--seams=") + source + ": " + file.path + " has no " + what, {{"field", "seams"}});
+  };
+  require(list.uv, !file.mesh.corner_texcoord.empty(), "uv", "UV");
+  require(list.materials, !file.mesh.polygon_material.empty(), "materials", "materials");
+  require(list.groups, !file.mesh.polygon_group.empty(), "groups", "objects or groups");
+
+  const PolygonEdges edges(file, triangles);
+  std::vector<std::int32_t> corners;
+  const auto add = [&](const std::vector<std::int32_t>& more) {
+    corners.insert(corners.end(), more.begin(), more.end());
+  };
+  if (list.uv) add(edges.UvBorders());
+  if (list.materials) add(edges.MaterialBorders());
+  if (list.groups) add(edges.GroupBorders());
+  for (const std::string& path : list.edge_files) add(edges.ListedIn(path));
+  std::sort(corners.begin(), corners.end());
+  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
+  return corners;
+}
+
+}  // namespace planish::cli

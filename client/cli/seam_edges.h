@@ -1,0 +1,62 @@
+// Seams that a mesh file has, or that another file names for it.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "client/cli/seam_list.h"
+#include "core/io/mesh_file.h"
+
+namespace planish::cli {
+
+// The edges of a file's polygons at which its triangles meet. Diagonals, which only the triangulation has, are not
+// among them.
+class PolygonEdges {
+ public:
+  // Both must outlive this object; `triangles` is that of `file.mesh`. O(F log F).
+  PolygonEdges(const MeshFile& file, const Triangulation& triangles);
+
+  // The edges between polygons with different UV at an end (or with UV on one side only), of different materials or of
+  // different groups, each as a corner of the triangulation that faces it (MeshView::WithSeamCorners), ascending.
+  // Nothing where the file says nothing of the kind. An edge of more than two polygons counts if any two differ.
+  std::vector<std::int32_t> UvBorders() const;
+  std::vector<std::int32_t> MaterialBorders() const;
+  std::vector<std::int32_t> GroupBorders() const;
+
+  // The edges that the text file at `path` lists, likewise: two vertex numbers per line, as the mesh file numbers its
+  // vertices (from 1 in an OBJ, from 0 in others); blank lines and what follows a # are skipped. Throws planish::Error:
+  // FILE_UNREADABLE; FILE_MALFORMED, with path and line, also for a pair that is no edge and for an STL, whose vertices
+  // have no numbers.
+  std::vector<std::int32_t> ListedIn(const std::string& path) const;
+
+  // Pieces into which the UV borders (and edges of one or of more than two polygons) part the surface.
+  std::int64_t CountUvIslands() const;
+
+ private:
+  // Half-edge c of the triangulation is the one that corner c faces.
+  struct HalfEdge {
+    std::int32_t low, high;  // vertices of the file
+    std::int32_t corner;
+  };
+
+  // The corner of the polygon at vertex `vertex` of the edge that `corner` faces.
+  std::int64_t PolygonCorner(std::int32_t corner, std::int32_t vertex) const;
+  bool SameUv(const HalfEdge& a, const HalfEdge& b) const;
+  std::int64_t PolygonOf(const HalfEdge& half_edge) const;
+  // A corner for each edge of which some half-edge is not `same` as the first.
+  template <typename Same>
+  std::vector<std::int32_t> Borders(const Same& same) const;
+  // visit(begin, end) for the half-edges of each edge.
+  template <typename Visit>
+  void ForEachEdge(const Visit& visit) const;
+
+  const MeshFile& file_;
+  const Triangulation& triangles_;
+  std::vector<HalfEdge> half_edges_;  // those of polygon edges, by their ends
+};
+
+// Everything that `list` takes from files, ascending, each edge once. Throws planish::Error: as ListedIn; and
+// OPTIONS_INVALID for a source that the file does not have.
+std::vector<std::int32_t> SeamCorners(const MeshFile& file, const Triangulation& triangles, const SeamList& list);
+
+}  // namespace planish::cli
