@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 
@@ -12,8 +11,8 @@ namespace planish {
 
 struct PackOptions {
   int texture_size = 1024;  // texels per side of a tile, in [16, 65536]
-  int padding = 2;          // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
-  int tiles = 1;            // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
+  int padding = 2;  // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
+  int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
 };
 
 // One chart in the plane, drawn to the scale of the surface.
@@ -37,9 +36,16 @@ struct Packing {
   std::vector<ChartPlacement> charts;  // in the order given
   int tiles = 1;                       // used
   double scale = 1;                    // of a chart with density 1
+  double padding = 0;                  // texels kept: options.padding, or less where the charts are too many for that
+  double efficiency = 0;               // area of the faces over that of the tiles used
 };
 
-// Deterministic; the same result for any number of threads. No reflections. Of no use after an interrupt.
+// The largest scale that was found at which all charts fit. Distances of `padding` texels and a little more (so that
+// they outlast rounding to float) are kept between any two charts; faces inside of one chart may lie as they like, on
+// each other too. Charts that would be smaller than a texel are enlarged to one, or to what there is room for.
+//
+// Deterministic; the same result for any number of threads, wherever the charts lie. No reflections. Of no use after
+// an interrupt. Positions must be finite.
 Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution = {});
 
 }  // namespace planish

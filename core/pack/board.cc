@@ -1,0 +1,195 @@
+#include "core/pack/board.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace planish {
+namespace {
+
+constexpr std::uint64_t kAll = ~std::uint64_t{0};
+
+// Rows in an order in which a place that does not fit is found out early: the longest first, then spread out.
+std::vector<std::int32_t> RowOrder(const Silhouette& s) {
+  std::vector<std::int32_t> order;
+  order.reserve(s.height);
+  std::int32_t longest = 0, at = 0;
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(s.spans.size()); ++i) {
+    const std::int32_t length = s.spans[i].end - s.spans[i].begin;
+    if (length > longest) {
+      longest = length;
+      at =
+          static_cast<std::int32_t>(std::upper_bound(s.row_begin.begin(), s.row_begin.end(), i) - s.row_begin.begin()) -
+          1;
+    }
+  }
+  order.push_back(at);
+  std::vector<char> used(s.height, 0);
+  used[at] = 1;
+  const auto use = [&](std::int32_t y) {
+    if (!used[y]) order.push_back(y);
+    used[y] = 1;
+  };
+  use(0);
+  use(s.height - 1);
+  for (std::int32_t step = std::bit_floor(static_cast<std::uint32_t>(s.height)); step >= 1; step /= 2) {
+    for (std::int32_t y = step; y < s.height; y += step) use(y);
+  }
+  return order;
+}
+
+}  // namespace
+
+Rim MakeRim(const Silhouette& s, int most) {
+  Rim rim;
+  const auto row = [&](int y) {
+    return y < 0 || y >= s.height ? std::pair(0, 0) : std::pair(s.row_begin[y], s.row_begin[y + 1]);
+  };
+  // Left and right neighbours of spans, and what lies above or below a span but in none itself.
+  for (int y = -1; y <= s.height; ++y) {
+    const auto [begin, end] = row(y);
+    const auto covered = [&](int x) {
+      for (int i = begin; i < end; ++i) {
+        if (x >= s.spans[i].begin && x < s.spans[i].end) return true;
+      }
+      return false;
+    };
+    for (int i = begin; i < end; ++i) {
+      rim.cells.push_back({s.spans[i].begin - 1, y});
+      if (i + 1 == end || s.spans[i + 1].begin > s.spans[i].end + 1) rim.cells.push_back({s.spans[i].end, y});
+    }
+    for (const int other : {y - 1, y + 1}) {
+      const auto [other_begin, other_end] = row(other);
+      for (int i = other_begin; i < other_end; ++i) {
+        for (int x = s.spans[i].begin; x < s.spans[i].end; ++x) {
+          if (!covered(x)) rim.cells.push_back({x, y});
+        }
+      }
+    }
+  }
+  const auto count = static_cast<std::int64_t>(rim.cells.size());
+  if (count > most) {
+    for (int i = 0; i < most; ++i) rim.cells[i] = rim.cells[i * count / most];
+    rim.cells.resize(most);
+  }
+  return rim;
+}
+
+Board::Board(int side) : side_(side), size_(side + 2 * kMargin), stride_((size_ + 63) / 64 + 2) {
+  int levels = 1;
+  while ((1 << levels) <= size_) ++levels;
+  levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size_, kAll));
+  for (int k = 0; k < levels; ++k) {
+    const int begin = kMargin, end = kMargin + side_ + 1 - (1 << k);
+    for (int y = kMargin; y < kMargin + side_; ++y) {
+      std::uint64_t* row = levels_[k].data() + static_cast<std::size_t>(y) * stride_;
+      for (int x = begin; x < end; ++x) row[x >> 6] &= ~(std::uint64_t{1} << (x & 63));
+    }
+  }
+}
+
+bool Board::Fits(const Silhouette& s, int x, int y) const {
+  if (x < 0 || y < 0 || x + s.width > size_ || y + s.height > size_) return false;
+  for (int r = 0; r < s.height; ++r) {
+    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
+      const int length = s.spans[i].end - s.spans[i].begin;
+      const int k = std::bit_width(static_cast<unsigned>(length)) - 1;
+      const std::uint64_t* row = Row(k, y + r);
+      for (const int at : {x + s.spans[i].begin, x + s.spans[i].end - (1 << k)}) {
+        if ((row[at >> 6] >> (at & 63) & 1) != 0) return false;
+      }
+    }
+  }
+  return true;
+}
+
+void Board::Add(const Silhouette& s, int x, int y) {
+  for (int r = 0; r < s.height; ++r) {
+    std::uint64_t* row = levels_[0].data() + static_cast<std::size_t>(y + r) * stride_;
+    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
+      const int begin = x + s.spans[i].begin, last = x + s.spans[i].end - 1;
+      const int first_word = begin >> 6, last_word = last >> 6;
+      for (int w = first_word; w <= last_word; ++w) {
+        std::uint64_t mask = kAll;
+        if (w == first_word) mask &= kAll << (begin & 63);
+        if (w == last_word) mask &= kAll >> (63 - (last & 63));
+        row[w] |= mask;
+      }
+    }
+    for (std::size_t k = 1; k < levels_.size(); ++k) {
+      const int shift = 1 << (k - 1), q = shift >> 6, b = shift & 63;
+      const std::uint64_t* below = levels_[k - 1].data() + static_cast<std::size_t>(y + r) * stride_;
+      std::uint64_t* above = levels_[k].data() + static_cast<std::size_t>(y + r) * stride_;
+      for (int w = 0; w < stride_; ++w) {
+        const std::uint64_t low = w + q < stride_ ? below[w + q] : kAll;
+        const std::uint64_t high = w + q + 1 < stride_ ? below[w + q + 1] : kAll;
+        above[w] = below[w] | (b == 0 ? low : low >> b | high << (64 - b));
+      }
+    }
+  }
+}
+
+bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row_order, int y, std::uint64_t* places,
+                       int words) const {
+  for (int w = 0; w < words; ++w) places[w] = kAll;
+  for (const std::int32_t r : row_order) {
+    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
+      const int length = s.spans[i].end - s.spans[i].begin;
+      const int k = std::bit_width(static_cast<unsigned>(length)) - 1;
+      const std::uint64_t* row = Row(k, y + r);
+      const int shift_a = s.spans[i].begin, shift_b = s.spans[i].end - (1 << k);
+      const std::uint64_t* a = row + (shift_a >> 6);
+      const std::uint64_t* b = row + (shift_b >> 6);
+      // A shift by 64 in two steps: 64 - 0 is out of range.
+      const int right_a = shift_a & 63, left_a = 63 - right_a, right_b = shift_b & 63, left_b = 63 - right_b;
+      std::uint64_t any = 0;
+      for (int w = 0; w < words; ++w) {
+        const std::uint64_t taken_a = a[w] >> right_a | a[w + 1] << 1 << left_a;
+        const std::uint64_t taken_b = b[w] >> right_b | b[w + 1] << 1 << left_b;
+        places[w] &= ~(taken_a | taken_b);
+        any |= places[w];
+      }
+      if (any == 0) return false;
+    }
+  }
+  return true;
+}
+
+void Board::FindSpot(const Silhouette& s, const Rim& rim, Spot* best) const {
+  const int columns = size_ - s.width + 1, rows = size_ - s.height + 1;
+  if (columns <= 0 || rows <= 0) return;
+  const int words = (columns + 63) / 64;
+  const std::vector<std::int32_t> row_order = RowOrder(s);
+  // The places of three rows on end, one word of nothing before and after each.
+  const int width = words + 2;
+  std::vector<std::uint64_t> window(static_cast<std::size_t>(3) * width, 0);
+  const auto places = [&](int y) { return window.data() + static_cast<std::size_t>(y % 3) * width + 1; };
+  bool any[3] = {false, false, false};
+  const double share = 1.0 / static_cast<double>(std::max<std::size_t>(1, rim.cells.size()));
+  const auto clear = [&](int y) { std::fill_n(places(y), words, 0); };
+  clear(kMargin);
+  any[kMargin % 3] = FreePlaces(s, row_order, kMargin, places(kMargin), words);
+  if (!any[kMargin % 3]) clear(kMargin);
+  for (int y = kMargin; y + s.height <= kMargin + side_; ++y) {
+    any[(y + 1) % 3] = y + 1 + s.height <= kMargin + side_ && FreePlaces(s, row_order, y + 1, places(y + 1), words);
+    if (!any[(y + 1) % 3]) clear(y + 1);
+    if (!any[y % 3]) continue;
+    const std::uint64_t *here = places(y), *above = places(y + 1), *below = places(y + 2);  // y - 1
+    for (int w = 0; w < words; ++w) {
+      if (here[w] == 0) continue;
+      const std::uint64_t left = here[w] << 1 | here[w - 1] >> 63, right = here[w] >> 1 | here[w + 1] << 63;
+      std::uint64_t corners = here[w] & ~(left & right) & ~(above[w] & below[w]);
+      while (corners != 0) {
+        const int x = 64 * w + std::countr_zero(corners);
+        corners &= corners - 1;
+        std::int64_t taken = 0;
+        for (const Rim::Cell& cell : rim.cells) taken += IsTaken(x + cell.x, y + cell.y) ? 1 : 0;
+        const double snugness = share * static_cast<double>(taken);
+        if (snugness > best->snugness || (snugness == best->snugness && x + y < best->x + best->y)) {
+          *best = {x, y, snugness};
+        }
+      }
+    }
+  }
+}
+
+}  // namespace planish

@@ -1,0 +1,35 @@
+// What packing needs to know of a chart: its outline.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+struct PackChart;
+
+// Round `centre`, in the units of the chart. The winding number of `edges` is above 0 on every face, whichever way that
+// one turns, and 0 elsewhere.
+struct Outline {
+  std::vector<Vec2> points;                        // of the edges, minus `centre`
+  std::vector<std::array<std::int32_t, 2>> edges;  // from, to
+  std::vector<Vec2> hull;                          // convex, counter-clockwise, minus `centre`; never empty
+  Vec2 centre = Vec2::Zero();                      // of the box round the faces
+  double area = 0;                                 // of the faces
+  double radius = 0;                               // of a circle round 0 that holds all points
+  double upright = 0;  // turn that makes the rectangle of least area upright, longer along u
+};
+
+// Charts without faces are their points.
+Outline MakeOutline(const PackChart& chart);
+
+// Width and height of the box round the hull after a turn by `angle`.
+Vec2 ExtentAt(const Outline& outline, double angle);
+
+// The turn in [0, pi / 2) that fits the hull into the smallest upright square.
+double AngleOfSmallestSquare(const Outline& outline);
+
+}  // namespace planish

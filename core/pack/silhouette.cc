@@ -1,0 +1,174 @@
+#include "core/pack/silhouette.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/mesh/box_tree.h"
+
+namespace planish {
+namespace {
+
+constexpr double kRounding = 1e-9;  // cells, relative to 1; added wherever a cell could be missed
+
+// The cells within `radius` of the segment ab, row by row.
+struct Capsule {
+  Vec2 a, b;
+  double radius;
+  Vec2 offset;  // from the segment to its side at the right, `radius` long
+
+  Capsule(const Vec2& from, const Vec2& to, double r) : a(from), b(to), radius(r), offset(r, 0) {
+    if (a.y() > b.y()) std::swap(a, b);
+    const Vec2 along = b - a;
+    const double length = along.norm();
+    if (length > 0) offset = Vec2(along.y(), -along.x()) * (radius / length);
+  }
+
+  static double Reach(double radius, double dy) {
+    const double square = radius * radius - dy * dy;
+    return square > 0 ? std::sqrt(square) : 0;
+  }
+
+  // Rightmost (sign 1) or leftmost (sign -1) place times sign on the line at height y, which the capsule meets.
+  double End(double y, double sign) const {
+    const double height = std::clamp(y, a.y(), b.y());
+    const double along = b.y() > a.y() ? (height - a.y()) / (b.y() - a.y()) : 0;
+    double best = sign * (a.x() + along * (b.x() - a.x()));  // of the segment itself
+    for (const Vec2& p : {a, b}) {
+      if (std::abs(y - p.y()) <= radius) best = std::max(best, sign * p.x() + Reach(radius, y - p.y()));
+    }
+    const Vec2 shift = sign * offset;
+    const double low = a.y() + shift.y(), high = b.y() + shift.y();
+    if (high > low && y >= low && y <= high) {
+      const double t = (y - low) / (high - low);
+      best = std::max(best, sign * (a.x() + shift.x() + t * (b.x() - a.x())));
+    }
+    return best;
+  }
+
+  // The farthest to one side within y0 <= y <= y1, where the capsule has a part.
+  double Farthest(double y0, double y1, double sign) const {
+    const Vec2& tip = sign * a.x() >= sign * b.x() ? a : b;
+    const double low = std::max(y0, a.y() - radius), high = std::min(y1, b.y() + radius);
+    // A vertical segment has its farthest points all along.
+    const double at = a.x() == b.x() ? std::clamp(low, a.y(), b.y()) : tip.y();
+    return End(std::clamp(at, std::min(low, high), std::max(low, high)), sign);
+  }
+};
+
+class Grid {
+ public:
+  Grid(int width, int height)
+      : width_(width),
+        height_(height),
+        words_((width + 63) / 64),
+        bits_(static_cast<std::size_t>(words_) * height, 0) {}
+
+  void Set(int y, int begin, int end) {
+    begin = std::max(begin, 0);
+    end = std::min(end, width_);
+    if (begin >= end) return;
+    std::uint64_t* row = bits_.data() + static_cast<std::size_t>(y) * words_;
+    const int first = begin >> 6, last = (end - 1) >> 6;
+    const std::uint64_t head = ~std::uint64_t{0} << (begin & 63), tail = ~std::uint64_t{0} >> (63 - ((end - 1) & 63));
+    if (first == last) {
+      row[first] |= head & tail;
+      return;
+    }
+    row[first] |= head;
+    for (int w = first + 1; w < last; ++w) row[w] = ~std::uint64_t{0};
+    row[last] |= tail;
+  }
+
+  void Extract(Silhouette* s) const {
+    s->width = width_;
+    s->height = height_;
+    s->row_begin.reserve(height_ + 1);
+    for (int y = 0; y < height_; ++y) {
+      s->row_begin.push_back(static_cast<std::int32_t>(s->spans.size()));
+      const std::uint64_t* row = bits_.data() + static_cast<std::size_t>(y) * words_;
+      int x = 0;
+      while (true) {
+        const int begin = Find(row, x, 0);
+        if (begin >= width_) break;
+        const int end = std::min(width_, Find(row, begin, ~std::uint64_t{0}));
+        s->spans.push_back({begin, end});
+        s->cells += end - begin;
+        x = end;
+      }
+    }
+    s->row_begin.push_back(static_cast<std::int32_t>(s->spans.size()));
+  }
+
+ private:
+  // First bit from x on that differs from those of `flip`; width_ or more if there is none.
+  int Find(const std::uint64_t* row, int x, std::uint64_t flip) const {
+    int w = x >> 6;
+    if (w >= words_) return width_;
+    std::uint64_t word = (row[w] ^ flip) & (~std::uint64_t{0} << (x & 63));
+    while (word == 0) {
+      if (++w == words_) return width_;
+      word = row[w] ^ flip;
+    }
+    return 64 * w + __builtin_ctzll(word);
+  }
+
+  int width_, height_, words_;
+  std::vector<std::uint64_t> bits_;
+};
+
+}  // namespace
+
+Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius) {
+  const double c = scale * std::cos(angle), s = scale * std::sin(angle);
+  std::vector<Vec2> points(outline.points.size());
+  Box box;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec2& p = outline.points[i];
+    points[i] = Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y());
+    box.Add(points[i]);
+  }
+  const double margin = radius + kRounding * (1 + scale * outline.radius);
+  Silhouette silhouette;
+  silhouette.centre = Vec2::Constant(margin) - box.low;
+  for (Vec2& p : points) p += silhouette.centre;
+  const Vec2 extent = box.high - box.low + Vec2::Constant(2 * margin);
+  const int width = std::max(1, static_cast<int>(std::ceil(extent.x())));
+  const int height = std::max(1, static_cast<int>(std::ceil(extent.y())));
+  Grid grid(width, height);
+
+  // Where the line through the middle of a row crosses the outline: (row, first cell beyond, change of winding).
+  struct Crossing {
+    std::int32_t row, cell, change;
+  };
+  std::vector<Crossing> crossings;
+  const double slack = margin - radius;
+  for (const auto& [from, to] : outline.edges) {
+    const Capsule capsule(points[from], points[to], radius + slack);
+    const int first = std::max(0, static_cast<int>(std::floor(capsule.a.y() - capsule.radius)));
+    const int last = std::min(height - 1, static_cast<int>(std::floor(capsule.b.y() + capsule.radius)));
+    for (int y = first; y <= last; ++y) {
+      const double left = -capsule.Farthest(y, y + 1, -1), right = capsule.Farthest(y, y + 1, 1);
+      grid.Set(y, static_cast<int>(std::floor(left)), static_cast<int>(std::floor(right)) + 1);
+    }
+    const int begin = static_cast<int>(std::ceil(capsule.a.y() - 0.5)),
+              end = static_cast<int>(std::ceil(capsule.b.y() - 0.5));
+    const std::int32_t change =
+        points[from].y() > points[to].y() ? 1 : -1;  // the inside lies to the right of a descent
+    for (int y = begin; y < end; ++y) {
+      const double t = (y + 0.5 - capsule.a.y()) / (capsule.b.y() - capsule.a.y());
+      const double x = capsule.a.x() + t * (capsule.b.x() - capsule.a.x());
+      crossings.push_back({y, static_cast<std::int32_t>(std::ceil(x - 0.5)), change});
+    }
+  }
+  std::sort(crossings.begin(), crossings.end(),
+            [](const Crossing& a, const Crossing& b) { return a.row != b.row ? a.row < b.row : a.cell < b.cell; });
+  for (std::size_t i = 0, winding = 0; i < crossings.size(); ++i) {
+    winding += static_cast<std::size_t>(crossings[i].change);
+    const bool inside = winding != 0 && i + 1 < crossings.size() && crossings[i + 1].row == crossings[i].row;
+    if (inside) grid.Set(crossings[i].row, crossings[i].cell, crossings[i + 1].cell);
+  }
+  grid.Extract(&silhouette);
+  return silhouette;
+}
+
+}  // namespace planish

@@ -1,0 +1,31 @@
+// A chart on a grid: the cells that it or its padding touches.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/pack/outline.h"
+
+namespace planish {
+
+struct Span {
+  std::int32_t begin, end;  // cells [begin, end)
+};
+
+// Cells (x, y) with 0 <= x < width, 0 <= y < height.
+struct Silhouette {
+  int width = 0, height = 0;
+  std::vector<std::int32_t> row_begin;  // height + 1: row y has the spans [row_begin[y], row_begin[y + 1])
+  std::vector<Span> spans;              // apart from each other, from left to right
+  Vec2 centre = Vec2::Zero();           // where the centre of the outline lies, in cells from the corner of cell (0, 0)
+  std::int64_t cells = 0;
+};
+
+// Every cell that comes within `radius` cells of the outline or its inside, after a turn by `angle` and a scaling to
+// `scale` cells per unit; moved so that it touches both axes. Never too few cells, and few too many: a cell whose
+// closed square has no such point is left out, but for rounding.
+//
+// Two silhouettes with the same radius that share no cell keep their outlines 2 radius apart.
+Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius);
+
+}  // namespace planish

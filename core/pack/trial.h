@@ -1,0 +1,38 @@
+// One attempt to lay all charts on their tiles at a given scale, from the largest to the smallest.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/base/execution.h"
+#include "core/pack/outline.h"
+
+namespace planish {
+
+// Tiles as grids of side x side cells.
+struct TrialGrid {
+  int side = 256;  // cells
+  int tiles = 1;
+  double cell = 1;    // length of a cell in the texture
+  double radius = 0;  // half of the padding, in the texture
+};
+
+struct TrialPlan {
+  std::vector<std::int32_t> order;  // of the charts
+  int angles = 8;                   // turns to try, evenly spread from the upright one on
+  double turn = 0;                  // added to all of them
+};
+
+// Where a chart's centre lies.
+struct Pose {
+  double angle = 0;
+  Vec2 centre = Vec2::Zero();  // in cells from the corner of the tile
+  int tile = 0;
+};
+
+// `scales` has what each chart is scaled by, in the texture. Nothing if some chart finds no place.
+std::optional<std::vector<Pose>> TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales,
+                                            const TrialGrid& grid, const TrialPlan& plan, const Execution& execution);
+
+}  // namespace planish

@@ -1,0 +1,77 @@
+// planish_pack_time [options] CHARTS...: packs charts (see pack_charts.h) and prints, a line each, what came out.
+#include <cstdio>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "CLI/CLI.hpp"
+#include "core/base/thread_team.h"
+#include "core/base/timer.h"
+#include "core/pack/pack.h"
+#include "tests/bench/pack_charts.h"
+
+namespace planish::bench {
+namespace {
+
+// The charts as they lie, each in its own colour.
+void Draw(const std::string& path, const std::vector<PackChart>& charts, const Packing& packing) {
+  std::ofstream file(path);
+  file << "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 " << packing.tiles << " 1' width='"
+       << 1000 * packing.tiles << "' height='1000'>\n";
+  file << "<rect width='" << packing.tiles << "' height='1' fill='white' stroke='black' stroke-width='.001'/>\n";
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    file << "<path fill='hsl(" << i * 137 % 360 << ",60%,60%)' d='";
+    for (const Face& face : charts[i].faces) {
+      for (int k = 0; k < 3; ++k) {
+        const Vec2 p = packing.charts[i](charts[i].positions[face[k]]);
+        file << (k == 0 ? "M" : "L") << p.x() << "," << 1 - p.y();
+      }
+      file << "z";
+    }
+    file << "'/>\n";
+  }
+  file << "</svg>\n";
+}
+
+int Main(int argc, char** argv) {
+  CLI::App app("Packs charts and prints what came out");
+  PackOptions options;
+  std::vector<std::string> names;
+  std::string svg;
+  int threads = 1;
+  app.add_option("--texture-size", options.texture_size);
+  app.add_option("--padding", options.padding);
+  app.add_option("--tiles", options.tiles);
+  app.add_option("--threads", threads);
+  app.add_option("--svg", svg, "draws the last packing");
+  app.add_option("charts", names)->required();
+  CLI11_PARSE(app, argc, argv);
+  ThreadTeam team(threads);
+  Execution execution;
+  execution.team = &team;
+  std::printf("%-28s %6s %7s %10s %5s %7s %8s\n", "charts", "n", "faces", "efficiency", "tiles", "padding", "seconds");
+  for (const std::string& name : names) {
+    const auto charts = MakeCharts(name);
+    if (!charts.ok()) {
+      std::fprintf(stderr, "%s\n", std::string(charts.status().message()).c_str());
+      return 2;
+    }
+    std::size_t faces = 0;
+    for (const PackChart& chart : *charts) faces += chart.faces.size();
+    const Timer timer;
+    const Packing packing = Pack(*charts, options, execution);
+    const double seconds = timer.Seconds();
+    std::printf("%-28s %6zu %7zu %10.4f %5d %7.2f %8.3f\n", name.substr(name.rfind('/') + 1).c_str(), charts->size(),
+                faces, packing.efficiency, packing.tiles, packing.padding, seconds);
+    std::fflush(stdout);
+    if (!svg.empty()) Draw(svg, *charts, packing);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace planish::bench
+
+int main(int argc, char** argv) {
+  return planish::bench::Main(argc, argv);
+}
