@@ -20,6 +20,16 @@ std::int32_t Gluing::Before(std::int32_t c) const {
   }
 }
 
+double Gluing::OutlineAngle(std::int32_t c) const {
+  double angle = 0;
+  for (;;) {
+    angle += surface_->angle[3 * (c / 3) + Prev(c % 3)];
+    c = 3 * (c / 3) + Next(c % 3);
+    if (opposite_[c] < 0) return angle;
+    c = opposite_[c];
+  }
+}
+
 void Gluing::Glue(std::int32_t c) {
   const std::int32_t d = surface_->across[c];
   opposite_[c] = d;

@@ -6,11 +6,16 @@
 #pragma once
 
 #include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include "core/charts/surface.h"
 
 namespace planish {
+
+// No vertex of an outline should open wider, radians: next to a saddle a disc with 2 pi and more there would run over
+// itself when it is flattened.
+inline constexpr double kWidest = 1.85 * std::numbers::pi;
 
 class Gluing {
  public:
@@ -25,6 +30,9 @@ class Gluing {
   // The outline half-edge that starts where outline half-edge c ends, and the one that ends where it starts.
   std::int32_t After(std::int32_t c) const;
   std::int32_t Before(std::int32_t c) const;
+
+  // Sum of the angles of the faces round the vertex where outline half-edge c ends, radians.
+  double OutlineAngle(std::int32_t c) const;
 
   // Glues c, which must have a half-edge across, to that one.
   void Glue(std::int32_t c);

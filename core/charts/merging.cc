@@ -13,17 +13,15 @@ namespace planish {
 namespace {
 
 constexpr double kScoreUnit = 1e-6;
-constexpr double kSharpest = 0.02;      // weight of an edge that bends by a right angle or more
+constexpr double kSharpest = 0.02;       // weight of an edge that bends by a right angle or more
 constexpr double kMinCompactness = 0.2;  // 4 pi area / perimeter^2 of a chart; 1 for a disc, 0.2 for a strip of 1 to 12
-
-constexpr double kWidest = 1.85 * std::numbers::pi;  // of the angles round a vertex of an outline
 
 struct Disc {
   std::vector<std::int32_t> faces;  // none: glued to another one
   double area = 0;
   double perimeter = 0;
   double stretch = 1;
-  std::int32_t outline = -1;        // one of its half-edges
+  std::int32_t outline = -1;  // one of its half-edges
   std::int32_t outline_edges = 0;
   std::int32_t version = 0;
 };
@@ -43,20 +41,18 @@ struct Joint {
 
 class Merging {
  public:
-  Merging(const std::vector<std::int32_t>& family, double max_stretch, Gluing* gluing,
-          std::vector<std::int32_t>* disc_of)
-      : family_(family),
-        max_stretch_(max_stretch),
+  Merging(std::int32_t count, double max_stretch, Gluing* gluing, std::vector<std::int32_t>* disc_of)
+      : max_stretch_(max_stretch),
         surface_(gluing->surface()),
         gluing_(*gluing),
         disc_of_(*disc_of),
-        estimate_(*gluing) {}
+        estimate_(*gluing),
+        discs_(count) {}
 
   void Run(const Execution& execution);
 
  private:
   double EdgeWeight(std::int32_t c) const;
-  bool OpensTooWide(std::int32_t c) const;
   void WalkOutline(std::int32_t d);
   void PushJoints(std::int32_t d, bool all);
   void TryJoint(const Joint& joint);
@@ -65,7 +61,6 @@ class Merging {
     return o < 0 ? -1 : disc_of_[o / 3];
   }
 
-  const std::vector<std::int32_t>& family_;
   const double max_stretch_;
   const Surface& surface_;
   Gluing& gluing_;
@@ -82,18 +77,6 @@ double Merging::EdgeWeight(std::int32_t c) const {
   const double lengths = surface_.area[f] * surface_.area[g];
   const double cosine = lengths > 0 ? surface_.area_normal[f].dot(surface_.area_normal[g]) / lengths : 1;
   return surface_.length(c) * std::max(kSharpest, cosine);
-}
-
-// Whether the faces round the end of outline half-edge c span so much of an angle that the map would run over itself
-// there, as it may next to a saddle.
-bool Merging::OpensTooWide(std::int32_t c) const {
-  double angle = 0;
-  for (;;) {
-    angle += surface_.angle[3 * (c / 3) + Prev(c % 3)];
-    c = 3 * (c / 3) + Next(c % 3);
-    if (gluing_.IsOutline(c)) return angle > kWidest;
-    c = gluing_.opposite()[c];
-  }
 }
 
 // Outline of disc d to walk_; its numbers.
@@ -124,7 +107,7 @@ void Merging::PushJoints(std::int32_t d, bool all) {
   const auto n = static_cast<std::int32_t>(walk_.size());
   const auto joins = [&](std::int32_t i) {
     const std::int32_t other = Neighbour(walk_[i]);
-    return other >= 0 && other != d && family_[other] == family_[d];
+    return other >= 0 && other != d;
   };
   // Whether half-edge i + 1 of the walk goes on with the same joint as half-edge i.
   const auto goes_on = [&](std::int32_t i) {
@@ -152,12 +135,13 @@ void Merging::PushJoints(std::int32_t d, bool all) {
     const double area = discs_[d].area + discs_[other].area;
     const double perimeter = discs_[d].perimeter + discs_[other].perimeter - 2 * length;
     const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
-    const double best = std::max(4 * std::numbers::pi * discs_[d].area / (discs_[d].perimeter * discs_[d].perimeter),
-                                 4 * std::numbers::pi * discs_[other].area / (discs_[other].perimeter * discs_[other].perimeter));
+    const double best =
+        std::max(4 * std::numbers::pi * discs_[d].area / (discs_[d].perimeter * discs_[d].perimeter),
+                 4 * std::numbers::pi * discs_[other].area / (discs_[other].perimeter * discs_[other].perimeter));
     if (compactness < kMinCompactness && compactness < best) continue;
     const double score = shorter > 0 ? weight / shorter * std::sqrt(std::min(1.0, compactness)) : 1;
-    queue_.push({std::llround(score / kScoreUnit), walk_[start], edges, d, other, discs_[d].version,
-                 discs_[other].version});
+    queue_.push(
+        {std::llround(score / kScoreUnit), walk_[start], edges, d, other, discs_[d].version, discs_[other].version});
   }
 }
 
@@ -177,11 +161,12 @@ void Merging::TryJoint(const Joint& joint) {
     for (const std::int32_t g : glued) gluing_.Unglue(g);
   };
   for (const std::int32_t e : {before, before_across}) {
-    if (gluing_.IsOutline(e) && OpensTooWide(e)) return undo();
+    if (gluing_.IsOutline(e) && gluing_.OutlineAngle(e) > kWidest) return undo();
   }
   const double stretch = estimate_(disc.faces, other.faces);
-  const double parts = std::sqrt((disc.stretch * disc.stretch * disc.area + other.stretch * other.stretch * other.area) /
-                                 (disc.area + other.area));
+  const double parts =
+      std::sqrt((disc.stretch * disc.stretch * disc.area + other.stretch * other.stretch * other.area) /
+                (disc.area + other.area));
   if (!(stretch <= std::max(max_stretch_, parts))) return undo();
   estimate_.Keep();
   std::int32_t to = joint.disc, from = joint.other;
@@ -198,8 +183,7 @@ void Merging::TryJoint(const Joint& joint) {
 
 void Merging::Run(const Execution& execution) {
   GluePieces(disc_of_, &gluing_);
-  const auto count = static_cast<std::int32_t>(family_.size());
-  discs_.resize(count);
+  const auto count = static_cast<std::int32_t>(discs_.size());
   for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
     if (disc_of_[f] < 0) continue;
     discs_[disc_of_[f]].faces.push_back(f);
@@ -254,9 +238,9 @@ void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing) {
   }
 }
 
-void MergePieces(const std::vector<std::int32_t>& family, double max_stretch, const Execution& execution,
-                 Gluing* gluing, std::vector<std::int32_t>* piece) {
-  Merging(family, max_stretch, gluing, piece).Run(execution);
+void MergePieces(std::int32_t count, double max_stretch, const Execution& execution, Gluing* gluing,
+                 std::vector<std::int32_t>* piece) {
+  Merging(count, max_stretch, gluing, piece).Run(execution);
 }
 
 }  // namespace planish

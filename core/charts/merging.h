@@ -9,14 +9,13 @@
 
 namespace planish {
 
-// `piece` tells the connected piece that each face belongs to, -1 for those to leave alone; on return, the disc, numbered
-// in the order of their lowest faces. Makes a disc of every piece, none of whose faces may be glued yet, then glues discs
-// of the same family along stretches of their outlines: first where the stretch is the longest part of a disc's outline
-// and bends least, as long as the estimated stretch of the union stays below max_stretch (or no higher than that of the
-// parts, where these are above it already). `family` has the family of every piece.
-// O(F log F) work for estimates. Of no use after an interrupt.
-void MergePieces(const std::vector<std::int32_t>& family, double max_stretch, const Execution& execution,
-                 Gluing* gluing, std::vector<std::int32_t>* piece);
+// `piece` tells the connected piece, in [0, count), that each face belongs to, -1 for those to leave alone; on return,
+// the disc, numbered in the order of their lowest faces. Makes a disc of every piece, none of whose faces may be glued
+// yet, then glues discs along stretches of their outlines: first where the stretch is the longest part of a disc's
+// outline and bends least, as long as the estimated stretch of the union stays below max_stretch (or no higher than
+// that of the parts, where these are above it already). O(F log F) work for estimates. Of no use after an interrupt.
+void MergePieces(std::int32_t count, double max_stretch, const Execution& execution, Gluing* gluing,
+                 std::vector<std::int32_t>* piece);
 
 // Makes a disc of every piece, whatever its holes and handles, and nothing else.
 void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing);

@@ -9,6 +9,7 @@
 
 #include "core/charts/merging.h"
 #include "core/charts/patches.h"
+#include "core/charts/smoothing.h"
 
 namespace planish {
 namespace {
@@ -100,14 +101,13 @@ Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch
   if (kind == Kind::kWhole) {
     std::int32_t count = 0;
     chart_ = ConnectedPieces(surface, taking_part, label, &count);
-    patch_ = chart_;
     GluePieces(chart_, &gluing_);
   } else {
-    patch_ = MakePatches(surface, execution);
+    chart_ = MakePatches(surface, execution);
     if (execution.IsStopped()) return;
-    chart_ = patch_;
     const std::int32_t count = chart_.empty() ? 0 : *std::max_element(chart_.begin(), chart_.end()) + 1;
-    MergePieces(std::vector<std::int32_t>(count, 0), max_stretch, execution, &gluing_, &chart_);
+    MergePieces(count, max_stretch, execution, &gluing_, &chart_);
+    SmoothOutlines(execution, &gluing_, &chart_);
   }
   CollectFaces();
 }
@@ -131,14 +131,41 @@ bool Segmentation::HasSlit(std::int32_t chart) const {
   return false;
 }
 
-std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, double max_stretch,
-                                              const Execution& execution) {
+bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces) const {
+  const std::vector<std::int32_t>& opposite = gluing_.opposite();
+  // Euler's characteristic. A vertex counts at the corner that comes last counter-clockwise, on the outline, or that
+  // has the lowest number, inside.
+  std::int64_t vertices = 0, glued = 0;
+  for (const std::int32_t f : faces) {
+    for (int k = 0; k < 3; ++k) {
+      glued += opposite[3 * f + k] >= 0;
+      const std::int32_t start = 3 * f + k;
+      bool counts = true;
+      for (std::int32_t c = start;;) {
+        const std::int32_t o = opposite[3 * (c / 3) + Next(c % 3)];
+        if (o < 0) {
+          counts = c == start;
+          break;
+        }
+        c = 3 * (o / 3) + Next(o % 3);
+        if (c <= start) {
+          counts = c == start;
+          break;
+        }
+      }
+      vertices += counts;
+    }
+  }
+  const auto num_faces = static_cast<std::int64_t>(faces.size());
+  return vertices - (3 * num_faces - glued / 2) + num_faces == 1;
+}
+
+std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, const Execution& execution) {
   Distances distances(gluing_);
-  std::vector<std::int32_t> half(surface_.num_faces(), -1);  // 2 charts' number + 0 or 1
-  std::vector<std::int32_t> all_faces;
+  std::vector<std::int32_t> changed;
   for (const auto& [chart, face, other_face] : cuts) {
-    const std::vector<std::int32_t>& faces = faces_[chart];
-    if (faces.size() < 2 || execution.IsStopped()) continue;
+    if (faces_[chart].size() < 2 || execution.IsStopped()) continue;
+    const std::vector<std::int32_t> faces = faces_[chart];
     // Each face goes with the nearer one of two.
     std::int32_t first = face, second = other_face;
     if (face < 0) {
@@ -149,50 +176,39 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, doub
       second = distances.TakeFarthest(faces);
     }
     distances.From({first, second});
-    for (const std::int32_t f : faces) half[f] = 2 * chart + (distances.source(f) == first ? 0 : 1);
-    all_faces.insert(all_faces.end(), faces.begin(), faces.end());
-  }
-  std::sort(all_faces.begin(), all_faces.end());
-  for (const std::int32_t f : all_faces) {
-    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-      if (!gluing_.IsOutline(c)) gluing_.Unglue(c);
+    const auto added = static_cast<std::int32_t>(faces_.size());
+    faces_.emplace_back();
+    faces_[chart].clear();
+    for (const std::int32_t f : faces) {
+      chart_[f] = distances.source(f) == first ? chart : added;
+      faces_[chart_[f]].push_back(f);
+    }
+    for (const std::int32_t f : faces) {
+      for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
+        if (!gluing_.IsOutline(c) && chart_[gluing_.opposite()[c] / 3] != chart_[f]) gluing_.Unglue(c);
+      }
+    }
+    for (const std::int32_t half : {chart, added}) {
+      changed.push_back(half);
+      if (IsDisc(faces_[half])) continue;
+      // It runs round the other half.
+      for (const std::int32_t f : faces_[half]) {
+        for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
+          if (!gluing_.IsOutline(c)) gluing_.Unglue(c);
+        }
+      }
+      std::vector<std::int32_t> piece(chart_.size(), -1);
+      for (const std::int32_t f : faces_[half]) piece[f] = 0;
+      GluePieces(piece, &gluing_);
     }
   }
-  // Halves of patches may fall apart.
-  std::vector<std::int32_t> label(half.size(), -1);
-  std::int32_t patches = 0;
-  for (const std::int32_t p : patch_) patches = std::max(patches, p + 1);
-  {
-    std::vector<std::pair<std::int32_t, std::int32_t>> keys;
-    for (const std::int32_t f : all_faces) keys.emplace_back(half[f], patch_[f]);
-    std::vector<std::pair<std::int32_t, std::int32_t>> distinct = keys;
-    std::sort(distinct.begin(), distinct.end());
-    distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
-    for (std::size_t i = 0; i < all_faces.size(); ++i) {
-      label[all_faces[i]] = static_cast<std::int32_t>(
-          std::lower_bound(distinct.begin(), distinct.end(), keys[i]) - distinct.begin());
-    }
-  }
-  std::int32_t count = 0;
-  std::vector<std::int32_t> piece = ConnectedPieces(surface_, all_faces, label, &count);
-  std::vector<std::int32_t> family(count, -1);
-  for (const std::int32_t f : all_faces) family[piece[f]] = half[f];
-  for (const std::int32_t f : all_faces) patch_[f] = patches + piece[f];
-  MergePieces(family, max_stretch, execution, &gluing_, &piece);
-
-  // The disc with a chart's lowest face keeps its number.
-  std::vector<std::int32_t> number(count, -1), changed;
-  auto next = static_cast<std::int32_t>(faces_.size());
-  std::vector<char> is_kept(faces_.size(), 0);
-  for (const std::int32_t f : all_faces) {
-    std::int32_t& n = number[piece[f]];
-    if (n < 0) {
-      const std::int32_t old = half[f] / 2;
-      n = is_kept[old] ? next++ : old;
-      is_kept[old] = 1;
-      changed.push_back(n);
-    }
-    chart_[f] = n;
+  std::vector<char> is_changed(faces_.size(), 0);
+  for (const std::int32_t i : changed) is_changed[i] = 1;
+  std::vector<std::int32_t> moving(chart_.size(), -1);
+  for (std::size_t f = 0; f < moving.size(); ++f) moving[f] = chart_[f] >= 0 && is_changed[chart_[f]] ? chart_[f] : -1;
+  SmoothOutlines(execution, &gluing_, &moving);
+  for (std::size_t f = 0; f < moving.size(); ++f) {
+    if (moving[f] >= 0) chart_[f] = moving[f];
   }
   CollectFaces();
   std::sort(changed.begin(), changed.end());

@@ -34,16 +34,16 @@ class Segmentation {
     // Two of its faces that must come apart; -1: any, the farther apart the better.
     std::int32_t face = -1, other_face = -1;
   };
-  // Cuts each of these charts in two or more, none of them stretched more than max_stretch. One of them gets its number,
-  // the others get new ones; all of those numbers are returned, ascending. Charts of one face stay.
-  std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, double max_stretch, const Execution& execution);
+  // Cuts each of these charts in two, halfway between the two faces. One half keeps its number, the other gets a new
+  // one; all of those numbers are returned, ascending. Charts of one face stay.
+  std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, const Execution& execution);
 
  private:
   void CollectFaces();
+  bool IsDisc(const std::vector<std::int32_t>& faces) const;
 
   const Surface& surface_;
   Gluing gluing_;
-  std::vector<std::int32_t> patch_;  // per face; where charts may be cut
   std::vector<std::int32_t> chart_;
   std::vector<std::vector<std::int32_t>> faces_;
 };

@@ -24,8 +24,7 @@ StretchEstimate::StretchEstimate(const Gluing& gluing)
   const std::vector<double>& angle = gluing.surface().angle;
   for (std::size_t c = 0; c < angle.size(); ++c) {
     const double sine = std::sin(angle[c]);
-    cotangent_[c] =
-        std::clamp(sine > 0 ? std::cos(angle[c]) / sine : kMaxCotangent, -kMaxCotangent, kMaxCotangent);
+    cotangent_[c] = std::clamp(sine > 0 ? std::cos(angle[c]) / sine : kMaxCotangent, -kMaxCotangent, kMaxCotangent);
   }
 }
 

@@ -40,9 +40,10 @@ class StretchEstimate {
   void Solve();
 
   const Gluing& gluing_;
-  std::vector<double> cotangent_;    // per corner
-  std::vector<std::int32_t> vertex_; // per corner: number within the disc, interior ones first; -1 outside of an estimate
-  std::vector<float> kept_;          // per corner
+  std::vector<double> cotangent_;  // per corner
+  std::vector<std::int32_t>
+      vertex_;               // per corner: number within the disc, interior ones first; -1 outside of an estimate
+  std::vector<float> kept_;  // per corner
   // Of the disc at hand. Vertices at the outline are numbered from -2 down.
   std::vector<std::int32_t> faces_;
   std::int32_t num_interior_ = 0;

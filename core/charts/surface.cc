@@ -108,7 +108,8 @@ Surface MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& 
   // Faces that name a vertex twice have edges as well, but no neighbours.
   std::vector<Face> faces = mesh.faces;
   std::vector<std::int32_t> face_id;
-  const bool all_take_part = std::all_of(surface.takes_part.begin(), surface.takes_part.end(), [](char c) { return c; });
+  const bool all_take_part =
+      std::all_of(surface.takes_part.begin(), surface.takes_part.end(), [](char c) { return c; });
   if (!all_take_part) {
     faces.clear();
     for (std::int32_t f = 0; f < surface.num_faces(); ++f) {

@@ -29,7 +29,8 @@ Packing LeaveAll(const ChartSet& charts) {
 // The UV of the two ends of an edge between two vertices, or of one corner at a vertex, wherever a face has UV there.
 class ElsewhereUv {
  public:
-  ElsewhereUv(const Mesh& mesh, const std::vector<std::int32_t>& face_chart, const CornerUv& uv) : mesh_(mesh), uv_(uv) {
+  ElsewhereUv(const Mesh& mesh, const std::vector<std::int32_t>& face_chart, const CornerUv& uv)
+      : mesh_(mesh), uv_(uv) {
     corners_.resize(mesh.positions.size());
     std::vector<char> wanted(mesh.positions.size(), 0);
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {

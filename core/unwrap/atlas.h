@@ -12,7 +12,7 @@ namespace planish {
 struct Atlas {
   CornerUv uv;
   int tiles = 1;
-  double scale = 1;  // UV length per length on the surface
+  double scale = 1;    // UV length per length on the surface
   double padding = 0;  // texels that are free between charts
 };
 

@@ -12,6 +12,8 @@
 #include "core/mesh/face_order.h"
 #include "core/mesh/predicates.h"
 #include "core/mesh/rows.h"
+#include "core/pack/outline.h"
+#include "core/pack/pack.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/verify.h"
 
@@ -126,8 +128,7 @@ template <typename Sum, typename Body>
 Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& positions, const Execution& execution,
               const Body& body) {
   Sum sum;
-  for (const Sum& part :
-       execution.Collect<Sum>(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
+  for (const Sum& part : execution.Collect<Sum>(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
          Sum chunk;
          for (std::int64_t f = begin; f < end; ++f) {
            Vec2 p[3];
@@ -157,16 +158,16 @@ struct Extent {
 
 // To the area of the surface; where that is next to nothing, to the length of its edges.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
-  const auto extent = OverFaces<Extent>(
-      mesh, chart, *positions, execution, [](std::int32_t, const Vec2 p[3], const Vec3 q[3], Extent* sum) {
-        const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
-        sum->map_area += std::abs(e1.x() * e2.y() - e1.y() * e2.x()) / 2;
-        sum->surface_area += (q[1] - q[0]).cross(q[2] - q[0]).norm() / 2;
-        for (int k = 0; k < 3; ++k) {
-          sum->map_edges += (p[Next(k)] - p[k]).norm();
-          sum->surface_edges += (q[Next(k)] - q[k]).norm();
-        }
-      });
+  const auto extent = OverFaces<Extent>(mesh, chart, *positions, execution,
+                                        [](std::int32_t, const Vec2 p[3], const Vec3 q[3], Extent* sum) {
+                                          const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
+                                          sum->map_area += std::abs(e1.x() * e2.y() - e1.y() * e2.x()) / 2;
+                                          sum->surface_area += (q[1] - q[0]).cross(q[2] - q[0]).norm() / 2;
+                                          for (int k = 0; k < 3; ++k) {
+                                            sum->map_edges += (p[Next(k)] - p[k]).norm();
+                                            sum->surface_edges += (q[Next(k)] - q[k]).norm();
+                                          }
+                                        });
   const double by_edges = extent.map_edges > 0 ? extent.surface_edges / extent.map_edges : 1;
   const double by_area = extent.map_area > 0 ? std::sqrt(extent.surface_area / extent.map_area) : 0;
   const double scale = by_area > 1e-3 * by_edges ? by_area : by_edges;
@@ -197,8 +198,7 @@ Chart MakeChart(const Gluing& gluing, const std::vector<std::int32_t>& faces, co
   topology.num_vertices = static_cast<std::int32_t>(vertices.positions.size());
   topology.num_interior = static_cast<std::int32_t>(vertices.interior.size());
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    topology.faces.push_back(
-        {vertices.of_corner[3 * f], vertices.of_corner[3 * f + 1], vertices.of_corner[3 * f + 2]});
+    topology.faces.push_back({vertices.of_corner[3 * f], vertices.of_corner[3 * f + 1], vertices.of_corner[3 * f + 2]});
   }
   AssignRows(InSpatialOrder(vertices.positions, vertices.interior, execution), &topology);
 
@@ -313,6 +313,13 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   OrientationFaults orientation;
   const Overlaps overlaps = own.FindOverlaps(opposite, execution, &orientation);
   faults.does_overlap = orientation.flipped + orientation.degenerate + overlaps.pairs > 0;
+  const Outline outline = MakeOutline({map.positions, chart.topology.faces});
+  double hull_area = 0;
+  for (std::size_t i = 0; i < outline.hull.size(); ++i) {
+    const Vec2 &p = outline.hull[i], &q = outline.hull[(i + 1) % outline.hull.size()];
+    hull_area += (p.x() * q.y() - p.y() * q.x()) / 2;
+  }
+  if (hull_area > 0) faults.fill = outline.area / hull_area;
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];
     faults.other_face = chart.faces[overlaps.faces[1]];

@@ -23,6 +23,9 @@ constexpr int kMaxRounds = 12;                // of splitting
 constexpr double kStretchSlack = 1.01;        // an estimate is not a map
 constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
 
+constexpr double kMinFill = 0.65;    // of its convex hull; a large chart below that is hard to pack
+constexpr double kLargeArea = 0.01;  // of all, from which on a chart is large
+
 }  // namespace
 
 ChartSet::ChartSet(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
@@ -156,9 +159,8 @@ void ChartSet::ForEachChart(const std::vector<std::int32_t>& charts, const Body&
 
 absl::Status ChartSet::MapAll(std::vector<std::int32_t> charts, UnwrapSeconds* seconds) {
   Timer timer;
-  std::stable_sort(charts.begin(), charts.end(), [&](std::int32_t i, std::int32_t j) {
-    return charts_[i].faces.size() > charts_[j].faces.size();
-  });
+  std::stable_sort(charts.begin(), charts.end(),
+                   [&](std::int32_t i, std::int32_t j) { return charts_[i].faces.size() > charts_[j].faces.size(); });
   flattenings_.resize(charts_.size());
   maps_.resize(charts_.size());
   faults_.resize(charts_.size());
@@ -196,7 +198,9 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
     for (const std::int32_t f : charts_[i].faces) area += surface_->area[f];
     const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
                               faults_[i].stretch > kStretchSlack * options_.seams.max_stretch;
-    if (!is_sound || faults_[i].does_overlap || is_stretched) {
+    const bool is_awkward =
+        options_.seams.policy == SeamPolicy::kAuto && area > kLargeArea * total_area_ && faults_[i].fill < kMinFill;
+    if (!is_sound || faults_[i].does_overlap || is_stretched || is_awkward) {
       split.push_back({i, faults_[i].face, faults_[i].other_face});
     }
   }
@@ -217,8 +221,7 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
     timer.Restart();
     if (split.empty() || round == kMaxRounds) break;
     PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
-    todo = segmentation_->Split(split, options_.seams.policy == SeamPolicy::kAuto ? options_.seams.max_stretch : 1e300,
-                                execution_);
+    todo = segmentation_->Split(split, execution_);
     if (execution_.IsStopped()) return absl::CancelledError("cancelled");
     added += static_cast<std::int64_t>(todo.size() - split.size());
     charts_.resize(segmentation_->charts().size());

@@ -136,8 +136,8 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
 }
 
 // Whether the outlines of other charts wind round some point of each chart's outline.
-bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop, std::int32_t num_charts,
-                       const CornerUv& uv, const BoxTree& tree, const Execution& execution) {
+bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop,
+                       std::int32_t num_charts, const CornerUv& uv, const BoxTree& tree, const Execution& execution) {
   Box all;
   for (const Box& box : tree.boxes()) all.Add(box);
   std::vector<char> done(num_charts, 0);

@@ -66,9 +66,9 @@ absl::Status Run::Enter(UnwrapStage stage) {
 absl::StatusOr<UnwrapResult> Run::operator()() {
   PLANISH_RETURN_IF_ERROR(charts_.Make(&result_.warnings, &result_.seconds));
   if (const std::int64_t isolated = CountIsolatedVertices(mesh_); isolated > 0) {
-    result_.warnings.push_back(
-        {"ISOLATED_VERTICES", absl::StrCat(Counted(isolated, "vertex has", "vertices have"), " no face and no UV"),
-         {{"count", absl::StrCat(isolated)}}});
+    result_.warnings.push_back({"ISOLATED_VERTICES",
+                                absl::StrCat(Counted(isolated, "vertex has", "vertices have"), " no face and no UV"),
+                                {{"count", absl::StrCat(isolated)}}});
   }
   Timer timer;
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kPack));

@@ -111,15 +111,15 @@ struct UnwrapResult {
   std::vector<std::int32_t> face_chart;  // per face: its chart, an index into `charts`
   int tiles = 1;                         // of the texture that are used
   double texels_per_unit = 0;            // texture_size times UV length per length on the surface; 0 without packing
-  Quality quality;  // of `uv` as delivered
+  Quality quality;                       // of `uv` as delivered
   UnwrapSeconds seconds;
   std::vector<UnwrapWarning> warnings;
 };
 
 // Flattens `mesh`, which must be a disc (core/mesh/disc_check.h); deterministic.
-// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED after an interrupt (within a few
-// dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if no finite map came out.
-// A solve that stops early is not an error: see FlattenSummary::converged and the warnings.
+// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED
+// after an interrupt (within a few dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if
+// no finite map came out. A solve that stops early is not an error: see FlattenSummary::converged and the warnings.
 // Thread-safe: calls share nothing, each has a team of threads of its own.
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control);
 

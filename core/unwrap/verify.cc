@@ -145,9 +145,9 @@ Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv
   const bool all_upright =
       orientation.flipped == 0 && orientation.degenerate == 0 &&
       (ignored.empty() || execution.Count(static_cast<std::int64_t>(ignored.size()), [&](std::int64_t f) {
-         const auto c = static_cast<std::int32_t>(3 * f);
-         return ignored[f] && Orientation(Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)) <= 0;
-       }) == 0);
+        const auto c = static_cast<std::int32_t>(3 * f);
+        return ignored[f] && Orientation(Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)) <= 0;
+      }) == 0);
   if (all_upright && OutlinesAreApart(opposite, uv, execution)) return {};
   if (execution.IsStopped()) return {0, true, {}};
   const PairwiseCheck check(uv, ignored, execution);

@@ -32,12 +32,13 @@ struct Overlaps {
 };
 inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 
-// Exact. `opposite` tells which corners face the same edge (-1: none, an outline; Topology::opposite), and with it which
-// faces make up a chart. Where every triangle keeps its orientation and outlines neither meet themselves nor each other,
-// a chart is injective: every point is covered as often as its outlines wind round it, once (they are simple curves, one
-// of which runs round all the others, by their total turning). Charts then overlap only if one lies inside another,
-// which their winding numbers tell. This takes O(b log b) for b outline edges; only otherwise are pairs of triangles
-// looked at. Triangles without area have no interior, and faces marked in `ignored` (empty: none) count neither way.
+// Exact. `opposite` tells which corners face the same edge (-1: none, an outline; Topology::opposite), and with it
+// which faces make up a chart. Where every triangle keeps its orientation and outlines neither meet themselves nor each
+// other, a chart is injective: every point is covered as often as its outlines wind round it, once (they are simple
+// curves, one of which runs round all the others, by their total turning). Charts then overlap only if one lies inside
+// another, which their winding numbers tell. This takes O(b log b) for b outline edges; only otherwise are pairs of
+// triangles looked at. Triangles without area have no interior, and faces marked in `ignored` (empty: none) count
+// neither way.
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution = {},
                        const std::vector<char>& ignored = {});

@@ -55,24 +55,22 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
     if (faces.size() < kMaxNamed) faces.push_back(f);
   }
   if (count > 0) {
-    warnings->push_back({"FACES_WITHOUT_AREA",
-                         absl::StrCat(Counted(count, "face has", "faces have"),
-                                      " no area; they get UV, but no promise holds for them"),
-                         FaceMetadata(count, faces)});
+    warnings->push_back(
+        {"FACES_WITHOUT_AREA",
+         absl::StrCat(Counted(count, "face has", "faces have"), " no area; they get UV, but no promise holds for them"),
+         FaceMetadata(count, faces)});
   }
   if (surface.non_manifold_edges > 0) {
-    warnings->push_back(
-        {"EDGES_NON_MANIFOLD",
-         absl::StrCat("more than two faces meet at ", Counted(surface.non_manifold_edges, "edge", "edges"),
-                      "; charts end there"),
-         {{"count", absl::StrCat(surface.non_manifold_edges)}}});
+    warnings->push_back({"EDGES_NON_MANIFOLD",
+                         absl::StrCat("more than two faces meet at ",
+                                      Counted(surface.non_manifold_edges, "edge", "edges"), "; charts end there"),
+                         {{"count", absl::StrCat(surface.non_manifold_edges)}}});
   }
   if (surface.clashing_edges > 0) {
-    warnings->push_back(
-        {"ORIENTATION_INCONSISTENT",
-         absl::StrCat("the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
-                      " run round in opposite senses; charts end there"),
-         {{"count", absl::StrCat(surface.clashing_edges)}}});
+    warnings->push_back({"ORIENTATION_INCONSISTENT",
+                         absl::StrCat("the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
+                                      " run round in opposite senses; charts end there"),
+                         {{"count", absl::StrCat(surface.clashing_edges)}}});
   }
 }
 
@@ -84,7 +82,8 @@ void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapW
     parts.push_back(absl::StrCat(Counted(added, "chart was", "charts were"),
                                  " split off, as the map would have overlapped itself"));
   }
-  warnings->push_back({"SEAMS_ADDED", absl::StrCat("seams beside the given ones: ", absl::StrJoin(parts, "; ")),
+  warnings->push_back({"SEAMS_ADDED",
+                       absl::StrCat("seams beside the given ones: ", absl::StrJoin(parts, "; ")),
                        {{"slit", absl::StrCat(slit)}, {"split", absl::StrCat(added)}}});
 }
 
@@ -102,9 +101,7 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, st
       [](const ChartReport& c) { return c.flatten.stop_message; }, {});
   warn(
       "PRECONDITIONER_CHANGED", [](const ChartReport& c) { return c.flatten.preconditioner_changed; },
-      [](const ChartReport&) {
-        return "multigrid did not converge on this mesh; a Cholesky factorization took over";
-      },
+      [](const ChartReport&) { return "multigrid did not converge on this mesh; a Cholesky factorization took over"; },
       {});
   warn(
       "BOUNDARY_NOT_SETTLED", [](const ChartReport& c) { return !c.flatten.boundary.settled; },
@@ -141,9 +138,9 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, st
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps,
                   std::vector<UnwrapWarning>* warnings) {
   if (orientation.flipped > 0) {
-    warnings->push_back(
-        {"UV_FLIPPED", absl::StrCat(Counted(orientation.flipped, "UV triangle is", "UV triangles are"), " flipped"),
-         FaceMetadata(orientation.flipped, orientation.faces)});
+    warnings->push_back({"UV_FLIPPED",
+                         absl::StrCat(Counted(orientation.flipped, "UV triangle is", "UV triangles are"), " flipped"),
+                         FaceMetadata(orientation.flipped, orientation.faces)});
   }
   if (orientation.degenerate > 0) {
     warnings->push_back(
@@ -152,11 +149,10 @@ void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps
          FaceMetadata(orientation.degenerate, orientation.faces)});
   }
   if (overlaps.pairs > 0) {
-    warnings->push_back(
-        {"UV_OVERLAPPING",
-         absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
-                      " of UV triangles overlap: a chart runs over itself; a seam would open it"),
-         FaceMetadata(overlaps.pairs, overlaps.faces)});
+    warnings->push_back({"UV_OVERLAPPING",
+                         absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
+                                      " of UV triangles overlap: a chart runs over itself; a seam would open it"),
+                         FaceMetadata(overlaps.pairs, overlaps.faces)});
   }
 }
 

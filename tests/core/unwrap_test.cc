@@ -352,7 +352,8 @@ TEST(Unwrap, CanBeInterruptedInEveryStage) {
     control.on_progress = [&](const UnwrapProgress& progress) {
       if (progress.stage == stage) interrupter.Interrupt();
     };
-    EXPECT_EQ(Unwrap(mesh, testing::AsDisc(), control).status().code(), absl::StatusCode::kCancelled) << static_cast<int>(stage);
+    EXPECT_EQ(Unwrap(mesh, testing::AsDisc(), control).status().code(), absl::StatusCode::kCancelled)
+        << static_cast<int>(stage);
   }
 }
 
