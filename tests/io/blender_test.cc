@@ -85,8 +85,9 @@ TEST(Blender, ReadsWhatWeWrite) {
   if (OutputOf("command -v blender").empty()) GTEST_SKIP() << "no blender in PATH";
   Checklist list;
   GltfFixture fixture = SampleGltf();
-  // Blender knows neither quantized positions nor extensions that nobody has heard of, takes the weights of what has none
-  // for NaN, and makes two meshes of one that is shown with a skin and without: the strip and the line get their own.
+  // Blender knows neither quantized positions nor extensions that nobody has heard of, takes the weights of what has
+  // none for NaN, and makes two meshes of one that is shown with a skin and without: the strip and the line get their
+  // own.
   Json strip = fixture.json["meshes"][0];
   strip["name"] = "strip";
   strip["primitives"] = {strip["primitives"][2], strip["primitives"][3]};
