@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "client/cli/seam_list.h"
 #include "planish/types.h"
@@ -20,10 +21,11 @@ struct Arguments {
 
   // unwrap and inspect; jobs watch has the mesh in `input` if it was given.
   std::string input;
-  std::string output;
+  std::vector<std::string> more_inputs;           // further files that share the atlas
+  std::string output;                             // a file, "-", or a directory
+  int texcoord = 0;                               // glTF: UV are read from and become TEXCOORD_n, in [0, 7]
   std::string picture;                            // a PNG of the map; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
-  int texcoord = 0;                               // which of the file's sets of UV
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;
   bool detach = false;

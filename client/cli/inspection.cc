@@ -18,7 +18,7 @@ namespace {
 Mesh AsSent(const MeshInput& input) {
   const Triangulation& triangles = input.triangulation();
   Mesh mesh;
-  mesh.faces = triangles.mesh.faces;
+  mesh.faces = input.mesh().faces;
   for (Face& face : mesh.faces) {
     for (std::int32_t& v : face) v = triangles.source_vertex[static_cast<std::size_t>(v)];
   }

@@ -32,7 +32,7 @@ std::vector<std::string> Words(const std::string& line) {
 
 PolygonEdges::PolygonEdges(const MeshFile& file, const Triangulation& triangles) : file_(file), triangles_(triangles) {
   const auto& polygon_begin = file.mesh.polygon_begin;
-  const std::size_t num_corners = 3 * triangles.mesh.faces.size();
+  const std::size_t num_corners = triangles.corner_of_triangle.size();
   half_edges_.reserve(num_corners);
   for (std::size_t c = 0; c < num_corners; ++c) {
     const std::size_t first = c - c % 3;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <new>
+#include <set>
 #include <stdexcept>
 
 #include "core/base/error.h"
@@ -18,6 +19,25 @@
 namespace planish {
 
 const int kDracoFloat32 = draco::DT_FLOAT32;
+
+int GlTypeOfDraco(int component) {
+  switch (component) {
+    case draco::DT_INT8:
+      return 5120;
+    case draco::DT_UINT8:
+      return 5121;
+    case draco::DT_INT16:
+      return 5122;
+    case draco::DT_UINT16:
+      return 5123;
+    case draco::DT_UINT32:
+      return 5125;
+    case draco::DT_FLOAT32:
+      return 5126;
+    default:
+      return 0;
+  }
+}
 
 namespace {
 
@@ -144,14 +164,18 @@ absl::StatusOr<DracoPoints> DecodeOrThrow(const std::string& bytes, bool want_qu
     PLANISH_ASSIGN_OR_RETURN(DracoAttribute attribute, CopyAttribute(*decoded->attribute(id), decoded->num_points()));
     points.attributes.push_back(std::move(attribute));
   }
+  std::set<std::uint32_t> ids;
+  for (const DracoAttribute& attribute : points.attributes) ids.insert(attribute.unique_id);
+  for (std::size_t i = 0; ids.size() < points.attributes.size() && i < points.attributes.size(); ++i) {
+    points.attributes[i].unique_id = static_cast<std::uint32_t>(i);
+  }
   if (decoded->GetMetadata() != nullptr) {
     points.metadata = std::make_shared<const draco::GeometryMetadata>(*decoded->GetMetadata());
   }
   if (!want_quantization) return points;
   PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> raw, Decode(bytes, true));
-  for (DracoAttribute& attribute : points.attributes) {
-    const draco::PointAttribute* const source = raw->GetAttributeByUniqueId(attribute.unique_id);
-    if (source != nullptr) CopyQuantization(*source, &attribute);
+  for (int id = 0; id < std::min(raw->num_attributes(), decoded->num_attributes()); ++id) {
+    CopyQuantization(*raw->attribute(id), &points.attributes[static_cast<std::size_t>(id)]);
   }
   return points;
 }

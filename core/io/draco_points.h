@@ -15,7 +15,7 @@ enum class DracoKind { kPosition, kNormal, kColor, kTexcoord, kGeneric };
 
 struct DracoAttribute {
   DracoKind kind = DracoKind::kGeneric;
-  std::uint32_t unique_id = 0;
+  std::uint32_t unique_id = 0;  // in files of Draco before 1.0 it is none: then the number of the attribute
   int component = 0;   // Draco's number of the type; kDracoFloat32 is the only one that callers make themselves
   int components = 0;  // of a value
   bool normalized = false;
@@ -28,6 +28,8 @@ struct DracoAttribute {
 };
 
 extern const int kDracoFloat32;
+// The number that OpenGL and glTF have for a type (5120: byte, ..., 5126: float); 0 for one that they lack.
+int GlTypeOfDraco(int component);
 
 struct DracoPoints {
   std::int64_t num_points = 0;

@@ -237,11 +237,17 @@ class GltfReader {
       accessor.element = where;
       accessor.count = points->num_points;
       accessor.components = attribute->components;
-      accessor.normalized = attribute->normalized;
+      // What the primitive says about its accessors goes for Draco's integers too.
+      PLANISH_ASSIGN_OR_RETURN(const std::int64_t index,
+                               GltfIndex(document(), attributes[name], where, num_accessors_));
+      const Json& json = document().json["accessors"][static_cast<std::size_t>(index)];
+      accessor.normalized = json.contains("normalized") && json["normalized"] == true;
       accessor.element_size = attribute->value_size;
       accessor.stride = attribute->value_size;
       accessor.data = attribute->values.data();
-      if (attribute->component != kDracoFloat32) return GltfFault(document(), where, "must be of floats");
+      const int type = GlTypeOfDraco(attribute->component);
+      if (type == 0) return GltfFault(document(), where, "has a type that glTF lacks");
+      accessor.component = static_cast<GltfComponent>(type);
       if (name == "POSITION") {
         PLANISH_RETURN_IF_ERROR(AddPositions(accessor, vertices));
         has_positions = true;
