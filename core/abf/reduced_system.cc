@@ -10,6 +10,19 @@ namespace {
 
 constexpr std::int64_t kFaces = 4096, kRows = 1024;  // of one chunk
 
+// The block of row v in column u, which it has. Rows are short: counting, which no branch depends on, takes a third of
+// the time of a search.
+std::int32_t PlaceInRow(const BlockMatrix<double>& matrix, std::int32_t v, std::int32_t u) {
+  constexpr std::int32_t kShort = 32;
+  const std::int32_t begin = matrix.row_begin[v], end = matrix.row_begin[v + 1];
+  const std::int32_t* column = matrix.column.data();
+  if (end - begin > kShort)
+    return static_cast<std::int32_t>(std::lower_bound(column + begin, column + end, u) - column);
+  std::int32_t place = begin;
+  for (std::int32_t k = begin; k < end; ++k) place += column[k] < u ? 1 : 0;
+  return place;
+}
+
 }  // namespace
 
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
@@ -126,27 +139,31 @@ ReducedMatrix::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topol
     std::sort(columns->begin(), columns->end());
     columns->erase(std::unique(columns->begin(), columns->end()), columns->end());
   };
+  // Chunk by chunk, then one after the other.
+  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kRows - 1) / kRows));
   matrix_.row_begin.assign(n + 1, 0);
-  team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
-    std::vector<std::int32_t> columns;
-    for (std::int64_t v = begin; v < end; ++v) {
-      find_columns(v, &columns);
-      matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
-    }
-  });
-  for (std::int32_t v = 0; v < n; ++v) matrix_.row_begin[v + 1] += matrix_.row_begin[v];
-  matrix_.column.resize(matrix_.row_begin[n]);
-  matrix_.value.resize(4 * matrix_.column.size());
   diagonal_.resize(n);
   team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<std::int32_t>& part = parts[static_cast<std::size_t>(begin / kRows)];
     std::vector<std::int32_t> columns;
     for (std::int64_t v = begin; v < end; ++v) {
       find_columns(v, &columns);
-      std::copy(columns.begin(), columns.end(), matrix_.column.begin() + matrix_.row_begin[v]);
       const auto place = std::lower_bound(columns.begin(), columns.end(), v) - columns.begin();
-      diagonal_[v] = matrix_.row_begin[v] + static_cast<std::int32_t>(place);
+      diagonal_[v] = static_cast<std::int32_t>(place);
+      matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
+      part.insert(part.end(), columns.begin(), columns.end());
     }
   });
+  for (std::int32_t v = 0; v < n; ++v) {
+    diagonal_[v] += matrix_.row_begin[v];
+    matrix_.row_begin[v + 1] += matrix_.row_begin[v];
+  }
+  matrix_.column.reserve(static_cast<std::size_t>(matrix_.row_begin[n]));
+  for (std::vector<std::int32_t>& part : parts) {
+    matrix_.column.insert(matrix_.column.end(), part.begin(), part.end());
+    part = {};
+  }
+  matrix_.value.resize(4 * matrix_.column.size());
 }
 
 const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot) {
@@ -175,9 +192,7 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessia
         const auto block_of = [&](int corner) {
           const std::int32_t u = topology_.corner_row[at[corner]];
           if (u < 0) return std::int32_t{-1};
-          const auto first = matrix_.column.begin() + matrix_.row_begin[v];
-          const auto last = matrix_.column.begin() + matrix_.row_begin[v + 1];
-          return static_cast<std::int32_t>(std::lower_bound(first, last, u) - matrix_.column.begin());
+          return PlaceInRow(matrix_, static_cast<std::int32_t>(v), u);
         };
         const auto add = [&](std::int32_t block, int corner, double wheel_t, double wheel_w) {
           if (block < 0) return;
