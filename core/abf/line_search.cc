@@ -30,6 +30,11 @@ void Raise(ThreadTeam& team, const Eigen::VectorXd& mu, const Eigen::VectorXd& s
 
 double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team) {
   constexpr double kKeep = 0.05;
+  // Nearly all steps fit, which takes neither a division nor a branch per angle to see.
+  const double excess = Largest(
+      team,
+      (-step - (1 - kKeep) * x).cwiseMax(step - (1 - kKeep) * (std::numbers::pi - x.array()).matrix()).cwiseMax(0));
+  if (!(excess > 0)) return 1;
   // The largest share of an angle's room that the whole step would take.
   const double taken = Largest(team, x.binaryExpr(step, [](double angle, double change) {
     return std::abs(change) / ((1 - kKeep) * (change < 0 ? angle : std::numbers::pi - angle));
@@ -50,15 +55,15 @@ double MeritFunction::Penalty(const ConstraintValues& h) const {
   return Sum(team_, nu_.triangle.cwiseProduct(h.triangle.cwiseAbs())) + PairPenalty(h.pair);
 }
 
-double MeritFunction::Value(const Eigen::VectorXd& x, const ConstraintValues& h) const {
-  return objective_.Value(x) + Penalty(h);
+double MeritFunction::Value(const Eigen::VectorXd& x, double energy, const ConstraintValues& h) const {
+  return objective_.Value(x, energy) + Penalty(h);
 }
 
 MeritFunction::Derivative MeritFunction::Slope(const Eigen::VectorXd& x, const ConstraintValues& h,
                                                const Eigen::VectorXd& step) const {
   constexpr double kRelative = 1e-6;
-  const Eigen::VectorXd gradient = objective_.Gradient(x);
-  return {Dot(team_, gradient, step) - Penalty(h), kRelative * Sum(team_, gradient.cwiseProduct(step).cwiseAbs())};
+  const Objective::Directional along = objective_.Along(x, step);
+  return {along.derivative - Penalty(h), kRelative * along.magnitude};
 }
 
 }  // namespace planish

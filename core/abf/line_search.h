@@ -24,7 +24,8 @@ class MeritFunction {
 
   // What the rows of the pairs contribute for values `pair` of theirs.
   double PairPenalty(const Eigen::VectorXd& pair) const;
-  double Value(const Eigen::VectorXd& x, const ConstraintValues& h) const;
+  // phi(x), where f without a barrier is `energy`.
+  double Value(const Eigen::VectorXd& x, double energy, const ConstraintValues& h) const;
   // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
   struct Derivative {
     double slope;

@@ -17,7 +17,11 @@ constexpr double kLeastForcingTerm = 1e-10;
 // Relative tolerance of the linear solve (the forcing term of an inexact Newton method): proportional to the residual,
 // so that Newton stays quadratic, but no smaller than the last step needs to end below the tolerance.
 double ForcingTerm(double residual, double tolerance) {
-  return std::clamp(std::max(1e-2 * residual, 3e-2 * tolerance / residual), kLeastForcingTerm, 1e-4);
+  constexpr double kLargest = 1e-4;  // while Newton has far to go: rough steps cost more steps
+  constexpr double kLargestAtEnd = 1e-3;
+  const double on_the_way = std::min(1e-2 * residual, kLargest);
+  const double last = std::min(0.3 * tolerance / residual, kLargestAtEnd);
+  return std::max({on_the_way, last, kLeastForcingTerm});
 }
 
 // The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
@@ -46,6 +50,7 @@ Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
   Point point;
   point.sine = Sines(x, team_);
   point.h = EvaluateConstraints(topology_, x, point.sine, team_);
+  point.energy = objective_.Energy(x);
   point.x = std::move(x);
   return point;
 }
@@ -53,10 +58,10 @@ Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
 void Newton::Evaluate() {
   if (at_.sine.size() == 0) at_.sine = Sines(at_.x, team_);
   cot_ = Cotangents(at_.x, at_.sine, team_);
-  const Eigen::VectorXd curvature = objective_.Curvature(at_.x);
+  curvature_ = objective_.Curvature(at_.x);
   gradient_ = LagrangianGradient(topology_, objective_, at_.x, cot_, mu_, team_);
-  summary_.residual = MeasureResidual(curvature, at_.h, gradient_, team_);
-  summary_.energy = objective_.Energy(at_.x);
+  summary_.residual = MeasureResidual(curvature_, at_.h, gradient_, team_);
+  summary_.energy = at_.energy;
 }
 
 void Newton::Report(double linear_residual, std::int64_t linear_iterations) const {
@@ -115,7 +120,7 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
 absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
   constexpr int kMaxHalvings = 30;
   constexpr double kSufficientDecrease = 1e-4;
-  const double before = merit_.Value(at_.x, at_.h);
+  const double before = merit_.Value(at_.x, at_.energy, at_.h);
   const double rounding = 1e-12 * std::abs(before);  // merit values closer than this cannot be told apart
   // The point alpha along a step, and whether it is low enough.
   Point trial;
@@ -123,7 +128,8 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     Eigen::VectorXd moved;
     Assign(team_, at_.x + alpha * x, &moved);
     trial = PointAt(std::move(moved));
-    return merit_.Value(trial.x, trial.h) <= before + kSufficientDecrease * alpha * std::min(0.0, slope) + rounding;
+    return merit_.Value(trial.x, trial.energy, trial.h) <=
+           before + kSufficientDecrease * alpha * std::min(0.0, slope) + rounding;
   };
   double alpha = LargestStep(at_.x, step.x, team_);
   bool found = lowers_merit(step.x, alpha);
@@ -148,19 +154,18 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  Eigen::VectorXd curvature = objective_.Curvature(at_.x);
-  Eigen::VectorXd convex = LagrangianHessian(topology_, curvature, at_.sine, mu_, team_);
+  Eigen::VectorXd convex = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
   Eigen::VectorXd hessian;  // where it is not convex itself
   const bool near = summary_.residual.Max() <= kNearSolution;
   const bool try_exact =
       options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
   if (try_exact) hessian = convex;
-  const bool changed = Convexify(curvature, steps_.RequiredConvexification(), &convex, team_) > 0;
+  const bool changed = Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_) > 0;
 
   Eigen::VectorXd absolute;
-  if (changed && try_exact) absolute = AbsoluteHessian(curvature, hessian, team_);
+  if (changed && try_exact) absolute = AbsoluteHessian(curvature_, hessian, team_);
   if (!changed) hessian.resize(0);
-  curvature.resize(0);
+  curvature_.resize(0);
   if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
   at_.sine.resize(0);
 
@@ -203,7 +208,7 @@ void Newton::Forget() {
 
 bool Newton::AnglesCollapse() {
   if (objective_.barrier() != 0) return false;
-  const bool narrow = Smallest(team_, at_.x.cwiseQuotient(target_.angle)) < collapsed_;
+  const bool narrow = Largest(team_, (collapsed_ * target_.angle - at_.x).cwiseMax(0)) > 0;
   narrow_steps_ = narrow ? narrow_steps_ + 1 : 0;
   return narrow_steps_ > narrow_steps_allowed_;
 }

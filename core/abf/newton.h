@@ -53,6 +53,7 @@ class Newton {
   struct Point {
     Eigen::VectorXd x, sine;  // sine: empty once a step has been computed from it
     ConstraintValues h;
+    double energy = 0;
   };
   Point PointAt(Eigen::VectorXd x) const;
 
@@ -90,7 +91,7 @@ class Newton {
 
   Point at_;
   Multipliers mu_;
-  Eigen::VectorXd cot_, gradient_;
+  Eigen::VectorXd curvature_, cot_, gradient_;  // curvature_: empty once a step has been computed from it
   MeritFunction merit_;
   double collapsed_ = 0;  // see AnglesCollapse()
   int narrow_steps_ = 0, narrow_steps_allowed_ = 0;

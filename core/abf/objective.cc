@@ -8,8 +8,7 @@ double Objective::Energy(const Eigen::VectorXd& x) const {
   return Sum(team_, target_.weight.cwiseProduct((x - target_.angle).cwiseAbs2()));
 }
 
-double Objective::Value(const Eigen::VectorXd& x) const {
-  const double energy = Energy(x);
+double Objective::Value(const Eigen::VectorXd& x, double energy) const {
   if (barrier_ == 0) return energy;
   return energy + barrier_ * Sum(team_, x.binaryExpr(target_.angle, [](double angle, double target) {
                     const double ratio = angle / target;
@@ -24,6 +23,15 @@ Eigen::VectorXd Objective::Gradient(const Eigen::VectorXd& x) const {
     Assign(team_, gradient + barrier_ * (target_.angle.cwiseInverse() - x.cwiseInverse()), &gradient);
   }
   return gradient;
+}
+
+Objective::Directional Objective::Along(const Eigen::VectorXd& x, const Eigen::VectorXd& step) const {
+  if (barrier_ != 0) {
+    const Eigen::VectorXd gradient = Gradient(x);
+    return {Dot(team_, gradient, step), Sum(team_, gradient.cwiseProduct(step).cwiseAbs())};
+  }
+  const auto terms = 2 * target_.weight.cwiseProduct(x - target_.angle).cwiseProduct(step);
+  return {Sum(team_, terms), Sum(team_, terms.cwiseAbs())};
 }
 
 Eigen::VectorXd Objective::Curvature(const Eigen::VectorXd& x) const {

@@ -21,8 +21,15 @@ class Objective {
 
   // f(x) = sum of w_i (x_i - a_i)^2, the ABF energy of eq. 4, without the barrier.
   double Energy(const Eigen::VectorXd& x) const;
-  double Value(const Eigen::VectorXd& x) const;
+  double Value(const Eigen::VectorXd& x) const { return Value(x, Energy(x)); }
+  // The same where Energy(x) is known.
+  double Value(const Eigen::VectorXd& x, double energy) const;
   Eigen::VectorXd Gradient(const Eigen::VectorXd& x) const;
+  // gradient^t step, and the sum of the magnitudes of its terms.
+  struct Directional {
+    double derivative, magnitude;
+  };
+  Directional Along(const Eigen::VectorXd& x, const Eigen::VectorXd& step) const;
   // The diagonal of the Hessian, positive: 2 w_i + tau / x_i^2.
   Eigen::VectorXd Curvature(const Eigen::VectorXd& x) const;
 

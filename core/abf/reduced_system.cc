@@ -10,6 +10,16 @@ namespace {
 
 constexpr std::int64_t kFaces = 4096, kRows = 1024;  // of one chunk
 
+// Where u is among `length` ascending columns. Rows are short: counting, which no branch depends on, takes a third of
+// the time of a search.
+std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32_t u) {
+  constexpr std::int32_t kShort = 32;
+  if (length > kShort) return static_cast<std::int32_t>(std::lower_bound(column, column + length, u) - column);
+  std::int32_t place = 0;
+  for (std::int32_t k = 0; k < length; ++k) place += column[k] < u ? 1 : 0;
+  return place;
+}
+
 }  // namespace
 
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
@@ -45,10 +55,20 @@ void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) 
 }
 
 void ReducedSystem::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
-  if (matrix_ == nullptr) {
-    SaddlePointOperator::ApplySchur(lambda, y);
-  } else {
+  if (matrix_ != nullptr) {
     Multiply(*matrix_, lambda, y, team_);
+  } else if (rounded_ != nullptr) {
+    Multiply(*rounded_, lambda, y, team_);
+  } else {
+    SaddlePointOperator::ApplySchur(lambda, y);
+  }
+}
+
+void ReducedSystem::ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
+  if (matrix_ != nullptr) {
+    Multiply(*matrix_, lambda, y, team_);
+  } else {
+    SaddlePointOperator::ApplySchur(lambda, y);
   }
 }
 
@@ -112,7 +132,8 @@ Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
   return j * p * j.transpose();
 }
 
-ReducedMatrix::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topology_(topology), team_(team) {
+template <typename Scalar>
+ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topology_(topology), team_(team) {
   const std::int32_t n = topology.num_rows;
   // The rows next to row v, v itself included, ascending.
   const auto find_columns = [&](std::int64_t v, std::vector<std::int32_t>* columns) {
@@ -126,34 +147,41 @@ ReducedMatrix::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topol
     std::sort(columns->begin(), columns->end());
     columns->erase(std::unique(columns->begin(), columns->end()), columns->end());
   };
+  // Chunk by chunk, then one after the other.
+  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kRows - 1) / kRows));
   matrix_.row_begin.assign(n + 1, 0);
-  team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
-    std::vector<std::int32_t> columns;
-    for (std::int64_t v = begin; v < end; ++v) {
-      find_columns(v, &columns);
-      matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
-    }
-  });
-  for (std::int32_t v = 0; v < n; ++v) matrix_.row_begin[v + 1] += matrix_.row_begin[v];
-  matrix_.column.resize(matrix_.row_begin[n]);
-  matrix_.value.resize(4 * matrix_.column.size());
   diagonal_.resize(n);
   team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<std::int32_t>& part = parts[static_cast<std::size_t>(begin / kRows)];
     std::vector<std::int32_t> columns;
     for (std::int64_t v = begin; v < end; ++v) {
       find_columns(v, &columns);
-      std::copy(columns.begin(), columns.end(), matrix_.column.begin() + matrix_.row_begin[v]);
       const auto place = std::lower_bound(columns.begin(), columns.end(), v) - columns.begin();
-      diagonal_[v] = matrix_.row_begin[v] + static_cast<std::int32_t>(place);
+      diagonal_[v] = static_cast<std::int32_t>(place);
+      matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
+      part.insert(part.end(), columns.begin(), columns.end());
     }
   });
+  for (std::int32_t v = 0; v < n; ++v) {
+    diagonal_[v] += matrix_.row_begin[v];
+    matrix_.row_begin[v + 1] += matrix_.row_begin[v];
+  }
+  matrix_.column.reserve(static_cast<std::size_t>(matrix_.row_begin[n]));
+  for (std::vector<std::int32_t>& part : parts) {
+    matrix_.column.insert(matrix_.column.end(), part.begin(), part.end());
+    part = {};
+  }
+  matrix_.value.resize(4 * matrix_.column.size());
 }
 
-const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot) {
+template <typename Scalar>
+const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot) {
   team_.For(topology_.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<double> row;
     for (std::int64_t v = begin; v < end; ++v) {
-      std::fill(&matrix_.value[4 * std::size_t(matrix_.row_begin[v])],
-                matrix_.value.data() + 4 * std::size_t(matrix_.row_begin[v + 1]), 0.0);
+      const std::int32_t row_begin = matrix_.row_begin[v], length = matrix_.row_begin[v + 1] - row_begin;
+      const std::int32_t* columns = &matrix_.column[row_begin];
+      row.assign(4 * std::size_t(length), 0.0);
       for (std::int32_t i = topology_.row_corner_begin[v]; i < topology_.row_corner_begin[v + 1]; ++i) {
         // The face's part of J P J^t in the rows of corner k. Everything is numbered from k on: 0 is k, 1 the angle
         // after it and 2 the one before.
@@ -175,30 +203,33 @@ const BlockMatrix<double>& ReducedMatrix::Assemble(const Eigen::VectorXd& hessia
         const auto block_of = [&](int corner) {
           const std::int32_t u = topology_.corner_row[at[corner]];
           if (u < 0) return std::int32_t{-1};
-          const auto first = matrix_.column.begin() + matrix_.row_begin[v];
-          const auto last = matrix_.column.begin() + matrix_.row_begin[v + 1];
-          return static_cast<std::int32_t>(std::lower_bound(first, last, u) - matrix_.column.begin());
+          return PlaceIn(columns, length, u);
         };
         const auto add = [&](std::int32_t block, int corner, double wheel_t, double wheel_w) {
           if (block < 0) return;
-          double* value = &matrix_.value[4 * std::size_t(block)];
+          double* value = &row[4 * std::size_t(block)];
           value[0] += t[corner];
           value[1] += wheel_t;
           value[2] += w[corner];
           value[3] += wheel_w;
         };
-        add(diagonal_[v], 0, w0 * (c1 * t[1] - c2 * t[2]), w0 * (c1 * w[1] - c2 * w[2]));
+        add(diagonal_[v] - row_begin, 0, w0 * (c1 * t[1] - c2 * t[2]), w0 * (c1 * w[1] - c2 * w[2]));
         add(block_of(1), 1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
         add(block_of(2), 2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
       }
       if (!topology_.has_wheel(
               static_cast<std::int32_t>(v))) {  // anything positive will do in the place of its wheel row
-        double* diagonal = &matrix_.value[4 * std::size_t(diagonal_[v])];
+        double* diagonal = &row[4 * std::size_t(diagonal_[v] - row_begin)];
         diagonal[3] = diagonal[0];
       }
+      std::transform(row.begin(), row.end(), &matrix_.value[4 * std::size_t(row_begin)],
+                     [](double value) { return static_cast<Scalar>(value); });
     }
   });
   return matrix_;
 }
+
+template class ReducedMatrix<float>;
+template class ReducedMatrix<double>;
 
 }  // namespace planish

@@ -30,8 +30,15 @@ class ReducedSystem final : public SaddlePointOperator {
   ReducedSystem(const Topology&, Eigen::VectorXd&&, const Eigen::VectorXd&, ThreadTeam& = Alone()) = delete;
   ReducedSystem(const Topology&, const Eigen::VectorXd&, Eigen::VectorXd&&, ThreadTeam& = Alone()) = delete;
 
-  // From now on ApplySchur takes `matrix` for S; it must be the S of this and outlive it.
-  void set_matrix(const BlockMatrix<double>* matrix) { matrix_ = matrix; }
+  // From now on ApplySchur takes `matrix` for S; it must be the S of this, rounded or not, and outlive it.
+  void set_matrix(const BlockMatrix<double>* matrix) {
+    matrix_ = matrix;
+    rounded_ = nullptr;
+  }
+  void set_matrix(const BlockMatrix<float>* rounded) {
+    matrix_ = nullptr;
+    rounded_ = rounded;
+  }
 
   Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
   Eigen::Index num_multipliers() const override { return 2 * topology_.num_rows; }
@@ -39,6 +46,8 @@ class ReducedSystem final : public SaddlePointOperator {
   void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
   void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const override;
   void ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const override;
+  bool rounds_schur() const override { return rounded_ != nullptr; }
+  void ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const override;
   Eigen::VectorXd SchurDiagonal() const override;
   ThreadTeam& team() const override { return team_; }
 
@@ -55,21 +64,24 @@ class ReducedSystem final : public SaddlePointOperator {
   const Eigen::VectorXd &hessian_, &cot_;
   Eigen::VectorXd inverse_e_;  // 1 / e per face
   const BlockMatrix<double>* matrix_ = nullptr;
+  const BlockMatrix<float>* rounded_ = nullptr;
 };
 
-// S as a matrix. The pattern, one 2x2 block per pair of rows whose vertices share a face, is made once; Assemble only
+// S as a matrix of double, or rounded to float: that halves the memory that a product with it goes through, most of
+// what it costs. The pattern, one 2x2 block per pair of rows whose vertices share a face, is made once; Assemble only
 // changes values.
+template <typename Scalar = double>
 class ReducedMatrix {
  public:
   // `topology` and `team` must outlive this.
   explicit ReducedMatrix(const Topology& topology, ThreadTeam& team = Alone());
   // S for the diagonal A and the cotangents that J is taken at.
-  const BlockMatrix<double>& Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
+  const BlockMatrix<Scalar>& Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
 
  private:
   const Topology& topology_;
   ThreadTeam& team_;
-  BlockMatrix<double> matrix_;
+  BlockMatrix<Scalar> matrix_;
   std::vector<std::int32_t> diagonal_;  // block of each row
 };
 

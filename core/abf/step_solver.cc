@@ -52,24 +52,17 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     system = full_.get();
   } else {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    if (!matrix_) matrix_ = std::make_unique<ReducedMatrix>(topology_, team_);
-    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     convex_ = &convex;
     cot_ = &cot;
-    const BlockMatrix<double>& s = matrix_->Assemble(convex, cot);
-    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    if (preconditioner_type_ == PreconditionerType::kAmg) {
-      const absl::Status status = PrepareMultigrid(s, cot, interrupter);
-      if (absl::IsCancelled(status)) return status;
-      if (!status.ok()) {
-        preconditioner_type_ = PreconditionerType::kCholesky;
-        uses_ = -1;
-      }
-    }
-    if (preconditioner_type_ == PreconditionerType::kCholesky) PLANISH_RETURN_IF_ERROR(PrepareCholesky(s));
-    if (&hessian != &convex) matrix_->Assemble(hessian, cot);
     reduced_ = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
-    reduced_->set_matrix(&s);
+    if (preconditioner_type_ == PreconditionerType::kAmg) {
+      const absl::Status status = PrepareMultigrid(hessian, convex, cot, interrupter);
+      if (absl::IsCancelled(status)) return status;
+      if (!status.ok()) TurnToCholesky();
+    }
+    if (preconditioner_type_ != PreconditionerType::kAmg) {
+      PLANISH_RETURN_IF_ERROR(PrepareExact(hessian, convex, cot));
+    }
     system = reduced_.get();
   }
   if (preconditioner_type_ == PreconditionerType::kJacobi) {
@@ -84,17 +77,34 @@ bool StepSolver::IsWornOut(std::int64_t tolerated) const {
   return uses_ < 0 || (uses_ > 0 && last_iterations_ > first_iterations_ + tolerated);
 }
 
-absl::Status StepSolver::PrepareCholesky(const BlockMatrix<double>& s) {
-  if (IsWornOut(kWornOutFactorization) || solver_type_ == SolverType::kDirect) {
-    PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(s), /*block_size=*/2));
-    uses_ = 0;
+void StepSolver::TurnToCholesky() {
+  preconditioner_type_ = PreconditionerType::kCholesky;
+  uses_ = -1;
+  rounded_matrix_.reset();
+}
+
+absl::Status StepSolver::PrepareExact(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
+                                      const Eigen::VectorXd& cot) {
+  if (!matrix_) matrix_ = std::make_unique<ReducedMatrix<double>>(topology_, team_);
+  const BlockMatrix<double>& s = matrix_->Assemble(convex, cot);
+  if (preconditioner_type_ == PreconditionerType::kCholesky) {
+    if (IsWornOut(kWornOutFactorization) || solver_type_ == SolverType::kDirect) {
+      PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(s), /*block_size=*/2));
+      uses_ = 0;
+    }
+    preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
   }
-  preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
+  if (&hessian != &convex) matrix_->Assemble(hessian, cot);
+  reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
 
-absl::Status StepSolver::PrepareMultigrid(const BlockMatrix<double>& s, const Eigen::VectorXd& cot,
-                                          const Interrupter* interrupter) {
+absl::Status StepSolver::PrepareMultigrid(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
+                                          const Eigen::VectorXd& cot, const Interrupter* interrupter) {
+  if (!rounded_matrix_) rounded_matrix_ = std::make_unique<ReducedMatrix<float>>(topology_, team_);
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+  const BlockMatrix<float>& s = rounded_matrix_->Assemble(convex, cot);
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   // The first numbers stand on an unfolding with target angles, which do not close up.
   const bool first = uses_ < 0;
   if (first || !multigrid_closed_ || indefinite_ || IsWornOut(kWornOutMultigrid)) {
@@ -106,6 +116,8 @@ absl::Status StepSolver::PrepareMultigrid(const BlockMatrix<double>& s, const Ei
     uses_ = 0;
   }
   preconditioner_ = std::make_unique<MultigridPreconditioner>(&multigrid_);
+  if (&hessian != &convex) rounded_matrix_->Assemble(hessian, cot);
+  reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
 
@@ -123,9 +135,8 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
                       summary.termination != LinearTermination::kInterrupted &&
                       summary.iterations < options.max_iterations;
   if (multigrid && failed) {
-    preconditioner_type_ = PreconditionerType::kCholesky;
-    uses_ = -1;
-    if (PrepareCholesky(matrix_->Assemble(*convex_, *cot_)).ok()) {
+    TurnToCholesky();
+    if (PrepareExact(*convex_, *convex_, *cot_).ok()) {
       const std::int64_t wasted = summary.iterations;
       summary = SolveOnce(gradient, h, options, step);
       summary.iterations += wasted;

@@ -55,10 +55,13 @@ class StepSolver {
  private:
   // Whether the preconditioner is to be made anew, or for the first time.
   bool IsWornOut(std::int64_t tolerated) const;
-  // Each takes S of the convex Hessian.
-  absl::Status PrepareMultigrid(const BlockMatrix<double>& s, const Eigen::VectorXd& cot,
-                                const Interrupter* interrupter);
-  absl::Status PrepareCholesky(const BlockMatrix<double>& s);
+  // Multigrid, or what needs S in double. Both make the preconditioner from S of the convex Hessian, and leave S of
+  // `hessian` to `reduced_`.
+  absl::Status PrepareMultigrid(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
+                                const Eigen::VectorXd& cot, const Interrupter* interrupter);
+  absl::Status PrepareExact(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot);
+  // From multigrid to Cholesky, for good.
+  void TurnToCholesky();
   LinearSummary SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
                           NewtonStep* step);
 
@@ -72,7 +75,9 @@ class StepSolver {
   bool indefinite_ = false, limit_indefinite_ = true;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
-  std::unique_ptr<ReducedMatrix> matrix_;
+  // S: rounded with multigrid, which is of float itself; else exact.
+  std::unique_ptr<ReducedMatrix<float>> rounded_matrix_;
+  std::unique_ptr<ReducedMatrix<double>> matrix_;
   const Eigen::VectorXd *convex_ = nullptr, *cot_ = nullptr;  // of Prepare(), should Cholesky have to take over
   SparseCholesky factorization_;
   Multigrid multigrid_;

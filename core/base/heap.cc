@@ -1,17 +1,42 @@
 #include "core/base/heap.h"
 
 #include <malloc.h>
+#include <sys/mman.h>
+
+#include <climits>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
 
 namespace planish {
+namespace {
+
+bool keep_freed_memory = false;
+
+// Asks for huge pages for what the heap will grow into next. Addresses only: no memory is used before it is written to.
+// Where the kernel has no huge pages to give, or so many addresses are not to be had, everything is as without.
+void PreferHugePages() {
+  constexpr std::size_t kReserved = std::size_t{1} << 30, kHugePage = std::size_t{1} << 21;
+  void* const block = std::malloc(kReserved);
+  if (block == nullptr) return;
+  const auto address = reinterpret_cast<std::uintptr_t>(block);
+  const std::size_t skipped = (kHugePage - address % kHugePage) % kHugePage;
+  madvise(static_cast<char*>(block) + skipped, (kReserved - skipped) / kHugePage * kHugePage, MADV_HUGEPAGE);
+  std::free(block);
+}
+
+}  // namespace
 
 void KeepFreedMemory() {
-  constexpr int kLargest = 1 << 30;
-  mallopt(M_MMAP_THRESHOLD, kLargest);
-  mallopt(M_TRIM_THRESHOLD, kLargest);
+  mallopt(M_MMAP_THRESHOLD, INT_MAX);
+  mallopt(M_TRIM_THRESHOLD, INT_MAX);
+  keep_freed_memory = true;
+  PreferHugePages();
 }
 
 void ReturnFreedMemory() {
   malloc_trim(0);
+  if (keep_freed_memory) PreferHugePages();
 }
 
 }  // namespace planish

@@ -22,8 +22,9 @@ struct BlockMatrix {
   std::int64_t num_blocks() const { return static_cast<std::int64_t>(column.size()); }
 };
 
-// y = A x.
-void Multiply(const BlockMatrix<double>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y, ThreadTeam& team = Alone());
+// y = A x, summed up in double. For float and double.
+template <typename Scalar>
+void Multiply(const BlockMatrix<Scalar>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y, ThreadTeam& team = Alone());
 
 // The lower triangle, as CHOLMOD takes it.
 SparseMatrix LowerTriangle(const BlockMatrix<double>& a);

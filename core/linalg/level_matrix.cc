@@ -93,7 +93,7 @@ absl::Status LevelMatrix<N>::InvertDiagonal(ThreadTeam* team) {
 template struct LevelMatrix<2>;
 template struct LevelMatrix<4>;
 
-void SetValues(const BlockMatrix<double>& matrix, LevelMatrix<2>* level, ThreadTeam* team) {
+void SetValues(const BlockMatrix<float>& matrix, LevelMatrix<2>* level, ThreadTeam* team) {
   team->For(level->num_rows(), kRows, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       const Index first = i / level->kChunk * level->kChunk, last = first + level->kChunk;
@@ -101,8 +101,7 @@ void SetValues(const BlockMatrix<double>& matrix, LevelMatrix<2>* level, ThreadT
       for (Index k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
         const Index j = matrix.column[k];
         float* to = level->Block(j < first || j >= last ? outside++ : inside++);
-        const double* from = &matrix.value[4 * static_cast<std::size_t>(k)];
-        for (int q = 0; q < 4; ++q) to[q] = static_cast<float>(from[q]);
+        std::copy_n(&matrix.value[4 * static_cast<std::size_t>(k)], 4, to);
       }
     }
   });

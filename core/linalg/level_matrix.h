@@ -40,7 +40,7 @@ struct LevelMatrix {
 };
 
 // The numbers of `matrix`, columns ascending, whose pattern `level` has.
-void SetValues(const BlockMatrix<double>& matrix, LevelMatrix<2>* level, ThreadTeam* team);
+void SetValues(const BlockMatrix<float>& matrix, LevelMatrix<2>* level, ThreadTeam* team);
 
 template <int N>
 struct LevelVector;

@@ -1,5 +1,7 @@
 #include "core/linalg/linear_solver.h"
 
+#include <utility>
+
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
@@ -7,6 +9,9 @@ namespace {
 
 // A solver's own residual and the true one differ by rounding; beyond this factor the convergence was not real.
 constexpr double kResidualSlack = 100;
+// Where M is rounded, rougher solves than this do not notice; finer ones are refined against the exact M.
+constexpr double kUnroundedTolerance = 1e-5;
+constexpr int kMaxRefinements = 10;
 // Double precision cannot promise less than this, relative to the right-hand side.
 constexpr double kResidualFloor = 1e-12;
 
@@ -58,10 +63,38 @@ LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const 
 
   LinearSummary summary = SolveImpl(system, preconditioner, rhs, options, lambda);
 
-  Eigen::VectorXd residual;
-  system.ApplySchur(*lambda, &residual);
-  Assign(system.team(), rhs - residual, &residual);
-  summary.true_residual = Norm(system.team(), residual) / initial;
+  const bool refine = system.rounds_schur() && options.relative_tolerance < kUnroundedTolerance;
+  Eigen::VectorXd residual, correction;
+  const auto measure = [&] {
+    if (refine) {
+      system.ApplyExactSchur(*lambda, &residual);
+    } else {
+      system.ApplySchur(*lambda, &residual);
+    }
+    Assign(system.team(), rhs - residual, &residual);
+    return Norm(system.team(), residual) / initial;
+  };
+  summary.true_residual = measure();
+  const double wanted = std::max(2 * options.relative_tolerance, kResidualFloor);
+  for (int i = 0; refine && i < kMaxRefinements && summary.termination == LinearTermination::kConverged &&
+                  summary.true_residual > wanted;
+       ++i) {
+    LinearSolveOptions rest = options;
+    rest.relative_tolerance = std::min(options.relative_tolerance / summary.true_residual, 0.5);
+    rest.max_iterations -= summary.iterations;
+    if (options.on_progress) {
+      rest.on_progress = [&](std::int64_t iterations, double relative) {
+        if (iterations > 0) options.on_progress(summary.iterations + iterations, relative * summary.true_residual);
+      };
+    }
+    correction = Eigen::VectorXd::Zero(rhs.size());
+    const LinearSummary refined = SolveImpl(system, preconditioner, residual, rest, &correction);
+    Assign(system.team(), *lambda + correction, lambda);
+    summary.iterations += refined.iterations;
+    summary.termination = refined.termination;
+    const double before = std::exchange(summary.true_residual, measure());
+    if (!(summary.true_residual < before / 2)) break;
+  }
   const double promised = std::max(kResidualSlack * options.relative_tolerance, kResidualFloor);
   if (summary.termination == LinearTermination::kConverged && !(summary.true_residual <= promised)) {
     summary.termination = LinearTermination::kStagnated;

@@ -11,9 +11,9 @@
 
 namespace planish {
 struct Multigrid::Impl {
-  absl::Status Build(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+  absl::Status Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                      std::int32_t num_coupled, const Interrupter* interrupter);
-  absl::Status Refresh(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+  absl::Status Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                        const Interrupter* interrupter);
   absl::Status FactorizeCoarsest();
   // One cycle on the finest level, and on coarse level l.
@@ -28,7 +28,7 @@ struct Multigrid::Impl {
   Eigen::MatrixXf inverse;
 };
 
-absl::Status Multigrid::Impl::Build(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+absl::Status Multigrid::Impl::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                                     std::int32_t num_coupled, const Interrupter* interrupter) {
   coarse.clear();
   finest.a.SetPattern(matrix.row_begin, matrix.column);
@@ -63,7 +63,7 @@ absl::Status Multigrid::Impl::Build(const BlockMatrix<double>& matrix, const std
   return FactorizeCoarsest();
 }
 
-absl::Status Multigrid::Impl::Refresh(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+absl::Status Multigrid::Impl::Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                                       const Interrupter* interrupter) {
   SetValues(matrix, &finest.a, team);
   finest.coordinates.centre = z;
@@ -125,12 +125,12 @@ Multigrid::Multigrid(const MultigridOptions& options) : impl_(std::make_unique<I
 }
 Multigrid::~Multigrid() = default;
 
-absl::Status Multigrid::Build(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                               std::int32_t num_coupled, ThreadTeam& team, const Interrupter* interrupter) {
   impl_->team = &team;
   return impl_->Build(matrix, z, num_coupled, interrupter);
 }
-absl::Status Multigrid::Refresh(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+absl::Status Multigrid::Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                                 const Interrupter* interrupter) {
   return impl_->Refresh(matrix, z, interrupter);
 }

@@ -51,10 +51,10 @@ class Multigrid {
   // coarse spaces hold the constants only. Rows from `num_coupled` on (boundary control) have no second unknown and
   // stay out of aggregates. O(blocks). `team` must outlive this. FAILED_PRECONDITION: a diagonal block or the coarsest
   // matrix is not positive definite. CANCELLED: interrupted.
-  absl::Status Build(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+  absl::Status Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                      std::int32_t num_coupled, ThreadTeam& team = Alone(), const Interrupter* interrupter = nullptr);
   // New numbers on the aggregates of the last Build(); the pattern must be the same.
-  absl::Status Refresh(const BlockMatrix<double>& matrix, const std::vector<std::complex<double>>& z,
+  absl::Status Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                        const Interrupter* interrupter = nullptr);
 
   // z = one V-cycle on r from zero.

@@ -1,6 +1,7 @@
 #include "core/linalg/multigrid_level.h"
 
 #include <cmath>
+#include <type_traits>
 
 namespace planish {
 namespace {
@@ -10,26 +11,39 @@ using Index = std::int32_t;
 // Rows of a loop whose rows do not depend on each other.
 constexpr Index kRows = 4096;
 
-// Block k of P times the coarse unknowns, to be added up.
-Float2 Prolong(const float* block, const Float4& coarse, Float2 /*tag*/) {
-  const Float4 alpha = __builtin_shufflevector(coarse, coarse, 0, 1, 0, 1);
-  const Float4 beta = __builtin_shufflevector(coarse, coarse, 2, 3, 2, 3);
-  return RowSums(Load<Float4>(block) * alpha + Load<Float4>(block + 4) * beta);
-}
-Float4 Prolong(const float* block, const Float4& coarse, Float4 /*tag*/) {
-  const Float2 alpha = Prolong(block, coarse, Float2{}), beta = Prolong(block + 8, coarse, Float2{});
-  return __builtin_shufflevector(alpha, beta, 0, 1, 2, 3);
-}
-// The transposed block times r.
-Float4 RestrictOne(const float* block, const Float2& r) {
-  const Float4 rr = __builtin_shufflevector(r, r, 0, 0, 1, 1);
-  const Float4 alpha = Load<Float4>(block) * rr, beta = Load<Float4>(block + 4) * rr;
-  return __builtin_shufflevector(alpha, beta, 0, 1, 4, 5) + __builtin_shufflevector(alpha, beta, 2, 3, 6, 7);
-}
-Float4 RestrictOne(const float* block, const Float4& r) {
-  return RestrictOne(block, __builtin_shufflevector(r, r, 0, 1)) +
-         RestrictOne(block + 8, __builtin_shufflevector(r, r, 2, 3));
-}
+// Sums of blocks of P times coarse unknowns, and of transposed blocks times rows: what one register can take is added
+// up before its parts are.
+struct Prolonged2 {
+  Float4 terms = {};
+  void Add(const float* block, const Float4& coarse) {
+    terms += Load<Float4>(block) * __builtin_shufflevector(coarse, coarse, 0, 1, 0, 1) +
+             Load<Float4>(block + 4) * __builtin_shufflevector(coarse, coarse, 2, 3, 2, 3);
+  }
+  Float2 Value() const { return RowSums(terms); }
+};
+struct Prolonged4 {
+  Prolonged2 alpha, beta;
+  void Add(const float* block, const Float4& coarse) {
+    alpha.Add(block, coarse);
+    beta.Add(block + 8, coarse);
+  }
+  Float4 Value() const { return __builtin_shufflevector(alpha.Value(), beta.Value(), 0, 1, 2, 3); }
+};
+struct Restricted {
+  Float4 alpha = {}, beta = {};
+  void Add(const float* block, const Float2& r) {
+    const Float4 rr = __builtin_shufflevector(r, r, 0, 0, 1, 1);
+    alpha += Load<Float4>(block) * rr;
+    beta += Load<Float4>(block + 4) * rr;
+  }
+  void Add(const float* block, const Float4& r) {
+    Add(block, __builtin_shufflevector(r, r, 0, 1));
+    Add(block + 8, __builtin_shufflevector(r, r, 2, 3));
+  }
+  Float4 Value() const {
+    return __builtin_shufflevector(alpha, beta, 0, 1, 4, 5) + __builtin_shufflevector(alpha, beta, 2, 3, 6, 7);
+  }
+};
 
 }  // namespace
 
@@ -60,12 +74,12 @@ void MultigridLevel<N>::Restrict(std::vector<float>* coarse_b, ThreadTeam* team)
   });
   team->For(p.aggregates.count, kRows / 16, [&](std::int64_t begin, std::int64_t end) {
     for (auto c = static_cast<Index>(begin); c < end; ++c) {
-      Float4 sum = {};
+      Restricted sum;
       for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
         const auto [row, block] = p.transposed[t];
-        sum += RestrictOne(&p.value[4 * N * std::size_t(block)], Load<Vector>(&old[N * std::size_t(row)]));
+        sum.Add(&p.value[4 * N * std::size_t(block)], Load<Vector>(&old[N * std::size_t(row)]));
       }
-      Store(sum, &(*coarse_b)[4 * std::size_t(c)]);
+      Store(sum.Value(), &(*coarse_b)[4 * std::size_t(c)]);
     }
   });
 }
@@ -76,11 +90,11 @@ void MultigridLevel<N>::CorrectAndRelax(const std::vector<float>& coarse_x, Thre
   const Prolongation& p = prolongation;
   team->For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      auto corrected = Load<Vector>(&x[N * std::size_t(i)]);
+      std::conditional_t<N == 2, Prolonged2, Prolonged4> correction;
       for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) {
-        corrected +=
-            Prolong(&p.value[4 * N * std::size_t(k)], Load<Float4>(&coarse_x[4 * std::size_t(p.column[k])]), Vector{});
+        correction.Add(&p.value[4 * N * std::size_t(k)], Load<Float4>(&coarse_x[4 * std::size_t(p.column[k])]));
       }
+      const Vector corrected = Load<Vector>(&x[N * std::size_t(i)]) + correction.Value();
       Store(corrected, &x[N * std::size_t(i)]);
       Store(corrected, &old[N * std::size_t(i)]);
     }

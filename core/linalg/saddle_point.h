@@ -30,6 +30,9 @@ class SaddlePointOperator {
 
   // y = M lambda, by default B (A^-1 (B^t lambda)).
   virtual void ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const;
+  // Whether ApplySchur takes M from numbers rounded to float. ApplyExactSchur never does.
+  virtual bool rounds_schur() const { return false; }
+  virtual void ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const { ApplySchur(lambda, y); }
   // The diagonal of M.
   virtual Eigen::VectorXd SchurDiagonal() const = 0;
 

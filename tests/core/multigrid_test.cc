@@ -48,8 +48,8 @@ struct FirstStep {
   TargetAngles target;
   Eigen::VectorXd hessian, cot;
   ReducedSystem system;
-  ReducedMatrix reduced;
-  const BlockMatrix<double>& matrix;
+  ReducedMatrix<float> reduced;
+  const BlockMatrix<float>& matrix;
   std::vector<std::complex<double>> z;
 };
 
@@ -103,7 +103,7 @@ TEST(Multigrid, SimilaritiesAreNearNullVectors) {
     const std::complex<double> value = std::complex<double>(1, 2) + std::complex<double>(-0.5, 0.3) * step.z[i];
     lambda.segment<2>(2 * i) << value.real(), value.imag();
   }
-  Multiply(step.matrix, lambda, &product);
+  step.system.ApplySchur(lambda, &product);
   std::vector<char> inner(rows, 1);
   for (std::int32_t c = 0; c < step.topology.num_corners(); ++c) {
     if (step.topology.corner_row[c] < 0) {
@@ -182,8 +182,8 @@ TEST(Multigrid, IsIndifferentToTheScaleOfTheRightHandSide) {
 
 TEST(Multigrid, RefusesAnIndefiniteMatrix) {
   const FirstStep step(testing::Hills(40, 30));
-  BlockMatrix<double> negative = step.matrix;
-  for (double& value : negative.value) value = -value;
+  BlockMatrix<float> negative = step.matrix;
+  for (float& value : negative.value) value = -value;
   EXPECT_EQ(Multigrid().Build(negative, step.z, step.topology.num_interior).code(),
             absl::StatusCode::kFailedPrecondition);
 }
