@@ -16,15 +16,15 @@ namespace {
 // The charts as they lie, each in its own colour.
 void Draw(const std::string& path, const std::vector<PackChart>& charts, const Packing& packing) {
   std::ofstream file(path);
-  file << "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 " << packing.tiles << " 1' width='"
-       << 1000 * packing.tiles << "' height='1000'>\n";
-  file << "<rect width='" << packing.tiles << "' height='1' fill='white' stroke='black' stroke-width='.001'/>\n";
+  const int side = 1000, width = side * packing.tiles;
+  file << "<svg xmlns='http://www.w3.org/2000/svg' width='" << width << "' height='" << side << "'>\n";
+  file << "<rect width='" << width << "' height='" << side << "' fill='white' stroke='black'/>\n";
   for (std::size_t i = 0; i < charts.size(); ++i) {
     file << "<path fill='hsl(" << i * 137 % 360 << ",60%,60%)' d='";
     for (const Face& face : charts[i].faces) {
       for (int k = 0; k < 3; ++k) {
         const Vec2 p = packing.charts[i](charts[i].positions[face[k]]);
-        file << (k == 0 ? "M" : "L") << p.x() << "," << 1 - p.y();
+        file << (k == 0 ? "M" : "L") << side * p.x() << "," << side * (1 - p.y());
       }
       file << "z";
     }
