@@ -1,15 +1,12 @@
 #include "core/pack/pack.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numeric>
 #include <optional>
 
-#include "core/pack/clearance.h"
 #include "core/pack/outline.h"
-#include "core/pack/rearrange.h"
-#include "core/pack/relax.h"
+#include "core/pack/tighten.h"
 #include "core/pack/trial.h"
 
 namespace planish {
@@ -95,7 +92,7 @@ class Packer {
     padding_ = padding;
     TrialPlan plan;
     plan.order = order_;
-    plan.angles = charts_.size() <= 40 ? 32 : charts_.size() <= 200 ? 16 : 8;
+    plan.angles = charts_.size() <= 200 ? 16 : 8;
     const auto attempt = [&](double scale) {
       auto poses = TryToPlace(outlines_, Scales(scale), grid_, plan, execution_);
       if (!poses) return false;
@@ -103,132 +100,31 @@ class Packer {
       best_scale_ = scale;
       return true;
     };
-    double low = 0, high = 0;
-    double scale = ScaleForFill(0.85);
-    const double least = any_scale ? 0 : texel * std::sqrt(charts_.size() / std::max(total_area_, 1e-300));
-    for (double step = 1.03;;) {
+    const double least = any_scale ? 1e-12 : texel * std::sqrt(charts_.size() / std::max(total_area_, 1e-300));
+    for (double scale = ScaleForFill(0.85); scale > least; scale /= 1.04) {
       if (execution_.IsStopped()) return false;
-      if (attempt(scale)) {
-        low = scale;
-        if (high > 0) break;
-        scale *= step;
-      } else {
-        high = scale;
-        if (low > 0) break;
-        if (scale < least || scale < 1e-12) return false;
-        scale /= step;
-      }
-      step *= step;
+      if (attempt(scale)) return true;
     }
-    while (high > 1.004 * low) {
-      if (execution_.IsStopped()) return false;
-      const double middle = std::sqrt(low * high);
-      (attempt(middle) ? low : high) = middle;
-    }
-    return true;
+    return false;
   }
 
   void Improve() {
-    RelaxOptions options;
+    TightenOptions options;
     options.distance = 2 * grid_.radius;
     options.low = margin_ + grid_.radius;
-    const double width = 1 / std::sqrt(1.0 * charts_.size());
-    options.spacing = std::clamp(width / 40, 1.0 / 1024, 1.0 / 300);
-    options.tolerance = 0.0015 * width;
+    options.tiles = grid_.tiles;
     std::vector<double> relative = Scales(best_scale_);
     for (double& r : relative) r /= best_scale_;
-    std::vector<DistanceField> fields;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
-      const double unit = relative[i] * best_scale_;
-      const double spacing = std::max(std::min(options.spacing, outlines_[i].radius * unit / 6), 1e-7);
-      fields.emplace_back(outlines_[i], spacing / unit, (options.distance + 2 * options.spacing) / unit * 1.1);
+    Layout layout;
+    layout.scale = best_scale_;
+    for (const Pose& pose : best_) {
+      layout.bodies.push_back({Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
     }
-    Relaxer relaxer(outlines_, fields, relative, best_scale_, options, execution_);
-    std::vector<Body> bodies(charts_.size());
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
-      bodies[i] = {Vec2::Constant(margin_) + grid_.cell * best_[i].centre, best_[i].angle, best_[i].tile};
-    }
-    relaxer.bodies() = bodies;
-    auto now = [] { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); };
-    double t0 = now();
-    relaxer.Grow(30);
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "raster %.4f grown %.4f %.3f s\n", best_scale_*best_scale_*total_area_, relaxer.scale()*relaxer.scale()*total_area_, now()-t0);
-    double scale = relaxer.scale();
-    bodies = relaxer.bodies();
-    auto E = [](const char* n, double d) { return getenv(n) ? atof(getenv(n)) : d; };
-    const double n = charts_.size();
-    const std::int64_t budget = E("BUDGET", 6000 + 30 * n);
-    const std::int64_t at_once = E("ATONCE", 600 + 8 * n);
-    std::int64_t used = 0;
-    double step = E("STEP", 0.025);
-    double t_re = 0, t_sep = 0;
-    int fails = 0;
-    for (int round = 0; used < budget && round < 100; ++round) {
-      RearrangeOptions rearrange;
-      rearrange.side = static_cast<int>(std::clamp(E("SIDE", 26) * std::sqrt(1.0 * charts_.size()), 112.0, 512.0));
-      rearrange.tiles = grid_.tiles;
-      rearrange.distance = options.distance;
-      rearrange.low = options.low;
-      rearrange.angles = E("ANGLES", 16);
-      rearrange.tries = E("TRIES", 100);
-      rearrange.moves = std::min(at_once, budget - used);
-      rearrange.seed = round;
-      std::vector<double> scales = relative;
-      for (double& s : scales) s *= scale * (1 + step);
-      std::vector<Body> moved = bodies;
-      t0 = now();
-      std::int64_t moves = 0;
-      const bool apart = Rearrange(outlines_, fields, scales, rearrange, execution_, &moved, &moves);
-      used += moves + charts_.size() / 4;
-      double t1 = now();
-      bool sep = false;
-      double target = scale * (1 + step);
-      if (apart) {
-        relaxer.bodies() = moved;
-        relaxer.set_scale(target);
-        sep = relaxer.Separate(E("SEP", 80));
-        if (sep) {
-          relaxer.Grow(E("GROW", 20));
-          scale = relaxer.scale();
-          bodies = relaxer.bodies();
-        }
-      }
-      double t2 = now();
-      t_re += t1 - t0; t_sep += t2 - t1;
-      if (getenv("PACK_DEBUG")) fprintf(stderr, "round %d target %.4f apart %d (%ld moves %.3f s) separated %d (%.3f s) -> %.4f\n", round, target*target*total_area_, apart, moves, t1-t0, sep, t2-t1, scale*scale*total_area_);
-      if (sep) fails = 0;
-      else {
-        ++fails;
-        step = std::max(E("MINSTEP", 0.003), step * 0.6);
-      }
-    }
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "rearrange %.3f separate %.3f s, used %ld\n", t_re, t_sep, used);
-    relaxer.bodies() = bodies;
-    relaxer.set_scale(scale);
-    std::fill(relaxer.margins().begin(), relaxer.margins().end(), options.tolerance / 2);
-    for (int round = 0; round < 40 && relaxer.scale() > best_scale_; ++round) {
-      if (!relaxer.Separate(60)) {
-        relaxer.set_scale(relaxer.scale() * 0.998);
-        continue;
-      }
-      std::vector<double> scales = relative;
-      for (double& s : scales) s *= relaxer.scale();
-      const auto near = FindTooNear(outlines_, scales, relaxer.bodies(), options.distance, options.low, execution_);
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "round %d near %zu scale %.4f\n", round, near.size(), relaxer.scale()*relaxer.scale()*total_area_);
-      if (near.empty()) {
-        best_scale_ = relaxer.scale();
-        for (std::size_t i = 0; i < charts_.size(); ++i) {
-          const Body& body = relaxer.bodies()[i];
-          best_[i] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
-        }
-        return;
-      }
-      std::vector<double> more(charts_.size(), 0);
-      for (const TooNear& pair : near) {
-        more[pair.a] = std::max(more[pair.a], 0.6 * pair.missing);
-        if (pair.b >= 0) more[pair.b] = std::max(more[pair.b], 0.6 * pair.missing);
-      }
-      for (std::size_t i = 0; i < charts_.size(); ++i) relaxer.margins()[i] += std::min(more[i], options.tolerance);
+    Tighten(outlines_, relative, options, execution_, &layout);
+    best_scale_ = layout.scale;
+    for (std::size_t i = 0; i < best_.size(); ++i) {
+      const Body& body = layout.bodies[i];
+      best_[i] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
     }
   }
 
