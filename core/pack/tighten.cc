@@ -15,7 +15,6 @@ double E(const char* n, double d) { return getenv(n) ? atof(getenv(n)) : d; }
 
 // Attempts that are made side by side, whatever the number of threads, and the share of the step that each takes.
 constexpr std::array<double, 2> kLanes = {1, 0.4};
-constexpr std::size_t kMostChartsToRearrange = 2000;
 
 class Tightener {
  public:
@@ -39,9 +38,11 @@ class Tightener {
     Relaxer relaxer = MakeRelaxer(best);
     relaxer.Grow(30);
     best = {relaxer.bodies(), relaxer.scale()};
-    if (outlines_.size() <= kMostChartsToRearrange) Search(&best);
-    Settle(best);
+    Search(&best);
+    Settle(best, layout_.scale);
   }
+
+  void RunLoosen(double factor) { Settle({layout_.bodies, factor * layout_.scale}, 0.5 * factor * layout_.scale); }
 
  private:
   Relaxer MakeRelaxer(const Layout& layout) const {
@@ -58,7 +59,7 @@ class Tightener {
 
   void Search(Layout* best) {
     const auto n = static_cast<std::int64_t>(outlines_.size());
-    const std::int64_t budget = E("BUDGET",6000) + E("BUDGETN",20) * n, at_once = E("ATONCE", 400) + E("ATONCEN",6) * n;
+    const std::int64_t budget = options_.moves, at_once = E("ATONCE", 400) + E("ATONCEN",6) * n;
     const double least_step = E("MINSTEP", 0.003);
     double step = E("STEP", 0.03);
     std::int64_t used = 0;
@@ -108,10 +109,10 @@ class Tightener {
   }
 
   // Distances were sampled so far: charts move apart, or shrink a little, until they are exactly as demanded.
-  void Settle(const Layout& layout) {
+  void Settle(const Layout& layout, double least_scale) {
     Relaxer relaxer = MakeRelaxer(layout);
     std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
-    while (relaxer.scale() > layout_.scale && !execution_.IsStopped()) {
+    while (relaxer.scale() > least_scale && !execution_.IsStopped()) {
       const std::vector<TooNear> too_near =
           relaxer.Separate(60) ? FindTooNear(outlines_, Scales(relaxer.scale()), relaxer.bodies(), options_.distance,
                                              options_.low, execution_)
@@ -144,6 +145,11 @@ class Tightener {
 void Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
              const TightenOptions& options, const Execution& execution, Layout* layout) {
   Tightener(outlines, relative_scales, options, execution, layout).Run();
+}
+
+void Loosen(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
+            const TightenOptions& options, double factor, const Execution& execution, Layout* layout) {
+  Tightener(outlines, relative_scales, options, execution, layout).RunLoosen(factor);
 }
 
 }  // namespace planish
