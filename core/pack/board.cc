@@ -103,10 +103,11 @@ bool Board::Fits(const Silhouette& s, int x, int y) const {
 }
 
 void Board::Add(const Silhouette& s, int x, int y) {
-  for (int r = 0; r < s.height; ++r) {
+  for (int r = std::max(0, -y); r < s.height && y + r < size_; ++r) {
     std::uint64_t* row = levels_[0].data() + static_cast<std::size_t>(y + r) * stride_;
     for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
-      const int begin = x + s.spans[i].begin, last = x + s.spans[i].end - 1;
+      const int begin = std::max(0, x + s.spans[i].begin), last = std::min(size_, x + s.spans[i].end) - 1;
+      if (begin > last) continue;
       const int first_word = begin >> 6, last_word = last >> 6;
       for (int w = first_word; w <= last_word; ++w) {
         std::uint64_t mask = kAll;

@@ -37,6 +37,7 @@ class Board {
   bool IsTaken(int x, int y) const { return (Row(0, y)[x >> 6] >> (x & 63) & 1) != 0; }
 
   bool Fits(const Silhouette& silhouette, int x, int y) const;
+  // What lies beyond the board is left out.
   void Add(const Silhouette& silhouette, int x, int y);
 
   // Looks at the places where the silhouette fits but cannot move both ways along u, nor both ways along v. Replaces

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "core/pack/outline.h"
+#include "core/pack/tighten.h"
 #include "core/pack/trial.h"
 
 namespace planish {
@@ -14,6 +15,10 @@ namespace {
 // Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it.
 constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
+// What tightening may cost, in moves of a chart.
+constexpr std::int64_t kMoves = 6000, kMovesPerChart = 20;
+// Of the area, that small charts may have.
+constexpr double kSmallShare = 0.1;
 
 class Packer {
  public:
@@ -82,60 +87,128 @@ class Packer {
   bool Search(double padding, bool any_scale) {
     const double texel = 1.0 / options_.texture_size;
     const double distance = padding * texel + kGap;
-    margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
-    grid_.side = std::clamp(static_cast<int>(24 * std::sqrt(1.0 * charts_.size())), 192, 1024);
-    grid_.tiles = options_.tiles;
-    grid_.cell = (1 - 2 * margin_) / grid_.side;
-    grid_.radius = distance / 2;
     padding_ = padding;
+    margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
+    grid_.tiles = options_.tiles;
+    grid_.radius = distance / 2;
+    SetGrid(order_.size());
+    const double first = ScaleForFill(0.85);
+    const double least = any_scale ? 1e-12 : texel * std::sqrt(charts_.size() / std::max(total_area_, 1e-300));
+    Split(first);
+    SetGrid(large_.size());
+    poses_.resize(charts_.size());
     TrialPlan plan;
-    plan.order = order_;
-    plan.angles = charts_.size() <= 40 ? 32 : charts_.size() <= 200 ? 16 : 8;
-    const auto attempt = [&](double scale) {
-      auto poses = TryToPlace(outlines_, Scales(scale), grid_, plan, execution_);
-      if (!poses) return false;
-      best_ = std::move(*poses);
-      best_scale_ = scale;
-      return true;
-    };
-    double low = 0, high = 0;
-    double scale = ScaleForFill(0.85);
-    const double least = any_scale ? 0 : texel * std::sqrt(charts_.size() / std::max(total_area_, 1e-300));
-    for (double step = 1.03;;) {
-      if (execution_.IsStopped()) return false;
-      if (attempt(scale)) {
-        low = scale;
-        if (high > 0) break;
-        scale *= step;
-      } else {
-        high = scale;
-        if (low > 0) break;
-        if (scale < least || scale < 1e-12) return false;
-        scale /= step;
+    plan.order = large_;
+    plan.angles = large_.size() <= 200 ? 16 : 8;
+    const auto try_scales = [&](double most) {
+      for (scale_ = most; scale_ > least && !execution_.IsStopped(); scale_ /= 1.04) {
+        if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
       }
-      step *= step;
+      return false;
+    };
+    if (!try_scales(first)) return false;
+    TightenCharts(large_, kMoves + kMovesPerChart * static_cast<std::int64_t>(large_.size()));
+    if (small_.empty()) return true;
+    SetGrid(4 * order_.size());
+    if (getenv("PACK_DEBUG")) fprintf(stderr, "large %zu at %.4f\n", large_.size(), scale_*scale_*total_area_);
+    if (!AddSmallCharts()) {
+      if (getenv("PACK_DEBUG")) fprintf(stderr, "small do not fit\n");
+      plan.order = order_;
+      if (!try_scales(scale_)) return false;
     }
-    while (high > 1.004 * low) {
-      if (execution_.IsStopped()) return false;
-      const double middle = std::sqrt(low * high);
-      (attempt(middle) ? low : high) = middle;
-    }
+    if (getenv("PACK_DEBUG")) fprintf(stderr, "with small at %.4f\n", scale_*scale_*total_area_);
+    TightenCharts(order_, kMoves / 2);
     return true;
   }
 
+  void SetGrid(std::size_t n) {
+    const double cell = grid_.cell;
+    grid_.side = std::clamp(static_cast<int>(24 * std::sqrt(1.0 * n)), 192, 1024);
+    grid_.cell = (1 - 2 * margin_) / grid_.side;
+    for (Pose& pose : poses_) pose.centre *= cell / grid_.cell;
+  }
+
+  // Charts that will fit into the gaps between the others wait until those have their places.
+  void Split(double scale) {
+    const std::vector<double> scales = Scales(scale);
+    std::vector<double> area(charts_.size());
+    double sum = 0, squares = 0;
+    for (std::size_t i = 0; i < charts_.size(); ++i) {
+      const double radius = outlines_[i].radius * scales[i] + grid_.radius;
+      area[i] = outlines_[i].area * scales[i] * scales[i] + 2 * grid_.radius * radius;
+      sum += area[i];
+      squares += area[i] * area[i];
+    }
+    large_.clear();
+    small_.clear();
+    double left = kSmallShare * sum;
+    for (auto i = order_.rbegin(); i != order_.rend(); ++i) {
+      left -= area[*i];
+      (left > 0 && large_.empty() && area[*i] < 0.1 * squares / sum ? small_ : large_).push_back(*i);
+    }
+    std::reverse(large_.begin(), large_.end());
+    std::reverse(small_.begin(), small_.end());
+  }
+
+  bool AddSmallCharts() {
+    TrialPlan plan;
+    plan.order = small_;
+    plan.fixed = large_;
+    plan.angles = 8;
+    for (int attempt = 0; attempt < 20 && !execution_.IsStopped(); ++attempt) {
+      if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
+      ForLayout(large_, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
+        Loosen(outlines, relative, options, 0.99, execution_, layout);
+      });
+    }
+    return false;
+  }
+
+  void TightenCharts(const std::vector<std::int32_t>& charts, std::int64_t moves) {
+    ForLayout(charts, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
+      options.moves = moves;
+      Tighten(outlines, relative, options, execution_, layout);
+    });
+  }
+
+  // Hands some of the charts over to change(outlines, relative scales, options, &layout) and takes what came out.
+  template <typename Change>
+  void ForLayout(const std::vector<std::int32_t>& charts, const Change& change) {
+    TightenOptions options;
+    options.distance = 2 * grid_.radius;
+    options.low = margin_ + grid_.radius;
+    options.tiles = grid_.tiles;
+    const std::vector<double> scales = Scales(scale_);
+    std::vector<double> relative;
+    std::vector<Outline> outlines;
+    Layout layout;
+    layout.scale = scale_;
+    for (const std::int32_t i : charts) {
+      outlines.push_back(outlines_[i]);
+      relative.push_back(scales[i] / scale_);
+      layout.bodies.push_back({Vec2::Constant(margin_) + grid_.cell * poses_[i].centre, poses_[i].angle, poses_[i].tile});
+    }
+    change(outlines, relative, options, &layout);
+    scale_ = layout.scale;
+    for (std::size_t k = 0; k < charts.size(); ++k) {
+      const Body& body = layout.bodies[k];
+      poses_[charts[k]] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
+    }
+  }
+
   void Finish(Packing* packing) const {
-    const std::vector<double> scales = Scales(best_scale_);
-    packing->scale = best_scale_;
+    const std::vector<double> scales = Scales(scale_);
+    packing->scale = scale_;
     packing->padding = padding_;
     double area = 0;
     for (std::size_t i = 0; i < charts_.size(); ++i) {
       ChartPlacement& chart = packing->charts[i];
-      chart.angle = best_[i].angle;
+      chart.angle = poses_[i].angle;
       chart.scale = scales[i];
-      chart.tile = best_[i].tile;
+      chart.tile = poses_[i].tile;
       const Vec2 corner(chart.tile % kTilesInRow + margin_, chart.tile / kTilesInRow + margin_);
       chart.offset = Vec2::Zero();
-      chart.offset = corner + grid_.cell * best_[i].centre - chart(outlines_[i].centre);
+      chart.offset = corner + grid_.cell * poses_[i].centre - chart(outlines_[i].centre);
       packing->tiles = std::max(packing->tiles, chart.tile + 1);
       area += outlines_[i].area * scales[i] * scales[i];
     }
@@ -147,12 +220,13 @@ class Packer {
   const Execution& execution_;
   std::vector<Outline> outlines_;
   std::vector<std::int32_t> order_;  // large to small
+  std::vector<std::int32_t> large_, small_;  // its two parts
   double total_area_ = 0;
   TrialGrid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
   double padding_ = 0;  // texels
-  std::vector<Pose> best_;
-  double best_scale_ = 0;
+  std::vector<Pose> poses_;
+  double scale_ = 0;
 };
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "core/mesh/box_tree.h"
 
@@ -116,9 +117,9 @@ class Grid {
   std::vector<std::uint64_t> bits_;
 };
 
-}  // namespace
-
-Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius) {
+// shift(centre): how far, in [0, 1), everything is moved on from where it touches both axes.
+Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius,
+                     const std::function<Vec2(const Vec2& centre)>& shift) {
   const double c = scale * std::cos(angle), s = scale * std::sin(angle);
   std::vector<Vec2> points(outline.points.size());
   Box box;
@@ -130,8 +131,10 @@ Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, do
   const double margin = radius + kRounding * (1 + scale * outline.radius);
   Silhouette silhouette;
   silhouette.centre = Vec2::Constant(margin) - box.low;
+  const Vec2 shifted = shift(silhouette.centre);
+  silhouette.centre += shifted;
   for (Vec2& p : points) p += silhouette.centre;
-  const Vec2 extent = box.high - box.low + Vec2::Constant(2 * margin);
+  const Vec2 extent = box.high - box.low + Vec2::Constant(2 * margin) + shifted;
   const int width = std::max(1, static_cast<int>(std::ceil(extent.x())));
   const int height = std::max(1, static_cast<int>(std::ceil(extent.y())));
   Grid grid(width, height);
@@ -169,6 +172,24 @@ Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, do
   }
   grid.Extract(&silhouette);
   return silhouette;
+}
+
+}  // namespace
+
+Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius) {
+  return Rasterize(outline, angle, scale, radius, [](const Vec2&) -> Vec2 { return Vec2::Zero(); });
+}
+
+FixedSilhouette MakeFixedSilhouette(const Outline& outline, double angle, double scale, double radius, const Vec2& at) {
+  FixedSilhouette fixed;
+  fixed.silhouette = Rasterize(outline, angle, scale, radius, [&](const Vec2& centre) -> Vec2 {
+    const Vec2 corner = at - centre;
+    return corner - Vec2(std::floor(corner.x()), std::floor(corner.y()));
+  });
+  const Vec2 corner = at - fixed.silhouette.centre;
+  fixed.x = static_cast<int>(std::lround(corner.x()));
+  fixed.y = static_cast<int>(std::lround(corner.y()));
+  return fixed;
 }
 
 }  // namespace planish

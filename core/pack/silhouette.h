@@ -28,4 +28,11 @@ struct Silhouette {
 // Two silhouettes with the same radius that share no cell keep their outlines 2 radius apart.
 Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius);
 
+// The same with the centre at `at` of some larger grid; the corner of cell (0, 0) is at whole numbers there.
+struct FixedSilhouette {
+  Silhouette silhouette;
+  int x, y;  // of the corner
+};
+FixedSilhouette MakeFixedSilhouette(const Outline& outline, double angle, double scale, double radius, const Vec2& at);
+
 }  // namespace planish

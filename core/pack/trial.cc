@@ -11,12 +11,16 @@ constexpr int kRimCells = 48;
 
 }  // namespace
 
-std::optional<std::vector<Pose>> TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales,
-                                            const TrialGrid& grid, const TrialPlan& plan, const Execution& execution) {
+bool TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
+                const TrialPlan& plan, const Execution& execution, std::vector<Pose>* poses) {
   std::vector<Board> boards(grid.tiles, Board(grid.side));
-  std::vector<Pose> poses(outlines.size());
+  for (const std::int32_t i : plan.fixed) {
+    const Pose& pose = (*poses)[i];
+    const FixedSilhouette fixed = MakeFixedSilhouette(outlines[i], pose.angle, scales[i] / grid.cell, grid.radius / grid.cell, pose.centre);
+    boards[pose.tile].Add(fixed.silhouette, fixed.x + Board::kMargin, fixed.y + Board::kMargin);
+  }
   for (const std::int32_t i : plan.order) {
-    if (execution.IsStopped()) return std::nullopt;
+    if (execution.IsStopped()) return false;
     Silhouette best_silhouette;
     Spot best;
     int best_tile = -1;
@@ -39,11 +43,11 @@ std::optional<std::vector<Pose>> TryToPlace(const std::vector<Outline>& outlines
       }
       if (better) best_silhouette = std::move(silhouette);
     }
-    if (best_tile < 0) return std::nullopt;
+    if (best_tile < 0) return false;
     boards[best_tile].Add(best_silhouette, best.x, best.y);
-    poses[i] = {best_angle, Vec2(best.x - Board::kMargin, best.y - Board::kMargin) + best_silhouette.centre, best_tile};
+    (*poses)[i] = {best_angle, Vec2(best.x - Board::kMargin, best.y - Board::kMargin) + best_silhouette.centre, best_tile};
   }
-  return poses;
+  return true;
 }
 
 }  // namespace planish

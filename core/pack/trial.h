@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -19,7 +18,8 @@ struct TrialGrid {
 };
 
 struct TrialPlan {
-  std::vector<std::int32_t> order;  // of the charts
+  std::vector<std::int32_t> order;  // of the charts to place; all others are left out
+  std::vector<std::int32_t> fixed;  // that have their place
   int angles = 8;                   // turns to try, evenly spread from the upright one on
   double turn = 0;                  // added to all of them
 };
@@ -31,8 +31,9 @@ struct Pose {
   int tile = 0;
 };
 
-// `scales` has what each chart is scaled by, in the texture. Nothing if some chart finds no place.
-std::optional<std::vector<Pose>> TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales,
-                                            const TrialGrid& grid, const TrialPlan& plan, const Execution& execution);
+// `scales` has what each chart is scaled by, in the texture. Returns whether all charts found a place; *poses then has
+// theirs.
+bool TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
+                const TrialPlan& plan, const Execution& execution, std::vector<Pose>* poses);
 
 }  // namespace planish

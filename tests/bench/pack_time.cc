@@ -1,5 +1,6 @@
 // planish_pack_time [options] CHARTS...: packs charts (see pack_charts.h) and prints, a line each, what came out.
 #include <cstdio>
+#include <ctime>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -16,15 +17,15 @@ namespace {
 // The charts as they lie, each in its own colour.
 void Draw(const std::string& path, const std::vector<PackChart>& charts, const Packing& packing) {
   std::ofstream file(path);
-  file << "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 " << packing.tiles << " 1' width='"
-       << 1000 * packing.tiles << "' height='1000'>\n";
-  file << "<rect width='" << packing.tiles << "' height='1' fill='white' stroke='black' stroke-width='.001'/>\n";
+  const int side = 1000, width = side * packing.tiles;
+  file << "<svg xmlns='http://www.w3.org/2000/svg' width='" << width << "' height='" << side << "'>\n";
+  file << "<rect width='" << width << "' height='" << side << "' fill='white' stroke='black'/>\n";
   for (std::size_t i = 0; i < charts.size(); ++i) {
     file << "<path fill='hsl(" << i * 137 % 360 << ",60%,60%)' d='";
     for (const Face& face : charts[i].faces) {
       for (int k = 0; k < 3; ++k) {
         const Vec2 p = packing.charts[i](charts[i].positions[face[k]]);
-        file << (k == 0 ? "M" : "L") << p.x() << "," << 1 - p.y();
+        file << (k == 0 ? "M" : "L") << side * p.x() << "," << side * (1 - p.y());
       }
       file << "z";
     }
@@ -49,7 +50,7 @@ int Main(int argc, char** argv) {
   ThreadTeam team(threads);
   Execution execution;
   execution.team = &team;
-  std::printf("%-28s %6s %7s %10s %5s %7s %8s\n", "charts", "n", "faces", "efficiency", "tiles", "padding", "seconds");
+  std::printf("%-28s %6s %7s %10s %5s %7s %8s %8s\n", "charts", "n", "faces", "efficiency", "tiles", "padding", "seconds", "CPU");
   for (const std::string& name : names) {
     const auto charts = MakeCharts(name);
     if (!charts.ok()) {
@@ -59,10 +60,12 @@ int Main(int argc, char** argv) {
     std::size_t faces = 0;
     for (const PackChart& chart : *charts) faces += chart.faces.size();
     const Timer timer;
+    const std::clock_t clock = std::clock();
     const Packing packing = Pack(*charts, options, execution);
     const double seconds = timer.Seconds();
-    std::printf("%-28s %6zu %7zu %10.4f %5d %7.2f %8.3f\n", name.substr(name.rfind('/') + 1).c_str(), charts->size(),
-                faces, packing.efficiency, packing.tiles, packing.padding, seconds);
+    const double cpu_seconds = static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC;
+    std::printf("%-28s %6zu %7zu %10.4f %5d %7.2f %8.3f %8.3f\n", name.substr(name.rfind('/') + 1).c_str(), charts->size(),
+                faces, packing.efficiency, packing.tiles, packing.padding, seconds, cpu_seconds);
     std::fflush(stdout);
     if (!svg.empty()) Draw(svg, *charts, packing);
   }

@@ -1,0 +1,124 @@
+#include "core/pack/distance_field.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/mesh/box_tree.h"
+
+namespace planish {
+namespace {
+
+constexpr float kFar = 1e30f;
+
+}  // namespace
+
+DistanceField::DistanceField(const Outline& outline, double spacing, double reach) : spacing_(spacing) {
+  Box box;
+  for (const Vec2& p : outline.points) box.Add(p);
+  const double margin = reach + spacing;
+  low_ = box.low - Vec2::Constant(margin);
+  const Vec2 nodes = (box.high - box.low + Vec2::Constant(2 * margin)) / spacing;
+  columns_ = static_cast<int>(std::ceil(nodes.x())) + 2;
+  rows_ = static_cast<int>(std::ceil(nodes.y())) + 2;
+  values_.assign(static_cast<std::size_t>(columns_) * rows_, kFar);
+  MeasureNearEdges(outline, margin);
+  Spread();
+  Sign(outline);
+}
+
+// Squares first.
+void DistanceField::MeasureNearEdges(const Outline& outline, double band) {
+  for (const auto& [from, to] : outline.edges) {
+    const Vec2 a = outline.points[from] - low_, along = outline.points[to] - outline.points[from];
+    const double length2 = along.squaredNorm();
+    const Vec2 b = a + along;
+    const int y0 = std::max(0, static_cast<int>(std::ceil((std::min(a.y(), b.y()) - band) / spacing_)));
+    const int y1 = std::min(rows_ - 1, static_cast<int>(std::floor((std::max(a.y(), b.y()) + band) / spacing_)));
+    const int left = std::max(0, static_cast<int>(std::ceil((std::min(a.x(), b.x()) - band) / spacing_)));
+    const int right = std::min(columns_ - 1, static_cast<int>(std::floor((std::max(a.x(), b.x()) + band) / spacing_)));
+    for (int y = y0; y <= y1; ++y) {
+      // The part of the edge near this row bounds the columns.
+      int x0 = left, x1 = right;
+      if (std::abs(along.y()) > band) {
+        const double t0 = (y * spacing_ - band - a.y()) / along.y(), t1 = (y * spacing_ + band - a.y()) / along.y();
+        const double u = a.x() + std::clamp(t0, 0.0, 1.0) * along.x(), v = a.x() + std::clamp(t1, 0.0, 1.0) * along.x();
+        x0 = std::max(x0, static_cast<int>(std::ceil((std::min(u, v) - band) / spacing_)));
+        x1 = std::min(x1, static_cast<int>(std::floor((std::max(u, v) + band) / spacing_)));
+      }
+      for (int x = x0; x <= x1; ++x) {
+        const Vec2 p = Vec2(x * spacing_, y * spacing_) - a;
+        const double t = length2 > 0 ? std::clamp(p.dot(along) / length2, 0.0, 1.0) : 0;
+        const auto square = static_cast<float>((p - t * along).squaredNorm());
+        float& node = Node(x, y);
+        node = std::min(node, square);
+      }
+    }
+  }
+  for (float& value : values_) value = value < kFar ? std::sqrt(value) : kFar;
+}
+
+// From node to node, along the grid and its diagonals.
+void DistanceField::Spread() {
+  const auto side = static_cast<float>(spacing_), diagonal = static_cast<float>(spacing_ * 1.4142135623730951);
+  for (int y = 0; y < rows_; ++y) {
+    for (int x = 0; x < columns_; ++x) {
+      float& node = Node(x, y);
+      if (x > 0) node = std::min(node, Node(x - 1, y) + side);
+      if (y > 0) node = std::min(node, Node(x, y - 1) + side);
+      if (x > 0 && y > 0) node = std::min(node, Node(x - 1, y - 1) + diagonal);
+      if (x + 1 < columns_ && y > 0) node = std::min(node, Node(x + 1, y - 1) + diagonal);
+    }
+  }
+  for (int y = rows_ - 1; y >= 0; --y) {
+    for (int x = columns_ - 1; x >= 0; --x) {
+      float& node = Node(x, y);
+      if (x + 1 < columns_) node = std::min(node, Node(x + 1, y) + side);
+      if (y + 1 < rows_) node = std::min(node, Node(x, y + 1) + side);
+      if (x + 1 < columns_ && y + 1 < rows_) node = std::min(node, Node(x + 1, y + 1) + diagonal);
+      if (x > 0 && y + 1 < rows_) node = std::min(node, Node(x - 1, y + 1) + diagonal);
+    }
+  }
+}
+
+void DistanceField::Sign(const Outline& outline) {
+  struct Crossing {
+    int row, column, change;  // from `column` on
+  };
+  std::vector<Crossing> crossings;
+  for (const auto& [from, to] : outline.edges) {
+    Vec2 a = (outline.points[from] - low_) / spacing_, b = (outline.points[to] - low_) / spacing_;
+    const int change = a.y() > b.y() ? 1 : -1;
+    if (change > 0) std::swap(a, b);
+    const int end = static_cast<int>(std::ceil(b.y()));
+    for (int y = static_cast<int>(std::ceil(a.y())); y < end; ++y) {
+      const double x = a.x() + (y - a.y()) / (b.y() - a.y()) * (b.x() - a.x());
+      crossings.push_back({y, static_cast<int>(std::ceil(x)), change});
+    }
+  }
+  std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
+    return a.row != b.row ? a.row < b.row : a.column < b.column;
+  });
+  int winding = 0;
+  for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
+    winding += crossings[i].change;
+    if (winding == 0 || crossings[i + 1].row != crossings[i].row) continue;
+    for (int x = crossings[i].column; x < crossings[i + 1].column; ++x) {
+      float& node = Node(x, crossings[i].row);
+      node = -node;
+    }
+  }
+}
+
+DistanceField::Value DistanceField::At(const Vec2& p) const {
+  const double u = (p.x() - low_.x()) / spacing_, v = (p.y() - low_.y()) / spacing_;
+  const int x = static_cast<int>(u), y = static_cast<int>(v);
+  const double s = u - x, t = v - y;
+  const float* node = values_.data() + static_cast<std::size_t>(y) * columns_ + x;
+  const double a = node[0], b = node[1], c = node[columns_], d = node[columns_ + 1];
+  Vec2 gradient((1 - t) * (b - a) + t * (d - c), (1 - s) * (c - a) + s * (d - b));
+  const double norm = gradient.norm();
+  if (norm > 0) gradient /= norm;
+  return {(1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d), gradient};
+}
+
+}  // namespace planish

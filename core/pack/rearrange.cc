@@ -1,0 +1,411 @@
+#include "core/pack/rearrange.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "core/mesh/box_tree.h"
+#include "core/pack/silhouette.h"
+
+namespace planish {
+namespace {
+
+constexpr int kDepthUnit = 16;         // of a pixel
+constexpr int kBorder = 2;             // pixels round the tile that samples at the rim may fall on
+constexpr double kMostWeight = 1000;   // of a pair
+constexpr std::int64_t kWeightUnit = 16;
+
+// xorshift64*.
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15u + 0x2545F4914F6CDD1Du) {}
+  // In [0, n).
+  int Below(int n) {
+    state_ ^= state_ >> 12;
+    state_ ^= state_ << 25;
+    state_ ^= state_ >> 27;
+    return static_cast<int>(((state_ * 0x2545F4914F6CDD1Du) >> 32) * static_cast<std::uint64_t>(n) >> 32);
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+// A chart at one of its turns, in pixels round its centre.
+struct Turned {
+  double angle = 0;
+  Vec2 low, high;                       // of its points
+  std::vector<std::int32_t> samples;    // offsets in the image
+  int left = 0, bottom = 0, width = 0, height = 0;
+  std::vector<std::int16_t> depth;      // width x height; empty until needed
+  std::vector<Span> rows;               // where depth is above 0
+};
+
+struct Pose {
+  int turned = 0, tile = 0, x = 0, y = 0;
+};
+
+class Search {
+ public:
+  Search(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, const std::vector<double>& scales,
+         const RearrangeOptions& options, const std::vector<Body>& bodies)
+      : outlines_(outlines), fields_(fields), scales_(scales), options_(options), random_(options.seed) {
+    pixel_ = (1 - 2 * options.low) / options.side;
+    stride_ = options.side + 2 * kBorder + 1;
+    images_.assign(options.tiles, std::vector<std::int32_t>(static_cast<std::size_t>(stride_) * stride_, 0));
+    const std::size_t n = outlines.size();
+    pairs_.resize(n);
+    overlaps_.assign(n, 0);
+    turned_.resize(n);
+    poses_.resize(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::vector<Vec2> samples = Samples(static_cast<std::int32_t>(i));
+      turned_[i].resize(options.angles);
+      for (int a = 0; a < options.angles; ++a) {
+        turned_[i][a] = Turn(static_cast<std::int32_t>(i), bodies[i].angle + 2 * std::numbers::pi * a / options.angles, samples);
+      }
+      const Vec2 at = (bodies[i].centre - Vec2::Constant(options.low)) / pixel_;
+      int first = 0;
+      while (first < options.angles && !FitsTile(turned_[i][first])) ++first;
+      if (first == options.angles) too_large_ = true;
+      poses_[i] = {first % options.angles, bodies[i].tile, static_cast<int>(std::lround(at.x())), static_cast<int>(std::lround(at.y()))};
+      Clamp(static_cast<std::int32_t>(i), &poses_[i]);
+      if (!too_large_) Draw(static_cast<std::int32_t>(i), kWeightUnit);
+    }
+  }
+
+  bool Run(const Execution& execution) {
+    if (too_large_) return false;
+    const auto n = static_cast<std::int32_t>(outlines_.size());
+    std::vector<std::int32_t> order(n);
+    std::iota(order.begin(), order.end(), 0);
+    for (int pass = 0; moves_ < options_.moves; ++pass) {
+      if (execution.IsStopped()) return false;
+      for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
+      bool any = false;
+      for (const std::int32_t i : order) any |= Move(i);
+      if (getenv("PASS_DEBUG")) {double sum=0;int c=0; for (int i=0;i<n;++i){Draw(i,-kWeightUnit); double x=Cost(i,poses_[i],1LL<<60)/256.; sum+=x; c+=x>0; Draw(i,kWeightUnit);} fprintf(stderr,"pass %d cost %.2f in %d\n",pass,sum,c);}
+      if (!any) return true;
+      Weigh();
+    }
+    return false;
+  }
+
+  std::int64_t moves() const { return moves_; }
+
+  void Export(std::vector<Body>* bodies) const {
+    for (std::size_t i = 0; i < poses_.size(); ++i) {
+      const Pose& pose = poses_[i];
+      (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned].angle, pose.tile};
+    }
+  }
+
+ private:
+  // Along the outline and, farther apart, inside; in an order that meets every part of the chart early.
+  std::vector<Vec2> Samples(std::int32_t i) {
+    const Outline& outline = outlines_[i];
+    const double unit = scales_[i] / pixel_;
+    std::vector<Vec2> samples;
+    double length = 0;
+    for (const auto& [from, to] : outline.edges) length += (outline.points[to] - outline.points[from]).norm();
+    const double spacing = std::max(2.0 / unit, length / 160);
+    double left = 0;  // to the next sample
+    for (const auto& [from, to] : outline.edges) {
+      const Vec2& a = outline.points[from];
+      const Vec2 along = outline.points[to] - a;
+      const double edge = along.norm();
+      for (; left < edge; left += spacing) samples.push_back(a + left / edge * along);
+      left -= edge;
+    }
+    if (samples.empty()) samples.push_back(outline.points[0]);
+    Box box;
+    for (const Vec2& p : outline.hull) box.Add(p);
+    const Vec2 extent = box.high - box.low;
+    const double step = std::max(3.0 / unit, std::sqrt(extent.x() * extent.y() / 150));
+    for (double y = box.low.y() + step / 2; y < box.high.y(); y += step) {
+      for (double x = box.low.x() + step / 2; x < box.high.x(); x += step) {
+        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].At(Vec2(x, y)).distance < -0.3 * step) samples.push_back(Vec2(x, y));
+      }
+    }
+    Random random(1);
+    for (int k = static_cast<int>(samples.size()) - 1; k > 0; --k) std::swap(samples[k], samples[random.Below(k + 1)]);
+    return samples;
+  }
+
+  Turned Turn(std::int32_t i, double angle, const std::vector<Vec2>& samples) const {
+    Turned turned;
+    turned.angle = angle;
+    const double unit = scales_[i] / pixel_, c = unit * std::cos(angle), s = unit * std::sin(angle);
+    Box box;
+    for (const Vec2& p : outlines_[i].hull) box.Add(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
+    turned.low = box.low;
+    turned.high = box.high;
+    turned.samples.reserve(samples.size());
+    for (const Vec2& p : samples) {
+      const auto x = static_cast<std::int32_t>(std::lround(c * p.x() - s * p.y()));
+      const auto y = static_cast<std::int32_t>(std::lround(s * p.x() + c * p.y()));
+      turned.samples.push_back(y * stride_ + x);
+    }
+    return turned;
+  }
+
+  // Range of x (axis 0) or y (axis 1) for a chart within the tile; the middle if it is too large.
+  std::pair<int, int> Range(const Turned& turned, int axis) const {
+    const int low = static_cast<int>(std::ceil(-turned.low[axis] - 0.5));
+    const int high = static_cast<int>(std::floor(options_.side - turned.high[axis] + 0.5));
+    if (low <= high) return {low, high};
+    const int middle = static_cast<int>(std::lround((options_.side - turned.high[axis] - turned.low[axis]) / 2));
+    return {middle, middle};
+  }
+
+  bool FitsTile(const Turned& turned) const {
+    return (turned.high - turned.low).maxCoeff() <= options_.side + 1;
+  }
+
+  void Clamp(std::int32_t i, Pose* pose) const {
+    const Turned& turned = turned_[i][pose->turned];
+    const auto [x0, x1] = Range(turned, 0);
+    const auto [y0, y1] = Range(turned, 1);
+    pose->x = std::clamp(pose->x, x0, x1);
+    pose->y = std::clamp(pose->y, y0, y1);
+  }
+
+  void MeasureDepth(std::int32_t i, Turned* turned) const {
+    const double reach = options_.distance / pixel_ - (getenv("SLACK")?atof(getenv("SLACK")):0.5);  // beyond the outline, in pixels
+    const double out = std::max(reach, 0.0) + 1;
+    turned->left = static_cast<int>(std::floor(turned->low.x() - out));
+    turned->bottom = static_cast<int>(std::floor(turned->low.y() - out));
+    turned->width = static_cast<int>(std::ceil(turned->high.x() + out)) - turned->left + 1;
+    turned->height = static_cast<int>(std::ceil(turned->high.y() + out)) - turned->bottom + 1;
+    turned->depth.assign(static_cast<std::size_t>(turned->width) * turned->height, 0);
+    const double unit = scales_[i] / pixel_;
+    const double c = std::cos(turned->angle) / unit, s = std::sin(turned->angle) / unit;
+    turned->rows.assign(turned->height, {0, 0});
+    std::int16_t* depth = turned->depth.data();
+    for (int y = 0; y < turned->height; ++y) {
+      for (int x = 0; x < turned->width; ++x, ++depth) {
+        const double px = x + turned->left, py = y + turned->bottom;
+        const Vec2 p(c * px + s * py, c * py - s * px);
+        if (!fields_[i].Contains(p)) continue;
+        const double d = (reach - fields_[i].At(p).distance * unit) * kDepthUnit;
+        if (d <= 0) continue;
+        *depth = static_cast<std::int16_t>(std::min(d + 1, 4000.0));
+        Span& row = turned->rows[y];
+        if (row.end == 0) row.begin = x;
+        row.end = x + 1;
+      }
+    }
+  }
+
+  void Draw(std::int32_t i, std::int64_t weight64) {
+    const auto weight = static_cast<std::int16_t>(weight64);
+    const Pose& pose = poses_[i];
+    Turned& turned = turned_[i][pose.turned];
+    if (turned.depth.empty()) MeasureDepth(i, &turned);
+    const int left = turned.left + pose.x + kBorder, bottom = turned.bottom + pose.y + kBorder;
+    const int first = std::max(0, -bottom), last = std::min(turned.height, stride_ - bottom);
+    for (int y = first; y < last; ++y) {
+      const int begin = std::max(turned.rows[y].begin, -left), end = std::min(turned.rows[y].end, stride_ - left);
+      std::int32_t* to = images_[pose.tile].data() + static_cast<std::ptrdiff_t>(y + bottom) * stride_ + left;
+      const std::int16_t* from = turned.depth.data() + static_cast<std::ptrdiff_t>(y) * turned.width;
+      for (int x = begin; x < end; ++x) to[x] += weight * from[x];
+    }
+  }
+
+  // What lies under the samples; any number of `bound` or more if it is not below that.
+  std::int64_t Cost(std::int32_t i, const Pose& pose, std::int64_t bound) const {
+    const std::vector<std::int32_t>& samples = turned_[i][pose.turned].samples;
+    const std::int32_t* image =
+        images_[pose.tile].data() + static_cast<std::ptrdiff_t>(pose.y + kBorder) * stride_ + pose.x + kBorder;
+    std::int64_t cost = 0;
+    std::size_t k = 0;
+    const std::size_t n = samples.size();
+    while (k + 8 <= n) {
+      std::int64_t part = 0;
+      for (int j = 0; j < 8; ++j) part += image[samples[k + j]];
+      cost += part;
+      if (cost >= bound) return cost;
+      k += 8;
+    }
+    for (; k < n; ++k) cost += image[samples[k]];
+    return cost;
+  }
+
+  // Down to a place that is better than its neighbours.
+  void Descend(std::int32_t i, Pose* pose, std::int64_t* cost) const {
+    for (int step = 4; step >= 1 && *cost > 0; ) {
+      Pose best = *pose;
+      std::int64_t best_cost = *cost;
+      const auto look = [&](Pose other) {
+        if (!FitsTile(turned_[i][other.turned])) return;
+        Clamp(i, &other);
+        const std::int64_t value = Cost(i, other, best_cost);
+        if (value < best_cost) {
+          best_cost = value;
+          best = other;
+        }
+      };
+      for (int dy = -1; dy <= 1; ++dy) {
+        for (int dx = -1; dx <= 1; ++dx) {
+          if (dx != 0 || dy != 0) look({pose->turned, pose->tile, pose->x + step * dx, pose->y + step * dy});
+        }
+      }
+      look({(pose->turned + 1) % options_.angles, pose->tile, pose->x, pose->y});
+      look({(pose->turned + options_.angles - 1) % options_.angles, pose->tile, pose->x, pose->y});
+      if (best_cost < *cost) {
+        *pose = best;
+        *cost = best_cost;
+      } else {
+        step /= 2;
+      }
+    }
+  }
+
+  // How deep the samples of i lie in j.
+  std::int64_t Overlap(std::int32_t i, std::int32_t j) {
+    const Pose &p = poses_[i], &q = poses_[j];
+    if (p.tile != q.tile) return 0;
+    const Turned& a = turned_[i][p.turned];
+    Turned& b = turned_[j][q.turned];
+    if (p.x + a.high.x() + 1 < q.x + b.left || p.x + a.low.x() - 1 > q.x + b.left + b.width) return 0;
+    if (p.y + a.high.y() + 1 < q.y + b.bottom || p.y + a.low.y() - 1 > q.y + b.bottom + b.height) return 0;
+    std::int64_t sum = 0;
+    for (const std::int32_t offset : a.samples) {
+      // Offsets are y * stride + x with x of either sign.
+      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
+      const int y = shifted / stride_ - stride_ + p.y - q.y - b.bottom, x = shifted % stride_ - stride_ / 2 + p.x - q.x - b.left;
+      if (x >= 0 && y >= 0 && x < b.width && y < b.height) sum += b.depth[static_cast<std::size_t>(y) * b.width + x];
+    }
+    return sum;
+  }
+
+  // Pairs that overlap gain weight, the more the more they do; others lose some of theirs.
+  void Weigh() {
+    const auto n = static_cast<std::int32_t>(poses_.size());
+    struct Found {
+      std::int32_t i, j;
+      std::int64_t overlap;
+    };
+    std::vector<Found> found;
+    std::int64_t most = 1;
+    for (std::int32_t i = 0; i < n; ++i) {
+      if (!overlaps_[i]) continue;
+      for (std::int32_t j = 0; j < n; ++j) {
+        if (i == j || (overlaps_[j] && j < i)) continue;
+        const std::int64_t overlap = Overlap(i, j) + Overlap(j, i);
+        if (overlap == 0) continue;
+        found.push_back({i, j, overlap});
+        most = std::max(most, overlap);
+      }
+    }
+    for (auto& pairs : pairs_) {
+      for (Pair& pair : pairs) pair.weight *= 0.95;
+      std::erase_if(pairs, [](const Pair& pair) { return pair.weight < 1; });
+    }
+    for (const Found& f : found) {
+      const double factor = 1.2 + 0.8 * static_cast<double>(f.overlap) / static_cast<double>(most);
+      Raise(f.i, f.j, factor);
+      Raise(f.j, f.i, factor);
+    }
+  }
+
+  void Raise(std::int32_t i, std::int32_t j, double factor) {
+    for (Pair& pair : pairs_[i]) {
+      if (pair.other != j) continue;
+      pair.weight = std::min(kMostWeight, pair.weight / 0.95 * factor);
+      return;
+    }
+    pairs_[i].push_back({j, factor});
+  }
+
+  // Takes a chart out of the image and draws those that weigh more for it; or puts it back.
+  void Lift(std::int32_t i) {
+    Draw(i, -kWeightUnit);
+    for (const Pair& pair : pairs_[i]) Draw(pair.other, std::lround(kWeightUnit * (pair.weight - 1)));
+  }
+  void Lower(std::int32_t i) {
+    for (const Pair& pair : pairs_[i]) Draw(pair.other, -std::lround(kWeightUnit * (pair.weight - 1)));
+    Draw(i, kWeightUnit);
+  }
+
+  // Returns whether the chart overlapped others and still does.
+  bool Move(std::int32_t i) {
+    Lift(i);
+    overlaps_[i] = false;
+    constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+    std::int64_t cost = Cost(i, poses_[i], kMost);
+    if (cost == 0) {
+      Lower(i);
+      return false;
+    }
+    ++moves_;
+    Pose best = poses_[i];
+    Descend(i, &best, &cost);
+    constexpr int kKept = 3;
+    std::array<std::pair<std::int64_t, Pose>, kKept> kept;
+    kept.fill({kMost, {}});
+    for (int k = 0; k < options_.tries && cost > 0; ++k) {
+      Pose pose;
+      pose.turned = random_.Below(options_.angles);
+      const Turned& turned = turned_[i][pose.turned];
+      if (!FitsTile(turned)) continue;
+      pose.tile = options_.tiles == 1 ? 0 : random_.Below(options_.tiles);
+      const auto [x0, x1] = Range(turned, 0);
+      const auto [y0, y1] = Range(turned, 1);
+      pose.x = x0 + random_.Below(x1 - x0 + 1);
+      pose.y = y0 + random_.Below(y1 - y0 + 1);
+      const std::int64_t value = Cost(i, pose, kept.back().first);
+      if (value >= kept.back().first) continue;
+      kept.back() = {value, pose};
+      for (int m = kKept - 1; m > 0 && kept[m].first < kept[m - 1].first; --m) std::swap(kept[m], kept[m - 1]);
+    }
+    for (auto& [value, pose] : kept) {
+      if (value == kMost || cost == 0) continue;
+      Descend(i, &pose, &value);
+      if (value < cost) {
+        cost = value;
+        best = pose;
+      }
+    }
+    poses_[i] = best;
+    overlaps_[i] = cost > 0;
+    Lower(i);
+    return cost > 0;
+  }
+
+  const std::vector<Outline>& outlines_;
+  const std::vector<DistanceField>& fields_;
+  const std::vector<double>& scales_;
+  const RearrangeOptions& options_;
+  Random random_;
+  double pixel_;  // in the texture
+  int stride_;
+  std::int64_t moves_ = 0;
+  bool too_large_ = false;  // some chart, for the tile
+  std::vector<std::vector<std::int32_t>> images_;
+  struct Pair {
+    std::int32_t other;
+    double weight;
+  };
+  std::vector<std::vector<Pair>> pairs_;  // that weigh more than 1, per chart
+  std::vector<char> overlaps_;            // when it was moved last
+  std::vector<std::vector<Turned>> turned_;
+  std::vector<Pose> poses_;
+};
+
+}  // namespace
+
+bool Rearrange(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+               const std::vector<double>& scales, const RearrangeOptions& options, const Execution& execution,
+               std::vector<Body>* bodies, std::int64_t* moves) {
+  Search search(outlines, fields, scales, options, *bodies);
+  const bool apart = search.Run(execution);
+  search.Export(bodies);
+  *moves += search.moves();
+  return apart;
+}
+
+}  // namespace planish

@@ -1,0 +1,79 @@
+// Growing charts that lie apart until they are jammed: each is pushed and turned by those that come too near.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/base/execution.h"
+#include "core/pack/distance_field.h"
+#include "core/pack/outline.h"
+
+namespace planish {
+
+// In the texture: tile 0 is the unit square, and all others are laid over it.
+struct Body {
+  Vec2 centre = Vec2::Zero();
+  double angle = 0;
+  int tile = 0;
+};
+
+struct RelaxOptions {
+  double distance = 0;   // to be kept between two charts
+  double low = 0;        // charts stay within [low, 1 - low]^2
+  double spacing = 0.003;  // of samples along the outlines
+  double tolerance = 1e-4;  // that may be missing from `distance`
+};
+
+class Relaxer {
+ public:
+  // `relative_scales` times Scale() is what charts are scaled by.
+  Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, std::vector<double> relative_scales, double scale, const RelaxOptions& options,
+          const Execution& execution);
+
+  std::vector<Body>& bodies() { return bodies_; }
+  double scale() const { return scale_; }
+  void set_scale(double scale) { scale_ = scale; }
+  // Kept beside the distance, per chart.
+  std::vector<double>& margins() { return margins_; }
+
+  // Grows the charts as long as they can make room for each other; ends with the largest scale at which no distance
+  // was short of more than the tolerance.
+  void Grow(int patience);
+  // Moves charts at the present scale until no distance is short of more than the tolerance; returns whether that came
+  // about within `steps`.
+  bool Separate(int steps);
+
+ private:
+  struct Shape {
+    std::vector<Vec2> samples;
+    double turning_radius;
+  };
+  struct Contact {
+    std::int32_t body, sample;
+    std::int32_t other;  // below 0: the rim, -1 left, -2 right, -3 bottom, -4 top
+  };
+  struct Motion {
+    double x = 0, y = 0, turn = 0;  // the turn times the turning radius
+  };
+
+  void FindContacts();
+  // One step; returns how much is missing where most is.
+  double Step();
+
+  const std::vector<Outline>& outlines_;
+  const std::vector<DistanceField>& fields_;
+  std::vector<double> relative_;
+  double scale_;
+  RelaxOptions options_;
+  const Execution& execution_;
+  std::vector<Shape> shapes_;
+  std::vector<Body> bodies_;
+  std::vector<double> margins_;
+  std::vector<Contact> contacts_;
+  std::vector<Motion> velocity_;
+  double skin_;
+  int age_ = 0;  // steps since the contacts were found
+  double last_energy_ = 0;
+};
+
+}  // namespace planish
