@@ -23,7 +23,7 @@ struct Arguments {
   std::string output;
   std::string picture;                            // a PNG of the map; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
-  int texcoord = 0;                               // which of the file's sets of UV
+  int texcoord = 0;                               // which of the file's sets of UV, for glTF
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;
   bool detach = false;

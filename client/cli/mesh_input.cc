@@ -29,8 +29,8 @@ std::vector<std::int64_t> IdsIn(const std::string& text) {
 
 }  // namespace
 
-MeshInput::MeshInput(const std::string& path) {
-  absl::StatusOr<MeshFile> file = ReadMeshFile(path);
+MeshInput::MeshInput(const std::string& path, const ReadOptions& options) {
+  absl::StatusOr<MeshFile> file = ReadMeshFile(path, options);
   if (!file.ok()) throw ErrorFrom(file.status());
   file_ = *std::move(file);
   triangulation_ = Triangulate(file_.mesh);

@@ -11,8 +11,8 @@ namespace planish::cli {
 
 class MeshInput {
  public:
-  // Throws planish::Error: FILE_UNREADABLE, FILE_FORMAT_UNKNOWN, FILE_MALFORMED.
-  explicit MeshInput(const std::string& path);
+  // Throws planish::Error: FILE_UNREADABLE, FILE_FORMAT_UNKNOWN, FILE_UNSUPPORTED, FILE_MALFORMED.
+  explicit MeshInput(const std::string& path, const ReadOptions& options = {});
 
   const std::string& path() const { return file_.path; }
   const MeshFile& file() const { return file_; }

@@ -40,9 +40,11 @@ PolygonEdges::PolygonEdges(const MeshFile& file, const Triangulation& triangles)
     const std::int64_t b = triangles.corner_of_triangle[first + (c + 2) % 3];
     const auto polygon = static_cast<std::size_t>(triangles.source_polygon[c / 3]);
     const std::int64_t begin = polygon_begin[polygon], last = polygon_begin[polygon + 1] - 1;
+    const Face& face = triangles.mesh.faces[c / 3];
+    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;
     const bool is_polygon_edge = b - a == 1 || a - b == 1 || std::minmax(a, b) == std::minmax(begin, last);
     const auto [low, high] = std::minmax({file.mesh.corner_vertex[a], file.mesh.corner_vertex[b]});
-    if (!is_polygon_edge || low == high) continue;
+    if (!is_polygon_edge) continue;
     half_edges_.push_back({low, high, static_cast<std::int32_t>(c)});
   }
   std::sort(half_edges_.begin(), half_edges_.end(), [](const HalfEdge& a, const HalfEdge& b) {
@@ -153,7 +155,9 @@ std::int64_t PolygonEdges::CountUvIslands() const {
     while (parent[p] != p) p = parent[p] = parent[parent[p]];
     return p;
   };
-  std::int64_t islands = file_.mesh.num_polygons();
+  std::vector<char> counts(parent.size(), 0);
+  for (const HalfEdge& half_edge : half_edges_) counts[PolygonOf(half_edge)] = 1;
+  std::int64_t islands = std::count(counts.begin(), counts.end(), 1);
   ForEachEdge([&](auto begin, auto end) {
     if (end - begin != 2 || !SameUv(begin[0], begin[1])) return;
     const std::int64_t a = root(PolygonOf(begin[0])), b = root(PolygonOf(begin[1]));

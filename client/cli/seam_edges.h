@@ -10,7 +10,7 @@
 namespace planish::cli {
 
 // The edges of a file's polygons at which its triangles meet. Diagonals, which only the triangulation has, are not
-// among them.
+// among them, nor edges of triangles that name a vertex twice.
 class PolygonEdges {
  public:
   // Both must outlive this object; `triangles` is that of `file.mesh`. O(F log F).
@@ -29,7 +29,8 @@ class PolygonEdges {
   // have no numbers.
   std::vector<std::int32_t> ListedIn(const std::string& path) const;
 
-  // Pieces into which the UV borders (and edges of one or of more than two polygons) part the surface.
+  // Pieces into which the UV borders (and edges of one or of more than two polygons) part the surface. Polygons without
+  // an edge are none.
   std::int64_t CountUvIslands() const;
 
  private:

@@ -33,13 +33,7 @@ class ResultCommand {
     if (arguments_.input.empty()) return;
     CheckOutput(arguments_.output.empty() ? "-" : arguments_.output);
     if (!arguments_.picture.empty()) CheckOutput(arguments_.picture);
-    input_.emplace(arguments_.input);
-    if (arguments_.texcoord > 0) {
-      throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
-                  "--texcoord=" + std::to_string(arguments_.texcoord) + ": " + arguments_.input +
-                      " is of a format with one set of UV, number 0",
-                  {{"field", "texcoord"}});
-    }
+    input_.emplace(arguments_.input, ReadOptions{arguments_.texcoord});
     seam_corners_ = SeamCorners(input_->file(), input_->triangulation(), arguments_.seams);
   }
 
