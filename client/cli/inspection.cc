@@ -108,7 +108,8 @@ std::vector<std::string> PlanFor(const Diagnosis& d) {
   say(d.isolated_vertices.count, "ignores ", "vertex", "vertices", " without a face");
   say(d.faces_repeating_a_vertex.count + d.faces_without_area.count, "places ", "triangle", "triangles",
       " without area on an edge or at a point of others; no promise is about them");
-  say(d.duplicate_faces.count, "gives ", "copy of a triangle", "copies of triangles", " a place in the map of its own");
+  say(d.duplicate_faces.count, "gives a place in the map of its own to ", "copy of a triangle", "copies of triangles",
+      "");
   say(d.non_manifold_edges.count, "cuts along ", "edge", "edges", " of more than two triangles");
   say(d.inconsistent_edges.count, "cuts along ", "edge", "edges", " between triangles wound against each other");
   say(d.non_manifold_vertices.count, "parts the surface at ", "vertex", "vertices", " where parts only touch");

@@ -34,12 +34,13 @@ class ResultCommand {
     CheckOutput(arguments_.output.empty() ? "-" : arguments_.output);
     if (!arguments_.picture.empty()) CheckOutput(arguments_.picture);
     input_.emplace(arguments_.input, ReadOptions{arguments_.texcoord});
+    diagonals_ = DiagonalCorners(input_->file(), input_->triangulation());
     seam_corners_ = SeamCorners(input_->file(), input_->triangulation(), arguments_.seams);
   }
 
   const MeshInput& input() const { return *input_; }
-  // The mesh with the seams that the file gives; lives as long as this object.
-  MeshView view() const { return input_->view().WithSeamCorners(seam_corners_); }
+  // The mesh with the seams that the file gives, its polygons whole; lives as long as this object.
+  MeshView view() const { return input_->view().WithSeamCorners(seam_corners_).WithUncutCorners(diagonals_); }
   double Seconds() const { return timer_.Seconds(); }
 
   // Seconds of --timeout that are left for the server; 0: no limit.
@@ -96,6 +97,7 @@ class ResultCommand {
   Timer timer_;
   std::optional<MeshInput> input_;
   std::vector<std::int32_t> seam_corners_;
+  std::vector<std::int32_t> diagonals_;
 };
 
 int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, const CallOptions& call) {

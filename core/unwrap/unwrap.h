@@ -41,6 +41,9 @@ struct SeamOptions {
   double hard_edge_degrees = 0;
   // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).
   std::vector<std::int32_t> corners;
+  // Edges, in the same way, along which no seam is added, hard or not: diagonals of the polygons that the triangles
+  // come from, which a seam would break. Given seams, and edges that no chart can cross, part charts all the same.
+  std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
   // below this, as far as cutting helps. In [1.001, 100].
   double max_stretch = 1.05;
@@ -58,8 +61,8 @@ struct UnwrapOptions {
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;
-  // Whether seams.corners are corners of a mesh of so many faces; otherwise OPTIONS_INVALID with metadata "field"
-  // (seam_corners) and "corner", the first that is not.
+  // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces; otherwise OPTIONS_INVALID
+  // with metadata "field" (seam_corners or uncut_corners) and "corner", the first that is not.
   absl::Status ValidateSeams(std::int64_t num_faces) const;
 };
 inline constexpr int kMaxThreads = 256;
@@ -111,15 +114,15 @@ struct UnwrapResult {
   std::vector<std::int32_t> face_chart;  // per face: its chart, an index into `charts`
   int tiles = 1;                         // of the texture that are used
   double texels_per_unit = 0;            // texture_size times UV length per length on the surface; 0 without packing
-  Quality quality;  // of `uv` as delivered
+  Quality quality;                       // of `uv` as delivered
   UnwrapSeconds seconds;
   std::vector<UnwrapWarning> warnings;
 };
 
 // Flattens `mesh`, which must be a disc (core/mesh/disc_check.h); deterministic.
-// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED after an interrupt (within a few
-// dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if no finite map came out.
-// A solve that stops early is not an error: see FlattenSummary::converged and the warnings.
+// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED
+// after an interrupt (within a few dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if
+// no finite map came out. A solve that stops early is not an error: see FlattenSummary::converged and the warnings.
 // Thread-safe: calls share nothing, each has a team of threads of its own.
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control);
 
