@@ -106,8 +106,8 @@ std::vector<std::string> PlanFor(const Diagnosis& d) {
     if (count > 0) plan.push_back(before + Counted(count, one, many) + after);
   };
   say(d.isolated_vertices.count, "ignores ", "vertex", "vertices", " without a face");
-  say(d.faces_repeating_a_vertex.count + d.faces_without_area.count, "places ", "triangle", "triangles",
-      " without area on an edge or at a point of others; no promise is about them");
+  say(d.faces_repeating_a_vertex.count + d.faces_without_area.count, "gives UV to ", "triangle", "triangles",
+      " without area, about which it promises nothing");
   say(d.duplicate_faces.count, "gives a place in the map of its own to ", "copy of a triangle", "copies of triangles",
       "");
   say(d.non_manifold_edges.count, "cuts along ", "edge", "edges", " of more than two triangles");
