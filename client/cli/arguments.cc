@@ -1,5 +1,6 @@
 #include "client/cli/arguments.h"
 
+#include <optional>
 #include <sstream>
 #include <string_view>
 #include <tuple>
@@ -8,6 +9,7 @@
 
 #include "CLI/CLI.hpp"
 #include "client/cli/exit_codes.h"
+#include "core/io/mesh_file.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -111,9 +113,6 @@ void AddOutput(CLI::App& app, Arguments& arguments) {
                  "Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or .drc; - is "
                  "stdout; a directory keeps the name, and takes several files")
       ->type_name("OUT");
-  app.add_option("--texcoord", arguments.texcoord, "glTF: the set of UV to read and write, TEXCOORD_N [0]")
-      ->check(CLI::Range(0, 7).description(""))
-      ->type_name("N");
 }
 
 void AddPicture(CLI::App& app, Arguments& arguments) {
@@ -150,6 +149,12 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
                  "Root mean square stretch above which auto cuts a chart, 1.001 to 100 [1.05]")
       ->check(CLI::Range(1.001, 100.0).description(""))
       ->type_name("X");
+}
+
+void AddTexcoord(CLI::App& app, Arguments& arguments) {
+  app.add_option("--texcoord", arguments.texcoord, "Which of the sets of UV, TEXCOORD_N of a glTF, up to 7 [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
 }
 
 void AddAtlas(CLI::App& app, Arguments& arguments) {
@@ -192,6 +197,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
 
   UnwrapOptions& options = arguments.options;
   AddSeams(unwrap, arguments);
+  AddTexcoord(unwrap, arguments);
   AddAtlas(unwrap, arguments);
   Choices<Solver>{{Solver::kAuto, Solver::kUzawa, Solver::kMinres, Solver::kDirect}}.AddTo(
       unwrap, "--solver", options.solver, "Linear solver of a Newton step");
@@ -229,6 +235,7 @@ void DefineInspect(CLI::App& app, Arguments& arguments) {
       "Needs no server. Exit codes: 0 unwrap would take the mesh, 1 it would refuse it, 2 bad usage or unreadable "
       "file.");
   inspect.add_option("IN", arguments.input, "Mesh file, as for unwrap")->required()->type_name("");
+  AddTexcoord(inspect, arguments);
   AddJson(inspect, arguments);
 }
 
@@ -271,9 +278,15 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddProgress(watch, arguments);
   watch.add_option("--mesh", arguments.input, "The file that was sent; the UV go into a copy of it")->type_name("IN");
   AddOutput(watch, arguments);
+  AddTexcoord(watch, arguments);
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
   AddJobCommand(jobs, arguments, Command::kJobsCancel, "cancel", "End a job and discard what it has");
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
+}
+
+bool IsGltf(const std::string& path) {
+  const std::optional<MeshFormat> format = FormatOfPath(path);
+  return format == MeshFormat::kGltf || format == MeshFormat::kGlb;
 }
 
 // Options without effect beside each other.
@@ -290,6 +303,10 @@ std::string CheckAtlas(const UnwrapOptions& options) {
 
 // What CLI11 cannot check by itself; empty if all is well.
 std::string CheckTogether(Arguments& arguments) {
+  if (arguments.texcoord > 0 && !arguments.input.empty() && !IsGltf(arguments.input)) {
+    return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
+           " is no glTF; other formats have one set of UV, number 0";
+  }
   if (!arguments.job.empty() && arguments.job.rfind("jobs/", 0) != 0) arguments.job = "jobs/" + arguments.job;
   const bool to_stdout = arguments.output == "-";
   if (to_stdout && arguments.json) {

@@ -106,9 +106,10 @@ std::vector<std::string> PlanFor(const Diagnosis& d) {
     if (count > 0) plan.push_back(before + Counted(count, one, many) + after);
   };
   say(d.isolated_vertices.count, "ignores ", "vertex", "vertices", " without a face");
-  say(d.faces_repeating_a_vertex.count + d.faces_without_area.count, "places ", "triangle", "triangles",
-      " without area on an edge or at a point of others; no promise is about them");
-  say(d.duplicate_faces.count, "gives ", "copy of a triangle", "copies of triangles", " a place in the map of its own");
+  say(d.faces_repeating_a_vertex.count + d.faces_without_area.count, "gives UV to ", "triangle", "triangles",
+      " without area, about which it promises nothing");
+  say(d.duplicate_faces.count, "gives a place in the map of its own to ", "copy of a triangle", "copies of triangles",
+      "");
   say(d.non_manifold_edges.count, "cuts along ", "edge", "edges", " of more than two triangles");
   say(d.inconsistent_edges.count, "cuts along ", "edge", "edges", " between triangles wound against each other");
   say(d.non_manifold_vertices.count, "parts the surface at ", "vertex", "vertices", " where parts only touch");
@@ -173,6 +174,18 @@ std::string Names(const std::vector<std::string>& names) {
   return names.size() > kMaxNames ? text + ", ..." : text;
 }
 
+// For files without lines: "faces 3, 7, 9, 12, ...".
+std::string FirstIds(const Finding& finding) {
+  constexpr std::size_t kMaxIds = 4;
+  const std::vector<std::int64_t>& ids = finding.faces.empty() ? finding.vertices : finding.faces;
+  std::string text =
+      finding.faces.empty() ? (finding.count == 1 ? "vertex" : "vertices") : (ids.size() == 1 ? "face" : "faces");
+  for (std::size_t i = 0; i < std::min(ids.size(), kMaxIds); ++i) {
+    text += (i == 0 ? " " : ", ") + std::to_string(ids[i]);
+  }
+  return ids.size() > kMaxIds ? text + ", ..." : text;
+}
+
 // Lines under a heading in the margin.
 std::string Paragraph(const std::string& heading, const std::vector<std::string>& lines) {
   constexpr std::size_t kMargin = 11;
@@ -220,6 +233,12 @@ const char* FormatName(MeshFormat format) {
       return "off";
     case MeshFormat::kStl:
       return "stl";
+    case MeshFormat::kGltf:
+      return "gltf";
+    case MeshFormat::kGlb:
+      return "glb";
+    case MeshFormat::kDraco:
+      return "drc";
   }
   return "unknown";
 }
@@ -321,7 +340,7 @@ std::string InspectionText(const MeshInput& input, const Inspection& inspection)
   for (const Finding& finding : inspection.findings) {
     if (finding.count == 0) continue;
     findings.push_back(finding.text);
-    if (!finding.places.empty()) findings.push_back("  " + finding.places);
+    findings.push_back("  " + (finding.places.empty() ? FirstIds(finding) : finding.places));
   }
   if (findings.empty()) findings.emplace_back("none");
   text += "\n" + Paragraph("Findings", findings) + "\n";

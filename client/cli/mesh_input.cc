@@ -89,14 +89,21 @@ MeshView MeshInput::view() const {
                   std::span(mesh_.faces.front().data(), 3 * mesh_.faces.size()));
 }
 
-std::vector<std::int32_t> MeshInput::SeamCorners(const SeamList& list) const {
+template <typename Find>
+std::vector<std::int32_t> MeshInput::OfAllParts(const Find& find) const {
   std::vector<std::int32_t> corners;
   for (const Part& part : parts_) {
-    for (const std::int32_t c : cli::SeamCorners(part.file, part.triangulation, list)) {
-      corners.push_back(static_cast<std::int32_t>(3 * part.first_face) + c);
-    }
+    for (const std::int32_t c : find(part)) corners.push_back(static_cast<std::int32_t>(3 * part.first_face) + c);
   }
   return corners;
+}
+
+std::vector<std::int32_t> MeshInput::SeamCorners(const SeamList& list) const {
+  return OfAllParts([&](const Part& part) { return cli::SeamCorners(part.file, part.triangulation, list); });
+}
+
+std::vector<std::int32_t> MeshInput::DiagonalCorners() const {
+  return OfAllParts([](const Part& part) { return cli::DiagonalCorners(part.file, part.triangulation); });
 }
 
 std::vector<std::int32_t> MeshInput::CornerTexcoords() const {

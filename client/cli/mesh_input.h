@@ -41,6 +41,8 @@ class MeshInput {
 
   // What `list` takes from the files, in the order of view() (seam_edges.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;
+  // The corners that face a diagonal of a polygon.
+  std::vector<std::int32_t> DiagonalCorners() const;
 
   // The error in the files' own ids, 0-based: faces (polygons) and vertices as the file counts them.
   Error InFileIds(const Error& error) const;
@@ -70,6 +72,9 @@ class MeshInput {
     std::int64_t first_polygon = 0;
   };
 
+  // What find(part) says about the corners of each part, in the order of view().
+  template <typename Find>
+  std::vector<std::int32_t> OfAllParts(const Find& find) const;
   ids::Renumbering ToFile() const;
   std::string Place(const char* element, std::int64_t id) const;
   std::string OutputPath(const Part& part, const std::string& out, bool is_directory) const;

@@ -28,21 +28,34 @@ std::vector<std::string> Words(const std::string& line) {
   return words;
 }
 
+// The corners of the polygon at the ends of the edge that corner c faces.
+std::pair<std::int64_t, std::int64_t> EndsFacedBy(const Triangulation& triangles, std::size_t c) {
+  const std::size_t first = c - c % 3;
+  return {triangles.corner_of_triangle[first + (c + 1) % 3], triangles.corner_of_triangle[first + (c + 2) % 3]};
+}
+
+// Whether that edge is none of the polygon's own.
+bool IsDiagonal(const MeshFile& file, const Triangulation& triangles, std::size_t c) {
+  const auto [a, b] = EndsFacedBy(triangles, c);
+  const auto polygon = static_cast<std::size_t>(triangles.source_polygon[c / 3]);
+  const std::int64_t begin = file.mesh.polygon_begin[polygon], last = file.mesh.polygon_begin[polygon + 1] - 1;
+  return b - a != 1 && a - b != 1 && std::minmax({a, b}) != std::minmax({begin, last});
+}
+
 }  // namespace
 
 PolygonEdges::PolygonEdges(const MeshFile& file, const Triangulation& triangles) : file_(file), triangles_(triangles) {
-  const auto& polygon_begin = file.mesh.polygon_begin;
   const std::size_t num_corners = triangles.corner_of_triangle.size();
   half_edges_.reserve(num_corners);
   for (std::size_t c = 0; c < num_corners; ++c) {
-    const std::size_t first = c - c % 3;
-    const std::int64_t a = triangles.corner_of_triangle[first + (c + 1) % 3];
-    const std::int64_t b = triangles.corner_of_triangle[first + (c + 2) % 3];
-    const auto polygon = static_cast<std::size_t>(triangles.source_polygon[c / 3]);
-    const std::int64_t begin = polygon_begin[polygon], last = polygon_begin[polygon + 1] - 1;
-    const bool is_polygon_edge = b - a == 1 || a - b == 1 || std::minmax(a, b) == std::minmax(begin, last);
+    Face face;
+    for (std::size_t k = 0; k < 3; ++k) {
+      face[k] = file.mesh.corner_vertex[triangles.corner_of_triangle[c - c % 3 + k]];
+    }
+    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;
+    if (IsDiagonal(file, triangles, c)) continue;
+    const auto [a, b] = EndsFacedBy(triangles, c);
     const auto [low, high] = std::minmax({file.mesh.corner_vertex[a], file.mesh.corner_vertex[b]});
-    if (!is_polygon_edge || low == high) continue;
     half_edges_.push_back({low, high, static_cast<std::int32_t>(c)});
   }
   std::sort(half_edges_.begin(), half_edges_.end(), [](const HalfEdge& a, const HalfEdge& b) {
@@ -153,7 +166,9 @@ std::int64_t PolygonEdges::CountUvIslands() const {
     while (parent[p] != p) p = parent[p] = parent[parent[p]];
     return p;
   };
-  std::int64_t islands = file_.mesh.num_polygons();
+  std::vector<char> counts(parent.size(), 0);
+  for (const HalfEdge& half_edge : half_edges_) counts[PolygonOf(half_edge)] = 1;
+  std::int64_t islands = std::count(counts.begin(), counts.end(), 1);
   ForEachEdge([&](auto begin, auto end) {
     if (end - begin != 2 || !SameUv(begin[0], begin[1])) return;
     const std::int64_t a = root(PolygonOf(begin[0])), b = root(PolygonOf(begin[1]));
@@ -162,6 +177,16 @@ std::int64_t PolygonEdges::CountUvIslands() const {
     --islands;
   });
   return islands;
+}
+
+std::vector<std::int32_t> DiagonalCorners(const MeshFile& file, const Triangulation& triangles) {
+  std::vector<std::int32_t> corners;
+  for (std::size_t c = 0; c < triangles.corner_of_triangle.size(); ++c) {
+    const auto [a, b] = EndsFacedBy(triangles, c);
+    // The two triangles at a diagonal run along it in opposite senses: one of them is enough.
+    if (a < b && IsDiagonal(file, triangles, c)) corners.push_back(static_cast<std::int32_t>(c));
+  }
+  return corners;
 }
 
 std::vector<std::int32_t> SeamCorners(const MeshFile& file, const Triangulation& triangles, const SeamList& list) {

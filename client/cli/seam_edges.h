@@ -10,7 +10,7 @@
 namespace planish::cli {
 
 // The edges of a file's polygons at which its triangles meet. Diagonals, which only the triangulation has, are not
-// among them.
+// among them, nor edges of triangles that name a vertex twice.
 class PolygonEdges {
  public:
   // Both must outlive this object; `triangles` is that of `file.mesh`. O(F log F).
@@ -29,7 +29,8 @@ class PolygonEdges {
   // have no numbers.
   std::vector<std::int32_t> ListedIn(const std::string& path) const;
 
-  // Pieces into which the UV borders (and edges of one or of more than two polygons) part the surface.
+  // Pieces into which the UV borders (and edges of one or of more than two polygons) part the surface. Polygons without
+  // an edge are none.
   std::int64_t CountUvIslands() const;
 
  private:
@@ -54,6 +55,10 @@ class PolygonEdges {
   const Triangulation& triangles_;
   std::vector<HalfEdge> half_edges_;  // those of polygon edges, by their ends
 };
+
+// The diagonals by which polygons were cut into triangles, each as one corner that faces it, ascending: no seam may
+// follow them, or the file's polygons could not keep one UV per corner.
+std::vector<std::int32_t> DiagonalCorners(const MeshFile& file, const Triangulation& triangles);
 
 // Everything that `list` takes from files, ascending, each edge once. Throws planish::Error: as ListedIn; and
 // OPTIONS_INVALID for a source that the file does not have.

@@ -60,7 +60,7 @@ std::string ParseSeamList(const std::string& text, SeamList* list) {
     } else if (item == "hard") {
       list->hard_edge_degrees = kDefaultHardEdge;
     } else if (const auto degrees = After("hard:", item)) {
-      if (const std::string problem = ParseDegrees(*degrees, &list->hard_edge_degrees); !problem.empty()) {
+      if (std::string problem = ParseDegrees(*degrees, &list->hard_edge_degrees); !problem.empty()) {
         return problem;
       }
     } else if (const auto file = After("edges:", item); file && !file->empty()) {

@@ -36,6 +36,7 @@ class ResultCommand {
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
     input_.emplace(paths, arguments_.texcoord);
     seam_corners_ = input_->SeamCorners(arguments_.seams);
+    diagonals_ = input_->DiagonalCorners();
     if (!arguments_.output.empty()) outputs_ = input_->Outputs(arguments_.output, arguments_.texcoord);
   }
 
@@ -56,8 +57,8 @@ class ResultCommand {
   }
 
   const MeshInput& input() const { return *input_; }
-  // The mesh with the seams that the file gives; lives as long as this object.
-  MeshView view() const { return input_->view().WithSeamCorners(seam_corners_); }
+  // The mesh with the seams that the file gives, its polygons whole; lives as long as this object.
+  MeshView view() const { return input_->view().WithSeamCorners(seam_corners_).WithUncutCorners(diagonals_); }
   double Seconds() const { return timer_.Seconds(); }
 
   // Seconds of --timeout that are left for the server; 0: no limit.
@@ -118,6 +119,7 @@ class ResultCommand {
   Timer timer_;
   std::optional<MeshInput> input_;
   std::vector<std::int32_t> seam_corners_;
+  std::vector<std::int32_t> diagonals_;
   std::vector<OutputOptions> outputs_;
 };
 

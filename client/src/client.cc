@@ -44,7 +44,8 @@ Request NewJobRequest(PackedMesh& mesh, const UnwrapOptions& options, const Call
   Request request;
   request.set_draco(std::move(mesh.draco));
   request.mutable_seam_corners()->Add(mesh.seam_corners.begin(), mesh.seam_corners.end());
-  mesh.seam_corners = {};
+  request.mutable_uncut_corners()->Add(mesh.uncut_corners.begin(), mesh.uncut_corners.end());
+  mesh.seam_corners = mesh.uncut_corners = {};
   *request.mutable_options() = ToProto(options);
   request.set_request_id(call.request_id.empty() ? NewRequestId() : call.request_id);
   request.set_label(call.label);

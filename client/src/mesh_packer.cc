@@ -48,12 +48,12 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
 }
 
 // `corners`, all of them among 3 `triangles`.
-void CheckCorners(std::span<const std::int32_t> corners, std::int64_t triangles) {
+void CheckCorners(const std::string& field, std::span<const std::int32_t> corners, std::int64_t triangles) {
   for (const std::int32_t corner : corners) {
     if (corner >= 0 && corner < 3 * triangles) continue;
-    throw BadSeam("there is no corner " + std::to_string(corner) + ", which is to face a seam: the mesh has " +
+    throw BadSeam(field + ": there is no corner " + std::to_string(corner) + ", the mesh has " +
                       std::to_string(triangles) + " triangles",
-                  {{"field", "seam_corners"}, {"corner", std::to_string(corner)}});
+                  {{"field", field}, {"corner", std::to_string(corner)}});
   }
 }
 
@@ -113,10 +113,12 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
     throw BadSeam("seams are pairs of vertices; got " + std::to_string(view.seam_vertices_.size()) + " ids",
                   {{"field", "seam_corners"}});
   }
-  CheckCorners(view.seam_corners_, view.triangle_count());
+  CheckCorners("seam_corners", view.seam_corners_, view.triangle_count());
+  CheckCorners("uncut_corners", view.uncut_corners_, view.triangle_count());
   packed.seam_corners =
       CornersFacing(view.seam_vertices_, {view.indices_, static_cast<std::size_t>(view.index_count_)});
   packed.seam_corners.insert(packed.seam_corners.end(), view.seam_corners_.begin(), view.seam_corners_.end());
+  packed.uncut_corners.assign(view.uncut_corners_.begin(), view.uncut_corners_.end());
 
   absl::StatusOr<std::string> draco = EncodeDraco(mesh);
   if (!draco.ok()) throw Renumbered(ErrorFrom(draco.status()), packed.ToCaller());

@@ -16,6 +16,7 @@ struct PackedMesh {
   std::string sha256;  // of draco
   // Given seams, as planish.v1.UnwrapRequest.seam_corners: triangles travel in the caller's order.
   std::vector<std::int32_t> seam_corners;
+  std::vector<std::int32_t> uncut_corners;  // likewise
   std::int64_t triangles = 0;
   // Caller's vertex id per vertex sent; empty if all were sent and ids agree.
   std::vector<std::int32_t> source_vertex;

@@ -47,6 +47,12 @@ MeshView MeshView::WithSeamCorners(std::span<const std::int32_t> corners) const 
   return view;
 }
 
+MeshView MeshView::WithUncutCorners(std::span<const std::int32_t> corners) const {
+  MeshView view = *this;
+  view.uncut_corners_ = corners;
+  return view;
+}
+
 const char* ToString(JobState state) {
   switch (state) {
     case JobState::kUnspecified:

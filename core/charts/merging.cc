@@ -216,18 +216,31 @@ void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing) {
   const Surface& surface = gluing->surface();
   std::vector<char> seen(piece.size(), 0);
   std::vector<std::int32_t> order, zipped;
+  // A face and those it must not be parted from.
+  const auto reach = [&](std::int32_t first) {
+    seen[first] = 1;
+    order.push_back(first);
+    for (std::size_t i = order.size() - 1; i < order.size(); ++i) {
+      for (std::int32_t c = 3 * order[i]; c < 3 * order[i] + 3; ++c) {
+        const std::int32_t o = surface.across[c];
+        if (o < 0 || !surface.is_uncut(c) || seen[o / 3] || piece[o / 3] != piece[first]) continue;
+        seen[o / 3] = 1;
+        gluing->Glue(c);
+        order.push_back(o / 3);
+      }
+    }
+  };
   for (std::int32_t start = 0; start < surface.num_faces(); ++start) {
     if (seen[start] || piece[start] < 0) continue;
     // A spanning tree of its faces, nearest first, makes a disc of it; then its slits are zipped up.
-    order.assign(1, start);
-    seen[start] = 1;
+    order.clear();
+    reach(start);
     for (std::size_t i = 0; i < order.size(); ++i) {
       for (std::int32_t c = 3 * order[i]; c < 3 * order[i] + 3; ++c) {
         const std::int32_t o = surface.across[c];
         if (o < 0 || seen[o / 3] || piece[o / 3] != piece[start]) continue;
-        seen[o / 3] = 1;
         gluing->Glue(c);
-        order.push_back(o / 3);
+        reach(o / 3);
       }
     }
     for (const std::int32_t f : order) {

@@ -61,6 +61,11 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const Execution& e
   for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
     const std::int32_t o = surface.across[c];
     if (o < c) continue;
+    if (surface.is_uncut(c)) {
+      const std::int32_t a = joining.Root(c / 3), b = joining.Root(o / 3);
+      if (a != b) joining.Join(a, b);
+      continue;
+    }
     const std::int64_t cost = joining.Cost(c / 3, o / 3);
     if (cost <= Joining::MaxCost()) entries.emplace_back(cost, c);
   }

@@ -41,55 +41,83 @@ Vec3 Centre(const Surface& surface, std::int32_t f) {
   return (surface.mesh->positions[a] + surface.mesh->positions[b] + surface.mesh->positions[c]) / 3;
 }
 
-// Distances within a chart, from face centre to face centre, without crossing its slits.
+// Distances within a chart, from face centre to face centre, without crossing its slits. Faces that must not be parted
+// are one place.
 class Distances {
  public:
   explicit Distances(const Gluing& gluing)
       : gluing_(gluing), distance_(gluing.surface().num_faces(), kFar), source_(distance_.size(), -1) {}
 
-  // From the nearest of `sources` to all faces of their chart; the one of them that it is.
+  // From the nearest of `sources`, the first one of several, to all faces of their chart.
   void From(const std::vector<std::int32_t>& sources) {
-    using Entry = std::pair<double, std::int32_t>;
+    using Entry = std::pair<Nearness, std::int32_t>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
-    for (const std::int32_t f : sources) {
-      distance_[f] = 0;
-      source_[f] = f;
-      queue.emplace(0.0, f);
-    }
+    const auto reach = [&](const Nearness& there, std::int32_t f) {
+      if (!(there < At(f))) return;
+      distance_[f] = there.first;
+      source_[f] = there.second;
+      queue.emplace(there, f);
+    };
+    for (std::size_t i = 0; i < sources.size(); ++i) reach({0.0, static_cast<std::int32_t>(i)}, sources[i]);
     while (!queue.empty()) {
-      const auto [distance, f] = queue.top();
+      const auto [nearness, f] = queue.top();
       queue.pop();
-      if (distance > distance_[f]) continue;
+      if (At(f) < nearness) continue;
       for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
         const std::int32_t o = gluing_.opposite()[c];
         if (o < 0) continue;
-        const double there = distance + (Centre(gluing_.surface(), f) - Centre(gluing_.surface(), o / 3)).norm();
-        if (!(there < distance_[o / 3])) continue;
-        distance_[o / 3] = there;
-        source_[o / 3] = source_[f];
-        queue.emplace(there, o / 3);
+        const Surface& surface = gluing_.surface();
+        const double step = surface.is_uncut(c) ? 0 : (Centre(surface, f) - Centre(surface, o / 3)).norm();
+        reach({nearness.first + step, nearness.second}, o / 3);
       }
     }
   }
 
-  // The farthest of these faces, the lowest of several; distances are forgotten.
-  std::int32_t TakeFarthest(const std::vector<std::int32_t>& faces) {
-    std::int32_t farthest = faces.front();
-    for (const std::int32_t f : faces) {
-      if (distance_[f] > distance_[farthest]) farthest = f;
-    }
-    for (const std::int32_t f : faces) distance_[f] = kFar;
-    return farthest;
+  // The farthest of these faces, the lowest of several.
+  std::int32_t Farthest(const std::vector<std::int32_t>& faces) const {
+    return *std::max_element(faces.begin(), faces.end(),
+                             [&](std::int32_t f, std::int32_t g) { return distance_[f] < distance_[g]; });
   }
-
+  // Which of the sources is nearest, as an index.
   std::int32_t source(std::int32_t f) const { return source_[f]; }
+
+  void Forget(const std::vector<std::int32_t>& faces) {
+    for (const std::int32_t f : faces) distance_[f] = kFar;
+  }
 
  private:
   static constexpr double kFar = std::numeric_limits<double>::infinity();
+  using Nearness = std::pair<double, std::int32_t>;  // distance, source
+  Nearness At(std::int32_t f) const { return {distance_[f], source_[f]}; }
+
   const Gluing& gluing_;
   std::vector<double> distance_;
   std::vector<std::int32_t> source_;
 };
+
+// Which half of a chart each of its faces belongs to, false or true: with the nearer one of two faces, or, if these are
+// -1 or cannot be parted, of two about as far from each other as faces of this chart can be. All false if no face can
+// be parted from another.
+std::vector<bool> Halve(const std::vector<std::int32_t>& faces, std::int32_t face, std::int32_t other_face,
+                        Distances* distances) {
+  std::vector<bool> half(faces.size());
+  const auto part = [&](std::int32_t first, std::int32_t second) {
+    distances->From({first, second});
+    for (std::size_t i = 0; i < faces.size(); ++i) half[i] = distances->source(faces[i]) == 1;
+    distances->Forget(faces);
+    return std::find(half.begin(), half.end(), true) != half.end();
+  };
+  if (face >= 0 && part(face, other_face)) return half;
+  const auto farthest_from = [&](std::int32_t f) {
+    distances->From({f});
+    const std::int32_t farthest = distances->Farthest(faces);
+    distances->Forget(faces);
+    return farthest;
+  };
+  const std::int32_t first = farthest_from(faces.front());
+  part(first, farthest_from(first));
+  return half;
+}
 
 }  // namespace
 
@@ -166,39 +194,31 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
   for (const auto& [chart, face, other_face] : cuts) {
     if (faces_[chart].size() < 2 || execution.IsStopped()) continue;
     const std::vector<std::int32_t> faces = faces_[chart];
-    // Each face goes with the nearer one of two.
-    std::int32_t first = face, second = other_face;
-    if (face < 0) {
-      // About as far from each other as faces of this chart can be.
-      distances.From({faces.front()});
-      first = distances.TakeFarthest(faces);
-      distances.From({first});
-      second = distances.TakeFarthest(faces);
-    }
-    distances.From({first, second});
+    const std::vector<bool> half = Halve(faces, face, other_face, &distances);
+    if (std::find(half.begin(), half.end(), true) == half.end()) continue;
     const auto added = static_cast<std::int32_t>(faces_.size());
     faces_.emplace_back();
     faces_[chart].clear();
-    for (const std::int32_t f : faces) {
-      chart_[f] = distances.source(f) == first ? chart : added;
-      faces_[chart_[f]].push_back(f);
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      chart_[faces[i]] = half[i] ? added : chart;
+      faces_[chart_[faces[i]]].push_back(faces[i]);
     }
     for (const std::int32_t f : faces) {
       for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
         if (!gluing_.IsOutline(c) && chart_[gluing_.opposite()[c] / 3] != chart_[f]) gluing_.Unglue(c);
       }
     }
-    for (const std::int32_t half : {chart, added}) {
-      changed.push_back(half);
-      if (IsDisc(faces_[half])) continue;
+    for (const std::int32_t part : {chart, added}) {
+      changed.push_back(part);
+      if (IsDisc(faces_[part])) continue;
       // It runs round the other half.
-      for (const std::int32_t f : faces_[half]) {
+      for (const std::int32_t f : faces_[part]) {
         for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
           if (!gluing_.IsOutline(c)) gluing_.Unglue(c);
         }
       }
       std::vector<std::int32_t> piece(chart_.size(), -1);
-      for (const std::int32_t f : faces_[half]) piece[f] = 0;
+      for (const std::int32_t f : faces_[part]) piece[f] = 0;
       GluePieces(piece, &gluing_);
     }
   }

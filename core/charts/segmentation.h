@@ -35,7 +35,8 @@ class Segmentation {
     std::int32_t face = -1, other_face = -1;
   };
   // Cuts each of these charts in two, halfway between the two faces. One half keeps its number, the other gets a new
-  // one; all of those numbers are returned, ascending. Charts of one face stay.
+  // one; all of those numbers are returned, ascending. Charts of one face, or
+  // polygon, stay.
   std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, const Execution& execution);
 
  private:

@@ -59,7 +59,7 @@ class Smoothing {
   bool Move(std::int32_t f) {
     constexpr double kGain = 1e-6;
     const std::int32_t glued = FreeCorner(f);
-    if (glued < 0) return false;
+    if (glued < 0 || surface_.is_uncut(glued)) return false;
     // Along the outline: `first`, then `second`; on the other side `after` follows `before`.
     const std::int32_t k = glued % 3, first = 3 * f + Next(k), second = 3 * f + Prev(k);
     const std::int32_t before = surface_.across[second], after = surface_.across[first];

@@ -152,11 +152,16 @@ Surface MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& 
     if (d >= 0) surface.across[c] = surface.across[d] = -1;
   };
   for (const std::int32_t c : seams.corners) cut(c);
+  if (!seams.uncut_corners.empty()) surface.uncut.assign(surface.across.size(), 0);
+  for (const std::int32_t c : seams.uncut_corners) {
+    const std::int32_t d = surface.across[c];
+    if (d >= 0) surface.uncut[c] = surface.uncut[d] = 1;
+  }
   if (seams.hard_edge_degrees > 0) {
     const double cosine = std::cos(seams.hard_edge_degrees * std::numbers::pi / 180);
     for (std::int32_t c = 0; c < 3 * surface.num_faces(); ++c) {
       const std::int32_t d = surface.across[c];
-      if (d > c && IsHard(surface, c / 3, d / 3, cosine)) cut(c);
+      if (d > c && !surface.is_uncut(c) && IsHard(surface, c / 3, d / 3, cosine)) cut(c);
     }
   }
   return surface;

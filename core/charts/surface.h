@@ -12,7 +12,9 @@ namespace planish {
 // What must not lie inside a chart.
 struct GivenSeams {
   std::vector<std::int32_t> corners;  // edges by the corner that faces them, from either side
-  double hard_edge_degrees = 0;       // edges whose faces' normals are further apart than this; 0: none
+  // Edges that no other rule may make seams: diagonals of polygons.
+  std::vector<std::int32_t> uncut_corners;
+  double hard_edge_degrees = 0;  // edges whose faces' normals are further apart than this; 0: none
 };
 
 // Constant after construction. Half-edge c = 3 f + k is the one that corner k of face f faces (core/mesh/half_edges.h).
@@ -26,6 +28,8 @@ struct Surface {
   // Per half-edge: the one on the other side, -1 where a chart must end: at boundaries and given seams, where more than
   // two faces meet, where two are wound against each other.
   std::vector<std::int32_t> across;
+  // Per half-edge: whether it must be glued to the one across. Empty: none must.
+  std::vector<char> uncut;
   // Per corner: the angle there, radians, positive; those of a face add up to pi.
   std::vector<double> angle;
   // Per face: area, and area times normal.
@@ -36,6 +40,7 @@ struct Surface {
   std::int64_t non_manifold_edges = 0;
   std::int64_t clashing_edges = 0;  // of two faces that run round in opposite senses
 
+  bool is_uncut(std::int32_t c) const { return !uncut.empty() && uncut[c]; }
   std::int32_t num_faces() const { return static_cast<std::int32_t>(takes_part.size()); }
   std::int32_t origin(std::int32_t c) const { return mesh->faces[c / 3][Next(c % 3)]; }
   std::int32_t target(std::int32_t c) const { return mesh->faces[c / 3][Prev(c % 3)]; }

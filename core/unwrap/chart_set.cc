@@ -51,7 +51,8 @@ absl::Status ChartSet::Cut(std::vector<UnwrapWarning>* warnings) {
     return absl::OkStatus();
   }
   PLANISH_RETURN_IF_ERROR(CheckElements(mesh_, execution_));
-  surface_ = MakeSurface(mesh_, {options_.seams.corners, options_.seams.hard_edge_degrees}, execution_);
+  surface_ = MakeSurface(
+      mesh_, {options_.seams.corners, options_.seams.uncut_corners, options_.seams.hard_edge_degrees}, execution_);
   if (execution_.IsStopped()) return absl::CancelledError("cancelled");
   std::int64_t without_area = 0;
   for (std::int32_t f = 0; f < surface_->num_faces(); ++f) {

@@ -41,6 +41,9 @@ struct SeamOptions {
   double hard_edge_degrees = 0;
   // More seams: the edges that these corners face (corner 3 f + k faces the edge from v_{k+1} to v_{k+2}).
   std::vector<std::int32_t> corners;
+  // Edges, in the same way, along which no seam is added, hard or not: diagonals of the polygons that the triangles
+  // come from, which a seam would break. Given seams, and edges that no chart can cross, part charts all the same.
+  std::vector<std::int32_t> uncut_corners;
   // With kAuto, charts are cut until their root mean square stretch (Quality::stretch_l2 of the chart by itself) stays
   // below this, as far as cutting helps. In [1.001, 100].
   double max_stretch = 1.05;
@@ -58,8 +61,8 @@ struct UnwrapOptions {
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;
-  // Whether seams.corners are corners of a mesh of so many faces; otherwise OPTIONS_INVALID with metadata "field"
-  // (seam_corners) and "corner", the first that is not.
+  // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces; otherwise OPTIONS_INVALID
+  // with metadata "field" (seam_corners or uncut_corners) and "corner", the first that is not.
   absl::Status ValidateSeams(std::int64_t num_faces) const;
 };
 inline constexpr int kMaxThreads = 256;

@@ -45,6 +45,16 @@ absl::Status CheckAtlas(const PackOptions& atlas) {
   return absl::OkStatus();
 }
 
+absl::Status CheckCorners(const std::string& field, const std::vector<std::int32_t>& corners, std::int64_t num_faces) {
+  const auto beyond =
+      std::find_if(corners.begin(), corners.end(), [&](std::int32_t c) { return c < 0 || c >= 3 * num_faces; });
+  if (beyond == corners.end()) return absl::OkStatus();
+  return OptionError(field,
+                     absl::StrCat("there is no corner ", *beyond, ": the mesh has ", num_faces,
+                                  " faces, so corners 0 to ", 3 * num_faces - 1),
+                     {{"corner", absl::StrCat(*beyond)}});
+}
+
 }  // namespace
 
 absl::Status UnwrapOptions::Validate() const {
@@ -55,13 +65,8 @@ absl::Status UnwrapOptions::Validate() const {
 }
 
 absl::Status UnwrapOptions::ValidateSeams(std::int64_t num_faces) const {
-  const auto beyond = std::find_if(seams.corners.begin(), seams.corners.end(),
-                                   [&](std::int32_t c) { return c < 0 || c >= 3 * num_faces; });
-  if (beyond == seams.corners.end()) return absl::OkStatus();
-  return OptionError("seam_corners",
-                     absl::StrCat("there is no corner ", *beyond, ": the mesh has ", num_faces,
-                                  " faces, so corners 0 to ", 3 * num_faces - 1),
-                     {{"corner", absl::StrCat(*beyond)}});
+  PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", seams.corners, num_faces));
+  return CheckCorners("uncut_corners", seams.uncut_corners, num_faces);
 }
 
 }  // namespace planish

@@ -88,6 +88,7 @@ absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   live.events = std::make_shared<JobEventLog>(options_.events_per_job);
   live.mesh = std::move(request.draco);
   live.seam_corners = std::move(request.seam_corners);
+  live.uncut_corners = std::move(request.uncut_corners);
   queue_.Push(record.job.name(), mesh_bytes);
   AcceptedJob accepted = Accept(record, live, request.attached);
 
@@ -242,7 +243,8 @@ std::optional<JobAssignment> JobManager::TakeNext() {
   Live& live = live_.at(*name);
   assignment.request.set_draco(std::move(live.mesh));
   assignment.request.mutable_seam_corners()->Add(live.seam_corners.begin(), live.seam_corners.end());
-  live.seam_corners = {};
+  assignment.request.mutable_uncut_corners()->Add(live.uncut_corners.begin(), live.uncut_corners.end());
+  live.seam_corners = live.uncut_corners = {};
   ++running_;
   Apply(JobAction::kStart, std::move(record), nullptr, &wakeups);
   return assignment;
@@ -371,7 +373,7 @@ void JobManager::Apply(JobAction action, JobRecord record, std::shared_ptr<const
   }
   live.events->AppendLast(std::move(event), std::move(uv));
   live.mesh = std::string();
-  live.seam_corners = {};
+  live.seam_corners = live.uncut_corners = {};
   live.link = nullptr;
   if (was_running) --running_;
   Retain(name);

@@ -142,10 +142,11 @@ class JobManager {
   // What a job has beside its record while this process lives.
   struct Live {
     std::shared_ptr<JobEventLog> events;
-    std::string mesh;                        // while QUEUED
-    std::vector<std::int32_t> seam_corners;  // while QUEUED
-    std::shared_ptr<WorkerLink> link;        // while a worker has it
-    v1::Progress progress;                   // latest
+    std::string mesh;                         // while QUEUED
+    std::vector<std::int32_t> seam_corners;   // while QUEUED
+    std::vector<std::int32_t> uncut_corners;  // while QUEUED
+    std::shared_ptr<WorkerLink> link;         // while a worker has it
+    v1::Progress progress;                    // latest
     bool has_progress = false;
     int attachments = 0;
     bool detached = false;

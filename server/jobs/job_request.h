@@ -17,6 +17,7 @@ using OptionsValidator = std::function<absl::Status(const v1::UnwrapOptions&)>;
 struct JobRequest {
   std::string draco;
   std::vector<std::int32_t> seam_corners;
+  std::vector<std::int32_t> uncut_corners;
   v1::UnwrapOptions options;
   std::string request_id;
   std::string label;
@@ -28,7 +29,7 @@ struct JobRequest {
 };
 
 // INVALID_ARGUMENT naming the field (metadata "field"; reason MESH_MISSING, REQUEST_INVALID, OPTIONS_INVALID for a
-// negative seam corner, with its id as "corner", or what `validate_options` says); RESOURCE_EXHAUSTED with
+// negative corner, with its id as "corner", or what `validate_options` says); RESOURCE_EXHAUSTED with
 // MESH_TOO_LARGE. `validate_options` may be null.
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options);

@@ -3,6 +3,7 @@
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/base/error.h"
@@ -137,6 +138,12 @@ grpc::ServerUnaryReactor* Finish(grpc::CallbackServerContext* context, absl::Sta
   return Finish(context, result.status());
 }
 
+std::vector<std::int32_t> TakeNumbers(google::protobuf::RepeatedField<std::int32_t>* field) {
+  google::protobuf::RepeatedField<std::int32_t> taken;
+  taken.Swap(field);
+  return {taken.begin(), taken.end()};
+}
+
 // Takes the mesh and its seams out of the request instead of keeping them twice: gRPC keeps the request until the call
 // ends, which for Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads it
 // again.
@@ -145,9 +152,8 @@ JobRequest TakeRequest(const Request* request) {
   JobRequest job;
   auto* mine = const_cast<Request*>(request);
   job.draco = std::move(*mine->mutable_draco());
-  google::protobuf::RepeatedField<std::int32_t> seam_corners;
-  seam_corners.Swap(mine->mutable_seam_corners());
-  job.seam_corners.assign(seam_corners.begin(), seam_corners.end());
+  job.seam_corners = TakeNumbers(mine->mutable_seam_corners());
+  job.uncut_corners = TakeNumbers(mine->mutable_uncut_corners());
   job.options = request->options();
   job.request_id = request->request_id();
   job.label = request->label();

@@ -34,6 +34,7 @@ class Work {
     const int max_threads = std::clamp(request_.max_threads(), 1, kMaxThreads);
     options.threads = request_.options().threads() == 0 ? max_threads : std::min(options.threads, max_threads);
     options.seams.corners.assign(request_.seam_corners().begin(), request_.seam_corners().end());
+    options.seams.uncut_corners.assign(request_.uncut_corners().begin(), request_.uncut_corners().end());
     tolerance_ = options.flatten.tolerance;
 
     ReportStage(v1::STAGE_DECODE);

@@ -37,7 +37,6 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
                                         "--texture-size=2048",
                                         "--padding=0",
                                         "--tiles=3",
-                                        "--texcoord=1",
                                         "--tolerance=1e-7",
                                         "--max-newton-iterations=7",
                                         "--threads=3",
@@ -66,7 +65,6 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_TRUE(arguments.options.pack);
   EXPECT_TRUE(arguments.seams.uv && arguments.seams.materials && arguments.seams.groups);
   EXPECT_THAT(arguments.seams.edge_files, ::testing::ElementsAre("a.txt", "b.txt"));
-  EXPECT_EQ(arguments.texcoord, 1);
   EXPECT_EQ(arguments.options.tolerance, 1e-7);
   EXPECT_EQ(arguments.options.max_newton_iterations, 7);
   EXPECT_EQ(arguments.options.threads, 3);
@@ -91,6 +89,7 @@ TEST(ArgumentsTest, SeamPolicies) {
   EXPECT_EQ(policy("--seams=hard,auto"), Seams::kAuto);
   EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--seams=hard"}).arguments->options.hard_edge_degrees, 66);
   EXPECT_FALSE(Parse({"unwrap", "in.obj", "-o", "o.obj", "--pack=off"}).arguments->options.pack);
+  EXPECT_EQ(Parse({"unwrap", "in.GLB", "-o", "o.obj", "--texcoord=1"}).arguments->texcoord, 1);
 }
 
 TEST(ArgumentsTest, Inspect) {
@@ -156,6 +155,8 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"unwrap", "in.obj", "-o", "x.obj", "--padding=-1"}, "padding"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--tiles=0"}, "tiles"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--pack=maybe"}, "maybe"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--texcoord=1"}, "is no glTF"},
+      {{"inspect", "in.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--pack=off", "--padding=4"}, "--pack=off"},
       {{"jobs", "list"}, "--server"},
       {{"jobs", "watch", "x", "--mesh", "in.obj", "--server=h:1"}, "-o"},

@@ -128,10 +128,13 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   callbacks.on_event = [&](const Event& event) { echo = *event.job; };
   const std::vector<std::uint32_t> edges = {4, 1, 5, 4};  // the diagonal, in the caller's ids, and an outer edge
   const std::vector<std::int32_t> corners = {0};          // faces the edge 2-4
+  const std::vector<std::int32_t> uncut = {5, 1};
   const UnwrapResult result = NewClient().Unwrap(
-      MeshView(kPositions, kTriangles).WithSeams(edges).WithSeamCorners(corners), options, callbacks);
+      MeshView(kPositions, kTriangles).WithSeams(edges).WithSeamCorners(corners).WithUncutCorners(uncut), options,
+      callbacks);
 
   EXPECT_THAT(seen.seam_corners(), ElementsAre(1, 3, 0));
+  EXPECT_THAT(seen.uncut_corners(), ElementsAre(5, 1));
   EXPECT_EQ(seen.options().seams(), v1::SEAMS_KEEP);
   EXPECT_EQ(seen.options().hard_edge_degrees(), 30);
   EXPECT_EQ(seen.options().max_stretch(), 2);
@@ -181,6 +184,8 @@ TEST_F(ClientTest, SeamsThatAreNoneAreRefusedBeforeTheyTravel) {
     error = ErrorOf([&] { NewClient().Unwrap(mesh.WithSeamCorners(std::vector<std::int32_t>{0, corner})); });
     EXPECT_EQ(error.reason(), "OPTIONS_INVALID");
     EXPECT_EQ(error.metadata().at("corner"), std::to_string(corner));
+    error = ErrorOf([&] { NewClient().Unwrap(mesh.WithUncutCorners(std::vector<std::int32_t>{corner})); });
+    EXPECT_EQ(error.metadata().at("field"), "uncut_corners");
   }
 }
 

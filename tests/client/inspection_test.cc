@@ -74,7 +74,7 @@ TEST_F(InspectionTest, FindingsHavePlacesInTheFile) {
   EXPECT_THAT(flat.places, HasSubstr("face 1 (FindingsHavePlacesInTheFile.obj:9)"));
   EXPECT_THAT(Named(inspection, "faces_repeating_a_vertex").faces, ElementsAre(2));
   EXPECT_THAT(Named(inspection, "duplicate_faces").faces, ElementsAre(3));
-  EXPECT_THAT(inspection.plan, ::testing::Contains(HasSubstr("places 3 triangles without area")));
+  EXPECT_THAT(inspection.plan, ::testing::Contains(HasSubstr("gives UV to 3 triangles without area")));
   EXPECT_EQ(inspection.not_a_disc_reason, "MESH_FACE_DEGENERATE");
   EXPECT_THAT(inspection.not_a_disc_message, HasSubstr("faces 1, 2, 4"));
 

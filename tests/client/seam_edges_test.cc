@@ -111,6 +111,14 @@ TEST_F(PolygonEdgesTest, ListsAreCheckedLineByLine) {
   EXPECT_THROW(PolygonEdges(file_, triangles_).ListedIn("/nonexistent/list"), Error);
 }
 
+TEST_F(PolygonEdgesTest, DiagonalsAreNamedOnce) {
+  EXPECT_THAT(DiagonalCorners(file_, triangles_), ElementsAre(5, 11)) << "0-4 in (0 4 3) and 1-5 in (1 5 4)";
+  file_.mesh.polygon_begin = {0, 3};
+  file_.mesh.corner_vertex = {0, 1, 4};
+  triangles_ = Triangulate(file_.mesh);
+  EXPECT_THAT(DiagonalCorners(file_, triangles_), IsEmpty());
+}
+
 TEST_F(PolygonEdgesTest, SourcesThatTheFileDoesNotHaveAreRefused) {
   for (bool SeamList::*source : {&SeamList::uv, &SeamList::materials, &SeamList::groups}) {
     SeamList list;

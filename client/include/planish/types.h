@@ -33,6 +33,9 @@ class MeshView {
   // By corners: number 3 t + k stands for the edge that corner k of triangle t faces, between its other two corners.
   // May be used beside WithSeams.
   MeshView WithSeamCorners(std::span<const std::int32_t> corners) const;
+  // Edges, by corners in the same way, along which no seam is added: diagonals of the polygons that the triangles come
+  // from. Given seams part charts all the same.
+  MeshView WithUncutCorners(std::span<const std::int32_t> corners) const;
 
   std::int64_t vertex_count() const { return coordinate_count_ / 3; }
   std::int64_t triangle_count() const { return index_count_ / 3; }
@@ -46,6 +49,7 @@ class MeshView {
   std::int64_t index_count_ = 0;
   std::span<const std::uint32_t> seam_vertices_;
   std::span<const std::int32_t> seam_corners_;
+  std::span<const std::int32_t> uncut_corners_;
 };
 
 enum class JobState { kUnspecified, kQueued, kRunning, kStopping, kSucceeded, kFailed, kCancelled, kExpired };

@@ -153,14 +153,17 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
 }
 
 TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
-  options_.max_mesh_bytes = 12;
+  options_.max_mesh_bytes = 16;
   Restart();
   JobRequest request = Request();
   request.seam_corners = {5, 0};
+  request.uncut_corners = {2};
   const auto accepted = manager_->Create(request);
   ASSERT_TRUE(accepted.ok()) << accepted.status();
-  EXPECT_EQ(accepted->job.mesh_bytes(), 12);
-  EXPECT_THAT(manager_->TakeNext()->request.seam_corners(), ElementsAre(5, 0));
+  EXPECT_EQ(accepted->job.mesh_bytes(), 16);
+  const auto assignment = manager_->TakeNext();
+  EXPECT_THAT(assignment->request.seam_corners(), ElementsAre(5, 0));
+  EXPECT_THAT(assignment->request.uncut_corners(), ElementsAre(2));
 
   request.seam_corners = {5, 0, 7};
   EXPECT_EQ(Reason(manager_->Create(request).status()), "MESH_TOO_LARGE");
@@ -170,6 +173,9 @@ TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
   EXPECT_EQ(info.reason, "OPTIONS_INVALID");
   EXPECT_EQ(info.metadata.at("field"), "seam_corners");
   EXPECT_EQ(info.metadata.at("corner"), "-3");
+  request.seam_corners.clear();
+  request.uncut_corners = {-4};
+  EXPECT_EQ(ErrorInfoOf(manager_->Create(request).status()).metadata.at("field"), "uncut_corners");
 }
 
 TEST_F(JobManagerTest, FullQueueSaysWhenToRetry) {

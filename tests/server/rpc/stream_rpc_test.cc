@@ -69,6 +69,7 @@ TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
   RpcTestServer server([&seen](ServerLink& link, const worker::v1::WorkRequest& request) {
     seen.emplace_back(request.seam_corners().begin(), request.seam_corners().end());
     EXPECT_EQ(request.draco(), "mesh");
+    EXPECT_EQ(request.uncut_corners_size(), request.seam_corners_size() == 1 ? 1 : 0);
     link.Send(SuccessMessage("uv"));
   });
   v1::UnwrapRequest request = MeshRequest();
@@ -80,6 +81,7 @@ TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
   v1::CreateJobRequest create;
   create.set_draco("mesh");
   create.add_seam_corners(3);
+  create.add_uncut_corners(8);
   grpc::ClientContext context;
   v1::Job job;
   ASSERT_TRUE(server.stub().CreateJob(&context, create, &job).ok());

@@ -164,6 +164,9 @@ TEST(Work, SeamCornersBeyondTheMeshAreRefusedByNumber) {
     EXPECT_EQ(info.metadata().at("field"), "seam_corners");
     EXPECT_EQ(info.metadata().at("corner"), std::to_string(corner));
     request.mutable_seam_corners()->RemoveLast();
+    worker::v1::WorkRequest uncut = Request(Bump(4));
+    uncut.add_uncut_corners(corner);
+    EXPECT_EQ(Reason(RunOnce(uncut)), "OPTIONS_INVALID") << corner;
   }
 }
 
