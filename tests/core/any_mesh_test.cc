@@ -1,0 +1,273 @@
+// Unwrap() on meshes that are no discs.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "core/base/error.h"
+#include "core/unwrap/unwrap.h"
+#include "core/unwrap/verify.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/core/shapes.h"
+
+namespace planish {
+namespace {
+
+Vec2 Uv(const UnwrapResult& result, std::int64_t corner) {
+  return {result.uv[2 * corner], result.uv[2 * corner + 1]};
+}
+
+bool Warned(const UnwrapResult& result, const std::string& reason) {
+  return std::any_of(result.warnings.begin(), result.warnings.end(), [&](const auto& w) { return w.reason == reason; });
+}
+
+UnwrapOptions WithPolicy(SeamPolicy policy) {
+  UnwrapOptions options;
+  options.seams.policy = policy;
+  return options;
+}
+
+// A cube of n x n cells a side.
+Mesh Cube(int n) {
+  Mesh mesh;
+  std::map<std::array<int, 3>, std::int32_t> ids;
+  const auto vertex = [&](std::array<int, 3> p) {
+    const auto [at, is_new] = ids.emplace(p, static_cast<std::int32_t>(mesh.positions.size()));
+    if (is_new) mesh.positions.push_back(Vec3(p[0], p[1], p[2]) / n);
+    return at->second;
+  };
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const int side : {0, n}) {
+      for (int i = 0; i < n; ++i) {
+        for (int j = 0; j < n; ++j) {
+          const auto at = [&](int s, int t) {
+            std::array<int, 3> p;
+            p[axis] = side;
+            p[(axis + 1) % 3] = s;
+            p[(axis + 2) % 3] = t;
+            return vertex(p);
+          };
+          const std::int32_t a = at(i, j), b = at(i + 1, j), c = at(i + 1, j + 1), d = at(i, j + 1);
+          if (side == 0) {
+            mesh.faces.push_back({a, c, b});
+            mesh.faces.push_back({a, d, c});
+          } else {
+            mesh.faces.push_back({a, b, c});
+            mesh.faces.push_back({a, c, d});
+          }
+        }
+      }
+    }
+  }
+  return mesh;
+}
+
+TEST(AnyMesh, ComesBackWithoutFaults) {
+  for (const Mesh& mesh : {testing::Tetrahedron(), testing::Torus(30, 16), testing::Cylinder(16, 8),
+                           testing::MoebiusStrip(20), testing::PuncturedSphere(12, 0.05), Cube(6)}) {
+    const auto result = Unwrap(mesh, {}, {});
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_EQ(result->quality.flipped, 0);
+    EXPECT_EQ(result->quality.degenerate, 0);
+    EXPECT_EQ(result->quality.overlapping, 0);
+    EXPECT_LE(result->quality.stretch_l2, 1.06);
+    std::int64_t triangles = 0;
+    for (const ChartReport& chart : result->charts) {
+      triangles += chart.triangles;
+      EXPECT_TRUE(chart.flatten.converged);
+    }
+    EXPECT_EQ(triangles, mesh.num_faces());
+    ASSERT_EQ(result->face_chart.size(), mesh.faces.size());
+    // By looking at every pair: nothing is glued, so no outline can vouch for anything.
+    const std::vector<std::int32_t> nothing_glued(3 * mesh.faces.size(), -1);
+    EXPECT_EQ(CheckOverlaps(nothing_glued, result->uv, CheckOrientations(result->uv)).pairs, 0);
+    for (const double x : result->uv) {
+      EXPECT_GE(x, 0);
+      EXPECT_LE(x, 1);
+    }
+  }
+}
+
+TEST(AnyMesh, ThreadsChangeNoBit) {
+  const Mesh mesh = testing::Torus(60, 30);
+  UnwrapOptions options;
+  options.seams.max_stretch = 1.01;
+  const auto alone = Unwrap(mesh, options, {});
+  ASSERT_TRUE(alone.ok());
+  EXPECT_GT(alone->charts.size(), 3u);
+  for (const int threads : {2, 3}) {
+    options.threads = threads;
+    const auto together = Unwrap(mesh, options, {});
+    ASSERT_TRUE(together.ok());
+    EXPECT_EQ(together->uv, alone->uv);
+    EXPECT_EQ(together->face_chart, alone->face_chart);
+  }
+}
+
+TEST(AnyMesh, HardEdgesPartACubeIntoItsSides) {
+  UnwrapOptions options = WithPolicy(SeamPolicy::kKeep);
+  options.seams.hard_edge_degrees = 66;
+  const auto result = Unwrap(Cube(4), options, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->charts.size(), 6u);
+  EXPECT_NEAR(result->quality.stretch_l2, 1, 1e-6);
+  EXPECT_FALSE(Warned(*result, "SEAMS_ADDED"));
+}
+
+TEST(AnyMesh, KeepRefusesWhatNeededCutsOpen) {
+  const Mesh torus = testing::Torus(16, 10);
+  const auto refused = Unwrap(torus, WithPolicy(SeamPolicy::kKeep), {});
+  EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(ErrorInfoOf(refused.status()).reason, "PIECE_NOT_A_DISC");
+  const auto cut = Unwrap(torus, WithPolicy(SeamPolicy::kNeeded), {});
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_TRUE(Warned(*cut, "SEAMS_ADDED"));
+  EXPECT_EQ(cut->quality.overlapping, 0);
+  EXPECT_EQ(cut->quality.flipped, 0);
+}
+
+TEST(AnyMesh, GivenSeamsAreKeptExactly) {
+  // A tube cut along one line of edges is a disc.
+  const Mesh mesh = testing::Cylinder(12, 6);
+  std::vector<std::int32_t> seam;
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(mesh.faces.size()); ++f) {
+    for (int k = 0; k < 3; ++k) {
+      const Vec3 &a = mesh.positions[mesh.faces[f][Next(k)]], &b = mesh.positions[mesh.faces[f][Prev(k)]];
+      const Vec3& first = mesh.positions[0];
+      const auto on_line = [&](const Vec3& p) { return std::hypot(p.x() - first.x(), p.y() - first.y()) < 1e-9; };
+      if (on_line(a) && on_line(b)) seam.push_back(3 * f + k);
+    }
+  }
+  ASSERT_FALSE(seam.empty());
+  UnwrapOptions options = WithPolicy(SeamPolicy::kKeep);
+  options.seams.corners = seam;
+  const auto result = Unwrap(mesh, options, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->charts.size(), 1u);
+  EXPECT_NEAR(result->quality.stretch_l2, 1, 1e-3);
+}
+
+// A sheet with a hole is cut from the hole to the rim, flattens onto itself, and the cut closes again.
+TEST(AnyMesh, SlitsThatCloseBecomeOneLineAgain) {
+  Mesh mesh = testing::Plane(6, 6);
+  std::vector<Face> faces;
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    Vec3 centre = Vec3::Zero();
+    for (const std::int32_t v : mesh.faces[f]) centre += mesh.positions[v] / 3;
+    if ((centre - Vec3(0.5, 0.5, 0)).cwiseAbs().maxCoeff() > 0.17) faces.push_back(mesh.faces[f]);
+  }
+  ASSERT_LT(faces.size(), mesh.faces.size());
+  mesh.faces = faces;
+  const auto result = Unwrap(mesh, WithPolicy(SeamPolicy::kNeeded), {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->charts.size(), 1u);
+  EXPECT_EQ(result->quality.overlapping, 0);
+  std::map<std::int32_t, std::set<std::pair<double, double>>> places;
+  for (std::int64_t c = 0; c < 3 * mesh.num_faces(); ++c) {
+    places[mesh.faces[c / 3][c % 3]].insert({Uv(*result, c).x(), Uv(*result, c).y()});
+  }
+  for (const auto& [v, at] : places) EXPECT_EQ(at.size(), 1u) << v;
+}
+
+TEST(AnyMesh, UncutEdgesStayWhole) {
+  const Mesh mesh = Cube(5);  // every two faces are a square
+  UnwrapOptions options;
+  for (std::int32_t f = 0; f < mesh.num_faces(); f += 2) {
+    const Face &a = mesh.faces[f], &b = mesh.faces[f + 1];
+    for (int k = 0; k < 3; ++k) {
+      if (std::find(b.begin(), b.end(), a[k]) == b.end()) options.seams.uncut_corners.push_back(3 * f + k);
+    }
+  }
+  ASSERT_EQ(options.seams.uncut_corners.size(), mesh.faces.size() / 2);
+  for (const SeamPolicy policy : {SeamPolicy::kAuto, SeamPolicy::kNeeded}) {
+    options.seams.policy = policy;
+    const auto result = Unwrap(mesh, options, {});
+    ASSERT_TRUE(result.ok()) << result.status();
+    for (std::int32_t f = 0; f < mesh.num_faces(); f += 2) {
+      EXPECT_EQ(result->face_chart[f], result->face_chart[f + 1]);
+      for (int k = 0; k < 3; ++k) {
+        for (int j = 0; j < 3; ++j) {
+          if (mesh.faces[f][k] != mesh.faces[f + 1][j]) continue;
+          EXPECT_EQ(Uv(*result, 3 * f + k), Uv(*result, 3 * (f + 1) + j)) << f;
+        }
+      }
+    }
+  }
+}
+
+TEST(AnyMesh, FacesWithoutAreaGetUvAndNoPromise) {
+  Mesh mesh = testing::Hills(6, 6);
+  const Face face = mesh.faces[10];
+  mesh.faces.push_back({face[0], face[0], face[1]});
+  const auto result = Unwrap(mesh, {}, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_TRUE(Warned(*result, "FACES_WITHOUT_AREA"));
+  EXPECT_EQ(result->quality.degenerate, 0);
+  EXPECT_EQ(result->face_chart.back(), -1);
+  const std::int64_t last = 3 * (mesh.num_faces() - 1);
+  EXPECT_EQ(Uv(*result, last), Uv(*result, 30));
+  EXPECT_EQ(Uv(*result, last + 1), Uv(*result, 30));
+  EXPECT_EQ(Uv(*result, last + 2), Uv(*result, 31));
+
+  Mesh nothing;
+  nothing.positions = {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(2, 0, 0)};
+  nothing.faces = {{0, 1, 2}};
+  EXPECT_EQ(ErrorInfoOf(Unwrap(nothing, {}, {}).status()).reason, "MESH_FACE_DEGENERATE");
+}
+
+TEST(AnyMesh, WithoutPackingChartsKeepTheSurfacesScale) {
+  UnwrapOptions options;
+  options.pack = false;
+  const Mesh mesh = testing::Torus(30, 16);
+  const auto result = Unwrap(mesh, options, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->quality.overlapping, 0);
+  EXPECT_EQ(result->texels_per_unit, 0);
+  double uv_area = 0, area = 0;
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    const Vec2 a = Uv(*result, 3 * f + 1) - Uv(*result, 3 * f), b = Uv(*result, 3 * f + 2) - Uv(*result, 3 * f);
+    uv_area += (a.x() * b.y() - a.y() * b.x()) / 2;
+    const auto& [u, v, w] = mesh.faces[f];
+    area += (mesh.positions[v] - mesh.positions[u]).cross(mesh.positions[w] - mesh.positions[u]).norm() / 2;
+  }
+  EXPECT_NEAR(uv_area, area, 1e-5 * area);
+}
+
+TEST(AnyMesh, CanBeInterruptedInEveryStage) {
+  const Mesh mesh = testing::Torus(40, 20);
+  for (const UnwrapStage stage :
+       {UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout, UnwrapStage::kPack, UnwrapStage::kVerify}) {
+    Interrupter interrupter;
+    UnwrapControl control;
+    control.interrupter = &interrupter;
+    control.on_progress = [&](const UnwrapProgress& progress) {
+      if (progress.stage == stage) interrupter.Interrupt();
+    };
+    EXPECT_EQ(Unwrap(mesh, {}, control).status().code(), absl::StatusCode::kCancelled) << static_cast<int>(stage);
+  }
+}
+
+// Two squares of two triangles each; the second one where `offset` says.
+CornerUv TwoSquares(const Vec2& offset, double size) {
+  CornerUv uv;
+  for (const auto& [low, side] : {std::pair(Vec2(0, 0), 1.0), std::pair(offset, size)}) {
+    const Vec2 a = low, b = low + Vec2(side, 0), c = low + Vec2(side, side), d = low + Vec2(0, side);
+    for (const Vec2& p : {a, b, c, a, c, d}) uv.insert(uv.end(), {p.x(), p.y()});
+  }
+  return uv;
+}
+
+TEST(CheckOverlaps, SeesChartsInsideEachOther) {
+  // Corner 1 of the first triangle and corner 2 of the second face the diagonal.
+  const std::vector<std::int32_t> opposite = {-1, 5, -1, -1, -1, 1, -1, 11, -1, -1, -1, 7};
+  const auto pairs = [&](const CornerUv& uv) { return CheckOverlaps(opposite, uv, CheckOrientations(uv)).pairs; };
+  EXPECT_EQ(pairs(TwoSquares({2, 0}, 1)), 0);
+  EXPECT_GT(pairs(TwoSquares({0.3, 0.4}, 0.2)), 0);
+  EXPECT_GT(pairs(TwoSquares({-1, -1}, 3)), 0);
+  EXPECT_GT(pairs(TwoSquares({0.5, 0.5}, 1)), 0);
+  EXPECT_EQ(pairs(TwoSquares({1, 0}, 1)), 0);  // side by side, touching
+}
+
+}  // namespace
+}  // namespace planish
