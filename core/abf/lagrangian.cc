@@ -98,6 +98,7 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
 }
 
 Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian, ThreadTeam& team) {
+  constexpr double kLeastMagnitude = kMinCurvature / 10;
   // diag(a) on the plane in the coordinates (u, v) of (u, v, -u - v).
   const auto on_plane = [](const double* a) {
     Eigen::Matrix2d plane;
@@ -114,7 +115,7 @@ Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::V
       const Eigen::Matrix2d inverse = root.inverse();
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
       eigen.computeDirect(inverse * on_plane(a) * inverse.transpose());
-      const Eigen::Vector2d values = eigen.eigenvalues().cwiseAbs().cwiseMax(kMinCurvature);
+      const Eigen::Vector2d values = eigen.eigenvalues().cwiseAbs().cwiseMax(kLeastMagnitude);
       const Eigen::Matrix2d vectors = root * eigen.eigenvectors();
       const Eigen::Matrix2d plane = vectors * values.asDiagonal() * vectors.transpose();
       a[0] = plane(0, 0) - plane(0, 1);

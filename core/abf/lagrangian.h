@@ -49,8 +49,8 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
                        ThreadTeam& team = Alone());
 
 // The absolute value of the Hessian on the plane, relative to diag(f''): the eigenvalues of faces that kByFace would
-// change turn positive by a change of sign, and those below kMinCurvature become that. What an indefinite system is to
-// be preconditioned with: its eigenvalues end up near 1 and -1.
+// change turn positive by a change of sign, and those below a tenth of kMinCurvature become that. What an indefinite
+// system is to be preconditioned with: its eigenvalues end up near 1, but for one of each such face.
 Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
                                 ThreadTeam& team = Alone());
 

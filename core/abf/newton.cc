@@ -43,6 +43,10 @@ constexpr double kGoodEnough = 1e-3;
 // Residual from which on HessianType::kAuto trusts the exact Hessian where it is not positive. Further away it leads
 // astray (22 steps instead of 10 on boot_seam); nearer, the convexified one converges linearly only.
 constexpr double kNearSolution = 3e-2;
+// Down to this residual the convexified one goes on for as long as each step gains a digit with it: its linear solves
+// take half the iterations.
+constexpr double kVeryNearSolution = 1e-3;
+constexpr double kDigit = 0.1;
 
 }  // namespace
 
@@ -156,7 +160,10 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
 absl::StatusOr<bool> Newton::TakeStep() {
   Eigen::VectorXd convex = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
   Eigen::VectorXd hessian;  // where it is not convex itself
-  const bool near = summary_.residual.Max() <= kNearSolution;
+  const double residual = summary_.residual.Max();
+  const double before = std::exchange(last_residual_, residual);
+  const bool gains = residual > kVeryNearSolution && residual <= kDigit * before;
+  const bool near = residual <= kNearSolution && !gains;
   const bool try_exact =
       options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
   if (try_exact) hessian = convex;
@@ -202,6 +209,7 @@ void Newton::Restart() {
 
 void Newton::Forget() {
   merit_.Reset();
+  last_residual_ = 0;
   short_steps_ = narrow_steps_ = 0;
   exact_steps_ = false;
 }

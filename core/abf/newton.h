@@ -95,6 +95,7 @@ class Newton {
   MeritFunction merit_;
   double collapsed_ = 0;  // see AnglesCollapse()
   int narrow_steps_ = 0, narrow_steps_allowed_ = 0;
+  double last_residual_ = 0;  // before the last step; 0 before the first
   double step_length_ = 0;
   int short_steps_ = 0;          // in a row
   bool exact_steps_ = false;     // no forcing terms any more
