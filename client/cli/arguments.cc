@@ -319,6 +319,9 @@ std::string CheckTogether(Arguments& arguments) {
         return "--detach needs --server (or PLANISH_SERVER): a private server ends with this command, and the job "
                "with it";
       }
+      if (arguments.detach && !arguments.more_inputs.empty()) {
+        return "--detach takes one file: jobs watch could not write the UV of several";
+      }
       if (arguments.detach && !arguments.output.empty()) {
         return "--detach does not wait for UV, so there is nothing for -o; fetch them later with: planish jobs watch "
                "JOB --mesh " +

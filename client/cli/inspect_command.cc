@@ -7,7 +7,7 @@
 namespace planish::cli {
 
 int RunInspect(const Arguments& arguments) {
-  const MeshInput input(arguments.input, {arguments.texcoord});
+  const MeshInput input({arguments.input}, arguments.texcoord);
   const Inspection inspection = Inspect(input);
   std::cout << (arguments.json ? ToText(InspectionJson(input, inspection)) : InspectionText(input, inspection))
             << std::flush;

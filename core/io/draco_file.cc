@@ -64,7 +64,7 @@ absl::StatusOr<PolygonMesh> ReadDracoFile(const std::string& path, std::string_v
 
 absl::StatusOr<std::string> WriteDraco(const MeshFile& file, const std::vector<double>& corner_uv) {
   PLANISH_ASSIGN_OR_RETURN(DracoPoints points, DecodeDracoPoints(file.bytes, true));
-  const CornerSplit split = SplitCorners(points.num_points, CornersOf(points), corner_uv);
+  const CornerSplit split = SplitCorners(points.num_points, CornersOf(points), corner_uv, true);
   const DracoAttribute* const old = FindUv(points);
   ReplaceDracoUv(split, split.corner, old == nullptr ? -1 : std::int64_t{old->unique_id}, &points);
   return EncodeDracoPoints(points);
@@ -90,7 +90,7 @@ absl::StatusOr<std::string> PlainDraco(const PolygonMesh& mesh, const std::vecto
     position.values.append(reinterpret_cast<const char*>(rounded.data()), 3 * sizeof(float));
   }
   points.attributes.push_back(std::move(position));
-  const CornerSplit split = SplitCorners(points.num_points, CornersOf(points), uv);
+  const CornerSplit split = SplitCorners(points.num_points, CornersOf(points), uv, true);
   ReplaceDracoUv(split, split.corner, -1, &points);
   return EncodeDracoPoints(points);
 }

@@ -8,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "core/io/number.h"
 #include "draco/attributes/attribute_octahedron_transform.h"
 #include "draco/attributes/attribute_quantization_transform.h"
 #include "draco/compression/decode.h"
@@ -180,6 +181,24 @@ absl::StatusOr<DracoPoints> DecodeOrThrow(const std::string& bytes, bool want_qu
   return points;
 }
 
+// As text with all digits: SetAttributeExplicitQuantization keeps six decimals of its floats, so that values would come
+// back changed.
+draco::Options QuantizationOptions(const DracoAttribute& attribute) {
+  draco::Options options;
+  options.SetInt("quantization_bits", attribute.quantization_bits);
+  if (attribute.origin.empty()) return options;
+  std::string origin;
+  for (const float value : attribute.origin) {
+    if (!origin.empty()) origin += ' ';
+    AppendShortest(value, &origin);
+  }
+  std::string range;
+  AppendShortest(attribute.range, &range);
+  options.SetString("quantization_origin", origin);
+  options.SetString("quantization_range", range);
+  return options;
+}
+
 absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<bool>& quantize) {
   draco::Mesh mesh;
   mesh.set_num_points(static_cast<std::uint32_t>(points.num_points));
@@ -211,12 +230,7 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
   for (std::size_t i = 0; i < points.attributes.size(); ++i) {
     const DracoAttribute& attribute = points.attributes[i];
     if (!quantize[i]) continue;
-    if (attribute.origin.empty()) {
-      encoder.SetAttributeQuantization(static_cast<int>(i), attribute.quantization_bits);
-    } else {
-      encoder.SetAttributeExplicitQuantization(static_cast<int>(i), attribute.quantization_bits, attribute.components,
-                                               attribute.origin.data(), attribute.range);
-    }
+    encoder.options().SetAttributeOptions(static_cast<int>(i), QuantizationOptions(attribute));
   }
   // As in EncodeDraco: the decoder refuses data of fewer than 3 bytes a face.
   encoder.options().SetGlobalBool(
@@ -239,31 +253,32 @@ absl::Status CheckEncodable(const DracoPoints& points) {
   return absl::OkStatus();
 }
 
+// Which attributes of `points` come back from `bytes` as they are; nothing if the faces do not.
+std::vector<bool> KeptBy(const std::string& bytes, const DracoPoints& points) {
+  const absl::StatusOr<DracoPoints> again = DecodeOrThrow(bytes, false);
+  if (!again.ok() || again->faces != points.faces || again->attributes.size() != points.attributes.size()) return {};
+  std::vector<bool> kept;
+  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
+    kept.push_back(again->attributes[i].values == points.attributes[i].values);
+  }
+  return kept;
+}
+
 absl::StatusOr<std::string> EncodeOrThrow(const DracoPoints& points) {
   std::vector<bool> quantize;
   for (const DracoAttribute& attribute : points.attributes) quantize.push_back(attribute.quantization_bits > 0);
-  PLANISH_ASSIGN_OR_RETURN(std::string bytes, Encode(points, quantize));
   // What was rounded must come back as it is; where it does not, it is not rounded the next time.
-  PLANISH_ASSIGN_OR_RETURN(const DracoPoints again, DecodeOrThrow(bytes, false));
-  bool all_same = true;
-  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
-    const bool same = again.attributes.size() == points.attributes.size() &&
-                      again.attributes[i].values == points.attributes[i].values;
-    all_same &= same;
-    if (!same) quantize[i] = false;
-  }
-  if (all_same && again.faces == points.faces) return bytes;
-  PLANISH_ASSIGN_OR_RETURN(bytes, Encode(points, quantize));
-  PLANISH_ASSIGN_OR_RETURN(const DracoPoints last, DecodeOrThrow(bytes, false));
-  if (last.faces != points.faces || last.attributes.size() != points.attributes.size()) {
-    return InternalError("Draco does not give back the faces it was given");
-  }
-  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
-    if (last.attributes[i].values != points.attributes[i].values) {
-      return InternalError("Draco does not give back the values of attribute " + std::to_string(i));
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    absl::StatusOr<std::string> bytes = Encode(points, quantize);
+    // What is not finite cannot be rounded; without rounding all but integers above 2^31 can be encoded.
+    const std::vector<bool> kept = bytes.ok() ? KeptBy(*bytes, points) : std::vector<bool>();
+    if (!kept.empty() && std::find(kept.begin(), kept.end(), false) == kept.end()) return bytes;
+    for (std::size_t i = 0; i < quantize.size(); ++i) {
+      quantize[i] = quantize[i] && attempt == 0 && !kept.empty() && kept[i];
     }
   }
-  return bytes;
+  return Invalid("OUTPUT_UNSUPPORTED", "Draco cannot hold the values of this mesh: it does not give back the " +
+                                           std::to_string(points.num_points) + " points that it is given");
 }
 
 absl::Status OutOfMemory(const char* doing) {

@@ -48,7 +48,8 @@ absl::StatusOr<DracoPoints> DecodeDracoPoints(const std::string& bytes, bool wan
 // Encodes faces and points in their order (sequential: Edgebreaker would reorder both, drop faces without area and with
 // them the promise that no face is lost). An attribute with quantization_bits is rounded on the same grid again if
 // that gives back the same bytes, which is checked by decoding; any other is kept to the bit.
-// INVALID_ARGUMENT: MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE; RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
+// INVALID_ARGUMENT: MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE; OUTPUT_UNSUPPORTED for what Draco cannot hold (integers above
+// 2^31; more points than three a face). RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<std::string> EncodeDracoPoints(const DracoPoints& points);
 
 }  // namespace planish

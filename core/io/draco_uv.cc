@@ -12,10 +12,13 @@ void ReplaceDracoUv(const CornerSplit& split, const std::vector<std::int32_t>& i
   std::uint32_t free_id = 0;
   for (DracoAttribute& attribute : points->attributes) {
     free_id = std::max(free_id, attribute.unique_id + 1);
-    for (std::int64_t v = points->num_points; v < split.num_vertices(); ++v) {
-      const std::size_t source = static_cast<std::size_t>(split.source[v] * attribute.value_size);
-      attribute.values += attribute.values.substr(source, static_cast<std::size_t>(attribute.value_size));
+    std::string values;
+    values.reserve(split.source.size() * static_cast<std::size_t>(attribute.value_size));
+    for (const std::int32_t source : split.source) {
+      values.append(attribute.values, static_cast<std::size_t>(source * attribute.value_size),
+                    static_cast<std::size_t>(attribute.value_size));
     }
+    attribute.values = std::move(values);
   }
   DracoAttribute uv;
   uv.kind = DracoKind::kTexcoord;

@@ -87,6 +87,12 @@ class GltfReader {
     PLANISH_ASSIGN_OR_RETURN(const std::int32_t material, ReadMaterial(json));
     if (gltf_->pools[primitive.pool].draco) {
       primitive.is_list = true;
+      if (json.contains("indices")) {
+        // Nothing stands behind it, but it is written again.
+        const absl::StatusOr<std::int64_t> indices =
+            GltfIndex(document(), json["indices"], element_ + ".indices", num_accessors_);
+        if (!indices.ok()) return indices.status();
+      }
       for (const Face& face : gltf_->pools[primitive.pool].draco->faces) {
         PLANISH_RETURN_IF_ERROR(AddTriangle(face[0], face[1], face[2], primitive.pool, material));
       }

@@ -67,8 +67,8 @@ class GltfUvWriter {
       corners.insert(corners.end(), gltf_.corner_vertex.begin() + begin, gltf_.corner_vertex.begin() + end);
       uv.insert(uv.end(), uv_.begin() + 2 * begin, uv_.begin() + 2 * end);
     }
-    const CornerSplit split = SplitCorners(pool.num_vertices, corners, uv);
-    const bool grows = split.num_vertices() > pool.num_vertices;
+    const CornerSplit split = SplitCorners(pool.num_vertices, corners, uv, pool.draco.has_value());
+    const bool grows = split.has_copies;
 
     const Json before = PrimitiveJson(gltf_.document.json, gltf_.primitives[users[0]]);
     const Json* const draco = DracoJson(before);

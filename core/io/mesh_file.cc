@@ -98,6 +98,8 @@ absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions
     return OutOfMemory(path);
   } catch (const std::length_error&) {
     return OutOfMemory(path);
+  } catch (const Json::exception& error) {
+    return InternalError(path + ": " + error.what());
   }
 }
 

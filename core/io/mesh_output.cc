@@ -102,6 +102,8 @@ absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vec
     return Write(file, corner_uv, options);
   } catch (const std::bad_alloc&) {
   } catch (const std::length_error&) {
+  } catch (const Json::exception& error) {
+    return InternalError(options.path + ": " + error.what());
   }
   return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
                    options.path + ": not enough memory to write the file", {{"path", options.path}});

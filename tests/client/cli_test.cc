@@ -132,6 +132,7 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"unwrap", "in.obj"}, "-o in_uv.obj"},
       {{"unwrap", "in.stl"}, "-o in_uv.obj"},
       {{"unwrap", "a.obj", "b.obj"}, "DIRECTORY/"},
+      {{"unwrap", "a.obj", "b.obj", "--detach", "--server=h:1"}, "one file"},
       {{"unwrap", "in.glb", "-o", "x.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "-", "--json"}, "stdout"},
       {{"unwrap", "in.obj", "--detach"}, "--server"},

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/strings/escaping.h"
+#include "core/io/draco_points.h"
 #include "core/io/gltf_document.h"
 
 namespace planish {
@@ -200,6 +201,59 @@ GltfFixture SampleGltf() {
        {{"name", "flat"}, {"extensions", {{"KHR_materials_unlit", Json::object()}}}, {"doubleSided", true}}});
   json["NOT_STANDARD"] = {{"kept", true}};
   return b.fixture;
+}
+
+GltfFixture SampleDracoGltf() {
+  GltfFixture fixture = SampleGltf();
+  Json& json = fixture.json;
+  Json& primitives = json["meshes"][0]["primitives"];
+  while (primitives.size() > 1) primitives.erase(1);
+  DracoPoints points;
+  points.num_points = kVertices;
+  points.faces = {{0, 3, 1}, {3, 4, 1}, {1, 4, 2}, {4, 5, 2}, {6, 9, 7}, {9, 10, 7}, {7, 10, 8}, {10, 11, 8}};
+  DracoAttribute position;
+  position.kind = DracoKind::kPosition;
+  position.unique_id = 7;
+  position.component = kDracoFloat32;
+  position.components = 3;
+  position.value_size = 12;
+  position.quantization_bits = 12;
+  position.origin = {0.123456789f, -1e-5f, 0};
+  position.range = 2.00000012f;
+  DracoAttribute normal = position;
+  normal.kind = DracoKind::kNormal;
+  normal.unique_id = 9;
+  normal.quantization_bits = 0;
+  const float step = position.range / 4095;
+  std::vector<float> positions, normals;
+  const int columns[] = {0, 2047, 2047, 4095};
+  for (int v = 0; v < kVertices; ++v) {
+    const int grid[] = {columns[v / 3], 1000 * (v % 3), v / 3 == 1 || v / 3 == 2 ? 500 : 0};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      positions.push_back(static_cast<float>(grid[axis]) * step + position.origin[axis]);
+    }
+    normals.insert(normals.end(), {v < 6 ? -0.6f : 0.6f, 0, 0.8f});
+  }
+  position.values = Packed(positions);
+  normal.values = Packed(normals);
+  points.attributes = {position, normal};
+
+  Builder b;
+  b.fixture = fixture;
+  const int view = b.View(EncodeDracoPoints(points).value());
+  fixture = b.fixture;
+  Json& primitive = fixture.json["meshes"][0]["primitives"][0];
+  primitive["extensions"]["KHR_draco_mesh_compression"] = {{"bufferView", view},
+                                                           {"attributes", {{"POSITION", 7}, {"NORMAL", 9}}}};
+  for (const char* name : {"POSITION", "NORMAL"}) {
+    fixture.json["accessors"][primitive["attributes"][name].get<std::size_t>()].erase("bufferView");
+  }
+  Json& indices = fixture.json["accessors"][primitive["indices"].get<std::size_t>()];
+  indices.erase("bufferView");
+  indices["count"] = 24;
+  fixture.json["extensionsUsed"].push_back("KHR_draco_mesh_compression");
+  fixture.json["extensionsRequired"].push_back("KHR_draco_mesh_compression");
+  return fixture;
 }
 
 }  // namespace planish

@@ -21,4 +21,8 @@ struct GltfFixture {
 // Further: a skin, an animation, an image in a bufferView, extras, extensions, and members that no standard knows.
 GltfFixture SampleGltf();
 
+// Its first primitive alone, with positions (rounded to 12 bits on an odd grid) and normals in
+// KHR_draco_mesh_compression and the other attributes and the morph target beside it.
+GltfFixture SampleDracoGltf();
+
 }  // namespace planish

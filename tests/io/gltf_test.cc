@@ -225,6 +225,52 @@ TEST(GltfWriter, KeepsBuffersAndImagesBesideTheFile) {
   EXPECT_EQ(again.bytes.substr(0, 5), "{\n \"a") << "indented as it was";
 }
 
+// What the points of a Draco primitive have of an attribute, per corner.
+std::vector<std::string> DracoCorners(const MeshFile& file, std::uint32_t unique_id) {
+  std::vector<std::string> result;
+  const DracoPoints& points = *file.gltf->pools[0].draco;
+  for (const DracoAttribute& attribute : points.attributes) {
+    if (attribute.unique_id != unique_id) continue;
+    for (const Face& face : points.faces) {
+      for (const std::int32_t point : face) {
+        result.push_back(attribute.values.substr(static_cast<std::size_t>(point * attribute.value_size),
+                                                 static_cast<std::size_t>(attribute.value_size)));
+      }
+    }
+  }
+  return result;
+}
+
+TEST(GltfWriter, CompressesWithDracoAgain) {
+  const MeshFile file = ReadBytes("in.glb", SampleDracoGltf().Glb());
+  EXPECT_EQ(file.mesh.num_polygons(), 10);
+  EXPECT_EQ(file.mesh.positions.size(), 9u + 4u) << "the seam is welded";
+  for (const bool seams : {false, true}) {
+    const std::vector<double> uv = seams ? TriangleUv(file.mesh.corner_vertex.size()) : SmoothUv(file.mesh);
+    const MeshFile again = Written(file, uv, "out.glb");
+    EXPECT_EQ(again.mesh.corner_vertex, file.mesh.corner_vertex);
+    EXPECT_EQ(again.mesh.positions, file.mesh.positions);
+    const std::vector<double> found = UvOf(again.mesh);
+    ASSERT_EQ(found.size(), uv.size());
+    for (std::size_t i = 0; i < uv.size(); ++i) EXPECT_NEAR(found[i], uv[i], 1e-7);
+    for (const std::uint32_t id : {7u, 9u}) EXPECT_EQ(DracoCorners(again, id), DracoCorners(file, id)) << id;
+    for (const char* beside : {"TANGENT", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
+      EXPECT_EQ(CornerBytes(again, 0, beside), CornerBytes(file, 0, beside)) << beside;
+    }
+    EXPECT_EQ(CornerBytes(again, 0, "POSITION", true), CornerBytes(file, 0, "POSITION", true));
+    const Json& primitive = again.gltf->document.json["meshes"][0]["primitives"][0];
+    const Json& extension = primitive["extensions"]["KHR_draco_mesh_compression"];
+    EXPECT_EQ(extension["attributes"]["POSITION"], 7);
+    EXPECT_EQ(extension["attributes"]["TEXCOORD_0"], 10);
+    const std::string_view bytes = ViewBytes(again.gltf->document, extension["bufferView"], "draco").value();
+    EXPECT_EQ(DecodeDracoPoints(std::string(bytes), true)->attributes[0].quantization_bits, 12)
+        << "rounded on the same grid again";
+    const std::size_t uv_accessor = primitive["attributes"]["TEXCOORD_0"];
+    EXPECT_FALSE(again.gltf->document.json["accessors"][uv_accessor].contains("bufferView"));
+    EXPECT_EQ(again.gltf->document.json["accessors"][uv_accessor]["count"], again.gltf->pools[0].num_vertices);
+  }
+}
+
 struct Damage {
   const char* name;
   std::function<void(Json*)> act;

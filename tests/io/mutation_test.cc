@@ -1,6 +1,7 @@
 // Damaged files: every reader ends with valid polygons or an error of its own kind, in little time and memory.
 // PLANISH_IO_MUTATIONS sets the number of damaged files per format (default 2000).
 #include <cstdlib>
+#include <cstring>
 #include <random>
 
 #include "core/io/draco_codec.h"
@@ -144,9 +145,11 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& sample) { return sample.param.name; });
 
 // JSON and bytes apart: a damaged GLB is nearly always a damaged JSON text.
-TEST(GltfMutation, EndsWell) {
+class GltfMutation : public testing::TestWithParam<bool> {};
+
+TEST_P(GltfMutation, EndsWell) {
   std::mt19937 random(7);
-  const GltfFixture fixture = SampleGltf();
+  const GltfFixture fixture = GetParam() ? SampleDracoGltf() : SampleGltf();
   const std::string glb = fixture.Glb();
   // Numbers of the JSON that are replaced by others.
   std::vector<Json::json_pointer> numbers;
@@ -212,16 +215,27 @@ TEST(GltfMutation, EndsWell) {
     OutputOptions options;
     options.format = MeshFormat::kGlb;
     const auto written = WriteMeshWithUv(file, uv, options);
+    // Damage that turns floats into integers may leave some that Draco cannot encode.
+    if (GetParam() && Reason(written.status()) == "OUTPUT_UNSUPPORTED") continue;
     ASSERT_TRUE(written.ok()) << written.status() << "\n" << file.gltf->document.json.dump();
     std::shared_ptr<const GltfMesh> ignored;
     const auto again = ReadGltf("out", written->files[0].bytes, 0, &ignored);
     ASSERT_TRUE(again.ok()) << again.status() << "\n" << file.gltf->document.json.dump();
-    EXPECT_EQ(again->corner_vertex, mesh->corner_vertex);
+    // Vertices without a face may give way to copies of others, so only places can be compared.
+    ASSERT_EQ(again->corner_vertex.size(), mesh->corner_vertex.size());
+    for (std::size_t c = 0; c < mesh->corner_vertex.size(); ++c) {
+      const Vec3& before = mesh->positions[mesh->corner_vertex[c]];
+      const Vec3& after = again->positions[again->corner_vertex[c]];
+      EXPECT_EQ(std::memcmp(before.data(), after.data(), sizeof(Vec3)), 0);
+    }
     ++written_again;
   }
   EXPECT_GT(refused, NumMutations() / 10);
   EXPECT_GT(written_again, NumMutations() / 10);
 }
+
+INSTANTIATE_TEST_SUITE_P(All, GltfMutation, testing::Bool(),
+                         [](const auto& draco) { return draco.param ? "draco" : "plain"; });
 
 TEST(DracoMutation, EndsWell) {
   std::mt19937 random(7);
