@@ -14,6 +14,7 @@ namespace planish {
 namespace {
 
 constexpr int kDepthUnit = 16;         // of a pixel
+constexpr double kSlack = 0.5;        // pixels by which charts may overlap: positions are whole
 constexpr int kBorder = 2;             // pixels round the tile that samples at the rim may fall on
 constexpr double kMostWeight = 1000;   // of a pair
 constexpr std::int64_t kWeightUnit = 16;
@@ -42,6 +43,7 @@ struct Turned {
   int left = 0, bottom = 0, width = 0, height = 0;
   std::vector<std::int16_t> depth;      // width x height; empty until needed
   std::vector<Span> rows;               // where depth is above 0
+  std::int64_t own = 0;                 // depth under its own samples
 };
 
 struct Pose {
@@ -87,7 +89,6 @@ class Search {
       for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
       bool any = false;
       for (const std::int32_t i : order) any |= Move(i);
-      if (getenv("PASS_DEBUG")) {double sum=0;int c=0; for (int i=0;i<n;++i){Draw(i,-kWeightUnit); double x=Cost(i,poses_[i],1LL<<60)/256.; sum+=x; c+=x>0; Draw(i,kWeightUnit);} fprintf(stderr,"pass %d cost %.2f in %d\n",pass,sum,c);}
       if (!any) return true;
       Weigh();
     }
@@ -174,7 +175,7 @@ class Search {
   }
 
   void MeasureDepth(std::int32_t i, Turned* turned) const {
-    const double reach = options_.distance / pixel_ - (getenv("SLACK")?atof(getenv("SLACK")):0.5);  // beyond the outline, in pixels
+    const double reach = options_.distance / pixel_ - kSlack;  // beyond the outline, in pixels
     const double out = std::max(reach, 0.0) + 1;
     turned->left = static_cast<int>(std::floor(turned->low.x() - out));
     turned->bottom = static_cast<int>(std::floor(turned->low.y() - out));
@@ -198,6 +199,25 @@ class Search {
         row.end = x + 1;
       }
     }
+    turned->own = DepthUnder(*turned, *turned, 0, 0);
+  }
+
+  static std::int64_t DepthAt(const Turned& turned, int x, int y) {
+    x -= turned.left;
+    y -= turned.bottom;
+    const bool inside = x >= 0 && y >= 0 && x < turned.width && y < turned.height;
+    return inside ? turned.depth[static_cast<std::size_t>(y) * turned.width + x] : 0;
+  }
+
+  // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
+  std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) const {
+    std::int64_t sum = 0;
+    for (const std::int32_t offset : turned.samples) {
+      // Offsets are y * stride + x with x of either sign.
+      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
+      sum += DepthAt(other, shifted % stride_ - stride_ / 2 + x, shifted / stride_ - stride_ + y);
+    }
+    return sum;
   }
 
   void Draw(std::int32_t i, std::int64_t weight64) {
@@ -269,17 +289,10 @@ class Search {
     const Pose &p = poses_[i], &q = poses_[j];
     if (p.tile != q.tile) return 0;
     const Turned& a = turned_[i][p.turned];
-    Turned& b = turned_[j][q.turned];
+    const Turned& b = turned_[j][q.turned];
     if (p.x + a.high.x() + 1 < q.x + b.left || p.x + a.low.x() - 1 > q.x + b.left + b.width) return 0;
     if (p.y + a.high.y() + 1 < q.y + b.bottom || p.y + a.low.y() - 1 > q.y + b.bottom + b.height) return 0;
-    std::int64_t sum = 0;
-    for (const std::int32_t offset : a.samples) {
-      // Offsets are y * stride + x with x of either sign.
-      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
-      const int y = shifted / stride_ - stride_ + p.y - q.y - b.bottom, x = shifted % stride_ - stride_ / 2 + p.x - q.x - b.left;
-      if (x >= 0 && y >= 0 && x < b.width && y < b.height) sum += b.depth[static_cast<std::size_t>(y) * b.width + x];
-    }
-    return sum;
+    return DepthUnder(a, b, p.x - q.x, p.y - q.y);
   }
 
   // Pairs that overlap gain weight, the more the more they do; others lose some of theirs.
@@ -333,14 +346,12 @@ class Search {
 
   // Returns whether the chart overlapped others and still does.
   bool Move(std::int32_t i) {
-    Lift(i);
     overlaps_[i] = false;
+    const std::int64_t own = kWeightUnit * turned_[i][poses_[i].turned].own;
+    if (Cost(i, poses_[i], std::numeric_limits<std::int64_t>::max()) == own) return false;
+    Lift(i);
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
     std::int64_t cost = Cost(i, poses_[i], kMost);
-    if (cost == 0) {
-      Lower(i);
-      return false;
-    }
     ++moves_;
     Pose best = poses_[i];
     Descend(i, &best, &cost);

@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kContactLife = 5;     // steps
 constexpr double kMomentum = 0.7;   // of a step that the next one keeps
+constexpr std::int64_t kMostSteps = 200000;  // of single charts, for growing
 constexpr double kShare = 0.5;      // of what is missing that one of two charts gives way
 
 // Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
@@ -106,6 +107,7 @@ void Relaxer::FindContacts() {
 }
 
 double Relaxer::Step() {
+  ++steps_;
   if (age_ == 0) FindContacts();
   age_ = (age_ + 1) % kContactLife;
   struct Pull {
@@ -185,7 +187,8 @@ void Relaxer::Grow(int patience) {
   constexpr double kGrowth = 1.002;
   std::vector<Body> best = bodies_;
   double best_scale = scale_;
-  for (int stalled = 0; stalled < patience && !execution_.IsStopped(); ++stalled) {
+  const std::int64_t most = steps_ + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(bodies_.size()));
+  for (int stalled = 0; stalled < patience && steps_ < most && !execution_.IsStopped(); ++stalled) {
     const std::vector<Body> before = bodies_;
     if (Step() > options_.tolerance) continue;
     best = before;

@@ -33,6 +33,8 @@ class Relaxer {
   std::vector<Body>& bodies() { return bodies_; }
   double scale() const { return scale_; }
   void set_scale(double scale) { scale_ = scale; }
+  // Steps of all charts so far.
+  std::int64_t steps() const { return steps_; }
   // Kept beside the distance, per chart.
   std::vector<double>& margins() { return margins_; }
 
@@ -72,6 +74,7 @@ class Relaxer {
   std::vector<Contact> contacts_;
   std::vector<Motion> velocity_;
   double skin_;
+  std::int64_t steps_ = 0;
   int age_ = 0;  // steps since the contacts were found
   double last_energy_ = 0;
 };

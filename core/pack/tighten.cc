@@ -11,9 +11,12 @@
 
 namespace planish {
 namespace {
-double E(const char* n, double d) { return getenv(n) ? atof(getenv(n)) : d; }
 
 // Attempts that are made side by side, whatever the number of threads, and the share of the step that each takes.
+// Growth that is tried first, the least, and that after the least was too much: other places may lead farther.
+constexpr double kFirstStep = 0.03, kLeastStep = 0.003, kStepAgain = 0.01;
+// Steps of a chart in relaxation that cost as much as one move of a chart in rearrangement, about.
+constexpr std::int64_t kStepsPerMove = 15;
 constexpr std::array<double, 2> kLanes = {1, 0.4};
 
 class Tightener {
@@ -59,9 +62,8 @@ class Tightener {
 
   void Search(Layout* best) {
     const auto n = static_cast<std::int64_t>(outlines_.size());
-    const std::int64_t budget = options_.moves, at_once = E("ATONCE", 400) + E("ATONCEN",6) * n;
-    const double least_step = E("MINSTEP", 0.003);
-    double step = E("STEP", 0.03);
+    const std::int64_t budget = options_.moves, at_once = 400 + 6 * n;
+    double step = kFirstStep;
     std::int64_t used = 0;
     for (std::uint64_t round = 0; used < budget && !execution_.IsStopped(); ++round) {
       std::array<std::optional<Layout>, kLanes.size()> results;
@@ -69,10 +71,10 @@ class Tightener {
       const auto run = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t lane = begin; lane < end; ++lane) {
           RearrangeOptions rearrange;
-          rearrange.side = static_cast<int>(std::clamp(E("SIDE", 26) / width_, 112.0, 512.0));
+          rearrange.side = static_cast<int>(std::clamp(26 / width_, 112.0, 512.0));
           rearrange.tiles = options_.tiles;
-          rearrange.angles = E("ANGLES", 16);
-          rearrange.tries = E("TRIES", 100);
+          rearrange.angles = 24;
+          rearrange.tries = 100;
           rearrange.moves = at_once;
           rearrange.distance = options_.distance;
           rearrange.low = options_.low;
@@ -86,15 +88,13 @@ class Tightener {
         run(0, kLanes.size());
       }
       bool better = false;
-      double before=best->scale;
       for (const std::optional<Layout>& result : results) {
         if (!result || result->scale <= best->scale) continue;
         *best = *result;
         better = true;
       }
-      if (getenv("PACK_DEBUG")) fprintf(stderr, "round %d step %.4f lanes %d %d moves %ld %ld scale^2 %.4f\n", int(round), step, bool(results[0]), bool(results[1]), moves[0],moves[1],best->scale*best->scale/before/before);
       for (const std::int64_t m : moves) used += m + n / 4 + 1;
-      if (!better) step = std::max(least_step, step * E("DECAY",0.6));
+      if (!better) step = step > kLeastStep ? std::max(kLeastStep, step * 0.6) : kStepAgain;
     }
   }
 
@@ -103,8 +103,10 @@ class Tightener {
     Layout layout{from.bodies, scale};
     if (!Rearrange(outlines_, fields_, Scales(scale), rearrange, execution_, &layout.bodies, moves)) return std::nullopt;
     Relaxer relaxer = MakeRelaxer(layout);
-    if (!relaxer.Separate(80)) return std::nullopt;
-    relaxer.Grow(20);
+    const bool apart = relaxer.Separate(80);
+    if (apart) relaxer.Grow(20);
+    *moves += relaxer.steps() * static_cast<std::int64_t>(outlines_.size()) / kStepsPerMove;
+    if (!apart) return std::nullopt;
     return Layout{relaxer.bodies(), relaxer.scale()};
   }
 
