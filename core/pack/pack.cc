@@ -36,7 +36,8 @@ class Packer {
     std::iota(order_.begin(), order_.end(), 0);
     std::vector<double> size(charts.size());
     for (std::size_t i = 0; i < charts.size(); ++i) {
-      const Vec2 extent = ExtentAt(outlines_[i], outlines_[i].upright);
+      const Box box = BoxAt(outlines_[i], outlines_[i].upright);
+      const Vec2 extent = box.high - box.low;
       size[i] = charts[i].density * (extent.x() + extent.y());
     }
     std::sort(order_.begin(), order_.end(),
@@ -95,6 +96,10 @@ class Packer {
     grid_.tiles = options_.tiles;
     grid_.radius = distance / 2;
     SetGrid(order_.size());
+    if (charts_.size() == 1 && outlines_[0].radius > 0) {
+      FitOne();
+      return true;
+    }
     const double first = ScaleForFill(order_.size() > 300 ? 0.78 : 0.85);
     const double least = any_scale ? 1e-12 : texel * std::sqrt(charts_.size() / std::max(total_area_, 1e-300));
     Split(first);
@@ -111,22 +116,26 @@ class Packer {
       }
       return false;
     };
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "%.3f start\n", clock()/1e6);
     if (!try_scales(first)) return false;
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "%.3f raster %.4f\n", clock()/1e6, scale_*scale_*total_area_);
-    TightenCharts(large_, large_.size() > kMostToMove ? 0 : kMoves + kMovesPerChart * static_cast<std::int64_t>(large_.size()));
+    TightenCharts(large_,
+                  large_.size() > kMostToMove ? 0 : kMoves + kMovesPerChart * static_cast<std::int64_t>(large_.size()));
     if (small_.empty()) return true;
     SetGrid(2 * order_.size());
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "%.3f ", clock()/1e6), fprintf(stderr, "large %zu at %.4f\n", large_.size(), scale_*scale_*total_area_);
     if (!AddSmallCharts()) {
-      if (getenv("PACK_DEBUG")) fprintf(stderr, "%.3f ", clock()/1e6), fprintf(stderr, "small do not fit\n");
       plan.order = order_;
       if (!try_scales(scale_)) return false;
     }
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "%.3f ", clock()/1e6), fprintf(stderr, "with small at %.4f\n", scale_*scale_*total_area_);
     TightenCharts(order_, order_.size() > kMostToMove ? 0 : kMoves / 2);
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "%.3f end\n", clock()/1e6);
     return true;
+  }
+
+  // A single chart: as large as it gets.
+  void FitOne() {
+    const double angle = AngleOfSmallestSquare(outlines_[0]);
+    const Box box = BoxAt(outlines_[0], angle);
+    const double low = margin_ + grid_.radius;
+    scale_ = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_[0].density);
+    poses_ = {{angle, (Vec2::Constant(grid_.radius) - scale_ * charts_[0].density * box.low) / grid_.cell, 0}};
   }
 
   void SetGrid(std::size_t n) {
@@ -196,7 +205,8 @@ class Packer {
     for (const std::int32_t i : charts) {
       outlines.push_back(outlines_[i]);
       relative.push_back(scales[i] / scale_);
-      layout.bodies.push_back({Vec2::Constant(margin_) + grid_.cell * poses_[i].centre, poses_[i].angle, poses_[i].tile});
+      layout.bodies.push_back(
+          {Vec2::Constant(margin_) + grid_.cell * poses_[i].centre, poses_[i].angle, poses_[i].tile});
     }
     change(outlines, relative, options, &layout);
     scale_ = layout.scale;
@@ -229,7 +239,7 @@ class Packer {
   const PackOptions& options_;
   const Execution& execution_;
   std::vector<Outline> outlines_;
-  std::vector<std::int32_t> order_;  // large to small
+  std::vector<std::int32_t> order_;          // large to small
   std::vector<std::int32_t> large_, small_;  // its two parts
   double total_area_ = 0;
   TrialGrid grid_;

@@ -13,10 +13,10 @@
 namespace planish {
 namespace {
 
-constexpr int kDepthUnit = 16;         // of a pixel
+constexpr int kDepthUnit = 16;        // of a pixel
 constexpr double kSlack = 0.5;        // pixels by which charts may overlap: positions are whole
-constexpr int kBorder = 2;             // pixels round the tile that samples at the rim may fall on
-constexpr double kMostWeight = 1000;   // of a pair
+constexpr int kBorder = 2;            // pixels round the tile that samples at the rim may fall on
+constexpr double kMostWeight = 1000;  // of a pair
 constexpr std::int64_t kWeightUnit = 16;
 
 // xorshift64*.
@@ -38,12 +38,12 @@ class Random {
 // A chart at one of its turns, in pixels round its centre.
 struct Turned {
   double angle = 0;
-  Vec2 low, high;                       // of its points
-  std::vector<std::int32_t> samples;    // offsets in the image
+  Vec2 low, high;                     // of its points
+  std::vector<std::int32_t> samples;  // offsets in the image
   int left = 0, bottom = 0, width = 0, height = 0;
-  std::vector<std::int16_t> depth;      // width x height; empty until needed
-  std::vector<Span> rows;               // where depth is above 0
-  std::int64_t own = 0;                 // depth under its own samples
+  std::vector<std::int16_t> depth;  // width x height; empty until needed
+  std::vector<Span> rows;           // where depth is above 0
+  std::int64_t own = 0;             // depth under its own samples
 };
 
 struct Pose {
@@ -52,8 +52,8 @@ struct Pose {
 
 class Search {
  public:
-  Search(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, const std::vector<double>& scales,
-         const RearrangeOptions& options, const std::vector<Body>& bodies)
+  Search(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+         const std::vector<double>& scales, const RearrangeOptions& options, const std::vector<Body>& bodies)
       : outlines_(outlines), fields_(fields), scales_(scales), options_(options), random_(options.seed) {
     pixel_ = (1 - 2 * options.low) / options.side;
     stride_ = options.side + 2 * kBorder + 1;
@@ -67,13 +67,15 @@ class Search {
       const std::vector<Vec2> samples = Samples(static_cast<std::int32_t>(i));
       turned_[i].resize(options.angles);
       for (int a = 0; a < options.angles; ++a) {
-        turned_[i][a] = Turn(static_cast<std::int32_t>(i), bodies[i].angle + 2 * std::numbers::pi * a / options.angles, samples);
+        turned_[i][a] =
+            Turn(static_cast<std::int32_t>(i), bodies[i].angle + 2 * std::numbers::pi * a / options.angles, samples);
       }
       const Vec2 at = (bodies[i].centre - Vec2::Constant(options.low)) / pixel_;
       int first = 0;
       while (first < options.angles && !FitsTile(turned_[i][first])) ++first;
       if (first == options.angles) too_large_ = true;
-      poses_[i] = {first % options.angles, bodies[i].tile, static_cast<int>(std::lround(at.x())), static_cast<int>(std::lround(at.y()))};
+      poses_[i] = {first % options.angles, bodies[i].tile, static_cast<int>(std::lround(at.x())),
+                   static_cast<int>(std::lround(at.y()))};
       Clamp(static_cast<std::int32_t>(i), &poses_[i]);
       if (!too_large_) Draw(static_cast<std::int32_t>(i), kWeightUnit);
     }
@@ -100,7 +102,8 @@ class Search {
   void Export(std::vector<Body>* bodies) const {
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const Pose& pose = poses_[i];
-      (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned].angle, pose.tile};
+      (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned].angle,
+                      pose.tile};
     }
   }
 
@@ -128,7 +131,8 @@ class Search {
     const double step = std::max(3.0 / unit, std::sqrt(extent.x() * extent.y() / 150));
     for (double y = box.low.y() + step / 2; y < box.high.y(); y += step) {
       for (double x = box.low.x() + step / 2; x < box.high.x(); x += step) {
-        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].At(Vec2(x, y)).distance < -0.3 * step) samples.push_back(Vec2(x, y));
+        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].At(Vec2(x, y)).distance < -0.3 * step)
+          samples.push_back(Vec2(x, y));
       }
     }
     Random random(1);
@@ -162,9 +166,7 @@ class Search {
     return {middle, middle};
   }
 
-  bool FitsTile(const Turned& turned) const {
-    return (turned.high - turned.low).maxCoeff() <= options_.side + 1;
-  }
+  bool FitsTile(const Turned& turned) const { return (turned.high - turned.low).maxCoeff() <= options_.side + 1; }
 
   void Clamp(std::int32_t i, Pose* pose) const {
     const Turned& turned = turned_[i][pose->turned];
@@ -256,7 +258,7 @@ class Search {
 
   // Down to a place that is better than its neighbours.
   void Descend(std::int32_t i, Pose* pose, std::int64_t* cost) const {
-    for (int step = 4; step >= 1 && *cost > 0; ) {
+    for (int step = 4; step >= 1 && *cost > 0;) {
       Pose best = *pose;
       std::int64_t best_cost = *cost;
       const auto look = [&](Pose other) {

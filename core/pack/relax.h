@@ -18,17 +18,17 @@ struct Body {
 };
 
 struct RelaxOptions {
-  double distance = 0;   // to be kept between two charts
-  double low = 0;        // charts stay within [low, 1 - low]^2
-  double spacing = 0.003;  // of samples along the outlines
+  double distance = 0;      // to be kept between two charts
+  double low = 0;           // charts stay within [low, 1 - low]^2
+  double spacing = 0.003;   // of samples along the outlines
   double tolerance = 1e-4;  // that may be missing from `distance`
 };
 
 class Relaxer {
  public:
   // `relative_scales` times Scale() is what charts are scaled by.
-  Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, std::vector<double> relative_scales, double scale, const RelaxOptions& options,
-          const Execution& execution);
+  Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+          std::vector<double> relative_scales, double scale, const RelaxOptions& options, const Execution& execution);
 
   std::vector<Body>& bodies() { return bodies_; }
   double scale() const { return scale_; }

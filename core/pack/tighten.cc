@@ -17,6 +17,7 @@ namespace {
 constexpr double kFirstStep = 0.03, kLeastStep = 0.003, kStepAgain = 0.01;
 // Steps of a chart in relaxation that cost as much as one move of a chart in rearrangement, about.
 constexpr std::int64_t kStepsPerMove = 15;
+constexpr int kSettlingRounds = 25;
 constexpr std::array<double, 2> kLanes = {1, 0.4};
 
 class Tightener {
@@ -37,12 +38,12 @@ class Tightener {
   }
 
   void Run() {
-    Layout best = layout_;
-    Relaxer relaxer = MakeRelaxer(best);
+    Relaxer relaxer = MakeRelaxer(layout_);
     relaxer.Grow(30);
-    best = {relaxer.bodies(), relaxer.scale()};
-    Search(&best);
-    Settle(best, layout_.scale);
+    std::vector<Layout> found = {{relaxer.bodies(), relaxer.scale()}};
+    Search(&found);
+    // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
+    while (!found.empty() && !Settle(found.back(), layout_.scale)) found.pop_back();
   }
 
   void RunLoosen(double factor) { Settle({layout_.bodies, factor * layout_.scale}, 0.5 * factor * layout_.scale); }
@@ -51,6 +52,7 @@ class Tightener {
   Relaxer MakeRelaxer(const Layout& layout) const {
     Relaxer relaxer(outlines_, fields_, relative_, layout.scale, relax_, execution_);
     relaxer.bodies() = layout.bodies;
+    std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
     return relaxer;
   }
 
@@ -60,7 +62,8 @@ class Tightener {
     return scales;
   }
 
-  void Search(Layout* best) {
+  // Adds to *found, which is not empty, what is better.
+  void Search(std::vector<Layout>* found) {
     const auto n = static_cast<std::int64_t>(outlines_.size());
     const std::int64_t budget = options_.moves, at_once = 400 + 6 * n;
     double step = kFirstStep;
@@ -79,7 +82,8 @@ class Tightener {
           rearrange.distance = options_.distance;
           rearrange.low = options_.low;
           rearrange.seed = kLanes.size() * round + lane;
-          results[lane] = Attempt(*best, best->scale * (1 + step * kLanes[lane]), rearrange, &moves[lane]);
+          results[lane] =
+              Attempt(found->back(), found->back().scale * (1 + step * kLanes[lane]), rearrange, &moves[lane]);
         }
       };
       if (execution_.team != nullptr) {
@@ -89,8 +93,8 @@ class Tightener {
       }
       bool better = false;
       for (const std::optional<Layout>& result : results) {
-        if (!result || result->scale <= best->scale) continue;
-        *best = *result;
+        if (!result || result->scale <= found->back().scale) continue;
+        found->push_back(*result);
         better = true;
       }
       for (const std::int64_t m : moves) used += m + n / 4 + 1;
@@ -101,7 +105,8 @@ class Tightener {
   std::optional<Layout> Attempt(const Layout& from, double scale, const RearrangeOptions& rearrange,
                                 std::int64_t* moves) const {
     Layout layout{from.bodies, scale};
-    if (!Rearrange(outlines_, fields_, Scales(scale), rearrange, execution_, &layout.bodies, moves)) return std::nullopt;
+    if (!Rearrange(outlines_, fields_, Scales(scale), rearrange, execution_, &layout.bodies, moves))
+      return std::nullopt;
     Relaxer relaxer = MakeRelaxer(layout);
     const bool apart = relaxer.Separate(80);
     if (apart) relaxer.Grow(20);
@@ -110,18 +115,18 @@ class Tightener {
     return Layout{relaxer.bodies(), relaxer.scale()};
   }
 
-  // Distances were sampled so far: charts move apart, or shrink a little, until they are exactly as demanded.
-  void Settle(const Layout& layout, double least_scale) {
+  // Distances were sampled so far. Puts a layout that keeps them exactly into layout_, if it finds one: charts move
+  // apart, or shrink a little, until they are exactly as demanded.
+  bool Settle(const Layout& layout, double least_scale) {
     Relaxer relaxer = MakeRelaxer(layout);
-    std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
-    while (relaxer.scale() > least_scale && !execution_.IsStopped()) {
-      const std::vector<TooNear> too_near =
-          relaxer.Separate(60) ? FindTooNear(outlines_, Scales(relaxer.scale()), relaxer.bodies(), options_.distance,
-                                             options_.low, execution_)
-                               : std::vector<TooNear>{{0, -1, 0}};
+    for (int round = 0; round < kSettlingRounds && relaxer.scale() > least_scale && !execution_.IsStopped(); ++round) {
+      const std::vector<TooNear> too_near = relaxer.Separate(60)
+                                                ? FindTooNear(outlines_, Scales(relaxer.scale()), relaxer.bodies(),
+                                                              options_.distance, options_.low, execution_)
+                                                : std::vector<TooNear>{{0, -1, 0}};
       if (too_near.empty()) {
         layout_ = {relaxer.bodies(), relaxer.scale()};
-        return;
+        return true;
       }
       for (const TooNear& pair : too_near) {
         for (const std::int32_t i : {pair.a, pair.b}) {
@@ -130,6 +135,7 @@ class Tightener {
       }
       relaxer.set_scale(relaxer.scale() * 0.9995);
     }
+    return false;
   }
 
   const std::vector<Outline>& outlines_;

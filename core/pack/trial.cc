@@ -17,7 +17,8 @@ bool TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>&
   std::vector<Board> boards(grid.tiles, Board(grid.side));
   for (const std::int32_t i : plan.fixed) {
     const Pose& pose = (*poses)[i];
-    const FixedSilhouette fixed = MakeFixedSilhouette(outlines[i], pose.angle, scales[i] / grid.cell, grid.radius / grid.cell, pose.centre);
+    const FixedSilhouette fixed =
+        MakeFixedSilhouette(outlines[i], pose.angle, scales[i] / grid.cell, grid.radius / grid.cell, pose.centre);
     boards[pose.tile].Add(fixed.silhouette, fixed.x + Board::kMargin, fixed.y + Board::kMargin);
   }
   int last_row = 0, placed = 0;
@@ -55,7 +56,8 @@ bool TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>&
     last_row = best.y;
     ++k;
     boards[best_tile].Add(best_silhouette, best.x, best.y);
-    (*poses)[i] = {best_angle, Vec2(best.x - Board::kMargin, best.y - Board::kMargin) + best_silhouette.centre, best_tile};
+    (*poses)[i] = {best_angle, Vec2(best.x - Board::kMargin, best.y - Board::kMargin) + best_silhouette.centre,
+                   best_tile};
   }
   return true;
 }
