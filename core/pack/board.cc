@@ -155,7 +155,7 @@ bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row
   return true;
 }
 
-void Board::FindSpot(const Silhouette& s, const Rim& rim, Spot* best) const {
+void Board::FindSpot(const Silhouette& s, const Rim& rim, double enough, int first, Spot* best) const {
   const int columns = size_ - s.width + 1, rows = size_ - s.height + 1;
   if (columns <= 0 || rows <= 0) return;
   const int words = (columns + 63) / 64;
@@ -167,10 +167,11 @@ void Board::FindSpot(const Silhouette& s, const Rim& rim, Spot* best) const {
   bool any[3] = {false, false, false};
   const double share = 1.0 / static_cast<double>(std::max<std::size_t>(1, rim.cells.size()));
   const auto clear = [&](int y) { std::fill_n(places(y), words, 0); };
-  clear(kMargin);
-  any[kMargin % 3] = FreePlaces(s, row_order, kMargin, places(kMargin), words);
-  if (!any[kMargin % 3]) clear(kMargin);
-  for (int y = kMargin; y + s.height <= kMargin + side_; ++y) {
+  first = std::max(first, kMargin);
+  if (first + s.height > kMargin + side_) return;
+  any[first % 3] = FreePlaces(s, row_order, first, places(first), words);
+  if (!any[first % 3]) clear(first);
+  for (int y = first; y + s.height <= kMargin + side_; ++y) {
     any[(y + 1) % 3] = y + 1 + s.height <= kMargin + side_ && FreePlaces(s, row_order, y + 1, places(y + 1), words);
     if (!any[(y + 1) % 3]) clear(y + 1);
     if (!any[y % 3]) continue;
@@ -187,6 +188,7 @@ void Board::FindSpot(const Silhouette& s, const Rim& rim, Spot* best) const {
         const double snugness = share * static_cast<double>(taken);
         if (snugness > best->snugness || (snugness == best->snugness && x + y < best->x + best->y)) {
           *best = {x, y, snugness};
+          if (snugness >= enough) return;
         }
       }
     }

@@ -40,9 +40,10 @@ class Board {
   // What lies beyond the board is left out.
   void Add(const Silhouette& silhouette, int x, int y);
 
-  // Looks at the places where the silhouette fits but cannot move both ways along u, nor both ways along v. Replaces
-  // *best by the snuggest if that is snugger; of equals the one nearest to the corner (0, 0) counts.
-  void FindSpot(const Silhouette& silhouette, const Rim& rim, Spot* best) const;
+  // From row `first` on: looks at the places where the silhouette fits but cannot move both ways along u, nor both ways
+  // along v. Replaces *best by the snuggest if that is snugger; of equals the one nearest to the corner (0, 0) counts.
+  // Takes the first that is as snug as `enough`.
+  void FindSpot(const Silhouette& silhouette, const Rim& rim, double enough, int first, Spot* best) const;
 
  private:
   const std::uint64_t* Row(int level, int y) const {

@@ -95,9 +95,8 @@ void DistanceField::Sign(const Outline& outline) {
       crossings.push_back({y, static_cast<int>(std::ceil(x)), change});
     }
   }
-  std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
-    return a.row != b.row ? a.row < b.row : a.column < b.column;
-  });
+  std::sort(crossings.begin(), crossings.end(),
+            [](const Crossing& a, const Crossing& b) { return a.row != b.row ? a.row < b.row : a.column < b.column; });
   int winding = 0;
   for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
     winding += crossings[i].change;

@@ -5,7 +5,6 @@
 #include <limits>
 #include <numbers>
 
-#include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
 #include "core/pack/pack.h"
 
@@ -147,15 +146,18 @@ Outline MakeOutline(const PackChart& chart) {
   return outline;
 }
 
-Vec2 ExtentAt(const Outline& outline, double angle) {
+Box BoxAt(const Outline& outline, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
   Box box;
   for (const Vec2& p : outline.hull) box.Add(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
-  return box.high - box.low;
+  return box;
 }
 
 double AngleOfSmallestSquare(const Outline& outline) {
-  const auto side = [&](double angle) { return ExtentAt(outline, angle).maxCoeff(); };
+  const auto side = [&](double angle) {
+    const Box box = BoxAt(outline, angle);
+    return (box.high - box.low).maxCoeff();
+  };
   // Between two turns that bring a side of the hull upright the extents are sums of sines with one maximum each; a
   // scan finds the right valley, a golden section its bottom.
   constexpr int kScan = 360;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/mesh/box_tree.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
@@ -26,8 +27,8 @@ struct Outline {
 // Charts without faces are their points.
 Outline MakeOutline(const PackChart& chart);
 
-// Width and height of the box round the hull after a turn by `angle`.
-Vec2 ExtentAt(const Outline& outline, double angle);
+// Round the hull after a turn by `angle`.
+Box BoxAt(const Outline& outline, double angle);
 
 // The turn in [0, pi / 2) that fits the hull into the smallest upright square.
 double AngleOfSmallestSquare(const Outline& outline);

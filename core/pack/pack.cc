@@ -16,9 +16,12 @@ namespace {
 constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
 // What tightening may cost, in moves of a chart.
-constexpr std::int64_t kMoves = 6000, kMovesPerChart = 20;
+constexpr std::int64_t kMoves = 6000, kMovesPerChart = 8;
+constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;
+// For a small chart that fills a gap.
+constexpr double kSnugEnough = 0.5;
 
 class Packer {
  public:
@@ -33,7 +36,8 @@ class Packer {
     std::iota(order_.begin(), order_.end(), 0);
     std::vector<double> size(charts.size());
     for (std::size_t i = 0; i < charts.size(); ++i) {
-      const Vec2 extent = ExtentAt(outlines_[i], outlines_[i].upright);
+      const Box box = BoxAt(outlines_[i], outlines_[i].upright);
+      const Vec2 extent = box.high - box.low;
       size[i] = charts[i].density * (extent.x() + extent.y());
     }
     std::sort(order_.begin(), order_.end(),
@@ -92,14 +96,20 @@ class Packer {
     grid_.tiles = options_.tiles;
     grid_.radius = distance / 2;
     SetGrid(order_.size());
-    const double first = ScaleForFill(0.85);
+    if (charts_.size() == 1 && outlines_[0].radius > 0) {
+      FitOne();
+      return true;
+    }
+    const double first = ScaleForFill(order_.size() > 300 ? 0.78 : 0.85);
     const double least = any_scale ? 1e-12 : texel * std::sqrt(charts_.size() / std::max(total_area_, 1e-300));
     Split(first);
     SetGrid(large_.size());
     poses_.resize(charts_.size());
     TrialPlan plan;
     plan.order = large_;
-    plan.angles = large_.size() <= 200 ? 16 : 8;
+    plan.angles = large_.size() <= 200 ? 16 : large_.size() <= 1000 ? 8 : 4;
+    plan.hurried = large_.size() > 300;
+    if (plan.hurried) plan.enough = kSnugEnough;
     const auto try_scales = [&](double most) {
       for (scale_ = most; scale_ > least && !execution_.IsStopped(); scale_ /= 1.04) {
         if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
@@ -107,23 +117,30 @@ class Packer {
       return false;
     };
     if (!try_scales(first)) return false;
-    TightenCharts(large_, kMoves + kMovesPerChart * static_cast<std::int64_t>(large_.size()));
+    TightenCharts(large_,
+                  large_.size() > kMostToMove ? 0 : kMoves + kMovesPerChart * static_cast<std::int64_t>(large_.size()));
     if (small_.empty()) return true;
-    SetGrid(4 * order_.size());
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "large %zu at %.4f\n", large_.size(), scale_*scale_*total_area_);
+    SetGrid(2 * order_.size());
     if (!AddSmallCharts()) {
-      if (getenv("PACK_DEBUG")) fprintf(stderr, "small do not fit\n");
       plan.order = order_;
       if (!try_scales(scale_)) return false;
     }
-    if (getenv("PACK_DEBUG")) fprintf(stderr, "with small at %.4f\n", scale_*scale_*total_area_);
-    TightenCharts(order_, kMoves / 2);
+    TightenCharts(order_, order_.size() > kMostToMove ? 0 : kMoves / 2);
     return true;
+  }
+
+  // A single chart: as large as it gets.
+  void FitOne() {
+    const double angle = AngleOfSmallestSquare(outlines_[0]);
+    const Box box = BoxAt(outlines_[0], angle);
+    const double low = margin_ + grid_.radius;
+    scale_ = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_[0].density);
+    poses_ = {{angle, (Vec2::Constant(grid_.radius) - scale_ * charts_[0].density * box.low) / grid_.cell, 0}};
   }
 
   void SetGrid(std::size_t n) {
     const double cell = grid_.cell;
-    grid_.side = std::clamp(static_cast<int>(24 * std::sqrt(1.0 * n)), 192, 1024);
+    grid_.side = std::clamp(static_cast<int>((n > 300 ? 18 : 24) * std::sqrt(1.0 * n)), 192, 1024);
     grid_.cell = (1 - 2 * margin_) / grid_.side;
     for (Pose& pose : poses_) pose.centre *= cell / grid_.cell;
   }
@@ -155,6 +172,8 @@ class Packer {
     plan.order = small_;
     plan.fixed = large_;
     plan.angles = 8;
+    plan.enough = kSnugEnough;
+    plan.hurried = small_.size() > 300;
     for (int attempt = 0; attempt < 20 && !execution_.IsStopped(); ++attempt) {
       if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
       ForLayout(large_, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
@@ -186,7 +205,8 @@ class Packer {
     for (const std::int32_t i : charts) {
       outlines.push_back(outlines_[i]);
       relative.push_back(scales[i] / scale_);
-      layout.bodies.push_back({Vec2::Constant(margin_) + grid_.cell * poses_[i].centre, poses_[i].angle, poses_[i].tile});
+      layout.bodies.push_back(
+          {Vec2::Constant(margin_) + grid_.cell * poses_[i].centre, poses_[i].angle, poses_[i].tile});
     }
     change(outlines, relative, options, &layout);
     scale_ = layout.scale;
@@ -219,7 +239,7 @@ class Packer {
   const PackOptions& options_;
   const Execution& execution_;
   std::vector<Outline> outlines_;
-  std::vector<std::int32_t> order_;  // large to small
+  std::vector<std::int32_t> order_;          // large to small
   std::vector<std::int32_t> large_, small_;  // its two parts
   double total_area_ = 0;
   TrialGrid grid_;

@@ -13,9 +13,10 @@
 namespace planish {
 namespace {
 
-constexpr int kDepthUnit = 16;         // of a pixel
-constexpr int kBorder = 2;             // pixels round the tile that samples at the rim may fall on
-constexpr double kMostWeight = 1000;   // of a pair
+constexpr int kDepthUnit = 16;        // of a pixel
+constexpr double kSlack = 0.5;        // pixels by which charts may overlap: positions are whole
+constexpr int kBorder = 2;            // pixels round the tile that samples at the rim may fall on
+constexpr double kMostWeight = 1000;  // of a pair
 constexpr std::int64_t kWeightUnit = 16;
 
 // xorshift64*.
@@ -37,11 +38,12 @@ class Random {
 // A chart at one of its turns, in pixels round its centre.
 struct Turned {
   double angle = 0;
-  Vec2 low, high;                       // of its points
-  std::vector<std::int32_t> samples;    // offsets in the image
+  Vec2 low, high;                     // of its points
+  std::vector<std::int32_t> samples;  // offsets in the image
   int left = 0, bottom = 0, width = 0, height = 0;
-  std::vector<std::int16_t> depth;      // width x height; empty until needed
-  std::vector<Span> rows;               // where depth is above 0
+  std::vector<std::int16_t> depth;  // width x height; empty until needed
+  std::vector<Span> rows;           // where depth is above 0
+  std::int64_t own = 0;             // depth under its own samples
 };
 
 struct Pose {
@@ -50,8 +52,8 @@ struct Pose {
 
 class Search {
  public:
-  Search(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, const std::vector<double>& scales,
-         const RearrangeOptions& options, const std::vector<Body>& bodies)
+  Search(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+         const std::vector<double>& scales, const RearrangeOptions& options, const std::vector<Body>& bodies)
       : outlines_(outlines), fields_(fields), scales_(scales), options_(options), random_(options.seed) {
     pixel_ = (1 - 2 * options.low) / options.side;
     stride_ = options.side + 2 * kBorder + 1;
@@ -65,13 +67,15 @@ class Search {
       const std::vector<Vec2> samples = Samples(static_cast<std::int32_t>(i));
       turned_[i].resize(options.angles);
       for (int a = 0; a < options.angles; ++a) {
-        turned_[i][a] = Turn(static_cast<std::int32_t>(i), bodies[i].angle + 2 * std::numbers::pi * a / options.angles, samples);
+        turned_[i][a] =
+            Turn(static_cast<std::int32_t>(i), bodies[i].angle + 2 * std::numbers::pi * a / options.angles, samples);
       }
       const Vec2 at = (bodies[i].centre - Vec2::Constant(options.low)) / pixel_;
       int first = 0;
       while (first < options.angles && !FitsTile(turned_[i][first])) ++first;
       if (first == options.angles) too_large_ = true;
-      poses_[i] = {first % options.angles, bodies[i].tile, static_cast<int>(std::lround(at.x())), static_cast<int>(std::lround(at.y()))};
+      poses_[i] = {first % options.angles, bodies[i].tile, static_cast<int>(std::lround(at.x())),
+                   static_cast<int>(std::lround(at.y()))};
       Clamp(static_cast<std::int32_t>(i), &poses_[i]);
       if (!too_large_) Draw(static_cast<std::int32_t>(i), kWeightUnit);
     }
@@ -87,7 +91,6 @@ class Search {
       for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
       bool any = false;
       for (const std::int32_t i : order) any |= Move(i);
-      if (getenv("PASS_DEBUG")) {double sum=0;int c=0; for (int i=0;i<n;++i){Draw(i,-kWeightUnit); double x=Cost(i,poses_[i],1LL<<60)/256.; sum+=x; c+=x>0; Draw(i,kWeightUnit);} fprintf(stderr,"pass %d cost %.2f in %d\n",pass,sum,c);}
       if (!any) return true;
       Weigh();
     }
@@ -99,7 +102,8 @@ class Search {
   void Export(std::vector<Body>* bodies) const {
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const Pose& pose = poses_[i];
-      (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned].angle, pose.tile};
+      (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned].angle,
+                      pose.tile};
     }
   }
 
@@ -127,7 +131,8 @@ class Search {
     const double step = std::max(3.0 / unit, std::sqrt(extent.x() * extent.y() / 150));
     for (double y = box.low.y() + step / 2; y < box.high.y(); y += step) {
       for (double x = box.low.x() + step / 2; x < box.high.x(); x += step) {
-        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].At(Vec2(x, y)).distance < -0.3 * step) samples.push_back(Vec2(x, y));
+        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].At(Vec2(x, y)).distance < -0.3 * step)
+          samples.push_back(Vec2(x, y));
       }
     }
     Random random(1);
@@ -161,9 +166,7 @@ class Search {
     return {middle, middle};
   }
 
-  bool FitsTile(const Turned& turned) const {
-    return (turned.high - turned.low).maxCoeff() <= options_.side + 1;
-  }
+  bool FitsTile(const Turned& turned) const { return (turned.high - turned.low).maxCoeff() <= options_.side + 1; }
 
   void Clamp(std::int32_t i, Pose* pose) const {
     const Turned& turned = turned_[i][pose->turned];
@@ -174,7 +177,7 @@ class Search {
   }
 
   void MeasureDepth(std::int32_t i, Turned* turned) const {
-    const double reach = options_.distance / pixel_ - (getenv("SLACK")?atof(getenv("SLACK")):0.5);  // beyond the outline, in pixels
+    const double reach = options_.distance / pixel_ - kSlack;  // beyond the outline, in pixels
     const double out = std::max(reach, 0.0) + 1;
     turned->left = static_cast<int>(std::floor(turned->low.x() - out));
     turned->bottom = static_cast<int>(std::floor(turned->low.y() - out));
@@ -198,6 +201,25 @@ class Search {
         row.end = x + 1;
       }
     }
+    turned->own = DepthUnder(*turned, *turned, 0, 0);
+  }
+
+  static std::int64_t DepthAt(const Turned& turned, int x, int y) {
+    x -= turned.left;
+    y -= turned.bottom;
+    const bool inside = x >= 0 && y >= 0 && x < turned.width && y < turned.height;
+    return inside ? turned.depth[static_cast<std::size_t>(y) * turned.width + x] : 0;
+  }
+
+  // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
+  std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) const {
+    std::int64_t sum = 0;
+    for (const std::int32_t offset : turned.samples) {
+      // Offsets are y * stride + x with x of either sign.
+      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
+      sum += DepthAt(other, shifted % stride_ - stride_ / 2 + x, shifted / stride_ - stride_ + y);
+    }
+    return sum;
   }
 
   void Draw(std::int32_t i, std::int64_t weight64) {
@@ -236,7 +258,7 @@ class Search {
 
   // Down to a place that is better than its neighbours.
   void Descend(std::int32_t i, Pose* pose, std::int64_t* cost) const {
-    for (int step = 4; step >= 1 && *cost > 0; ) {
+    for (int step = 4; step >= 1 && *cost > 0;) {
       Pose best = *pose;
       std::int64_t best_cost = *cost;
       const auto look = [&](Pose other) {
@@ -269,17 +291,10 @@ class Search {
     const Pose &p = poses_[i], &q = poses_[j];
     if (p.tile != q.tile) return 0;
     const Turned& a = turned_[i][p.turned];
-    Turned& b = turned_[j][q.turned];
+    const Turned& b = turned_[j][q.turned];
     if (p.x + a.high.x() + 1 < q.x + b.left || p.x + a.low.x() - 1 > q.x + b.left + b.width) return 0;
     if (p.y + a.high.y() + 1 < q.y + b.bottom || p.y + a.low.y() - 1 > q.y + b.bottom + b.height) return 0;
-    std::int64_t sum = 0;
-    for (const std::int32_t offset : a.samples) {
-      // Offsets are y * stride + x with x of either sign.
-      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
-      const int y = shifted / stride_ - stride_ + p.y - q.y - b.bottom, x = shifted % stride_ - stride_ / 2 + p.x - q.x - b.left;
-      if (x >= 0 && y >= 0 && x < b.width && y < b.height) sum += b.depth[static_cast<std::size_t>(y) * b.width + x];
-    }
-    return sum;
+    return DepthUnder(a, b, p.x - q.x, p.y - q.y);
   }
 
   // Pairs that overlap gain weight, the more the more they do; others lose some of theirs.
@@ -333,14 +348,12 @@ class Search {
 
   // Returns whether the chart overlapped others and still does.
   bool Move(std::int32_t i) {
-    Lift(i);
     overlaps_[i] = false;
+    const std::int64_t own = kWeightUnit * turned_[i][poses_[i].turned].own;
+    if (Cost(i, poses_[i], std::numeric_limits<std::int64_t>::max()) == own) return false;
+    Lift(i);
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
     std::int64_t cost = Cost(i, poses_[i], kMost);
-    if (cost == 0) {
-      Lower(i);
-      return false;
-    }
     ++moves_;
     Pose best = poses_[i];
     Descend(i, &best, &cost);

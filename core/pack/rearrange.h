@@ -10,24 +10,25 @@
 namespace planish {
 
 struct RearrangeOptions {
-  int side = 128;        // pixels of a tile; what overlaps by less than half a pixel counts as apart
+  int side = 128;  // pixels of a tile; what overlaps by less than half a pixel counts as apart
   int tiles = 1;
-  int angles = 16;       // turns that are tried, from the present one on
-  int tries = 100;       // random places a chart looks at when it moves
+  int angles = 16;            // turns that are tried, from the present one on
+  int tries = 100;            // random places a chart looks at when it moves
   std::int64_t moves = 1000;  // at most, of one chart
-  double distance = 0;   // between two charts, in the texture
-  double low = 0;        // charts stay within [low, 1 - low]^2
+  double distance = 0;        // between two charts, in the texture
+  double low = 0;             // charts stay within [low, 1 - low]^2
   std::uint64_t seed = 0;
 };
 
-// Guided local search as in the overlap minimization of Egeblad, Nielsen and Odgaard, "Fast neighborhood search for two-
-// and three-dimensional nesting problems" (2007), with random places as in Gardeyn and Wauters, "An open-source heuristic to
-// reboot 2D nesting research" (2025), on images: every pixel holds how deep it lies in the charts there, times their
-// weights. One chart after the other is taken out and put where the pixels under its samples add up to least.
-// Charts that go on overlapping gain weight.
+// Guided local search as in the overlap minimization of Egeblad, Nielsen and Odgaard, "Fast neighborhood search for
+// two- and three-dimensional nesting problems" (2007), with random places as in Gardeyn and Wauters, "An open-source
+// heuristic to reboot 2D nesting research" (2025), on images: every pixel holds how deep it lies in the charts there,
+// times their weights. One chart after the other is taken out and put where the pixels under its samples add up to
+// least. Charts that go on overlapping gain weight.
 //
 // Returns whether nothing overlaps any more (but for half a pixel); *bodies has what came out last.
-bool Rearrange(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, const std::vector<double>& scales,
-               const RearrangeOptions& options, const Execution& execution, std::vector<Body>* bodies, std::int64_t* moves);
+bool Rearrange(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+               const std::vector<double>& scales, const RearrangeOptions& options, const Execution& execution,
+               std::vector<Body>* bodies, std::int64_t* moves);
 
 }  // namespace planish

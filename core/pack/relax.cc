@@ -10,9 +10,10 @@
 namespace planish {
 namespace {
 
-constexpr int kContactLife = 5;     // steps
-constexpr double kMomentum = 0.7;   // of a step that the next one keeps
-constexpr double kShare = 0.5;      // of what is missing that one of two charts gives way
+constexpr int kContactLife = 5;              // steps
+constexpr double kMomentum = 0.7;            // of a step that the next one keeps
+constexpr std::int64_t kMostSteps = 200000;  // of single charts, for growing
+constexpr double kShare = 0.5;               // of what is missing that one of two charts gives way
 
 // Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
 std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
@@ -27,8 +28,9 @@ std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
 
 }  // namespace
 
-Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, std::vector<double> relative_scales, double scale,
-                 const RelaxOptions& options, const Execution& execution)
+Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+                 std::vector<double> relative_scales, double scale, const RelaxOptions& options,
+                 const Execution& execution)
     : outlines_(outlines),
       fields_(fields),
       relative_(std::move(relative_scales)),
@@ -43,8 +45,7 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
   for (std::size_t i = 0; i < outlines.size(); ++i) {
     const double unit = relative_[i] * scale_;  // length in the texture of 1
     const double spacing = std::max(std::min(options_.spacing, outlines[i].radius * unit / 6), 1e-7) / unit;
-    shapes_.push_back({SampleOutline(outlines[i], spacing),
-                       std::max(outlines[i].radius, 1e-12) / 1.5});
+    shapes_.push_back({SampleOutline(outlines[i], spacing), std::max(outlines[i].radius, 1e-12) / 1.5});
   }
 }
 
@@ -56,7 +57,8 @@ void Relaxer::FindContacts() {
   std::vector<Box> boxes(n);
   const double reach = options_.distance + skin_;
   for (std::size_t i = 0; i < n; ++i) {
-    const double unit = scale_ * relative_[i], c = unit * std::cos(bodies_[i].angle), s = unit * std::sin(bodies_[i].angle);
+    const double unit = scale_ * relative_[i], c = unit * std::cos(bodies_[i].angle),
+                 s = unit * std::sin(bodies_[i].angle);
     samples[i].reserve(shapes_[i].samples.size());
     for (const Vec2& u : shapes_[i].samples) {
       samples[i].push_back(bodies_[i].centre + Vec2(c * u.x() - s * u.y(), s * u.x() + c * u.y()));
@@ -81,7 +83,8 @@ void Relaxer::FindContacts() {
     return boxes[a].low.x() != boxes[b].low.x() ? boxes[a].low.x() < boxes[b].low.x() : a < b;
   });
   const auto collect = [&](std::int32_t a, std::int32_t b) {  // samples of a near b
-    const double unit = scale_ * relative_[b], c = std::cos(bodies_[b].angle) / unit, s = std::sin(bodies_[b].angle) / unit;
+    const double unit = scale_ * relative_[b], c = std::cos(bodies_[b].angle) / unit,
+                 s = std::sin(bodies_[b].angle) / unit;
     Box box = boxes[b];
     box.low -= Vec2::Constant(reach);
     box.high += Vec2::Constant(reach);
@@ -106,6 +109,7 @@ void Relaxer::FindContacts() {
 }
 
 double Relaxer::Step() {
+  ++steps_;
   if (age_ == 0) FindContacts();
   age_ = (age_ + 1) % kContactLife;
   struct Pull {
@@ -128,16 +132,29 @@ double Relaxer::Step() {
     const std::int32_t a = contact.body;
     const double unit = scale_ * relative_[a];
     const Vec2& u = shapes_[a].samples[contact.sample];
-    const Vec2 p = bodies_[a].centre + unit * Vec2(turns[a].x() * u.x() - turns[a].y() * u.y(), turns[a].y() * u.x() + turns[a].x() * u.y());
+    const Vec2 p = bodies_[a].centre + unit * Vec2(turns[a].x() * u.x() - turns[a].y() * u.y(),
+                                                   turns[a].y() * u.x() + turns[a].x() * u.y());
     double missing = 0;
     Vec2 direction;
     if (contact.other < 0) {
       const double low = options_.low + 2 * margins_[a], high = 1 - low;
       switch (contact.other) {
-        case -1: missing = low - p.x(); direction = Vec2(1, 0); break;
-        case -2: missing = p.x() - high; direction = Vec2(-1, 0); break;
-        case -3: missing = low - p.y(); direction = Vec2(0, 1); break;
-        default: missing = p.y() - high; direction = Vec2(0, -1); break;
+        case -1:
+          missing = low - p.x();
+          direction = Vec2(1, 0);
+          break;
+        case -2:
+          missing = p.x() - high;
+          direction = Vec2(-1, 0);
+          break;
+        case -3:
+          missing = low - p.y();
+          direction = Vec2(0, 1);
+          break;
+        default:
+          missing = p.y() - high;
+          direction = Vec2(0, -1);
+          break;
       }
       if (missing <= 0) continue;
       push(a, p, direction, 2 * missing);
@@ -185,7 +202,8 @@ void Relaxer::Grow(int patience) {
   constexpr double kGrowth = 1.002;
   std::vector<Body> best = bodies_;
   double best_scale = scale_;
-  for (int stalled = 0; stalled < patience && !execution_.IsStopped(); ++stalled) {
+  const std::int64_t most = steps_ + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(bodies_.size()));
+  for (int stalled = 0; stalled < patience && steps_ < most && !execution_.IsStopped(); ++stalled) {
     const std::vector<Body> before = bodies_;
     if (Step() > options_.tolerance) continue;
     best = before;

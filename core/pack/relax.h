@@ -18,21 +18,23 @@ struct Body {
 };
 
 struct RelaxOptions {
-  double distance = 0;   // to be kept between two charts
-  double low = 0;        // charts stay within [low, 1 - low]^2
-  double spacing = 0.003;  // of samples along the outlines
+  double distance = 0;      // to be kept between two charts
+  double low = 0;           // charts stay within [low, 1 - low]^2
+  double spacing = 0.003;   // of samples along the outlines
   double tolerance = 1e-4;  // that may be missing from `distance`
 };
 
 class Relaxer {
  public:
   // `relative_scales` times Scale() is what charts are scaled by.
-  Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields, std::vector<double> relative_scales, double scale, const RelaxOptions& options,
-          const Execution& execution);
+  Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+          std::vector<double> relative_scales, double scale, const RelaxOptions& options, const Execution& execution);
 
   std::vector<Body>& bodies() { return bodies_; }
   double scale() const { return scale_; }
   void set_scale(double scale) { scale_ = scale; }
+  // Steps of all charts so far.
+  std::int64_t steps() const { return steps_; }
   // Kept beside the distance, per chart.
   std::vector<double>& margins() { return margins_; }
 
@@ -72,6 +74,7 @@ class Relaxer {
   std::vector<Contact> contacts_;
   std::vector<Motion> velocity_;
   double skin_;
+  std::int64_t steps_ = 0;
   int age_ = 0;  // steps since the contacts were found
   double last_energy_ = 0;
 };

@@ -11,9 +11,13 @@
 
 namespace planish {
 namespace {
-double E(const char* n, double d) { return getenv(n) ? atof(getenv(n)) : d; }
 
 // Attempts that are made side by side, whatever the number of threads, and the share of the step that each takes.
+// Growth that is tried first, the least, and that after the least was too much: other places may lead farther.
+constexpr double kFirstStep = 0.03, kLeastStep = 0.003, kStepAgain = 0.01;
+// Steps of a chart in relaxation that cost as much as one move of a chart in rearrangement, about.
+constexpr std::int64_t kStepsPerMove = 15;
+constexpr int kSettlingRounds = 25;
 constexpr std::array<double, 2> kLanes = {1, 0.4};
 
 class Tightener {
@@ -34,12 +38,12 @@ class Tightener {
   }
 
   void Run() {
-    Layout best = layout_;
-    Relaxer relaxer = MakeRelaxer(best);
+    Relaxer relaxer = MakeRelaxer(layout_);
     relaxer.Grow(30);
-    best = {relaxer.bodies(), relaxer.scale()};
-    Search(&best);
-    Settle(best, layout_.scale);
+    std::vector<Layout> found = {{relaxer.bodies(), relaxer.scale()}};
+    Search(&found);
+    // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
+    while (!found.empty() && !Settle(found.back(), layout_.scale)) found.pop_back();
   }
 
   void RunLoosen(double factor) { Settle({layout_.bodies, factor * layout_.scale}, 0.5 * factor * layout_.scale); }
@@ -48,6 +52,7 @@ class Tightener {
   Relaxer MakeRelaxer(const Layout& layout) const {
     Relaxer relaxer(outlines_, fields_, relative_, layout.scale, relax_, execution_);
     relaxer.bodies() = layout.bodies;
+    std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
     return relaxer;
   }
 
@@ -57,11 +62,11 @@ class Tightener {
     return scales;
   }
 
-  void Search(Layout* best) {
+  // Adds to *found, which is not empty, what is better.
+  void Search(std::vector<Layout>* found) {
     const auto n = static_cast<std::int64_t>(outlines_.size());
-    const std::int64_t budget = options_.moves, at_once = E("ATONCE", 400) + E("ATONCEN",6) * n;
-    const double least_step = E("MINSTEP", 0.003);
-    double step = E("STEP", 0.03);
+    const std::int64_t budget = options_.moves, at_once = 400 + 6 * n;
+    double step = kFirstStep;
     std::int64_t used = 0;
     for (std::uint64_t round = 0; used < budget && !execution_.IsStopped(); ++round) {
       std::array<std::optional<Layout>, kLanes.size()> results;
@@ -69,15 +74,16 @@ class Tightener {
       const auto run = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t lane = begin; lane < end; ++lane) {
           RearrangeOptions rearrange;
-          rearrange.side = static_cast<int>(std::clamp(E("SIDE", 26) / width_, 112.0, 512.0));
+          rearrange.side = static_cast<int>(std::clamp(26 / width_, 112.0, 512.0));
           rearrange.tiles = options_.tiles;
-          rearrange.angles = E("ANGLES", 16);
-          rearrange.tries = E("TRIES", 100);
+          rearrange.angles = 24;
+          rearrange.tries = 100;
           rearrange.moves = at_once;
           rearrange.distance = options_.distance;
           rearrange.low = options_.low;
           rearrange.seed = kLanes.size() * round + lane;
-          results[lane] = Attempt(*best, best->scale * (1 + step * kLanes[lane]), rearrange, &moves[lane]);
+          results[lane] =
+              Attempt(found->back(), found->back().scale * (1 + step * kLanes[lane]), rearrange, &moves[lane]);
         }
       };
       if (execution_.team != nullptr) {
@@ -86,40 +92,41 @@ class Tightener {
         run(0, kLanes.size());
       }
       bool better = false;
-      double before=best->scale;
       for (const std::optional<Layout>& result : results) {
-        if (!result || result->scale <= best->scale) continue;
-        *best = *result;
+        if (!result || result->scale <= found->back().scale) continue;
+        found->push_back(*result);
         better = true;
       }
-      if (getenv("PACK_DEBUG")) fprintf(stderr, "round %d step %.4f lanes %d %d moves %ld %ld scale^2 %.4f\n", int(round), step, bool(results[0]), bool(results[1]), moves[0],moves[1],best->scale*best->scale/before/before);
       for (const std::int64_t m : moves) used += m + n / 4 + 1;
-      if (!better) step = std::max(least_step, step * E("DECAY",0.6));
+      if (!better) step = step > kLeastStep ? std::max(kLeastStep, step * 0.6) : kStepAgain;
     }
   }
 
   std::optional<Layout> Attempt(const Layout& from, double scale, const RearrangeOptions& rearrange,
                                 std::int64_t* moves) const {
     Layout layout{from.bodies, scale};
-    if (!Rearrange(outlines_, fields_, Scales(scale), rearrange, execution_, &layout.bodies, moves)) return std::nullopt;
+    if (!Rearrange(outlines_, fields_, Scales(scale), rearrange, execution_, &layout.bodies, moves))
+      return std::nullopt;
     Relaxer relaxer = MakeRelaxer(layout);
-    if (!relaxer.Separate(80)) return std::nullopt;
-    relaxer.Grow(20);
+    const bool apart = relaxer.Separate(80);
+    if (apart) relaxer.Grow(20);
+    *moves += relaxer.steps() * static_cast<std::int64_t>(outlines_.size()) / kStepsPerMove;
+    if (!apart) return std::nullopt;
     return Layout{relaxer.bodies(), relaxer.scale()};
   }
 
-  // Distances were sampled so far: charts move apart, or shrink a little, until they are exactly as demanded.
-  void Settle(const Layout& layout, double least_scale) {
+  // Distances were sampled so far. Puts a layout that keeps them exactly into layout_, if it finds one: charts move
+  // apart, or shrink a little, until they are exactly as demanded.
+  bool Settle(const Layout& layout, double least_scale) {
     Relaxer relaxer = MakeRelaxer(layout);
-    std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
-    while (relaxer.scale() > least_scale && !execution_.IsStopped()) {
-      const std::vector<TooNear> too_near =
-          relaxer.Separate(60) ? FindTooNear(outlines_, Scales(relaxer.scale()), relaxer.bodies(), options_.distance,
-                                             options_.low, execution_)
-                               : std::vector<TooNear>{{0, -1, 0}};
+    for (int round = 0; round < kSettlingRounds && relaxer.scale() > least_scale && !execution_.IsStopped(); ++round) {
+      const std::vector<TooNear> too_near = relaxer.Separate(60)
+                                                ? FindTooNear(outlines_, Scales(relaxer.scale()), relaxer.bodies(),
+                                                              options_.distance, options_.low, execution_)
+                                                : std::vector<TooNear>{{0, -1, 0}};
       if (too_near.empty()) {
         layout_ = {relaxer.bodies(), relaxer.scale()};
-        return;
+        return true;
       }
       for (const TooNear& pair : too_near) {
         for (const std::int32_t i : {pair.a, pair.b}) {
@@ -128,6 +135,7 @@ class Tightener {
       }
       relaxer.set_scale(relaxer.scale() * 0.9995);
     }
+    return false;
   }
 
   const std::vector<Outline>& outlines_;

@@ -24,7 +24,8 @@ struct Layout {
 
 // Scales up by some percent, lets charts find new places until they are apart (rearrange.h), lets them grow until they
 // are jammed (relax.h); and so on until that leads nowhere or has taken enough work, which is counted in steps, not in
-// seconds. *layout must keep the distances; what comes out keeps them exactly (clearance.h) at the same scale or a larger one.
+// seconds. *layout must keep the distances; what comes out keeps them exactly (clearance.h) at the same scale or a
+// larger one.
 void Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
              const TightenOptions& options, const Execution& execution, Layout* layout);
 

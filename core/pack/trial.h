@@ -21,7 +21,8 @@ struct TrialPlan {
   std::vector<std::int32_t> order;  // of the charts to place; all others are left out
   std::vector<std::int32_t> fixed;  // that have their place
   int angles = 8;                   // turns to try, evenly spread from the upright one on
-  double turn = 0;                  // added to all of them
+  bool hurried = false;             // most charts are looked for from where the last one lies on, not all over the tile
+  double enough = 2;                // how snug a place must be to be taken without looking at others (board.h); share
 };
 
 // Where a chart's centre lies.

@@ -50,7 +50,8 @@ int Main(int argc, char** argv) {
   ThreadTeam team(threads);
   Execution execution;
   execution.team = &team;
-  std::printf("%-28s %6s %7s %10s %5s %7s %8s %8s\n", "charts", "n", "faces", "efficiency", "tiles", "padding", "seconds", "CPU");
+  std::printf("%-28s %6s %7s %10s %5s %7s %8s %8s\n", "charts", "n", "faces", "efficiency", "tiles", "padding",
+              "seconds", "CPU");
   for (const std::string& name : names) {
     const auto charts = MakeCharts(name);
     if (!charts.ok()) {
@@ -64,8 +65,8 @@ int Main(int argc, char** argv) {
     const Packing packing = Pack(*charts, options, execution);
     const double seconds = timer.Seconds();
     const double cpu_seconds = static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC;
-    std::printf("%-28s %6zu %7zu %10.4f %5d %7.2f %8.3f %8.3f\n", name.substr(name.rfind('/') + 1).c_str(), charts->size(),
-                faces, packing.efficiency, packing.tiles, packing.padding, seconds, cpu_seconds);
+    std::printf("%-28s %6zu %7zu %10.4f %5d %7.2f %8.3f %8.3f\n", name.substr(name.rfind('/') + 1).c_str(),
+                charts->size(), faces, packing.efficiency, packing.tiles, packing.padding, seconds, cpu_seconds);
     std::fflush(stdout);
     if (!svg.empty()) Draw(svg, *charts, packing);
   }
