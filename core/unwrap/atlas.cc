@@ -1,29 +1,42 @@
 #include "core/unwrap/atlas.h"
 
+#include <array>
 #include <limits>
 #include <vector>
+
+#include "core/unwrap/placement.h"
 
 namespace planish {
 namespace {
 
-Packing PackAll(const ChartSet& charts, const UnwrapOptions& options, const Execution& execution) {
-  std::vector<PackChart> to_pack(charts.count());
-  for (int i = 0; i < charts.count(); ++i) {
-    to_pack[i].positions = charts.map(i).positions;
-    to_pack[i].faces = charts.chart(i).topology.faces;
+// Moves the maps to where they go.
+Atlas Place(const UnwrapOptions& options, const Execution& execution, ChartSet* charts) {
+  Atlas atlas;
+  if (!options.pack) {
+    for (int i = 0; i < charts->count(); ++i) {
+      Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity());
+      for (const Vec2& p : charts->map(i).positions) low = low.cwiseMin(p);
+      for (Vec2& p : *charts->positions(i)) p -= low;
+    }
+    return atlas;
   }
-  return Pack(to_pack, options.atlas, execution);
-}
-
-Packing LeaveAll(const ChartSet& charts) {
-  Packing packing;
-  packing.charts.resize(charts.count());
-  for (int i = 0; i < charts.count(); ++i) {
-    Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity());
-    for (const Vec2& p : charts.map(i).positions) low = low.cwiseMin(p);
-    packing.charts[i].offset = -low;
+  if (options.seams.policy == SeamPolicy::kNone) {
+    atlas.scale = PlaceInUnitSquare(charts->positions(0), execution);
+    return atlas;
   }
-  return packing;
+  std::vector<PackChart> to_pack(charts->count());
+  for (int i = 0; i < charts->count(); ++i) {
+    to_pack[i].positions = charts->map(i).positions;
+    to_pack[i].faces = charts->chart(i).topology.faces;
+  }
+  const Packing packing = Pack(to_pack, options.atlas, execution);
+  atlas.tiles = packing.tiles;
+  atlas.scale = packing.scale;
+  atlas.padding = packing.padding;
+  for (int i = 0; i < charts->count(); ++i) {
+    for (Vec2& p : *charts->positions(i)) p = packing.charts[i](p);
+  }
+  return atlas;
 }
 
 // The UV of the two ends of an edge between two vertices, or of one corner at a vertex, wherever a face has UV there.
@@ -77,22 +90,17 @@ class ElsewhereUv {
 
 }  // namespace
 
-Atlas MakeAtlas(const Mesh& mesh, const ChartSet& charts, const UnwrapOptions& options, const Execution& execution) {
-  Atlas atlas;
-  const Packing packing = options.pack ? PackAll(charts, options, execution) : LeaveAll(charts);
+Atlas MakeAtlas(const Mesh& mesh, const UnwrapOptions& options, const Execution& execution, ChartSet* charts) {
+  Atlas atlas = Place(options, execution, charts);
   if (execution.IsStopped()) return atlas;
-  atlas.tiles = packing.tiles;
-  atlas.scale = packing.scale;
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);
-  for (int i = 0; i < charts.count(); ++i) {
-    const Chart& chart = charts.chart(i);
-    const std::vector<Vec2>& positions = charts.map(i).positions;
-    std::vector<Vec2> placed(positions.size());
-    for (std::size_t v = 0; v < placed.size(); ++v) placed[v] = packing.charts[i](positions[v]);
+  for (int i = 0; i < charts->count(); ++i) {
+    const Chart& chart = charts->chart(i);
+    const std::vector<Vec2>& positions = charts->map(i).positions;
     execution.For(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
       for (std::int64_t f = begin; f < end; ++f) {
         for (int k = 0; k < 3; ++k) {
-          const Vec2& p = placed[chart.topology.faces[f][k]];
+          const Vec2& p = positions[chart.topology.faces[f][k]];
           const std::size_t corner = 3 * static_cast<std::size_t>(chart.faces[f]) + k;
           atlas.uv[2 * corner] = p.x();
           atlas.uv[2 * corner + 1] = p.y();
@@ -100,8 +108,8 @@ Atlas MakeAtlas(const Mesh& mesh, const ChartSet& charts, const UnwrapOptions& o
       }
     });
   }
-  if (charts.ignored().empty()) return atlas;
-  const std::vector<std::int32_t> face_chart = charts.FaceChart();
+  if (charts->ignored().empty()) return atlas;
+  const std::vector<std::int32_t> face_chart = charts->FaceChart();
   const ElsewhereUv elsewhere(mesh, face_chart, atlas.uv);
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
     if (face_chart[f] >= 0) continue;

@@ -151,10 +151,10 @@ struct Bounds {
 
 }  // namespace
 
-void PlaceInUnitSquare(std::vector<Vec2>* points, const Execution& execution) {
-  if (points->empty()) return;
+double PlaceInUnitSquare(std::vector<Vec2>* points, const Execution& execution) {
+  if (points->empty()) return 1;
   std::vector<Vec2> candidates = HullCandidates(*points, execution);
-  if (execution.IsStopped()) return;
+  if (execution.IsStopped()) return 1;
   const Vec2 u = LongAxis(ConvexHull(std::move(candidates), execution), execution), v(-u.y(), u.x());
   const auto n = static_cast<std::int64_t>(points->size());
   Bounds bounds;
@@ -170,10 +170,11 @@ void PlaceInUnitSquare(std::vector<Vec2>* points, const Execution& execution) {
     bounds.Add(part);
   }
   const double side = (bounds.high - bounds.low).maxCoeff();
-  if (!(side > 0)) return;
+  if (!(side > 0)) return 1;
   execution.For(n, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) (*points)[i] = ((*points)[i] - bounds.low) / side;
   });
+  return 1 / side;
 }
 
 }  // namespace planish

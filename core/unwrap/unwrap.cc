@@ -72,10 +72,18 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
   }
   Timer timer;
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kPack));
-  Atlas atlas = MakeAtlas(mesh_, charts_, options_, execution_);
+  Atlas atlas = MakeAtlas(mesh_, options_, execution_, &charts_);
   if (execution_.IsStopped()) return absl::CancelledError("cancelled");
   result_.tiles = atlas.tiles;
   if (options_.pack) result_.texels_per_unit = atlas.scale * options_.atlas.texture_size;
+  if (charts_.count() > 1 && options_.pack && atlas.padding < options_.atlas.padding) {
+    result_.warnings.push_back(
+        {"PADDING_NOT_KEPT",
+         absl::StrFormat("there is room for %.3g texels between charts, not for the %d asked for; give more texels or "
+                         "tiles",
+                         atlas.padding, options_.atlas.padding),
+         {{"padding", absl::StrFormat("%g", atlas.padding)}}});
+  }
   result_.seconds.pack = timer.Restart();
 
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kVerify));

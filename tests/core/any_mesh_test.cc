@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 
+#include "Eigen/Geometry"
 #include "core/base/error.h"
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"

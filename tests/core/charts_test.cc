@@ -165,7 +165,7 @@ TEST(StretchEstimate, OfHalfASphere) {
   const Surface surface = MakeSurface(mesh, {});
   const Segmentation whole(surface, Segmentation::Kind::kWhole, 1.05, {});
   StretchEstimate estimate(whole.gluing());
-  EXPECT_NEAR(estimate(whole.charts()[0], {}), std::sqrt(2 * 7.0 / 12), 0.01);
+  EXPECT_NEAR(estimate(whole.charts()[0], {}), std::sqrt(2 * 7.0 / 12), 0.03);
 }
 
 TEST(StretchEstimate, OfWhatUnrollsIsOne) {

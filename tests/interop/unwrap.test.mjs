@@ -151,8 +151,8 @@ test('create, watch, list and delete a job; same bytes as in one call', async ()
   await assert.rejects(call(server.client, 'GetJob', {name}), (error) => error.code === grpc.status.NOT_FOUND);
 });
 
-test('a closed mesh fails with a reason', async () => {
-  const {job, uv} = await unwrap(await encode(tetrahedron()));
+test('a closed mesh without seams fails with a reason', async () => {
+  const {job, uv} = await unwrap(await encode(tetrahedron()), {options: {seams: 'SEAMS_NONE'}});
   assert.equal(job.state, 'JOB_STATE_FAILED');
   assert.equal(errorInfoOfJob(job).reason, 'MESH_CLOSED');
   assert.equal(errorInfoOfJob(job).domain, 'planish');

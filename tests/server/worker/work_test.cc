@@ -129,9 +129,11 @@ TEST(Work, ThreadsAreThoseAskedForWithinTheLimitAndChangeNothing) {
 }
 
 TEST(Work, FaultsAreNamed) {
-  EXPECT_EQ(Reason(RunOnce(Request(Tetrahedron()))), "MESH_CLOSED");
+  worker::v1::WorkRequest request = Request(Tetrahedron());
+  request.mutable_options()->set_seams(v1::SEAMS_NONE);
+  EXPECT_EQ(Reason(RunOnce(request)), "MESH_CLOSED");
 
-  worker::v1::WorkRequest request = Request(Bump(4));
+  request = Request(Bump(4));
   request.mutable_options()->set_tolerance(-1);
   EXPECT_EQ(Reason(RunOnce(request)), "OPTIONS_INVALID");
 
