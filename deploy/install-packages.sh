@@ -19,8 +19,9 @@ build="
 # What only the tests need. tests/interop also uses node and npm where they are installed already.
 test="libgtest-dev libgmock-dev"
 
-# What only tests/bench/run.sh needs: plots, and the programs of others that it measures.
-bench="gnuplot-nox libcgal-dev blender"
+# What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/io reads its files with
+# Blender as well where that is installed (its glTF importer needs numpy).
+bench="gnuplot-nox libcgal-dev blender python3-numpy"
 
 # What the installed programs need.
 runtime="

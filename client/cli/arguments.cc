@@ -92,7 +92,13 @@ void AddProgress(CLI::App& app, Arguments& arguments) {
 }
 
 void AddOutput(CLI::App& app, Arguments& arguments) {
-  app.add_option("-o,--output", arguments.output, "Where the OBJ with UV goes; - is stdout")->type_name("OUT");
+  app.add_option("-o,--output", arguments.output,
+                 "Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or .drc; - is "
+                 "stdout; a directory keeps the name, and takes several files")
+      ->type_name("OUT");
+  app.add_option("--texcoord", arguments.texcoord, "glTF: the UV become TEXCOORD_N [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
 }
 
 void AddPicture(CLI::App& app, Arguments& arguments) {
@@ -117,7 +123,11 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   CLI::App& unwrap = *app.add_subcommand("unwrap", "Flatten a mesh and write it with UV");
   unwrap.parse_complete_callback([&arguments] { arguments.command = Command::kUnwrap; });
   unwrap.footer(kUnwrapExamples);
-  unwrap.add_option("IN", arguments.input, "Mesh file: .obj, .ply, .off or .stl")->required()->type_name("");
+  unwrap.add_option("IN", arguments.input, "Mesh file: .obj, .ply, .off, .stl, .gltf, .glb or .drc")
+      ->required()
+      ->type_name("");
+  unwrap.add_option("MORE", arguments.more_inputs, "Further files, into the same atlas; OUT is a directory then")
+      ->type_name("");
   AddOutput(unwrap, arguments);
   AddPicture(unwrap, arguments);
   AddServer(unwrap, arguments, "without it a private server is started");
@@ -206,14 +216,8 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
 std::string CheckTogether(Arguments& arguments) {
   if (!arguments.job.empty() && arguments.job.rfind("jobs/", 0) != 0) arguments.job = "jobs/" + arguments.job;
   const bool to_stdout = arguments.output == "-";
-  const std::string_view output = arguments.output;
-  const bool is_obj =
-      output.size() > 4 && (output.substr(output.size() - 4) == ".obj" || output.substr(output.size() - 4) == ".OBJ");
-  if (!arguments.output.empty() && !to_stdout && !is_obj) {
-    return "-o " + arguments.output + ": planish writes OBJ; give a name that ends in .obj, or - for stdout";
-  }
   if (to_stdout && arguments.json) {
-    return "-o - and --json both want stdout; write the OBJ to a file, or leave --json out";
+    return "-o - and --json both want stdout; write the mesh to a file, or leave --json out";
   }
   switch (arguments.command) {
     case Command::kUnwrap:
@@ -221,15 +225,21 @@ std::string CheckTogether(Arguments& arguments) {
         return "--detach needs --server (or PLANISH_SERVER): a private server ends with this command, and the job "
                "with it";
       }
+      if (arguments.detach && !arguments.more_inputs.empty()) {
+        return "--detach takes one file: jobs watch could not write the UV of several";
+      }
       if (arguments.detach && !arguments.output.empty()) {
         return "--detach does not wait for UV, so there is nothing for -o; fetch them later with: planish jobs watch "
                "JOB --mesh " +
                arguments.input + " -o " + arguments.output;
       }
       if (!arguments.detach && arguments.output.empty()) {
-        const std::string stem = arguments.input.substr(0, arguments.input.rfind('.'));
-        return "where should the result go? For example: planish unwrap " + arguments.input + " -o " + stem +
-               "_uv.obj (or -o - for stdout)";
+        if (!arguments.more_inputs.empty()) return "where should the results go? Several files need -o DIRECTORY/";
+        const std::size_t dot = std::min(arguments.input.rfind('.'), arguments.input.size());
+        const std::string extension = arguments.input.substr(dot);
+        return "where should the result go? For example: planish unwrap " + arguments.input + " -o " +
+               arguments.input.substr(0, dot) + "_uv" + (extension == ".stl" || extension == "" ? ".obj" : extension) +
+               " (or -o - for stdout)";
       }
       return "";
     case Command::kVersion:

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "planish/types.h"
 
@@ -19,7 +20,9 @@ struct Arguments {
 
   // unwrap; jobs watch has the mesh in `input` if it was given.
   std::string input;
-  std::string output;
+  std::vector<std::string> more_inputs;           // further files that share the atlas
+  std::string output;                             // a file, "-", or a directory
+  int texcoord = 0;                               // glTF: UV become TEXCOORD_n, in [0, 7]
   std::string picture;                            // a PNG of the map; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;

@@ -14,7 +14,10 @@ enum ExitCode : int {
 };
 
 inline ExitCode ExitCodeOf(const Error& error) {
-  if (error.reason().rfind("FILE_", 0) == 0 || error.reason() == "OPTIONS_INVALID") return kUsage;
+  if (error.reason().rfind("FILE_", 0) == 0 || error.reason() == "OPTIONS_INVALID" ||
+      error.reason() == "OUTPUT_UNSUPPORTED") {
+    return kUsage;
+  }
   if (error.code() == ErrorCode::kUnavailable) return kServerUnreachable;
   return kFailed;
 }

@@ -2,9 +2,13 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <numbers>
+#include <optional>
+#include <set>
+#include <string_view>
 #include <vector>
 
 #include "client/src/errors.h"
@@ -27,34 +31,121 @@ std::vector<std::int64_t> IdsIn(const std::string& text) {
   return found;
 }
 
+// The last part that begins at `id` or before.
+template <typename Part>
+const Part& PartOf(const std::vector<Part>& parts, std::int64_t Part::*first, std::int64_t id) {
+  const auto behind = std::upper_bound(parts.begin() + 1, parts.end(), id,
+                                       [first](std::int64_t value, const Part& part) { return value < part.*first; });
+  return *(behind - 1);
+}
+
+// Devices and the like: their names say nothing about a format.
+bool HasNoFormat(const std::string& out) {
+  return out == "-" || out.starts_with("/dev/") || out.starts_with("/proc/self/fd/");
+}
+
 }  // namespace
 
-MeshInput::MeshInput(const std::string& path) {
-  absl::StatusOr<MeshFile> file = ReadMeshFile(path);
-  if (!file.ok()) throw ErrorFrom(file.status());
-  file_ = *std::move(file);
-  triangulation_ = Triangulate(file_.mesh);
+MeshInput::MeshInput(const std::vector<std::string>& paths, int texcoord) {
+  for (const std::string& path : paths) {
+    absl::StatusOr<MeshFile> file = ReadMeshFile(path, {texcoord});
+    if (!file.ok()) throw ErrorFrom(file.status());
+    Part part;
+    part.file = *std::move(file);
+    part.triangulation = Triangulate(part.file.mesh);
+    part.first_vertex = mesh_.num_vertices();
+    part.first_face = mesh_.num_faces();
+    if (!parts_.empty()) {
+      const Part& last = parts_.back();
+      part.first_file_vertex = last.first_file_vertex + static_cast<std::int64_t>(last.file.mesh.positions.size());
+      part.first_polygon = last.first_polygon + last.file.mesh.num_polygons();
+    }
+    Mesh mesh = std::move(part.triangulation.mesh);
+    part.triangulation.mesh = Mesh();
+    parts_.push_back(std::move(part));
+    if (parts_.size() == 1) {
+      mesh_ = std::move(mesh);
+      continue;
+    }
+    const std::int64_t first = mesh_.num_vertices();
+    if (first + mesh.num_vertices() > INT32_MAX || mesh_.num_faces() + mesh.num_faces() > INT32_MAX / 3) {
+      throw Error(ErrorCode::kInvalidArgument, "MESH_TOO_LARGE", "these files together are too large for one mesh");
+    }
+    mesh_.positions.insert(mesh_.positions.end(), mesh.positions.begin(), mesh.positions.end());
+    for (Face face : mesh.faces) {
+      for (std::int32_t& vertex : face) vertex += static_cast<std::int32_t>(first);
+      mesh_.faces.push_back(face);
+    }
+  }
 }
 
 MeshView MeshInput::view() const {
-  const Mesh& mesh = triangulation_.mesh;
-  if (mesh.positions.empty() || mesh.faces.empty()) {
+  if (mesh_.positions.empty() || mesh_.faces.empty()) {
     return MeshView(std::span<const double>(), std::span<const std::int32_t>());
   }
   static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(Face) == 3 * sizeof(std::int32_t));
-  return MeshView(std::span(mesh.positions.front().data(), 3 * mesh.positions.size()),
-                  std::span(mesh.faces.front().data(), 3 * mesh.faces.size()));
+  return MeshView(std::span(mesh_.positions.front().data(), 3 * mesh_.positions.size()),
+                  std::span(mesh_.faces.front().data(), 3 * mesh_.faces.size()));
+}
+
+std::vector<std::int32_t> MeshInput::CornerTexcoords() const {
+  std::vector<std::int32_t> result;
+  std::int32_t first = 0;
+  bool any = false;
+  for (const Part& part : parts_) {
+    const std::vector<std::int32_t>& ids = part.file.mesh.corner_texcoord;
+    for (const std::int64_t corner : part.triangulation.corner_of_triangle) {
+      const std::int32_t id = ids.empty() ? -1 : ids[static_cast<std::size_t>(corner)];
+      result.push_back(id < 0 ? -1 : first + id);
+    }
+    any |= !ids.empty();
+    first += static_cast<std::int32_t>(part.file.mesh.texcoords.size());
+  }
+  return any ? result : std::vector<std::int32_t>();
+}
+
+std::vector<double> MeshInput::CornerUv() const {
+  std::vector<double> uv;
+  for (const Part& part : parts_) {
+    const PolygonMesh& mesh = part.file.mesh;
+    for (const std::int64_t corner : part.triangulation.corner_of_triangle) {
+      const std::int32_t id =
+          mesh.corner_texcoord.empty() ? -1 : mesh.corner_texcoord[static_cast<std::size_t>(corner)];
+      const Vec2 value = id < 0 ? Vec2(0, 0) : mesh.texcoords[static_cast<std::size_t>(id)];
+      uv.insert(uv.end(), {value.x(), value.y()});
+    }
+  }
+  return uv;
+}
+
+std::vector<std::int32_t> MeshInput::FaceMaterials() const {
+  std::vector<std::int32_t> result;
+  std::int32_t first = 0;
+  bool any = false;
+  for (const Part& part : parts_) {
+    const std::vector<std::int32_t>& ids = part.file.mesh.polygon_material;
+    for (const std::int64_t polygon : part.triangulation.source_polygon) {
+      const std::int32_t id = ids.empty() ? -1 : ids[static_cast<std::size_t>(polygon)];
+      result.push_back(id < 0 ? -1 : first + id);
+    }
+    any |= !ids.empty();
+    first += static_cast<std::int32_t>(part.file.mesh.material_names.size());
+  }
+  return any ? result : std::vector<std::int32_t>();
 }
 
 ids::Renumbering MeshInput::ToFile() const {
-  const auto through = [](const auto& table) {
-    return [&table](std::int64_t id) -> std::int64_t {
-      return id < static_cast<std::int64_t>(table.size())
-                 ? static_cast<std::int64_t>(table[static_cast<std::size_t>(id)])
-                 : -1;
-    };
+  const auto vertex = [this](std::int64_t id) -> std::int64_t {
+    if (id >= mesh_.num_vertices()) return -1;
+    const Part& part = PartOf(parts_, &Part::first_vertex, id);
+    return part.first_file_vertex + part.triangulation.source_vertex[static_cast<std::size_t>(id - part.first_vertex)];
   };
-  return {through(triangulation_.source_vertex), through(triangulation_.source_polygon)};
+  const auto face = [this](std::int64_t id) -> std::int64_t {
+    if (id >= mesh_.num_faces()) return -1;
+    const Part& part = PartOf(parts_, &Part::first_face, id);
+    return part.first_polygon + part.triangulation.source_polygon[static_cast<std::size_t>(id - part.first_face)];
+  };
+  return {vertex, face};
 }
 
 Error MeshInput::InFileIds(const Error& error) const {
@@ -66,38 +157,106 @@ Warning MeshInput::InFileIds(const Warning& warning) const {
           ids::RenumberMetadata(warning.metadata, ToFile())};
 }
 
+// One element, with the line that it stands on; empty if there is nothing to say.
+std::string MeshInput::Place(const char* element, std::int64_t id) const {
+  const bool is_face = std::string_view(element) == "face";
+  std::int64_t Part::*const first = is_face ? &Part::first_polygon : &Part::first_file_vertex;
+  const Part& part = PartOf(parts_, first, id);
+  const std::int64_t own = id - part.*first;
+  const auto& lines = is_face ? part.file.mesh.polygon_line : part.file.mesh.vertex_line;
+  const std::string name = std::filesystem::path(part.file.path).filename();
+  const std::string line = own < static_cast<std::int64_t>(lines.size())
+                               ? std::to_string(lines[static_cast<std::size_t>(own)])
+                               : std::string();
+  const std::string what = std::string(element) + " " + std::to_string(id);
+  if (parts_.size() > 1) {
+    return what + " (" + element + " " + std::to_string(own) + " of " + name + (line.empty() ? "" : ", line " + line) +
+           ")";
+  }
+  return line.empty() ? "" : what + " (" + name + ":" + line + ")";
+}
+
 std::string MeshInput::Places(const std::map<std::string, std::string>& metadata) const {
-  const std::string file_name = std::filesystem::path(file_.path).filename();
   std::string text;
   std::size_t count = 0;
-  const auto add = [&](const char* element, std::int64_t id, const std::vector<std::int64_t>& lines) {
-    if (id >= static_cast<std::int64_t>(lines.size()) || ++count > kMaxPlaces) return;
-    text += (text.empty() ? "" : ", ") + std::string(element) + " " + std::to_string(id) + " (" + file_name + ":" +
-            std::to_string(lines[static_cast<std::size_t>(id)]) + ")";
+  const auto add = [&](const char* element, std::int64_t id) {
+    const std::string place = Place(element, id);
+    if (place.empty() || ++count > kMaxPlaces) return;
+    text += (text.empty() ? "" : ", ") + place;
   };
   // Where faces are named, the vertices of the edges between them add nothing.
   for (const auto& [key, value] : metadata) {
     if (key != "face" && key != "faces") continue;
-    for (const std::int64_t id : IdsIn(value)) add("face", id, file_.mesh.polygon_line);
+    for (const std::int64_t id : IdsIn(value)) add("face", id);
   }
   for (const auto& [key, value] : metadata) {
     const bool is_edge = key == "edge" || key == "edges";
     if (key != "vertex" && key != "vertices" && !(is_edge && count == 0)) continue;
-    for (const std::int64_t id : IdsIn(value)) add("vertex", id, file_.mesh.vertex_line);
+    for (const std::int64_t id : IdsIn(value)) add("vertex", id);
   }
   // The server names only the first few as well, so there is no telling how many more.
   return count > kMaxPlaces ? text + ", ..." : text;
 }
 
-std::string MeshInput::WithUv(const Uv& uv) const {
-  const std::vector<double> by_triangle = uv.AsDouble();
-  std::vector<double> by_corner(2 * file_.mesh.corner_vertex.size(), 0.0);
-  for (std::size_t i = 0; i < triangulation_.corner_of_triangle.size(); ++i) {
-    const auto corner = static_cast<std::size_t>(triangulation_.corner_of_triangle[i]);
-    by_corner[2 * corner] = by_triangle[2 * i];
-    by_corner[2 * corner + 1] = by_triangle[2 * i + 1];
+std::string MeshInput::OutputPath(const Part& part, const std::string& out, bool is_directory) const {
+  if (!is_directory) return out;
+  return (std::filesystem::path(out) / std::filesystem::path(part.file.path).filename()).string();
+}
+
+std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoord) const {
+  std::error_code ignored;
+  const bool is_directory = out.ends_with("/") || std::filesystem::is_directory(out, ignored);
+  const auto unsupported = [](const std::string& message) {
+    return Error(ErrorCode::kInvalidArgument, "OUTPUT_UNSUPPORTED", message);
+  };
+  if (parts_.size() > 1 && !is_directory) {
+    throw unsupported("-o " + out + ": several files need a directory, which keeps their names: -o DIR/");
   }
-  return WriteObjWithUv(file_, by_corner, uv.precision == Precision::kFloat);
+  std::vector<OutputOptions> outputs;
+  std::set<std::string> names;
+  for (const Part& part : parts_) {
+    OutputOptions output;
+    output.path = OutputPath(part, out, is_directory);
+    output.texcoord = texcoord;
+    if (!names.insert(output.path).second) {
+      throw unsupported("two of the files would both become " + output.path + "; give them different names");
+    }
+    if (HasNoFormat(output.path)) {
+      output.format = part.file.format == MeshFormat::kStl ? MeshFormat::kObj : part.file.format;
+    } else if (const std::optional<MeshFormat> format = FormatOfPath(output.path)) {
+      output.format = *format;
+    } else {
+      throw unsupported(output.path +
+                        ": the name must end in .obj, .ply, .off, .gltf, .glb or .drc, or be - for stdout");
+    }
+    const absl::Status status = planish::CheckOutput(part.file, output);
+    if (!status.ok()) throw ErrorFrom(status);
+    cli::CheckOutput(output.path);
+    outputs.push_back(output);
+  }
+  return outputs;
+}
+
+WrittenMesh MeshInput::WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs) const {
+  const std::vector<double> by_triangle = uv.AsDouble();
+  WrittenMesh written;
+  for (std::size_t p = 0; p < parts_.size(); ++p) {
+    const Part& part = parts_[p];
+    std::vector<double> by_corner(2 * part.file.mesh.corner_vertex.size(), 0.0);
+    const std::size_t first = 3 * static_cast<std::size_t>(part.first_face);
+    for (std::size_t i = 0; i < part.triangulation.corner_of_triangle.size(); ++i) {
+      const auto corner = static_cast<std::size_t>(part.triangulation.corner_of_triangle[i]);
+      by_corner[2 * corner] = by_triangle[2 * (first + i)];
+      by_corner[2 * corner + 1] = by_triangle[2 * (first + i) + 1];
+    }
+    OutputOptions output = outputs[p];
+    output.uv_is_float = uv.precision == Precision::kFloat;
+    absl::StatusOr<WrittenMesh> one = WriteMeshWithUv(part.file, by_corner, output);
+    if (!one.ok()) throw ErrorFrom(one.status());
+    for (OutputFile& file : one->files) written.files.push_back(std::move(file));
+    for (std::string& warning : one->warnings) written.warnings.push_back(output.path + ": " + warning);
+  }
+  return written;
 }
 
 std::string MeshInput::Picture(const Uv& uv, double azimuth, double elevation) const {
@@ -105,7 +264,7 @@ std::string MeshInput::Picture(const Uv& uv, double azimuth, double elevation) c
   MapPictureOptions options;
   options.azimuth = azimuth * kRadians;
   options.elevation = elevation * kRadians;
-  absl::StatusOr<std::string> png = EncodePng(DrawMap(triangulation_.mesh, uv.AsDouble(), options));
+  absl::StatusOr<std::string> png = EncodePng(DrawMap(mesh_, uv.AsDouble(), options));
   if (!png.ok()) throw ErrorFrom(png.status());
   return *std::move(png);
 }
@@ -116,7 +275,7 @@ void WriteOutput(const std::string& path, const std::string& bytes) {
 }
 
 void CheckOutput(const std::string& path) {
-  if (path == "-") return;
+  if (HasNoFormat(path)) return;
   const std::filesystem::path directory = std::filesystem::absolute(path).parent_path();
   if (access(directory.c_str(), W_OK) == 0) return;
   throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE",

@@ -1,40 +1,73 @@
-// The mesh file a command works on, and the way from what the server says to its lines.
+// The mesh files a command works on, and the way from what the server says to their lines.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <string>
+#include <vector>
 
 #include "client/src/element_ids.h"
-#include "core/io/mesh_file.h"
+#include "core/io/mesh_output.h"
 #include "planish/client.h"
 
 namespace planish::cli {
 
+// Several files are one mesh on the way to the server and back, and get one atlas; none of their vertices are joined.
+// Their faces and vertices are then counted through, in the order of the files.
 class MeshInput {
  public:
-  // Throws planish::Error: FILE_UNREADABLE, FILE_FORMAT_UNKNOWN, FILE_MALFORMED.
-  explicit MeshInput(const std::string& path);
+  // At least one path. `texcoord`: which UV of glTF files are the file's (core/io/mesh_file.h).
+  // Throws planish::Error: FILE_UNREADABLE, FILE_FORMAT_UNKNOWN, FILE_UNSUPPORTED, FILE_MALFORMED.
+  explicit MeshInput(const std::vector<std::string>& paths, int texcoord = 0);
+  explicit MeshInput(const std::string& path) : MeshInput(std::vector<std::string>{path}) {}
 
-  const std::string& path() const { return file_.path; }
+  // Of the first file.
+  const std::string& path() const { return parts_.front().file.path; }
   // As sent; lives as long as this object.
   MeshView view() const;
 
-  // The error in the file's own ids, 0-based: faces and vertices as the file counts them.
+  // Of the files, in the order of view(). Per corner 3 f + k an id of its UV, -1: none; at a vertex equal ids are equal
+  // UV, so that an edge whose two faces have the same ids at both ends is no seam of the file. Empty: no file has UV.
+  std::vector<std::int32_t> CornerTexcoords() const;
+  // The UV itself, v upwards, (0, 0) where there is none: 6 numbers a face.
+  std::vector<double> CornerUv() const;
+  // Per face an id of its material, -1: none; faces of different files never share one. Empty: no file has materials.
+  std::vector<std::int32_t> FaceMaterials() const;
+
+  // The error in the files' own ids, 0-based: faces (polygons) and vertices as the file counts them.
   Error InFileIds(const Error& error) const;
   Warning InFileIds(const Warning& warning) const;
   // "face 12 (in.obj:345), vertex 7 (in.obj:8)" for the elements that `metadata` (in file ids) names; empty if it
-  // names none or the file has no lines.
+  // names none or the file has no lines. With several files "face 12 (face 2 of b.obj, line 345)".
   std::string Places(const std::map<std::string, std::string>& metadata) const;
 
-  // The file with UV; `uv` in the order of view().
-  std::string WithUv(const Uv& uv) const;
+  // Where the results go for `-o out`: to `out` itself, in the format that its name says ("-" and what lies in /dev:
+  // the file's own, or OBJ if that is STL); or, with several files, or where `out` ends in '/' or is a directory, to
+  // files of the same names in it. Throws OUTPUT_UNSUPPORTED where a format cannot hold what it would have to, two
+  // files would get the same name, or several files have no directory; FILE_UNWRITABLE where there is none to write to.
+  std::vector<OutputOptions> Outputs(const std::string& out, int texcoord) const;
+  // The files with UV; `uv` in the order of view(). Throws UV_PRECISION for UV in double where a format lacks them.
+  WrittenMesh WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs) const;
   // A PNG file that shows the map (core/io/map_picture.h); angles in degrees.
   std::string Picture(const Uv& uv, double azimuth, double elevation) const;
 
  private:
-  ids::Renumbering ToFile() const;
+  struct Part {
+    MeshFile file;
+    Triangulation triangulation;  // without its mesh
+    // Where it begins in mesh_, and among the vertices and polygons of all files.
+    std::int64_t first_vertex = 0;
+    std::int64_t first_face = 0;
+    std::int64_t first_file_vertex = 0;
+    std::int64_t first_polygon = 0;
+  };
 
-  MeshFile file_;
-  Triangulation triangulation_;
+  ids::Renumbering ToFile() const;
+  std::string Place(const char* element, std::int64_t id) const;
+  std::string OutputPath(const Part& part, const std::string& out, bool is_directory) const;
+
+  std::vector<Part> parts_;
+  Mesh mesh_;  // of all parts
 };
 
 // Throws planish::Error (FILE_UNWRITABLE).

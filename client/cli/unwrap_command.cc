@@ -29,9 +29,27 @@ class ResultCommand {
 
   void LoadInput() {
     if (arguments_.input.empty()) return;
-    CheckOutput(arguments_.output.empty() ? "-" : arguments_.output);
     if (!arguments_.picture.empty()) CheckOutput(arguments_.picture);
-    input_.emplace(arguments_.input);
+    std::vector<std::string> paths = {arguments_.input};
+    paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
+    input_.emplace(paths, arguments_.texcoord);
+    if (!arguments_.output.empty()) outputs_ = input_->Outputs(arguments_.output, arguments_.texcoord);
+  }
+
+  // The options to ask the server with: in float where that is all that the output can hold.
+  UnwrapOptions Options() const {
+    UnwrapOptions options = arguments_.options;
+    for (const OutputOptions& output : outputs_) {
+      if (!IsFloatByNature(output.format)) continue;
+      if (options.precision == Precision::kDouble) {
+        throw Error(ErrorCode::kInvalidArgument, "OUTPUT_UNSUPPORTED",
+                    output.path +
+                        ": this format holds UV as float only; leave --precision=double out, or write .obj, "
+                        ".ply or .off");
+      }
+      options.precision = Precision::kFloat;
+    }
+    return options;
   }
 
   const MeshInput& input() const { return *input_; }
@@ -45,7 +63,11 @@ class ResultCommand {
 
   int Deliver(UnwrapResult result, const Arguments& arguments) {
     for (Warning& warning : result.report.warnings) warning = input_->InFileIds(warning);
-    WriteOutput(arguments.output, input_->WithUv(result.uv));
+    const WrittenMesh written = input_->WithUv(result.uv, outputs_);
+    for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
+    for (const std::string& warning : written.warnings) {
+      result.report.warnings.push_back({"UV_PRECISION", warning, {}});
+    }
     if (!arguments.picture.empty()) {
       WriteOutput(arguments.picture, input_->Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
     }
@@ -90,6 +112,7 @@ class ResultCommand {
   const Arguments& arguments_;
   Timer timer_;
   std::optional<MeshInput> input_;
+  std::vector<OutputOptions> outputs_;
 };
 
 int Detach(const Arguments& arguments, const MeshInput& input, Client& client, const CallOptions& call) {
@@ -130,7 +153,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
 
     view = NewProgressView(arguments.progress, file_name);
     Call call =
-        server.client().StartUnwrap(command.input().view(), arguments.options, view->AsCallbacks(), call_options);
+        server.client().StartUnwrap(command.input().view(), command.Options(), view->AsCallbacks(), call_options);
     interrupts.SetCancel([&] {
       view->OnNotice(kCancelling);
       call.Cancel();

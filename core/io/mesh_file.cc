@@ -1,10 +1,5 @@
 #include "core/io/mesh_file.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <filesystem>
 #include <new>
 #include <optional>
@@ -13,62 +8,39 @@
 #include "absl/strings/ascii.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
-#include "core/io/file_error.h"
+#include "core/io/gltf_mesh.h"
+#include "core/io/read_file.h"
 #include "core/io/readers.h"
 
 namespace planish {
 namespace {
 
-std::optional<MeshFormat> FormatOf(const std::string& path) {
-  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
-  if (extension == ".obj") return MeshFormat::kObj;
-  if (extension == ".ply") return MeshFormat::kPly;
-  if (extension == ".off") return MeshFormat::kOff;
-  if (extension == ".stl") return MeshFormat::kStl;
-  return std::nullopt;
-}
-
-class Descriptor {
- public:
-  explicit Descriptor(int value) : value_(value) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (value_ >= 0) ::close(value_);
-  }
-  int value() const { return value_; }
-
- private:
-  int value_;
-};
-
-// Reads up to the end of the file, however long its size says it is: pipes have none.
-absl::Status ReadAll(const std::string& path, int descriptor, std::size_t expected_size, std::string* bytes) {
-  std::size_t size = 0;
-  while (true) {
-    if (size == bytes->size()) bytes->resize(size == 0 ? expected_size + 1 : 2 * size);
-    const ssize_t count = ::read(descriptor, bytes->data() + size, bytes->size() - size);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return FileUnreadable(path, "cannot read", errno);
-    if (count == 0) break;
-    size += static_cast<std::size_t>(count);
-  }
-  bytes->resize(size);
-  return absl::OkStatus();
-}
-
-absl::StatusOr<PolygonMesh> Parse(MeshFormat format, const std::string& path, const std::string& bytes) {
-  switch (format) {
+absl::Status Parse(const ReadOptions& options, MeshFile* file) {
+  absl::StatusOr<PolygonMesh> mesh;
+  switch (file->format) {
     case MeshFormat::kObj:
-      return ReadObj(path, bytes);
+      mesh = ReadObj(file->path, file->bytes);
+      break;
     case MeshFormat::kPly:
-      return ReadPly(path, bytes);
+      mesh = ReadPly(file->path, file->bytes);
+      break;
     case MeshFormat::kOff:
-      return ReadOff(path, bytes);
+      mesh = ReadOff(file->path, file->bytes);
+      break;
     case MeshFormat::kStl:
-      return ReadStl(path, bytes);
+      mesh = ReadStl(file->path, file->bytes);
+      break;
+    case MeshFormat::kGltf:
+    case MeshFormat::kGlb:
+      mesh = ReadGltf(file->path, file->bytes, options.texcoord, &file->gltf);
+      break;
+    case MeshFormat::kDraco:
+      mesh = ReadDracoFile(file->path, file->bytes);
+      break;
   }
-  return InternalError("unknown mesh format");
+  if (!mesh.ok()) return mesh.status();
+  file->mesh = *std::move(mesh);
+  return absl::OkStatus();
 }
 
 // What readers.h promises; a violation is a bug there, which must not become a wild access here.
@@ -83,23 +55,19 @@ absl::Status CheckPolygons(const PolygonMesh& mesh) {
   return sound ? absl::OkStatus() : InternalError("a mesh file was read into polygons that are not valid");
 }
 
-absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path) {
-  const Descriptor descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (descriptor.value() < 0) return FileUnreadable(path, "cannot open", errno);
-  struct stat status;
-  if (::fstat(descriptor.value(), &status) != 0) return FileUnreadable(path, "cannot open", errno);
-  if (S_ISDIR(status.st_mode)) return FileUnreadable(path, "cannot read", EISDIR);
-
-  const std::optional<MeshFormat> format = FormatOf(path);
-  if (!format) {
-    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_FORMAT_UNKNOWN",
-                     path + ": unknown file format: the name must end in .obj, .ply, .off or .stl", {{"path", path}});
-  }
+absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path, const ReadOptions& options) {
   MeshFile file;
   file.path = path;
+  const std::optional<MeshFormat> format = FormatOfPath(path);
+  // What is not there is told first: the wrong name is the likelier mistake.
+  PLANISH_ASSIGN_OR_RETURN(file.bytes, format ? ReadWholeFile(path) : ReadFileStart(path, 0));
+  if (!format) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_FORMAT_UNKNOWN",
+                     path + ": unknown file format: the name must end in .obj, .ply, .off, .stl, .gltf, .glb or .drc",
+                     {{"path", path}});
+  }
   file.format = *format;
-  PLANISH_RETURN_IF_ERROR(ReadAll(path, descriptor.value(), static_cast<std::size_t>(status.st_size), &file.bytes));
-  PLANISH_ASSIGN_OR_RETURN(file.mesh, Parse(file.format, path, file.bytes));
+  PLANISH_RETURN_IF_ERROR(Parse(options, &file));
   PLANISH_RETURN_IF_ERROR(CheckPolygons(file.mesh));
   return file;
 }
@@ -111,13 +79,27 @@ absl::Status OutOfMemory(const std::string& path) {
 
 }  // namespace
 
-absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path) {
+std::optional<MeshFormat> FormatOfPath(const std::string& path) {
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  if (extension == ".obj") return MeshFormat::kObj;
+  if (extension == ".ply") return MeshFormat::kPly;
+  if (extension == ".off") return MeshFormat::kOff;
+  if (extension == ".stl") return MeshFormat::kStl;
+  if (extension == ".gltf") return MeshFormat::kGltf;
+  if (extension == ".glb") return MeshFormat::kGlb;
+  if (extension == ".drc") return MeshFormat::kDraco;
+  return std::nullopt;
+}
+
+absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options) {
   try {
-    return ReadMeshFileOrThrow(path);
+    return ReadMeshFileOrThrow(path, options);
   } catch (const std::bad_alloc&) {
     return OutOfMemory(path);
   } catch (const std::length_error&) {
     return OutOfMemory(path);
+  } catch (const Json::exception& error) {
+    return InternalError(path + ": " + error.what());
   }
 }
 

@@ -1,15 +1,40 @@
 #include <limits>
+#include <map>
 
 #include "core/base/status_macros.h"
 #include "core/io/file_error.h"
 #include "core/io/number.h"
 #include "core/io/obj_scanner.h"
 #include "core/io/readers.h"
+#include "core/io/value_index.h"
 
 namespace planish {
 namespace {
 
+constexpr std::int32_t kNone = -1;
 constexpr std::int64_t kMaxIndex = std::numeric_limits<std::int32_t>::max();
+
+// The name that stands over each polygon: of its material, or of its object and group.
+class Sections {
+ public:
+  void Enter(const std::string& name) {
+    current_ = ids_.emplace(name, static_cast<std::int32_t>(names_.size())).first->second;
+    if (current_ == static_cast<std::int32_t>(names_.size())) names_.push_back(name);
+  }
+  void AddPolygon() { of_polygon_.push_back(current_); }
+  // Leaves both empty if there was no section at all.
+  void MoveTo(std::vector<std::int32_t>* of_polygon, std::vector<std::string>* names) {
+    if (names_.empty()) return;
+    *of_polygon = std::move(of_polygon_);
+    *names = std::move(names_);
+  }
+
+ private:
+  std::map<std::string, std::int32_t> ids_;
+  std::vector<std::string> names_;
+  std::int32_t current_ = -1;
+  std::vector<std::int32_t> of_polygon_;
+};
 
 class ObjReader {
  public:
@@ -24,11 +49,24 @@ class ObjReader {
       if (!tokens.Next(&keyword)) continue;
       if (keyword == "v") {
         PLANISH_RETURN_IF_ERROR(ReadVertex(tokens));
+      } else if (keyword == "vt") {
+        PLANISH_RETURN_IF_ERROR(ReadTexcoord(tokens));
       } else if (keyword == "f") {
         PLANISH_RETURN_IF_ERROR(ReadFace(tokens));
+      } else if (keyword == "usemtl") {
+        materials_.Enter(RestOf(tokens));
+      } else if (keyword == "o") {
+        object_ = RestOf(tokens);
+        groups_.Enter(object_);
+      } else if (keyword == "g") {
+        const std::string group = RestOf(tokens);
+        groups_.Enter(object_.empty() || group.empty() ? object_ + group : object_ + " " + group);
       }
     }
     PLANISH_RETURN_IF_ERROR(CheckForwardReferences());
+    FinishTexcoords();
+    materials_.MoveTo(&mesh_.polygon_material, &mesh_.material_names);
+    groups_.MoveTo(&mesh_.polygon_group, &mesh_.group_names);
     if (mesh_.num_polygons() == 0) {
       return FileMalformed(path_, 0, text_.empty() ? "the file is empty" : "no faces: an OBJ mesh needs \"f\" lines");
     }
@@ -67,6 +105,54 @@ class ObjReader {
     return absl::OkStatus();
   }
 
+  // "vt u [v [w]]"
+  absl::Status ReadTexcoord(ObjTokens& tokens) {
+    double uv[2] = {0, 0};
+    for (int axis = 0; axis < 2; ++axis) {
+      std::string_view token;
+      if (!tokens.Next(&token)) {
+        if (axis == 0) return Fault("a texture coordinate needs a number");
+        break;
+      }
+      if (!ParseDouble(token, &uv[axis])) return Fault("texture coordinate " + Quoted(token) + " is not a number");
+    }
+    if (static_cast<std::int64_t>(texcoord_of_line_.size()) >= kMaxIndex) {
+      return Fault("more than 2147483647 texture coordinates");
+    }
+    texcoord_of_line_.push_back(texcoords_.Add(uv[0], uv[1]));
+    return absl::OkStatus();
+  }
+
+  // All that is left of the statement, blanks made one: names may have some.
+  static std::string RestOf(ObjTokens& tokens) {
+    std::string text;
+    std::string_view token;
+    while (tokens.Next(&token)) {
+      if (!text.empty()) text += ' ';
+      text += token;
+    }
+    return text;
+  }
+
+  // Adds the vt of a corner, still as the number of a vt statement: faces may come before it.
+  void AddTexcoord(std::string_view texture) {
+    std::int64_t index = 0;
+    ParseInt(texture, &index);
+    if (index < 0) index += static_cast<std::int64_t>(texcoord_of_line_.size()) + 1;
+    mesh_.corner_texcoord.push_back(index > 0 && index <= kMaxIndex ? static_cast<std::int32_t>(index - 1) : kNone);
+  }
+
+  void FinishTexcoords() {
+    const std::int64_t count = static_cast<std::int64_t>(texcoord_of_line_.size());
+    bool any = false;
+    for (std::int32_t& id : mesh_.corner_texcoord) {
+      id = id >= 0 && id < count ? texcoord_of_line_[id] : kNone;
+      any |= id != kNone;
+    }
+    if (!any) mesh_.corner_texcoord.clear();
+    if (any) mesh_.texcoords = texcoords_.TakeValues();
+  }
+
   absl::Status ReadFace(ObjTokens& tokens) {
     std::string_view token;
     while (tokens.Next(&token)) {
@@ -82,12 +168,15 @@ class ObjReader {
       const std::int64_t vertex = index > 0 ? index - 1 : count + index;
       largest_vertex_ = std::max(largest_vertex_, vertex);
       mesh_.corner_vertex.push_back(static_cast<std::int32_t>(vertex));
+      AddTexcoord(corner.texture);
     }
     const std::int64_t end = static_cast<std::int64_t>(mesh_.corner_vertex.size());
     const std::int64_t corners = end - mesh_.polygon_begin.back();
     if (corners < 3) return Fault("a face needs at least three corners, this one has " + std::to_string(corners));
     mesh_.polygon_begin.push_back(end);
     mesh_.polygon_line.push_back(statement_.line);
+    materials_.AddPolygon();
+    groups_.AddPolygon();
     return absl::OkStatus();
   }
 
@@ -120,6 +209,11 @@ class ObjReader {
   std::string_view text_;
   ObjStatement statement_;
   std::int64_t largest_vertex_ = -1;
+  TexcoordTable texcoords_;
+  std::vector<std::int32_t> texcoord_of_line_;  // per vt statement
+  std::string object_;
+  Sections materials_;
+  Sections groups_;
   PolygonMesh mesh_;
 };
 

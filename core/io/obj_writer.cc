@@ -179,6 +179,35 @@ void AppendPosition(const Vec3& position, std::string* text) {
   }
 }
 
+// "o" and "usemtl" before the polygon where they change. OBJ cannot end a material: polygons without one
+// behind others have one that is called "none".
+class SectionLines {
+ public:
+  explicit SectionLines(const PolygonMesh& mesh) : mesh_(mesh) {}
+
+  void Append(std::int64_t polygon, std::string* text) {
+    AppendOne("o", mesh_.polygon_group, mesh_.group_names, polygon, &group_, text);
+    AppendOne("usemtl", mesh_.polygon_material, mesh_.material_names, polygon, &material_, text);
+  }
+
+ private:
+  static void AppendOne(const char* keyword, const std::vector<std::int32_t>& ids,
+                        const std::vector<std::string>& names, std::int64_t polygon, std::int32_t* current,
+                        std::string* text) {
+    if (ids.empty() || ids[polygon] == *current) return;
+    *current = ids[polygon];
+    *text += keyword;
+    // A line end in a name would begin another statement.
+    std::string name = *current < 0 ? "none" : names[*current];
+    for (char& c : name) c = static_cast<unsigned char>(c) < ' ' || c == '#' || c == '\\' ? '_' : c;
+    *text += " " + name + "\n";
+  }
+
+  const PolygonMesh& mesh_;
+  std::int32_t group_ = -1;
+  std::int32_t material_ = -1;
+};
+
 std::string WritePlainObj(const PolygonMesh& mesh, const UvTable& uv) {
   std::string text;
   text.reserve(mesh.positions.size() * 40 + mesh.corner_vertex.size() * 18);
@@ -188,7 +217,9 @@ std::string WritePlainObj(const PolygonMesh& mesh, const UvTable& uv) {
     text += '\n';
   }
   text += uv.Lines("\n");
+  SectionLines sections(mesh);
   for (std::int64_t polygon = 0; polygon < mesh.num_polygons(); ++polygon) {
+    sections.Append(polygon, &text);
     text += 'f';
     for (std::int64_t corner = mesh.polygon_begin[polygon]; corner < mesh.polygon_begin[polygon + 1]; ++corner) {
       text += ' ';

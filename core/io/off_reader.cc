@@ -1,33 +1,13 @@
 #include "core/base/status_macros.h"
 #include "core/io/file_error.h"
 #include "core/io/number.h"
+#include "core/io/off_header.h"
 #include "core/io/readers.h"
 #include "core/io/text_cursor.h"
+#include "core/io/value_index.h"
 
 namespace planish {
 namespace {
-
-// Takes "OFF" and its variants with colours, normals and texture coordinates, all of which follow x y z on a line.
-absl::Status ReadKeyword(TextCursor& cursor) {
-  std::string_view keyword = cursor.Peek();
-  if (keyword.substr(0, 3) == "\xEF\xBB\xBF") keyword.remove_prefix(3);
-  std::int64_t ignored = 0;
-  // The keyword may be left out; then the counts come first.
-  if (ParseInt(keyword, &ignored)) return absl::OkStatus();
-  if (keyword.size() < 3 || keyword.substr(keyword.size() - 3) != "OFF") {
-    return cursor.Fault("an OFF file starts with \"OFF\", this one with " + Quoted(keyword));
-  }
-  const std::string_view variant = keyword.substr(0, keyword.size() - 3);
-  if (variant.find_first_of("4n") != std::string_view::npos) {
-    return cursor.Fault(Quoted(keyword) + " holds vertices that are not in 3D");
-  }
-  if (variant.find_first_not_of("STCN") != std::string_view::npos) {
-    return cursor.Fault("an OFF file starts with \"OFF\", this one with " + Quoted(keyword));
-  }
-  cursor.Token();
-  if (cursor.Peek() == "BINARY") return cursor.Fault("binary OFF is not supported; save it as text, or as PLY");
-  return absl::OkStatus();
-}
 
 absl::Status ReadCount(TextCursor& cursor, const char* kind, std::int64_t* count) {
   const std::string_view token = cursor.Token();
@@ -69,10 +49,33 @@ absl::Status ReadPolygon(TextCursor& cursor, const ElementName& face, PolygonMes
 
 }  // namespace
 
+absl::StatusOr<OffKeyword> ReadOffKeyword(TextCursor& cursor) {
+  OffKeyword result;
+  std::string_view keyword = cursor.Peek();
+  if (keyword.substr(0, 3) == "\xEF\xBB\xBF") keyword.remove_prefix(3);
+  std::int64_t ignored = 0;
+  if (ParseInt(keyword, &ignored)) return result;
+  if (keyword.size() < 3 || keyword.substr(keyword.size() - 3) != "OFF") {
+    return cursor.Fault("an OFF file starts with \"OFF\", this one with " + Quoted(keyword));
+  }
+  const std::string_view variant = keyword.substr(0, keyword.size() - 3);
+  if (variant.find_first_of("4n") != std::string_view::npos) {
+    return cursor.Fault(Quoted(keyword) + " holds vertices that are not in 3D");
+  }
+  if (variant.find_first_not_of("STCN") != std::string_view::npos) {
+    return cursor.Fault("an OFF file starts with \"OFF\", this one with " + Quoted(keyword));
+  }
+  result.token = cursor.Token();
+  result.letters = keyword.size();
+  result.has_uv = variant.find("ST") != std::string_view::npos;
+  if (cursor.Peek() == "BINARY") return cursor.Fault("binary OFF is not supported; save it as text, or as PLY");
+  return result;
+}
+
 absl::StatusOr<PolygonMesh> ReadOff(const std::string& path, std::string_view text) {
   if (text.empty()) return FileMalformed(path, 0, "the file is empty");
   TextCursor cursor(path, text, 1, true);
-  PLANISH_RETURN_IF_ERROR(ReadKeyword(cursor));
+  PLANISH_ASSIGN_OR_RETURN(const OffKeyword keyword, ReadOffKeyword(cursor));
   std::int64_t vertices = 0;
   std::int64_t faces = 0;
   PLANISH_RETURN_IF_ERROR(ReadCount(cursor, "vertices", &vertices));
@@ -81,17 +84,33 @@ absl::StatusOr<PolygonMesh> ReadOff(const std::string& path, std::string_view te
   if (faces == 0) return FileMalformed(path, 0, "no faces");
 
   PolygonMesh mesh;
+  TexcoordTable texcoords;
+  std::vector<std::int32_t> vertex_texcoord;
   for (std::int64_t i = 0; i < vertices; ++i) {
     Vec3 position;
     for (int axis = 0; axis < 3; ++axis) PLANISH_RETURN_IF_ERROR(cursor.ReadDouble({"vertex", i}, &position[axis]));
     mesh.positions.push_back(position);
     mesh.vertex_line.push_back(cursor.line());
+    if (keyword.has_uv) {
+      const std::vector<std::string_view> rest = cursor.RestOfLine();
+      double u = 0;
+      double v = 0;
+      const std::size_t n = rest.size();
+      if (n < 2 || !ParseDouble(rest[n - 2], &u) || !ParseDouble(rest[n - 1], &v)) {
+        return cursor.Fault("vertex " + std::to_string(i) + " has no texture coordinates, which " +
+                            Quoted(keyword.token) + " promises");
+      }
+      vertex_texcoord.push_back(texcoords.Add(u, v));
+    }
     cursor.SkipLine();
   }
   for (std::int64_t i = 0; i < faces; ++i) {
     PLANISH_RETURN_IF_ERROR(ReadPolygon(cursor, {"face", i}, &mesh));
     cursor.SkipLine();
   }
+  if (!keyword.has_uv) return mesh;
+  for (const std::int32_t vertex : mesh.corner_vertex) mesh.corner_texcoord.push_back(vertex_texcoord[vertex]);
+  mesh.texcoords = texcoords.TakeValues();
   return mesh;
 }
 

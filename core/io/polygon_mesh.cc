@@ -1,5 +1,7 @@
 #include "core/io/polygon_mesh.h"
 
+#include "core/io/ear_clipping.h"
+
 namespace planish {
 
 Triangulation Triangulate(const PolygonMesh& polygons) {
@@ -14,14 +16,17 @@ Triangulation Triangulate(const PolygonMesh& polygons) {
     result.source_vertex.push_back(static_cast<std::int32_t>(vertex));
   }
 
+  std::vector<Vec3> outline;
   for (std::int64_t polygon = 0; polygon < polygons.num_polygons(); ++polygon) {
     const std::int64_t first = polygons.polygon_begin[polygon];
     const std::int64_t end = polygons.polygon_begin[polygon + 1];
-    for (std::int64_t corner = first + 1; corner + 1 < end; ++corner) {
+    outline.clear();
+    for (std::int64_t c = first; c < end; ++c) outline.push_back(polygons.positions[polygons.corner_vertex[c]]);
+    for (const Face& triangle : TrianglesOfPolygon(outline)) {
       Face face;
-      int k = 0;
-      for (const std::int64_t source : {first, corner, corner + 1}) {
-        face[k++] = new_vertex[polygons.corner_vertex[source]];
+      for (int k = 0; k < 3; ++k) {
+        const std::int64_t source = first + triangle[k];
+        face[k] = new_vertex[polygons.corner_vertex[source]];
         result.corner_of_triangle.push_back(source);
       }
       result.mesh.faces.push_back(face);

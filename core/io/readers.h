@@ -16,9 +16,14 @@
 
 namespace planish {
 
+// A corner that refers to a vt that is not there has none: its geometry is sound, and the vt will be replaced.
 absl::StatusOr<PolygonMesh> ReadObj(const std::string& path, std::string_view text);
 absl::StatusOr<PolygonMesh> ReadPly(const std::string& path, std::string_view bytes);
 absl::StatusOr<PolygonMesh> ReadOff(const std::string& path, std::string_view text);
 absl::StatusOr<PolygonMesh> ReadStl(const std::string& path, std::string_view bytes);
+// Draco data; vertices as DecodeDraco (core/io/draco_codec.h) finds them, UV from the first TEX_COORD attribute.
+// Also RESOURCE_EXHAUSTED OUT_OF_MEMORY.
+absl::StatusOr<PolygonMesh> ReadDracoFile(const std::string& path, std::string_view bytes);
+// glTF: core/io/gltf_mesh.h.
 
 }  // namespace planish

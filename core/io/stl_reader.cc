@@ -1,6 +1,4 @@
 #include <bit>
-#include <cstring>
-#include <unordered_map>
 
 #include "absl/strings/match.h"
 #include "core/base/status_macros.h"
@@ -8,6 +6,7 @@
 #include "core/io/number.h"
 #include "core/io/readers.h"
 #include "core/io/text_cursor.h"
+#include "core/io/value_index.h"
 
 namespace planish {
 namespace {
@@ -22,37 +21,23 @@ std::uint32_t LittleEndian32(const char* bytes) {
   return value;
 }
 
-struct PositionHash {
-  std::size_t operator()(const std::array<std::uint64_t, 3>& key) const {
-    std::uint64_t hash = 0;
-    for (const std::uint64_t word : key) {
-      hash = (hash ^ word) * 0x9E3779B97F4A7C15u;
-      hash ^= hash >> 32;
-    }
-    return hash;
-  }
-};
-
-// Collects triangles; corners at exactly the same position become one vertex. 0 and -0 are the same position, a NaN
-// equals itself.
+// Collects triangles; corners at exactly the same position become one vertex.
 class Welder {
  public:
   void Reserve(std::int64_t triangles) {
     mesh_.corner_vertex.reserve(3 * triangles);
     mesh_.polygon_begin.reserve(triangles + 1);
-    vertices_.reserve(triangles / 2 + 3);
+    vertices_.Reserve(triangles / 2 + 3);
   }
 
   // `line` 0: the file has no lines.
   void AddCorner(const Vec3& position, std::int64_t line) {
-    std::array<std::uint64_t, 3> key;
-    for (int axis = 0; axis < 3; ++axis) key[axis] = std::bit_cast<std::uint64_t>(position[axis] + 0.0);
-    const auto [entry, is_new] = vertices_.emplace(key, static_cast<std::int32_t>(mesh_.positions.size()));
-    if (is_new) {
+    const std::int32_t vertex = vertices_.Add(position);
+    if (vertex == static_cast<std::int32_t>(mesh_.positions.size())) {
       mesh_.positions.push_back(position);
       if (line > 0) mesh_.vertex_line.push_back(line);
     }
-    mesh_.corner_vertex.push_back(entry->second);
+    mesh_.corner_vertex.push_back(vertex);
   }
 
   void FinishTriangle(std::int64_t line) {
@@ -64,7 +49,7 @@ class Welder {
 
  private:
   PolygonMesh mesh_;
-  std::unordered_map<std::array<std::uint64_t, 3>, std::int32_t, PositionHash> vertices_;
+  ValueIndex vertices_;
 };
 
 absl::StatusOr<PolygonMesh> ReadBinary(const std::string& path, std::string_view bytes) {

@@ -17,6 +17,20 @@ void TextCursor::SkipLine() {
   if (position_ == std::string_view::npos) position_ = text_.size();
 }
 
+std::vector<std::string_view> TextCursor::RestOfLine() {
+  std::string_view line = text_.substr(position_);
+  line = line.substr(0, line.find_first_of(hash_comments_ ? "\r\n#" : "\r\n"));
+  std::vector<std::string_view> tokens;
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i <= line.size(); ++i) {
+    if (i < line.size() && !IsBlank(line[i])) continue;
+    if (i > begin) tokens.push_back(line.substr(begin, i - begin));
+    begin = i + 1;
+  }
+  position_ += line.size();
+  return tokens;
+}
+
 void TextCursor::SkipBlanks() {
   while (position_ < text_.size()) {
     const char c = text_[position_];

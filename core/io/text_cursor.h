@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 
@@ -25,6 +26,8 @@ class TextCursor {
   std::string_view Token();
   // The next token, left in place.
   std::string_view Peek();
+  // The tokens that are left on the line of the last one.
+  std::vector<std::string_view> RestOfLine();
   // Moves to the next line.
   void SkipLine();
   // Line of the last token.

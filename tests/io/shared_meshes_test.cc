@@ -7,7 +7,8 @@
 #include <sstream>
 
 #include "core/io/draco_codec.h"
-#include "core/io/mesh_file.h"
+#include "core/io/gltf_mesh.h"
+#include "core/io/mesh_output.h"
 #include "gtest/gtest.h"
 #include "tests/io/sample_meshes.h"
 
@@ -140,6 +141,109 @@ TEST_F(SharedMeshes, EveryDracoFileIsDecodedOrRefused) {
     // Sequential with normals and UV: its 936 repeated positions are UV and normal seams, not cuts.
     if (name == "car_1744.drc") vertices -= std::stoll(row.at("dup_verts"));
     EXPECT_EQ(mesh->num_vertices(), vertices);
+  }
+}
+
+std::vector<double> UvOfTriangles(const PolygonMesh& mesh) {
+  std::vector<double> uv;
+  for (std::int64_t c = 0; c < static_cast<std::int64_t>(mesh.corner_vertex.size()); ++c) {
+    uv.push_back(static_cast<double>(c / 3 % 256) / 256 + (c % 3 == 1 ? 0x1p-10 : 0));
+    uv.push_back(static_cast<double>(c / 768) / 256 + (c % 3 == 2 ? 0x1p-10 : 0));
+  }
+  return uv;
+}
+
+// Writes with UV of single triangles and reads again; positions and UV of all corners must be there, in order.
+MeshFile ThereAndBack(const MeshFile& file, const std::string& name) {
+  const std::vector<double> uv = UvOfTriangles(file.mesh);
+  OutputOptions options;
+  options.path = TemporaryPath(name);
+  options.format = FormatOfPath(name).value();
+  const auto written = WriteMeshWithUv(file, uv, options);
+  EXPECT_TRUE(written.ok()) << written.status();
+  if (!written.ok()) return MeshFile();
+  for (const OutputFile& output : written->files) PutFile(output.path, output.bytes);
+  auto again = ReadMeshFile(options.path);
+  EXPECT_TRUE(again.ok()) << again.status();
+  if (!again.ok()) return MeshFile();
+  EXPECT_EQ(again->mesh.num_polygons(), file.mesh.num_polygons());
+  bool same = again->mesh.corner_vertex.size() == file.mesh.corner_vertex.size();
+  for (std::size_t c = 0; same && c < file.mesh.corner_vertex.size(); ++c) {
+    same = again->mesh.positions[again->mesh.corner_vertex[c]] == file.mesh.positions[file.mesh.corner_vertex[c]] &&
+           again->mesh.texcoords[again->mesh.corner_texcoord[c]] == Vec2(uv[2 * c], uv[2 * c + 1]);
+  }
+  EXPECT_TRUE(same) << name;
+  return *std::move(again);
+}
+
+// Every attribute but UV as the corners of the faces see it, to the bit.
+void ExpectSameAttributes(const DracoPoints& before, const DracoPoints& after) {
+  ASSERT_EQ(after.faces.size(), before.faces.size());
+  for (const DracoAttribute& old : before.attributes) {
+    if (old.kind == DracoKind::kTexcoord) continue;
+    const auto found = std::find_if(after.attributes.begin(), after.attributes.end(),
+                                    [&](const DracoAttribute& a) { return a.unique_id == old.unique_id; });
+    ASSERT_NE(found, after.attributes.end());
+    EXPECT_EQ(found->kind, old.kind);
+    EXPECT_EQ(found->component, old.component);
+    EXPECT_EQ(found->normalized, old.normalized);
+    bool same = found->value_size == old.value_size;
+    for (std::size_t f = 0; same && f < before.faces.size(); ++f) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        same &= found->values.compare(static_cast<std::size_t>(found->value_size * after.faces[f][k]),
+                                      static_cast<std::size_t>(old.value_size), old.values,
+                                      static_cast<std::size_t>(old.value_size * before.faces[f][k]),
+                                      static_cast<std::size_t>(old.value_size)) == 0;
+      }
+    }
+    EXPECT_TRUE(same) << "attribute " << old.unique_id;
+  }
+}
+
+TEST_F(SharedMeshes, EveryDracoFileIsWrittenAgain) {
+  int written = 0;
+  for (const Row& row : Manifest(".drc")) {
+    SCOPED_TRACE(row.at("file"));
+    const auto file = ReadMeshFile(Path(row));
+    if (!file.ok()) {
+      EXPECT_NE(std::string(file.status().message()).find("point cloud"), std::string::npos) << file.status();
+      continue;
+    }
+    EXPECT_EQ(file->mesh.corner_texcoord.empty(), row.at("vt") == "0");
+    const MeshFile again = ThereAndBack(*file, "out.drc");
+    ExpectSameAttributes(DecodeDracoPoints(file->bytes, false).value(), DecodeDracoPoints(again.bytes, false).value());
+    ThereAndBack(*file, "out.glb");
+    ++written;
+  }
+  EXPECT_GE(written, 12);
+}
+
+TEST_F(SharedMeshes, EveryGltfIsWrittenAgain) {
+  std::vector<Row> rows = Manifest(".glb");
+  for (const Row& row : Manifest(".gltf")) rows.push_back(row);
+  ASSERT_GE(rows.size(), 5u);
+  for (const Row& row : rows) {
+    SCOPED_TRACE(row.at("file"));
+    const auto file = ReadMeshFile(Path(row));
+    ASSERT_TRUE(file.ok()) << file.status();
+    EXPECT_EQ(file->mesh.num_polygons(), std::stoll(row.at("F")));
+    const Json& before = file->gltf->document.json;
+    for (const char* name : {"out.glb", "out.gltf"}) {
+      const MeshFile again = ThereAndBack(*file, name);
+      const Json& after = again.gltf->document.json;
+      for (const auto& [key, value] : before.items()) {
+        // References to images are told from where the new file is.
+        const bool may_change = key == "meshes" || key == "accessors" || key == "bufferViews" || key == "buffers" ||
+                                (key == "images" && value.dump().find("uri") != std::string::npos);
+        EXPECT_TRUE(may_change || after[key] == value) << key;
+      }
+      ASSERT_EQ(again.gltf->pools.size(), file->gltf->pools.size());
+      for (std::size_t pool = 0; pool < file->gltf->pools.size(); ++pool) {
+        ASSERT_EQ(again.gltf->pools[pool].draco.has_value(), file->gltf->pools[pool].draco.has_value());
+        if (!file->gltf->pools[pool].draco) continue;
+        ExpectSameAttributes(*file->gltf->pools[pool].draco, *again.gltf->pools[pool].draco);
+      }
+    }
   }
 }
 

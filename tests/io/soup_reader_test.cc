@@ -113,11 +113,11 @@ TEST(ReadMeshFile, FilesThatCannotBeRead) {
   const auto folder = ReadMeshFile(testing::TempDir());
   EXPECT_EQ(Reason(folder.status()), "FILE_UNREADABLE");
   EXPECT_THAT(std::string(folder.status().message()), HasSubstr("directory"));
-  PutFile(TemporaryPath("a.gltf"), "{}");
-  const auto unknown = ReadMeshFile(TemporaryPath("a.gltf"));
+  PutFile(TemporaryPath("a.fbx"), "{}");
+  const auto unknown = ReadMeshFile(TemporaryPath("a.fbx"));
   EXPECT_EQ(unknown.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(Reason(unknown.status()), "FILE_FORMAT_UNKNOWN");
-  EXPECT_THAT(std::string(unknown.status().message()), HasSubstr(".obj, .ply, .off or .stl"));
+  EXPECT_THAT(std::string(unknown.status().message()), HasSubstr(".obj, .ply, .off, .stl, .gltf, .glb or .drc"));
 }
 
 TEST(PlyReader, SkipsWhatItDoesNotNeed) {

@@ -1,0 +1,48 @@
+#include "planish/vertex_split.h"
+
+#include <limits>
+#include <string>
+
+#include "core/io/vertex_split.h"
+#include "planish/error.h"
+
+namespace planish {
+inline namespace api {
+
+VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv) {
+  const std::vector<double> corner_uv = uv.AsDouble();
+  if (triangles.size() % 3 != 0 || corner_uv.size() != 2 * triangles.size()) {
+    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                std::to_string(triangles.size()) + " corners of triangles and " + std::to_string(corner_uv.size()) +
+                    " numbers of UV do not go together: there must be two a corner");
+  }
+  if (vertex_count < 0 || vertex_count + static_cast<std::int64_t>(triangles.size()) >
+                              std::int64_t{std::numeric_limits<std::int32_t>::max()}) {
+    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID", "too many vertices, or fewer than none");
+  }
+  std::vector<std::int32_t> corners;
+  corners.reserve(triangles.size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    if (triangles[i] >= static_cast<std::uint64_t>(vertex_count)) {
+      throw Error(ErrorCode::kInvalidArgument, "MESH_INDEX_OUT_OF_RANGE",
+                  "face " + std::to_string(i / 3) + " refers to vertex " + std::to_string(triangles[i]) +
+                      ", but the mesh has " + std::to_string(vertex_count) + ", numbered from 0",
+                  {{"faces", std::to_string(i / 3)}, {"vertices", std::to_string(triangles[i])}});
+    }
+    corners.push_back(static_cast<std::int32_t>(triangles[i]));
+  }
+  const CornerSplit split = SplitCorners(vertex_count, corners, corner_uv);
+  VertexSplit result;
+  result.source_vertex.assign(split.source.begin(), split.source.end());
+  result.triangles.assign(split.corner.begin(), split.corner.end());
+  result.uv.precision = uv.precision;
+  if (uv.precision == Precision::kFloat) {
+    result.uv.floats.assign(split.uv.begin(), split.uv.end());
+  } else {
+    result.uv.doubles = split.uv;
+  }
+  return result;
+}
+
+}  // namespace api
+}  // namespace planish

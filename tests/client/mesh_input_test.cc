@@ -1,0 +1,98 @@
+// Several files as one mesh, and their results.
+#include "client/cli/mesh_input.h"
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+
+#include "gtest/gtest.h"
+
+namespace planish::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kSquare[] =
+    "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 2/1 3/2 4/3\nf 2 4 5\n";
+constexpr char kQuad[] = "v 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nvt 0.5 0.5\nusemtl a\nf 1/1 2/1 3/1 4/1\n";
+
+class MeshInputs : public testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = fs::path(testing::TempDir()) /
+                 ("planish_input_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    fs::remove_all(directory_);
+    fs::create_directories(directory_ / "out");
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+  std::string File(const std::string& name, const std::string& bytes) const {
+    fs::create_directories((directory_ / name).parent_path());
+    std::ofstream(directory_ / name, std::ios::binary) << bytes;
+    return (directory_ / name).string();
+  }
+  static std::string Reason(const std::function<void()>& action) {
+    try {
+      action();
+    } catch (const Error& error) {
+      return error.reason();
+    }
+    return "";
+  }
+
+  fs::path directory_;
+};
+
+TEST_F(MeshInputs, TravelAsOneMesh) {
+  const MeshInput input({File("a.obj", kSquare), File("b.obj", kQuad)});
+  EXPECT_EQ(input.view().vertex_count(), 8);
+  EXPECT_EQ(input.view().triangle_count(), 4);
+  EXPECT_EQ(input.CornerTexcoords(), (std::vector<std::int32_t>{0, 1, 2, -1, -1, -1, 3, 3, 3, 3, 3, 3}));
+  EXPECT_EQ(input.CornerUv()[4], 1);
+  EXPECT_EQ(input.CornerUv()[13], 0.5);
+  EXPECT_EQ(input.FaceMaterials(), (std::vector<std::int32_t>{0, 0, 1, 1}));
+}
+
+TEST_F(MeshInputs, NameTheFileAtFault) {
+  const MeshInput input({File("a.obj", kSquare), File("b.obj", kQuad)});
+  const Error sent(ErrorCode::kInvalidArgument, "X", "face 3 and vertex 4", {{"faces", "3"}, {"vertices", "4"}});
+  const Error told = input.InFileIds(sent);
+  EXPECT_STREQ(told.what(), "face 2 and vertex 5");
+  EXPECT_EQ(input.Places(told.metadata()), "face 2 (face 0 of b.obj, line 7), vertex 5 (vertex 0 of b.obj, line 1)");
+  const MeshInput one(File("a.obj", kSquare));
+  EXPECT_EQ(one.Places(one.InFileIds(Error(ErrorCode::kInvalidArgument, "X", "", {{"vertices", "0"}})).metadata()),
+            "vertex 1 (a.obj:2)");
+}
+
+TEST_F(MeshInputs, GetTheirOwnPartOfTheUv) {
+  const MeshInput input({File("a.obj", kSquare), File("b.obj", kQuad)});
+  Uv uv;
+  for (int c = 0; c < 12; ++c) {
+    uv.floats.push_back(static_cast<float>(c) / 16);
+    uv.floats.push_back(c >= 9 ? 0.75f : 0.25f);
+  }
+  const std::string out = (directory_ / "out").string();
+  const WrittenMesh written = input.WithUv(uv, input.Outputs(out, 0));
+  ASSERT_EQ(written.files.size(), 2u);
+  EXPECT_EQ(written.files[0].path, out + "/a.obj");
+  EXPECT_NE(written.files[0].bytes.find("vt 0.3125 0.25\n"), std::string::npos) << written.files[0].bytes;
+  EXPECT_EQ(written.files[0].bytes.find("vt 0.375"), std::string::npos);
+  EXPECT_NE(written.files[1].bytes.find("vt 0.6875 0.75\n"), std::string::npos) << written.files[1].bytes;
+}
+
+TEST_F(MeshInputs, OutputsAreCheckedBeforehand) {
+  const MeshInput one(File("a.obj", kSquare));
+  const MeshInput two({File("a.obj", kSquare), File("sub/a.obj", kQuad)});
+  const std::string out = (directory_ / "out").string();
+  EXPECT_EQ(one.Outputs(out + "/x.GLB", 0)[0].format, MeshFormat::kGlb);
+  EXPECT_EQ(one.Outputs("-", 0)[0].format, MeshFormat::kObj);
+  EXPECT_EQ(one.Outputs(out, 0)[0].path, out + "/a.obj");
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.stl", 0); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.txt", 0); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.obj", 1); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/none/", 0); }), "FILE_UNWRITABLE");
+  EXPECT_EQ(Reason([&] { two.Outputs(out + "/x.obj", 0); }), "OUTPUT_UNSUPPORTED");
+  EXPECT_EQ(Reason([&] { two.Outputs(out, 0); }), "OUTPUT_UNSUPPORTED") << "both are a.obj";
+}
+
+}  // namespace
+}  // namespace planish::cli
