@@ -15,6 +15,7 @@ namespace {
 // Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it.
 constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
+constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
 constexpr std::int64_t kMoves = 6000, kMovesPerChart = 8;
 constexpr std::size_t kMostToMove = 1500;
@@ -69,9 +70,18 @@ class Packer {
     return scales;
   }
 
+  // Beyond which the area, or some chart, is too large for the tiles. 1 if all charts are points.
+  double LargestScale() const {
+    double largest = total_area_ > 0 ? std::sqrt(options_.tiles / total_area_) : kHuge;
+    for (std::size_t i = 0; i < charts_.size(); ++i) {
+      if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * charts_[i].density));
+    }
+    return largest < kHuge ? largest : 1;
+  }
+
   // The scale at which the charts with half of the padding round them would fill `fill` of the tiles.
   double ScaleForFill(double fill) const {
-    double low = 0, high = std::sqrt(options_.tiles / std::max(total_area_, 1e-300));
+    double low = 0, high = LargestScale();
     const double radius = grid_.radius + grid_.cell / 2;
     for (int step = 0; step < 60; ++step) {
       const double middle = (low + high) / 2;
@@ -101,7 +111,9 @@ class Packer {
       return true;
     }
     const double first = ScaleForFill(order_.size() > 300 ? 0.78 : 0.85);
-    const double least = any_scale ? 1e-12 : texel * std::sqrt(charts_.size() / std::max(total_area_, 1e-300));
+    // Charts of a texel each; without the padding, anything is better than nothing.
+    const double least =
+        any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(charts_.size() / total_area_);
     Split(first);
     SetGrid(large_.size());
     poses_.resize(charts_.size());
@@ -184,6 +196,8 @@ class Packer {
   }
 
   void TightenCharts(const std::vector<std::int32_t>& charts, std::int64_t moves) {
+    const bool points = std::all_of(outlines_.begin(), outlines_.end(), [](const Outline& o) { return o.radius == 0; });
+    if (points) return;  // of any scale
     ForLayout(charts, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
       options.moves = moves;
       Tighten(outlines, relative, options, execution_, layout);

@@ -44,7 +44,7 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
   shapes_.reserve(outlines.size());
   for (std::size_t i = 0; i < outlines.size(); ++i) {
     const double unit = relative_[i] * scale_;  // length in the texture of 1
-    const double spacing = std::max(std::min(options_.spacing, outlines[i].radius * unit / 6), 1e-7) / unit;
+    const double spacing = std::max(std::min(options_.spacing, outlines[i].radius * unit / 6), 1e-6) / unit;
     shapes_.push_back({SampleOutline(outlines[i], spacing), std::max(outlines[i].radius, 1e-12) / 1.5});
   }
 }
@@ -91,6 +91,7 @@ void Relaxer::FindContacts() {
     for (std::size_t k = 0; k < samples[a].size(); ++k) {
       const Vec2& p = samples[a][k];
       if (p.x() < box.low.x() || p.x() > box.high.x() || p.y() < box.low.y() || p.y() > box.high.y()) continue;
+      ++looks_;
       const Vec2 q = p - bodies_[b].centre, local(c * q.x() + s * q.y(), c * q.y() - s * q.x());
       if (!fields_[b].Contains(local) || fields_[b].At(local).distance * unit > reach) continue;
       contacts_.push_back({a, static_cast<std::int32_t>(k), b});
@@ -110,6 +111,7 @@ void Relaxer::FindContacts() {
 
 double Relaxer::Step() {
   ++steps_;
+  looks_ += static_cast<std::int64_t>(contacts_.size());
   if (age_ == 0) FindContacts();
   age_ = (age_ + 1) % kContactLife;
   struct Pull {

@@ -33,8 +33,8 @@ class Relaxer {
   std::vector<Body>& bodies() { return bodies_; }
   double scale() const { return scale_; }
   void set_scale(double scale) { scale_ = scale; }
-  // Steps of all charts so far.
-  std::int64_t steps() const { return steps_; }
+  // What it has cost so far: how often a distance was looked up.
+  std::int64_t looks() const { return looks_; }
   // Kept beside the distance, per chart.
   std::vector<double>& margins() { return margins_; }
 
@@ -74,7 +74,7 @@ class Relaxer {
   std::vector<Contact> contacts_;
   std::vector<Motion> velocity_;
   double skin_;
-  std::int64_t steps_ = 0;
+  std::int64_t steps_ = 0, looks_ = 0;
   int age_ = 0;  // steps since the contacts were found
   double last_energy_ = 0;
 };

@@ -15,8 +15,8 @@ namespace {
 // Attempts that are made side by side, whatever the number of threads, and the share of the step that each takes.
 // Growth that is tried first, the least, and that after the least was too much: other places may lead farther.
 constexpr double kFirstStep = 0.03, kLeastStep = 0.003, kStepAgain = 0.01;
-// Steps of a chart in relaxation that cost as much as one move of a chart in rearrangement, about.
-constexpr std::int64_t kStepsPerMove = 15;
+// Distances looked up in relaxation that cost as much as one move of a chart in rearrangement, about.
+constexpr std::int64_t kLooksPerMove = 2000;
 constexpr int kSettlingRounds = 25;
 constexpr std::array<double, 2> kLanes = {1, 0.4};
 
@@ -32,8 +32,9 @@ class Tightener {
     relax_.tolerance = 0.0015 * width_;
     for (std::size_t i = 0; i < outlines.size(); ++i) {
       const double unit = relative[i] * layout->scale;
-      const double spacing = std::max(std::min(relax_.spacing, outlines[i].radius * unit / 6), 1e-7);
-      fields_.emplace_back(outlines[i], spacing / unit, 1.1 * (relax_.distance + 2 * relax_.spacing) / unit);
+      const double reach = 1.1 * (relax_.distance + 2 * relax_.spacing);
+      const double spacing = std::max(std::min(relax_.spacing, outlines[i].radius * unit / 6), reach / 16);
+      fields_.emplace_back(outlines[i], spacing / unit, reach / unit);
     }
   }
 
@@ -110,7 +111,7 @@ class Tightener {
     Relaxer relaxer = MakeRelaxer(layout);
     const bool apart = relaxer.Separate(80);
     if (apart) relaxer.Grow(20);
-    *moves += relaxer.steps() * static_cast<std::int64_t>(outlines_.size()) / kStepsPerMove;
+    *moves += relaxer.looks() / kLooksPerMove;
     if (!apart) return std::nullopt;
     return Layout{relaxer.bodies(), relaxer.scale()};
   }

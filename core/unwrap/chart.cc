@@ -320,6 +320,7 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
     hull_area += (p.x() * q.y() - p.y() * q.x()) / 2;
   }
   if (hull_area > 0) faults.fill = outline.area / hull_area;
+  faults.extent = 2 * outline.radius;
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];
     faults.other_face = chart.faces[overlaps.faces[1]];

@@ -55,6 +55,7 @@ struct ChartFaults {
   std::int32_t face = -1, other_face = -1;
   double stretch = 1;  // root mean square, as Quality::stretch_l2
   double fill = 1;     // area over that of the convex hull
+  double extent = 0;   // diameter of a circle that holds it, in the units of the surface
 };
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        const Execution& execution);

@@ -1,6 +1,7 @@
 #include "core/unwrap/chart_set.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <thread>
 #include <utility>
@@ -23,7 +24,8 @@ constexpr int kMaxRounds = 12;                // of splitting
 constexpr double kStretchSlack = 1.01;        // an estimate is not a map
 constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
 
-constexpr double kMinFill = 0.65;    // of its convex hull; a large chart below that is hard to pack
+const double kMinFill = getenv("FILL") ? atof(getenv("FILL")) : 0.65;  // of its convex hull; a large chart below that is hard to pack
+const double kMaxExtent = getenv("EXT") ? atof(getenv("EXT")) : 1.0;
 constexpr double kLargeArea = 0.01;  // of all, from which on a chart is large
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include "core/base/thread_team.h"
 #include "core/base/timer.h"
 #include "core/pack/pack.h"
-#include "tests/bench/pack_charts.h"
+#include "tests/core/pack_charts.h"
 
 namespace planish::bench {
 namespace {
@@ -53,7 +53,7 @@ int Main(int argc, char** argv) {
   std::printf("%-28s %6s %7s %10s %5s %7s %8s %8s\n", "charts", "n", "faces", "efficiency", "tiles", "padding",
               "seconds", "CPU");
   for (const std::string& name : names) {
-    const auto charts = MakeCharts(name);
+    const auto charts = testing::MakeCharts(name);
     if (!charts.ok()) {
       std::fprintf(stderr, "%s\n", std::string(charts.status().message()).c_str());
       return 2;

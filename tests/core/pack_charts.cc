@@ -1,4 +1,4 @@
-#include "tests/bench/pack_charts.h"
+#include "tests/core/pack_charts.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@
 #include "absl/status/status.h"
 #include "core/mesh/mesh.h"
 
-namespace planish::bench {
+namespace planish::testing {
 namespace {
 
 using Random = std::mt19937_64;
@@ -210,4 +210,4 @@ absl::StatusOr<std::vector<PackChart>> MakeCharts(const std::string& name) {
   return charts;
 }
 
-}  // namespace planish::bench
+}  // namespace planish::testing

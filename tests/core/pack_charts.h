@@ -8,7 +8,7 @@
 #include "absl/status/statusor.h"
 #include "core/pack/pack.h"
 
-namespace planish::bench {
+namespace planish::testing {
 
 // `name` is a path to an OBJ file of triangles or polygons with vt, whose islands become charts, each scaled to its
 // area on the surface; or KIND-N[-SEED]: N charts of sizes that vary as those of atlases do. KIND is
@@ -18,4 +18,4 @@ namespace planish::bench {
 //   equal    blobs of one size            needles 1 : 200
 absl::StatusOr<std::vector<PackChart>> MakeCharts(const std::string& name);
 
-}  // namespace planish::bench
+}  // namespace planish::testing

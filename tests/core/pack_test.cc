@@ -1,0 +1,312 @@
+#include "core/pack/pack.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "core/base/thread_team.h"
+#include "core/mesh/box_tree.h"
+#include "core/mesh/predicates.h"
+#include "core/pack/outline.h"
+#include "core/pack/silhouette.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/core/pack_charts.h"
+
+namespace planish {
+namespace {
+
+std::vector<PackChart> Charts(const std::string& name) {
+  return *testing::MakeCharts(name);
+}
+
+// Where every corner of every face lies, as floats hold it.
+struct PlacedChart {
+  std::vector<std::array<Vec2, 3>> triangles;
+  Box box;
+  int tile;
+};
+
+std::vector<PlacedChart> Place(const std::vector<PackChart>& charts, const Packing& packing) {
+  std::vector<PlacedChart> placed;
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    placed.push_back({{}, {}, packing.charts[i].tile});
+    for (const Face& face : charts[i].faces) {
+      std::array<Vec2, 3> triangle;
+      for (int k = 0; k < 3; ++k) {
+        triangle[k] = packing.charts[i](charts[i].positions[face[k]]).cast<float>().cast<double>();
+        placed.back().box.Add(triangle[k]);
+      }
+      placed.back().triangles.push_back(triangle);
+    }
+  }
+  return placed;
+}
+
+double Distance(const Vec2& p, const Vec2& a, const Vec2& b) {
+  const double t = std::clamp((p - a).dot(b - a) / std::max((b - a).squaredNorm(), 1e-300), 0.0, 1.0);
+  return (a + t * (b - a) - p).norm();
+}
+
+double Distance(const std::array<Vec2, 3>& s, const std::array<Vec2, 3>& t) {
+  if (InteriorsMeet(s.data(), t.data())) return 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 3; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      least = std::min({least, Distance(s[i], t[k], t[Next(k)]), Distance(t[i], s[k], s[Next(k)])});
+      if (SegmentsMeet(s[i], s[Next(i)], t[k], t[Next(k)])) return 0;
+    }
+  }
+  return least;
+}
+
+// The least distance between two charts, or infinity if all are farther apart than `reach`.
+double LeastDistance(const std::vector<PlacedChart>& charts, double reach) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    Box box = charts[i].box;
+    box.low -= Vec2::Constant(reach);
+    box.high += Vec2::Constant(reach);
+    for (std::size_t j = i + 1; j < charts.size(); ++j) {
+      if (!charts[j].box.Meets(box)) continue;
+      for (const auto& s : charts[i].triangles) {
+        Box near;
+        for (const Vec2& p : s) near.Add(p);
+        near.low -= Vec2::Constant(reach);
+        near.high += Vec2::Constant(reach);
+        for (const auto& t : charts[j].triangles) {
+          Box other;
+          for (const Vec2& p : t) other.Add(p);
+          if (other.Meets(near)) least = std::min(least, Distance(s, t));
+        }
+      }
+    }
+  }
+  return least;
+}
+
+// Texels between charts and the rim of their tile; below 0 if some lies beyond.
+double LeastFromRim(const std::vector<PlacedChart>& charts) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const PlacedChart& chart : charts) {
+    const Vec2 corner(chart.tile % 10, chart.tile / 10);
+    least = std::min({least, (chart.box.low - corner).minCoeff(), (corner + Vec2::Ones() - chart.box.high).minCoeff()});
+  }
+  return least;
+}
+
+double Efficiency(const std::vector<PlacedChart>& charts, int tiles) {
+  double area = 0;
+  for (const PlacedChart& chart : charts) {
+    for (const auto& t : chart.triangles) {
+      const Vec2 a = t[1] - t[0], b = t[2] - t[0];
+      area += (a.x() * b.y() - a.y() * b.x()) / 2;
+    }
+  }
+  return area / tiles;
+}
+
+struct Case {
+  std::string charts;
+  int texture_size, padding, tiles;
+  double efficiency;  // at least
+};
+
+class PackingOf : public ::testing::TestWithParam<Case> {};
+
+TEST_P(PackingOf, KeepsEveryPromise) {
+  const Case& c = GetParam();
+  const std::vector<PackChart> charts = Charts(c.charts);
+  PackOptions options;
+  options.texture_size = c.texture_size;
+  options.padding = c.padding;
+  options.tiles = c.tiles;
+  const Packing packing = Pack(charts, options);
+  ASSERT_EQ(packing.charts.size(), charts.size());
+  EXPECT_EQ(packing.padding, c.padding);
+  const std::vector<PlacedChart> placed = Place(charts, packing);
+  EXPECT_GT(LeastDistance(placed, (c.padding + 1.0) / c.texture_size), 1e-7);
+  EXPECT_GE(LeastDistance(placed, (c.padding + 1.0) / c.texture_size) * c.texture_size, c.padding);
+  EXPECT_GE(LeastFromRim(placed) * c.texture_size, (c.padding + 1) / 2);
+  EXPECT_NEAR(packing.efficiency, Efficiency(placed, packing.tiles), 1e-4);
+  EXPECT_GE(packing.efficiency, c.efficiency);
+  EXPECT_LE(packing.tiles, c.tiles);
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    EXPECT_NEAR(packing.charts[i].scale, packing.scale * charts[i].density, 1e-12);
+    EXPECT_GE(packing.charts[i].tile, 0);
+    EXPECT_LT(packing.charts[i].tile, packing.tiles);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, PackingOf,
+                         ::testing::Values(Case{"blobs-1", 1024, 2, 1, 0.6}, Case{"blobs-2", 1024, 2, 1, 0.55},
+                                           Case{"blobs-15", 1024, 2, 1, 0.74}, Case{"blobs-15-1", 1024, 0, 1, 0.76},
+                                           Case{"rags-20", 1024, 3, 1, 0.66}, Case{"mixed-20-1", 2048, 8, 1, 0.66},
+                                           Case{"equal-20", 512, 1, 1, 0.72}, Case{"corners-50", 1024, 2, 1, 0.75},
+                                           Case{"strips-40", 1024, 2, 1, 0.7}, Case{"rings-30", 1024, 5, 1, 0.4},
+                                           Case{"needles-20", 1024, 2, 1, 0.1}, Case{"blobs-100", 1024, 2, 1, 0.74},
+                                           Case{"mixed-200", 2048, 2, 1, 0.66}, Case{"mixed-60", 1024, 2, 12, 0.1},
+                                           Case{"blobs-60", 1024, 3, 3, 0.7}),
+                         [](const auto& instance) {
+                           std::string name =
+                               instance.param.charts + "_at_" + std::to_string(instance.param.texture_size);
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
+
+void ExpectSame(const Packing& a, const Packing& b) {
+  EXPECT_EQ(a.scale, b.scale);
+  EXPECT_EQ(a.tiles, b.tiles);
+  ASSERT_EQ(a.charts.size(), b.charts.size());
+  for (std::size_t i = 0; i < a.charts.size(); ++i) {
+    EXPECT_EQ(a.charts[i].angle, b.charts[i].angle);
+    EXPECT_EQ(a.charts[i].scale, b.charts[i].scale);
+    EXPECT_EQ(a.charts[i].offset, b.charts[i].offset);
+    EXPECT_EQ(a.charts[i].tile, b.charts[i].tile);
+  }
+}
+
+TEST(Pack, GivesTheSameForAnyNumberOfThreads) {
+  const std::vector<PackChart> charts = Charts("mixed-30");
+  const Packing alone = Pack(charts, {});
+  for (const int threads : {1, 2, 3}) {
+    ThreadTeam team(threads);
+    Execution execution;
+    execution.team = &team;
+    ExpectSame(alone, Pack(charts, {}, execution));
+  }
+}
+
+TEST(Pack, DoesNotCareWhereChartsLie) {
+  std::vector<PackChart> charts = Charts("blobs-12");
+  const Packing before = Pack(charts, {});
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    // Exact in double, as the positions are made multiples of a small power of two.
+    for (Vec2& p : charts[i].positions) p = (p * 0x1p20).array().round() * 0x1p-20;
+  }
+  const Packing rounded = Pack(charts, {});
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    for (Vec2& p : charts[i].positions) p += Vec2(512.0 * static_cast<double>(i), -1024);
+  }
+  const Packing moved = Pack(charts, {});
+  EXPECT_EQ(rounded.scale, moved.scale);
+  EXPECT_NEAR(before.efficiency, rounded.efficiency, 0.05);
+  EXPECT_GE(LeastDistance(Place(charts, moved), 3.0 / 1024) * 1024, 2);
+}
+
+TEST(Pack, HoldsDensityUpOnSeveralTiles) {
+  const std::vector<PackChart> charts = Charts("blobs-40");
+  PackOptions options;
+  const Packing one = Pack(charts, options);
+  options.tiles = 4;
+  const Packing four = Pack(charts, options);
+  EXPECT_EQ(one.tiles, 1);
+  EXPECT_EQ(four.tiles, 4);
+  EXPECT_GT(four.scale, 1.8 * one.scale);
+}
+
+TEST(Pack, TakesNoMoreTilesThanCharts) {
+  PackOptions options;
+  options.tiles = 9;
+  EXPECT_EQ(Pack(Charts("blobs-1"), options).tiles, 1);
+}
+
+TEST(Pack, ScalesByDensity) {
+  std::vector<PackChart> charts = Charts("blobs-6");
+  charts[2].density = 3;
+  const Packing packing = Pack(charts, {});
+  EXPECT_NEAR(packing.charts[2].scale, 3 * packing.charts[0].scale, 1e-12);
+}
+
+TEST(Pack, FillsTheHoleOfARing) {
+  std::vector<PackChart> charts = Charts("rings-2");                                        // a ring and a blob
+  const double size = 0.4 * MakeOutline(charts[0]).radius / MakeOutline(charts[1]).radius;  // too large for the corners
+  for (Vec2& p : charts[1].positions) p *= size;
+  const Packing packing = Pack(charts, {});
+  const Vec2 ring = packing.charts[0](Vec2::Zero()), blob = packing.charts[1](charts[1].positions[0]);
+  EXPECT_LT((ring - blob).norm(), 0.4);
+  EXPECT_GT(2 * MakeOutline(charts[0]).radius * packing.scale, 0.97) << "the ring alone decides on the scale";
+}
+
+TEST(Pack, MakesRoomWhereThePaddingCannotBeKept) {
+  PackOptions options;
+  options.texture_size = 64;
+  options.padding = 4;
+  const std::vector<PackChart> charts = Charts("equal-1500");
+  const Packing packing = Pack(charts, options);
+  EXPECT_LT(packing.padding, 4);
+  EXPECT_GT(packing.efficiency, 0.2);
+  const std::vector<PlacedChart> placed = Place(charts, packing);
+  EXPECT_GT(LeastDistance(placed, 1e-3), packing.padding / 64);
+  EXPECT_GE(LeastFromRim(placed), 0);
+}
+
+TEST(Pack, PlacesWhatHasNoArea) {
+  std::vector<PackChart> charts = Charts("blobs-3");
+  charts.push_back({{Vec2(5, 5)}, {}, 1});                                         // a point
+  charts.push_back({{}, {}, 1});                                                   // nothing
+  charts.push_back({{Vec2(0, 0), Vec2(1, 1), Vec2(2, 2)}, {{0, 1, 2}}, 1});        // a segment
+  charts.push_back({{Vec2(7, 7), Vec2(7, 7), Vec2(7, 7)}, {{0, 1, 2}}, 1});        // a point with a face
+  charts.push_back({{Vec2(0, 0), Vec2(1e-9, 0), Vec2(0, 1e-9)}, {{0, 1, 2}}, 1});  // far below a texel
+  charts.push_back({{Vec2(0, 0), Vec2(1, 0), Vec2(0, 1)}, {{0, 1, 2}, {0, 2, 1}, {0, 1, 2}}, 1});  // folded
+  const Packing packing = Pack(charts, {});
+  const std::vector<PlacedChart> placed = Place(charts, packing);
+  EXPECT_GE(LeastFromRim(placed) * 1024, 1);
+  EXPECT_GE(LeastDistance(placed, 3.0 / 1024) * 1024, 2);
+  const auto& tiny = placed[7].triangles[0];
+  EXPECT_EQ(Orientation(tiny[0], tiny[1], tiny[2]), 1) << "an area that floats can tell";
+  for (const ChartPlacement& chart : packing.charts)
+    EXPECT_TRUE(chart.offset.allFinite() && std::isfinite(chart.scale));
+}
+
+TEST(Pack, LeavesNothingUndoneForNothing) {
+  const Packing packing = Pack({}, {});
+  EXPECT_TRUE(packing.charts.empty());
+  EXPECT_TRUE(Pack({PackChart{}}, {}).charts[0].offset.allFinite());
+}
+
+TEST(Pack, EndsSoonAfterAnInterrupt) {
+  Interrupter interrupter;
+  interrupter.Interrupt();
+  Execution execution;
+  execution.interrupter = &interrupter;
+  Pack(Charts("equal-1000"), {}, execution);
+}
+
+// Cells are compared with the definition: a cell belongs to the silhouette if it comes near enough to a face.
+TEST(Silhouette, HasTheCellsThatComeNear) {
+  const std::vector<PackChart> charts = Charts("mixed-12-3");
+  for (const PackChart& chart : charts) {
+    const Outline outline = MakeOutline(chart);
+    const double scale = 20 / outline.radius, angle = 0.7, radius = 1.3;
+    const Silhouette s = MakeSilhouette(outline, angle, scale, radius);
+    std::vector<std::array<Vec2, 3>> triangles;
+    for (const Face& face : chart.faces) {
+      std::array<Vec2, 3> t;
+      for (int k = 0; k < 3; ++k) {
+        const Vec2 p = scale * (chart.positions[face[k]] - outline.centre);
+        t[k] = s.centre + Vec2(std::cos(angle) * p.x() - std::sin(angle) * p.y(),
+                               std::sin(angle) * p.x() + std::cos(angle) * p.y());
+      }
+      triangles.push_back(t);
+    }
+    for (int y = 0; y < s.height; ++y) {
+      for (int x = 0; x < s.width; ++x) {
+        const Vec2 a(x, y), b(x + 1, y), c(x + 1, y + 1), d(x, y + 1);
+        double distance = std::numeric_limits<double>::infinity();
+        for (const auto& t : triangles) {
+          distance = std::min({distance, Distance({a, b, c}, t), Distance({a, c, d}, t)});
+        }
+        const bool within = std::any_of(s.spans.begin() + s.row_begin[y], s.spans.begin() + s.row_begin[y + 1],
+                                        [&](const Span& span) { return x >= span.begin && x < span.end; });
+        if (std::abs(distance - radius) > 1e-6) {
+          ASSERT_EQ(within, distance < radius) << x << ", " << y;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace planish
