@@ -24,8 +24,8 @@ constexpr int kMaxRounds = 12;                // of splitting
 constexpr double kStretchSlack = 1.01;        // an estimate is not a map
 constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
 
-const double kMinFill = getenv("FILL") ? atof(getenv("FILL")) : 0.65;  // of its convex hull; a large chart below that is hard to pack
-const double kMaxExtent = getenv("EXT") ? atof(getenv("EXT")) : 1.0;
+constexpr double kMinFill = 0.65;    // of its convex hull; a large chart below that is hard to pack
+constexpr double kMaxExtent = 0.8;   // of the side of the square that all charts would fill; so is a longer one
 constexpr double kLargeArea = 0.01;  // of all, from which on a chart is large
 
 }  // namespace
@@ -201,8 +201,9 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
     for (const std::int32_t f : charts_[i].faces) area += surface_->area[f];
     const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
                               faults_[i].stretch > kStretchSlack * options_.seams.max_stretch;
-    const bool is_awkward =
-        options_.seams.policy == SeamPolicy::kAuto && area > kLargeArea * total_area_ && faults_[i].fill < kMinFill;
+    const bool is_sparse = area > kLargeArea * total_area_ && faults_[i].fill < kMinFill;
+    const bool is_awkward = options_.seams.policy == SeamPolicy::kAuto && options_.pack &&
+                            (is_sparse || faults_[i].extent > kMaxExtent * std::sqrt(total_area_));
     if (!is_sound || faults_[i].does_overlap || is_stretched || is_awkward) {
       split.push_back({i, faults_[i].face, faults_[i].other_face});
     }
