@@ -16,23 +16,30 @@ void Copy(const Image& from, int left, int top, Image* to) {
   }
 }
 
-// Charts over outlines of others would hide them, so lines come last.
+// `faces` by island.
 Image DrawFrame(const std::vector<double>& uv, const UvSheet& sheet, std::int32_t frame,
-                const std::vector<std::int32_t>& faces) {
+                const std::vector<std::vector<std::int32_t>>& faces) {
   const int side = sheet.plan.side;
   Canvas canvas(side, side, kOversampling, kTileColour);
   const auto at = [&](std::int32_t corner) -> Vec2 {
     return side * kOversampling * sheet.InFrame(frame, uv[2 * corner], uv[2 * corner + 1]);
   };
-  for (const std::int32_t f : faces) {
-    std::array<Vec3, 3> points;
-    for (std::int32_t k = 0; k < 3; ++k) points[k] << at(3 * f + k), 0;
-    canvas.Fill(points, [&](const Vec3&) { return SheetColour(sheet.colour_of_face[f]); });
-  }
-  for (const std::int32_t f : faces) {
-    for (std::int32_t k = 0; k < 3; ++k) {
-      if (!sheet.islands.is_outline[3 * f + k]) continue;
-      canvas.Stroke(at(3 * f + Next(k)), at(3 * f + Prev(k)), kOutlineWidth * kOversampling, kInkColour);
+  double depth = 0;
+  for (const std::int32_t island : sheet.order) {
+    if (sheet.frame_of_island[island] != frame) continue;
+    ++depth;
+    for (const std::int32_t f : faces[island]) {
+      std::array<Vec3, 3> points;
+      for (std::int32_t k = 0; k < 3; ++k)
+        points[k] << at(3 * f + k), depth + (sheet.colour_of_face[f] == kTurnedOver ? 0.5 : 0.0);
+      const Rgb colour = SheetColour(sheet.colour_of_face[f]);
+      canvas.Fill(points, [&](const Vec3&) { return colour; });
+    }
+    for (const std::int32_t f : faces[island]) {
+      for (std::int32_t k = 0; k < 3; ++k) {
+        if (!sheet.islands.is_outline[3 * f + k]) continue;
+        canvas.Stroke(at(3 * f + Next(k)), at(3 * f + Prev(k)), kOutlineWidth * kOversampling, kInkColour);
+      }
     }
   }
   return canvas.Downsample();
@@ -61,14 +68,14 @@ Image DrawLegend(const UvSheet& sheet) {
 
 Image DrawUvPreview(const Mesh& mesh, const std::vector<double>& uv, const UvPreviewOptions& options) {
   const UvSheet sheet = MakeUvSheet(mesh, uv, options);
-  std::vector<std::vector<std::int32_t>> faces(sheet.tile_of_frame.size());
+  std::vector<std::vector<std::int32_t>> faces(sheet.islands.count);
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(mesh.faces.size()); ++f) {
-    faces[sheet.frame_of_island[sheet.islands.island_of_face[f]]].push_back(f);
+    faces[sheet.islands.island_of_face[f]].push_back(f);
   }
   Image image(sheet.plan.Width(), sheet.plan.Height());
   image.pixels.assign(image.pixels.size(), kPageColour);
-  for (std::int32_t frame = 0; frame < static_cast<std::int32_t>(faces.size()); ++frame) {
-    Copy(DrawFrame(uv, sheet, frame, faces[frame]), sheet.plan.Left(frame), sheet.plan.Top(frame), &image);
+  for (std::int32_t frame = 0; frame < static_cast<std::int32_t>(sheet.tile_of_frame.size()); ++frame) {
+    Copy(DrawFrame(uv, sheet, frame, faces), sheet.plan.Left(frame), sheet.plan.Top(frame), &image);
   }
   Copy(DrawLegend(sheet), SheetPlan::kMargin, sheet.plan.BarTop(), &image);
   return image;

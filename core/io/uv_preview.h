@@ -25,8 +25,8 @@ struct UvPreviewOptions {
 Image DrawUvPreview(const Mesh& mesh, const std::vector<double>& uv, const UvPreviewOptions& options = {});
 
 // The same as the text of an SVG file, with words at the scale. Places are rounded to 1/4096 of a tile and triangles of
-// one colour merged: 10 to 20 bytes a triangle. Where that leaves more than 400,000 edges between colours (meshes of
-// some hundred thousand triangles), each chart has the one colour of its whole area, and the words say so.
+// one colour merged: some 3 bytes a triangle, 20 at most. Where that leaves more than 400,000 edges between colours
+// (meshes of some hundred thousand triangles), each chart has the one colour of its whole area, and the words say so.
 std::string UvPreviewSvg(const Mesh& mesh, const std::vector<double>& uv, const UvPreviewOptions& options = {});
 
 }  // namespace planish

@@ -101,7 +101,7 @@ class Paths {
 };
 
 // Half-edges of faces turned counter-clockwise, without those that two faces of one path pass in opposite directions:
-// what is left goes round the faces of each path, which are numbered (frame, colour).
+// what is left goes round the faces of each path, which are numbered (island, colour).
 std::vector<PathEdge> ColourBorders(const std::vector<double>& uv, const UvSheet& sheet, bool by_island) {
   const std::vector<std::int32_t>& place = sheet.islands.place_of_corner;
   std::vector<PathEdge> edges;
@@ -113,7 +113,7 @@ std::vector<PathEdge> ColourBorders(const std::vector<double>& uv, const UvSheet
     for (std::int32_t k = 0; k < 3; ++k) {
       std::int32_t from = place[3 * f + k], to = place[3 * f + Next(k)];
       if (area < 0) std::swap(from, to);
-      if (from != to) edges.push_back({sheet.frame_of_island[island] * kSheetColours + colour, from, to});
+      if (from != to) edges.push_back({island * kSheetColours + colour, from, to});
     }
   }
   const auto key = [](const PathEdge& e) {
@@ -169,6 +169,17 @@ std::string Text(double x, double y, std::string_view anchor, std::string_view t
   return absl::StrFormat("<text x=\"%g\" y=\"%g\" text-anchor=\"%s\">%s</text>\n", x, y, anchor, text);
 }
 
+// Lines of a fill's own colour close the hairlines between fills. `unit`: of a pixel.
+std::string Style(double unit) {
+  std::string style = "<style>";
+  for (int i = 0; i < kSheetColours; ++i) {
+    const std::string colour = Hex(SheetColour(i));
+    absl::StrAppend(&style, ".c", i, "{fill:", colour, ";stroke:", colour, ";stroke-width:", 0.5 * unit, "}");
+  }
+  return absl::StrCat(style, ".o{fill:none;stroke:", Hex(kInkColour), ";stroke-width:", kOutlineWidth * unit,
+                      "}</style>\n");
+}
+
 std::string Legend(const UvSheet& sheet, bool by_island) {
   constexpr double kBar = SheetPlan::kBarWidth, kHeight = SheetPlan::kBarHeight, kBand = kBar / kScaleColours;
   const double left = SheetPlan::kMargin, top = sheet.plan.BarTop();
@@ -204,40 +215,39 @@ std::string UvPreviewSvg(const Mesh& mesh, const std::vector<double>& uv, const 
   const bool by_island = fills.size() > kMaxEdges;
   if (by_island) fills = ColourBorders(uv, sheet, true);
 
-  // Strokes of a fill's own colour close the hairlines between fills.
-  const auto frames = static_cast<std::int32_t>(sheet.tile_of_frame.size());
-  std::vector<std::string> fill(frames), outline(frames);
+  // The paths of each island: what it is filled with, then its outline. Class c3 is colour 3, o the outline.
+  std::vector<std::string> drawing(sheet.islands.count);
   const Paths paths(uv, sheet);
   ForEachPath(fills, [&](std::int32_t path, const PathEdge* begin, const PathEdge* end) {
-    const std::int32_t frame = path / kSheetColours;
-    const std::string colour = Hex(SheetColour(path % kSheetColours));
-    absl::StrAppend(&fill[frame], "<path fill=\"", colour, "\" stroke=\"", colour, "\" d=\"",
-                    paths.Data(frame, begin, end), "\"/>\n");
+    const std::int32_t island = path / kSheetColours;
+    const std::string data = paths.Data(sheet.frame_of_island[island], begin, end);
+    if (data.empty()) return;
+    absl::StrAppend(&drawing[island], "<path class=\"c", path % kSheetColours, "\" d=\"", data, "\"/>\n");
   });
   ForEachPath(Outlines(sheet), [&](std::int32_t island, const PathEdge* begin, const PathEdge* end) {
-    const std::int32_t frame = sheet.frame_of_island[island];
-    absl::StrAppend(&outline[frame], "<path d=\"", paths.Data(frame, begin, end), "\"/>\n");
+    const std::string data = paths.Data(sheet.frame_of_island[island], begin, end);
+    if (!data.empty()) absl::StrAppend(&drawing[island], "<path class=\"o\" d=\"", data, "\"/>\n");
   });
 
   const int text_room = 18;
   std::string svg = absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\">\n", plan.Width(),
                                     plan.Height() + text_room);
   absl::StrAppend(&svg, Rectangle(0, 0, plan.Width(), plan.Height() + text_room, Hex(kPageColour)));
+  absl::StrAppend(&svg, Style(1.0 * kGrid / plan.side));
+  const auto frames = static_cast<std::int32_t>(sheet.tile_of_frame.size());
   for (std::int32_t frame = 0; frame < frames; ++frame) {
     const int left = plan.Left(frame), top = plan.Top(frame);
-    const double unit = 1.0 * kGrid / plan.side;
     absl::StrAppend(&svg, Rectangle(left, top, plan.side, plan.side, Hex(kTileColour)));
     if (frames > 1) {
       absl::StrAppend(&svg, "<g font-family=\"sans-serif\" font-size=\"12\" fill=\"", Hex(kInkColour), "\">",
                       Text(left, top - 5, "start", absl::StrCat("tile ", 1001 + sheet.tile_of_frame[frame])), "</g>\n");
     }
     absl::StrAppend(&svg, absl::StrFormat("<g transform=\"translate(%d %d) scale(%g)\" stroke-linejoin=\"round\">\n",
-                                          left, top, 1 / unit));
-    absl::StrAppend(&svg, absl::StrFormat("<g stroke-width=\"%g\">\n", 0.5 * unit), fill[frame], "</g>\n");
-    absl::StrAppend(
-        &svg,
-        absl::StrFormat("<g fill=\"none\" stroke=\"%s\" stroke-width=\"%g\">\n", Hex(kInkColour), kOutlineWidth * unit),
-        outline[frame], "</g>\n</g>\n");
+                                          left, top, 1.0 * plan.side / kGrid));
+    for (const std::int32_t island : sheet.order) {
+      if (sheet.frame_of_island[island] == frame) svg += drawing[island];
+    }
+    svg += "</g>\n";
   }
   return svg + Legend(sheet, by_island) + "</svg>\n";
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <set>
 
 #include "Eigen/Geometry"
@@ -48,6 +49,10 @@ void Colour(const Areas& areas, UvSheet* sheet) {
     whole_map += std::abs(areas.map[f]);
     whole_surface += areas.surface[f];
   }
+  sheet->order.resize(sheet->islands.count);
+  std::iota(sheet->order.begin(), sheet->order.end(), 0);
+  std::stable_sort(sheet->order.begin(), sheet->order.end(),
+                   [&](std::int32_t a, std::int32_t b) { return map[a] > map[b]; });
   const double whole = whole_map / whole_surface;
   const auto stretch = [&](double in_map, double on_surface) {
     const double log = std::log2(in_map / on_surface / whole);

@@ -38,6 +38,8 @@ struct UvSheet {
   std::int64_t turned_over = 0;                // faces
   int octaves = 1;                             // log2 at either end of the scale
 
+  // Islands in the order in which they are drawn, the larger first: where they lie on each other, all are seen.
+  std::vector<std::int32_t> order;
   std::vector<std::int32_t> frame_of_island;  // frames are what stands side by side
   std::vector<std::int32_t> tile_of_frame;    // number of the tile, -1: a frame round everything
   std::vector<Vec2> frame_low;                // in the map
