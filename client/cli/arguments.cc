@@ -32,7 +32,7 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap face.obj -o - > face_uv.obj
   planish unwrap prop.obj -o prop_uv.obj --seams=auto,hard:60,materials --texture-size=2048 --padding=4
   planish unwrap hero.obj -o hero_uv.obj --seams=keep,uv       (the borders of its UV islands, and no others)
-  planish unwrap face.obj -o face_uv.obj --picture=map.png
+  planish unwrap face.obj -o face_uv.obj --picture=map.png --preview=layout.svg
   planish unwrap face.obj -o uv.obj --solver=uzawa --system=full --preconditioner=none   (the paper as written)
 
 Seams: --seams takes a comma-separated list of at most one policy and any number of sources.
@@ -127,6 +127,14 @@ void AddPicture(CLI::App& app, Arguments& arguments) {
       ->type_name("AZIMUTH ELEVATION");
 }
 
+void AddPreview(CLI::App& app, Arguments& arguments) {
+  app.add_option(
+         "--preview", arguments.preview,
+         "Draw the UV layout: charts, outlines, and in colours how much triangles grew or shrank; the name ends "
+         "in .png or .svg")
+      ->type_name("PNG|SVG");
+}
+
 void AddTimeout(CLI::App& app, Arguments& arguments, const std::string& description) {
   app.add_option("--timeout", arguments.timeout_seconds, description)
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
@@ -188,6 +196,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
       ->type_name("");
   AddOutput(unwrap, arguments);
   AddPicture(unwrap, arguments);
+  AddPreview(unwrap, arguments);
   AddServer(unwrap, arguments, "without it a private server is started");
   AddJson(unwrap, arguments);
   AddProgress(unwrap, arguments);
@@ -278,6 +287,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddProgress(watch, arguments);
   watch.add_option("--mesh", arguments.input, "The file that was sent; the UV go into a copy of it")->type_name("IN");
   AddOutput(watch, arguments);
+  AddPreview(watch, arguments);
   AddTexcoord(watch, arguments);
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
   AddJobCommand(jobs, arguments, Command::kJobsCancel, "cancel", "End a job and discard what it has");
@@ -307,6 +317,9 @@ std::string CheckTogether(Arguments& arguments) {
     return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
            " is no glTF; other formats have one set of UV, number 0";
   }
+  if (!arguments.preview.empty() && !arguments.preview.ends_with(".png") && !arguments.preview.ends_with(".svg")) {
+    return "--preview=" + arguments.preview + ": the name must end in .png or .svg";
+  }
   if (!arguments.job.empty() && arguments.job.rfind("jobs/", 0) != 0) arguments.job = "jobs/" + arguments.job;
   const bool to_stdout = arguments.output == "-";
   if (to_stdout && arguments.json) {
@@ -321,6 +334,10 @@ std::string CheckTogether(Arguments& arguments) {
       }
       if (arguments.detach && !arguments.more_inputs.empty()) {
         return "--detach takes one file: jobs watch could not write the UV of several";
+      }
+      if (arguments.detach && !(arguments.preview.empty() && arguments.picture.empty())) {
+        return "--detach does not wait for UV, so there is nothing to draw; jobs watch JOB --mesh IN -o OUT takes "
+               "--preview too";
       }
       if (arguments.detach && !arguments.output.empty()) {
         return "--detach does not wait for UV, so there is nothing for -o; fetch them later with: planish jobs watch "
@@ -342,6 +359,9 @@ std::string CheckTogether(Arguments& arguments) {
     case Command::kJobsWatch:
       if (arguments.input.empty() != arguments.output.empty()) {
         return "--mesh and -o go together: the UV go into a copy of the file that was sent";
+      }
+      if (!arguments.preview.empty() && arguments.input.empty()) {
+        return "--preview draws the UV on the file that was sent: name it with --mesh, and -o for the result";
       }
       [[fallthrough]];
     default:

@@ -25,6 +25,7 @@ struct Arguments {
   std::string output;                             // a file, "-", or a directory
   int texcoord = 0;                               // glTF: UV are read from and become TEXCOORD_n, in [0, 7]
   std::string picture;                            // a PNG of the map; empty: none
+  std::string preview;                            // a PNG or SVG of the UV layout; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;

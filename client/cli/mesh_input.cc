@@ -14,6 +14,7 @@
 #include "client/cli/seam_edges.h"
 #include "client/src/errors.h"
 #include "core/io/map_picture.h"
+#include "core/io/uv_preview.h"
 
 namespace planish::cli {
 namespace {
@@ -283,6 +284,15 @@ std::string MeshInput::Picture(const Uv& uv, double azimuth, double elevation) c
   options.azimuth = azimuth * kRadians;
   options.elevation = elevation * kRadians;
   absl::StatusOr<std::string> png = EncodePng(DrawMap(mesh_, uv.AsDouble(), options));
+  if (!png.ok()) throw ErrorFrom(png.status());
+  return *std::move(png);
+}
+
+std::string MeshInput::Preview(const Uv& uv, const std::string& path, bool packed) const {
+  UvPreviewOptions options;
+  options.fit = !packed;
+  if (path.ends_with(".svg")) return UvPreviewSvg(mesh_, uv.AsDouble(), options);
+  absl::StatusOr<std::string> png = EncodePng(DrawUvPreview(mesh_, uv.AsDouble(), options));
   if (!png.ok()) throw ErrorFrom(png.status());
   return *std::move(png);
 }

@@ -60,6 +60,9 @@ class MeshInput {
   WrittenMesh WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs) const;
   // A PNG file that shows the map (core/io/map_picture.h); angles in degrees.
   std::string Picture(const Uv& uv, double azimuth, double elevation) const;
+  // A PNG or, where `path` ends in .svg, an SVG file that shows the layout (core/io/uv_preview.h). `packed`: whether
+  // the charts lie in tiles.
+  std::string Preview(const Uv& uv, const std::string& path, bool packed) const;
 
  private:
   struct Part {

@@ -32,6 +32,7 @@ class ResultCommand {
   void LoadInput() {
     if (arguments_.input.empty()) return;
     if (!arguments_.picture.empty()) CheckOutput(arguments_.picture);
+    if (!arguments_.preview.empty()) CheckOutput(arguments_.preview);
     std::vector<std::string> paths = {arguments_.input};
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
     input_.emplace(paths, arguments_.texcoord);
@@ -76,6 +77,9 @@ class ResultCommand {
     }
     if (!arguments.picture.empty()) {
       WriteOutput(arguments.picture, input_->Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
+    }
+    if (!arguments.preview.empty()) {
+      WriteOutput(arguments.preview, input_->Preview(result.uv, arguments.preview, result.report.atlas.pack));
     }
     result.report.seconds.total = timer_.Seconds();
     std::cerr << Summary(result.report, arguments.output, StderrTerminal());
