@@ -18,6 +18,7 @@ set format y "%g"
 set ylabel "seconds, one core"
 plot for [i=2:tools + 1] columns.".map_seconds" using i:xtic(1) title columnheader(i) lc rgb colour(i)
 set key off
+set yrange [0.5:*]
 set ylabel "charts"
 plot for [i=2:tools + 1] columns.".charts" using i:xtic(1) title columnheader(i) lc rgb colour(i)
 unset logscale y
