@@ -14,7 +14,7 @@
 # here. atlas measures MESH instead of its own choice: six meshes of ../shared/meshes where that (optional) folder is,
 # else Spot and surfaces by formula. Packages: deploy/install-packages.sh build test bench; atlas gets xatlas through npm.
 # What others' programs measure is left out, and said so, where they are missing. In the environment: CORE, the core
-# that everything on one core runs on (default 0), and JOBS for the build (default 2).
+# that everything on one core runs on (default 0), ROUNDS of atlas (default 3), and JOBS for the build (default 2).
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -214,7 +214,7 @@ install_xatlas() {
 }
 
 atlas() {
-  local rounds=3 padding=2 size=1024 shared=$root/../shared/meshes modules name tools=(planish) missing="" about=""
+  local rounds=${ROUNDS:-3} padding=2 size=1024 shared=$root/../shared/meshes modules name tools=(planish) missing="" about=""
   local all=("$spot" "$spot@1" foot:20000 waves:24000)
   if [ -n "$quick" ]; then
     rounds=1 all=(ear:1796 foot:5000)
@@ -253,7 +253,8 @@ atlas() {
             timed "$result" blender -b --factory-startup -t 1 -P "$here/blender_unwrap.py" -- smart "$file" "$map" \
               "$(awk "BEGIN { print $padding / 2 / $size }")" || code=$?
             ;;
-          xatlas) timed "$result" node "$here/xatlas_unwrap.mjs" "$modules" "$file" "$map" "$padding" || code=$? ;;
+          xatlas) timed "$result" node "$here/xatlas_unwrap.mjs" "$modules" "$file" "$map" "$padding" "$size" ||
+            code=$? ;;
         esac
         [ "$tool" = planish ] || report=$(sed -n 's/^RESULT \(.*\)/\1,/p' "$result")
         report+="\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,\"command_seconds\":$command_seconds"
@@ -265,7 +266,6 @@ atlas() {
         # The same map in every round: judged once.
         if [ "$round" -eq 1 ]; then
           tile=$(sed -n 's/.*"tile":\[\([0-9]*\),\([0-9]*\)\].*/\1 \2/p' "$result")
-          # A hundredth of the padding for rounding to float.
           if [ -n "$tile" ]; then keep=$padding; else keep=$padding/$size tile="1 1"; fi
           # shellcheck disable=SC2086  # two numbers
           quality=$("$bin/planish_uv_quality" "$file" "$map" --tile $tile \
@@ -277,18 +277,21 @@ atlas() {
       done
     done
   done
-  heading "Atlases, against others" "Default settings but for the padding, which is $padding texels of $size between charts
-for everyone. Each round runs every tool once, one after the other, on one core; medians of up to $rounds rounds, and each tool's
-seconds over planish's in the same round. planish: \`planish unwrap --threads=1\`, seconds of its report from charts to the
-verifier. $(blender_version): Smart UV Project at 66 degrees, then Pack Islands, seconds of these operators; the margin is
-1/$size of the texture round each chart, by the exact margin method. xatlas$about: called as \`gltf-transform unwrap\` calls it, but
-with the padding, for which that has no flag, on the welded mesh without normals; seconds of xatlas alone; it chooses the size
-of its atlas near $size x $size, and its padding counts in these texels. \"Whole command\" has start, reading and writing as well.
+  heading "Atlases, against others" "Default settings but for the padding, $padding texels of $size between charts for everyone. Each
+round runs every tool once, one after the other, on one core; medians of $rounds rounds, and each tool's seconds over planish's
+in the same round. \"Whole command\" has start, reading and writing as well.
+
+- planish: \`planish unwrap --threads=1\`, seconds of its report from charts to the verifier.
+- $(blender_version): Smart UV Project at 66 degrees, then Pack Islands, seconds of these operators; 1/$size of the texture
+  stays free round each chart, by the exact margin method.
+- xatlas$about: called as \`gltf-transform unwrap\` calls it, but with the padding, for which that has no
+  flag, on the welded mesh without normals; seconds of xatlas alone. Where its atlas is not within 2 % of $size texels, its charts
+  are packed again at that size, off the clock; charts keep their distance in texels of the size that comes out.
 
 All maps are judged by planish's own code as delivered (\`tests/bench/uv_quality.cc\`). Charts: triangles joined where both ends of
 an edge agree. Packing efficiency: area of the triangles over that of the atlas. L2 stretch and mean angle error (degrees): of the
 triangles that have area in the map; those that have none are degenerate, and in no chart. Mirrored: turned over. Charts too
-near: pairs nearer than the padding, overlapping ones included.$missing" |
+near: pairs nearer than the padding less a hundredth for rounding, overlapping ones included.$missing" |
     "$bin/planish_bench_report" atlas "$runs" "$work/atlas" >"$out/atlas.md"
   plot "columns='$work/atlas'; out='$out/atlas.png'" atlas.gp
 }

@@ -1,13 +1,13 @@
-// node xatlas_unwrap.mjs NODE_MODULES MESH.obj MAP.obj PADDING: xatlas, from the watlas package that @gltf-transform/cli
-// carries, called as `gltf-transform unwrap` calls it (default options) but with PADDING texels between charts, for which
-// that command has no flag. MESH.obj has v and f lines only, so that xatlas sees which triangles are neighbours. Prints
-// wall-clock and CPU seconds of xatlas alone and the size of its atlas; UV are written in its texels.
+// node xatlas_unwrap.mjs NODE_MODULES MESH.obj MAP.obj PADDING SIZE: xatlas, from the watlas package that
+// @gltf-transform/cli carries, called as `gltf-transform unwrap` calls it (default options) but with PADDING texels between
+// charts, for which that command has no flag. MESH.obj has v and f lines only, so that xatlas sees which triangles are
+// neighbours. Prints wall-clock and CPU seconds of xatlas alone and the size of its atlas; UV are written in its texels.
 import fs from "node:fs";
 import { createRequire } from "node:module";
 import path from "node:path";
 import { pathToFileURL } from "node:url";
 
-const [modules, meshPath, out, padding] = process.argv.slice(2);
+const [modules, meshPath, out, padding, size] = process.argv.slice(2);
 const require = createRequire(path.resolve(modules, "@gltf-transform/cli/package.json"));
 const watlas = await import(pathToFileURL(require.resolve("watlas")));
 await watlas.Initialize();
@@ -33,6 +33,14 @@ atlas.addMesh({
 atlas.generate({}, { padding: Number(padding) });
 const cpu = process.cpuUsage(cpuStart);
 const seconds = (performance.now() - start) / 1e3;
+
+// It never draws more than 1,024 texels per unit of length, so that meshes of a few centimetres get an atlas of a few
+// texels and far too much padding: the same charts are packed again, off the clock, until the atlas has the size wanted.
+for (let tries = 0; tries < 5; ++tries) {
+  const ratio = Number(size) / Math.max(atlas.width, atlas.height);
+  if (Math.abs(ratio - 1) < 0.02) break;
+  atlas.packCharts({ padding: Number(padding), texelsPerUnit: atlas.texelsPerUnit * ratio });
+}
 
 if (atlas.atlasCount !== 1) throw new Error(`xatlas made ${atlas.atlasCount} atlases`);
 const mesh = atlas.getMesh(0);
