@@ -1,5 +1,6 @@
 #include "core/io/ear_clipping.h"
 
+#include <algorithm>
 #include <numeric>
 
 #include "Eigen/Geometry"
@@ -57,6 +58,20 @@ bool IsFan(const std::vector<Vec2>& points) {
   return true;
 }
 
+// Whether the fan round corner 0 of a quad has two triangles with area.
+bool IsFanOfQuad(const std::vector<Vec3>& outline) {
+  if (outline.size() != 4) return false;
+  const Vec3 diagonal = outline[2] - outline[0];
+  for (const std::size_t i : {1u, 3u}) {
+    const Vec3 side = outline[i] - outline[0], other = outline[i] - outline[2];
+    // The triangle may be flat with its middle corner at any of its three vertices.
+    const double twice_area = diagonal.cross(side).norm();
+    const double longest = std::max({diagonal.squaredNorm(), side.squaredNorm(), other.squaredNorm()});
+    if (!(twice_area > kFlat * longest)) return false;
+  }
+  return true;
+}
+
 // Whether corner `at` of the polygon that `left` still has can be cut off.
 bool IsEar(const std::vector<Vec2>& points, const std::vector<std::int32_t>& left, std::size_t at) {
   const std::size_t n = left.size();
@@ -79,7 +94,7 @@ std::vector<Face> TrianglesOfPolygon(const std::vector<Vec3>& outline) {
   std::vector<Face> triangles;
   std::vector<std::int32_t> left(outline.size());
   std::iota(left.begin(), left.end(), 0);
-  if (outline.size() > 3 && outline.size() <= kMostCorners) {
+  if (outline.size() > 3 && outline.size() <= kMostCorners && !IsFanOfQuad(outline)) {
     const std::vector<Vec2> points = Flattened(outline);
     std::size_t at = 1;
     // Corners without an ear since the last one; to begin with all, where there is nothing to cut off.

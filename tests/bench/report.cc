@@ -1,5 +1,5 @@
-// planish_bench_report paper|scale|peers RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the tables. COLUMNS
-// is the start of the names of the files for gnuplot.
+// planish_bench_report paper|scale|peers|atlas RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the tables.
+// COLUMNS is the start of the names of the files for gnuplot.
 #include "tests/bench/report.h"
 
 #include <algorithm>
@@ -37,6 +37,26 @@ std::vector<double> Numbers(const Runs& runs, const std::string& field) {
     if (run.contains(field) && run[field].is_number()) numbers.push_back(run[field]);
   }
   return numbers;
+}
+
+std::vector<Runs> ByMesh(const Runs& runs) {
+  std::vector<Runs> meshes;
+  for (const auto& label : Values(runs, "mesh")) {
+    const Runs same = Where(runs, "mesh", label);
+    for (const auto& triangles : Values(same, "triangles")) meshes.push_back(Where(same, "triangles", triangles));
+  }
+  return meshes;
+}
+
+std::vector<double> Ratios(const Runs& mesh, const std::string& tool, const std::string& field) {
+  std::vector<double> ratios;
+  for (const auto& round : Values(mesh, "round")) {
+    const Runs now = Where(mesh, "round", round);
+    const std::vector<double> ours = Numbers(Where(now, "tool", "planish"), field);
+    const std::vector<double> theirs = Numbers(Where(now, "tool", tool), field);
+    if (!ours.empty() && !theirs.empty()) ratios.push_back(theirs[0] / ours[0]);
+  }
+  return ratios;
 }
 
 double Median(std::vector<double> values) {
@@ -90,8 +110,9 @@ namespace {
 
 int Main(int argc, char** argv) {
   const std::string which = argc == 4 ? argv[1] : "";
-  if (which != "paper" && which != "scale" && which != "peers") {
-    std::fprintf(stderr, "usage: planish_bench_report paper|scale|peers RUNS.jsonl COLUMNS < heading > TABLE.md\n");
+  if (which != "paper" && which != "scale" && which != "peers" && which != "atlas") {
+    std::fprintf(stderr,
+                 "usage: planish_bench_report paper|scale|peers|atlas RUNS.jsonl COLUMNS < heading > TABLE.md\n");
     return 2;
   }
   Runs runs;
@@ -102,7 +123,8 @@ int Main(int argc, char** argv) {
   const std::string heading(std::istreambuf_iterator<char>(std::cin), {});
   const std::string tables = which == "paper"   ? ReportPaper(runs, argv[3])
                              : which == "scale" ? ReportScale(runs, argv[3])
-                                                : ReportPeers(runs, argv[3]);
+                             : which == "peers" ? ReportPeers(runs, argv[3])
+                                                : ReportAtlas(runs, argv[3]);
   std::cout << heading << "\n" << tables;
   return 0;
 }

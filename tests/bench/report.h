@@ -15,6 +15,7 @@ using Runs = std::vector<nlohmann::json>;
 std::string ReportPaper(const Runs& runs, const std::string& columns);
 std::string ReportScale(const Runs& runs, const std::string& columns);
 std::string ReportPeers(const Runs& runs, const std::string& columns);
+std::string ReportAtlas(const Runs& runs, const std::string& columns);
 
 // The runs whose `field` is `value`.
 Runs Where(const Runs& runs, const std::string& field, const nlohmann::json& value);
@@ -22,6 +23,11 @@ Runs Where(const Runs& runs, const std::string& field, const nlohmann::json& val
 std::vector<nlohmann::json> Values(const Runs& runs, const std::string& field);
 // Numbers of `field`, of the runs that have one.
 std::vector<double> Numbers(const Runs& runs, const std::string& field);
+
+// The runs of each mesh: the same name and as many triangles.
+std::vector<Runs> ByMesh(const Runs& runs);
+// Of the runs of one mesh: `field` of `tool` over that of planish, round by round.
+std::vector<double> Ratios(const Runs& mesh, const std::string& tool, const std::string& field);
 
 double Median(std::vector<double> values);  // NaN for none
 double GeometricMean(const std::vector<double>& values);

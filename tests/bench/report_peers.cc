@@ -12,28 +12,6 @@ std::string NameOf(const std::string& tool) {
   return tool == "blender" ? "Blender ABF" : tool == "cgal" ? "CGAL LSCM" : tool;
 }
 
-// The runs of each mesh: the same name and as many triangles.
-std::vector<Runs> ByMesh(const Runs& runs) {
-  std::vector<Runs> meshes;
-  for (const auto& label : Values(runs, "mesh")) {
-    const Runs same = Where(runs, "mesh", label);
-    for (const auto& triangles : Values(same, "triangles")) meshes.push_back(Where(same, "triangles", triangles));
-  }
-  return meshes;
-}
-
-// `tool`'s CPU seconds over ours, round by round.
-std::vector<double> Ratios(const Runs& mesh, const std::string& tool) {
-  std::vector<double> ratios;
-  for (const auto& round : Values(mesh, "round")) {
-    const Runs now = Where(mesh, "round", round);
-    const std::vector<double> ours = Numbers(Where(now, "tool", "planish"), "map_cpu_seconds");
-    const std::vector<double> theirs = Numbers(Where(now, "tool", tool), "map_cpu_seconds");
-    if (!ours.empty() && !theirs.empty()) ratios.push_back(theirs[0] / ours[0]);
-  }
-  return ratios;
-}
-
 std::string Flips(const nlohmann::json& run) {
   if (!run.contains("flipped")) return "-";
   return WithCommas(run["flipped"]) + " / " + WithCommas(run["degenerate"]);
@@ -74,7 +52,7 @@ std::string ReportPeers(const Runs& runs, const std::string& columns) {
       const Runs own = Where(mesh, "tool", tool);
       const std::vector<double> seconds = Numbers(own, "map_cpu_seconds");
       if (own.empty()) continue;
-      const std::vector<double> ratios = Ratios(mesh, tool);
+      const std::vector<double> ratios = Ratios(mesh, tool, "map_cpu_seconds");
       const bool peer = std::string(tool) != "planish" && !ratios.empty();
       const auto& run = own.front();
       text += Row({label, WithCommas(run["triangles"]), NameOf(tool),

@@ -4,15 +4,17 @@
 #   tests/bench/run.sh paper            table 1 and figure 2 of the paper, and what each step away from it buys
 #   tests/bench/run.sh scale [MESH...]  20,000 to 2 million triangles: time, CPU, iterations, memory
 #   tests/bench/run.sh peers [MESH...]  Blender's ABF and CGAL's LSCM on the same meshes, in turn, on one core
+#   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
 #
 #   --quick      small sizes and few rounds, to see that it works; results go to BUILD/results
 #   --build DIR  where to build (default build/bench)
 #   --out DIR    where the results go (default tests/bench/results)
 #
 # MESH is a file, FILE@LEVELS for Loop subdivision, or NAME:TRIANGLES (bench_meshes.h), measured beside those chosen
-# here. Packages: deploy/install-packages.sh build test bench. What others' programs measure is left out, and said so,
-# where they are missing. In the environment: CORE, the core that everything on one core runs on (default 0), and JOBS
-# for the build (default 2).
+# here. atlas measures MESH instead of its own choice: six meshes of ../shared/meshes where that (optional) folder is,
+# else Spot and surfaces by formula. Packages: deploy/install-packages.sh build test bench; atlas gets xatlas through npm.
+# What others' programs measure is left out, and said so, where they are missing. In the environment: CORE, the core
+# that everything on one core runs on (default 0), ROUNDS of atlas (default 3), and JOBS for the build (default 2).
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -36,13 +38,15 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
-case $bench in paper | scale | peers) ;; *) fail "no such bench: $bench (paper, scale, peers)" ;; esac
+case $bench in paper | scale | peers | atlas) ;; *) fail "no such bench: $bench (paper, scale, peers, atlas)" ;; esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
 command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench"
 
 [ -f "$build/CMakeCache.txt" ] ||
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
-cmake --build "$build" -j "${JOBS:-2}" --target planish_bench >&2
+targets=(planish_bench)
+[ "$bench" != atlas ] || targets+=(planish planishd)
+cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
 work=$build/bench-runs/$bench
 rm -rf "$work"
@@ -54,6 +58,10 @@ record() { sed "s|^{|{$1,|" >>"$runs"; }
 
 one_core() {
   if command -v taskset >/dev/null; then taskset -c "${CORE:-0}" "$@"; else "$@"; fi
+}
+
+blender_version() {
+  blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/Blender \1/p' | head -1 || true
 }
 
 heading() {
@@ -140,13 +148,13 @@ peers() {
   local tools=(planish) missing=""
   if command -v blender >/dev/null; then tools+=(blender); else missing+=" Blender was not there."; fi
   if [ -x "$bin/planish_cgal_lscm" ]; then tools+=(cgal); else missing+=" CGAL was not there."; fi
-  version=$(blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/Blender \1/p' | head -1) || true
+  version=$(blender_version)
   local mesh round tool file map seconds quality flag=""
   "$bin/planish_solve_time" --help | grep -q -- --threads && flag="--threads 1"
   for mesh in "${all[@]}" "${meshes[@]}"; do
     file=$work/mesh.obj
-    "$bin/planish_write_mesh" "$mesh" "$file"
-    local triangles label=""
+    local triangles label
+    label=$("$bin/planish_write_mesh" "$mesh" "$file")
     triangles=$(grep -c '^f ' "$file")
     for round in $(seq "$rounds"); do
       echo "$mesh, round $round" >&2
@@ -156,11 +164,10 @@ peers() {
           planish)
             # shellcheck disable=SC2086  # a flag and its value
             one_core "$bin/planish_solve_time" "$mesh" $flag | record "\"round\":$round"
-            label=$(tail -1 "$runs" | sed 's/.*"mesh":"\([^"]*\)".*/\1/')
             continue
             ;;
           blender)
-            seconds=$(one_core blender -b --factory-startup -t 1 -P "$here/blender_abf.py" -- "$file" "$map" \
+            seconds=$(one_core blender -b --factory-startup -t 1 -P "$here/blender_unwrap.py" -- abf "$file" "$map" \
               2>/dev/null | sed -n 's/^RESULT //p') || true
             ;;
           cgal) seconds=$(one_core "$bin/planish_cgal_lscm" "$file" "$map" | sed -n 's/^RESULT //p') || true ;;
@@ -184,6 +191,109 @@ the parameterization alone; a linear method, not ABF. The ABF energy (mean over 
 planish's own code on each tool's UV as delivered.$missing" |
     "$bin/planish_bench_report" peers "$runs" "$work/peers" >"$out/peers.md"
   plot "columns='$work/peers.columns'; out='$out/peers.png'" peers.gp
+}
+
+# Runs a command on one core, its output to OUT, and sets `command_seconds`. Its exit code is that of the command.
+timed() {  # OUT COMMAND...
+  local out=$1 code=0 LC_ALL=C TIMEFORMAT=%R
+  shift
+  { time one_core "$@" >"$out" 2>"$work/errors"; } 2>"$work/seconds" || code=$?
+  command_seconds=$(cat "$work/seconds")
+  return "$code"
+}
+
+# xatlas as npm's @gltf-transform/cli carries it, kept between runs. Prints its folder, or nothing.
+install_xatlas() {
+  local folder=$build/bench-runs/npm
+  command -v node >/dev/null && command -v npm >/dev/null || return 0
+  if [ ! -f "$folder/node_modules/watlas/package.json" ]; then
+    npm install --prefix "$folder" --ignore-scripts --no-audit --no-fund --fetch-retries=1 @gltf-transform/cli@4 \
+      >"$work/npm.log" 2>&1 || return 0
+  fi
+  echo "$folder/node_modules"
+}
+
+atlas() {
+  local rounds=${ROUNDS:-3} padding=2 size=1024 shared=$root/../shared/meshes modules name tools=(planish) missing="" about=""
+  local all=("$spot" "$spot@1" foot:20000 waves:24000)
+  if [ -n "$quick" ]; then
+    rounds=1 all=(ear:1796 foot:5000)
+  elif [ -d "$shared" ]; then
+    all=()
+    for name in spot_23062 koala_99994 boot_g12_39906 human_neutral_20908 barramundi_uv_3864 corset_uv_18324; do
+      if [ -f "$shared/$name.obj" ]; then all+=("$shared/$name.obj"); else missing+=" $name was not there."; fi
+    done
+  fi
+  [ ${#meshes[@]} -eq 0 ] || all=("${meshes[@]}")
+  if command -v blender >/dev/null; then tools+=(blender); else missing+=" Blender was not there."; fi
+  modules=$(install_xatlas)
+  if [ -n "$modules" ]; then
+    tools+=(xatlas)
+    about=" ($(node -p "['@gltf-transform/cli', 'watlas'].map(p => p + ' ' +
+      JSON.parse(require('fs').readFileSync('$modules/' + p + '/package.json')).version).join(', ')"))"
+  else
+    missing+=" xatlas was not there: it takes node, npm and a registry."
+  fi
+  local mesh file=$work/mesh.obj label triangles round tool map result quality tile keep code report command_seconds
+  for mesh in "${all[@]}"; do
+    label=$("$bin/planish_write_mesh" "$mesh" "$file")
+    triangles=$(grep -c '^f ' "$file")
+    for round in $(seq "$rounds"); do
+      for tool in "${tools[@]}"; do
+        echo "$label, round $round, $tool" >&2
+        map=$work/$label.$tool.obj result=$work/result code=0 report="" quality=""
+        rm -f "$map"
+        case $tool in
+          planish)
+            timed "$result" "$bin/planish" unwrap "$file" -o "$map" --threads=1 --texture-size="$size" \
+              --padding="$padding" --json --progress=none || code=$?
+            [ "$code" -ne 0 ] || report="\"report\":$(tr -d '\n' <"$result"),"
+            ;;
+          blender)
+            timed "$result" blender -b --factory-startup -t 1 -P "$here/blender_unwrap.py" -- smart "$file" "$map" \
+              "$(awk "BEGIN { print $padding / 2 / $size }")" || code=$?
+            ;;
+          xatlas) timed "$result" node "$here/xatlas_unwrap.mjs" "$modules" "$file" "$map" "$padding" "$size" ||
+            code=$? ;;
+        esac
+        [ "$tool" = planish ] || report=$(sed -n 's/^RESULT \(.*\)/\1,/p' "$result")
+        report+="\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,\"command_seconds\":$command_seconds"
+        if [ "$code" -ne 0 ] || [ ! -f "$map" ]; then
+          cat "$work/errors" >&2
+          echo "{$report,\"triangles\":$triangles,\"ended\":\"failed\"}" >>"$runs"
+          continue
+        fi
+        # The same map in every round: judged once.
+        if [ "$round" -eq 1 ]; then
+          tile=$(sed -n 's/.*"tile":\[\([0-9]*\),\([0-9]*\)\].*/\1 \2/p' "$result")
+          if [ -n "$tile" ]; then keep=$padding; else keep=$padding/$size tile="1 1"; fi
+          # shellcheck disable=SC2086  # two numbers
+          quality=$("$bin/planish_uv_quality" "$file" "$map" --tile $tile \
+            --padding "$(awk "BEGIN { print 0.99 * $keep }")")
+        else
+          quality="{\"triangles\":$triangles}"
+        fi
+        echo "{$report,${quality#\{}" >>"$runs"
+      done
+    done
+  done
+  heading "Atlases, against others" "Default settings but for the padding, $padding texels of $size between charts for everyone. Each
+round runs every tool once, one after the other, on one core; medians of $rounds rounds, and each tool's seconds over planish's
+in the same round. \"Whole command\" has start, reading and writing as well.
+
+- planish: \`planish unwrap --threads=1\`, seconds of its report from charts to the verifier.
+- $(blender_version): Smart UV Project at 66 degrees, then Pack Islands, seconds of these operators; 1/$size of the texture
+  stays free round each chart, by the exact margin method.
+- xatlas$about: called as \`gltf-transform unwrap\` calls it, but with the padding, for which that has no
+  flag, on the welded mesh without normals; seconds of xatlas alone. Where its atlas is not within 2 % of $size texels, its charts
+  are packed again at that size, off the clock; charts keep their distance in texels of the size that comes out.
+
+All maps are judged by planish's own code as delivered (\`tests/bench/uv_quality.cc\`). Charts: triangles joined where both ends of
+an edge agree. Packing efficiency: area of the triangles over that of the atlas. L2 stretch and mean angle error (degrees): of the
+triangles that have area in the map; those that have none are degenerate, and in no chart. Mirrored: turned over. Charts too
+near: pairs nearer than the padding less a hundredth for rounding, overlapping ones included.$missing" |
+    "$bin/planish_bench_report" atlas "$runs" "$work/atlas" >"$out/atlas.md"
+  plot "columns='$work/atlas'; out='$out/atlas.png'" atlas.gp
 }
 
 "$bench"

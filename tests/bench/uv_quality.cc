@@ -1,5 +1,7 @@
 // planish_uv_quality MESH.obj MAP.obj: judges the UV of MAP.obj on MESH.obj as planish judges its own, whoever made
 // them; one JSON object on stdout. MAP.obj has the same triangles in the same order, with a vt at every corner.
+// Distortion is measured over all triangles (abf_energy, only of discs, and conformal_distortion_mean) or over those
+// that have area in the map (stretch_l2, angle_error_mean_deg); triangles without area on the surface never count.
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -8,13 +10,16 @@
 #include <string>
 #include <vector>
 
+#include "CLI/CLI.hpp"
 #include "core/abf/target_angles.h"
 #include "core/io/mesh_file.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
+#include "core/mesh/predicates.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/verify.h"
 #include "nlohmann/json.hpp"
+#include "tests/bench/uv_islands.h"
 
 namespace planish::bench {
 namespace {
@@ -52,25 +57,52 @@ nlohmann::json Finite(double value) {
   return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
 }
 
-int Main(int argc, char** argv) {
-  if (argc != 3) return Fail("usage: planish_uv_quality MESH.obj MAP.obj");
-  const auto file = ReadMeshFile(argv[1]);
+struct Flags {
+  std::string mesh, map;
+  std::array<double, 2> tile = {1, 1};
+  double padding = 0;
+};
+
+int Judge(const Flags& flags) {
+  const auto file = ReadMeshFile(flags.mesh);
   if (!file.ok()) return Fail(std::string(file.status().message()));
   const Mesh mesh = Triangulate(file->mesh).mesh;
-  const auto topology = CheckDisc(mesh);
-  if (!topology.ok()) return Fail(std::string(topology.status().message()));
-  const std::optional<CornerUv> uv = ReadCornerUv(argv[2], mesh);
-  if (!uv) return Fail(std::string(argv[2]) + " has no UV for the triangles of " + argv[1]);
+  for (const Face& f : mesh.faces) {
+    if (f[0] == f[1] || f[1] == f[2] || f[2] == f[0]) return Fail(flags.mesh + ": a face names a vertex twice");
+  }
+  const std::optional<CornerUv> uv = ReadCornerUv(flags.map, mesh);
+  if (!uv) return Fail(flags.map + " has no UV for the triangles of " + flags.mesh);
 
+  // Triangles without area on the surface owe nothing; those without area in the map alone are counted.
+  std::vector<char> flat_surface(mesh.faces.size()), flat(mesh.faces.size());
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    const Face& v = mesh.faces[f];
+    Vec2 p[3];
+    for (int k = 0; k < 3; ++k) p[k] = Vec2((*uv)[6 * f + 2 * k], (*uv)[6 * f + 2 * k + 1]);
+    flat_surface[f] = IsDegenerateTriangle(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
+    flat[f] = flat_surface[f] || Orientation(p[0], p[1], p[2]) == 0;
+  }
   const Eigen::VectorXd measured = MeasuredAngles(mesh);
-  Quality quality;
-  MeasureDistortion(mesh, measured, MakeTargetAngles(*topology, measured), *uv, {}, &quality);
-  const OrientationFaults faults = CheckOrientations(*uv);
+  const auto topology = CheckDisc(mesh);
+  const TargetAngles target = topology.ok() ? MakeTargetAngles(*topology, measured)
+                                            : TargetAngles{measured, Eigen::VectorXd::Zero(measured.size())};
+  Quality quality, of_area;
+  MeasureDistortion(mesh, measured, target, *uv, flat_surface, &quality);
+  MeasureDistortion(mesh, measured, target, *uv, flat, &of_area);
+  const OrientationFaults faults = CheckOrientations(*uv, {}, flat_surface);
+  const UvIslands islands = FindUvIslands(mesh, *uv, flat);
+  const Overlaps overlaps = CheckOverlaps(islands.opposite, *uv, faults, {}, flat);
   const nlohmann::json line = {{"triangles", mesh.num_faces()},
-                               {"abf_energy", Finite(quality.abf_energy)},
+                               {"abf_energy", topology.ok() ? Finite(quality.abf_energy) : nlohmann::json(nullptr)},
                                {"conformal_distortion_mean", Finite(quality.conformal_distortion_mean)},
+                               {"stretch_l2", Finite(of_area.stretch_l2)},
+                               {"angle_error_mean_deg", Finite(of_area.angle_error_mean_deg)},
+                               {"packing_efficiency", of_area.packing_efficiency / (flags.tile[0] * flags.tile[1])},
+                               {"charts", islands.count},
                                {"flipped", faults.flipped},
-                               {"degenerate", faults.degenerate}};
+                               {"degenerate", faults.degenerate},
+                               {"overlapping", overlaps.pairs},
+                               {"too_near", flags.padding > 0 ? CountTooNear(islands, *uv, flags.padding) : 0}};
   std::printf("%s\n", line.dump().c_str());
   return 0;
 }
@@ -79,5 +111,12 @@ int Main(int argc, char** argv) {
 }  // namespace planish::bench
 
 int main(int argc, char** argv) {
-  return planish::bench::Main(argc, argv);
+  planish::bench::Flags flags;
+  CLI::App app("Judges the UV of one file on the mesh of another as planish judges its own");
+  app.add_option("mesh", flags.mesh, "Mesh file")->required();
+  app.add_option("map", flags.map, "OBJ with the same triangles in the same order and UV at every corner")->required();
+  app.add_option("--tile", flags.tile, "Width and height of the texture in units of UV [1 1]");
+  app.add_option("--padding", flags.padding, "Distance that charts should keep, in units of UV; 0: not looked at");
+  CLI11_PARSE(app, argc, argv);
+  return planish::bench::Judge(flags);
 }

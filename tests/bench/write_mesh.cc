@@ -1,4 +1,5 @@
-// planish_write_mesh MESH OUT.obj: a mesh as the measuring programs name it (bench_meshes.h), for programs of others.
+// planish_write_mesh MESH OUT.obj: a mesh as the measuring programs name it (bench_meshes.h), for programs of others: v
+// and f lines only. Prints its label.
 #include <cstdio>
 
 #include "tests/bench/bench_meshes.h"
@@ -20,5 +21,6 @@ int main(int argc, char** argv) {
   }
   for (const planish::Vec3& p : mesh->positions) std::fprintf(file, "v %.9g %.9g %.9g\n", p.x(), p.y(), p.z());
   for (const planish::Face& f : mesh->faces) std::fprintf(file, "f %d %d %d\n", f[0] + 1, f[1] + 1, f[2] + 1);
+  std::printf("%s\n", planish::bench::LabelOf(argv[1]).c_str());
   return std::fclose(file) == 0 ? 0 : 2;
 }

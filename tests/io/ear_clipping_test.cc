@@ -42,15 +42,26 @@ TEST(EarClipping, ConvexPolygonsAreFans) {
   EXPECT_EQ(TrianglesOfPolygon({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}), (std::vector<Face>{{0, 1, 2}}));
 }
 
-TEST(EarClipping, ConcavePolygonsHaveNoFlippedTriangle) {
-  // A dart, from each of its corners on, looked at from both sides and turned in space.
+TEST(EarClipping, QuadsAreFansWhateverTheirShape) {
   const std::vector<Vec3> dart = {{0, 0, 0}, {4, 0, 0}, {1, 1, 0}, {0, 4, 0}};
-  const Eigen::AngleAxisd turn(1.1, Vec3(1, 2, 3).normalized());
   for (std::size_t first = 0; first < 4; ++first) {
     std::vector<Vec3> outline;
-    for (std::size_t k = 0; k < 4; ++k) outline.push_back(turn * dart[(first + k) % 4]);
-    ExpectTiles(outline, 4);
-    ExpectTiles({outline.rbegin(), outline.rend()}, 4);
+    for (std::size_t k = 0; k < 4; ++k) outline.push_back(dart[(first + k) % 4]);
+    EXPECT_EQ(TrianglesOfPolygon(outline), (std::vector<Face>{{0, 1, 2}, {0, 2, 3}})) << first;
+  }
+  // Unless that would leave a flat triangle.
+  ExpectTiles({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {0, 2, 0}}, 2);
+}
+
+TEST(EarClipping, ConcavePolygonsHaveNoFlippedTriangle) {
+  // A dart with a broken edge, from each of its corners on, looked at from both sides and turned in space.
+  const std::vector<Vec3> dart = {{0, 0, 0}, {2, -1, 0}, {4, 0, 0}, {1, 1, 0}, {0, 4, 0}};
+  const Eigen::AngleAxisd turn(1.1, Vec3(1, 2, 3).normalized());
+  for (std::size_t first = 0; first < 5; ++first) {
+    std::vector<Vec3> outline;
+    for (std::size_t k = 0; k < 5; ++k) outline.push_back(turn * dart[(first + k) % 5]);
+    ExpectTiles(outline, 6);
+    ExpectTiles({outline.rbegin(), outline.rend()}, 6);
   }
   // A comb with five teeth: no corner sees all others.
   std::vector<Vec3> comb;
