@@ -20,6 +20,7 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap face.ply -o face.obj --json         and print the report as JSON
   planish unwrap face.obj -o uv.obj --server=farm:7741
   planish unwrap big.obj --detach --server=farm:7741
+  planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fill the texture
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
@@ -178,6 +179,10 @@ void AddAtlas(CLI::App& app, Arguments& arguments) {
   app.add_option("--tiles", options.tiles, "Tiles (UDIM 1001, 1002, ...) that may be used, up to 100 [1]")
       ->check(CLI::Range(1, 100).description(""))
       ->type_name("N");
+}
+
+void AddPack(CLI::App& app, Arguments& arguments) {
+  UnwrapOptions& options = arguments.options;
   app.add_option_function<std::string>(
          "--pack", [&options](const std::string& word) { options.pack = word == "on"; },
          "Move charts into the tiles; off: leave them as solved, at the surface's scale, one over the other")
@@ -208,6 +213,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   AddSeams(unwrap, arguments);
   AddTexcoord(unwrap, arguments);
   AddAtlas(unwrap, arguments);
+  AddPack(unwrap, arguments);
   Choices<Solver>{{Solver::kAuto, Solver::kUzawa, Solver::kMinres, Solver::kDirect}}.AddTo(
       unwrap, "--solver", options.solver, "Linear solver of a Newton step");
   Choices<System>{{System::kAuto, System::kFull, System::kReduced}}.AddTo(unwrap, "--system", options.system,
@@ -235,6 +241,28 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
                   "Threads to use, within the server's limit [that limit; all cores without --server]")
       ->check(CLI::Range(1, 256).description(""))
       ->type_name("N");
+}
+
+void DefinePack(CLI::App& app, Arguments& arguments) {
+  CLI::App& pack = *app.add_subcommand("pack", "Pack the UV islands that a mesh has anew, without solving");
+  pack.parse_complete_callback([&arguments] { arguments.command = Command::kPack; });
+  pack.footer(
+      "Needs no server. Islands are moved, turned and scaled as they are: mirrored ones stay mirrored, and what "
+      "overlaps "
+      "inside one\nstays so. Exit codes: 0 packed, 1 the file lacks UV or they cannot be packed, 2 bad usage or "
+      "unreadable "
+      "file.");
+  pack.add_option("IN", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
+  AddOutput(pack, arguments);
+  AddAtlas(pack, arguments);
+  pack.add_option_function<std::string>(
+          "--density", [&arguments](const std::string& word) { arguments.keep_density = word == "keep"; },
+          "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
+      ->check(CLI::IsMember({"equal", "keep"}).description(""))
+      ->type_name("equal|keep");
+  AddTexcoord(pack, arguments);
+  AddPreview(pack, arguments);
+  AddJson(pack, arguments);
 }
 
 void DefineInspect(CLI::App& app, Arguments& arguments) {
@@ -311,6 +339,14 @@ std::string CheckAtlas(const UnwrapOptions& options) {
   return "";
 }
 
+// "For example: planish unwrap in.stl -o in_uv.obj (or -o - for stdout)"
+std::string OutputExample(const std::string& command, const std::string& input) {
+  const std::size_t dot = std::min(input.rfind('.'), input.size());
+  const std::string extension = input.substr(dot);
+  return "For example: planish " + command + " " + input + " -o " + input.substr(0, dot) + "_uv" +
+         (extension == ".stl" || extension == "" ? ".obj" : extension) + " (or -o - for stdout)";
+}
+
 // What CLI11 cannot check by itself; empty if all is well.
 std::string CheckTogether(Arguments& arguments) {
   if (arguments.texcoord > 0 && !arguments.input.empty() && !IsGltf(arguments.input)) {
@@ -346,13 +382,19 @@ std::string CheckTogether(Arguments& arguments) {
       }
       if (!arguments.detach && arguments.output.empty()) {
         if (!arguments.more_inputs.empty()) return "where should the results go? Several files need -o DIRECTORY/";
-        const std::size_t dot = std::min(arguments.input.rfind('.'), arguments.input.size());
-        const std::string extension = arguments.input.substr(dot);
-        return "where should the result go? For example: planish unwrap " + arguments.input + " -o " +
-               arguments.input.substr(0, dot) + "_uv" + (extension == ".stl" || extension == "" ? ".obj" : extension) +
-               " (or -o - for stdout)";
+        return "where should the result go? " + OutputExample("unwrap", arguments.input);
       }
       return "";
+    case Command::kPack: {
+      if (arguments.output.empty()) return "where should the result go? " + OutputExample("pack", arguments.input);
+      const int size = arguments.options.texture_size != 0 ? arguments.options.texture_size : 1024;
+      const int padding = arguments.options.padding.value_or(2);
+      if (2 * ((padding + 1) / 2) >= size) {
+        return "--padding=" + std::to_string(padding) + " leaves no room in a tile of " + std::to_string(size) +
+               " texels";
+      }
+      return "";
+    }
     case Command::kInspect:
     case Command::kVersion:
       return "";
@@ -379,6 +421,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   app.require_subcommand(1);
   app.get_formatter()->column_width(44);
   DefineUnwrap(app, arguments);
+  DefinePack(app, arguments);
   DefineInspect(app, arguments);
   DefineJobs(app, arguments);
   CLI::App& version = *app.add_subcommand("version", "Versions of this command and of the server");

@@ -10,7 +10,7 @@
 
 namespace planish::cli {
 
-enum class Command { kUnwrap, kInspect, kJobsList, kJobsShow, kJobsWatch, kJobsCancel, kJobsDelete, kVersion };
+enum class Command { kUnwrap, kPack, kInspect, kJobsList, kJobsShow, kJobsWatch, kJobsCancel, kJobsDelete, kVersion };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
 struct Arguments {
@@ -19,7 +19,7 @@ struct Arguments {
   bool json = false;
   ProgressMode progress = ProgressMode::kAuto;
 
-  // unwrap and inspect; jobs watch has the mesh in `input` if it was given.
+  // unwrap, pack and inspect; jobs watch has the mesh in `input` if it was given.
   std::string input;
   std::vector<std::string> more_inputs;           // further files that share the atlas
   std::string output;                             // a file, "-", or a directory
@@ -29,6 +29,7 @@ struct Arguments {
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;
+  bool keep_density = false;  // pack; texture_size, padding and tiles are those of `options`
   bool detach = false;
   std::string label;
   double timeout_seconds = 0;  // 0: none

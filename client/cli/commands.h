@@ -7,7 +7,8 @@
 namespace planish::cli {
 
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
-int RunInspect(const Arguments& arguments);  // asks no server
+int RunPack(const Arguments& arguments, Interrupts& interrupts);  // asks no server
+int RunInspect(const Arguments& arguments);                       // asks no server
 int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
 int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, cancel, delete
 int RunVersion(const Arguments& arguments, Interrupts& interrupts);

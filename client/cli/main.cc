@@ -18,6 +18,8 @@ int Run(const Arguments& arguments) {
     switch (arguments.command) {
       case Command::kUnwrap:
         return RunUnwrap(arguments, interrupts);
+      case Command::kPack:
+        return RunPack(arguments, interrupts);
       case Command::kInspect:
         return RunInspect(arguments);
       case Command::kJobsWatch:

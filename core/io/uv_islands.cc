@@ -48,6 +48,24 @@ void FindPlaces(const Mesh& mesh, const std::vector<double>& uv, UvIslands* isla
   if (num_corners > 0) ++islands->num_places;
 }
 
+// Faces that are one place have no edge: they go with the first face that has more than it, or else with each other.
+void JoinPointFaces(const std::vector<std::int32_t>& place, std::int32_t num_places, Sets* sets) {
+  const auto num_faces = static_cast<std::int32_t>(place.size() / 3);
+  const auto is_point = [&](std::int32_t f) {
+    return place[3 * f] == place[3 * f + 1] && place[3 * f] == place[3 * f + 2];
+  };
+  std::vector<std::int32_t> face_at(num_places, -1);
+  for (const bool points : {false, true}) {
+    for (std::int32_t f = 0; f < num_faces; ++f) {
+      if (is_point(f) != points) continue;
+      for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
+        if (face_at[place[c]] < 0) face_at[place[c]] = f;
+      }
+      if (points) sets->Join(f, face_at[place[3 * f]]);
+    }
+  }
+}
+
 struct Edge {
   std::int32_t low, high, half_edge;
   auto operator<=>(const Edge&) const = default;
@@ -75,6 +93,7 @@ UvIslands FindUvIslands(const Mesh& mesh, const std::vector<double>& uv, const s
     islands.is_outline[begin->half_edge] = end - begin == 1;
     for (auto other = begin + 1; other != end; ++other) sets.Join(begin->half_edge / 3, other->half_edge / 3);
   }
+  JoinPointFaces(islands.place_of_corner, islands.num_places, &sets);
   for (std::size_t f = 1; f < polygon.size(); ++f) {
     if (polygon[f] == polygon[f - 1]) sets.Join(static_cast<std::int32_t>(f - 1), static_cast<std::int32_t>(f));
   }

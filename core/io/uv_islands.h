@@ -22,7 +22,8 @@ struct UvIslands {
 // Two faces are of one island where they share an edge with equal positions and equal UV at both ends: vertices that a
 // file splits for its normals part nothing. Neighbours in the list of faces with equal numbers in
 // `polygon` (one per face; empty: none) are of
-// one island too. `uv` has 6 numbers a face. Positions and UV must be finite. O(F log F).
+// one island too; so is a face that is but one place with some other face that has this place. `uv` has 6 numbers a
+// face. Positions and UV must be finite. O(F log F).
 UvIslands FindUvIslands(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon = {});
 
 }  // namespace planish

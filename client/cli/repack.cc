@@ -1,0 +1,168 @@
+#include "client/cli/repack.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "Eigen/Geometry"
+#include "core/io/uv_islands.h"
+#include "core/mesh/predicates.h"
+
+namespace planish::cli {
+namespace {
+
+// An area in the map below this share of the square of the island's extent may be nothing but rounding.
+constexpr double kNoArea = 1e-6;
+// Where islands are points in the map they are packed as squares of this side, which the packer enlarges to a texel;
+// smaller ones than a thousandth of that are points.
+constexpr double kSquareSide = 1e-6, kPoint = 1e-9;
+// Of the size of the whole surface: how large islands count that are a point on it.
+constexpr double kPointSize = 1e-6;
+
+Vec2 At(const std::vector<double>& uv, std::size_t corner) {
+  return {uv[2 * corner], uv[2 * corner + 1]};
+}
+
+// Sizes of an island on the surface and in the map.
+struct Extent {
+  double surface_area = 0, surface_length = 0;  // lengths are those of all edges
+  double map_area = 0, map_length = 0, signed_map_area = 0;
+  Eigen::AlignedBox2d box;
+
+  bool HasArea() const { return map_area > kNoArea * box.sizes().squaredNorm(); }
+};
+
+std::vector<Extent> Measure(const Mesh& mesh, const std::vector<double>& uv, const UvIslands& islands) {
+  std::vector<Extent> extents(islands.count);
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    Extent& extent = extents[islands.island_of_face[f]];
+    const Face& face = mesh.faces[f];
+    const Vec3 &p = mesh.positions[face[0]], &q = mesh.positions[face[1]], &r = mesh.positions[face[2]];
+    extent.surface_area += (q - p).cross(r - p).norm() / 2;
+    extent.surface_length += (q - p).norm() + (r - q).norm() + (p - r).norm();
+    const Vec2 a = At(uv, 3 * f), b = At(uv, 3 * f + 1), c = At(uv, 3 * f + 2);
+    const double area = ((b - a).x() * (c - a).y() - (b - a).y() * (c - a).x()) / 2;
+    extent.map_area += std::abs(area);
+    extent.signed_map_area += area;
+    extent.map_length += (b - a).norm() + (c - b).norm() + (a - c).norm();
+    for (const Vec2& t : {a, b, c}) extent.box.extend(t);
+  }
+  return extents;
+}
+
+// Lengths on the surface over lengths in the map, per island.
+std::vector<double> SurfaceScales(const std::vector<Extent>& extents) {
+  double whole_area = 0;
+  for (const Extent& extent : extents) whole_area += extent.surface_area;
+  std::vector<double> scales;
+  for (const Extent& extent : extents) {
+    double scale = 1;
+    if (extent.HasArea() && extent.surface_area > 0) {
+      scale = std::sqrt(extent.surface_area / extent.map_area);
+    } else if (extent.map_length > 0 && extent.surface_length > 0) {
+      scale = extent.surface_length / extent.map_length;
+    } else if (extent.map_length > 0 && whole_area > 0) {
+      scale = kPointSize * std::sqrt(whole_area) / extent.map_length;
+    }
+    scales.push_back(scale);
+  }
+  return scales;
+}
+
+// The islands round their lower left corners, and which place of each a corner of the mesh has.
+struct Charts {
+  std::vector<PackChart> charts;
+  std::vector<std::int32_t> position_of_corner;
+};
+
+Charts MakeCharts(const Mesh& mesh, const std::vector<double>& uv, const UvIslands& islands,
+                  const std::vector<Extent>& extents) {
+  Charts result;
+  result.charts.resize(islands.count);
+  result.position_of_corner.resize(3 * mesh.faces.size());
+  std::vector<std::vector<std::int32_t>> faces(islands.count);
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    faces[islands.island_of_face[f]].push_back(static_cast<std::int32_t>(f));
+  }
+  // Islands may touch in a place, so each has its own numbers for its places.
+  std::vector<std::int32_t> number(islands.num_places), island_of_number(islands.num_places, -1);
+  for (std::int32_t i = 0; i < islands.count; ++i) {
+    PackChart& chart = result.charts[i];
+    for (const std::int32_t f : faces[i]) {
+      Face face;
+      for (std::int32_t k = 0; k < 3; ++k) {
+        const std::int32_t corner = 3 * f + k, place = islands.place_of_corner[corner];
+        if (island_of_number[place] != i) {
+          island_of_number[place] = i;
+          number[place] = static_cast<std::int32_t>(chart.positions.size());
+          chart.positions.push_back(At(uv, corner) - extents[i].box.min());
+        }
+        face[k] = result.position_of_corner[corner] = number[place];
+      }
+      chart.faces.push_back(face);
+    }
+  }
+  return result;
+}
+
+// What to pack instead of a point at 0, which is no shape; its own places stay the first.
+void MakeSquare(PackChart* chart) {
+  const auto first = static_cast<std::int32_t>(chart->positions.size());
+  const double half = kSquareSide / chart->density / 2;
+  for (const Vec2& p : {Vec2(-half, -half), Vec2(half, -half), Vec2(half, half), Vec2(-half, half)}) {
+    chart->positions.push_back(p);
+  }
+  chart->faces = {{first, first + 1, first + 2}, {first, first + 2, first + 3}};
+}
+
+std::int64_t CountLost(const std::vector<double>& before, const std::vector<float>& after) {
+  std::int64_t lost = 0;
+  const auto now = [&](std::size_t corner) -> Vec2 { return {after[2 * corner], after[2 * corner + 1]}; };
+  for (std::size_t c = 0; 2 * c < after.size(); c += 3) {
+    const int orientation = Orientation(At(before, c), At(before, c + 1), At(before, c + 2));
+    lost += orientation != 0 && orientation != Orientation(now(c), now(c + 1), now(c + 2));
+  }
+  return lost;
+}
+
+}  // namespace
+
+Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon,
+                 const RepackOptions& options, const Execution& execution) {
+  Repacking result;
+  const UvIslands islands = FindUvIslands(mesh, uv, polygon);
+  const std::vector<Extent> extents = Measure(mesh, uv, islands);
+  Charts charts = MakeCharts(mesh, uv, islands, extents);
+
+  std::vector<double> scales(extents.size(), 1.0);
+  if (!options.keep_density) scales = SurfaceScales(extents);
+  // Densities are relative; with these the whole has about the area of a tile before it is packed.
+  double whole_area = 0;
+  for (std::size_t i = 0; i < extents.size(); ++i) whole_area += extents[i].map_area * scales[i] * scales[i];
+  const double size = whole_area > 0 ? std::sqrt(whole_area) : 1;
+  for (std::size_t i = 0; i < extents.size(); ++i) {
+    PackChart& chart = charts.charts[i];
+    chart.density = scales[i] / size;
+    if (extents[i].box.sizes().maxCoeff() * chart.density < kPoint) MakeSquare(&chart);
+  }
+
+  result.packing = Pack(charts.charts, options.atlas, execution);
+  if (execution.IsStopped()) return result;
+  result.uv.resize(uv.size());
+  for (std::size_t c = 0; 2 * c < uv.size(); ++c) {
+    const std::int32_t island = islands.island_of_face[c / 3];
+    const Vec2 p = result.packing.charts[island](charts.charts[island].positions[charts.position_of_corner[c]]);
+    result.uv[2 * c] = static_cast<float>(p.x());
+    result.uv[2 * c + 1] = static_cast<float>(p.y());
+  }
+  result.islands = islands.count;
+  for (const Extent& extent : extents) {
+    result.mirrored += extent.signed_map_area < 0;
+    result.without_area += !extent.HasArea();
+  }
+  result.lost_to_rounding = CountLost(uv, result.uv);
+  if (!options.keep_density) result.texels_per_unit = result.packing.scale / size * options.atlas.texture_size;
+  return result;
+}
+
+}  // namespace planish::cli

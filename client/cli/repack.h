@@ -1,0 +1,37 @@
+// New places for the UV islands that a mesh has: moved, turned and scaled, never solved anew.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/base/execution.h"
+#include "core/mesh/mesh.h"
+#include "core/pack/pack.h"
+
+namespace planish::cli {
+
+struct RepackOptions {
+  PackOptions atlas;
+  // Islands keep their sizes relative to each other; otherwise each is scaled so that its area in the map is the same
+  // share of its area on the surface.
+  bool keep_density = false;
+};
+
+struct Repacking {
+  std::vector<float> uv;              // as given, 6 numbers a face
+  std::int64_t islands = 0;           // core/io/uv_islands.h
+  std::int64_t mirrored = 0;          // that lie with their back up, before and after
+  std::int64_t without_area = 0;      // whose UV lie on a line or a point
+  std::int64_t lost_to_rounding = 0;  // triangles that had area and have none, or the other sign, as floats
+  double texels_per_unit = 0;         // of length on the surface; 0 with keep_density
+  Packing packing;                    // per island in the order of their first faces
+};
+
+// Islands are rigid: what overlaps inside one goes on to do so, and what was mirrored stays so. They may lie on each
+// other before, not after. Islands without area in the map or on the surface are scaled by the lengths of their edges.
+// `uv` and `polygon` as for FindUvIslands; UV and positions must be finite. Of no use after an interrupt.
+// Deterministic.
+Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon,
+                 const RepackOptions& options, const Execution& execution = {});
+
+}  // namespace planish::cli
