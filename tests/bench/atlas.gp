@@ -1,5 +1,5 @@
 # gnuplot -e "columns='FILES'; out='FILE.png'" atlas.gp: seconds, charts and packing efficiency of each tool on each mesh.
-set terminal pngcairo size 900,900 font "sans,10"
+set terminal pngcairo size 1200,900 font "sans,10"
 set output out
 set style data histograms
 set style histogram clustered gap 1
