@@ -8,6 +8,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "core/base/heap.h"
+#include "grpc/grpc.h"
 #include "grpc/support/log.h"
 #include "server/flags.h"
 #include "server/job_log.h"
@@ -89,6 +90,8 @@ bool EndJobs(absl::Duration grace, JobManager* manager, ShutdownEvents* events) 
 }
 
 int Serve(const ServerFlags& flags) {
+  // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
+  grpc_init();
   ShutdownEvents events(flags.supervisor_fd);
   SetUpLogging(flags);
   KeepFreedMemory();  // until the job ends (worker.cc)

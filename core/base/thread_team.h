@@ -75,7 +75,7 @@ class ThreadTeam {
   std::atomic<bool> ending_ = false;
 };
 
-// A team of nobody but the calling thread.
+// A team of nobody but the calling thread; every thread has its own.
 ThreadTeam& Alone();
 
 }  // namespace planish

@@ -4,12 +4,23 @@
 #include <omp.h>
 
 #include <cstring>
+#include <mutex>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 
 namespace planish {
 namespace {
+
+constexpr Eigen::Index kSmallGraph = 3000;  // vertices
+
+// METIS draws its random numbers from the C library's one generator, which it seeds each time: two calls at a time
+// would disturb each other's, and with them the last bits of what is solved.
+bool DissectAlone(cholmod_sparse* graph, int* order, cholmod_common* common) {
+  static std::mutex* const mutex = new std::mutex;
+  const std::lock_guard lock(*mutex);
+  return cholmod_metis(graph, nullptr, 0, 1, order, common) != 0;
+}
 
 cholmod_sparse View(const SparseMatrix& lower) {
   cholmod_sparse view = {};
@@ -75,9 +86,10 @@ struct SparseCholesky::Impl {
     const SparseMatrix pattern = BlockPattern(lower, block_size);
     cholmod_sparse graph = View(pattern);
     std::vector<int> block_order(static_cast<std::size_t>(pattern.rows()));
-    // Nested dissection; CHOLMOD refuses METIS on a few odd graphs, where minimum degree is good enough.
-    if (!cholmod_metis(&graph, nullptr, 0, 1, block_order.data(), &common) &&
-        !cholmod_amd(&graph, nullptr, 0, block_order.data(), &common)) {
+    // Nested dissection for large graphs, minimum degree for small ones, which is as good there and quicker. CHOLMOD
+    // refuses METIS on a few odd graphs too.
+    const bool has_order = pattern.rows() > kSmallGraph && DissectAlone(&graph, block_order.data(), &common);
+    if (!has_order && !cholmod_amd(&graph, nullptr, 0, block_order.data(), &common)) {
       return absl::ResourceExhaustedError("no memory for the ordering of the reduced system");
     }
     std::vector<int> order;

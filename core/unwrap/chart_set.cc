@@ -25,7 +25,8 @@ constexpr double kStretchSlack = 1.01;        // an estimate is not a map
 constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
 
 constexpr double kMinFill = 0.65;    // of its convex hull; a large chart below that is hard to pack
-constexpr double kMaxExtent = 0.8;   // of the side of the square that all charts would fill; so is a longer one
+constexpr double kMaxExtent = 1.1;   // of the side of the square that all charts would fill; so is a longer one,
+constexpr double kWholeArea = 0.6;   // unless it is most of them
 constexpr double kLargeArea = 0.01;  // of all, from which on a chart is large
 
 }  // namespace
@@ -202,8 +203,8 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
     const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
                               faults_[i].stretch > kStretchSlack * options_.seams.max_stretch;
     const bool is_sparse = area > kLargeArea * total_area_ && faults_[i].fill < kMinFill;
-    const bool is_awkward = options_.seams.policy == SeamPolicy::kAuto && options_.pack &&
-                            (is_sparse || faults_[i].extent > kMaxExtent * std::sqrt(total_area_));
+    const bool is_long = area < kWholeArea * total_area_ && faults_[i].extent > kMaxExtent * std::sqrt(total_area_);
+    const bool is_awkward = options_.seams.policy == SeamPolicy::kAuto && options_.pack && (is_sparse || is_long);
     if (!is_sound || faults_[i].does_overlap || is_stretched || is_awkward) {
       split.push_back({i, faults_[i].face, faults_[i].other_face});
     }

@@ -86,7 +86,8 @@ int Run(const Mesh& mesh, int threads) {
   Measure("overlaps", &team, [&](const Execution& e) { CheckOverlaps(topology->opposite, uv, {}, e); });
   OrientationFaults pretend;
   pretend.flipped = 1;
-  Measure("overlaps, pair by pair", &team, [&](const Execution& e) { CheckOverlaps(topology->opposite, uv, pretend, e); });
+  Measure("overlaps, pair by pair", &team,
+          [&](const Execution& e) { CheckOverlaps(topology->opposite, uv, pretend, e); });
   Measure("distortion", &team, [&](const Execution& e) {
     Quality quality;
     MeasureDistortion(mesh, measured, target, uv, {}, &quality, e);

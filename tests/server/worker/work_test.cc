@@ -47,7 +47,8 @@ std::string Reason(const worker::v1::WorkResult& result) {
 }
 
 TEST(Work, UnwrapsADisc) {
-  const worker::v1::WorkRequest request = Request(Bump(12));
+  worker::v1::WorkRequest request = Request(Bump(12));
+  request.mutable_options()->set_seams(v1::SEAMS_NONE);
   std::vector<v1::Progress> progress;
   const worker::v1::WorkResult result =
       DoWork(request, Interrupter(), [&](const v1::Progress& p) { progress.push_back(p); });
@@ -90,6 +91,7 @@ TEST(Work, UnwrapsADisc) {
 
 TEST(Work, ReportsTheBoundary) {
   worker::v1::WorkRequest request = Request(Bump(8));
+  request.mutable_options()->set_seams(v1::SEAMS_NONE);
   EXPECT_EQ(RunOnce(request).report().charts(0).boundary().boundary(), v1::BOUNDARY_FREE);
   request.mutable_options()->set_boundary(v1::BOUNDARY_CONVEX);
   const worker::v1::WorkResult result = RunOnce(request);
