@@ -79,8 +79,8 @@ std::vector<Warning> WarningsOf(const Repacking& done, const PackOptions& atlas)
   }
   if (done.without_area > 0) {
     warnings.push_back({"UV_WITHOUT_AREA",
-                        Counted(done.without_area, "island has", "islands have") + " no area in the map; " +
-                            (done.without_area == 1 ? "it was" : "they were") + " scaled by the lengths of edges",
+                        Counted(done.without_area, "island has", "islands have") + " no area in the map: " +
+                            (done.without_area == 1 ? "its" : "their") + " UV lie on a line or a point",
                         {}});
   }
   if (done.lost_to_rounding > 0) {
@@ -92,20 +92,23 @@ std::vector<Warning> WarningsOf(const Repacking& done, const PackOptions& atlas)
   return warnings;
 }
 
+std::string DensityText(const Arguments& arguments, const Repacking& done) {
+  if (arguments.keep_density) return ", sizes kept relative to each other";
+  if (done.texels_per_unit == 0) return "";
+  return ", " + Significant(done.texels_per_unit, 3) + " texels per unit of length";
+}
+
 // What was done, for people.
 std::string PackSummary(const Arguments& arguments, const PackOptions& atlas, const Repacking& done, double seconds,
                         const std::vector<Warning>& warnings) {
   const std::string size = WithCommas(atlas.texture_size);
-  std::string text =
-      "Packed " + Counted(done.islands, "island", "islands") +
-      (done.mirrored > 0 ? " (" + WithCommas(done.mirrored) + " mirrored)" : "") + " in " + Duration(seconds) +
-      (arguments.output == "-" ? "" : " into " + arguments.output) + ": " +
-      Counted(done.packing.tiles, "tile", "tiles") + " of " + size + " x " + size + " texels, " +
-      Fixed(100 * done.packing.efficiency, 0) + " % covered, " + Significant(done.packing.padding, 3) +
-      (done.packing.padding == 1 ? " texel" : " texels") + " between islands" +
-      (arguments.keep_density ? ", sizes kept relative to each other"
-                              : ", " + Significant(done.texels_per_unit, 3) + " texels per unit of length") +
-      ".\n";
+  std::string text = "Packed " + Counted(done.islands, "island", "islands") +
+                     (done.mirrored > 0 ? " (" + WithCommas(done.mirrored) + " mirrored)" : "") + " in " +
+                     Duration(seconds) + (arguments.output == "-" ? "" : " into " + arguments.output) + ": " +
+                     Counted(done.packing.tiles, "tile", "tiles") + " of " + size + " x " + size + " texels, " +
+                     Fixed(100 * done.covered, 0) + " % covered, " + Significant(done.packing.padding, 3) +
+                     (done.packing.padding == 1 ? " texel" : " texels") + " between islands" +
+                     DensityText(arguments, done) + ".\n";
   for (const Warning& warning : warnings) text += "warning: " + warning.message + " [" + warning.reason + "]\n";
   return text;
 }
@@ -123,7 +126,7 @@ Json PackJson(const MeshInput& input, const Arguments& arguments, const PackOpti
                  {"padding_kept", done.packing.padding},
                  {"tiles", done.packing.tiles},
                  {"texels_per_unit", done.texels_per_unit}}},
-               {"packing_efficiency", done.packing.efficiency},
+               {"packing_efficiency", done.covered},
                {"seconds", {{"pack", pack_seconds}, {"total", seconds}}},
                {"warnings", Json::array()}};
   for (const Warning& warning : warnings) {

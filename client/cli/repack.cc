@@ -1,6 +1,7 @@
 #include "client/cli/repack.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -125,6 +126,35 @@ std::int64_t CountLost(const std::vector<double>& before, const std::vector<floa
   return lost;
 }
 
+double CoveredShare(const std::vector<float>& uv, int tiles) {
+  constexpr int kGrid = 1024, kTilesInRow = 10;
+  constexpr std::size_t kPoints = static_cast<std::size_t>(kGrid) * kGrid;
+  std::vector<char> covered(kPoints * static_cast<std::size_t>(tiles), 0);
+  for (std::size_t c = 0; 2 * c < uv.size(); c += 3) {
+    std::array<Vec2, 3> p;
+    Eigen::AlignedBox2d box;
+    for (std::size_t k = 0; k < 3; ++k) {
+      p[k] = kGrid * Vec2(uv[2 * (c + k)], uv[2 * (c + k) + 1]);
+      box.extend(p[k]);
+    }
+    const int tile_x = static_cast<int>(box.center().x() / kGrid), tile_y = static_cast<int>(box.center().y() / kGrid);
+    const std::size_t first = kPoints * static_cast<std::size_t>(tile_x + kTilesInRow * tile_y);
+    const auto side = [&](int k, const Vec2& q) {
+      const Vec2 &a = p[Next(k)], &b = p[Prev(k)];
+      return (b - a).x() * (q - a).y() - (b - a).y() * (q - a).x();
+    };
+    for (int y = static_cast<int>(std::ceil(box.min().y() - 0.5)); y + 0.5 <= box.max().y(); ++y) {
+      for (int x = static_cast<int>(std::ceil(box.min().x() - 0.5)); x + 0.5 <= box.max().x(); ++x) {
+        const Vec2 q(x + 0.5, y + 0.5);
+        const auto [least, most] = std::minmax({side(0, q), side(1, q), side(2, q)});
+        if (least < 0 && most > 0) continue;
+        covered[first + static_cast<std::size_t>(y - kGrid * tile_y) * kGrid + (x - kGrid * tile_x)] = 1;
+      }
+    }
+  }
+  return static_cast<double>(std::count(covered.begin(), covered.end(), 1)) / static_cast<double>(covered.size());
+}
+
 }  // namespace
 
 Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon,
@@ -161,7 +191,10 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
     result.without_area += !extent.HasArea();
   }
   result.lost_to_rounding = CountLost(uv, result.uv);
-  if (!options.keep_density) result.texels_per_unit = result.packing.scale / size * options.atlas.texture_size;
+  result.covered = CoveredShare(result.uv, result.packing.tiles);
+  if (!options.keep_density && result.without_area < result.islands) {
+    result.texels_per_unit = result.packing.scale / size * options.atlas.texture_size;
+  }
   return result;
 }
 

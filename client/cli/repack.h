@@ -23,8 +23,9 @@ struct Repacking {
   std::int64_t mirrored = 0;          // that lie with their back up, before and after
   std::int64_t without_area = 0;      // whose UV lie on a line or a point
   std::int64_t lost_to_rounding = 0;  // triangles that had area and have none, or the other sign, as floats
-  double texels_per_unit = 0;         // of length on the surface; 0 with keep_density
-  Packing packing;                    // per island in the order of their first faces
+  double covered = 0;  // share of the tiles used, counted at 1024^2 points each; what lies on each other counts once
+  double texels_per_unit = 0;  // of length on the surface; 0 with keep_density or where no island has area
+  Packing packing;             // per island in the order of their first faces
 };
 
 // Islands are rigid: what overlaps inside one goes on to do so, and what was mirrored stays so. They may lie on each

@@ -92,6 +92,31 @@ TEST(ArgumentsTest, SeamPolicies) {
   EXPECT_EQ(Parse({"unwrap", "in.GLB", "-o", "o.obj", "--texcoord=1"}).arguments->texcoord, 1);
 }
 
+TEST(ArgumentsTest, Pack) {
+  ParsedArguments parsed = Parse({"pack", "in.glb", "-o", "o.glb", "--texture-size=2048", "--padding=8", "--tiles=2",
+                                  "--density=keep", "--texcoord=1", "--preview=p.svg"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_EQ(parsed.arguments->command, Command::kPack);
+  EXPECT_EQ(parsed.arguments->input, "in.glb");
+  EXPECT_EQ(parsed.arguments->output, "o.glb");
+  EXPECT_EQ(parsed.arguments->options.texture_size, 2048);
+  EXPECT_EQ(parsed.arguments->options.padding, 8);
+  EXPECT_EQ(parsed.arguments->options.tiles, 2);
+  EXPECT_TRUE(parsed.arguments->keep_density);
+  EXPECT_EQ(parsed.arguments->texcoord, 1);
+  EXPECT_EQ(parsed.arguments->preview, "p.svg");
+  parsed = Parse({"pack", "in.obj", "-o", "-", "--density=equal"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_FALSE(parsed.arguments->keep_density);
+}
+
+TEST(ArgumentsTest, Preview) {
+  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--preview=a.png"}).arguments->preview, "a.png");
+  EXPECT_EQ(Parse({"jobs", "watch", "x", "--server=h:1", "--mesh=in.obj", "-o", "o.obj", "--preview=a.svg"})
+                .arguments->preview,
+            "a.svg");
+}
+
 TEST(ArgumentsTest, Inspect) {
   const ParsedArguments parsed = Parse({"inspect", "in.obj", "--json"});
   ASSERT_TRUE(parsed.arguments) << parsed.err;
@@ -157,6 +182,13 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"unwrap", "in.obj", "-o", "x.obj", "--tiles=0"}, "tiles"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--pack=maybe"}, "maybe"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--texcoord=1"}, "is no glTF"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--preview=x.jpg"}, ".png or .svg"},
+      {{"unwrap", "in.obj", "--detach", "--server=h:1", "--preview=x.png"}, "nothing to draw"},
+      {{"jobs", "watch", "x", "--server=h:1", "--preview=x.png"}, "--mesh"},
+      {{"pack", "in.obj"}, "planish pack in.obj -o in_uv.obj"},
+      {{"pack", "in.obj", "-o", "x.obj", "--density=some"}, "some"},
+      {{"pack", "in.obj", "-o", "x.obj", "--pack=off"}, "--pack"},
+      {{"pack", "in.obj", "-o", "x.obj", "--texture-size=32", "--padding=32"}, "leaves no room"},
       {{"inspect", "in.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--pack=off", "--padding=4"}, "--pack=off"},
       {{"jobs", "list"}, "--server"},
