@@ -17,7 +17,7 @@ constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
-constexpr std::int64_t kMoves = 6000, kMovesPerChart = 8;
+constexpr std::int64_t kMoves = 8000, kMovesPerChart = 8;
 constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;
@@ -129,16 +129,20 @@ class Packer {
       return false;
     };
     if (!try_scales(first)) return false;
-    TightenCharts(large_,
-                  large_.size() > kMostToMove ? 0 : kMoves + kMovesPerChart * static_cast<std::int64_t>(large_.size()));
+    TightenCharts(large_, Moves(kMoves, large_));
     if (small_.empty()) return true;
     SetGrid(2 * order_.size());
     if (!AddSmallCharts()) {
       plan.order = order_;
       if (!try_scales(scale_)) return false;
     }
-    TightenCharts(order_, order_.size() > kMostToMove ? 0 : kMoves / 2);
+    TightenCharts(order_, Moves(kMoves / 2, order_));
     return true;
+  }
+
+  std::int64_t Moves(std::int64_t base, const std::vector<std::int32_t>& charts) const {
+    if (charts.size() > kMostToMove) return 0;
+    return std::llround(options_.effort * static_cast<double>(base + kMovesPerChart * std::ssize(charts)));
   }
 
   // A single chart: as large as it gets.

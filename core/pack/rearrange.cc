@@ -14,7 +14,6 @@ namespace planish {
 namespace {
 
 constexpr int kDepthUnit = 16;        // of a pixel
-constexpr double kSlack = 0.5;        // pixels by which charts may overlap: positions are whole
 constexpr int kBorder = 2;            // pixels round the tile that samples at the rim may fall on
 constexpr double kMostWeight = 1000;  // of a pair
 constexpr std::int64_t kWeightUnit = 16;
@@ -38,8 +37,9 @@ class Random {
 // A chart at one of its turns, in pixels round its centre.
 struct Turned {
   double angle = 0;
-  Vec2 low, high;                     // of its points
-  std::vector<std::int32_t> samples;  // offsets in the image
+  Vec2 low, high;                                   // of its points
+  std::vector<std::int32_t> samples;                // offsets in the image
+  std::vector<std::array<std::int16_t, 2>> places;  // the same as x and y
   int left = 0, bottom = 0, width = 0, height = 0;
   std::vector<std::int16_t> depth;  // width x height; empty until needed
   std::vector<Span> rows;           // where depth is above 0
@@ -76,6 +76,10 @@ class Search {
       if (first == options.angles) too_large_ = true;
       poses_[i] = {first % options.angles, bodies[i].tile, static_cast<int>(std::lround(at.x())),
                    static_cast<int>(std::lround(at.y()))};
+      if (options.shuffle && !too_large_) {
+        while (!RandomPose(static_cast<std::int32_t>(i), &poses_[i])) {
+        }
+      }
       Clamp(static_cast<std::int32_t>(i), &poses_[i]);
       if (!too_large_) Draw(static_cast<std::int32_t>(i), kWeightUnit);
     }
@@ -115,7 +119,7 @@ class Search {
     std::vector<Vec2> samples;
     double length = 0;
     for (const auto& [from, to] : outline.edges) length += (outline.points[to] - outline.points[from]).norm();
-    const double spacing = std::max(2.0 / unit, length / 160);
+    const double spacing = std::max(1.5 / unit, length / 300);
     double left = 0;  // to the next sample
     for (const auto& [from, to] : outline.edges) {
       const Vec2& a = outline.points[from];
@@ -153,6 +157,7 @@ class Search {
       const auto x = static_cast<std::int32_t>(std::lround(c * p.x() - s * p.y()));
       const auto y = static_cast<std::int32_t>(std::lround(s * p.x() + c * p.y()));
       turned.samples.push_back(y * stride_ + x);
+      turned.places.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
     }
     return turned;
   }
@@ -177,7 +182,7 @@ class Search {
   }
 
   void MeasureDepth(std::int32_t i, Turned* turned) const {
-    const double reach = options_.distance / pixel_ - kSlack;  // beyond the outline, in pixels
+    const double reach = options_.distance / pixel_ - options_.slack;  // beyond the outline, in pixels
     const double out = std::max(reach, 0.0) + 1;
     turned->left = static_cast<int>(std::floor(turned->low.x() - out));
     turned->bottom = static_cast<int>(std::floor(turned->low.y() - out));
@@ -214,11 +219,7 @@ class Search {
   // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
   std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) const {
     std::int64_t sum = 0;
-    for (const std::int32_t offset : turned.samples) {
-      // Offsets are y * stride + x with x of either sign.
-      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
-      sum += DepthAt(other, shifted % stride_ - stride_ / 2 + x, shifted / stride_ - stride_ + y);
-    }
+    for (const auto& [px, py] : turned.places) sum += DepthAt(other, px + x, py + y);
     return sum;
   }
 
@@ -254,6 +255,19 @@ class Search {
     }
     for (; k < n; ++k) cost += image[samples[k]];
     return cost;
+  }
+
+  // Nothing if the turn that came up does not fit the tile.
+  bool RandomPose(std::int32_t i, Pose* pose) {
+    pose->turned = random_.Below(options_.angles);
+    const Turned& turned = turned_[i][pose->turned];
+    if (!FitsTile(turned)) return false;
+    pose->tile = options_.tiles == 1 ? 0 : random_.Below(options_.tiles);
+    const auto [x0, x1] = Range(turned, 0);
+    const auto [y0, y1] = Range(turned, 1);
+    pose->x = x0 + random_.Below(x1 - x0 + 1);
+    pose->y = y0 + random_.Below(y1 - y0 + 1);
+    return true;
   }
 
   // Down to a place that is better than its neighbours.
@@ -362,14 +376,7 @@ class Search {
     kept.fill({kMost, {}});
     for (int k = 0; k < options_.tries && cost > 0; ++k) {
       Pose pose;
-      pose.turned = random_.Below(options_.angles);
-      const Turned& turned = turned_[i][pose.turned];
-      if (!FitsTile(turned)) continue;
-      pose.tile = options_.tiles == 1 ? 0 : random_.Below(options_.tiles);
-      const auto [x0, x1] = Range(turned, 0);
-      const auto [y0, y1] = Range(turned, 1);
-      pose.x = x0 + random_.Below(x1 - x0 + 1);
-      pose.y = y0 + random_.Below(y1 - y0 + 1);
+      if (!RandomPose(i, &pose)) continue;
       const std::int64_t value = Cost(i, pose, kept.back().first);
       if (value >= kept.back().first) continue;
       kept.back() = {value, pose};

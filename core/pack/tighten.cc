@@ -14,10 +14,14 @@ namespace {
 
 // Attempts that are made side by side, whatever the number of threads, and the share of the step that each takes.
 // Growth that is tried first, the least, and that after the least was too much: other places may lead farther.
-constexpr double kFirstStep = 0.03, kLeastStep = 0.003, kStepAgain = 0.01;
+constexpr double kFirstStep = 0.03, kLeastStep = 0.006, kStepAgain = 0.02;
 // Distances looked up in relaxation that cost as much as one move of a chart in rearrangement, about.
 constexpr std::int64_t kLooksPerMove = 2000;
 constexpr int kSettlingRounds = 25;
+constexpr std::int64_t kMovesAtOnce = 1000;
+// Images for rearranging: pixels along an average chart, and by how many charts may overlap.
+constexpr double kPixelsPerChart = 40, kCoarseSlack = 1, kFineSlack = 0.4;
+constexpr int kFinestSide = 1200;
 constexpr std::array<double, 2> kLanes = {1, 0.4};
 
 class Tightener {
@@ -66,7 +70,7 @@ class Tightener {
   // Adds to *found, which is not empty, what is better.
   void Search(std::vector<Layout>* found) {
     const auto n = static_cast<std::int64_t>(outlines_.size());
-    const std::int64_t budget = options_.moves, at_once = 400 + 6 * n;
+    const std::int64_t budget = options_.moves, at_once = kMovesAtOnce + 6 * n;
     double step = kFirstStep;
     std::int64_t used = 0;
     for (std::uint64_t round = 0; used < budget && !execution_.IsStopped(); ++round) {
@@ -75,13 +79,15 @@ class Tightener {
       const auto run = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t lane = begin; lane < end; ++lane) {
           RearrangeOptions rearrange;
-          rearrange.side = static_cast<int>(std::clamp(26 / width_, 112.0, 512.0));
+          rearrange.side = static_cast<int>(std::clamp(kPixelsPerChart / width_, 112.0, 600.0));
           rearrange.tiles = options_.tiles;
           rearrange.angles = 24;
           rearrange.tries = 100;
           rearrange.moves = at_once;
+          rearrange.slack = kCoarseSlack;
           rearrange.distance = options_.distance;
           rearrange.low = options_.low;
+          rearrange.shuffle = lane == 1 && round % 2 == 0;
           rearrange.seed = kLanes.size() * round + lane;
           results[lane] =
               Attempt(found->back(), found->back().scale * (1 + step * kLanes[lane]), rearrange, &moves[lane]);
@@ -103,13 +109,27 @@ class Tightener {
     }
   }
 
-  std::optional<Layout> Attempt(const Layout& from, double scale, const RearrangeOptions& rearrange,
+  // Nothing if charts cannot be brought apart at this scale.
+  std::optional<Layout> Attempt(const Layout& from, double scale, const RearrangeOptions& coarse,
                                 std::int64_t* moves) const {
     Layout layout{from.bodies, scale};
-    if (!Rearrange(outlines_, fields_, Scales(scale), rearrange, execution_, &layout.bodies, moves))
-      return std::nullopt;
+    if (!Rearrange(outlines_, fields_, Scales(scale), coarse, execution_, &layout.bodies, moves)) return std::nullopt;
+    if (std::optional<Layout> grown = SeparateAndGrow(layout, moves)) return grown;
+    // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
+    RearrangeOptions fine = coarse;
+    fine.side = std::min(2 * coarse.side, kFinestSide);
+    fine.slack = kFineSlack;
+    fine.shuffle = false;
+    fine.moves = coarse.moves / 2;
+    if (!Rearrange(outlines_, fields_, Scales(scale), fine, execution_, &layout.bodies, moves)) return std::nullopt;
+    return SeparateAndGrow(layout, moves);
+  }
+
+  // layout->bodies is as far apart as it got.
+  std::optional<Layout> SeparateAndGrow(Layout& layout, std::int64_t* moves) const {
     Relaxer relaxer = MakeRelaxer(layout);
     const bool apart = relaxer.Separate(80);
+    layout.bodies = relaxer.bodies();
     if (apart) relaxer.Grow(20);
     *moves += relaxer.looks() / kLooksPerMove;
     if (!apart) return std::nullopt;

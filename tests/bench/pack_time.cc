@@ -43,6 +43,7 @@ int Main(int argc, char** argv) {
   app.add_option("--texture-size", options.texture_size);
   app.add_option("--padding", options.padding);
   app.add_option("--tiles", options.tiles);
+  app.add_option("--effort", options.effort);
   app.add_option("--threads", threads);
   app.add_option("--svg", svg, "draws the last packing");
   app.add_option("charts", names)->required();
