@@ -17,7 +17,7 @@ constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
-constexpr std::int64_t kMoves = 8000, kMovesPerChart = 8;
+constexpr std::int64_t kMoves = 4000, kMovesPerChart = 8;
 constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;

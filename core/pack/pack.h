@@ -11,9 +11,9 @@ namespace planish {
 
 struct PackOptions {
   int texture_size = 1024;  // texels per side of a tile, in [16, 65536]
-  int padding = 2;    // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
-  int tiles = 1;      // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
-  double effort = 1;  // work to spend on the search for places, relative to the default; at least 0
+  int padding = 2;  // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
+  int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
+  double effort = 1;        // work to spend on the search for places, relative to the default; at least 0
 };
 
 // One chart in the plane, drawn to the scale of the surface.

@@ -37,9 +37,8 @@ class Random {
 // A chart at one of its turns, in pixels round its centre.
 struct Turned {
   double angle = 0;
-  Vec2 low, high;                                   // of its points
-  std::vector<std::int32_t> samples;                // offsets in the image
-  std::vector<std::array<std::int16_t, 2>> places;  // the same as x and y
+  Vec2 low, high;                     // of its points
+  std::vector<std::int32_t> samples;  // offsets in the image
   int left = 0, bottom = 0, width = 0, height = 0;
   std::vector<std::int16_t> depth;  // width x height; empty until needed
   std::vector<Span> rows;           // where depth is above 0
@@ -157,7 +156,6 @@ class Search {
       const auto x = static_cast<std::int32_t>(std::lround(c * p.x() - s * p.y()));
       const auto y = static_cast<std::int32_t>(std::lround(s * p.x() + c * p.y()));
       turned.samples.push_back(y * stride_ + x);
-      turned.places.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
     }
     return turned;
   }
@@ -219,7 +217,11 @@ class Search {
   // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
   std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) const {
     std::int64_t sum = 0;
-    for (const auto& [px, py] : turned.places) sum += DepthAt(other, px + x, py + y);
+    for (const std::int32_t offset : turned.samples) {
+      // Offsets are y * stride + x with x of either sign.
+      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
+      sum += DepthAt(other, shifted % stride_ - stride_ / 2 + x, shifted / stride_ - stride_ + y);
+    }
     return sum;
   }
 
