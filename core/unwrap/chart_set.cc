@@ -24,7 +24,7 @@ constexpr int kMaxRounds = 12;                // of splitting
 constexpr double kStretchSlack = 1.01;        // an estimate is not a map
 constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
 
-constexpr double kMinFill = 0.65;    // of its convex hull; a large chart below that is hard to pack
+constexpr double kMinFill = 0.6;     // of its convex hull; a large chart below that is hard to pack
 constexpr double kMaxExtent = 1.1;   // of the side of the square that all charts would fill; so is a longer one,
 constexpr double kWholeArea = 0.6;   // unless it is most of them
 constexpr double kLargeArea = 0.01;  // of all, from which on a chart is large
