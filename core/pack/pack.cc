@@ -18,6 +18,7 @@ constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
 constexpr std::int64_t kMoves = 4000, kMovesPerChart = 8;
+constexpr double kChartsForAllMoves = 12;  // fewer get their share of kMoves
 constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;
@@ -142,7 +143,9 @@ class Packer {
 
   std::int64_t Moves(std::int64_t base, const std::vector<std::int32_t>& charts) const {
     if (charts.size() > kMostToMove) return 0;
-    return std::llround(options_.effort * static_cast<double>(base + kMovesPerChart * std::ssize(charts)));
+    const double share = std::min(1.0, static_cast<double>(charts.size()) / kChartsForAllMoves);
+    return std::llround(options_.effort *
+                        (share * static_cast<double>(base) + static_cast<double>(kMovesPerChart * std::ssize(charts))));
   }
 
   // A single chart: as large as it gets.

@@ -41,6 +41,12 @@ struct Packing {
   double efficiency = 0;               // area of the faces over that of the tiles used
 };
 
+// How: the large charts are laid one after the other where they lie snuggest, on bit grids (trial.h); then the scale
+// goes up, and charts find new places, are pushed apart and grow until they are jammed, again and again (tighten.h);
+// the small ones go into the gaps that are left. Lengths that count are exact in the end (clearance.h). Debian has no
+// library for that: libnest2d and CGAL's Minkowski sums know neither free turns nor a search for the scale,
+// Boost.Polygon less.
+//
 // The largest scale that was found at which all charts fit. Distances of `padding` texels and a little more (so that
 // they outlast rounding to float) are kept between any two charts; faces inside of one chart may lie as they like, on
 // each other too. Charts that would be smaller than a texel are enlarged to one, or to what there is room for.

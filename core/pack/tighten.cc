@@ -17,7 +17,8 @@ namespace {
 constexpr double kFirstStep = 0.03, kLeastStep = 0.006, kStepAgain = 0.02;
 // Distances looked up in relaxation that cost as much as one move of a chart in rearrangement, about.
 constexpr std::int64_t kLooksPerMove = 2000;
-constexpr int kSettlingRounds = 25;
+constexpr int kSettlingRounds = 25, kSeparatingSteps = 60;
+constexpr double kBackOff = 0.995;  // of the scale, where charts do not come apart
 constexpr std::int64_t kMovesAtOnce = 1000;
 // Images for rearranging: pixels along an average chart, and by how many charts may overlap.
 constexpr double kPixelsPerChart = 40, kCoarseSlack = 1, kFineSlack = 0.4;
@@ -114,7 +115,7 @@ class Tightener {
                                 std::int64_t* moves) const {
     Layout layout{from.bodies, scale};
     if (!Rearrange(outlines_, fields_, Scales(scale), coarse, execution_, &layout.bodies, moves)) return std::nullopt;
-    if (std::optional<Layout> grown = SeparateAndGrow(layout, moves)) return grown;
+    if (std::optional<Layout> grown = SeparateAndGrow(layout, from.scale, moves)) return grown;
     // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
     RearrangeOptions fine = coarse;
     fine.side = std::min(2 * coarse.side, kFinestSide);
@@ -122,14 +123,19 @@ class Tightener {
     fine.shuffle = false;
     fine.moves = coarse.moves / 2;
     if (!Rearrange(outlines_, fields_, Scales(scale), fine, execution_, &layout.bodies, moves)) return std::nullopt;
-    return SeparateAndGrow(layout, moves);
+    return SeparateAndGrow(layout, from.scale, moves);
   }
 
-  // layout->bodies is as far apart as it got.
-  std::optional<Layout> SeparateAndGrow(Layout& layout, std::int64_t* moves) const {
+  // At the scale of `layout`, or a smaller one above least_scale. Nothing if that fails; layout.bodies then are as far
+  // apart as they got at its scale.
+  std::optional<Layout> SeparateAndGrow(Layout& layout, double least_scale, std::int64_t* moves) const {
     Relaxer relaxer = MakeRelaxer(layout);
-    const bool apart = relaxer.Separate(80);
+    bool apart = relaxer.Separate(kSeparatingSteps);
     layout.bodies = relaxer.bodies();
+    for (double scale = layout.scale; !apart && (scale *= kBackOff) > least_scale;) {
+      relaxer.set_scale(scale);
+      apart = relaxer.Separate(kSeparatingSteps);
+    }
     if (apart) relaxer.Grow(20);
     *moves += relaxer.looks() / kLooksPerMove;
     if (!apart) return std::nullopt;
