@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <random>
-#include <regex>
 #include <string>
 #include <vector>
 
@@ -81,8 +80,11 @@ double TwiceArea(const std::string& data) {
 
 std::vector<std::string> PathsOfClass(const std::string& svg, const std::string& name) {
   std::vector<std::string> found;
-  const std::regex path("class=\"" + name + "\" d=\"([^\"]*)\"");
-  for (std::sregex_iterator i(svg.begin(), svg.end(), path), end; i != end; ++i) found.push_back((*i)[1]);
+  const std::string head = "class=\"" + name + "\" d=\"";
+  for (std::size_t at = svg.find(head); at != std::string::npos; at = svg.find(head, at)) {
+    at += head.size();
+    found.push_back(svg.substr(at, svg.find('"', at) - at));
+  }
   return found;
 }
 
