@@ -90,9 +90,9 @@ bool EndJobs(absl::Duration grace, JobManager* manager, ShutdownEvents* events) 
 }
 
 int Serve(const ServerFlags& flags) {
+  ShutdownEvents events(flags.supervisor_fd);  // before any thread: it blocks the signals for all of them
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   grpc_init();
-  ShutdownEvents events(flags.supervisor_fd);
   SetUpLogging(flags);
   KeepFreedMemory();  // until the job ends (worker.cc)
   JobManager manager(ManagerOptions(flags), NewMemoryJobStore());
