@@ -48,10 +48,6 @@ void MeasureFlatFace(const Vec3 p[3], double angles[3]) {
   double length[3];                 // of the edge that each corner faces
   for (int k = 0; k < 3; ++k) length[k] = (p[Prev(k)] - p[Next(k)]).norm();
   const double longest = std::max({length[0], length[1], length[2]});
-  if (!(longest > 0)) {
-    std::fill(angles, angles + 3, std::numbers::pi / 3);
-    return;
-  }
   for (double& l : length) l += kLonger * longest;
   // Place the triangle in the plane, for the accurate angles of small ones.
   const double x = (length[0] * length[0] + length[1] * length[1] - length[2] * length[2]) / (2 * length[0]);
@@ -78,6 +74,10 @@ void MeasureFaces(const Execution& execution, Surface* surface) {
         continue;
       }
       const Vec3 p[3] = {mesh.positions[a], mesh.positions[b], mesh.positions[c]};
+      if (p[0] == p[1] && p[1] == p[2]) {
+        surface->takes_part[f] = 0;
+        continue;
+      }
       surface->area_normal[f] = (p[1] - p[0]).cross(p[2] - p[0]) / 2;
       surface->area[f] = surface->area_normal[f].norm();
       surface->is_flat[f] = IsDegenerateTriangle(p[0], p[1], p[2]);

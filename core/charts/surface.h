@@ -21,7 +21,8 @@ struct GivenSeams {
 struct Surface {
   const Mesh* mesh = nullptr;  // must outlive the surface
 
-  // Per face: whether it is part of the surface. Not those that name a vertex twice, which have no inside to map.
+  // Per face: whether it is part of the surface. Not those that name a vertex twice, or whose vertices all
+  // lie in one point, which have no inside to map.
   std::vector<char> takes_part;
   // Per face: without area though its vertices differ. Its angles are those of slightly longer edges (see MakeSurface).
   std::vector<char> is_flat;
@@ -51,8 +52,7 @@ struct Surface {
 // other, and so on, so that double-sided surfaces come apart in two sheets.
 //
 // A face without area gets the angles of edges that are longer by a thousandth of its longest edge ("intrinsic
-// mollification", Sharp and Crane 2020, but only there): no other angle is changed. If all its edges have no length, it
-// is equilateral.
+// mollification", Sharp and Crane 2020, but only there): no other angle is changed.
 //
 // Indices must be in range and positions of used vertices finite. O(F). Of no use after an interrupt.
 Surface MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});

@@ -9,10 +9,28 @@
 
 #include "absl/strings/str_cat.h"
 
+// Of OpenBLAS; null where the BLAS is another one.
+extern "C" {
+[[gnu::weak]] int openblas_get_parallel();
+[[gnu::weak]] void openblas_set_num_threads(int threads);
+}
+
 namespace planish {
 namespace {
 
 constexpr Eigen::Index kSmallGraph = 3000;  // vertices
+
+// What the numeric part of CHOLMOD must hold. BLAS is to work on the calling thread alone; and an OpenBLAS that was
+// built without threads (Debian's libopenblas0-serial) shares its buffers between callers without a lock: of two matrix
+// products at a time, one in a hundred came out wrong. Then one caller at a time has it.
+std::unique_lock<std::mutex> HoldBlas() {
+  static std::mutex* const mutex = new std::mutex;
+  static const bool is_shared = [] {
+    if (openblas_set_num_threads != nullptr) openblas_set_num_threads(1);
+    return openblas_get_parallel != nullptr && openblas_get_parallel() == 0;
+  }();
+  return is_shared ? std::unique_lock(*mutex) : std::unique_lock<std::mutex>();
+}
 
 // METIS draws its random numbers from the C library's one generator, which it seeds each time: two calls at a time
 // would disturb each other's, and with them the last bits of what is solved.
@@ -125,6 +143,7 @@ absl::Status SparseCholesky::Factorize(const SparseMatrix& lower, int block_size
     if (absl::Status status = impl_->Analyze(lower, block_size); !status.ok()) return status;
   }
   cholmod_sparse matrix = View(lower);
+  const std::unique_lock<std::mutex> blas = HoldBlas();
   if (!cholmod_factorize(&matrix, impl_->factor, &impl_->common)) {
     return absl::ResourceExhaustedError("no memory for the factorization of the reduced system");
   }
@@ -140,6 +159,7 @@ void SparseCholesky::Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const {
     x->resize(0);
     return;
   }
+  const std::unique_lock<std::mutex> blas = HoldBlas();
   cholmod_dense rhs = {};
   rhs.nrow = rhs.nzmax = rhs.d = static_cast<std::size_t>(b.size());
   rhs.ncol = 1;

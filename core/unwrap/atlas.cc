@@ -58,7 +58,7 @@ class ElsewhereUv {
     }
   }
 
-  // Of each corner of a face that names a vertex twice.
+  // Of each corner of a face without a chart.
   std::array<Vec2, 3> Of(const Face& face) const {
     // From a face that has both of its vertices, if there is one.
     for (int k = 0; k < 3; ++k) {

@@ -19,7 +19,7 @@ struct Atlas {
 // Packs the charts (core/pack/pack.h). The one chart of SeamPolicy::kNone fills the unit square as far as it goes,
 // without padding: it has no neighbours, and scales that vary over many orders of magnitude outlast rounding best next
 // to 0. Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. The maps are moved in
-// place. Faces without a chart, which name a vertex twice, get the UV of an edge they lie on, or else of a vertex.
+// place. Faces without a chart (Surface::takes_part) get the UV of an edge they lie on, or else of a vertex.
 Atlas MakeAtlas(const Mesh& mesh, const UnwrapOptions& options, const Execution& execution, ChartSet* charts);
 
 }  // namespace planish

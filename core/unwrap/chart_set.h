@@ -28,7 +28,7 @@ class ChartSet {
   const ChartMap& map(int i) const { return maps_[i]; }
   // Of map(i), to be moved.
   std::vector<Vec2>* positions(int i) { return &maps_[i].positions; }
-  // Per face of the mesh: its chart, -1 for those that have none because they name a vertex twice.
+  // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
   std::vector<std::int32_t> FaceChart() const;
   // Per half-edge of the mesh: the one it is joined to in its chart, closed slits included; -1 on outlines.
   std::vector<std::int32_t> Opposite() const;

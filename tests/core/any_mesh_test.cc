@@ -211,6 +211,16 @@ TEST(AnyMesh, FacesWithoutAreaGetUvAndNoPromise) {
   EXPECT_EQ(Uv(*result, last + 1), Uv(*result, 30));
   EXPECT_EQ(Uv(*result, last + 2), Uv(*result, 31));
 
+  // Three vertices in one point, that no other face has.
+  for (int i = 0; i < 3; ++i) {
+    mesh.faces.back()[i] = static_cast<std::int32_t>(mesh.positions.size());
+    mesh.positions.push_back(Vec3(0.5, 0.5, 2));
+  }
+  const auto with_point = Unwrap(mesh, {}, {});
+  ASSERT_TRUE(with_point.ok()) << with_point.status();
+  EXPECT_EQ(with_point->face_chart.back(), -1);
+  EXPECT_EQ(with_point->quality.overlapping, 0);
+
   Mesh nothing;
   nothing.positions = {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(2, 0, 0)};
   nothing.faces = {{0, 1, 2}};
