@@ -17,8 +17,8 @@ constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
-constexpr std::int64_t kMoves = 4000, kMovesPerChart = 8;
-constexpr double kChartsForAllMoves = 12;  // fewer get their share of kMoves
+constexpr std::int64_t kMoves = 4000, kMovesPerChart = 4;
+constexpr double kFewCharts = 12, kManyCharts = 150;  // fewer and more get a smaller share of kMoves
 constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;
@@ -143,7 +143,8 @@ class Packer {
 
   std::int64_t Moves(std::int64_t base, const std::vector<std::int32_t>& charts) const {
     if (charts.size() > kMostToMove) return 0;
-    const double share = std::min(1.0, static_cast<double>(charts.size()) / kChartsForAllMoves);
+    const auto n = static_cast<double>(charts.size());
+    const double share = std::min({1.0, n / kFewCharts, kManyCharts / n});
     return std::llround(options_.effort *
                         (share * static_cast<double>(base) + static_cast<double>(kMovesPerChart * std::ssize(charts))));
   }

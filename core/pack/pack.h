@@ -43,9 +43,9 @@ struct Packing {
 
 // How: the large charts are laid one after the other where they lie snuggest, on bit grids (trial.h); then the scale
 // goes up, and charts find new places, are pushed apart and grow until they are jammed, again and again (tighten.h);
-// the small ones go into the gaps that are left. Lengths that count are exact in the end (clearance.h). Debian has no
-// library for that: libnest2d and CGAL's Minkowski sums know neither free turns nor a search for the scale,
-// Boost.Polygon less.
+// the small ones go into the gaps that are left. Lengths that count are exact in the end (clearance.h). libnest2d,
+// which Debian has, lays polygons of a given scale at turns from a given list, by their convex hulls unless told
+// otherwise: not enough.
 //
 // The largest scale that was found at which all charts fit. Distances of `padding` texels and a little more (so that
 // they outlast rounding to float) are kept between any two charts; faces inside of one chart may lie as they like, on
