@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/signalfd.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <array>
@@ -15,6 +16,17 @@
 #include "absl/time/clock.h"
 
 namespace planish {
+namespace {
+
+// Threads that libraries start before main() (OpenBLAS does) do not have the signals blocked. One that gets a signal
+// hands it to the thread that waits for it.
+volatile sig_atomic_t waiting_thread = 0;
+
+void HandOver(int signal) {
+  syscall(SYS_tgkill, getpid(), static_cast<pid_t>(waiting_thread), signal);
+}
+
+}  // namespace
 
 ShutdownEvents::ShutdownEvents(int supervisor_fd) : supervisor_fd_(supervisor_fd) {
   sigset_t signals;
@@ -28,6 +40,9 @@ ShutdownEvents::ShutdownEvents(int supervisor_fd) : supervisor_fd_(supervisor_fd
     fcntl(supervisor_fd_, F_SETFL, fcntl(supervisor_fd_, F_GETFL) | O_NONBLOCK);
   }
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  waiting_thread = gettid();
+  std::signal(SIGTERM, HandOver);
+  if (supervisor_fd_ < 0) std::signal(SIGINT, HandOver);
   std::signal(SIGPIPE, SIG_IGN);
   signal_fd_ = signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   idle_fd_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
