@@ -1,23 +1,17 @@
 #include "core/charts/gluing.h"
 
+#include "core/mesh/half_edges.h"
+
 namespace planish {
 
 Gluing::Gluing(const Surface& surface) : surface_(&surface), opposite_(surface.across.size(), -1) {}
 
 std::int32_t Gluing::After(std::int32_t c) const {
-  for (;;) {
-    c = 3 * (c / 3) + Next(c % 3);
-    if (opposite_[c] < 0) return c;
-    c = opposite_[c];
-  }
+  return NextOnOutline(opposite_, c);
 }
 
 std::int32_t Gluing::Before(std::int32_t c) const {
-  for (;;) {
-    c = 3 * (c / 3) + Prev(c % 3);
-    if (opposite_[c] < 0) return c;
-    c = opposite_[c];
-  }
+  return PreviousOnOutline(opposite_, c);
 }
 
 double Gluing::OutlineAngle(std::int32_t c) const {

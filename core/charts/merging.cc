@@ -73,10 +73,7 @@ class Merging {
 
 // Length, less where the surface bends.
 double Merging::EdgeWeight(std::int32_t c) const {
-  const std::int32_t f = c / 3, g = surface_.across[c] / 3;
-  const double lengths = surface_.area[f] * surface_.area[g];
-  const double cosine = lengths > 0 ? surface_.area_normal[f].dot(surface_.area_normal[g]) / lengths : 1;
-  return surface_.length(c) * std::max(kSharpest, cosine);
+  return surface_.length(c) * std::max(kSharpest, surface_.bend_cosine(c));
 }
 
 // Outline of disc d to walk_; its numbers.

@@ -38,10 +38,7 @@ class Smoothing {
 
  private:
   double Cost(std::int32_t c) const {
-    const std::int32_t f = c / 3, g = surface_.across[c] / 3;
-    const double lengths = surface_.area[f] * surface_.area[g];
-    const double cosine = lengths > 0 ? surface_.area_normal[f].dot(surface_.area_normal[g]) / lengths : 1;
-    return surface_.length(c) * (1 - (1 - kBendFactor) * std::clamp(1 - cosine, 0.0, 1.0));
+    return surface_.length(c) * (1 - (1 - kBendFactor) * std::clamp(1 - surface_.bend_cosine(c), 0.0, 1.0));
   }
 
   // The corner of a face that is glued by the edge it faces alone; -1 if it is not so.

@@ -45,6 +45,12 @@ struct Surface {
   std::int32_t num_faces() const { return static_cast<std::int32_t>(takes_part.size()); }
   std::int32_t origin(std::int32_t c) const { return mesh->faces[c / 3][Next(c % 3)]; }
   std::int32_t target(std::int32_t c) const { return mesh->faces[c / 3][Prev(c % 3)]; }
+  // Of the angle between the normals of the two faces at a half-edge that has one across; 1 where one has no area.
+  double bend_cosine(std::int32_t c) const {
+    const std::int32_t f = c / 3, g = across[c] / 3;
+    const double lengths = area[f] * area[g];
+    return lengths > 0 ? area_normal[f].dot(area_normal[g]) / lengths : 1;
+  }
   double length(std::int32_t c) const { return (mesh->positions[target(c)] - mesh->positions[origin(c)]).norm(); }
 };
 

@@ -168,7 +168,7 @@ absl::Status ChartSet::MapAll(std::vector<std::int32_t> charts, UnwrapSeconds* s
   flattenings_.resize(charts_.size());
   maps_.resize(charts_.size());
   faults_.resize(charts_.size());
-  statuses_.assign(charts_.size(), absl::OkStatus());
+  statuses_.resize(charts_.size());
   // The solve announces itself, with its first residual.
   progress_.stage = UnwrapStage::kSolve;
   progress_.chart_count = count();
@@ -219,7 +219,7 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
   seconds->charts = timer.Restart();
   std::vector<std::int32_t> todo(charts_.size());
   std::iota(todo.begin(), todo.end(), 0);
-  std::int64_t added = 0;
+  const int first_count = count();
   for (int round = 0;; ++round) {
     PLANISH_RETURN_IF_ERROR(MapAll(todo, seconds));
     const std::vector<Segmentation::Cut> split = ChartsToSplit(todo);
@@ -228,7 +228,6 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
     PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
     todo = segmentation_->Split(split, execution_);
     if (execution_.IsStopped()) return absl::CancelledError("cancelled");
-    added += static_cast<std::int64_t>(todo.size() - split.size());
     charts_.resize(segmentation_->charts().size());
     for (const std::int32_t i : todo) {
       charts_[i] = MakeChart(segmentation_->gluing(), segmentation_->charts()[i], {nullptr, execution_.interrupter});
@@ -239,7 +238,7 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
   if (options_.seams.policy == SeamPolicy::kNeeded) {
     std::int64_t slit = 0;
     for (int i = 0; i < count(); ++i) slit += segmentation_->HasSlit(i);
-    WarnOfAddedSeams(slit, added, warnings);
+    WarnOfAddedSeams(slit, count() - first_count, warnings);
   }
   return absl::OkStatus();
 }

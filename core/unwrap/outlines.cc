@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "core/mesh/box_tree.h"
+#include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
 
 namespace planish {
@@ -25,15 +26,6 @@ struct Outlines {
   std::vector<std::int32_t> loop;         // of each in half_edge
   bool is_torn = false;
 };
-
-// The outline half-edge that starts where c ends.
-std::int32_t After(const std::vector<std::int32_t>& opposite, std::int32_t c) {
-  for (;;) {
-    c = 3 * (c / 3) + Next(c % 3);
-    if (opposite[c] < 0) return c;
-    c = opposite[c];
-  }
-}
 
 Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, const Execution& execution) {
   struct Part {
@@ -63,7 +55,7 @@ Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, co
   for (const std::int32_t start : starts) {
     if (seen[start]) continue;
     const auto loop = static_cast<std::int32_t>(outlines.begin.size()) - 1;
-    for (std::int32_t c = start; !seen[c]; c = After(opposite, c)) {
+    for (std::int32_t c = start; !seen[c]; c = NextOnOutline(opposite, c)) {
       seen[c] = 1;
       outlines.half_edge.push_back(c);
       outlines.loop.push_back(loop);
