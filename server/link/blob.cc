@@ -1,0 +1,88 @@
+#include "server/link/blob.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+constexpr int kAllSeals = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
+
+absl::Status Failed(const char* what) {
+  const int error = errno;
+  const std::string message = absl::StrCat(what, ": ", std::strerror(error));
+  if (error == ENOMEM || error == ENOSPC || error == EMFILE || error == ENFILE) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", message);
+  }
+  return InternalError(message);
+}
+
+absl::Status WriteAll(int fd, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count = write(fd, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return Failed("cannot copy bytes into memory of their own");
+    bytes.remove_prefix(static_cast<std::size_t>(count));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+Descriptor::Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
+  if (this != &other) {
+    if (fd_ >= 0) close(fd_);
+    fd_ = std::exchange(other.fd_, -1);
+  }
+  return *this;
+}
+
+Descriptor::~Descriptor() {
+  if (fd_ >= 0) close(fd_);
+}
+
+absl::StatusOr<BlobPtr> Blob::Copy(std::string_view bytes) {
+  Descriptor memory(memfd_create("planish-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (memory.get() < 0) return Failed("memfd_create");
+  PLANISH_RETURN_IF_ERROR(WriteAll(memory.get(), bytes));
+  if (fcntl(memory.get(), F_ADD_SEALS, kAllSeals) != 0) return Failed("cannot seal memory");
+  return Map(std::move(memory));
+}
+
+absl::StatusOr<BlobPtr> Blob::Map(Descriptor file) {
+  struct stat status;
+  if (fstat(file.get(), &status) != 0) return Failed("fstat");
+  const auto size = static_cast<std::size_t>(status.st_size);
+  void* data = nullptr;
+  if (size > 0) {
+    data = mmap(nullptr, size, PROT_READ, MAP_SHARED, file.get(), 0);
+    if (data == MAP_FAILED) return Failed("cannot map bytes into memory");
+  }
+  return BlobPtr(new Blob(std::move(file), static_cast<const char*>(data), size));
+}
+
+absl::StatusOr<BlobPtr> Blob::MapSealed(Descriptor memory) {
+  const int seals = fcntl(memory.get(), F_GET_SEALS);
+  if (seals < 0 || (seals & kAllSeals) != kAllSeals) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "INTERNAL", "a descriptor that is no sealed memory");
+  }
+  return Map(std::move(memory));
+}
+
+Blob::~Blob() {
+  if (size_ > 0) munmap(const_cast<char*>(data_), size_);
+}
+
+}  // namespace planish

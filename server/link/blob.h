@@ -1,0 +1,61 @@
+// Large immutable bytes that pass between threads and processes as a descriptor, never as a copy.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string_view>
+#include <utility>
+
+#include "absl/status/statusor.h"
+
+namespace planish {
+
+class Blob;
+using BlobPtr = std::shared_ptr<const Blob>;
+
+// Closes a file descriptor. Movable.
+class Descriptor {
+ public:
+  Descriptor() = default;
+  explicit Descriptor(int fd) : fd_(fd) {}
+  Descriptor(Descriptor&& other) noexcept;
+  Descriptor& operator=(Descriptor&& other) noexcept;
+  ~Descriptor();
+
+  int get() const { return fd_; }  // -1: none
+
+ private:
+  int fd_ = -1;
+};
+
+// Thread-safe: nothing changes after construction.
+class Blob {
+ public:
+  // `bytes` in memory that no file system sees, sealed against any change. RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
+  static absl::StatusOr<BlobPtr> Copy(std::string_view bytes);
+
+  // The bytes behind `file`, which nobody may change from now on: a file of ours.
+  static absl::StatusOr<BlobPtr> Map(Descriptor file);
+
+  // The bytes behind `memory`, which came from a process that is not trusted. INVALID_ARGUMENT unless it is memory
+  // sealed against any change, so that reading it can neither fail nor see it change.
+  static absl::StatusOr<BlobPtr> MapSealed(Descriptor memory);
+
+  ~Blob();
+  Blob(const Blob&) = delete;
+  Blob& operator=(const Blob&) = delete;
+
+  std::string_view bytes() const { return {data_, size_}; }
+  // For handing over; stays ours.
+  int descriptor() const { return descriptor_.get(); }
+
+ private:
+  Blob(Descriptor descriptor, const char* data, std::size_t size)
+      : descriptor_(std::move(descriptor)), data_(data), size_(size) {}
+
+  const Descriptor descriptor_;
+  const char* const data_;
+  const std::size_t size_;
+};
+
+}  // namespace planish
