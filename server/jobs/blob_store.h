@@ -15,8 +15,8 @@
 
 namespace planish {
 
-// Each blob is known by its SHA-256 (32 bytes, as in planish.v1); equal bytes are kept once. A blob goes with a Collect()
-// that finds nobody using it. Thread-safe.
+// Each blob is known by its SHA-256 (32 bytes, as in planish.v1); equal bytes are kept once. Blobs stay until they are
+// removed, and none goes while somebody holds its BlobPtr. Thread-safe.
 class BlobStore {
  public:
   // In files below `directory`, which exists and belongs to this store alone; they outlive the process. Empty: in
@@ -30,8 +30,8 @@ class BlobStore {
   // RESOURCE_EXHAUSTED with STORAGE_FULL when there is no room here or on the disk.
   absl::StatusOr<BlobPtr> Put(std::string_view bytes, std::string sha256 = {});
 
-  // Takes over the complete file `path` (on the same file system as the directory; in memory: copies it), whose digest the
-  // caller has checked, and removes it from where it is. Errors of Put().
+  // Takes over the complete file `path` (on the same file system as the directory; in memory: copies it), whose digest
+  // the caller has checked, and removes it from where it is. Errors of Put().
   absl::StatusOr<BlobPtr> PutFile(const std::string& path, const std::string& sha256);
 
   // NOT_FOUND if there is no such blob (any more).
@@ -42,7 +42,10 @@ class BlobStore {
   // Bytes of all blobs.
   std::int64_t bytes() const;
 
-  // Removes every blob that `is_used` denies and whose BlobPtr nobody holds.
+  // Whether there is no such blob any more; false if somebody holds its BlobPtr.
+  bool Remove(const std::string& sha256);
+
+  // Removes every blob that `is_used` denies, unless it is held.
   void Collect(const std::function<bool(const std::string& sha256)>& is_used);
 
  private:
@@ -53,7 +56,10 @@ class BlobStore {
   };
 
   std::string PathOf(const std::string& sha256) const;
-  // Both require mutex_.
+  // All require mutex_.
+  static bool IsHeld(const Entry& entry);
+  // Takes the entry's bytes away, to be unmapped without the lock.
+  BlobPtr Discard(const std::string& sha256, Entry* entry);
   absl::Status CheckRoom(std::int64_t bytes) const;
   absl::StatusOr<BlobPtr> FindLocked(const std::string& sha256);
 

@@ -5,22 +5,45 @@
 
 namespace planish {
 
-void JobEventLog::Append(v1::JobEvent event) {
+void JobEventLog::Restore(v1::JobEvent event, std::int64_t reserved) {
   const std::lock_guard lock(mutex_);
-  AppendLocked(std::move(event));
+  last_sequence_ = std::max(event.sequence(), reserved);
+  Hold(std::move(event));
 }
 
-void JobEventLog::AppendLast(v1::JobEvent event, std::shared_ptr<const std::string> uv) {
+std::int64_t JobEventLog::Append(v1::JobEvent event) {
   const std::lock_guard lock(mutex_);
-  if (ended_) return;
-  AppendLocked(std::move(event));
+  return ended_ ? 0 : AppendLocked(std::move(event));
+}
+
+std::int64_t JobEventLog::AppendLast(v1::JobEvent event, BlobPtr uv) {
+  const std::lock_guard lock(mutex_);
+  if (ended_) return 0;
+  ended_ = true;
+  uv_ = std::move(uv);
+  return AppendLocked(std::move(event));
+}
+
+void JobEventLog::End(BlobPtr uv) {
+  const std::lock_guard lock(mutex_);
   ended_ = true;
   uv_ = std::move(uv);
 }
 
-void JobEventLog::AppendLocked(v1::JobEvent event) {
+void JobEventLog::Interrupt(const absl::Status& status) {
+  const std::lock_guard lock(mutex_);
   if (ended_) return;
+  ended_ = true;
+  status_ = status;
+}
+
+std::int64_t JobEventLog::AppendLocked(v1::JobEvent event) {
   event.set_sequence(++last_sequence_);
+  Hold(std::move(event));
+  return last_sequence_;
+}
+
+void JobEventLog::Hold(v1::JobEvent event) {
   events_.push_back(std::move(event));
   if (events_.size() <= capacity_) return;
   const auto oldest =
@@ -47,6 +70,7 @@ JobEventLog::Read JobEventLog::ReadAfter(std::int64_t after) const {
   Read read;
   if (next == events_.end()) {
     read.ended = ended_;
+    read.status = status_;
     return read;
   }
   read.event = *next;
@@ -54,7 +78,12 @@ JobEventLog::Read JobEventLog::ReadAfter(std::int64_t after) const {
   return read;
 }
 
-std::shared_ptr<const std::string> JobEventLog::uv() const {
+std::int64_t JobEventLog::last_sequence() const {
+  const std::lock_guard lock(mutex_);
+  return last_sequence_;
+}
+
+BlobPtr JobEventLog::uv() const {
   const std::lock_guard lock(mutex_);
   return uv_;
 }

@@ -11,12 +11,15 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "planish/v1/job.pb.h"
+#include "server/link/blob.h"
 
 namespace planish {
 
-// A bounded ring of events numbered 1, 2, 3, ... When it is full the oldest progress event goes; changes of state
-// stay, there are only a handful. The writer never waits for a reader.
+// A bounded ring of events with ascending numbers: 1, 2, 3, ... unless the log was taken over from another process.
+// When it is full the oldest progress event goes; changes of state stay, there are only a handful. The writer never
+// waits for a reader.
 //
 // Thread-safe. Append and Notify are separate so that a writer can append under its own lock and wake readers,
 // who may call back into it, after it let go.
@@ -28,16 +31,27 @@ class JobEventLog {
   struct Read {
     std::optional<v1::JobEvent> event;  // empty: none yet, or `ended`
     bool ended = false;                 // there will be no more events
+    absl::Status status;                // with `ended`: not OK if the job goes on, but not here (Interrupt)
   };
 
   // `capacity`: events held at most, unless changes of state alone are more.
   explicit JobEventLog(std::size_t capacity) : capacity_(capacity) {}
 
-  // Adds an event and sets its sequence. Ignored after AppendLast.
-  void Append(v1::JobEvent event);
+  // Takes over an event that has its sequence, above all others. Later ones are numbered from `reserved` + 1 on at the
+  // least.
+  void Restore(v1::JobEvent event, std::int64_t reserved);
+
+  // Adds an event and returns its sequence. Ignored, and 0, after the end.
+  std::int64_t Append(v1::JobEvent event);
 
   // Adds the final event; `uv` is the job's result or null.
-  void AppendLast(v1::JobEvent event, std::shared_ptr<const std::string> uv);
+  std::int64_t AppendLast(v1::JobEvent event, BlobPtr uv);
+
+  // The end after a Restore() of the final event.
+  void End(BlobPtr uv);
+
+  // Ends the log though not the job: readers get `status`, which must not be OK, after what there is.
+  void Interrupt(const absl::Status& status);
 
   // Calls every subscriber, on this thread. Call it after each append, holding no lock.
   void Notify() const;
@@ -46,16 +60,20 @@ class JobEventLog {
   // between the two that are gone.
   Read ReadAfter(std::int64_t after) const;
 
+  // Of the newest event; 0: none.
+  std::int64_t last_sequence() const;
+
   // Null before the last event, and for a job that did not succeed.
-  std::shared_ptr<const std::string> uv() const;
+  BlobPtr uv() const;
 
   // From now on calls `wake` after each append. A call under way when the subscription is dropped runs on, so
   // `wake` should hold weak pointers only.
   [[nodiscard]] Subscription Subscribe(std::function<void()> wake) const;
 
  private:
-  // Requires mutex_.
-  void AppendLocked(v1::JobEvent event);
+  // Both require mutex_.
+  std::int64_t AppendLocked(v1::JobEvent event);
+  void Hold(v1::JobEvent event);
 
   const std::size_t capacity_;
 
@@ -64,7 +82,8 @@ class JobEventLog {
   std::deque<v1::JobEvent> events_;
   std::int64_t last_sequence_ = 0;
   bool ended_ = false;
-  std::shared_ptr<const std::string> uv_;
+  absl::Status status_;
+  BlobPtr uv_;
   mutable std::vector<std::weak_ptr<const std::function<void()>>> subscribers_;
 };
 

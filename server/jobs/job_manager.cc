@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/jobs/page_token.h"
@@ -12,8 +13,6 @@
 
 namespace planish {
 namespace {
-
-using google::protobuf::util::TimeUtil;
 
 constexpr int kDefaultPageSize = 50;
 constexpr int kMaxPageSize = 1000;
@@ -24,13 +23,10 @@ absl::Status NotFound(const std::string& name) {
                    {{"job", name}});
 }
 
-std::int64_t UvBytes(const JobEventLog& events) {
-  const auto uv = events.uv();
-  return uv == nullptr ? 0 : static_cast<std::int64_t>(uv->size());
-}
-
-double QueueSeconds(const v1::Job& job) {
-  return static_cast<double>(TimeUtil::DurationToNanoseconds(job.start_time() - job.create_time())) * 1e-9;
+absl::Status ResultExpired(const std::string& name) {
+  return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
+                   absl::StrCat("the UV of ", name, " were dropped: the server keeps results for some time only"),
+                   {{"job", name}});
 }
 
 }  // namespace
@@ -42,8 +38,8 @@ JobAttachment& JobAttachment::operator=(JobAttachment&& other) noexcept {
   return *this;
 }
 
-void JobAttachment::Release() {
-  if (JobManager* manager = std::exchange(manager_, nullptr); manager != nullptr) manager->Abandon(name_);
+void JobAttachment::Release(bool for_good) {
+  if (JobManager* manager = std::exchange(manager_, nullptr); manager != nullptr) manager->Abandon(name_, for_good);
 }
 
 JobManager::Wakeups::~Wakeups() {
@@ -51,349 +47,339 @@ JobManager::Wakeups::~Wakeups() {
   if (on_idle) on_idle();
 }
 
-JobManager::JobManager(JobManagerOptions options, std::unique_ptr<JobStore> store)
+absl::StatusOr<std::unique_ptr<JobManager>> JobManager::Open(JobManagerOptions options, JobStore* store,
+                                                             BlobStore* blobs) {
+  std::unique_ptr<JobManager> manager(new JobManager(std::move(options), store, blobs));
+  PLANISH_RETURN_IF_ERROR(manager->Recover());
+  return manager;
+}
+
+JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobStore* blobs)
     : options_(std::move(options)),
       instance_(options_.new_id()),
-      store_(std::move(store)),
+      blobs_(blobs),
+      store_(store),
       queue_(options_.queue_capacity, options_.max_queued_bytes) {}
 
-// ---- for callers
+absl::StatusOr<JobNeeds> JobManager::NeedsOf(std::string_view mesh, std::int64_t mesh_bytes, const v1::MeshSize& size,
+                                             const v1::UnwrapOptions& options) const {
+  JobNeeds needs;
+  if (options_.estimate != nullptr) {
+    PLANISH_ASSIGN_OR_RETURN(needs, options_.estimate(mesh, mesh_bytes, size, options));
+  }
+  if (needs.size.triangles() > options_.max_triangles) {
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+        absl::StrCat("the mesh says that it has ", needs.size.triangles(), " triangles; this server takes at most ",
+                     options_.max_triangles),
+        {{"triangles", absl::StrCat(needs.size.triangles())}, {"limit", absl::StrCat(options_.max_triangles)}});
+  }
+  if (needs.memory_bytes > options_.memory_bytes) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "MEMORY_LIMIT",
+                     absl::StrCat("a mesh of ", needs.size.triangles(), " triangles may need ", needs.memory_bytes,
+                                  " bytes of memory; this server has ", options_.memory_bytes, " for all its jobs"),
+                     {{"bytes", absl::StrCat(needs.memory_bytes)}, {"limit", absl::StrCat(options_.memory_bytes)}});
+  }
+  return needs;
+}
 
 absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   PLANISH_RETURN_IF_ERROR(ValidateJobRequest(request, options_.max_mesh_bytes, options_.validate_options));
-  const std::int64_t mesh_bytes = request.MeshBytes();
+  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs,
+                           NeedsOf(request.Mesh(), request.MeshBytes(), v1::MeshSize(), request.options));
+  if (request.mesh_sha256.empty()) request.mesh_sha256 = Sha256(request.Mesh());
+  const std::string corners = PackCorners(request);
+  const std::string corners_sha256 = corners.empty() ? std::string() : Sha256(corners);
+  const std::string work_key = WorkKey(request, request.mesh_sha256, corners_sha256);
+  {
+    const std::lock_guard lock(mutex_);
+    PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(request, work_key));
+    if (known.has_value()) return *std::move(known);
+  }
+  // Outside the lock: the mesh may be large and the disk slow. Held until the record refers to them.
+  const absl::StatusOr<BlobPtr> mesh = PutBlob(request.Mesh(), request.mesh_sha256);
+  const absl::StatusOr<BlobPtr> seams = corners.empty() ? BlobPtr() : PutBlob(corners, corners_sha256);
+  for (const auto& blob : {mesh, seams}) {
+    if (!blob.ok()) return WithRetryDelay(blob.status(), options_.retry_delay);
+  }
 
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  if (!request.request_id.empty()) {
-    const std::optional<JobRecord> known = store_->FindByRequestId(request.request_id);
-    if (known.has_value()) return Accept(*known, live_.at(known->job.name()), request.attached);
-  }
-  PLANISH_RETURN_IF_ERROR(CheckRoom(mesh_bytes));
+  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(request, work_key));
+  if (known.has_value()) return *std::move(known);
 
-  JobRecord record;
-  record.number = ++last_number_;
-  record.request_id = std::move(request.request_id);
-  do {
-    record.job.set_name("jobs/" + options_.new_id());
-  } while (live_.count(record.job.name()) > 0);
-  record.job.set_state(v1::JOB_STATE_QUEUED);
-  record.job.set_label(std::move(request.label));
-  *record.job.mutable_options() = std::move(request.options);
-  *record.job.mutable_create_time() = ToTimestamp(options_.clock());
-  record.job.set_mesh_bytes(mesh_bytes);
-  store_->Put(record);
-
-  Live& live = live_[record.job.name()];
-  live.events = std::make_shared<JobEventLog>(options_.events_per_job);
-  live.mesh = std::move(request.draco);
-  live.seam_corners = std::move(request.seam_corners);
-  live.uncut_corners = std::move(request.uncut_corners);
-  queue_.Push(record.job.name(), mesh_bytes);
-  AcceptedJob accepted = Accept(record, live, request.attached);
-
+  JobRecord record = NewRecord(request);
+  record.set_work_key(work_key);
+  record.set_seams_sha256(corners_sha256);
+  record.mutable_job()->set_memory_bytes(needs.memory_bytes);
   v1::JobEvent event;
-  *event.mutable_time() = record.job.create_time();
+  event.set_sequence(1);
+  *event.mutable_time() = record.job().create_time();
+  *event.mutable_job() = record.job();
+  if (absl::Status status = store_->Put(record, &event); !status.ok()) {
+    unused_blobs_.insert({request.mesh_sha256, corners_sha256});
+    return WithRetryDelay(std::move(status), options_.retry_delay);
+  }
+  totals_.last_number = record.number();
+  const std::string name = record.job().name();
+  Live& live = live_[name];
+  live.record = std::move(record);
+  live.events = std::make_shared<JobEventLog>(options_.events_per_job);
+  std::optional<KeptResult> result;
+  if (!request.scheduling.fresh()) result = FindResult(work_key);
+  const bool runs = !result.has_value() && JoinWork(live, needs).running;
+  AcceptedJob accepted = Accept(live, request.attached);
   *event.mutable_job() = accepted.job;
   live.events->Append(std::move(event));
-  if (options_.on_transition) options_.on_transition(record.job);
-  work_or_stop_.notify_one();
+  if (options_.on_transition) options_.on_transition(live.record.job());
+  StartClocks(live);
+  if (runs) Begin(live, &wakeups);
+  if (result.has_value()) {
+    const v1::Job& source = result->record.job();
+    v1::Job* job = live.record.mutable_job();
+    job->set_result_of(source.result_of().empty() ? source.name() : source.result_of());
+    *job->mutable_report() = source.report();
+    *job->mutable_uv() = source.uv();
+    Apply(JobAction::kSucceed, live, std::move(result->uv), &wakeups);
+  }
   return accepted;
 }
 
-absl::Status JobManager::CheckRoom(std::int64_t mesh_bytes) const {
-  if (draining_) {
+absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const JobRequest& request, const std::string& work_key) {
+  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(request, work_key));
+  if (known.has_value()) return known;
+  if (draining_ || suspended_) {
     return WithRetryDelay(
         MakeError(absl::StatusCode::kUnavailable, "DRAINING", "the server is shutting down and takes no new jobs"),
         options_.retry_delay);
   }
-  if (!queue_.HasRoom(mesh_bytes, options_.workers - running_)) {
-    return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
-                                    absl::StrCat("the queue is full (", options_.queue_capacity, " jobs or ",
-                                                 options_.max_queued_bytes, " bytes may wait)"),
-                                    {{"queue_capacity", absl::StrCat(options_.queue_capacity)}}),
-                          options_.retry_delay);
-  }
-  return absl::OkStatus();
+  const bool shares =
+      !request.scheduling.fresh() && (FindShared(work_key) != nullptr || FindResult(work_key).has_value());
+  if (!shares) PLANISH_RETURN_IF_ERROR(CheckRoom(request.MeshBytes()));
+  return std::nullopt;
 }
 
-AcceptedJob JobManager::Accept(const JobRecord& record, Live& live, bool attached) {
+absl::StatusOr<std::optional<AcceptedJob>> JobManager::FindKnown(const JobRequest& request,
+                                                                 const std::string& work_key) {
+  if (request.request_id.empty()) return std::nullopt;
+  PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> record, store_->FindByRequestId(request.request_id));
+  if (!record.has_value()) return std::nullopt;
+  const std::string& name = record->job().name();
+  if (record->work_key() != work_key) {
+    return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED",
+                     absl::StrCat("the request_id belongs to ", name, ", which has another mesh or other options"),
+                     {{"job", name}});
+  }
+  if (const auto live = live_.find(name); live != live_.end()) return Accept(live->second, request.attached);
   AcceptedJob accepted;
-  accepted.job = Snapshot(record, live);
+  accepted.job = record->job();
+  PLANISH_ASSIGN_OR_RETURN(accepted.events, LogOfEnded(*record));
+  return accepted;
+}
+
+absl::Status JobManager::CheckRoom(std::int64_t mesh_bytes) const {
+  if (queue_.HasRoom(mesh_bytes, options_.workers - running_)) return absl::OkStatus();
+  return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
+                                  absl::StrCat("the queue is full (", options_.queue_capacity, " jobs or ",
+                                               options_.max_queued_bytes, " bytes may wait)"),
+                                  {{"queue_capacity", absl::StrCat(options_.queue_capacity)}}),
+                        TimeUntilRoom());
+}
+
+JobRecord JobManager::NewRecord(const JobRequest& request) {
+  JobRecord record;
+  record.set_number(totals_.last_number + 1);
+  record.set_request_id(request.request_id);
+  record.set_mesh_sha256(request.mesh_sha256);
+  record.set_seam_corners(static_cast<std::int64_t>(request.seam_corners.size()));
+  record.set_uncut_corners(static_cast<std::int64_t>(request.uncut_corners.size()));
+  record.set_attached(request.attached);
+  record.set_reserved_sequence(kSequenceBlock);
+  record.set_failpoint(request.failpoint);
+  v1::Job* job = record.mutable_job();
+  job->set_name("jobs/" + options_.new_id());
+  job->set_state(v1::JOB_STATE_QUEUED);
+  job->set_label(request.label);
+  *job->mutable_options() = request.options;
+  *job->mutable_scheduling() = request.scheduling;
+  *job->mutable_create_time() = ToTimestamp(options_.clock());
+  job->set_mesh_bytes(request.MeshBytes());
+  return record;
+}
+
+AcceptedJob JobManager::Accept(Live& live, bool attached) {
+  AcceptedJob accepted;
+  accepted.job = Snapshot(live.record);
   accepted.events = live.events;
   if (attached) {
     ++live.attachments;
-    accepted.attachment = JobAttachment(this, record.job.name());
-  } else {
-    live.detached = true;
+    accepted.attachment = JobAttachment(this, live.record.job().name());
+  } else if (live.record.attached()) {
+    live.record.set_attached(false);
+    Save(live.record, nullptr);
   }
   return accepted;
 }
 
-v1::Job JobManager::Snapshot(const JobRecord& record, const Live& live) const {
-  v1::Job job = record.job;
-  if (job.state() == v1::JOB_STATE_QUEUED) job.set_queue_position(queue_.Position(job.name()));
-  if (live.has_progress && !IsTerminal(job.state())) *job.mutable_progress() = live.progress;
+v1::Job JobManager::Snapshot(const JobRecord& record) const {
+  v1::Job job = record.job();
+  const auto live = live_.find(job.name());
+  if (live == live_.end()) return job;
+  const auto work = works_.find(live->second.work);
+  if (work == works_.end()) return job;
+  if (job.state() == v1::JOB_STATE_QUEUED) {
+    job.set_queue_position(queue_.Position(work->first));
+  } else if (work->second.progress.has_value()) {
+    *job.mutable_progress() = *work->second.progress;
+  }
   return job;
+}
+
+absl::StatusOr<JobRecord> JobManager::FindRecord(const std::string& name) const {
+  if (const auto live = live_.find(name); live != live_.end()) return live->second.record;
+  if (const auto unsaved = unsaved_.find(name); unsaved != unsaved_.end()) return unsaved->second.record;
+  PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> record, store_->Find(name));
+  if (!record.has_value()) return NotFound(name);
+  return *std::move(record);
 }
 
 absl::StatusOr<v1::Job> JobManager::Get(const std::string& name) const {
   const std::lock_guard lock(mutex_);
-  const std::optional<JobRecord> record = store_->Find(name);
-  if (!record.has_value()) return NotFound(name);
-  return Snapshot(*record, live_.at(name));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
+  return Snapshot(record);
 }
 
-absl::StatusOr<JobPage> JobManager::List(int page_size, const std::string& page_token, v1::JobState state) const {
-  if (page_size < 0) {
+absl::StatusOr<JobPage> JobManager::List(const v1::ListJobsRequest& request) const {
+  if (request.page_size() < 0) {
     return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", "page_size is negative",
                      {{"field", "page_size"}});
   }
+  const PageList list = {store_->id(), request.state(), request.label_prefix()};
   JobQuery query;
-  query.state = state;
-  PLANISH_ASSIGN_OR_RETURN(query.before_number, DecodePageToken(page_token, instance_, state));
-  const int limit = page_size == 0 ? kDefaultPageSize : std::min(page_size, kMaxPageSize);
+  query.state = list.state;
+  query.label_prefix = list.label_prefix;
+  PLANISH_ASSIGN_OR_RETURN(query.before_number, DecodePageToken(request.page_token(), list));
+  const int limit = request.page_size() == 0 ? kDefaultPageSize : std::min(request.page_size(), kMaxPageSize);
   query.limit = limit + 1;
 
   const std::lock_guard lock(mutex_);
-  std::vector<JobRecord> records = store_->List(query);
+  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, store_->List(query));
   JobPage page;
   if (static_cast<int>(records.size()) > limit) {
     records.resize(static_cast<std::size_t>(limit));
-    page.next_page_token = EncodePageToken({instance_, state, records.back().number});
+    page.next_page_token = EncodePageToken(list, records.back().number());
   }
   for (const JobRecord& record : records) {
-    v1::Job job = Snapshot(record, live_.at(record.job.name()));
-    job.clear_report();
+    v1::Job job = Snapshot(record);
     job.clear_progress();
     page.jobs.push_back(std::move(job));
   }
   return page;
 }
 
-absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::Watch(const std::string& name) const {
+absl::StatusOr<WatchedJob> JobManager::Watch(const std::string& name, bool attach, bool include_uv) {
   const std::lock_guard lock(mutex_);
-  const auto live = live_.find(name);
-  if (live == live_.end()) return NotFound(name);
-  return live->second.events;
+  WatchedJob watched;
+  if (const auto live = live_.find(name); live != live_.end()) {
+    watched.events = live->second.events;
+    if (attach && live->second.record.attached()) {
+      ++live->second.attachments;
+      watched.attachment = JobAttachment(this, name);
+    }
+    return watched;
+  }
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
+  PLANISH_ASSIGN_OR_RETURN(watched.events, LogOfEnded(record));
+  const bool had_uv = record.job().state() == v1::JOB_STATE_SUCCEEDED || record.job().state() == v1::JOB_STATE_EXPIRED;
+  if (include_uv && had_uv && watched.events->uv() == nullptr) return ResultExpired(name);
+  return watched;
+}
+
+absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::LogOfEnded(const JobRecord& record) {
+  const v1::Job& job = record.job();
+  const auto recent = std::find_if(ended_logs_.begin(), ended_logs_.end(),
+                                   [&](const auto& ended) { return ended.first == job.name(); });
+  if (recent != ended_logs_.end() && job.state() != v1::JOB_STATE_EXPIRED) return recent->second;
+
+  PLANISH_ASSIGN_OR_RETURN(std::vector<v1::JobEvent> events, store_->Events(record.number()));
+  auto log = std::make_shared<JobEventLog>(options_.events_per_job);
+  for (v1::JobEvent& event : events) {
+    if (&event == &events.back()) *event.mutable_job() = job;
+    log->Restore(std::move(event), 0);
+  }
+  BlobPtr uv;
+  if (job.state() == v1::JOB_STATE_SUCCEEDED) {
+    if (absl::StatusOr<BlobPtr> found = blobs_->Find(job.uv().uv_sha256()); found.ok()) uv = *std::move(found);
+  }
+  log->End(std::move(uv));
+  return log;
 }
 
 absl::StatusOr<v1::Job> JobManager::Cancel(const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  std::optional<JobRecord> record = store_->Find(name);
-  if (!record.has_value()) return NotFound(name);
-  CancelLocked(*std::move(record), &wakeups);
-  return Snapshot(*store_->Find(name), live_.at(name));
-}
-
-void JobManager::CancelLocked(JobRecord record, Wakeups* wakeups) {
-  const v1::JobState state = record.job.state();
-  if (state != v1::JOB_STATE_QUEUED && state != v1::JOB_STATE_RUNNING) return;
-  const std::string name = record.job.name();
-  if (state == v1::JOB_STATE_QUEUED) queue_.Remove(name);
-  if (const auto& link = live_.at(name).link; link != nullptr) {
-    worker::v1::ToWorker message;
-    message.mutable_cancel();
-    link->Send(std::move(message));
+  if (const auto live = live_.find(name); live != live_.end()) {
+    EndEarly(live->second, EarlyEnd::kCancel, &wakeups);
   }
-  Apply(JobAction::kCancel, std::move(record), nullptr, wakeups);
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
+  return Snapshot(record);
 }
 
-void JobManager::Abandon(const std::string& name) {
+absl::StatusOr<v1::Job> JobManager::Stop(const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  const auto live = live_.find(name);
-  if (live == live_.end()) return;
-  if (--live->second.attachments > 0 || live->second.detached) return;
-  JobRecord record = *store_->Find(name);
-  if (IsTerminal(record.job.state())) return;
-  record.request_id.clear();
-  store_->Put(record);
-  CancelLocked(std::move(record), &wakeups);
+  if (const auto live = live_.find(name); live != live_.end()) StopLocked(live->second, &wakeups);
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
+  return Snapshot(record);
+}
+
+void JobManager::Abandon(const std::string& name, bool for_good) {
+  Wakeups wakeups;
+  const std::lock_guard lock(mutex_);
+  const auto found = live_.find(name);
+  if (found == live_.end()) return;
+  Live& live = found->second;
+  if (--live.attachments > 0 || !live.record.attached() || suspended_) return;
+  live.orphaned = for_good ? absl::InfinitePast() : options_.clock();
+  const absl::Time now = options_.clock();
+  if (!for_good) alarms_.emplace(now + options_.reattach_grace, name);
+  CheckClocks(name, now, &wakeups);
 }
 
 absl::Status JobManager::Delete(const std::string& name) {
   const std::lock_guard lock(mutex_);
-  const std::optional<JobRecord> record = store_->Find(name);
-  if (!record.has_value()) return NotFound(name);
-  if (!IsTerminal(record->job.state())) {
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
+  if (!IsTerminal(record.job().state())) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_FINISHED",
-                     absl::StrCat(name, " is ", StateName(record->job.state()), ": cancel it first"), {{"job", name}});
+                     absl::StrCat(name, " is ", StateName(record.job().state()), ": cancel it first"), {{"job", name}});
   }
-  Forget(name);
-  return absl::OkStatus();
+  return Forget(record);
 }
 
-// ---- for WorkerPool
-
-std::optional<JobAssignment> JobManager::TakeNext() {
-  Wakeups wakeups;
-  std::unique_lock lock(mutex_);
-  work_or_stop_.wait(lock, [this] { return stopped_ || !queue_.empty(); });
-  const std::optional<std::string> name = queue_.Pop();
-  if (!name.has_value()) return std::nullopt;
-
-  JobRecord record = *store_->Find(*name);
-  JobAssignment assignment;
-  assignment.name = *name;
-  assignment.request.set_job(*name);
-  *assignment.request.mutable_options() = record.job.options();
-  assignment.request.set_max_threads(options_.threads);
-  Live& live = live_.at(*name);
-  assignment.request.set_draco(std::move(live.mesh));
-  assignment.request.mutable_seam_corners()->Add(live.seam_corners.begin(), live.seam_corners.end());
-  assignment.request.mutable_uncut_corners()->Add(live.uncut_corners.begin(), live.uncut_corners.end());
-  live.seam_corners = live.uncut_corners = {};
-  ++running_;
-  Apply(JobAction::kStart, std::move(record), nullptr, &wakeups);
-  return assignment;
-}
-
-void JobManager::SetLink(const std::string& name, std::shared_ptr<WorkerLink> link) {
+absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const v1::EstimateJobRequest& request) const {
+  if (request.draco().empty() && request.size().triangles() <= 0) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "MESH_MISSING",
+                     "neither the mesh nor its number of triangles is given", {{"field", "draco"}});
+  }
+  if (options_.validate_options != nullptr) PLANISH_RETURN_IF_ERROR(options_.validate_options(request.options()));
+  const std::int64_t mesh_bytes =
+      request.mesh_bytes() > 0 ? request.mesh_bytes() : static_cast<std::int64_t>(request.draco().size());
+  v1::JobEstimate estimate;
+  absl::StatusOr<JobNeeds> needs = NeedsOf(request.draco(), mesh_bytes, request.size(), request.options());
+  if (!needs.ok() && needs.status().code() == absl::StatusCode::kInvalidArgument) return needs.status();
+  if (!needs.ok()) {
+    *estimate.mutable_refusal() = ToRpcStatus(needs.status());
+    return estimate;
+  }
+  *estimate.mutable_size() = needs->size;
+  estimate.set_memory_bytes(needs->memory_bytes);
   const std::lock_guard lock(mutex_);
-  const std::optional<JobRecord> record = store_->Find(name);
-  if (!record.has_value() || IsTerminal(record->job.state())) return;
-  if (record->job.state() == v1::JOB_STATE_STOPPING) {
-    worker::v1::ToWorker message;
-    message.mutable_cancel();
-    link->Send(std::move(message));
-  }
-  live_.at(name).link = std::move(link);
-}
-
-void JobManager::ReportProgress(const std::string& name, v1::Progress progress) {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  const auto live = live_.find(name);
-  if (live == live_.end()) return;
-  v1::JobEvent event;
-  *event.mutable_time() = ToTimestamp(options_.clock());
-  *event.mutable_progress() = progress;
-  live->second.progress = std::move(progress);
-  live->second.has_progress = true;
-  live->second.events->Append(std::move(event));
-  wakeups.logs.push_back(live->second.events);
-}
-
-void JobManager::ReportResult(const std::string& name, worker::v1::WorkResult result) {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  std::optional<JobRecord> record = store_->Find(name);
-  if (!record.has_value() || IsTerminal(record->job.state())) return;
-
-  const bool stopping = record->job.state() == v1::JOB_STATE_STOPPING;
-  const auto code = static_cast<absl::StatusCode>(result.status().code());
-  if (stopping && (code == absl::StatusCode::kOk || code == absl::StatusCode::kCancelled)) {
-    return Apply(JobAction::kCancelled, *std::move(record), nullptr, &wakeups);
-  }
-  if (code == absl::StatusCode::kCancelled) {
-    return FailLocked(*std::move(record), InternalError("the worker cancelled a job that nobody cancelled"), &wakeups);
-  }
-  if (code != absl::StatusCode::kOk) {
-    *record->job.mutable_error() = std::move(*result.mutable_status());
-    return Apply(JobAction::kFail, *std::move(record), nullptr, &wakeups);
-  }
-  if (result.uv().total_bytes() != static_cast<std::int64_t>(result.uv_bytes().size())) {
-    return FailLocked(*std::move(record), InternalError("the worker sent UV of another length than it says"), &wakeups);
-  }
-  *record->job.mutable_report() = std::move(*result.mutable_report());
-  record->job.mutable_report()->mutable_seconds()->set_queue(QueueSeconds(record->job));
-  *record->job.mutable_uv() = std::move(*result.mutable_uv());
-  auto uv = std::make_shared<const std::string>(std::move(*result.mutable_uv_bytes()));
-  Apply(JobAction::kSucceed, *std::move(record), std::move(uv), &wakeups);
-}
-
-void JobManager::ReportLost(const std::string& name, const std::string& message) {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  std::optional<JobRecord> record = store_->Find(name);
-  if (record.has_value()) FailLocked(*std::move(record), InternalError(message), &wakeups);
-}
-
-void JobManager::FailLocked(JobRecord record, const absl::Status& error, Wakeups* wakeups) {
-  *record.job.mutable_error() = ToRpcStatus(error);
-  Apply(JobAction::kFail, std::move(record), nullptr, wakeups);
-}
-
-// ---- for the server's shutdown
-
-void JobManager::Drain(std::function<void()> on_idle) {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  draining_ = true;
-  if (queue_.empty() && running_ == 0) {
-    wakeups.on_idle = std::move(on_idle);
-  } else {
-    on_idle_ = std::move(on_idle);
-  }
-}
-
-void JobManager::CancelAll() {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  std::vector<std::string> names;
-  for (const auto& [name, live] : live_) names.push_back(name);
-  for (const std::string& name : names) {
-    if (std::optional<JobRecord> record = store_->Find(name)) CancelLocked(*std::move(record), &wakeups);
-  }
-}
-
-void JobManager::CloseLinks() {
-  const std::lock_guard lock(mutex_);
-  for (const auto& [name, live] : live_) {
-    if (live.link != nullptr) live.link->Close();
-  }
-}
-
-void JobManager::Stop() {
-  const std::lock_guard lock(mutex_);
-  stopped_ = true;
-  work_or_stop_.notify_all();
-}
-
-// ---- one place for every change
-
-void JobManager::Apply(JobAction action, JobRecord record, std::shared_ptr<const std::string> uv, Wakeups* wakeups) {
-  const std::string name = record.job.name();
-  const bool was_running = record.job.state() != v1::JOB_STATE_QUEUED;
-  const absl::Time now = options_.clock();
-  if (!Advance(action, now, &record.job).ok()) return;
-  store_->Put(record);
-
-  Live& live = live_.at(name);
-  v1::JobEvent event;
-  *event.mutable_time() = ToTimestamp(now);
-  *event.mutable_job() = Snapshot(record, live);
-  wakeups->logs.push_back(live.events);
-  if (options_.on_transition) options_.on_transition(record.job);
-  if (!IsTerminal(record.job.state())) {
-    live.events->Append(std::move(event));
-    return;
-  }
-  live.events->AppendLast(std::move(event), std::move(uv));
-  live.mesh = std::string();
-  live.seam_corners = live.uncut_corners = {};
-  live.link = nullptr;
-  if (was_running) --running_;
-  Retain(name);
-  if (queue_.empty() && running_ == 0 && on_idle_) wakeups->on_idle = std::exchange(on_idle_, nullptr);
-}
-
-void JobManager::Retain(const std::string& name) {
-  ended_.push_back(name);
-  retained_bytes_ += UvBytes(*live_.at(name).events);
-  while (ended_.size() > 1 &&
-         (static_cast<int>(ended_.size()) > options_.retained_jobs || retained_bytes_ > options_.retained_bytes)) {
-    Forget(std::string(ended_.front()));
-  }
-}
-
-void JobManager::Forget(const std::string& name) {
-  retained_bytes_ -= UvBytes(*live_.at(name).events);
-  ended_.erase(std::find(ended_.begin(), ended_.end(), name));
-  live_.erase(name);
-  store_->Delete(name);
+  estimate.set_run_seconds(needs->run_seconds * seconds_factor_);
+  estimate.set_queue_seconds(QueueSeconds());
+  absl::Status room = CheckRoom(mesh_bytes);
+  if (mesh_bytes > options_.max_mesh_bytes) room = MeshTooLarge(mesh_bytes, options_.max_mesh_bytes);
+  if (!room.ok()) *estimate.mutable_refusal() = ToRpcStatus(room);
+  return estimate;
 }
 
 }  // namespace planish

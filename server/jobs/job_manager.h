@@ -4,11 +4,13 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
+#include <list>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -17,40 +19,52 @@
 #include "absl/status/statusor.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "planish/v1/job.pb.h"
+#include "planish/v1/planish.pb.h"
 #include "planish/worker/v1/worker.pb.h"
+#include "server/jobs/blob_store.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/ids.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_request.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/lifecycle.h"
+#include "server/jobs/work.h"
 #include "server/link/worker_link.h"
 
 namespace planish {
 
 struct JobManagerOptions {
-  int workers = 1;                                        // jobs that run at a time
+  int workers = 1;                                        // pieces of work that run at a time
   int threads = 1;                                        // that a job may use
-  int queue_capacity = 64;                                // jobs that may wait beside them, >= 0
+  int queue_capacity = 64;                                // that may wait beside them, >= 0
   std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
-  // Ended jobs kept, and bytes of their UV. The oldest go first; the last one that ended always stays.
+  std::int64_t max_triangles = std::int64_t{1} << 40;  // as declared and as decoded
+  std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
+  // Ended jobs kept, bytes of their UV and how long these stay. The oldest go first; the last one that ended always
+  // stays.
   int retained_jobs = 256;
   std::int64_t retained_bytes = std::int64_t{1} << 30;
-  std::size_t events_per_job = 256;               // JobEventLog capacity
-  absl::Duration retry_delay = absl::Seconds(1);  // advice with QUEUE_FULL and DRAINING
-  OptionsValidator validate_options;              // null: everything goes
+  absl::Duration retained_time = absl::InfiniteDuration();
+  std::size_t events_per_job = 256;                   // JobEventLog capacity
+  absl::Duration reattach_grace = absl::Seconds(10);  // that a job outlives its last caller by
+  absl::Duration obey_limit = absl::Seconds(5);       // from a cancellation to the worker's end
+  int max_crashes = 2;                                // workers that a job may cost before it fails
+  absl::Duration retry_delay = absl::Seconds(1);      // advice with refusals where nothing better is known
+  OptionsValidator validate_options;                  // null: everything goes
+  NeedsEstimator estimate;                            // null: jobs need nothing
   // Hears of every change of state, in order, under the manager's lock: must be quick and must not call back.
   std::function<void(const v1::Job&)> on_transition;
+  // Hears of records that could not be written, likewise. They are tried again by Tick().
+  std::function<void(const absl::Status&)> on_store_error;
   std::function<absl::Time()> clock = absl::Now;
   std::function<std::string()> new_id = RandomId;
 };
 
 class JobManager;
 
-// One caller that a job belongs to. When the last one goes and nobody detached the job, it is cancelled.
-// Must not outlive the manager. Not thread-safe.
+// One caller that a job belongs to. When the last one goes and nobody detached the job, it is cancelled unless another
+// one comes within the grace. Must not outlive the manager. Not thread-safe.
 class JobAttachment {
  public:
   JobAttachment() = default;
@@ -59,11 +73,17 @@ class JobAttachment {
   JobAttachment& operator=(JobAttachment&& other) noexcept;
   ~JobAttachment() { Release(); }
 
-  void Release();
+  // `for_good`: the caller will not come back, its deadline passed; no grace.
+  void Release(bool for_good = false);
 
  private:
   JobManager* manager_ = nullptr;
   std::string name_;
+};
+
+struct WatchedJob {
+  std::shared_ptr<const JobEventLog> events;
+  JobAttachment attachment;  // empty unless asked for
 };
 
 struct AcceptedJob {
@@ -78,78 +98,112 @@ struct JobPage {
 };
 
 struct JobAssignment {
-  std::string name;
+  std::string name;  // of the work: of one of the jobs it is for
+  int attempt = 0;   // 1, 2, ... at this work
   worker::v1::WorkRequest request;
+  std::vector<BlobPtr> blobs;
 };
 
 // Thread-safe. Errors carry an ErrorInfo (core/base/error.h); unknown names are NOT_FOUND with JOB_NOT_FOUND.
 class JobManager {
  public:
-  JobManager(JobManagerOptions options, std::unique_ptr<JobStore> store);
+  // Goes on where the process before left off: jobs that ran are queued again. INTERNAL, STORAGE_FULL if `store` cannot
+  // be read. Both stores must outlive the manager and belong to it alone but for blobs that others hold.
+  static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store, BlobStore* blobs);
 
   // ---- for callers
 
   // Queues a job, or finds the one that has the same request id. A job that was abandoned by its caller gives its
-  // request id free, so that a retry after a lost connection starts anew.
-  // Errors of ValidateJobRequest; RESOURCE_EXHAUSTED with QUEUE_FULL, UNAVAILABLE with DRAINING, both with a retry
-  // delay.
+  // request id free, so that a retry after a lost connection starts anew. A job whose mesh and options are those of
+  // another one shares its work or its result, unless Scheduling.fresh.
+  // Errors of ValidateJobRequest and of the estimator; ALREADY_EXISTS with REQUEST_ID_REUSED; RESOURCE_EXHAUSTED with
+  // QUEUE_FULL, STORAGE_FULL, both with a retry delay, MESH_TOO_LARGE and MEMORY_LIMIT; UNAVAILABLE with DRAINING and a
+  // retry delay.
   absl::StatusOr<AcceptedJob> Create(JobRequest request);
 
   absl::StatusOr<v1::Job> Get(const std::string& name) const;
 
-  // Newest first, without report and progress; page_size and page_token as in planish.v1.ListJobsRequest.
-  // INVALID_ARGUMENT with REQUEST_INVALID.
-  absl::StatusOr<JobPage> List(int page_size, const std::string& page_token, v1::JobState state) const;
+  // Newest first, without report and progress. INVALID_ARGUMENT with REQUEST_INVALID.
+  absl::StatusOr<JobPage> List(const v1::ListJobsRequest& request) const;
 
-  // The job's events and, at their end, its UV. They stay as long as the caller holds them.
-  absl::StatusOr<std::shared_ptr<const JobEventLog>> Watch(const std::string& name) const;
+  // The job's events and, at their end, its UV. They stay as long as the caller holds them. `attach`: the job belongs
+  // to this caller as well. With `include_uv`, NOT_FOUND with RESULT_EXPIRED if the UV are gone.
+  absl::StatusOr<WatchedJob> Watch(const std::string& name, bool attach, bool include_uv);
 
   // A queued job is CANCELLED at once. A running one is STOPPING, its worker is told, and whatever it delivers is
   // discarded. One that ended stays as it is.
   absl::StatusOr<v1::Job> Cancel(const std::string& name);
 
+  // A running job is STOPPING and its worker is told, if every job that shares the work was stopped; a queued one will
+  // be. One that ended stays as it is.
+  absl::StatusOr<v1::Job> Stop(const std::string& name);
+
   // FAILED_PRECONDITION with JOB_NOT_FINISHED.
   absl::Status Delete(const std::string& name);
 
+  // INVALID_ARGUMENT as Create(); what else Create() would refuse now is in the answer.
+  absl::StatusOr<v1::JobEstimate> Estimate(const v1::EstimateJobRequest& request) const;
+
   // ---- for WorkerPool
 
-  // Waits for a job and makes it RUNNING. Empty after Stop().
+  // Waits for work and memory for it, and makes its jobs RUNNING. Empty after Stop().
   std::optional<JobAssignment> TakeNext();
 
-  // Tells who is at work, after the WorkRequest was sent: a cancellation goes there, also one from before this call.
-  void SetLink(const std::string& name, std::shared_ptr<WorkerLink> link);
+  // Tells who is at work, after the WorkRequest was sent: a request to stop or cancel goes there, also one from before
+  // this call.
+  void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link);
 
-  void ReportProgress(const std::string& name, v1::Progress progress);
-  // Ends the job as the worker says. A result for a job that ended is ignored.
-  void ReportResult(const std::string& name, worker::v1::WorkResult result);
-  // Ends the job as FAILED with reason INTERNAL and `message`.
-  void ReportLost(const std::string& name, const std::string& message);
+  // When the worker is to be given up: the infinite past if nobody waits for it any more, the infinite future if there
+  // is no hurry.
+  absl::Time ObeyBy(const std::string& name, int attempt) const;
+
+  // These three are ignored for an attempt that is not the present one.
+  void ReportProgress(const std::string& name, int attempt, v1::Progress progress);
+  // Ends the jobs as the worker says.
+  void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv);
+  // Queues the work again, or ends its jobs as FAILED if it cost too many workers.
+  void ReportLost(const std::string& name, int attempt, WorkerLoss loss);
+
+  // ---- for upkeep
+
+  // Does what is due by now: ends jobs that ran out of time or were left by their callers, drops what was kept long
+  // enough, writes what could not be written. Call it a few times a second.
+  void Tick();
 
   // ---- for the server's shutdown, in this order
 
   // Refuses new jobs from now on; those that wait may still start. Calls `on_idle` once, when no job waits or runs.
   void Drain(std::function<void()> on_idle);
-  // Cancels every job that has not ended.
+  // Either: cancels every job that has not ended.
   void CancelAll();
-  // Gives up all workers that are still at it; their jobs fail.
+  // Or: leaves every job that has not ended to the next process. Their workers are given up, their watchers are told
+  // that the server is UNAVAILABLE with DRAINING, and nothing is written any more.
+  void Suspend();
+  // Gives up all workers that are still at it.
   void CloseLinks();
   // Makes TakeNext() return.
-  void Stop();
+  void StopWorkers();
 
  private:
   friend class JobAttachment;
 
-  // What a job has beside its record while this process lives.
+  // Sequence numbers that are reserved at a time: most jobs need one block, that is one write, only.
+  static constexpr std::int64_t kSequenceBlock = 1024;
+
+  // What a job that has not ended has beside its record while this process lives.
   struct Live {
+    JobRecord record;
     std::shared_ptr<JobEventLog> events;
-    std::string mesh;                         // while QUEUED
-    std::vector<std::int32_t> seam_corners;   // while QUEUED
-    std::vector<std::int32_t> uncut_corners;  // while QUEUED
-    std::shared_ptr<WorkerLink> link;         // while a worker has it
-    v1::Progress progress;                    // latest
-    bool has_progress = false;
+    std::string work;
     int attachments = 0;
-    bool detached = false;
+    absl::Time orphaned = absl::InfiniteFuture();  // when the last caller went
+    bool timed_out = false;
+  };
+
+  // A record that ended and could not be written.
+  struct Unsaved {
+    JobRecord record;
+    v1::JobEvent event;
   };
 
   // Declared before the lock so that it acts after the lock is released.
@@ -159,35 +213,111 @@ class JobManager {
     ~Wakeups();
   };
 
-  void Abandon(const std::string& name);
+  JobManager(JobManagerOptions options, JobStore* store, BlobStore* blobs);
+  absl::Status Recover();
+  absl::Status RecoverJob(JobRecord record, Wakeups* wakeups);
+  absl::StatusOr<JobNeeds> NeedsOf(std::string_view mesh, std::int64_t mesh_bytes, const v1::MeshSize& size,
+                                   const v1::UnwrapOptions& options) const;
+
+  void Abandon(const std::string& name, bool for_good);
+
+  // These two take mutex_ themselves, if at all.
+  // Keeps the blob, at the price of old results if need be.
+  absl::StatusOr<BlobPtr> PutBlob(std::string_view bytes, const std::string& sha256);
+  // Checks that *uv are those described, and replaces them by the same ones in the store.
+  absl::Status KeepUv(const v1::UvDescription& description, BlobPtr* uv);
+
+  static absl::Status TimedOut(const v1::Job& job);
 
   // All of these require mutex_.
-  v1::Job Snapshot(const JobRecord& record, const Live& live) const;
-  AcceptedJob Accept(const JobRecord& record, Live& live, bool attached);
+
+  // ---- callers (job_manager.cc)
+  v1::Job Snapshot(const JobRecord& record) const;
+  absl::StatusOr<JobRecord> FindRecord(const std::string& name) const;
+  AcceptedJob Accept(Live& live, bool attached);
+  // The job that has the request id, if there is one.
+  absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const JobRequest& request, const std::string& work_key);
   absl::Status CheckRoom(std::int64_t mesh_bytes) const;
-  void CancelLocked(JobRecord record, Wakeups* wakeups);
-  void FailLocked(JobRecord record, const absl::Status& error, Wakeups* wakeups);
-  // Advances the record, stores it and tells everybody. An illegal action is ignored: it comes from a worker that is
-  // late.
-  void Apply(JobAction action, JobRecord record, std::shared_ptr<const std::string> uv, Wakeups* wakeups);
-  void Retain(const std::string& name);
-  void Forget(const std::string& name);
+  // Both checks of a request that is about to become a job: FindKnown(), then room unless it can share.
+  absl::StatusOr<std::optional<AcceptedJob>> Screen(const JobRequest& request, const std::string& work_key);
+  JobRecord NewRecord(const JobRequest& request);
+  absl::StatusOr<std::shared_ptr<const JobEventLog>> LogOfEnded(const JobRecord& record);
+
+  // ---- work (job_manager_work.cc)
+  struct KeptResult {
+    JobRecord record;
+    BlobPtr uv;
+  };
+  // The newest result of this work that is still kept.
+  std::optional<KeptResult> FindResult(const std::string& work_key) const;
+  Work* FindShared(const std::string& work_key);
+  // Joins the job to work at the same thing, or makes work of its own and queues it.
+  Work& JoinWork(Live& live, const JobNeeds& needs);
+  void Enqueue(Work& work);
+  void LeaveWork(Live& live);
+  // Takes the work off the books.
+  Work Remove(const std::string& name);
+  Work* FindAttempt(const std::string& name, int attempt);
+  absl::StatusOr<JobAssignment> Assign(const Work& work);
+  void Begin(Live& live, Wakeups* wakeups);
+  void EndJob(Live& live, const worker::v1::WorkResult& result, BlobPtr uv, Wakeups* wakeups);
+  void SendStopIfAllWant(Work& work);
+  double RunSeconds(const Work& work) const;
+  absl::Duration TimeUntilRoom() const;
+  double QueueSeconds() const;
+
+  // ---- ends (job_manager_upkeep.cc)
+  enum class EarlyEnd { kCancel, kTimeout };
+  // Sets the alarms of a job's own limits.
+  void StartClocks(const Live& live);
+  void EndEarly(Live& live, EarlyEnd why, Wakeups* wakeups);
+  void StopLocked(Live& live, Wakeups* wakeups);
+  void Fail(Live& live, const absl::Status& error, Wakeups* wakeups);
+  void CheckClocks(const std::string& name, absl::Time now, Wakeups* wakeups);
+  // Advances the record, stores it and tells everybody; `live` is gone after the end. An illegal action is ignored: it
+  // comes from a worker that is late.
+  void Apply(JobAction action, Live& live, BlobPtr uv, Wakeups* wakeups);
+  // Stores and tells what the record says now.
+  void Announce(Live& live, Wakeups* wakeups);
+  v1::JobEvent NextEvent(Live& live);
+  // Sees to it that the next event's sequence is one that no other process gives; true if the record changed.
+  static bool Reserve(Live& live);
+  // Writes a record of a job that has not ended; keeps quiet about failure, the next change writes it again.
+  void Save(const JobRecord& record, const v1::JobEvent* event);
+  void Finish(Live& live, const v1::JobEvent& event, Wakeups* wakeups);
+  void Retain();
+  bool Expire(JobRecord record);
+  absl::Status Forget(const JobRecord& record);
+  void ReleaseBlobs(const JobRecord& record);
+  void CollectBlobs();
+  void CheckIdle(Wakeups* wakeups);
 
   // Constant after construction.
   const JobManagerOptions options_;
-  const std::string instance_;
+  const std::string instance_;  // owner of leases
+  BlobStore* const blobs_;
 
   mutable std::mutex mutex_;
   std::condition_variable work_or_stop_;
   // Guarded by mutex_.
-  std::unique_ptr<JobStore> store_;
-  std::unordered_map<std::string, Live> live_;  // one for each record of store_
-  JobQueue queue_;
-  int running_ = 0;                // jobs RUNNING or STOPPING
-  std::deque<std::string> ended_;  // in order of end
-  std::int64_t retained_bytes_ = 0;
-  std::int64_t last_number_ = 0;
+  JobStore* const store_;
+  std::unordered_map<std::string, Live> live_;  // jobs that have not ended
+  std::unordered_map<std::string, Work> works_;
+  std::unordered_map<std::string, std::string> shared_;  // from work key to the name of work that others may join
+  JobQueue queue_;                                       // of work
+  int running_ = 0;                                      // pieces of work that workers have
+  std::int64_t reserved_memory_ = 0;                     // by these
+  std::multimap<absl::Time, std::string> alarms_;        // when to CheckClocks() of which job
+  // Logs of the jobs that ended last, the newest first: their watchers may come a moment late and want the progress.
+  std::list<std::pair<std::string, std::shared_ptr<JobEventLog>>> ended_logs_;
+  std::unordered_map<std::string, Unsaved> unsaved_;
+  std::set<std::string> unused_blobs_;  // may be unused: to be looked at
+  JobTotals totals_;
+  std::string last_ended_;
+  absl::Time next_expiry_ = absl::InfinitePast();  // no result is too old before
+  double seconds_factor_ = 1;                      // what work takes over what the estimate says
   bool draining_ = false;
+  bool suspended_ = false;
   bool stopped_ = false;
   std::function<void()> on_idle_;
 };

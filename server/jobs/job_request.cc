@@ -4,6 +4,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "core/base/sha256.h"
+#include "core/base/status_macros.h"
+#include "google/protobuf/io/coded_stream.h"
+#include "google/protobuf/io/zero_copy_stream_impl_lite.h"
+#include "google/protobuf/util/time_util.h"
 
 namespace planish {
 namespace {
@@ -25,30 +30,82 @@ absl::Status CheckCorners(const std::string& field, const std::vector<std::int32
                    {{"field", field}, {"corner", absl::StrCat(*negative)}});
 }
 
+absl::Status CheckDuration(const std::string& field, bool is_set, const google::protobuf::Duration& duration) {
+  if (!is_set || google::protobuf::util::TimeUtil::DurationToNanoseconds(duration) > 0) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", absl::StrCat(field, " must be above 0"),
+                   {{"field", field}});
+}
+
+absl::Status CheckScheduling(const v1::Scheduling& scheduling) {
+  if (!v1::Priority_IsValid(scheduling.priority())) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
+                     absl::StrCat("there is no priority ", static_cast<int>(scheduling.priority())),
+                     {{"field", "scheduling.priority"}});
+  }
+  PLANISH_RETURN_IF_ERROR(CheckDuration("scheduling.timeout", scheduling.has_timeout(), scheduling.timeout()));
+  return CheckDuration("scheduling.compute_budget", scheduling.has_compute_budget(), scheduling.compute_budget());
+}
+
+// The same bytes for equal messages; protobuf promises that within one version of a program only, which is all that
+// a cache needs: another version computes anew.
+std::string Deterministic(const v1::UnwrapOptions& options) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  options.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return bytes;
+}
+
 }  // namespace
 
 std::int64_t JobRequest::MeshBytes() const {
-  return static_cast<std::int64_t>(draco.size() + sizeof(std::int32_t) * (seam_corners.size() + uncut_corners.size()));
+  return static_cast<std::int64_t>(Mesh().size() + sizeof(std::int32_t) * (seam_corners.size() + uncut_corners.size()));
+}
+
+absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit) {
+  return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+                   absl::StrCat("the mesh has ", bytes, " bytes with its seams; this server takes at most ", limit),
+                   {{"bytes", absl::StrCat(bytes)}, {"limit", absl::StrCat(limit)}});
 }
 
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options) {
-  if (request.draco.empty()) {
+  if (request.Mesh().empty()) {
     return MakeError(absl::StatusCode::kInvalidArgument, "MESH_MISSING", "the request has no mesh",
                      {{"field", "draco"}});
   }
-  const std::int64_t bytes = request.MeshBytes(), draco_bytes = static_cast<std::int64_t>(request.draco.size());
-  if (bytes > max_mesh_bytes) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
-                     absl::StrCat("the mesh has ", bytes, " bytes", bytes > draco_bytes ? " with its seams" : "",
-                                  "; this server takes at most ", max_mesh_bytes),
-                     {{"bytes", absl::StrCat(bytes)}, {"max_mesh_bytes", absl::StrCat(max_mesh_bytes)}});
-  }
+  if (const std::int64_t bytes = request.MeshBytes(); bytes > max_mesh_bytes)
+    return MeshTooLarge(bytes, max_mesh_bytes);
   if (request.request_id.size() > kMaxRequestId) return TooLong("request_id", kMaxRequestId);
   if (request.label.size() > kMaxLabel) return TooLong("label", kMaxLabel);
-  if (absl::Status status = CheckCorners("seam_corners", request.seam_corners); !status.ok()) return status;
-  if (absl::Status status = CheckCorners("uncut_corners", request.uncut_corners); !status.ok()) return status;
+  PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", request.seam_corners));
+  PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", request.uncut_corners));
+  PLANISH_RETURN_IF_ERROR(CheckScheduling(request.scheduling));
   return validate_options == nullptr ? absl::OkStatus() : validate_options(request.options);
+}
+
+std::string PackCorners(const JobRequest& request) {
+  std::string bytes;
+  bytes.reserve(sizeof(std::int32_t) * (request.seam_corners.size() + request.uncut_corners.size()));
+  for (const auto* corners : {&request.seam_corners, &request.uncut_corners}) {
+    for (const std::int32_t corner : *corners) {
+      const auto value = static_cast<std::uint32_t>(corner);
+      for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<char>(value >> shift));
+    }
+  }
+  return bytes;
+}
+
+std::string WorkKey(const JobRequest& request, std::string_view mesh_sha256, std::string_view corners_sha256) {
+  v1::UnwrapOptions options = request.options;
+  options.clear_threads();
+  // Lengths keep one field from running into the next.
+  return Sha256(
+      absl::StrCat(PLANISH_VERSION "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
+                   absl::string_view(corners_sha256.data(), corners_sha256.size()), "/", request.seam_corners.size(),
+                   "/", request.failpoint.size(), request.failpoint, Deterministic(options)));
 }
 
 }  // namespace planish

@@ -3,35 +3,68 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
-#include "planish/v1/job.pb.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "planish/v1/planish.pb.h"
+#include "server/link/blob.h"
 
 namespace planish {
 
 using OptionsValidator = std::function<absl::Status(const v1::UnwrapOptions&)>;
 
+// What a job will need.
+struct JobNeeds {
+  v1::MeshSize size;              // as the mesh declares; zeros: unknown
+  std::int64_t memory_bytes = 0;  // of its worker, beyond what that holds when idle
+  double run_seconds = 0;         // on one idle core, roughly
+};
+
+// Looks at the first bytes of a Draco file of `mesh_bytes`, or where they do not say at `size`. INVALID_ARGUMENT with
+// MESH_DECODE_FAILED for bytes that are no Draco file.
+using NeedsEstimator = std::function<absl::StatusOr<JobNeeds>(std::string_view draco, std::int64_t mesh_bytes,
+                                                              const v1::MeshSize& size, const v1::UnwrapOptions&)>;
+
 // Fields as in planish.v1.UnwrapRequest.
 struct JobRequest {
   std::string draco;
+  BlobPtr mesh;             // in place of draco: the bytes of a complete upload
+  std::string mesh_sha256;  // of `mesh`; empty: not known
   std::vector<std::int32_t> seam_corners;
   std::vector<std::int32_t> uncut_corners;
   v1::UnwrapOptions options;
+  v1::Scheduling scheduling;
   std::string request_id;
   std::string label;
   // The job belongs to its callers: it is cancelled when the last JobAttachment goes.
   bool attached = false;
+  // What is to go wrong, for tests: planish.worker.v1.WorkRequest.failpoint.
+  std::string failpoint;
 
+  // The Draco bytes, wherever they are.
+  std::string_view Mesh() const { return mesh != nullptr ? mesh->bytes() : std::string_view(draco); }
   // Of the mesh and its seams, as they count towards limits.
   std::int64_t MeshBytes() const;
 };
+
+// RESOURCE_EXHAUSTED with MESH_TOO_LARGE.
+absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit);
 
 // INVALID_ARGUMENT naming the field (metadata "field"; reason MESH_MISSING, REQUEST_INVALID, OPTIONS_INVALID for a
 // negative corner, with its id as "corner", or what `validate_options` says); RESOURCE_EXHAUSTED with
 // MESH_TOO_LARGE. `validate_options` may be null.
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options);
+
+// Seam corners and then uncut corners, each an int32, little-endian: the second blob of a WorkRequest.
+std::string PackCorners(const JobRequest& request);
+
+// SHA-256 of all that decides the result, options that do not (threads) left out.
+std::string WorkKey(const JobRequest& request, std::string_view mesh_sha256, std::string_view corners_sha256);
 
 }  // namespace planish

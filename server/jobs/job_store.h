@@ -7,41 +7,66 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planish/store/v1/store.pb.h"
 #include "planish/v1/job.pb.h"
 
 namespace planish {
 
-// What must outlive a restart. Meshes, UV and events are kept elsewhere.
-struct JobRecord {
-  v1::Job job;              // without queue_position and progress
-  std::int64_t number = 0;  // 1, 2, 3, ... in order of creation
-  std::string request_id;   // empty, or unique among the records
-};
+using JobRecord = store::v1::JobRecord;
 
 struct JobQuery {
   std::int64_t before_number = 0;                  // only older records than this one; 0: all
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;  // only records in this state; UNSPECIFIED: all
+  std::string label_prefix;                        // only records whose label begins so
   int limit = 0;                                   // at most this many
 };
 
-// Called by one thread at a time: JobManager holds its lock.
+struct JobTotals {
+  std::int64_t ended = 0;         // jobs in terminal states
+  std::int64_t result_bytes = 0;  // of the UV of those that SUCCEEDED
+  std::int64_t last_number = 0;   // ever given to a record that is still there
+};
+
+// What must outlive a restart: records and the events that are changes of state. Meshes and UV are kept elsewhere
+// (BlobStore), progress nowhere. Called by one thread at a time: JobManager holds its lock.
+// Every function may fail: RESOURCE_EXHAUSTED with STORAGE_FULL, INTERNAL. A write that failed changed nothing.
 class JobStore {
  public:
   virtual ~JobStore() = default;
 
-  // Adds the record, or replaces the one with the same job name.
-  virtual void Put(const JobRecord& record) = 0;
+  // Of this store, the same after a restart.
+  virtual const std::string& id() const = 0;
 
-  virtual std::optional<JobRecord> Find(const std::string& name) const = 0;
-  virtual std::optional<JobRecord> FindByRequestId(const std::string& request_id) const = 0;
+  // Adds the record, or replaces the one with the same number, and adds `event` if not null: both or none.
+  virtual absl::Status Put(const JobRecord& record, const v1::JobEvent* event) = 0;
 
-  // Newest first.
-  virtual std::vector<JobRecord> List(const JobQuery& query) const = 0;
+  virtual absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) = 0;
+  virtual absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& request_id) = 0;
+  // The newest that SUCCEEDED at this work.
+  virtual absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key) = 0;
 
-  // No effect if there is no such record.
-  virtual void Delete(const std::string& name) = 0;
+  // Newest first, without reports.
+  virtual absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query) = 0;
+  // Those that have not ended, oldest first.
+  virtual absl::StatusOr<std::vector<JobRecord>> Unfinished() = 0;
+  // The record in one of the terminal states (UNSPECIFIED: any) that ended first.
+  virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(v1::JobState state) = 0;
+  virtual absl::StatusOr<JobTotals> Totals() = 0;
+
+  // In order. The last event of a job that ended has no report: the record has it.
+  virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number) = 0;
+
+  // With its events. No effect if there is no such record.
+  virtual absl::Status Delete(std::int64_t number) = 0;
+
+  // Whether a record needs this blob: a mesh of a job that has not ended, UV of one that SUCCEEDED.
+  virtual absl::StatusOr<bool> UsesBlob(const std::string& sha256) = 0;
 };
 
-std::unique_ptr<JobStore> NewMemoryJobStore();
+// SQLite at `path`, or ":memory:" for one that lives as long as the object. FAILED_PRECONDITION if the file was written
+// by a newer version of planish.
+absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path);
 
 }  // namespace planish

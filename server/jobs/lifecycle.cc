@@ -11,24 +11,34 @@ namespace {
 using v1::JobState;
 
 std::optional<JobState> Next(JobState state, JobAction action) {
+  const bool queued = state == v1::JOB_STATE_QUEUED;
   const bool running = state == v1::JOB_STATE_RUNNING;
   const bool stopping = state == v1::JOB_STATE_STOPPING;
   switch (action) {
     case JobAction::kStart:
-      if (state == v1::JOB_STATE_QUEUED) return v1::JOB_STATE_RUNNING;
+      if (queued) return v1::JOB_STATE_RUNNING;
+      break;
+    case JobAction::kStop:
+      if (running) return v1::JOB_STATE_STOPPING;
       break;
     case JobAction::kCancel:
-      if (state == v1::JOB_STATE_QUEUED) return v1::JOB_STATE_CANCELLED;
+      if (queued) return v1::JOB_STATE_CANCELLED;
       if (running) return v1::JOB_STATE_STOPPING;
       break;
     case JobAction::kSucceed:
-      if (running || stopping) return v1::JOB_STATE_SUCCEEDED;
+      if (queued || running || stopping) return v1::JOB_STATE_SUCCEEDED;
       break;
     case JobAction::kFail:
-      if (running || stopping) return v1::JOB_STATE_FAILED;
+      if (queued || running || stopping) return v1::JOB_STATE_FAILED;
       break;
     case JobAction::kCancelled:
       if (stopping) return v1::JOB_STATE_CANCELLED;
+      break;
+    case JobAction::kRequeue:
+      if (running || stopping) return v1::JOB_STATE_QUEUED;
+      break;
+    case JobAction::kExpire:
+      if (state == v1::JOB_STATE_SUCCEEDED) return v1::JOB_STATE_EXPIRED;
       break;
   }
   return std::nullopt;
@@ -38,6 +48,8 @@ const char* Name(JobAction action) {
   switch (action) {
     case JobAction::kStart:
       return "start";
+    case JobAction::kStop:
+      return "stop";
     case JobAction::kCancel:
       return "cancel";
     case JobAction::kSucceed:
@@ -46,6 +58,10 @@ const char* Name(JobAction action) {
       return "fail";
     case JobAction::kCancelled:
       return "be reported as cancelled";
+    case JobAction::kRequeue:
+      return "be queued again";
+    case JobAction::kExpire:
+      return "expire";
   }
   return "?";
 }
@@ -71,7 +87,8 @@ absl::Status Advance(JobAction action, absl::Time now, v1::Job* job) {
   }
   job->set_state(*next);
   if (action == JobAction::kStart) *job->mutable_start_time() = ToTimestamp(now);
-  if (IsTerminal(*next)) *job->mutable_end_time() = ToTimestamp(now);
+  if (action == JobAction::kRequeue) job->clear_start_time();
+  if (IsTerminal(*next) && action != JobAction::kExpire) *job->mutable_end_time() = ToTimestamp(now);
   return absl::OkStatus();
 }
 

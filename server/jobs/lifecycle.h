@@ -13,10 +13,13 @@ namespace planish {
 // What happens to a job.
 enum class JobAction {
   kStart,      // a worker took it
+  kStop,       // somebody wants the best map so far
   kCancel,     // somebody wants it to end
-  kSucceed,    // the worker delivered
-  kFail,       // the worker reported an error, or is lost
+  kSucceed,    // the worker delivered; or another job's worker delivered the same
+  kFail,       // the worker reported an error, or is lost; or the job ran out of time
   kCancelled,  // the worker obeyed
+  kRequeue,    // the worker is lost, and another one shall try
+  kExpire,     // the UV are dropped
 };
 
 // "RUNNING" for JOB_STATE_RUNNING.
@@ -26,9 +29,12 @@ std::string StateName(v1::JobState state);
 bool IsTerminal(v1::JobState state);
 
 // Applies `action` to `job` at time `now`: the only function that writes Job.state, start_time and end_time.
-//   QUEUED    kStart -> RUNNING       kCancel -> CANCELLED
-//   RUNNING   kCancel -> STOPPING     kSucceed -> SUCCEEDED   kFail -> FAILED
-//   STOPPING                          kSucceed -> SUCCEEDED   kFail -> FAILED   kCancelled -> CANCELLED
+//   QUEUED     kStart -> RUNNING      kCancel -> CANCELLED   kSucceed -> SUCCEEDED   kFail -> FAILED
+//   RUNNING    kStop, kCancel -> STOPPING                    kSucceed -> SUCCEEDED   kFail -> FAILED
+//              kRequeue -> QUEUED
+//   STOPPING   kCancelled -> CANCELLED                       kSucceed -> SUCCEEDED   kFail -> FAILED
+//              kRequeue -> QUEUED
+//   SUCCEEDED  kExpire -> EXPIRED
 // FAILED_PRECONDITION for everything else, and `job` is unchanged.
 absl::Status Advance(JobAction action, absl::Time now, v1::Job* job);
 

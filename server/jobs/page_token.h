@@ -9,16 +9,17 @@
 
 namespace planish {
 
-struct PagePosition {
-  std::string instance;  // of the server: job numbers start anew with each
+// What a page is part of.
+struct PageList {
+  std::string store;  // JobStore::id(): job numbers start anew with each
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
-  std::int64_t before_number = 0;
+  std::string label_prefix;
 };
 
-std::string EncodePageToken(const PagePosition& position);
+std::string EncodePageToken(const PageList& list, std::int64_t before_number);
 
 // The job number before which the page begins; 0 for an empty token. INVALID_ARGUMENT if `token` was made by another
 // server or for another filter.
-absl::StatusOr<std::int64_t> DecodePageToken(const std::string& token, const std::string& instance, v1::JobState state);
+absl::StatusOr<std::int64_t> DecodePageToken(const std::string& token, const PageList& list);
 
 }  // namespace planish
