@@ -26,6 +26,7 @@
 #include "server/jobs/ids.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_request.h"
+#include "server/jobs/job_source.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/lifecycle.h"
 #include "server/jobs/work.h"
@@ -46,13 +47,14 @@ struct JobManagerOptions {
   int retained_jobs = 256;
   std::int64_t retained_bytes = std::int64_t{1} << 30;
   absl::Duration retained_time = absl::InfiniteDuration();
-  std::size_t events_per_job = 256;                   // JobEventLog capacity
-  absl::Duration reattach_grace = absl::Seconds(10);  // that a job outlives its last caller by
-  absl::Duration obey_limit = absl::Seconds(5);       // from a cancellation to the worker's end
-  int max_crashes = 2;                                // workers that a job may cost before it fails
-  absl::Duration retry_delay = absl::Seconds(1);      // advice with refusals where nothing better is known
-  OptionsValidator validate_options;                  // null: everything goes
-  NeedsEstimator estimate;                            // null: jobs need nothing
+  std::size_t events_per_job = 256;                             // JobEventLog capacity
+  absl::Duration reattach_grace = absl::Seconds(10);            // that a job outlives its last caller by
+  absl::Duration obey_limit = absl::Seconds(5);                 // from a cancellation to the worker's end
+  int max_crashes = 2;                                          // workers that a job may cost before it fails
+  absl::Duration retry_delay = absl::Seconds(1);                // advice with refusals where nothing better is known
+  OptionsValidator validate_options;                            // null: everything goes
+  NeedsEstimator estimate;                                      // null: jobs need nothing
+  std::function<bool(const std::string& sha256)> is_blob_used;  // by somebody else; null: nobody. Must not call back
   // Hears of every change of state, in order, under the manager's lock: must be quick and must not call back.
   std::function<void(const v1::Job&)> on_transition;
   // Hears of records that could not be written, likewise. They are tried again by Tick().
@@ -97,15 +99,8 @@ struct JobPage {
   std::string next_page_token;
 };
 
-struct JobAssignment {
-  std::string name;  // of the work: of one of the jobs it is for
-  int attempt = 0;   // 1, 2, ... at this work
-  worker::v1::WorkRequest request;
-  std::vector<BlobPtr> blobs;
-};
-
 // Thread-safe. Errors carry an ErrorInfo (core/base/error.h); unknown names are NOT_FOUND with JOB_NOT_FOUND.
-class JobManager {
+class JobManager : public JobSource {
  public:
   // Goes on where the process before left off: jobs that ran are queued again. INTERNAL, STORAGE_FULL if `store` cannot
   // be read. Both stores must outlive the manager and belong to it alone but for blobs that others hold.
@@ -146,23 +141,16 @@ class JobManager {
 
   // ---- for WorkerPool
 
-  // Waits for work and memory for it, and makes its jobs RUNNING. Empty after Stop().
-  std::optional<JobAssignment> TakeNext();
-
-  // Tells who is at work, after the WorkRequest was sent: a request to stop or cancel goes there, also one from before
-  // this call.
-  void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link);
-
-  // When the worker is to be given up: the infinite past if nobody waits for it any more, the infinite future if there
-  // is no hurry.
-  absl::Time ObeyBy(const std::string& name, int attempt) const;
-
-  // These three are ignored for an attempt that is not the present one.
-  void ReportProgress(const std::string& name, int attempt, v1::Progress progress);
+  // Waits for work and memory for it, and makes its jobs RUNNING. Named after one of them; attempts count 1, 2, ... for
+  // each piece of work. Empty after StopWorkers().
+  std::optional<JobAssignment> TakeNext() override;
+  void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) override;
+  absl::Time ObeyBy(const std::string& name, int attempt) override;
+  void ReportProgress(const std::string& name, int attempt, v1::Progress progress) override;
   // Ends the jobs as the worker says.
-  void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv);
+  void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) override;
   // Queues the work again, or ends its jobs as FAILED if it cost too many workers.
-  void ReportLost(const std::string& name, int attempt, WorkerLoss loss);
+  void ReportLost(const std::string& name, int attempt, WorkerLoss loss) override;
 
   // ---- for upkeep
 
@@ -256,7 +244,7 @@ class JobManager {
   void Enqueue(Work& work);
   void LeaveWork(Live& live);
   // Takes the work off the books.
-  Work Remove(const std::string& name);
+  Work Remove(std::string name);
   Work* FindAttempt(const std::string& name, int attempt);
   absl::StatusOr<JobAssignment> Assign(const Work& work);
   void Begin(Live& live, Wakeups* wakeups);
@@ -289,6 +277,8 @@ class JobManager {
   bool Expire(JobRecord record);
   absl::Status Forget(const JobRecord& record);
   void ReleaseBlobs(const JobRecord& record);
+  bool IsBlobUsed(const std::string& sha256) const;
+  // Those that may have become unused; from time to time all of them.
   void CollectBlobs();
   void CheckIdle(Wakeups* wakeups);
 
@@ -314,6 +304,7 @@ class JobManager {
   std::set<std::string> unused_blobs_;  // may be unused: to be looked at
   JobTotals totals_;
   std::string last_ended_;
+  absl::Time next_sweep_ = absl::InfinitePast();   // over all blobs
   absl::Time next_expiry_ = absl::InfinitePast();  // no result is too old before
   double seconds_factor_ = 1;                      // what work takes over what the estimate says
   bool draining_ = false;

@@ -16,6 +16,9 @@ using google::protobuf::util::TimeUtil;
 
 constexpr std::size_t kEndedLogs = 64;
 
+// Blobs that somebody else stopped using are found by a look at all of them.
+constexpr absl::Duration kSweepInterval = absl::Minutes(10);
+
 absl::Duration ToDuration(const google::protobuf::Duration& duration) {
   return absl::Nanoseconds(TimeUtil::DurationToNanoseconds(duration));
 }
@@ -234,12 +237,21 @@ void JobManager::ReleaseBlobs(const JobRecord& record) {
   }
 }
 
+bool JobManager::IsBlobUsed(const std::string& sha256) const {
+  if (options_.is_blob_used != nullptr && options_.is_blob_used(sha256)) return true;
+  const absl::StatusOr<bool> used = store_->UsesBlob(sha256);
+  return !used.ok() || *used;
+}
+
 void JobManager::CollectBlobs() {
-  std::erase_if(unused_blobs_, [this](const std::string& sha256) {
-    const absl::StatusOr<bool> used = store_->UsesBlob(sha256);
-    if (!used.ok()) return false;
-    return *used || blobs_->Remove(sha256);
-  });
+  const absl::Time now = options_.clock();
+  if (now >= next_sweep_) {
+    next_sweep_ = now + kSweepInterval;
+    unused_blobs_.clear();
+    return blobs_->Collect([this](const std::string& sha256) { return IsBlobUsed(sha256); });
+  }
+  std::erase_if(unused_blobs_,
+                [this](const std::string& sha256) { return IsBlobUsed(sha256) || blobs_->Remove(sha256); });
 }
 
 absl::StatusOr<BlobPtr> JobManager::PutBlob(std::string_view bytes, const std::string& sha256) {
@@ -264,10 +276,7 @@ absl::Status JobManager::Recover() {
   PLANISH_ASSIGN_OR_RETURN(totals_, store_->Totals());
   PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, store_->Unfinished());
   for (JobRecord& record : records) PLANISH_RETURN_IF_ERROR(RecoverJob(std::move(record), &wakeups));
-  blobs_->Collect([this](const std::string& sha256) {
-    const absl::StatusOr<bool> used = store_->UsesBlob(sha256);
-    return !used.ok() || *used;
-  });
+  CollectBlobs();
   return absl::OkStatus();
 }
 

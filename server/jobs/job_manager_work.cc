@@ -93,7 +93,7 @@ void JobManager::LeaveWork(Live& live) {
   }
 }
 
-Work JobManager::Remove(const std::string& name) {
+Work JobManager::Remove(std::string name) {
   const auto found = works_.find(name);
   Work work = std::move(found->second);
   works_.erase(found);
@@ -200,7 +200,7 @@ void JobManager::SetLink(const std::string& name, int attempt, std::shared_ptr<W
   SendStopIfAllWant(*work);
 }
 
-absl::Time JobManager::ObeyBy(const std::string& name, int attempt) const {
+absl::Time JobManager::ObeyBy(const std::string& name, int attempt) {
   const std::lock_guard lock(mutex_);
   const auto found = works_.find(name);
   if (found == works_.end() || found->second.attempt != attempt) return absl::InfinitePast();

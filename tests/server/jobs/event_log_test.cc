@@ -95,7 +95,7 @@ TEST(EventLog, StatesAloneMayExceedTheCapacity) {
 TEST(EventLog, EndsOnceWithTheUv) {
   JobEventLog log(8);
   EXPECT_EQ(log.uv(), nullptr);
-  log.AppendLast(State(v1::JOB_STATE_SUCCEEDED), std::make_shared<const std::string>("uv"));
+  log.AppendLast(State(v1::JOB_STATE_SUCCEEDED), *Blob::Copy("uv"));
   log.Append(Iteration(1));
   log.AppendLast(State(v1::JOB_STATE_FAILED), nullptr);
   EXPECT_THAT(Sequences(ReadAll(log, 0)), ElementsAre(1));
@@ -103,7 +103,7 @@ TEST(EventLog, EndsOnceWithTheUv) {
   EXPECT_TRUE(log.ReadAfter(1).ended);
   EXPECT_TRUE(log.ReadAfter(99).ended);
   ASSERT_NE(log.uv(), nullptr);
-  EXPECT_EQ(*log.uv(), "uv");
+  EXPECT_EQ(log.uv()->bytes(), "uv");
 }
 
 TEST(EventLog, WakesSubscribersUntilTheyDrop) {

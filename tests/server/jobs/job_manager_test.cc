@@ -1,13 +1,6 @@
-#include "server/jobs/job_manager.h"
-
-#include <utility>
-
-#include "core/base/error.h"
 #include "gmock/gmock.h"
-#include "google/rpc/error_details.pb.h"
 #include "gtest/gtest.h"
-#include "server/link/rpc_status.h"
-#include "tests/server/testing/fake_workers.h"
+#include "tests/server/jobs/job_manager_fixture.h"
 
 namespace planish {
 namespace {
@@ -15,77 +8,6 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
-
-// A worker's end that only notes what it is sent.
-class NotingLink : public WorkerLink {
- public:
-  void Send(worker::v1::ToWorker message) override { sent.push_back(std::move(message)); }
-  std::optional<worker::v1::FromWorker> Receive() override { return std::nullopt; }
-  void Close() override { closed = true; }
-
-  std::vector<worker::v1::ToWorker> sent;
-  bool closed = false;
-};
-
-std::string Reason(const absl::Status& status) {
-  return ErrorInfoOf(status).reason;
-}
-
-worker::v1::WorkResult Success(const std::string& uv) {
-  return SuccessMessage(uv).result();
-}
-
-// The test plays the workers: no threads.
-class JobManagerTest : public ::testing::Test {
- protected:
-  JobManagerTest() {
-    options_.clock = [this] { return now_; };
-    options_.new_id = [this] { return "id" + std::to_string(++ids_); };
-    options_.on_transition = [this](const v1::Job& job) { transitions_.push_back(StateName(job.state())); };
-    options_.queue_capacity = 2;
-    options_.retry_delay = absl::Seconds(3);
-    Restart();
-  }
-
-  void Restart() { manager_ = std::make_unique<JobManager>(options_, NewMemoryJobStore()); }
-
-  static JobRequest Request(const std::string& request_id = "", bool attached = false) {
-    JobRequest request;
-    request.draco = "mesh";
-    request.request_id = request_id;
-    request.attached = attached;
-    return request;
-  }
-
-  std::string Create(const std::string& request_id = "") {
-    const auto accepted = manager_->Create(Request(request_id));
-    EXPECT_TRUE(accepted.ok()) << accepted.status();
-    return accepted.ok() ? accepted->job.name() : "";
-  }
-
-  // Creates a job and brings it to its end.
-  std::string CreateEnded(const std::string& uv = "uv") {
-    const std::string name = Create();
-    EXPECT_EQ(manager_->TakeNext()->name, name);
-    manager_->ReportResult(name, Success(uv));
-    return name;
-  }
-
-  v1::JobState State(const std::string& name) { return manager_->Get(name)->state(); }
-
-  std::vector<v1::JobEvent> Events(const std::string& name) {
-    const auto log = *manager_->Watch(name);
-    std::vector<v1::JobEvent> events;
-    while (auto event = log->ReadAfter(events.empty() ? 0 : events.back().sequence()).event) events.push_back(*event);
-    return events;
-  }
-
-  absl::Time now_ = absl::FromUnixSeconds(1'000'000);
-  int ids_ = 0;
-  std::vector<std::string> transitions_;
-  JobManagerOptions options_;
-  std::unique_ptr<JobManager> manager_;
-};
 
 TEST_F(JobManagerTest, ALifeInEvents) {
   JobRequest request = Request();
@@ -95,19 +17,21 @@ TEST_F(JobManagerTest, ALifeInEvents) {
   ASSERT_TRUE(accepted.ok());
   const std::string name = accepted->job.name();
   EXPECT_EQ(accepted->job.state(), v1::JOB_STATE_QUEUED);
-  EXPECT_EQ(accepted->job.mesh_bytes(), 4);
+  EXPECT_EQ(accepted->job.mesh_bytes(), 5);
 
   now_ += absl::Seconds(2);
   const auto assignment = manager_->TakeNext();
   ASSERT_TRUE(assignment.has_value());
   EXPECT_EQ(assignment->name, name);
   EXPECT_EQ(assignment->request.job(), name);
-  EXPECT_EQ(assignment->request.draco(), "mesh");
+  ASSERT_THAT(assignment->blobs, SizeIs(1));
+  EXPECT_EQ(assignment->blobs[0]->bytes(), "mesh1");
+  attempt_ = assignment->attempt;
   EXPECT_EQ(assignment->request.options().tolerance(), 1e-6);
-  manager_->ReportProgress(name, ProgressMessage(1).event().progress());
+  manager_->ReportProgress(name, attempt_, Iteration(1));
   EXPECT_EQ(manager_->Get(name)->progress().newton_iteration(), 1);
   now_ += absl::Seconds(5);
-  manager_->ReportResult(name, Success("uvuvuv"));
+  Succeed(name, "uvuvuv");
 
   const v1::Job job = *manager_->Get(name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
@@ -123,12 +47,12 @@ TEST_F(JobManagerTest, ALifeInEvents) {
   EXPECT_EQ(events[3].job().state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_TRUE(events[3].job().has_report());
   for (std::size_t i = 0; i < events.size(); ++i) EXPECT_EQ(events[i].sequence(), static_cast<std::int64_t>(i) + 1);
-  EXPECT_EQ(*(*manager_->Watch(name))->uv(), "uvuvuv");
+  EXPECT_EQ(Watch(name)->uv()->bytes(), "uvuvuv");
   EXPECT_THAT(transitions_, ElementsAre("QUEUED", "RUNNING", "SUCCEEDED"));
 }
 
 TEST_F(JobManagerTest, RefusesBadRequests) {
-  options_.max_mesh_bytes = 4;
+  options_.max_mesh_bytes = 8;
   options_.validate_options = [](const v1::UnwrapOptions& options) {
     return options.tolerance() == 7 ? MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", "tolerance")
                                     : absl::OkStatus();
@@ -138,7 +62,7 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
   JobRequest request = Request();
   request.draco.clear();
   EXPECT_EQ(reason_of(request), "MESH_MISSING");
-  request.draco = "12345";
+  request.draco = "123456789";
   EXPECT_EQ(reason_of(request), "MESH_TOO_LARGE");
   request = Request();
   request.request_id = std::string(129, 'x');
@@ -149,21 +73,24 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
   request = Request();
   request.options.set_tolerance(7);
   EXPECT_EQ(reason_of(request), "OPTIONS_INVALID");
-  EXPECT_THAT(manager_->List(0, "", v1::JOB_STATE_UNSPECIFIED)->jobs, IsEmpty());
+  EXPECT_THAT(List(0)->jobs, IsEmpty());
 }
 
 TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
   options_.max_mesh_bytes = 16;
   Restart();
   JobRequest request = Request();
+  request.draco = "mesh";
   request.seam_corners = {5, 0};
   request.uncut_corners = {2};
   const auto accepted = manager_->Create(request);
   ASSERT_TRUE(accepted.ok()) << accepted.status();
   EXPECT_EQ(accepted->job.mesh_bytes(), 16);
   const auto assignment = manager_->TakeNext();
-  EXPECT_THAT(assignment->request.seam_corners(), ElementsAre(5, 0));
-  EXPECT_THAT(assignment->request.uncut_corners(), ElementsAre(2));
+  EXPECT_EQ(assignment->request.seam_corners(), 2);
+  EXPECT_EQ(assignment->request.uncut_corners(), 1);
+  ASSERT_THAT(assignment->blobs, SizeIs(2));
+  EXPECT_EQ(assignment->blobs[1]->bytes(), std::string("\5\0\0\0\0\0\0\0\2\0\0\0", 12));
 
   request.seam_corners = {5, 0, 7};
   EXPECT_EQ(Reason(manager_->Create(request).status()), "MESH_TOO_LARGE");
@@ -198,7 +125,7 @@ TEST_F(JobManagerTest, IdleWorkersCountAsRoom) {
   Create();
   Create();
   EXPECT_EQ(Reason(manager_->Create(Request()).status()), "QUEUE_FULL");
-  manager_->ReportResult(manager_->TakeNext()->name, Success("uv"));
+  Succeed(Take());
   Create();
 }
 
@@ -206,7 +133,7 @@ TEST_F(JobManagerTest, QueuePositionCountsDown) {
   const std::string first = Create();
   const std::string second = Create();
   EXPECT_EQ(manager_->Get(second)->queue_position(), 1);
-  EXPECT_EQ(manager_->TakeNext()->name, first);
+  EXPECT_EQ(Take(), first);
   EXPECT_EQ(manager_->Get(second)->queue_position(), 0);
 }
 
@@ -214,8 +141,8 @@ TEST_F(JobManagerTest, SameRequestIdIsTheSameJob) {
   const std::string name = Create("r1");
   EXPECT_EQ(Create("r1"), name);
   EXPECT_NE(Create("r2"), name);
-  manager_->TakeNext();
-  manager_->ReportResult(name, Success("uv"));
+  Take();
+  Succeed(name);
   EXPECT_EQ(Create("r1"), name) << "also after its end, and when the queue is full";
   ASSERT_TRUE(manager_->Delete(name).ok());
   EXPECT_NE(Create("r1"), name);
@@ -227,56 +154,56 @@ TEST_F(JobManagerTest, CancelWhileQueued) {
   EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_CANCELLED);
   EXPECT_THAT(Events(name), SizeIs(2));
-  EXPECT_EQ(manager_->TakeNext()->name, other);
+  EXPECT_EQ(Take(), other);
 }
 
 TEST_F(JobManagerTest, CancelWhileRunningTellsTheWorkerOnce) {
   const std::string name = Create();
-  manager_->TakeNext();
+  Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, link);
+  manager_->SetLink(name, attempt_, link);
   EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_STOPPING);
   EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_STOPPING);
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_cancel());
-  manager_->ReportResult(name, CancelledMessage().result());
+  Report(name, Cancelled());
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_CANCELLED);
 }
 
 TEST_F(JobManagerTest, CancelBeforeTheWorkerIsKnownReachesIt) {
   const std::string name = Create();
-  manager_->TakeNext();
+  Take();
   manager_->Cancel(name).IgnoreError();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, link);
+  manager_->SetLink(name, attempt_, link);
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_cancel());
 }
 
 TEST_F(JobManagerTest, ResultAfterCancelIsDiscarded) {
   const std::string name = Create();
-  manager_->TakeNext();
+  Take();
   manager_->Cancel(name).IgnoreError();
-  manager_->ReportResult(name, Success("uv"));
+  Succeed(name);
   const v1::Job job = *manager_->Get(name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_CANCELLED);
   EXPECT_FALSE(job.has_report());
   EXPECT_FALSE(job.has_uv());
-  EXPECT_EQ((*manager_->Watch(name))->uv(), nullptr);
+  EXPECT_EQ(Watch(name)->uv(), nullptr);
 }
 
 TEST_F(JobManagerTest, WorkersFailure) {
   const std::string name = Create();
-  manager_->TakeNext();
+  Take();
   const absl::Status closed = MakeError(absl::StatusCode::kInvalidArgument, "MESH_CLOSED", "no boundary");
-  manager_->ReportResult(name, FailureMessage(closed).result());
+  Report(name, Failure(closed));
   const v1::Job job = *manager_->Get(name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(job.error().message(), "no boundary");
-  manager_->ReportResult(name, Success("uv"));
-  manager_->ReportLost(name, "late");
-  manager_->ReportProgress(name, v1::Progress());
+  Succeed(name);
+  Lose(name);
+  manager_->ReportProgress(name, attempt_, v1::Progress());
   EXPECT_EQ(State(name), v1::JOB_STATE_FAILED) << "what a worker says after the end changes nothing";
   EXPECT_THAT(Events(name), SizeIs(3));
 }
@@ -284,14 +211,14 @@ TEST_F(JobManagerTest, WorkersFailure) {
 TEST_F(JobManagerTest, WorkersThatBreakTheProtocolFailTheJob) {
   const auto run = [this](const worker::v1::WorkResult& result) {
     const std::string name = Create();
-    manager_->TakeNext();
-    manager_->ReportResult(name, result);
+    Take();
+    Report(name, result, "uv");
     return *manager_->Get(name);
   };
   worker::v1::WorkResult result = Success("uv");
   result.mutable_uv()->set_total_bytes(3);
   EXPECT_EQ(run(result).state(), v1::JOB_STATE_FAILED);
-  const v1::Job unasked = run(CancelledMessage().result());
+  const v1::Job unasked = run(Cancelled());
   EXPECT_EQ(unasked.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(unasked.error().code(), static_cast<int>(absl::StatusCode::kInternal));
 }
@@ -303,15 +230,15 @@ TEST_F(JobManagerTest, DeleteNeedsAnEndedJob) {
   EXPECT_TRUE(manager_->Delete(name).ok());
   EXPECT_EQ(Reason(manager_->Delete(name)), "JOB_NOT_FOUND");
   EXPECT_EQ(Reason(manager_->Get(name).status()), "JOB_NOT_FOUND");
-  EXPECT_EQ(Reason(manager_->Watch(name).status()), "JOB_NOT_FOUND");
+  EXPECT_EQ(Reason(manager_->Watch(name, false, false).status()), "JOB_NOT_FOUND");
   EXPECT_EQ(Reason(manager_->Cancel(name).status()), "JOB_NOT_FOUND");
 }
 
 TEST_F(JobManagerTest, WatchersKeepWhatWasDeleted) {
   const std::string name = CreateEnded("result");
-  const auto events = *manager_->Watch(name);
+  const auto events = Watch(name);
   ASSERT_TRUE(manager_->Delete(name).ok());
-  EXPECT_EQ(*events->uv(), "result");
+  EXPECT_EQ(events->uv()->bytes(), "result");
 }
 
 TEST_F(JobManagerTest, ListsNewestFirstInPages) {
@@ -319,13 +246,13 @@ TEST_F(JobManagerTest, ListsNewestFirstInPages) {
   Restart();
   std::vector<std::string> names;
   for (int i = 0; i < 5; ++i) names.push_back(Create());
-  const auto first = manager_->List(2, "", v1::JOB_STATE_UNSPECIFIED);
+  const auto first = List(2);
   ASSERT_TRUE(first.ok());
   ASSERT_THAT(first->jobs, SizeIs(2));
   EXPECT_EQ(first->jobs[0].name(), names[4]);
   EXPECT_EQ(first->jobs[1].name(), names[3]);
   Create();
-  const auto second = manager_->List(10, first->next_page_token, v1::JOB_STATE_UNSPECIFIED);
+  const auto second = List(10, first->next_page_token);
   ASSERT_TRUE(second.ok());
   ASSERT_THAT(second->jobs, SizeIs(3)) << "jobs that came meanwhile do not shift the page";
   EXPECT_EQ(second->jobs[0].name(), names[2]);
@@ -335,7 +262,7 @@ TEST_F(JobManagerTest, ListsNewestFirstInPages) {
 TEST_F(JobManagerTest, ListsOneState) {
   const std::string ended = CreateEnded();
   Create();
-  const auto page = manager_->List(0, "", v1::JOB_STATE_SUCCEEDED);
+  const auto page = List(0, "", v1::JOB_STATE_SUCCEEDED);
   ASSERT_TRUE(page.ok());
   ASSERT_THAT(page->jobs, SizeIs(1));
   EXPECT_EQ(page->jobs[0].name(), ended);
@@ -345,12 +272,12 @@ TEST_F(JobManagerTest, ListsOneState) {
 TEST_F(JobManagerTest, RefusesForeignPageTokens) {
   Create();
   Create();
-  const std::string token = manager_->List(1, "", v1::JOB_STATE_UNSPECIFIED)->next_page_token;
-  EXPECT_FALSE(manager_->List(1, "garbage", v1::JOB_STATE_UNSPECIFIED).ok());
-  EXPECT_FALSE(manager_->List(1, token, v1::JOB_STATE_QUEUED).ok());
-  EXPECT_FALSE(manager_->List(-1, "", v1::JOB_STATE_UNSPECIFIED).ok());
+  const std::string token = List(1)->next_page_token;
+  EXPECT_FALSE(List(1, "garbage").ok());
+  EXPECT_FALSE(List(1, token, v1::JOB_STATE_QUEUED).ok());
+  EXPECT_FALSE(List(-1).ok());
   Restart();
-  EXPECT_EQ(Reason(manager_->List(1, token, v1::JOB_STATE_UNSPECIFIED).status()), "REQUEST_INVALID");
+  EXPECT_EQ(Reason(List(1, token).status()), "REQUEST_INVALID");
 }
 
 TEST_F(JobManagerTest, KeepsTheNewestEndedJobs) {
@@ -369,13 +296,17 @@ TEST_F(JobManagerTest, KeepsSoManyBytesOfUv) {
   Restart();
   const std::string first = CreateEnded("123456");
   const std::string second = CreateEnded("1234");
-  EXPECT_TRUE(manager_->Get(first).ok());
+  EXPECT_EQ(State(first), v1::JOB_STATE_SUCCEEDED);
   const std::string large = CreateEnded("12345678901234");
-  EXPECT_FALSE(manager_->Get(first).ok());
-  EXPECT_FALSE(manager_->Get(second).ok());
-  EXPECT_TRUE(manager_->Get(large).ok()) << "the last one stays, so that its caller can fetch it";
+  EXPECT_EQ(State(first), v1::JOB_STATE_EXPIRED);
+  EXPECT_EQ(State(second), v1::JOB_STATE_EXPIRED);
+  EXPECT_EQ(State(large), v1::JOB_STATE_SUCCEEDED) << "the last one stays, so that its caller can fetch it";
   CreateEnded("1");
-  EXPECT_FALSE(manager_->Get(large).ok());
+  EXPECT_EQ(State(large), v1::JOB_STATE_EXPIRED);
+  EXPECT_EQ(Reason(manager_->Watch(large, false, true).status()), "RESULT_EXPIRED");
+  EXPECT_EQ(Events(large).back().job().state(), v1::JOB_STATE_EXPIRED);
+  manager_->Tick();
+  EXPECT_EQ(blobs_->bytes(), 1) << "only the last UV are left";
 }
 
 TEST_F(JobManagerTest, AbandonedJobIsCancelledAndFreesItsRequestId) {
@@ -411,7 +342,7 @@ TEST_F(JobManagerTest, DetachedJobsLiveOn) {
 
 TEST_F(JobManagerTest, DrainRefusesNewJobsAndFinishesOldOnes) {
   const std::string running = Create();
-  manager_->TakeNext();
+  Take();
   const std::string queued = Create("r1");
   int idle = 0;
   manager_->Drain([&idle] { ++idle; });
@@ -420,12 +351,12 @@ TEST_F(JobManagerTest, DrainRefusesNewJobsAndFinishesOldOnes) {
   EXPECT_EQ(Reason(refused), "DRAINING");
   EXPECT_EQ(ToRpcStatus(refused).details_size(), 2);
   EXPECT_EQ(Create("r1"), queued) << "a retry finds its job";
-  manager_->ReportResult(running, Success("uv"));
+  Succeed(running);
   EXPECT_EQ(idle, 0);
-  EXPECT_EQ(manager_->TakeNext()->name, queued);
-  manager_->ReportResult(queued, Success("uv"));
+  EXPECT_EQ(Take(), queued);
+  Succeed(queued);
   EXPECT_EQ(idle, 1);
-  manager_->Stop();
+  manager_->StopWorkers();
   EXPECT_FALSE(manager_->TakeNext().has_value());
 }
 
@@ -438,9 +369,9 @@ TEST_F(JobManagerTest, DrainOfAnIdleServerIsOver) {
 TEST_F(JobManagerTest, EndOfGraceCancelsEverything) {
   const std::string ended = CreateEnded();
   const std::string running = Create();
-  manager_->TakeNext();
+  Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(running, link);
+  manager_->SetLink(running, attempt_, link);
   const std::string queued = Create();
   int idle = 0;
   manager_->Drain([&idle] { ++idle; });
@@ -451,19 +382,19 @@ TEST_F(JobManagerTest, EndOfGraceCancelsEverything) {
   EXPECT_EQ(idle, 0);
   manager_->CloseLinks();
   EXPECT_TRUE(link->closed);
-  manager_->ReportLost(running, "given up");
-  EXPECT_EQ(State(running), v1::JOB_STATE_FAILED);
+  Lose(running);
+  EXPECT_EQ(State(running), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(idle, 1);
 }
 
 TEST_F(JobManagerTest, ReadersMayCallBackWhenTheyAreWoken) {
   const std::string name = Create();
-  const auto log = *manager_->Watch(name);
+  const auto log = Watch(name);
   std::vector<v1::JobState> seen;
   const auto subscription = log->Subscribe([&] { seen.push_back(State(name)); });
-  manager_->TakeNext();
+  Take();
   manager_->Cancel(name).IgnoreError();
-  manager_->ReportResult(name, CancelledMessage().result());
+  Report(name, Cancelled());
   EXPECT_THAT(seen, ElementsAre(v1::JOB_STATE_RUNNING, v1::JOB_STATE_STOPPING, v1::JOB_STATE_CANCELLED));
 }
 

@@ -9,8 +9,9 @@ namespace {
 
 using v1::JobState;
 
-const std::vector<JobAction> kActions = {JobAction::kStart, JobAction::kCancel, JobAction::kSucceed, JobAction::kFail,
-                                         JobAction::kCancelled};
+const std::vector<JobAction> kActions = {JobAction::kStart,   JobAction::kStop,  JobAction::kCancel,
+                                         JobAction::kSucceed, JobAction::kFail,  JobAction::kCancelled,
+                                         JobAction::kRequeue, JobAction::kExpire};
 
 // One letter a target state, in the order of kActions; '.' is illegal.
 struct Row {
@@ -19,13 +20,17 @@ struct Row {
 };
 
 const std::vector<Row> kTable = {
-    {v1::JOB_STATE_UNSPECIFIED, "....."}, {v1::JOB_STATE_QUEUED, "RC..."},    {v1::JOB_STATE_RUNNING, ".TSF."},
-    {v1::JOB_STATE_STOPPING, "..SFC"},    {v1::JOB_STATE_SUCCEEDED, "....."}, {v1::JOB_STATE_FAILED, "....."},
-    {v1::JOB_STATE_CANCELLED, "....."},   {v1::JOB_STATE_EXPIRED, "....."},
+    {v1::JOB_STATE_UNSPECIFIED, "........"}, {v1::JOB_STATE_QUEUED, "R.CSF..."},    {v1::JOB_STATE_RUNNING, ".TTSF.Q."},
+    {v1::JOB_STATE_STOPPING, "...SFCQ."},    {v1::JOB_STATE_SUCCEEDED, ".......E"}, {v1::JOB_STATE_FAILED, "........"},
+    {v1::JOB_STATE_CANCELLED, "........"},   {v1::JOB_STATE_EXPIRED, "........"},
 };
 
 JobState Target(char letter) {
   switch (letter) {
+    case 'Q':
+      return v1::JOB_STATE_QUEUED;
+    case 'E':
+      return v1::JOB_STATE_EXPIRED;
     case 'R':
       return v1::JOB_STATE_RUNNING;
     case 'T':
@@ -58,7 +63,7 @@ TEST(Lifecycle, EveryActionInEveryState) {
         EXPECT_TRUE(status.ok()) << status;
         EXPECT_EQ(job.state(), Target(row.targets[i]));
         EXPECT_EQ(job.has_start_time(), job.state() == v1::JOB_STATE_RUNNING);
-        EXPECT_EQ(job.has_end_time(), IsTerminal(job.state()));
+        EXPECT_EQ(job.has_end_time(), IsTerminal(job.state()) && kActions[i] != JobAction::kExpire);
       }
     }
   }

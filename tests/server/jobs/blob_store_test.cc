@@ -1,0 +1,132 @@
+#include "server/jobs/blob_store.h"
+
+#include <sys/resource.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+
+#include "core/base/error.h"
+#include "core/base/sha256.h"
+#include "gtest/gtest.h"
+#include "tests/server/testing/temp_dir.h"
+
+namespace planish {
+namespace {
+
+// In memory, and in files.
+class BlobStoreTest : public ::testing::TestWithParam<bool> {
+ protected:
+  BlobStoreTest() { Open(); }
+
+  void Open(std::int64_t max_bytes = 1000) {
+    store_ = std::make_unique<BlobStore>(GetParam() ? directory_.Path("") : "", max_bytes);
+    ASSERT_TRUE(store_->Open().ok());
+  }
+
+  const TempDir directory_;
+  std::unique_ptr<BlobStore> store_;
+};
+
+TEST_P(BlobStoreTest, KeepsEqualBytesOnce) {
+  const auto first = store_->Put("hello");
+  ASSERT_TRUE(first.ok()) << first.status();
+  EXPECT_EQ((*first)->bytes(), "hello");
+  EXPECT_TRUE(store_->Put("hello").ok());
+  EXPECT_EQ(store_->bytes(), 5);
+  EXPECT_EQ((*store_->Find(Sha256("hello")))->bytes(), "hello");
+  EXPECT_EQ(ErrorInfoOf(store_->Find(Sha256("other")).status()).reason, "BLOB_NOT_FOUND");
+}
+
+TEST_P(BlobStoreTest, NothingGoesWhileItIsHeld) {
+  auto held = *store_->Put("held");
+  store_->Put("not held").IgnoreError();
+  store_->Collect([](const std::string&) { return false; });
+  EXPECT_TRUE(store_->Has(Sha256("held")));
+  EXPECT_FALSE(store_->Has(Sha256("not held")));
+  EXPECT_FALSE(store_->Remove(Sha256("held")));
+  EXPECT_EQ(held->bytes(), "held");
+  held.reset();
+  EXPECT_TRUE(store_->Remove(Sha256("held")));
+  EXPECT_TRUE(store_->Remove(Sha256("held")));
+  EXPECT_EQ(store_->bytes(), 0);
+}
+
+TEST_P(BlobStoreTest, CollectKeepsWhatIsUsed) {
+  store_->Put("used").IgnoreError();
+  store_->Collect([](const std::string& sha256) { return sha256 == Sha256("used"); });
+  EXPECT_TRUE(store_->Has(Sha256("used")));
+}
+
+TEST_P(BlobStoreTest, RefusesBeyondItsLimit) {
+  Open(10);
+  EXPECT_TRUE(store_->Put("0123456789").ok());
+  EXPECT_EQ(ErrorInfoOf(store_->Put("x").status()).reason, "STORAGE_FULL");
+  EXPECT_TRUE(store_->Put("0123456789").ok()) << "it has these already";
+}
+
+TEST_P(BlobStoreTest, TakesOverFiles) {
+  const TempDir elsewhere;
+  const std::string path = elsewhere.Path("upload");
+  std::ofstream(path) << "uploaded";
+  const auto blob = store_->PutFile(path, Sha256("uploaded"));
+  ASSERT_TRUE(blob.ok()) << blob.status();
+  EXPECT_EQ((*blob)->bytes(), "uploaded");
+  EXPECT_FALSE(std::filesystem::exists(path));
+  EXPECT_EQ((*store_->Find(Sha256("uploaded")))->bytes(), "uploaded");
+}
+
+TEST_P(BlobStoreTest, EmptyBytesAreBytes) {
+  const auto blob = store_->Put("");
+  ASSERT_TRUE(blob.ok()) << blob.status();
+  EXPECT_EQ((*blob)->bytes(), "");
+}
+
+INSTANTIATE_TEST_SUITE_P(Everywhere, BlobStoreTest, ::testing::Bool(),
+                         [](const auto& which) { return which.param ? "Files" : "Memory"; });
+
+TEST(BlobStoreFiles, OutliveTheStoreAndHalfWrittenOnesDoNot) {
+  const TempDir directory;
+  const auto files = [&] {
+    int count = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(directory.Path(""))) {
+      count += entry.is_regular_file() ? 1 : 0;
+    }
+    return count;
+  };
+  {
+    BlobStore store(directory.Path(""), 1000);
+    ASSERT_TRUE(store.Open().ok());
+    ASSERT_TRUE(store.Put("kept").ok());
+  }
+  std::ofstream(directory.Path("new-7")) << "ha";
+  BlobStore store(directory.Path(""), 1000);
+  ASSERT_TRUE(store.Open().ok());
+  EXPECT_EQ(store.bytes(), 4);
+  EXPECT_EQ((*store.Find(Sha256("kept")))->bytes(), "kept");
+  EXPECT_EQ(files(), 1);
+  store.Collect([](const std::string&) { return false; });
+  EXPECT_EQ(files(), 0);
+}
+
+// The same error as of a disk that is full, from the same system call.
+TEST(BlobStoreFiles, ADiskThatIsFullIsSaidAndLeavesNothing) {
+  const TempDir directory;
+  BlobStore store(directory.Path(""), 1 << 30);
+  ASSERT_TRUE(store.Open().ok());
+  rlimit before;
+  getrlimit(RLIMIT_FSIZE, &before);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small = {1000, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &small);
+  const absl::Status status = store.Put(std::string(5000, 'x')).status();
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_EQ(ErrorInfoOf(status).reason, "STORAGE_FULL");
+  EXPECT_EQ(store.bytes(), 0);
+  EXPECT_TRUE(std::filesystem::is_empty(directory.Path("")));
+  EXPECT_TRUE(store.Put(std::string(5000, 'x')).ok()) << "once there is room again";
+}
+
+}  // namespace
+}  // namespace planish

@@ -1,0 +1,288 @@
+// What ends a job early, what keeps it from starting, and what it costs when workers die.
+#include <chrono>
+#include <functional>
+#include <thread>
+
+#include "gmock/gmock.h"
+#include "google/protobuf/util/time_util.h"
+#include "gtest/gtest.h"
+#include "tests/server/jobs/job_manager_fixture.h"
+
+namespace planish {
+namespace {
+
+using google::protobuf::util::TimeUtil;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+class JobLimitsTest : public JobManagerTest {
+ protected:
+  std::string CreateWith(const std::function<void(JobRequest*)>& change) {
+    JobRequest request = Request();
+    change(&request);
+    const auto accepted = manager_->Create(std::move(request));
+    EXPECT_TRUE(accepted.ok()) << accepted.status();
+    return accepted->job.name();
+  }
+
+  void Pass(absl::Duration duration) {
+    now_ += duration;
+    manager_->Tick();
+  }
+
+  // From now on a mesh's first byte says, in hundreds, how much memory it needs, and its second one for how many
+  // seconds.
+  void EstimateByContent() {
+    options_.estimate = [](std::string_view draco, std::int64_t, const v1::MeshSize&,
+                           const v1::UnwrapOptions&) -> absl::StatusOr<JobNeeds> {
+      JobNeeds needs;
+      needs.memory_bytes = 100 * (draco[0] - '0');
+      needs.run_seconds = draco[1] - '0';
+      needs.size.set_triangles(draco[0] - '0');
+      return needs;
+    };
+  }
+};
+
+TEST_F(JobLimitsTest, CrashedWorkIsTriedOnceMoreThenFails) {
+  const std::string name = Create();
+  Take();
+  manager_->ReportProgress(name, attempt_, Iteration(3));
+  Lose(name);
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  EXPECT_FALSE(manager_->Get(name)->has_progress());
+  const int first = attempt_;
+  EXPECT_EQ(Take(), name);
+  EXPECT_NE(attempt_, first);
+  EXPECT_EQ(manager_->Get(name)->attempts(), 2);
+  manager_->ReportResult(name, first, Success("late"), *Blob::Copy("late"));
+  EXPECT_EQ(State(name), v1::JOB_STATE_RUNNING) << "the first worker is no longer listened to";
+  Lose(name);
+  EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(ErrorReason(name), "WORKER_CRASHED");
+  EXPECT_THAT(manager_->Get(name)->error().message(), HasSubstr("2 attempts"));
+  google::rpc::ErrorInfo info;
+  manager_->Get(name)->error().details(0).UnpackTo(&info);
+  EXPECT_EQ(info.metadata().at("attempts"), "2");
+  EXPECT_EQ(info.metadata().at("signal"), "SIGSEGV");
+}
+
+TEST_F(JobLimitsTest, CrashedWorkComesBeforeWhatCameLater) {
+  const std::string first = Create();
+  Take();
+  now_ += absl::Seconds(1);
+  Create();
+  Lose(first);
+  EXPECT_EQ(Take(), first);
+}
+
+TEST_F(JobLimitsTest, WorkerThatDiesOfACancellationCancels) {
+  const std::string name = Create();
+  Take();
+  manager_->Cancel(name).IgnoreError();
+  EXPECT_EQ(manager_->ObeyBy(name, attempt_), now_ + options_.obey_limit);
+  Lose(name);
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(manager_->ObeyBy(name, attempt_), absl::InfinitePast());
+}
+
+TEST_F(JobLimitsTest, TimeoutEndsAJobThatWaits) {
+  const std::string name =
+      CreateWith([](JobRequest* request) { *request->scheduling.mutable_timeout() = TimeUtil::SecondsToDuration(10); });
+  Pass(absl::Seconds(9));
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  Pass(absl::Seconds(1));
+  EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(ErrorReason(name), "DEADLINE_EXCEEDED");
+}
+
+TEST_F(JobLimitsTest, TimeoutCancelsAJobThatRuns) {
+  const std::string name =
+      CreateWith([](JobRequest* request) { *request->scheduling.mutable_timeout() = TimeUtil::SecondsToDuration(10); });
+  Take();
+  const auto link = std::make_shared<NotingLink>();
+  manager_->SetLink(name, attempt_, link);
+  Pass(absl::Seconds(10));
+  EXPECT_EQ(State(name), v1::JOB_STATE_STOPPING);
+  ASSERT_THAT(link->sent, SizeIs(1));
+  EXPECT_TRUE(link->sent[0].has_cancel());
+  Report(name, Cancelled());
+  EXPECT_EQ(ErrorReason(name), "DEADLINE_EXCEEDED");
+}
+
+TEST_F(JobLimitsTest, StopKeepsWhatTheWorkerDelivers) {
+  const std::string name = Create();
+  Take();
+  const auto link = std::make_shared<NotingLink>();
+  manager_->SetLink(name, attempt_, link);
+  EXPECT_EQ(manager_->Stop(name)->state(), v1::JOB_STATE_STOPPING);
+  EXPECT_TRUE(manager_->Stop(name)->stop_requested());
+  ASSERT_THAT(link->sent, SizeIs(1));
+  EXPECT_TRUE(link->sent[0].has_stop());
+  Succeed(name);
+  EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(manager_->Stop(name)->state(), v1::JOB_STATE_SUCCEEDED);
+}
+
+TEST_F(JobLimitsTest, StopOfAQueuedJobWaitsForItsTurn) {
+  const std::string name = Create();
+  EXPECT_EQ(manager_->Stop(name)->state(), v1::JOB_STATE_QUEUED);
+  Take();
+  const auto link = std::make_shared<NotingLink>();
+  manager_->SetLink(name, attempt_, link);
+  ASSERT_THAT(link->sent, SizeIs(1));
+  EXPECT_TRUE(link->sent[0].has_stop());
+}
+
+TEST_F(JobLimitsTest, CancelAfterStop) {
+  const std::string name = Create();
+  Take();
+  const auto link = std::make_shared<NotingLink>();
+  manager_->SetLink(name, attempt_, link);
+  manager_->Stop(name).IgnoreError();
+  EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_STOPPING);
+  EXPECT_TRUE(link->sent.back().has_cancel());
+  Succeed(name);
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobLimitsTest, BudgetStopsFromTheStartOfTheRun) {
+  const std::string name = CreateWith(
+      [](JobRequest* request) { *request->scheduling.mutable_compute_budget() = TimeUtil::SecondsToDuration(5); });
+  Pass(absl::Seconds(60));
+  EXPECT_FALSE(manager_->Get(name)->stop_requested());
+  Take();
+  Pass(absl::Seconds(5));
+  EXPECT_EQ(State(name), v1::JOB_STATE_STOPPING);
+  EXPECT_TRUE(manager_->Get(name)->stop_requested());
+}
+
+TEST_F(JobLimitsTest, RefusesNonsense) {
+  const auto field_of = [this](const std::function<void(v1::Scheduling*)>& change) {
+    JobRequest request = Request();
+    change(&request.scheduling);
+    return ErrorInfoOf(manager_->Create(std::move(request)).status()).metadata["field"];
+  };
+  EXPECT_EQ(field_of([](v1::Scheduling* s) { s->mutable_timeout()->set_seconds(0); }), "scheduling.timeout");
+  EXPECT_EQ(field_of([](v1::Scheduling* s) { s->mutable_compute_budget()->set_seconds(-1); }),
+            "scheduling.compute_budget");
+  EXPECT_EQ(field_of([](v1::Scheduling* s) { s->set_priority(static_cast<v1::Priority>(9)); }), "scheduling.priority");
+}
+
+TEST_F(JobLimitsTest, HigherPriorityGoesFirst) {
+  options_.queue_capacity = 5;
+  Restart();
+  const std::string low = CreateWith([](JobRequest* r) { r->scheduling.set_priority(v1::PRIORITY_LOW); });
+  const std::string normal = Create();
+  const std::string high = CreateWith([](JobRequest* r) { r->scheduling.set_priority(v1::PRIORITY_HIGH); });
+  EXPECT_EQ(manager_->Get(low)->queue_position(), 2);
+  EXPECT_THAT((std::vector<std::string>{Take(), Take(), Take()}), ElementsAre(high, normal, low));
+}
+
+TEST_F(JobLimitsTest, CallerThatComesBackWithinTheGraceKeepsItsJob) {
+  options_.reattach_grace = absl::Seconds(10);
+  Restart();
+  auto accepted = manager_->Create(Request("r1", true));
+  const std::string name = accepted->job.name();
+  accepted->attachment.Release();
+  Pass(absl::Seconds(9));
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  auto watched = manager_->Watch(name, true, false);
+  Pass(absl::Seconds(20));
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  watched->attachment.Release();
+  Pass(absl::Seconds(10));
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobLimitsTest, CallerWhoseTimeIsUpGetsNoGrace) {
+  options_.reattach_grace = absl::Seconds(10);
+  Restart();
+  auto accepted = manager_->Create(Request("r1", true));
+  accepted->attachment.Release(true);
+  EXPECT_EQ(State(accepted->job.name()), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobLimitsTest, WatchersAloneDoNotKeepAJob) {
+  auto accepted = manager_->Create(Request("r1", true));
+  const auto watched = manager_->Watch(accepted->job.name(), false, false);
+  accepted->attachment.Release();
+  EXPECT_EQ(State(accepted->job.name()), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobLimitsTest, JobsWaitForMemory) {
+  EstimateByContent();
+  options_.memory_bytes = 500;
+  options_.workers = 2;
+  Restart();
+  const auto create = [this](const std::string& mesh) {
+    return CreateWith([&](JobRequest* request) { request->draco = mesh; });
+  };
+  const std::string first = create("31a");
+  const std::string second = create("31b");
+  EXPECT_EQ(manager_->Get(second)->memory_bytes(), 300);
+  EXPECT_EQ(Take(), first);
+  std::string taken;
+  std::thread worker([&] { taken = Take(); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(State(second), v1::JOB_STATE_QUEUED) << "a worker is free, memory is not";
+  Succeed(first);
+  worker.join();
+  EXPECT_EQ(taken, second);
+}
+
+TEST_F(JobLimitsTest, WhatCanNeverRunIsRefused) {
+  EstimateByContent();
+  options_.memory_bytes = 500;
+  options_.max_triangles = 5;
+  Restart();
+  const auto refusal = [this](const std::string& mesh) {
+    JobRequest request = Request();
+    request.draco = mesh;
+    return manager_->Create(std::move(request)).status();
+  };
+  const ErrorInfo memory = ErrorInfoOf(refusal("61a"));
+  EXPECT_EQ(memory.reason, "MESH_TOO_LARGE");
+  EXPECT_EQ(memory.metadata.at("triangles"), "6");
+  EXPECT_EQ(memory.metadata.at("limit"), "5");
+  options_.max_triangles = 100;
+  Restart();
+  EXPECT_EQ(ErrorInfoOf(refusal("61a")).reason, "MEMORY_LIMIT");
+  EXPECT_EQ(ErrorInfoOf(refusal("61a")).metadata.at("limit"), "500");
+}
+
+TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {
+  EstimateByContent();
+  options_.queue_capacity = 1;
+  Restart();
+  const auto create = [this](const std::string& mesh) {
+    JobRequest request = Request();
+    request.draco = mesh;
+    return manager_->Create(std::move(request)).status();
+  };
+  ASSERT_TRUE(create("18a").ok());
+  Take();
+  ASSERT_TRUE(create("18b").ok());
+  now_ += absl::Seconds(3);
+  google::rpc::RetryInfo retry;
+  ASSERT_TRUE(ToRpcStatus(create("18c")).details(1).UnpackTo(&retry));
+  EXPECT_EQ(retry.retry_delay().seconds(), 5) << "the first job takes 8 s, 3 of them are over";
+
+  v1::EstimateJobRequest request;
+  request.set_draco("24x");
+  const v1::JobEstimate estimate = *manager_->Estimate(request);
+  EXPECT_EQ(estimate.memory_bytes(), 200);
+  EXPECT_EQ(estimate.run_seconds(), 4);
+  EXPECT_EQ(estimate.queue_seconds(), 13);
+  google::rpc::ErrorInfo info;
+  ASSERT_TRUE(estimate.refusal().details(0).UnpackTo(&info));
+  EXPECT_EQ(info.reason(), "QUEUE_FULL");
+}
+
+TEST_F(JobLimitsTest, EstimateNeedsAMesh) {
+  EXPECT_EQ(Reason(manager_->Estimate(v1::EstimateJobRequest()).status()), "MESH_MISSING");
+}
+
+}  // namespace
+}  // namespace planish

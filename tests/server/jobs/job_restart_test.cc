@@ -1,0 +1,243 @@
+// What a killed server leaves, and what the next one makes of it.
+#include <filesystem>
+
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/server/jobs/job_manager_fixture.h"
+#include "tests/server/testing/temp_dir.h"
+
+namespace planish {
+namespace {
+
+using ::testing::SizeIs;
+
+class JobRestartTest : public JobManagerTest {
+ protected:
+  JobRestartTest() { options_.reattach_grace = absl::Seconds(10); }
+};
+
+TEST_F(JobRestartTest, WhatRanIsQueuedAgainInItsOldPlace) {
+  const std::string running = Create();
+  Take();
+  manager_->ReportProgress(running, attempt_, Iteration(7));
+  now_ += absl::Seconds(1);
+  const std::string queued = Create();
+  Resume();
+  EXPECT_EQ(State(running), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(State(queued), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(Take(), running);
+  EXPECT_EQ(manager_->Get(running)->attempts(), 2);
+  Succeed(running, "uv");
+  Take();
+  Succeed(queued, "vu");
+  EXPECT_EQ(State(running), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(State(queued), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_NE(Create(), running) << "numbers and names go on";
+}
+
+TEST_F(JobRestartTest, SequencesAscendAndNoChangeOfStateIsLost) {
+  const std::string name = Create();
+  Take();
+  for (int i = 1; i <= 3; ++i) manager_->ReportProgress(name, attempt_, Iteration(i));
+  const std::int64_t seen = Events(name).back().sequence();
+  EXPECT_EQ(seen, 5);
+  Resume();
+  const auto log = Watch(name);
+  const auto again = log->ReadAfter(seen).event;
+  ASSERT_TRUE(again.has_value());
+  EXPECT_EQ(again->job().state(), v1::JOB_STATE_QUEUED);
+  EXPECT_GT(again->sequence(), seen);
+  EXPECT_EQ(again->skipped(), again->sequence() - seen - 1);
+  Take();
+  Succeed(name);
+  Resume();
+  std::vector<v1::JobState> states;
+  for (const v1::JobEvent& event : Events(name)) states.push_back(event.job().state());
+  EXPECT_THAT(states, ::testing::ElementsAre(v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING, v1::JOB_STATE_QUEUED,
+                                             v1::JOB_STATE_RUNNING, v1::JOB_STATE_SUCCEEDED));
+  EXPECT_TRUE(Events(name).back().job().has_report());
+  EXPECT_EQ(Watch(name)->uv()->bytes(), "uv");
+}
+
+TEST_F(JobRestartTest, ManyEventsNeverShareASequenceWithLaterOnes) {
+  const std::string name = Create();
+  Take();
+  for (int i = 0; i < 5000; ++i) manager_->ReportProgress(name, attempt_, Iteration(i));
+  const std::int64_t seen = Events(name).back().sequence();
+  Resume();
+  EXPECT_GT(Events(name).back().sequence(), seen);
+}
+
+TEST_F(JobRestartTest, ServerThatDiesIsNotHeldAgainstTheJob) {
+  const std::string name = Create();
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(Take(), name);
+    Resume();
+  }
+  Take();
+  Lose(name);
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+}
+
+TEST_F(JobRestartTest, CancellationOutlivesTheServer) {
+  const std::string name = Create();
+  Take();
+  manager_->Cancel(name).IgnoreError();
+  Resume();
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobRestartTest, StopOutlivesTheServer) {
+  const std::string name = Create();
+  Take();
+  manager_->Stop(name).IgnoreError();
+  Resume();
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  Take();
+  const auto link = std::make_shared<NotingLink>();
+  manager_->SetLink(name, attempt_, link);
+  ASSERT_THAT(link->sent, SizeIs(1));
+  EXPECT_TRUE(link->sent[0].has_stop());
+}
+
+TEST_F(JobRestartTest, AttachedJobWaitsForItsCaller) {
+  auto accepted = manager_->Create(Request("r1", true));
+  const std::string name = accepted->job.name();
+  manager_->Suspend();
+  accepted->attachment = JobAttachment();
+  Resume();
+  now_ += absl::Seconds(5);
+  manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  {
+    const auto retry = manager_->Create(Request("r1", true));
+    EXPECT_EQ(retry->job.name(), name);
+    now_ += absl::Seconds(60);
+    manager_->Tick();
+    EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  }
+  now_ += absl::Seconds(10);
+  manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobRestartTest, AttachedJobWhoseCallerStaysAwayIsCancelled) {
+  auto accepted = manager_->Create(Request("", true));
+  manager_->Suspend();
+  accepted->attachment = JobAttachment();
+  Resume();
+  now_ += absl::Seconds(10);
+  manager_->Tick();
+  EXPECT_EQ(State(accepted->job.name()), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobRestartTest, SharedWorkIsSharedAgain) {
+  JobRequest request = Request();
+  const std::string first = manager_->Create(request)->job.name();
+  const std::string second = manager_->Create(request)->job.name();
+  Take();
+  Resume();
+  EXPECT_EQ(Take(), first);
+  Succeed(first);
+  EXPECT_EQ(State(second), v1::JOB_STATE_SUCCEEDED);
+}
+
+TEST_F(JobRestartTest, SuspendTellsWatchersToComeBack) {
+  const std::string name = Create();
+  Take();
+  const auto link = std::make_shared<NotingLink>();
+  manager_->SetLink(name, attempt_, link);
+  const auto log = Watch(name);
+  manager_->Suspend();
+  EXPECT_TRUE(link->closed);
+  const JobEventLog::Read read = log->ReadAfter(log->last_sequence());
+  EXPECT_TRUE(read.ended);
+  EXPECT_EQ(read.status.code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(Reason(read.status), "DRAINING");
+  Lose(name);
+  EXPECT_FALSE(manager_->TakeNext().has_value());
+  Resume();
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+}
+
+TEST_F(JobRestartTest, FilesOutliveTheProcess) {
+  const TempDir directory;
+  std::filesystem::create_directory(directory.Path("blobs"));
+  const auto reopen = [&] {
+    manager_.reset();
+    store_.reset();
+    store_ = *OpenJobStore(directory.Path("jobs.sqlite"));
+    blobs_ = std::make_unique<BlobStore>(directory.Path("blobs"), 1 << 20);
+    ASSERT_TRUE(blobs_->Open().ok());
+    manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());
+  };
+  reopen();
+  const std::string token_list = CreateEnded("the result");
+  const std::string running = Create();
+  Take();
+  Create();
+  const std::string token = List(1)->next_page_token;
+  reopen();
+  EXPECT_EQ(Watch(token_list)->uv()->bytes(), "the result");
+  EXPECT_THAT(List(10, token)->jobs, SizeIs(2)) << "pages go on";
+  const std::optional<JobAssignment> assignment = manager_->TakeNext();
+  EXPECT_EQ(assignment->name, running);
+  EXPECT_EQ(assignment->blobs[0]->bytes(), "mesh2");
+
+  std::filesystem::remove_all(directory.Path("blobs"));
+  std::filesystem::create_directory(directory.Path("blobs"));
+  reopen();
+  EXPECT_EQ(ErrorReason(running), "MESH_LOST");
+  EXPECT_EQ(Reason(manager_->Watch(token_list, false, true).status()), "RESULT_EXPIRED");
+}
+
+TEST_F(JobRestartTest, NothingIsLeftOfJobsThatAreForgotten) {
+  const std::string name = CreateEnded("uv");
+  EXPECT_GT(blobs_->bytes(), 0);
+  ASSERT_TRUE(manager_->Delete(name).ok());
+  manager_->Tick();
+  EXPECT_EQ(blobs_->bytes(), 0);
+  EXPECT_TRUE(store_->Events(1)->empty());
+}
+
+TEST_F(JobRestartTest, ResultsAreKeptForATime) {
+  options_.retained_time = absl::Hours(1);
+  Restart();
+  const std::string name = CreateEnded("uv");
+  EXPECT_EQ(manager_->Get(name)->expire_time().seconds() - manager_->Get(name)->end_time().seconds(), 3600);
+  now_ += absl::Minutes(59);
+  manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
+  now_ += absl::Minutes(1);
+  manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_EXPIRED);
+}
+
+TEST_F(JobRestartTest, AFullStoreGivesUpOldResultsFirstThenRefuses) {
+  store_bytes_ = 100;
+  Restart();
+  const std::string old = CreateEnded(std::string(60, 'x'));
+  const std::string name = Create();
+  Take();
+  Succeed(name, std::string(70, 'y'));
+  EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(State(old), v1::JOB_STATE_EXPIRED);
+  JobRequest large = Request();
+  large.draco = std::string(101, 'm');
+  const absl::Status refused = manager_->Create(std::move(large)).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(Reason(refused), "STORAGE_FULL");
+  EXPECT_EQ(ToRpcStatus(refused).details_size(), 2) << "with a retry delay";
+}
+
+TEST_F(JobRestartTest, ResultThatCannotBeKeptFailsTheJob) {
+  store_bytes_ = 100;
+  Restart();
+  const std::string name = Create();
+  Take();
+  Succeed(name, std::string(101, 'y'));
+  EXPECT_EQ(ErrorReason(name), "STORAGE_FULL");
+}
+
+}  // namespace
+}  // namespace planish
