@@ -1,0 +1,28 @@
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <thread>
+
+#include "absl/time/time.h"
+
+namespace planish {
+
+// Calls a function again and again on a thread of its own, until it is destroyed.
+class Upkeep {
+ public:
+  Upkeep(absl::Duration interval, std::function<void()> task);
+  // Waits for a call under way.
+  ~Upkeep();
+  Upkeep(const Upkeep&) = delete;
+  Upkeep& operator=(const Upkeep&) = delete;
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable ended_changed_;
+  bool ended_ = false;  // guarded by mutex_
+  std::thread thread_;
+};
+
+}  // namespace planish

@@ -1,0 +1,38 @@
+#include "server/worker/needs.h"
+
+#include <algorithm>
+
+#include "core/base/status_macros.h"
+#include "core/io/draco_header.h"
+#include "core/unwrap/estimate.h"
+#include "server/worker/options.h"
+
+namespace planish {
+namespace {
+
+// Where a file does not say how many triangles it has: the fewest bytes that Draco spends on one, so the most there may
+// be in a file that is not made to deceive.
+constexpr std::int64_t kLeastBytesPerTriangle = 1;
+
+}  // namespace
+
+absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
+                                        const v1::UnwrapOptions& options) {
+  PLANISH_ASSIGN_OR_RETURN(const UnwrapOptions core_options, ToCore(options));
+  WorkNeeds needs;
+  needs.size = size;
+  if (!draco.empty()) {
+    PLANISH_ASSIGN_OR_RETURN(const DracoCounts counts, PeekDraco(draco));
+    const std::int64_t unknown = size.triangles() > 0 ? size.triangles() : mesh_bytes / kLeastBytesPerTriangle;
+    needs.size.set_triangles(counts.faces.value_or(unknown));
+    needs.size.set_vertices(counts.vertices.value_or(size.vertices()));
+  }
+  if (needs.size.vertices() <= 0) needs.size.set_vertices(needs.size.triangles() / 2 + 2);
+  const Estimate estimate = EstimateUnwrap(needs.size.triangles(), needs.size.vertices(),
+                                           std::max<std::int64_t>(mesh_bytes, 0), core_options);
+  needs.memory_bytes = estimate.peak_bytes;
+  needs.run_seconds = estimate.seconds;
+  return needs;
+}
+
+}  // namespace planish

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "planish/v1/job.pb.h"
+
+namespace planish {
+
+// What a worker will need for a mesh, judged by the counts that the file declares.
+struct WorkNeeds {
+  v1::MeshSize size;              // as declared
+  std::int64_t memory_bytes = 0;  // beyond what an idle worker holds
+  double run_seconds = 0;         // on one idle core, roughly
+};
+
+// `draco`: at least the first bytes of a file of `mesh_bytes`; may be empty if `size` says what is in it, which also
+// stands in where the file does not say. Decodes nothing. INVALID_ARGUMENT with MESH_DECODE_FAILED, OPTIONS_INVALID.
+absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
+                                        const v1::UnwrapOptions& options);
+
+}  // namespace planish
