@@ -1,0 +1,22 @@
+#include "tests/faults/chaos.h"
+
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/server/testing/temp_dir.h"
+
+namespace planish {
+namespace {
+
+// A small one; tests/bench/run.sh soak runs the large one.
+TEST(Chaos, EveryAcceptedJobEnds) {
+  const TempDir directory;
+  DurableServer server(directory.Path("s"), {"--workers=2", "--threads=1", "--retain-jobs=10000", "--queue=20"});
+  ChaosOptions options;
+  const ChaosReport report = RunChaos(options, server);
+  EXPECT_THAT(report.wrong, ::testing::IsEmpty()) << server.Log();
+  EXPECT_GE(report.server_kills + report.worker_kills, 1);
+  EXPECT_GT(report.ends.at("SUCCEEDED"), options.jobs / 2);
+}
+
+}  // namespace
+}  // namespace planish
