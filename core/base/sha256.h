@@ -1,10 +1,11 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 namespace planish {
 
 // The 32 bytes of the SHA-256 of `bytes`. Throws std::bad_alloc if the crypto library has no memory.
-std::string Sha256(const std::string& bytes);
+std::string Sha256(std::string_view bytes);
 
 }  // namespace planish
