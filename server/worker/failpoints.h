@@ -42,7 +42,7 @@ struct FailpointHooks {
 // Does what `failpoint` says if `point` is its point. Returns the status that the job is to end with, or OK.
 absl::Status ReachPoint(const Failpoint& failpoint, std::string_view point, const FailpointHooks& hooks);
 
-// Tries to open a file and a socket, to start a program and a process, and to signal and trace another one. INTERNAL
+// Tries to open a file and a socket, to start a program and a process, and to signal and trace others. INTERNAL
 // with reason PROBE and for each as metadata the errno's name, or "allowed".
 absl::Status Probe();
 

@@ -28,7 +28,7 @@ constexpr int kAllowed[] = {
     SCMP_SYS(pread64),
     SCMP_SYS(lseek),
     SCMP_SYS(close),
-    SCMP_SYS(fstat),
+
     SCMP_SYS(recvmsg),
     SCMP_SYS(recvfrom),
     SCMP_SYS(sendmsg),
