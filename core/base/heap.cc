@@ -3,6 +3,7 @@
 #include <malloc.h>
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <climits>
 #include <cstddef>
 #include <cstdint>
@@ -11,17 +12,20 @@
 namespace planish {
 namespace {
 
+constexpr std::size_t kReserved = std::size_t{1} << 30;
+
 bool keep_freed_memory = false;
 
 // Asks for huge pages for what the heap will grow into next. Addresses only: no memory is used before it is written to.
 // Where the kernel has no huge pages to give, or so many addresses are not to be had, everything is as without.
-void PreferHugePages() {
-  constexpr std::size_t kReserved = std::size_t{1} << 30, kHugePage = std::size_t{1} << 21;
-  void* const block = std::malloc(kReserved);
+void PreferHugePages(std::size_t reserved) {
+  constexpr std::size_t kHugePage = std::size_t{1} << 21;
+  if (reserved < 2 * kHugePage) return;
+  void* const block = std::malloc(reserved);
   if (block == nullptr) return;
   const auto address = reinterpret_cast<std::uintptr_t>(block);
   const std::size_t skipped = (kHugePage - address % kHugePage) % kHugePage;
-  madvise(static_cast<char*>(block) + skipped, (kReserved - skipped) / kHugePage * kHugePage, MADV_HUGEPAGE);
+  madvise(static_cast<char*>(block) + skipped, (reserved - skipped) / kHugePage * kHugePage, MADV_HUGEPAGE);
   std::free(block);
 }
 
@@ -31,12 +35,16 @@ void KeepFreedMemory() {
   mallopt(M_MMAP_THRESHOLD, INT_MAX);
   mallopt(M_TRIM_THRESHOLD, INT_MAX);
   keep_freed_memory = true;
-  PreferHugePages();
+  PreferHugePages(kReserved);
 }
 
 void ReturnFreedMemory() {
   malloc_trim(0);
-  if (keep_freed_memory) PreferHugePages();
+  if (keep_freed_memory) PreferHugePages(kReserved);
+}
+
+void ReserveHeap(std::size_t bytes) {
+  if (keep_freed_memory) PreferHugePages(std::min(bytes, kReserved));
 }
 
 }  // namespace planish

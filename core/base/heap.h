@@ -2,6 +2,8 @@
 // thread.
 #pragma once
 
+#include <cstddef>
+
 namespace planish {
 
 // From now on memory that is freed stays with the process, and memory that is taken comes in huge pages where the
@@ -12,5 +14,9 @@ void KeepFreedMemory();
 
 // Hands back what is free.
 void ReturnFreedMemory();
+
+// Huge pages, after KeepFreedMemory(), for the next `bytes` of the heap (1 GiB at most): for a caller that has handed
+// back free memory itself and may not take as much as ReturnFreedMemory() prepares for.
+void ReserveHeap(std::size_t bytes);
 
 }  // namespace planish

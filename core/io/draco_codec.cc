@@ -202,7 +202,7 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded) {
   return mesh;
 }
 
-absl::StatusOr<Mesh> DecodeOrThrow(const std::string& bytes) {
+absl::StatusOr<Mesh> DecodeOrThrow(std::string_view bytes) {
   draco::DecoderBuffer buffer;
   buffer.Init(bytes.data(), bytes.size());
   const auto type = draco::Decoder::GetEncodedGeometryType(&buffer);
@@ -250,7 +250,7 @@ absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh) {
   }
 }
 
-absl::StatusOr<Mesh> DecodeDraco(const std::string& bytes) {
+absl::StatusOr<Mesh> DecodeDraco(std::string_view bytes) {
   try {
     return DecodeOrThrow(bytes);
   } catch (const std::bad_alloc&) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 #include "core/mesh/mesh.h"
@@ -28,6 +29,6 @@ absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh);
 // may honestly hold. A damaged file of 1.5 KB took 13 s and 600 MB: call it where time and memory are limited.
 // INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY, MESH_POSITION_INVALID,
 // MESH_INDEX_OUT_OF_RANGE; RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
-absl::StatusOr<Mesh> DecodeDraco(const std::string& bytes);
+absl::StatusOr<Mesh> DecodeDraco(std::string_view bytes);
 
 }  // namespace planish

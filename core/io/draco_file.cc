@@ -40,7 +40,7 @@ std::vector<std::int32_t> CornersOf(const DracoPoints& points) {
 
 absl::StatusOr<PolygonMesh> ReadDracoFile(const std::string& path, std::string_view bytes) {
   if (bytes.empty()) return FileMalformed(path, 0, "the file is empty");
-  const absl::StatusOr<Mesh> decoded = DecodeDraco(std::string(bytes));
+  const absl::StatusOr<Mesh> decoded = DecodeDraco(bytes);
   if (!decoded.ok()) return InFile(path, decoded.status());
   const absl::StatusOr<DracoPoints> points = DecodeDracoPoints(std::string(bytes), false);
   if (!points.ok()) return InFile(path, points.status());

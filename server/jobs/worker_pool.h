@@ -1,30 +1,88 @@
-// Threads that each see one job after the other through its worker.
+// Workers that are kept ready, served with one job after the other, watched, and replaced when they die, hang or grow.
 #pragma once
 
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
 #include <thread>
 #include <vector>
 
-#include "server/jobs/job_manager.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "server/jobs/job_source.h"
 #include "server/link/worker_link.h"
 
 namespace planish {
 
+// Why a worker is no longer there.
+enum class WorkerEndCause {
+  kRecycled,     // served recycle_after jobs
+  kGrown,        // held more than recycle_bytes when idle
+  kCrashed,      // died, or broke the protocol, with or without a job
+  kHung,         // killed: a stage, the job or the silence took too long, or it did not get ready again
+  kDisobedient,  // killed: the job was to end and did not, or nobody wanted it any more
+  kShutdown,     // the pool ended
+};
+const char* NameOf(WorkerEndCause cause);  // "recycled", ...
+
+struct WorkerEnd {
+  WorkerEndCause cause = WorkerEndCause::kShutdown;
+  WorkerLoss loss;       // kCrashed, kHung, kDisobedient
+  std::string job;       // that was lost with it; empty: none
+  int jobs = 0;          // it served
+  absl::Duration lived;  // since it was ready
+};
+
+struct WorkerPoolOptions {
+  int workers = 1;                                       // >= 1
+  int recycle_after = 200;                               // jobs, >= 1
+  std::int64_t recycle_bytes = std::int64_t{512} << 20;  // resident when idle
+  absl::Duration start_limit = absl::Seconds(30);        // to get ready, at the start and between two jobs
+  absl::Duration retry_min = absl::Milliseconds(100);    // after a start that failed; doubles up to retry_max
+  absl::Duration retry_max = absl::Seconds(10);
+  // Until a mesh is decoded: decode_limit and decode_limit_per_mib for each MiB of Draco.
+  absl::Duration decode_limit = absl::Seconds(30);
+  absl::Duration decode_limit_per_mib = absl::Seconds(2);
+  absl::Duration silence_limit = absl::Seconds(300);       // between two messages of a worker with a job
+  absl::Duration job_limit = absl::InfiniteDuration();     // of a whole job
+  absl::Duration look_interval = absl::Milliseconds(100);  // between two looks at JobSource::ObeyBy()
+  // Called on the pool's threads, so they must be quick and thread-safe; null: nobody listens.
+  std::function<void(const worker::v1::WorkerIdle&)> on_worker_ready;  // for the first time
+  std::function<void(const WorkerEnd&)> on_worker_end;
+  std::function<void(const absl::Status& status, absl::Duration retry_in)> on_start_failed;
+  std::function<absl::Time()> clock = absl::Now;  // of JobSource::ObeyBy(); limits here go by a clock that nobody sets
+};
+
+// A thread for each worker, which takes a job only when its worker is there and ready: one that cannot be started or
+// dies between jobs costs no job.
 class WorkerPool {
  public:
-  // Starts `workers` (>= 1) threads. `manager` must outlive the pool; `factory` makes a worker for each job.
-  WorkerPool(JobManager* manager, WorkerFactory factory, int workers);
+  // Starts the workers. `source` must outlive the pool.
+  WorkerPool(JobSource* source, WorkerFactory factory, WorkerPoolOptions options);
 
-  // Waits for the threads: call JobManager::Stop() before.
+  // Waits for jobs under way: make TakeNext() return before.
   ~WorkerPool();
 
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
  private:
-  void Serve(JobAssignment assignment);
+  class Seat;
 
-  JobManager* const manager_;
+  // Whether the pool ends before `duration` is over.
+  bool EndsWithin(absl::Duration duration);
+
+  JobSource* const source_;
   const WorkerFactory factory_;
+  const WorkerPoolOptions options_;
+
+  std::mutex mutex_;
+  std::condition_variable ending_changed_;
+  bool ending_ = false;  // guarded by mutex_
+
   std::vector<std::thread> threads_;
 };
 

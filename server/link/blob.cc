@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -21,20 +20,10 @@ constexpr int kAllSeals = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRI
 absl::Status Failed(const char* what) {
   const int error = errno;
   const std::string message = absl::StrCat(what, ": ", std::strerror(error));
-  if (error == ENOMEM || error == ENOSPC || error == EMFILE || error == ENFILE) {
+  if (error == ENOMEM || error == ENOSPC || error == EFBIG || error == EMFILE || error == ENFILE) {
     return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", message);
   }
   return InternalError(message);
-}
-
-absl::Status WriteAll(int fd, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t count = write(fd, bytes.data(), bytes.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return Failed("cannot copy bytes into memory of their own");
-    bytes.remove_prefix(static_cast<std::size_t>(count));
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace
@@ -54,17 +43,16 @@ Descriptor::~Descriptor() {
 }
 
 absl::StatusOr<BlobPtr> Blob::Copy(std::string_view bytes) {
-  Descriptor memory(memfd_create("planish-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (memory.get() < 0) return Failed("memfd_create");
-  PLANISH_RETURN_IF_ERROR(WriteAll(memory.get(), bytes));
-  if (fcntl(memory.get(), F_ADD_SEALS, kAllSeals) != 0) return Failed("cannot seal memory");
-  return Map(std::move(memory));
+  PLANISH_ASSIGN_OR_RETURN(BlobWriter writer, BlobWriter::Make(bytes.size()));
+  if (!bytes.empty()) std::memcpy(writer.data(), bytes.data(), bytes.size());
+  return writer.Finish();
 }
 
 absl::StatusOr<BlobPtr> Blob::Map(Descriptor file) {
-  struct stat status;
-  if (fstat(file.get(), &status) != 0) return Failed("fstat");
-  const auto size = static_cast<std::size_t>(status.st_size);
+  // Not fstat(): a worker's sandbox does not know it, since the C library asks by name.
+  const off_t end = lseek(file.get(), 0, SEEK_END);
+  if (end < 0) return Failed("cannot tell the size of bytes");
+  const auto size = static_cast<std::size_t>(end);
   void* data = nullptr;
   if (size > 0) {
     data = mmap(nullptr, size, PROT_READ, MAP_SHARED, file.get(), 0);
@@ -83,6 +71,37 @@ absl::StatusOr<BlobPtr> Blob::MapSealed(Descriptor memory) {
 
 Blob::~Blob() {
   if (size_ > 0) munmap(const_cast<char*>(data_), size_);
+}
+
+absl::StatusOr<BlobWriter> BlobWriter::Make(std::size_t size) {
+  Descriptor memory(memfd_create("planish-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (memory.get() < 0) return Failed("memfd_create");
+  if (size == 0) return BlobWriter(std::move(memory), nullptr, 0);
+  // Reserved now, when it can be refused: a page that is missing when it is written to would be a signal.
+  if (fallocate(memory.get(), 0, 0, static_cast<off_t>(size)) != 0) return Failed("no memory for shared bytes");
+  void* const data = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, memory.get(), 0);
+  if (data == MAP_FAILED) return Failed("cannot map shared bytes");
+  return BlobWriter(std::move(memory), static_cast<char*>(data), size);
+}
+
+BlobWriter::BlobWriter(BlobWriter&& other) noexcept
+    : memory_(std::move(other.memory_)),
+      data_(std::exchange(other.data_, nullptr)),
+      size_(std::exchange(other.size_, 0)) {}
+
+BlobWriter::~BlobWriter() {
+  Unmap();
+}
+
+void BlobWriter::Unmap() {
+  if (data_ != nullptr) munmap(data_, size_);
+  data_ = nullptr;
+}
+
+absl::StatusOr<BlobPtr> BlobWriter::Finish() {
+  Unmap();  // memory that somebody could write to cannot be sealed
+  if (fcntl(memory_.get(), F_ADD_SEALS, kAllSeals) != 0) return Failed("cannot seal memory");
+  return Blob::Map(std::move(memory_));
 }
 
 }  // namespace planish

@@ -11,6 +11,7 @@
 namespace planish {
 
 class Blob;
+class BlobWriter;
 using BlobPtr = std::shared_ptr<const Blob>;
 
 // Closes a file descriptor. Movable.
@@ -50,12 +51,38 @@ class Blob {
   int descriptor() const { return descriptor_.get(); }
 
  private:
+  friend class BlobWriter;
+
   Blob(Descriptor descriptor, const char* data, std::size_t size)
       : descriptor_(std::move(descriptor)), data_(data), size_(size) {}
 
   const Descriptor descriptor_;
   const char* const data_;
   const std::size_t size_;
+};
+
+// Bytes that are written in their place, before they become a Blob. Not thread-safe.
+class BlobWriter {
+ public:
+  // `size` zeros, for which there is memory. RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
+  static absl::StatusOr<BlobWriter> Make(std::size_t size);
+  BlobWriter(BlobWriter&& other) noexcept;
+  BlobWriter& operator=(BlobWriter&&) = delete;
+  ~BlobWriter();
+
+  char* data() { return data_; }
+  std::size_t size() const { return size_; }
+
+  // What was written, sealed against any change; nothing can be written afterwards. Once.
+  absl::StatusOr<BlobPtr> Finish();
+
+ private:
+  BlobWriter(Descriptor memory, char* data, std::size_t size) : memory_(std::move(memory)), data_(data), size_(size) {}
+  void Unmap();
+
+  Descriptor memory_;
+  char* data_ = nullptr;
+  std::size_t size_ = 0;
 };
 
 }  // namespace planish

@@ -1,12 +1,16 @@
 #include "server/link/in_process_link.h"
 
+#include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
+#include <exception>
 #include <mutex>
 #include <system_error>
 #include <thread>
 #include <utility>
 
+#include "absl/time/clock.h"
 #include "core/base/error.h"
 
 namespace planish {
@@ -15,25 +19,30 @@ namespace {
 using worker::v1::FromWorker;
 using worker::v1::ToWorker;
 
-// One direction. Unbounded: what a worker sends in a job is bounded by its throttle, what the server sends is two
-// messages at most. Thread-safe.
-template <typename Message>
+// One direction. Unbounded: what a worker sends in a job is bounded by its throttle, what the server sends is a few
+// messages for each job. Thread-safe.
+template <typename Item>
 class Pipe {
  public:
-  void Push(Message message) {
+  void Push(Item item) {
     const std::lock_guard lock(mutex_);
     if (closed_) return;
-    messages_.push_back(std::move(message));
+    items_.push_back(std::move(item));
     changed_.notify_one();
   }
 
-  std::optional<Message> Pop() {
+  WorkerLink::Wait Pop(absl::Time deadline, Item* item) {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return closed_ || !messages_.empty(); });
-    if (messages_.empty()) return std::nullopt;
-    std::optional<Message> message(std::move(messages_.front()));
-    messages_.pop_front();
-    return message;
+    const auto ready = [this] { return closed_ || !items_.empty(); };
+    if (deadline == absl::InfiniteFuture()) {
+      changed_.wait(lock, ready);
+    } else if (!changed_.wait_for(lock, absl::ToChronoNanoseconds(deadline - absl::Now()), ready)) {
+      return WorkerLink::Wait::kTimeout;
+    }
+    if (items_.empty()) return WorkerLink::Wait::kClosed;
+    *item = std::move(items_.front());
+    items_.pop_front();
+    return WorkerLink::Wait::kMessage;
   }
 
   void Close() {
@@ -46,13 +55,13 @@ class Pipe {
   std::mutex mutex_;
   std::condition_variable changed_;
   // Guarded by mutex_.
-  std::deque<Message> messages_;
+  std::deque<Item> items_;
   bool closed_ = false;
 };
 
 struct Pipes {
-  Pipe<ToWorker> to_worker;
-  Pipe<FromWorker> from_worker;
+  Pipe<ServerLink::Received> to_worker;
+  Pipe<WorkerLink::Received> from_worker;
 
   void Close() {
     to_worker.Close();
@@ -64,8 +73,14 @@ class InProcessServerLink : public ServerLink {
  public:
   explicit InProcessServerLink(Pipes* pipes) : pipes_(pipes) {}
 
-  void Send(FromWorker message) override { pipes_->from_worker.Push(std::move(message)); }
-  std::optional<ToWorker> Receive() override { return pipes_->to_worker.Pop(); }
+  void Send(FromWorker message, BlobPtr blob) override {
+    pipes_->from_worker.Push({std::move(message), std::move(blob)});
+  }
+  std::optional<Received> Receive() override {
+    Received received;
+    const bool open = pipes_->to_worker.Pop(absl::InfiniteFuture(), &received) == WorkerLink::Wait::kMessage;
+    return open ? std::optional(std::move(received)) : std::nullopt;
+  }
   void Close() override { pipes_->Close(); }
 
  private:
@@ -79,8 +94,10 @@ class InProcessWorkerLink : public WorkerLink {
           InProcessServerLink link(&pipes_);
           try {
             worker(link);
+          } catch (const std::exception& error) {
+            thrown_ = error.what();
           } catch (...) {
-            // The server sees a link that closed without a result, as from a process that died.
+            thrown_ = "something";
           }
           pipes_.Close();
         }) {}
@@ -90,12 +107,25 @@ class InProcessWorkerLink : public WorkerLink {
     thread_.join();
   }
 
-  void Send(ToWorker message) override { pipes_.to_worker.Push(std::move(message)); }
-  std::optional<FromWorker> Receive() override { return pipes_.from_worker.Pop(); }
-  void Close() override { pipes_.Close(); }
+  void Send(ToWorker message, std::vector<BlobPtr> blobs) override {
+    pipes_.to_worker.Push({std::move(message), std::move(blobs)});
+  }
+  Wait Receive(absl::Time deadline, Received* received) override { return pipes_.from_worker.Pop(deadline, received); }
+  void Close() override {
+    given_up_ = true;
+    pipes_.Close();
+  }
+  WorkerLoss HowEnded() override {
+    if (given_up_) return {"WORKER_HUNG", "the worker was given up", {}};
+    // Set before the pipe was closed, which this thread has seen.
+    if (!thrown_.empty()) return {"WORKER_CRASHED", "the worker threw: " + thrown_, {}};
+    return {"WORKER_CRASHED", "the worker ended without a result", {}};
+  }
 
  private:
   Pipes pipes_;
+  std::string thrown_;
+  std::atomic<bool> given_up_ = false;
   std::thread thread_;
 };
 

@@ -8,7 +8,8 @@
 
 namespace planish {
 
-// Runs `worker` on a new thread. When it returns or throws, the link closes.
+// Runs `worker` on a new thread. When it returns or throws, the link closes. A thread cannot be killed: Close() makes
+// the link useless, and the worker should notice.
 // Destroying the link closes it and waits for `worker` to return, so `worker` must heed a closed link.
 absl::StatusOr<std::shared_ptr<WorkerLink>> StartInProcessWorker(std::function<void(ServerLink&)> worker);
 

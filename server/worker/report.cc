@@ -1,13 +1,12 @@
 #include "server/worker/report.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <bit>
 #include <cstring>
 #include <numeric>
 #include <tuple>
 
+#include "core/base/status_macros.h"
 #include "server/worker/options.h"
 
 namespace planish {
@@ -180,23 +179,16 @@ v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh, const UnwrapOpt
   return proto;
 }
 
-std::string PackUv(const std::vector<double>& uv, Precision precision) {
-  std::string bytes;
+absl::StatusOr<BlobPtr> PackUv(const std::vector<double>& uv, Precision precision) {
+  const std::size_t size = precision == Precision::kFloat ? sizeof(float) : sizeof(double);
+  PLANISH_ASSIGN_OR_RETURN(BlobWriter bytes, BlobWriter::Make(uv.size() * size));
   if (precision == Precision::kFloat) {
-    const std::vector<float> rounded(uv.begin(), uv.end());
-    bytes.resize(rounded.size() * sizeof(float));
-    std::memcpy(bytes.data(), rounded.data(), bytes.size());
-  } else {
-    bytes.resize(uv.size() * sizeof(double));
+    float* const out = reinterpret_cast<float*>(bytes.data());
+    std::transform(uv.begin(), uv.end(), out, [](double number) { return static_cast<float>(number); });
+  } else if (!uv.empty()) {
     std::memcpy(bytes.data(), uv.data(), bytes.size());
   }
-  return bytes;
-}
-
-std::int64_t PeakMemoryBytes() {
-  rusage usage = {};
-  getrusage(RUSAGE_SELF, &usage);
-  return std::int64_t{usage.ru_maxrss} * 1024;
+  return bytes.Finish();
 }
 
 }  // namespace planish

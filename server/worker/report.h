@@ -2,12 +2,13 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "core/mesh/mesh.h"
 #include "core/unwrap/unwrap.h"
 #include "planish/v1/job.pb.h"
+#include "server/link/blob.h"
 
 namespace planish {
 
@@ -21,10 +22,7 @@ inline constexpr std::size_t kMaxChartReports = 1024;
 v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh, const UnwrapOptions& options);
 
 // The UV bytes of planish.v1.UvDescription: little-endian float32 when `precision` is kFloat (every number must then
-// be a float), float64 otherwise.
-std::string PackUv(const std::vector<double>& uv, Precision precision);
-
-// High-water mark of this process's resident memory.
-std::int64_t PeakMemoryBytes();
+// be a float), float64 otherwise. RESOURCE_EXHAUSTED with OUT_OF_MEMORY.
+absl::StatusOr<BlobPtr> PackUv(const std::vector<double>& uv, Precision precision);
 
 }  // namespace planish

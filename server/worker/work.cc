@@ -1,9 +1,12 @@
 #include "server/worker/work.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <cstring>
 #include <exception>
 #include <new>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -15,54 +18,115 @@
 #include "core/unwrap/unwrap.h"
 #include "server/link/rpc_status.h"
 #include "server/worker/options.h"
+#include "server/worker/process_memory.h"
 #include "server/worker/report.h"
 
 namespace planish {
 namespace {
 
 using worker::v1::WorkRequest;
-using worker::v1::WorkResult;
+
+// The int32 numbers of the second blob.
+class Corners {
+ public:
+  static absl::StatusOr<Corners> Find(const WorkRequest& request, const std::vector<BlobPtr>& blobs) {
+    const std::int64_t seams = request.seam_corners(), uncut = request.uncut_corners();
+    const std::string_view bytes = blobs.size() > 1 ? blobs[1]->bytes() : std::string_view();
+    const auto count = static_cast<std::int64_t>(bytes.size() / sizeof(std::int32_t));
+    if (blobs.empty() || seams < 0 || uncut < 0 || seams > count || uncut != count - seams ||
+        bytes.size() % sizeof(std::int32_t) != 0) {
+      return InternalError("the server sent a job whose bytes are not those it announced");
+    }
+    return Corners(bytes, seams);
+  }
+
+  std::vector<std::int32_t> seams() const { return Copy(bytes_.substr(0, seam_bytes_)); }
+  std::vector<std::int32_t> uncut() const { return Copy(bytes_.substr(seam_bytes_)); }
+
+ private:
+  Corners(std::string_view bytes, std::int64_t seams)
+      : bytes_(bytes), seam_bytes_(static_cast<std::size_t>(seams) * sizeof(std::int32_t)) {}
+
+  static std::vector<std::int32_t> Copy(std::string_view bytes) {
+    std::vector<std::int32_t> numbers(bytes.size() / sizeof(std::int32_t));
+    if (!bytes.empty()) std::memcpy(numbers.data(), bytes.data(), bytes.size());
+    return numbers;
+  }
+
+  std::string_view bytes_;
+  std::size_t seam_bytes_;
+};
 
 class Work {
  public:
-  Work(const WorkRequest& request, const Interrupter& interrupter,
-       const std::function<void(const v1::Progress&)>& on_progress)
-      : request_(request), interrupter_(interrupter), on_progress_(on_progress) {}
+  Work(const WorkRequest& request, const std::vector<BlobPtr>& blobs, const WorkControl& control)
+      : request_(request), blobs_(blobs), control_(control) {}
 
-  absl::StatusOr<WorkResult> Run() {
+  absl::StatusOr<WorkOutcome> Run() {
     PLANISH_ASSIGN_OR_RETURN(UnwrapOptions options, ToCore(request_.options()));
     const int max_threads = std::clamp(request_.max_threads(), 1, kMaxThreads);
     options.threads = request_.options().threads() == 0 ? max_threads : std::min(options.threads, max_threads);
-    options.seams.corners.assign(request_.seam_corners().begin(), request_.seam_corners().end());
-    options.seams.uncut_corners.assign(request_.uncut_corners().begin(), request_.uncut_corners().end());
+    PLANISH_ASSIGN_OR_RETURN(const Corners corners, Corners::Find(request_, blobs_));
+    options.seams.corners = corners.seams();
+    options.seams.uncut_corners = corners.uncut();
     tolerance_ = options.flatten.tolerance;
 
     ReportStage(v1::STAGE_DECODE);
+    PLANISH_RETURN_IF_ERROR(Reach("decode"));
     Timer timer;
-    PLANISH_ASSIGN_OR_RETURN(const Mesh mesh, DecodeDraco(request_.draco()));
+    PLANISH_ASSIGN_OR_RETURN(const Mesh mesh, DecodeDraco(blobs_[0]->bytes()));
     const double decode_seconds = timer.Seconds();
-    PLANISH_RETURN_IF_ERROR(CheckInterrupt());
+    PLANISH_RETURN_IF_ERROR(CheckSize(mesh));
+    PLANISH_RETURN_IF_ERROR(CheckCancel());
 
-    UnwrapControl control;
-    control.interrupter = &interrupter_;
-    control.on_progress = [this](const UnwrapProgress& progress) { Report(ToProto(progress)); };
-    PLANISH_ASSIGN_OR_RETURN(const UnwrapResult unwrapped, Unwrap(mesh, options, control));
-    PLANISH_RETURN_IF_ERROR(CheckInterrupt());
+    PLANISH_ASSIGN_OR_RETURN(const UnwrapResult unwrapped, Solve(mesh, options));
+    PLANISH_RETURN_IF_ERROR(CheckCancel());
 
     ReportStage(v1::STAGE_ENCODE);
+    PLANISH_RETURN_IF_ERROR(Reach("encode"));
     timer.Restart();
-    WorkResult result;
-    Describe(unwrapped, mesh, options, &result);
-    result.mutable_report()->set_threads(options.threads);
-    result.mutable_report()->mutable_seconds()->set_decode(decode_seconds);
-    result.mutable_report()->mutable_seconds()->set_encode(timer.Seconds());
-    result.mutable_report()->set_peak_memory_bytes(PeakMemoryBytes());
-    return result;
+    WorkOutcome outcome;
+    PLANISH_ASSIGN_OR_RETURN(outcome.uv, PackUv(unwrapped.uv, unwrapped.precision));
+    v1::Report* const report = outcome.result.mutable_report();
+    *report = ToProto(unwrapped, mesh, options);
+    Describe(unwrapped, outcome.uv->bytes(), outcome.result.mutable_uv());
+    report->set_threads(options.threads);
+    report->mutable_seconds()->set_decode(decode_seconds);
+    report->mutable_seconds()->set_encode(timer.Seconds());
+    report->set_peak_memory_bytes(PeakMemoryBytes());
+    return outcome;
   }
 
  private:
-  absl::Status CheckInterrupt() const {
-    if (!interrupter_.IsInterrupted()) return absl::OkStatus();
+  absl::StatusOr<UnwrapResult> Solve(const Mesh& mesh, const UnwrapOptions& options) {
+    absl::Status failed;
+    bool reached = false;
+    UnwrapControl control;
+    control.interrupter = control_.cancel;
+    control.on_progress = [&](const UnwrapProgress& progress) {
+      Report(ToProto(progress));
+      if (progress.stage == UnwrapStage::kSolve && !std::exchange(reached, true)) failed = Reach("solve");
+    };
+    absl::StatusOr<UnwrapResult> unwrapped = Unwrap(mesh, options, control);
+    if (!failed.ok()) return failed;
+    return unwrapped;
+  }
+
+  absl::Status Reach(std::string_view point) const {
+    return control_.at_point ? control_.at_point(point) : absl::OkStatus();
+  }
+
+  absl::Status CheckSize(const Mesh& mesh) const {
+    if (request_.max_triangles() <= 0 || mesh.num_faces() <= request_.max_triangles()) return absl::OkStatus();
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+        absl::StrCat("the mesh has ", mesh.num_faces(), " triangles, this server takes ", request_.max_triangles(),
+                     " at most"),
+        {{"triangles", absl::StrCat(mesh.num_faces())}, {"max_triangles", absl::StrCat(request_.max_triangles())}});
+  }
+
+  absl::Status CheckCancel() const {
+    if (!IsInterrupted(control_.cancel)) return absl::OkStatus();
     return MakeError(absl::StatusCode::kCancelled, "CANCELLED", "the job was cancelled");
   }
 
@@ -77,34 +141,34 @@ class Work {
     progress.set_elapsed_seconds(since_start_.Seconds());
     progress.set_tolerance(tolerance_);
     last_ = progress;
-    if (throttle_.Pass(progress)) on_progress_(progress);
+    if (throttle_.Pass(progress) && control_.on_progress) control_.on_progress(progress);
   }
 
-  void Describe(const UnwrapResult& unwrapped, const Mesh& mesh, const UnwrapOptions& options,
-                WorkResult* result) const {
-    *result->mutable_report() = ToProto(unwrapped, mesh, options);
-    result->set_uv_bytes(PackUv(unwrapped.uv, unwrapped.precision));
-    v1::UvDescription* uv = result->mutable_uv();
+  void Describe(const UnwrapResult& unwrapped, std::string_view bytes, v1::UvDescription* uv) const {
     uv->set_precision(ToProto(unwrapped.precision));
     uv->set_corner_count(static_cast<std::int64_t>(unwrapped.uv.size() / 2));
-    uv->set_total_bytes(static_cast<std::int64_t>(result->uv_bytes().size()));
-    uv->set_mesh_sha256(Sha256(request_.draco()));
-    uv->set_uv_sha256(Sha256(result->uv_bytes()));
+    uv->set_total_bytes(static_cast<std::int64_t>(bytes.size()));
+    uv->set_mesh_sha256(Sha256(blobs_[0]->bytes()));
+    uv->set_uv_sha256(Sha256(bytes));
   }
 
   const WorkRequest& request_;
-  const Interrupter& interrupter_;
-  const std::function<void(const v1::Progress&)>& on_progress_;
+  const std::vector<BlobPtr>& blobs_;
+  const WorkControl& control_;
   const Timer since_start_;
   double tolerance_ = 0;
   v1::Progress last_;
   ProgressThrottle throttle_;
 };
 
-WorkResult Failure(const absl::Status& status) {
-  WorkResult result;
-  *result.mutable_status() = ToRpcStatus(status);
-  return result;
+WorkOutcome Failure(const absl::Status& status) {
+  WorkOutcome outcome;
+  // The core says so without a reason where a library found no memory.
+  const bool out_of_memory =
+      status.code() == absl::StatusCode::kResourceExhausted && ErrorInfoOf(status).reason.empty();
+  *outcome.result.mutable_status() =
+      ToRpcStatus(out_of_memory ? MakeError(status.code(), "OUT_OF_MEMORY", std::string(status.message())) : status);
+  return outcome;
 }
 
 }  // namespace
@@ -119,14 +183,21 @@ bool ProgressThrottle::Pass(const v1::Progress& progress) {
   return news;
 }
 
-WorkResult DoWork(const WorkRequest& request, const Interrupter& interrupter,
-                  const std::function<void(const v1::Progress&)>& on_progress) {
+absl::Status OutOfMemory() {
+  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", "the worker ran out of memory on this mesh");
+}
+
+WorkOutcome DoWork(const WorkRequest& request, const std::vector<BlobPtr>& blobs, const WorkControl& control) {
   try {
-    absl::StatusOr<WorkResult> result = Work(request, interrupter, on_progress).Run();
-    return result.ok() ? *std::move(result) : Failure(result.status());
+    absl::StatusOr<WorkOutcome> outcome = Work(request, blobs, control).Run();
+    return outcome.ok() ? *std::move(outcome) : Failure(outcome.status());
   } catch (const std::bad_alloc&) {
-    return Failure(
-        MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", "the worker ran out of memory on this mesh"));
+    return Failure(OutOfMemory());
+  } catch (const std::system_error& error) {
+    // Threads that cannot be started, most of all for want of memory for their stacks.
+    const bool exhausted =
+        error.code() == std::errc::resource_unavailable_try_again || error.code() == std::errc::not_enough_memory;
+    return Failure(exhausted ? OutOfMemory() : InternalError(absl::StrCat("the worker failed: ", error.what())));
   } catch (const std::exception& error) {
     return Failure(InternalError(absl::StrCat("the worker failed: ", error.what())));
   }

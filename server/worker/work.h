@@ -3,9 +3,13 @@
 
 #include <functional>
 #include <optional>
+#include <string_view>
+#include <vector>
 
+#include "absl/status/status.h"
 #include "core/base/interrupter.h"
 #include "planish/worker/v1/worker.pb.h"
+#include "server/link/blob.h"
 
 namespace planish {
 
@@ -22,10 +26,28 @@ class ProgressThrottle {
   std::optional<v1::Progress> last_;  // that passed
 };
 
-// Decodes, unwraps, packs. Never throws: whatever goes wrong is the result's status (OUT_OF_MEMORY and INTERNAL for
-// exceptions). After an interrupt the result is CANCELLED, as soon as Unwrap() notices.
-// `on_progress` is called on this thread, throttled; it must not throw.
-worker::v1::WorkResult DoWork(const worker::v1::WorkRequest& request, const Interrupter& interrupter,
-                              const std::function<void(const v1::Progress&)>& on_progress);
+// What one job may bring along.
+struct WorkControl {
+  const Interrupter* cancel = nullptr;  // end without a result
+  const Interrupter* stop = nullptr;    // end soon with the best map there is
+  // Called on the working thread, throttled.
+  std::function<void(const v1::Progress&)> on_progress;
+  // Called at the points of server/worker/failpoints.h; a status other than OK ends the job.
+  std::function<absl::Status(std::string_view point)> at_point;
+};
+
+struct WorkOutcome {
+  worker::v1::WorkResult result;
+  BlobPtr uv;  // the UV bytes; null unless it succeeded
+};
+
+// RESOURCE_EXHAUSTED with reason OUT_OF_MEMORY: how a job ends whose worker has no memory left.
+absl::Status OutOfMemory();
+
+// Decodes, unwraps, packs. `blobs` as they come with the request (planish.worker.v1.WorkRequest). Never throws:
+// whatever goes wrong is the result's status (OUT_OF_MEMORY and INTERNAL for exceptions, of the callbacks too). After a
+// cancel the result is CANCELLED, as soon as Unwrap() notices.
+WorkOutcome DoWork(const worker::v1::WorkRequest& request, const std::vector<BlobPtr>& blobs,
+                   const WorkControl& control);
 
 }  // namespace planish

@@ -9,15 +9,24 @@
 namespace planish {
 
 using worker::v1::FromWorker;
-using worker::v1::ToWorker;
 
 WorkerFactory ScriptedWorkers(WorkerScript script) {
   return [script = std::move(script)] {
     return StartInProcessWorker([script](ServerLink& server) {
-      const std::optional<ToWorker> message = server.Receive();
-      if (message.has_value() && message->has_request()) script(server, message->request());
+      server.Send(IdleMessage());
+      while (const std::optional<ServerLink::Received> received = server.Receive()) {
+        if (!received->message.has_request()) continue;  // to a job that is over
+        if (!script(server, received->message.request())) return;
+        server.Send(IdleMessage());
+      }
     });
   };
+}
+
+FromWorker IdleMessage() {
+  FromWorker message;
+  message.mutable_idle();
+  return message;
 }
 
 FromWorker ProgressMessage(int newton_iteration) {
@@ -33,7 +42,6 @@ FromWorker SuccessMessage(const std::string& uv_bytes) {
   worker::v1::WorkResult* result = message.mutable_result();
   result->mutable_report()->mutable_input()->set_triangles(1);
   result->mutable_uv()->set_total_bytes(static_cast<std::int64_t>(uv_bytes.size()));
-  result->set_uv_bytes(uv_bytes);
   return message;
 }
 
@@ -50,16 +58,20 @@ FromWorker CancelledMessage() {
 WorkerScript Succeed(int iterations, const std::string& uv_bytes) {
   return [iterations, uv_bytes](ServerLink& server, const worker::v1::WorkRequest&) {
     for (int i = 1; i <= iterations; ++i) server.Send(ProgressMessage(i));
-    server.Send(SuccessMessage(uv_bytes));
+    server.Send(SuccessMessage(uv_bytes), *Blob::Copy(uv_bytes));
+    return true;
   };
 }
 
 WorkerScript WaitForCancel() {
   return [](ServerLink& server, const worker::v1::WorkRequest&) {
     server.Send(ProgressMessage(1));
-    while (const std::optional<ToWorker> message = server.Receive()) {
-      if (message->has_cancel()) return server.Send(CancelledMessage());
+    while (const std::optional<ServerLink::Received> received = server.Receive()) {
+      if (!received->message.has_cancel()) continue;
+      server.Send(CancelledMessage());
+      return true;
     }
+    return false;
   };
 }
 

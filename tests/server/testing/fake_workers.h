@@ -10,12 +10,14 @@
 
 namespace planish {
 
-// Runs a script for each job, on the job's worker thread.
-using WorkerScript = std::function<void(ServerLink& server, const worker::v1::WorkRequest& request)>;
+// Does one job, on the worker's thread. False: the worker ends, as if it had died.
+using WorkerScript = std::function<bool(ServerLink& server, const worker::v1::WorkRequest& request)>;
 
+// Workers that say they are idle, run `script` for each job, and say so again.
 WorkerFactory ScriptedWorkers(WorkerScript script);
 
-// Messages to the server.
+// Messages to the server. SuccessMessage() goes with `uv_bytes` as a blob.
+worker::v1::FromWorker IdleMessage();
 worker::v1::FromWorker ProgressMessage(int newton_iteration);
 worker::v1::FromWorker SuccessMessage(const std::string& uv_bytes);
 worker::v1::FromWorker FailureMessage(const absl::Status& status);

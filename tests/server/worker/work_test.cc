@@ -1,18 +1,22 @@
 #include "server/worker/work.h"
 
+#include <unistd.h>
+
 #include <cstring>
 #include <limits>
 #include <new>
-#include <optional>
 #include <stdexcept>
+#include <system_error>
 #include <vector>
 
+#include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "core/io/draco_codec.h"
 #include "gmock/gmock.h"
 #include "google/rpc/error_details.pb.h"
 #include "gtest/gtest.h"
 #include "server/link/in_process_link.h"
+#include "server/worker/failpoints.h"
 #include "server/worker/report.h"
 #include "server/worker/worker.h"
 #include "tests/server/testing/meshes.h"
@@ -29,15 +33,44 @@ Mesh Tetrahedron() {
   return mesh;
 }
 
-worker::v1::WorkRequest Request(const Mesh& mesh) {
+// A job as it comes over the link.
+struct Job {
   worker::v1::WorkRequest request;
-  request.set_job("jobs/1");
-  request.set_draco(*EncodeDraco(mesh));
-  return request;
+  std::vector<BlobPtr> blobs;
+
+  v1::UnwrapOptions& options() { return *request.mutable_options(); }
+};
+
+Job JobOf(const std::string& draco) {
+  Job job;
+  job.request.set_job("jobs/1");
+  job.blobs = {*Blob::Copy(draco)};
+  return job;
 }
 
-worker::v1::WorkResult RunOnce(const worker::v1::WorkRequest& request) {
-  return DoWork(request, Interrupter(), [](const v1::Progress&) {});
+Job JobOf(const Mesh& mesh) {
+  return JobOf(*EncodeDraco(mesh));
+}
+
+void AddCorners(const std::vector<std::int32_t>& seams, const std::vector<std::int32_t>& uncut, Job* job) {
+  std::vector<std::int32_t> all = seams;
+  all.insert(all.end(), uncut.begin(), uncut.end());
+  job->request.set_seam_corners(static_cast<std::int64_t>(seams.size()));
+  job->request.set_uncut_corners(static_cast<std::int64_t>(uncut.size()));
+  job->blobs.resize(1);
+  job->blobs.push_back(*Blob::Copy({reinterpret_cast<const char*>(all.data()), all.size() * sizeof(std::int32_t)}));
+}
+
+WorkOutcome RunOutcome(const Job& job) {
+  return DoWork(job.request, job.blobs, {});
+}
+
+worker::v1::WorkResult RunOnce(const Job& job) {
+  return RunOutcome(job).result;
+}
+
+std::string UvOf(const Job& job) {
+  return std::string(RunOutcome(job).uv->bytes());
 }
 
 std::string Reason(const worker::v1::WorkResult& result) {
@@ -47,21 +80,23 @@ std::string Reason(const worker::v1::WorkResult& result) {
 }
 
 TEST(Work, UnwrapsADisc) {
-  worker::v1::WorkRequest request = Request(Bump(12));
-  request.mutable_options()->set_seams(v1::SEAMS_NONE);
+  Job job = JobOf(Bump(12));
+  job.options().set_seams(v1::SEAMS_NONE);
   std::vector<v1::Progress> progress;
-  const worker::v1::WorkResult result =
-      DoWork(request, Interrupter(), [&](const v1::Progress& p) { progress.push_back(p); });
+  WorkControl control;
+  control.on_progress = [&](const v1::Progress& p) { progress.push_back(p); };
+  const WorkOutcome outcome = DoWork(job.request, job.blobs, control);
+  const worker::v1::WorkResult& result = outcome.result;
   ASSERT_EQ(result.status().code(), 0) << result.status().message();
 
   EXPECT_EQ(result.uv().precision(), v1::PRECISION_FLOAT);
   EXPECT_EQ(result.uv().corner_count(), 3 * 288);
   EXPECT_EQ(result.uv().total_bytes(), 2 * 4 * 3 * 288);
-  ASSERT_THAT(result.uv_bytes(), SizeIs(2 * 4 * 3 * 288));
-  EXPECT_EQ(result.uv().mesh_sha256(), Sha256(request.draco()));
-  EXPECT_EQ(result.uv().uv_sha256(), Sha256(result.uv_bytes()));
-  std::vector<float> uv(result.uv_bytes().size() / sizeof(float));
-  std::memcpy(uv.data(), result.uv_bytes().data(), result.uv_bytes().size());
+  ASSERT_THAT(outcome.uv->bytes(), SizeIs(2 * 4 * 3 * 288));
+  EXPECT_EQ(result.uv().mesh_sha256(), Sha256(job.blobs[0]->bytes()));
+  EXPECT_EQ(result.uv().uv_sha256(), Sha256(outcome.uv->bytes()));
+  std::vector<float> uv(outcome.uv->bytes().size() / sizeof(float));
+  std::memcpy(uv.data(), outcome.uv->bytes().data(), outcome.uv->bytes().size());
   for (const float number : uv) EXPECT_TRUE(number >= 0 && number <= 1) << number;
 
   const v1::Report& report = result.report();
@@ -90,11 +125,11 @@ TEST(Work, UnwrapsADisc) {
 }
 
 TEST(Work, ReportsTheBoundary) {
-  worker::v1::WorkRequest request = Request(Bump(8));
-  request.mutable_options()->set_seams(v1::SEAMS_NONE);
-  EXPECT_EQ(RunOnce(request).report().charts(0).boundary().boundary(), v1::BOUNDARY_FREE);
-  request.mutable_options()->set_boundary(v1::BOUNDARY_CONVEX);
-  const worker::v1::WorkResult result = RunOnce(request);
+  Job job = JobOf(Bump(8));
+  job.options().set_seams(v1::SEAMS_NONE);
+  EXPECT_EQ(RunOnce(job).report().charts(0).boundary().boundary(), v1::BOUNDARY_FREE);
+  job.options().set_boundary(v1::BOUNDARY_CONVEX);
+  const worker::v1::WorkResult result = RunOnce(job);
   const v1::BoundaryReport& boundary = result.report().charts(0).boundary();
   EXPECT_EQ(boundary.boundary(), v1::BOUNDARY_CONVEX);
   EXPECT_EQ(boundary.vertices(), 32);
@@ -104,81 +139,80 @@ TEST(Work, ReportsTheBoundary) {
 }
 
 TEST(Work, DoubleWhenAskedFor) {
-  worker::v1::WorkRequest request = Request(Bump(4));
-  request.mutable_options()->set_precision(v1::PRECISION_DOUBLE);
-  const worker::v1::WorkResult result = RunOnce(request);
-  EXPECT_EQ(result.uv().precision(), v1::PRECISION_DOUBLE);
-  EXPECT_EQ(result.uv_bytes().size(), 2u * 8 * 3 * 32);
+  Job job = JobOf(Bump(4));
+  job.options().set_precision(v1::PRECISION_DOUBLE);
+  const WorkOutcome outcome = RunOutcome(job);
+  EXPECT_EQ(outcome.result.uv().precision(), v1::PRECISION_DOUBLE);
+  EXPECT_EQ(outcome.uv->bytes().size(), 2u * 8 * 3 * 32);
 }
 
 TEST(Work, SameBytesEveryTime) {
-  const worker::v1::WorkRequest request = Request(Bump(8));
-  EXPECT_EQ(RunOnce(request).uv_bytes(), RunOnce(request).uv_bytes());
+  const Job job = JobOf(Bump(8));
+  EXPECT_EQ(UvOf(job), UvOf(job));
 }
 
 TEST(Work, ThreadsAreThoseAskedForWithinTheLimitAndChangeNothing) {
-  worker::v1::WorkRequest request = Request(Bump(20));
-  const worker::v1::WorkResult alone = RunOnce(request);
-  EXPECT_EQ(alone.report().threads(), 1);
-  request.set_max_threads(3);
-  const worker::v1::WorkResult all = RunOnce(request);
-  EXPECT_EQ(all.report().threads(), 3);
-  EXPECT_EQ(all.uv_bytes(), alone.uv_bytes());
-  request.mutable_options()->set_threads(2);
-  EXPECT_EQ(RunOnce(request).report().threads(), 2);
-  request.mutable_options()->set_threads(200);
-  EXPECT_EQ(RunOnce(request).report().threads(), 3);
+  Job job = JobOf(Bump(20));
+  const WorkOutcome alone = RunOutcome(job);
+  EXPECT_EQ(alone.result.report().threads(), 1);
+  job.request.set_max_threads(3);
+  const WorkOutcome all = RunOutcome(job);
+  EXPECT_EQ(all.result.report().threads(), 3);
+  EXPECT_EQ(all.uv->bytes(), alone.uv->bytes());
+  job.options().set_threads(2);
+  EXPECT_EQ(RunOnce(job).report().threads(), 2);
+  job.options().set_threads(200);
+  EXPECT_EQ(RunOnce(job).report().threads(), 3);
 }
 
 TEST(Work, FaultsAreNamed) {
-  worker::v1::WorkRequest request = Request(Tetrahedron());
-  request.mutable_options()->set_seams(v1::SEAMS_NONE);
-  EXPECT_EQ(Reason(RunOnce(request)), "MESH_CLOSED");
+  Job job = JobOf(Tetrahedron());
+  job.options().set_seams(v1::SEAMS_NONE);
+  EXPECT_EQ(Reason(RunOnce(job)), "MESH_CLOSED");
 
-  request = Request(Bump(4));
-  request.mutable_options()->set_tolerance(-1);
-  EXPECT_EQ(Reason(RunOnce(request)), "OPTIONS_INVALID");
+  job = JobOf(Bump(4));
+  job.options().set_tolerance(-1);
+  EXPECT_EQ(Reason(RunOnce(job)), "OPTIONS_INVALID");
 
-  request = Request(Bump(4));
-  request.mutable_draco()->resize(request.draco().size() / 2);
-  const worker::v1::WorkResult truncated = RunOnce(request);
+  const std::string draco = *EncodeDraco(Bump(4));
+  job = JobOf(draco.substr(0, draco.size() / 2));
+  const worker::v1::WorkResult truncated = RunOnce(job);
   EXPECT_EQ(truncated.status().code(), static_cast<int>(absl::StatusCode::kInvalidArgument));
   EXPECT_EQ(Reason(truncated), "MESH_DECODE_FAILED");
   EXPECT_FALSE(truncated.has_uv());
 
-  request.set_draco("not a mesh at all");
-  EXPECT_EQ(Reason(RunOnce(request)), "MESH_DECODE_FAILED");
+  job = JobOf("not a mesh at all");
+  EXPECT_EQ(Reason(RunOnce(job)), "MESH_DECODE_FAILED");
 
   Mesh mesh = Bump(4);
   mesh.positions[7].z() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(Reason(RunOnce(Request(mesh))), "MESH_POSITION_NOT_FINITE");
+  EXPECT_EQ(Reason(RunOnce(JobOf(mesh))), "MESH_POSITION_NOT_FINITE");
 }
 
 TEST(Work, SeamCornersBeyondTheMeshAreRefusedByNumber) {
-  worker::v1::WorkRequest request = Request(Bump(4));  // 32 faces
-  request.add_seam_corners(95);
-  EXPECT_EQ(RunOnce(request).status().code(), 0);
+  Job job = JobOf(Bump(4));  // 32 faces
+  AddCorners({95}, {}, &job);
+  EXPECT_EQ(RunOnce(job).status().code(), 0);
   for (const int corner : {96, -1}) {
-    request.add_seam_corners(corner);
-    const worker::v1::WorkResult result = RunOnce(request);
+    AddCorners({95, corner}, {}, &job);
+    const worker::v1::WorkResult result = RunOnce(job);
     EXPECT_EQ(result.status().code(), static_cast<int>(absl::StatusCode::kInvalidArgument));
     google::rpc::ErrorInfo info;
     ASSERT_TRUE(result.status().details(0).UnpackTo(&info));
     EXPECT_EQ(info.reason(), "OPTIONS_INVALID");
     EXPECT_EQ(info.metadata().at("field"), "seam_corners");
     EXPECT_EQ(info.metadata().at("corner"), std::to_string(corner));
-    request.mutable_seam_corners()->RemoveLast();
-    worker::v1::WorkRequest uncut = Request(Bump(4));
-    uncut.add_uncut_corners(corner);
+    Job uncut = JobOf(Bump(4));
+    AddCorners({}, {corner}, &uncut);
     EXPECT_EQ(Reason(RunOnce(uncut)), "OPTIONS_INVALID") << corner;
   }
 }
 
 TEST(Work, ReportsTheAtlasThatWasAskedFor) {
-  worker::v1::WorkRequest request = Request(Bump(4));
-  request.mutable_options()->set_texture_size(512);
-  request.mutable_options()->set_padding(7);
-  const v1::Atlas atlas = RunOnce(request).report().atlas();
+  Job job = JobOf(Bump(4));
+  job.options().set_texture_size(512);
+  job.options().set_padding(7);
+  const v1::Atlas atlas = RunOnce(job).report().atlas();
   EXPECT_EQ(atlas.pack(), v1::PACK_ON);
   EXPECT_EQ(atlas.texture_size(), 512);
   EXPECT_EQ(atlas.padding(), 7);
@@ -238,19 +272,64 @@ TEST(Report, OfMoreChartsDescribesTheWorst) {
 
 TEST(Work, InterruptedWorkIsCancelled) {
   Interrupter interrupter;
-  const worker::v1::WorkResult result = DoWork(Request(Bump(12)), interrupter, [&](const v1::Progress& progress) {
+  WorkControl control;
+  control.cancel = &interrupter;
+  control.on_progress = [&](const v1::Progress& progress) {
     if (progress.newton_iteration() == 1) interrupter.Interrupt();
-  });
-  EXPECT_EQ(result.status().code(), static_cast<int>(absl::StatusCode::kCancelled));
-  EXPECT_TRUE(result.uv_bytes().empty());
+  };
+  const Job job = JobOf(Bump(12));
+  const WorkOutcome outcome = DoWork(job.request, job.blobs, control);
+  EXPECT_EQ(outcome.result.status().code(), static_cast<int>(absl::StatusCode::kCancelled));
+  EXPECT_EQ(outcome.uv, nullptr);
 }
 
 TEST(Work, ExceptionsBecomeErrors) {
   const auto run = [](auto exception) {
-    return DoWork(Request(Bump(4)), Interrupter(), [&](const v1::Progress&) { throw exception; });
+    WorkControl control;
+    control.on_progress = [&](const v1::Progress&) { throw exception; };
+    const Job job = JobOf(Bump(4));
+    return DoWork(job.request, job.blobs, control).result;
   };
   EXPECT_EQ(Reason(run(std::bad_alloc())), "OUT_OF_MEMORY");
+  EXPECT_EQ(Reason(run(std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again)))),
+            "OUT_OF_MEMORY")
+      << "a thread that cannot be started";
   EXPECT_EQ(Reason(run(std::runtime_error("boom"))), "INTERNAL");
+}
+
+TEST(Work, MoreTrianglesThanAllowedAreRefused) {
+  Job job = JobOf(Bump(4));
+  job.request.set_max_triangles(32);
+  EXPECT_EQ(RunOnce(job).status().code(), 0);
+  job.request.set_max_triangles(31);
+  const worker::v1::WorkResult result = RunOnce(job);
+  EXPECT_EQ(result.status().code(), static_cast<int>(absl::StatusCode::kResourceExhausted));
+  EXPECT_EQ(Reason(result), "MESH_TOO_LARGE");
+}
+
+TEST(Work, BlobsOtherThanAnnouncedAreAnError) {
+  Job job = JobOf(Bump(4));
+  job.request.set_seam_corners(1);
+  EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL") << "no second blob";
+  AddCorners({1, 2}, {}, &job);
+  job.request.set_seam_corners(1);
+  EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL") << "more numbers than announced";
+  job.request.set_seam_corners(-1);
+  EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL");
+  job.blobs.clear();
+  EXPECT_EQ(Reason(RunOnce(job)), "INTERNAL") << "no mesh";
+}
+
+TEST(Work, PointsComeInOrderAndMayEndTheJob) {
+  std::vector<std::string> points;
+  WorkControl control;
+  control.at_point = [&](std::string_view point) {
+    points.emplace_back(point);
+    return point == "encode" ? MakeError(absl::StatusCode::kInternal, "ENOUGH", "enough") : absl::OkStatus();
+  };
+  const Job job = JobOf(Bump(4));
+  EXPECT_EQ(Reason(DoWork(job.request, job.blobs, control).result), "ENOUGH");
+  EXPECT_THAT(points, ::testing::ElementsAre("decode", "solve", "encode"));
 }
 
 v1::Progress At(double seconds, int newton_iteration, double linear_residual) {
@@ -289,9 +368,20 @@ TEST(ProgressThrottle, ManyChartsDoNotMakeManyReports) {
   EXPECT_LE(passed, 11);
 }
 
-TEST(PackUv, LittleEndian) {
-  EXPECT_EQ(PackUv({1.0, -2.0}, Precision::kFloat), std::string("\x00\x00\x80\x3f\x00\x00\x00\xc0", 8));
-  EXPECT_EQ(PackUv({1.0}, Precision::kDouble), std::string("\x00\x00\x00\x00\x00\x00\xf0\x3f", 8));
+TEST(PackUv, LittleEndianAndSealed) {
+  EXPECT_EQ((*PackUv({1.0, -2.0}, Precision::kFloat))->bytes(), std::string("\x00\x00\x80\x3f\x00\x00\x00\xc0", 8));
+  const BlobPtr blob = *PackUv({1.0}, Precision::kDouble);
+  EXPECT_EQ(blob->bytes(), std::string("\x00\x00\x00\x00\x00\x00\xf0\x3f", 8));
+  EXPECT_TRUE(Blob::MapSealed(Descriptor(dup(blob->descriptor()))).ok());
+  EXPECT_EQ((*PackUv({}, Precision::kFloat))->bytes(), "");
+}
+
+TEST(Failpoint, OnlyNamesThatExist) {
+  EXPECT_EQ(Failpoint::Parse("solve=hang")->action, "hang");
+  EXPECT_EQ(Failpoint::Parse("")->point, "");
+  for (const char* text : {"solve", "solve=", "=hang", "nowhere=hang", "solve=sing", "solve=hang "}) {
+    EXPECT_EQ(ErrorInfoOf(Failpoint::Parse(text).status()).reason, "REQUEST_INVALID") << text;
+  }
 }
 
 TEST(Sha256, KnownAnswer) {
@@ -301,45 +391,88 @@ TEST(Sha256, KnownAnswer) {
 
 class WorkerOnALink : public ::testing::Test {
  protected:
+  void SetUp() override { EXPECT_TRUE(Next().has_idle()); }
+
+  void Send(const Job& job) {
+    worker::v1::ToWorker message;
+    *message.mutable_request() = job.request;
+    link_->Send(message, job.blobs);
+  }
+
+  // Nothing once the link is closed.
+  worker::v1::FromWorker Next() {
+    WorkerLink::Received received;
+    link_->Receive(absl::InfiniteFuture(), &received);
+    blob_ = received.blob;
+    return received.message;
+  }
+
+  worker::v1::WorkResult Result(int* events = nullptr) {
+    worker::v1::FromWorker message = Next();
+    for (; message.has_event(); message = Next()) {
+      if (events != nullptr) ++*events;
+    }
+    EXPECT_TRUE(message.has_result());
+    return message.result();
+  }
+
   std::shared_ptr<WorkerLink> link_ = *StartInProcessWorker(RunWorker);
+  BlobPtr blob_;
 };
 
-TEST_F(WorkerOnALink, AnswersWithEventsAndOneResult) {
-  worker::v1::ToWorker message;
-  *message.mutable_request() = Request(Bump(6));
-  link_->Send(message);
-  int events = 0;
-  std::optional<worker::v1::FromWorker> answer;
-  while ((answer = link_->Receive()) && answer->has_event()) ++events;
-  EXPECT_GT(events, 4);
-  ASSERT_TRUE(answer.has_value());
-  EXPECT_EQ(answer->result().status().code(), 0);
-  EXPECT_FALSE(link_->Receive().has_value());
+// Cancelled long before it is through.
+Job LongJob() {
+  Job job = JobOf(Bump(120));
+  job.options().set_solver(v1::SOLVER_MINRES);
+  job.options().set_system(v1::SYSTEM_FULL);
+  job.options().set_preconditioner(v1::PRECONDITIONER_NONE);
+  return job;
+}
+
+TEST_F(WorkerOnALink, AnswersWithEventsAndOneResultJobAfterJob) {
+  const Job job = JobOf(Bump(6));
+  const std::string expected = UvOf(job);
+  for (int i = 0; i < 3; ++i) {
+    Send(job);
+    int events = 0;
+    EXPECT_EQ(Result(&events).status().code(), 0);
+    EXPECT_EQ(blob_->bytes(), expected);
+    EXPECT_GT(events, 4);
+    EXPECT_TRUE(Next().has_idle());
+  }
 }
 
 TEST_F(WorkerOnALink, ObeysACancelRequest) {
-  worker::v1::ToWorker message;
-  *message.mutable_request() = Request(Bump(120));
-  message.mutable_request()->mutable_options()->set_solver(v1::SOLVER_MINRES);
-  message.mutable_request()->mutable_options()->set_system(v1::SYSTEM_FULL);
-  message.mutable_request()->mutable_options()->set_preconditioner(v1::PRECONDITIONER_NONE);
-  link_->Send(message);
-  ASSERT_TRUE(link_->Receive()->has_event());
+  Send(LongJob());
+  ASSERT_TRUE(Next().has_event());
   worker::v1::ToWorker cancel;
   cancel.mutable_cancel();
   link_->Send(cancel);
-  std::optional<worker::v1::FromWorker> answer;
-  while ((answer = link_->Receive()) && answer->has_event()) {
-  }
-  ASSERT_TRUE(answer.has_value());
-  EXPECT_EQ(answer->result().status().code(), static_cast<int>(absl::StatusCode::kCancelled));
+  EXPECT_EQ(Result().status().code(), static_cast<int>(absl::StatusCode::kCancelled));
+  EXPECT_TRUE(Next().has_idle());
+  link_->Send(cancel);  // too late, and not for the next job
+  Send(JobOf(Bump(6)));
+  EXPECT_EQ(Result().status().code(), 0);
+}
+
+TEST_F(WorkerOnALink, ObeysACancelRequestThatComesWithTheJob) {
+  Send(LongJob());
+  worker::v1::ToWorker cancel;
+  cancel.mutable_cancel();
+  link_->Send(cancel);
+  EXPECT_EQ(Result().status().code(), static_cast<int>(absl::StatusCode::kCancelled));
+}
+
+TEST_F(WorkerOnALink, FailpointsAreNotObeyedUnlessAllowed) {
+  Job job = JobOf(Bump(6));
+  job.request.set_failpoint("start=abort");
+  Send(job);
+  EXPECT_EQ(Result().status().code(), 0);
 }
 
 TEST_F(WorkerOnALink, GivesUpWhenTheServerIsGone) {
-  worker::v1::ToWorker message;
-  *message.mutable_request() = Request(Bump(120));
-  link_->Send(message);
-  ASSERT_TRUE(link_->Receive()->has_event());
+  Send(LongJob());
+  ASSERT_TRUE(Next().has_event());
   link_.reset();  // waits for the worker
 }
 

@@ -1,0 +1,215 @@
+#include "server/link/process_link.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "server/link/frame_socket.h"
+
+namespace planish {
+namespace {
+
+using worker::v1::FromWorker;
+using worker::v1::ToWorker;
+
+constexpr int kWorkerFd = 3;
+// One blob at most comes from a worker: the UV.
+constexpr FrameLimits kFromWorker = {.bytes = std::size_t{16} << 20, .descriptors = 1};
+// How long a process that closed its link may take to end.
+constexpr std::chrono::seconds kExitPatience(2);
+
+absl::Status CannotStart(const std::string& what, int error) {
+  const std::string message = absl::StrCat(what, ": ", std::strerror(error));
+  if (error == EAGAIN || error == ENOMEM || error == EMFILE || error == ENFILE) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", message);
+  }
+  return InternalError(message);
+}
+
+std::string SignalName(int number) {
+  const char* const name = sigabbrev_np(number);
+  return name == nullptr ? absl::StrCat("signal ", number) : absl::StrCat("SIG", name);
+}
+
+// How to start a process, as posix_spawn wants to be told.
+class Spawn {
+ public:
+  Spawn() {
+    posix_spawn_file_actions_init(&actions_);
+    posix_spawnattr_init(&attributes_);
+  }
+  ~Spawn() {
+    posix_spawn_file_actions_destroy(&actions_);
+    posix_spawnattr_destroy(&attributes_);
+  }
+  Spawn(const Spawn&) = delete;
+  Spawn& operator=(const Spawn&) = delete;
+
+  // Returns an errno, 0 for success.
+  int Run(const std::string& program, int socket, const std::vector<std::string>& arguments, pid_t* pid) {
+    int error = posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDWR, 0);
+    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, 0, 1);
+    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, socket, kWorkerFd);
+    if (error == 0) error = posix_spawn_file_actions_addclosefrom_np(&actions_, kWorkerFd + 1);
+    if (error != 0) return error;
+    // Ctrl-C and a service manager's SIGTERM reach every process there is; a worker ends when its server says so.
+    sigset_t deaf, none_ignored;
+    sigemptyset(&deaf);
+    for (const int number : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&deaf, number);
+    sigfillset(&none_ignored);
+    posix_spawnattr_setsigmask(&attributes_, &deaf);
+    posix_spawnattr_setsigdefault(&attributes_, &none_ignored);
+    posix_spawnattr_setflags(&attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+
+    std::vector<char*> argv;
+    static char name[] = "planishd-worker";
+    argv.push_back(name);
+    for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+    argv.push_back(nullptr);
+    return posix_spawn(pid, program.c_str(), &actions_, &attributes_, argv.data(), environ);
+  }
+
+ private:
+  posix_spawn_file_actions_t actions_;
+  posix_spawnattr_t attributes_;
+};
+
+class ProcessWorkerLink : public WorkerLink {
+ public:
+  ProcessWorkerLink(pid_t pid, std::unique_ptr<FrameSocket> socket) : pid_(pid), socket_(std::move(socket)) {}
+
+  ~ProcessWorkerLink() override {
+    Close();
+    Reap();
+  }
+
+  void Send(ToWorker message, std::vector<BlobPtr> blobs) override {
+    socket_->Send(message.SerializeAsString(), std::move(blobs));
+  }
+
+  Wait Receive(absl::Time deadline, Received* received) override {
+    Frame frame;
+    switch (socket_->Receive(deadline, &frame)) {
+      case FrameSocket::Wait::kTimeout:
+        return Wait::kTimeout;
+      case FrameSocket::Wait::kClosed:
+        return Wait::kClosed;
+      case FrameSocket::Wait::kFrame:
+        break;
+    }
+    received->message.Clear();
+    received->blob = nullptr;
+    if (!received->message.ParseFromString(frame.bytes) ||
+        received->message.message_case() == FromWorker::MESSAGE_NOT_SET) {
+      return Fault("a message that cannot be parsed");
+    }
+    if (frame.descriptors.empty()) return Wait::kMessage;
+    absl::StatusOr<BlobPtr> blob = Blob::MapSealed(std::move(frame.descriptors[0]));
+    if (!blob.ok()) return Fault(std::string(blob.status().message()));
+    received->blob = *std::move(blob);
+    return Wait::kMessage;
+  }
+
+  void Close() override {
+    const std::lock_guard lock(mutex_);
+    if (reaped_ || given_up_) return;
+    given_up_ = true;
+    kill(pid_, SIGKILL);
+    socket_->Close();
+  }
+
+  WorkerLoss HowEnded() override {
+    if (fault_.empty()) fault_ = socket_->fault();
+    bool given_up;
+    {
+      const std::lock_guard lock(mutex_);
+      given_up = given_up_;
+    }
+    Reap();
+    if (!fault_.empty()) return {"INTERNAL", "the worker broke the protocol: it sent " + fault_, {}};
+    if (given_up) return {"WORKER_HUNG", "the worker was given up and killed", {}};
+    if (hung_after_closing_) return {"WORKER_HUNG", "the worker closed its link and went on; it was killed", {}};
+    if (WIFSIGNALED(status_)) {
+      const int number = WTERMSIG(status_);
+      const std::string name = SignalName(number);
+      std::string message = absl::StrCat("the worker was killed by signal ", number, " (", name, ")");
+      if (number == SIGKILL) message += ", which the kernel sends when memory runs out";
+      return {"WORKER_CRASHED", std::move(message), {{"signal", name}}};
+    }
+    const std::string code = absl::StrCat(WEXITSTATUS(status_));
+    return {"WORKER_CRASHED", "the worker exited with code " + code, {{"exit_code", code}}};
+  }
+
+ private:
+  Wait Fault(const std::string& what) {
+    fault_ = what;
+    socket_->Close();
+    return Wait::kClosed;
+  }
+
+  // Waits for the process to end, not for ever.
+  void Reap() {
+    const auto patience = std::chrono::steady_clock::now() + kExitPatience;
+    std::chrono::microseconds pause(100);
+    while (!TryReap()) {
+      if (std::chrono::steady_clock::now() > patience) {
+        hung_after_closing_ = true;
+        kill(pid_, SIGKILL);
+      }
+      std::this_thread::sleep_for(pause);
+      pause = std::min<std::chrono::microseconds>(2 * pause, std::chrono::milliseconds(20));
+    }
+  }
+
+  bool TryReap() {
+    const std::lock_guard lock(mutex_);
+    if (reaped_) return true;
+    const pid_t pid = waitpid(pid_, &status_, WNOHANG);
+    reaped_ = pid == pid_ || (pid < 0 && errno == ECHILD);
+    return reaped_;
+  }
+
+  const pid_t pid_;
+  const std::unique_ptr<FrameSocket> socket_;
+  std::string fault_;                // of the receiving thread
+  bool hung_after_closing_ = false;  // of the receiving thread
+
+  std::mutex mutex_;
+  // Guarded by mutex_: nobody kills a process that is no longer ours.
+  bool reaped_ = false;
+  bool given_up_ = false;
+  int status_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<WorkerLink>> StartProcessWorker(const WorkerProcessOptions& options) {
+  int ends[2];
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return CannotStart("socketpair", errno);
+  Descriptor ours(ends[0]), theirs(ends[1]);
+  PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<FrameSocket> socket, FrameSocket::Make(std::move(ours), kFromWorker));
+  WorkerArguments arguments;
+  arguments.fd = kWorkerFd;
+  arguments.sandbox = options.sandbox;
+  arguments.failpoints = options.failpoints;
+  pid_t pid = 0;
+  const int error = Spawn().Run(options.program, theirs.get(), ToCommandLine(arguments), &pid);
+  if (error != 0) return CannotStart("cannot start " + options.program, error);
+  return std::make_shared<ProcessWorkerLink>(pid, std::move(socket));
+}
+
+}  // namespace planish

@@ -1,0 +1,26 @@
+// A worker in a process of its own.
+#pragma once
+
+#include <string>
+
+#include "server/link/worker_arguments.h"
+#include "server/link/worker_link.h"
+
+namespace planish {
+
+struct WorkerProcessOptions {
+  std::string program = "/proc/self/exe";  // calls RunIfWorker() first of all (server/worker_main.h)
+  SandboxMode sandbox = SandboxMode::kAuto;
+  bool failpoints = false;
+};
+
+// Starts a worker process. Messages pass as frames over a socket pair (frame_socket.h), blobs as descriptors; nothing
+// the worker sends is trusted. The process dies at once with its link, with this process, and with the thread that
+// started it: that thread must outlive the link. It inherits stderr and the environment, no other descriptor and no
+// signal of a terminal.
+//
+// A message or blob that is not what it should be closes the link; HowEnded() says so. RESOURCE_EXHAUSTED with
+// OUT_OF_MEMORY if there are no descriptors, processes or memory left, INTERNAL if `program` cannot be started.
+absl::StatusOr<std::shared_ptr<WorkerLink>> StartProcessWorker(const WorkerProcessOptions& options);
+
+}  // namespace planish

@@ -1,0 +1,32 @@
+// The hidden command line by which planishd starts itself as a worker.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace planish {
+
+// Whether a worker gives up files, the network and everything else that it does not need (server/worker/sandbox.h).
+enum class SandboxMode {
+  kAuto,     // where the kernel allows it
+  kRequire,  // or it does not start
+  kOff,
+};
+
+struct WorkerArguments {
+  int fd = -1;  // the worker's end of the link
+  SandboxMode sandbox = SandboxMode::kAuto;
+  bool failpoints = false;  // WorkRequest.failpoint is obeyed
+};
+
+// "--worker-fd=3" and so on.
+std::vector<std::string> ToCommandLine(const WorkerArguments& arguments);
+
+// Empty if this is not the command line of a worker, which starts with --worker-fd.
+std::optional<WorkerArguments> ParseWorkerArguments(int argc, const char* const* argv);
+
+// "auto", "require", "off".
+const char* NameOf(SandboxMode mode);
+
+}  // namespace planish

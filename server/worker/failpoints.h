@@ -1,0 +1,49 @@
+// Faults on demand, for tests of what a server does when a worker fails (planish.worker.v1.WorkRequest.failpoint).
+#pragma once
+
+#include <functional>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace planish {
+
+// Where a fault may strike, in the order of a job:
+//   start   before anything is done         encode  before the result is put together
+//   decode  before the mesh is decoded      result  before the result is sent
+//   solve   at the first solver report      idle    after the result was sent, before the worker says it is idle
+// and what may happen there:
+//   abort        abort()
+//   segv         writes where no memory is
+//   exit         exits with code 42
+//   hang         sleeps for ever, deaf to cancellation
+//   spin         computes for ever, deaf to cancellation
+//   oom          allocates until there is no memory: std::bad_alloc
+//   oom-thread   the same on another thread, where nobody catches it
+//   garbage      sends what is no message
+//   mute         closes the link and goes on
+//   probe        tries what a sandbox should refuse and ends the job with Probe()
+struct Failpoint {
+  std::string point;  // empty: none
+  std::string action;
+
+  // From "POINT=ACTION". INVALID_ARGUMENT with REQUEST_INVALID for a name that is not above.
+  static absl::StatusOr<Failpoint> Parse(std::string_view text);
+};
+
+// What an action needs of the worker.
+struct FailpointHooks {
+  std::function<void()> send_garbage;
+  std::function<void()> close_link;
+};
+
+// Does what `failpoint` says if `point` is its point. Returns the status that the job is to end with, or OK.
+absl::Status ReachPoint(const Failpoint& failpoint, std::string_view point, const FailpointHooks& hooks);
+
+// Tries to open a file and a socket, to start a program and a process, and to signal and trace others. INTERNAL
+// with reason PROBE and for each as metadata the errno's name, or "allowed".
+absl::Status Probe();
+
+}  // namespace planish

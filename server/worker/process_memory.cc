@@ -1,0 +1,99 @@
+#include "server/worker/process_memory.h"
+
+#include <fcntl.h>
+#include <malloc.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "core/base/heap.h"
+
+namespace planish {
+namespace {
+
+// Of a thread beside its work: its stack, and what the allocator keeps for it.
+constexpr std::int64_t kPerThread = std::int64_t{9} << 20;
+
+struct Files {
+  int statm = -1;
+  int status = -1;
+  int clear_refs = -1;
+};
+Files files;
+
+struct Statm {
+  std::int64_t resident = 0;  // bytes
+  std::int64_t data = 0;      // bytes: heap, stacks and other private memory
+};
+
+// All zeros if there is no /proc.
+Statm ReadStatm() {
+  char text[256] = {};
+  if (files.statm < 0 || pread(files.statm, text, sizeof(text) - 1, 0) <= 0) return {};
+  long long pages[6] = {};  // size resident shared text lib data
+  if (std::sscanf(text, "%lld %lld %lld %lld %lld %lld", &pages[0], &pages[1], &pages[2], &pages[3], &pages[4],
+                  &pages[5]) != 6) {
+    return {};
+  }
+  static const long page_size = sysconf(_SC_PAGESIZE);
+  return {pages[1] * page_size, pages[5] * page_size};
+}
+
+void SetDataLimit(rlim_t bytes) {
+  rlimit limit = {};
+  getrlimit(RLIMIT_DATA, &limit);
+  limit.rlim_cur = std::min(bytes, limit.rlim_max);
+  setrlimit(RLIMIT_DATA, &limit);
+}
+
+}  // namespace
+
+void WatchProcessMemory() {
+  files.statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+  files.status = open("/proc/self/status", O_RDONLY | O_CLOEXEC);
+  files.clear_refs = open("/proc/self/clear_refs", O_WRONLY | O_CLOEXEC);
+}
+
+std::int64_t ResidentBytes() {
+  return ReadStatm().resident;
+}
+
+std::int64_t PeakMemoryBytes() {
+  char text[4096] = {};
+  if (files.status >= 0 && pread(files.status, text, sizeof(text) - 1, 0) > 0) {
+    const char* const line = std::strstr(text, "\nVmHWM:");
+    if (line != nullptr) return std::strtoll(line + std::strlen("\nVmHWM:"), nullptr, 10) * 1024;
+  }
+  rusage usage = {};
+  getrusage(RUSAGE_SELF, &usage);
+  return std::int64_t{usage.ru_maxrss} * 1024;
+}
+
+void ResetPeakMemory() {
+  // 5: the high-water mark only.
+  if (files.clear_refs < 0) return;
+  [[maybe_unused]] const ssize_t written = write(files.clear_refs, "5", 1);
+}
+
+MemoryLimit::MemoryLimit(std::int64_t bytes, int threads) {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  if (bytes <= 0) return;
+  malloc_trim(0);
+  const std::int64_t held = ReadStatm().data;
+  if (held == 0) return;
+  limited_ = true;
+  SetDataLimit(static_cast<rlim_t>(held + bytes + threads * kPerThread));
+  // Huge pages for half of it; the rest is for what does not come from the heap of this thread.
+  ReserveHeap(static_cast<std::size_t>(bytes / 2));
+#endif
+}
+
+MemoryLimit::~MemoryLimit() {
+  if (limited_) SetDataLimit(RLIM_INFINITY);
+}
+
+}  // namespace planish

@@ -1,0 +1,35 @@
+// How much memory this process has, and how much it may take. Reads /proc/self through descriptors that are opened
+// once: in a sandbox there is no opening files.
+#pragma once
+
+#include <cstdint>
+
+namespace planish {
+
+// Opens what the others read. Before threads and sandbox; without it, and where there is no /proc, the figures come
+// from getrusage or are 0.
+void WatchProcessMemory();
+
+// Resident now; 0: not known.
+std::int64_t ResidentBytes();
+
+// High-water mark of resident memory, since ResetPeakMemory() where the kernel can do that.
+std::int64_t PeakMemoryBytes();
+void ResetPeakMemory();
+
+// While it lives, this process may take `bytes` (and stacks for `threads`) beyond what it holds; then allocations fail.
+// For a process that does nothing but the work in hand. Counts private memory that can be written to, touched or not
+// (RLIMIT_DATA), so it first hands back what is free (core/base/heap.h). One at a time.
+class MemoryLimit {
+ public:
+  // bytes <= 0: no limit. Without WatchProcessMemory() none either.
+  MemoryLimit(std::int64_t bytes, int threads);
+  ~MemoryLimit();
+  MemoryLimit(const MemoryLimit&) = delete;
+  MemoryLimit& operator=(const MemoryLimit&) = delete;
+
+ private:
+  bool limited_ = false;
+};
+
+}  // namespace planish

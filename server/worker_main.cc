@@ -1,0 +1,114 @@
+#include "server/worker_main.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <exception>
+#include <iostream>
+#include <memory>
+#include <new>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "core/base/heap.h"
+#include "server/link/descriptor_link.h"
+#include "server/link/rpc_status.h"
+#include "server/link/worker_arguments.h"
+#include "server/worker/process_memory.h"
+#include "server/worker/sandbox.h"
+#include "server/worker/warm_up.h"
+#include "server/worker/work.h"
+#include "server/worker/worker.h"
+
+namespace planish {
+namespace {
+
+constexpr int kCannotWork = 3;
+constexpr int kOutOfMemory = 4;
+
+// What the handler below sends: nothing can be allocated by then.
+int link_fd = -1;
+std::string* last_words = nullptr;
+
+bool IsOutOfMemory() {
+  try {
+    if (const std::exception_ptr exception = std::current_exception()) std::rethrow_exception(exception);
+  } catch (const std::bad_alloc&) {
+    return true;
+  } catch (const std::system_error& error) {
+    return error.code() == std::errc::resource_unavailable_try_again;
+  } catch (...) {
+  }
+  return false;
+}
+
+// Memory that runs out where nobody can catch it, as on a helper's thread, still ends the job with its name. Anything
+// else is a bug, and aborts.
+[[noreturn]] void EndWithoutMemory() {
+  if (!IsOutOfMemory()) std::abort();
+  [[maybe_unused]] const ssize_t written = write(link_fd, last_words->data(), last_words->size());
+  _exit(kOutOfMemory);
+}
+
+void PrepareLastWords(int fd) {
+  worker::v1::FromWorker message;
+  *message.mutable_result()->mutable_status() = ToRpcStatus(OutOfMemory());
+  link_fd = fd;
+  last_words = new std::string(ToFrame(message));
+  std::set_terminate(EndWithoutMemory);
+}
+
+// Whether the server died before ConfineProcess() could tie this process to it.
+bool IsAlone(int fd) {
+  pollfd source = {fd, 0, 0};
+  return poll(&source, 1, 0) > 0 && (source.revents & (POLLHUP | POLLERR | POLLNVAL)) != 0;
+}
+
+// A header that announces more bytes than any message may have.
+void SendGarbage() {
+  const std::string garbage(64, '\xff');
+  [[maybe_unused]] const ssize_t written = write(link_fd, garbage.data(), garbage.size());
+}
+
+int Run(const WorkerArguments& arguments) {
+  ConfineProcess();
+  if (IsAlone(arguments.fd)) return kCannotWork;
+  KeepFreedMemory();
+  WatchProcessMemory();
+  PrepareLastWords(arguments.fd);
+  const absl::StatusOr<std::unique_ptr<ServerLink>> server = ConnectToServer(Descriptor(arguments.fd));
+  if (!server.ok()) return kCannotWork;
+  WarmUp();
+
+  WorkerSettings settings;
+  settings.owns_process = true;
+  settings.failpoints = arguments.failpoints;
+  settings.send_garbage = SendGarbage;
+  if (arguments.sandbox != SandboxMode::kOff) {
+    const absl::Status sandbox = EnterSandbox();
+    if (!sandbox.ok() && arguments.sandbox == SandboxMode::kRequire) {
+      std::cerr << "planishd: no sandbox for a worker: " << sandbox.message() << "\n";
+      return kCannotWork;
+    }
+    settings.idle.set_sandboxed(sandbox.ok());
+    settings.idle.set_sandbox_error(std::string(sandbox.message()));
+  } else {
+    settings.idle.set_sandbox_error("switched off");
+  }
+  ServeJobs(**server, settings);
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+
+std::optional<int> RunIfWorker(int argc, char** argv) {
+  const std::optional<WorkerArguments> arguments = ParseWorkerArguments(argc, argv);
+  if (!arguments.has_value()) return std::nullopt;
+  const int code = Run(*arguments);
+  // No destructors: libraries may want what a sandbox refuses, and nothing is left to save.
+  _exit(code);
+}
+
+}  // namespace planish

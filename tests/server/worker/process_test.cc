@@ -1,0 +1,440 @@
+// Workers in processes of their own: what they answer, and what becomes of the server when they die, hang, grow, or
+// send what they should not.
+#include <dirent.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <mutex>
+
+#include "absl/strings/match.h"
+#include "absl/time/clock.h"
+#include "core/base/error.h"
+#include "core/io/draco_codec.h"
+#include "gmock/gmock.h"
+#include "google/rpc/error_details.pb.h"
+#include "gtest/gtest.h"
+#include "server/jobs/worker_pool.h"
+#include "server/link/process_link.h"
+#include "server/worker/work.h"
+#include "tests/server/testing/meshes.h"
+
+namespace planish {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
+
+constexpr bool kSanitized =
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    true;
+#else
+    false;
+#endif
+
+constexpr std::int64_t kMiB = 1 << 20;
+
+int OpenDescriptors() {
+  DIR* const directory = opendir("/proc/self/fd");
+  int count = 0;
+  while (readdir(directory) != nullptr) ++count;
+  closedir(directory);
+  return count;
+}
+
+bool HasChildren() {
+  return !(waitpid(-1, nullptr, WNOHANG) < 0 && errno == ECHILD);
+}
+
+google::rpc::ErrorInfo InfoOf(const worker::v1::WorkResult& result) {
+  google::rpc::ErrorInfo info;
+  if (result.status().details_size() > 0) result.status().details(0).UnpackTo(&info);
+  return info;
+}
+
+// How a job ended.
+struct Ending {
+  std::optional<worker::v1::WorkResult> result;
+  BlobPtr uv;
+  std::optional<WorkerLoss> loss;
+  int events = 0;
+};
+
+// Jobs of a test, which waits for each.
+class TestSource : public JobSource {
+ public:
+  Ending Run(JobAssignment job) {
+    std::unique_lock lock(mutex_);
+    ending_ = {};
+    obey_by_ = absl::InfiniteFuture();
+    job.name = "jobs/" + std::to_string(++number_);
+    name_ = job.name;
+    jobs_.push_back(std::move(job));
+    changed_.notify_all();
+    changed_.wait(lock, [this] { return ending_.result.has_value() || ending_.loss.has_value(); });
+    return std::exchange(ending_, {});
+  }
+
+  void Stop() {
+    const std::lock_guard lock(mutex_);
+    stopped_ = true;
+    changed_.notify_all();
+  }
+
+  // Sends it at the first event of a job, and kills the worker that does not obey within `patience`.
+  void CancelAtFirstEvent(absl::Duration patience) {
+    const std::lock_guard lock(mutex_);
+    cancel_patience_ = patience;
+  }
+
+  std::optional<JobAssignment> TakeNext() override {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return stopped_ || !jobs_.empty(); });
+    if (jobs_.empty()) return std::nullopt;
+    JobAssignment job = std::move(jobs_.front());
+    jobs_.pop_front();
+    return job;
+  }
+  void SetLink(const std::string&, int, std::shared_ptr<WorkerLink> link) override {
+    const std::lock_guard lock(mutex_);
+    link_ = std::move(link);
+  }
+  void ReportProgress(const std::string&, int, v1::Progress) override {
+    const std::lock_guard lock(mutex_);
+    ++ending_.events;
+    if (cancel_patience_ == absl::InfiniteDuration() || obey_by_ != absl::InfiniteFuture()) return;
+    obey_by_ = absl::Now() + cancel_patience_;
+    worker::v1::ToWorker cancel;
+    cancel.mutable_cancel();
+    link_->Send(cancel);
+  }
+  void ReportResult(const std::string& name, int, worker::v1::WorkResult result, BlobPtr uv) override {
+    const std::lock_guard lock(mutex_);
+    EXPECT_EQ(name, name_);
+    link_ = nullptr;
+    ending_.result = std::move(result);
+    ending_.uv = std::move(uv);
+    changed_.notify_all();
+  }
+  void ReportLost(const std::string& name, int, WorkerLoss loss) override {
+    const std::lock_guard lock(mutex_);
+    EXPECT_EQ(name, name_);
+    link_ = nullptr;
+    ending_.loss = std::move(loss);
+    changed_.notify_all();
+  }
+  absl::Time ObeyBy(const std::string&, int) override {
+    const std::lock_guard lock(mutex_);
+    return obey_by_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  // Guarded by mutex_.
+  std::deque<JobAssignment> jobs_;
+  std::string name_;
+  int number_ = 0;
+  bool stopped_ = false;
+  std::shared_ptr<WorkerLink> link_;
+  Ending ending_;
+  absl::Duration cancel_patience_ = absl::InfiniteDuration();
+  absl::Time obey_by_ = absl::InfiniteFuture();
+};
+
+JobAssignment JobOf(const Mesh& mesh, const std::string& failpoint = "") {
+  JobAssignment job;
+  job.request.set_failpoint(failpoint);
+  job.blobs = {*Blob::Copy(*EncodeDraco(mesh))};
+  return job;
+}
+
+std::string InProcess(const JobAssignment& job) {
+  return std::string(DoWork(job.request, job.blobs, {}).uv->bytes());
+}
+
+// One worker process, whose jobs may fail on demand.
+class WorkerProcess : public ::testing::Test {
+ protected:
+  WorkerProcess() {
+    descriptors_ = OpenDescriptors();
+    process_.failpoints = true;
+    options_.decode_limit = absl::Milliseconds(kSanitized ? 3000 : 700);
+    options_.silence_limit = absl::Milliseconds(kSanitized ? 4000 : 1000);
+    options_.look_interval = absl::Milliseconds(20);
+    options_.on_worker_ready = [this](const worker::v1::WorkerIdle& idle) {
+      const std::lock_guard lock(mutex_);
+      ++starts_;
+      idle_ = idle;
+    };
+    options_.on_worker_end = [this](const WorkerEnd& end) {
+      const std::lock_guard lock(mutex_);
+      ++ends_[NameOf(end.cause)];
+    };
+    options_.on_start_failed = [this](const absl::Status& status, absl::Duration) {
+      const std::lock_guard lock(mutex_);
+      start_error_ = std::string(status.message());
+      if (stop_when_start_fails_) source_.Stop();
+    };
+  }
+
+  void TearDown() override {
+    StopPool();
+    EXPECT_FALSE(HasChildren()) << "a process that nobody waited for";
+    EXPECT_EQ(OpenDescriptors(), descriptors_);
+  }
+
+  void StartPool() {
+    pool_ = std::make_unique<WorkerPool>(
+        &source_, [process = process_] { return StartProcessWorker(process); }, options_);
+  }
+
+  void StopPool() {
+    source_.Stop();
+    pool_ = nullptr;
+  }
+
+  Ending Run(const JobAssignment& job) {
+    if (pool_ == nullptr) StartPool();
+    return source_.Run(job);
+  }
+
+  void ExpectSuccess(const JobAssignment& job) {
+    const Ending ending = Run(job);
+    ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
+    ASSERT_EQ(ending.result->status().code(), 0) << ending.result->status().message();
+    EXPECT_EQ(ending.uv->bytes(), InProcess(job));
+  }
+
+  std::map<std::string, int> ends() {
+    const std::lock_guard lock(mutex_);
+    return ends_;
+  }
+
+  WorkerProcessOptions process_;
+  WorkerPoolOptions options_;
+  TestSource source_;
+  std::unique_ptr<WorkerPool> pool_;
+  int descriptors_ = 0;
+
+  std::mutex mutex_;
+  // Guarded by mutex_.
+  int starts_ = 0;
+  worker::v1::WorkerIdle idle_;
+  std::map<std::string, int> ends_;
+  std::string start_error_;
+  bool stop_when_start_fails_ = false;
+};
+
+TEST_F(WorkerProcess, GivesTheSameBytesAsThisProcessJobAfterJob) {
+  for (const int n : {12, 5, 22, 40, 12}) {
+    JobAssignment job = JobOf(Bump(n));
+    job.request.set_max_threads(2);
+    ExpectSuccess(job);
+  }
+  for (const v1::Solver solver : {v1::SOLVER_UZAWA, v1::SOLVER_MINRES, v1::SOLVER_DIRECT}) {
+    JobAssignment job = JobOf(Bump(30));
+    job.request.mutable_options()->set_solver(solver);
+    job.request.mutable_options()->set_precision(v1::PRECISION_DOUBLE);
+    ExpectSuccess(job);
+  }
+  const std::lock_guard lock(mutex_);
+  EXPECT_EQ(starts_, 1) << "one process for all";
+}
+
+TEST_F(WorkerProcess, ReportsThePeakOfEachJob) {
+  const std::int64_t large = Run(JobOf(Bump(150))).result->report().peak_memory_bytes();
+  const std::int64_t small = Run(JobOf(Bump(4))).result->report().peak_memory_bytes();
+  EXPECT_GT(large, small + 20 * kMiB);
+}
+
+TEST_F(WorkerProcess, MayDoNothingButItsWork) {
+  if (kSanitized) GTEST_SKIP() << "no sandbox with sanitizers";
+  process_.sandbox = SandboxMode::kRequire;
+  const Ending ending = Run(JobOf(Bump(4), "solve=probe"));
+  ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
+  const google::rpc::ErrorInfo info = InfoOf(*ending.result);
+  EXPECT_EQ(info.reason(), "PROBE");
+  EXPECT_THAT(info.metadata(),
+              UnorderedElementsAre(Pair("open", "EPERM"), Pair("create", "EPERM"), Pair("socket", "EPERM"),
+                                   Pair("unix_socket", "EPERM"), Pair("execve", "EPERM"), Pair("fork", "EPERM"),
+                                   Pair("kill", "EPERM"), Pair("ptrace", "EPERM"), Pair("executable_memory", "EPERM"),
+                                   Pair("thread", "allowed")));
+  const std::lock_guard lock(mutex_);
+  EXPECT_TRUE(idle_.sandboxed());
+}
+
+TEST_F(WorkerProcess, WithoutASandboxTheProbeFindsDoorsOpen) {
+  process_.sandbox = SandboxMode::kOff;
+  const google::rpc::ErrorInfo info = InfoOf(*Run(JobOf(Bump(4), "start=probe")).result);
+  EXPECT_EQ(info.metadata().at("open"), "allowed");
+  EXPECT_EQ(info.metadata().at("execve"), "allowed");
+  const std::lock_guard lock(mutex_);
+  EXPECT_FALSE(idle_.sandboxed());
+  EXPECT_EQ(idle_.sandbox_error(), "switched off");
+}
+
+TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
+  if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
+  JobAssignment job = JobOf(Bump(200));  // 80,000 triangles
+  job.request.set_max_threads(2);
+  // Wherever it strikes: at the start, in the solver, at the end.
+  int failed = 0;
+  for (const std::int64_t mib : {1, 5, 10, 20, 40, 60, 80, 100}) {
+    job.request.set_memory_bytes(mib * kMiB);
+    const Ending ending = Run(job);
+    ASSERT_TRUE(ending.result.has_value()) << mib << " MiB: " << ending.loss->message;
+    if (ending.result->status().code() == 0) continue;
+    ++failed;
+    EXPECT_EQ(InfoOf(*ending.result).reason(), "OUT_OF_MEMORY") << mib << " MiB: " << ending.result->status().message();
+  }
+  EXPECT_GE(failed, 4);
+  job.request.set_memory_bytes(1024 * kMiB);
+  ExpectSuccess(job);
+}
+
+TEST_F(WorkerProcess, MemoryThatRunsOutOnAnotherThreadHasTheSameName) {
+  JobAssignment job = JobOf(Bump(8), "solve=oom-thread");
+  job.request.set_memory_bytes(100 * kMiB);
+  const Ending ending = Run(job);
+  ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
+  EXPECT_EQ(InfoOf(*ending.result).reason(), "OUT_OF_MEMORY");
+  ExpectSuccess(JobOf(Bump(8)));
+}
+
+TEST_F(WorkerProcess, ServerOfADyingWorkerNeverWaitsToSend) {
+  StartPool();
+  source_.CancelAtFirstEvent(absl::Milliseconds(200));
+  const Ending ending = Run(JobOf(Bump(8), "solve=hang"));
+  ASSERT_TRUE(ending.loss.has_value());
+  EXPECT_EQ(ending.loss->reason, "WORKER_HUNG");
+  EXPECT_THAT(ending.loss->message, HasSubstr("told to"));
+  EXPECT_EQ(ends()["disobedient"], 1);
+}
+
+TEST_F(WorkerProcess, CancelledJobCostsNoWorker) {
+  source_.CancelAtFirstEvent(absl::Seconds(20));
+  const Ending ending = Run(JobOf(Bump(120)));
+  ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
+  EXPECT_EQ(ending.result->status().code(), static_cast<int>(absl::StatusCode::kCancelled));
+  source_.CancelAtFirstEvent(absl::InfiniteDuration());
+  ExpectSuccess(JobOf(Bump(8)));
+  EXPECT_EQ(ends().size(), 0u);
+}
+
+TEST_F(WorkerProcess, RecycledAfterSomeJobs) {
+  options_.recycle_after = 2;
+  for (int i = 0; i < 5; ++i) ExpectSuccess(JobOf(Bump(4)));
+  EXPECT_EQ(ends()["recycled"], 2);
+  const std::lock_guard lock(mutex_);
+  EXPECT_EQ(starts_, 3);
+}
+
+TEST_F(WorkerProcess, RecycledWhenItHasGrown) {
+  options_.recycle_bytes = 1;
+  ExpectSuccess(JobOf(Bump(4)));
+  ExpectSuccess(JobOf(Bump(4)));
+  EXPECT_GE(ends()["grown"], 1);
+}
+
+TEST_F(WorkerProcess, ThatCannotStartIsTriedAgainAndSaysWhy) {
+  process_.program = "/nonexistent";
+  options_.retry_min = absl::Milliseconds(1);
+  stop_when_start_fails_ = true;
+  StartPool();
+  StopPool();
+  const std::lock_guard lock(mutex_);
+  EXPECT_THAT(start_error_, HasSubstr("/nonexistent"));
+}
+
+TEST_F(WorkerProcess, ThatEndsAtOnceSaysHow) {
+  process_.program = "/bin/false";
+  stop_when_start_fails_ = true;
+  StartPool();
+  StopPool();
+  const std::lock_guard lock(mutex_);
+  EXPECT_THAT(start_error_, HasSubstr("exited with code 1"));
+}
+
+// Every fault at every point: the job is lost or fails with the fault's name, and the next one succeeds.
+struct Fault {
+  const char* action;
+  const char* reason;  // of the loss; OUT_OF_MEMORY: of the result
+  const char* key;
+  const char* value;
+};
+
+void PrintTo(const Fault& fault, std::ostream* out) {
+  *out << fault.action;
+}
+
+class WorkerFault : public WorkerProcess, public ::testing::WithParamInterface<Fault> {};
+
+TEST_P(WorkerFault, CostsOneJob) {
+  const Fault& fault = GetParam();
+  const bool asan_catches = kSanitized && std::string(fault.action) == "segv";
+  for (const std::string point : {"start", "decode", "solve", "encode", "result"}) {
+    JobAssignment job = JobOf(Bump(8), point + "=" + fault.action);
+    job.request.set_memory_bytes(200 * kMiB);
+    const Ending ending = Run(job);
+    SCOPED_TRACE(point);
+    if (std::string(fault.reason) == "OUT_OF_MEMORY") {
+      ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
+      EXPECT_EQ(InfoOf(*ending.result).reason(), "OUT_OF_MEMORY");
+    } else {
+      ASSERT_TRUE(ending.loss.has_value());
+      EXPECT_EQ(ending.loss->reason, fault.reason) << ending.loss->message;
+      if (fault.key != nullptr && !asan_catches) {
+        ASSERT_EQ(ending.loss->metadata.count(fault.key), 1u) << ending.loss->message;
+        EXPECT_EQ(ending.loss->metadata.at(fault.key), fault.value) << ending.loss->message;
+      }
+    }
+    ExpectSuccess(JobOf(Bump(8)));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WorkerFault,
+                         ::testing::Values(Fault{"abort", "WORKER_CRASHED", "signal", "SIGABRT"},
+                                           Fault{"segv", "WORKER_CRASHED", "signal", "SIGSEGV"},
+                                           Fault{"exit", "WORKER_CRASHED", "exit_code", "42"},
+                                           Fault{"hang", "WORKER_HUNG", nullptr, nullptr},
+                                           Fault{"spin", "WORKER_HUNG", nullptr, nullptr},
+                                           Fault{"oom", "OUT_OF_MEMORY", nullptr, nullptr},
+                                           Fault{"garbage", "INTERNAL", nullptr, nullptr},
+                                           Fault{"mute", "WORKER_CRASHED", "exit_code", "0"}),
+                         [](const auto& param) { return std::string(param.param.action); });
+
+TEST_F(WorkerProcess, HangsAreNamedByStage) {
+  for (const auto& [point, stage] :
+       std::map<std::string, std::string>{{"start", "START"}, {"decode", "DECODE"}, {"encode", "ENCODE"}}) {
+    const Ending ending = Run(JobOf(Bump(8), point + "=hang"));
+    ASSERT_TRUE(ending.loss.has_value());
+    EXPECT_EQ(ending.loss->metadata.at("stage"), stage);
+    EXPECT_GE(std::stod(ending.loss->metadata.at("seconds")), 0.5);
+  }
+  EXPECT_EQ(ends()["hung"], 3);
+}
+
+TEST_F(WorkerProcess, FaultsBetweenJobsCostNone) {
+  options_.start_limit = absl::Seconds(kSanitized ? 20 : 3);
+  for (const char* action : {"abort", "exit", "hang", "garbage", "mute"}) {
+    const Ending ending = Run(JobOf(Bump(8), std::string("idle=") + action));
+    ASSERT_TRUE(ending.result.has_value()) << action;
+    EXPECT_EQ(ending.result->status().code(), 0);
+    ExpectSuccess(JobOf(Bump(8)));
+  }
+  EXPECT_EQ(ends()["crashed"], 4);
+  EXPECT_EQ(ends()["hung"], 1);
+}
+
+TEST_F(WorkerProcess, WithoutTheSwitchFailpointsAreIgnored) {
+  process_.failpoints = false;
+  ExpectSuccess(JobOf(Bump(8), "solve=abort"));
+}
+
+}  // namespace
+}  // namespace planish
