@@ -372,7 +372,7 @@ void ExpectNoFlips(const UnwrapResult& result) {
 }
 
 TEST(Unwrap, KeepsTheBestMapWhenStoppedInAnyStage) {
-  const Mesh mesh = testing::PuncturedSphere(40, 0.4);
+  const Mesh mesh = testing::Hills(60, 60, 0.7);
   for (const int threads : {1, 2}) {
     for (const UnwrapStage stage :
          {UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout, UnwrapStage::kPack, UnwrapStage::kVerify}) {
