@@ -19,8 +19,8 @@ constexpr std::uint16_t kOldestWithMetadata = DRACO_BITSTREAM_VERSION(1, 3);
 // From these versions on numbers are of variable length.
 constexpr std::uint16_t kVarintSequential = DRACO_BITSTREAM_VERSION(2, 2);
 constexpr std::uint16_t kVarintEdgebreaker = DRACO_BITSTREAM_VERSION(2, 0);
-// Before it Edgebreaker data tell first how many vertices splits add.
-constexpr std::uint16_t kWithoutNewVertices = DRACO_BITSTREAM_VERSION(2, 2);
+// Before it Edgebreaker data tell first how many points splits of vertices that are not manifold add.
+constexpr std::uint16_t kWithoutAddedPoints = DRACO_BITSTREAM_VERSION(2, 2);
 
 bool Skip(std::int64_t size, draco::DecoderBuffer* buffer) {
   if (size > buffer->remaining_size()) return false;
@@ -93,9 +93,9 @@ void ReadEdgebreaker(std::uint16_t version, draco::DecoderBuffer* buffer, DracoC
   std::array<std::uint32_t, 2> numbers;
   const bool varint = version >= kVarintEdgebreaker;
   if (!buffer->Decode(&traversal)) return;
-  if (version < kWithoutNewVertices && !ReadNumbers(varint, &added, buffer)) return;
+  if (version < kWithoutAddedPoints && !ReadNumbers(varint, &added, buffer)) return;
   if (!ReadNumbers(varint, &numbers, buffer)) return;
-  counts->vertices = std::int64_t{numbers[0]} + added[0];
+  counts->vertices = numbers[0];
   counts->faces = numbers[1];
 }
 

@@ -20,8 +20,7 @@ struct DracoCounts {
   // Unknown where the bytes end before, or belong to a version, geometry or method that Draco 1.5 does not know.
   std::optional<std::int64_t> faces;  // 0 for point clouds
   // Points of sequential data and of point clouds; vertices of the connectivity of Edgebreaker data, of which seams of
-  // attributes make more points. POSITION has no more values than this, but for vertices that were split because they
-  // are not manifold.
+  // attributes make more points.
   std::optional<std::int64_t> vertices;
 };
 
