@@ -235,7 +235,8 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
 absl::Status ActiveSetMethod::Polish(double tolerance) {
   const NewtonIterate start = iterate_;
   PLANISH_RETURN_IF_ERROR(Solve(tolerance));
-  if (!summary_.converged && !OutOfIterations() && options_.preconditioner == PreconditionerType::kAmg) {
+  if (!summary_.converged && !summary_.stopped && !OutOfIterations() &&
+      options_.preconditioner == PreconditionerType::kAmg) {
     // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
     iterate_ = start;
     options_.preconditioner = PreconditionerType::kCholesky;
@@ -271,7 +272,7 @@ absl::Status ActiveSetMethod::Settle() {
   while (true) {
     PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
     usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
-    if (!usable_) break;
+    if (!usable_ || summary_.stopped) break;
     const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
     right = set_.CountWrong(pressures, options_.tolerance) == 0;
     same_set = right || out_of_sets;
@@ -293,13 +294,13 @@ absl::Status ActiveSetMethod::Settle() {
 absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   PLANISH_RETURN_IF_ERROR(Settle());
   Flattening result = {iterate_.x, summary_};
-  if (!summary_.converged && !OutOfIterations()) {
+  if (!summary_.converged && !summary_.stopped && !OutOfIterations()) {
     iterate_ = {target_.angle, Multipliers::Zero(set_.ConstrainedTopology())};
     for (const double tau : kBarriers) {
       iterate_.barrier = tau;
       PLANISH_RETURN_IF_ERROR(Settle());
       if (tau > 0 || summary_.boundary.settled) result = {iterate_.x, summary_};
-      if (!usable_) break;
+      if (!usable_ || summary_.stopped) break;
     }
   }
   const BoundaryReport& boundary = result.summary.boundary;

@@ -48,6 +48,12 @@ constexpr double kNearSolution = 3e-2;
 constexpr double kVeryNearSolution = 1e-3;
 constexpr double kDigit = 0.1;
 
+// After a stop: steps that may be taken to where angles are flat enough, iterations of one linear solve and of all: as
+// many as take a part of a second, whatever the size, but some at least.
+constexpr std::int64_t kLeastHurriedSteps = 4, kHurriedStepFaces = 400'000;
+constexpr std::int64_t kLeastHurriedIterations = 50, kHurriedIterationFaces = 8'000'000;
+constexpr double kHurriedTolerance = 1e-4;
+
 }  // namespace
 
 Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
@@ -94,10 +100,23 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
                               : exact_steps_                ? kLeastForcingTerm
                                                             : ForcingTerm(summary_.residual.Max(), options_.tolerance);
   linear.interrupter = control_.interrupter;
+  const bool hurried = IsInterrupted(control_.stop);
+  if (hurried) {
+    linear.relative_tolerance = std::max(linear.relative_tolerance, kHurriedTolerance);
+    linear.max_iterations = MostHurriedIterations();
+  } else {
+    linear.stop = control_.stop;
+  }
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
   const LinearSummary solved = steps_.Solve(gradient, h, linear, step);
   summary_.linear_iterations += solved.iterations;
-  if (solved.termination == LinearTermination::kInterrupted) return absl::CancelledError("cancelled");
+  if (hurried) hurried_iterations_ += solved.iterations;
+  if (solved.termination == LinearTermination::kInterrupted) {
+    if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+    cut_short_ = true;
+  } else if (hurried && solved.termination == LinearTermination::kIterationLimit) {
+    cut_short_ = true;
+  }
   return solved;
 }
 
@@ -209,6 +228,7 @@ void Newton::Restart() {
 
 void Newton::Forget() {
   merit_.Reset();
+  whole_step_ = false;
   last_residual_ = 0;
   short_steps_ = narrow_steps_ = 0;
   exact_steps_ = false;
@@ -219,6 +239,19 @@ bool Newton::AnglesCollapse() {
   const bool narrow = Largest(team_, (collapsed_ * target_.angle - at_.x).cwiseMax(0)) > 0;
   narrow_steps_ = narrow ? narrow_steps_ + 1 : 0;
   return narrow_steps_ > narrow_steps_allowed_;
+}
+
+std::int64_t Newton::MostHurriedIterations() const {
+  return std::max(kLeastHurriedIterations, kHurriedIterationFaces / topology_.num_faces());
+}
+
+bool Newton::EndsEarly() {
+  if (!IsInterrupted(control_.stop)) return false;
+  const Residual& r = summary_.residual;
+  // Where the surface bends little, the constraints hold well before the first step and the map would still fold.
+  if (whole_step_ && std::max({r.triangle, r.vertex, r.wheel}) <= control_.flat_enough) return true;
+  if (hurried_iterations_ >= kLeastHurriedSteps * MostHurriedIterations()) return true;
+  return hurried_steps_++ >= std::max(kLeastHurriedSteps, kHurriedStepFaces / topology_.num_faces());
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
@@ -232,9 +265,13 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
     if (summary_.residual.Max() <= tolerance) return Ending::kConverged;
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
+    if (EndsEarly()) return Ending::kStopped;
+    cut_short_ = false;
     const absl::StatusOr<bool> taken = TakeStep();
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
+    whole_step_ = *taken && step_length_ == 1 && !cut_short_;
+    if (cut_short_ && !*taken) continue;  // which says nothing about whole solves
     // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
     // ever going down.
     if (step_length_ < kTinyStep && !exact_steps_) {
@@ -268,6 +305,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
       for (const double tau : {1.0, 0.1, kLeastBarrier}) {
         objective_.set_barrier(tau);
         PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
+        if (ending == Ending::kStopped) break;
         short_steps_ = 0;
       }
     }
@@ -284,7 +322,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
         mu_ = kept_mu;
         objective_.set_barrier(kLeastBarrier);
         Evaluate();
-        ending = Ending::kConverged;
+        if (ending != Ending::kStopped) ending = Ending::kConverged;
       }
     }
   }
@@ -295,7 +333,9 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
   summary_.preconditioner = steps_.preconditioner();
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
   summary_.converged = ending == Ending::kConverged;
+  summary_.stopped = ending == Ending::kStopped;
   std::string why = ending == Ending::kConverged ? "converged"
+                    : ending == Ending::kStopped ? "stopped"
                     : ending == Ending::kStuck   ? "no further progress"
                                                  : "iteration limit reached";
   if (summary_.barrier > 0) absl::StrAppend(&why, absl::StrFormat(" with a barrier of %g", summary_.barrier));

@@ -47,7 +47,7 @@ class Newton {
   const Multipliers& mu() const { return mu_; }
 
  private:
-  enum class Ending { kConverged, kStuck, kIterationLimit };
+  enum class Ending { kConverged, kStuck, kIterationLimit, kStopped };
 
   // Angles, and what follows from them alone.
   struct Point {
@@ -63,6 +63,10 @@ class Newton {
   void Forget();
   // Newton steps on the present objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
+  // Whether control_.stop is set and no more steps are due.
+  bool EndsEarly();
+  // Of one linear solve after that.
+  std::int64_t MostHurriedIterations() const;
   // Everything else that depends on x and mu.
   void Evaluate();
   // One step; false if none leads anywhere.
@@ -97,8 +101,11 @@ class Newton {
   int narrow_steps_ = 0, narrow_steps_allowed_ = 0;
   double last_residual_ = 0;  // before the last step; 0 before the first
   double step_length_ = 0;
-  int short_steps_ = 0;          // in a row
-  bool exact_steps_ = false;     // no forcing terms any more
+  int short_steps_ = 0;       // in a row
+  bool exact_steps_ = false;  // no forcing terms any more
+  bool whole_step_ = false;   // the last step was taken at full length, from a linear solve that converged
+  bool cut_short_ = false;    // control_.stop ended a linear solve of the present step
+  std::int64_t hurried_steps_ = 0, hurried_iterations_ = 0;  // after control_.stop
   bool indefinite_pays_ = true;  // HessianType::kAuto: no step with the exact Hessian has failed yet
   FlattenSummary summary_;
 };

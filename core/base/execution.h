@@ -10,9 +10,11 @@
 namespace planish {
 
 // After an interrupt loops leave out what is left of them: whoever reads their results must ask IsStopped() before.
+// After a stop (`hurry`) results are whole and valid all the same; only searches for better ones end.
 struct Execution {
   ThreadTeam* team = nullptr;                // null: the calling thread alone
   const Interrupter* interrupter = nullptr;  // null: nothing ends it
+  const Interrupter* hurry = nullptr;        // null: there is time for the best result
 
   // Some milliseconds of work on a mesh at most, so that an interrupt is noticed soon.
   static constexpr std::int64_t kChunk = 4096;
@@ -20,6 +22,9 @@ struct Execution {
   static constexpr std::int64_t kStride = 16384;
 
   bool IsStopped() const { return IsInterrupted(interrupter); }
+  bool IsHurried() const { return IsInterrupted(hurry); }
+  // With the same ends, for one thread alone.
+  Execution ForOneThread() const { return {nullptr, interrupter, hurry}; }
   // IsStopped(), asked once in kStride steps.
   bool IsStoppedAt(std::int64_t step) const { return step % kStride == 0 && IsStopped(); }
 

@@ -192,7 +192,7 @@ void Merging::Run(const Execution& execution) {
     WalkOutline(d);
   }
   for (std::int32_t d = 0; d < count && !execution.IsStoppedAt(d); ++d) PushJoints(d, false);
-  while (!queue_.empty() && !execution.IsStopped()) {
+  while (!queue_.empty() && !execution.IsStopped() && !execution.IsHurried()) {
     const Joint joint = queue_.top();
     queue_.pop();
     if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;

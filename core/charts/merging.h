@@ -13,7 +13,8 @@ namespace planish {
 // the disc, numbered in the order of their lowest faces. Makes a disc of every piece, none of whose faces may be glued
 // yet, then glues discs along stretches of their outlines: first where the stretch is the longest part of a disc's
 // outline and bends least, as long as the estimated stretch of the union stays below max_stretch (or no higher than
-// that of the parts, where these are above it already). O(F log F) work for estimates. Of no use after an interrupt.
+// that of the parts, where these are above it already). O(F log F) work for estimates. In a hurry it
+// leaves the discs as they are by then. Of no use after an interrupt.
 void MergePieces(std::int32_t count, double max_stretch, const Execution& execution, Gluing* gluing,
                  std::vector<std::int32_t>* piece);
 

@@ -17,7 +17,7 @@ class Segmentation {
   // holes or handles. Or cut so that their estimated root mean square stretch is at most `max_stretch` (kStretch).
   enum class Kind { kWhole, kStretch };
 
-  // `surface` must outlive this. Of no use after an interrupt.
+  // `surface` must outlive this. In a hurry kStretch ends with more and smaller charts. Of no use after an interrupt.
   Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution);
 
   const Gluing& gluing() const { return gluing_; }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <new>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <utility>
@@ -14,6 +15,7 @@
 
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "core/io/draco_header.h"
 #include "draco/compression/decode.h"
 #include "draco/compression/expert_encode.h"
 #include "draco/core/decoder_buffer.h"
@@ -35,6 +37,21 @@ absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_
                  "face " + std::to_string(face) + " refers to vertex " + std::to_string(vertex) +
                      ", but the mesh has " + std::to_string(count) + ", numbered from 0",
                  {{"faces", std::to_string(face)}, {"vertices", std::to_string(vertex)}});
+}
+
+absl::Status CheckCount(const std::string& element, std::int64_t count, std::int64_t limit) {
+  if (count <= limit) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+                   "the Draco mesh has " + std::to_string(count) + " " + element + ", more than the limit of " +
+                       std::to_string(limit),
+                   {{"element", element}, {"declared", std::to_string(count)}, {"limit", std::to_string(limit)}});
+}
+
+absl::Status CheckCounts(std::optional<std::int64_t> faces, std::optional<std::int64_t> vertices,
+                         const DracoLimits& limits) {
+  if (faces) PLANISH_RETURN_IF_ERROR(CheckCount("faces", *faces, limits.max_faces));
+  if (vertices) PLANISH_RETURN_IF_ERROR(CheckCount("vertices", *vertices, limits.max_vertices));
+  return absl::OkStatus();
 }
 
 absl::Status CheckEncodable(const Mesh& mesh) {
@@ -175,9 +192,10 @@ void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
   }
 }
 
-absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded) {
+absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& limits) {
   if (decoded.num_faces() == 0) return Invalid("MESH_EMPTY", "the Draco mesh has no faces");
   PLANISH_ASSIGN_OR_RETURN(const draco::PointAttribute* position, PositionOf(decoded));
+  PLANISH_RETURN_IF_ERROR(CheckCounts(decoded.num_faces(), static_cast<std::int64_t>(position->size()), limits));
   Mesh mesh;
   mesh.faces.resize(decoded.num_faces());
   for (std::uint32_t f = 0; f < decoded.num_faces(); ++f) {
@@ -202,7 +220,11 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded) {
   return mesh;
 }
 
-absl::StatusOr<Mesh> DecodeOrThrow(std::string_view bytes) {
+absl::StatusOr<Mesh> DecodeOrThrow(std::string_view bytes, const DracoLimits& limits) {
+  PLANISH_ASSIGN_OR_RETURN(const DracoCounts declared, PeekDraco(bytes));
+  if (declared.geometry == DracoGeometry::kMesh) {
+    PLANISH_RETURN_IF_ERROR(CheckCounts(declared.faces, declared.vertices, limits));
+  }
   draco::DecoderBuffer buffer;
   buffer.Init(bytes.data(), bytes.size());
   const auto type = draco::Decoder::GetEncodedGeometryType(&buffer);
@@ -219,7 +241,7 @@ absl::StatusOr<Mesh> DecodeOrThrow(std::string_view bytes) {
     return Invalid("MESH_DECODE_FAILED", "the Draco data are damaged or cut off (" + std::to_string(bytes.size()) +
                                              " bytes" + (detail.empty() ? "" : "; Draco says: " + detail) + ")");
   }
-  return FromDraco(*std::move(decoded).value());
+  return FromDraco(*std::move(decoded).value(), limits);
 }
 
 absl::Status OutOfMemory(const char* doing) {
@@ -250,9 +272,9 @@ absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh) {
   }
 }
 
-absl::StatusOr<Mesh> DecodeDraco(std::string_view bytes) {
+absl::StatusOr<Mesh> DecodeDraco(std::string_view bytes, const DracoLimits& limits) {
   try {
-    return DecodeOrThrow(bytes);
+    return DecodeOrThrow(bytes, limits);
   } catch (const std::bad_alloc&) {
     return OutOfMemory("decode");
   } catch (const std::length_error&) {

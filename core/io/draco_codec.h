@@ -1,7 +1,8 @@
-// Draco bytes to and from meshes: the only file that knows Draco. Thread-safe.
+// Draco bytes to and from meshes. Thread-safe.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 
@@ -18,17 +19,26 @@ namespace planish {
 // (MESH_DECODE_FAILED: the decoder refuses that; drop isolated vertices first). RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh);
 
+// What a decoded mesh may have; by default what indices can count.
+struct DracoLimits {
+  std::int64_t max_faces = std::numeric_limits<std::int32_t>::max() / 3;
+  std::int64_t max_vertices = std::numeric_limits<std::int32_t>::max();
+};
+
 // Decodes any Draco triangle mesh, sequential or Edgebreaker. Faces and corners keep the order of the decoded bytes.
 // Positions become double exactly. The vertices are the values of the POSITION attribute, so that seams of normals or
 // texture coordinates do not tear the mesh; where sequential data with other attributes had to repeat a position for
 // each point, points at the same position (to the bit) that all differ in another attribute are one vertex again.
 //
 // Never trusts the bytes: geometry type, one POSITION attribute of three floats and the index range are checked;
-// positions may still be NaN or infinite. What is not checked is the cost: Draco itself wants 3 bytes a face of
+// positions may still be NaN or infinite. `limits` hold for what the first bytes declare, before anything is decoded or
+// allocated (draco_header.h; points count as vertices there), and again for what was decoded. What is not checked is
+// the cost: Draco itself wants 3 bytes a face of
 // sequential data, but the entropy coding of Edgebreaker and of quantized values leaves no bound on what a few bytes
 // may honestly hold. A damaged file of 1.5 KB took 13 s and 600 MB: call it where time and memory are limited.
 // INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY, MESH_POSITION_INVALID,
-// MESH_INDEX_OUT_OF_RANGE; RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
-absl::StatusOr<Mesh> DecodeDraco(std::string_view bytes);
+// MESH_INDEX_OUT_OF_RANGE; RESOURCE_EXHAUSTED: OUT_OF_MEMORY, and MESH_TOO_LARGE with metadata "element" ("faces" or
+// "vertices"), "declared" (how many, before or after) and "limit".
+absl::StatusOr<Mesh> DecodeDraco(std::string_view bytes, const DracoLimits& limits = {});
 
 }  // namespace planish

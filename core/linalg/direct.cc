@@ -28,7 +28,7 @@ class DirectSolver final : public LinearSolver {
         summary.termination = LinearTermination::kStagnated;
         break;
       }
-      if (IsInterrupted(options.interrupter)) {
+      if (IsInterrupted(options.interrupter) || IsInterrupted(options.stop)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
       }

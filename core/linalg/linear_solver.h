@@ -28,11 +28,12 @@ struct LinearSolveOptions {
   double relative_tolerance = 1e-10;
   std::int64_t max_iterations = 100000;
   const Interrupter* interrupter = nullptr;
+  const Interrupter* stop = nullptr;  // ends the solve in the same way; there are two so that callers can tell
   // Called every kProgressInterval iterations with the count and the relative residual.
   std::function<void(std::int64_t, double)> on_progress;
 };
 
-// Iterations between two calls of on_progress. The interrupter is looked at in each.
+// Iterations between two calls of on_progress. The interrupters are looked at in each iteration.
 constexpr std::int64_t kProgressInterval = 32;
 
 struct LinearSummary {

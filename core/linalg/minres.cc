@@ -43,7 +43,7 @@ class MinresSolver final : public LinearSolver {
       if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
         options.on_progress(summary.iterations, phi_bar / beta1);
       }
-      if (IsInterrupted(options.interrupter)) {
+      if (IsInterrupted(options.interrupter) || IsInterrupted(options.stop)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
       }

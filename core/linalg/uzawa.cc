@@ -48,7 +48,7 @@ class UzawaSolver final : public LinearSolver {
       if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
         options.on_progress(summary.iterations, residual / first);
       }
-      if (IsInterrupted(options.interrupter)) {
+      if (IsInterrupted(options.interrupter) || IsInterrupted(options.stop)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
       }

@@ -121,7 +121,7 @@ class Packer {
     TrialPlan plan;
     plan.order = large_;
     plan.angles = large_.size() <= 200 ? 16 : large_.size() <= 1000 ? 8 : 4;
-    plan.hurried = large_.size() > 300;
+    plan.hurried = large_.size() > 300 || execution_.IsHurried();
     if (plan.hurried) plan.enough = kSnugEnough;
     const auto try_scales = [&](double most) {
       for (scale_ = most; scale_ > least && !execution_.IsStopped(); scale_ /= 1.04) {
@@ -193,7 +193,7 @@ class Packer {
     plan.fixed = large_;
     plan.angles = 8;
     plan.enough = kSnugEnough;
-    plan.hurried = small_.size() > 300;
+    plan.hurried = small_.size() > 300 || execution_.IsHurried();
     for (int attempt = 0; attempt < 20 && !execution_.IsStopped(); ++attempt) {
       if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
       ForLayout(large_, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {

@@ -11,9 +11,9 @@ namespace planish {
 
 struct PackOptions {
   int texture_size = 1024;  // texels per side of a tile, in [16, 65536]
-  int padding = 2;  // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
-  int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
-  double effort = 1;        // work to spend on the search for places, relative to the default; at least 0
+  int padding = 2;    // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
+  int tiles = 1;      // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
+  double effort = 1;  // work to spend on the search for places, relative to the default; at least 0
 };
 
 // One chart in the plane, drawn to the scale of the surface.
@@ -51,8 +51,8 @@ struct Packing {
 // they outlast rounding to float) are kept between any two charts; faces inside of one chart may lie as they like, on
 // each other too. Charts that would be smaller than a texel are enlarged to one, or to what there is room for.
 //
-// Deterministic; the same result for any number of threads, wherever the charts lie. No reflections. Of no use after
-// an interrupt. Positions must be finite.
+// Deterministic; the same result for any number of threads, wherever the charts lie. No reflections. In a hurry the
+// first places that keep the distances stand. Of no use after an interrupt. Positions must be finite.
 Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution = {});
 
 }  // namespace planish

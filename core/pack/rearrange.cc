@@ -90,7 +90,7 @@ class Search {
     std::vector<std::int32_t> order(n);
     std::iota(order.begin(), order.end(), 0);
     for (int pass = 0; moves_ < options_.moves; ++pass) {
-      if (execution.IsStopped()) return false;
+      if (execution.IsStopped() || execution.IsHurried()) return false;
       for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
       bool any = false;
       for (const std::int32_t i : order) any |= Move(i);

@@ -205,7 +205,8 @@ void Relaxer::Grow(int patience) {
   std::vector<Body> best = bodies_;
   double best_scale = scale_;
   const std::int64_t most = steps_ + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(bodies_.size()));
-  for (int stalled = 0; stalled < patience && steps_ < most && !execution_.IsStopped(); ++stalled) {
+  for (int stalled = 0; stalled < patience && steps_ < most && !execution_.IsStopped() && !execution_.IsHurried();
+       ++stalled) {
     const std::vector<Body> before = bodies_;
     if (Step() > options_.tolerance) continue;
     best = before;

@@ -74,7 +74,7 @@ class Tightener {
     const std::int64_t budget = options_.moves, at_once = kMovesAtOnce + 6 * n;
     double step = kFirstStep;
     std::int64_t used = 0;
-    for (std::uint64_t round = 0; used < budget && !execution_.IsStopped(); ++round) {
+    for (std::uint64_t round = 0; used < budget && !execution_.IsStopped() && !execution_.IsHurried(); ++round) {
       std::array<std::optional<Layout>, kLanes.size()> results;
       std::array<std::int64_t, kLanes.size()> moves = {};
       const auto run = [&](std::int64_t begin, std::int64_t end) {

@@ -312,7 +312,8 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   }
   OrientationFaults orientation;
   const Overlaps overlaps = own.FindOverlaps(opposite, execution, &orientation);
-  faults.does_overlap = orientation.flipped + orientation.degenerate + overlaps.pairs > 0;
+  faults.turned = orientation.flipped + orientation.degenerate;
+  faults.does_overlap = faults.turned + overlaps.pairs > 0;
   const Outline outline = MakeOutline({map.positions, chart.topology.faces});
   double hull_area = 0;
   for (std::size_t i = 0; i < outline.hull.size(); ++i) {

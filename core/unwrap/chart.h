@@ -51,6 +51,7 @@ Overlaps OverlapsWithin(const Chart& chart, const std::vector<std::int32_t>& opp
 // What a map looks like before packing and rounding.
 struct ChartFaults {
   bool does_overlap = false;  // or has flipped or collapsed triangles
+  std::int64_t turned = 0;    // of those: how many
   // Faces of the mesh that overlap each other; -1 if none or unknown.
   std::int32_t face = -1, other_face = -1;
   double stretch = 1;  // root mean square, as Quality::stretch_l2

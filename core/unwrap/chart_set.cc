@@ -81,7 +81,7 @@ absl::Status ChartSet::Cut(std::vector<UnwrapWarning>* warnings) {
   PLANISH_RETURN_IF_ERROR(CheckPieces());
   charts_.resize(segmentation_->charts().size());
   for (std::size_t i = 0; i < charts_.size(); ++i) {
-    charts_[i] = MakeChart(segmentation_->gluing(), segmentation_->charts()[i], {nullptr, execution_.interrupter});
+    charts_[i] = MakeChart(segmentation_->gluing(), segmentation_->charts()[i], execution_.ForOneThread());
   }
   return absl::OkStatus();
 }
@@ -108,6 +108,9 @@ absl::StatusOr<Flattening> ChartSet::Flatten(std::int32_t i, BoundaryType bounda
                                              bool reports) {
   FlattenControl control;
   control.interrupter = execution.interrupter;
+  control.stop = execution.hurry;
+  // The sides of a slit must come to lie on each other, or overlap.
+  if (!charts_[i].slits.empty()) control.flat_enough = options_.flatten.tolerance;
   control.team = execution.team;
   if (reports && control_.on_progress) {
     control.on_progress = [this, i](const FlattenProgress& progress) {
@@ -127,11 +130,11 @@ absl::StatusOr<Flattening> ChartSet::Flatten(std::int32_t i, BoundaryType bounda
 absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
   const Chart& chart = charts_[i];
   PLANISH_ASSIGN_OR_RETURN(maps_[i], LayOutChart(mesh_, chart, std::move(flattenings_[i]), execution));
-  if (!MaySplit()) return absl::OkStatus();
+  if (!MaySplit() && !maps_[i].flatten.stopped) return absl::OkStatus();
   faults_[i] = FindFaults(mesh_, chart, maps_[i], ignored_, execution);
   // A convex outline cannot run over itself. Where more seams are welcome it is no use: of 200 maps that did, all were
   // stretched too far by it, at ten times the cost of a split.
-  if (!faults_[i].does_overlap || options_.seams.policy != SeamPolicy::kNeeded ||
+  if (!faults_[i].does_overlap || execution.IsHurried() || options_.seams.policy != SeamPolicy::kNeeded ||
       options_.flatten.boundary != BoundaryType::kFree) {
     return absl::OkStatus();
   }
@@ -156,7 +159,7 @@ void ChartSet::ForEachChart(const std::vector<std::int32_t>& charts, const Body&
   const std::thread::id self = std::this_thread::get_id();
   execution_.team->For(charts.end() - small, 1, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {
-      body(small[j], Execution{nullptr, execution_.interrupter}, std::this_thread::get_id() == self);
+      body(small[j], execution_.ForOneThread(), std::this_thread::get_id() == self);
     }
   });
 }
@@ -198,6 +201,11 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
     if (charts_[i].faces.size() < 2) continue;
     const ChartMap& map = maps_[i];
     const bool is_sound = statuses_[i].ok() && map.flatten.converged && map.flatten.barrier == 0;
+    // Once stopped a chart is cut only if it must be.
+    if (execution_.IsHurried()) {
+      if (!statuses_[i].ok() || faults_[i].does_overlap) split.push_back({i, faults_[i].face, faults_[i].other_face});
+      continue;
+    }
     double area = 0;
     for (const std::int32_t f : charts_[i].faces) area += surface_->area[f];
     const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
@@ -212,7 +220,28 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
   return split;
 }
 
+absl::Status ChartSet::CheckStopped(const absl::Status& made) const {
+  if (!execution_.IsHurried()) return made;
+  const auto error = [](const std::string& detail, const std::map<std::string, std::string>& metadata) {
+    return MakeError(absl::StatusCode::kAborted, "STOPPED_EARLY",
+                     absl::StrCat("stopped before there was a valid map to keep: ", detail), metadata);
+  };
+  if (absl::IsInternal(made)) return error(std::string(made.message()), {});
+  PLANISH_RETURN_IF_ERROR(made);
+  std::int64_t turned = 0;
+  for (int i = 0; i < count(); ++i) {
+    if (maps_[i].flatten.stopped) turned += faults_[i].turned;
+  }
+  if (turned == 0) return absl::OkStatus();
+  return error(absl::StrCat(Counted(turned, "triangle is", "triangles are"), " still flipped or without area"),
+               {{"count", absl::StrCat(turned)}});
+}
+
 absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds* seconds) {
+  return CheckStopped(MakeMaps(warnings, seconds));
+}
+
+absl::Status ChartSet::MakeMaps(std::vector<UnwrapWarning>* warnings, UnwrapSeconds* seconds) {
   Timer timer;
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
   PLANISH_RETURN_IF_ERROR(Cut(warnings));
@@ -230,7 +259,7 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
     if (execution_.IsStopped()) return absl::CancelledError("cancelled");
     charts_.resize(segmentation_->charts().size());
     for (const std::int32_t i : todo) {
-      charts_[i] = MakeChart(segmentation_->gluing(), segmentation_->charts()[i], {nullptr, execution_.interrupter});
+      charts_[i] = MakeChart(segmentation_->gluing(), segmentation_->charts()[i], execution_.ForOneThread());
     }
     seconds->charts += timer.Restart();
   }

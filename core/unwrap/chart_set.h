@@ -40,6 +40,9 @@ class ChartSet {
   const FlattenProgress& last_progress() const { return progress_.flatten; }
 
  private:
+  absl::Status MakeMaps(std::vector<UnwrapWarning>* warnings, UnwrapSeconds* seconds);
+  // What became of MakeMaps(); STOPPED_EARLY if a stop left no valid map.
+  absl::Status CheckStopped(const absl::Status& made) const;
   absl::Status Cut(std::vector<UnwrapWarning>* warnings);
   absl::Status CheckPieces() const;
   // Maps these charts.

@@ -26,7 +26,7 @@ class Run {
         options_(options),
         control_(control),
         team_(options.threads),
-        execution_{&team_, control.interrupter},
+        execution_{&team_, control.interrupter, control.stop},
         charts_(mesh, options, control, execution_) {}
 
   absl::StatusOr<UnwrapResult> operator()();
@@ -48,6 +48,7 @@ class Run {
   ThreadTeam team_;
   const Execution execution_;
   ChartSet charts_;
+  bool stopped_ = false;           // before the verifier began
   OrientationFaults orientation_;  // of result_.uv
   UnwrapResult result_;
 };
@@ -84,6 +85,7 @@ absl::StatusOr<UnwrapResult> Run::operator()() {
                          atlas.padding, options_.atlas.padding),
          {{"padding", absl::StrFormat("%g", atlas.padding)}}});
   }
+  stopped_ = execution_.IsHurried();
   result_.seconds.pack = timer.Restart();
 
   PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kVerify));
@@ -183,7 +185,8 @@ absl::Status Run::Verify() {
   result_.quality.degenerate = orientation_.degenerate;
   result_.quality.overlapping = overlaps.pairs;
   WarnOfCoarseFloat();
-  WarnOfCharts(result_.charts, options_.seams.policy == SeamPolicy::kAuto ? options_.seams.max_stretch : 0,
+  if (stopped_) WarnOfStop(result_.charts, &result_.warnings);
+  WarnOfCharts(result_.charts, options_.seams.policy == SeamPolicy::kAuto ? options_.seams.max_stretch : 0, stopped_,
                &result_.warnings);
   WarnOfFaults(orientation_, overlaps, &result_.warnings);
   return absl::OkStatus();

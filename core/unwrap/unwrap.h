@@ -79,7 +79,13 @@ struct UnwrapProgress {
 // What one call may bring along. The callback runs on the calling thread, at the start of every stage, at every
 // Newton iteration and every few dozen linear iterations; it must return quickly.
 struct UnwrapControl {
-  const Interrupter* interrupter = nullptr;
+  const Interrupter* interrupter = nullptr;  // Cancel: ends the call with CANCELLED
+  // Stop: ends the search for anything better. Any thread may set it at any time; both must outlive the call. From then
+  // on a linear solve under way is cut short, Newton's method takes a few rough steps at most until the angles make a
+  // map without flips, charts are no longer merged, are cut only where they overlap themselves, and go where they first
+  // find room. What comes out is verified like any other result, with the warning STOPPED (see Unwrap()); it depends on
+  // when the stop came.
+  const Interrupter* stop = nullptr;
   std::function<void(const UnwrapProgress&)> on_progress;
 };
 
@@ -122,7 +128,10 @@ struct UnwrapResult {
 // Flattens `mesh`, which must be a disc (core/mesh/disc_check.h); deterministic.
 // Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED
 // after an interrupt (within a few dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if
-// no finite map came out. A solve that stops early is not an error: see FlattenSummary::converged and the warnings.
+// no finite map came out; ABORTED with STOPPED_EARLY if there was no map without flips yet when `control.stop` came. A
+// solve that stops early is not an error: see FlattenSummary::converged and the warnings.
+// Warning STOPPED, metadata "charts_cut_short" (how many charts' solves were ended early, may be 0): `control.stop` was
+// set before the verifier began. A later stop changes nothing.
 // Thread-safe: calls share nothing, each has a team of threads of its own.
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control);
 

@@ -87,7 +87,19 @@ void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapW
                        {{"slit", absl::StrCat(slit)}, {"split", absl::StrCat(added)}}});
 }
 
-void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, std::vector<UnwrapWarning>* warnings) {
+void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings) {
+  const std::size_t cut_short = ChartsWith(charts, [](const ChartReport& c) { return c.flatten.stopped; }).size();
+  warnings->push_back(
+      {"STOPPED",
+       absl::StrCat("stopped on request: ",
+                    cut_short == 0 ? "no chart's solve" : absl::StrCat("the solve of ", cut_short, " of "),
+                    cut_short == 0 ? "" : Counted(static_cast<std::int64_t>(charts.size()), "chart", "charts"),
+                    " was cut short; left to its end, the map might have been better"),
+       {{"charts_cut_short", absl::StrCat(cut_short)}}});
+}
+
+void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bool stopped,
+                  std::vector<UnwrapWarning>* warnings) {
   const auto warn = [&](const std::string& reason, const std::function<bool(const ChartReport&)>& predicate,
                         const std::function<std::string(const ChartReport&)>& message,
                         std::map<std::string, std::string> metadata) {
@@ -114,7 +126,7 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, st
   double barrier = 0;
   for (const ChartReport& chart : charts) barrier = std::max(barrier, chart.flatten.barrier);
   warn(
-      "BARRIER_KEPT", [](const ChartReport& c) { return c.flatten.barrier > 0; },
+      "BARRIER_KEPT", [](const ChartReport& c) { return c.flatten.barrier > 0 && !c.flatten.stopped; },
       [](const ChartReport& c) {
         const bool convex = c.flatten.boundary.type == BoundaryType::kConvex;
         return absl::StrFormat(
@@ -129,8 +141,8 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, st
   warn(
       "STRETCH_ABOVE_LIMIT", [&](const ChartReport& c) { return c.stretch_l2 > 1.02 * max_stretch; },
       [&](const ChartReport&) {
-        return absl::StrFormat("stretch of up to %.3g where %.3g was asked for: more seams would not help", worst,
-                               max_stretch);
+        return absl::StrFormat("stretch of up to %.3g where %.3g was asked for: %s", worst, max_stretch,
+                               stopped ? "stopped before more seams were added" : "more seams would not help");
       },
       {{"stretch", absl::StrFormat("%g", worst)}});
 }

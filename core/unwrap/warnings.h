@@ -20,8 +20,12 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
 void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings);
 
 // NOT_CONVERGED, PRECONDITIONER_CHANGED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, STRETCH_ABOVE_LIMIT: one warning for all
-// charts concerned. `max_stretch` 0: no limit.
-void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, std::vector<UnwrapWarning>* warnings);
+// charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been left without the cuts that they need.
+void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bool stopped,
+                  std::vector<UnwrapWarning>* warnings);
+
+// STOPPED: the caller asked for the best map so far.
+void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarning>* warnings);
 
 // UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps, std::vector<UnwrapWarning>* warnings);

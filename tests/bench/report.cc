@@ -1,5 +1,5 @@
-// planish_bench_report paper|scale|peers|atlas RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the tables.
-// COLUMNS is the start of the names of the files for gnuplot.
+// planish_bench_report paper|scale|peers|atlas|memory RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the
+// tables. COLUMNS is the start of the names of the files for gnuplot.
 #include "tests/bench/report.h"
 
 #include <algorithm>
@@ -110,9 +110,9 @@ namespace {
 
 int Main(int argc, char** argv) {
   const std::string which = argc == 4 ? argv[1] : "";
-  if (which != "paper" && which != "scale" && which != "peers" && which != "atlas") {
-    std::fprintf(stderr,
-                 "usage: planish_bench_report paper|scale|peers|atlas RUNS.jsonl COLUMNS < heading > TABLE.md\n");
+  if (which != "paper" && which != "scale" && which != "peers" && which != "atlas" && which != "memory") {
+    std::fprintf(
+        stderr, "usage: planish_bench_report paper|scale|peers|atlas|memory RUNS.jsonl COLUMNS < heading > TABLE.md\n");
     return 2;
   }
   Runs runs;
@@ -124,7 +124,8 @@ int Main(int argc, char** argv) {
   const std::string tables = which == "paper"   ? ReportPaper(runs, argv[3])
                              : which == "scale" ? ReportScale(runs, argv[3])
                              : which == "peers" ? ReportPeers(runs, argv[3])
-                                                : ReportAtlas(runs, argv[3]);
+                             : which == "atlas" ? ReportAtlas(runs, argv[3])
+                                                : ReportMemory(runs, argv[3]);
   std::cout << heading << "\n" << tables;
   return 0;
 }

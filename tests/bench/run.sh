@@ -5,6 +5,7 @@
 #   tests/bench/run.sh scale [MESH...]  20,000 to 2 million triangles: time, CPU, iterations, memory
 #   tests/bench/run.sh peers [MESH...]  Blender's ABF and CGAL's LSCM on the same meshes, in turn, on one core
 #   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
+#   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
 #
 #   --quick      small sizes and few rounds, to see that it works; results go to BUILD/results
 #   --build DIR  where to build (default build/bench)
@@ -12,7 +13,7 @@
 #
 # MESH is a file, FILE@LEVELS for Loop subdivision, or NAME:TRIANGLES (bench_meshes.h), measured beside those chosen
 # here. atlas measures MESH instead of its own choice: six meshes of ../shared/meshes where that (optional) folder is,
-# else Spot and surfaces by formula. Packages: deploy/install-packages.sh build test bench; atlas gets xatlas through npm.
+# else Spot and surfaces by formula; memory measures shared meshes beside its own. Packages: deploy/install-packages.sh build test bench; atlas gets xatlas through npm.
 # What others' programs measure is left out, and said so, where they are missing. In the environment: CORE, the core
 # that everything on one core runs on (default 0), ROUNDS of atlas (default 3), and JOBS for the build (default 2).
 set -euo pipefail
@@ -38,9 +39,12 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
-case $bench in paper | scale | peers | atlas) ;; *) fail "no such bench: $bench (paper, scale, peers, atlas)" ;; esac
+case $bench in
+  paper | scale | peers | atlas | memory) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory)" ;;
+esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
-command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench"
+[ "$bench" = memory ] || command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench"
 
 [ -f "$build/CMakeCache.txt" ] ||
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
@@ -294,6 +298,34 @@ triangles that have area in the map; those that have none are degenerate, and in
 near: pairs nearer than the padding less a hundredth for rounding, overlapping ones included.$missing" |
     "$bin/planish_bench_report" atlas "$runs" "$work/atlas" >"$out/atlas.md"
   plot "columns='$work/atlas'; out='$out/atlas.png'" atlas.gp
+}
+
+memory() {
+  local shared=$root/../shared/meshes name mesh seams threads all=() discs=() missing="" triangles
+  for triangles in 1000 3000 10000 30000 100000 300000 1000000; do discs+=("foot:$triangles"); done
+  discs+=(head:100000 waves:100000 "$spot" "$spot@1" "$spot@2")
+  [ -z "$quick" ] || discs=(foot:1000 foot:20000)
+  for name in human_neutral_20908 spot_23062 boot_g12_39906 koala_99994; do
+    [ -z "$quick" ] || break
+    if [ -f "$shared/$name.obj" ]; then all+=("$shared/$name.obj"); else missing+=" $name was not there."; fi
+  done
+  [ ${#all[@]} -eq 0 ] || all+=("$shared/spot_23062.obj@1" "$shared/spot_23062.obj@2" "$shared/koala_99994.obj@1")
+  [ ${#meshes[@]} -eq 0 ] || all=("${meshes[@]}")
+  measure_memory() {  # MESH SEAMS
+    for threads in 1 2; do
+      echo "$1, seams $2, threads: $threads" >&2
+      nice -n 5 "$bin/planish_memory_use" "$1" "$2" "$threads" >>"$runs" || echo "$1 failed" >&2
+    done
+  }
+  for mesh in "${discs[@]}"; do
+    for seams in none auto; do measure_memory "$mesh" "$seams"; done
+  done
+  for mesh in "${all[@]}"; do measure_memory "$mesh" auto; done
+  heading "Memory and seconds against their estimates" "Each run is a process of its own: peak resident memory (VmHWM) less what
+was resident before the encoded mesh was read; decoding, unwrapping with default options, UV as float. Estimates
+(\`core/unwrap/estimate.h\`) know the counts that the first bytes of the Draco data declare, the size of the data and the
+options.$missing" |
+    "$bin/planish_bench_report" memory "$runs" "$work/memory" >"$out/memory.md"
 }
 
 "$bench"

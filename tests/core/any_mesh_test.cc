@@ -259,6 +259,49 @@ TEST(AnyMesh, CanBeInterruptedInEveryStage) {
   }
 }
 
+TEST(AnyMesh, KeepsAValidMapWhenStoppedAtAnyTime) {
+  for (const Mesh& mesh : {testing::Torus(40, 20), testing::PuncturedSphere(30, 0.01)}) {
+    for (const SeamPolicy policy : {SeamPolicy::kNeeded, SeamPolicy::kAuto}) {
+      UnwrapOptions options;
+      options.seams.policy = policy;
+      options.threads = 2;
+      int points = 0;
+      UnwrapControl count;
+      count.on_progress = [&](const UnwrapProgress&) { ++points; };
+      ASSERT_TRUE(Unwrap(mesh, options, count).ok());
+      for (int point = 0; point < points; point += std::max(1, points / 12)) {
+        SCOPED_TRACE(point);
+        Interrupter stop;
+        UnwrapControl control;
+        control.stop = &stop;
+        int seen = 0;
+        control.on_progress = [&](const UnwrapProgress&) {
+          if (seen++ == point) stop.Interrupt();
+        };
+        const auto result = Unwrap(mesh, options, control);
+        ASSERT_TRUE(result.ok()) << result.status();
+        EXPECT_EQ(result->quality.flipped + result->quality.degenerate, 0);
+        EXPECT_EQ(result->quality.overlapping, 0);
+        const OrientationFaults faults = CheckOrientations(result->uv);
+        EXPECT_EQ(faults.flipped + faults.degenerate, 0);
+      }
+    }
+  }
+}
+
+TEST(AnyMesh, AStopBeforeChartsLeavesMoreOfThem) {
+  Interrupter stop;
+  stop.Interrupt();
+  UnwrapControl control;
+  control.stop = &stop;
+  const Mesh mesh = testing::Torus(40, 20);
+  const auto stopped = Unwrap(mesh, {}, control), whole = Unwrap(mesh, {}, {});
+  ASSERT_TRUE(stopped.ok() && whole.ok()) << stopped.status();
+  EXPECT_GT(stopped->charts.size(), whole->charts.size());
+  EXPECT_EQ(stopped->quality.overlapping, 0);
+  EXPECT_EQ(stopped->warnings.at(0).reason, "STOPPED");
+}
+
 // Two squares of two triangles each; the second one where `offset` says.
 CornerUv TwoSquares(const Vec2& offset, double size) {
   CornerUv uv;

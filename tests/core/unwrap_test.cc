@@ -357,6 +357,129 @@ TEST(Unwrap, CanBeInterruptedInEveryStage) {
   }
 }
 
+const UnwrapWarning* Find(const UnwrapResult& result, const std::string& reason) {
+  for (const UnwrapWarning& warning : result.warnings) {
+    if (warning.reason == reason) return &warning;
+  }
+  return nullptr;
+}
+
+// Counted anew from the bytes as delivered.
+void ExpectNoFlips(const UnwrapResult& result) {
+  const OrientationFaults faults = CheckOrientations(result.uv);
+  EXPECT_EQ(faults.flipped, 0);
+  EXPECT_EQ(faults.degenerate, 0);
+}
+
+TEST(Unwrap, KeepsTheBestMapWhenStoppedInAnyStage) {
+  const Mesh mesh = testing::Hills(60, 60, 0.7);
+  for (const int threads : {1, 2}) {
+    for (const UnwrapStage stage :
+         {UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout, UnwrapStage::kPack, UnwrapStage::kVerify}) {
+      SCOPED_TRACE(static_cast<int>(stage));
+      Interrupter stop;
+      UnwrapControl control;
+      control.stop = &stop;
+      control.on_progress = [&](const UnwrapProgress& progress) {
+        if (progress.stage == stage) stop.Interrupt();
+      };
+      UnwrapOptions options;
+      options.threads = threads;
+      const auto result = Unwrap(mesh, testing::AsDisc(options), control);
+      ASSERT_TRUE(result.ok()) << result.status();
+      ExpectNoFlips(*result);
+      EXPECT_EQ(CheckOverlaps(CheckDisc(mesh)->opposite, result->uv, {}).pairs, 0);
+      const bool in_solve = stage <= UnwrapStage::kSolve;
+      EXPECT_EQ(result->charts[0].flatten.stopped, in_solve);
+      EXPECT_EQ(result->charts[0].flatten.converged, !in_solve);
+      EXPECT_EQ(Find(*result, "NOT_CONVERGED") != nullptr, in_solve);
+      const UnwrapWarning* warning = Find(*result, "STOPPED");
+      ASSERT_EQ(warning != nullptr, stage != UnwrapStage::kVerify) << "the verifier judges what there is already";
+      if (warning != nullptr) {
+        EXPECT_EQ(warning->metadata.at("charts_cut_short"), in_solve ? "1" : "0");
+      }
+    }
+  }
+}
+
+TEST(Unwrap, KeepsTheBestMapWhenStoppedInAnyLinearSolve) {
+  const Mesh mesh = testing::Hills(40, 40, 2);
+  const auto whole = Unwrap(mesh, testing::AsDisc(), {});
+  ASSERT_TRUE(whole.ok());
+  UnwrapOptions options;
+  options.flatten.preconditioner = PreconditionerType::kJacobi;  // long solves: stops fall inside
+  for (int point = 0; point < 40; point += 3) {
+    Interrupter stop;
+    UnwrapControl control;
+    control.stop = &stop;
+    int seen = 0;
+    control.on_progress = [&](const UnwrapProgress&) {
+      if (seen++ == point) stop.Interrupt();
+    };
+    const auto result = Unwrap(mesh, testing::AsDisc(options), control);
+    ASSERT_TRUE(result.ok()) << point << ": " << result.status();
+    ExpectNoFlips(*result);
+    EXPECT_LT(result->quality.abf_energy, 1.1 * whole->quality.abf_energy + 1e-6) << point;
+  }
+}
+
+TEST(Unwrap, StoppedBeforeAnythingStillMakesAMap) {
+  Interrupter stop;
+  stop.Interrupt();
+  UnwrapControl control;
+  control.stop = &stop;
+  for (const BoundaryType boundary : {BoundaryType::kFree, BoundaryType::kConvex}) {
+    UnwrapOptions options;
+    options.flatten.boundary = boundary;
+    const auto result = Unwrap(testing::PuncturedSphere(20, 0.05), testing::AsDisc(options), control);
+    ASSERT_TRUE(result.ok()) << result.status();
+    ExpectNoFlips(*result);
+    EXPECT_NE(Find(*result, "STOPPED"), nullptr);
+    EXPECT_TRUE(result->charts[0].flatten.stopped);
+    EXPECT_EQ(result->charts[0].flatten.stop_message.substr(0, 7), "stopped");
+  }
+}
+
+TEST(Unwrap, SaysThatAStopCameTooEarly) {
+  Interrupter stop;
+  stop.Interrupt();
+  UnwrapControl control;
+  control.stop = &stop;
+  UnwrapOptions options;
+  options.flatten.system = SystemType::kFull;
+  options.flatten.preconditioner = PreconditionerType::kNone;  // gets nowhere in the time that is left
+  const absl::Status status = Unwrap(testing::PuncturedSphere(80, 0.02), testing::AsDisc(options), control).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kAborted) << status;
+  EXPECT_EQ(ErrorInfoOf(status).reason, "STOPPED_EARLY");
+}
+
+TEST(Unwrap, CancelWinsOverStop) {
+  Interrupter stop, cancel;
+  UnwrapControl control;
+  control.stop = &stop;
+  control.interrupter = &cancel;
+  control.on_progress = [&](const UnwrapProgress& progress) {
+    if (progress.stage >= UnwrapStage::kSolve) stop.Interrupt();
+    if (progress.stage >= UnwrapStage::kPack) cancel.Interrupt();
+  };
+  EXPECT_EQ(Unwrap(testing::Hills(20, 20), testing::AsDisc(), control).status().code(), absl::StatusCode::kCancelled);
+}
+
+TEST(Unwrap, AStopThatIsNeverSetChangesNothing) {
+  Interrupter stop;
+  UnwrapControl control;
+  control.stop = &stop;
+  for (const SeamPolicy policy : {SeamPolicy::kNone, SeamPolicy::kAuto}) {
+    UnwrapOptions options;
+    options.seams.policy = policy;
+    const Mesh mesh = testing::Hills(60, 60, 3);
+    const auto with = Unwrap(mesh, options, control), without = Unwrap(mesh, options, {});
+    ASSERT_TRUE(with.ok() && without.ok());
+    EXPECT_EQ(with->uv, without->uv);
+    EXPECT_EQ(Find(*with, "STOPPED"), nullptr);
+  }
+}
+
 TEST(Unwrap, WarnsOfIsolatedVertices) {
   Mesh mesh = testing::Plane(3, 3);
   mesh.positions.push_back({9, 9, 9});

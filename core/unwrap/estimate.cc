@@ -1,0 +1,75 @@
+#include "core/unwrap/estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace planish {
+namespace {
+
+// Measured by tests/bench/run.sh memory; figures are what was measured, or a quarter more.
+constexpr double kFixedBytes = 8e6;           // code and tables that are touched first
+constexpr double kBytesPerThread = 2.5e6;     // beyond the first: charts that are solved side by side
+constexpr double kBytesPerFace = 1000;        // multigrid
+constexpr double kFactorBytesPerFace = 2300;  // a Cholesky factorization instead; nearly linear
+constexpr double kBytesPerPiece = 11e3;       // a chart of a single face, with its outline and its place
+constexpr double kBytesPerByte = 2;           // encoded bytes, while they are decoded
+// The vertices that a triangle by itself has beyond half a vertex a face, which is what closed surfaces have.
+constexpr double kLooseVerticesPerPiece = 2.5;
+
+constexpr double kSecondsPerByte = 1e-8;
+constexpr double kSecondsPerPiece = 1.5e-3;
+// Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
+constexpr double kReferenceFaces = 50'000;
+constexpr double kSolve = 7e-6, kSolvePower = 0.05;
+constexpr double kMerge = 10e-6, kMergePower = 0.4;
+constexpr double kNeeded = 50e-6;         // whole pieces and their cuts, several times over
+constexpr double kFactorization = 4;      // times kSolve
+constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
+constexpr double kUnpreconditioned = 60;  // times kSolve
+constexpr double kPackSeconds = 0.05;     // of a few charts, with the default effort
+
+bool Factorizes(const FlattenOptions& options) {
+  return options.solver == SolverType::kDirect || options.preconditioner == PreconditionerType::kCholesky;
+}
+
+// Whether another preconditioner than multigrid or a factorization was asked for, or none.
+bool IsSlow(const FlattenOptions& options) {
+  return options.system == SystemType::kFull || options.preconditioner == PreconditionerType::kNone ||
+         options.preconditioner == PreconditionerType::kJacobi;
+}
+
+double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptions& options) {
+  const SeamPolicy policy = options.seams.policy;
+  const double size = std::max(1.0, faces / kReferenceFaces);
+  double solve = kSolve * faces * std::pow(size, kSolvePower);
+  if (Factorizes(options.flatten)) solve *= kFactorization;
+  if (IsSlow(options.flatten)) solve *= kUnpreconditioned;
+  if (options.flatten.boundary == BoundaryType::kConvex) solve *= kConvexBoundary;
+  double seconds = solve + kSecondsPerByte * mesh_bytes;
+  if (policy == SeamPolicy::kNone) return seconds;
+  if (policy == SeamPolicy::kAuto) seconds += kMerge * faces * std::pow(size, kMergePower);
+  if (policy == SeamPolicy::kNeeded) seconds += kNeeded * faces;
+  if (options.pack) seconds += (kPackSeconds + kSecondsPerPiece * pieces) * std::max(options.atlas.effort, 0.2);
+  return seconds;
+}
+
+}  // namespace
+
+Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t mesh_bytes,
+                        const UnwrapOptions& options) {
+  const auto f = static_cast<double>(faces), v = static_cast<double>(vertices), b = static_cast<double>(mesh_bytes);
+  // A disc has no pieces, and many vertices only if there are many faces.
+  const double pieces =
+      options.seams.policy == SeamPolicy::kNone ? 0 : std::max(0.0, v - f / 2) / kLooseVerticesPerPiece;
+  const double per_face = Factorizes(options.flatten) ? kFactorBytesPerFace : kBytesPerFace;
+  const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + per_face * f + kBytesPerPiece * pieces +
+                       kBytesPerByte * b;
+  Estimate estimate;
+  constexpr auto kLargest = std::numeric_limits<std::int64_t>::max();
+  estimate.peak_bytes = bytes < static_cast<double>(kLargest) ? static_cast<std::int64_t>(bytes) : kLargest;
+  estimate.seconds = Seconds(f, pieces, b, options);
+  return estimate;
+}
+
+}  // namespace planish

@@ -1,0 +1,26 @@
+// What an unwrap will take, before there is a mesh: for admission and retry delays.
+#pragma once
+
+#include <cstdint>
+
+#include "core/unwrap/unwrap.h"
+
+namespace planish {
+
+struct Estimate {
+  // The most that a process holds at once beyond what it held idle, to decode, unwrap and hold the result. An upper
+  // estimate: on the meshes of tests/bench/results/memory.md above what was measured, and at most about twice that from
+  // 20,000 triangles on.
+  std::int64_t peak_bytes = 0;
+  // With one thread, to decode and unwrap, within a factor of about 3 for scans and models on a machine like that of
+  // memory.md.
+  double seconds = 0;
+};
+
+// `mesh_bytes` is the size of the encoded mesh, `faces` and `vertices` are what it declares (core/io/draco_header.h);
+// all at least 0. Valid `options` of any kind: solvers and seams that take more count for more. Monotonous in the
+// numbers. Overflow ends at the largest number.
+Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t mesh_bytes,
+                        const UnwrapOptions& options);
+
+}  // namespace planish

@@ -1,0 +1,72 @@
+#include "core/unwrap/estimate.h"
+
+#include <cmath>
+#include <limits>
+
+#include "gtest/gtest.h"
+
+namespace planish {
+namespace {
+
+UnwrapOptions WithSeams(SeamPolicy policy) {
+  UnwrapOptions options;
+  options.seams.policy = policy;
+  return options;
+}
+
+TEST(Estimate, GrowsWithTheMesh) {
+  for (const SeamPolicy policy : {SeamPolicy::kNone, SeamPolicy::kKeep, SeamPolicy::kNeeded, SeamPolicy::kAuto}) {
+    Estimate last = EstimateUnwrap(0, 0, 0, WithSeams(policy));
+    EXPECT_GT(last.peak_bytes, 0);
+    for (std::int64_t faces = 1; faces < 1'000'000'000; faces *= 3) {
+      const Estimate estimate = EstimateUnwrap(faces, faces / 2 + 2, 8 * faces, WithSeams(policy));
+      EXPECT_GT(estimate.peak_bytes, last.peak_bytes);
+      EXPECT_GT(estimate.seconds, last.seconds);
+      last = estimate;
+    }
+  }
+}
+
+// Of results/memory.md: koala, 99,994 triangles, 44 MB and 1.8 s; a disc of a million, 790 MB.
+TEST(Estimate, IsAboveWhatWasMeasuredButNotFar) {
+  const Estimate koala = EstimateUnwrap(99'994, 49'999, 840'000, WithSeams(SeamPolicy::kAuto));
+  EXPECT_GT(koala.peak_bytes, 54'000'000);
+  EXPECT_LT(koala.peak_bytes, 120'000'000);
+  EXPECT_GT(koala.seconds, 0.6);
+  EXPECT_LT(koala.seconds, 5.4);
+  const Estimate foot = EstimateUnwrap(1'000'000, 501'000, 8'700'000, WithSeams(SeamPolicy::kNone));
+  EXPECT_GT(foot.peak_bytes, 790'000'000);
+  EXPECT_LT(foot.peak_bytes, 1'580'000'000);
+}
+
+TEST(Estimate, KnowsWhatCostsMore) {
+  const auto of = [](const UnwrapOptions& options, std::int64_t vertices = 50'002) {
+    return EstimateUnwrap(100'000, vertices, 800'000, options);
+  };
+  const Estimate plain = of({});
+  UnwrapOptions direct;
+  direct.flatten.solver = SolverType::kDirect;
+  EXPECT_GT(of(direct).peak_bytes, 1.5 * static_cast<double>(plain.peak_bytes));
+  UnwrapOptions convex;
+  convex.flatten.boundary = BoundaryType::kConvex;
+  EXPECT_GT(of(convex).seconds, plain.seconds);
+  UnwrapOptions as_in_the_paper;
+  as_in_the_paper.flatten.system = SystemType::kFull;
+  EXPECT_GT(of(as_in_the_paper).seconds, 10 * plain.seconds);
+  UnwrapOptions threads;
+  threads.threads = 8;
+  EXPECT_GT(of(threads).peak_bytes, plain.peak_bytes);
+  // Triangles that share no vertices make a chart each.
+  EXPECT_GT(of({}, 300'000).peak_bytes, 5 * plain.peak_bytes);
+  EXPECT_GT(of({}, 300'000).seconds, 10 * plain.seconds);
+}
+
+TEST(Estimate, HugeNumbersDoNotOverflow) {
+  constexpr auto kLargest = std::numeric_limits<std::int64_t>::max();
+  const Estimate estimate = EstimateUnwrap(kLargest, kLargest, kLargest, {});
+  EXPECT_EQ(estimate.peak_bytes, kLargest);
+  EXPECT_TRUE(std::isfinite(estimate.seconds));
+}
+
+}  // namespace
+}  // namespace planish
