@@ -28,8 +28,8 @@ class JobStream {
     kEnd,    // all was sent; status() says how it went
   };
 
-  // Bytes of UV in a message.
-  static constexpr std::int64_t kChunkBytes = std::int64_t{1} << 20;
+  // Bytes of UV in a message: what a reader that stands still costs, twice (the message and its wire form).
+  static constexpr std::int64_t kChunkBytes = std::int64_t{128} << 10;
 
   JobStream(std::shared_ptr<const JobEventLog> events, const Position& position)
       : events_(std::move(events)), position_(position) {}
