@@ -17,6 +17,10 @@ JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk) {
     return Step::kEvent;
   }
   if (!read.ended) return Step::kWait;
+  if (!read.status.ok()) {
+    status_ = read.status;
+    return Step::kEnd;
+  }
 
   const BlobPtr uv = events_->uv();
   if (!position_.include_uv || uv == nullptr) return Step::kEnd;

@@ -36,7 +36,8 @@ class JobStream {
 
   Step Next(v1::JobEvent* event, v1::UvChunk* chunk);
 
-  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset.
+  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset; what the log ended with
+  // (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
   const absl::Status& status() const { return status_; }
 
  private:

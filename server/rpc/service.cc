@@ -8,7 +8,6 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "planish/v1/planish.grpc.pb.h"
-#include "server/rpc/call_deadline.h"
 #include "server/rpc/grpc_status.h"
 #include "server/rpc/task_threads.h"
 #include "server/rpc/upload_reactor.h"
@@ -72,7 +71,6 @@ class PlanishService : public v1::Planish::CallbackService {
     JobFinder create = [this, context, request]() -> absl::StatusOr<WatchedJob> {
       PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(request, uploads_));
       job.attached = !request->detached();
-      job.deadline = DeadlineOf(*context);
       job.failpoint = Failpoint(*context);
       PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(std::move(job)));
       return WatchedJob{std::move(accepted.events), std::move(accepted.attachment)};
