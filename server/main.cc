@@ -137,9 +137,7 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
 
 WorkerFactory NewWorkers(const ServerFlags& flags) {
   if (!flags.isolated) {
-    return [failpoints = flags.failpoints] {
-      return StartInProcessWorker([failpoints](ServerLink& server) { RunWorker(server, failpoints); });
-    };
+    return [] { return StartInProcessWorker(RunWorker); };
   }
   WorkerProcessOptions options;
   options.sandbox = flags.sandbox;

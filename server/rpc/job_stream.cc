@@ -17,10 +17,14 @@ JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk) {
     return Step::kEvent;
   }
   if (!read.ended) return Step::kWait;
+  if (!read.status.ok()) {
+    status_ = read.status;
+    return Step::kEnd;
+  }
 
-  const std::shared_ptr<const std::string> uv = events_->uv();
+  const BlobPtr uv = events_->uv();
   if (!position_.include_uv || uv == nullptr) return Step::kEnd;
-  const auto size = static_cast<std::int64_t>(uv->size());
+  const auto size = static_cast<std::int64_t>(uv->bytes().size());
   if (position_.uv_offset > size) {
     status_ =
         MakeError(absl::StatusCode::kOutOfRange, "UV_OFFSET_OUT_OF_RANGE",
@@ -31,7 +35,7 @@ JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk) {
   if (position_.uv_offset == size) return Step::kEnd;
   const std::int64_t length = std::min(kChunkBytes, size - position_.uv_offset);
   chunk->set_offset(position_.uv_offset);
-  chunk->set_data(uv->data() + position_.uv_offset, static_cast<std::size_t>(length));
+  chunk->set_data(uv->bytes().data() + position_.uv_offset, static_cast<std::size_t>(length));
   position_.uv_offset += length;
   return Step::kUv;
 }

@@ -28,15 +28,16 @@ class JobStream {
     kEnd,    // all was sent; status() says how it went
   };
 
-  // Bytes of UV in a message.
-  static constexpr std::int64_t kChunkBytes = std::int64_t{1} << 20;
+  // Bytes of UV in a message: what a reader that stands still costs, twice (the message and its wire form).
+  static constexpr std::int64_t kChunkBytes = std::int64_t{128} << 10;
 
   JobStream(std::shared_ptr<const JobEventLog> events, const Position& position)
       : events_(std::move(events)), position_(position) {}
 
   Step Next(v1::JobEvent* event, v1::UvChunk* chunk);
 
-  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset.
+  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset; what the log ended with
+  // (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
   const absl::Status& status() const { return status_; }
 
  private:

@@ -1,4 +1,4 @@
-// The service planish.v1.Planish on a JobManager.
+// The service planish.v1.Planish on a JobManager and an UploadStore.
 #pragma once
 
 #include <memory>
@@ -6,14 +6,21 @@
 #include "grpcpp/impl/service_type.h"
 #include "planish/v1/planish.pb.h"
 #include "server/jobs/job_manager.h"
+#include "server/jobs/upload_store.h"
 #include "server/rpc/stream_counter.h"
 
 namespace planish {
 
-// Contracts of the calls: proto/planish/v1/planish.proto. `manager` and `streams`, which counts the streams
-// of this service, must outlive it.
+struct ServiceOptions {
+  v1::Capabilities capabilities;
+  // For tests: a call's metadata "planish-failpoint" becomes JobRequest::failpoint.
+  bool failpoints = false;
+};
+
+// Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads` and `streams`, which counts the streams of
+// this service, must outlive it, and it must outlive the RpcServer's Shutdown().
 // The type stays hidden because the generated header takes long to compile.
-std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, v1::Capabilities capabilities,
+std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, UploadStore* uploads, ServiceOptions options,
                                                  StreamCounter* streams);
 
 }  // namespace planish

@@ -103,6 +103,7 @@ class Work {
     bool reached = false;
     UnwrapControl control;
     control.interrupter = control_.cancel;
+    control.stop = control_.stop;
     control.on_progress = [&](const UnwrapProgress& progress) {
       Report(ToProto(progress));
       if (progress.stage == UnwrapStage::kSolve && !std::exchange(reached, true)) failed = Reach("solve");

@@ -39,7 +39,7 @@ v1::Job Get(RpcTestServer& server, const std::string& name) {
 }
 
 void FollowToTheEnd(RpcTestServer& server, const std::string& name) {
-  Follow(**server.manager().Watch(name));
+  Follow(*server.manager().Watch(name, false, false)->events);
 }
 
 TEST(JobsRpc, CreateAndGet) {
@@ -128,7 +128,7 @@ TEST(JobsRpc, UnknownNames) {
 TEST(JobsRpc, CancelThenDelete) {
   RpcTestServer server(WaitForCancel());
   const std::string name = server.Create();
-  WaitForEvent(**server.manager().Watch(name), 3);
+  WaitForEvent(*server.manager().Watch(name, false, false)->events, 3);
 
   v1::DeleteJobRequest erase;
   erase.set_name(name);

@@ -25,7 +25,7 @@ class RpcServerTest : public ::testing::Test {
   absl::StatusOr<std::unique_ptr<RpcServer>> Start(const std::vector<std::string>& addresses) {
     RpcServerOptions options;
     for (const std::string& address : addresses) options.listen.push_back(*ParseListenAddress(address));
-    services_.push_back(NewPlanishService(&manager_, v1::Capabilities(), &streams_));
+    services_.push_back(NewPlanishService(nullptr, nullptr, ServiceOptions(), &streams_));
     return RpcServer::Start(options, services_.back().get());
   }
 
@@ -40,7 +40,6 @@ class RpcServerTest : public ::testing::Test {
   }
 
   TempDir dir_;
-  JobManager manager_{JobManagerOptions(), NewMemoryJobStore()};
   StreamCounter streams_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
 };

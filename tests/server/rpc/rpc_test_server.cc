@@ -34,13 +34,16 @@ std::string ToString(const grpc::ByteBuffer& buffer) {
 
 }  // namespace
 
-RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options)
-    : manager_(options, NewMemoryJobStore()),
-      pool_(std::make_unique<WorkerPool>(&manager_, ScriptedWorkers(std::move(script)), options.workers)) {
+RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, UploadStoreOptions upload_options)
+    : uploads_(std::move(upload_options), &blobs_),
+      store_(*OpenJobStore(":memory:")),
+      manager_(*JobManager::Open(options, store_.get(), &blobs_)),
+      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), options.workers)) {
   v1::Capabilities capabilities;
   capabilities.set_version("1.2.3");
   capabilities.set_workers(options.workers);
-  service_ = NewPlanishService(&manager_, std::move(capabilities), &streams_);
+  capabilities.set_upload_chunk_bytes(64 << 10);
+  service_ = NewPlanishService(manager_.get(), &uploads_, {std::move(capabilities), true}, &streams_);
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;
@@ -49,14 +52,22 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options)
   arguments.SetMaxReceiveMessageSize(-1);
   channel_ = grpc::CreateCustomChannel("unix:" + dir_.Path("socket"), grpc::InsecureChannelCredentials(), arguments);
   stub_ = v1::Planish::NewStub(channel_);
+  ticks_ = std::jthread([this](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      manager_->Tick();
+      uploads_.Tick(absl::Now());
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  });
 }
 
 RpcTestServer::~RpcTestServer() {
-  manager_.Drain([] {});
-  manager_.CancelAll();
+  ticks_ = std::jthread();
+  manager_->Drain([] {});
+  manager_->CancelAll();
   streams_.WaitForNone(absl::Now() + absl::Seconds(5));
   rpc_->Shutdown(absl::Now());
-  manager_.Stop();
+  manager_->StopWorkers();
 }
 
 std::string RpcTestServer::Create() {

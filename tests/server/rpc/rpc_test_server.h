@@ -3,12 +3,15 @@
 
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
+#include "server/jobs/blob_store.h"
 #include "server/jobs/job_manager.h"
+#include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
@@ -19,11 +22,13 @@ namespace planish {
 
 class RpcTestServer {
  public:
-  explicit RpcTestServer(WorkerScript script, JobManagerOptions options = JobManagerOptions());
+  explicit RpcTestServer(WorkerScript script, JobManagerOptions options = JobManagerOptions(),
+                         UploadStoreOptions upload_options = UploadStoreOptions());
   ~RpcTestServer();
 
-  JobManager& manager() { return manager_; }
+  JobManager& manager() { return *manager_; }
   RpcServer& rpc() { return *rpc_; }
+  UploadStore& uploads() { return uploads_; }
   v1::Planish::Stub& stub() { return *stub_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
@@ -35,13 +40,17 @@ class RpcTestServer {
 
  private:
   TempDir dir_;
-  JobManager manager_;
+  BlobStore blobs_{"", std::int64_t{1} << 30};
+  UploadStore uploads_;
+  std::unique_ptr<JobStore> store_;
+  std::unique_ptr<JobManager> manager_;
   std::unique_ptr<WorkerPool> pool_;
   StreamCounter streams_;
   std::unique_ptr<grpc::Service> service_;
   std::unique_ptr<RpcServer> rpc_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Planish::Stub> stub_;
+  std::jthread ticks_;  // does what is due, again and again
 };
 
 // What came over a stream until it ended.

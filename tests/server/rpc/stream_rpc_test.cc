@@ -1,5 +1,6 @@
 // Unwrap and WatchJob.
 #include <chrono>
+#include <cstring>
 #include <thread>
 
 #include "core/base/error.h"
@@ -61,16 +62,21 @@ class Caller {
 };
 
 v1::JobState EndState(RpcTestServer& server, const std::string& name) {
-  return Follow(**server.manager().Watch(name)).back().job().state();
+  return Follow(*server.manager().Watch(name, false, false)->events).back().job().state();
 }
 
 TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
-  std::vector<std::vector<int>> seen;
-  RpcTestServer server([&seen](ServerLink& link, const worker::v1::WorkRequest& request) {
-    seen.emplace_back(request.seam_corners().begin(), request.seam_corners().end());
-    EXPECT_EQ(request.draco(), "mesh");
-    EXPECT_EQ(request.uncut_corners_size(), request.seam_corners_size() == 1 ? 1 : 0);
-    link.Send(SuccessMessage("uv"));
+  std::vector<std::vector<std::int32_t>> seen;
+  RpcTestServer server([&seen](ServerLink& link, const ServerLink::Received& received) {
+    const worker::v1::WorkRequest& request = received.message.request();
+    ASSERT_EQ(received.blobs.size(), 2u);
+    EXPECT_EQ(received.blobs[0]->bytes(), "mesh");
+    const std::string_view corners = received.blobs[1]->bytes();
+    ASSERT_EQ(corners.size(), 4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
+    std::vector<std::int32_t>& numbers = seen.emplace_back(corners.size() / 4);
+    std::memcpy(numbers.data(), corners.data(), corners.size());
+    EXPECT_EQ(request.uncut_corners(), request.seam_corners() == 1 ? 1 : 0);
+    SendSuccess(link, "uv");
   });
   v1::UnwrapRequest request = MeshRequest();
   for (const int corner : {7, 0, 7}) request.add_seam_corners(corner);
@@ -86,7 +92,7 @@ TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
   v1::Job job;
   ASSERT_TRUE(server.stub().CreateJob(&context, create, &job).ok());
   Watch(server, WatchRequest(job.name(), 0));
-  EXPECT_THAT(seen, ::testing::ElementsAre(::testing::ElementsAre(7, 0, 7), ::testing::ElementsAre(3)));
+  EXPECT_THAT(seen, ::testing::ElementsAre(::testing::ElementsAre(7, 0, 7), ::testing::ElementsAre(3, 8)));
 
   request.add_seam_corners(-1);
   const Received refused = Unwrap(server, request);
@@ -108,14 +114,14 @@ TEST(UnwrapRpc, EventsInOrderThenUvInChunks) {
   }
   EXPECT_EQ(received.events[0].job().state(), v1::JOB_STATE_QUEUED);
   EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_SUCCEEDED);
-  ASSERT_EQ(received.chunks.size(), 4u);
-  EXPECT_EQ(received.chunks[1].offset(), 1 << 20);
-  EXPECT_EQ(received.chunks[3].data().size(), 5u);
+  ASSERT_EQ(received.chunks.size(), 25u);
+  EXPECT_EQ(received.chunks[1].offset(), 128 << 10);
+  EXPECT_EQ(received.chunks[24].data().size(), 5u);
   EXPECT_TRUE(received.uv == uv);
 }
 
 TEST(UnwrapRpc, FailedJobEndsTheStreamWithOk) {
-  RpcTestServer server([](ServerLink& link, const worker::v1::WorkRequest&) {
+  RpcTestServer server([](ServerLink& link, const ServerLink::Received&) {
     link.Send(
         FailureMessage(MakeError(absl::StatusCode::kInvalidArgument, "MESH_CLOSED", "no boundary", {{"loops", "0"}})));
   });
@@ -152,10 +158,10 @@ TEST(UnwrapRpc, DeadlinePassesAndTheJobIsCancelled) {
 
 TEST(UnwrapRpc, DetachedJobRunsOn) {
   Gate gate;
-  RpcTestServer server([&gate](ServerLink& link, const worker::v1::WorkRequest&) {
+  RpcTestServer server([&gate](ServerLink& link, const ServerLink::Received&) {
     link.Send(ProgressMessage(1));
     gate.Wait();
-    link.Send(SuccessMessage("uv"));
+    SendSuccess(link, "uv");
   });
   v1::UnwrapRequest request = MeshRequest();
   request.set_detached(true);
@@ -169,10 +175,10 @@ TEST(UnwrapRpc, DetachedJobRunsOn) {
 
 TEST(UnwrapRpc, RetryAttachesToTheSameJob) {
   Gate gate;
-  RpcTestServer server([&gate](ServerLink& link, const worker::v1::WorkRequest&) {
+  RpcTestServer server([&gate](ServerLink& link, const ServerLink::Received&) {
     link.Send(ProgressMessage(1));
     gate.Wait();
-    link.Send(SuccessMessage("uv"));
+    SendSuccess(link, "uv");
   });
   v1::UnwrapRequest request = MeshRequest();
   request.set_request_id("r1");

@@ -1,0 +1,385 @@
+#include "server/jobs/upload_store.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <vector>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "server/jobs/lifecycle.h"
+#include "server/link/rpc_status.h"
+
+namespace planish {
+namespace {
+
+constexpr char kPart[] = ".part", kDone[] = ".done";
+constexpr std::size_t kDigestBytes = 32;
+
+absl::Status NotFound(const std::string& name) {
+  return MakeError(absl::StatusCode::kNotFound, "UPLOAD_NOT_FOUND",
+                   absl::StrCat("there is no upload '", name, "': it never was, or it expired or was deleted"),
+                   {{"upload", name}});
+}
+
+absl::Status Busy(const std::string& name) {
+  return MakeError(absl::StatusCode::kAborted, "UPLOAD_BUSY", absl::StrCat("another call writes to ", name),
+                   {{"upload", name}});
+}
+
+absl::Status FieldInvalid(const std::string& field, const std::string& message) {
+  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message, {{"field", field}});
+}
+
+bool IsStorageFull(const absl::Status& status) {
+  return ErrorInfoOf(status).reason == "STORAGE_FULL";
+}
+
+std::string NameOf(const std::string& id) {
+  return "uploads/" + id;
+}
+
+}  // namespace
+
+// ---- writers
+
+UploadWriter& UploadWriter::operator=(UploadWriter&& other) noexcept {
+  if (this == &other) return *this;
+  if (store_ != nullptr) store_->Release(*this);
+  store_ = std::exchange(other.store_, nullptr);
+  name_ = std::move(other.name_);
+  token_ = other.token_;
+  return *this;
+}
+
+UploadWriter::~UploadWriter() {
+  if (store_ != nullptr) store_->Release(*this);
+}
+
+absl::Status UploadWriter::Append(std::int64_t offset, std::string_view data) {
+  return store_->Append(*this, offset, data);
+}
+
+// ---- the store
+
+UploadStore::UploadStore(UploadStoreOptions options, BlobStore* blobs)
+    : options_(std::move(options)), blobs_(blobs) {}
+
+absl::Status UploadStore::Open() {
+  if (options_.directory.empty()) return absl::OkStatus();
+  DIR* directory = opendir(options_.directory.c_str());
+  if (directory == nullptr) {
+    return InternalError(absl::StrCat("cannot read ", options_.directory, ": ", std::strerror(errno)));
+  }
+  std::vector<std::string> file_names;
+  while (const dirent* file = readdir(directory)) file_names.emplace_back(file->d_name);
+  closedir(directory);
+  for (const std::string& file_name : file_names) {
+    if (!absl::EndsWith(file_name, kPart) && !absl::EndsWith(file_name, kDone)) continue;
+    PLANISH_RETURN_IF_ERROR(Recover(file_name));
+  }
+  return absl::OkStatus();
+}
+
+// The file's name says all that must be known beside its bytes, so the two can never disagree after a crash.
+absl::Status UploadStore::Recover(const std::string& file_name) {
+  const std::string path = absl::StrCat(options_.directory, "/", file_name);
+  const bool complete = absl::EndsWith(file_name, kDone);
+  const std::vector<std::string> parts = absl::StrSplit(file_name.substr(0, file_name.rfind('.')), '-');
+  Entry entry;
+  struct stat status = {};
+  if (parts.size() == 3 && absl::SimpleAtoi(parts[1], &entry.total_bytes) && stat(path.c_str(), &status) == 0) {
+    entry.id = parts[0];
+    entry.sha256 = absl::HexStringToBytes(parts[2]);
+  }
+  entry.complete = complete;
+  entry.used = options_.clock();
+  entry.committed_bytes = complete ? entry.total_bytes : static_cast<std::int64_t>(status.st_size);
+  const bool is_ours = !entry.id.empty() && entry.sha256.size() == kDigestBytes;
+  if (!is_ours || entry.committed_bytes > entry.total_bytes || (complete && !blobs_->Has(entry.sha256))) {
+    unlink(path.c_str());
+    return absl::OkStatus();
+  }
+  if (!complete && entry.committed_bytes == entry.total_bytes) {
+    // The process ended before it could make the upload complete. The client's next message will: it sends the last byte.
+    --entry.committed_bytes;
+    if (truncate(path.c_str(), entry.committed_bytes) != 0) {
+      return InternalError(absl::StrCat("cannot cut ", path, ": ", std::strerror(errno)));
+    }
+  }
+  if (!complete) entry.file = std::make_shared<UploadFile>(path, entry.committed_bytes);
+  entries_[NameOf(entry.id)] = std::move(entry);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::Upload> UploadStore::Create(const v1::CreateUploadRequest& request) {
+  const std::int64_t total = request.total_bytes();
+  if (total <= 0) return FieldInvalid("total_bytes", "total_bytes must be above 0");
+  if (request.sha256().size() != kDigestBytes) return FieldInvalid("sha256", "sha256 must have 32 bytes");
+  if (total > options_.max_mesh_bytes) {
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+        absl::StrCat("the mesh has ", total, " bytes; this server takes at most ", options_.max_mesh_bytes),
+        {{"bytes", absl::StrCat(total)}, {"limit", absl::StrCat(options_.max_mesh_bytes)}});
+  }
+  std::string name;
+  {
+    const std::lock_guard lock(mutex_);
+    Entry entry;
+    do {
+      entry.id = options_.new_id();
+      name = NameOf(entry.id);
+    } while (entries_.contains(name));
+    entry.total_bytes = total;
+    entry.sha256 = request.sha256();
+    entry.used = options_.clock();
+    // It counts as complete until we know better, so that a mesh that is here already never lacks room.
+    entry.complete = true;
+    entries_[name] = std::move(entry);
+  }
+  // The entry keeps a blob that is there from being collected, so this answer stays true.
+  const bool is_here = blobs_->Has(request.sha256());
+
+  const std::lock_guard lock(mutex_);
+  PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
+  if (is_here) {
+    Completed(entry);
+    return ToProto(*entry);
+  }
+  entry->complete = false;
+  absl::Status room = CheckRoom();
+  if (room.ok() && !options_.directory.empty()) {
+    // So that the upload outlives the process from the first moment on.
+    const Descriptor file(open(PartPath(*entry).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+    if (file.get() < 0) room = WithRetryDelay(WriteError(errno, "cannot begin an upload"), options_.retry_delay);
+  }
+  if (!room.ok()) {
+    entries_.erase(name);
+    return room;
+  }
+  entry->file = std::make_shared<UploadFile>(options_.directory.empty() ? "" : PartPath(*entry));
+  return ToProto(*entry);
+}
+
+absl::Status UploadStore::CheckRoom() const {
+  int count = 0;
+  std::int64_t bytes = 0;
+  for (const auto& [name, entry] : entries_) {
+    if (entry.complete) continue;
+    ++count;
+    bytes += entry.total_bytes;
+  }
+  if (count <= 1) return absl::OkStatus();
+  if (count > options_.max_uploads) {
+    return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
+                                    absl::StrCat("there are ", options_.max_uploads, " uploads under way already"),
+                                    {{"upload_capacity", absl::StrCat(options_.max_uploads)}}),
+                          options_.retry_delay);
+  }
+  if (bytes > options_.max_bytes) {
+    return WithRetryDelay(
+        MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+                  absl::StrCat("the uploads under way need all of the ", options_.max_bytes, " bytes there are for them"),
+                  {{"limit", absl::StrCat(options_.max_bytes)}}),
+        options_.retry_delay);
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::Upload> UploadStore::Get(const std::string& name) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(name);
+  if (found == entries_.end()) return NotFound(name);
+  return ToProto(found->second);
+}
+
+absl::Status UploadStore::Delete(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  if (!entries_.contains(name)) return NotFound(name);
+  Forget(name);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<UploadWriter> UploadStore::Write(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
+  const absl::Time now = options_.clock();
+  // A connection may be lost long before this side notices; its client must not wait for that.
+  const bool gives_way = !entry->appending && now - entry->used >= options_.writer_limit;
+  if (entry->writer != 0 && !gives_way) return Busy(name);
+  entry->writer = ++last_writer_;
+  entry->used = now;
+  return UploadWriter(this, name, entry->writer);
+}
+
+absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset, std::string_view data) {
+  Entry entry;  // as it was before
+  {
+    const std::lock_guard lock(mutex_);
+    PLANISH_ASSIGN_OR_RETURN(Entry * current, Find(writer.name_));
+    if (current->writer != writer.token_) return Busy(writer.name_);
+    if (offset < 0) return FieldInvalid("offset", "offset is negative");
+    const auto size = static_cast<std::int64_t>(data.size());
+    const std::int64_t committed = current->committed_bytes;
+    if (offset > committed || size > current->total_bytes - offset) {
+      return MakeError(absl::StatusCode::kOutOfRange, "UPLOAD_OFFSET_MISMATCH",
+                       absl::StrCat(size, " bytes at ", offset, " do not go on where ", committed, " of ",
+                                    current->total_bytes, " bytes end"),
+                       {{"upload", writer.name_}, {"committed_bytes", absl::StrCat(committed)}});
+    }
+    current->used = options_.clock();
+    if (committed - offset >= size) return absl::OkStatus();  // nothing new
+    data.remove_prefix(static_cast<std::size_t>(committed - offset));
+    current->appending = true;
+    entry = *current;
+  }
+  UploadFile* file = entry.file.get();
+  absl::Status status = file->Append(data);
+  const bool is_last = status.ok() && file->size() == entry.total_bytes;
+  if (is_last) {
+    status = TakeOver(entry, file);
+    // The mesh is not ours to keep yet: the last piece must come again, when there may be room.
+    if (IsStorageFull(status)) {
+      if (absl::Status undone = file->UndoAppend(); !undone.ok()) status = std::move(undone);
+    }
+  }
+
+  const std::lock_guard lock(mutex_);
+  const absl::StatusOr<Entry*> current = Find(writer.name_);
+  if (!current.ok()) {
+    if (!file->path().empty()) unlink(file->path().c_str());
+    return current.status();
+  }
+  (*current)->appending = false;
+  (*current)->used = options_.clock();
+  (*current)->committed_bytes = file->size();
+  if (IsStorageFull(status)) return WithRetryDelay(std::move(status), options_.retry_delay);
+  if (!status.ok()) {
+    Forget(writer.name_);
+    return status;
+  }
+  if (is_last) Completed(*current);
+  return absl::OkStatus();
+}
+
+absl::Status UploadStore::TakeOver(const Entry& entry, UploadFile* file) {
+  PLANISH_ASSIGN_OR_RETURN(const std::string digest, file->Digest());
+  if (digest != entry.sha256) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "DIGEST_MISMATCH",
+                     absl::StrCat("the bytes of ", NameOf(entry.id), " have the SHA-256 ",
+                                  absl::BytesToHexString(digest), " instead of ", absl::BytesToHexString(entry.sha256)),
+                     {{"upload", NameOf(entry.id)}});
+  }
+  if (!file->path().empty()) return blobs_->PutFile(file->path(), entry.sha256).status();
+  PLANISH_ASSIGN_OR_RETURN(const BlobPtr bytes, file->Map());
+  return blobs_->Put(bytes->bytes(), entry.sha256).status();
+}
+
+void UploadStore::Release(const UploadWriter& writer) {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(writer.name_);
+  if (found == entries_.end() || found->second.writer != writer.token_) return;
+  found->second.writer = 0;
+  if (found->second.file != nullptr) found->second.file->Rest();
+}
+
+absl::StatusOr<UploadedMesh> UploadStore::Use(const std::string& name) {
+  UploadedMesh mesh;
+  {
+    const std::lock_guard lock(mutex_);
+    PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
+    if (!entry->complete) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
+                       absl::StrCat(name, " has ", entry->committed_bytes, " of ", entry->total_bytes, " bytes"),
+                       {{"upload", name}, {"committed_bytes", absl::StrCat(entry->committed_bytes)}});
+    }
+    entry->used = options_.clock();
+    mesh.sha256 = entry->sha256;
+  }
+  absl::StatusOr<BlobPtr> blob = blobs_->Find(mesh.sha256);
+  if (!blob.ok() && absl::IsNotFound(blob.status())) return NotFound(name);
+  PLANISH_RETURN_IF_ERROR(blob.status());
+  mesh.mesh = *std::move(blob);
+  return mesh;
+}
+
+void UploadStore::Tick(absl::Time now) {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> idle;
+  for (const auto& [name, entry] : entries_) {
+    if (!entry.appending && now - entry.used >= options_.idle_limit) idle.push_back(name);
+  }
+  for (const std::string& name : idle) Forget(name);
+}
+
+bool UploadStore::Uses(const std::string& sha256) const {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(entries_.begin(), entries_.end(), [&](const auto& each) { return each.second.sha256 == sha256; });
+}
+
+// ---- under the lock
+
+absl::StatusOr<UploadStore::Entry*> UploadStore::Find(const std::string& name) {
+  const auto found = entries_.find(name);
+  if (found == entries_.end()) return NotFound(name);
+  return &found->second;
+}
+
+void UploadStore::Completed(Entry* entry) {
+  entry->complete = true;
+  entry->committed_bytes = entry->total_bytes;
+  entry->file = nullptr;
+  if (!options_.directory.empty()) {
+    // Without it the upload would be unknown after a restart, and be created anew: no harm.
+    const Descriptor mark(open(DonePath(*entry).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+  }
+  const std::string* oldest = nullptr;
+  int count = 0;
+  for (const auto& [name, each] : entries_) {
+    if (!each.complete) continue;
+    ++count;
+    if (&each != entry && (oldest == nullptr || each.used < entries_.at(*oldest).used)) oldest = &name;
+  }
+  if (count > options_.max_complete && oldest != nullptr) Forget(std::string(*oldest));
+}
+
+void UploadStore::Forget(const std::string& name) {
+  const Entry& entry = entries_.at(name);
+  if (!options_.directory.empty()) {
+    unlink(PartPath(entry).c_str());
+    unlink(DonePath(entry).c_str());
+  }
+  entries_.erase(name);
+}
+
+v1::Upload UploadStore::ToProto(const Entry& entry) const {
+  v1::Upload upload;
+  upload.set_name(NameOf(entry.id));
+  upload.set_total_bytes(entry.total_bytes);
+  upload.set_sha256(entry.sha256);
+  upload.set_committed_bytes(entry.committed_bytes);
+  *upload.mutable_expire_time() = ToTimestamp(entry.used + options_.idle_limit);
+  return upload;
+}
+
+std::string UploadStore::PartPath(const Entry& entry) const {
+  return absl::StrCat(options_.directory, "/", entry.id, "-", entry.total_bytes, "-",
+                      absl::BytesToHexString(entry.sha256), kPart);
+}
+
+std::string UploadStore::DonePath(const Entry& entry) const {
+  return absl::StrCat(options_.directory, "/", entry.id, "-", entry.total_bytes, "-",
+                      absl::BytesToHexString(entry.sha256), kDone);
+}
+
+}  // namespace planish

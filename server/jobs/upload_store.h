@@ -1,0 +1,150 @@
+// Meshes on their way here, piece by piece (planish.v1.CreateUpload).
+//
+//   Create ──> under way ── the last byte came, and the digest is right ──> complete ──> Use
+//                 │  │                                                         │
+//                 │  └─ the digest is wrong, Delete, or idle too long ─> gone <┘ Delete, or idle too long
+//                 └─ a writer at a time; what it wrote stays when it goes
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "planish/v1/planish.pb.h"
+#include "server/jobs/blob_store.h"
+#include "server/jobs/ids.h"
+#include "server/jobs/upload_file.h"
+
+namespace planish {
+
+struct UploadStoreOptions {
+  // Exists and belongs to this store alone, on the file system of the BlobStore's: uploads outlive the process. Empty:
+  // in memory.
+  std::string directory;
+  std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
+  // Uploads under way, and bytes they announced. One by itself may be of any size up to max_mesh_bytes.
+  int max_uploads = 64;
+  std::int64_t max_bytes = std::int64_t{4} << 30;
+  int max_complete = 1024;                        // beyond these the one not used for longest is forgotten
+  absl::Duration idle_limit = absl::Hours(1);     // from the last use until an upload is forgotten
+  absl::Duration writer_limit = absl::Seconds(5); // a writer silent for so long gives way to a new one
+  absl::Duration retry_delay = absl::Seconds(2);  // advice with QUEUE_FULL and STORAGE_FULL
+  std::function<absl::Time()> clock = absl::Now;
+  std::function<std::string()> new_id = RandomId;
+};
+
+class UploadStore;
+
+// The right to write to an upload. Movable, not thread-safe; must not outlive the store.
+class UploadWriter {
+ public:
+  UploadWriter() = default;
+  UploadWriter(UploadWriter&& other) noexcept { *this = std::move(other); }
+  UploadWriter& operator=(UploadWriter&& other) noexcept;
+  ~UploadWriter();
+
+  const std::string& name() const { return name_; }
+
+  // Takes in the part of `data`, which begins at byte `offset`, that the upload does not have yet: all of it or, after
+  // an error, nothing. May take long (files, digests). With its last byte the upload becomes complete.
+  // OUT_OF_RANGE with UPLOAD_OFFSET_MISMATCH ("committed_bytes"), ABORTED with UPLOAD_BUSY if another writer took over,
+  // NOT_FOUND with UPLOAD_NOT_FOUND if the upload was deleted, RESOURCE_EXHAUSTED with STORAGE_FULL and a retry delay,
+  // INVALID_ARGUMENT with DIGEST_MISMATCH, after which the upload is gone.
+  absl::Status Append(std::int64_t offset, std::string_view data);
+
+ private:
+  friend class UploadStore;
+  UploadWriter(UploadStore* store, std::string name, std::int64_t token)
+      : store_(store), name_(std::move(name)), token_(token) {}
+
+  UploadStore* store_ = nullptr;
+  std::string name_;
+  std::int64_t token_ = 0;
+};
+
+struct UploadedMesh {
+  BlobPtr mesh;
+  std::string sha256;
+};
+
+// Thread-safe. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND.
+class UploadStore {
+ public:
+  // `blobs`, which complete uploads go into, must outlive the store, and is open before Open().
+  UploadStore(UploadStoreOptions options, BlobStore* blobs);
+
+  // Finds the uploads that an earlier process left.
+  absl::Status Open();
+
+  // INVALID_ARGUMENT with REQUEST_INVALID; RESOURCE_EXHAUSTED with MESH_TOO_LARGE, or with a retry delay QUEUE_FULL (too
+  // many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes.
+  absl::StatusOr<v1::Upload> Create(const v1::CreateUploadRequest& request);
+
+  absl::StatusOr<v1::Upload> Get(const std::string& name) const;
+
+  absl::Status Delete(const std::string& name);
+
+  // ABORTED with UPLOAD_BUSY while another writer is at it. A complete upload may be written to: it skips what it has.
+  absl::StatusOr<UploadWriter> Write(const std::string& name);
+
+  // The bytes of a complete upload, which counts as used. FAILED_PRECONDITION with UPLOAD_INCOMPLETE
+  // ("committed_bytes").
+  absl::StatusOr<UploadedMesh> Use(const std::string& name);
+
+  // Forgets the uploads that were idle too long at `now`.
+  void Tick(absl::Time now);
+
+  // Whether an upload stands for, or is to become, the blob with this digest.
+  bool Uses(const std::string& sha256) const;
+
+ private:
+  friend class UploadWriter;
+
+  struct Entry {
+    std::string id;
+    std::int64_t total_bytes = 0;
+    std::string sha256;
+    std::int64_t committed_bytes = 0;
+    bool complete = false;
+    absl::Time used;
+    std::int64_t writer = 0;           // token of the writer at it, 0: none
+    bool appending = false;            // the writer is at the file, without the lock
+    std::shared_ptr<UploadFile> file;  // until complete
+  };
+
+  absl::Status Append(const UploadWriter& writer, std::int64_t offset, std::string_view data);
+  // Without the lock. Gives `file`, which has all bytes of `entry`, to the blob store.
+  absl::Status TakeOver(const Entry& entry, UploadFile* file);
+  void Release(const UploadWriter& writer);
+  std::string PartPath(const Entry& entry) const;
+  std::string DonePath(const Entry& entry) const;
+  absl::Status Recover(const std::string& file_name);
+
+  // These require mutex_.
+  absl::StatusOr<Entry*> Find(const std::string& name);
+  // For the uploads under way, the newest one among them.
+  absl::Status CheckRoom() const;
+  void Completed(Entry* entry);
+  void Forget(const std::string& name);
+  v1::Upload ToProto(const Entry& entry) const;
+
+  const UploadStoreOptions options_;
+  BlobStore* const blobs_;
+
+  // Never held while calling blobs_, which asks Uses() under its own lock.
+  mutable std::mutex mutex_;
+  // Guarded by mutex_; by name.
+  std::unordered_map<std::string, Entry> entries_;
+  std::int64_t last_writer_ = 0;
+};
+
+}  // namespace planish

@@ -1,0 +1,157 @@
+#include "server/rpc/watch_reactor.h"
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "server/rpc/call_deadline.h"
+#include "server/rpc/grpc_status.h"
+
+namespace planish {
+namespace {
+
+// Owns itself until gRPC is done with it.
+template <class Response>
+class WatchReactor : public grpc::ServerWriteReactor<Response>,
+                     public std::enable_shared_from_this<WatchReactor<Response>> {
+ public:
+  static WatchReactor* Start(grpc::CallbackServerContext* context, JobFinder find,
+                             const JobStream::Position& position, const StreamSurroundings& surroundings) {
+    auto reactor = std::make_shared<WatchReactor>(context, surroundings.streams);
+    reactor->self_ = reactor;
+    surroundings.tasks->Post([reactor, find = std::move(find), position] { reactor->Open(find(), position); });
+    return reactor.get();
+  }
+
+  WatchReactor(grpc::CallbackServerContext* context, StreamCounter* streams)
+      : deadline_(DeadlineOf(*context)), streams_(streams) {
+    streams_->Add();
+  }
+
+  ~WatchReactor() override { streams_->Remove(); }
+
+  void OnWriteDone(bool ok) override {
+    {
+      const std::lock_guard lock(mutex_);
+      busy_ = false;
+      gone_ = gone_ || !ok;
+    }
+    Pump();
+  }
+
+  // The caller went away or its deadline passed.
+  void OnCancel() override {
+    {
+      const std::lock_guard lock(mutex_);
+      gone_ = true;
+    }
+    Detach();
+    Pump();
+  }
+
+  void OnDone() override {
+    subscription_.reset();
+    Detach();
+    self_.reset();
+  }
+
+ private:
+  void Open(absl::StatusOr<WatchedJob> job, const JobStream::Position& position) {
+    if (!job.ok()) {
+      this->Finish(ToGrpcStatus(job.status()));
+      return;
+    }
+    const std::weak_ptr<WatchReactor> weak = this->weak_from_this();
+    // While busy_, which keeps OnDone() away.
+    subscription_ = job->events->Subscribe([weak] {
+      if (const auto alive = weak.lock()) alive->Pump();
+    });
+    bool gone = false;
+    {
+      const std::lock_guard lock(mutex_);
+      stream_.emplace(std::move(job->events), position);
+      attachment_ = std::move(job->attachment);
+      busy_ = false;
+      gone = gone_;
+    }
+    if (gone) Detach();
+    Pump();
+  }
+
+  void Detach() {
+    JobAttachment released;
+    {
+      const std::lock_guard lock(mutex_);
+      released = std::move(attachment_);
+    }
+    released.Release(HasPassed(deadline_));
+  }
+
+  // Starts the next operation if none is under way. Any thread.
+  void Pump() {
+    JobStream::Step step = JobStream::Step::kEnd;
+    grpc::Status status;
+    {
+      const std::lock_guard lock(mutex_);
+      if (busy_) return;
+      if (gone_) {
+        status = grpc::Status::CANCELLED;
+      } else {
+        response_.Clear();
+        step = NextStep();
+        if (step == JobStream::Step::kWait) return;
+        status = ToGrpcStatus(stream_->status());
+      }
+      busy_ = true;  // for good if this is the end
+    }
+    // Outside the lock: gRPC may react on this very thread. After Finish() `this` may be gone.
+    if (step == JobStream::Step::kEnd) {
+      this->Finish(std::move(status));
+    } else {
+      this->StartWrite(&response_);
+    }
+  }
+
+  // Requires mutex_.
+  JobStream::Step NextStep() {
+    v1::JobEvent event;
+    v1::UvChunk chunk;
+    const JobStream::Step step = stream_->Next(&event, &chunk);
+    if (step == JobStream::Step::kEvent) *response_.mutable_event() = std::move(event);
+    if (step == JobStream::Step::kUv) *response_.mutable_uv() = std::move(chunk);
+    return step;
+  }
+
+  const std::optional<absl::Time> deadline_;
+  StreamCounter* const streams_;
+
+  // Set by Start(), dropped by OnDone().
+  std::shared_ptr<WatchReactor> self_;
+  // Set by Open(), dropped by OnDone().
+  JobEventLog::Subscription subscription_;
+
+  std::mutex mutex_;
+  // Guarded by mutex_; response_ belongs to gRPC while busy_.
+  std::optional<JobStream> stream_;  // set before busy_ is first false
+  JobAttachment attachment_;
+  Response response_;
+  bool busy_ = true;  // Open() is under way
+  bool gone_ = false;
+};
+
+}  // namespace
+
+grpc::ServerWriteReactor<v1::UnwrapResponse>* StreamUnwrap(grpc::CallbackServerContext* context, JobFinder find,
+                                                           const JobStream::Position& position,
+                                                           const StreamSurroundings& surroundings) {
+  return WatchReactor<v1::UnwrapResponse>::Start(context, std::move(find), position, surroundings);
+}
+
+grpc::ServerWriteReactor<v1::WatchJobResponse>* StreamWatchJob(grpc::CallbackServerContext* context, JobFinder find,
+                                                               const JobStream::Position& position,
+                                                               const StreamSurroundings& surroundings) {
+  return WatchReactor<v1::WatchJobResponse>::Start(context, std::move(find), position, surroundings);
+}
+
+}  // namespace planish

@@ -1,0 +1,36 @@
+// The streams of Unwrap and WatchJob.
+#pragma once
+
+#include <functional>
+
+#include "absl/status/statusor.h"
+#include "grpcpp/support/server_callback.h"
+#include "planish/v1/planish.pb.h"
+#include "server/jobs/job_manager.h"
+#include "server/rpc/job_stream.h"
+#include "server/rpc/stream_counter.h"
+#include "server/rpc/task_threads.h"
+
+namespace planish {
+
+// What streams share. All of it outlives them.
+struct StreamSurroundings {
+  StreamCounter* streams;
+  TaskThreads* tasks;
+};
+
+// Finds the job whose events are sent; runs on one of the task threads.
+using JobFinder = std::function<absl::StatusOr<WatchedJob>()>;
+
+// Sends the events of the job that `find` brings, then its UV, and ends with find's error if it brings none. One write is
+// under way at a time: a slow reader leaves events in the log, where old progress gives way to new, and holds up nobody.
+// The attachment that `find` brings is released when the caller goes away, or its deadline passes. The reactor belongs
+// to gRPC.
+grpc::ServerWriteReactor<v1::UnwrapResponse>* StreamUnwrap(grpc::CallbackServerContext* context, JobFinder find,
+                                                           const JobStream::Position& position,
+                                                           const StreamSurroundings& surroundings);
+grpc::ServerWriteReactor<v1::WatchJobResponse>* StreamWatchJob(grpc::CallbackServerContext* context, JobFinder find,
+                                                               const JobStream::Position& position,
+                                                               const StreamSurroundings& surroundings);
+
+}  // namespace planish

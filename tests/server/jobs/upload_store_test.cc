@@ -1,0 +1,419 @@
+// Uploads by themselves: every order of calls, restarts, full disks.
+#include "server/jobs/upload_store.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <random>
+
+#include "core/base/error.h"
+#include "core/base/sha256.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "server/link/rpc_status.h"
+#include "tests/server/testing/temp_dir.h"
+
+namespace planish {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::IsEmpty;
+
+std::string Noise(std::size_t size, unsigned seed = 1) {
+  std::mt19937 random(seed);
+  std::string bytes(size, '\0');
+  for (char& byte : bytes) byte = static_cast<char>(random());
+  return bytes;
+}
+
+std::string ReasonOf(const absl::Status& status) {
+  return status.ok() ? "OK" : ErrorInfoOf(status).reason;
+}
+
+// A store, in memory or in a directory, with a clock that stands still, and the blobs behind it.
+class UploadStoreTest : public ::testing::TestWithParam<bool> {
+ protected:
+  UploadStoreTest() {
+    fs::create_directories(dir_.Path("uploads"));
+    fs::create_directories(dir_.Path("blobs"));
+    if (OnDisk()) options_.directory = dir_.Path("uploads");
+    options_.clock = [this] { return now_; };
+    options_.new_id = [this] { return "u" + std::to_string(++ids_); };
+    Start();
+  }
+
+  static bool OnDisk() { return GetParam(); }
+
+  void Start(std::int64_t max_blob_bytes = std::int64_t{1} << 30) {
+    store_ = nullptr;
+    blobs_ = std::make_unique<BlobStore>(OnDisk() ? dir_.Path("blobs") : "", max_blob_bytes);
+    ASSERT_TRUE(blobs_->Open().ok());
+    store_ = std::make_unique<UploadStore>(options_, blobs_.get());
+    ASSERT_TRUE(store_->Open().ok());
+  }
+
+  absl::StatusOr<v1::Upload> Create(std::int64_t bytes, const std::string& sha256) {
+    v1::CreateUploadRequest request;
+    request.set_total_bytes(bytes);
+    request.set_sha256(sha256);
+    return store_->Create(request);
+  }
+  std::string CreateFor(const std::string& bytes) {
+    return Create(static_cast<std::int64_t>(bytes.size()), Sha256(bytes))->name();
+  }
+
+  std::int64_t Committed(const std::string& name) { return store_->Get(name)->committed_bytes(); }
+
+  // A whole call of one message.
+  absl::Status WriteOnce(const std::string& name, std::int64_t offset, std::string_view data) {
+    absl::StatusOr<UploadWriter> writer = store_->Write(name);
+    return writer.ok() ? writer->Append(offset, data) : writer.status();
+  }
+
+  std::vector<std::string> Files() {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(dir_.Path("uploads"))) names.push_back(entry.path().filename());
+    return names;
+  }
+
+  TempDir dir_;
+  absl::Time now_ = absl::UnixEpoch() + absl::Hours(24);
+  int ids_ = 0;
+  UploadStoreOptions options_;
+  std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<UploadStore> store_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Everywhere, UploadStoreTest, ::testing::Bool(),
+                         [](const auto& param) { return param.param ? "Disk" : "Memory"; });
+
+TEST_P(UploadStoreTest, PieceByPieceToABlob) {
+  const std::string bytes = Noise(100'000);
+  const absl::StatusOr<v1::Upload> upload = Create(100'000, Sha256(bytes));
+  ASSERT_TRUE(upload.ok());
+  EXPECT_THAT(upload->name(), ::testing::StartsWith("uploads/"));
+  EXPECT_EQ(upload->committed_bytes(), 0);
+  EXPECT_EQ(upload->total_bytes(), 100'000);
+  EXPECT_EQ(upload->sha256(), Sha256(bytes));
+  EXPECT_EQ(upload->expire_time().seconds(), absl::ToUnixSeconds(now_ + options_.idle_limit));
+  EXPECT_TRUE(store_->Uses(Sha256(bytes))) << "what is to become a blob may not be collected on the way";
+  {
+    UploadWriter writer = *store_->Write(upload->name());
+    EXPECT_TRUE(writer.Append(0, std::string_view(bytes).substr(0, 30'000)).ok());
+    EXPECT_EQ(Committed(upload->name()), 30'000);
+    EXPECT_TRUE(writer.Append(10'000, std::string_view(bytes).substr(10'000, 5'000)).ok()) << "known already";
+    EXPECT_TRUE(writer.Append(20'000, std::string_view(bytes).substr(20'000, 40'000)).ok()) << "half of it is";
+    EXPECT_TRUE(writer.Append(60'000, "").ok());
+    EXPECT_EQ(ReasonOf(store_->Use(upload->name()).status()), "UPLOAD_INCOMPLETE");
+    EXPECT_EQ(ErrorInfoOf(store_->Use(upload->name()).status()).metadata.at("committed_bytes"), "60000");
+    EXPECT_TRUE(writer.Append(60'000, std::string_view(bytes).substr(60'000)).ok());
+    EXPECT_TRUE(writer.Append(0, bytes).ok()) << "a complete upload skips all";
+  }
+  const absl::StatusOr<UploadedMesh> mesh = store_->Use(upload->name());
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  EXPECT_TRUE(mesh->mesh->bytes() == bytes);
+  EXPECT_EQ(mesh->sha256, Sha256(bytes));
+
+  const absl::StatusOr<v1::Upload> again = Create(100'000, Sha256(bytes));
+  EXPECT_NE(again->name(), upload->name());
+  EXPECT_EQ(again->committed_bytes(), 100'000) << "the same bytes need not come twice";
+  EXPECT_TRUE(store_->Delete(upload->name()).ok());
+  EXPECT_TRUE(store_->Uses(Sha256(bytes)));
+  EXPECT_TRUE(store_->Delete(again->name()).ok());
+  EXPECT_FALSE(store_->Uses(Sha256(bytes)));
+  EXPECT_THAT(Files(), IsEmpty());
+}
+
+TEST_P(UploadStoreTest, BadRequestsNameTheField) {
+  const std::string digest = Sha256("x");
+  for (const std::int64_t bytes : {std::int64_t{0}, std::int64_t{-1}}) {
+    EXPECT_EQ(ErrorInfoOf(Create(bytes, digest).status()).metadata.at("field"), "total_bytes");
+  }
+  EXPECT_EQ(ErrorInfoOf(Create(1, "short").status()).metadata.at("field"), "sha256");
+  const absl::Status large = Create(options_.max_mesh_bytes + 1, digest).status();
+  EXPECT_EQ(large.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(ReasonOf(large), "MESH_TOO_LARGE");
+  EXPECT_EQ(ErrorInfoOf(large).metadata.at("limit"), std::to_string(options_.max_mesh_bytes));
+  EXPECT_EQ(ErrorInfoOf(large).metadata.at("bytes"), std::to_string(options_.max_mesh_bytes + 1));
+
+  for (const absl::Status& status : {store_->Get("uploads/none").status(), store_->Delete("uploads/none"),
+                                     store_->Write("").status(), store_->Use("uploads/none").status()}) {
+    EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+    EXPECT_EQ(ReasonOf(status), "UPLOAD_NOT_FOUND");
+  }
+}
+
+TEST_P(UploadStoreTest, OffsetsMustGoOnWhereTheBytesEnd) {
+  const std::string bytes = Noise(100);
+  const std::string name = CreateFor(bytes);
+  UploadWriter writer = *store_->Write(name);
+  EXPECT_TRUE(writer.Append(0, bytes.substr(0, 40)).ok());
+  for (const auto& [offset, size] : std::map<std::int64_t, std::int64_t>{{41, 10}, {40, 61}, {1'000'000, 1}, {101, 0}}) {
+    const absl::Status status = writer.Append(offset, std::string(static_cast<std::size_t>(size), 'x'));
+    EXPECT_EQ(status.code(), absl::StatusCode::kOutOfRange) << offset;
+    EXPECT_EQ(ReasonOf(status), "UPLOAD_OFFSET_MISMATCH");
+    EXPECT_EQ(ErrorInfoOf(status).metadata.at("committed_bytes"), "40");
+  }
+  EXPECT_EQ(ReasonOf(writer.Append(-1, "x")), "REQUEST_INVALID");
+  EXPECT_EQ(Committed(name), 40);
+  EXPECT_TRUE(writer.Append(40, bytes.substr(40)).ok()) << "errors changed nothing";
+  EXPECT_TRUE(store_->Use(name).ok());
+}
+
+TEST_P(UploadStoreTest, WrongDigestVoidsTheUpload) {
+  const std::string name = Create(4, Sha256("good"))->name();
+  const absl::Status status = WriteOnce(name, 0, "evil");
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(ReasonOf(status), "DIGEST_MISMATCH");
+  EXPECT_EQ(ReasonOf(store_->Get(name).status()), "UPLOAD_NOT_FOUND");
+  EXPECT_FALSE(blobs_->Has(Sha256("good")));
+  EXPECT_FALSE(blobs_->Has(Sha256("evil")));
+  EXPECT_THAT(Files(), IsEmpty());
+}
+
+TEST_P(UploadStoreTest, OneWriterAtATimeUnlessItFellSilent) {
+  const std::string bytes = Noise(100);
+  const std::string name = CreateFor(bytes);
+  std::optional<UploadWriter> first = *store_->Write(name);
+  EXPECT_TRUE(first->Append(0, bytes.substr(0, 10)).ok());
+  const absl::Status busy = store_->Write(name).status();
+  EXPECT_EQ(busy.code(), absl::StatusCode::kAborted);
+  EXPECT_EQ(ReasonOf(busy), "UPLOAD_BUSY");
+
+  now_ += options_.writer_limit;
+  absl::StatusOr<UploadWriter> second = store_->Write(name);
+  ASSERT_TRUE(second.ok()) << "the first one's connection is probably gone";
+  EXPECT_EQ(ReasonOf(first->Append(10, bytes.substr(10))), "UPLOAD_BUSY");
+  first.reset();
+  EXPECT_EQ(ReasonOf(store_->Write(name).status()), "UPLOAD_BUSY") << "the end of the first is not that of the second";
+  EXPECT_TRUE(second->Append(10, bytes.substr(10, 20)).ok());
+  *second = UploadWriter();
+  EXPECT_TRUE(WriteOnce(name, 30, bytes.substr(30)).ok());
+  EXPECT_TRUE(store_->Use(name).ok());
+}
+
+TEST_P(UploadStoreTest, IdleOnesExpireAndUsedOnesDoNot) {
+  const std::string under_way = CreateFor(Noise(100));
+  const std::string complete = CreateFor("mesh");
+  ASSERT_TRUE(WriteOnce(complete, 0, "mesh").ok());
+  UploadWriter stalled = *store_->Write(under_way);
+
+  now_ += options_.idle_limit - absl::Seconds(1);
+  store_->Tick(now_);
+  EXPECT_TRUE(store_->Use(complete).ok());
+  EXPECT_TRUE(store_->Get(under_way).ok());
+  now_ += absl::Seconds(1);
+  store_->Tick(now_);
+  EXPECT_TRUE(store_->Get(complete).ok()) << "it was used a second ago";
+  EXPECT_EQ(ReasonOf(store_->Get(under_way).status()), "UPLOAD_NOT_FOUND");
+  EXPECT_EQ(ReasonOf(stalled.Append(0, "x")), "UPLOAD_NOT_FOUND");
+  now_ -= absl::Hours(10);
+  store_->Tick(now_);
+  EXPECT_TRUE(store_->Get(complete).ok()) << "a clock that is set back makes nothing older";
+  now_ += absl::Hours(20);
+  store_->Tick(now_);
+  EXPECT_FALSE(store_->Uses(Sha256("mesh")));
+  EXPECT_THAT(Files(), IsEmpty());
+}
+
+TEST_P(UploadStoreTest, BoundsOnWhatIsUnderWay) {
+  options_.max_uploads = 3;
+  options_.max_bytes = 1000;
+  options_.max_complete = 2;
+  Start();
+  const std::string large = Create(5000, Sha256("a"))->name();
+  const absl::Status no_bytes = Create(1, Sha256("b")).status();
+  EXPECT_EQ(ReasonOf(no_bytes), "STORAGE_FULL");
+  EXPECT_EQ(ToRpcStatus(no_bytes).details_size(), 2) << "with a RetryInfo";
+  ASSERT_TRUE(store_->Delete(large).ok());
+
+  std::vector<std::string> names;
+  for (const char* mesh : {"1", "2", "3"}) names.push_back(CreateFor(mesh));
+  const absl::Status no_place = Create(1, Sha256("4")).status();
+  EXPECT_EQ(no_place.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(ReasonOf(no_place), "QUEUE_FULL");
+  EXPECT_EQ(ToRpcStatus(no_place).details_size(), 2) << "with a RetryInfo";
+
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    now_ += absl::Seconds(1);
+    EXPECT_TRUE(WriteOnce(names[i], 0, std::to_string(i + 1)).ok());
+  }
+  EXPECT_FALSE(store_->Get(names[0]).ok()) << "the complete one that nobody used for longest made room";
+  EXPECT_TRUE(store_->Use(names[1]).ok());
+  EXPECT_TRUE(store_->Use(names[2]).ok());
+}
+
+TEST_P(UploadStoreTest, NoRoomForTheBlobLosesNothing) {
+  Start(/*max_blob_bytes=*/150);
+  ASSERT_TRUE(blobs_->Put(Noise(100, 7)).ok());
+  const std::string bytes = Noise(100);
+  const std::string name = CreateFor(bytes);
+  ASSERT_TRUE(WriteOnce(name, 0, bytes.substr(0, 60)).ok());
+  const absl::Status full = WriteOnce(name, 60, bytes.substr(60));
+  EXPECT_EQ(ReasonOf(full), "STORAGE_FULL");
+  EXPECT_EQ(ToRpcStatus(full).details_size(), 2) << "with a RetryInfo";
+  EXPECT_EQ(Committed(name), 60) << "the last piece must come again";
+  EXPECT_EQ(ReasonOf(store_->Use(name).status()), "UPLOAD_INCOMPLETE");
+  blobs_->Collect([](const std::string&) { return false; });
+  EXPECT_TRUE(WriteOnce(name, 60, bytes.substr(60)).ok());
+  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes);
+}
+
+// Random calls by several clients on several uploads, against a model of what must come out.
+TEST_P(UploadStoreTest, EveryOrderOfCalls) {
+  struct Model {
+    std::string bytes;
+    std::size_t committed = 0;
+    bool exists = true;
+  };
+  std::mt19937 random(20);
+  const auto below = [&random](std::size_t n) { return static_cast<std::size_t>(random() % n); };
+  std::map<std::string, Model> models;
+  std::map<std::string, UploadWriter> writers;
+  int completed = 0;
+  for (int step = 0; step < 40'000; ++step) {
+    const auto pick = [&] { return std::next(models.begin(), static_cast<std::ptrdiff_t>(below(models.size()))); };
+    if (models.size() < 3 || (below(40) == 0 && models.size() < 60)) {
+      const std::string bytes = Noise(1 + below(300), static_cast<unsigned>(step));
+      models[CreateFor(bytes)].bytes = bytes;
+      continue;
+    }
+    auto& [name, model] = *pick();
+    if (!store_->Get(name).ok()) {
+      ASSERT_FALSE(model.exists) << name;
+      ASSERT_EQ(ReasonOf(store_->Write(name).status()), "UPLOAD_NOT_FOUND");
+      continue;
+    }
+    ASSERT_TRUE(model.exists) << name;
+    ASSERT_EQ(Committed(name), static_cast<std::int64_t>(model.committed));
+    const bool complete = model.committed == model.bytes.size();
+    switch (below(10)) {
+      case 0: {
+        absl::StatusOr<UploadWriter> writer = store_->Write(name);
+        ASSERT_EQ(writer.ok(), !writers.contains(name));
+        if (writer.ok()) writers[name] = *std::move(writer);
+        break;
+      }
+      case 1:
+        writers.erase(name);
+        break;
+      case 2:
+        ASSERT_EQ(ReasonOf(store_->Use(name).status()), complete ? "OK" : "UPLOAD_INCOMPLETE");
+        if (complete) {
+          ASSERT_TRUE(store_->Use(name)->mesh->bytes() == model.bytes);
+          ++completed;
+        }
+        break;
+      case 3:
+        if (below(30) != 0) break;
+        ASSERT_TRUE(store_->Delete(name).ok());
+        model.exists = false;
+        break;
+      default: {
+        if (!writers.contains(name)) break;
+        const std::size_t offset = below(5) == 0 ? below(400) : model.committed - std::min(model.committed, below(20));
+        const std::size_t size = below(120);
+        const bool fits = offset <= model.committed && offset + size <= model.bytes.size();
+        const std::string data = fits ? model.bytes.substr(offset, size) : std::string(size, 'x');
+        ASSERT_EQ(ReasonOf(writers[name].Append(static_cast<std::int64_t>(offset), data)),
+                  fits ? "OK" : "UPLOAD_OFFSET_MISMATCH");
+        if (fits) model.committed = std::max(model.committed, offset + size);
+      }
+    }
+    if (OnDisk() && below(300) == 0) {  // a crash: writers vanish, the process starts anew
+      writers.clear();
+      Start();
+    }
+  }
+  EXPECT_GT(completed, 50);
+}
+
+class UploadRestartTest : public UploadStoreTest {};
+INSTANTIATE_TEST_SUITE_P(Everywhere, UploadRestartTest, ::testing::Values(true), [](const auto&) { return "Disk"; });
+
+TEST_P(UploadRestartTest, GoesOnWhereTheProcessEnded) {
+  const std::string bytes = Noise(3'000'000);
+  const std::string name = CreateFor(bytes);
+  ASSERT_TRUE(WriteOnce(name, 0, std::string_view(bytes).substr(0, 2'500'000)).ok());
+  const std::string fresh = CreateFor("nothing yet");
+  Start();
+  EXPECT_EQ(Committed(name), 2'500'000);
+  EXPECT_EQ(Committed(fresh), 0);
+  EXPECT_TRUE(WriteOnce(name, 2'500'000, std::string_view(bytes).substr(2'500'000)).ok());
+  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes) << "the digest covered what the first process wrote";
+}
+
+TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {
+  const std::string bytes = Noise(1000);
+  const std::string name = CreateFor(bytes);
+  ASSERT_TRUE(WriteOnce(name, 0, bytes.substr(0, 999)).ok());
+  ASSERT_EQ(Files().size(), 1u);
+  const std::string path = dir_.Path("uploads/" + Files()[0]);
+  store_ = nullptr;
+  std::ofstream(path, std::ios::app | std::ios::binary) << bytes.back();
+  Start();
+  EXPECT_EQ(Committed(name), 999) << "not complete, so not all bytes";
+  EXPECT_TRUE(WriteOnce(name, 999, bytes.substr(999)).ok());
+  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes);
+}
+
+TEST_P(UploadRestartTest, DamageIsFoundAndRubbishGoes) {
+  const std::string bytes = Noise(1000);
+  const std::string name = CreateFor(bytes);
+  ASSERT_TRUE(WriteOnce(name, 0, bytes.substr(0, 500)).ok());
+  const std::string path = dir_.Path("uploads/" + Files()[0]);
+  store_ = nullptr;
+  std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).seekp(100).put('!');
+  for (const char* rubbish : {"x.part", "a-5-ff.part", "a-b-c.done", "-1-2.part"}) {
+    std::ofstream(dir_.Path("uploads/") + rubbish) << "rubbish";
+  }
+  std::ofstream(dir_.Path("uploads/keep")) << "not ours";
+  Start();
+  EXPECT_EQ(Files().size(), 2u) << "the upload, and what is not named like one";
+  EXPECT_EQ(ReasonOf(WriteOnce(name, 500, bytes.substr(500))), "DIGEST_MISMATCH");
+}
+
+// Writes of this process beyond `bytes` of any file fail, as on a full disk: the first one short, the next with EFBIG.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~FileSizeLimit() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+
+ private:
+  void (*handler_)(int);
+  rlimit before_ = {};
+};
+
+TEST_P(UploadRestartTest, FullDiskCorruptsNothing) {
+  const std::string bytes = Noise(50'000);
+  const std::string name = CreateFor(bytes);
+  ASSERT_TRUE(WriteOnce(name, 0, std::string_view(bytes).substr(0, 8'000)).ok());
+  {
+    const FileSizeLimit limit(20'000);
+    const absl::Status full = WriteOnce(name, 8'000, std::string_view(bytes).substr(8'000, 30'000));
+    EXPECT_EQ(full.code(), absl::StatusCode::kResourceExhausted);
+    EXPECT_EQ(ReasonOf(full), "STORAGE_FULL");
+    EXPECT_EQ(ToRpcStatus(full).details_size(), 2) << "with a RetryInfo";
+    EXPECT_EQ(Committed(name), 8'000);
+    EXPECT_EQ(fs::file_size(dir_.Path("uploads/" + Files()[0])), 8'000u) << "half a piece would be taken for a whole";
+    EXPECT_TRUE(WriteOnce(name, 8'000, std::string_view(bytes).substr(8'000, 1'000)).ok()) << "smaller pieces fit";
+  }
+  EXPECT_TRUE(WriteOnce(name, 9'000, std::string_view(bytes).substr(9'000)).ok());
+  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes);
+}
+
+}  // namespace
+}  // namespace planish
