@@ -93,7 +93,10 @@ absl::StatusOr<BlobPtr> BlobStore::Put(std::string_view bytes, std::string sha25
   }
   if (!directory_.empty()) {
     PLANISH_RETURN_IF_ERROR(WriteFile(temporary, bytes));
-    return PutFile(temporary, sha256);
+    absl::StatusOr<BlobPtr> blob = PutFile(temporary, sha256);
+    std::error_code ignored;  // gone if all went well
+    fs::remove(temporary, ignored);
+    return blob;
   }
   PLANISH_ASSIGN_OR_RETURN(BlobPtr blob, Blob::Copy(bytes));
   const std::lock_guard lock(mutex_);
@@ -110,7 +113,7 @@ absl::StatusOr<BlobPtr> BlobStore::PutFile(const std::string& path, const std::s
   std::error_code error;
   if (directory_.empty()) {
     absl::StatusOr<BlobPtr> copy = Put(blob->bytes(), sha256);
-    fs::remove(path, error);
+    if (copy.ok()) fs::remove(path, error);
     return copy;
   }
   const std::string place = PathOf(sha256);
@@ -120,17 +123,10 @@ absl::StatusOr<BlobPtr> BlobStore::PutFile(const std::string& path, const std::s
     fs::remove(path, error);
     return FindLocked(sha256);
   }
-  if (absl::Status status = CheckRoom(size); !status.ok()) {
-    fs::remove(path, error);
-    return status;
-  }
+  PLANISH_RETURN_IF_ERROR(CheckRoom(size));
   fs::create_directories(fs::path(place).parent_path(), error);
   fs::rename(path, place, error);
-  if (error) {
-    const absl::Status status = Failed("create", place, error.value());
-    fs::remove(path, error);
-    return status;
-  }
+  if (error) return Failed("create", place, error.value());
   entries_[sha256] = {size, blob, nullptr};
   bytes_ += size;
   return blob;
