@@ -229,6 +229,8 @@ class WorkerPool::Seat {
                   {"INTERNAL", "the worker broke the protocol: it sent UV of more triangles than it may take", {}});
     }
     ++jobs_;
+    // What an allocator is like after it was refused memory, nobody knows.
+    const bool ran_out = result.status().code() == static_cast<int>(absl::StatusCode::kResourceExhausted);
     source_.ReportResult(job.name, job.attempt, std::move(result), std::move(uv));
     WorkerLink::Received received;
     switch (link_->Receive(absl::Now() + options_.start_limit, &received)) {
@@ -244,7 +246,8 @@ class WorkerPool::Seat {
       return End(WorkerEndCause::kCrashed, {"INTERNAL", "the worker spoke without a job", {}}, "");
     }
     if (jobs_ >= options_.recycle_after) return End(WorkerEndCause::kRecycled, {}, "");
-    if (received.message.idle().resident_bytes() > options_.recycle_bytes) return End(WorkerEndCause::kGrown, {}, "");
+    if (ran_out || received.message.idle().held_bytes() > options_.recycle_bytes)
+      return End(WorkerEndCause::kGrown, {}, "");
   }
 
   WorkerPool& pool_;

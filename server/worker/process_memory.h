@@ -10,8 +10,9 @@ namespace planish {
 // from getrusage or are 0.
 void WatchProcessMemory();
 
-// Resident now; 0: not known.
-std::int64_t ResidentBytes();
+// What this process holds when idle: what is resident, or private memory with the holes that freed blocks left in it, if
+// that is more. 0: not known.
+std::int64_t HeldBytes();
 
 // High-water mark of resident memory, since ResetPeakMemory() where the kernel can do that.
 std::int64_t PeakMemoryBytes();
