@@ -219,6 +219,9 @@ class WorkerPool::Seat {
 
   // The worker ends first, so that whoever hears of the loss finds it gone.
   void Lose(const JobAssignment& job, WorkerEndCause cause, WorkerLoss loss) {
+    // Let go of here, not by the source, which may hold a lock: the end of a worker that is a thread must be waited
+    // for.
+    const std::shared_ptr<WorkerLink> link = link_;
     End(cause, loss, job.name);
     source_.ReportLost(job.name, job.attempt, std::move(loss));
   }

@@ -301,7 +301,7 @@ TEST(WorkerPool, DecodingTooLongKillsHoweverMuchIsSaid) {
   options.decode_limit = absl::Milliseconds(30);
   {
     const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest&) {
-      for (int i = 1; !jobs.fate(0).ended(); ++i) {
+      for (int i = 1; ends.causes().empty(); ++i) {
         worker::v1::FromWorker message = ProgressMessage(i);
         message.mutable_event()->mutable_progress()->set_stage(v1::STAGE_DECODE);
         server.Send(message);
@@ -322,7 +322,7 @@ TEST(WorkerPool, JobsHaveALimitOfTheirOwn) {
   options.job_limit = absl::Milliseconds(30);
   {
     const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest&) {
-      for (int i = 1; !jobs.fate(0).ended(); ++i) server.Send(ProgressMessage(i));
+      for (int i = 1; ends.causes().empty(); ++i) server.Send(ProgressMessage(i));
       return false;
     }),
                           options);
@@ -404,7 +404,7 @@ TEST(WorkerPool, WorkersThatGrowOrRanOutOfMemoryAreReplaced) {
     jobs.WaitForAll();
   }
   EXPECT_EQ(jobs.fate(0).code, static_cast<int>(absl::StatusCode::kResourceExhausted));
-  EXPECT_THAT(ends.causes(), ElementsAre("grown", "grown", "grown"));
+  EXPECT_THAT(ends.causes(), ElementsAre("grown", "grown", "grown", "shutdown"));
 }
 
 TEST(WorkerPool, WorkersThatBreakTheProtocolAreReplaced) {
@@ -430,7 +430,7 @@ TEST(WorkerPool, WorkersThatBreakTheProtocolAreReplaced) {
   EXPECT_EQ(jobs.fate(0).loss->reason, "INTERNAL");
   EXPECT_THAT(jobs.fate(1).loss->message, HasSubstr("more triangles"));
   EXPECT_TRUE(jobs.fate(2).has_result);
-  EXPECT_THAT(ends.causes(), ElementsAre("crashed", "crashed", "crashed"));
+  EXPECT_THAT(ends.causes(), ElementsAre("crashed", "crashed", "crashed", "shutdown"));
 }
 
 TEST(WorkerPool, WorkerThatDiedWhileIdleCostsNoJob) {
