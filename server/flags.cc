@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <iostream>
-#include <map>
-#include <string>
 #include <thread>
 
 #include "CLI/CLI.hpp"
@@ -41,23 +39,6 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen)
                   "Seconds that accepted jobs may go on after SIGTERM or SIGINT; then they are cancelled")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86'400.0));
-  app->add_option("--isolation", flags->isolation,
-                  "Whether workers are processes of their own, so that a crash costs one job")
-      ->capture_default_str()
-      ->type_name("process|off")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"process", true}, {"off", false}}));
-  app->add_option(
-         "--sandbox", flags->sandbox,
-         "Whether the kernel keeps workers from files, the network and other processes: where it can, or they do "
-         "not start, or not at all")
-      ->type_name("auto|require|off")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, SandboxMode>{
-          {"auto", SandboxMode::kAuto}, {"require", SandboxMode::kRequire}, {"off", SandboxMode::kOff}}));
-  app->add_option("--recycle-after", flags->recycle_after, "Jobs after which a worker is replaced by a fresh one")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1'000'000));
-  // For tests: server/worker/failpoints.h.
-  app->add_flag("--failpoints", flags->failpoints)->group("");
   app->add_option("--log-level", flags->log_level, "What goes to stderr")
       ->capture_default_str()
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}));

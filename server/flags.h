@@ -6,7 +6,6 @@
 #include <variant>
 #include <vector>
 
-#include "server/link/worker_arguments.h"
 #include "server/rpc/listen_address.h"
 
 namespace planish {
@@ -20,12 +19,8 @@ struct ServerFlags {
   int retain_jobs = 256;              // >= 1
   std::int64_t retain_mb = 1024;      // MiB, >= 0
   double grace_seconds = 30;          // >= 0
-  bool isolation = true;              // workers are processes
-  SandboxMode sandbox = SandboxMode::kAuto;
-  int recycle_after = 200;  // jobs of a worker, >= 1
-  bool failpoints = false;
-  std::string log_level = "info";  // as spdlog spells it
-  int supervisor_fd = -1;          // -1: none
+  std::string log_level = "info";     // as spdlog spells it
+  int supervisor_fd = -1;             // -1: none
 };
 
 // The flags, or the exit code of a command that is over: 0 after --help or --version, 2 after a message on stderr

@@ -1,10 +1,7 @@
 // planishd: puts jobs, workers and RPC together and takes them down again in order (server/README.md).
-#include <atomic>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
-#include <optional>
-#include <string>
 #include <utility>
 #include <variant>
 
@@ -18,13 +15,11 @@
 #include "server/jobs/job_manager.h"
 #include "server/jobs/worker_pool.h"
 #include "server/link/in_process_link.h"
-#include "server/link/process_link.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/service.h"
 #include "server/shutdown_events.h"
 #include "server/worker/options.h"
 #include "server/worker/worker.h"
-#include "server/worker_main.h"
 #include "spdlog/sinks/stdout_color_sinks.h"
 #include "spdlog/spdlog.h"
 
@@ -73,37 +68,6 @@ v1::Capabilities Capabilities(const ServerFlags& flags) {
   return capabilities;
 }
 
-WorkerFactory Factory(const ServerFlags& flags) {
-  if (!flags.isolation) return [] { return StartInProcessWorker(RunWorker); };
-  WorkerProcessOptions options;
-  options.sandbox = flags.sandbox;
-  options.failpoints = flags.failpoints;
-  return [options] { return StartProcessWorker(options); };
-}
-
-WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
-  WorkerPoolOptions options;
-  options.workers = flags.workers;
-  options.recycle_after = flags.recycle_after;
-  // Said once, not by every worker.
-  const auto warned = std::make_shared<std::atomic<bool>>(!flags.isolation || flags.sandbox == SandboxMode::kOff);
-  options.on_worker_ready = [warned](const worker::v1::WorkerIdle& idle) {
-    if (idle.sandboxed() || warned->exchange(true)) return;
-    spdlog::warn("workers run without a sandbox: {}", idle.sandbox_error());
-  };
-  options.on_worker_end = [](const WorkerEnd& end) {
-    const bool expected = end.loss.message.empty();
-    spdlog::log(expected ? spdlog::level::debug : spdlog::level::warn, "worker {} after {} jobs{}{}{}{}",
-                NameOf(end.cause), end.jobs, expected ? "" : ": ", end.loss.message, end.job.empty() ? "" : ", with ",
-                end.job);
-  };
-  options.on_start_failed = [](const absl::Status& status, absl::Duration retry_in) {
-    spdlog::error("cannot start a worker, next try in {}: {}", absl::FormatDuration(retry_in),
-                  std::string(status.message()));
-  };
-  return options;
-}
-
 // Waits for idleness. False if `limit` passes first, or a signal or the supervisor's end cuts it short.
 bool WaitUntilIdle(absl::Duration limit, ShutdownEvents* events) {
   return events->Wait(limit) == Wake::kIdle;
@@ -140,7 +104,8 @@ int Serve(const ServerFlags& flags) {
     std::cerr << "planishd: " << rpc.status().message() << "\n";
     return kCannotListen;
   }
-  auto pool = std::make_unique<WorkerPool>(&manager, Factory(flags), PoolOptions(flags));
+  auto pool = std::make_unique<WorkerPool>(
+      &manager, [] { return StartInProcessWorker(RunWorker); }, flags.workers);
 
   spdlog::info("planishd " PLANISH_VERSION " listens on {} with {} workers of up to {} threads",
                absl::StrJoin((*rpc)->addresses(), ", "), flags.workers, flags.threads);
@@ -171,7 +136,6 @@ int Serve(const ServerFlags& flags) {
 }  // namespace planish
 
 int main(int argc, char** argv) {
-  if (const std::optional<int> code = planish::RunIfWorker(argc, argv)) return *code;
   const std::variant<planish::ServerFlags, int> flags = planish::ParseFlags(argc, argv);
   if (const int* code = std::get_if<int>(&flags)) return *code;
   return planish::Serve(std::get<planish::ServerFlags>(flags));
