@@ -94,8 +94,6 @@ int Run(const WorkerArguments& arguments) {
     }
     settings.idle.set_sandboxed(sandbox.ok());
     settings.idle.set_sandbox_error(std::string(sandbox.message()));
-  } else {
-    settings.idle.set_sandbox_error("switched off");
   }
   ServeJobs(**server, settings);
   return EXIT_SUCCESS;

@@ -31,7 +31,7 @@ class BlobStore {
   absl::StatusOr<BlobPtr> Put(std::string_view bytes, std::string sha256 = {});
 
   // Takes over the complete file `path` (on the same file system as the directory; in memory: copies it), whose digest
-  // the caller has checked, and removes it from where it is. Errors of Put().
+  // the caller has checked, and removes it from where it is. Errors of Put(), after which it is where it was.
   absl::StatusOr<BlobPtr> PutFile(const std::string& path, const std::string& sha256);
 
   // NOT_FOUND if there is no such blob (any more).

@@ -219,6 +219,9 @@ class WorkerPool::Seat {
 
   // The worker ends first, so that whoever hears of the loss finds it gone.
   void Lose(const JobAssignment& job, WorkerEndCause cause, WorkerLoss loss) {
+    // Let go of here, not by the source, which may hold a lock: the end of a worker that is a thread must be waited
+    // for.
+    const std::shared_ptr<WorkerLink> link = link_;
     End(cause, loss, job.name);
     source_.ReportLost(job.name, job.attempt, std::move(loss));
   }
@@ -229,6 +232,8 @@ class WorkerPool::Seat {
                   {"INTERNAL", "the worker broke the protocol: it sent UV of more triangles than it may take", {}});
     }
     ++jobs_;
+    // What an allocator is like after it was refused memory, nobody knows.
+    const bool ran_out = result.status().code() == static_cast<int>(absl::StatusCode::kResourceExhausted);
     source_.ReportResult(job.name, job.attempt, std::move(result), std::move(uv));
     WorkerLink::Received received;
     switch (link_->Receive(absl::Now() + options_.start_limit, &received)) {
@@ -244,7 +249,8 @@ class WorkerPool::Seat {
       return End(WorkerEndCause::kCrashed, {"INTERNAL", "the worker spoke without a job", {}}, "");
     }
     if (jobs_ >= options_.recycle_after) return End(WorkerEndCause::kRecycled, {}, "");
-    if (received.message.idle().resident_bytes() > options_.recycle_bytes) return End(WorkerEndCause::kGrown, {}, "");
+    if (ran_out || received.message.idle().held_bytes() > options_.recycle_bytes)
+      return End(WorkerEndCause::kGrown, {}, "");
   }
 
   WorkerPool& pool_;

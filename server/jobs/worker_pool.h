@@ -20,7 +20,7 @@ namespace planish {
 // Why a worker is no longer there.
 enum class WorkerEndCause {
   kRecycled,     // served recycle_after jobs
-  kGrown,        // held more than recycle_bytes when idle
+  kGrown,        // held more than recycle_bytes when idle, or its memory had run out
   kCrashed,      // died, or broke the protocol, with or without a job
   kHung,         // killed: a stage, the job or the silence took too long, or it did not get ready again
   kDisobedient,  // killed: the job was to end and did not, or nobody wanted it any more
@@ -39,7 +39,7 @@ struct WorkerEnd {
 struct WorkerPoolOptions {
   int workers = 1;                                       // >= 1
   int recycle_after = 200;                               // jobs, >= 1
-  std::int64_t recycle_bytes = std::int64_t{512} << 20;  // resident when idle
+  std::int64_t recycle_bytes = std::int64_t{256} << 20;  // WorkerIdle.held_bytes
   absl::Duration start_limit = absl::Seconds(30);        // to get ready, at the start and between two jobs
   absl::Duration retry_min = absl::Milliseconds(100);    // after a start that failed; doubles up to retry_max
   absl::Duration retry_max = absl::Seconds(10);

@@ -43,11 +43,11 @@ Statm ReadStatm() {
   return {pages[1] * page_size, pages[5] * page_size};
 }
 
-void SetDataLimit(rlim_t bytes) {
+void SetSoftLimit(__rlimit_resource resource, rlim_t bytes) {
   rlimit limit = {};
-  getrlimit(RLIMIT_DATA, &limit);
+  getrlimit(resource, &limit);
   limit.rlim_cur = std::min(bytes, limit.rlim_max);
-  setrlimit(RLIMIT_DATA, &limit);
+  setrlimit(resource, &limit);
 }
 
 }  // namespace
@@ -58,8 +58,11 @@ void WatchProcessMemory() {
   files.clear_refs = open("/proc/self/clear_refs", O_WRONLY | O_CLOEXEC);
 }
 
-std::int64_t ResidentBytes() {
-  return ReadStatm().resident;
+std::int64_t HeldBytes() {
+  const Statm now = ReadStatm();
+  // The free end of the heap is ready for the next job (core/base/heap.h) and can be handed back.
+  const auto free_end = static_cast<std::int64_t>(mallinfo2().keepcost);
+  return std::max(now.resident, now.data - free_end);
 }
 
 std::int64_t PeakMemoryBytes() {
@@ -86,14 +89,17 @@ MemoryLimit::MemoryLimit(std::int64_t bytes, int threads) {
   const std::int64_t held = ReadStatm().data;
   if (held == 0) return;
   limited_ = true;
-  SetDataLimit(static_cast<rlim_t>(held + bytes + threads * kPerThread));
+  SetSoftLimit(RLIMIT_DATA, static_cast<rlim_t>(held + bytes + threads * kPerThread));
+  SetSoftLimit(RLIMIT_FSIZE, static_cast<rlim_t>(bytes));
   // Huge pages for half of it; the rest is for what does not come from the heap of this thread.
   ReserveHeap(static_cast<std::size_t>(bytes / 2));
 #endif
 }
 
 MemoryLimit::~MemoryLimit() {
-  if (limited_) SetDataLimit(RLIM_INFINITY);
+  if (!limited_) return;
+  SetSoftLimit(RLIMIT_DATA, RLIM_INFINITY);
+  SetSoftLimit(RLIMIT_FSIZE, RLIM_INFINITY);
 }
 
 }  // namespace planish

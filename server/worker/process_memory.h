@@ -10,8 +10,9 @@ namespace planish {
 // from getrusage or are 0.
 void WatchProcessMemory();
 
-// Resident now; 0: not known.
-std::int64_t ResidentBytes();
+// What this process holds when idle: what is resident, or private memory with the holes that freed blocks left in it,
+// if that is more. 0: not known.
+std::int64_t HeldBytes();
 
 // High-water mark of resident memory, since ResetPeakMemory() where the kernel can do that.
 std::int64_t PeakMemoryBytes();
@@ -19,7 +20,8 @@ void ResetPeakMemory();
 
 // While it lives, this process may take `bytes` (and stacks for `threads`) beyond what it holds; then allocations fail.
 // For a process that does nothing but the work in hand. Counts private memory that can be written to, touched or not
-// (RLIMIT_DATA), so it first hands back what is free (core/base/heap.h). One at a time.
+// (RLIMIT_DATA), and each blob by itself (RLIMIT_FSIZE, whose signal must be ignored), so it first hands back what is
+// free (core/base/heap.h). One at a time.
 class MemoryLimit {
  public:
   // bytes <= 0: no limit. Without WatchProcessMemory() none either.

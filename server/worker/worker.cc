@@ -133,7 +133,7 @@ void ServeJobs(ServerLink& server, const WorkerSettings& settings) {
   while (true) {
     FromWorker idle;
     *idle.mutable_idle() = settings.idle;
-    if (settings.owns_process) idle.mutable_idle()->set_resident_bytes(ResidentBytes());
+    if (settings.owns_process) idle.mutable_idle()->set_held_bytes(HeldBytes());
     server.Send(std::move(idle));
     const std::shared_ptr<const Order> order = orders.Next();
     if (order == nullptr) return;

@@ -62,6 +62,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^draco/.*)"), "Draco", {"core/io", "tests"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/io"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h)$)"), "CHOLMOD", {"core/linalg"}},
+      {std::regex(R"(^seccomp\.h$)"), "libseccomp", {"server/worker"}},
       {std::regex(R"(^(sys/(socket|un)\.h|netinet/.*|arpa/.*|netdb\.h)$)"), "sockets", {"server", "client", "tests"}},
   };
   return *externals;

@@ -275,25 +275,23 @@ TEST_F(WorkerProcess, WithoutASandboxTheProbeFindsDoorsOpen) {
   EXPECT_EQ(info.metadata().at("execve"), "allowed");
   const std::lock_guard lock(mutex_);
   EXPECT_FALSE(idle_.sandboxed());
-  EXPECT_EQ(idle_.sandbox_error(), "switched off");
+  EXPECT_EQ(idle_.sandbox_error(), "") << "nobody asked for one";
 }
 
 TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
   if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
-  JobAssignment job = JobOf(Bump(200));  // 80,000 triangles
-  job.request.set_max_threads(2);
-  // Wherever it strikes: at the start, in the solver, at the end.
-  int failed = 0;
-  for (const std::int64_t mib : {1, 5, 10, 20, 40, 60, 80, 100}) {
+  options_.decode_limit = options_.silence_limit = absl::Seconds(60);
+  JobAssignment job = JobOf(Bump(200));  // 80,000 triangles, which take 66 MiB
+  // Wherever it strikes: in the decoder, in the first stages, in the solver.
+  for (const std::int64_t mib : {1, 3, 5, 8, 12, 20, 30, 40}) {
+    job.request.set_max_threads(mib % 2 == 0 ? 2 : 1);
     job.request.set_memory_bytes(mib * kMiB);
     const Ending ending = Run(job);
     ASSERT_TRUE(ending.result.has_value()) << mib << " MiB: " << ending.loss->message;
-    if (ending.result->status().code() == 0) continue;
-    ++failed;
     EXPECT_EQ(InfoOf(*ending.result).reason(), "OUT_OF_MEMORY") << mib << " MiB: " << ending.result->status().message();
   }
-  EXPECT_GE(failed, 4);
-  job.request.set_memory_bytes(1024 * kMiB);
+  job.request.set_max_threads(1);
+  job.request.set_memory_bytes(100 * kMiB);
   ExpectSuccess(job);
 }
 
@@ -306,10 +304,10 @@ TEST_F(WorkerProcess, MemoryThatRunsOutOnAnotherThreadHasTheSameName) {
   ExpectSuccess(JobOf(Bump(8)));
 }
 
-TEST_F(WorkerProcess, ServerOfADyingWorkerNeverWaitsToSend) {
-  StartPool();
+TEST_F(WorkerProcess, DeafToCancellationIsKilledWhenPatienceEnds) {
+  options_.decode_limit = options_.silence_limit = absl::Seconds(60);
   source_.CancelAtFirstEvent(absl::Milliseconds(200));
-  const Ending ending = Run(JobOf(Bump(8), "solve=hang"));
+  const Ending ending = Run(JobOf(Bump(8), "decode=hang"));
   ASSERT_TRUE(ending.loss.has_value());
   EXPECT_EQ(ending.loss->reason, "WORKER_HUNG");
   EXPECT_THAT(ending.loss->message, HasSubstr("told to"));
