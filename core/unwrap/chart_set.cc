@@ -226,7 +226,7 @@ absl::Status ChartSet::CheckStopped(const absl::Status& made) const {
     return MakeError(absl::StatusCode::kAborted, "STOPPED_EARLY",
                      absl::StrCat("stopped before there was a valid map to keep: ", detail), metadata);
   };
-  if (absl::IsInternal(made)) return error(std::string(made.message()), {});
+  if (ErrorInfoOf(made).reason == "SOLVER_FAILED") return error(std::string(made.message()), {});
   PLANISH_RETURN_IF_ERROR(made);
   std::int64_t turned = 0;
   for (int i = 0; i < count(); ++i) {
