@@ -313,7 +313,7 @@ memory() {
   [ ${#meshes[@]} -eq 0 ] || all=("${meshes[@]}")
   measure_memory() {  # MESH SEAMS
     for threads in 1 2; do
-      [ "$threads$1$2" != 2foot:1000000auto ] || continue  # minutes
+      [ "$1$2" != foot:1000000auto ] || continue  # minutes
       echo "$1, seams $2, threads: $threads" >&2
       nice -n 5 "$bin/planish_memory_use" "$1" "$2" "$threads" >>"$runs" || echo "$1 failed" >&2
     done
