@@ -196,6 +196,7 @@ class ActiveSetMethod {
   NewtonIterate iterate_;
   FlattenSummary summary_;  // of the last solve, with the counts of all
   int solves_ = 0, set_changes_ = 0;
+  bool flat_ = false;    // Newton::IsFlat() of the last solve
   bool usable_ = false;  // the last solve converged, or for a rough one nearly
   // Since Settle() began.
   std::int32_t least_wrong_ = 0;
@@ -221,6 +222,7 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   Newton newton(constrained, target_, options, control);
   PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run(std::move(iterate_), /*may_restart=*/false));
   iterate_ = {newton.x(), newton.mu(), summary_.barrier};
+  flat_ = newton.IsFlat() || summary_.converged;
   ++solves_;
   summary_.newton_iterations += before.newton_iterations;
   summary_.linear_iterations += before.linear_iterations;
@@ -272,6 +274,13 @@ absl::Status ActiveSetMethod::Settle() {
   while (true) {
     PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
     usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
+    const bool done = same_set && tolerance <= options_.tolerance && summary_.converged;
+    if (IsInterrupted(control_.stop) && !done && !summary_.stopped) {
+      // Good enough to stop at (FlattenControl::flat_enough), whatever is left to do for the outline.
+      summary_.stopped = true;
+      summary_.converged = false;
+      summary_.stop_message = absl::StrCat("stopped; ", summary_.stop_message);
+    }
     if (!usable_ || summary_.stopped) break;
     const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
     right = set_.CountWrong(pressures, options_.tolerance) == 0;
@@ -294,14 +303,32 @@ absl::Status ActiveSetMethod::Settle() {
 absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   PLANISH_RETURN_IF_ERROR(Settle());
   Flattening result = {iterate_.x, summary_};
+  bool flat = flat_;
   if (!summary_.converged && !summary_.stopped && !OutOfIterations()) {
     iterate_ = {target_.angle, Multipliers::Zero(set_.ConstrainedTopology())};
     for (const double tau : kBarriers) {
       iterate_.barrier = tau;
       PLANISH_RETURN_IF_ERROR(Settle());
-      if (tau > 0 || summary_.boundary.settled) result = {iterate_.x, summary_};
+      if (tau > 0 || summary_.boundary.settled) {
+        result = {iterate_.x, summary_};
+        flat = flat_;
+      }
       if (!usable_ || summary_.stopped) break;
     }
+    if (summary_.stopped) {
+      result.summary.stopped = true;
+      result.summary.converged = result.summary.boundary.settled = false;
+    }
+  }
+  if (result.summary.stopped && !flat) {
+    // Nearer at hand is a map with whatever outline.
+    Newton newton(topology_, target_, options_, control_);
+    PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run({target_.angle, Multipliers::Zero(topology_)}));
+    ++solves_;
+    summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), 0, set_changes_, false};
+    summary_.stopped = true;
+    summary_.converged = false;
+    result = {newton.x(), summary_};
   }
   const BoundaryReport& boundary = result.summary.boundary;
   result.summary.newton_iterations = summary_.newton_iterations;

@@ -245,11 +245,15 @@ std::int64_t Newton::MostHurriedIterations() const {
   return std::max(kLeastHurriedIterations, kHurriedIterationFaces / topology_.num_faces());
 }
 
-bool Newton::EndsEarly() {
-  if (!IsInterrupted(control_.stop)) return false;
+bool Newton::IsFlat() const {
   const Residual& r = summary_.residual;
   // Where the surface bends little, the constraints hold well before the first step and the map would still fold.
-  if (whole_step_ && std::max({r.triangle, r.vertex, r.wheel}) <= control_.flat_enough) return true;
+  return whole_step_ && std::max({r.triangle, r.vertex, r.wheel}) <= control_.flat_enough;
+}
+
+bool Newton::EndsEarly() {
+  if (!IsInterrupted(control_.stop)) return false;
+  if (IsFlat()) return true;
   if (hurried_iterations_ >= kLeastHurriedSteps * MostHurriedIterations()) return true;
   return hurried_steps_++ >= std::max(kLeastHurriedSteps, kHurriedStepFaces / topology_.num_faces());
 }
@@ -333,7 +337,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
   summary_.preconditioner = steps_.preconditioner();
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
   summary_.converged = ending == Ending::kConverged;
-  summary_.stopped = ending == Ending::kStopped;
+  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && hurried_steps_ > 0);
   std::string why = ending == Ending::kConverged ? "converged"
                     : ending == Ending::kStopped ? "stopped"
                     : ending == Ending::kStuck   ? "no further progress"

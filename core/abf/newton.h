@@ -45,6 +45,9 @@ class Newton {
   // Where Run() ended.
   const Eigen::VectorXd& x() const { return at_.x; }
   const Multipliers& mu() const { return mu_; }
+  // Whether that is good enough to stop at: where a whole step led, with constraints that hold
+  // (FlattenControl::flat_enough).
+  bool IsFlat() const;
 
  private:
   enum class Ending { kConverged, kStuck, kIterationLimit, kStopped };

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "core/pack/outline.h"
+#include "core/pack/shelves.h"
 #include "core/pack/tighten.h"
 #include "core/pack/trial.h"
 
@@ -22,6 +23,8 @@ constexpr double kFewCharts = 12, kManyCharts = 150;  // fewer and more get a sm
 constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;
+// From so many on, in a hurry, they go on shelves.
+constexpr std::size_t kManyInAHurry = 300;
 // For a small chart that fills a gap.
 constexpr double kSnugEnough = 0.5;
 
@@ -111,10 +114,17 @@ class Packer {
       FitOne();
       return true;
     }
-    const double first = ScaleForFill(order_.size() > 300 ? 0.78 : 0.85);
     // Charts of a texel each; without the padding, anything is better than nothing.
     const double least =
         any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(charts_.size() / total_area_);
+    if (!HasNoTime() && SearchPlaces(least)) return true;
+    return HasNoTime() && FitOnShelves(least);
+  }
+
+  bool HasNoTime() const { return order_.size() > kManyInAHurry && execution_.IsHurried(); }
+
+  bool SearchPlaces(double least) {
+    const double first = ScaleForFill(order_.size() > 300 ? 0.78 : 0.85);
     Split(first);
     SetGrid(large_.size());
     poses_.resize(charts_.size());
@@ -122,9 +132,10 @@ class Packer {
     plan.order = large_;
     plan.angles = large_.size() <= 200 ? 16 : large_.size() <= 1000 ? 8 : 4;
     plan.hurried = large_.size() > 300 || execution_.IsHurried();
+    plan.gives_up = order_.size() > kManyInAHurry;
     if (plan.hurried) plan.enough = kSnugEnough;
     const auto try_scales = [&](double most) {
-      for (scale_ = most; scale_ > least && !execution_.IsStopped(); scale_ /= 1.04) {
+      for (scale_ = most; scale_ > least && !execution_.IsStopped() && !HasNoTime(); scale_ /= 1.04) {
         if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
       }
       return false;
@@ -139,6 +150,28 @@ class Packer {
     }
     TightenCharts(order_, Moves(kMoves / 2, order_));
     return true;
+  }
+
+  // Each in a box of its own.
+  bool FitOnShelves(double least) {
+    std::vector<Box> boxes;
+    for (const Outline& outline : outlines_) boxes.push_back(BoxAt(outline, outline.upright));
+    std::vector<Vec2> extents(charts_.size());
+    for (scale_ = LargestScale(); scale_ > least && !execution_.IsStopped(); scale_ /= 1.03) {
+      const std::vector<double> scales = Scales(scale_);
+      for (std::size_t i = 0; i < charts_.size(); ++i) {
+        extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
+      }
+      const std::vector<Shelf> shelves = LayOnShelves(extents, 1 - 2 * margin_, grid_.tiles);
+      if (shelves.empty()) continue;
+      poses_.resize(charts_.size());
+      for (std::size_t i = 0; i < charts_.size(); ++i) {
+        const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
+        poses_[i] = {outlines_[i].upright, centre / grid_.cell, shelves[i].tile};
+      }
+      return true;
+    }
+    return false;
   }
 
   std::int64_t Moves(std::int64_t base, const std::vector<std::int32_t>& charts) const {
@@ -194,7 +227,8 @@ class Packer {
     plan.angles = 8;
     plan.enough = kSnugEnough;
     plan.hurried = small_.size() > 300 || execution_.IsHurried();
-    for (int attempt = 0; attempt < 20 && !execution_.IsStopped(); ++attempt) {
+    plan.gives_up = order_.size() > kManyInAHurry;
+    for (int attempt = 0; attempt < 20 && !execution_.IsStopped() && !HasNoTime(); ++attempt) {
       if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
       ForLayout(large_, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
         Loosen(outlines, relative, options, 0.99, execution_, layout);
@@ -206,6 +240,7 @@ class Packer {
   void TightenCharts(const std::vector<std::int32_t>& charts, std::int64_t moves) {
     const bool points = std::all_of(outlines_.begin(), outlines_.end(), [](const Outline& o) { return o.radius == 0; });
     if (points) return;  // of any scale
+    if (HasNoTime()) return;
     ForLayout(charts, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
       options.moves = moves;
       Tighten(outlines, relative, options, execution_, layout);

@@ -17,8 +17,8 @@ struct RearrangeOptions {
   std::int64_t moves = 1000;  // at most, of one chart
   double distance = 0;        // between two charts, in the texture
   double low = 0;             // charts stay within [low, 1 - low]^2
-  double slack = 0.5;        // pixels by which charts may overlap: places are whole numbers of pixels
-  bool shuffle = false;      // begins with the charts anywhere, instead of where they are
+  double slack = 0.5;         // pixels by which charts may overlap: places are whole numbers of pixels
+  bool shuffle = false;       // begins with the charts anywhere, instead of where they are
   std::uint64_t seed = 0;
 };
 

@@ -17,6 +17,7 @@ namespace {
 constexpr double kFirstStep = 0.03, kLeastStep = 0.006, kStepAgain = 0.02;
 // Distances looked up in relaxation that cost as much as one move of a chart in rearrangement, about.
 constexpr std::int64_t kLooksPerMove = 2000;
+constexpr std::size_t kMostInAHurry = 300;  // charts that settle in some milliseconds
 constexpr int kSettlingRounds = 25, kSeparatingSteps = 60;
 constexpr double kBackOff = 0.995;  // of the scale, where charts do not come apart
 constexpr std::int64_t kMovesAtOnce = 1000;
@@ -147,6 +148,7 @@ class Tightener {
   bool Settle(const Layout& layout, double least_scale) {
     Relaxer relaxer = MakeRelaxer(layout);
     for (int round = 0; round < kSettlingRounds && relaxer.scale() > least_scale && !execution_.IsStopped(); ++round) {
+      if (outlines_.size() > kMostInAHurry && execution_.IsHurried()) return false;
       const std::vector<TooNear> too_near = relaxer.Separate(60)
                                                 ? FindTooNear(outlines_, Scales(relaxer.scale()), relaxer.bodies(),
                                                               options_.distance, options_.low, execution_)

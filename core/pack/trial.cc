@@ -23,7 +23,7 @@ bool TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>&
   }
   int last_row = 0, placed = 0;
   for (std::size_t k = 0; k < plan.order.size();) {
-    if (execution.IsStopped()) return false;
+    if (execution.IsStopped() || (plan.gives_up && execution.IsHurried())) return false;
     const std::int32_t i = plan.order[k];
     const bool from_last = plan.hurried && placed++ % kLooks != 0;
     Silhouette best_silhouette;

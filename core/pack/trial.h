@@ -22,6 +22,7 @@ struct TrialPlan {
   std::vector<std::int32_t> fixed;  // that have their place
   int angles = 8;                   // turns to try, evenly spread from the upright one on
   bool hurried = false;             // most charts are looked for from where the last one lies on, not all over the tile
+  bool gives_up = false;            // in a hurry (Execution)
   double enough = 2;                // how snug a place must be to be taken without looking at others (board.h); share
 };
 

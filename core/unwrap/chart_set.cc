@@ -201,9 +201,12 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
     if (charts_[i].faces.size() < 2) continue;
     const ChartMap& map = maps_[i];
     const bool is_sound = statuses_[i].ok() && map.flatten.converged && map.flatten.barrier == 0;
-    // Once stopped a chart is cut only if it must be.
+    // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
+    // collapse where the chart goes.
     if (execution_.IsHurried()) {
-      if (!statuses_[i].ok() || faults_[i].does_overlap) split.push_back({i, faults_[i].face, faults_[i].other_face});
+      if (!statuses_[i].ok() || faults_[i].does_overlap || map.flatten.barrier > 0) {
+        split.push_back({i, faults_[i].face, faults_[i].other_face});
+      }
       continue;
     }
     double area = 0;
@@ -226,7 +229,7 @@ absl::Status ChartSet::CheckStopped(const absl::Status& made) const {
     return MakeError(absl::StatusCode::kAborted, "STOPPED_EARLY",
                      absl::StrCat("stopped before there was a valid map to keep: ", detail), metadata);
   };
-  if (absl::IsInternal(made)) return error(std::string(made.message()), {});
+  if (ErrorInfoOf(made).reason == "SOLVER_FAILED") return error(std::string(made.message()), {});
   PLANISH_RETURN_IF_ERROR(made);
   std::int64_t turned = 0;
   for (int i = 0; i < count(); ++i) {

@@ -4,13 +4,14 @@
 //
 //   idle_bytes   resident before: the encoded bytes not yet there
 //   peak_bytes   VmHWM at the end, less that: encoded bytes, decoding, unwrapping, UV as float
-//   seconds      decoding and unwrapping
+//   seconds, cpu_seconds   decoding and unwrapping: wall clock, and CPU of all threads
 //   estimate_bytes, estimate_seconds   EstimateUnwrap() of the counts that the encoded bytes declare
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -35,6 +36,12 @@ std::int64_t StatusBytes(const std::string& field) {
     if (line.starts_with(field + ":")) return 1024 * std::strtoll(line.c_str() + field.size() + 1, nullptr, 10);
   }
   return 0;
+}
+
+double CpuSeconds() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 // Writes MESH, encoded, to `path`, in a process of its own.
@@ -93,9 +100,11 @@ int Main(int argc, char** argv) {
     const Estimate estimate =
         EstimateUnwrap(counts.faces.value(), counts.vertices.value(), static_cast<std::int64_t>(bytes.size()), options);
     Timer timer;
+    const double cpu_before = CpuSeconds();
     const Mesh mesh = DecodeDraco(bytes).value();
     const absl::StatusOr<UnwrapResult> result = Unwrap(mesh, options, {});
     line["seconds"] = timer.Seconds();
+    line["cpu_seconds"] = CpuSeconds() - cpu_before;
     line["triangles"] = mesh.num_faces();
     line["ended"] = result.ok() ? "ok" : std::string(result.status().message());
     if (result.ok()) {

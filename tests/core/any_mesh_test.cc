@@ -269,7 +269,7 @@ TEST(AnyMesh, KeepsAValidMapWhenStoppedAtAnyTime) {
       UnwrapControl count;
       count.on_progress = [&](const UnwrapProgress&) { ++points; };
       ASSERT_TRUE(Unwrap(mesh, options, count).ok());
-      for (int point = 0; point < points; point += std::max(1, points / 12)) {
+      for (int point = 0; point < points; point += std::max(1, points / 7)) {
         SCOPED_TRACE(point);
         Interrupter stop;
         UnwrapControl control;

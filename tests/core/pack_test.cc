@@ -9,6 +9,7 @@
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
 #include "core/pack/outline.h"
+#include "core/pack/shelves.h"
 #include "core/pack/silhouette.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -276,6 +277,47 @@ TEST(Pack, EndsSoonAfterAnInterrupt) {
   Execution execution;
   execution.interrupter = &interrupter;
   Pack(Charts("equal-1000"), {}, execution);
+}
+
+// Searches end, the promises stay: few charts, and so many that they go on shelves.
+TEST(Pack, KeepsItsPromisesInAHurry) {
+  for (const std::string name : {"blobs-1", "mixed-60", "needles-20", "blobs-400", "mixed-400"}) {
+    SCOPED_TRACE(name);
+    const std::vector<PackChart> charts = Charts(name);
+    PackOptions options;
+    options.texture_size = 2048;
+    options.tiles = 2;
+    Interrupter stop;
+    stop.Interrupt();
+    const Packing packing = Pack(charts, options, {nullptr, nullptr, &stop});
+    ASSERT_EQ(packing.charts.size(), charts.size());
+    EXPECT_EQ(packing.padding, options.padding);
+    const std::vector<PlacedChart> placed = Place(charts, packing);
+    EXPECT_GE(LeastDistance(placed, 3.0 / 2048) * 2048, options.padding);
+    EXPECT_GE(LeastFromRim(placed) * 2048, 1);
+    EXPECT_GT(packing.efficiency, name == "needles-20" ? 0.02 : 0.2);
+  }
+}
+
+TEST(Shelves, HoldBoxesWithoutOverlap) {
+  std::vector<Vec2> extents;
+  for (int i = 0; i < 200; ++i) extents.emplace_back(0.02 + 0.001 * (i * 37 % 50), 0.02 + 0.001 * (i * 17 % 40));
+  EXPECT_TRUE(LayOnShelves(extents, 0.5, 1).empty());
+  EXPECT_TRUE(LayOnShelves({{0.6, 0.1}}, 0.5, 9).empty());
+  const std::vector<Shelf> shelves = LayOnShelves(extents, 0.7, 2);
+  ASSERT_EQ(shelves.size(), extents.size());
+  for (std::size_t i = 0; i < shelves.size(); ++i) {
+    const Vec2 high = shelves[i].low + extents[i];
+    EXPECT_GE(shelves[i].low.minCoeff(), 0);
+    EXPECT_LE(high.maxCoeff(), 0.7);
+    EXPECT_LT(shelves[i].tile, 2);
+    for (std::size_t j = 0; j < i; ++j) {
+      if (shelves[i].tile != shelves[j].tile) continue;
+      const Vec2 other = shelves[j].low + extents[j];
+      EXPECT_TRUE(shelves[i].low.x() >= other.x() || shelves[j].low.x() >= high.x() ||
+                  shelves[i].low.y() >= other.y() || shelves[j].low.y() >= high.y());
+    }
+  }
 }
 
 // Cells are compared with the definition: a cell belongs to the silhouette if it comes near enough to a face.

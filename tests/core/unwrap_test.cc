@@ -423,6 +423,35 @@ TEST(Unwrap, KeepsTheBestMapWhenStoppedInAnyLinearSolve) {
   }
 }
 
+TEST(Unwrap, KeepsTheBestMapWhenStoppedOnTheWayToAConvexOutline) {
+  const Mesh mesh = testing::Hills(24, 24, 2);
+  UnwrapOptions options;
+  options.flatten.boundary = BoundaryType::kConvex;
+  int points = 0;
+  UnwrapControl count;
+  count.on_progress = [&](const UnwrapProgress&) { ++points; };
+  ASSERT_TRUE(Unwrap(mesh, testing::AsDisc(options), count).ok());
+  int cut_short = 0;
+  for (int point = 0; point < points; point += std::max(1, points / 15)) {
+    Interrupter stop;
+    UnwrapControl control;
+    control.stop = &stop;
+    int seen = 0, after = 0;
+    control.on_progress = [&](const UnwrapProgress& progress) {
+      if (seen++ == point) stop.Interrupt();
+      after += stop.IsInterrupted() && progress.stage == UnwrapStage::kSolve;
+    };
+    const auto result = Unwrap(mesh, testing::AsDisc(options), control);
+    ASSERT_TRUE(result.ok()) << point << ": " << result.status();
+    ExpectNoFlips(*result);
+    EXPECT_LT(after, 12) << "the stop was not heeded";
+    const FlattenSummary& flatten = result->charts[0].flatten;
+    EXPECT_NE(flatten.stopped, flatten.converged);
+    cut_short += flatten.stopped;
+  }
+  EXPECT_GT(cut_short, 5);
+}
+
 TEST(Unwrap, StoppedBeforeAnythingStillMakesAMap) {
   Interrupter stop;
   stop.Interrupt();
