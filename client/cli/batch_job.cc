@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <exception>
 #include <filesystem>
 #include <mutex>
+#include <new>
 #include <system_error>
 
 #include "absl/strings/escaping.h"
@@ -45,6 +47,8 @@ class BatchJob {
       Fail(error);
     } catch (const std::bad_alloc&) {
       Fail(Error(ErrorCode::kResourceExhausted, "OUT_OF_MEMORY", item_.input + ": there is not enough memory for it"));
+    } catch (const std::exception& exception) {
+      Fail(Error(ErrorCode::kInternal, "INTERNAL", item_.input + ": " + exception.what()));
     }
     return std::move(end_);
   }
@@ -162,15 +166,14 @@ class BatchJob {
     FillRow(record_);
     end_.row.warnings = report.warnings.size();
     end_.queue_seconds = report.seconds.queue;
-    Begin("result", ToString(end_.row.result));
+    BeginJson();
     end_.json.update(ReportJson(result.job, report, result.uv.precision, item_.output));
   }
 
   void Keep(const BatchRecord& record) {
     FillRow(record);
     end_.row.kept = true;
-    Begin("result", ToString(end_.row.result));
-    end_.json["kept"] = true;
+    BeginJson();
     end_.json["job"] = record.job;
     end_.json["state"] = ToString(JobState::kSucceeded);
     end_.json["input"] = {{"triangles", record.triangles}};
@@ -192,7 +195,7 @@ class BatchJob {
     end_.row.result = BatchResult::kQueued;
     end_.row.reason = job;
     end_.row.triangles = files_->view().triangle_count();
-    Begin("result", ToString(end_.row.result));
+    BeginJson();
     end_.json["job"] = job;
     end_.json["output"] = item_.output;
   }
@@ -212,7 +215,7 @@ class BatchJob {
     row.triangles = input != nullptr ? input->view().triangle_count() : 0;
     row.seconds = timer_.Seconds();
     if (error.code() == ErrorCode::kUnavailable && row.exit_code == kServerUnreachable) end_.server_error = error;
-    Begin("result", ToString(row.result));
+    BeginJson();
     Failure failure = FailureOf(error);
     failure.triangles = row.triangles;
     failure.vertices = input != nullptr ? input->view().vertex_count() : 0;
@@ -221,7 +224,9 @@ class BatchJob {
   }
 
   // What every line of --json begins with.
-  void Begin(const char* key, const std::string& value) { end_.json = {{"file", item_.name}, {key, value}}; }
+  void BeginJson() {
+    end_.json = {{"file", item_.name}, {"result", ToString(end_.row.result)}, {"kept", end_.row.kept}};
+  }
 
   const BatchContext& context_;
   const Arguments& arguments_;
@@ -250,7 +255,7 @@ BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const C
 BatchEnd NotTried(const BatchItem& item) {
   BatchEnd end;
   end.row.name = item.name;
-  end.json = {{"file", item.name}, {"result", ToString(end.row.result)}};
+  end.json = {{"file", item.name}, {"result", ToString(end.row.result)}, {"kept", false}};
   return end;
 }
 

@@ -51,6 +51,9 @@ class Planner {
   void Add(const std::string& input) {
     std::error_code ignored;
     if (!fs::is_directory(input, ignored)) return AddFile(input, fs::path(input).filename());
+    if (Canonical(input) == output_) {
+      throw Conflict(arguments_.output + " is searched for inputs as well; give -o another directory");
+    }
     std::vector<std::pair<fs::path, fs::path>> files;  // path, place below `input`
     Walk(input, "", &files);
     std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
@@ -93,7 +96,11 @@ class Planner {
     item.input = path.string();
     const std::optional<MeshFormat> format = FormatOfPath(item.input);
     fs::path target = place;
-    if (!format) {
+    std::error_code error;
+    if (!format && !fs::exists(path, error)) {
+      item.name = item.input;
+      item.problem.emplace(ErrorCode::kNotFound, "FILE_UNREADABLE", item.input + ": there is no such file");
+    } else if (!format) {
       item.problem.emplace(ErrorCode::kInvalidArgument, "FILE_FORMAT_UNKNOWN",
                            item.input + ": the name does not end in .obj, .ply, .off, .stl, .gltf, .glb or .drc");
     } else if (!arguments_.format.empty() && FormatOfPath("x." + arguments_.format) != format) {
@@ -104,7 +111,6 @@ class Planner {
     item.key = target.generic_string();
     item.output = (fs::path(arguments_.output) / target).string();
     if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) item.texcoord = arguments_.texcoord;
-    std::error_code error;
     const std::uintmax_t bytes = fs::file_size(path, error);
     if (!error) item.bytes = static_cast<std::int64_t>(bytes);
     plan_.items.push_back(item);

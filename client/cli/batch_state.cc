@@ -22,9 +22,10 @@ Error FileError(const char* reason, const std::string& path, const char* what) {
 }  // namespace
 
 std::string ToLine(const BatchRecord& record) {
-  Json json = {{"output", record.key},      {"state", record.queued ? "queued" : "done"},
-               {"input", record.input},     {"settings", record.settings},
-               {"version", record.version}, {"job", record.job}};
+  Json json = {
+      {"output", record.key},      {"state", record.queued ? "queued" : record.files.empty() ? "failed" : "done"},
+      {"input", record.input},     {"settings", record.settings},
+      {"version", record.version}, {"job", record.job}};
   if (record.queued) {
     json["server"] = record.server;
   } else {

@@ -1,8 +1,8 @@
 // What a batch has done, in a file beside its outputs, so that the next run need not do it again.
 //
 // OUT/.planish-batch.json holds one JSON object per line, appended when a file is done (after its outputs are in place)
-// or its job is queued on a server. The last line about an output counts. A line that a killed run left half written
-// is no line.
+// or its job is queued on a server, or such a job turns out to have failed. The last line about an output counts. A
+// line that a killed run left half written is no line.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,8 @@ struct BatchRecord {
   std::int64_t triangles = 0;
   int charts = 0;
   double seconds = 0;
-  std::map<std::string, std::string> files;  // below the output directory, and the SHA-256 of what was written
+  std::map<std::string, std::string>
+      files;  // below the output directory, and the SHA-256 of what was written; empty: nothing
 
   bool IsOf(const BatchRecord& other) const {
     return key == other.key && input == other.input && settings == other.settings && version == other.version;

@@ -108,6 +108,9 @@ TEST_F(BatchPlanTest, WhatIsNoMeshFailsAlone) {
   ASSERT_TRUE(plan.items[1].problem);
   EXPECT_EQ(plan.items[1].problem->reason(), "FILE_FORMAT_UNKNOWN");
   EXPECT_FALSE(plan.items[2].problem) << "found out when it is its turn";
+  const BatchPlan nowhere = Plan({File("a.obj"), (root_ / "missing").string() + "/"});
+  ASSERT_EQ(nowhere.items.size(), 2u);
+  EXPECT_EQ(nowhere.items[1].problem->reason(), "FILE_UNREADABLE");
 }
 
 TEST_F(BatchPlanTest, DirectoriesThatCannotBeReadAreNotPassedOver) {
@@ -129,6 +132,11 @@ TEST_F(BatchPlanTest, ConflictsAreRefusedBeforeAnythingRuns) {
   EXPECT_EQ(Refusal({File("a/x.obj"), File("b/x.ply")}), "");
   arguments_.output = (root_ / "a").string() + "/";
   EXPECT_THAT(Refusal({File("a/x.obj"), File("b/y.ply")}), HasSubstr("is an input as well"));
+  arguments_.output = (root_ / "out").string();
+  arguments_.format = "glb";
+  arguments_.output = (root_ / "a").string();
+  EXPECT_THAT(Refusal({(root_ / "a").string()}), HasSubstr("searched for inputs as well"));
+  arguments_.format = "";
   arguments_.output = (root_ / "out").string();
   fs::create_directory(root_ / "empty");
   EXPECT_THAT(Refusal({(root_ / "empty").string()}), HasSubstr("BATCH_EMPTY"));

@@ -39,7 +39,7 @@ struct Lines {
     }
   }
   std::string Result(const std::string& file) const { return files.contains(file) ? files.at(file)["result"] : ""; }
-  bool Kept(const std::string& file) const { return files.contains(file) && files.at(file).contains("kept"); }
+  bool Kept(const std::string& file) const { return files.contains(file) && files.at(file)["kept"].get<bool>(); }
 
   std::map<std::string, json> files;
   json summary;
