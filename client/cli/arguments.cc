@@ -111,8 +111,9 @@ void AddJson(CLI::App& app, Arguments& arguments) {
 void AddProgress(CLI::App& app, Arguments& arguments) {
   Choices<ProgressMode>{
       {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
-      .AddTo(app, "--progress", arguments.progress,
-             "What stderr shows of a running job; auto: a bar on a terminal, else nothing");
+      .AddTo(
+          app, "--progress", arguments.progress,
+          "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file)");
 }
 
 void AddOutput(CLI::App& app, Arguments& arguments) {
@@ -221,7 +222,9 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   AddJson(unwrap, arguments);
   AddProgress(unwrap, arguments);
   AddTimeout(unwrap, arguments, "Give up, and cancel the job, after so long");
-  unwrap.add_flag("--detach", arguments.detach, "Queue the job, print its name and leave; see jobs watch");
+  unwrap.add_flag(
+      "--detach", arguments.detach,
+      "Queue the job, print its name and leave; see jobs watch; of a batch the same command fetches what is done");
   unwrap.add_option("--label", arguments.label, "Name for people in jobs list [the file's name]")->type_name("TEXT");
 
   UnwrapOptions& options = arguments.options;

@@ -33,6 +33,12 @@ std::string LastBytes(const std::string& text, std::size_t most) {
   return text.substr(begin);
 }
 
+// What a job kept a worker busy for.
+double WorkSeconds(const StageSeconds& seconds) {
+  return seconds.decode + seconds.charts + seconds.solve + seconds.layout + seconds.pack + seconds.verify +
+         seconds.encode;
+}
+
 class BatchJob {
  public:
   BatchJob(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks)
@@ -70,10 +76,10 @@ class BatchJob {
     if (context_.stop.stop_requested()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
     if (!job.empty() && arguments_.detach && !HasEnded(&job)) return Queued(job);
     if (!job.empty()) {
-      if (std::optional<UnwrapResult> result = Fetch(job)) return Deliver(*std::move(result));
+      if (std::optional<UnwrapResult> result = Fetch(job)) return Deliver(*std::move(result), true);
     }
     if (arguments_.detach) return Queued(Queue());
-    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, Call()));
+    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, Call()), false);
   }
 
   void MakeDirectory() const {
@@ -146,7 +152,8 @@ class BatchJob {
     }
   }
 
-  void Deliver(UnwrapResult result) {
+  // `fetched`: the job ran on its own, before or while we watched.
+  void Deliver(UnwrapResult result, bool fetched) {
     const WrittenMesh written = files_->WithResult(result);
     for (const OutputFile& file : written.files) {
       WriteOutput(file.path, file.bytes);
@@ -161,11 +168,12 @@ class BatchJob {
     record_.triangles = report.triangles;
     record_.charts = report.chart_totals.charts;
     // Waiting for a worker is the batch's own doing: it sends meshes ahead.
-    record_.seconds = std::max(0.0, report.seconds.total - report.seconds.queue);
+    record_.seconds =
+        fetched ? WorkSeconds(report.seconds) : std::max(0.0, report.seconds.total - report.seconds.queue);
     context_.state.Append(record_);
     FillRow(record_);
     end_.row.warnings = report.warnings.size();
-    end_.queue_seconds = report.seconds.queue;
+    if (!fetched) end_.queue_seconds = report.seconds.queue;
     BeginJson();
     end_.json.update(ReportJson(result.job, report, result.uv.precision, item_.output));
   }
