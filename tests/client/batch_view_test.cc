@@ -77,6 +77,42 @@ TEST(BatchBarsTest, RepaintsOverWhatStands) {
   EXPECT_THAT(Repaint({std::string(30, 'x'), "two"}, {}, {"a"}, Screen(12, 3)), HasSubstr("\x1b[2A"));
 }
 
+// What a terminal that nothing scrolls off shows after `text`: rows, without trailing empty ones.
+std::vector<std::string> Shown(const std::string& text) {
+  std::vector<std::string> rows(1);
+  std::size_t row = 0, column = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '\r') {
+      column = 0;
+    } else if (text[i] == '\n') {
+      column = 0;
+      if (++row == rows.size()) rows.emplace_back();
+    } else if (text[i] == '\x1b') {
+      const std::size_t end = text.find_first_not_of("[0123456789", i + 1);
+      const std::string number = text.substr(i + 2, end - i - 2);
+      if (text[end] == 'A') row -= std::stoul(number);
+      if (text[end] == 'K' || text[end] == 'J') rows[row].resize(column);
+      if (text[end] == 'J') rows.resize(row + 1);
+      i = end;
+    } else {
+      if (rows[row].size() <= column) rows[row].resize(column + 1, ' ');
+      rows[row][column++] = text[i];
+    }
+  }
+  while (!rows.empty() && rows.back().empty()) rows.pop_back();
+  return rows;
+}
+
+TEST(BatchBarsTest, EndedLinesStayAboveTheLiveOnes) {
+  const Terminal screen = Screen(40, 24);
+  std::string text = "before\n" + Repaint({}, {}, {"a 10 %", "b 10 %", "0 of 3"}, screen);
+  EXPECT_THAT(Shown(text), ElementsAre("before", "a 10 %", "b 10 %", "0 of 3"));
+  text += Repaint({"a 10 %", "b 10 %", "0 of 3"}, {"a ok"}, {"b 9 %", "c", "1 of 3"}, screen);
+  EXPECT_THAT(Shown(text), ElementsAre("before", "a ok", "b 9 %", "c", "1 of 3"));
+  text += Repaint({"b 9 %", "c", "1 of 3"}, {"b ok", "c ok"}, {}, screen);
+  EXPECT_THAT(Shown(text), ElementsAre("before", "a ok", "b ok", "c ok"));
+}
+
 std::vector<BatchRow> Rows() {
   BatchRow good;
   good.name = "props/lamp.obj";
@@ -99,6 +135,25 @@ std::vector<BatchRow> Rows() {
   bad.message = "bad.obj:2: no number";
   bad.exit_code = kUsage;
   return {good, kept, flipped, bad};
+}
+
+TEST(BatchBarsTest, LeavesOnlyWhatEnded) {
+  testing::internal::CaptureStderr();
+  {
+    BatchBars bars({"props/lamp.obj", "b.obj", "c.obj"});
+    for (std::size_t file = 0; file < 3; ++file) bars.Begin(file);
+    Event event;
+    event.progress.emplace();
+    event.progress->stage = Stage::kSolve;
+    bars.OnEvent(2, event);
+    bars.OnNotice(1, "the queue is full, waiting");
+    for (std::size_t file = 0; file < 3; ++file) bars.End(file, Rows()[file]);
+    bars.Finish();
+  }
+  const std::vector<std::string> shown = Shown(testing::internal::GetCapturedStderr());
+  ASSERT_EQ(shown.size(), 2u) << "of what was done before only the totals tell";
+  EXPECT_THAT(shown[0], HasSubstr("props/lamp.obj  23,062 triangles, 12 charts, 0.82 s"));
+  EXPECT_THAT(shown[1], HasSubstr("c.obj  23,062 triangles, 12 charts, 0.82 s; not usable: 1 triangle is flipped"));
 }
 
 TEST(BatchTableTest, EveryFileAndTheTotals) {
