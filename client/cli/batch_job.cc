@@ -94,7 +94,8 @@ class BatchJob {
 
   CallOptions Call() const {
     CallOptions call;
-    call.label = LastBytes((arguments_.label.empty() ? "" : arguments_.label + ": ") + item_.name, kMaxLabelBytes);
+    const std::string prefix = arguments_.label.empty() ? "" : arguments_.label + ": ";
+    call.label = LastBytes(ValidUtf8(prefix + item_.name), kMaxLabelBytes);
     call.timeout_seconds = arguments_.timeout_seconds;
     call.stop = context_.stop;
     return call;

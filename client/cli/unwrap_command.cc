@@ -135,7 +135,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     ServerChoice server(arguments.server, interrupts, needs);
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
-    call_options.label = arguments.label.empty() ? file_name : arguments.label;
+    call_options.label = ValidUtf8(arguments.label.empty() ? file_name : arguments.label);
     call_options.timeout_seconds = command.TimeLeft();
     if (arguments.detach) return Detach(arguments, command.files().view(), server.client(), call_options);
 

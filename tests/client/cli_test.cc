@@ -351,6 +351,11 @@ TEST(JsonTest, FailureHasStateAndError) {
   EXPECT_EQ(json["error"]["metadata"]["genus"], "0");
 }
 
+TEST(JsonTest, WhatIsNoUtf8IsReplaced) {
+  EXPECT_EQ(ValidUtf8("文件 a.obj"), "文件 a.obj");
+  EXPECT_EQ(ValidUtf8("a\xff\xe6\x96.obj"), "a\xef\xbf\xbd\xef\xbf\xbd.obj");
+}
+
 TEST(NumbersTest, ForPeople) {
   EXPECT_EQ(WithCommas(0), "0");
   EXPECT_EQ(WithCommas(999), "999");

@@ -91,10 +91,11 @@ TEST_F(BatchTest, OneBadFileHurtsOnlyItself) {
   File("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n");
   File("empty.glb", "");
   File("grid.mtl", "newmtl a\n");
+  File("odd\xff\n.obj", GridObj(5));
   const Outcome run = Run({"--progress=json"});
   EXPECT_EQ(run.exit_code, 1) << run.err;
   const Lines lines(run.out);
-  ASSERT_EQ(lines.files.size(), 6u) << run.out;
+  ASSERT_EQ(lines.files.size(), 7u) << run.out;
   EXPECT_EQ(lines.Result("grid.obj"), "usable");
   EXPECT_EQ(lines.files.at("grid.obj")["input"]["triangles"], 288);
   EXPECT_EQ(lines.files.at("grid.obj")["output"], Out("grid.obj"));
@@ -105,12 +106,13 @@ TEST_F(BatchTest, OneBadFileHurtsOnlyItself) {
   EXPECT_EQ(lines.files.at("bad.obj")["error"]["reason"], "FILE_MALFORMED");
   EXPECT_EQ(lines.files.at("nan.obj")["error"]["reason"], "MESH_POSITION_NOT_FINITE");
   EXPECT_EQ(lines.Result("empty.glb"), "failed");
-  EXPECT_EQ(lines.summary["files"], 6);
-  EXPECT_EQ(lines.summary["usable"], 3);
+  EXPECT_EQ(lines.Result("odd\xef\xbf\xbd\n.obj"), "usable") << "whatever a file is called";
+  EXPECT_EQ(lines.summary["files"], 7);
+  EXPECT_EQ(lines.summary["usable"], 4);
   EXPECT_EQ(lines.summary["failed"], 3);
   EXPECT_EQ(lines.summary["skipped"][".mtl"], 1);
   EXPECT_EQ(lines.summary["exit_code"], 1);
-  EXPECT_THAT(run.err, HasSubstr("6 files: 3 usable, 3 failed; 488 triangles in "));
+  EXPECT_THAT(run.err, HasSubstr("7 files: 4 usable, 3 failed; 538 triangles in "));
   EXPECT_THAT(run.err, HasSubstr(R"({"file":"sub/grid.ply","sequence":1)"));
   EXPECT_THAT(run.err, HasSubstr(R"({"file":"bad.obj","result":"failed"})"));
   std::vector<std::string> names;
@@ -118,7 +120,7 @@ TEST_F(BatchTest, OneBadFileHurtsOnlyItself) {
     names.push_back(name);
     EXPECT_THAT(bytes, name.ends_with("ply") ? HasSubstr("property float s") : HasSubstr("\nvt "));
   }
-  EXPECT_THAT(names, ::testing::ElementsAre("grid.obj", "sub/grid.ply", "sub/scan.obj"));
+  EXPECT_THAT(names, ::testing::ElementsAre("grid.obj", "odd\xff\n.obj", "sub/grid.ply", "sub/scan.obj"));
   EXPECT_TRUE(fs::is_empty(directory_ / "sockets"));
 
   // As one file by itself.
