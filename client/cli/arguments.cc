@@ -1,15 +1,13 @@
 #include "client/cli/arguments.h"
 
-#include <optional>
 #include <sstream>
-#include <string_view>
 #include <tuple>
 #include <utility>
 #include <vector>
 
 #include "CLI/CLI.hpp"
+#include "client/cli/arguments_check.h"
 #include "client/cli/exit_codes.h"
-#include "core/io/mesh_file.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -19,6 +17,7 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj             unwrap a mesh; starts a server of its own
   planish unwrap face.ply -o face.obj --json         and print the report as JSON
   planish unwrap face.obj -o uv.obj --server=farm:7741
+  planish unwrap props/ hero.glb -o done/            every mesh in there, a job and an output each
   planish unwrap big.obj --detach --server=farm:7741
   planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fill the texture
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
@@ -35,6 +34,13 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap hero.obj -o hero_uv.obj --seams=keep,uv       (the borders of its UV islands, and no others)
   planish unwrap face.obj -o face_uv.obj --picture=map.png --preview=layout.svg
   planish unwrap face.obj -o uv.obj --solver=uzawa --system=full --preconditioner=none   (the paper as written)
+  planish unwrap a.obj b.glb props/ -o done/                   a batch: a job and an output per file
+  planish unwrap a.obj b.glb -o done/ --one-atlas              one job: both in one atlas
+
+Batches: several files, or a directory, which is searched for mesh files, become one job and one file in the directory
+OUT each, of the same name (and the same place below the directory that was named). One that fails hurts no other. The
+same command goes on where the last one ended: OUT/.planish-batch.json holds what was made of which bytes with which
+options. With --json there is one line per file, and a last one {"summary": ...}. --timeout is for each file.
 
 Seams: --seams takes a comma-separated list of at most one policy and any number of sources.
   auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
@@ -105,15 +111,24 @@ void AddJson(CLI::App& app, Arguments& arguments) {
 void AddProgress(CLI::App& app, Arguments& arguments) {
   Choices<ProgressMode>{
       {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
-      .AddTo(app, "--progress", arguments.progress,
-             "What stderr shows of a running job; auto: a bar on a terminal, else nothing");
+      .AddTo(
+          app, "--progress", arguments.progress,
+          "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file)");
 }
 
 void AddOutput(CLI::App& app, Arguments& arguments) {
   app.add_option("-o,--output", arguments.output,
                  "Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or .drc; - is "
-                 "stdout; a directory keeps the name, and takes several files")
+                 "stdout; a directory keeps the name, and takes a batch")
       ->type_name("OUT");
+}
+
+void AddBatch(CLI::App& app, Arguments& arguments) {
+  app.add_flag("--one-atlas", arguments.one_atlas, "Several files are one job and share one atlas: no batch");
+  app.add_option("--format", arguments.format, "Of the outputs of a batch [that of each input; STL becomes OBJ]")
+      ->check(CLI::IsMember({"obj", "ply", "off", "gltf", "glb", "drc"}).description(""))
+      ->type_name("obj|ply|off|gltf|glb|drc");
+  app.add_flag("--again", arguments.again, "Do all of a batch, also what is done and current");
 }
 
 void AddPicture(CLI::App& app, Arguments& arguments) {
@@ -194,19 +209,22 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   CLI::App& unwrap = *app.add_subcommand("unwrap", "Flatten a mesh and write it with UV");
   unwrap.parse_complete_callback([&arguments] { arguments.command = Command::kUnwrap; });
   unwrap.footer(kUnwrapExamples);
-  unwrap.add_option("IN", arguments.input, "Mesh file: .obj, .ply, .off, .stl, .gltf, .glb or .drc")
+  unwrap.add_option("IN", arguments.input, "Mesh file: .obj, .ply, .off, .stl, .gltf, .glb or .drc; or a directory")
       ->required()
       ->type_name("");
-  unwrap.add_option("MORE", arguments.more_inputs, "Further files, into the same atlas; OUT is a directory then")
+  unwrap.add_option("MORE", arguments.more_inputs, "Further files and directories: a batch; OUT is a directory then")
       ->type_name("");
   AddOutput(unwrap, arguments);
+  AddBatch(unwrap, arguments);
   AddPicture(unwrap, arguments);
   AddPreview(unwrap, arguments);
   AddServer(unwrap, arguments, "without it a private server is started");
   AddJson(unwrap, arguments);
   AddProgress(unwrap, arguments);
   AddTimeout(unwrap, arguments, "Give up, and cancel the job, after so long");
-  unwrap.add_flag("--detach", arguments.detach, "Queue the job, print its name and leave; see jobs watch");
+  unwrap.add_flag(
+      "--detach", arguments.detach,
+      "Queue the job, print its name and leave; see jobs watch; of a batch the same command fetches what is done");
   unwrap.add_option("--label", arguments.label, "Name for people in jobs list [the file's name]")->type_name("TEXT");
 
   UnwrapOptions& options = arguments.options;
@@ -320,96 +338,6 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
   AddJobCommand(jobs, arguments, Command::kJobsCancel, "cancel", "End a job and discard what it has");
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
-}
-
-bool IsGltf(const std::string& path) {
-  const std::optional<MeshFormat> format = FormatOfPath(path);
-  return format == MeshFormat::kGltf || format == MeshFormat::kGlb;
-}
-
-// Options without effect beside each other.
-std::string CheckAtlas(const UnwrapOptions& options) {
-  if (options.max_stretch != 0 && options.seams != Seams::kAuto) {
-    return std::string("--max-stretch is what --seams=auto cuts by; with the policy ") + ToString(options.seams) +
-           " no seam is added for stretch (name auto beside the sources, as in --seams=auto,uv)";
-  }
-  if (!options.pack && (options.texture_size != 0 || options.padding || options.tiles != 0)) {
-    return "--pack=off leaves charts as they are, so --texture-size, --padding and --tiles have no effect";
-  }
-  return "";
-}
-
-// "For example: planish unwrap in.stl -o in_uv.obj (or -o - for stdout)"
-std::string OutputExample(const std::string& command, const std::string& input) {
-  const std::size_t dot = std::min(input.rfind('.'), input.size());
-  const std::string extension = input.substr(dot);
-  return "For example: planish " + command + " " + input + " -o " + input.substr(0, dot) + "_uv" +
-         (extension == ".stl" || extension == "" ? ".obj" : extension) + " (or -o - for stdout)";
-}
-
-// What CLI11 cannot check by itself; empty if all is well.
-std::string CheckTogether(Arguments& arguments) {
-  if (arguments.texcoord > 0 && !arguments.input.empty() && !IsGltf(arguments.input)) {
-    return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
-           " is no glTF; other formats have one set of UV, number 0";
-  }
-  if (!arguments.preview.empty() && !arguments.preview.ends_with(".png") && !arguments.preview.ends_with(".svg")) {
-    return "--preview=" + arguments.preview + ": the name must end in .png or .svg";
-  }
-  if (!arguments.job.empty() && arguments.job.rfind("jobs/", 0) != 0) arguments.job = "jobs/" + arguments.job;
-  const bool to_stdout = arguments.output == "-";
-  if (to_stdout && arguments.json) {
-    return "-o - and --json both want stdout; write the mesh to a file, or leave --json out";
-  }
-  switch (arguments.command) {
-    case Command::kUnwrap:
-      if (const std::string problem = CheckAtlas(arguments.options); !problem.empty()) return problem;
-      if (arguments.detach && arguments.server.empty()) {
-        return "--detach needs --server (or PLANISH_SERVER): a private server ends with this command, and the job "
-               "with it";
-      }
-      if (arguments.detach && !arguments.more_inputs.empty()) {
-        return "--detach takes one file: jobs watch could not write the UV of several";
-      }
-      if (arguments.detach && !(arguments.preview.empty() && arguments.picture.empty())) {
-        return "--detach does not wait for UV, so there is nothing to draw; jobs watch JOB --mesh IN -o OUT takes "
-               "--preview too";
-      }
-      if (arguments.detach && !arguments.output.empty()) {
-        return "--detach does not wait for UV, so there is nothing for -o; fetch them later with: planish jobs watch "
-               "JOB --mesh " +
-               arguments.input + " -o " + arguments.output;
-      }
-      if (!arguments.detach && arguments.output.empty()) {
-        if (!arguments.more_inputs.empty()) return "where should the results go? Several files need -o DIRECTORY/";
-        return "where should the result go? " + OutputExample("unwrap", arguments.input);
-      }
-      return "";
-    case Command::kPack: {
-      if (arguments.output.empty()) return "where should the result go? " + OutputExample("pack", arguments.input);
-      const int size = arguments.options.texture_size != 0 ? arguments.options.texture_size : 1024;
-      const int padding = arguments.options.padding.value_or(2);
-      if (2 * ((padding + 1) / 2) >= size) {
-        return "--padding=" + std::to_string(padding) + " leaves no room in a tile of " + std::to_string(size) +
-               " texels";
-      }
-      return "";
-    }
-    case Command::kInspect:
-    case Command::kVersion:
-      return "";
-    case Command::kJobsWatch:
-      if (arguments.input.empty() != arguments.output.empty()) {
-        return "--mesh and -o go together: the UV go into a copy of the file that was sent";
-      }
-      if (!arguments.preview.empty() && arguments.input.empty()) {
-        return "--preview draws the UV on the file that was sent: name it with --mesh, and -o for the result";
-      }
-      [[fallthrough]];
-    default:
-      if (arguments.server.empty()) return "jobs live on a server: give --server=ADDR or set PLANISH_SERVER";
-      return "";
-  }
 }
 
 }  // namespace

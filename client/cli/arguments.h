@@ -21,11 +21,16 @@ struct Arguments {
 
   // unwrap, pack and inspect; jobs watch has the mesh in `input` if it was given.
   std::string input;
-  std::vector<std::string> more_inputs;           // further files that share the atlas
-  std::string output;                             // a file, "-", or a directory
-  int texcoord = 0;                               // glTF: UV are read from and become TEXCOORD_n, in [0, 7]
-  std::string picture;                            // a PNG of the map; empty: none
-  std::string preview;                            // a PNG or SVG of the UV layout; empty: none
+  std::vector<std::string> more_inputs;  // further files
+  bool one_atlas = false;                // the files are one mesh and share the atlas
+  // Several files, or a directory, that become a job and an output each (batch_plan.h). The next two are for it only.
+  bool batch = false;
+  std::string format;   // of the outputs, as the end of a name: "glb"; empty: that of each input
+  bool again = false;   // do what is done as well
+  std::string output;   // a file, "-", or a directory
+  int texcoord = 0;     // glTF: UV are read from and become TEXCOORD_n, in [0, 7]
+  std::string picture;  // a PNG of the map; empty: none
+  std::string preview;  // a PNG or SVG of the UV layout; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;

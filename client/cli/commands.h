@@ -7,8 +7,9 @@
 namespace planish::cli {
 
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
-int RunPack(const Arguments& arguments, Interrupts& interrupts);  // asks no server
-int RunInspect(const Arguments& arguments);                       // asks no server
+int RunBatch(const Arguments& arguments, Interrupts& interrupts);  // unwrap of several files
+int RunPack(const Arguments& arguments, Interrupts& interrupts);   // asks no server
+int RunInspect(const Arguments& arguments);                        // asks no server
 int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
 int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, cancel, delete
 int RunVersion(const Arguments& arguments, Interrupts& interrupts);

@@ -15,7 +15,7 @@ enum ExitCode : int {
 
 inline ExitCode ExitCodeOf(const Error& error) {
   if (error.reason().rfind("FILE_", 0) == 0 || error.reason() == "OPTIONS_INVALID" ||
-      error.reason() == "OUTPUT_UNSUPPORTED") {
+      error.reason() == "OUTPUT_UNSUPPORTED" || error.reason().rfind("BATCH_", 0) == 0) {
     return kUsage;
   }
   if (error.code() == ErrorCode::kUnavailable) return kServerUnreachable;

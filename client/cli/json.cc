@@ -142,6 +142,10 @@ std::string ToText(const Json& json) {
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
+std::string ValidUtf8(const std::string& text) {
+  return Json::parse(ToLine(Json(text))).get<std::string>();
+}
+
 Json ToJson(const Job& job) {
   Json json = {{"job", job.name}, {"state", ToString(job.state)}, {"label", job.label}};
   if (job.create_time) json["create_time"] = TimeText(*job.create_time);

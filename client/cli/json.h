@@ -15,6 +15,9 @@ std::string ToLine(const Json& json);
 // Indented, with a line break at the end.
 std::string ToText(const Json& json);
 
+// `text` with U+FFFD in place of bytes that are not UTF-8: what may travel as a string.
+std::string ValidUtf8(const std::string& text);
+
 Json ToJson(const Job& job);
 Json ToJson(const Event& event);
 Json ToJson(const Capabilities& capabilities);

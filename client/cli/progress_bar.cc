@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "client/cli/numbers.h"
+#include "client/cli/text_width.h"
 
 namespace planish::cli {
 namespace {
@@ -32,10 +33,6 @@ std::string Repeat(const std::string& text, int count) {
   std::string result;
   for (int i = 0; i < count; ++i) result += text;
   return result;
-}
-
-std::string PadTo(const std::string& text, int width) {
-  return text + std::string(static_cast<std::size_t>(std::max(0, width - DisplayWidth(text))), ' ');
 }
 
 std::string Mark(const BarState& state, const Terminal& terminal, int frame) {
@@ -83,18 +80,6 @@ struct Piece {
 };
 
 }  // namespace
-
-int DisplayWidth(const std::string& text) {
-  int width = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '\x1b') {
-      while (i < text.size() && text[i] != 'm') ++i;
-    } else if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) {
-      ++width;
-    }
-  }
-  return width;
-}
 
 std::string Sparkline(const std::vector<double>& values, double floor) {
   static constexpr std::array<const char*, 8> kBlocks = {"▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
@@ -161,7 +146,7 @@ std::string RenderBar(const BarState& state, const Terminal& terminal, int frame
   const char* stage_color = !state.notice.empty() && state.ending == BarState::Ending::kNone ? kYellow : kBold;
   std::vector<Piece> pieces;
   pieces.push_back(
-      {Mark(state, terminal, frame) + " " + Colored(terminal, stage_color, PadTo(StageText(state), 8)), 0});
+      {Mark(state, terminal, frame) + " " + Colored(terminal, stage_color, Padded(StageText(state), 8)), 0});
   const std::size_t bar_at = pieces.size();
   pieces.push_back({"", 2});
   if (!state.residuals.empty()) {

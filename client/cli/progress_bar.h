@@ -49,9 +49,6 @@ std::string RenderBar(const BarState& state, const Terminal& terminal, int frame
 // One block character per value, high for the largest and low for `floor`, on a logarithmic scale.
 std::string Sparkline(const std::vector<double>& values, double floor);
 
-// Columns of a UTF-8 text without its colour codes.
-int DisplayWidth(const std::string& text);
-
 // Paints from a thread of its own, at most 20 times a second, and ticks while nothing arrives.
 class ProgressBar : public ProgressView {
  public:

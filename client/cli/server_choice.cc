@@ -4,10 +4,12 @@
 
 namespace planish::cli {
 
-ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts, int threads) : interrupts_(interrupts) {
+ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts, const ServerNeeds& needs)
+    : interrupts_(interrupts) {
   if (address.empty()) {
     PrivateServerOptions options;
-    options.threads = threads;
+    options.workers = needs.workers;
+    options.threads = needs.threads;
     private_server_.emplace(options);
     // Leaving at once skips destructors: the server ends by itself, but nobody else removes its socket.
     interrupts.SetLastWords([directory = private_server_->directory()] {
@@ -15,7 +17,7 @@ ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts, i
       std::filesystem::remove_all(directory, ignored);
     });
   }
-  client_.emplace(address.empty() ? private_server_->target() : address);
+  client_.emplace(address.empty() ? private_server_->target() : address, needs.client);
 }
 
 ServerChoice::~ServerChoice() {

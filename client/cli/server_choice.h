@@ -9,11 +9,17 @@
 
 namespace planish::cli {
 
+struct ServerNeeds {
+  // Of a private server: jobs at a time, and threads that each may use (0: the cores, divided by `workers`).
+  int workers = 1;
+  int threads = 0;
+  ClientOptions client;
+};
+
 class ServerChoice {
  public:
-  // An empty address starts a private server whose jobs may use `threads` threads (0: all cores); throws planish::Error
-  // if that fails.
-  ServerChoice(const std::string& address, Interrupts& interrupts, int threads = 0);
+  // An empty address starts a private server; throws planish::Error if that fails.
+  ServerChoice(const std::string& address, Interrupts& interrupts, const ServerNeeds& needs = {});
   ~ServerChoice();
 
   Client& client() { return *client_; }

@@ -34,7 +34,10 @@ Terminal StderrTerminal() {
   terminal.utf8 = LocaleIsUtf8();
   terminal.color = terminal.is_tty && !terminal.is_dumb && Environment("NO_COLOR").empty();
   winsize size = {};
-  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0) terminal.width = size.ws_col;
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0) {
+    if (size.ws_col > 0) terminal.width = size.ws_col;
+    if (size.ws_row > 0) terminal.height = size.ws_row;
+  }
   return terminal;
 }
 

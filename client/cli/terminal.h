@@ -8,7 +8,8 @@ struct Terminal {
   bool is_dumb = false;  // no cursor movement: a bar would only make a mess
   bool utf8 = false;
   bool color = false;
-  int width = 80;  // columns, as of now
+  int width = 80;   // columns, as of now
+  int height = 24;  // rows
 };
 
 // Looks at stderr, $TERM, $NO_COLOR and the locale (LC_ALL, LC_CTYPE, LANG).

@@ -10,12 +10,11 @@
 #include "client/cli/commands.h"
 #include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
-#include "client/cli/mesh_input.h"
 #include "client/cli/progress.h"
-#include "client/cli/seam_edges.h"
 #include "client/cli/server_choice.h"
 #include "client/cli/summary.h"
 #include "client/cli/terminal.h"
+#include "client/cli/unwrap_files.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
@@ -35,31 +34,10 @@ class ResultCommand {
     if (!arguments_.preview.empty()) CheckOutput(arguments_.preview);
     std::vector<std::string> paths = {arguments_.input};
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
-    input_.emplace(paths, arguments_.texcoord);
-    seam_corners_ = input_->SeamCorners(arguments_.seams);
-    diagonals_ = input_->DiagonalCorners();
-    if (!arguments_.output.empty()) outputs_ = input_->Outputs(arguments_.output, arguments_.texcoord);
+    files_.emplace(paths, arguments_.seams, arguments_.output, arguments_.texcoord);
   }
 
-  // The options to ask the server with: in float where that is all that the output can hold.
-  UnwrapOptions Options() const {
-    UnwrapOptions options = arguments_.options;
-    for (const OutputOptions& output : outputs_) {
-      if (!IsFloatByNature(output.format)) continue;
-      if (options.precision == Precision::kDouble) {
-        throw Error(ErrorCode::kInvalidArgument, "OUTPUT_UNSUPPORTED",
-                    output.path +
-                        ": this format holds UV as float only; leave --precision=double out, or write .obj, "
-                        ".ply or .off");
-      }
-      options.precision = Precision::kFloat;
-    }
-    return options;
-  }
-
-  const MeshInput& input() const { return *input_; }
-  // The mesh with the seams that the file gives, its polygons whole; lives as long as this object.
-  MeshView view() const { return input_->view().WithSeamCorners(seam_corners_).WithUncutCorners(diagonals_); }
+  const UnwrapFiles& files() const { return *files_; }
   double Seconds() const { return timer_.Seconds(); }
 
   // Seconds of --timeout that are left for the server; 0: no limit.
@@ -69,17 +47,14 @@ class ResultCommand {
   }
 
   int Deliver(UnwrapResult result, const Arguments& arguments) {
-    for (Warning& warning : result.report.warnings) warning = input_->InFileIds(warning);
-    const WrittenMesh written = input_->WithUv(result.uv, outputs_);
+    const WrittenMesh written = files_->WithResult(result);
     for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
-    for (const std::string& warning : written.warnings) {
-      result.report.warnings.push_back({"UV_PRECISION", warning, {}});
-    }
+    const MeshInput& input = files_->input();
     if (!arguments.picture.empty()) {
-      WriteOutput(arguments.picture, input_->Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
+      WriteOutput(arguments.picture, input.Picture(result.uv, arguments.view_azimuth, arguments.view_elevation));
     }
     if (!arguments.preview.empty()) {
-      WriteOutput(arguments.preview, input_->Preview(result.uv, arguments.preview, result.report.atlas.pack));
+      WriteOutput(arguments.preview, input.Preview(result.uv, arguments.preview, result.report.atlas.pack));
     }
     result.report.seconds.total = timer_.Seconds();
     std::cerr << Summary(result.report, arguments.output, StderrTerminal());
@@ -92,16 +67,17 @@ class ResultCommand {
   }
 
   int Fail(const Error& sent_error) {
-    const Error error = input_ ? input_->InFileIds(sent_error) : sent_error;
-    const std::string places = input_ ? input_->Places(error.metadata()) : "";
+    const MeshInput* const input = files_ ? &files_->input() : nullptr;
+    const Error error = input != nullptr ? input->InFileIds(sent_error) : sent_error;
+    const std::string places = input != nullptr ? input->Places(error.metadata()) : "";
     // A private server's job is of no use to anybody afterwards.
     Error told = error;
     if (arguments_.server.empty()) told.set_job("");
     std::cerr << ErrorText(told, places, StderrTerminal());
     if (arguments_.json) {
       Failure failure = FailureOf(error);
-      failure.triangles = input_ ? input_->view().triangle_count() : 0;
-      failure.vertices = input_ ? input_->view().vertex_count() : 0;
+      failure.triangles = input != nullptr ? input->view().triangle_count() : 0;
+      failure.vertices = input != nullptr ? input->view().vertex_count() : 0;
       failure.total_seconds = timer_.Seconds();
       std::cout << ToText(ReportJson(failure)) << std::flush;
     }
@@ -121,10 +97,7 @@ class ResultCommand {
  private:
   const Arguments& arguments_;
   Timer timer_;
-  std::optional<MeshInput> input_;
-  std::vector<std::int32_t> seam_corners_;
-  std::vector<std::int32_t> diagonals_;
-  std::vector<OutputOptions> outputs_;
+  std::optional<UnwrapFiles> files_;
 };
 
 int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, const CallOptions& call) {
@@ -152,19 +125,23 @@ std::optional<UnwrapResult> WaitOrInterrupt(Call& call, const Interrupts& interr
 }  // namespace
 
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
+  if (arguments.batch) return RunBatch(arguments, interrupts);
   ResultCommand command(arguments);
   std::unique_ptr<ProgressView> view;
   try {
     command.LoadInput();
-    ServerChoice server(arguments.server, interrupts, arguments.options.threads);
+    ServerNeeds needs;
+    needs.threads = arguments.options.threads;
+    ServerChoice server(arguments.server, interrupts, needs);
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
-    call_options.label = arguments.label.empty() ? file_name : arguments.label;
+    call_options.label = ValidUtf8(arguments.label.empty() ? file_name : arguments.label);
     call_options.timeout_seconds = command.TimeLeft();
-    if (arguments.detach) return Detach(arguments, command.view(), server.client(), call_options);
+    if (arguments.detach) return Detach(arguments, command.files().view(), server.client(), call_options);
 
     view = NewProgressView(arguments.progress, file_name);
-    Call call = server.client().StartUnwrap(command.view(), command.Options(), view->AsCallbacks(), call_options);
+    Call call = server.client().StartUnwrap(command.files().view(), command.files().Options(arguments.options),
+                                            view->AsCallbacks(), call_options);
     interrupts.SetCancel([&] {
       view->OnNotice(kCancelling);
       call.Cancel();
@@ -208,7 +185,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
     call.timeout_seconds = command.TimeLeft();
     if (!arguments.input.empty()) {
       UnwrapResult result =
-          server.client().AttachResult(arguments.job, command.input().view(), view->AsCallbacks(), call);
+          server.client().AttachResult(arguments.job, command.files().input().view(), view->AsCallbacks(), call);
       view->Finish(true);
       return command.Deliver(std::move(result), arguments);
     }

@@ -92,6 +92,19 @@ TEST(ArgumentsTest, SeamPolicies) {
   EXPECT_EQ(Parse({"unwrap", "in.GLB", "-o", "o.obj", "--texcoord=1"}).arguments->texcoord, 1);
 }
 
+TEST(ArgumentsTest, SeveralFilesAreABatchUnlessTheyShareAnAtlas) {
+  ParsedArguments parsed = Parse({"unwrap", "a.obj", "b.glb", "-o", "out", "--format=glb", "--again", "--texcoord=1"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_TRUE(parsed.arguments->batch);
+  EXPECT_EQ(parsed.arguments->format, "glb");
+  EXPECT_TRUE(parsed.arguments->again);
+  EXPECT_THAT(parsed.arguments->more_inputs, ::testing::ElementsAre("b.glb"));
+  EXPECT_TRUE(Parse({"unwrap", ".", "-o", "out"}).arguments->batch) << "a directory";
+  EXPECT_TRUE(Parse({"unwrap", "a.obj", "b.obj", "-o", "out", "--detach", "--server=h:1"}).arguments->batch);
+  EXPECT_FALSE(Parse({"unwrap", "a.obj", "b.obj", "-o", "out", "--one-atlas"}).arguments->batch);
+  EXPECT_FALSE(Parse({"unwrap", "a.obj", "-o", "out/"}).arguments->batch);
+}
+
 TEST(ArgumentsTest, Pack) {
   ParsedArguments parsed = Parse({"pack", "in.glb", "-o", "o.glb", "--texture-size=2048", "--padding=8", "--tiles=2",
                                   "--density=keep", "--texcoord=1", "--preview=p.svg"});
@@ -156,8 +169,19 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"unwrap"}, "IN"},
       {{"unwrap", "in.obj"}, "-o in_uv.obj"},
       {{"unwrap", "in.stl"}, "-o in_uv.obj"},
-      {{"unwrap", "a.obj", "b.obj"}, "DIRECTORY/"},
-      {{"unwrap", "a.obj", "b.obj", "--detach", "--server=h:1"}, "one file"},
+      {{"unwrap", "a.obj", "b.obj"}, "A batch needs -o DIRECTORY/"},
+      {{"unwrap", "."}, "A batch needs -o DIRECTORY/"},
+      {{"unwrap", "a.obj", "b.obj", "--detach", "--server=h:1"}, "A batch needs -o DIRECTORY/"},
+      {{"unwrap", "a.obj", "b.obj", "-o", "out", "--detach"}, "--server"},
+      {{"unwrap", "a.obj", "b.obj", "-o", "-"}, "DIRECTORY/"},
+      {{"unwrap", "a.obj", "b.obj", "-o", "out", "--preview=x.png"}, "draw one mesh"},
+      {{"unwrap", "a.obj", "b.obj", "-o", "out", "--seams=edges:a.txt"}, "the vertices of one mesh"},
+      {{"unwrap", "a.obj", "b.obj", "-o", "out", "--format=stl"}, "stl"},
+      {{"unwrap", "a.obj", "-o", "out", "--format=obj"}, "--format is for batches"},
+      {{"unwrap", "a.obj", "-o", "out", "--again"}, "--again is for batches"},
+      {{"unwrap", "a.obj", "b.obj", "--one-atlas"}, "-o DIRECTORY/"},
+      {{"unwrap", "a.obj", ".", "--one-atlas", "-o", "out"}, "is a directory"},
+      {{"unwrap", "a.obj", "b.obj", "--one-atlas", "--detach", "--server=h:1"}, "one file"},
       {{"unwrap", "in.glb", "-o", "x.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "-", "--json"}, "stdout"},
       {{"unwrap", "in.obj", "--detach"}, "--server"},
@@ -325,6 +349,11 @@ TEST(JsonTest, FailureHasStateAndError) {
   EXPECT_EQ(json["error"]["code"], "INVALID_ARGUMENT");
   EXPECT_EQ(json["error"]["reason"], "MESH_CLOSED");
   EXPECT_EQ(json["error"]["metadata"]["genus"], "0");
+}
+
+TEST(JsonTest, WhatIsNoUtf8IsReplaced) {
+  EXPECT_EQ(ValidUtf8("文件 a.obj"), "文件 a.obj");
+  EXPECT_EQ(ValidUtf8("a\xff\xe6\x96.obj"), "a\xef\xbf\xbd\xef\xbf\xbd.obj");
 }
 
 TEST(NumbersTest, ForPeople) {

@@ -2,6 +2,7 @@
 #include "client/cli/progress_bar.h"
 
 #include "client/cli/progress_lines.h"
+#include "client/cli/text_width.h"
 #include "gtest/gtest.h"
 
 namespace planish::cli {

@@ -113,6 +113,11 @@ TEST_F(UnwrapTest, OtherFormatsIn) {
   }
 }
 
+TEST_F(UnwrapTest, NamesNeedNotBeUtf8) {
+  const Outcome run = Planish({"unwrap", File("a\xff.obj", GridObj(4)), "-o", directory_ / "b\xff.obj"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
 TEST_F(UnwrapTest, ThreadsChangeNoByte) {
   std::vector<std::string> outputs;
   for (const int threads : {1, 2}) {

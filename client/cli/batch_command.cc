@@ -1,0 +1,112 @@
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <stop_token>
+#include <system_error>
+#include <thread>
+
+#include "client/cli/batch_digest.h"
+#include "client/cli/batch_plan.h"
+#include "client/cli/batch_run.h"
+#include "client/cli/batch_state.h"
+#include "client/cli/batch_table.h"
+#include "client/cli/batch_view.h"
+#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/server_choice.h"
+#include "client/cli/summary.h"
+#include "core/base/timer.h"
+
+namespace planish::cli {
+namespace {
+
+// How long a server may be away, to be restarted for instance, before the batch ends without it.
+constexpr double kServerPatienceSeconds = 30;
+
+void MakeOutputDirectory(const std::string& directory) {
+  std::error_code error;
+  std::filesystem::create_directories(directory, error);
+  if (!error) return;
+  throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE", directory + ": cannot be made: " + error.message());
+}
+
+ServerNeeds NeedsOf(const Arguments& arguments, const BatchPlan& plan) {
+  ServerNeeds needs;
+  const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
+  needs.workers = static_cast<int>(std::min<std::size_t>(cores, plan.items.size()));
+  needs.threads = arguments.options.threads;
+  // The batch asks again for as long as it takes.
+  needs.client.queue_full_wait_seconds = arguments.detach ? 0 : 1e9;
+  // A private server that went away stays away.
+  if (arguments.server.empty()) needs.client.reattach_attempts = 3;
+  return needs;
+}
+
+std::string NextStep(const BatchTotals& totals, const BatchRun& run, bool interrupted) {
+  if (interrupted) return "planish: interrupted; the same command goes on where this one ended\n";
+  if (run.server_lost()) return "planish: the server is gone; the same command goes on where this one ended\n";
+  if (totals.queued > 0) return "Queued. The same command fetches the results; without --detach it waits for them.\n";
+  return "";
+}
+
+int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& plan) {
+  const Timer timer;
+  std::cerr << SkippedText(plan);
+  MakeOutputDirectory(arguments.output);
+  BatchState state(arguments.output);
+  ServerChoice server(arguments.server, interrupts, NeedsOf(arguments, plan));
+  const Capabilities capabilities = server.client().GetCapabilities();
+
+  std::stop_source stop;
+  const BatchContext context{arguments,
+                             state,
+                             server.client(),
+                             SettingsDigest(arguments),
+                             std::string(Version()) + " " + capabilities.version,
+                             stop.get_token()};
+  BatchRunOptions options;
+  options.workers = capabilities.workers;
+  options.server_patience_seconds = server.private_server() != nullptr ? 0 : kServerPatienceSeconds;
+  options.print_json = arguments.json;
+  std::vector<std::string> names;
+  for (const BatchItem& item : plan.items) names.push_back(item.name);
+  const std::unique_ptr<BatchView> view = NewBatchView(arguments.progress, names);
+  BatchRun run(context, plan, options, *view);
+  interrupts.SetCancel([&]() {
+    view->OnNotice(arguments.detach ? "interrupted" : "cancelling what is in flight; Ctrl-C again leaves at once");
+    stop.request_stop();
+  });
+  const std::vector<BatchRow> rows = run.Run();
+  interrupts.SetCancel({});
+  view->Finish();
+
+  const BatchTotals totals = TotalsOf(rows, timer.Seconds());
+  const int exit_code = BatchExitCode(rows, interrupts.interrupted(), run.server_lost());
+  std::cerr << BatchTable(rows, totals, StderrTerminal()) << NextStep(totals, run, interrupts.interrupted());
+  if (arguments.json) std::cout << ToLine(SummaryJson(totals, plan, exit_code)) + "\n" << std::flush;
+  return exit_code;
+}
+
+}  // namespace
+
+int RunBatch(const Arguments& arguments, Interrupts& interrupts) {
+  BatchPlan plan;
+  try {
+    plan = PlanBatch(arguments);
+    return Run(arguments, interrupts, plan);
+  } catch (const Error& error) {
+    // Nothing was tried.
+    const int exit_code = ExitCodeOf(error);
+    std::cerr << ErrorText(error, "", StderrTerminal());
+    if (arguments.json) {
+      std::vector<BatchRow> rows(plan.items.size());
+      Json json = SummaryJson(TotalsOf(rows, 0), plan, exit_code);
+      json["error"] = ReportJson(FailureOf(error))["error"];
+      std::cout << ToLine(json) + "\n" << std::flush;
+    }
+    return exit_code;
+  }
+}
+
+}  // namespace planish::cli

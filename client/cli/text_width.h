@@ -1,0 +1,20 @@
+// How much room a text takes on a terminal.
+#pragma once
+
+#include <string>
+
+namespace planish::cli {
+
+// Columns of a UTF-8 text without its colour codes; East Asian wide characters and emoji take two.
+int DisplayWidth(const std::string& text);
+
+// A file's name as it may be shown: control characters, and where `utf8` is false all that is not ASCII, as '?'.
+std::string Printable(const std::string& name, bool utf8);
+
+// `text`, which has no colour codes, or as much of its end as fits `columns` behind an ellipsis.
+std::string CutToWidth(const std::string& text, int columns, bool utf8);
+
+// `text` with spaces behind (or, `right`, before) it, to so many columns.
+std::string Padded(const std::string& text, int columns, bool right = false);
+
+}  // namespace planish::cli
