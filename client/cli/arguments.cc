@@ -9,6 +9,7 @@
 
 #include "CLI/CLI.hpp"
 #include "client/cli/exit_codes.h"
+#include "client/cli/scheduling_flags.h"
 #include "core/io/mesh_file.h"
 #include "planish/client.h"
 
@@ -22,6 +23,7 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap big.obj --detach --server=farm:7741
   planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fill the texture
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
+  planish estimate scan.stl --server=farm:7741       memory, time, and whether it would be accepted
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
 Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
@@ -208,6 +210,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   AddTimeout(unwrap, arguments, "Give up, and cancel the job, after so long");
   unwrap.add_flag("--detach", arguments.detach, "Queue the job, print its name and leave; see jobs watch");
   unwrap.add_option("--label", arguments.label, "Name for people in jobs list [the file's name]")->type_name("TEXT");
+  AddScheduling(unwrap, arguments.scheduling);
 
   UnwrapOptions& options = arguments.options;
   AddSeams(unwrap, arguments);
@@ -276,6 +279,20 @@ void DefineInspect(CLI::App& app, Arguments& arguments) {
   AddJson(inspect, arguments);
 }
 
+void DefineEstimate(CLI::App& app, Arguments& arguments) {
+  CLI::App& estimate = *app.add_subcommand("estimate", "Say what unwrap would need on a server, without doing it");
+  estimate.parse_complete_callback([&arguments] { arguments.command = Command::kEstimate; });
+  estimate.footer(
+      "Memory while the job runs, run time on one core, time in the queue; rough, from the mesh's counts. Exit codes: "
+      "0 the server\nwould accept the job now, 1 it would not, 2 bad usage or unreadable file, 3 server unreachable.");
+  estimate.add_option("IN", arguments.input, "Mesh file, as for unwrap")->type_name("");
+  estimate.add_option("--triangles", arguments.triangles, "In place of a file: that many triangles")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 40).description(""))
+      ->type_name("N");
+  AddServer(estimate, arguments, "without it a private server is started");
+  AddJson(estimate, arguments);
+}
+
 CLI::App& AddJobCommand(CLI::App& jobs, Arguments& arguments, Command command, const std::string& name,
                         const std::string& description) {
   CLI::App& app = *jobs.add_subcommand(name, description);
@@ -297,8 +314,9 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   list.add_option("--limit", arguments.limit, "At most so many; 0: all [50]")
       ->check(CLI::Validator(CLI::NonNegativeNumber).description(""))
       ->type_name("N");
+  list.add_option("--label", arguments.label, "Only jobs whose label begins so")->type_name("PREFIX");
   const Choices<JobState> states{{JobState::kQueued, JobState::kRunning, JobState::kStopping, JobState::kSucceeded,
-                                  JobState::kFailed, JobState::kCancelled}};
+                                  JobState::kFailed, JobState::kCancelled, JobState::kExpired}};
   list.add_option_function<std::string>(
           "--state",
           [&arguments, states](const std::string& name) {
@@ -306,7 +324,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
               if (name == ToString(state)) arguments.state = state;
             }
           },
-          "QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED or CANCELLED only")
+          "QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED, CANCELLED or EXPIRED only")
       ->check(CLI::IsMember(states.Names()).description(""))
       ->type_name("STATE");
   AddJobCommand(jobs, arguments, Command::kJobsShow, "show", "One job with its report");
@@ -318,6 +336,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddPreview(watch, arguments);
   AddTexcoord(watch, arguments);
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
+  AddJobCommand(jobs, arguments, Command::kJobsStop, "stop", "End a job soon, with the best map that it has then");
   AddJobCommand(jobs, arguments, Command::kJobsCancel, "cancel", "End a job and discard what it has");
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
 }
@@ -395,6 +414,11 @@ std::string CheckTogether(Arguments& arguments) {
       }
       return "";
     }
+    case Command::kEstimate:
+      if (arguments.input.empty() == (arguments.triangles == 0)) {
+        return "estimate what? Give a mesh file, or --triangles=N";
+      }
+      return "";
     case Command::kInspect:
     case Command::kVersion:
       return "";
@@ -423,6 +447,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   DefineUnwrap(app, arguments);
   DefinePack(app, arguments);
   DefineInspect(app, arguments);
+  DefineEstimate(app, arguments);
   DefineJobs(app, arguments);
   CLI::App& version = *app.add_subcommand("version", "Versions of this command and of the server");
   version.parse_complete_callback([&arguments] { arguments.command = Command::kVersion; });

@@ -9,8 +9,9 @@ namespace planish::cli {
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
 int RunPack(const Arguments& arguments, Interrupts& interrupts);  // asks no server
 int RunInspect(const Arguments& arguments);                       // asks no server
+int RunEstimate(const Arguments& arguments, Interrupts& interrupts);
 int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
-int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, cancel, delete
+int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, stop, cancel, delete
 int RunVersion(const Arguments& arguments, Interrupts& interrupts);
 
 }  // namespace planish::cli

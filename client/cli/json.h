@@ -17,6 +17,7 @@ std::string ToText(const Json& json);
 
 Json ToJson(const Job& job);
 Json ToJson(const Event& event);
+Json ToJson(const JobEstimate& estimate);
 Json ToJson(const Capabilities& capabilities);
 
 // The report object of a job that succeeded. `output` is left out if empty.

@@ -161,6 +161,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     CallOptions call_options;
     call_options.label = arguments.label.empty() ? file_name : arguments.label;
     call_options.timeout_seconds = command.TimeLeft();
+    call_options.scheduling = arguments.scheduling;
     if (arguments.detach) return Detach(arguments, command.view(), server.client(), call_options);
 
     view = NewProgressView(arguments.progress, file_name);
