@@ -8,6 +8,7 @@
 #include "CLI/CLI.hpp"
 #include "client/cli/arguments_check.h"
 #include "client/cli/exit_codes.h"
+#include "client/cli/scheduling_flags.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -21,6 +22,7 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap big.obj --detach --server=farm:7741
   planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fill the texture
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
+  planish estimate scan.stl --server=farm:7741       memory, time, and whether it would be accepted
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
 Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
@@ -226,6 +228,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
       "--detach", arguments.detach,
       "Queue the job, print its name and leave; see jobs watch; of a batch the same command fetches what is done");
   unwrap.add_option("--label", arguments.label, "Name for people in jobs list [the file's name]")->type_name("TEXT");
+  AddScheduling(unwrap, arguments.scheduling);
 
   UnwrapOptions& options = arguments.options;
   AddSeams(unwrap, arguments);
@@ -294,6 +297,20 @@ void DefineInspect(CLI::App& app, Arguments& arguments) {
   AddJson(inspect, arguments);
 }
 
+void DefineEstimate(CLI::App& app, Arguments& arguments) {
+  CLI::App& estimate = *app.add_subcommand("estimate", "Say what unwrap would need on a server, without doing it");
+  estimate.parse_complete_callback([&arguments] { arguments.command = Command::kEstimate; });
+  estimate.footer(
+      "Memory while the job runs, run time on one core, time in the queue; rough, from the mesh's counts. Exit codes: "
+      "0 the server\nwould accept the job now, 1 it would not, 2 bad usage or unreadable file, 3 server unreachable.");
+  estimate.add_option("IN", arguments.input, "Mesh file, as for unwrap")->type_name("");
+  estimate.add_option("--triangles", arguments.triangles, "In place of a file: that many triangles")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 40).description(""))
+      ->type_name("N");
+  AddServer(estimate, arguments, "without it a private server is started");
+  AddJson(estimate, arguments);
+}
+
 CLI::App& AddJobCommand(CLI::App& jobs, Arguments& arguments, Command command, const std::string& name,
                         const std::string& description) {
   CLI::App& app = *jobs.add_subcommand(name, description);
@@ -315,8 +332,9 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   list.add_option("--limit", arguments.limit, "At most so many; 0: all [50]")
       ->check(CLI::Validator(CLI::NonNegativeNumber).description(""))
       ->type_name("N");
+  list.add_option("--label", arguments.label, "Only jobs whose label begins so")->type_name("PREFIX");
   const Choices<JobState> states{{JobState::kQueued, JobState::kRunning, JobState::kStopping, JobState::kSucceeded,
-                                  JobState::kFailed, JobState::kCancelled}};
+                                  JobState::kFailed, JobState::kCancelled, JobState::kExpired}};
   list.add_option_function<std::string>(
           "--state",
           [&arguments, states](const std::string& name) {
@@ -324,7 +342,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
               if (name == ToString(state)) arguments.state = state;
             }
           },
-          "QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED or CANCELLED only")
+          "QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED, CANCELLED or EXPIRED only")
       ->check(CLI::IsMember(states.Names()).description(""))
       ->type_name("STATE");
   AddJobCommand(jobs, arguments, Command::kJobsShow, "show", "One job with its report");
@@ -336,6 +354,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddPreview(watch, arguments);
   AddTexcoord(watch, arguments);
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
+  AddJobCommand(jobs, arguments, Command::kJobsStop, "stop", "End a job soon, with the best map that it has then");
   AddJobCommand(jobs, arguments, Command::kJobsCancel, "cancel", "End a job and discard what it has");
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
 }
@@ -351,6 +370,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   DefineUnwrap(app, arguments);
   DefinePack(app, arguments);
   DefineInspect(app, arguments);
+  DefineEstimate(app, arguments);
   DefineJobs(app, arguments);
   CLI::App& version = *app.add_subcommand("version", "Versions of this command and of the server");
   version.parse_complete_callback([&arguments] { arguments.command = Command::kVersion; });

@@ -1,6 +1,7 @@
 // The command line as data.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,7 +11,19 @@
 
 namespace planish::cli {
 
-enum class Command { kUnwrap, kPack, kInspect, kJobsList, kJobsShow, kJobsWatch, kJobsCancel, kJobsDelete, kVersion };
+enum class Command {
+  kUnwrap,
+  kPack,
+  kInspect,
+  kEstimate,
+  kJobsList,
+  kJobsShow,
+  kJobsWatch,
+  kJobsStop,
+  kJobsCancel,
+  kJobsDelete,
+  kVersion
+};
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
 struct Arguments {
@@ -36,8 +49,11 @@ struct Arguments {
   SeamList seams;
   bool keep_density = false;  // pack; texture_size, padding and tiles are those of `options`
   bool detach = false;
-  std::string label;
+  Scheduling scheduling;
+  std::string label;  // jobs list: how it begins
   double timeout_seconds = 0;  // 0: none
+
+  std::int64_t triangles = 0;  // estimate, in place of `input`
 
   // jobs
   std::string job;  // "jobs/..."

@@ -124,6 +124,11 @@ std::string CheckTogether(Arguments& arguments) {
       }
       return "";
     }
+    case Command::kEstimate:
+      if (arguments.input.empty() == (arguments.triangles == 0)) {
+        return "estimate what? Give a mesh file, or --triangles=N";
+      }
+      return "";
     case Command::kInspect:
     case Command::kVersion:
       return "";

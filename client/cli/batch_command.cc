@@ -38,8 +38,6 @@ ServerNeeds NeedsOf(const Arguments& arguments, const BatchPlan& plan) {
   needs.threads = arguments.options.threads;
   // The batch asks again for as long as it takes.
   needs.client.queue_full_wait_seconds = arguments.detach ? 0 : 1e9;
-  // A private server that went away stays away.
-  if (arguments.server.empty()) needs.client.reattach_attempts = 3;
   return needs;
 }
 

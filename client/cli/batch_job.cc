@@ -94,6 +94,7 @@ class BatchJob {
 
   CallOptions Call() const {
     CallOptions call;
+    call.scheduling = arguments_.scheduling;
     const std::string prefix = arguments_.label.empty() ? "" : arguments_.label + ": ";
     call.label = LastBytes(ValidUtf8(prefix + item_.name), kMaxLabelBytes);
     call.timeout_seconds = arguments_.timeout_seconds;

@@ -50,7 +50,7 @@ void PrintTable(const std::vector<std::vector<std::string>>& rows) {
 }
 
 int List(const Arguments& arguments, Client& client) {
-  const std::vector<Job> jobs = client.ListJobs(arguments.limit, arguments.state);
+  const std::vector<Job> jobs = client.ListJobs(arguments.limit, arguments.state, arguments.label);
   if (arguments.json) {
     Json array = Json::array();
     for (const Job& job : jobs) array.push_back(ToJson(job));
@@ -65,6 +65,21 @@ int List(const Arguments& arguments, Client& client) {
   return kOk;
 }
 
+// What most jobs do not have.
+void PrintScheduling(const Job& job) {
+  const Scheduling& scheduling = job.scheduling;
+  if (scheduling.priority != Priority::kNormal) std::cout << "priority " << ToString(scheduling.priority) << "\n";
+  if (scheduling.timeout_seconds > 0) std::cout << "deadline " << Duration(scheduling.timeout_seconds) << "\n";
+  if (scheduling.compute_budget_seconds > 0) {
+    std::cout << "budget   " << Duration(scheduling.compute_budget_seconds) << "\n";
+  }
+  if (job.memory_bytes > 0) std::cout << "memory   " << Megabytes(job.memory_bytes) << " while it runs\n";
+  if (job.attempts > 1) std::cout << "attempts " << job.attempts << "\n";
+  if (job.stop_requested) std::cout << "stopped  as asked for, or out of budget\n";
+  if (!job.result_of.empty()) std::cout << "shares   the work of " << job.result_of << "\n";
+  if (job.expire_time) std::cout << "expires  " << LocalTime(job.expire_time) << "\n";
+}
+
 void PrintJob(const Job& job) {
   PrintTable({{"job", job.name},
               {"state", ToString(job.state)},
@@ -74,6 +89,7 @@ void PrintJob(const Job& job) {
               {"ended", LocalTime(job.end_time)},
               {"time", RunTime(job)},
               {"mesh", WithCommas(job.mesh_bytes) + " bytes as sent"}});
+  PrintScheduling(job);
   if (job.state == JobState::kQueued) std::cout << "ahead    " << job.queue_position << "\n";
   if (job.progress) {
     std::cout << "at       " << ToString(job.progress->stage) << ", newton " << job.progress->newton_iteration
@@ -105,11 +121,13 @@ int RunJobs(const Arguments& arguments, Interrupts& interrupts) {
     default:
       break;
   }
-  const bool cancels = arguments.command == Command::kJobsCancel;
-  const Job job = cancels ? client.CancelJob(arguments.job) : client.GetJob(arguments.job);
+  const bool cancels = arguments.command == Command::kJobsCancel, stops = arguments.command == Command::kJobsStop;
+  const Job job = cancels ? client.CancelJob(arguments.job)
+                  : stops ? client.StopJob(arguments.job)
+                          : client.GetJob(arguments.job);
   if (arguments.json) {
     std::cout << ToText(ToJson(job)) << std::flush;
-  } else if (cancels) {
+  } else if (cancels || stops) {
     std::cout << job.name << " " << ToString(job.state) << "\n" << std::flush;
   } else {
     PrintJob(job);

@@ -132,6 +132,10 @@ void AddReport(const Report& report, Json& json) {
   json["warnings"] = WarningsJson(report.warnings);
 }
 
+Json ErrorJson(const JobError& error) {
+  return {{"code", error.code}, {"reason", error.reason}, {"message", error.message}, {"metadata", error.metadata}};
+}
+
 }  // namespace
 
 std::string ToLine(const Json& json) {
@@ -154,12 +158,16 @@ Json ToJson(const Job& job) {
   json["mesh_bytes"] = job.mesh_bytes;
   if (job.state == JobState::kQueued) json["queue_position"] = job.queue_position;
   if (job.progress) json["progress"] = ProgressJson(*job.progress);
-  if (job.error) {
-    json["error"] = {{"code", job.error->code},
-                     {"reason", job.error->reason},
-                     {"message", job.error->message},
-                     {"metadata", job.error->metadata}};
-  }
+  json["scheduling"] = {{"priority", ToString(job.scheduling.priority)},
+                        {"deadline_seconds", job.scheduling.timeout_seconds},
+                        {"budget_seconds", job.scheduling.compute_budget_seconds},
+                        {"fresh", job.scheduling.fresh}};
+  json["attempts"] = job.attempts;
+  json["stop_requested"] = job.stop_requested;
+  json["memory_bytes"] = job.memory_bytes;
+  if (!job.result_of.empty()) json["result_of"] = job.result_of;
+  if (job.expire_time) json["expire_time"] = TimeText(*job.expire_time);
+  if (job.error) json["error"] = ErrorJson(*job.error);
   if (job.report) AddReport(*job.report, json);
   return json;
 }
@@ -168,6 +176,17 @@ Json ToJson(const Event& event) {
   Json json = {{"sequence", event.sequence}, {"time", TimeText(event.time)}, {"skipped", event.skipped}};
   if (event.job) json["job"] = ToJson(*event.job);
   if (event.progress) json["progress"] = ProgressJson(*event.progress);
+  return json;
+}
+
+Json ToJson(const JobEstimate& estimate) {
+  Json json = {{"triangles", estimate.triangles},
+               {"vertices", estimate.vertices},
+               {"memory_bytes", estimate.memory_bytes},
+               {"run_seconds", estimate.run_seconds},
+               {"queue_seconds", estimate.queue_seconds},
+               {"accepted", !estimate.refusal.has_value()}};
+  if (estimate.refusal) json["refusal"] = ErrorJson(*estimate.refusal);
   return json;
 }
 
@@ -184,6 +203,13 @@ Json ToJson(const Capabilities& capabilities) {
           {"max_mesh_bytes", capabilities.max_mesh_bytes},
           {"workers", capabilities.workers},
           {"threads", capabilities.threads},
+          {"max_triangles", capabilities.max_triangles},
+          {"memory_bytes", capabilities.memory_bytes},
+          {"inline_mesh_bytes", capabilities.inline_mesh_bytes},
+          {"upload_chunk_bytes", capabilities.upload_chunk_bytes},
+          {"reattach_grace_seconds", capabilities.reattach_grace_seconds},
+          {"durable", capabilities.durable},
+          {"isolated_workers", capabilities.isolated_workers},
           {"queue_capacity", capabilities.queue_capacity},
           {"seams", seams},
           {"solvers", solvers}};

@@ -20,6 +20,7 @@ std::string ValidUtf8(const std::string& text);
 
 Json ToJson(const Job& job);
 Json ToJson(const Event& event);
+Json ToJson(const JobEstimate& estimate);
 Json ToJson(const Capabilities& capabilities);
 
 // The report object of a job that succeeded. `output` is left out if empty.

@@ -22,6 +22,8 @@ int Run(const Arguments& arguments) {
         return RunPack(arguments, interrupts);
       case Command::kInspect:
         return RunInspect(arguments);
+      case Command::kEstimate:
+        return RunEstimate(arguments, interrupts);
       case Command::kJobsWatch:
         return RunJobsWatch(arguments, interrupts);
       case Command::kVersion:

@@ -1,5 +1,6 @@
 #include "client/cli/numbers.h"
 
+#include <cmath>
 #include <cstdio>
 
 namespace planish::cli {
@@ -43,6 +44,11 @@ std::string Duration(double seconds) {
   const long whole = static_cast<long>(seconds + 0.5);
   if (whole < 3600) return Format("%ld:%02ld", whole / 60, whole % 60);
   return Format("%ld:%02ld:%02ld", whole / 3600, whole / 60 % 60, whole % 60);
+}
+
+std::string Megabytes(std::int64_t bytes) {
+  const double megabytes = 1e-6 * static_cast<double>(bytes);
+  return (megabytes < 10 ? Fixed(megabytes, 1) : WithCommas(std::llround(megabytes))) + " MB";
 }
 
 std::string Counted(std::int64_t count, const std::string& one, const std::string& many) {

@@ -17,7 +17,10 @@ ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts, c
       std::filesystem::remove_all(directory, ignored);
     });
   }
-  client_.emplace(address.empty() ? private_server_->target() : address, needs.client);
+  ClientOptions options = needs.client;
+  // A private server that is lost does not come back.
+  if (address.empty()) options.reattach_seconds = options.retry_seconds = 1;
+  client_.emplace(address.empty() ? private_server_->target() : address, options);
 }
 
 ServerChoice::~ServerChoice() {

@@ -137,6 +137,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     CallOptions call_options;
     call_options.label = ValidUtf8(arguments.label.empty() ? file_name : arguments.label);
     call_options.timeout_seconds = command.TimeLeft();
+    call_options.scheduling = arguments.scheduling;
     if (arguments.detach) return Detach(arguments, command.files().view(), server.client(), call_options);
 
     view = NewProgressView(arguments.progress, file_name);

@@ -7,12 +7,15 @@
 #include <thread>
 #include <utility>
 
+#include "client/src/backoff.h"
 #include "client/src/convert.h"
 #include "client/src/errors.h"
 #include "client/src/follower.h"
 #include "client/src/mesh_packer.h"
+#include "client/src/mesh_sender.h"
 #include "client/src/request_id.h"
 #include "client/src/rpc.h"
+#include "client/src/stream_errors.h"
 #include "client/src/uv_bytes.h"
 
 namespace planish {
@@ -20,6 +23,10 @@ inline namespace api {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+constexpr double kLongestPauseSeconds = 5;
+// Of a Draco file, for EstimateJob: what declares its size.
+constexpr std::size_t kEstimateBytes = 1024;
 
 double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -38,15 +45,14 @@ Error ErrorOf(const v1::Job& job, const PackedMesh& mesh) {
       .set_job(job.name());
 }
 
-// Takes the Draco bytes and the seams out of `mesh`.
+// Everything but the mesh itself.
 template <typename Request>
-Request NewJobRequest(PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
+Request NewJobRequest(const PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
   Request request;
-  request.set_draco(std::move(mesh.draco));
   request.mutable_seam_corners()->Add(mesh.seam_corners.begin(), mesh.seam_corners.end());
   request.mutable_uncut_corners()->Add(mesh.uncut_corners.begin(), mesh.uncut_corners.end());
-  mesh.seam_corners = mesh.uncut_corners = {};
   *request.mutable_options() = ToProto(options);
+  *request.mutable_scheduling() = ToProto(call.scheduling);
   request.set_request_id(call.request_id.empty() ? NewRequestId() : call.request_id);
   request.set_label(call.label);
   return request;
@@ -77,13 +83,14 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
   // `start` is when the caller called, before the mesh was packed.
   UnwrapResult Unwrap(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
                       const Callbacks& callbacks, const CallOptions& call,
-                      std::function<void(const std::string&)> on_job_name) {
+                      std::function<void(const std::string&)> on_job_name, std::stop_token finish = {}) {
     const double packing_seconds = SecondsSince(start);
     FollowPlan plan;
     plan.unwrap = NewJobRequest<v1::UnwrapRequest>(mesh, options, call);
     plan.unwrap->set_detached(call.detached);
     plan.mesh = &mesh;
     plan.call = call;
+    plan.finish = std::move(finish);
     plan.on_job_name = std::move(on_job_name);
     const Followed followed = Follower(rpc_, options_, std::move(plan), callbacks).Run();
     UnwrapResult result = ResultOf(followed, mesh);
@@ -93,8 +100,8 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     return result;
   }
 
-  Followed Watch(const std::string& job, const PackedMesh* mesh, std::int64_t after_sequence,
-                 const Callbacks& callbacks, const CallOptions& call) {
+  Followed Watch(const std::string& job, PackedMesh* mesh, std::int64_t after_sequence, const Callbacks& callbacks,
+                 const CallOptions& call) {
     FollowPlan plan;
     plan.watch.emplace();
     plan.watch->set_name(job);
@@ -105,17 +112,29 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     return Follower(rpc_, options_, std::move(plan), callbacks).Run();
   }
 
-  // Repeats `create` while the server's queue is full and patience lasts.
-  template <typename Create>
-  v1::Job WaitForRoom(const Create& create) const {
-    for (double waited = 0;;) {
+  // Sends the mesh and creates the job, again and again while the server's queue is full or the server is lost, and
+  // patience lasts: the request id makes that safe.
+  v1::Job Create(PackedMesh mesh, const UnwrapOptions& options, const CallOptions& call) {
+    const Deadline deadline = DeadlineAfter(call.timeout_seconds);
+    const Callbacks no_callbacks;
+    auto request = NewJobRequest<v1::CreateJobRequest>(mesh, options, call);
+    MeshSender sender(rpc_, options_, &mesh, call, no_callbacks, deadline);
+    Backoff backoff(options_.reattach_backoff_seconds, kLongestPauseSeconds, request.request_id());
+    double waited_for_room = 0, waited_for_server = 0;
+    while (true) {
       try {
-        return create();
+        sender.Send(request);
+        return rpc_->CreateJob(request, deadline);
       } catch (const Error& error) {
-        const double pause = std::max(0.05, error.retry_after_seconds());
-        if (error.reason() != "QUEUE_FULL" || waited + pause > options_.queue_full_wait_seconds) throw;
-        std::this_thread::sleep_for(std::chrono::duration<double>(pause));
+        if (sender.ForgetUpload(error, request)) continue;
+        const bool is_full = AsksToWait(error);
+        if (!is_full && (!IsBrokenStream(error) || !rpc_->reached() || error.reason() == "DRAINING")) throw;
+        const double pause = std::max(is_full ? 0.05 : backoff.Next(), error.retry_after_seconds());
+        double& waited = is_full ? waited_for_room : waited_for_server;
         waited += pause;
+        if (waited > (is_full ? options_.queue_full_wait_seconds : options_.reattach_seconds)) throw;
+        ThrowIfLate(deadline, pause, error);
+        std::this_thread::sleep_for(std::chrono::duration<double>(pause));
       }
     }
   }
@@ -126,7 +145,8 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
 };
 
 struct Call::State {
-  std::stop_source stop;
+  std::stop_source stop;    // cancels
+  std::stop_source finish;  // stops
   std::thread thread;
 
   mutable std::mutex mutex;
@@ -171,6 +191,10 @@ void Call::End() {
 
 void Call::Cancel() {
   if (state_ != nullptr) state_->stop.request_stop();
+}
+
+void Call::Stop() {
+  if (state_ != nullptr) state_->finish.request_stop();
 }
 
 std::string Call::job() const {
@@ -227,7 +251,7 @@ Call Client::StartUnwrap(const MeshView& mesh, const UnwrapOptions& options, Cal
     std::optional<UnwrapResult> result;
     std::exception_ptr failure;
     try {
-      result = impl->Unwrap(std::move(packed), start, options, callbacks, call, on_job_name);
+      result = impl->Unwrap(std::move(packed), start, options, callbacks, call, on_job_name, state->finish.get_token());
       if (callbacks.on_done) callbacks.on_done(*result);
     } catch (const Error& error) {
       failure = std::current_exception();
@@ -242,16 +266,13 @@ Call Client::StartUnwrap(const MeshView& mesh, const UnwrapOptions& options, Cal
 }
 
 Job Client::CreateJob(const MeshView& mesh, const UnwrapOptions& options, const CallOptions& call) {
-  const Deadline deadline = DeadlineAfter(call.timeout_seconds);
-  PackedMesh packed = MeshPacker::Pack(mesh);
-  const auto request = NewJobRequest<v1::CreateJobRequest>(packed, options, call);
-  return FromProto(impl_->WaitForRoom([&] { return impl_->rpc().CreateJob(request, deadline); }));
+  return FromProto(impl_->Create(MeshPacker::Pack(mesh), options, call));
 }
 
 UnwrapResult Client::AttachResult(const std::string& job, const MeshView& mesh, const Callbacks& callbacks,
                                   const CallOptions& call) {
   const Clock::time_point start = Clock::now();
-  const PackedMesh packed = MeshPacker::Pack(mesh);
+  PackedMesh packed = MeshPacker::Pack(mesh);
   const Followed followed = impl_->Watch(job, &packed, 0, callbacks, call);
   UnwrapResult result = ResultOf(followed, packed);
   result.report.seconds.download = followed.download_seconds;
@@ -269,11 +290,12 @@ Job Client::GetJob(const std::string& job) {
   return FromProto(impl_->rpc().GetJob(job));
 }
 
-std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state) {
+std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state, const std::string& label_prefix) {
   constexpr int kPageSize = 1000;
   std::vector<Job> jobs;
   v1::ListJobsRequest request;
   if (state) request.set_state(ToProto(*state));
+  request.set_label_prefix(label_prefix);
   do {
     const int left = limit > 0 ? limit - static_cast<int>(jobs.size()) : kPageSize;
     request.set_page_size(std::min(left, kPageSize));
@@ -284,12 +306,33 @@ std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state) {
   return jobs;
 }
 
+Job Client::StopJob(const std::string& job) {
+  return FromProto(impl_->rpc().StopJob(job));
+}
+
 Job Client::CancelJob(const std::string& job) {
   return FromProto(impl_->rpc().CancelJob(job));
 }
 
 void Client::DeleteJob(const std::string& job) {
   impl_->rpc().DeleteJob(job);
+}
+
+JobEstimate Client::Estimate(const MeshView& mesh, const UnwrapOptions& options) {
+  const PackedMesh packed = MeshPacker::Pack(mesh);
+  v1::EstimateJobRequest request;
+  request.set_draco(packed.draco.substr(0, kEstimateBytes));
+  request.set_mesh_bytes(static_cast<std::int64_t>(packed.draco.size()));
+  *request.mutable_options() = ToProto(options);
+  return FromProto(impl_->rpc().EstimateJob(request));
+}
+
+JobEstimate Client::Estimate(std::int64_t triangles, std::int64_t vertices, const UnwrapOptions& options) {
+  v1::EstimateJobRequest request;
+  request.mutable_size()->set_triangles(triangles);
+  request.mutable_size()->set_vertices(vertices > 0 ? vertices : triangles / 2);
+  *request.mutable_options() = ToProto(options);
+  return FromProto(impl_->rpc().EstimateJob(request));
 }
 
 Capabilities Client::GetCapabilities() {

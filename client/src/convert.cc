@@ -1,5 +1,7 @@
 #include "client/src/convert.h"
 
+#include <cmath>
+
 #include "client/src/errors.h"
 
 namespace planish {
@@ -26,12 +28,37 @@ static_assert(static_cast<int>(Boundary::kConvex) + 1 == v1::BOUNDARY_CONVEX);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
 static_assert(static_cast<int>(Seams::kAuto) + 1 == v1::SEAMS_AUTO);
+static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
 static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
 
 Job::Time TimeFrom(const google::protobuf::Timestamp& time) {
   return Job::Time(std::chrono::duration_cast<Job::Time::duration>(std::chrono::seconds(time.seconds()) +
                                                                    std::chrono::nanoseconds(time.nanos())));
+}
+
+double SecondsFrom(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
+}
+
+void SetSeconds(double seconds, google::protobuf::Duration* duration) {
+  const double whole = std::floor(seconds);
+  duration->set_seconds(static_cast<std::int64_t>(whole));
+  duration->set_nanos(static_cast<std::int32_t>((seconds - whole) * 1e9));
+}
+
+Scheduling FromProto(const v1::Scheduling& proto) {
+  Scheduling scheduling;
+  if (proto.priority() != v1::PRIORITY_UNSPECIFIED) scheduling.priority = EnumFromProto<Priority>(proto.priority());
+  scheduling.timeout_seconds = SecondsFrom(proto.timeout());
+  scheduling.compute_budget_seconds = SecondsFrom(proto.compute_budget());
+  scheduling.fresh = proto.fresh();
+  return scheduling;
+}
+
+JobError FromProto(const google::rpc::Status& proto, const ids::Renumbering& renumbering) {
+  const Error error = Renumbered(ErrorFrom(proto), renumbering);
+  return {ToString(error.code()), error.reason(), error.what(), error.metadata()};
 }
 
 UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
@@ -152,6 +179,17 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   return proto;
 }
 
+v1::Scheduling ToProto(const Scheduling& scheduling) {
+  v1::Scheduling proto;
+  proto.set_priority(EnumToProto<v1::Priority>(scheduling.priority));
+  if (scheduling.timeout_seconds > 0) SetSeconds(scheduling.timeout_seconds, proto.mutable_timeout());
+  if (scheduling.compute_budget_seconds > 0) {
+    SetSeconds(scheduling.compute_budget_seconds, proto.mutable_compute_budget());
+  }
+  proto.set_fresh(scheduling.fresh);
+  return proto;
+}
+
 v1::JobState ToProto(JobState state) {
   return static_cast<v1::JobState>(state);
 }
@@ -203,11 +241,14 @@ Job FromProto(const v1::Job& proto, const ids::Renumbering& renumbering) {
   job.mesh_bytes = proto.mesh_bytes();
   job.queue_position = proto.queue_position();
   if (proto.has_progress()) job.progress = FromProto(proto.progress());
-  if (proto.has_error()) {
-    const Error error = Renumbered(ErrorFrom(proto.error()), renumbering);
-    job.error = JobError{ToString(error.code()), error.reason(), error.what(), error.metadata()};
-  }
+  if (proto.has_error()) job.error = FromProto(proto.error(), renumbering);
   if (proto.has_report()) job.report = FromProto(proto.report(), renumbering);
+  job.scheduling = FromProto(proto.scheduling());
+  job.attempts = proto.attempts();
+  job.stop_requested = proto.stop_requested();
+  job.result_of = proto.result_of();
+  job.memory_bytes = proto.memory_bytes();
+  if (proto.has_expire_time()) job.expire_time = TimeFrom(proto.expire_time());
   return job;
 }
 
@@ -221,6 +262,17 @@ Event FromProto(const v1::JobEvent& proto, const ids::Renumbering& renumbering) 
   return event;
 }
 
+JobEstimate FromProto(const v1::JobEstimate& proto) {
+  JobEstimate estimate;
+  estimate.triangles = proto.size().triangles();
+  estimate.vertices = proto.size().vertices();
+  estimate.memory_bytes = proto.memory_bytes();
+  estimate.run_seconds = proto.run_seconds();
+  estimate.queue_seconds = proto.queue_seconds();
+  if (proto.has_refusal()) estimate.refusal = FromProto(proto.refusal(), {});
+  return estimate;
+}
+
 Capabilities FromProto(const v1::Capabilities& proto) {
   Capabilities capabilities;
   capabilities.version = proto.version();
@@ -228,6 +280,13 @@ Capabilities FromProto(const v1::Capabilities& proto) {
   capabilities.workers = proto.workers();
   capabilities.queue_capacity = proto.queue_capacity();
   capabilities.threads = proto.threads();
+  capabilities.max_triangles = proto.max_triangles();
+  capabilities.memory_bytes = proto.memory_bytes();
+  capabilities.inline_mesh_bytes = proto.inline_mesh_bytes();
+  capabilities.upload_chunk_bytes = proto.upload_chunk_bytes();
+  capabilities.reattach_grace_seconds = SecondsFrom(proto.reattach_grace());
+  capabilities.durable = proto.durable();
+  capabilities.isolated_workers = proto.isolated_workers();
   for (const int seams : proto.seams()) capabilities.seams.push_back(EnumFromProto<Seams>(seams));
   for (const v1::SolverCombination& solver : proto.solvers()) {
     capabilities.solvers.push_back({EnumFromProto<Solver>(solver.solver()), EnumFromProto<System>(solver.system()),

@@ -11,12 +11,14 @@ inline namespace api {
 
 v1::UnwrapOptions ToProto(const UnwrapOptions& options);
 v1::JobState ToProto(JobState state);
+v1::Scheduling ToProto(const Scheduling& scheduling);
 
 // Element ids in a job's error and warnings pass through `renumbering`.
 Job FromProto(const v1::Job& job, const ids::Renumbering& renumbering = {});
 Progress FromProto(const v1::Progress& progress);
 Report FromProto(const v1::Report& report, const ids::Renumbering& renumbering = {});
 Event FromProto(const v1::JobEvent& event, const ids::Renumbering& renumbering = {});
+JobEstimate FromProto(const v1::JobEstimate& estimate);
 Capabilities FromProto(const v1::Capabilities& capabilities);
 
 }  // namespace api

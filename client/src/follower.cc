@@ -1,10 +1,12 @@
 #include "client/src/follower.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "client/src/convert.h"
 #include "client/src/request_id.h"
+#include "client/src/stream_errors.h"
 
 namespace planish {
 inline namespace api {
@@ -18,14 +20,6 @@ bool IsTerminal(v1::JobState state) {
   return IsTerminal(static_cast<JobState>(state));
 }
 
-// Whether the stream broke under way, so that the same call may succeed a moment later.
-bool IsBrokenStream(const Error& error) {
-  if (error.code() == ErrorCode::kUnavailable) return true;
-  // Resets and broken frames come from the transport; what the server says itself brings its own reason.
-  const bool from_transport = error.reason() == ToString(error.code());
-  return from_transport && (error.code() == ErrorCode::kInternal || error.code() == ErrorCode::kUnknown);
-}
-
 }  // namespace
 
 Follower::Follower(std::shared_ptr<Rpc> rpc, const ClientOptions& options, FollowPlan plan, const Callbacks& callbacks)
@@ -34,7 +28,10 @@ Follower::Follower(std::shared_ptr<Rpc> rpc, const ClientOptions& options, Follo
       plan_(std::move(plan)),
       callbacks_(callbacks),
       deadline_(DeadlineAfter(plan_.call.timeout_seconds)),
-      wants_uv_(plan_.unwrap.has_value() || plan_.watch->include_uv()) {
+      wants_uv_(plan_.unwrap.has_value() || plan_.watch->include_uv()),
+      backoff_(options.reattach_backoff_seconds, kLongestPauseSeconds,
+               plan_.unwrap ? plan_.unwrap->request_id() : NewRequestId()) {
+  if (plan_.unwrap) sender_.emplace(rpc_, options_, plan_.mesh, plan_.call, callbacks_, deadline_);
   if (plan_.watch) {
     job_name_ = plan_.watch->name();
     last_sequence_ = plan_.watch->after_sequence();
@@ -43,6 +40,7 @@ Follower::Follower(std::shared_ptr<Rpc> rpc, const ClientOptions& options, Follo
 
 Followed Follower::Run() {
   const std::stop_callback on_stop(plan_.call.stop, [this] { OnStop(); });
+  const std::stop_callback on_finish(plan_.finish, [this] { OnFinish(); });
   try {
     while (!IsComplete()) RunOneStream();
   } catch (Error& error) {
@@ -65,27 +63,34 @@ void Follower::RunOneStream() {
   std::optional<Error> error;
   v1::WatchJobRequest watch;
   try {
-    if (rpc_->Connect(deadline_)) reached_ = true;
-    bool cancel_again = false;
+    rpc_->Connect(deadline_);
+    const bool begins = plan_.unwrap && JobName().empty();
+    if (begins) sender_->Send(*plan_.unwrap);
+    bool cancel_again = false, finish_again = false;
     {
       const std::lock_guard lock(mutex_);
-      if (stopped_ && (job_name_.empty() || plan_.watch)) ThrowCancelled();
-      if (job_name_.empty()) {
+      if (stopped_ && (begins || plan_.watch)) ThrowCancelled();
+      if (begins) {
         stream_ = rpc_->Unwrap(*plan_.unwrap, deadline_);
       } else {
         watch.set_name(job_name_);
         watch.set_after_sequence(last_sequence_);
         watch.set_include_uv(wants_uv_);
         watch.set_uv_offset(static_cast<std::int64_t>(followed_.uv_bytes.size()));
+        watch.set_attach(plan_.unwrap && !plan_.call.detached);
         stream_ = rpc_->WatchJob(watch, deadline_);
-        cancel_again = stopped_;  // the first request may have been lost with the connection
+        // The first request may have been lost with the connection.
+        cancel_again = stopped_;
+        finish_again = finishing_;
       }
     }
     stream_->Start();
     if (cancel_again) rpc_->CancelJobInBackground(job_name_);
+    if (finish_again) rpc_->StopJobInBackground(job_name_);
     StreamItem item;
     while (stream_->Read(item)) {
-      failures_ = 0;
+      lost_.reset();
+      backoff_.Reset();
       if (item.event) TakeEvent(*item.event);
       if (item.uv) TakeUv(*item.uv);
     }
@@ -118,16 +123,18 @@ void Follower::TakeEvent(const v1::JobEvent& proto) {
   if (proto.has_job()) {
     followed_.job = proto.job();
     if (IsTerminal(proto.job().state())) last_event_ = Clock::now();
-    bool cancel_now = false;
+    bool cancel_now = false, finish_now = false;
     {
       const std::lock_guard lock(mutex_);
       if (job_name_.empty()) {
         job_name_ = proto.job().name();
-        // A stop that came before there was anything to cancel.
+        // What came before there was a job to ask it of.
         cancel_now = stopped_;
+        finish_now = finishing_;
       }
     }
     if (cancel_now) rpc_->CancelJobInBackground(job_name_);
+    if (finish_now) rpc_->StopJobInBackground(job_name_);
     if (plan_.on_job_name) plan_.on_job_name(job_name_);
   }
   if (callbacks_.on_event) callbacks_.on_event(event);
@@ -150,42 +157,45 @@ void Follower::TakeUv(const v1::UvChunk& chunk) {
 void Follower::OnStreamError(const Error& error) {
   const bool stopped = plan_.call.stop.stop_requested();
   if (stopped && (plan_.watch || job_name_.empty())) ThrowCancelled();
-  if (error.reason() == "QUEUE_FULL" && plan_.unwrap) {
-    const double pause = std::max(0.05, error.retry_after_seconds());
-    if (queue_full_waited_ + pause > options_.queue_full_wait_seconds) throw error;
-    queue_full_waited_ += pause;
-    PauseBeforeRetry(error, pause);
-    return;
+  if (plan_.unwrap && job_name_.empty()) {
+    if (AsksToWait(error)) {
+      const double pause = std::max(0.05, error.retry_after_seconds());
+      if (queue_full_waited_ + pause > options_.queue_full_wait_seconds) throw error;
+      queue_full_waited_ += pause;
+      PauseBeforeRetry(error, pause);
+      return;
+    }
+    if (sender_->ForgetUpload(error, *plan_.unwrap)) return;
   }
-  if (error.code() == ErrorCode::kNotFound && plan_.unwrap && lost_stream_) {
-    StartAnew();  // the server that had the job is gone
+  if (error.code() == ErrorCode::kNotFound && plan_.unwrap && !job_name_.empty() && lost_stream_) {
+    StartAnew();  // the server that had the job, or its UV, has them no more
     return;
   }
   if (!IsBrokenStream(error)) throw error;
+  OnLost(error);
+}
+
+void Follower::OnLost(const Error& error) {
   // A server that was never reached, or takes no new jobs, is not coming back soon: say so at once.
-  if (!reached_ || (!first_event_ && error.reason() == "DRAINING")) throw error;
+  if (!rpc_->reached() || (!first_event_ && !lost_stream_ && error.reason() == "DRAINING")) throw error;
   lost_stream_ = true;
-  if (++failures_ > options_.reattach_attempts) {
+  const Clock::time_point now = Clock::now();
+  if (!lost_) lost_ = now;
+  const double pause = std::max(backoff_.Next(), error.retry_after_seconds());
+  if (std::chrono::duration<double>(now - *lost_).count() + pause > options_.reattach_seconds) {
     throw Error(ErrorCode::kUnavailable, "CONNECTION_LOST",
-                "lost the planish server at " + rpc_->target() + " and could not re-attach in " +
-                    std::to_string(options_.reattach_attempts) + " attempts: " + error.what());
+                "lost the planish server at " + rpc_->target() + " and could not re-attach within " +
+                    std::to_string(std::lround(options_.reattach_seconds)) + " s: " + error.what());
   }
-  PauseBeforeRetry(
-      error, std::min(kLongestPauseSeconds, options_.reattach_backoff_seconds * (1 << std::min(failures_ - 1, 10))));
+  PauseBeforeRetry(error, pause);
 }
 
 void Follower::PauseBeforeRetry(const Error& why, double seconds) {
+  ThrowIfLate(deadline_, seconds, why);
   if (callbacks_.on_reconnect) callbacks_.on_reconnect(why, seconds);
-  const double left = SecondsLeft();
   std::unique_lock lock(mutex_);
   const bool was_stopped = stopped_;
-  stopped_changed_.wait_for(lock, std::chrono::duration<double>(std::min(left, seconds)),
-                            [&] { return stopped_ != was_stopped; });
-  lock.unlock();
-  if (left <= seconds) {
-    throw Error(ErrorCode::kDeadlineExceeded, "DEADLINE_EXCEEDED",
-                std::string("the time given to the call passed while waiting: ") + why.what());
-  }
+  stopped_changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return stopped_ != was_stopped; });
 }
 
 void Follower::StartAnew() {
@@ -220,14 +230,24 @@ void Follower::OnStop() {
   if (!job.empty()) rpc_->CancelJobInBackground(job);
 }
 
+void Follower::OnFinish() {
+  std::string job;
+  {
+    const std::lock_guard lock(mutex_);
+    finishing_ = true;
+    job = job_name_;
+  }
+  if (!job.empty()) rpc_->StopJobInBackground(job);
+}
+
+std::string Follower::JobName() {
+  const std::lock_guard lock(mutex_);
+  return job_name_;
+}
+
 void Follower::ThrowCancelled() const {
   throw Error(ErrorCode::kCancelled, "CANCELLED",
               plan_.watch ? "stopped watching; the job goes on" : "cancelled before the server had accepted the job");
-}
-
-double Follower::SecondsLeft() const {
-  if (!deadline_) return 1e9;
-  return std::chrono::duration<double>(*deadline_ - std::chrono::system_clock::now()).count();
 }
 
 }  // namespace api

@@ -10,7 +10,9 @@
 #include <stop_token>
 #include <string>
 
+#include "client/src/backoff.h"
 #include "client/src/mesh_packer.h"
+#include "client/src/mesh_sender.h"
 #include "client/src/rpc.h"
 
 namespace planish {
@@ -20,9 +22,11 @@ inline namespace api {
 struct FollowPlan {
   std::optional<v1::UnwrapRequest> unwrap;
   std::optional<v1::WatchJobRequest> watch;
-  // The mesh the UV must belong to, and the numbering of ids in errors; may be null. Must outlive the follower.
-  const PackedMesh* mesh = nullptr;
+  // The mesh that is sent with `unwrap`, that the UV must belong to, and whose numbering errors are told in; may be
+  // null with `watch`. Must outlive the follower, which takes the Draco bytes out if they travel inside the request.
+  PackedMesh* mesh = nullptr;
   CallOptions call;
+  std::stop_token finish;                               // a request to stop the job and bring what it has
   std::function<void(const std::string&)> on_job_name;  // on the thread of Run()
 };
 
@@ -49,11 +53,13 @@ class Follower {
   void TakeUv(const v1::UvChunk& chunk);
   bool IsComplete() const;
   void OnStreamError(const Error& error);
+  void OnLost(const Error& error);
   void PauseBeforeRetry(const Error& why, double seconds);
   void StartAnew();
   void OnStop();
+  void OnFinish();
+  std::string JobName();
   [[noreturn]] void ThrowCancelled() const;
-  double SecondsLeft() const;
 
   const std::shared_ptr<Rpc> rpc_;
   const ClientOptions options_;
@@ -61,14 +67,15 @@ class Follower {
   const Callbacks& callbacks_;
   const Deadline deadline_;
   const bool wants_uv_;
+  std::optional<MeshSender> sender_;  // with plan_.unwrap
+  Backoff backoff_;
 
   Clock::time_point start_ = Clock::now();
   std::optional<Clock::time_point> first_event_, last_event_;
   Followed followed_;
   std::int64_t last_sequence_ = 0;
-  bool reached_ = false;      // the server, ever
-  bool lost_stream_ = false;  // of the present job
-  int failures_ = 0;          // in a row
+  bool lost_stream_ = false;               // of the present job
+  std::optional<Clock::time_point> lost_;  // when the trouble began that nothing came through since
   int lost_jobs_ = 0;
   double queue_full_waited_ = 0;
 
@@ -76,6 +83,7 @@ class Follower {
   std::mutex mutex_;
   std::condition_variable stopped_changed_;
   bool stopped_ = false;
+  bool finishing_ = false;
   std::string job_name_;
   std::unique_ptr<Stream> stream_;
 };

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "client/src/backoff.h"
 #include "client/src/errors.h"
+#include "client/src/request_id.h"
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
@@ -16,8 +18,9 @@ using Clock = std::chrono::system_clock;
 
 // Answers that carry no mesh must not take longer than this, connection included.
 constexpr double kUnarySeconds = 20;
-// A cancellation in the background keeps its Rpc alive for so long at most.
-constexpr double kCancelSeconds = 5;
+// A call in the background keeps its Rpc alive for so long at most.
+constexpr double kBackgroundSeconds = 5;
+constexpr double kLongestPauseSeconds = 2;
 
 std::shared_ptr<grpc::Channel> NewChannel(const std::string& target, const ClientOptions& options) {
   grpc::ChannelArguments arguments;
@@ -106,6 +109,46 @@ class GrpcStream : public Stream {
   bool finished_ = false;
 };
 
+class GrpcUploadStream : public UploadStream {
+ public:
+  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, std::string target) : target_(std::move(target)) {
+    SetDeadline(context_, deadline);
+    writer_ = stub->WriteUpload(&context_, &upload_);
+  }
+
+  ~GrpcUploadStream() override {
+    if (finished_) return;
+    context_.TryCancel();
+    writer_->Finish();
+  }
+
+  bool Write(const v1::WriteUploadRequest& request) override { return writer_->Write(request); }
+
+  v1::Upload Finish() override {
+    writer_->WritesDone();
+    finished_ = true;
+    const grpc::Status status = writer_->Finish();
+    if (!status.ok()) throw ErrorOfCall(status, target_);
+    return std::move(upload_);
+  }
+
+  void TryCancel() override { context_.TryCancel(); }
+
+ private:
+  const std::string target_;
+  grpc::ClientContext context_;
+  v1::Upload upload_;
+  std::unique_ptr<grpc::ClientWriter<v1::WriteUploadRequest>> writer_;
+  bool finished_ = false;
+};
+
+template <typename Request>
+Request NameRequest(const std::string& name) {
+  Request request;
+  request.set_name(name);
+  return request;
+}
+
 }  // namespace
 
 struct Rpc::Stubs {
@@ -122,6 +165,28 @@ struct Rpc::Stubs {
     const grpc::Status status = (planish.get()->*method)(&context, request, &response);
     if (!status.ok()) throw ErrorOfCall(status, rpc.target());
     return response;
+  }
+
+  // The same for a call that may be repeated. `attempts`, if given, tells how often it was made.
+  template <typename Request, typename Response>
+  Response Repeated(Rpc& rpc,
+                    grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                    const Request& request, int* attempts = nullptr) {
+    const Deadline deadline = DeadlineAfter(kUnarySeconds);
+    const Clock::time_point start = Clock::now();
+    Backoff backoff(rpc.options_.reattach_backoff_seconds, kLongestPauseSeconds, NewRequestId());
+    while (true) {
+      try {
+        if (attempts != nullptr) ++*attempts;
+        return Unary(rpc, method, request, deadline);
+      } catch (const Error& error) {
+        const std::chrono::duration<double> pause(std::max(backoff.Next(), error.retry_after_seconds()));
+        const std::chrono::duration<double> limit(rpc.options_.retry_seconds);
+        // A server that was never there is not coming back soon: say so at once.
+        if (error.code() != ErrorCode::kUnavailable || !rpc.reached_ || Clock::now() - start + pause > limit) throw;
+        std::this_thread::sleep_for(pause);
+      }
+    }
   }
 
   const std::shared_ptr<grpc::Channel> channel;
@@ -149,6 +214,7 @@ bool Rpc::Connect(Deadline deadline) {
     throw Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE",
                 "cannot reach the planish server at " + target_ + ": no connection in time");
   }
+  if (state == GRPC_CHANNEL_READY) reached_ = true;
   return state == GRPC_CHANNEL_READY;
 }
 
@@ -169,44 +235,76 @@ v1::Job Rpc::CreateJob(const v1::CreateJobRequest& request, Deadline deadline) {
 }
 
 v1::Job Rpc::GetJob(const std::string& name) {
-  v1::GetJobRequest request;
-  request.set_name(name);
-  return stubs_->Unary(*this, &v1::Planish::Stub::GetJob, request, DeadlineAfter(kUnarySeconds));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name));
 }
 
 v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::ListJobs, request, DeadlineAfter(kUnarySeconds));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request);
+}
+
+v1::Job Rpc::StopJob(const std::string& name) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name));
 }
 
 v1::Job Rpc::CancelJob(const std::string& name) {
-  v1::CancelJobRequest request;
-  request.set_name(name);
-  return stubs_->Unary(*this, &v1::Planish::Stub::CancelJob, request, DeadlineAfter(kUnarySeconds));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name));
 }
 
 void Rpc::DeleteJob(const std::string& name) {
-  v1::DeleteJobRequest request;
-  request.set_name(name);
-  stubs_->Unary(*this, &v1::Planish::Stub::DeleteJob, request, DeadlineAfter(kUnarySeconds));
+  int attempts = 0;
+  try {
+    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), &attempts);
+  } catch (const Error& error) {
+    // An attempt before this one got through, and only its answer was lost.
+    if (attempts == 1 || error.code() != ErrorCode::kNotFound) throw;
+  }
+}
+
+v1::JobEstimate Rpc::EstimateJob(const v1::EstimateJobRequest& request) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request);
 }
 
 v1::Capabilities Rpc::GetCapabilities() {
-  return stubs_->Unary(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest(),
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest());
+}
+
+v1::Upload Rpc::CreateUpload(const v1::CreateUploadRequest& request) {
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, DeadlineAfter(kUnarySeconds));
+}
+
+v1::Upload Rpc::GetUpload(const std::string& name) {
+  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name),
                        DeadlineAfter(kUnarySeconds));
 }
 
-// Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
-// would have to wait for themselves.
-void Rpc::CancelJobInBackground(const std::string& name) {
-  const std::lock_guard lock(cancels_mutex_);
-  cancels_.emplace_back([stubs = stubs_, name] {
-    grpc::ClientContext context;
-    SetDeadline(context, DeadlineAfter(kCancelSeconds));
-    v1::CancelJobRequest request;
-    request.set_name(name);
+std::unique_ptr<UploadStream> Rpc::WriteUpload(Deadline deadline) {
+  Connect(deadline);
+  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, target_);
+}
+
+void Rpc::StopJobInBackground(const std::string& name) {
+  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
-    // Whether it got through shows in the job's own stream.
-    stubs->planish->CancelJob(&context, request, &job);
+    planish.StopJob(context, NameRequest<v1::StopJobRequest>(name), &job);
+  });
+}
+
+void Rpc::CancelJobInBackground(const std::string& name) {
+  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+    v1::Job job;
+    planish.CancelJob(context, NameRequest<v1::CancelJobRequest>(name), &job);
+  });
+}
+
+// Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
+// would have to wait for themselves. Whether the call got through shows in the job's own stream.
+template <typename Call>
+void Rpc::InBackground(Call call) {
+  const std::lock_guard lock(background_mutex_);
+  background_.emplace_back([stubs = stubs_, call = std::move(call)] {
+    grpc::ClientContext context;
+    SetDeadline(context, DeadlineAfter(kBackgroundSeconds));
+    call(*stubs->planish, &context);
   });
 }
 

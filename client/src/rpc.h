@@ -1,6 +1,7 @@
 // The connection: stubs, deadlines and status translation. rpc.cc is the only file with generated gRPC code.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -39,7 +40,19 @@ class Stream {
   virtual void TryCancel() = 0;
 };
 
-// Thread-safe. Calls throw planish::Error.
+// The stream of a WriteUpload. TryCancel may come from any thread at any time, the others belong to one.
+class UploadStream {
+ public:
+  virtual ~UploadStream() = default;
+  // False if the stream broke: Finish() says why.
+  virtual bool Write(const v1::WriteUploadRequest& request) = 0;
+  // Ends the stream; the upload as the server has it then. Throws why it broke, or was refused.
+  virtual v1::Upload Finish() = 0;
+  virtual void TryCancel() = 0;
+};
+
+// Thread-safe. Calls throw planish::Error. Those that may be repeated safely are, for retry_seconds at most, while a
+// server that was reached before is UNAVAILABLE.
 class Rpc {
  public:
   Rpc(const std::string& target, const ClientOptions& options);
@@ -50,27 +63,44 @@ class Rpc {
   // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE.
   bool Connect(Deadline deadline);
 
+  // Whether there was a connection, ever.
+  bool reached() const { return reached_; }
+
   std::unique_ptr<Stream> Unwrap(const v1::UnwrapRequest& request, Deadline deadline);
   std::unique_ptr<Stream> WatchJob(const v1::WatchJobRequest& request, Deadline deadline);
 
+  // Once, whatever happens: the caller sees to it that the mesh is there.
   v1::Job CreateJob(const v1::CreateJobRequest& request, Deadline deadline);
+
   v1::Job GetJob(const std::string& name);
   v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request);
+  v1::Job StopJob(const std::string& name);
   v1::Job CancelJob(const std::string& name);
   void DeleteJob(const std::string& name);
+  v1::JobEstimate EstimateJob(const v1::EstimateJobRequest& request);
   v1::Capabilities GetCapabilities();
 
-  // Returns at once. The answer is not waited for: whoever cancels watches the job's stream. The destructor waits for
-  // calls that are still out, a few seconds at most.
+  // Once each.
+  v1::Upload CreateUpload(const v1::CreateUploadRequest& request);
+  v1::Upload GetUpload(const std::string& name);
+  std::unique_ptr<UploadStream> WriteUpload(Deadline deadline);
+
+  // Return at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
+  // waits for calls that are still out, a few seconds at most.
+  void StopJobInBackground(const std::string& name);
   void CancelJobInBackground(const std::string& name);
 
  private:
   struct Stubs;
+  template <typename Call>
+  void InBackground(Call call);
+
   std::string target_;
   ClientOptions options_;
   std::shared_ptr<Stubs> stubs_;
-  std::mutex cancels_mutex_;
-  std::vector<std::jthread> cancels_;  // guarded by cancels_mutex_; joined by their destructors
+  std::atomic<bool> reached_ = false;
+  std::mutex background_mutex_;
+  std::vector<std::jthread> background_;  // guarded by background_mutex_; joined by their destructors
 };
 
 }  // namespace api

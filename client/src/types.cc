@@ -181,6 +181,18 @@ const char* ToString(Boundary boundary) {
   return "unknown";
 }
 
+const char* ToString(Priority priority) {
+  switch (priority) {
+    case Priority::kLow:
+      return "low";
+    case Priority::kNormal:
+      return "normal";
+    case Priority::kHigh:
+      return "high";
+  }
+  return "unknown";
+}
+
 const char* ToString(Precision precision) {
   switch (precision) {
     case Precision::kAuto:

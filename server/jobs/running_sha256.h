@@ -8,8 +8,8 @@
 
 namespace planish {
 
-// SHA-256 of bytes that come piece by piece. A copy goes on by itself. Throws std::bad_alloc if the crypto library has no
-// memory.
+// SHA-256 of bytes that come piece by piece. A copy goes on by itself. Throws std::bad_alloc if the crypto library has
+// no memory.
 class RunningSha256 {
  public:
   RunningSha256();

@@ -72,8 +72,7 @@ absl::Status UploadWriter::Append(std::int64_t offset, std::string_view data) {
 
 // ---- the store
 
-UploadStore::UploadStore(UploadStoreOptions options, BlobStore* blobs)
-    : options_(std::move(options)), blobs_(blobs) {}
+UploadStore::UploadStore(UploadStoreOptions options, BlobStore* blobs) : options_(std::move(options)), blobs_(blobs) {}
 
 absl::Status UploadStore::Open() {
   if (options_.directory.empty()) return absl::OkStatus();
@@ -111,7 +110,8 @@ absl::Status UploadStore::Recover(const std::string& file_name) {
     return absl::OkStatus();
   }
   if (!complete && entry.committed_bytes == entry.total_bytes) {
-    // The process ended before it could make the upload complete. The client's next message will: it sends the last byte.
+    // The process ended before it could make the upload complete. The client's next message will: it sends the last
+    // byte.
     --entry.committed_bytes;
     if (truncate(path.c_str(), entry.committed_bytes) != 0) {
       return InternalError(absl::StrCat("cannot cut ", path, ": ", std::strerror(errno)));
@@ -187,11 +187,11 @@ absl::Status UploadStore::CheckRoom() const {
                           options_.retry_delay);
   }
   if (bytes > options_.max_bytes) {
-    return WithRetryDelay(
-        MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
-                  absl::StrCat("the uploads under way need all of the ", options_.max_bytes, " bytes there are for them"),
-                  {{"limit", absl::StrCat(options_.max_bytes)}}),
-        options_.retry_delay);
+    return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+                                    absl::StrCat("the uploads under way need all of the ", options_.max_bytes,
+                                                 " bytes there are for them"),
+                                    {{"limit", absl::StrCat(options_.max_bytes)}}),
+                          options_.retry_delay);
   }
   return absl::OkStatus();
 }

@@ -34,10 +34,10 @@ struct UploadStoreOptions {
   // Uploads under way, and bytes they announced. One by itself may be of any size up to max_mesh_bytes.
   int max_uploads = 64;
   std::int64_t max_bytes = std::int64_t{4} << 30;
-  int max_complete = 1024;                        // beyond these the one not used for longest is forgotten
-  absl::Duration idle_limit = absl::Hours(1);     // from the last use until an upload is forgotten
-  absl::Duration writer_limit = absl::Seconds(5); // a writer silent for so long gives way to a new one
-  absl::Duration retry_delay = absl::Seconds(2);  // advice with QUEUE_FULL and STORAGE_FULL
+  int max_complete = 1024;                         // beyond these the one not used for longest is forgotten
+  absl::Duration idle_limit = absl::Hours(1);      // from the last use until an upload is forgotten
+  absl::Duration writer_limit = absl::Seconds(5);  // a writer silent for so long gives way to a new one
+  absl::Duration retry_delay = absl::Seconds(2);   // advice with QUEUE_FULL and STORAGE_FULL
   std::function<absl::Time()> clock = absl::Now;
   std::function<std::string()> new_id = RandomId;
 };
@@ -85,8 +85,8 @@ class UploadStore {
   // Finds the uploads that an earlier process left.
   absl::Status Open();
 
-  // INVALID_ARGUMENT with REQUEST_INVALID; RESOURCE_EXHAUSTED with MESH_TOO_LARGE, or with a retry delay QUEUE_FULL (too
-  // many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes.
+  // INVALID_ARGUMENT with REQUEST_INVALID; RESOURCE_EXHAUSTED with MESH_TOO_LARGE, or with a retry delay QUEUE_FULL
+  // (too many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes.
   absl::StatusOr<v1::Upload> Create(const v1::CreateUploadRequest& request);
 
   absl::StatusOr<v1::Upload> Get(const std::string& name) const;

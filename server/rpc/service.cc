@@ -16,7 +16,8 @@
 namespace planish {
 namespace {
 
-// For calls that ask the manager, and for those that move bytes of uploads, so that a few slow senders hold up nobody else.
+// For calls that ask the manager, and for those that move bytes of uploads, so that a few slow senders hold up nobody
+// else.
 constexpr int kCallThreads = 4;
 constexpr int kUploadThreads = 2;
 

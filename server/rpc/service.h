@@ -17,9 +17,9 @@ struct ServiceOptions {
   bool failpoints = false;
 };
 
-// Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads` and `streams`, which counts the streams of
-// this service, must outlive it, and it must outlive the RpcServer's Shutdown().
-// The type stays hidden because the generated header takes long to compile.
+// Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads` and `streams`, which counts the streams
+// of this service, must outlive it, and it must outlive the RpcServer's Shutdown(). The type stays hidden because the
+// generated header takes long to compile.
 std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, UploadStore* uploads, ServiceOptions options,
                                                  StreamCounter* streams);
 

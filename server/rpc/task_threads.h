@@ -9,8 +9,8 @@
 
 namespace planish {
 
-// Threads for what handlers must not do on gRPC's own, few threads: whatever may wait for a disk, a digest or a lock that
-// somebody else holds meanwhile. Thread-safe.
+// Threads for what handlers must not do on gRPC's own, few threads: whatever may wait for a disk, a digest or a lock
+// that somebody else holds meanwhile. Thread-safe.
 class TaskThreads {
  public:
   explicit TaskThreads(int count);

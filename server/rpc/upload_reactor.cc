@@ -45,8 +45,8 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest> {
       return FieldInvalid("name", "one call writes to one upload");
     }
     if (static_cast<std::int64_t>(request_.data().size()) > max_chunk_bytes_) {
-      return FieldInvalid("data", absl::StrCat("data has ", request_.data().size(), " bytes; a message may have ",
-                                               max_chunk_bytes_));
+      return FieldInvalid(
+          "data", absl::StrCat("data has ", request_.data().size(), " bytes; a message may have ", max_chunk_bytes_));
     }
     return writer_.Append(request_.offset(), request_.data());
   }

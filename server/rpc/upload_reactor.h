@@ -10,8 +10,9 @@
 
 namespace planish {
 
-// Takes message after message in on one of the `tasks` threads, and asks gRPC for the next one only then: a sender is never
-// faster than the disk. Answers with the upload as it is at the end. The reactor belongs to gRPC; the rest outlives it.
+// Takes message after message in on one of the `tasks` threads, and asks gRPC for the next one only then: a sender is
+// never faster than the disk. Answers with the upload as it is at the end. The reactor belongs to gRPC; the rest
+// outlives it.
 grpc::ServerReadReactor<v1::WriteUploadRequest>* ReceiveUpload(UploadStore* uploads, std::int64_t max_chunk_bytes,
                                                                TaskThreads* tasks, v1::Upload* response);
 

@@ -16,8 +16,8 @@ template <class Response>
 class WatchReactor : public grpc::ServerWriteReactor<Response>,
                      public std::enable_shared_from_this<WatchReactor<Response>> {
  public:
-  static WatchReactor* Start(grpc::CallbackServerContext* context, JobFinder find,
-                             const JobStream::Position& position, const StreamSurroundings& surroundings) {
+  static WatchReactor* Start(grpc::CallbackServerContext* context, JobFinder find, const JobStream::Position& position,
+                             const StreamSurroundings& surroundings) {
     auto reactor = std::make_shared<WatchReactor>(context, surroundings.streams);
     reactor->self_ = reactor;
     surroundings.tasks->Post([reactor, find = std::move(find), position] { reactor->Open(find(), position); });

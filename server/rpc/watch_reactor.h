@@ -22,10 +22,10 @@ struct StreamSurroundings {
 // Finds the job whose events are sent; runs on one of the task threads.
 using JobFinder = std::function<absl::StatusOr<WatchedJob>()>;
 
-// Sends the events of the job that `find` brings, then its UV, and ends with find's error if it brings none. One write is
-// under way at a time: a slow reader leaves events in the log, where old progress gives way to new, and holds up nobody.
-// The attachment that `find` brings is released when the caller goes away, or its deadline passes. The reactor belongs
-// to gRPC.
+// Sends the events of the job that `find` brings, then its UV, and ends with find's error if it brings none. One write
+// is under way at a time: a slow reader leaves events in the log, where old progress gives way to new, and holds up
+// nobody. The attachment that `find` brings is released when the caller goes away, or its deadline passes. The reactor
+// belongs to gRPC.
 grpc::ServerWriteReactor<v1::UnwrapResponse>* StreamUnwrap(grpc::CallbackServerContext* context, JobFinder find,
                                                            const JobStream::Position& position,
                                                            const StreamSurroundings& surroundings);

@@ -39,13 +39,23 @@ class Writer : public FakeStream {
   grpc::ServerWriter<Response>* writer_;
 };
 
+class UploadReader : public FakeUpload {
+ public:
+  explicit UploadReader(grpc::ServerReader<v1::WriteUploadRequest>* reader) : reader_(reader) {}
+  bool Next(v1::WriteUploadRequest& request) override { return reader_->Read(&request); }
+
+ private:
+  grpc::ServerReader<v1::WriteUploadRequest>* const reader_;
+};
+
 }  // namespace
 
 class FakeServer::Service : public v1::Planish::Service {
  public:
-  explicit Service(FakeServer* fake) : fake_(fake) {
+  Service(FakeServer* fake, int wanted_port) : fake_(fake) {
     grpc::ServerBuilder builder;
-    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+    builder.AddListeningPort("127.0.0.1:" + std::to_string(wanted_port), grpc::InsecureServerCredentials(), &port);
+    builder.SetMaxReceiveMessageSize(-1);
     builder.RegisterService(this);
     server = builder.BuildAndStart();
   }
@@ -72,6 +82,29 @@ class FakeServer::Service : public v1::Planish::Service {
   grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest* request, v1::Job* job) override {
     return fake_->on_job ? ToGrpc(fake_->on_job("Get", request->name(), *job)) : kUnimplemented;
   }
+  grpc::Status StopJob(grpc::ServerContext*, const v1::StopJobRequest* request, v1::Job* job) override {
+    return fake_->on_job ? ToGrpc(fake_->on_job("Stop", request->name(), *job)) : kUnimplemented;
+  }
+  grpc::Status EstimateJob(grpc::ServerContext*, const v1::EstimateJobRequest* request,
+                           v1::JobEstimate* estimate) override {
+    return fake_->on_estimate ? ToGrpc(fake_->on_estimate(*request, *estimate)) : kUnimplemented;
+  }
+  grpc::Status GetCapabilities(grpc::ServerContext*, const v1::GetCapabilitiesRequest*,
+                               v1::Capabilities* capabilities) override {
+    return fake_->on_capabilities ? ToGrpc(fake_->on_capabilities(*capabilities)) : kUnimplemented;
+  }
+  grpc::Status CreateUpload(grpc::ServerContext*, const v1::CreateUploadRequest* request, v1::Upload* upload) override {
+    return fake_->on_create_upload ? ToGrpc(fake_->on_create_upload(*request, *upload)) : kUnimplemented;
+  }
+  grpc::Status GetUpload(grpc::ServerContext*, const v1::GetUploadRequest* request, v1::Upload* upload) override {
+    return fake_->on_get_upload ? ToGrpc(fake_->on_get_upload(request->name(), *upload)) : kUnimplemented;
+  }
+  grpc::Status WriteUpload(grpc::ServerContext*, grpc::ServerReader<v1::WriteUploadRequest>* reader,
+                           v1::Upload* upload) override {
+    if (!fake_->on_write_upload) return kUnimplemented;
+    UploadReader messages(reader);
+    return ToGrpc(fake_->on_write_upload(messages, *upload));
+  }
   grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest* request, v1::Job* job) override {
     return fake_->on_job ? ToGrpc(fake_->on_job("Cancel", request->name(), *job)) : kUnimplemented;
   }
@@ -87,8 +120,12 @@ class FakeServer::Service : public v1::Planish::Service {
   FakeServer* const fake_;
 };
 
-FakeServer::FakeServer()
-    : service_(std::make_unique<Service>(this)), target_("127.0.0.1:" + std::to_string(service_->port)) {}
+FakeServer::FakeServer(int port)
+    : service_(std::make_unique<Service>(this, port)), target_("127.0.0.1:" + std::to_string(service_->port)) {}
+
+int FakeServer::port() const {
+  return service_->port;
+}
 
 FakeServer::~FakeServer() {
   service_->server->Shutdown(std::chrono::system_clock::now());

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
@@ -21,20 +21,36 @@ class FakeStream {
   virtual bool IsCancelled() const = 0;
 };
 
+// The server's side of an open WriteUpload.
+class FakeUpload {
+ public:
+  virtual ~FakeUpload() = default;
+  // False when the client has sent all or is gone.
+  virtual bool Next(v1::WriteUploadRequest& request) = 0;
+};
+
 class FakeServer {
  public:
   using Status = google::rpc::Status;
 
-  FakeServer();
+  // On a free port, or the one of a server that is gone.
+  explicit FakeServer(int port = 0);
   ~FakeServer();
   const std::string& target() const { return target_; }
+  int port() const;
 
   // What calls do; set before they come. Left empty, they answer UNIMPLEMENTED.
   std::function<Status(const v1::UnwrapRequest&, FakeStream&)> on_unwrap;
   std::function<Status(const v1::WatchJobRequest&, FakeStream&)> on_watch;
   std::function<Status(const v1::ListJobsRequest&, v1::ListJobsResponse&)> on_list;
-  std::function<Status(const std::string& method, const std::string& job, v1::Job&)> on_job;  // Get, Cancel, Delete
+  std::function<Status(const std::string& method, const std::string& job, v1::Job&)>
+      on_job;  // Get, Stop, Cancel, Delete
   std::function<Status(const v1::CreateJobRequest&, v1::Job&)> on_create;
+  std::function<Status(const v1::EstimateJobRequest&, v1::JobEstimate&)> on_estimate;
+  std::function<Status(v1::Capabilities&)> on_capabilities;
+  std::function<Status(const v1::CreateUploadRequest&, v1::Upload&)> on_create_upload;
+  std::function<Status(const std::string& name, v1::Upload&)> on_get_upload;
+  std::function<Status(FakeUpload&, v1::Upload&)> on_write_upload;
 
  private:
   class Service;

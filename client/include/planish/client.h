@@ -5,6 +5,10 @@
 //   planish::UnwrapResult result = client.Unwrap({positions, triangles});
 //   float u = result.uv.floats[2 * (3 * f + k)];   // corner k of triangle f, in the caller's own order
 //
+// What a network and a server may do in between stays inside: a broken stream is taken up where it ended, a server that
+// was restarted is waited for, a full queue too, and what is safe to repeat is repeated, at the pace the server asks
+// for.
+//
 // Calls throw planish::Error. Unwrap throws for a job that failed as well, so a result in hand always has UV; look
 // at UnwrapResult::IsUsable() and report.warnings for promises that were not kept.
 #pragma once
@@ -28,12 +32,19 @@ struct ClientOptions {
   // A call gives up with SERVER_UNREACHABLE when no connection stands after this time. A refused connection fails
   // at once.
   double connect_timeout_seconds = 5;
-  // After a broken stream: attempts in a row that bring nothing before CONNECTION_LOST. The wait between them starts
-  // at reattach_backoff_seconds and doubles up to 5 s.
-  int reattach_attempts = 8;
+  // How long calls about a job (Unwrap, AttachResult, WatchJob, CreateJob) wait for a server that was lost on the way,
+  // from its last word on, before they throw CONNECTION_LOST or why it cannot be reached. The wait between attempts
+  // starts at reattach_backoff_seconds and doubles up to 5 s, a little at random.
+  double reattach_seconds = 60;
   double reattach_backoff_seconds = 0.1;
-  // How long Unwrap and CreateJob go on asking a server whose queue is full, at the pace it asks for; 0: not at all.
+  // How long Unwrap and CreateJob go on asking a server whose queue or store is full, at the pace it asks for; 0: not
+  // at all.
   double queue_full_wait_seconds = 60;
+  // How long the other calls do so; 0: not at all.
+  double retry_seconds = 10;
+  // Meshes with more bytes than this, as sent, travel ahead by an upload that resumes where it broke; unset: as the
+  // server advises.
+  std::optional<std::int64_t> inline_mesh_bytes;
 };
 
 // What a call may bring along.
@@ -41,6 +52,7 @@ struct CallOptions {
   std::string label;           // helps people to tell jobs apart, e.g. a file name; at most 256 bytes
   bool detached = false;       // the job survives the loss of its caller
   double timeout_seconds = 0;  // for the whole call; 0: none. An attached job is cancelled when it passes
+  Scheduling scheduling;       // of the job, wherever its callers are
   std::string request_id;      // AIP-155; empty: a fresh UUID
   // For blocking calls: a request to stop cancels the job on the server (Unwrap) or ends the watching (WatchJob,
   // AttachResult), and the call throws CANCELLED.
@@ -50,6 +62,8 @@ struct CallOptions {
 // Called one at a time: from within a blocking call on the calling thread, else on a thread of the library. They
 // should return quickly. An exception ends the call (and cancels an attached job) and comes out of it.
 struct Callbacks {
+  // Bytes of the mesh sent so far, of how many, where it travels by an upload. Goes back to what arrived after a break.
+  std::function<void(std::int64_t sent, std::int64_t total)> on_upload;
   // Every event in order, from sequence 1 (or after_sequence + 1) on. After the loss of both connection and job an
   // attached unwrap is submitted anew: events then start again at 1 under the name of the new job.
   std::function<void(const Event&)> on_event;
@@ -74,6 +88,9 @@ class Call {
   // Asks the server to cancel the job; returns at once. The call then ends with CANCELLED, or with its result if
   // that was quicker.
   void Cancel();
+  // Asks the server to end the job soon with the best valid map so far (warning STOPPED); returns at once. The call
+  // then ends with that result, or with STOPPED_EARLY if there was no valid map yet.
+  void Stop();
   // Name of the job; empty until the server has accepted it.
   std::string job() const;
   // Whether the call ended, waiting up to so many seconds for it.
@@ -100,9 +117,9 @@ class Client {
 
   const std::string& target() const;
 
-  // Flattens `mesh` and waits for the UV. If the stream breaks, the library re-attaches to the job.
-  // Throws INVALID_ARGUMENT (MESH_*, OPTIONS_INVALID), RESOURCE_EXHAUSTED (QUEUE_FULL, MESH_TOO_LARGE), and
-  // whatever the job failed with.
+  // Flattens `mesh` and waits for the UV. If the stream breaks, or the server is restarted, the library re-attaches to
+  // the job. Throws INVALID_ARGUMENT (MESH_*, OPTIONS_INVALID), RESOURCE_EXHAUSTED (QUEUE_FULL, STORAGE_FULL,
+  // MEMORY_LIMIT, MESH_TOO_LARGE), ALREADY_EXISTS (REQUEST_ID_REUSED), and whatever the job failed with.
   UnwrapResult Unwrap(const MeshView& mesh, const UnwrapOptions& options = {}, const Callbacks& callbacks = {},
                       const CallOptions& call = {});
 
@@ -110,11 +127,12 @@ class Client {
   Call StartUnwrap(const MeshView& mesh, const UnwrapOptions& options = {}, Callbacks callbacks = {},
                    CallOptions call = {});
 
-  // Queues a job and returns at once; AttachResult brings the UV.
+  // Queues a job and returns as soon as the server has it; AttachResult brings the UV.
   Job CreateJob(const MeshView& mesh, const UnwrapOptions& options = {}, const CallOptions& call = {});
 
   // Follows a job until it ended and brings its UV, checked against `mesh`, which must be the mesh it was created
-  // with (MESH_MISMATCH otherwise). Stopping does not touch the job.
+  // with (MESH_MISMATCH otherwise). NOT_FOUND: JOB_NOT_FOUND, or RESULT_EXPIRED where the server kept the UV long
+  // enough. Stopping does not touch the job.
   UnwrapResult AttachResult(const std::string& job, const MeshView& mesh, const Callbacks& callbacks = {},
                             const CallOptions& call = {});
 
@@ -124,12 +142,20 @@ class Client {
 
   // NOT_FOUND: no such job. `job` is a name, "jobs/...".
   Job GetJob(const std::string& job);
-  // Newest first, at most `limit` (0: all), only those in `state` if given. Without report and progress.
-  std::vector<Job> ListJobs(int limit = 50, std::optional<JobState> state = {});
+  // Newest first, at most `limit` (0: all), only those in `state` if given and with labels that begin with
+  // `label_prefix`. Without report and progress.
+  std::vector<Job> ListJobs(int limit = 50, std::optional<JobState> state = {}, const std::string& label_prefix = "");
+  // Asks a job to end soon with the best valid map so far (warning STOPPED). The job, QUEUED or STOPPING; one that
+  // ended already is left as it is.
+  Job StopJob(const std::string& job);
   // The job, now CANCELLED or STOPPING; one that ended already is left as it is.
   Job CancelJob(const std::string& job);
   // FAILED_PRECONDITION: the job has not ended.
   void DeleteJob(const std::string& job);
+  // What unwrapping would need and how long it would wait, without doing it: of a mesh (which is encoded but for its
+  // first bytes not sent), or of one with so many triangles and vertices (0: half as many as triangles).
+  JobEstimate Estimate(const MeshView& mesh, const UnwrapOptions& options = {});
+  JobEstimate Estimate(std::int64_t triangles, std::int64_t vertices = 0, const UnwrapOptions& options = {});
   Capabilities GetCapabilities();
 
  private:

@@ -113,6 +113,20 @@ struct UnwrapOptions {
   int threads = 0;  // in [1, 256], at most what the server allows; 0: that many. The UV do not depend on it
 };
 
+enum class Priority { kLow, kNormal, kHigh };
+const char* ToString(Priority priority);  // "low", ...
+
+// When a job runs, and for how long. Does not change what comes out unless a limit is met.
+struct Scheduling {
+  // A waiting job counts as 10 minutes older with kHigh, younger with kLow; the oldest is next.
+  Priority priority = Priority::kNormal;
+  // From acceptance on: a job that has not ended then fails with DEADLINE_EXCEEDED, whoever waits for it; 0: none.
+  double timeout_seconds = 0;
+  // Of running: a job that runs longer is stopped, and delivers the best map it has then; 0: none.
+  double compute_budget_seconds = 0;
+  bool fresh = false;  // compute anew even if the server has the result for this mesh and these options
+};
+
 // Largest residual of each constraint family and of the scaled gradient, in radians (wheel: a logarithm).
 struct Residual {
   double triangle = 0;
@@ -261,11 +275,27 @@ struct Job {
   std::optional<Progress> progress;  // while RUNNING or STOPPING
   std::optional<JobError> error;     // when FAILED; ids in the order of the mesh as sent
   std::optional<Report> report;      // when SUCCEEDED
+  Scheduling scheduling;
+  int attempts = 0;                 // times a worker began with it; above 1 after a worker or the server died
+  bool stop_requested = false;      // by StopJob, or its compute budget is used up
+  std::string result_of;            // the job whose work it shares (same mesh and options); empty: its own
+  std::int64_t memory_bytes = 0;    // reserved while it runs
+  std::optional<Time> expire_time;  // when SUCCEEDED: its UV are dropped then at the latest
+};
+
+// What a job would need, and how long it would wait, before it is created.
+struct JobEstimate {
+  std::int64_t triangles = 0;
+  std::int64_t vertices = 0;
+  std::int64_t memory_bytes = 0;    // reserved while it runs
+  double run_seconds = 0;           // on one idle core, roughly
+  double queue_seconds = 0;         // until a job created now would start, roughly
+  std::optional<JobError> refusal;  // what CreateJob would be refused with now
 };
 
 // Something that happened to a job: exactly one of `job` (after a change of state) and `progress` is set.
 struct Event {
-  std::int64_t sequence = 0;  // 1, 2, 3, ... within a job
+  std::int64_t sequence = 0;  // 1, 2, 3, ... within a job; jumps where events were lost or the server was restarted
   Job::Time time;
   std::int64_t skipped = 0;  // events between the one before and this one that the server no longer had
   std::optional<Job> job;
@@ -306,6 +336,13 @@ struct Capabilities {
   std::vector<Seams> seams;
   std::vector<SolverCombination> solvers;
   int threads = 0;  // a job may use at most
+  std::int64_t max_triangles = 0;
+  std::int64_t memory_bytes = 0;        // that running jobs may reserve together
+  std::int64_t inline_mesh_bytes = 0;   // larger meshes travel by a resumable upload; 0: none do
+  std::int64_t upload_chunk_bytes = 0;  // in a message of an upload
+  double reattach_grace_seconds = 0;    // that the job of a caller that went away waits for it to come back
+  bool durable = false;                 // jobs, meshes and results outlive a restart of the server
+  bool isolated_workers = false;        // jobs run in processes of their own
 };
 
 }  // namespace api

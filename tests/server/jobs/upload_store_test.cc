@@ -153,7 +153,8 @@ TEST_P(UploadStoreTest, OffsetsMustGoOnWhereTheBytesEnd) {
   const std::string name = CreateFor(bytes);
   UploadWriter writer = *store_->Write(name);
   EXPECT_TRUE(writer.Append(0, bytes.substr(0, 40)).ok());
-  for (const auto& [offset, size] : std::map<std::int64_t, std::int64_t>{{41, 10}, {40, 61}, {1'000'000, 1}, {101, 0}}) {
+  for (const auto& [offset, size] :
+       std::map<std::int64_t, std::int64_t>{{41, 10}, {40, 61}, {1'000'000, 1}, {101, 0}}) {
     const absl::Status status = writer.Append(offset, std::string(static_cast<std::size_t>(size), 'x'));
     EXPECT_EQ(status.code(), absl::StatusCode::kOutOfRange) << offset;
     EXPECT_EQ(ReasonOf(status), "UPLOAD_OFFSET_MISMATCH");
