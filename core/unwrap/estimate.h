@@ -9,8 +9,9 @@ namespace planish {
 
 struct Estimate {
   // The most that a process holds at once beyond what it held idle, to decode, unwrap and hold the result. An upper
-  // estimate: on the meshes of tests/bench/results/memory.md above what was measured, and at most about twice that from
-  // 20,000 triangles on.
+  // estimate: on the meshes of tests/bench/results/memory.md above what was measured; from 20,000 triangles on at most
+  // 1.6 times that for a disc, and up to 2.8 times where SeamPolicy::kAuto makes many charts, of which only some are
+  // solved at a time: that cannot be known before.
   std::int64_t peak_bytes = 0;
   // With one thread, to decode and unwrap, within a factor of about 3 for scans and models on a machine like that of
   // memory.md.

@@ -27,7 +27,7 @@ TEST(Estimate, GrowsWithTheMesh) {
   }
 }
 
-// Of results/memory.md: koala, 99,994 triangles, 44 MB and 1.8 s; a disc of a million, 790 MB.
+// Of results/memory.md: koala, 99,994 triangles, 44 MB and 2 s; a disc of a million, 790 MB.
 TEST(Estimate, IsAboveWhatWasMeasuredButNotFar) {
   const Estimate koala = EstimateUnwrap(99'994, 49'999, 840'000, WithSeams(SeamPolicy::kAuto));
   EXPECT_GT(koala.peak_bytes, 54'000'000);
