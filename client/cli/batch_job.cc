@@ -249,7 +249,7 @@ class BatchJob {
 
 }  // namespace
 
-bool PauseUnlessStopped(std::stop_token stop, double seconds) {
+bool PauseUnlessStopped(const std::stop_token& stop, double seconds) {
   std::mutex mutex;
   std::condition_variable_any changed;
   std::unique_lock lock(mutex);
