@@ -33,7 +33,7 @@ std::string OutputExample(const std::string& command, const std::string& input) 
   const std::size_t dot = std::min(input.rfind('.'), input.size());
   const std::string extension = input.substr(dot);
   return "For example: planish " + command + " " + input + " -o " + input.substr(0, dot) + "_uv" +
-         (extension == ".stl" || extension == "" ? ".obj" : extension) + " (or -o - for stdout)";
+         (extension == ".stl" || extension.empty() ? ".obj" : extension) + " (or -o - for stdout)";
 }
 
 bool IsDirectory(const std::string& path) {

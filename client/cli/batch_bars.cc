@@ -132,7 +132,7 @@ std::string BatchBars::Painting(int frame, bool is_last) {
     }
     live = RenderBatch(state, terminal, frame);
   }
-  const std::string text = Repaint(painted_, ended, live, terminal);
+  std::string text = Repaint(painted_, ended, live, terminal);
   painted_ = std::move(live);
   return text;
 }

@@ -57,7 +57,7 @@ std::string FileDigest(const std::string& path) {
 std::string InputDigest(const std::string& path) {
   const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
   if (!bytes.ok()) throw ErrorFrom(bytes.status());
-  const std::string digest = Hexadecimal(*bytes);
+  std::string digest = Hexadecimal(*bytes);
   if (FormatOfPath(path) != MeshFormat::kGltf) return digest;
   std::string all = digest;
   for (const std::string& uri : BufferFiles(*bytes)) {

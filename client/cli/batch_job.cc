@@ -250,7 +250,7 @@ class BatchJob {
 
 }  // namespace
 
-bool PauseUnlessStopped(std::stop_token stop, double seconds) {
+bool PauseUnlessStopped(const std::stop_token& stop, double seconds) {
   std::mutex mutex;
   std::condition_variable_any changed;
   std::unique_lock lock(mutex);

@@ -37,7 +37,7 @@ struct BatchEnd {
 BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks);
 
 // Waits; false if the stop came first.
-bool PauseUnlessStopped(std::stop_token stop, double seconds);
+bool PauseUnlessStopped(const std::stop_token& stop, double seconds);
 
 // Of a file that was not tried.
 BatchEnd NotTried(const BatchItem& item);

@@ -1,12 +1,12 @@
 #include "client/cli/batch_state.h"
 
 #include <fcntl.h>
-#include <string.h>
 #include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <sstream>
+#include <system_error>
 
 #include "client/cli/batch_digest.h"
 #include "client/cli/json.h"
@@ -16,7 +16,8 @@ namespace planish::cli {
 namespace {
 
 Error FileError(const char* reason, const std::string& path, const char* what) {
-  return Error(ErrorCode::kPermissionDenied, reason, path + ": " + what + ": " + strerror(errno));
+  return Error(ErrorCode::kPermissionDenied, reason,
+               path + ": " + what + ": " + std::generic_category().message(errno));
 }
 
 }  // namespace
