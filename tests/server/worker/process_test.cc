@@ -263,7 +263,8 @@ TEST_F(WorkerProcess, MayDoNothingButItsWork) {
               UnorderedElementsAre(Pair("open", "EPERM"), Pair("create", "EPERM"), Pair("socket", "EPERM"),
                                    Pair("unix_socket", "EPERM"), Pair("execve", "EPERM"), Pair("fork", "EPERM"),
                                    Pair("kill", "EPERM"), Pair("ptrace", "EPERM"), Pair("executable_memory", "EPERM"),
-                                   Pair("thread", "allowed")));
+                                   Pair("thread", "allowed"), Pair("core_limit", "0"), Pair("descriptor_limit", "64"),
+                                   Pair("no_new_privileges", "EPERM")));
   const std::lock_guard lock(mutex_);
   EXPECT_TRUE(idle_.sandboxed());
 }
@@ -273,6 +274,8 @@ TEST_F(WorkerProcess, WithoutASandboxTheProbeFindsDoorsOpen) {
   const google::rpc::ErrorInfo info = InfoOf(*Run(JobOf(Bump(4), "start=probe")).result);
   EXPECT_EQ(info.metadata().at("open"), "allowed");
   EXPECT_EQ(info.metadata().at("execve"), "allowed");
+  EXPECT_EQ(info.metadata().at("no_new_privileges"), "1");
+  EXPECT_EQ(info.metadata().at("core_limit"), "0");
   const std::lock_guard lock(mutex_);
   EXPECT_FALSE(idle_.sandboxed());
   EXPECT_EQ(idle_.sandbox_error(), "") << "nobody asked for one";
