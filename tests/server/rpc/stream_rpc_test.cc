@@ -212,6 +212,25 @@ TEST(UnwrapRpc, TenCallersOnTwoWorkers) {
   for (std::thread& caller : callers) caller.join();
 }
 
+TEST(WatchRpc, AttachedWatchersKeepTheJobAlive) {
+  JobManagerOptions options;
+  options.reattach_grace = absl::ZeroDuration();
+  RpcTestServer server(WaitForCancel(), options);
+  Caller caller(server, MeshRequest(), 3);
+  v1::WatchJobRequest attach = WatchRequest(caller.name(), 0);
+  attach.set_attach(true);
+  grpc::ClientContext context;
+  const auto second = server.stub().WatchJob(&context, attach);
+  v1::WatchJobResponse first_event;
+  ASSERT_TRUE(second->Read(&first_event)) << "from here on the job is this call's too";
+  caller.GoAway();
+  EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(server.manager().Get(caller.name())->state(), v1::JOB_STATE_RUNNING);
+  context.TryCancel();
+  EXPECT_EQ(second->Finish().error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED) << "the last caller went";
+}
+
 TEST(WatchRpc, ResumesAfterASequence) {
   RpcTestServer server(Succeed(5, "0123456789"));
   const std::string name = server.Create();
