@@ -20,6 +20,10 @@ using google::protobuf::util::TimeUtil;
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
 
+// What a worker may allocate beyond the estimate: that is for sharing the machine, the limit is against faults.
+constexpr std::int64_t kMemorySlack = 3;
+constexpr std::int64_t kLeastMemory = std::int64_t{256} << 20;
+
 double QueueSecondsOf(const v1::Job& job) {
   return static_cast<double>(TimeUtil::DurationToNanoseconds(job.start_time() - job.create_time())) * 1e-9;
 }
@@ -174,7 +178,7 @@ absl::StatusOr<JobAssignment> JobManager::Assign(const Work& work) {
   request.set_max_threads(options_.threads);
   request.set_seam_corners(record.seam_corners());
   request.set_uncut_corners(record.uncut_corners());
-  request.set_memory_bytes(work.needs.memory_bytes);
+  if (work.needs.memory_bytes > 0) request.set_memory_bytes(kMemorySlack * work.needs.memory_bytes + kLeastMemory);
   request.set_max_triangles(options_.max_triangles);
   request.set_failpoint(record.failpoint());
   return assignment;

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "grpc/grpc.h"
 #include "grpcpp/create_channel.h"
 #include "grpcpp/generic/generic_stub.h"
 #include "server/rpc/service.h"
@@ -38,7 +39,11 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
     : uploads_(std::move(upload_options), &blobs_),
       store_(*OpenJobStore(":memory:")),
       manager_(*JobManager::Open(options, store_.get(), &blobs_)),
-      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), options.workers)) {
+      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)),
+                                         WorkerPoolOptions{.workers = options.workers})) {
+  // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
+  static const bool kept = (grpc_init(), true);
+  static_cast<void>(kept);
   v1::Capabilities capabilities;
   capabilities.set_version("1.2.3");
   capabilities.set_workers(options.workers);
