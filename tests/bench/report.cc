@@ -1,12 +1,9 @@
-// planish_bench_report paper|scale|peers|atlas|memory RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the
-// tables. COLUMNS is the start of the names of the files for gnuplot.
 #include "tests/bench/report.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <iostream>
 #include <iterator>
 #include <limits>
 #include <stdexcept>

@@ -1,4 +1,5 @@
-// Turns the runs of a bench into Markdown tables and columns for gnuplot.
+// planish_bench_report paper|scale|peers|atlas|memory RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the
+// tables. COLUMNS is the start of the names of the files for gnuplot.
 #include <cstdio>
 #include <exception>
 #include <fstream>

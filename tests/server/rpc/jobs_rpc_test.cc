@@ -152,8 +152,11 @@ TEST(JobsRpc, StopReachesTheWorker) {
   RpcTestServer server([](ServerLink& link, const ServerLink::Received&) {
     link.Send(ProgressMessage(1));
     while (const auto received = link.Receive()) {
-      if (received->message.has_stop()) return SendSuccess(link, "the best so far");
+      if (!received->message.has_stop()) continue;
+      SendSuccess(link, "the best so far");
+      return true;
     }
+    return false;
   });
   v1::StopJobRequest request;
   v1::Job job;
