@@ -1,5 +1,6 @@
 // The manager's side towards workers: what they get, what they say, who shares it.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <utility>
 
@@ -128,7 +129,7 @@ void JobManager::SendStopIfAllWant(Work& work) {
 
 // ---- for WorkerPool
 
-std::optional<JobAssignment> JobManager::TakeNext() {
+Turn JobManager::TakeNext(absl::Duration patience, JobAssignment* assignment) {
   Wakeups wakeups;
   std::unique_lock lock(mutex_);
   const auto next = [this]() -> Work* {
@@ -138,23 +139,25 @@ std::optional<JobAssignment> JobManager::TakeNext() {
     const bool fits = running_ == 0 || reserved_memory_ + work.needs.memory_bytes <= options_.memory_bytes;
     return fits ? &work : nullptr;
   };
+  const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
   for (;;) {
-    work_or_stop_.wait(lock, [&] { return stopped_ || next() != nullptr; });
-    if (stopped_) return std::nullopt;
+    if (!work_or_stop_.wait_until(lock, until, [&] { return stopped_ || next() != nullptr; })) return Turn::kNothing;
+    if (stopped_) return Turn::kOver;
     Work& work = *next();
     queue_.Remove(work.name);
-    absl::StatusOr<JobAssignment> assignment = Assign(work);
-    if (!assignment.ok()) {
-      for (const std::string& name : Remove(work.name).jobs) Fail(live_.at(name), assignment.status(), &wakeups);
+    absl::StatusOr<JobAssignment> assigned = Assign(work);
+    if (!assigned.ok()) {
+      for (const std::string& name : Remove(work.name).jobs) Fail(live_.at(name), assigned.status(), &wakeups);
       continue;
     }
+    *assignment = *std::move(assigned);
     work.running = true;
     work.attempt = assignment->attempt;
     work.start = options_.clock();
     ++running_;
     reserved_memory_ += work.needs.memory_bytes;
     for (const std::string& name : work.jobs) Begin(live_.at(name), &wakeups);
-    return *std::move(assignment);
+    return Turn::kWork;
   }
 }
 

@@ -64,17 +64,17 @@ class Jobs : public JobSource {
     return link_;
   }
 
-  std::optional<JobAssignment> TakeNext() override {
+  Turn TakeNext(absl::Duration, JobAssignment* assignment) override {
     std::unique_lock lock(mutex_);
-    if (taken_ == count_) return std::nullopt;
-    JobAssignment job;
+    if (taken_ == count_) return Turn::kOver;
+    JobAssignment& job = *assignment;
     job.name = std::to_string(taken_++);
     job.attempt = 7;
     job.request.set_job(job.name);
     job.request.set_max_triangles(1);
     job.blobs = {*Blob::Copy("mesh")};
     changed_.notify_all();
-    return job;
+    return Turn::kWork;
   }
   void SetLink(const std::string&, int attempt, std::shared_ptr<WorkerLink> link) override {
     EXPECT_EQ(attempt, 7);

@@ -305,6 +305,34 @@ TEST(WatchRpc, SlowReaderSkipsProgressAndHoldsUpNobody) {
   EXPECT_EQ(received.uv, "uv");
 }
 
+TEST(WatchRpc, CrowdsGetTheNewestProgressNowAndThen) {
+  Gate gate;
+  // One stream counts as a crowd here: progress every 0.1 s.
+  RpcTestServer server(
+      [&gate](ServerLink& link, const ServerLink::Received&) {
+        for (int i = 1; i <= 100; ++i) link.Send(ProgressMessage(i));
+        gate.Wait();
+        for (int i = 101; i <= 200; ++i) link.Send(ProgressMessage(i));
+        SendSuccess(link, "uv");
+      },
+      JobManagerOptions(), UploadStoreOptions(), 10);
+  grpc::ClientContext context;
+  const auto reader = server.stub().Unwrap(&context, MeshRequest());
+  v1::UnwrapResponse response;
+  int events = 0;
+  while (reader->Read(&response) && response.event().progress().newton_iteration() < 100) ++events;
+  EXPECT_EQ(response.event().progress().newton_iteration(), 100) << "the newest comes, though nothing wakes the stream";
+  EXPECT_LE(events, 6) << "the job twice, and some of the first progress";
+  const auto start = std::chrono::steady_clock::now();
+  gate.Open();
+  const Received rest = ReceiveAll(reader.get());
+  EXPECT_EQ(rest.LastJob().state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(rest.LastJob().name(), rest.events.back().job().name());
+  EXPECT_EQ(rest.events.back().sequence(), 203);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5)) << "the end is never held back";
+  EXPECT_EQ(rest.uv, "uv");
+}
+
 TEST(WatchRpc, StreamsEndWhenTheServerShutsDown) {
   Received received;
   std::thread watcher;

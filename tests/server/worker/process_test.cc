@@ -91,13 +91,15 @@ class TestSource : public JobSource {
     cancel_patience_ = patience;
   }
 
-  std::optional<JobAssignment> TakeNext() override {
+  Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return stopped_ || !jobs_.empty(); });
-    if (jobs_.empty()) return std::nullopt;
-    JobAssignment job = std::move(jobs_.front());
+    const bool woken = changed_.wait_for(lock, absl::ToChronoNanoseconds(patience),
+                                         [this] { return stopped_ || !jobs_.empty(); });
+    if (!woken) return Turn::kNothing;
+    if (jobs_.empty()) return Turn::kOver;
+    *assignment = std::move(jobs_.front());
     jobs_.pop_front();
-    return job;
+    return Turn::kWork;
   }
   void SetLink(const std::string&, int, std::shared_ptr<WorkerLink> link) override {
     const std::lock_guard lock(mutex_);
