@@ -232,7 +232,8 @@ class Chaos {
     // The server notices closed connections, and sweeps, within moments.
     for (int i = 0; i < 50; ++i) {
       report_.descriptors_after = server_.Descriptors();
-      if (server_.BlobFiles() == 0 && report_.descriptors_after <= report_.descriptors_before) break;
+      const bool clean = server_.BlobFiles() == 0 && server_.Zombies() == 0;
+      if (clean && report_.descriptors_after <= report_.descriptors_before) break;
       Sleep(0.1);
     }
     report_.resident_bytes = server_.ResidentBytes();

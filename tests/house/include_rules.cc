@@ -90,7 +90,7 @@ std::optional<std::string> ProjectPath(const std::string& target) {
   for (const char* top : {"core", "server", "client", "tests"}) {
     if (IsWithin(target, top)) return target;
   }
-  for (const char* generated : {"planish/v1", "planish/worker", "google/rpc"}) {
+  for (const char* generated : {"planish/v1", "planish/store", "planish/worker", "google/rpc"}) {
     if (IsWithin(target, generated)) return "proto/" + target;
   }
   if (IsWithin(target, "planish")) return "client/include/" + target;

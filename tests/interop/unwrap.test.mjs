@@ -135,7 +135,7 @@ test('edgebreaker with quantization and normals: UV in the order of the decoded 
 test('create, watch, list and delete a job; same bytes as in one call', async () => {
   const draco = await encode(bump());
   const first = await unwrap(draco);
-  const {name} = await call(server.client, 'CreateJob', {draco, label: 'queued'});
+  const {name} = await call(server.client, 'CreateJob', {draco, label: 'queued', scheduling: {fresh: true}});
   const watched = checkStream(await collect(server.client, 'WatchJob', {name, include_uv: true}));
   await checkUv(watched.job, watched.uv, draco);
   assert.ok(watched.uv.equals(first.uv), 'the same bytes for the same input');
@@ -161,12 +161,15 @@ test('a closed mesh without seams fails with a reason', async () => {
 });
 
 test('bytes that are no Draco fail with a reason', async () => {
+  await assert.rejects(unwrap(Buffer.from('This is not a mesh.')), (error) => {
+    assert.equal(error.code, grpc.status.INVALID_ARGUMENT, 'seen at once');
+    assert.equal(errorInfoOfCall(error)?.reason, 'MESH_DECODE_FAILED');
+    return true;
+  });
   const whole = await encode(bump());
-  for (const draco of [Buffer.from('This is not a mesh.'), whole.subarray(0, whole.length / 2)]) {
-    const {job} = await unwrap(draco);
-    assert.equal(job.state, 'JOB_STATE_FAILED');
-    assert.equal(errorInfoOfJob(job).reason, 'MESH_DECODE_FAILED');
-  }
+  const {job} = await unwrap(whole.subarray(0, whole.length / 2));
+  assert.equal(job.state, 'JOB_STATE_FAILED', 'seen when it is decoded');
+  assert.equal(errorInfoOfJob(job).reason, 'MESH_DECODE_FAILED');
 });
 
 test('a call without a mesh is refused with details', async () => {

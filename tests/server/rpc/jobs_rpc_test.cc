@@ -97,9 +97,14 @@ TEST(JobsRpc, FullQueueAsksForARetry) {
   JobManagerOptions options;
   options.queue_capacity = 1;
   RpcTestServer server(WaitForCancel(), options);
-  server.Create();
-  server.Create();
-  const grpc::Status status = TryCreate(server, MeshRequest());
+  const auto create = [&server](const std::string& mesh) {
+    v1::CreateJobRequest request = MeshRequest();
+    request.set_draco(mesh);
+    return TryCreate(server, request);
+  };
+  ASSERT_TRUE(create("runs").ok());
+  ASSERT_TRUE(create("waits").ok());
+  const grpc::Status status = create("too many");
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(InfoOf(status).reason(), "QUEUE_FULL");
   EXPECT_TRUE(HasRetryInfo(status));

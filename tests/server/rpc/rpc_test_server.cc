@@ -33,13 +33,18 @@ std::string ToString(const grpc::ByteBuffer& buffer) {
   return bytes;
 }
 
+JobManagerOptions WithUploads(JobManagerOptions options, UploadStore* uploads) {
+  options.is_blob_used = [uploads](const std::string& sha256) { return uploads->Uses(sha256); };
+  return options;
+}
+
 }  // namespace
 
 RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, UploadStoreOptions upload_options,
                              double progress_per_second)
     : uploads_(std::move(upload_options), &blobs_),
       store_(*OpenJobStore(":memory:")),
-      manager_(*JobManager::Open(options, store_.get(), &blobs_)),
+      manager_(*JobManager::Open(WithUploads(options, &uploads_), store_.get(), &blobs_)),
       pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)),
                                          WorkerPoolOptions{.workers = options.workers})) {
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.

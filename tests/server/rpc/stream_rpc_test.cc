@@ -144,7 +144,9 @@ TEST(UnwrapRpc, RefusalsCarryDetails) {
 }
 
 TEST(UnwrapRpc, CallerGoesAwayAndTheJobIsCancelled) {
-  RpcTestServer server(WaitForCancel());
+  JobManagerOptions options;
+  options.reattach_grace = absl::Milliseconds(100);
+  RpcTestServer server(WaitForCancel(), options);
   Caller caller(server, MeshRequest(), 3);
   caller.GoAway();
   EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED);
@@ -204,7 +206,9 @@ TEST(UnwrapRpc, TenCallersOnTwoWorkers) {
   std::vector<std::thread> callers;
   for (int i = 0; i < 10; ++i) {
     callers.emplace_back([&server] {
-      const Received received = Unwrap(server, MeshRequest());
+      v1::UnwrapRequest request = MeshRequest();
+      request.mutable_scheduling()->set_fresh(true);
+      const Received received = Unwrap(server, request);
       EXPECT_TRUE(received.status.ok());
       EXPECT_EQ(received.events.size(), 33u);
       for (std::size_t e = 0; e < received.events.size(); ++e) {
@@ -314,6 +318,7 @@ TEST(WatchRpc, CrowdsGetTheNewestProgressNowAndThen) {
         gate.Wait();
         for (int i = 101; i <= 200; ++i) link.Send(ProgressMessage(i));
         SendSuccess(link, "uv");
+        return true;
       },
       JobManagerOptions(), UploadStoreOptions(), 10);
   grpc::ClientContext context;
