@@ -5,6 +5,7 @@
 #   planish unwrap --server=localhost:7741 mesh.obj -o flat.obj
 #
 # Arguments after the image's name go to planishd: docker run --rm -p 7741:7741 planish --workers=8
+# Jobs that outlive the container: docker run -v planish:/var/lib/planish -p 7741:7741 planish --data-dir=/var/lib/planish
 # The image holds the command as well: docker exec NAME planish jobs list --server=127.0.0.1:7741
 
 FROM debian:bookworm-slim AS build
@@ -25,7 +26,8 @@ LABEL org.opencontainers.image.title="planish" \
 COPY deploy/install-packages.sh /tmp/
 RUN /tmp/install-packages.sh runtime \
  && apt-get clean && rm -rf /tmp/install-packages.sh /var/lib/apt/lists/* \
- && useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin planish
+ && useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin planish \
+ && install -d -o planish -g planish -m 700 /var/lib/planish
 COPY LICENSE /usr/share/doc/planish/
 COPY --from=build /out/bin/ /usr/local/bin/
 # A number, so that Kubernetes can tell that it is not root.

@@ -20,12 +20,13 @@ absl::Status Failed(const std::string& what, const std::string& path, int error)
   return absl::UnavailableError(absl::StrCat("cannot ", what, " ", path, ": ", std::strerror(error)));
 }
 
+// Meshes and results of all callers are in there, so nobody else gets in. Who made a directory for us before, as a
+// mounted volume, decided that already.
 absl::Status MakeDirectory(const std::string& path) {
   std::error_code error;
-  std::filesystem::create_directories(path, error);
+  const bool made = std::filesystem::create_directories(path, error);
   if (error) return Failed("make the data directory", path, error.value());
-  // Meshes and results of all callers are in there.
-  if (chmod(path.c_str(), 0700) != 0) return Failed("keep others out of", path, errno);
+  if (made && chmod(path.c_str(), 0700) != 0) return Failed("keep others out of", path, errno);
   return absl::OkStatus();
 }
 
