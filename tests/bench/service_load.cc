@@ -17,6 +17,7 @@
 #include <functional>
 #include <iostream>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
@@ -157,6 +158,10 @@ class Watchers {
   }
 
   ~Watchers() {
+    {
+      const std::lock_guard lock(mutex_);
+      closing_ = true;  // nothing is started on the queue from now on
+    }
     for (const auto& call : calls_) call->context.TryCancel();
     queue_.Shutdown();
     thread_.join();
@@ -181,7 +186,8 @@ class Watchers {
       if (!ok) continue;  // the stream is over
       if (call->started) ++events_;
       call->started = true;
-      if (!call->stalled) call->reader->Read(&call->response, call);
+      const std::lock_guard lock(mutex_);
+      if (!call->stalled && !closing_) call->reader->Read(&call->response, call);
     }
   }
 
@@ -189,6 +195,8 @@ class Watchers {
   std::vector<std::unique_ptr<v1::Planish::Stub>> stubs_;
   std::vector<std::unique_ptr<Call>> calls_;
   std::atomic<std::int64_t> events_ = 0;
+  std::mutex mutex_;
+  bool closing_ = false;  // guarded by mutex_
   std::thread thread_;
 };
 
