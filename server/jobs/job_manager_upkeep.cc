@@ -209,6 +209,7 @@ void JobManager::Retain() {
 bool JobManager::Expire(JobRecord record) {
   v1::Job* job = record.mutable_job();
   if (!Advance(JobAction::kExpire, options_.clock(), job).ok()) return false;
+  record.clear_request_id();  // a caller that asks again wants UV
   if (const absl::Status status = store_->Put(record, nullptr); !status.ok()) {
     if (options_.on_store_error) options_.on_store_error(status);
     return false;

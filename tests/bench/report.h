@@ -17,6 +17,7 @@ std::string ReportScale(const Runs& runs, const std::string& columns);
 std::string ReportPeers(const Runs& runs, const std::string& columns);
 std::string ReportAtlas(const Runs& runs, const std::string& columns);
 std::string ReportMemory(const Runs& runs, const std::string& columns);
+std::string ReportService(const Runs& runs, const std::string& columns);
 
 // The runs whose `field` is `value`.
 Runs Where(const Runs& runs, const std::string& field, const nlohmann::json& value);

@@ -1,5 +1,5 @@
-// planish_bench_report paper|scale|peers|atlas|memory RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the
-// tables. COLUMNS is the start of the names of the files for gnuplot.
+// planish_bench_report paper|scale|peers|atlas|memory|service RUNS.jsonl COLUMNS < heading > TABLE.md: the heading,
+// then the tables. COLUMNS is the start of the names of the files for gnuplot.
 #include <cstdio>
 #include <exception>
 #include <fstream>
@@ -14,9 +14,11 @@ namespace {
 
 int Main(int argc, char** argv) {
   const std::string which = argc == 4 ? argv[1] : "";
-  if (which != "paper" && which != "scale" && which != "peers" && which != "atlas" && which != "memory") {
+  if (which != "paper" && which != "scale" && which != "peers" && which != "atlas" && which != "memory" &&
+      which != "service") {
     std::fprintf(
-        stderr, "usage: planish_bench_report paper|scale|peers|atlas|memory RUNS.jsonl COLUMNS < heading > TABLE.md\n");
+        stderr,
+        "usage: planish_bench_report paper|scale|peers|atlas|memory|service RUNS.jsonl COLUMNS < heading > TABLE.md\n");
     return 2;
   }
   Runs runs;
@@ -25,11 +27,12 @@ int Main(int argc, char** argv) {
     if (!line.empty()) runs.push_back(nlohmann::json::parse(line));
   }
   const std::string heading(std::istreambuf_iterator<char>(std::cin), {});
-  const std::string tables = which == "paper"   ? ReportPaper(runs, argv[3])
-                             : which == "scale" ? ReportScale(runs, argv[3])
-                             : which == "peers" ? ReportPeers(runs, argv[3])
-                             : which == "atlas" ? ReportAtlas(runs, argv[3])
-                                                : ReportMemory(runs, argv[3]);
+  const std::string tables = which == "paper"    ? ReportPaper(runs, argv[3])
+                             : which == "scale"  ? ReportScale(runs, argv[3])
+                             : which == "peers"  ? ReportPeers(runs, argv[3])
+                             : which == "atlas"  ? ReportAtlas(runs, argv[3])
+                             : which == "memory" ? ReportMemory(runs, argv[3])
+                                                 : ReportService(runs, argv[3]);
   std::cout << heading << "\n" << tables;
   return 0;
 }

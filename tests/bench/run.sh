@@ -6,6 +6,7 @@
 #   tests/bench/run.sh peers [MESH...]  Blender's ABF and CGAL's LSCM on the same meshes, in turn, on one core
 #   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
 #   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
+#   tests/bench/run.sh service          what a server costs beside the work, 1,000 watchers, 500 jobs and 50 kills
 #
 #   --quick      small sizes and few rounds, to see that it works; results go to BUILD/results
 #   --build DIR  where to build (default build/bench)
@@ -40,16 +41,16 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | memory) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory)" ;;
+  paper | scale | peers | atlas | memory | service) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, service)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
-[ "$bench" = memory ] || command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench"
+[ "$bench" = memory ] || [ "$bench" = service ] || command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench"
 
 [ -f "$build/CMakeCache.txt" ] ||
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
 targets=(planish_bench)
-[ "$bench" != atlas ] || targets+=(planish planishd)
+[ "$bench" != atlas ] && [ "$bench" != service ] || targets+=(planish planishd)
 cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
 work=$build/bench-runs/$bench
@@ -298,6 +299,17 @@ triangles that have area in the map; those that have none are degenerate, and in
 near: pairs nearer than the padding less a hundredth for rounding, overlapping ones included.$missing" |
     "$bin/planish_bench_report" atlas "$runs" "$work/atlas" >"$out/atlas.md"
   plot "columns='$work/atlas'; out='$out/atlas.png'" atlas.gp
+}
+
+service() {
+  local load=$bin/planish_service_load
+  if [ -n "$quick" ]; then
+    { "$load" overhead 3; "$load" workers 4; "$load" watchers 1; "$load" chaos 20 3; } >"$runs"
+  else
+    { "$load" overhead 50; "$load" workers 30; "$load" watchers 7; "$load" chaos 500 50; } >"$runs"
+  fi
+  heading "A server beside its work" "All on one machine, over loopback, workers of one thread. Ratios are of one run." |
+    "$bin/planish_bench_report" service "$runs" "$work/service" >"$out/service.md"
 }
 
 memory() {

@@ -124,14 +124,12 @@ double Throughput(const std::string& target, int jobs) {
 void Workers(int jobs) {
   TcpServer one({"--workers=1", "--threads=1"}), two({"--workers=2", "--threads=1"});
   for (const TcpServer* server : {&one, &two}) Throughput(server->target, 4);
-  std::vector<double> ratios;
   for (int round = 0; round < 5; ++round) {
     const double of_one = Throughput(one.target, jobs), of_two = Throughput(two.target, jobs);
-    ratios.push_back(of_two / of_one);
-    std::cout << json{{"bench", "workers"}, {"jobs", jobs}, {"one", of_one}, {"two", of_two}, {"ratio", ratios.back()}}
-              << std::endl;
+    std::cout
+        << json{{"bench", "workers"}, {"jobs", jobs}, {"one", of_one}, {"two", of_two}, {"ratio", of_two / of_one}}
+        << std::endl;
   }
-  std::cout << json{{"bench", "workers"}, {"median_ratio", Median(ratios)}} << std::endl;
 }
 
 // WatchJob calls of which the last tenth never reads.
@@ -206,7 +204,6 @@ void WatchersOfOneJob(int runs) {
   Client client(server.target);
   const Arrays arrays(MakeMesh("foot", 200'000));
   client.Unwrap(arrays.view(), {}, {}, Fresh());
-  std::vector<double> ratios;
   for (int i = 0; i < runs; ++i) {
     double seconds[2] = {};
     json line = {{"bench", "watchers"}, {"watchers", kWatchers}};
@@ -219,11 +216,9 @@ void WatchersOfOneJob(int runs) {
       if (watched) line["events"] = watchers->events();
       line[watched ? "resident_mb_watched" : "resident_mb_alone"] = server.server->ResidentBytes() >> 20;
     }
-    ratios.push_back(seconds[1] / seconds[0]);
-    line["solve_ratio"] = ratios.back();
+    line["solve_ratio"] = seconds[1] / seconds[0];
     std::cout << line << std::endl;
   }
-  std::cout << json{{"bench", "watchers"}, {"median_solve_ratio", Median(ratios)}} << std::endl;
 }
 
 int ChaosOf(int jobs, int kills, int seed) {
