@@ -54,7 +54,6 @@ struct ChartFaults {
   // Faces of the mesh that overlap each other; -1 if none or unknown.
   std::int32_t face = -1, other_face = -1;
   double stretch = 1;  // root mean square, as Quality::stretch_l2
-  double fill = 1;     // area over that of the convex hull
   double extent = 0;   // diameter of a circle that holds it, in the units of the surface
 };
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,

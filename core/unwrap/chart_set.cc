@@ -14,6 +14,7 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
 #include "core/mesh/rows.h"
+#include "core/unwrap/partition.h"
 #include "core/unwrap/warnings.h"
 
 namespace planish {
@@ -24,10 +25,8 @@ constexpr int kMaxRounds = 12;                // of splitting
 constexpr double kStretchSlack = 1.01;        // an estimate is not a map
 constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
 
-constexpr double kMinFill = 0.6;     // of its convex hull; a large chart below that is hard to pack
-constexpr double kMaxExtent = 1.1;   // of the side of the square that all charts would fill; so is a longer one,
-constexpr double kWholeArea = 0.6;   // unless it is most of them
-constexpr double kLargeArea = 0.01;  // of all, from which on a chart is large
+constexpr double kMaxExtent = 1.4;  // of the side of the square that all charts would fill; longer ones hardly fit,
+constexpr double kWholeArea = 0.6;  // unless they are most of it
 
 }  // namespace
 
@@ -202,14 +201,29 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
     for (const std::int32_t f : charts_[i].faces) area += surface_->area[f];
     const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
                               faults_[i].stretch > kStretchSlack * options_.seams.max_stretch;
-    const bool is_sparse = area > kLargeArea * total_area_ && faults_[i].fill < kMinFill;
     const bool is_long = area < kWholeArea * total_area_ && faults_[i].extent > kMaxExtent * std::sqrt(total_area_);
-    const bool is_awkward = options_.seams.policy == SeamPolicy::kAuto && options_.pack && (is_sparse || is_long);
+    const bool is_awkward = options_.seams.policy == SeamPolicy::kAuto && options_.pack && is_long;
     if (!is_sound || faults_[i].does_overlap || is_stretched || is_awkward) {
       split.push_back({i, faults_[i].face, faults_[i].other_face});
     }
   }
   return split;
+}
+
+std::vector<Segmentation::Cut> ChartSet::ChartsToPart() const {
+  std::vector<Segmentation::Cut> parts;
+  for (std::int32_t i = 0; i < count(); ++i) {
+    const std::vector<std::int32_t> part = PartAtNecks(*surface_, charts_[i], maps_[i], total_area_, count());
+    if (part.empty()) continue;
+    Segmentation::Cut cut = {i};
+    cut.part.resize(part.size());
+    const std::vector<std::int32_t>& faces = segmentation_->charts()[i];
+    for (std::size_t f = 0; f < part.size(); ++f) {
+      cut.part[std::lower_bound(faces.begin(), faces.end(), charts_[i].faces[f]) - faces.begin()] = part[f];
+    }
+    parts.push_back(std::move(cut));
+  }
+  return parts;
 }
 
 absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds* seconds) {
@@ -220,10 +234,15 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
   std::vector<std::int32_t> todo(charts_.size());
   std::iota(todo.begin(), todo.end(), 0);
   const int first_count = count();
+  bool parted = false;
   for (int round = 0;; ++round) {
     PLANISH_RETURN_IF_ERROR(MapAll(todo, seconds));
-    const std::vector<Segmentation::Cut> split = ChartsToSplit(todo);
+    std::vector<Segmentation::Cut> split = ChartsToSplit(todo);
     timer.Restart();
+    if (split.empty() && options_.seams.policy == SeamPolicy::kAuto && options_.pack && !parted) {
+      parted = true;
+      split = ChartsToPart();
+    }
     if (split.empty() || round == kMaxRounds) break;
     PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
     todo = segmentation_->Split(split, execution_);

@@ -53,6 +53,8 @@ class ChartSet {
   absl::Status Finish(std::int32_t i, const Execution& execution);
   // Of these charts, those to be cut again.
   std::vector<Segmentation::Cut> ChartsToSplit(const std::vector<std::int32_t>& charts) const;
+  // All that pack better in parts.
+  std::vector<Segmentation::Cut> ChartsToPart() const;
   absl::Status Enter(UnwrapStage stage);
   bool MaySplit() const;
 
