@@ -361,15 +361,20 @@ absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd meas
 
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution) {
-  ChartMap map;
-  map.flatten = std::move(flattening.summary);
   Layout layout = LayOut(chart.topology, flattening.angles, execution);
+  return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(layout.positions), execution);
+}
+
+absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,
+                                    std::vector<Vec2> positions, const Execution& execution) {
   if (execution.IsStopped()) return absl::CancelledError("cancelled");
-  if (!std::all_of(layout.positions.begin(), layout.positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
+  ChartMap map;
+  map.flatten = std::move(summary);
+  if (!std::all_of(positions.begin(), positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                      absl::StrCat("the layout has non-finite coordinates; ", map.flatten.stop_message));
   }
-  map.positions = std::move(layout.positions);
+  map.positions = std::move(positions);
   map.closed_slits = CloseSlits(mesh, chart, &map.positions);
   ScaleToSurface(mesh, chart, execution, &map.positions);
   return map;

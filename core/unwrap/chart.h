@@ -67,5 +67,8 @@ absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd meas
 // flat sheet. INTERNAL, SOLVER_FAILED: a position is not finite.
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution);
+// The second half of that: from positions in any unit to the map.
+absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,
+                                    std::vector<Vec2> positions, const Execution& execution);
 
 }  // namespace planish

@@ -14,16 +14,18 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
 #include "core/mesh/rows.h"
+#include "core/unwrap/hole_filling.h"
 #include "core/unwrap/partition.h"
 #include "core/unwrap/warnings.h"
 
 namespace planish {
 namespace {
 
-constexpr std::int32_t kLargeChart = 30'000;  // faces; smaller ones are one thread's work
-constexpr int kMaxRounds = 12;                // of splitting
-constexpr double kStretchSlack = 1.01;        // an estimate is not a map
-constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
+constexpr std::int32_t kLargeChart = 30'000;    // faces; smaller ones are one thread's work
+constexpr int kMaxRounds = 12;                  // of splitting
+constexpr double kStretchSlack = 1.01;          // an estimate is not a map
+constexpr double kMostStretchForBorders = 100;  // root mean square, to keep the borders that were given
+constexpr double kNegligibleArea = 1e-4;        // of all; such a chart's stretch is not worth a split
 
 constexpr double kMaxExtent = 1.4;  // of the side of the square that all charts would fill; longer ones hardly fit,
 constexpr double kWholeArea = 0.6;  // unless they are most of it
@@ -115,12 +117,16 @@ absl::StatusOr<Flattening> ChartSet::Flatten(std::int32_t i, BoundaryType bounda
       control_.on_progress(progress_);
     };
   }
-  FlattenOptions options = options_.flatten;
-  options.boundary = boundary;
   const Chart& chart = charts_[i];
   Eigen::VectorXd measured =
       surface_ ? Gather(chart, surface_->angle.data()) : Gather(chart, MeasuredAngles(mesh_, execution).data());
-  return FlattenChart(chart, std::move(measured), options, control, execution);
+  return FlattenChart(chart, std::move(measured), OptionsWith(boundary), control, execution);
+}
+
+FlattenOptions ChartSet::OptionsWith(BoundaryType boundary) const {
+  FlattenOptions options = options_.flatten;
+  options.boundary = boundary;
+  return options;
 }
 
 absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
@@ -128,19 +134,37 @@ absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
   PLANISH_ASSIGN_OR_RETURN(maps_[i], LayOutChart(mesh_, chart, std::move(flattenings_[i]), execution));
   if (!MaySplit()) return absl::OkStatus();
   faults_[i] = FindFaults(mesh_, chart, maps_[i], ignored_, execution);
-  // A convex outline cannot run over itself. Where more seams are welcome it is no use: of 200 maps that did, all were
-  // stretched too far by it, at ten times the cost of a split.
-  if (!faults_[i].does_overlap || options_.seams.policy != SeamPolicy::kNeeded ||
-      options_.flatten.boundary != BoundaryType::kFree) {
-    return absl::OkStatus();
+  // Where more seams are welcome, the rest is no use: of 200 maps that ran over themselves, all were stretched too far
+  // by a convex outline, at ten times the cost of a split.
+  if (options_.seams.policy != SeamPolicy::kNeeded) return absl::OkStatus();
+  // True if the map is a better one: without faults, and not stretched beyond use.
+  const auto take = [&](absl::StatusOr<ChartMap> map) {
+    if (!map.ok() || !map->flatten.converged) return false;
+    const ChartFaults faults = FindFaults(mesh_, chart, *map, ignored_, execution);
+    if (faults.does_overlap || faults.stretch > kMostStretchForBorders) return false;
+    maps_[i] = *std::move(map);
+    faults_[i] = faults;
+    return true;
+  };
+  const bool may_be_convex = options_.flatten.boundary == BoundaryType::kFree;
+  if (maps_[i].closed_slits.size() < chart.slits.size()) {
+    if (const std::optional<FilledChart> filled = FillHoles(mesh_, chart, execution)) {
+      const Eigen::VectorXd measured = Gather(chart, surface_->angle.data());
+      FlattenControl control;
+      control.interrupter = execution.interrupter;
+      control.team = execution.team;
+      const auto map = [&](BoundaryType boundary) {
+        return MapFilled(mesh_, chart, *filled, measured, OptionsWith(boundary), control, execution);
+      };
+      if (take(map(options_.flatten.boundary))) return absl::OkStatus();
+      if (may_be_convex && take(map(BoundaryType::kConvex))) return absl::OkStatus();
+    }
   }
+  // A convex outline cannot run over itself.
+  const bool is_useless = maps_[i].flatten.barrier > 0 && faults_[i].stretch > kMostStretchForBorders;
+  if (!may_be_convex || !(faults_[i].does_overlap || is_useless)) return absl::OkStatus();
   absl::StatusOr<Flattening> convex = Flatten(i, BoundaryType::kConvex, execution, false);
-  if (!convex.ok() || !convex->summary.converged || convex->summary.barrier > 0) return absl::OkStatus();
-  PLANISH_ASSIGN_OR_RETURN(ChartMap map, LayOutChart(mesh_, chart, *std::move(convex), execution));
-  const ChartFaults faults = FindFaults(mesh_, chart, map, ignored_, execution);
-  if (faults.does_overlap) return absl::OkStatus();
-  maps_[i] = std::move(map);
-  faults_[i] = faults;
+  if (convex.ok()) take(LayOutChart(mesh_, chart, *std::move(convex), execution));
   return absl::OkStatus();
 }
 
@@ -196,7 +220,10 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
   for (const std::int32_t i : charts) {
     if (charts_[i].faces.size() < 2) continue;
     const ChartMap& map = maps_[i];
-    const bool is_sound = statuses_[i].ok() && map.flatten.converged && map.flatten.barrier == 0;
+    // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
+    const bool is_sound = statuses_[i].ok() && map.flatten.converged &&
+                          (map.flatten.barrier == 0 || (options_.seams.policy == SeamPolicy::kNeeded &&
+                                                        faults_[i].stretch <= kMostStretchForBorders));
     double area = 0;
     for (const std::int32_t f : charts_[i].faces) area += surface_->area[f];
     const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
@@ -239,7 +266,7 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
     PLANISH_RETURN_IF_ERROR(MapAll(todo, seconds));
     std::vector<Segmentation::Cut> split = ChartsToSplit(todo);
     timer.Restart();
-    if (split.empty() && options_.seams.policy == SeamPolicy::kAuto && options_.pack && !parted) {
+    if (split.empty() && options_.seams.policy == SeamPolicy::kAuto && options_.pack && count() > 1 && !parted) {
       parted = true;
       split = ChartsToPart();
     }
@@ -256,7 +283,7 @@ absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds*
   for (const absl::Status& status : statuses_) PLANISH_RETURN_IF_ERROR(status);
   if (options_.seams.policy == SeamPolicy::kNeeded) {
     std::int64_t slit = 0;
-    for (int i = 0; i < count(); ++i) slit += segmentation_->HasSlit(i);
+    for (int i = 0; i < count(); ++i) slit += maps_[i].closed_slits.size() < charts_[i].slits.size();
     WarnOfAddedSeams(slit, count() - first_count, warnings);
   }
   return absl::OkStatus();
