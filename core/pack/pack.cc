@@ -17,10 +17,10 @@ constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
-constexpr std::int64_t kMoves = 3000, kMovesPerChart = 4;
+constexpr std::int64_t kMoves = 3300, kMovesPerChart = 4;
 // From so many faces on kMoves grows with them, as the work of a solve does, up to kMostShare times.
 constexpr double kFaces = 20'000, kMostShare = 20;
-constexpr double kFewCharts = 12, kManyCharts = 150;  // fewer and more get a smaller share of kMoves
+constexpr double kFewCharts = 12, kManyCharts = 250;  // fewer and more get a smaller share of kMoves
 constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;
