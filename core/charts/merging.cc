@@ -13,8 +13,9 @@ namespace planish {
 namespace {
 
 constexpr double kScoreUnit = 1e-6;
-constexpr double kSharpest = 0.02;       // weight of an edge that bends by a right angle or more
-constexpr double kMinCompactness = 0.2;  // 4 pi area / perimeter^2 of a chart; 1 for a disc, 0.2 for a strip of 1 to 12
+constexpr double kSharpest = 0.02;  // weight of an edge that bends by a right angle or more
+constexpr double kMinCompactness =
+    0.12;  // 4 pi area / perimeter^2 of a chart; 1 for a disc, 0.12 for a strip of 1 to 24
 
 struct Disc {
   std::vector<std::int32_t> faces;  // none: glued to another one

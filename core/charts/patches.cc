@@ -11,7 +11,7 @@
 namespace planish {
 namespace {
 
-constexpr double kMaxDeviation = 0.03;  // 1 - length of the mean normal
+constexpr double kMaxDeviation = 0.08;  // 1 - length of the mean normal
 constexpr double kMinCosine = 0.7;      // between the mean normals of two patches that are joined
 constexpr double kCostUnit = 1e-7;
 

@@ -95,17 +95,17 @@ class Distances {
   std::vector<std::int32_t> source_;
 };
 
-// Which half of a chart each of its faces belongs to, false or true: with the nearer one of two faces, or, if these are
-// -1 or cannot be parted, of two about as far from each other as faces of this chart can be. All false if no face can
+// Which half of a chart each of its faces belongs to, 0 or 1: with the nearer one of two faces, or, if these are
+// -1 or cannot be parted, of two about as far from each other as faces of this chart can be. All 0 if no face can
 // be parted from another.
-std::vector<bool> Halve(const std::vector<std::int32_t>& faces, std::int32_t face, std::int32_t other_face,
-                        Distances* distances) {
-  std::vector<bool> half(faces.size());
+std::vector<std::int32_t> Halve(const std::vector<std::int32_t>& faces, std::int32_t face, std::int32_t other_face,
+                                Distances* distances) {
+  std::vector<std::int32_t> half(faces.size());
   const auto part = [&](std::int32_t first, std::int32_t second) {
     distances->From({first, second});
-    for (std::size_t i = 0; i < faces.size(); ++i) half[i] = distances->source(faces[i]) == 1;
+    for (std::size_t i = 0; i < faces.size(); ++i) half[i] = distances->source(faces[i]) == 1 ? 1 : 0;
     distances->Forget(faces);
-    return std::find(half.begin(), half.end(), true) != half.end();
+    return std::find(half.begin(), half.end(), 1) != half.end();
   };
   if (face >= 0 && part(face, other_face)) return half;
   const auto farthest_from = [&](std::int32_t f) {
@@ -191,16 +191,17 @@ bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces) const {
 std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, const Execution& execution) {
   Distances distances(gluing_);
   std::vector<std::int32_t> changed;
-  for (const auto& [chart, face, other_face] : cuts) {
+  for (const auto& [chart, face, other_face, given] : cuts) {
     if (faces_[chart].size() < 2 || execution.IsStopped()) continue;
     const std::vector<std::int32_t> faces = faces_[chart];
-    const std::vector<bool> half = Halve(faces, face, other_face, &distances);
-    if (std::find(half.begin(), half.end(), true) == half.end()) continue;
+    const std::vector<std::int32_t> part = given.empty() ? Halve(faces, face, other_face, &distances) : given;
+    const std::int32_t last = *std::max_element(part.begin(), part.end());
+    if (last == 0) continue;
     const auto added = static_cast<std::int32_t>(faces_.size());
-    faces_.emplace_back();
+    faces_.resize(faces_.size() + last);
     faces_[chart].clear();
     for (std::size_t i = 0; i < faces.size(); ++i) {
-      chart_[faces[i]] = half[i] ? added : chart;
+      chart_[faces[i]] = part[i] == 0 ? chart : added + part[i] - 1;
       faces_[chart_[faces[i]]].push_back(faces[i]);
     }
     for (const std::int32_t f : faces) {
@@ -208,17 +209,18 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
         if (!gluing_.IsOutline(c) && chart_[gluing_.opposite()[c] / 3] != chart_[f]) gluing_.Unglue(c);
       }
     }
-    for (const std::int32_t part : {chart, added}) {
-      changed.push_back(part);
-      if (IsDisc(faces_[part])) continue;
-      // It runs round the other half.
-      for (const std::int32_t f : faces_[part]) {
+    for (std::int32_t k = 0; k <= last; ++k) {
+      const std::int32_t number = k == 0 ? chart : added + k - 1;
+      changed.push_back(number);
+      if (IsDisc(faces_[number])) continue;
+      // It runs round another part.
+      for (const std::int32_t f : faces_[number]) {
         for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
           if (!gluing_.IsOutline(c)) gluing_.Unglue(c);
         }
       }
       std::vector<std::int32_t> piece(chart_.size(), -1);
-      for (const std::int32_t f : faces_[part]) piece[f] = 0;
+      for (const std::int32_t f : faces_[number]) piece[f] = 0;
       GluePieces(piece, &gluing_);
     }
   }

@@ -33,10 +33,12 @@ class Segmentation {
     std::int32_t chart;
     // Two of its faces that must come apart; -1: any, the farther apart the better.
     std::int32_t face = -1, other_face = -1;
+    // Per face of the chart, in the order of charts(): the part it goes to, from 0 on, each of them connected. Empty:
+    // two parts, cut halfway between the two faces.
+    std::vector<std::int32_t> part = {};
   };
-  // Cuts each of these charts in two, halfway between the two faces. One half keeps its number, the other gets a new
-  // one; all of those numbers are returned, ascending. Charts of one face, or
-  // polygon, stay.
+  // Cuts each of these charts in parts. One part keeps its number, the others get new ones; all of those numbers are
+  // returned, ascending. Charts of one face, or polygon, stay.
   std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, const Execution& execution);
 
  private:

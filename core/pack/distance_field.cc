@@ -12,7 +12,8 @@ constexpr float kFar = 1e30f;
 
 }  // namespace
 
-DistanceField::DistanceField(const Outline& outline, double spacing, double reach) : spacing_(spacing) {
+DistanceField::DistanceField(const Outline& outline, double spacing, double reach)
+    : spacing_(spacing), per_unit_(1 / spacing) {
   Box box;
   for (const Vec2& p : outline.points) box.Add(p);
   const double margin = reach + spacing;
@@ -109,7 +110,7 @@ void DistanceField::Sign(const Outline& outline) {
 }
 
 DistanceField::Value DistanceField::At(const Vec2& p) const {
-  const double u = (p.x() - low_.x()) / spacing_, v = (p.y() - low_.y()) / spacing_;
+  const double u = (p.x() - low_.x()) * per_unit_, v = (p.y() - low_.y()) * per_unit_;
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const double s = u - x, t = v - y;
   const float* node = values_.data() + static_cast<std::size_t>(y) * columns_ + x;

@@ -18,8 +18,10 @@ constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
-constexpr std::int64_t kMoves = 4000, kMovesPerChart = 4;
-constexpr double kFewCharts = 12, kManyCharts = 150;  // fewer and more get a smaller share of kMoves
+constexpr std::int64_t kMoves = 3300, kMovesPerChart = 4;
+// From so many faces on kMoves grows with them, as the work of a solve does, up to kMostShare times.
+constexpr double kFaces = 20'000, kMostShare = 20;
+constexpr double kFewCharts = 12, kManyCharts = 250;  // fewer and more get a smaller share of kMoves
 constexpr std::size_t kMostToMove = 1500;
 // Of the area, that small charts may have.
 constexpr double kSmallShare = 0.1;
@@ -178,8 +180,14 @@ class Packer {
     if (charts.size() > kMostToMove) return 0;
     const auto n = static_cast<double>(charts.size());
     const double share = std::min({1.0, n / kFewCharts, kManyCharts / n});
-    return std::llround(options_.effort *
-                        (share * static_cast<double>(base) + static_cast<double>(kMovesPerChart * std::ssize(charts))));
+    return std::llround(options_.effort * (share * FacesShare() * static_cast<double>(base) +
+                                           static_cast<double>(kMovesPerChart * std::ssize(charts))));
+  }
+
+  double FacesShare() const {
+    std::size_t faces = 0;
+    for (const PackChart& chart : charts_) faces += chart.faces.size();
+    return std::clamp(static_cast<double>(faces) / kFaces, 1.0, kMostShare);
   }
 
   // A single chart: as large as it gets.

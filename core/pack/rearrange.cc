@@ -37,8 +37,9 @@ class Random {
 // A chart at one of its turns, in pixels round its centre.
 struct Turned {
   double angle = 0;
-  Vec2 low, high;                     // of its points
-  std::vector<std::int32_t> samples;  // offsets in the image
+  Vec2 low, high;                                   // of its points
+  std::vector<std::int32_t> samples;                // offsets in the image
+  std::vector<std::array<std::int16_t, 2>> places;  // the same, (x, y)
   int left = 0, bottom = 0, width = 0, height = 0;
   std::vector<std::int16_t> depth;  // width x height; empty until needed
   std::vector<Span> rows;           // where depth is above 0
@@ -134,7 +135,7 @@ class Search {
     const double step = std::max(3.0 / unit, std::sqrt(extent.x() * extent.y() / 150));
     for (double y = box.low.y() + step / 2; y < box.high.y(); y += step) {
       for (double x = box.low.x() + step / 2; x < box.high.x(); x += step) {
-        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].At(Vec2(x, y)).distance < -0.3 * step)
+        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].DistanceAt(Vec2(x, y)) < -0.3 * step)
           samples.push_back(Vec2(x, y));
       }
     }
@@ -152,10 +153,12 @@ class Search {
     turned.low = box.low;
     turned.high = box.high;
     turned.samples.reserve(samples.size());
+    turned.places.reserve(samples.size());
     for (const Vec2& p : samples) {
       const auto x = static_cast<std::int32_t>(std::lround(c * p.x() - s * p.y()));
       const auto y = static_cast<std::int32_t>(std::lround(s * p.x() + c * p.y()));
       turned.samples.push_back(y * stride_ + x);
+      turned.places.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
     }
     return turned;
   }
@@ -196,7 +199,7 @@ class Search {
         const double px = x + turned->left, py = y + turned->bottom;
         const Vec2 p(c * px + s * py, c * py - s * px);
         if (!fields_[i].Contains(p)) continue;
-        const double d = (reach - fields_[i].At(p).distance * unit) * kDepthUnit;
+        const double d = (reach - fields_[i].DistanceAt(p) * unit) * kDepthUnit;
         if (d <= 0) continue;
         *depth = static_cast<std::int16_t>(std::min(d + 1, 4000.0));
         Span& row = turned->rows[y];
@@ -207,20 +210,15 @@ class Search {
     turned->own = DepthUnder(*turned, *turned, 0, 0);
   }
 
-  static std::int64_t DepthAt(const Turned& turned, int x, int y) {
-    x -= turned.left;
-    y -= turned.bottom;
-    const bool inside = x >= 0 && y >= 0 && x < turned.width && y < turned.height;
-    return inside ? turned.depth[static_cast<std::size_t>(y) * turned.width + x] : 0;
-  }
-
   // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
-  std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) const {
+  static std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) {
+    x -= other.left;
+    y -= other.bottom;
+    const auto width = static_cast<unsigned>(other.width), height = static_cast<unsigned>(other.height);
     std::int64_t sum = 0;
-    for (const std::int32_t offset : turned.samples) {
-      // Offsets are y * stride + x with x of either sign.
-      const std::int32_t shifted = offset + stride_ * stride_ + stride_ / 2;
-      sum += DepthAt(other, shifted % stride_ - stride_ / 2 + x, shifted / stride_ - stride_ + y);
+    for (const auto& place : turned.places) {
+      const auto u = static_cast<unsigned>(place[0] + x), v = static_cast<unsigned>(place[1] + y);
+      if (u < width && v < height) sum += other.depth[static_cast<std::size_t>(v) * width + u];
     }
     return sum;
   }

@@ -93,7 +93,7 @@ void Relaxer::FindContacts() {
       if (p.x() < box.low.x() || p.x() > box.high.x() || p.y() < box.low.y() || p.y() > box.high.y()) continue;
       ++looks_;
       const Vec2 q = p - bodies_[b].centre, local(c * q.x() + s * q.y(), c * q.y() - s * q.x());
-      if (!fields_[b].Contains(local) || fields_[b].At(local).distance * unit > reach) continue;
+      if (!fields_[b].Contains(local) || fields_[b].DistanceAt(local) * unit > reach) continue;
       contacts_.push_back({a, static_cast<std::int32_t>(k), b});
     }
   };

@@ -22,7 +22,7 @@ constexpr int kSettlingRounds = 25, kSeparatingSteps = 60;
 constexpr double kBackOff = 0.995;  // of the scale, where charts do not come apart
 constexpr std::int64_t kMovesAtOnce = 1000;
 // Images for rearranging: pixels along an average chart, and by how many charts may overlap.
-constexpr double kPixelsPerChart = 40, kCoarseSlack = 1, kFineSlack = 0.4;
+constexpr double kPixelsPerChart = 20, kCoarseSlack = 1, kFineSlack = 0.4;
 constexpr int kFinestSide = 1200;
 constexpr std::array<double, 2> kLanes = {1, 0.4};
 

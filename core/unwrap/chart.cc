@@ -1,6 +1,7 @@
 #include "core/unwrap/chart.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -12,8 +13,6 @@
 #include "core/mesh/face_order.h"
 #include "core/mesh/predicates.h"
 #include "core/mesh/rows.h"
-#include "core/pack/outline.h"
-#include "core/pack/pack.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/verify.h"
 
@@ -69,9 +68,26 @@ Chart Sorted(const Topology& topology, const std::vector<std::int32_t>& faces) {
   return chart;
 }
 
+// Corners at different vertices of the chart that are one in the mesh: each with the one before it.
+std::vector<std::pair<std::int32_t, std::int32_t>> CornersOfOneVertex(const Mesh& mesh, const Chart& chart) {
+  std::vector<std::array<std::int32_t, 3>> outline;  // vertex of the mesh, vertex, corner
+  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+    if (chart.topology.opposite[c] >= 0) continue;
+    const std::int32_t corner = 3 * (c / 3) + Next(c % 3);
+    outline.push_back({mesh.faces[chart.faces[c / 3]][corner % 3], chart.topology.faces[c / 3][corner % 3], corner});
+  }
+  std::sort(outline.begin(), outline.end());
+  std::vector<std::pair<std::int32_t, std::int32_t>> pairs;
+  for (std::size_t i = 1; i < outline.size(); ++i) {
+    if (outline[i][0] == outline[i - 1][0]) pairs.emplace_back(outline[i - 1][2], outline[i][2]);
+  }
+  return pairs;
+}
+
 // Both sides of slits whose ends coincide, up to the errors of a solve and a layout, are moved to their middle, unless
-// that turns a triangle over.
-std::vector<std::int32_t> CloseSlits(const Chart& chart, std::vector<Vec2>* positions) {
+// that turns a triangle over. So is what belongs to one vertex of the mesh where a chart touches itself there: apart by
+// a rounding error, one side could come to lie on the other when it is rounded again.
+std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::vector<Vec2>* positions) {
   constexpr double kCoincide = 1e-6;  // of the edge's length
   const std::vector<Face>& faces = chart.topology.faces;
   std::vector<std::int32_t> closed;
@@ -87,7 +103,14 @@ std::vector<std::int32_t> CloseSlits(const Chart& chart, std::vector<Vec2>* posi
     same.emplace_back(from, other_from);
     same.emplace_back(to, other_to);
   }
-  if (closed.empty()) return closed;
+  for (const auto& [c, d] : CornersOfOneVertex(mesh, chart)) {
+    const std::int32_t v = faces[c / 3][c % 3], w = faces[d / 3][d % 3];
+    const auto& p = *positions;
+    const double edge =
+        std::min((p[faces[c / 3][Next(c % 3)]] - p[v]).norm(), (p[faces[d / 3][Next(d % 3)]] - p[w]).norm());
+    if ((p[v] - p[w]).norm() <= kCoincide * edge) same.emplace_back(v, w);
+  }
+  if (same.empty()) return closed;
   std::vector<std::int32_t> parent(positions->size());
   std::iota(parent.begin(), parent.end(), 0);
   const auto root = [&](std::int32_t v) {
@@ -314,14 +337,14 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   const Overlaps overlaps = own.FindOverlaps(opposite, execution, &orientation);
   faults.turned = orientation.flipped + orientation.degenerate;
   faults.does_overlap = faults.turned + overlaps.pairs > 0;
-  const Outline outline = MakeOutline({map.positions, chart.topology.faces});
-  double hull_area = 0;
-  for (std::size_t i = 0; i < outline.hull.size(); ++i) {
-    const Vec2 &p = outline.hull[i], &q = outline.hull[(i + 1) % outline.hull.size()];
-    hull_area += (p.x() * q.y() - p.y() * q.x()) / 2;
+  Vec2 low = map.positions.front(), high = low;
+  for (const Vec2& p : map.positions) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
   }
-  if (hull_area > 0) faults.fill = outline.area / hull_area;
-  faults.extent = 2 * outline.radius;
+  double square = 0;
+  for (const Vec2& p : map.positions) square = std::max(square, (p - (low + high) / 2).squaredNorm());
+  faults.extent = 2 * std::sqrt(square);
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];
     faults.other_face = chart.faces[overlaps.faces[1]];
@@ -339,16 +362,21 @@ absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd meas
 
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution) {
-  ChartMap map;
-  map.flatten = std::move(flattening.summary);
   Layout layout = LayOut(chart.topology, flattening.angles, execution);
+  return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(layout.positions), execution);
+}
+
+absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,
+                                    std::vector<Vec2> positions, const Execution& execution) {
   if (execution.IsStopped()) return absl::CancelledError("cancelled");
-  if (!std::all_of(layout.positions.begin(), layout.positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
+  ChartMap map;
+  map.flatten = std::move(summary);
+  if (!std::all_of(positions.begin(), positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                      absl::StrCat("the layout has non-finite coordinates; ", map.flatten.stop_message));
   }
-  map.positions = std::move(layout.positions);
-  map.closed_slits = CloseSlits(chart, &map.positions);
+  map.positions = std::move(positions);
+  map.closed_slits = CloseSlits(mesh, chart, &map.positions);
   ScaleToSurface(mesh, chart, execution, &map.positions);
   return map;
 }

@@ -55,7 +55,6 @@ struct ChartFaults {
   // Faces of the mesh that overlap each other; -1 if none or unknown.
   std::int32_t face = -1, other_face = -1;
   double stretch = 1;  // root mean square, as Quality::stretch_l2
-  double fill = 1;     // area over that of the convex hull
   double extent = 0;   // diameter of a circle that holds it, in the units of the surface
 };
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
@@ -69,5 +68,8 @@ absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd meas
 // flat sheet. INTERNAL, SOLVER_FAILED: a position is not finite.
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution);
+// The second half of that: from positions in any unit to the map.
+absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,
+                                    std::vector<Vec2> positions, const Execution& execution);
 
 }  // namespace planish

@@ -14,20 +14,21 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
 #include "core/mesh/rows.h"
+#include "core/unwrap/hole_filling.h"
+#include "core/unwrap/partition.h"
 #include "core/unwrap/warnings.h"
 
 namespace planish {
 namespace {
 
-constexpr std::int32_t kLargeChart = 30'000;  // faces; smaller ones are one thread's work
-constexpr int kMaxRounds = 12;                // of splitting
-constexpr double kStretchSlack = 1.01;        // an estimate is not a map
-constexpr double kNegligibleArea = 1e-4;      // of all; such a chart's stretch is not worth a split
+constexpr std::int32_t kLargeChart = 30'000;    // faces; smaller ones are one thread's work
+constexpr int kMaxRounds = 12;                  // of splitting
+constexpr double kStretchSlack = 1.01;          // an estimate is not a map
+constexpr double kMostStretchForBorders = 100;  // root mean square, to keep the borders that were given
+constexpr double kNegligibleArea = 1e-4;        // of all; such a chart's stretch is not worth a split
 
-constexpr double kMinFill = 0.6;     // of its convex hull; a large chart below that is hard to pack
-constexpr double kMaxExtent = 1.1;   // of the side of the square that all charts would fill; so is a longer one,
-constexpr double kWholeArea = 0.6;   // unless it is most of them
-constexpr double kLargeArea = 0.01;  // of all, from which on a chart is large
+constexpr double kMaxExtent = 1.4;  // of the side of the square that all charts would fill; longer ones hardly fit,
+constexpr double kWholeArea = 0.6;  // unless they are most of it
 
 }  // namespace
 
@@ -119,12 +120,16 @@ absl::StatusOr<Flattening> ChartSet::Flatten(std::int32_t i, BoundaryType bounda
       control_.on_progress(progress_);
     };
   }
-  FlattenOptions options = options_.flatten;
-  options.boundary = boundary;
   const Chart& chart = charts_[i];
   Eigen::VectorXd measured =
       surface_ ? Gather(chart, surface_->angle.data()) : Gather(chart, MeasuredAngles(mesh_, execution).data());
-  return FlattenChart(chart, std::move(measured), options, control, execution);
+  return FlattenChart(chart, std::move(measured), OptionsWith(boundary), control, execution);
+}
+
+FlattenOptions ChartSet::OptionsWith(BoundaryType boundary) const {
+  FlattenOptions options = options_.flatten;
+  options.boundary = boundary;
+  return options;
 }
 
 absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
@@ -132,19 +137,39 @@ absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
   PLANISH_ASSIGN_OR_RETURN(maps_[i], LayOutChart(mesh_, chart, std::move(flattenings_[i]), execution));
   if (!MaySplit() && !maps_[i].flatten.stopped) return absl::OkStatus();
   faults_[i] = FindFaults(mesh_, chart, maps_[i], ignored_, execution);
-  // A convex outline cannot run over itself. Where more seams are welcome it is no use: of 200 maps that did, all were
-  // stretched too far by it, at ten times the cost of a split.
-  if (!faults_[i].does_overlap || execution.IsHurried() || options_.seams.policy != SeamPolicy::kNeeded ||
-      options_.flatten.boundary != BoundaryType::kFree) {
-    return absl::OkStatus();
+  if (execution.IsHurried()) return absl::OkStatus();
+  // Where more seams are welcome, the rest is no use: of 200 maps that ran over themselves, all were stretched too far
+  // by a convex outline, at ten times the cost of a split.
+  if (options_.seams.policy != SeamPolicy::kNeeded) return absl::OkStatus();
+  // True if the map is a better one: without faults, and not stretched beyond use.
+  const auto take = [&](absl::StatusOr<ChartMap> map) {
+    if (!map.ok() || !map->flatten.converged) return false;
+    const ChartFaults faults = FindFaults(mesh_, chart, *map, ignored_, execution);
+    if (faults.does_overlap || faults.stretch > kMostStretchForBorders) return false;
+    maps_[i] = *std::move(map);
+    faults_[i] = faults;
+    return true;
+  };
+  const bool may_be_convex = options_.flatten.boundary == BoundaryType::kFree;
+  if (maps_[i].closed_slits.size() < chart.slits.size()) {
+    if (const std::optional<FilledChart> filled = FillHoles(mesh_, chart, execution)) {
+      const Eigen::VectorXd measured = Gather(chart, surface_->angle.data());
+      FlattenControl control;
+      control.interrupter = execution.interrupter;
+      control.stop = execution.hurry;
+      control.team = execution.team;
+      const auto map = [&](BoundaryType boundary) {
+        return MapFilled(mesh_, chart, *filled, measured, OptionsWith(boundary), control, execution);
+      };
+      if (take(map(options_.flatten.boundary))) return absl::OkStatus();
+      if (may_be_convex && take(map(BoundaryType::kConvex))) return absl::OkStatus();
+    }
   }
+  // A convex outline cannot run over itself.
+  const bool is_useless = maps_[i].flatten.barrier > 0 && faults_[i].stretch > kMostStretchForBorders;
+  if (!may_be_convex || !(faults_[i].does_overlap || is_useless)) return absl::OkStatus();
   absl::StatusOr<Flattening> convex = Flatten(i, BoundaryType::kConvex, execution, false);
-  if (!convex.ok() || !convex->summary.converged || convex->summary.barrier > 0) return absl::OkStatus();
-  PLANISH_ASSIGN_OR_RETURN(ChartMap map, LayOutChart(mesh_, chart, *std::move(convex), execution));
-  const ChartFaults faults = FindFaults(mesh_, chart, map, ignored_, execution);
-  if (faults.does_overlap) return absl::OkStatus();
-  maps_[i] = std::move(map);
-  faults_[i] = faults;
+  if (convex.ok()) take(LayOutChart(mesh_, chart, *std::move(convex), execution));
   return absl::OkStatus();
 }
 
@@ -200,7 +225,6 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
   for (const std::int32_t i : charts) {
     if (charts_[i].faces.size() < 2) continue;
     const ChartMap& map = maps_[i];
-    const bool is_sound = statuses_[i].ok() && map.flatten.converged && map.flatten.barrier == 0;
     // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
     // collapse where the chart goes.
     if (execution_.IsHurried()) {
@@ -209,13 +233,16 @@ std::vector<Segmentation::Cut> ChartSet::ChartsToSplit(const std::vector<std::in
       }
       continue;
     }
+    // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
+    const bool is_sound = statuses_[i].ok() && map.flatten.converged &&
+                          (map.flatten.barrier == 0 || (options_.seams.policy == SeamPolicy::kNeeded &&
+                                                        faults_[i].stretch <= kMostStretchForBorders));
     double area = 0;
     for (const std::int32_t f : charts_[i].faces) area += surface_->area[f];
     const bool is_stretched = options_.seams.policy == SeamPolicy::kAuto && area > kNegligibleArea * total_area_ &&
                               faults_[i].stretch > kStretchSlack * options_.seams.max_stretch;
-    const bool is_sparse = area > kLargeArea * total_area_ && faults_[i].fill < kMinFill;
     const bool is_long = area < kWholeArea * total_area_ && faults_[i].extent > kMaxExtent * std::sqrt(total_area_);
-    const bool is_awkward = options_.seams.policy == SeamPolicy::kAuto && options_.pack && (is_sparse || is_long);
+    const bool is_awkward = options_.seams.policy == SeamPolicy::kAuto && options_.pack && is_long;
     if (!is_sound || faults_[i].does_overlap || is_stretched || is_awkward) {
       split.push_back({i, faults_[i].face, faults_[i].other_face});
     }
@@ -240,6 +267,22 @@ absl::Status ChartSet::CheckStopped(const absl::Status& made) const {
                {{"count", absl::StrCat(turned)}});
 }
 
+std::vector<Segmentation::Cut> ChartSet::ChartsToPart() const {
+  std::vector<Segmentation::Cut> parts;
+  for (std::int32_t i = 0; i < count(); ++i) {
+    const std::vector<std::int32_t> part = PartAtNecks(*surface_, charts_[i], maps_[i], total_area_, count());
+    if (part.empty()) continue;
+    Segmentation::Cut cut = {i};
+    cut.part.resize(part.size());
+    const std::vector<std::int32_t>& faces = segmentation_->charts()[i];
+    for (std::size_t f = 0; f < part.size(); ++f) {
+      cut.part[std::lower_bound(faces.begin(), faces.end(), charts_[i].faces[f]) - faces.begin()] = part[f];
+    }
+    parts.push_back(std::move(cut));
+  }
+  return parts;
+}
+
 absl::Status ChartSet::Make(std::vector<UnwrapWarning>* warnings, UnwrapSeconds* seconds) {
   return CheckStopped(MakeMaps(warnings, seconds));
 }
@@ -252,10 +295,16 @@ absl::Status ChartSet::MakeMaps(std::vector<UnwrapWarning>* warnings, UnwrapSeco
   std::vector<std::int32_t> todo(charts_.size());
   std::iota(todo.begin(), todo.end(), 0);
   const int first_count = count();
+  bool parted = false;
   for (int round = 0;; ++round) {
     PLANISH_RETURN_IF_ERROR(MapAll(todo, seconds));
-    const std::vector<Segmentation::Cut> split = ChartsToSplit(todo);
+    std::vector<Segmentation::Cut> split = ChartsToSplit(todo);
     timer.Restart();
+    const bool may_part = options_.seams.policy == SeamPolicy::kAuto && options_.pack && !execution_.IsHurried();
+    if (split.empty() && may_part && count() > 1 && !parted) {
+      parted = true;
+      split = ChartsToPart();
+    }
     if (split.empty() || round == kMaxRounds) break;
     PLANISH_RETURN_IF_ERROR(Enter(UnwrapStage::kCharts));
     todo = segmentation_->Split(split, execution_);
@@ -269,7 +318,7 @@ absl::Status ChartSet::MakeMaps(std::vector<UnwrapWarning>* warnings, UnwrapSeco
   for (const absl::Status& status : statuses_) PLANISH_RETURN_IF_ERROR(status);
   if (options_.seams.policy == SeamPolicy::kNeeded) {
     std::int64_t slit = 0;
-    for (int i = 0; i < count(); ++i) slit += segmentation_->HasSlit(i);
+    for (int i = 0; i < count(); ++i) slit += maps_[i].closed_slits.size() < charts_[i].slits.size();
     WarnOfAddedSeams(slit, count() - first_count, warnings);
   }
   return absl::OkStatus();

@@ -51,11 +51,14 @@ class ChartSet {
   // it with the whole team.
   template <typename Body>
   void ForEachChart(const std::vector<std::int32_t>& charts, const Body& body);
+  FlattenOptions OptionsWith(BoundaryType boundary) const;
   absl::StatusOr<Flattening> Flatten(std::int32_t i, BoundaryType boundary, const Execution& execution, bool reports);
   // Layout and faults.
   absl::Status Finish(std::int32_t i, const Execution& execution);
   // Of these charts, those to be cut again.
   std::vector<Segmentation::Cut> ChartsToSplit(const std::vector<std::int32_t>& charts) const;
+  // All that pack better in parts.
+  std::vector<Segmentation::Cut> ChartsToPart() const;
   absl::Status Enter(UnwrapStage stage);
   bool MaySplit() const;
 

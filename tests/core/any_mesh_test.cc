@@ -171,6 +171,34 @@ TEST(AnyMesh, SlitsThatCloseBecomeOneLineAgain) {
   for (const auto& [v, at] : places) EXPECT_EQ(at.size(), 1u) << v;
 }
 
+// A sheet with two holes that cannot lie flat as it is: the holes take part in the solve, and no seam is added.
+TEST(AnyMesh, HolesOfACurvedSheetStayHoles) {
+  Mesh mesh = testing::Patch(24, 24, [](double u, double v) { return Vec3(u, v, 0.8 * u * u * v - 0.3 * v * v); });
+  std::vector<Face> faces;
+  for (const Face& face : mesh.faces) {
+    const Vec3 middle = (mesh.positions[face[0]] + mesh.positions[face[1]] + mesh.positions[face[2]]) / 3;
+    const auto within = [&](double u, double v) {
+      return std::max(std::abs(middle.x() - u), std::abs(middle.y() - v)) < 0.13;
+    };
+    if (!within(0.3, 0.3) && !within(0.7, 0.6)) faces.push_back(face);
+  }
+  ASSERT_LT(faces.size(), mesh.faces.size());
+  mesh.faces = faces;
+  const auto result = Unwrap(mesh, WithPolicy(SeamPolicy::kNeeded), {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_FALSE(Warned(*result, "SEAMS_ADDED"));
+  EXPECT_EQ(result->charts.size(), 1u);
+  EXPECT_TRUE(result->charts[0].flatten.converged);
+  EXPECT_EQ(result->quality.flipped, 0);
+  EXPECT_EQ(result->quality.overlapping, 0);
+  EXPECT_LT(result->quality.stretch_l2, 1.1);
+  std::map<std::int32_t, std::set<std::pair<double, double>>> places;
+  for (std::int64_t c = 0; c < 3 * mesh.num_faces(); ++c) {
+    places[mesh.faces[c / 3][c % 3]].insert({Uv(*result, c).x(), Uv(*result, c).y()});
+  }
+  for (const auto& [v, at] : places) EXPECT_EQ(at.size(), 1u) << v;
+}
+
 TEST(AnyMesh, UncutEdgesStayWhole) {
   const Mesh mesh = Cube(5);  // every two faces are a square
   UnwrapOptions options;

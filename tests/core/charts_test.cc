@@ -114,6 +114,24 @@ TEST(Segmentation, SplitPartsTheFacesAskedFor) {
   EXPECT_NE(segmentation.chart()[3], segmentation.chart()[90]);
 }
 
+TEST(Segmentation, SplitMakesThePartsItIsGiven) {
+  const Mesh mesh = testing::Plane(12, 12);
+  const Surface surface = MakeSurface(mesh, {});
+  Segmentation segmentation(surface, Segmentation::Kind::kWhole, 1.05, {});
+  Segmentation::Cut cut = {0};
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+    const auto& [a, b, c] = mesh.faces[f];
+    const Vec3 middle = (mesh.positions[a] + mesh.positions[b] + mesh.positions[c]) / 3;
+    cut.part.push_back(static_cast<std::int32_t>(3 * middle.x() / mesh.positions.back().x()));
+  }
+  const std::int32_t parts = *std::max_element(cut.part.begin(), cut.part.end()) + 1;
+  ASSERT_GT(parts, 1);
+  EXPECT_EQ(segmentation.Split({cut}, {}).size(), static_cast<std::size_t>(parts));
+  ASSERT_EQ(segmentation.charts().size(), static_cast<std::size_t>(parts));
+  ExpectDiscs(surface, segmentation);
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) EXPECT_EQ(segmentation.chart()[f], cut.part[f]);
+}
+
 TEST(Segmentation, WholeKeepsWhatIsADisc) {
   for (const Mesh& mesh : {testing::Hills(10, 10), testing::PuncturedSphere(8, 0.1)}) {
     const Surface surface = MakeSurface(mesh, {});

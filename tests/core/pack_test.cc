@@ -8,6 +8,7 @@
 #include "core/base/thread_team.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
+#include "core/pack/necks.h"
 #include "core/pack/outline.h"
 #include "core/pack/shelves.h"
 #include "core/pack/silhouette.h"
@@ -166,6 +167,45 @@ void ExpectSame(const Packing& a, const Packing& b) {
     EXPECT_EQ(a.charts[i].scale, b.charts[i].scale);
     EXPECT_EQ(a.charts[i].offset, b.charts[i].offset);
     EXPECT_EQ(a.charts[i].tile, b.charts[i].tile);
+  }
+}
+
+// Points every 0.25 along the sides of a polygon.
+std::vector<Vec2> AlongSides(const std::vector<Vec2>& corners) {
+  std::vector<Vec2> points;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Vec2 &a = corners[i], &b = corners[(i + 1) % corners.size()];
+    const double parts = std::round((b - a).norm() / 0.25);
+    for (double k = 0; k < parts; ++k) points.push_back(a + k / parts * (b - a));
+  }
+  return points;
+}
+
+TEST(FindNecks, CutsTheArmsOfACrossFromItsMiddle) {
+  const std::vector<Vec2> outline =
+      AlongSides({{1, 1}, {1, 0}, {2, 0}, {2, 1}, {5, 1}, {5, 2}, {2, 2}, {2, 3}, {1, 3}, {1, 2}, {0, 2}, {0, 1}});
+  // Hull and outline are 4.5 apart; a cut at x = 2 leaves 2, between the hull of the plus at the left and itself.
+  const auto chords = FindNecks(outline, {1, 0.01});
+  ASSERT_FALSE(chords.empty());
+  EXPECT_EQ(outline[chords[0].first].x(), 2);
+  EXPECT_EQ(outline[chords[0].second].x(), 2);
+  for (const auto& [i, j] : chords) EXPECT_NEAR((outline[i] - outline[j]).norm(), 1, 0.5);
+  EXPECT_TRUE(FindNecks(outline, {4, 0.01}).empty());
+  EXPECT_TRUE(FindNecks(outline, {1, 10}).empty()) << "cuts cost more than they gain";
+}
+
+TEST(FindNecks, LeavesAConvexOutlineAlone) {
+  EXPECT_TRUE(FindNecks(AlongSides({{0, 0}, {7, 0}, {9, 3}, {0, 4}}), {1e-9, 0}).empty());
+}
+
+TEST(FindNecks, CutsInsideOfAnOutlineOnly) {
+  // A horseshoe: the chord between its ends would gain most, but runs outside.
+  const std::vector<Vec2> outline = AlongSides({{0, 0}, {6, 0}, {6, 6}, {4, 6}, {4, 2}, {2, 2}, {2, 6}, {0, 6}});
+  const auto chords = FindNecks(outline, {0.5, 0.01});
+  ASSERT_FALSE(chords.empty());
+  for (const auto& [i, j] : chords) {
+    const Vec2 middle = (outline[i] + outline[j]) / 2;
+    EXPECT_FALSE(middle.x() > 2 && middle.x() < 4 && middle.y() > 2) << middle.transpose();
   }
 }
 

@@ -1,0 +1,192 @@
+#include "core/pack/necks.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/mesh/predicates.h"
+
+namespace planish {
+namespace {
+
+constexpr std::size_t kMostPoints = 64;  // of a part that are looked at
+
+double Cross(const Vec2& a, const Vec2& b, const Vec2& c) {
+  const Vec2 u = b - a, v = c - a;
+  return u.x() * v.y() - u.y() * v.x();
+}
+
+double SquareFromSegment(const Vec2& p, const Vec2& a, const Vec2& b) {
+  const Vec2 along = b - a;
+  const double length2 = along.squaredNorm();
+  const double t = length2 > 0 ? std::clamp((p - a).dot(along) / length2, 0.0, 1.0) : 0;
+  return (p - a - t * along).squaredNorm();
+}
+
+// A part of the outline: points by their numbers there, counter-clockwise.
+using Part = std::vector<std::int32_t>;
+
+// Those of a part's points that show its shape: always the one farthest from the lines between those chosen so far
+// (Ramer, Douglas and Peucker). Indices into the part, ascending.
+std::vector<std::int32_t> Characteristic(const std::vector<Vec2>& outline, const Part& part) {
+  const auto n = static_cast<std::int32_t>(part.size());
+  struct Stretch {
+    std::int32_t begin, end, farthest;
+    double square;
+    bool operator<(const Stretch& o) const { return square != o.square ? square < o.square : begin > o.begin; }
+  };
+  const auto at = [&](std::int32_t i) -> const Vec2& { return outline[part[i == n ? 0 : i]]; };
+  const auto measure = [&](std::int32_t begin, std::int32_t end) {
+    Stretch stretch = {begin, end, -1, -1};
+    for (std::int32_t i = begin + 1; i < end; ++i) {
+      const double square = SquareFromSegment(at(i), at(begin), at(end));
+      if (square > stretch.square) stretch.square = square, stretch.farthest = i;
+    }
+    return stretch;
+  };
+  std::vector<std::int32_t> chosen = {0};
+  std::vector<Stretch> heap = {measure(0, n)};
+  while (!heap.empty() && chosen.size() < kMostPoints) {
+    std::pop_heap(heap.begin(), heap.end());
+    const Stretch stretch = heap.back();
+    heap.pop_back();
+    if (!(stretch.square > 0)) break;
+    chosen.push_back(stretch.farthest);
+    for (const Stretch& half : {measure(stretch.begin, stretch.farthest), measure(stretch.farthest, stretch.end)}) {
+      if (half.farthest < 0) continue;
+      heap.push_back(half);
+      std::push_heap(heap.begin(), heap.end());
+    }
+  }
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+// A convex hull that grows point by point.
+class GrowingHull {
+ public:
+  void Add(const Vec2& p) {
+    const std::size_t n = hull_.size();
+    if (n < 3) {
+      if (n < 2 || Cross(hull_[0], hull_[1], p) != 0) {
+        hull_.push_back(p);
+        if (n == 2 && Cross(hull_[0], hull_[1], p) < 0) std::swap(hull_[1], hull_[2]);
+      } else if ((p - hull_[0]).squaredNorm() > (hull_[1] - hull_[0]).squaredNorm()) {
+        hull_[1] = p;
+      }
+      return;
+    }
+    // The sides that p sees from outside are a chain; their inner points go, p comes in their place.
+    const auto sees = [&](std::size_t i) { return Cross(hull_[i], hull_[i + 1 == n ? 0 : i + 1], p) < 0; };
+    std::size_t first = 0;
+    while (first < n && !sees(first)) ++first;
+    if (first == n) return;
+    if (first == 0) {
+      std::size_t back = n;
+      while (back > 1 && sees(back - 1)) --back;
+      first = back % n;
+    }
+    kept_.clear();
+    std::size_t i = first;
+    do {
+      i = (i + 1) % n;
+    } while (i != first && sees(i));
+    for (;; i = (i + 1) % n) {
+      kept_.push_back(hull_[i]);
+      if (i == first) break;
+    }
+    kept_.push_back(p);
+    hull_.swap(kept_);
+  }
+
+  double Area() const {
+    double area = 0;
+    for (std::size_t i = 2; i < hull_.size(); ++i) area += Cross(hull_[0], hull_[i - 1], hull_[i]);
+    return area / 2;
+  }
+
+ private:
+  std::vector<Vec2> hull_, kept_;  // counter-clockwise
+};
+
+struct Chord {
+  double gain = 0;
+  std::int32_t from = -1, to = -1;  // indices into the part
+};
+
+// Whether the open segment between points i and j of a polygon lies inside.
+bool IsInside(const std::vector<Vec2>& polygon, std::size_t i, std::size_t j) {
+  const std::size_t n = polygon.size();
+  const Vec2 &a = polygon[i], &b = polygon[j];
+  const auto opens_towards = [&](std::size_t k, const Vec2& to) {
+    const Vec2 &before = polygon[(k + n - 1) % n], &p = polygon[k], &after = polygon[(k + 1) % n];
+    const bool left_of_next = Orientation(p, after, to) > 0, left_of_last = Orientation(before, p, to) > 0;
+    return Orientation(before, p, after) > 0 ? left_of_next && left_of_last : left_of_next || left_of_last;
+  };
+  if (!opens_towards(i, b) || !opens_towards(j, a)) return false;
+  for (std::size_t k = 0; k < n; ++k) {
+    const std::size_t next = (k + 1) % n;
+    if (k == i || k == j || next == i || next == j) continue;
+    if (SegmentsMeet(a, b, polygon[k], polygon[next])) return false;
+  }
+  return true;
+}
+
+Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOptions& options) {
+  const std::vector<std::int32_t> chosen = Characteristic(outline, part);
+  const std::size_t n = chosen.size();
+  if (n < 4) return {};
+  std::vector<Vec2> polygon;
+  polygon.reserve(n);
+  for (const std::int32_t i : chosen) polygon.push_back(outline[part[i]]);
+  GrowingHull all;
+  double area = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    all.Add(polygon[i]);
+    if (i > 1) area += Cross(polygon[0], polygon[i - 1], polygon[i]) / 2;
+  }
+  const double whole = all.Area();
+  if (!(whole - area > options.least_gain)) return {};  // no cut can gain more
+  // hull[i][k]: of the k + 1 points from i on.
+  std::vector<std::vector<double>> hull(n, std::vector<double>(n));
+  for (std::size_t i = 0; i < n; ++i) {
+    GrowingHull growing;
+    for (std::size_t k = 0; k < n; ++k) {
+      growing.Add(polygon[(i + k) % n]);
+      hull[i][k] = growing.Area();
+    }
+  }
+  Chord best;
+  best.gain = options.least_gain;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = i + 2; j < n && j + 1 < n + i; ++j) {
+      const double gain =
+          whole - hull[i][j - i] - hull[j][n - j + i] - options.width * (polygon[j] - polygon[i]).norm();
+      if (gain > best.gain && IsInside(polygon, i, j)) best = {gain, chosen[i], chosen[j]};
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<std::pair<std::int32_t, std::int32_t>> FindNecks(const std::vector<Vec2>& outline,
+                                                             const NeckOptions& options) {
+  std::vector<std::pair<std::int32_t, std::int32_t>> chords;
+  std::vector<Part> parts(1);
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(outline.size()); ++i) parts[0].push_back(i);
+  while (!parts.empty()) {
+    const Part part = std::move(parts.back());
+    parts.pop_back();
+    const Chord best = BestChord(outline, part, options);
+    if (best.from < 0) continue;
+    chords.emplace_back(std::minmax(part[best.from], part[best.to]));
+    Part inner(part.begin() + best.from, part.begin() + best.to + 1);
+    Part outer(part.begin(), part.begin() + best.from + 1);
+    outer.insert(outer.end(), part.begin() + best.to, part.end());
+    parts.push_back(std::move(inner));
+    parts.push_back(std::move(outer));
+  }
+  return chords;
+}
+
+}  // namespace planish
