@@ -1,9 +1,11 @@
 // A target as a test: its corpus, and seeded mutations of it (PLANISH_FUZZ_MUTATIONS, default 2000). An input that ends
-// the process stays in the test's temporary folder as FUZZ_TARGET.input, for a debugger or for libFuzzer.
+// the process is left in the test's temporary folder as fuzz_TARGET.input, for a debugger or for libFuzzer.
+#include <fcntl.h>
+#include <signal.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -42,18 +44,34 @@ std::vector<std::string> Corpus() {
   return corpus;
 }
 
+// Set before the first input: the handler cannot make strings.
+std::string input_path;
+const std::string* present_input = nullptr;
+
+void SaveInput(int number) {
+  const int file = open(input_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  if (file >= 0 && present_input != nullptr) {
+    [[maybe_unused]] const ssize_t written = write(file, present_input->data(), present_input->size());
+  }
+  raise(number);
+}
+
 class Replay : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     if (!kIsSanitized) Limit(RLIMIT_AS, kMostAddresses);
     Limit(RLIMIT_CPU, kMostSeconds);
+    input_path = ::testing::TempDir() + "fuzz_" FUZZ_TARGET ".input";
+    struct sigaction once = {};
+    once.sa_handler = SaveInput;
+    once.sa_flags = SA_RESETHAND | SA_NODEFER;
+    for (const int number : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGXCPU}) sigaction(number, &once, nullptr);
   }
 
-  void TearDown() override { std::remove(input_path_.c_str()); }
-
   void Try(const std::string& input) {
-    std::ofstream(input_path_, std::ios::binary) << input;
+    present_input = &input;
     LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(input.data()), input.size());
+    present_input = nullptr;
   }
 
  private:
@@ -63,8 +81,6 @@ class Replay : public ::testing::Test {
     limit.rlim_cur = std::min(limit.rlim_cur, most);
     setrlimit(static_cast<__rlimit_resource>(resource), &limit);
   }
-
-  const std::string input_path_ = ::testing::TempDir() + "fuzz_" FUZZ_TARGET ".input";
 };
 
 TEST_F(Replay, Corpus) {

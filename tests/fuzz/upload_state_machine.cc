@@ -215,6 +215,7 @@ class Machine {
     const std::int64_t offset = (model == nullptr ? 0 : model->Committed()) + shift;
     const auto size = static_cast<std::size_t>(input.Below(48));
     const std::string data = input.Below(16) == 0 ? std::string(input.Take(size)) : Fitting(model, size);
+    const std::int64_t stored = blobs_.bytes();
     const absl::Status status = slot->real.Append(offset, data);
 
     if (model == nullptr) return RequireReason(status, {"UPLOAD_NOT_FOUND"});
@@ -234,7 +235,7 @@ class Machine {
       uploads_.erase(slot->name);
       return RequireReason(status, {"DIGEST_MISMATCH"});
     }
-    if (!kept_.contains(model->sha256) && blobs_.bytes() + model->total > kStoreBytes) {
+    if (!kept_.contains(model->sha256) && stored + model->total > kStoreBytes) {
       return RequireReason(status, {"STORAGE_FULL"});
     }
     Require(status.ok(), "the last piece makes an upload complete: " + status.ToString());
