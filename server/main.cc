@@ -1,7 +1,11 @@
 // planishd: puts jobs, workers and RPC together and takes them down again in order (server/README.md).
+#include <sys/resource.h>
+
+#include <csignal>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -45,6 +49,9 @@ constexpr std::int64_t kMiB = std::int64_t{1} << 20;
 // Large enough that messages cost nothing, small enough that a broken connection does not either.
 constexpr std::int64_t kUploadChunkBytes = kMiB;
 constexpr std::int64_t kInlineMeshBytes = 4 * kMiB;
+
+// Longer than any stage of the largest meshes goes without a word.
+constexpr absl::Duration kSilenceLimit = absl::Minutes(30);
 
 constexpr absl::Duration kUpkeepInterval = absl::Milliseconds(100);
 
@@ -150,8 +157,10 @@ WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
   options.workers = flags.workers;
   options.recycle_after = flags.recycle_after;
   options.job_limit = absl::Hours(flags.job_hours);
-  options.on_worker_ready = [](const worker::v1::WorkerIdle& worker) {
-    if (!worker.sandbox_error().empty()) spdlog::warn("a worker runs without its sandbox: {}", worker.sandbox_error());
+  options.silence_limit = kSilenceLimit;
+  options.on_worker_ready = [said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
+    if (worker.sandbox_error().empty()) return;
+    std::call_once(*said, [&] { spdlog::warn("workers run without their sandbox: {}", worker.sandbox_error()); });
   };
   options.on_worker_end = [](const WorkerEnd& end) {
     if (end.loss.message.empty()) {
@@ -194,6 +203,14 @@ bool EndJobs(absl::Duration grace, bool durable, JobManager* manager, ShutdownEv
   return false;
 }
 
+// Each job kept or waiting may hold descriptors, and each connection does.
+void AllowManyDescriptors() {
+  rlimit limit;
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 int Refuse(const absl::Status& status) {
   std::cerr << "planishd: " << status.message() << "\n";
   return kCannotServe;
@@ -204,7 +221,9 @@ int Serve(const ServerFlags& flags) {
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   grpc_init();
   SetUpLogging(flags);
-  KeepFreedMemory();  // until the job ends (worker.cc)
+  AllowManyDescriptors();
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
+  KeepFreedMemory();              // until the job ends (worker.cc)
   absl::StatusOr<Stores> stores = OpenStores(flags);
   if (!stores.ok()) return Refuse(stores.status());
   JobManagerOptions options = ManagerOptions(flags);

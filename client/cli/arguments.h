@@ -50,7 +50,7 @@ struct Arguments {
   bool keep_density = false;  // pack; texture_size, padding and tiles are those of `options`
   bool detach = false;
   Scheduling scheduling;
-  std::string label;  // jobs list: how it begins
+  std::string label;           // jobs list: how it begins
   double timeout_seconds = 0;  // 0: none
 
   std::int64_t triangles = 0;  // estimate, in place of `input`

@@ -180,12 +180,9 @@ Json ToJson(const Event& event) {
 }
 
 Json ToJson(const JobEstimate& estimate) {
-  Json json = {{"triangles", estimate.triangles},
-               {"vertices", estimate.vertices},
-               {"memory_bytes", estimate.memory_bytes},
-               {"run_seconds", estimate.run_seconds},
-               {"queue_seconds", estimate.queue_seconds},
-               {"accepted", !estimate.refusal.has_value()}};
+  Json json = {{"triangles", estimate.triangles},         {"vertices", estimate.vertices},
+               {"memory_bytes", estimate.memory_bytes},   {"run_seconds", estimate.run_seconds},
+               {"queue_seconds", estimate.queue_seconds}, {"accepted", !estimate.refusal.has_value()}};
   if (estimate.refusal) json["refusal"] = ErrorJson(*estimate.refusal);
   return json;
 }

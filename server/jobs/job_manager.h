@@ -142,8 +142,8 @@ class JobManager : public JobSource {
   // ---- for WorkerPool
 
   // Waits for work and memory for it, and makes its jobs RUNNING. Named after one of them; attempts count 1, 2, ... for
-  // each piece of work. Empty after StopWorkers().
-  std::optional<JobAssignment> TakeNext() override;
+  // each piece of work. Over after StopWorkers().
+  Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override;
   void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) override;
   absl::Time ObeyBy(const std::string& name, int attempt) override;
   void ReportProgress(const std::string& name, int attempt, v1::Progress progress) override;

@@ -1,5 +1,6 @@
 // The manager's side towards workers: what they get, what they say, who shares it.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <utility>
 
@@ -19,6 +20,10 @@ using google::protobuf::util::TimeUtil;
 // How much a new measurement of seconds_factor_ counts, and how far off an estimate may be believed to be.
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
+
+// What a worker may allocate beyond the estimate: that is for sharing the machine, the limit is against faults.
+constexpr std::int64_t kMemorySlack = 3;
+constexpr std::int64_t kLeastMemory = std::int64_t{256} << 20;
 
 double QueueSecondsOf(const v1::Job& job) {
   return static_cast<double>(TimeUtil::DurationToNanoseconds(job.start_time() - job.create_time())) * 1e-9;
@@ -124,7 +129,7 @@ void JobManager::SendStopIfAllWant(Work& work) {
 
 // ---- for WorkerPool
 
-std::optional<JobAssignment> JobManager::TakeNext() {
+Turn JobManager::TakeNext(absl::Duration patience, JobAssignment* assignment) {
   Wakeups wakeups;
   std::unique_lock lock(mutex_);
   const auto next = [this]() -> Work* {
@@ -134,23 +139,25 @@ std::optional<JobAssignment> JobManager::TakeNext() {
     const bool fits = running_ == 0 || reserved_memory_ + work.needs.memory_bytes <= options_.memory_bytes;
     return fits ? &work : nullptr;
   };
+  const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
   for (;;) {
-    work_or_stop_.wait(lock, [&] { return stopped_ || next() != nullptr; });
-    if (stopped_) return std::nullopt;
+    if (!work_or_stop_.wait_until(lock, until, [&] { return stopped_ || next() != nullptr; })) return Turn::kNothing;
+    if (stopped_) return Turn::kOver;
     Work& work = *next();
     queue_.Remove(work.name);
-    absl::StatusOr<JobAssignment> assignment = Assign(work);
-    if (!assignment.ok()) {
-      for (const std::string& name : Remove(work.name).jobs) Fail(live_.at(name), assignment.status(), &wakeups);
+    absl::StatusOr<JobAssignment> assigned = Assign(work);
+    if (!assigned.ok()) {
+      for (const std::string& name : Remove(work.name).jobs) Fail(live_.at(name), assigned.status(), &wakeups);
       continue;
     }
+    *assignment = *std::move(assigned);
     work.running = true;
     work.attempt = assignment->attempt;
     work.start = options_.clock();
     ++running_;
     reserved_memory_ += work.needs.memory_bytes;
     for (const std::string& name : work.jobs) Begin(live_.at(name), &wakeups);
-    return *std::move(assignment);
+    return Turn::kWork;
   }
 }
 
@@ -174,7 +181,7 @@ absl::StatusOr<JobAssignment> JobManager::Assign(const Work& work) {
   request.set_max_threads(options_.threads);
   request.set_seam_corners(record.seam_corners());
   request.set_uncut_corners(record.uncut_corners());
-  request.set_memory_bytes(work.needs.memory_bytes);
+  if (work.needs.memory_bytes > 0) request.set_memory_bytes(kMemorySlack * work.needs.memory_bytes + kLeastMemory);
   request.set_max_triangles(options_.max_triangles);
   request.set_failpoint(record.failpoint());
   return assignment;

@@ -21,13 +21,20 @@ struct JobAssignment {
   std::vector<BlobPtr> blobs;
 };
 
+// What comes of asking for work.
+enum class Turn {
+  kWork,     // there is some
+  kNothing,  // not within the time given
+  kOver,     // there will be no more
+};
+
 // What WorkerPool needs of JobManager. Thread-safe.
 class JobSource {
  public:
   virtual ~JobSource() = default;
 
-  // Waits for a job. Empty once there will be no more.
-  virtual std::optional<JobAssignment> TakeNext() = 0;
+  // Waits for a job, at most for `patience`, and fills `assignment` if there is one.
+  virtual Turn TakeNext(absl::Duration patience, JobAssignment* assignment) = 0;
 
   // Tells who is at work, after the WorkRequest was sent: cancellations and stops go there, also those from before.
   virtual void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) = 0;

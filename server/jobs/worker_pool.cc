@@ -67,14 +67,16 @@ class WorkerPool::Seat {
 
   void Run() {
     while (Fill(nullptr)) {
-      std::optional<JobAssignment> assignment = source_.TakeNext();
-      if (!assignment.has_value()) return;
+      JobAssignment assignment;
+      const Turn turn = source_.TakeNext(options_.idle_look_interval, &assignment);
+      if (turn == Turn::kOver) return;
       // The worker may have died while there was nothing to do.
       CheckAlive();
-      if (Fill(&*assignment)) {
-        Serve(*std::move(assignment));
+      if (turn == Turn::kNothing) continue;
+      if (Fill(&assignment)) {
+        Serve(std::move(assignment));
       } else {
-        source_.ReportLost(assignment->name, assignment->attempt, {"INTERNAL", "no worker could be started", {}});
+        source_.ReportLost(assignment.name, assignment.attempt, {"INTERNAL", "no worker could be started", {}});
       }
     }
   }

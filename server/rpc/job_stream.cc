@@ -9,10 +9,19 @@
 
 namespace planish {
 
-JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk) {
+JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pace) {
   JobEventLog::Read read = events_->ReadAfter(position_.after_sequence);
+  while (pace != Pace::kAll && read.event.has_value() && read.event->has_progress()) {
+    JobEventLog::Read newer = events_->ReadAfter(read.event->sequence());
+    if (!newer.event.has_value()) {
+      if (pace == Pace::kHold) return Step::kWait;
+      break;
+    }
+    read = std::move(newer);
+  }
   if (read.event.has_value()) {
     *event = *std::move(read.event);
+    event->set_skipped(event->sequence() - position_.after_sequence - 1);
     position_.after_sequence = event->sequence();
     return Step::kEvent;
   }

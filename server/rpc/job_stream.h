@@ -28,13 +28,20 @@ class JobStream {
     kEnd,    // all was sent; status() says how it went
   };
 
+  // What becomes of progress. Changes of state are never left out.
+  enum class Pace {
+    kAll,     // every event is sent
+    kNewest,  // of those that were not sent yet, the newest
+    kHold,    // the same, but none now: kWait
+  };
+
   // Bytes of UV in a message: what a reader that stands still costs, twice (the message and its wire form).
   static constexpr std::int64_t kChunkBytes = std::int64_t{128} << 10;
 
   JobStream(std::shared_ptr<const JobEventLog> events, const Position& position)
       : events_(std::move(events)), position_(position) {}
 
-  Step Next(v1::JobEvent* event, v1::UvChunk* chunk);
+  Step Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pace = Pace::kAll);
 
   // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset; what the log ended with
   // (UNAVAILABLE, DRAINING) if the job goes on elsewhere.

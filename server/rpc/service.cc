@@ -61,7 +61,10 @@ absl::StatusOr<JobRequest> TakeRequest(const Request* request, UploadStore* uplo
 class PlanishService : public v1::Planish::CallbackService {
  public:
   PlanishService(JobManager* manager, UploadStore* uploads, ServiceOptions options, StreamCounter* streams)
-      : manager_(manager), uploads_(uploads), options_(std::move(options)), surroundings_{streams, &call_threads_} {
+      : manager_(manager),
+        uploads_(uploads),
+        options_(std::move(options)),
+        surroundings_{streams, &call_threads_, options_.progress_per_second} {
     if (options_.capabilities.upload_chunk_bytes() <= 0) {
       options_.capabilities.set_upload_chunk_bytes(kDefaultChunkBytes);
     }

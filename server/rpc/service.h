@@ -15,6 +15,7 @@ struct ServiceOptions {
   v1::Capabilities capabilities;
   // For tests: a call's metadata "planish-failpoint" becomes JobRequest::failpoint.
   bool failpoints = false;
+  double progress_per_second = 1000;  // StreamSurroundings
 };
 
 // Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads` and `streams`, which counts the streams

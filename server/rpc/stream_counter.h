@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 
@@ -14,14 +15,15 @@ class StreamCounter {
   void Add();
   void Remove();
 
+  int count() const { return count_; }
+
   // Waits until there are none; false if `deadline` passes first.
   bool WaitForNone(absl::Time deadline);
 
  private:
   std::mutex mutex_;
   std::condition_variable none_;
-  // Guarded by mutex_.
-  int count_ = 0;
+  std::atomic<int> count_ = 0;  // written under mutex_
 };
 
 }  // namespace planish

@@ -1,15 +1,22 @@
 #include "server/rpc/watch_reactor.h"
 
+#include <algorithm>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <utility>
 
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "grpcpp/alarm.h"
 #include "server/rpc/call_deadline.h"
 #include "server/rpc/grpc_status.h"
 
 namespace planish {
 namespace {
+
+// Shorter intervals between progress events are as good as none.
+constexpr absl::Duration kUnpacedInterval = absl::Milliseconds(20);
 
 // Owns itself until gRPC is done with it.
 template <class Response>
@@ -18,18 +25,18 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
  public:
   static WatchReactor* Start(grpc::CallbackServerContext* context, JobFinder find, const JobStream::Position& position,
                              const StreamSurroundings& surroundings) {
-    auto reactor = std::make_shared<WatchReactor>(context, surroundings.streams);
+    auto reactor = std::make_shared<WatchReactor>(context, surroundings);
     reactor->self_ = reactor;
     surroundings.tasks->Post([reactor, find = std::move(find), position] { reactor->Open(find(), position); });
     return reactor.get();
   }
 
-  WatchReactor(grpc::CallbackServerContext* context, StreamCounter* streams)
-      : deadline_(DeadlineOf(*context)), streams_(streams) {
-    streams_->Add();
+  WatchReactor(grpc::CallbackServerContext* context, const StreamSurroundings& surroundings)
+      : deadline_(DeadlineOf(*context)), surroundings_(surroundings) {
+    surroundings_.streams->Add();
   }
 
-  ~WatchReactor() override { streams_->Remove(); }
+  ~WatchReactor() override { surroundings_.streams->Remove(); }
 
   void OnWriteDone(bool ok) override {
     {
@@ -117,14 +124,37 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   JobStream::Step NextStep() {
     v1::JobEvent event;
     v1::UvChunk chunk;
-    const JobStream::Step step = stream_->Next(&event, &chunk);
+    const absl::Time now = absl::Now();
+    const absl::Duration interval = absl::Seconds(surroundings_.streams->count() / surroundings_.progress_per_second);
+    const absl::Duration early = last_progress_ + interval - now;
+    JobStream::Pace pace = JobStream::Pace::kAll;
+    if (interval > kUnpacedInterval) pace = JobStream::Pace::kNewest;
+    if (pace != JobStream::Pace::kAll && early > absl::ZeroDuration()) pace = JobStream::Pace::kHold;
+    const JobStream::Step step = stream_->Next(&event, &chunk, pace);
+    if (pace == JobStream::Pace::kHold && step == JobStream::Step::kWait) WakeIn(std::min(early, interval));
+    if (event.has_progress()) last_progress_ = now;
     if (step == JobStream::Step::kEvent) *response_.mutable_event() = std::move(event);
     if (step == JobStream::Step::kUv) *response_.mutable_uv() = std::move(chunk);
     return step;
   }
 
+  // Requires mutex_.
+  void WakeIn(absl::Duration delay) {
+    if (std::exchange(armed_, true)) return;
+    const std::weak_ptr<WatchReactor> weak = this->weak_from_this();
+    alarm_.Set(absl::ToChronoTime(absl::Now() + delay), [weak](bool) {
+      const auto alive = weak.lock();
+      if (alive == nullptr) return;
+      {
+        const std::lock_guard lock(alive->mutex_);
+        alive->armed_ = false;
+      }
+      alive->Pump();
+    });
+  }
+
   const std::optional<absl::Time> deadline_;
-  StreamCounter* const streams_;
+  const StreamSurroundings surroundings_;
 
   // Set by Start(), dropped by OnDone().
   std::shared_ptr<WatchReactor> self_;
@@ -138,6 +168,9 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   Response response_;
   bool busy_ = true;  // Open() is under way
   bool gone_ = false;
+  absl::Time last_progress_ = absl::InfinitePast();  // sent
+  grpc::Alarm alarm_;                                // wakes us when progress was held back
+  bool armed_ = false;
 };
 
 }  // namespace

@@ -3,7 +3,9 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/ptrace.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -88,6 +90,16 @@ std::string TryExec() {
   return status == 0 ? "allowed" : "EPERM";
 }
 
+std::string SoftLimit(__rlimit_resource resource) {
+  rlimit limit = {};
+  getrlimit(resource, &limit);
+  return std::to_string(limit.rlim_cur);
+}
+
+std::string Flag(int value) {
+  return value < 0 ? Outcome(value) : std::to_string(value);
+}
+
 }  // namespace
 
 absl::StatusOr<Failpoint> Failpoint::Parse(std::string_view text) {
@@ -130,11 +142,15 @@ absl::Status Probe() {
                     {"kill", Outcome(kill(getppid(), 0))},
                     {"ptrace", Outcome(ptrace(PTRACE_PEEKUSER, -1, nullptr, nullptr))},
                     {"executable_memory", TryExecutableMemory()},
-                    {"thread", [] {
+                    {"thread",
+                     [] {
                        bool ran = false;
                        std::thread([&ran] { ran = true; }).join();
                        return ran ? "allowed" : "lost";
-                     }()}});
+                     }()},
+                    {"core_limit", SoftLimit(RLIMIT_CORE)},
+                    {"descriptor_limit", SoftLimit(RLIMIT_NOFILE)},
+                    {"no_new_privileges", Flag(prctl(PR_GET_NO_NEW_PRIVS, 0, 0, 0, 0))}});
 }
 
 }  // namespace planish

@@ -43,7 +43,7 @@ struct FailpointHooks {
 absl::Status ReachPoint(const Failpoint& failpoint, std::string_view point, const FailpointHooks& hooks);
 
 // Tries to open a file and a socket, to start a program and a process, and to signal and trace others. INTERNAL
-// with reason PROBE and for each as metadata the errno's name, or "allowed".
+// with reason PROBE and for each as metadata the errno's name, or "allowed"; some limits beside them.
 absl::Status Probe();
 
 }  // namespace planish

@@ -139,6 +139,44 @@ TEST(ArgumentsTest, Inspect) {
   EXPECT_EQ(Parse({"inspect"}).exit_code, kUsage);
 }
 
+TEST(ArgumentsTest, Scheduling) {
+  const ParsedArguments parsed =
+      Parse({"unwrap", "in.obj", "-o", "o.obj", "--priority=high", "--deadline=90", "--budget=2.5", "--fresh"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_EQ(parsed.arguments->scheduling.priority, Priority::kHigh);
+  EXPECT_EQ(parsed.arguments->scheduling.timeout_seconds, 90);
+  EXPECT_EQ(parsed.arguments->scheduling.compute_budget_seconds, 2.5);
+  EXPECT_TRUE(parsed.arguments->scheduling.fresh);
+  const Scheduling by_default = Parse({"unwrap", "in.obj", "-o", "o.obj"}).arguments->scheduling;
+  EXPECT_EQ(by_default.priority, Priority::kNormal);
+  EXPECT_EQ(by_default.timeout_seconds, 0);
+  EXPECT_FALSE(by_default.fresh);
+  for (const char* bad : {"--priority=urgent", "--deadline=0", "--budget=-1"}) {
+    EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", bad}).exit_code, kUsage) << bad;
+  }
+}
+
+TEST(ArgumentsTest, Estimate) {
+  const ParsedArguments of_file = Parse({"estimate", "in.obj"});
+  ASSERT_TRUE(of_file.arguments) << of_file.err;
+  EXPECT_EQ(of_file.arguments->command, Command::kEstimate);
+  EXPECT_EQ(of_file.arguments->input, "in.obj");
+  EXPECT_EQ(Parse({"estimate", "--triangles=5000000000"}).arguments->triangles, 5'000'000'000);
+  for (const auto& bad : std::vector<std::vector<const char*>>{
+           {"estimate"}, {"estimate", "in.obj", "--triangles=5"}, {"estimate", "--triangles=0"}}) {
+    EXPECT_EQ(Parse(bad).exit_code, kUsage);
+  }
+}
+
+TEST(ArgumentsTest, JobsStopAndLabels) {
+  EXPECT_EQ(Parse({"jobs", "stop", "abc", "--server=h:1"}).arguments->command, Command::kJobsStop);
+  EXPECT_EQ(Parse({"jobs", "stop", "abc", "--server=h:1"}).arguments->job, "jobs/abc");
+  const ParsedArguments list = Parse({"jobs", "list", "--label=night/", "--state=EXPIRED", "--server=h:1"});
+  ASSERT_TRUE(list.arguments) << list.err;
+  EXPECT_EQ(list.arguments->label, "night/");
+  EXPECT_EQ(list.arguments->state, JobState::kExpired);
+}
+
 TEST(ArgumentsTest, JobsCommands) {
   ParsedArguments parsed = Parse({"jobs", "watch", "abc", "--mesh", "in.obj", "-o", "-", "--server=h:1"});
   ASSERT_TRUE(parsed.arguments) << parsed.err;

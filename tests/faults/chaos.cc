@@ -52,7 +52,7 @@ Surface Bump(int n, double height) {
   return surface;
 }
 
-int FlippedTriangles(const UvMap& uv) {
+int FlippedTriangles(const Uv& uv) {
   int flipped = 0;
   for (std::size_t f = 0; f + 6 <= uv.floats.size(); f += 6) {
     const float* p = uv.floats.data() + f;

@@ -57,6 +57,7 @@ std::vector<pid_t> ChildrenOf(pid_t pid) {
 
 DurableServer::DurableServer(std::string directory, std::vector<std::string> flags)
     : directory_(std::move(directory)), flags_(std::move(flags)), target_("unix:" + directory_ + "/socket") {
+  fs::create_directories(directory_);
   Start();
 }
 

@@ -28,9 +28,9 @@ export async function freePort() {
 }
 
 // `listen` as planishd takes it: unix:/path or 127.0.0.1:port.
-export async function startServer(listen) {
+export async function startServer(listen, flags = ['--workers=2']) {
   // planishd ends when the other end of its supervisor descriptor closes: it cannot outlive this test.
-  const child = spawn(process.env.PLANISHD, [`--listen=${listen}`, '--workers=2', '--supervisor-fd=3'],
+  const child = spawn(process.env.PLANISHD, [`--listen=${listen}`, ...flags, '--supervisor-fd=3'],
                       {stdio: ['ignore', 'inherit', 'inherit', 'pipe']});
   const exited = once(child, 'exit');
   exited.catch(() => {});

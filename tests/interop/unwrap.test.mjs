@@ -177,6 +177,99 @@ test('a call without a mesh is refused with details', async () => {
   });
 });
 
+// ---- errors: each its code, reason and metadata
+
+async function refused(promise, code, reason) {
+  let info;
+  await assert.rejects(promise, (error) => {
+    info = errorInfoOfCall(error);
+    assert.equal(error.code, grpc.status[code], error.message);
+    assert.equal(info?.reason, reason, error.message);
+    assert.equal(info.domain, 'planish');
+    return true;
+  });
+  return info.metadata;
+}
+
+async function upload(draco, {sha = createHash('sha256').update(draco).digest(), pieces = 3} = {}) {
+  const created = await call(server.client, 'CreateUpload', {total_bytes: draco.length, sha256: sha});
+  const written = await new Promise((resolve, reject) => {
+    const stream = server.client.WriteUpload((error, response) => (error ? reject(error) : resolve(response)));
+    stream.on('error', () => {});  // it is in the answer
+    for (let i = 0; i < pieces; ++i) {
+      const [begin, end] = [i, i + 1].map((n) => Math.floor((n * draco.length) / pieces));
+      stream.write({name: i === 0 ? created.name : '', offset: begin, data: draco.subarray(begin, end)});
+    }
+    stream.end();
+  });
+  return {created, written};
+}
+
+test('a mesh that was uploaded in pieces gives the same bytes as one sent inline', async () => {
+  const draco = await encode(bump());
+  const inline = await unwrap(draco);
+  const {created, written} = await upload(draco);
+  assert.equal(written.committed_bytes, draco.length);
+  const uploaded = checkStream(await collect(server.client, 'Unwrap', {upload: created.name}));
+  await checkUv(uploaded.job, uploaded.uv, draco);
+  assert.ok(uploaded.uv.equals(inline.uv));
+  const again = await call(server.client, 'CreateUpload', {total_bytes: draco.length, sha256: created.sha256});
+  assert.equal(again.committed_bytes, draco.length, 'known bytes need not be sent again');
+});
+
+test('wrong digest', async () => {
+  const metadata = await refused(upload(Buffer.from('not these bytes'), {sha: Buffer.alloc(32)}), 'INVALID_ARGUMENT',
+                                 'DIGEST_MISMATCH');
+  assert.match(metadata.upload, /^uploads\//);
+  await refused(call(server.client, 'GetUpload', {name: metadata.upload}), 'NOT_FOUND', 'UPLOAD_NOT_FOUND');
+});
+
+test('incomplete upload', async () => {
+  const {name} = await call(server.client, 'CreateUpload', {total_bytes: 10, sha256: Buffer.alloc(32, 1)});
+  const metadata = await refused(call(server.client, 'CreateJob', {upload: name}), 'FAILED_PRECONDITION',
+                                 'UPLOAD_INCOMPLETE');
+  assert.equal(metadata.committed_bytes, '0');
+});
+
+test('oversized mesh', async () => {
+  const {max_mesh_bytes: limit} = await call(server.client, 'GetCapabilities', {});
+  const metadata = await refused(
+    call(server.client, 'CreateUpload', {total_bytes: Number(limit) + 1, sha256: Buffer.alloc(32)}),
+    'RESOURCE_EXHAUSTED', 'MESH_TOO_LARGE');
+  assert.equal(metadata.limit, String(limit));
+  assert.equal(metadata.bytes, String(Number(limit) + 1));
+});
+
+test('unknown job', async () => {
+  const name = 'jobs/none';
+  for (const method of ['GetJob', 'StopJob', 'CancelJob', 'DeleteJob']) {
+    const metadata = await refused(call(server.client, method, {name}), 'NOT_FOUND', 'JOB_NOT_FOUND');
+    assert.equal(metadata.job, name, method);
+  }
+  await refused(collect(server.client, 'WatchJob', {name}), 'NOT_FOUND', 'JOB_NOT_FOUND');
+});
+
+test('full queue', async () => {
+  const full = await startServer(`127.0.0.1:${await freePort()}`, ['--queue=1', '--workers=1']);
+  try {
+    const draco = await encode(bump());
+    // The paper as written takes its time.
+    const options = {solver: 'SOLVER_UZAWA', system: 'SYSTEM_FULL', preconditioner: 'PRECONDITIONER_NONE'};
+    const names = [];
+    const fill = async () => {
+      for (let i = 0; i < 50; ++i) {
+        const scheduling = {fresh: true};
+        names.push((await call(full.client, 'CreateJob', {draco, options, scheduling})).name);
+      }
+    };
+    const metadata = await refused(fill(), 'RESOURCE_EXHAUSTED', 'QUEUE_FULL');
+    assert.equal(metadata.queue_capacity, '1');
+    for (const name of names) await call(full.client, 'CancelJob', {name});
+  } finally {
+    await full.stop();
+  }
+});
+
 test('over a Unix socket', async () => {
   const folder = mkdtempSync(path.join(os.tmpdir(), 'planish-'));
   try {

@@ -98,9 +98,16 @@ class JobManagerTest : public ::testing::Test {
     return accepted.ok() ? accepted->job.name() : "";
   }
 
+  // Waits for work; nothing if there will be none.
+  std::optional<JobAssignment> TakeNext() {
+    JobAssignment assignment;
+    const Turn turn = manager_->TakeNext(absl::Hours(1), &assignment);
+    return turn == Turn::kWork ? std::optional(std::move(assignment)) : std::nullopt;
+  }
+
   // What a worker does, for the job that is next.
   std::string Take() {
-    const std::optional<JobAssignment> assignment = manager_->TakeNext();
+    const std::optional<JobAssignment> assignment = TakeNext();
     attempt_ = assignment->attempt;
     return assignment->name;
   }

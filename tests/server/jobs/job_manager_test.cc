@@ -20,7 +20,7 @@ TEST_F(JobManagerTest, ALifeInEvents) {
   EXPECT_EQ(accepted->job.mesh_bytes(), 5);
 
   now_ += absl::Seconds(2);
-  const auto assignment = manager_->TakeNext();
+  const auto assignment = TakeNext();
   ASSERT_TRUE(assignment.has_value());
   EXPECT_EQ(assignment->name, name);
   EXPECT_EQ(assignment->request.job(), name);
@@ -86,7 +86,7 @@ TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
   const auto accepted = manager_->Create(request);
   ASSERT_TRUE(accepted.ok()) << accepted.status();
   EXPECT_EQ(accepted->job.mesh_bytes(), 16);
-  const auto assignment = manager_->TakeNext();
+  const auto assignment = TakeNext();
   EXPECT_EQ(assignment->request.seam_corners(), 2);
   EXPECT_EQ(assignment->request.uncut_corners(), 1);
   ASSERT_THAT(assignment->blobs, SizeIs(2));
@@ -107,7 +107,7 @@ TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
 
 TEST_F(JobManagerTest, FullQueueSaysWhenToRetry) {
   Create();
-  ASSERT_TRUE(manager_->TakeNext().has_value());
+  ASSERT_TRUE(TakeNext().has_value());
   Create();
   Create();
   const absl::Status status = manager_->Create(Request()).status();
@@ -357,7 +357,7 @@ TEST_F(JobManagerTest, DrainRefusesNewJobsAndFinishesOldOnes) {
   Succeed(queued);
   EXPECT_EQ(idle, 1);
   manager_->StopWorkers();
-  EXPECT_FALSE(manager_->TakeNext().has_value());
+  EXPECT_FALSE(TakeNext().has_value());
 }
 
 TEST_F(JobManagerTest, DrainOfAnIdleServerIsOver) {

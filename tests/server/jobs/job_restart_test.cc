@@ -155,7 +155,7 @@ TEST_F(JobRestartTest, SuspendTellsWatchersToComeBack) {
   EXPECT_EQ(read.status.code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(Reason(read.status), "DRAINING");
   Lose(name);
-  EXPECT_FALSE(manager_->TakeNext().has_value());
+  EXPECT_FALSE(TakeNext().has_value());
   Resume();
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
 }
@@ -180,7 +180,7 @@ TEST_F(JobRestartTest, FilesOutliveTheProcess) {
   reopen();
   EXPECT_EQ(Watch(token_list)->uv()->bytes(), "the result");
   EXPECT_THAT(List(10, token)->jobs, SizeIs(2)) << "pages go on";
-  const std::optional<JobAssignment> assignment = manager_->TakeNext();
+  const std::optional<JobAssignment> assignment = TakeNext();
   EXPECT_EQ(assignment->name, running);
   EXPECT_EQ(assignment->blobs[0]->bytes(), "mesh2");
 

@@ -64,17 +64,17 @@ class Jobs : public JobSource {
     return link_;
   }
 
-  std::optional<JobAssignment> TakeNext() override {
+  Turn TakeNext(absl::Duration, JobAssignment* assignment) override {
     std::unique_lock lock(mutex_);
-    if (taken_ == count_) return std::nullopt;
-    JobAssignment job;
+    if (taken_ == count_) return Turn::kOver;
+    JobAssignment& job = *assignment;
     job.name = std::to_string(taken_++);
     job.attempt = 7;
     job.request.set_job(job.name);
     job.request.set_max_triangles(1);
     job.blobs = {*Blob::Copy("mesh")};
     changed_.notify_all();
-    return job;
+    return Turn::kWork;
   }
   void SetLink(const std::string&, int attempt, std::shared_ptr<WorkerLink> link) override {
     EXPECT_EQ(attempt, 7);
@@ -168,11 +168,11 @@ TEST(WorkerPool, ManyJobsOnTwoWorkers) {
   Jobs jobs(kJobs);
   Ends ends;
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest& request) {
+    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const ServerLink::Received& job) {
       const int now = ++at_work;
       for (int seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
       }
-      const bool lives = succeed(server, request);
+      const bool lives = succeed(server, job);
       --at_work;
       return lives;
     }),
@@ -192,8 +192,8 @@ TEST(WorkerPool, WorkerThatDiesLosesItsJobOnly) {
   Jobs jobs(3);
   Ends ends;
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest& request) {
-      return request.job() != "1" && succeed(server, request);
+    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const ServerLink::Received& job) {
+      return job.message.request().job() != "1" && succeed(server, job);
     }),
                           ends.Options());
     jobs.WaitForAll();
@@ -277,8 +277,8 @@ TEST(WorkerPool, SilenceKills) {
   options.silence_limit = absl::Milliseconds(30);
   const WorkerScript succeed = Succeed(1, "uv");
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest& request) {
-      if (request.job() != "0") return succeed(server, request);
+    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const ServerLink::Received& job) {
+      if (job.message.request().job() != "0") return succeed(server, job);
       server.Send(ProgressMessage(1));
       BeDeaf(server);
       return false;
@@ -300,7 +300,7 @@ TEST(WorkerPool, DecodingTooLongKillsHoweverMuchIsSaid) {
   WorkerPoolOptions options = ends.Options();
   options.decode_limit = absl::Milliseconds(30);
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest&) {
+    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const ServerLink::Received&) {
       for (int i = 1; ends.causes().empty(); ++i) {
         worker::v1::FromWorker message = ProgressMessage(i);
         message.mutable_event()->mutable_progress()->set_stage(v1::STAGE_DECODE);
@@ -321,7 +321,7 @@ TEST(WorkerPool, JobsHaveALimitOfTheirOwn) {
   WorkerPoolOptions options = ends.Options();
   options.job_limit = absl::Milliseconds(30);
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest&) {
+    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const ServerLink::Received&) {
       for (int i = 1; ends.causes().empty(); ++i) server.Send(ProgressMessage(i));
       return false;
     }),
@@ -336,8 +336,8 @@ TEST(WorkerPool, WhoDoesNotObeyInTimeIsKilled) {
   Ends ends;
   const WorkerScript succeed = Succeed(1, "uv");
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const worker::v1::WorkRequest& request) {
-      if (request.job() != "0") return succeed(server, request);
+    const WorkerPool pool(&jobs, ScriptedWorkers([&](ServerLink& server, const ServerLink::Received& job) {
+      if (job.message.request().job() != "0") return succeed(server, job);
       server.Send(ProgressMessage(1));
       BeDeaf(server);
       return false;
@@ -356,7 +356,7 @@ TEST(WorkerPool, LinkThatTheServerGivesUpLosesTheJob) {
   Jobs jobs(1);
   Ends ends;
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([](ServerLink& server, const worker::v1::WorkRequest&) {
+    const WorkerPool pool(&jobs, ScriptedWorkers([](ServerLink& server, const ServerLink::Received&) {
       server.Send(ProgressMessage(1));
       BeDeaf(server);
       return false;
@@ -411,10 +411,10 @@ TEST(WorkerPool, WorkersThatBreakTheProtocolAreReplaced) {
   Jobs jobs(3);
   Ends ends;
   {
-    const WorkerPool pool(&jobs, ScriptedWorkers([](ServerLink& server, const worker::v1::WorkRequest& request) {
-      if (request.job() == "0") {
+    const WorkerPool pool(&jobs, ScriptedWorkers([](ServerLink& server, const ServerLink::Received& job) {
+      if (job.message.request().job() == "0") {
         server.Send(IdleMessage());
-      } else if (request.job() == "1") {
+      } else if (job.message.request().job() == "1") {
         const std::string uv(49, 'x');  // of one triangle: 48 at most
         server.Send(SuccessMessage(uv), *Blob::Copy(uv));
       } else {

@@ -148,6 +148,33 @@ TEST(JobsRpc, CancelThenDelete) {
   EXPECT_TRUE(Call(server, &v1::Planish::Stub::DeleteJob, erase, &empty).ok());
 }
 
+TEST(JobsRpc, StopReachesTheWorker) {
+  RpcTestServer server([](ServerLink& link, const ServerLink::Received&) {
+    link.Send(ProgressMessage(1));
+    while (const auto received = link.Receive()) {
+      if (!received->message.has_stop()) continue;
+      SendSuccess(link, "the best so far");
+      return true;
+    }
+    return false;
+  });
+  v1::StopJobRequest request;
+  v1::Job job;
+  request.set_name("jobs/none");
+  const grpc::Status unknown = Call(server, &v1::Planish::Stub::StopJob, request, &job);
+  EXPECT_EQ(unknown.error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(InfoOf(unknown).reason(), "JOB_NOT_FOUND");
+
+  const std::string name = server.Create();
+  request.set_name(name);
+  WaitForEvent(*server.manager().Watch(name, false, false)->events, 3);
+  ASSERT_TRUE(Call(server, &v1::Planish::Stub::StopJob, request, &job).ok());
+  EXPECT_TRUE(job.stop_requested());
+  FollowToTheEnd(server, name);
+  EXPECT_EQ(Get(server, name).state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_TRUE(Call(server, &v1::Planish::Stub::StopJob, request, &job).ok()) << "too late is no error";
+}
+
 TEST(JobsRpc, ListInPages) {
   RpcTestServer server(Succeed(1, "uv"));
   const std::string first = server.Create();

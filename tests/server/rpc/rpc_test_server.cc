@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "grpc/grpc.h"
 #include "grpcpp/create_channel.h"
 #include "grpcpp/generic/generic_stub.h"
 #include "server/rpc/service.h"
@@ -34,16 +35,22 @@ std::string ToString(const grpc::ByteBuffer& buffer) {
 
 }  // namespace
 
-RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, UploadStoreOptions upload_options)
+RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, UploadStoreOptions upload_options,
+                             double progress_per_second)
     : uploads_(std::move(upload_options), &blobs_),
       store_(*OpenJobStore(":memory:")),
       manager_(*JobManager::Open(options, store_.get(), &blobs_)),
-      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), options.workers)) {
+      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)),
+                                         WorkerPoolOptions{.workers = options.workers})) {
+  // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
+  static const bool kept = (grpc_init(), true);
+  static_cast<void>(kept);
   v1::Capabilities capabilities;
   capabilities.set_version("1.2.3");
   capabilities.set_workers(options.workers);
   capabilities.set_upload_chunk_bytes(64 << 10);
-  service_ = NewPlanishService(manager_.get(), &uploads_, {std::move(capabilities), true}, &streams_);
+  service_ =
+      NewPlanishService(manager_.get(), &uploads_, {std::move(capabilities), true, progress_per_second}, &streams_);
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;

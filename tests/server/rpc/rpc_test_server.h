@@ -23,7 +23,7 @@ namespace planish {
 class RpcTestServer {
  public:
   explicit RpcTestServer(WorkerScript script, JobManagerOptions options = JobManagerOptions(),
-                         UploadStoreOptions upload_options = UploadStoreOptions());
+                         UploadStoreOptions upload_options = UploadStoreOptions(), double progress_per_second = 1e9);
   ~RpcTestServer();
 
   JobManager& manager() { return *manager_; }

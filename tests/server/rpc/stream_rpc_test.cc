@@ -69,14 +69,15 @@ TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
   std::vector<std::vector<std::int32_t>> seen;
   RpcTestServer server([&seen](ServerLink& link, const ServerLink::Received& received) {
     const worker::v1::WorkRequest& request = received.message.request();
-    ASSERT_EQ(received.blobs.size(), 2u);
-    EXPECT_EQ(received.blobs[0]->bytes(), "mesh");
-    const std::string_view corners = received.blobs[1]->bytes();
-    ASSERT_EQ(corners.size(), 4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
+    EXPECT_EQ(received.blobs.size(), 2u);
+    EXPECT_EQ(received.blobs.at(0)->bytes(), "mesh");
+    const std::string_view corners = received.blobs.at(1)->bytes();
+    EXPECT_EQ(corners.size(), 4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
     std::vector<std::int32_t>& numbers = seen.emplace_back(corners.size() / 4);
     std::memcpy(numbers.data(), corners.data(), corners.size());
     EXPECT_EQ(request.uncut_corners(), request.seam_corners() == 1 ? 1 : 0);
     SendSuccess(link, "uv");
+    return true;
   });
   v1::UnwrapRequest request = MeshRequest();
   for (const int corner : {7, 0, 7}) request.add_seam_corners(corner);
@@ -124,6 +125,7 @@ TEST(UnwrapRpc, FailedJobEndsTheStreamWithOk) {
   RpcTestServer server([](ServerLink& link, const ServerLink::Received&) {
     link.Send(
         FailureMessage(MakeError(absl::StatusCode::kInvalidArgument, "MESH_CLOSED", "no boundary", {{"loops", "0"}})));
+    return true;
   });
   const Received received = Unwrap(server, MeshRequest());
   EXPECT_TRUE(received.status.ok());
@@ -162,6 +164,7 @@ TEST(UnwrapRpc, DetachedJobRunsOn) {
     link.Send(ProgressMessage(1));
     gate.Wait();
     SendSuccess(link, "uv");
+    return true;
   });
   v1::UnwrapRequest request = MeshRequest();
   request.set_detached(true);
@@ -179,6 +182,7 @@ TEST(UnwrapRpc, RetryAttachesToTheSameJob) {
     link.Send(ProgressMessage(1));
     gate.Wait();
     SendSuccess(link, "uv");
+    return true;
   });
   v1::UnwrapRequest request = MeshRequest();
   request.set_request_id("r1");
@@ -210,6 +214,25 @@ TEST(UnwrapRpc, TenCallersOnTwoWorkers) {
     });
   }
   for (std::thread& caller : callers) caller.join();
+}
+
+TEST(WatchRpc, AttachedWatchersKeepTheJobAlive) {
+  JobManagerOptions options;
+  options.reattach_grace = absl::ZeroDuration();
+  RpcTestServer server(WaitForCancel(), options);
+  Caller caller(server, MeshRequest(), 3);
+  v1::WatchJobRequest attach = WatchRequest(caller.name(), 0);
+  attach.set_attach(true);
+  grpc::ClientContext context;
+  const auto second = server.stub().WatchJob(&context, attach);
+  v1::WatchJobResponse first_event;
+  ASSERT_TRUE(second->Read(&first_event)) << "from here on the job is this call's too";
+  caller.GoAway();
+  EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(server.manager().Get(caller.name())->state(), v1::JOB_STATE_RUNNING);
+  context.TryCancel();
+  EXPECT_EQ(second->Finish().error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED) << "the last caller went";
 }
 
 TEST(WatchRpc, ResumesAfterASequence) {
@@ -280,6 +303,34 @@ TEST(WatchRpc, SlowReaderSkipsProgressAndHoldsUpNobody) {
   EXPECT_GT(skipped, 0);
   EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(received.uv, "uv");
+}
+
+TEST(WatchRpc, CrowdsGetTheNewestProgressNowAndThen) {
+  Gate gate;
+  // One stream counts as a crowd here: progress every 0.1 s.
+  RpcTestServer server(
+      [&gate](ServerLink& link, const ServerLink::Received&) {
+        for (int i = 1; i <= 100; ++i) link.Send(ProgressMessage(i));
+        gate.Wait();
+        for (int i = 101; i <= 200; ++i) link.Send(ProgressMessage(i));
+        SendSuccess(link, "uv");
+      },
+      JobManagerOptions(), UploadStoreOptions(), 10);
+  grpc::ClientContext context;
+  const auto reader = server.stub().Unwrap(&context, MeshRequest());
+  v1::UnwrapResponse response;
+  int events = 0;
+  while (reader->Read(&response) && response.event().progress().newton_iteration() < 100) ++events;
+  EXPECT_EQ(response.event().progress().newton_iteration(), 100) << "the newest comes, though nothing wakes the stream";
+  EXPECT_LE(events, 6) << "the job twice, and some of the first progress";
+  const auto start = std::chrono::steady_clock::now();
+  gate.Open();
+  const Received rest = ReceiveAll(reader.get());
+  EXPECT_EQ(rest.LastJob().state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(rest.LastJob().name(), rest.events.back().job().name());
+  EXPECT_EQ(rest.events.back().sequence(), 203);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5)) << "the end is never held back";
+  EXPECT_EQ(rest.uv, "uv");
 }
 
 TEST(WatchRpc, StreamsEndWhenTheServerShutsDown) {

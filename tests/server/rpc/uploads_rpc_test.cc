@@ -20,6 +20,7 @@ std::string Noise(std::size_t size) {
 WorkerScript Digest() {
   return [](ServerLink& link, const ServerLink::Received& received) {
     SendSuccess(link, Sha256(std::string(received.blobs.at(0)->bytes())));
+    return true;
   };
 }
 

@@ -3,6 +3,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/base/sha256.h"
 #include "server/link/in_process_link.h"
 #include "server/link/rpc_status.h"
 
@@ -16,7 +17,7 @@ WorkerFactory ScriptedWorkers(WorkerScript script) {
       server.Send(IdleMessage());
       while (const std::optional<ServerLink::Received> received = server.Receive()) {
         if (!received->message.has_request()) continue;  // to a job that is over
-        if (!script(server, received->message.request())) return;
+        if (!script(server, *received)) return;
         server.Send(IdleMessage());
       }
     });
@@ -42,6 +43,7 @@ FromWorker SuccessMessage(const std::string& uv_bytes) {
   worker::v1::WorkResult* result = message.mutable_result();
   result->mutable_report()->mutable_input()->set_triangles(1);
   result->mutable_uv()->set_total_bytes(static_cast<std::int64_t>(uv_bytes.size()));
+  result->mutable_uv()->set_uv_sha256(Sha256(uv_bytes));
   return message;
 }
 
@@ -55,16 +57,20 @@ FromWorker CancelledMessage() {
   return FailureMessage(absl::CancelledError("cancelled"));
 }
 
+void SendSuccess(ServerLink& server, const std::string& uv_bytes) {
+  server.Send(SuccessMessage(uv_bytes), *Blob::Copy(uv_bytes));
+}
+
 WorkerScript Succeed(int iterations, const std::string& uv_bytes) {
-  return [iterations, uv_bytes](ServerLink& server, const worker::v1::WorkRequest&) {
+  return [iterations, uv_bytes](ServerLink& server, const ServerLink::Received&) {
     for (int i = 1; i <= iterations; ++i) server.Send(ProgressMessage(i));
-    server.Send(SuccessMessage(uv_bytes), *Blob::Copy(uv_bytes));
+    SendSuccess(server, uv_bytes);
     return true;
   };
 }
 
 WorkerScript WaitForCancel() {
-  return [](ServerLink& server, const worker::v1::WorkRequest&) {
+  return [](ServerLink& server, const ServerLink::Received&) {
     server.Send(ProgressMessage(1));
     while (const std::optional<ServerLink::Received> received = server.Receive()) {
       if (!received->message.has_cancel()) continue;

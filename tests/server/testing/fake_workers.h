@@ -10,8 +10,8 @@
 
 namespace planish {
 
-// Does one job, on the worker's thread. False: the worker ends, as if it had died.
-using WorkerScript = std::function<bool(ServerLink& server, const worker::v1::WorkRequest& request)>;
+// Does one job, a WorkRequest with its blobs, on the worker's thread. False: the worker ends, as if it had died.
+using WorkerScript = std::function<bool(ServerLink& server, const ServerLink::Received& job)>;
 
 // Workers that say they are idle, run `script` for each job, and say so again.
 WorkerFactory ScriptedWorkers(WorkerScript script);
@@ -22,6 +22,9 @@ worker::v1::FromWorker ProgressMessage(int newton_iteration);
 worker::v1::FromWorker SuccessMessage(const std::string& uv_bytes);
 worker::v1::FromWorker FailureMessage(const absl::Status& status);
 worker::v1::FromWorker CancelledMessage();
+
+// SuccessMessage() with its blob.
+void SendSuccess(ServerLink& server, const std::string& uv_bytes);
 
 // Reports `iterations` Newton iterations, then `uv_bytes`.
 WorkerScript Succeed(int iterations, const std::string& uv_bytes);

@@ -91,13 +91,15 @@ class TestSource : public JobSource {
     cancel_patience_ = patience;
   }
 
-  std::optional<JobAssignment> TakeNext() override {
+  Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return stopped_ || !jobs_.empty(); });
-    if (jobs_.empty()) return std::nullopt;
-    JobAssignment job = std::move(jobs_.front());
+    const bool woken = changed_.wait_for(lock, absl::ToChronoNanoseconds(patience),
+                                         [this] { return stopped_ || !jobs_.empty(); });
+    if (!woken) return Turn::kNothing;
+    if (jobs_.empty()) return Turn::kOver;
+    *assignment = std::move(jobs_.front());
     jobs_.pop_front();
-    return job;
+    return Turn::kWork;
   }
   void SetLink(const std::string&, int, std::shared_ptr<WorkerLink> link) override {
     const std::lock_guard lock(mutex_);
@@ -163,8 +165,7 @@ class WorkerProcess : public ::testing::Test {
   WorkerProcess() {
     descriptors_ = OpenDescriptors();
     process_.failpoints = true;
-    options_.decode_limit = absl::Milliseconds(kSanitized ? 3000 : 700);
-    options_.silence_limit = absl::Milliseconds(kSanitized ? 4000 : 1000);
+    options_.decode_limit = options_.silence_limit = absl::Seconds(100);
     options_.look_interval = absl::Milliseconds(20);
     options_.on_worker_ready = [this](const worker::v1::WorkerIdle& idle) {
       const std::lock_guard lock(mutex_);
@@ -180,6 +181,12 @@ class WorkerProcess : public ::testing::Test {
       start_error_ = std::string(status.message());
       if (stop_when_start_fails_) source_.Stop();
     };
+  }
+
+  // For hangs on purpose.
+  void BeImpatient() {
+    options_.decode_limit = absl::Milliseconds(kSanitized ? 3000 : 700);
+    options_.silence_limit = absl::Milliseconds(kSanitized ? 4000 : 1000);
   }
 
   void TearDown() override {
@@ -263,7 +270,8 @@ TEST_F(WorkerProcess, MayDoNothingButItsWork) {
               UnorderedElementsAre(Pair("open", "EPERM"), Pair("create", "EPERM"), Pair("socket", "EPERM"),
                                    Pair("unix_socket", "EPERM"), Pair("execve", "EPERM"), Pair("fork", "EPERM"),
                                    Pair("kill", "EPERM"), Pair("ptrace", "EPERM"), Pair("executable_memory", "EPERM"),
-                                   Pair("thread", "allowed")));
+                                   Pair("thread", "allowed"), Pair("core_limit", "0"), Pair("descriptor_limit", "64"),
+                                   Pair("no_new_privileges", "EPERM")));
   const std::lock_guard lock(mutex_);
   EXPECT_TRUE(idle_.sandboxed());
 }
@@ -273,6 +281,8 @@ TEST_F(WorkerProcess, WithoutASandboxTheProbeFindsDoorsOpen) {
   const google::rpc::ErrorInfo info = InfoOf(*Run(JobOf(Bump(4), "start=probe")).result);
   EXPECT_EQ(info.metadata().at("open"), "allowed");
   EXPECT_EQ(info.metadata().at("execve"), "allowed");
+  EXPECT_EQ(info.metadata().at("no_new_privileges"), "1");
+  EXPECT_EQ(info.metadata().at("core_limit"), "0");
   const std::lock_guard lock(mutex_);
   EXPECT_FALSE(idle_.sandboxed());
   EXPECT_EQ(idle_.sandbox_error(), "") << "nobody asked for one";
@@ -280,11 +290,10 @@ TEST_F(WorkerProcess, WithoutASandboxTheProbeFindsDoorsOpen) {
 
 TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
   if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
-  options_.decode_limit = options_.silence_limit = absl::Seconds(60);
-  JobAssignment job = JobOf(Bump(200));  // 80,000 triangles, which take 66 MiB
+  JobAssignment job = JobOf(Bump(120));  // 28,800 triangles, which take about 24 MiB
   // Wherever it strikes: in the decoder, in the first stages, in the solver.
-  for (const std::int64_t mib : {1, 3, 5, 8, 12, 20, 30, 40}) {
-    job.request.set_max_threads(mib % 2 == 0 ? 2 : 1);
+  for (const std::int64_t mib : {1, 2, 3, 5, 8}) {
+    job.request.set_max_threads(mib == 1 ? 2 : 1);
     job.request.set_memory_bytes(mib * kMiB);
     const Ending ending = Run(job);
     ASSERT_TRUE(ending.result.has_value()) << mib << " MiB: " << ending.loss->message;
@@ -305,7 +314,6 @@ TEST_F(WorkerProcess, MemoryThatRunsOutOnAnotherThreadHasTheSameName) {
 }
 
 TEST_F(WorkerProcess, DeafToCancellationIsKilledWhenPatienceEnds) {
-  options_.decode_limit = options_.silence_limit = absl::Seconds(60);
   source_.CancelAtFirstEvent(absl::Milliseconds(200));
   const Ending ending = Run(JobOf(Bump(8), "decode=hang"));
   ASSERT_TRUE(ending.loss.has_value());
@@ -374,6 +382,7 @@ class WorkerFault : public WorkerProcess, public ::testing::WithParamInterface<F
 
 TEST_P(WorkerFault, CostsOneJob) {
   const Fault& fault = GetParam();
+  if (std::string(fault.reason) == "WORKER_HUNG") BeImpatient();
   const bool asan_catches = kSanitized && std::string(fault.action) == "segv";
   for (const std::string point : {"start", "decode", "solve", "encode", "result"}) {
     JobAssignment job = JobOf(Bump(8), point + "=" + fault.action);
@@ -407,6 +416,7 @@ INSTANTIATE_TEST_SUITE_P(All, WorkerFault,
                          [](const auto& param) { return std::string(param.param.action); });
 
 TEST_F(WorkerProcess, HangsAreNamedByStage) {
+  BeImpatient();
   for (const auto& [point, stage] :
        std::map<std::string, std::string>{{"start", "START"}, {"decode", "DECODE"}, {"encode", "ENCODE"}}) {
     const Ending ending = Run(JobOf(Bump(8), point + "=hang"));

@@ -1,0 +1,32 @@
+#include "tests/bench/direct_work.h"
+
+#include <stdexcept>
+#include <string>
+
+#include "core/base/timer.h"
+#include "core/io/draco_codec.h"
+#include "core/unwrap/unwrap.h"
+
+namespace planish::bench {
+namespace {
+
+template <typename T>
+T Must(absl::StatusOr<T> result) {
+  if (!result.ok()) throw std::runtime_error(result.status().ToString());
+  return *std::move(result);
+}
+
+}  // namespace
+
+DirectSeconds WorkDirectly(const Mesh& mesh) {
+  DirectSeconds seconds;
+  Timer timer;
+  const Mesh decoded = Must(DecodeDraco(Must(EncodeDraco(mesh))));
+  seconds.draco = timer.Seconds();
+  timer.Restart();
+  Must(Unwrap(decoded, UnwrapOptions(), UnwrapControl()));
+  seconds.solve = timer.Seconds();
+  return seconds;
+}
+
+}  // namespace planish::bench
