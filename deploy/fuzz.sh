@@ -23,7 +23,9 @@ case ${1:-} in
     shift
     ;;
 esac
-[ $# -gt 0 ] || set -- $(ls tests/fuzz/corpus)
+if [ $# -eq 0 ]; then
+  for corpus in tests/fuzz/corpus/*; do set -- "$@" "${corpus##*/}"; done
+fi
 for target in "$@"; do
   [ -d "tests/fuzz/corpus/$target" ] || {
     echo "fuzz.sh: no such target: $target" >&2

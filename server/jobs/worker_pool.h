@@ -49,6 +49,7 @@ struct WorkerPoolOptions {
   absl::Duration silence_limit = absl::Seconds(300);       // between two messages of a worker with a job
   absl::Duration job_limit = absl::InfiniteDuration();     // of a whole job
   absl::Duration look_interval = absl::Milliseconds(100);  // between two looks at JobSource::ObeyBy()
+  absl::Duration idle_look_interval = absl::Seconds(1);    // between two looks whether an idle worker lives
   // Called on the pool's threads, so they must be quick and thread-safe; null: nobody listens.
   std::function<void(const worker::v1::WorkerIdle&)> on_worker_ready;  // for the first time
   std::function<void(const WorkerEnd&)> on_worker_end;
