@@ -343,7 +343,7 @@ mutations() {
   }
   {
     heading "Damaged meshes and messages" "Requests to a planishd with two isolated workers, four at a time, whose Draco data, or
-whose bytes, or both are damaged (\`tests/faults/mutations.h\`): the server lived, every call was answered, every accepted job
+some of whose fields, or whose bytes are damaged (\`tests/faults/mutations.h\`): the server lived, every call was answered, every accepted job
 ended. A second attempt is made for a job that cost its worker, and 18 s of running at most."
     echo
     echo '```'

@@ -2,6 +2,9 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <limits>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <random>
@@ -12,6 +15,8 @@
 #include "draco/compression/expert_encode.h"
 #include "draco/core/encoder_buffer.h"
 #include "draco/mesh/mesh.h"
+#include "google/protobuf/message.h"
+#include "google/rpc/error_details.pb.h"
 #include "grpcpp/create_channel.h"
 #include "grpcpp/security/credentials.h"
 #include "planish/v1/planish.pb.h"
@@ -23,6 +28,7 @@ namespace planish {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+using google::protobuf::Message;
 
 // Edgebreaker, rounded to 11 bits: what most Draco files in the world are.
 std::string Edgebreaker(const Mesh& mesh) {
@@ -75,16 +81,72 @@ v1::UnwrapOptions RandomOptions(std::mt19937& random) {
 }
 
 template <class Request>
-std::string JobRequestBytes(const std::string& draco, std::mt19937& random) {
-  Request request;
-  request.set_draco(draco);
-  *request.mutable_options() = RandomOptions(random);
-  if (random() % 4 == 0) request.set_label("mutation");
-  if (random() % 4 == 0) request.set_request_id(std::to_string(random()));
-  if (random() % 8 == 0) request.mutable_scheduling()->mutable_timeout()->set_seconds(60);
-  if (random() % 8 == 0) request.mutable_scheduling()->set_priority(v1::PRIORITY_LOW);
-  if (random() % 8 == 0) request.add_seam_corners(static_cast<std::int32_t>(random() % 6));
-  return request.SerializeAsString();
+std::unique_ptr<Message> NewJobRequest(const std::string& draco, std::mt19937& random) {
+  auto request = std::make_unique<Request>();
+  request->set_draco(draco);
+  *request->mutable_options() = RandomOptions(random);
+  if (random() % 4 == 0) request->set_label("mutation");
+  if (random() % 4 == 0) request->set_request_id(std::to_string(random()));
+  if (random() % 8 == 0) request->mutable_scheduling()->mutable_timeout()->set_seconds(60);
+  if (random() % 8 == 0) request->mutable_scheduling()->set_priority(v1::PRIORITY_LOW);
+  if (random() % 8 == 0) request->add_seam_corners(static_cast<std::int32_t>(random() % 6));
+  return request;
+}
+
+std::string RandomText(std::mt19937& random) {
+  constexpr std::size_t kLengths[] = {0, 1, 20, 128, 129, 257, 70'000};
+  return std::string(kLengths[random() % std::size(kLengths)], static_cast<char>('a' + random() % 26));
+}
+
+// A number that somebody did not think of.
+template <class Number>
+Number RandomNumber(std::mt19937& random) {
+  using Limits = std::numeric_limits<Number>;
+  const Number numbers[] = {0,
+                            1,
+                            Limits::max(),
+                            Limits::lowest(),
+                            Limits::infinity(),
+                            Limits::quiet_NaN(),
+                            static_cast<Number>(random() % 1000),
+                            static_cast<Number>(random())};
+  return numbers[random() % std::size(numbers)];
+}
+
+// Gives one field, at any depth, another value: of its type, but not of its range.
+void Scramble(Message* message, std::mt19937& random) {
+  using google::protobuf::FieldDescriptor;
+  const google::protobuf::Descriptor* type = message->GetDescriptor();
+  if (type->field_count() == 0) return;
+  const FieldDescriptor* field = type->field(static_cast<int>(random() % static_cast<unsigned>(type->field_count())));
+  const google::protobuf::Reflection* fields = message->GetReflection();
+  if (field->is_repeated()) {
+    // Corners.
+    if (field->cpp_type() == FieldDescriptor::CPPTYPE_INT32) {
+      fields->AddInt32(message, field, RandomNumber<std::int32_t>(random));
+    }
+    return;
+  }
+  switch (field->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_MESSAGE:
+      return Scramble(fields->MutableMessage(message, field), random);
+    case FieldDescriptor::CPPTYPE_INT32:
+      return fields->SetInt32(message, field, RandomNumber<std::int32_t>(random));
+    case FieldDescriptor::CPPTYPE_INT64:
+      return fields->SetInt64(message, field, RandomNumber<std::int64_t>(random));
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      return fields->SetDouble(message, field, RandomNumber<double>(random));
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return fields->SetBool(message, field, random() % 2 == 0);
+    case FieldDescriptor::CPPTYPE_ENUM:
+      return fields->SetEnumValue(message, field, static_cast<int>(random() % 12) - 1);
+    case FieldDescriptor::CPPTYPE_STRING:
+      // The mesh is damaged elsewhere.
+      if (field->name() != "draco") fields->SetString(message, field, RandomText(random));
+      return;
+    default:
+      return;
+  }
 }
 
 struct Input {
@@ -149,69 +211,69 @@ class Mutations {
 
   Input MakeInput(std::mt19937& random, const std::string& last_job) {
     Input input;
+    const std::uint32_t damage = random() % 4;  // half of the time of the mesh, beside that of fields or of bytes
     std::string draco = draco_[random() % draco_.size()];
-    const std::uint32_t damage = random() % 3;  // of the mesh, of the message, of both
-    if (damage != 1) draco = fuzz::Mutated({draco}, random);
-    switch (random() % 12) {
-      case 0:
-        input.method = "EstimateJob";
-        {
-          v1::EstimateJobRequest request;
-          request.set_draco(draco);
-          request.set_mesh_bytes(static_cast<std::int64_t>(random()));
-          *request.mutable_options() = RandomOptions(random);
-          input.bytes = request.SerializeAsString();
-        }
-        break;
-      case 1:
-        input.method = "ListJobs";
-        {
-          v1::ListJobsRequest request;
-          request.set_page_size(static_cast<std::int32_t>(random() % 5));
-          request.set_page_token("AAAA");
-          input.bytes = request.SerializeAsString();
-        }
-        break;
-      case 2:
-        input.method = "CreateUpload";
-        {
-          v1::CreateUploadRequest request;
-          request.set_total_bytes(1 + static_cast<std::int64_t>(random() % 100));
-          request.set_sha256(std::string(32, static_cast<char>(random())));
-          input.bytes = request.SerializeAsString();
-        }
-        break;
-      case 3:
-        input.method = "WriteUpload";
-        {
-          v1::WriteUploadRequest request;
-          request.set_name("uploads/none");
-          request.set_data(draco);
-          input.bytes = request.SerializeAsString();
-        }
-        break;
-      default:
-        if (const std::uint32_t kind = random() % 12; kind < 2) {
-          // GetJobRequest and the others have the name in the same place.
-          constexpr const char* kMethods[] = {"GetJob",    "WatchJob",  "StopJob",     "CancelJob",
-                                              "DeleteJob", "GetUpload", "DeleteUpload"};
-          input.method = kMethods[random() % std::size(kMethods)];
-          v1::GetJobRequest request;
-          request.set_name(last_job);
-          input.bytes = request.SerializeAsString();
-        } else if (kind < 6) {
-          input.method = "Unwrap";
-          input.bytes = JobRequestBytes<v1::UnwrapRequest>(draco, random);
-        } else {
-          input.method = "CreateJob";
-          input.bytes = JobRequestBytes<v1::CreateJobRequest>(draco, random);
-        }
+    if (damage < 2) draco = fuzz::Mutated({draco}, random);
+    const std::unique_ptr<Message> request = MakeRequest(draco, last_job, random, &input.method);
+    if (damage > 0) {
+      for (std::uint32_t fields = 1 + random() % 4; fields > 0; --fields) Scramble(request.get(), random);
     }
-    if (damage != 0) {
+    input.bytes = request->SerializeAsString();
+    if (damage == 3 && random() % 2 == 0) {
       input.bytes = fuzz::Mutated({input.bytes}, random);
       input.is_message = false;  // or it may be
     }
     return input;
+  }
+
+  static std::unique_ptr<Message> MakeRequest(const std::string& draco, const std::string& last_job,
+                                              std::mt19937& random, std::string* method) {
+    switch (random() % 12) {
+      case 0: {
+        *method = "EstimateJob";
+        auto request = std::make_unique<v1::EstimateJobRequest>();
+        request->set_draco(draco);
+        *request->mutable_options() = RandomOptions(random);
+        return request;
+      }
+      case 1: {
+        *method = "ListJobs";
+        auto request = std::make_unique<v1::ListJobsRequest>();
+        request->set_page_size(static_cast<std::int32_t>(1 + random() % 5));
+        return request;
+      }
+      case 2: {
+        *method = "CreateUpload";
+        auto request = std::make_unique<v1::CreateUploadRequest>();
+        request->set_total_bytes(1 + static_cast<std::int64_t>(random() % 100));
+        request->set_sha256(std::string(32, static_cast<char>(random())));
+        return request;
+      }
+      case 3: {
+        *method = "WriteUpload";
+        auto request = std::make_unique<v1::WriteUploadRequest>();
+        request->set_name("uploads/none");
+        request->set_data(draco);
+        return request;
+      }
+      case 4: {
+        // The requests of all of them have the name in the same place.
+        constexpr const char* kMethods[] = {"GetJob",    "WatchJob",  "StopJob",     "CancelJob",
+                                            "DeleteJob", "GetUpload", "DeleteUpload"};
+        *method = kMethods[random() % std::size(kMethods)];
+        auto request = std::make_unique<v1::WatchJobRequest>();
+        request->set_name(last_job);
+        return request;
+      }
+      case 5:
+      case 6:
+      case 7:
+        *method = "Unwrap";
+        return NewJobRequest<v1::UnwrapRequest>(draco, random);
+      default:
+        *method = "CreateJob";
+        return NewJobRequest<v1::CreateJobRequest>(draco, random);
+    }
   }
 
   // The job that a call created, empty if none.

@@ -28,9 +28,10 @@ struct MutationReport {
   std::vector<std::string> wrong;                     // every promise that was broken, in words; empty: none
 };
 
-// Each input is a request whose Draco data, or whose bytes, or both are damaged; two thirds of them create jobs, the
-// others go to the other calls. Promises looked at: the server lives; every call is answered, never with INTERNAL or
-// UNKNOWN unless the bytes are no message; every accepted job ends; nothing leaks. The same inputs for the same seed.
+// Each input is a request whose Draco data, or some of whose fields, or whose bytes, or several of these are damaged;
+// more than half of them are to create jobs, the others go to the other calls. Promises looked at: the server lives;
+// every call is answered, never with INTERNAL or UNKNOWN unless the bytes are no message; every accepted job ends;
+// nothing leaks. The same inputs for the same seed.
 MutationReport RunMutations(const MutationOptions& options, DurableServer& server);
 
 }  // namespace planish

@@ -54,7 +54,10 @@ bool RawCall::Wait() {
 std::optional<std::string> RawCall::Read() {
   grpc::ByteBuffer buffer;
   call_->Read(&buffer, this);
-  if (!Wait()) return std::nullopt;
+  if (!Wait()) {
+    ended_ = true;
+    return std::nullopt;
+  }
   std::vector<grpc::Slice> slices;
   buffer.Dump(&slices).ok();
   std::string bytes;
@@ -63,8 +66,7 @@ std::optional<std::string> RawCall::Read() {
 }
 
 CallEnd RawCall::Finish() {
-  // Without effect on a call whose end has come.
-  if (!finished_) context_.TryCancel();
+  if (!ended_) context_.TryCancel();
   finished_ = true;
   grpc::Status status;
   call_->Finish(&status, this);

@@ -43,6 +43,7 @@ class RawCall {
   grpc::CompletionQueue queue_;
   grpc::GenericStub stub_;
   std::unique_ptr<grpc::GenericClientAsyncReaderWriter> call_;
+  bool ended_ = false;  // there is no more to read
   bool finished_ = false;
 };
 
