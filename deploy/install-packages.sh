@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages that planish needs, and only those that are missing. The one place where
 # they are listed: the scripts beside this one and the Dockerfile call it.
 #
-#   deploy/install-packages.sh build|test|bench|runtime...
+#   deploy/install-packages.sh build|test|bench|fuzz|runtime...
 #
 # Needs root or sudo when something is missing, and nothing at all when everything is there.
 set -eu
@@ -23,6 +23,9 @@ test="libgtest-dev libgmock-dev"
 # Blender as well where that is installed (its glTF importer needs numpy).
 bench="gnuplot-nox libcgal-dev blender python3-numpy"
 
+# What only deploy/fuzz.sh needs: a compiler with libFuzzer, its OpenMP, and names of functions in its reports.
+fuzz="clang-14 libclang-rt-14-dev libomp-14-dev llvm-14"
+
 # What the installed programs need.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libdraco7 libcholmod3 libopenblas0-serial
@@ -33,15 +36,16 @@ fail() {
   exit 1
 }
 
-[ $# -gt 0 ] || fail "usage: $0 build|test|bench|runtime..."
+[ $# -gt 0 ] || fail "usage: $0 build|test|bench|fuzz|runtime..."
 wanted=
 for list in "$@"; do
   case $list in
     build) wanted="$wanted $build" ;;
     test) wanted="$wanted $test" ;;
     bench) wanted="$wanted $bench" ;;
+    fuzz) wanted="$wanted $fuzz" ;;
     runtime) wanted="$wanted $runtime" ;;
-    *) fail "no such list: $list (build, test, bench, runtime)" ;;
+    *) fail "no such list: $list (build, test, bench, fuzz, runtime)" ;;
   esac
 done
 

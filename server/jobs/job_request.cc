@@ -8,13 +8,15 @@
 #include "core/base/status_macros.h"
 #include "google/protobuf/io/coded_stream.h"
 #include "google/protobuf/io/zero_copy_stream_impl_lite.h"
-#include "google/protobuf/util/time_util.h"
 
 namespace planish {
 namespace {
 
 constexpr std::size_t kMaxRequestId = 128;
 constexpr std::size_t kMaxLabel = 256;
+// A hundred years: time is counted in nanoseconds, of which 64 bits hold no more than three times as many.
+constexpr std::int64_t kMaxDurationSeconds = std::int64_t{100} * 365 * 86'400;
+constexpr std::int32_t kNanosPerSecond = 1'000'000'000;
 
 absl::Status TooLong(const std::string& field, std::size_t limit) {
   return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
@@ -31,9 +33,12 @@ absl::Status CheckCorners(const std::string& field, const std::vector<std::int32
 }
 
 absl::Status CheckDuration(const std::string& field, bool is_set, const google::protobuf::Duration& duration) {
-  if (!is_set || google::protobuf::util::TimeUtil::DurationToNanoseconds(duration) > 0) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", absl::StrCat(field, " must be above 0"),
-                   {{"field", field}});
+  if (!is_set) return absl::OkStatus();
+  const bool has_nanos = duration.nanos() >= 0 && duration.nanos() < kNanosPerSecond;
+  const bool in_range = duration.seconds() >= 0 && duration.seconds() < kMaxDurationSeconds;
+  if (has_nanos && in_range && (duration.seconds() > 0 || duration.nanos() > 0)) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
+                   absl::StrCat(field, " must be above 0 and below 100 years"), {{"field", field}});
 }
 
 absl::Status CheckScheduling(const v1::Scheduling& scheduling) {

@@ -7,6 +7,7 @@
 #   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
 #   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
 #   tests/bench/run.sh service          what a server costs beside the work, 1,000 watchers, 500 jobs and 50 kills
+#   tests/bench/run.sh mutations        100,000 damaged meshes and messages against a server (--quick: 2,000)
 #
 #   --quick      small sizes and few rounds, to see that it works; results go to BUILD/results
 #   --build DIR  where to build (default build/bench)
@@ -16,7 +17,8 @@
 # here. atlas measures MESH instead of its own choice: six meshes of ../shared/meshes where that (optional) folder is,
 # else Spot and surfaces by formula; memory measures shared meshes beside its own. Packages: deploy/install-packages.sh build test bench; atlas gets xatlas through npm.
 # What others' programs measure is left out, and said so, where they are missing. In the environment: CORE, the core
-# that everything on one core runs on (default 0), ROUNDS of atlas (default 3), and JOBS for the build (default 2).
+# that everything on one core runs on (default 0), ROUNDS of atlas (default 3), INPUTS of mutations (default 100,000), and
+# JOBS for the build (default 2).
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -41,16 +43,20 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | memory | service) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, service)" ;;
+  paper | scale | peers | atlas | memory | service | mutations) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, service, mutations)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
-[ "$bench" = memory ] || [ "$bench" = service ] || command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench"
+case $bench in
+  memory | service | mutations) ;;
+  *) command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench" ;;
+esac
 
 [ -f "$build/CMakeCache.txt" ] ||
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
 targets=(planish_bench)
 [ "$bench" != atlas ] && [ "$bench" != service ] || targets+=(planish planishd)
+[ "$bench" != mutations ] || targets=(faults_test)
 cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
 work=$build/bench-runs/$bench
@@ -340,6 +346,25 @@ threads. Estimates
 (\`core/unwrap/estimate.h\`) know the counts that the first bytes of the Draco data declare, the size of the data and the
 options.$missing" |
     "$bin/planish_bench_report" memory "$runs" "$work/memory" >"$out/memory.md"
+}
+
+mutations() {
+  local inputs=${INPUTS:-100000}
+  [ -z "$quick" ] || inputs=2000
+  PLANISH_FAULT_MUTATIONS=$inputs nice -n 5 "$build/tests/faults/faults_test" --gtest_filter='Mutations.*' \
+    >"$work/log" || {
+    cat "$work/log" >&2
+    exit 1
+  }
+  {
+    heading "Damaged meshes and messages" "Requests to a planishd with two isolated workers, four at a time, whose Draco data, or
+some of whose fields, or whose bytes are damaged (\`tests/faults/mutations.h\`): the server lived, every call was answered, every accepted job
+ended. A second attempt is made for a job that cost its worker, and 18 s of running at most."
+    echo
+    echo '```'
+    sed -n '/inputs in/,/^\[/{/^\[/d;p}' "$work/log"
+    echo '```'
+  } >"$out/mutations.md"
 }
 
 "$bench"

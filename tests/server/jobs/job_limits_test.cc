@@ -1,6 +1,7 @@
 // What ends a job early, what keeps it from starting, and what it costs when workers die.
 #include <chrono>
 #include <functional>
+#include <limits>
 #include <thread>
 
 #include "gmock/gmock.h"
@@ -168,6 +169,21 @@ TEST_F(JobLimitsTest, RefusesNonsense) {
   EXPECT_EQ(field_of([](v1::Scheduling* s) { s->mutable_compute_budget()->set_seconds(-1); }),
             "scheduling.compute_budget");
   EXPECT_EQ(field_of([](v1::Scheduling* s) { s->set_priority(static_cast<v1::Priority>(9)); }), "scheduling.priority");
+}
+
+// Found by tests/fuzz: times beyond 292 years overflowed, so that a job of 585 years was out of time at once.
+TEST_F(JobLimitsTest, RefusesTimesThatCannotBeCounted) {
+  const auto reason_of = [this](std::int64_t seconds, std::int32_t nanos) {
+    JobRequest request = Request();
+    request.scheduling.mutable_timeout()->set_seconds(seconds);
+    request.scheduling.mutable_timeout()->set_nanos(nanos);
+    return ErrorInfoOf(manager_->Create(std::move(request)).status()).reason;
+  };
+  EXPECT_EQ(reason_of(18'446'744'074, 0), "REQUEST_INVALID");
+  EXPECT_EQ(reason_of(std::numeric_limits<std::int64_t>::max(), 0), "REQUEST_INVALID");
+  EXPECT_EQ(reason_of(1, -1), "REQUEST_INVALID");
+  EXPECT_EQ(reason_of(0, 1'000'000'000), "REQUEST_INVALID");
+  EXPECT_EQ(reason_of(90 * 365 * 86'400LL, 0), "");
 }
 
 TEST_F(JobLimitsTest, HigherPriorityGoesFirst) {

@@ -1,0 +1,77 @@
+#include "tests/faults/raw_call.h"
+
+#include <chrono>
+#include <vector>
+
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
+#include "grpcpp/support/byte_buffer.h"
+#include "grpcpp/support/slice.h"
+
+namespace planish {
+namespace {
+
+std::string ReasonOf(const grpc::Status& status) {
+  google::rpc::Status details;
+  if (!details.ParseFromString(status.error_details())) return "";
+  google::rpc::ErrorInfo info;
+  for (const auto& detail : details.details()) {
+    if (detail.UnpackTo(&info)) return info.reason();
+  }
+  return "";
+}
+
+}  // namespace
+
+RawCall::RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, const std::string& request,
+                 double limit_seconds)
+    : stub_(channel) {
+  context_.set_deadline(std::chrono::system_clock::now() +
+                        std::chrono::milliseconds(static_cast<std::int64_t>(1000 * limit_seconds)));
+  call_ = stub_.PrepareCall(&context_, "/planish.v1.Planish/" + method, &queue_);
+  call_->StartCall(this);
+  if (!Wait()) return;
+  const grpc::Slice slice(request);
+  call_->WriteLast(grpc::ByteBuffer(&slice, 1), grpc::WriteOptions(), this);
+  Wait();
+}
+
+RawCall::~RawCall() {
+  if (!finished_) Finish();
+  queue_.Shutdown();
+  void* tag;
+  bool ok;
+  while (queue_.Next(&tag, &ok)) {
+  }
+}
+
+bool RawCall::Wait() {
+  void* tag;
+  bool ok = false;
+  return queue_.Next(&tag, &ok) && ok;
+}
+
+std::optional<std::string> RawCall::Read() {
+  grpc::ByteBuffer buffer;
+  call_->Read(&buffer, this);
+  if (!Wait()) {
+    ended_ = true;
+    return std::nullopt;
+  }
+  std::vector<grpc::Slice> slices;
+  buffer.Dump(&slices).ok();
+  std::string bytes;
+  for (const grpc::Slice& slice : slices) bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
+  return bytes;
+}
+
+CallEnd RawCall::Finish() {
+  if (!ended_) context_.TryCancel();
+  finished_ = true;
+  grpc::Status status;
+  call_->Finish(&status, this);
+  Wait();
+  return {status.error_code(), ReasonOf(status), status.error_message()};
+}
+
+}  // namespace planish

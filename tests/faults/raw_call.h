@@ -1,0 +1,50 @@
+// A call on planishd with messages as bytes, be they messages or not.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "grpcpp/channel.h"
+#include "grpcpp/client_context.h"
+#include "grpcpp/completion_queue.h"
+#include "grpcpp/generic/generic_stub.h"
+
+namespace planish {
+
+// How a call ended.
+struct CallEnd {
+  grpc::StatusCode code = grpc::StatusCode::OK;
+  std::string reason;  // of the ErrorInfo; empty: there is none
+  std::string message;
+
+  bool ok() const { return code == grpc::StatusCode::OK; }
+};
+
+// One call, of whatever kind: each message that the server sends is read by Read(). Not thread-safe.
+class RawCall {
+ public:
+  // "CreateJob" with one request. It fails with DEADLINE_EXCEEDED after `limit_seconds`.
+  RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, const std::string& request,
+          double limit_seconds);
+  ~RawCall();
+  RawCall(const RawCall&) = delete;
+  RawCall& operator=(const RawCall&) = delete;
+
+  // The next message; empty after the last one.
+  std::optional<std::string> Read();
+  // After the last message; before it the call is cancelled.
+  CallEnd Finish();
+
+ private:
+  bool Wait();
+
+  grpc::ClientContext context_;
+  grpc::CompletionQueue queue_;
+  grpc::GenericStub stub_;
+  std::unique_ptr<grpc::GenericClientAsyncReaderWriter> call_;
+  bool ended_ = false;  // there is no more to read
+  bool finished_ = false;
+};
+
+}  // namespace planish
