@@ -22,6 +22,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/heap.h"
 #include "nlohmann/json.hpp"
 #include "planish/client.h"
 #include "planish/v1/planish.grpc.pb.h"
@@ -245,6 +246,7 @@ int ChaosOf(int jobs, int kills, int seed) {
 
 int Main(int argc, char** argv) {
   const std::string bench = argc > 1 ? argv[1] : "";
+  KeepFreedMemory();  // as a worker
   const auto number = [&](int i, int otherwise) { return argc > i ? std::atoi(argv[i]) : otherwise; };
   if (bench == "overhead") return Overhead(number(2, 50)), EXIT_SUCCESS;
   if (bench == "workers") return Workers(number(2, 30)), EXIT_SUCCESS;

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/src/process.h"
@@ -23,6 +24,8 @@ class DurableServer {
 
   const std::string& target() const { return target_; }  // "unix:..."
 
+  // Of its next life.
+  void SetFlags(std::vector<std::string> flags) { flags_ = std::move(flags); }
   void Start();
   // kill -9, and waits for the end.
   void Kill();
@@ -46,7 +49,7 @@ class DurableServer {
   int Reap();
 
   const std::string directory_;
-  const std::vector<std::string> flags_;
+  std::vector<std::string> flags_;
   const std::string target_;
   pid_t pid_ = -1;
   OwnedFd supervisor_;  // it ends when this closes
