@@ -158,11 +158,9 @@ absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
       control.interrupter = execution.interrupter;
       control.stop = execution.hurry;
       control.team = execution.team;
-      const auto map = [&](BoundaryType boundary) {
-        return MapFilled(mesh_, chart, *filled, measured, OptionsWith(boundary), control, execution);
-      };
-      if (take(map(options_.flatten.boundary))) return absl::OkStatus();
-      if (may_be_convex && take(map(BoundaryType::kConvex))) return absl::OkStatus();
+      if (take(MapFilled(mesh_, chart, *filled, measured, options_.flatten, control, execution))) {
+        return absl::OkStatus();
+      }
     }
   }
   // A convex outline cannot run over itself.

@@ -14,7 +14,7 @@ namespace planish {
 namespace {
 
 constexpr double kLeastGain = 0.1;  // in convex hulls, of the mean area of charts, that is worth a cut
-constexpr double kWidth = 0.01;      // of a cut, times the side of the square that all charts would fill
+constexpr double kWidth = 0.01;     // of a cut, times the side of the square that all charts would fill
 
 // The outline of the map, counter-clockwise.
 std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
