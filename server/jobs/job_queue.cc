@@ -18,7 +18,7 @@ absl::Time QueueTime(absl::Time create_time, v1::Priority priority) {
 
 bool JobQueue::HasRoom(std::int64_t bytes, int idle_workers) const {
   if (static_cast<std::int64_t>(entries_.size()) >= std::int64_t{capacity_} + idle_workers) return false;
-  return entries_.empty() || bytes_ + bytes <= max_bytes_;
+  return entries_.empty() || bytes <= max_bytes_ - bytes_;
 }
 
 void JobQueue::Push(const std::string& name, std::int64_t bytes, absl::Time time, std::int64_t number) {

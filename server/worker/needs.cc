@@ -19,6 +19,7 @@ constexpr std::int64_t kLeastBytesPerTriangle = 1;
 absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                                         const v1::UnwrapOptions& options) {
   PLANISH_ASSIGN_OR_RETURN(const UnwrapOptions core_options, ToCore(options));
+  mesh_bytes = std::max<std::int64_t>(mesh_bytes, 0);
   WorkNeeds needs;
   needs.size = size;
   if (!draco.empty()) {
@@ -27,9 +28,9 @@ absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mes
     needs.size.set_triangles(counts.faces.value_or(unknown));
     needs.size.set_vertices(counts.vertices.value_or(size.vertices()));
   }
+  needs.size.set_triangles(std::max<std::int64_t>(needs.size.triangles(), 0));
   if (needs.size.vertices() <= 0) needs.size.set_vertices(needs.size.triangles() / 2 + 2);
-  const Estimate estimate = EstimateUnwrap(needs.size.triangles(), needs.size.vertices(),
-                                           std::max<std::int64_t>(mesh_bytes, 0), core_options);
+  const Estimate estimate = EstimateUnwrap(needs.size.triangles(), needs.size.vertices(), mesh_bytes, core_options);
   needs.memory_bytes = estimate.peak_bytes;
   needs.run_seconds = estimate.seconds;
   return needs;

@@ -16,7 +16,8 @@ struct WorkNeeds {
 };
 
 // `draco`: at least the first bytes of a file of `mesh_bytes`; may be empty if `size` says what is in it, which also
-// stands in where the file does not say. Decodes nothing. INVALID_ARGUMENT with MESH_DECODE_FAILED, OPTIONS_INVALID.
+// stands in where the file does not say. Numbers below 0 count as 0. Decodes nothing. INVALID_ARGUMENT with
+// MESH_DECODE_FAILED, OPTIONS_INVALID.
 absl::StatusOr<WorkNeeds> EstimateNeeds(std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                                         const v1::UnwrapOptions& options);
 
