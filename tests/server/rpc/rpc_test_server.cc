@@ -33,6 +33,12 @@ std::string ToString(const grpc::ByteBuffer& buffer) {
   return bytes;
 }
 
+WorkerPoolOptions Workers(int count) {
+  WorkerPoolOptions options;
+  options.workers = count;
+  return options;
+}
+
 JobManagerOptions WithUploads(JobManagerOptions options, UploadStore* uploads) {
   options.is_blob_used = [uploads](const std::string& sha256) { return uploads->Uses(sha256); };
   return options;
@@ -45,8 +51,8 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
     : uploads_(std::move(upload_options), &blobs_),
       store_(*OpenJobStore(":memory:")),
       manager_(*JobManager::Open(WithUploads(options, &uploads_), store_.get(), &blobs_)),
-      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)),
-                                         WorkerPoolOptions{.workers = options.workers})) {
+      pool_(
+          std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), Workers(options.workers))) {
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   static const bool kept = (grpc_init(), true);
   static_cast<void>(kept);
