@@ -6,6 +6,7 @@
 #include "core/base/timer.h"
 #include "core/io/draco_codec.h"
 #include "core/unwrap/unwrap.h"
+#include "server/worker/options.h"
 
 namespace planish::bench {
 namespace {
@@ -24,7 +25,7 @@ DirectSeconds WorkDirectly(const Mesh& mesh) {
   const Mesh decoded = Must(DecodeDraco(Must(EncodeDraco(mesh))));
   seconds.draco = timer.Seconds();
   timer.Restart();
-  Must(Unwrap(decoded, UnwrapOptions(), UnwrapControl()));
+  Must(Unwrap(decoded, Must(ToCore(v1::UnwrapOptions())), UnwrapControl()));
   seconds.solve = timer.Seconds();
   return seconds;
 }

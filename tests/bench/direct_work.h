@@ -6,7 +6,7 @@
 namespace planish::bench {
 
 struct DirectSeconds {
-  double solve = 0;  // Unwrap() with the default options and one thread
+  double solve = 0;  // Unwrap() with the service's default options and one thread
   double draco = 0;  // encoding and decoding the mesh
 };
 
