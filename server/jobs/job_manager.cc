@@ -153,9 +153,12 @@ absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const JobRequest& 
         MakeError(absl::StatusCode::kUnavailable, "DRAINING", "the server is shutting down and takes no new jobs"),
         options_.retry_delay);
   }
+  absl::Status room = CheckRoom(request.MeshBytes());
+  if (room.ok()) return std::nullopt;
+  // Only now: a result is read whole to be found.
   const bool shares =
       !request.scheduling.fresh() && (FindShared(work_key) != nullptr || FindResult(work_key).has_value());
-  if (!shares) PLANISH_RETURN_IF_ERROR(CheckRoom(request.MeshBytes()));
+  if (!shares) return room;
   return std::nullopt;
 }
 
