@@ -34,7 +34,7 @@ absl::Status Failed(const std::string& what, const std::string& path, int error)
   return InternalError(message);
 }
 
-// What ftruncate() and a full disk leave half-written goes again.
+// A file that cannot be written whole does not stay.
 absl::Status WriteFile(const std::string& path, std::string_view bytes) {
   const Descriptor file(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (file.get() < 0) return Failed("create", path, errno);
