@@ -29,6 +29,7 @@
 #include "server/jobs/worker_pool.h"
 #include "server/link/in_process_link.h"
 #include "server/link/process_link.h"
+#include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/service.h"
 #include "server/shutdown_events.h"
@@ -233,8 +234,9 @@ int Serve(const ServerFlags& flags) {
   if (!opened.ok()) return Refuse(opened.status());
   JobManager& manager = **opened;
   StreamCounter streams;
-  const std::unique_ptr<grpc::Service> service =
-      NewPlanishService(&manager, stores->uploads.get(), {Capabilities(flags), flags.failpoints}, &streams);
+  const std::unique_ptr<CallerSource> callers = NewOpenCallerSource();
+  const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, stores->uploads.get(), callers.get(),
+                                                                   {Capabilities(flags), flags.failpoints}, &streams);
   absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
       RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, service.get());
   if (!rpc.ok()) return Refuse(rpc.status());

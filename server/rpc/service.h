@@ -7,6 +7,7 @@
 #include "planish/v1/planish.pb.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
+#include "server/rpc/caller_source.h"
 #include "server/rpc/stream_counter.h"
 
 namespace planish {
@@ -18,10 +19,10 @@ struct ServiceOptions {
   double progress_per_second = 1000;  // StreamSurroundings
 };
 
-// Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads` and `streams`, which counts the streams
-// of this service, must outlive it, and it must outlive the RpcServer's Shutdown(). The type stays hidden because the
-// generated header takes long to compile.
-std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, UploadStore* uploads, ServiceOptions options,
-                                                 StreamCounter* streams);
+// Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads`, `callers` and `streams`, which counts
+// the streams of this service, must outlive it, and it must outlive the RpcServer's Shutdown(). The type stays hidden
+// because the generated header takes long to compile.
+std::unique_ptr<grpc::Service> NewPlanishService(JobManager* manager, UploadStore* uploads, const CallerSource* callers,
+                                                 ServiceOptions options, StreamCounter* streams);
 
 }  // namespace planish

@@ -17,9 +17,14 @@ absl::Status FieldInvalid(const std::string& field, const std::string& message) 
 // Either a read or a task is under way, never both, so nothing needs a lock.
 class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest> {
  public:
-  UploadReactor(UploadStore* uploads, std::int64_t max_chunk_bytes, TaskThreads* tasks, v1::Upload* response)
+  UploadReactor(const absl::StatusOr<Caller>& caller, UploadStore* uploads, std::int64_t max_chunk_bytes,
+                TaskThreads* tasks, v1::Upload* response)
       : uploads_(uploads), max_chunk_bytes_(max_chunk_bytes), tasks_(tasks), response_(response) {
-    StartRead(&request_);
+    if (caller.ok()) {
+      StartRead(&request_);
+    } else {
+      Finish(ToGrpcStatus(caller.status()));
+    }
   }
 
   void OnReadDone(bool ok) override {
@@ -68,9 +73,10 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest> {
 
 }  // namespace
 
-grpc::ServerReadReactor<v1::WriteUploadRequest>* ReceiveUpload(UploadStore* uploads, std::int64_t max_chunk_bytes,
+grpc::ServerReadReactor<v1::WriteUploadRequest>* ReceiveUpload(const absl::StatusOr<Caller>& caller,
+                                                               UploadStore* uploads, std::int64_t max_chunk_bytes,
                                                                TaskThreads* tasks, v1::Upload* response) {
-  return new UploadReactor(uploads, max_chunk_bytes, tasks, response);
+  return new UploadReactor(caller, uploads, max_chunk_bytes, tasks, response);
 }
 
 }  // namespace planish

@@ -60,8 +60,8 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
   capabilities.set_version("1.2.3");
   capabilities.set_workers(options.workers);
   capabilities.set_upload_chunk_bytes(64 << 10);
-  service_ =
-      NewPlanishService(manager_.get(), &uploads_, {std::move(capabilities), true, progress_per_second}, &streams_);
+  service_ = NewPlanishService(manager_.get(), &uploads_, callers_.get(),
+                               {std::move(capabilities), true, progress_per_second}, &streams_);
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;

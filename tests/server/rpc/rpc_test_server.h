@@ -13,6 +13,7 @@
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
+#include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
 #include "tests/server/testing/fake_workers.h"
@@ -46,6 +47,7 @@ class RpcTestServer {
   std::unique_ptr<JobManager> manager_;
   std::unique_ptr<WorkerPool> pool_;
   StreamCounter streams_;
+  std::unique_ptr<CallerSource> callers_ = NewOpenCallerSource();
   std::unique_ptr<grpc::Service> service_;
   std::unique_ptr<RpcServer> rpc_;
   std::shared_ptr<grpc::Channel> channel_;
