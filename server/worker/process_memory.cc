@@ -85,7 +85,8 @@ void ResetPeakMemory() {
   [[maybe_unused]] const ssize_t written = write(files.clear_refs, "5", 1);
 }
 
-MemoryLimit::MemoryLimit(std::int64_t bytes, std::int64_t expected, int threads) {
+MemoryLimit::MemoryLimit([[maybe_unused]] std::int64_t bytes, [[maybe_unused]] std::int64_t expected,
+                         [[maybe_unused]] int threads) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
   malloc_trim(static_cast<std::size_t>(std::max<std::int64_t>(bytes > 0 ? std::min(expected, bytes) : expected, 0)));
   if (bytes <= 0) return;
