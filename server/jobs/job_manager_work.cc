@@ -181,6 +181,7 @@ absl::StatusOr<JobAssignment> JobManager::Assign(const Work& work) {
   request.set_max_threads(options_.threads);
   request.set_seam_corners(record.seam_corners());
   request.set_uncut_corners(record.uncut_corners());
+  request.set_expected_bytes(work.needs.memory_bytes);
   if (work.needs.memory_bytes > 0) request.set_memory_bytes(kMemorySlack * work.needs.memory_bytes + kLeastMemory);
   request.set_max_triangles(options_.max_triangles);
   request.set_failpoint(record.failpoint());

@@ -41,7 +41,7 @@ const std::vector<Layer>& Layers() {
       // `planish pack` solves nothing and asks no server, so the packer is its own.
       {"client/cli",
        {"core/base", "core/mesh", "core/io", "core/pack", "client/include/planish", "client/cli",
-        "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h"}},
+        "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h", "client/src/request_id.h"}},
       {"tests", {"core", "proto", "server", "client", "tests"}},
   };
   return *layers;
