@@ -63,6 +63,15 @@ struct JobManagerOptions {
   std::function<std::string()> new_id = RandomId;
 };
 
+// What may change while the server runs: fields of JobManagerOptions.
+struct JobLimits {
+  int queue_capacity = 64;
+  int retained_jobs = 256;
+  std::int64_t retained_bytes = std::int64_t{1} << 30;
+  absl::Duration retained_time = absl::InfiniteDuration();
+  absl::Duration reattach_grace = absl::Seconds(10);
+};
+
 class JobManager;
 
 // One caller that a job belongs to. When the last one goes and nobody detached the job, it is cancelled unless another
@@ -157,6 +166,12 @@ class JobManager : public JobSource {
   // Does what is due by now: ends jobs that ran out of time or were left by their callers, drops what was kept long
   // enough, writes what could not be written. Call it a few times a second.
   void Tick();
+
+  // ---- for the server's operator (job_manager_limits.cc)
+
+  // What waits or is kept beyond a lower limit stays until its turn comes, or goes with the next Tick().
+  void SetLimits(const JobLimits& limits);
+  JobLimits Limits() const;
 
   // ---- for the server's shutdown, in this order
 
@@ -282,8 +297,8 @@ class JobManager : public JobSource {
   void CollectBlobs();
   void CheckIdle(Wakeups* wakeups);
 
-  // Constant after construction.
-  const JobManagerOptions options_;
+  // Constant after construction, but for what SetLimits() changes: that is guarded by mutex_.
+  JobManagerOptions options_;
   const std::string instance_;  // owner of leases
   BlobStore* const blobs_;
 
