@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cstdint>
 #include <iostream>
-#include <map>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "CLI/CLI.hpp"
 #include "absl/strings/str_cat.h"
@@ -18,6 +18,33 @@ namespace {
 
 constexpr int kBadUsage = 2;
 constexpr int kMaxThreads = 256;
+
+// An option whose value is one of some words; its default is what `target` holds.
+template <class Value>
+void AddChoice(CLI::App* app, const std::string& flag, Value* target,
+               const std::vector<std::pair<std::string, Value>>& choices, const std::string& description) {
+  std::vector<std::string> words;
+  std::string otherwise;
+  for (const auto& [word, value] : choices) {
+    words.push_back(word);
+    if (value == *target) otherwise = word;
+  }
+  const auto is_word = [words](const std::string& text) {
+    const bool known = std::find(words.begin(), words.end(), text) != words.end();
+    return known ? std::string() : absl::StrCat(text, " is none of ", absl::StrJoin(words, ", "));
+  };
+  app->add_option_function<std::string>(
+         flag,
+         [target, choices](const std::string& text) {
+           for (const auto& [word, value] : choices) {
+             if (word == text) *target = value;
+           }
+         },
+         description)
+      ->check(CLI::Validator(is_word, ""))
+      ->default_str(otherwise)
+      ->type_name(absl::StrJoin(words, "|"));
+}
 
 void DefineKeeping(CLI::App* app, ServerFlags* flags) {
   app->add_option("--data-dir", flags->data_dir,
@@ -46,16 +73,13 @@ void DefineWorkers(CLI::App* app, ServerFlags* flags) {
       ->check(CLI::Range(1, 1024));
   app->add_option("--threads", flags->threads, "Threads a job may use at most [cores / workers]")
       ->check(CLI::Range(1, kMaxThreads));
-  app->add_option("--isolation", flags->isolated,
-                  "Where jobs run: in processes of their own, or in threads of the server")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"process", true}, {"thread", false}}))
-      ->default_str("process");
-  app->add_option("--sandbox", flags->sandbox,
-                  "Whether worker processes give up files and the network: where the kernel allows it, or they do not "
-                  "start, or not")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, SandboxMode>{
-          {"auto", SandboxMode::kAuto}, {"require", SandboxMode::kRequire}, {"off", SandboxMode::kOff}}))
-      ->default_str("auto");
+  AddChoice<bool>(app, "--isolation", &flags->isolated, {{"process", true}, {"thread", false}},
+                  "Where jobs run: in processes of their own, or in threads of the server");
+  AddChoice<SandboxMode>(
+      app, "--sandbox", &flags->sandbox,
+      {{"auto", SandboxMode::kAuto}, {"require", SandboxMode::kRequire}, {"off", SandboxMode::kOff}},
+      "Whether worker processes give up files and the network: where the kernel allows it, or they do not start, or "
+      "not");
   app->add_option("--recycle-after", flags->recycle_after, "Jobs after which a worker process is replaced by a new one")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000'000));
@@ -88,17 +112,16 @@ void DefineConfig(CLI::App* app, ConfigFlags* config) {
 }
 
 void DefineLog(CLI::App* app, ServerFlags* flags) {
-  app->add_option("--log-level", flags->log_level, "What goes to stderr")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, LogLevel>{{"debug", LogLevel::kDebug},
-                                                                          {"info", LogLevel::kInfo},
-                                                                          {"warn", LogLevel::kWarn},
-                                                                          {"error", LogLevel::kError},
-                                                                          {"off", LogLevel::kOff}}))
-      ->default_str("info");
-  app->add_option("--log-format", flags->log_format, "How: lines for people, or a JSON object a line")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, LogFormat>{{"human", LogFormat::kHuman}, {"json", LogFormat::kJson}}))
-      ->default_str("human");
+  AddChoice<LogLevel>(app, "--log-level", &flags->log_level,
+                      {{"debug", LogLevel::kDebug},
+                       {"info", LogLevel::kInfo},
+                       {"warn", LogLevel::kWarn},
+                       {"error", LogLevel::kError},
+                       {"off", LogLevel::kOff}},
+                      "What goes to stderr");
+  AddChoice<LogFormat>(app, "--log-format", &flags->log_format,
+                       {{"human", LogFormat::kHuman}, {"json", LogFormat::kJson}},
+                       "How: lines for people, or a JSON object a line");
 }
 
 std::string CheckAddress(const std::string& text) {
@@ -110,7 +133,7 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen)
   app->add_option("--listen", *listen, "HOST:PORT or unix:PATH; may be given several times")
       ->capture_default_str()
       ->type_name("ADDR")
-      ->check(CheckAddress)
+      ->check(CLI::Validator(CheckAddress, ""))
       ->allow_extra_args(false);
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);

@@ -20,6 +20,7 @@
 #include "google/protobuf/util/time_util.h"
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
+#include "server/admin.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
 #include "server/job_log.h"
@@ -170,17 +171,19 @@ WorkerFactory NewWorkers(const ServerFlags& flags, int stderr_fd) {
   return [options] { return StartProcessWorker(options); };
 }
 
-WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
+WorkerPoolOptions PoolOptions(const ServerFlags& flags, Admin* admin) {
   WorkerPoolOptions options;
   options.workers = flags.workers;
   options.recycle_after = flags.recycle_after;
   options.job_limit = absl::Hours(flags.job_hours);
   options.silence_limit = kSilenceLimit;
-  options.on_worker_ready = [said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
+  options.on_worker_ready = [admin, said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
+    admin->CountWorkers(1);
     if (worker.sandbox_error().empty()) return;
     std::call_once(*said, [&] { LogWarn("workers run without their sandbox: " + worker.sandbox_error()); });
   };
-  options.on_worker_end = [](const WorkerEnd& end) {
+  options.on_worker_end = [admin](const WorkerEnd& end) {
+    admin->CountWorkers(-1);
     const bool lost = !end.loss.message.empty();
     Log(lost ? LogLevel::kWarn : LogLevel::kDebug, absl::StrCat("worker ", NameOf(end.cause)),
         {{"job", end.job}, {"jobs_served", end.jobs}, {"reason", end.loss.reason}, {"error", end.loss.message}});
@@ -286,20 +289,24 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   };
   const std::unique_ptr<grpc::Service> service =
       NewPlanishService(&manager, stores->uploads.get(), callers.get(), std::move(service_options), &streams);
+  Reloader reloader(config.settings);
+  Admin admin(&manager, &reloader, &service_manager);
+  const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), callers.get());
   absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
-      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, service.get());
+      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, {service.get(), admin_service.get()});
   if (!rpc.ok()) return Refuse(flags, rpc.status());
+  admin.Attach(rpc->get());
   auto worker_output = std::make_unique<OutputLines>([](const std::string& line) {
     LogWarn(line, {{"source", "worker"}});
   });
-  auto pool = std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), PoolOptions(flags));
+  auto pool =
+      std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), PoolOptions(flags, &admin));
   auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());
   });
 
   double grace_seconds = flags.grace_seconds;
-  Reloader reloader(config.settings);
   AddReloadHooks(&manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);
 
   const std::string listens = absl::StrCat("listens on ", absl::StrJoin((*rpc)->addresses(), ", "), " with ",
@@ -320,6 +327,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds) : absl::ZeroDuration();
   LogInfo(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
+  admin.EndAttachment();
   (*rpc)->SetServing(false);
   const bool workers_done = EndJobs(grace, !flags.data_dir.empty(), &manager, &events);
   streams.WaitForNone(absl::Now() + kFlushLimit);

@@ -41,9 +41,9 @@ class Reader {
 
  private:
   std::optional<std::string> Bytes() {
+    errno = 0;
     std::ifstream stream(path_, std::ios::binary);
     std::ostringstream bytes;
-    errno = 0;
     // A directory opens, and fails when it is read.
     if (!stream || !(bytes << stream.rdbuf())) {
       if (stream.is_open() && errno == 0) return "";

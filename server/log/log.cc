@@ -1,10 +1,8 @@
 #include "server/log/log.h"
 
-#include <array>
 #include <memory>
 #include <mutex>
 #include <string>
-#include <utility>
 
 #include "server/log/line_format.h"
 #include "spdlog/pattern_formatter.h"
@@ -13,12 +11,6 @@
 
 namespace planish {
 namespace {
-
-constexpr std::pair<absl::string_view, LogLevel> kLevels[] = {{"debug", LogLevel::kDebug},
-                                                              {"info", LogLevel::kInfo},
-                                                              {"warn", LogLevel::kWarn},
-                                                              {"error", LogLevel::kError},
-                                                              {"off", LogLevel::kOff}};
 
 // Those of the line that this thread writes: spdlog formats it before Log() returns.
 thread_local const LogFields* fields_of_line = nullptr;
@@ -77,13 +69,6 @@ spdlog::level::level_enum ToSpdlog(LogLevel level) {
 }
 
 }  // namespace
-
-LogLevel LogLevelFrom(absl::string_view name) {
-  for (const auto& [word, level] : kLevels) {
-    if (name == word) return level;
-  }
-  return LogLevel::kInfo;
-}
 
 void SetUpLog(LogFormat format, LogLevel level) {
   static std::once_flag made;

@@ -20,9 +20,6 @@ enum class LogFormat { kHuman, kJson };
 
 enum class LogLevel { kDebug, kInfo, kWarn, kError, kOff };
 
-// "debug", "info", "warn", "error", "off"; anything else is kInfo.
-LogLevel LogLevelFrom(absl::string_view name);
-
 // A number, a truth or a text that goes with a message. Keys are words of a-z and '_'; "time", "level" and "message"
 // are taken. Fields with empty texts are left out. "job", "tenant" and "trace" say what the line is about; people see
 // the job in front of the message.
