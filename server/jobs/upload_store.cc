@@ -313,6 +313,11 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const std::string& name) {
   return mesh;
 }
 
+void UploadStore::SetMaxBytes(std::int64_t max_bytes) {
+  const std::lock_guard lock(mutex_);
+  options_.max_bytes = max_bytes;
+}
+
 void UploadStore::Tick(absl::Time now) {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> idle;

@@ -100,6 +100,9 @@ class UploadStore {
   // ("committed_bytes").
   absl::StatusOr<UploadedMesh> Use(const std::string& name);
 
+  // UploadStoreOptions::max_bytes from now on; uploads under way go on.
+  void SetMaxBytes(std::int64_t max_bytes);
+
   // Forgets the uploads that were idle too long at `now`.
   void Tick(absl::Time now);
 
@@ -137,7 +140,7 @@ class UploadStore {
   void Forget(const std::string& name);
   v1::Upload ToProto(const Entry& entry) const;
 
-  const UploadStoreOptions options_;
+  UploadStoreOptions options_;  // constant after construction, but for max_bytes, which mutex_ guards
   BlobStore* const blobs_;
 
   // Never held while calling blobs_, which asks Uses() under its own lock.

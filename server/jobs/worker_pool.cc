@@ -250,7 +250,7 @@ class WorkerPool::Seat {
     if (!received.message.has_idle()) {
       return End(WorkerEndCause::kCrashed, {"INTERNAL", "the worker spoke without a job", {}}, "");
     }
-    if (jobs_ >= options_.recycle_after) return End(WorkerEndCause::kRecycled, {}, "");
+    if (jobs_ >= pool_.recycle_after_) return End(WorkerEndCause::kRecycled, {}, "");
     if (ran_out || received.message.idle().held_bytes() > options_.recycle_bytes)
       return End(WorkerEndCause::kGrown, {}, "");
   }
@@ -271,7 +271,10 @@ class WorkerPool::Seat {
 };
 
 WorkerPool::WorkerPool(JobSource* source, WorkerFactory factory, WorkerPoolOptions options)
-    : source_(source), factory_(std::move(factory)), options_(std::move(options)) {
+    : source_(source),
+      factory_(std::move(factory)),
+      options_(std::move(options)),
+      recycle_after_(options_.recycle_after) {
   for (int i = 0; i < options_.workers; ++i) {
     threads_.emplace_back([this] { Seat(this).Run(); });
   }

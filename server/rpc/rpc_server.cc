@@ -38,7 +38,8 @@ void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options, grpc::Service* service) {
+absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options,
+                                                            const std::vector<grpc::Service*>& services) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
 
@@ -50,7 +51,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     if (!address.unix_path.empty()) PLANISH_RETURN_IF_ERROR(RemoveStaleSocket(address.unix_path));
     builder.AddListeningPort(address.grpc, grpc::InsecureServerCredentials(), &ports[i]);
   }
-  builder.RegisterService(service);
+  for (grpc::Service* service : services) builder.RegisterService(service);
 
   std::unique_ptr<RpcServer> rpc_server(new RpcServer);
   rpc_server->server_ = builder.BuildAndStart();

@@ -22,9 +22,10 @@ struct RpcServerOptions {
 // Thread-safe.
 class RpcServer {
  public:
-  // Serves `service` from its return on; `service` must outlive the server. UNAVAILABLE with a message that names the
+  // Serves `services` from its return on; they must outlive the server. UNAVAILABLE with a message that names the
   // address that cannot be had, and why.
-  static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options, grpc::Service* service);
+  static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options,
+                                                          const std::vector<grpc::Service*>& services);
 
   // Shutdown(now) if nobody did.
   ~RpcServer();

@@ -177,8 +177,11 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context, const v1::GetCapabilitiesRequest*,
                                             v1::Capabilities* response) override {
-    return Answer(context, Need::kNothing, response,
-                  [this](const Caller&) -> absl::StatusOr<v1::Capabilities> { return options_.capabilities; });
+    return Answer(context, Need::kNothing, response, [this](const Caller&) -> absl::StatusOr<v1::Capabilities> {
+      v1::Capabilities capabilities = options_.capabilities;
+      if (options_.update_capabilities) options_.update_capabilities(&capabilities);
+      return capabilities;
+    });
   }
 
  private:

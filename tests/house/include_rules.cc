@@ -29,6 +29,8 @@ const std::vector<Layer>& Layers() {
       {"core/pack", {"core/base", "core/mesh", "core/pack"}},
       {"core/unwrap", {"core/base", "core/mesh", "core/linalg", "core/abf", "core/charts", "core/pack", "core/unwrap"}},
       {"core/io", {"core/base", "core/mesh", "core/io"}},
+      {"server/config", {"server/config"}},
+      {"server/log", {"server/log"}},
       {"server/link", {"core/base", "proto", "server/link"}},
       {"server/access", {"core/base", "proto", "server/access"}},
       {"server/jobs", {"core/base", "proto", "server/link", "server/access", "server/jobs"}},
@@ -63,6 +65,8 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^draco/.*)"), "Draco", {"core/io", "tests"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/io"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h)$)"), "CHOLMOD", {"core/linalg"}},
+      {std::regex(R"(^spdlog/.*)"), "spdlog", {"server/log"}},
+      {std::regex(R"(^yaml-cpp/.*)"), "yaml-cpp", {"server", "tests"}},
       {std::regex(R"(^seccomp\.h$)"), "libseccomp", {"server/worker"}},
       {std::regex(R"(^(sys/(socket|un)\.h|netinet/.*|arpa/.*|netdb\.h)$)"), "sockets", {"server", "client", "tests"}},
   };
@@ -91,7 +95,7 @@ std::optional<std::string> ProjectPath(const std::string& target) {
   for (const char* top : {"core", "server", "client", "tests"}) {
     if (IsWithin(target, top)) return target;
   }
-  for (const char* generated : {"planish/v1", "planish/store", "planish/worker", "google/rpc"}) {
+  for (const char* generated : {"planish/v1", "planish/admin", "planish/store", "planish/worker", "google/rpc"}) {
     if (IsWithin(target, generated)) return "proto/" + target;
   }
   if (IsWithin(target, "planish")) return "client/include/" + target;
