@@ -63,12 +63,15 @@ void DefineWorkers(CLI::App* app, ServerFlags* flags) {
       ->check(CLI::Range(1, 100'000'000));
 }
 
-void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen) {
+void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen, std::string* metrics_listen) {
   app->set_version_flag("--version", "planishd " PLANISH_VERSION);
   app->add_option("--listen", *listen, "HOST:PORT or unix:PATH; may be given several times")
       ->capture_default_str()
       ->type_name("ADDR")
       ->allow_extra_args(false);
+  app->add_option("--metrics-listen", *metrics_listen,
+                  "HOST:PORT for /metrics (Prometheus), /livez and /readyz over plain HTTP [off]")
+      ->type_name("ADDR");
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
   app->add_option("--queue", flags->queue, "Jobs that may wait beside those that run")
@@ -108,7 +111,8 @@ std::variant<ServerFlags, int> ParseFlags(int argc, char** argv) {
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
   flags.workers = std::clamp(cores, 1, 1024);
   std::vector<std::string> listen = {"127.0.0.1:7741"};
-  Define(&app, &flags, &listen);
+  std::string metrics_listen;
+  Define(&app, &flags, &listen, &metrics_listen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -123,6 +127,14 @@ std::variant<ServerFlags, int> ParseFlags(int argc, char** argv) {
       return kBadUsage;
     }
     flags.listen.push_back(*address);
+  }
+  if (!metrics_listen.empty()) {
+    const absl::StatusOr<HttpEndpointOptions> address = ParseHttpAddress(metrics_listen);
+    if (!address.ok()) {
+      std::cerr << "planishd: --metrics-listen=" << address.status().message() << "\n";
+      return kBadUsage;
+    }
+    flags.metrics_listen = *address;
   }
   return flags;
 }

@@ -29,6 +29,7 @@
 #include "server/jobs/worker_pool.h"
 #include "server/link/in_process_link.h"
 #include "server/link/process_link.h"
+#include "server/monitoring.h"
 #include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/service.h"
@@ -204,6 +205,22 @@ bool EndJobs(absl::Duration grace, bool durable, JobManager* manager, ShutdownEv
   return false;
 }
 
+WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobManager* manager,
+                      const StreamCounter* streams, RpcServer* rpc) {
+  WatchedServer server;
+  server.jobs = manager;
+  server.uploads = stores.uploads.get();
+  server.blobs = stores.blobs.get();
+  server.streams = streams;
+  server.rpc = rpc;
+  server.data_dir = flags.data_dir;
+  server.workers = flags.workers;
+  server.memory_limit_bytes = flags.memory_mb * kMiB;
+  server.store_limit_bytes = flags.store_mb * kMiB;
+  server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
+  return server;
+}
+
 // Each job kept or waiting may hold descriptors, and each connection does.
 void AllowManyDescriptors() {
   rlimit limit;
@@ -223,11 +240,16 @@ int Serve(const ServerFlags& flags) {
   grpc_init();
   SetUpLogging(flags);
   AllowManyDescriptors();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
-  KeepFreedMemory();              // until the job ends (worker.cc)
+  std::signal(SIGXFSZ, SIG_IGN);           // a file that may not grow is a disk that is full
+  KeepFreedMemory();                       // until the job ends (worker.cc)
+  Monitoring monitoring(PLANISH_VERSION);  // first, so that probes are answered while stores are opened
+  if (flags.metrics_listen.has_value()) {
+    if (const absl::Status status = monitoring.Listen(*flags.metrics_listen); !status.ok()) return Refuse(status);
+  }
   absl::StatusOr<Stores> stores = OpenStores(flags);
   if (!stores.ok()) return Refuse(stores.status());
   JobManagerOptions options = ManagerOptions(flags);
+  monitoring.Hook(&options);
   options.is_blob_used = [uploads = stores->uploads.get()](const std::string& sha256) { return uploads->Uses(sha256); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
@@ -238,13 +260,17 @@ int Serve(const ServerFlags& flags) {
   const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, stores->uploads.get(), callers.get(),
                                                                    {Capabilities(flags), flags.failpoints}, &streams);
   absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
-      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, service.get());
+      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB, monitoring.Calls()}, service.get());
   if (!rpc.ok()) return Refuse(rpc.status());
-  auto pool = std::make_unique<WorkerPool>(&manager, NewWorkers(flags), PoolOptions(flags));
-  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, uploads = stores->uploads.get()] {
+  WorkerPoolOptions pool_options = PoolOptions(flags);
+  monitoring.Hook(&pool_options);
+  auto pool = std::make_unique<WorkerPool>(&manager, NewWorkers(flags), std::move(pool_options));
+  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());
+    monitoring.Beat();
   });
+  monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc->get()));
 
   spdlog::info("planishd " PLANISH_VERSION " listens on {} with {} workers of up to {} threads",
                absl::StrJoin((*rpc)->addresses(), ", "), flags.workers, flags.threads);
@@ -252,14 +278,16 @@ int Serve(const ServerFlags& flags) {
     if (!IsLocal(address))
       spdlog::warn("{} is open to the network, without encryption or authentication", address.text);
   }
+  if (const auto address = monitoring.address()) spdlog::info("metrics and probes at http://{}", *address);
   events.TellReady();
 
   const Wake wake = events.Wait(absl::InfiniteDuration());
   const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(flags.grace_seconds) : absl::ZeroDuration();
   spdlog::info("shutting down, jobs have {} to end", absl::FormatDuration(grace));
-  (*rpc)->SetServing(false);
+  monitoring.SetEnding();
   const bool workers_done = EndJobs(grace, !flags.data_dir.empty(), &manager, &events);
   streams.WaitForNone(absl::Now() + kFlushLimit);
+  monitoring.Detach();
   (*rpc)->Shutdown(absl::Now() + kLastCallsLimit);
   manager.StopWorkers();
   // A worker that is deaf cannot be joined; its job has failed, so nothing is lost with it.
