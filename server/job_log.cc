@@ -1,8 +1,10 @@
 #include "server/job_log.h"
 
 #include <string>
+#include <string_view>
 
 #include "absl/strings/escaping.h"
+#include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "google/rpc/error_details.pb.h"
 #include "server/jobs/lifecycle.h"
@@ -35,27 +37,30 @@ std::string Reason(const v1::Job& job) {
 
 void LogTransition(const v1::Job& job) {
   const std::string state = StateName(job.state());
+  const std::string_view trace = TraceIdOf(job.traceparent());
   const double seconds = job.has_start_time() ? Seconds(job.start_time(), job.end_time()) : 0;
   switch (job.state()) {
     case v1::JOB_STATE_QUEUED:
-      spdlog::info("{} {} mesh_bytes={} label={}", job.name(), state, job.mesh_bytes(), Quote(job.label()));
+      spdlog::info("{} {} trace={} mesh_bytes={} label={}", job.name(), state, trace, job.mesh_bytes(),
+                   Quote(job.label()));
       break;
     case v1::JOB_STATE_RUNNING:
-      spdlog::info("{} {} waited={:.3f}s", job.name(), state, Seconds(job.create_time(), job.start_time()));
+      spdlog::info("{} {} trace={} waited={:.3f}s", job.name(), state, trace,
+                   Seconds(job.create_time(), job.start_time()));
       break;
     case v1::JOB_STATE_SUCCEEDED:
-      spdlog::info("{} {} ran={:.3f}s triangles={} uv_bytes={} warnings={}", job.name(), state, seconds,
+      spdlog::info("{} {} trace={} ran={:.3f}s triangles={} uv_bytes={} warnings={}", job.name(), state, trace, seconds,
                    job.report().input().triangles(), job.uv().total_bytes(), job.report().warnings_size());
       break;
     case v1::JOB_STATE_FAILED:
-      spdlog::warn("{} {} ran={:.3f}s reason={} message={}", job.name(), state, seconds, Reason(job),
+      spdlog::warn("{} {} trace={} ran={:.3f}s reason={} message={}", job.name(), state, trace, seconds, Reason(job),
                    Quote(job.error().message()));
       break;
     case v1::JOB_STATE_CANCELLED:
-      spdlog::info("{} {} ran={:.3f}s", job.name(), state, seconds);
+      spdlog::info("{} {} trace={} ran={:.3f}s", job.name(), state, trace, seconds);
       break;
     default:
-      spdlog::info("{} {}", job.name(), state);
+      spdlog::info("{} {} trace={}", job.name(), state, trace);
   }
 }
 

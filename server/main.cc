@@ -16,6 +16,7 @@
 #include "absl/time/clock.h"
 #include "core/base/heap.h"
 #include "core/base/status_macros.h"
+#include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
@@ -168,7 +169,8 @@ WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
     if (end.loss.message.empty()) {
       spdlog::debug("worker {} after {} jobs", NameOf(end.cause), end.jobs);
     } else {
-      spdlog::warn("worker {} after {} jobs: {} {}", NameOf(end.cause), end.jobs, end.loss.message, end.job);
+      spdlog::warn("worker {} after {} jobs: {} {} trace={}", NameOf(end.cause), end.jobs, end.loss.message, end.job,
+                   TraceIdOf(end.traceparent));
     }
   };
   options.on_start_failed = [](const absl::Status& status, absl::Duration retry) {
@@ -203,6 +205,14 @@ bool EndJobs(absl::Duration grace, bool durable, JobManager* manager, ShutdownEv
   manager->CloseLinks();
   WaitUntilIdle(kCloseLimit, events);
   return false;
+}
+
+void LogReadiness(const std::string& why_not) {
+  if (why_not.empty()) {
+    spdlog::info("ready again");
+  } else {
+    spdlog::warn("not ready: {}", why_not);
+  }
 }
 
 WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobManager* manager,
@@ -240,9 +250,9 @@ int Serve(const ServerFlags& flags) {
   grpc_init();
   SetUpLogging(flags);
   AllowManyDescriptors();
-  std::signal(SIGXFSZ, SIG_IGN);           // a file that may not grow is a disk that is full
-  KeepFreedMemory();                       // until the job ends (worker.cc)
-  Monitoring monitoring(PLANISH_VERSION);  // first, so that probes are answered while stores are opened
+  std::signal(SIGXFSZ, SIG_IGN);                         // a file that may not grow is a disk that is full
+  KeepFreedMemory();                                     // until the job ends (worker.cc)
+  Monitoring monitoring(PLANISH_VERSION, LogReadiness);  // first, so that probes are answered while stores are opened
   if (flags.metrics_listen.has_value()) {
     if (const absl::Status status = monitoring.Listen(*flags.metrics_listen); !status.ok()) return Refuse(status);
   }

@@ -3,9 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "server/metrics/store_probe.h"
-#include "spdlog/spdlog.h"
 
 namespace planish {
 namespace {
@@ -128,11 +126,7 @@ void Monitoring::TellReadiness() {
   if (!server_.has_value()) return;
   server_->rpc->SetReady(ready);
   told_ready_ = ready;
-  if (ready) {
-    spdlog::info("ready again");
-  } else if (!ending_) {
-    spdlog::warn("not ready: {}", why_not);
-  }
+  if (on_readiness_) on_readiness_(why_not);
 }
 
 // ---- what is asked over HTTP

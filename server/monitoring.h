@@ -4,10 +4,14 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <shared_mutex>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
@@ -50,7 +54,10 @@ struct WatchedServer {
 // Made first and destroyed last. Thread-safe.
 class Monitoring {
  public:
-  explicit Monitoring(const std::string& version) : metrics_(version) {}
+  // `on_readiness` hears of each change: why the server is not ready, or "" if it is; null: nobody listens.
+  explicit Monitoring(const std::string& version,
+                      std::function<void(const std::string& why_not)> on_readiness = nullptr)
+      : metrics_(version), on_readiness_(std::move(on_readiness)) {}
 
   // Serves from its return on. UNAVAILABLE as HttpEndpoint::Start().
   absl::Status Listen(const HttpEndpointOptions& options);
@@ -76,10 +83,11 @@ class Monitoring {
   HttpAnswer Metrics() const;
   HttpAnswer Live() const;
   HttpAnswer Ready() const;
-  // Tells gRPC's health and the log if it changed.
+  // Tells gRPC's health and on_readiness_ if it changed.
   void TellReadiness();
 
   ServerMetrics metrics_;
+  const std::function<void(const std::string&)> on_readiness_;
   Readiness readiness_;
   std::atomic<bool> ending_ = false;
   std::atomic<std::chrono::steady_clock::time_point> last_beat_ = {};

@@ -1,6 +1,7 @@
 #include "server/metrics/http_endpoint.h"
 
 #include <fcntl.h>
+#include <httplib.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -15,7 +16,6 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "httplib.h"
 #include "server/metrics/deadline_stream.h"
 
 namespace planish {
@@ -32,7 +32,7 @@ constexpr int kLookMs = 200;
 // and wait for each byte anew.
 class HttpEndpoint::Server : public httplib::Server {
  public:
-  Server(Handler handler, absl::Duration connection_limit)
+  Server(HttpEndpoint::Handler handler, absl::Duration connection_limit)
       : handler_(std::move(handler)), connection_limit_(connection_limit) {
     // Its default would let two servers share the port, each with some of the connections.
     set_socket_options([](socket_t socket) {
@@ -94,7 +94,7 @@ class HttpEndpoint::Server : public httplib::Server {
     process_request(stream, /*close_connection=*/true, closed, nullptr);
   }
 
-  const Handler handler_;
+  const HttpEndpoint::Handler handler_;
   const absl::Duration connection_limit_;
   std::atomic<bool> ending_ = false;
   std::vector<std::thread> threads_;
