@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/metrics/certificate.h"
 #include "server/metrics/store_probe.h"
 
 namespace planish {
@@ -152,7 +153,7 @@ HttpAnswer Monitoring::Metrics() const {
     gauges.uploads_limit_bytes = server_->uploads_limit_bytes;
     gauges.uv_sent_bytes = server_->streams->uv_bytes();
     gauges.streams = server_->streams->count();
-    gauges.certificate_end = server_->certificate_end;
+    if (!server_->certificate_file.empty()) gauges.certificate_end = CertificateEnd(server_->certificate_file);
   }
   gauges.ready = readiness_.WhyNot().empty();
   return {200, metrics_.Text(gauges), kTextFormat};

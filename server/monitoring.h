@@ -40,7 +40,7 @@ struct WatchedServer {
   std::int64_t memory_limit_bytes = 0;
   std::int64_t store_limit_bytes = 0;
   std::int64_t uploads_limit_bytes = 0;
-  absl::Time certificate_end = absl::UnixEpoch();
+  std::string certificate_file;  // PEM, of TLS; "": there is none
 };
 
 // Serves over HTTP, where asked to:
