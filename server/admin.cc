@@ -25,17 +25,6 @@ AdminActions Admin::Actions() {
   return actions;
 }
 
-void Admin::Attach(RpcServer* rpc) {
-  const std::lock_guard lock(mutex_);
-  rpc_ = rpc;
-  if (draining_) rpc_->SetServing(false);
-}
-
-void Admin::EndAttachment() {
-  const std::lock_guard lock(mutex_);
-  rpc_ = nullptr;
-}
-
 absl::Status Admin::SetDraining(bool draining) {
   const std::lock_guard lock(mutex_);
   if (draining) {
@@ -47,8 +36,6 @@ absl::Status Admin::SetDraining(bool draining) {
   draining_ = draining;
   const char* const what = draining ? "drained by an operator: new jobs are refused" : "takes new jobs again";
   LogInfo(what);
-  if (rpc_ == nullptr) return absl::OkStatus();
-  rpc_->SetServing(!draining);
   service_manager_.Status(what);
   return absl::OkStatus();
 }

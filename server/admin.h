@@ -9,7 +9,6 @@
 #include "server/jobs/job_manager.h"
 #include "server/reload.h"
 #include "server/rpc/admin_service.h"
-#include "server/rpc/rpc_server.h"
 #include "server/service_manager.h"
 
 namespace planish {
@@ -23,10 +22,6 @@ class Admin {
 
   // What a service of these does; this must outlive it.
   AdminActions Actions();
-
-  // The server whose health says whether new jobs are taken; until EndAttachment(), which comes before its shutdown.
-  void Attach(RpcServer* rpc);
-  void EndAttachment();
 
   // `change`: 1 for a worker that is ready for the first time, -1 for one that is gone.
   void CountWorkers(int change) { workers_ready_ += change; }
@@ -43,8 +38,7 @@ class Admin {
   std::atomic<int> workers_ready_ = 0;
 
   std::mutex mutex_;
-  RpcServer* rpc_ = nullptr;  // guarded by mutex_
-  bool draining_ = false;     // guarded by mutex_
+  bool draining_ = false;  // guarded by mutex_
 };
 
 }  // namespace planish

@@ -128,13 +128,21 @@ std::string CheckAddress(const std::string& text) {
   return std::string(ParseListenAddress(text).status().message());
 }
 
-void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen) {
+std::string CheckHttpAddress(const std::string& text) {
+  return std::string(ParseHttpAddress(text).status().message());
+}
+
+void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen, std::string* metrics_listen) {
   app->set_version_flag("--version", "planishd " PLANISH_VERSION);
   app->add_option("--listen", *listen, "HOST:PORT or unix:PATH; may be given several times")
       ->capture_default_str()
       ->type_name("ADDR")
       ->check(CLI::Validator(CheckAddress, ""))
       ->allow_extra_args(false);
+  app->add_option("--metrics-listen", *metrics_listen,
+                  "HOST:PORT for /metrics (Prometheus), /livez and /readyz over plain HTTP [off]")
+      ->type_name("ADDR")
+      ->check(CLI::Validator(CheckHttpAddress, ""));
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
   app->add_option("--queue", flags->queue, "Jobs that may wait beside those that run")
@@ -171,7 +179,7 @@ class CommandLine {
   CommandLine() {
     flags_.workers = std::clamp(Cores(), 1, 1024);
     DefineConfig(&app_, &config_);
-    Define(&app_, &flags_, &listen_);
+    Define(&app_, &flags_, &listen_, &metrics_listen_);
     settings_.emplace(&app_, kEnvironmentPrefix);
   }
 
@@ -201,12 +209,14 @@ class CommandLine {
     if (app_.count("--memory-mb") == 0) flags_.memory_mb = std::max<std::int64_t>(MemoryLimit() / 4 * 3 >> 20, 1);
     if (app_.count("--threads") == 0) flags_.threads = std::clamp(Cores() / flags_.workers, 1, kMaxThreads);
     for (const std::string& text : listen_) flags_.listen.push_back(*ParseListenAddress(text));
+    if (!metrics_listen_.empty()) flags_.metrics_listen = *ParseHttpAddress(metrics_listen_);
   }
 
   CLI::App app_{"planishd: flattens triangle meshes for callers over gRPC", "planishd"};
   ServerFlags flags_;
   ConfigFlags config_;
   std::vector<std::string> listen_ = {"127.0.0.1:7741"};
+  std::string metrics_listen_;
   std::optional<Settings> settings_;
 };
 

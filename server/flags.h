@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -11,12 +12,14 @@
 #include "server/config/settings.h"
 #include "server/link/worker_arguments.h"
 #include "server/log/log.h"
+#include "server/metrics/http_endpoint.h"
 #include "server/rpc/listen_address.h"
 
 namespace planish {
 
 struct ServerFlags {
-  std::vector<ListenAddress> listen;  // at least one
+  std::vector<ListenAddress> listen;                  // at least one
+  std::optional<HttpEndpointOptions> metrics_listen;  // nothing: no metrics and probes over HTTP
 
   std::string data_dir;                // empty: everything is kept in memory and ends with the process
   std::int64_t store_mb = 4096;        // MiB of meshes and UV, kept or waiting, >= 1

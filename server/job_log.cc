@@ -3,6 +3,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "google/rpc/error_details.pb.h"
 #include "server/jobs/lifecycle.h"
@@ -23,13 +24,6 @@ std::string Reason(const v1::Job& job) {
     if (detail.UnpackTo(&info)) return info.reason();
   }
   return "?";
-}
-
-// The second of the header's four parts, "00-TRACE-SPAN-FLAGS"; empty if it is none.
-std::string TraceId(const std::string& traceparent) {
-  constexpr std::size_t kBegin = 3, kLength = 32;
-  if (traceparent.size() <= kBegin + kLength || traceparent[kBegin + kLength] != '-') return "";
-  return traceparent.substr(kBegin, kLength);
 }
 
 // What happened, beside which job and when.
@@ -57,7 +51,7 @@ LogFields Facts(const v1::Job& job) {
 }  // namespace
 
 LogFields JobFields(const v1::Job& job) {
-  return {{"job", job.name()}, {"tenant", job.tenant()}, {"trace", TraceId(job.traceparent())}};
+  return {{"job", job.name()}, {"tenant", job.tenant()}, {"trace", TraceIdOf(job.traceparent())}};
 }
 
 void LogTransition(const v1::Job& job) {

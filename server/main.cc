@@ -17,6 +17,7 @@
 #include "absl/time/clock.h"
 #include "core/base/heap.h"
 #include "core/base/status_macros.h"
+#include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
@@ -33,6 +34,7 @@
 #include "server/link/process_link.h"
 #include "server/log/log.h"
 #include "server/log/output_lines.h"
+#include "server/monitoring.h"
 #include "server/reload.h"
 #include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
@@ -186,7 +188,11 @@ WorkerPoolOptions PoolOptions(const ServerFlags& flags, Admin* admin) {
     admin->CountWorkers(-1);
     const bool lost = !end.loss.message.empty();
     Log(lost ? LogLevel::kWarn : LogLevel::kDebug, absl::StrCat("worker ", NameOf(end.cause)),
-        {{"job", end.job}, {"jobs_served", end.jobs}, {"reason", end.loss.reason}, {"error", end.loss.message}});
+        {{"job", end.job},
+         {"trace", TraceIdOf(end.traceparent)},
+         {"jobs_served", end.jobs},
+         {"reason", end.loss.reason},
+         {"error", end.loss.message}});
   };
   options.on_start_failed = [](const absl::Status& status, absl::Duration retry) {
     LogError("cannot start a worker",
@@ -224,6 +230,30 @@ bool EndJobs(absl::Duration grace, bool durable, JobManager* manager, ShutdownEv
   manager->CloseLinks();
   WaitUntilIdle(kCloseLimit, events);
   return false;
+}
+
+void LogReadiness(const std::string& why_not) {
+  if (why_not.empty()) {
+    LogInfo("ready again");
+  } else {
+    LogWarn("not ready: " + why_not);
+  }
+}
+
+WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobManager* manager,
+                      const StreamCounter* streams, RpcServer* rpc) {
+  WatchedServer server;
+  server.jobs = manager;
+  server.uploads = stores.uploads.get();
+  server.blobs = stores.blobs.get();
+  server.streams = streams;
+  server.rpc = rpc;
+  server.data_dir = flags.data_dir;
+  server.workers = flags.workers;
+  server.memory_limit_bytes = flags.memory_mb * kMiB;
+  server.store_limit_bytes = flags.store_mb * kMiB;
+  server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
+  return server;
 }
 
 // Each job kept or waiting may hold descriptors, and each connection does.
@@ -269,11 +299,17 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   SetUpLogging(flags);
   for (const std::string& warning : config.warnings) LogWarn(warning);
   AllowManyDescriptors();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
-  KeepFreedMemory();              // until the job ends (worker.cc)
+  std::signal(SIGXFSZ, SIG_IGN);                         // a file that may not grow is a disk that is full
+  KeepFreedMemory();                                     // until the job ends (worker.cc)
+  Monitoring monitoring(PLANISH_VERSION, LogReadiness);  // first, so that probes are answered while stores are opened
+  if (flags.metrics_listen.has_value()) {
+    if (const absl::Status status = monitoring.Listen(*flags.metrics_listen); !status.ok())
+      return Refuse(flags, status);
+  }
   absl::StatusOr<Stores> stores = OpenStores(flags);
   if (!stores.ok()) return Refuse(flags, stores.status());
   JobManagerOptions options = ManagerOptions(flags);
+  monitoring.Hook(&options);
   options.is_blob_used = [uploads = stores->uploads.get()](const std::string& sha256) { return uploads->Uses(sha256); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
@@ -292,19 +328,22 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   Reloader reloader(config.settings);
   Admin admin(&manager, &reloader, &service_manager);
   const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), callers.get());
-  absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
-      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, {service.get(), admin_service.get()});
+  absl::StatusOr<std::unique_ptr<RpcServer>> rpc = RpcServer::Start(
+      {flags.listen, flags.max_mesh_mb * kMiB, monitoring.Calls()}, {service.get(), admin_service.get()});
   if (!rpc.ok()) return Refuse(flags, rpc.status());
-  admin.Attach(rpc->get());
   auto worker_output = std::make_unique<OutputLines>([](const std::string& line) {
     LogWarn(line, {{"source", "worker"}});
   });
+  WorkerPoolOptions pool_options = PoolOptions(flags, &admin);
+  monitoring.Hook(&pool_options);
   auto pool =
-      std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), PoolOptions(flags, &admin));
-  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, uploads = stores->uploads.get()] {
+      std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
+  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());
+    monitoring.Beat();
   });
+  monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc->get()));
 
   double grace_seconds = flags.grace_seconds;
   AddReloadHooks(&manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);
@@ -315,6 +354,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   for (const ListenAddress& address : flags.listen) {
     if (!IsLocal(address)) LogWarn(address.text + " is open to the network, without encryption or authentication");
   }
+  if (const auto address = monitoring.address()) LogInfo("metrics and probes at http://" + *address);
   events.TellReady();
   service_manager.Ready(listens);
 
@@ -327,10 +367,10 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds) : absl::ZeroDuration();
   LogInfo(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
-  admin.EndAttachment();
-  (*rpc)->SetServing(false);
+  monitoring.SetEnding();
   const bool workers_done = EndJobs(grace, !flags.data_dir.empty(), &manager, &events);
   streams.WaitForNone(absl::Now() + kFlushLimit);
+  monitoring.Detach();
   (*rpc)->Shutdown(absl::Now() + kLastCallsLimit);
   manager.StopWorkers();
   // A worker that is deaf cannot be joined; its job has failed, so nothing is lost with it.

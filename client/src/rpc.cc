@@ -8,6 +8,7 @@
 #include "client/src/backoff.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
+#include "client/src/trace_scope.h"
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
@@ -60,6 +61,10 @@ Error ErrorOfCall(const grpc::Status& status, const std::string& target) {
   return ErrorFrom(rich);
 }
 
+void AddTrace(grpc::ClientContext& context) {
+  context.AddMetadata("traceparent", NextTraceparent());
+}
+
 void SetDeadline(grpc::ClientContext& context, Deadline deadline) {
   if (deadline) context.set_deadline(*deadline);
 }
@@ -71,6 +76,7 @@ class GrpcStream : public Stream {
 
   GrpcStream(Deadline deadline, std::string target, Opener opener)
       : target_(std::move(target)), opener_(std::move(opener)) {
+    AddTrace(context_);
     SetDeadline(context_, deadline);
   }
 
@@ -112,6 +118,7 @@ class GrpcStream : public Stream {
 class GrpcUploadStream : public UploadStream {
  public:
   GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, std::string target) : target_(std::move(target)) {
+    AddTrace(context_);
     SetDeadline(context_, deadline);
     writer_ = stub->WriteUpload(&context_, &upload_);
   }
@@ -160,6 +167,7 @@ struct Rpc::Stubs {
                  const Request& request, Deadline deadline) {
     rpc.Connect(deadline);
     grpc::ClientContext context;
+    AddTrace(context);
     SetDeadline(context, deadline);
     Response response;
     const grpc::Status status = (planish.get()->*method)(&context, request, &response);
@@ -301,8 +309,9 @@ void Rpc::CancelJobInBackground(const std::string& name) {
 template <typename Call>
 void Rpc::InBackground(Call call) {
   const std::lock_guard lock(background_mutex_);
-  background_.emplace_back([stubs = stubs_, call = std::move(call)] {
+  background_.emplace_back([stubs = stubs_, call = std::move(call), traceparent = NextTraceparent()] {
     grpc::ClientContext context;
+    context.AddMetadata("traceparent", traceparent);
     SetDeadline(context, DeadlineAfter(kBackgroundSeconds));
     call(*stubs->planish, &context);
   });

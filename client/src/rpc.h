@@ -51,8 +51,8 @@ class UploadStream {
   virtual void TryCancel() = 0;
 };
 
-// Thread-safe. Calls throw planish::Error. Those that may be repeated safely are, for retry_seconds at most, while a
-// server that was reached before is UNAVAILABLE.
+// Thread-safe. Calls belong to the trace of their thread (trace_scope.h) and throw planish::Error. Those that may be
+// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE.
 class Rpc {
  public:
   Rpc(const std::string& target, const ClientOptions& options);

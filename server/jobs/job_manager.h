@@ -24,6 +24,7 @@
 #include "server/jobs/blob_store.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/ids.h"
+#include "server/jobs/job_observer.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_request.h"
 #include "server/jobs/job_source.h"
@@ -59,6 +60,7 @@ struct JobManagerOptions {
   std::function<void(const v1::Job&)> on_transition;
   // Hears of records that could not be written, likewise. They are tried again by Tick().
   std::function<void(const absl::Status&)> on_store_error;
+  JobObserver* observer = nullptr;  // may be null; outlives the manager
   std::function<absl::Time()> clock = absl::Now;
   std::function<std::string()> new_id = RandomId;
 };
@@ -182,6 +184,12 @@ class JobManager : public JobSource {
   void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) override;
   // Queues the work again, or ends its jobs as FAILED if it cost too many workers.
   void ReportLost(const std::string& name, int attempt, WorkerLoss loss) override;
+
+  // ---- for whoever watches the server
+
+  JobGauges Gauges() const;
+  // Whether new jobs are refused.
+  bool IsDraining() const;
 
   // ---- for upkeep
 

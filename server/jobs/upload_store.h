@@ -76,6 +76,15 @@ struct UploadedMesh {
   std::string sha256;
 };
 
+// What UploadStore::Gauges() says of this moment.
+struct UploadGauges {
+  int open = 0;                      // under way
+  std::int64_t announced_bytes = 0;  // by these
+  // Since the store was made.
+  std::int64_t received_bytes = 0;    // that were not there yet
+  std::int64_t complete_at_once = 0;  // uploads of bytes that the server had
+};
+
 // Thread-safe. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND.
 class UploadStore {
  public:
@@ -108,6 +117,8 @@ class UploadStore {
 
   // Whether an upload stands for, or is to become, the blob with this digest.
   bool Uses(const std::string& sha256) const;
+
+  UploadGauges Gauges() const;
 
  private:
   friend class UploadWriter;
@@ -148,6 +159,7 @@ class UploadStore {
   // Guarded by mutex_; by name.
   std::unordered_map<std::string, Entry> entries_;
   std::int64_t last_writer_ = 0;
+  std::int64_t received_bytes_ = 0, complete_at_once_ = 0;
 };
 
 }  // namespace planish

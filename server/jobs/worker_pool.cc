@@ -117,6 +117,7 @@ class WorkerPool::Seat {
     if (!received.message.has_idle()) return InternalError("a worker spoke out of turn when it was started");
     link_ = *std::move(link);
     jobs_ = 0;
+    traceparent_.clear();
     since_ready_.Restart();
     if (options_.on_worker_ready) options_.on_worker_ready(received.message.idle());
     return absl::OkStatus();
@@ -133,6 +134,7 @@ class WorkerPool::Seat {
     end.cause = cause;
     end.loss = std::move(loss);
     end.job = job;
+    end.traceparent = std::move(traceparent_);
     end.jobs = jobs_;
     end.lived = since_ready_.Elapsed();
     options_.on_worker_end(end);
@@ -152,6 +154,7 @@ class WorkerPool::Seat {
   }
 
   void Serve(JobAssignment job) {
+    traceparent_ = job.request.traceparent();
     worker::v1::ToWorker request;
     *request.mutable_request() = std::move(job.request);
     const double mib = job.blobs.empty() ? 0 : static_cast<double>(job.blobs[0]->bytes().size()) / (1 << 20);
@@ -261,6 +264,7 @@ class WorkerPool::Seat {
 
   std::shared_ptr<WorkerLink> link_;  // null, or a worker that is ready or has a job
   int jobs_ = 0;                      // that it served
+  std::string traceparent_;           // of the last one
   Stopwatch since_ready_;
 
   // Of the job under way.

@@ -31,10 +31,11 @@ const char* NameOf(WorkerEndCause cause);  // "recycled", ...
 
 struct WorkerEnd {
   WorkerEndCause cause = WorkerEndCause::kShutdown;
-  WorkerLoss loss;       // kCrashed, kHung, kDisobedient
-  std::string job;       // that was lost with it; empty: none
-  int jobs = 0;          // it served
-  absl::Duration lived;  // since it was ready
+  WorkerLoss loss;          // kCrashed, kHung, kDisobedient
+  std::string job;          // that was lost with it; empty: none
+  std::string traceparent;  // of the job it had, or had last; empty: none
+  int jobs = 0;             // it served
+  absl::Duration lived;     // since it was ready
 };
 
 struct WorkerPoolOptions {

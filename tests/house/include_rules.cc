@@ -36,6 +36,7 @@ const std::vector<Layer>& Layers() {
       {"server/jobs", {"core/base", "proto", "server/link", "server/access", "server/jobs"}},
       {"server/worker", {"core", "proto", "server/link", "server/worker"}},
       {"server/rpc", {"core/base", "proto", "server/link", "server/access", "server/jobs", "server/rpc"}},
+      {"server/metrics", {"core/base", "proto", "server/link", "server/access", "server/jobs", "server/metrics"}},
       {"server", {"core/base", "proto", "server"}},
       {"client/include/planish", {"client/include/planish"}},
       {"client/src", {"core/base", "core/mesh", "core/io", "proto", "client/include/planish", "client/src"}},
@@ -68,6 +69,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^spdlog/.*)"), "spdlog", {"server/log"}},
       {std::regex(R"(^yaml-cpp/.*)"), "yaml-cpp", {"server", "tests"}},
       {std::regex(R"(^seccomp\.h$)"), "libseccomp", {"server/worker"}},
+      {std::regex(R"(^(httplib\.h|prometheus/.*)$)"), "HTTP and Prometheus", {"server/metrics", "tests"}},
       {std::regex(R"(^(sys/(socket|un)\.h|netinet/.*|arpa/.*|netdb\.h)$)"), "sockets", {"server", "client", "tests"}},
   };
   return *externals;
