@@ -359,6 +359,26 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
 }
 
+CLI::App& AddAdminCommand(CLI::App& admin, Arguments& arguments, Command command, const std::string& name,
+                          const std::string& description) {
+  CLI::App& app = *admin.add_subcommand(name, description);
+  app.parse_complete_callback([&arguments, command] { arguments.command = command; });
+  AddServer(app, arguments, "required here");
+  return app;
+}
+
+void DefineAdmin(CLI::App& app, Arguments& arguments) {
+  CLI::App& admin = *app.add_subcommand("admin", "Run a server: for callers with the right \"admin\"");
+  admin.require_subcommand(1);
+  AddAdminCommand(admin, arguments, Command::kAdminDrain, "drain",
+                  "Take no new jobs and say so to load balancers; those that were accepted go on")
+      .add_flag("--wait", arguments.wait, "Return when no job is left");
+  AddAdminCommand(admin, arguments, Command::kAdminUndrain, "undrain", "Take new jobs again");
+  AddJson(AddAdminCommand(admin, arguments, Command::kAdminStats, "stats", "What the server is doing"), arguments);
+  AddAdminCommand(admin, arguments, Command::kAdminConfig, "config",
+                  "The settings it runs with, and where they come from, as its configuration file");
+}
+
 }  // namespace
 
 ParsedArguments ParseArguments(int argc, const char* const* argv) {
@@ -372,6 +392,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   DefineInspect(app, arguments);
   DefineEstimate(app, arguments);
   DefineJobs(app, arguments);
+  DefineAdmin(app, arguments);
   CLI::App& version = *app.add_subcommand("version", "Versions of this command and of the server");
   version.parse_complete_callback([&arguments] { arguments.command = Command::kVersion; });
   AddServer(version, arguments, "without it the private one");

@@ -22,6 +22,10 @@ enum class Command {
   kJobsStop,
   kJobsCancel,
   kJobsDelete,
+  kAdminDrain,
+  kAdminUndrain,
+  kAdminStats,
+  kAdminConfig,
   kVersion
 };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
@@ -59,6 +63,8 @@ struct Arguments {
   std::string job;  // "jobs/..."
   std::optional<JobState> state;
   int limit = 50;
+
+  bool wait = false;  // admin drain
 };
 
 // Either arguments, or what to print and the code to exit with.

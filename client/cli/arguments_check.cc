@@ -129,6 +129,11 @@ std::string CheckTogether(Arguments& arguments) {
         return "estimate what? Give a mesh file, or --triangles=N";
       }
       return "";
+    case Command::kAdminDrain:
+    case Command::kAdminUndrain:
+    case Command::kAdminStats:
+    case Command::kAdminConfig:
+      return arguments.server.empty() ? "admin is about a server: give --server=ADDR or set PLANISH_SERVER" : "";
     case Command::kInspect:
     case Command::kVersion:
       return "";

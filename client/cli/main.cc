@@ -26,6 +26,11 @@ int Run(const Arguments& arguments) {
         return RunEstimate(arguments, interrupts);
       case Command::kJobsWatch:
         return RunJobsWatch(arguments, interrupts);
+      case Command::kAdminDrain:
+      case Command::kAdminUndrain:
+      case Command::kAdminStats:
+      case Command::kAdminConfig:
+        return RunAdmin(arguments, interrupts);
       case Command::kVersion:
         return RunVersion(arguments, interrupts);
       default:
