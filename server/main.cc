@@ -75,6 +75,7 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.workers = flags.workers;
   options.threads = flags.threads;
   options.queue_capacity = flags.queue;
+  options.queue_total = flags.queue_total;
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
   options.memory_bytes = flags.memory_mb * kMiB;
@@ -111,7 +112,6 @@ v1::Capabilities Capabilities(const ServerFlags& flags) {
   capabilities.set_inline_mesh_bytes(kInlineMeshBytes);
   capabilities.set_workers(flags.workers);
   capabilities.set_threads(flags.threads);
-  capabilities.set_queue_capacity(flags.queue);
   capabilities.set_durable(!flags.data_dir.empty());
   capabilities.set_isolated_workers(flags.isolated);
   const auto grace = static_cast<std::int64_t>(flags.reattach_seconds * 1e9);
@@ -228,7 +228,7 @@ int Serve(const ServerFlags& flags) {
   absl::StatusOr<Stores> stores = OpenStores(flags);
   if (!stores.ok()) return Refuse(stores.status());
   JobManagerOptions options = ManagerOptions(flags);
-  options.is_blob_used = [uploads = stores->uploads.get()](const std::string& sha256) { return uploads->Uses(sha256); };
+  options.is_blob_used = [uploads = stores->uploads.get()](const BlobId& id) { return uploads->Uses(id); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
   if (!opened.ok()) return Refuse(opened.status());

@@ -40,7 +40,7 @@ WorkerPoolOptions Workers(int count) {
 }
 
 JobManagerOptions WithUploads(JobManagerOptions options, UploadStore* uploads) {
-  options.is_blob_used = [uploads](const std::string& sha256) { return uploads->Uses(sha256); };
+  options.is_blob_used = [uploads](const BlobId& id) { return uploads->Uses(id); };
   return options;
 }
 
