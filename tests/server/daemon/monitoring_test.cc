@@ -1,6 +1,4 @@
 // A planishd that did all sorts of work, looked at from outside.
-#include <httplib.h>
-
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -18,6 +16,7 @@
 #include "server/metrics/definitions.h"
 #include "tests/server/daemon/daemon.h"
 #include "tests/server/daemon/monitoring_files.h"
+#include "tests/server/testing/http_get.h"
 #include "tests/server/testing/meshes.h"
 #include "tests/server/testing/temp_dir.h"
 
@@ -37,7 +36,7 @@ class Watched {
     daemon_ = std::make_unique<Daemon>(std::move(flags), true);
     EXPECT_TRUE(daemon_->WaitReady());
     const std::string said = "metrics and probes at ";
-    const std::string log = daemon_->ReadUntil("listens on");
+    const std::string log = daemon_->ReadUntil(said);
     const std::size_t at = log.find(said);
     EXPECT_NE(at, std::string::npos) << log;
     if (at != std::string::npos) {
@@ -50,14 +49,8 @@ class Watched {
   v1::Planish::Stub& stub() { return *stub_; }
   std::string Path(const std::string& name) const { return dir_.Path(name); }
 
-  std::string Get(const std::string& path) const {
-    const auto answer = httplib::Client(http_).Get(path);
-    return answer ? answer->body : "no answer";
-  }
-  int Status(const std::string& path) const {
-    const auto answer = httplib::Client(http_).Get(path);
-    return answer ? answer->status : 0;
-  }
+  std::string Get(const std::string& path) const { return HttpGet(http_, path).body; }
+  int Status(const std::string& path) const { return HttpGet(http_, path).status; }
   // Asks again until `path` answers so.
   bool WaitForStatus(const std::string& path, int status) const {
     for (int i = 0; i < 1000; ++i) {
