@@ -71,7 +71,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     }
   }
   if (rpc_server->server_ == nullptr) return absl::UnavailableError("cannot start the gRPC server");
-  rpc_server->server_->GetHealthCheckService()->SetServingStatus(true);
+  rpc_server->SetReady(true);  // "" is SERVING by itself
   rpc_server->self_ = rpc_server->server_->InProcessChannel(grpc::ChannelArguments());
   return rpc_server;
 }
