@@ -11,12 +11,24 @@
 #include "grpcpp/impl/service_type.h"
 #include "grpcpp/server.h"
 #include "server/rpc/listen_address.h"
+#include "server/rpc/peer_users.h"
+#include "server/rpc/tls_identity.h"
+#include "server/rpc/unix_acceptor.h"
 
 namespace planish {
 
 struct RpcServerOptions {
   std::vector<ListenAddress> listen;  // at least one
   std::int64_t max_mesh_bytes = 0;
+
+  // For all TCP addresses; null: plaintext. Unix sockets never need it.
+  std::shared_ptr<TlsIdentity> tls;
+  // Learns who connects to Unix sockets. Must outlive the server's Shutdown(); null: nobody wants to know.
+  PeerUsers* peers = nullptr;
+  // Of socket files, as for chmod.
+  unsigned socket_mode = 0600;
+  // Bytes that connections and messages on the way in may take together, more or less; 0: no limit. server/README.md.
+  std::int64_t quota_bytes = 0;
 };
 
 // Thread-safe.
@@ -40,12 +52,16 @@ class RpcServer {
 
  private:
   RpcServer() = default;
+  void ServeUnixSockets(std::vector<std::unique_ptr<UnixListener>> listeners, PeerUsers* peers);
 
   // Constant after Start().
   std::vector<std::string> addresses_;
   std::unique_ptr<grpc::Server> server_;
 
-  std::vector<std::unique_ptr<SocketFile>> socket_files_;  // touched by Start() and Shutdown() only
+  // Touched by Start() and Shutdown() only.
+  std::unique_ptr<PeerUsers> own_peers_;
+  std::unique_ptr<UnixAcceptor> acceptor_;
+  std::vector<std::unique_ptr<SocketFile>> socket_files_;
 };
 
 }  // namespace planish
