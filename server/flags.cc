@@ -69,6 +69,7 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen)
       ->capture_default_str()
       ->type_name("ADDR")
       ->allow_extra_args(false);
+  DefineSecurity(app, &flags->security);
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
   app->add_option("--queue", flags->queue, "Jobs that may wait beside those that run")
@@ -123,6 +124,10 @@ std::variant<ServerFlags, int> ParseFlags(int argc, char** argv) {
       return kBadUsage;
     }
     flags.listen.push_back(*address);
+  }
+  if (const absl::Status status = CheckSecurity(flags.listen, &flags.security); !status.ok()) {
+    std::cerr << "planishd: " << status.message() << "\n";
+    return kBadUsage;
   }
   return flags;
 }

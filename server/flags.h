@@ -8,6 +8,7 @@
 
 #include "server/link/worker_arguments.h"
 #include "server/rpc/listen_address.h"
+#include "server/security_flags.h"
 
 namespace planish {
 
@@ -34,6 +35,8 @@ struct ServerFlags {
   std::int64_t max_triangles = 100'000'000;  // >= 1
   double reattach_seconds = 10;              // >= 0
   double grace_seconds = 30;                 // >= 0
+
+  SecurityFlags security;
 
   std::string log_level = "info";  // as spdlog spells it
   int supervisor_fd = -1;          // -1: none

@@ -21,6 +21,7 @@
 #include "grpc/support/log.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
+#include "server/front_door.h"
 #include "server/job_log.h"
 #include "server/jobs/blob_store.h"
 #include "server/jobs/job_manager.h"
@@ -29,7 +30,6 @@
 #include "server/jobs/worker_pool.h"
 #include "server/link/in_process_link.h"
 #include "server/link/process_link.h"
-#include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/service.h"
 #include "server/shutdown_events.h"
@@ -55,6 +55,7 @@ constexpr std::int64_t kInlineMeshBytes = 4 * kMiB;
 constexpr absl::Duration kSilenceLimit = absl::Minutes(30);
 
 constexpr absl::Duration kUpkeepInterval = absl::Milliseconds(100);
+constexpr absl::Duration kFileWatchInterval = absl::Milliseconds(250);
 
 // How long workers may take to obey, and readers to take in the last events, before they are cut off.
 constexpr absl::Duration kCancelLimit = absl::Seconds(5);
@@ -225,6 +226,8 @@ int Serve(const ServerFlags& flags) {
   AllowManyDescriptors();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
   KeepFreedMemory();              // until the job ends (worker.cc)
+  const absl::StatusOr<std::unique_ptr<FrontDoor>> door = FrontDoor::Open(flags.security);
+  if (!door.ok()) return Refuse(door.status());
   absl::StatusOr<Stores> stores = OpenStores(flags);
   if (!stores.ok()) return Refuse(stores.status());
   JobManagerOptions options = ManagerOptions(flags);
@@ -234,11 +237,13 @@ int Serve(const ServerFlags& flags) {
   if (!opened.ok()) return Refuse(opened.status());
   JobManager& manager = **opened;
   StreamCounter streams;
-  const std::unique_ptr<CallerSource> callers = NewOpenCallerSource();
-  const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, stores->uploads.get(), callers.get(),
-                                                                   {Capabilities(flags), flags.failpoints}, &streams);
-  absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
-      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, service.get());
+  const std::unique_ptr<grpc::Service> service = NewPlanishService(
+      &manager, stores->uploads.get(), &(*door)->callers(), {Capabilities(flags), flags.failpoints}, &streams);
+  RpcServerOptions rpc_options;
+  rpc_options.listen = flags.listen;
+  rpc_options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
+  (*door)->Configure(&rpc_options);
+  absl::StatusOr<std::unique_ptr<RpcServer>> rpc = RpcServer::Start(rpc_options, service.get());
   if (!rpc.ok()) return Refuse(rpc.status());
   auto pool = std::make_unique<WorkerPool>(&manager, NewWorkers(flags), PoolOptions(flags));
   auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, uploads = stores->uploads.get()] {
@@ -248,10 +253,7 @@ int Serve(const ServerFlags& flags) {
 
   spdlog::info("planishd " PLANISH_VERSION " listens on {} with {} workers of up to {} threads",
                absl::StrJoin((*rpc)->addresses(), ", "), flags.workers, flags.threads);
-  for (const ListenAddress& address : flags.listen) {
-    if (!IsLocal(address))
-      spdlog::warn("{} is open to the network, without encryption or authentication", address.text);
-  }
+  const Upkeep file_watch(kFileWatchInterval, [door = door->get()] { door->Tick(); });
   events.TellReady();
 
   const Wake wake = events.Wait(absl::InfiniteDuration());

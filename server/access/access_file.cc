@@ -46,10 +46,15 @@ std::optional<std::uint32_t> UserId(const std::string& text) {
   return found->pw_uid;
 }
 
+int LineOf(const YAML::Node& node) {
+  return node.Mark().is_null() ? 0 : node.Mark().line + 1;
+}
+
 // One value of the file, and where it stands.
 struct Item {
   YAML::Node node;
   std::string key;  // "tenants.lighting.queue"
+  int line;         // of the key, if it has one; 0: unknown
 };
 
 class Parser {
@@ -57,7 +62,7 @@ class Parser {
   explicit Parser(std::string file) : file_(std::move(file)) {}
 
   absl::StatusOr<std::shared_ptr<const AccessTable>> Parse(const YAML::Node& root) {
-    PLANISH_ASSIGN_OR_RETURN(const auto top, Map({root, ""}, {"tenants"}));
+    PLANISH_ASSIGN_OR_RETURN(const auto top, Map({root, "", LineOf(root)}, {"tenants"}));
     if (!top.contains("tenants")) return absl::InvalidArgumentError(file_ + ": there are no tenants");
     PLANISH_ASSIGN_OR_RETURN(const auto tenants, Map(top.at("tenants"), {}));
     if (tenants.empty()) return Wrong(top.at("tenants"), "there are none");
@@ -67,8 +72,7 @@ class Parser {
 
  private:
   std::string Where(const Item& item) const {
-    const YAML::Mark mark = item.node.Mark();
-    const std::string line = mark.is_null() ? "" : absl::StrCat(":", mark.line + 1);
+    const std::string line = item.line == 0 ? "" : absl::StrCat(":", item.line);
     return absl::StrCat(file_, line, ": ", item.key.empty() ? "" : item.key + ": ");
   }
 
@@ -82,11 +86,11 @@ class Parser {
     std::map<std::string, Item> map;
     for (const auto& entry : item.node) {
       const std::string name = entry.first.IsScalar() ? entry.first.Scalar() : "";
-      const Item key = {entry.first, item.key.empty() ? name : absl::StrCat(item.key, ".", name)};
+      const Item key = {entry.first, item.key.empty() ? name : absl::StrCat(item.key, ".", name), LineOf(entry.first)};
       if (!known.empty() && std::find(known.begin(), known.end(), name) == known.end()) {
         return Wrong(key, "no such key; there are " + absl::StrJoin(known, ", "));
       }
-      if (!map.emplace(name, Item{entry.second, key.key}).second) return Wrong(key, "is there twice");
+      if (!map.emplace(name, Item{entry.second, key.key, key.line}).second) return Wrong(key, "is there twice");
     }
     return map;
   }
@@ -100,7 +104,7 @@ class Parser {
     if (!item.node.IsSequence()) return Wrong(item, "expected a list");
     std::vector<Item> items;
     for (std::size_t i = 0; i < item.node.size(); ++i) {
-      items.push_back({item.node[i], absl::StrCat(item.key, "[", i, "]")});
+      items.push_back({item.node[i], absl::StrCat(item.key, "[", i, "]"), LineOf(item.node[i])});
     }
     return items;
   }
