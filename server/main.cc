@@ -225,7 +225,8 @@ int Serve(const ServerFlags& flags) {
   SetUpLogging(flags);
   AllowManyDescriptors();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
-  KeepFreedMemory();              // until the job ends (worker.cc)
+  // Until the job ends (worker.cc). A server without jobs in it gives back what a burst of large requests took.
+  if (!flags.isolated) KeepFreedMemory();
   const absl::StatusOr<std::unique_ptr<FrontDoor>> door = FrontDoor::Open(flags.security);
   if (!door.ok()) return Refuse(door.status());
   absl::StatusOr<Stores> stores = OpenStores(flags);
@@ -237,8 +238,8 @@ int Serve(const ServerFlags& flags) {
   if (!opened.ok()) return Refuse(opened.status());
   JobManager& manager = **opened;
   StreamCounter streams;
-  const std::unique_ptr<grpc::Service> service = NewPlanishService(
-      &manager, stores->uploads.get(), &(*door)->callers(), {Capabilities(flags), flags.failpoints}, &streams);
+  const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, stores->uploads.get(), &(*door)->callers(),
+                                                                   {Capabilities(flags), flags.failpoints}, &streams);
   RpcServerOptions rpc_options;
   rpc_options.listen = flags.listen;
   rpc_options.max_mesh_bytes = flags.max_mesh_mb * kMiB;

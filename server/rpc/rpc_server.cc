@@ -24,6 +24,10 @@ constexpr std::int64_t kMessageSlack = std::int64_t{16} << 20;
 constexpr int kKeepaliveMs = 30'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kMinPingIntervalMs = 5'000;
+// Nobody needs longer to say who they are; gRPC would wait two minutes.
+constexpr int kHandshakeTimeoutMs = 20'000;
+// Of one connection. A proxy opens more connections; one that is out for trouble costs no more than that.
+constexpr int kMaxStreams = 4096;
 
 void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   const std::int64_t limit =
@@ -36,6 +40,8 @@ void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder->AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
   if (options.quota_bytes > 0) {
     grpc::ResourceQuota quota("planishd");
     quota.Resize(static_cast<std::size_t>(options.quota_bytes));
@@ -61,14 +67,13 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
   for (std::size_t i = 0; i < options.listen.size(); ++i) {
     const ListenAddress& address = options.listen[i];
     if (address.unix_path.empty()) {
-      builder.AddListeningPort(
-          address.grpc, options.tls != nullptr ? options.tls->credentials() : grpc::InsecureServerCredentials(),
-          &ports[i]);
+      builder.AddListeningPort(address.grpc,
+                               options.tls != nullptr ? options.tls->credentials() : grpc::InsecureServerCredentials(),
+                               &ports[i]);
       continue;
     }
     PLANISH_RETURN_IF_ERROR(RemoveStaleSocket(address.unix_path));
-    absl::StatusOr<std::unique_ptr<UnixListener>> listener =
-        UnixListener::Open(address.unix_path, options.socket_mode);
+    absl::StatusOr<std::unique_ptr<UnixListener>> listener = UnixListener::Open(address.unix_path, options.socket_mode);
     if (!listener.ok()) return CannotListen(address, std::string(listener.status().message()));
     listeners.push_back(*std::move(listener));
     rpc_server->socket_files_.push_back(std::make_unique<SocketFile>(address.unix_path));
