@@ -68,12 +68,12 @@ void SecureServer::WriteTls(const IssuedCertificate& issued, const std::string& 
 }
 
 void SecureServer::Start(ClientAuth client_auth) {
-  if (access(dir_.Path("access.yaml").c_str(), F_OK) == 0) {
+  if (::access(dir_.Path("access.yaml").c_str(), F_OK) == 0) {
     auto opened = AccessSource::Open(dir_.Path("access.yaml"));
     ASSERT_TRUE(opened.ok()) << opened.status();
     access_ = *std::move(opened);
   }
-  if (access(dir_.Path("cert.pem").c_str(), F_OK) == 0) {
+  if (::access(dir_.Path("cert.pem").c_str(), F_OK) == 0) {
     const std::string ca = client_auth == ClientAuth::kNone ? "" : dir_.Path("ca.pem");
     auto loaded = TlsIdentity::Load({dir_.Path("cert.pem"), dir_.Path("key.pem"), ca}, client_auth, absl::Now());
     ASSERT_TRUE(loaded.ok()) << loaded.status();
