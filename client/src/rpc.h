@@ -56,12 +56,13 @@ class UploadStream {
 // repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE.
 class Rpc {
  public:
+  // Throws as Client::Client does.
   Rpc(const std::string& target, const ClientOptions& options);
   ~Rpc();
-  const std::string& target() const { return target_; }
+  const std::string& target() const;
 
   // Whether a connection stands, waiting for it until it fails, or connect_timeout_seconds or `deadline` pass. The
-  // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE.
+  // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE or TLS_FAILED.
   bool Connect(Deadline deadline);
 
   // Whether there was a connection, ever.
@@ -102,7 +103,6 @@ class Rpc {
   template <typename Call>
   void InBackground(Call call);
 
-  std::string target_;
   ClientOptions options_;
   std::shared_ptr<Stubs> stubs_;
   std::atomic<bool> reached_ = false;
