@@ -165,7 +165,7 @@ TEST_F(ConfigTest, JsonLogsParseLineByLine) {
   Write("log-format: json\nlog-level: debug\n");
   const auto daemon = Start();
   ASSERT_TRUE(CreateJob().ok());
-  while (Stats().running + Stats().queued > 0) {
+  while (Stats().running() + Stats().queued() > 0) {
   }
   daemon->Signal(SIGTERM);
   EXPECT_EQ(daemon->Wait(), 0);
