@@ -169,9 +169,9 @@ absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const Caller& call
   PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(caller, request, work_key));
   if (known.has_value()) return known;
   if (draining_ || suspended_) {
-    return WithRetryDelay(
-        MakeError(absl::StatusCode::kUnavailable, "DRAINING", "the server is shutting down and takes no new jobs"),
-        options_.retry_delay);
+    const char* const why = ending_ ? "the server is shutting down and takes no new jobs"
+                                    : "an operator drains the server: it takes no new jobs for now";
+    return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING", why), options_.retry_delay);
   }
   absl::Status room = CheckRoom(caller.tenant, request.MeshBytes());
   if (room.ok()) return std::nullopt;
