@@ -233,6 +233,8 @@ int Serve(const ServerFlags& flags) {
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
   if (!opened.ok()) return Refuse(opened.status());
   JobManager& manager = **opened;
+  stores->uploads->SetMakeRoom(
+      [&manager](const std::string& tenant, std::int64_t bytes) { return manager.MakeRoom(tenant, bytes); });
   StreamCounter streams;
   const std::unique_ptr<CallerSource> callers = NewOpenCallerSource();
   const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, stores->uploads.get(), callers.get(),
