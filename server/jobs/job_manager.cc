@@ -356,7 +356,7 @@ absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::LogOfEnded(const 
 absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name).status());
+  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) {
     EndEarly(live->second, EarlyEnd::kCancel, &wakeups);
   }
@@ -367,7 +367,7 @@ absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::stri
 absl::StatusOr<v1::Job> JobManager::Stop(const Caller& caller, const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name).status());
+  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) StopLocked(live->second, &wakeups);
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   return Snapshot(record);
