@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "CLI/CLI.hpp"
+#include "server/jobs/ids.h"
 #include "server/memory_limit.h"
 
 namespace planish {
@@ -69,6 +70,15 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen)
       ->capture_default_str()
       ->type_name("ADDR")
       ->allow_extra_args(false);
+  app->add_option("--instance", flags->instance,
+                  "Name of this server among others behind a proxy: its jobs are called jobs/NAME.ID, and callers say "
+                  "NAME in the metadata planish-route")
+      ->type_name("NAME")
+      ->check(CLI::Validator(
+          [](const std::string& name) {
+            return IsInstanceName(name) ? "" : "a name has 1 to 63 of the characters a to z, 0 to 9 and -";
+          },
+          ""));
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
   app->add_option("--queue", flags->queue, "Jobs that may wait beside those that run")

@@ -23,6 +23,7 @@
 #include "server/flags.h"
 #include "server/job_log.h"
 #include "server/jobs/blob_store.h"
+#include "server/jobs/ids.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/upload_store.h"
@@ -82,6 +83,7 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.retained_bytes = flags.retain_mb * kMiB;
   options.retained_time = absl::Hours(flags.retain_hours);
   options.reattach_grace = absl::Seconds(flags.reattach_seconds);
+  options.new_id = IdsOf(flags.instance);
   options.validate_options = ValidateOptions;
   options.estimate = [](std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                         const v1::UnwrapOptions& unwrap) -> absl::StatusOr<JobNeeds> {
@@ -98,6 +100,7 @@ UploadStoreOptions UploadOptions(const ServerFlags& flags, const std::optional<D
   if (directory.has_value()) options.directory = directory->uploads();
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_bytes = flags.max_uploads_mb * kMiB;
+  options.new_id = IdsOf(flags.instance);
   return options;
 }
 

@@ -8,6 +8,7 @@
 #include "client/src/backoff.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
+#include "client/src/route.h"
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
@@ -64,14 +65,19 @@ void SetDeadline(grpc::ClientContext& context, Deadline deadline) {
   if (deadline) context.set_deadline(*deadline);
 }
 
+void SetRoute(grpc::ClientContext& context, const std::string& route) {
+  if (!route.empty()) context.AddMetadata(kRouteKey, route);
+}
+
 template <typename Response>
 class GrpcStream : public Stream {
  public:
   using Opener = std::function<std::unique_ptr<grpc::ClientReader<Response>>(grpc::ClientContext*)>;
 
-  GrpcStream(Deadline deadline, std::string target, Opener opener)
+  GrpcStream(Deadline deadline, const std::string& route, std::string target, Opener opener)
       : target_(std::move(target)), opener_(std::move(opener)) {
     SetDeadline(context_, deadline);
+    SetRoute(context_, route);
   }
 
   // The stream may be abandoned half-way, by an exception of a callback for instance.
@@ -111,8 +117,10 @@ class GrpcStream : public Stream {
 
 class GrpcUploadStream : public UploadStream {
  public:
-  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, std::string target) : target_(std::move(target)) {
+  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, const std::string& route, std::string target)
+      : target_(std::move(target)) {
     SetDeadline(context_, deadline);
+    SetRoute(context_, route);
     writer_ = stub->WriteUpload(&context_, &upload_);
   }
 
@@ -157,10 +165,11 @@ struct Rpc::Stubs {
   // Runs one unary call and throws if it fails.
   template <typename Request, typename Response>
   Response Unary(Rpc& rpc, grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                 const Request& request, Deadline deadline) {
+                 const Request& request, const std::string& route, Deadline deadline) {
     rpc.Connect(deadline);
     grpc::ClientContext context;
     SetDeadline(context, deadline);
+    SetRoute(context, route);
     Response response;
     const grpc::Status status = (planish.get()->*method)(&context, request, &response);
     if (!status.ok()) throw ErrorOfCall(status, rpc.target());
@@ -171,14 +180,14 @@ struct Rpc::Stubs {
   template <typename Request, typename Response>
   Response Repeated(Rpc& rpc,
                     grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, int* attempts = nullptr) {
+                    const Request& request, const std::string& route, int* attempts = nullptr) {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
     const Clock::time_point start = Clock::now();
     Backoff backoff(rpc.options_.reattach_backoff_seconds, kLongestPauseSeconds, NewRequestId());
     while (true) {
       try {
         if (attempts != nullptr) ++*attempts;
-        return Unary(rpc, method, request, deadline);
+        return Unary(rpc, method, request, route, deadline);
       } catch (const Error& error) {
         const std::chrono::duration<double> pause(std::max(backoff.Next(), error.retry_after_seconds()));
         const std::chrono::duration<double> limit(rpc.options_.retry_seconds);
@@ -220,40 +229,41 @@ bool Rpc::Connect(Deadline deadline) {
 
 std::unique_ptr<Stream> Rpc::Unwrap(const v1::UnwrapRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::UnwrapResponse>>(
-      deadline, target_,
+      deadline, RouteOf(request.upload()), target_,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->Unwrap(context, request); });
 }
 
 std::unique_ptr<Stream> Rpc::WatchJob(const v1::WatchJobRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::WatchJobResponse>>(
-      deadline, target_,
+      deadline, RouteOf(request.name()), target_,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->WatchJob(context, request); });
 }
 
 v1::Job Rpc::CreateJob(const v1::CreateJobRequest& request, Deadline deadline) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, deadline);
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, RouteOf(request.upload()), deadline);
 }
 
 v1::Job Rpc::GetJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name), RouteOf(name));
 }
 
-v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request);
+v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request, const std::string& route) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request, route);
 }
 
 v1::Job Rpc::StopJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name), RouteOf(name));
 }
 
 v1::Job Rpc::CancelJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name), RouteOf(name));
 }
 
 void Rpc::DeleteJob(const std::string& name) {
   int attempts = 0;
   try {
-    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), &attempts);
+    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), RouteOf(name),
+                     &attempts);
   } catch (const Error& error) {
     // An attempt before this one got through, and only its answer was lost.
     if (attempts == 1 || error.code() != ErrorCode::kNotFound) throw;
@@ -261,29 +271,30 @@ void Rpc::DeleteJob(const std::string& name) {
 }
 
 v1::JobEstimate Rpc::EstimateJob(const v1::EstimateJobRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request);
+  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request, "");
 }
 
 v1::Capabilities Rpc::GetCapabilities() {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest());
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest(), "");
 }
 
 v1::Upload Rpc::CreateUpload(const v1::CreateUploadRequest& request) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, DeadlineAfter(kUnarySeconds));
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, "", DeadlineAfter(kUnarySeconds));
 }
 
 v1::Upload Rpc::GetUpload(const std::string& name) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name),
+  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name), RouteOf(name),
                        DeadlineAfter(kUnarySeconds));
 }
 
-std::unique_ptr<UploadStream> Rpc::WriteUpload(Deadline deadline) {
+std::unique_ptr<UploadStream> Rpc::WriteUpload(const std::string& name, Deadline deadline) {
   Connect(deadline);
-  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, target_);
+  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, RouteOf(name), target_);
 }
 
 void Rpc::StopJobInBackground(const std::string& name) {
   InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+    SetRoute(*context, RouteOf(name));
     v1::Job job;
     planish.StopJob(context, NameRequest<v1::StopJobRequest>(name), &job);
   });
@@ -291,6 +302,7 @@ void Rpc::StopJobInBackground(const std::string& name) {
 
 void Rpc::CancelJobInBackground(const std::string& name) {
   InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+    SetRoute(*context, RouteOf(name));
     v1::Job job;
     planish.CancelJob(context, NameRequest<v1::CancelJobRequest>(name), &job);
   });

@@ -52,7 +52,8 @@ class UploadStream {
 };
 
 // Thread-safe. Calls throw planish::Error. Those that may be repeated safely are, for retry_seconds at most, while a
-// server that was reached before is UNAVAILABLE.
+// server that was reached before is UNAVAILABLE. Calls about a job or an upload say in their metadata which server's it
+// is, if its name does (route.h).
 class Rpc {
  public:
   Rpc(const std::string& target, const ClientOptions& options);
@@ -73,7 +74,8 @@ class Rpc {
   v1::Job CreateJob(const v1::CreateJobRequest& request, Deadline deadline);
 
   v1::Job GetJob(const std::string& name);
-  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request);
+  // `route`: the server that listed the page before; empty: any.
+  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request, const std::string& route);
   v1::Job StopJob(const std::string& name);
   v1::Job CancelJob(const std::string& name);
   void DeleteJob(const std::string& name);
@@ -83,7 +85,7 @@ class Rpc {
   // Once each.
   v1::Upload CreateUpload(const v1::CreateUploadRequest& request);
   v1::Upload GetUpload(const std::string& name);
-  std::unique_ptr<UploadStream> WriteUpload(Deadline deadline);
+  std::unique_ptr<UploadStream> WriteUpload(const std::string& name, Deadline deadline);
 
   // Return at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
   // waits for calls that are still out, a few seconds at most.

@@ -14,7 +14,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/lifecycle.h"
@@ -94,12 +93,18 @@ absl::Status UploadStore::Open() {
 absl::Status UploadStore::Recover(const std::string& file_name) {
   const std::string path = absl::StrCat(options_.directory, "/", file_name);
   const bool complete = absl::EndsWith(file_name, kDone);
-  const std::vector<std::string> parts = absl::StrSplit(file_name.substr(0, file_name.rfind('.')), '-');
+  // ID-TOTAL-SHA256, where an id may have any characters but a slash.
+  const std::string stem = file_name.substr(0, file_name.rfind('.'));
+  const std::size_t digest_at = stem.rfind('-');
+  const std::size_t total_at =
+      digest_at == std::string::npos || digest_at == 0 ? std::string::npos : stem.rfind('-', digest_at - 1);
   Entry entry;
   struct stat status = {};
-  if (parts.size() == 3 && absl::SimpleAtoi(parts[1], &entry.total_bytes) && stat(path.c_str(), &status) == 0) {
-    entry.id = parts[0];
-    entry.sha256 = absl::HexStringToBytes(parts[2]);
+  if (total_at != std::string::npos &&
+      absl::SimpleAtoi(stem.substr(total_at + 1, digest_at - total_at - 1), &entry.total_bytes) &&
+      stat(path.c_str(), &status) == 0) {
+    entry.id = stem.substr(0, total_at);
+    entry.sha256 = absl::HexStringToBytes(stem.substr(digest_at + 1));
   }
   entry.complete = complete;
   entry.used = options_.clock();

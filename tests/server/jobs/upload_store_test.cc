@@ -349,6 +349,19 @@ TEST_P(UploadRestartTest, GoesOnWhereTheProcessEnded) {
   EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes) << "the digest covered what the first process wrote";
 }
 
+// Dashes part the fields of a file's name, and may be in an id as well.
+TEST_P(UploadRestartTest, IdsWithTheNameOfAServer) {
+  options_.new_id = IdsOf("planish-eu-0");
+  Start();
+  const std::string name = CreateFor("some bytes"), done = CreateFor("other bytes");
+  EXPECT_THAT(name, ::testing::MatchesRegex("uploads/planish-eu-0\\.[0-9a-f]{16}"));
+  ASSERT_TRUE(WriteOnce(name, 0, "some").ok());
+  ASSERT_TRUE(WriteOnce(done, 0, "other bytes").ok());
+  Start();
+  EXPECT_EQ(Committed(name), 4);
+  EXPECT_EQ(store_->Use(done)->mesh->bytes(), "other bytes");
+}
+
 TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {
   const std::string bytes = Noise(1000);
   const std::string name = CreateFor(bytes);
