@@ -48,7 +48,10 @@ std::vector<std::string> CommentOf(const FileDescriptor& file) {
   return file.GetSourceLocation(syntax, &location) ? LinesOf(location.leading_comments) : std::vector<std::string>();
 }
 
-// Where the text begins that a word in capitals and at least two blanks precede: 0 if this is no such line.
+// Where what is said of codes begins, also of FAILED_PRECONDITION, which leaves room for one blank only.
+constexpr std::size_t kCodeText = 22;
+
+// Where the text begins that a word and at least two blanks precede: 0 if this is no such line.
 std::size_t ItemText(const std::string& line) {
   if (!line.starts_with("  ")) return 0;
   std::size_t end = 2;
@@ -58,7 +61,7 @@ std::size_t ItemText(const std::string& line) {
   }
   if (end == 2) return 0;
   const std::size_t text = line.find_first_not_of(' ', end);
-  return text == std::string::npos || text < end + 2 ? 0 : text;
+  return text == std::string::npos || (text < end + 2 && text != kCodeText) ? 0 : text;
 }
 
 std::string Trimmed(const std::string& line) {
