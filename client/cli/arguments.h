@@ -22,6 +22,7 @@ enum class Command {
   kJobsStop,
   kJobsCancel,
   kJobsDelete,
+  kHealth,
   kVersion
 };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
@@ -59,6 +60,8 @@ struct Arguments {
   std::string job;  // "jobs/..."
   std::optional<JobState> state;
   int limit = 50;
+
+  std::string health_url = "http://127.0.0.1:9741/readyz";  // health: what to ask
 };
 
 // Either arguments, or what to print and the code to exit with.

@@ -13,6 +13,7 @@ int RunInspect(const Arguments& arguments);                        // asks no se
 int RunEstimate(const Arguments& arguments, Interrupts& interrupts);
 int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
 int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, stop, cancel, delete
+int RunHealth(const Arguments& arguments);  // by HTTP
 int RunVersion(const Arguments& arguments, Interrupts& interrupts);
 
 }  // namespace planish::cli

@@ -59,7 +59,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^(grpc|grpcpp|grpc\+\+)/.*|.*\.grpc\.pb\.h$)"),
        "gRPC",
        {"server/rpc", "server/main.cc", "client/src", "tests"}},
-      {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "tests"}},
+      {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/io", "tests"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/io"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h)$)"), "CHOLMOD", {"core/linalg"}},
