@@ -1,9 +1,10 @@
+#include <httplib.h>
+
 #include <iostream>
 #include <string>
 
 #include "client/cli/commands.h"
 #include "client/cli/exit_codes.h"
-#include "httplib.h"
 #include "planish/error.h"
 
 namespace planish::cli {

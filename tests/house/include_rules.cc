@@ -42,6 +42,7 @@ const std::vector<Layer>& Layers() {
       {"client/cli",
        {"core/base", "core/mesh", "core/io", "core/pack", "client/include/planish", "client/cli",
         "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h"}},
+      {"proto", {"proto"}},
       {"tests", {"core", "proto", "server", "client", "tests"}},
   };
   return *layers;
