@@ -1,11 +1,13 @@
 #!/bin/sh
-# Installs what the build needs and builds the preset "default" into build/default.
+# Installs what the build needs and builds a preset of CMakePresets.json, PLANISH_PRESET or else "default", into
+# build/PRESET.
 #
 #   deploy/build.sh            server, command and library
 #   deploy/build.sh --tests    the tests as well
 set -eu
 cd "$(dirname "$0")/.."
 
+preset=${PLANISH_PRESET:-default}
 tests=OFF
 lists=build
 if [ "${1:-}" = --tests ]; then
@@ -25,10 +27,10 @@ jobs=$(awk -v cores="$(nproc)" '/^MemAvailable:/ {
 if command -v ccache >/dev/null; then
   export CMAKE_CXX_COMPILER_LAUNCHER="${CMAKE_CXX_COMPILER_LAUNCHER-ccache}"
 fi
-echo "Building into build/default with $jobs jobs" >&2
+echo "Building into build/$preset with $jobs jobs" >&2
 mkdir -p build
-cmake --preset default -DPLANISH_BUILD_TESTS=$tests >build/configure.log 2>&1 || {
-  cat build/configure.log >&2
+cmake --preset "$preset" -DPLANISH_BUILD_TESTS=$tests >build/configure-"$preset".log 2>&1 || {
+  cat build/configure-"$preset".log >&2
   exit 1
 }
-cmake --build --preset default --parallel "$jobs" >&2
+cmake --build --preset "$preset" --parallel "$jobs" >&2

@@ -1,14 +1,16 @@
 #!/bin/sh
 # Installs what is needed, builds everything and runs all tests. Ends with "N passed, N failed[, N skipped]"
 # and fails if a test failed or none ran. Further arguments go to ctest, e.g.: deploy/test.sh -R house_
+# Of the preset PLANISH_PRESET, if that is set (deploy/sanitize.sh does).
 set -eu
 cd "$(dirname "$0")/.."
+preset=${PLANISH_PRESET:-default}
 deploy/build.sh --tests
 
-report=$PWD/build/default/test-report.xml
+report=$PWD/build/$preset/test-report.xml
 rm -f "$report"
 status=0
-ctest --preset default --parallel "$(nproc)" --output-junit "$report" "$@" </dev/null || status=$?
+ctest --preset "$preset" --parallel "$(nproc)" --output-junit "$report" "$@" </dev/null || status=$?
 
 # <testsuite name=".." tests="N" failures="N" disabled="N" skipped="N" ..>
 count() {

@@ -1,18 +1,25 @@
-// The command line of planishd.
+// What planishd runs with: the command line over the environment (PLANISHD_QUEUE for --queue) over a YAML file.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "server/config/setting.h"
+#include "server/config/settings.h"
 #include "server/link/worker_arguments.h"
+#include "server/log/log.h"
+#include "server/metrics/http_endpoint.h"
 #include "server/rpc/listen_address.h"
 
 namespace planish {
 
 struct ServerFlags {
-  std::vector<ListenAddress> listen;  // at least one
+  std::vector<ListenAddress> listen;                  // at least one
+  std::optional<HttpEndpointOptions> metrics_listen;  // nothing: no metrics and probes over HTTP
 
   std::string instance;  // part of the names of jobs and uploads (IdsOf()); empty: none
 
@@ -37,13 +44,27 @@ struct ServerFlags {
   double reattach_seconds = 10;              // >= 0
   double grace_seconds = 30;                 // >= 0
 
-  std::string log_level = "info";  // as spdlog spells it
-  int supervisor_fd = -1;          // -1: none
+  LogLevel log_level = LogLevel::kInfo;
+  LogFormat log_format = LogFormat::kHuman;
+  int supervisor_fd = -1;  // -1: none
   bool failpoints = false;
 };
 
-// The flags, or the exit code of a command that is over: 0 after --help or --version, 2 after a message on stderr
-// about bad usage.
-std::variant<ServerFlags, int> ParseFlags(int argc, char** argv);
+struct ServerConfig {
+  ServerFlags flags;
+  std::vector<Setting> settings;      // all that a file may hold, as they are in effect
+  std::vector<std::string> warnings;  // sentences about what was overlooked
+};
+
+// What such a command line (without the program's name) gives with this environment and the file that either names.
+// INVALID_ARGUMENT with all that is wrong, one sentence a line. Call it again to see what changed.
+absl::StatusOr<ServerConfig> ReadConfig(const std::vector<std::string>& arguments, const Environment& environment);
+
+// ReadConfig() with the environment of the process. Or the exit code of a command that is over: 0 after --help,
+// --version, --print-config and --check-config, 2 after a message on stderr about what is wrong.
+std::variant<ServerConfig, int> ParseFlags(int argc, char** argv);
+
+// Variables of planishd begin so.
+inline constexpr char kEnvironmentPrefix[] = "PLANISHD_";
 
 }  // namespace planish

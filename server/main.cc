@@ -12,13 +12,16 @@
 #include <utility>
 #include <variant>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "core/base/heap.h"
 #include "core/base/status_macros.h"
+#include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
+#include "server/admin.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
 #include "server/job_log.h"
@@ -30,17 +33,20 @@
 #include "server/jobs/worker_pool.h"
 #include "server/link/in_process_link.h"
 #include "server/link/process_link.h"
+#include "server/log/log.h"
+#include "server/log/output_lines.h"
+#include "server/monitoring.h"
+#include "server/reload.h"
 #include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/service.h"
+#include "server/service_manager.h"
 #include "server/shutdown_events.h"
 #include "server/upkeep.h"
 #include "server/worker/needs.h"
 #include "server/worker/options.h"
 #include "server/worker/worker.h"
 #include "server/worker_main.h"
-#include "spdlog/sinks/stdout_color_sinks.h"
-#include "spdlog/spdlog.h"
 
 namespace planish {
 namespace {
@@ -64,11 +70,19 @@ constexpr absl::Duration kFlushLimit = absl::Seconds(2);
 constexpr absl::Duration kLastCallsLimit = absl::Milliseconds(20);
 
 void SetUpLogging(const ServerFlags& flags) {
-  spdlog::set_default_logger(spdlog::stderr_color_mt("planishd"));
-  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
-  spdlog::set_level(spdlog::level::from_str(flags.log_level));
+  SetUpLog(flags.log_format, flags.log_level);
   // What matters of gRPC's chatter reaches us as errors.
-  gpr_set_log_function([](gpr_log_func_args* args) { spdlog::debug("grpc: {}", args->message); });
+  gpr_set_log_function([](gpr_log_func_args* args) { LogDebug(args->message, {{"source", "grpc"}}); });
+}
+
+JobLimits Limits(const ServerFlags& flags) {
+  JobLimits limits;
+  limits.queue_capacity = flags.queue;
+  limits.retained_jobs = flags.retain_jobs;
+  limits.retained_bytes = flags.retain_mb * kMiB;
+  limits.retained_time = absl::Hours(flags.retain_hours);
+  limits.reattach_grace = absl::Seconds(flags.reattach_seconds);
+  return limits;
 }
 
 JobManagerOptions ManagerOptions(const ServerFlags& flags) {
@@ -79,10 +93,11 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
   options.memory_bytes = flags.memory_mb * kMiB;
-  options.retained_jobs = flags.retain_jobs;
-  options.retained_bytes = flags.retain_mb * kMiB;
-  options.retained_time = absl::Hours(flags.retain_hours);
-  options.reattach_grace = absl::Seconds(flags.reattach_seconds);
+  const JobLimits limits = Limits(flags);
+  options.retained_jobs = limits.retained_jobs;
+  options.retained_bytes = limits.retained_bytes;
+  options.retained_time = limits.retained_time;
+  options.reattach_grace = limits.reattach_grace;
   options.new_id = IdsOf(flags.instance);
   options.validate_options = ValidateOptions;
   options.estimate = [](std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
@@ -91,7 +106,7 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
     return JobNeeds{needs.size, needs.memory_bytes, needs.run_seconds};
   };
   options.on_transition = LogTransition;
-  options.on_store_error = [](const absl::Status& status) { spdlog::error("{}", std::string(status.message())); };
+  options.on_store_error = [](const absl::Status& status) { LogError(status.message()); };
   return options;
 }
 
@@ -114,14 +129,17 @@ v1::Capabilities Capabilities(const ServerFlags& flags) {
   capabilities.set_inline_mesh_bytes(kInlineMeshBytes);
   capabilities.set_workers(flags.workers);
   capabilities.set_threads(flags.threads);
-  capabilities.set_queue_capacity(flags.queue);
   capabilities.set_durable(!flags.data_dir.empty());
   capabilities.set_isolated_workers(flags.isolated);
-  const auto grace = static_cast<std::int64_t>(flags.reattach_seconds * 1e9);
-  *capabilities.mutable_reattach_grace() = google::protobuf::util::TimeUtil::NanosecondsToDuration(grace);
   for (const v1::Seams seams : SeamPolicies()) capabilities.add_seams(seams);
   for (const v1::SolverCombination& combination : SolverCombinations()) *capabilities.add_solvers() = combination;
   return capabilities;
+}
+
+void UpdateCapabilities(const JobLimits& limits, v1::Capabilities* capabilities) {
+  capabilities->set_queue_capacity(limits.queue_capacity);
+  *capabilities->mutable_reattach_grace() =
+      google::protobuf::util::TimeUtil::NanosecondsToDuration(absl::ToInt64Nanoseconds(limits.reattach_grace));
 }
 
 // What is kept, in files or in memory. In the order of dependence.
@@ -146,43 +164,53 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
   return stores;
 }
 
-WorkerFactory NewWorkers(const ServerFlags& flags) {
+// `stderr_fd`: WorkerProcessOptions.
+WorkerFactory NewWorkers(const ServerFlags& flags, int stderr_fd) {
   if (!flags.isolated) {
     return [] { return StartInProcessWorker(RunWorker); };
   }
   WorkerProcessOptions options;
   options.sandbox = flags.sandbox;
   options.failpoints = flags.failpoints;
+  options.stderr_fd = stderr_fd;
   return [options] { return StartProcessWorker(options); };
 }
 
-WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
+WorkerPoolOptions PoolOptions(const ServerFlags& flags, Admin* admin) {
   WorkerPoolOptions options;
   options.workers = flags.workers;
   options.recycle_after = flags.recycle_after;
   options.job_limit = absl::Hours(flags.job_hours);
   options.silence_limit = kSilenceLimit;
-  options.on_worker_ready = [said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
+  options.on_worker_ready = [admin, said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
+    admin->CountWorkers(1);
     if (worker.sandbox_error().empty()) return;
-    std::call_once(*said, [&] { spdlog::warn("workers run without their sandbox: {}", worker.sandbox_error()); });
+    std::call_once(*said, [&] { LogWarn("workers run without their sandbox: " + worker.sandbox_error()); });
   };
-  options.on_worker_end = [](const WorkerEnd& end) {
-    if (end.loss.message.empty()) {
-      spdlog::debug("worker {} after {} jobs", NameOf(end.cause), end.jobs);
-    } else {
-      spdlog::warn("worker {} after {} jobs: {} {}", NameOf(end.cause), end.jobs, end.loss.message, end.job);
-    }
+  options.on_worker_end = [admin](const WorkerEnd& end) {
+    admin->CountWorkers(-1);
+    const bool lost = !end.loss.message.empty();
+    Log(lost ? LogLevel::kWarn : LogLevel::kDebug, absl::StrCat("worker ", NameOf(end.cause)),
+        {{"job", end.job},
+         {"trace", TraceIdOf(end.traceparent)},
+         {"jobs_served", end.jobs},
+         {"reason", end.loss.reason},
+         {"error", end.loss.message}});
   };
   options.on_start_failed = [](const absl::Status& status, absl::Duration retry) {
-    spdlog::error("cannot start a worker, next attempt in {}: {}", absl::FormatDuration(retry),
-                  std::string(status.message()));
+    LogError("cannot start a worker",
+             {{"error", std::string(status.message())}, {"retry_seconds", absl::ToDoubleSeconds(retry)}});
   };
   return options;
 }
 
-// Waits for idleness. False if `limit` passes first, or a signal or the supervisor's end cuts it short.
+// Waits for idleness. False if `limit` passes first, or a signal or the supervisor's end cuts it short. It is too late
+// for new settings.
 bool WaitUntilIdle(absl::Duration limit, ShutdownEvents* events) {
-  return events->Wait(limit) == Wake::kIdle;
+  const absl::Time end = absl::Now() + limit;
+  Wake wake = events->Wait(limit);
+  while (wake == Wake::kReload) wake = events->Wait(end - absl::Now());
+  return wake == Wake::kIdle;
 }
 
 // Returns when every job has ended or, if jobs are `durable`, was left to the next server. False if workers did not
@@ -191,20 +219,44 @@ bool EndJobs(absl::Duration grace, bool durable, JobManager* manager, ShutdownEv
   manager->Drain([events] { events->NotifyIdle(); });
   if (WaitUntilIdle(grace, events)) return true;
   if (durable) {
-    spdlog::info("leaving the jobs that are left to the next server");
+    LogInfo("leaving the jobs that are left to the next server");
     manager->Suspend();
     return true;
   }
-  spdlog::info("cancelling the jobs that are left");
+  LogInfo("cancelling the jobs that are left");
   manager->CancelAll();
   const absl::Time limit = absl::Now() + kCancelLimit;
   while (absl::Now() < limit) {
     if (WaitUntilIdle(limit - absl::Now(), events)) return true;
   }
-  spdlog::warn("giving up workers that did not answer");
+  LogWarn("giving up workers that did not answer");
   manager->CloseLinks();
   WaitUntilIdle(kCloseLimit, events);
   return false;
+}
+
+void LogReadiness(const std::string& why_not) {
+  if (why_not.empty()) {
+    LogInfo("ready again");
+  } else {
+    LogWarn("not ready: " + why_not);
+  }
+}
+
+WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobManager* manager,
+                      const StreamCounter* streams, RpcServer* rpc) {
+  WatchedServer server;
+  server.jobs = manager;
+  server.uploads = stores.uploads.get();
+  server.blobs = stores.blobs.get();
+  server.streams = streams;
+  server.rpc = rpc;
+  server.data_dir = flags.data_dir;
+  server.workers = flags.workers;
+  server.memory_limit_bytes = flags.memory_mb * kMiB;
+  server.store_limit_bytes = flags.store_mb * kMiB;
+  server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
+  return server;
 }
 
 // Each job kept or waiting may hold descriptors, and each connection does.
@@ -215,61 +267,121 @@ void AllowManyDescriptors() {
   setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-int Refuse(const absl::Status& status) {
-  std::cerr << "planishd: " << status.message() << "\n";
+int Refuse(const ServerFlags& flags, const absl::Status& status) {
+  if (flags.log_format == LogFormat::kJson) {
+    LogError(status.message());
+  } else {
+    std::cerr << "planishd: " << status.message() << "\n";
+  }
   return kCannotServe;
 }
 
-int Serve(const ServerFlags& flags) {
+// Hooks for what can change without a restart. `grace_seconds` is for the caller's own thread.
+void AddReloadHooks(JobManager* manager, UploadStore* uploads, WorkerPool* pool, double* grace_seconds,
+                    Reloader* reloader) {
+  using Keys = std::vector<std::string>;
+  const auto add = [reloader](const Keys& keys, std::function<void(const ServerFlags&)> apply) {
+    reloader->AddHook(keys, [apply = std::move(apply)](const ServerFlags& flags) {
+      return std::function<void()>([apply, flags] { apply(flags); });
+    });
+  };
+  add({"log-level", "log-format"}, [](const ServerFlags& flags) { SetUpLog(flags.log_format, flags.log_level); });
+  add({"queue", "retain-jobs", "retain-mb", "retain-hours", "reattach-grace"},
+      [manager](const ServerFlags& flags) { manager->SetLimits(Limits(flags)); });
+  add({"uploads-mb"}, [uploads](const ServerFlags& flags) { uploads->SetMaxBytes(flags.max_uploads_mb * kMiB); });
+  add({"recycle-after"}, [pool](const ServerFlags& flags) { pool->SetRecycleAfter(flags.recycle_after); });
+  add({"grace"}, [grace_seconds](const ServerFlags& flags) { *grace_seconds = flags.grace_seconds; });
+}
+
+int Serve(const ServerConfig& config, const std::vector<std::string>& arguments) {
+  const ServerFlags& flags = config.flags;
+  const ServiceManager service_manager;        // before any thread: it changes the environment
   ShutdownEvents events(flags.supervisor_fd);  // before any thread: it blocks the signals for all of them
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   grpc_init();
   SetUpLogging(flags);
+  for (const std::string& warning : config.warnings) LogWarn(warning);
   AllowManyDescriptors();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
-  KeepFreedMemory();              // until the job ends (worker.cc)
+  std::signal(SIGXFSZ, SIG_IGN);                         // a file that may not grow is a disk that is full
+  KeepFreedMemory();                                     // until the job ends (worker.cc)
+  Monitoring monitoring(PLANISH_VERSION, LogReadiness);  // first, so that probes are answered while stores are opened
+  if (flags.metrics_listen.has_value()) {
+    if (const absl::Status status = monitoring.Listen(*flags.metrics_listen); !status.ok())
+      return Refuse(flags, status);
+  }
   absl::StatusOr<Stores> stores = OpenStores(flags);
-  if (!stores.ok()) return Refuse(stores.status());
+  if (!stores.ok()) return Refuse(flags, stores.status());
   JobManagerOptions options = ManagerOptions(flags);
+  monitoring.Hook(&options);
   options.is_blob_used = [uploads = stores->uploads.get()](const std::string& sha256) { return uploads->Uses(sha256); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
-  if (!opened.ok()) return Refuse(opened.status());
+  if (!opened.ok()) return Refuse(flags, opened.status());
   JobManager& manager = **opened;
   StreamCounter streams;
   const std::unique_ptr<CallerSource> callers = NewOpenCallerSource();
-  const std::unique_ptr<grpc::Service> service = NewPlanishService(&manager, stores->uploads.get(), callers.get(),
-                                                                   {Capabilities(flags), flags.failpoints}, &streams);
-  absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
-      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, service.get());
-  if (!rpc.ok()) return Refuse(rpc.status());
-  auto pool = std::make_unique<WorkerPool>(&manager, NewWorkers(flags), PoolOptions(flags));
-  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, uploads = stores->uploads.get()] {
+  ServiceOptions service_options;
+  service_options.capabilities = Capabilities(flags);
+  service_options.failpoints = flags.failpoints;
+  service_options.update_capabilities = [&manager](v1::Capabilities* capabilities) {
+    UpdateCapabilities(manager.Limits(), capabilities);
+  };
+  const std::unique_ptr<grpc::Service> service =
+      NewPlanishService(&manager, stores->uploads.get(), callers.get(), std::move(service_options), &streams);
+  Reloader reloader(config.settings);
+  Admin admin(&manager, &reloader, &service_manager);
+  const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), callers.get());
+  absl::StatusOr<std::unique_ptr<RpcServer>> rpc = RpcServer::Start(
+      {flags.listen, flags.max_mesh_mb * kMiB, monitoring.Calls()}, {service.get(), admin_service.get()});
+  if (!rpc.ok()) return Refuse(flags, rpc.status());
+  auto worker_output = std::make_unique<OutputLines>([](const std::string& line) {
+    LogWarn(line, {{"source", "worker"}});
+  });
+  WorkerPoolOptions pool_options = PoolOptions(flags, &admin);
+  monitoring.Hook(&pool_options);
+  auto pool =
+      std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
+  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());
+    monitoring.Beat();
   });
+  monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc->get()));
 
-  spdlog::info("planishd " PLANISH_VERSION " listens on {} with {} workers of up to {} threads",
-               absl::StrJoin((*rpc)->addresses(), ", "), flags.workers, flags.threads);
+  double grace_seconds = flags.grace_seconds;
+  AddReloadHooks(&manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);
+
+  const std::string listens = absl::StrCat("listens on ", absl::StrJoin((*rpc)->addresses(), ", "), " with ",
+                                           flags.workers, " workers of up to ", flags.threads, " threads");
+  LogInfo("planishd " PLANISH_VERSION " " + listens);
   for (const ListenAddress& address : flags.listen) {
-    if (!IsLocal(address))
-      spdlog::warn("{} is open to the network, without encryption or authentication", address.text);
+    if (!IsLocal(address)) LogWarn(address.text + " is open to the network, without encryption or authentication");
   }
+  if (const auto address = monitoring.address()) LogInfo("metrics and probes at http://" + *address);
   events.TellReady();
+  service_manager.Ready(listens);
 
-  const Wake wake = events.Wait(absl::InfiniteDuration());
-  const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(flags.grace_seconds) : absl::ZeroDuration();
-  spdlog::info("shutting down, jobs have {} to end", absl::FormatDuration(grace));
-  (*rpc)->SetServing(false);
+  Wake wake = events.Wait(absl::InfiniteDuration());
+  for (; wake == Wake::kReload; wake = events.Wait(absl::InfiniteDuration())) {
+    service_manager.Reloading();
+    reloader.Reload(ReadConfig(arguments, ReadEnvironment(kEnvironmentPrefix)));
+    service_manager.Ready(listens);
+  }
+  const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds) : absl::ZeroDuration();
+  LogInfo(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
+  service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
+  monitoring.SetEnding();
   const bool workers_done = EndJobs(grace, !flags.data_dir.empty(), &manager, &events);
   streams.WaitForNone(absl::Now() + kFlushLimit);
+  monitoring.Detach();
   (*rpc)->Shutdown(absl::Now() + kLastCallsLimit);
   manager.StopWorkers();
   // A worker that is deaf cannot be joined; its job has failed, so nothing is lost with it.
   if (!workers_done) std::_Exit(EXIT_SUCCESS);
   pool.reset();
+  worker_output.reset();
   upkeep.reset();
-  spdlog::info("bye");
+  LogInfo("bye");
   // gRPC's threads may outlive the logger.
   gpr_set_log_function(nullptr);
   return EXIT_SUCCESS;
@@ -280,7 +392,7 @@ int Serve(const ServerFlags& flags) {
 
 int main(int argc, char** argv) {
   if (const std::optional<int> code = planish::RunIfWorker(argc, argv)) return *code;
-  const std::variant<planish::ServerFlags, int> flags = planish::ParseFlags(argc, argv);
-  if (const int* code = std::get_if<int>(&flags)) return *code;
-  return planish::Serve(std::get<planish::ServerFlags>(flags));
+  const std::variant<planish::ServerConfig, int> config = planish::ParseFlags(argc, argv);
+  if (const int* code = std::get_if<int>(&config)) return *code;
+  return planish::Serve(std::get<planish::ServerConfig>(config), {argv + 1, argv + argc});
 }

@@ -14,6 +14,7 @@
 #include "client/cli/mesh_input.h"
 #include "client/cli/summary.h"
 #include "client/cli/unwrap_files.h"
+#include "client/src/request_id.h"
 #include "core/base/sha256.h"
 #include "core/base/timer.h"
 
@@ -66,10 +67,12 @@ class BatchJob {
     record_.input = InputDigest(item_.input);
     record_.settings = context_.settings;
     record_.version = context_.version;
-    std::string job;
+    std::string job, request_id;
     if (const auto known = context_.state.Find(item_.key); known && known->IsOf(record_) && !arguments_.again) {
       if (context_.state.IsIntact(*known)) return Keep(*known);
       if (known->queued && known->server == arguments_.server) job = known->job;
+      // The run before ended between the question and the answer: the same question brings the same job.
+      if (known->server == arguments_.server) request_id = known->request_id;
     }
     MakeDirectory();
     files_.emplace(std::vector<std::string>{item_.input}, arguments_.seams, item_.output, item_.texcoord);
@@ -78,8 +81,10 @@ class BatchJob {
     if (!job.empty()) {
       if (std::optional<UnwrapResult> result = Fetch(job)) return Deliver(*std::move(result), true);
     }
-    if (arguments_.detach) return Queued(Queue());
-    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, Call()), false);
+    if (arguments_.detach) return Queued(Queue(request_id.empty() ? NewRequestId() : request_id));
+    CallOptions call = Call();
+    call.request_id = request_id;
+    Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, call), false);
   }
 
   void MakeDirectory() const {
@@ -133,14 +138,19 @@ class BatchJob {
   }
 
   // Queues the job and records that; waits for room in the queue.
-  std::string Queue() {
+  std::string Queue(const std::string& request_id) {
     const UnwrapOptions options = files_->Options(arguments_.options);
+    CallOptions call = Call();
+    call.request_id = request_id;
+    record_.server = arguments_.server;
+    record_.request_id = request_id;
+    context_.state.Append(record_);
+    record_.request_id.clear();
     for (;;) {
       try {
-        const Job job = context_.client.CreateJob(files_->view(), options, Call());
+        const Job job = context_.client.CreateJob(files_->view(), options, call);
         record_.job = job.name;
         record_.queued = true;
-        record_.server = arguments_.server;
         context_.state.Append(record_);
         return job.name;
       } catch (const Error& error) {
@@ -177,7 +187,7 @@ class BatchJob {
     end_.row.warnings = report.warnings.size();
     if (!fetched) end_.queue_seconds = report.seconds.queue;
     BeginJson();
-    end_.json.update(ReportJson(result.job, report, result.uv.precision, item_.output));
+    end_.json.update(ReportJson(result, report, item_.output));
   }
 
   void Keep(const BatchRecord& record) {

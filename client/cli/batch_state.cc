@@ -20,14 +20,21 @@ Error FileError(const char* reason, const std::string& path, const char* what) {
                path + ": " + what + ": " + std::generic_category().message(errno));
 }
 
+const char* StateOf(const BatchRecord& record) {
+  if (!record.request_id.empty()) return "asked for";
+  if (record.queued) return "queued";
+  return record.files.empty() ? "failed" : "done";
+}
+
 }  // namespace
 
 std::string ToLine(const BatchRecord& record) {
-  Json json = {
-      {"output", record.key},      {"state", record.queued ? "queued" : record.files.empty() ? "failed" : "done"},
-      {"input", record.input},     {"settings", record.settings},
-      {"version", record.version}, {"job", record.job}};
-  if (record.queued) {
+  Json json = {{"output", record.key},        {"state", StateOf(record)},  {"input", record.input},
+               {"settings", record.settings}, {"version", record.version}, {"job", record.job}};
+  if (!record.request_id.empty()) {
+    json["request_id"] = record.request_id;
+    json["server"] = record.server;
+  } else if (record.queued) {
     json["server"] = record.server;
   } else {
     json["usable"] = record.usable;
@@ -51,7 +58,8 @@ std::optional<BatchRecord> ParseRecord(const std::string& line) {
     record.settings = json.at("settings");
     record.version = json.at("version");
     record.job = json.at("job");
-    if (record.queued) {
+    record.request_id = json.value("request_id", "");
+    if (record.queued || !record.request_id.empty()) {
       record.server = json.at("server");
       return record;
     }

@@ -1,8 +1,8 @@
 // What a batch has done, in a file beside its outputs, so that the next run need not do it again.
 //
-// OUT/.planish-batch.json holds one JSON object per line, appended when a file is done (after its outputs are in place)
-// or its job is queued on a server, or such a job turns out to have failed. The last line about an output counts. A
-// line that a killed run left half written is no line.
+// OUT/.planish-batch.json holds one JSON object per line, appended when a file is done (after its outputs are in
+// place), before a job that is to outlive the run is asked for and once it is queued, or when such a job turns out to
+// have failed. The last line about an output counts. A line that a killed run left half written is no line.
 #pragma once
 
 #include <cstdint>
@@ -24,9 +24,10 @@ struct BatchRecord {
   std::string settings;
   std::string version;  // of planish and planishd: "0.1.0 0.1.0"
 
-  std::string job;      // the job that did it, or
-  bool queued = false;  // that will do it, on
-  std::string server;   // this server
+  std::string job;         // the job that did it, or
+  bool queued = false;     // that will do it, on
+  std::string server;      // this server
+  std::string request_id;  // with which a job was asked for there, if the answer is not known; else empty
 
   // Of one that is done.
   bool usable = false;

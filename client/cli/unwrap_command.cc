@@ -59,8 +59,7 @@ class ResultCommand {
     result.report.seconds.total = timer_.Seconds();
     std::cerr << Summary(result.report, arguments.output, StderrTerminal());
     if (arguments.json) {
-      std::cout << ToText(ReportJson(result.job, result.report, result.uv.precision,
-                                     arguments.output == "-" ? "" : arguments.output))
+      std::cout << ToText(ReportJson(result, result.report, arguments.output == "-" ? "" : arguments.output))
                 << std::flush;
     }
     return result.IsUsable() ? kOk : kFailed;

@@ -17,7 +17,9 @@
 #include "client/src/route.h"
 #include "client/src/rpc.h"
 #include "client/src/stream_errors.h"
+#include "client/src/trace_scope.h"
 #include "client/src/uv_bytes.h"
+#include "core/base/trace_context.h"
 
 namespace planish {
 inline namespace api {
@@ -72,6 +74,19 @@ UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh) {
   return result;
 }
 
+// Runs `work` with `*call` as part of one trace, which an error names.
+template <typename Work>
+auto Traced(CallOptions* call, Work work) {
+  const TraceScope trace(call->traceparent);
+  call->traceparent = trace.traceparent();
+  try {
+    return work(trace);
+  } catch (Error& error) {
+    error.set_trace_id(trace.trace_id());
+    throw;
+  }
+}
+
 }  // namespace
 
 class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
@@ -83,8 +98,31 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
 
   // `start` is when the caller called, before the mesh was packed.
   UnwrapResult Unwrap(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
-                      const Callbacks& callbacks, const CallOptions& call,
-                      std::function<void(const std::string&)> on_job_name, std::stop_token finish = {}) {
+                      const Callbacks& callbacks, CallOptions call, std::function<void(const std::string&)> on_job_name,
+                      std::stop_token finish = {}) {
+    return Traced(&call, [&](const TraceScope& trace) {
+      UnwrapResult result =
+          UnwrapInTrace(std::move(mesh), start, options, callbacks, call, std::move(on_job_name), std::move(finish));
+      result.trace_id = trace.trace_id();
+      return result;
+    });
+  }
+
+  Followed Watch(const std::string& job, PackedMesh* mesh, std::int64_t after_sequence, const Callbacks& callbacks,
+                 CallOptions call) {
+    return Traced(&call, [&](const TraceScope&) { return WatchInTrace(job, mesh, after_sequence, callbacks, call); });
+  }
+
+  // Sends the mesh and creates the job, again and again while the server's queue is full or the server is lost, and
+  // patience lasts: the request id makes that safe.
+  v1::Job Create(PackedMesh mesh, const UnwrapOptions& options, CallOptions call) {
+    return Traced(&call, [&](const TraceScope&) { return CreateInTrace(std::move(mesh), options, call); });
+  }
+
+ private:
+  UnwrapResult UnwrapInTrace(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
+                             const Callbacks& callbacks, const CallOptions& call,
+                             std::function<void(const std::string&)> on_job_name, std::stop_token finish) {
     const double packing_seconds = SecondsSince(start);
     FollowPlan plan;
     plan.unwrap = NewJobRequest<v1::UnwrapRequest>(mesh, options, call);
@@ -101,8 +139,8 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     return result;
   }
 
-  Followed Watch(const std::string& job, PackedMesh* mesh, std::int64_t after_sequence, const Callbacks& callbacks,
-                 const CallOptions& call) {
+  Followed WatchInTrace(const std::string& job, PackedMesh* mesh, std::int64_t after_sequence,
+                        const Callbacks& callbacks, const CallOptions& call) {
     FollowPlan plan;
     plan.watch.emplace();
     plan.watch->set_name(job);
@@ -113,9 +151,7 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     return Follower(rpc_, options_, std::move(plan), callbacks).Run();
   }
 
-  // Sends the mesh and creates the job, again and again while the server's queue is full or the server is lost, and
-  // patience lasts: the request id makes that safe.
-  v1::Job Create(PackedMesh mesh, const UnwrapOptions& options, const CallOptions& call) {
+  v1::Job CreateInTrace(PackedMesh mesh, const UnwrapOptions& options, const CallOptions& call) {
     const Deadline deadline = DeadlineAfter(call.timeout_seconds);
     const Callbacks no_callbacks;
     auto request = NewJobRequest<v1::CreateJobRequest>(mesh, options, call);
@@ -140,7 +176,6 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     }
   }
 
- private:
   const ClientOptions options_;
   const std::shared_ptr<Rpc> rpc_;
 };
@@ -278,6 +313,7 @@ UnwrapResult Client::AttachResult(const std::string& job, const MeshView& mesh, 
   UnwrapResult result = ResultOf(followed, packed);
   result.report.seconds.download = followed.download_seconds;
   result.report.seconds.total = SecondsSince(start);
+  result.trace_id = std::string(TraceIdOf(followed.job.traceparent()));
   return result;
 }
 

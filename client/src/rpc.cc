@@ -9,6 +9,7 @@
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
 #include "client/src/route.h"
+#include "client/src/trace_scope.h"
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
@@ -61,6 +62,10 @@ Error ErrorOfCall(const grpc::Status& status, const std::string& target) {
   return ErrorFrom(rich);
 }
 
+void AddTrace(grpc::ClientContext& context) {
+  context.AddMetadata("traceparent", NextTraceparent());
+}
+
 void SetDeadline(grpc::ClientContext& context, Deadline deadline) {
   if (deadline) context.set_deadline(*deadline);
 }
@@ -76,6 +81,7 @@ class GrpcStream : public Stream {
 
   GrpcStream(Deadline deadline, const std::string& route, std::string target, Opener opener)
       : target_(std::move(target)), opener_(std::move(opener)) {
+    AddTrace(context_);
     SetDeadline(context_, deadline);
     SetRoute(context_, route);
   }
@@ -119,6 +125,7 @@ class GrpcUploadStream : public UploadStream {
  public:
   GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, const std::string& route, std::string target)
       : target_(std::move(target)) {
+    AddTrace(context_);
     SetDeadline(context_, deadline);
     SetRoute(context_, route);
     writer_ = stub->WriteUpload(&context_, &upload_);
@@ -168,6 +175,7 @@ struct Rpc::Stubs {
                  const Request& request, const std::string& route, Deadline deadline) {
     rpc.Connect(deadline);
     grpc::ClientContext context;
+    AddTrace(context);
     SetDeadline(context, deadline);
     SetRoute(context, route);
     Response response;
@@ -313,8 +321,9 @@ void Rpc::CancelJobInBackground(const std::string& name) {
 template <typename Call>
 void Rpc::InBackground(Call call) {
   const std::lock_guard lock(background_mutex_);
-  background_.emplace_back([stubs = stubs_, call = std::move(call)] {
+  background_.emplace_back([stubs = stubs_, call = std::move(call), traceparent = NextTraceparent()] {
     grpc::ClientContext context;
+    context.AddMetadata("traceparent", traceparent);
     SetDeadline(context, DeadlineAfter(kBackgroundSeconds));
     call(*stubs->planish, &context);
   });

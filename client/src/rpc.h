@@ -51,9 +51,9 @@ class UploadStream {
   virtual void TryCancel() = 0;
 };
 
-// Thread-safe. Calls throw planish::Error. Those that may be repeated safely are, for retry_seconds at most, while a
-// server that was reached before is UNAVAILABLE. Calls about a job or an upload say in their metadata which server's it
-// is, if its name does (route.h).
+// Thread-safe. Calls belong to the trace of their thread (trace_scope.h) and throw planish::Error. Those that may be
+// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE. Calls about a
+// job or an upload say in their metadata which server's it is, if its name does (route.h).
 class Rpc {
  public:
   Rpc(const std::string& target, const ClientOptions& options);

@@ -38,8 +38,8 @@ void KeepFreedMemory() {
   PreferHugePages(kReserved);
 }
 
-void ReturnFreedMemory() {
-  malloc_trim(0);
+void ReturnFreedMemory(std::size_t keep) {
+  malloc_trim(keep);
   if (keep_freed_memory) PreferHugePages(kReserved);
 }
 

@@ -12,8 +12,8 @@ namespace planish {
 // do small pages.
 void KeepFreedMemory();
 
-// Hands back what is free.
-void ReturnFreedMemory();
+// Hands back what is free, but for `keep` bytes that the next piece of work gets without asking the kernel.
+void ReturnFreedMemory(std::size_t keep = 0);
 
 // Huge pages, after KeepFreedMemory(), for the next `bytes` of the heap (1 GiB at most): for a caller that has handed
 // back free memory itself and may not take as much as ReturnFreedMemory() prepares for.

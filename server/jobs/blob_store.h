@@ -41,6 +41,7 @@ class BlobStore {
 
   // Bytes of all blobs.
   std::int64_t bytes() const;
+  std::int64_t max_bytes() const { return max_bytes_; }
 
   // Whether there is no such blob any more; false if somebody holds its BlobPtr.
   bool Remove(const std::string& sha256);

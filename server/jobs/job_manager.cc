@@ -131,6 +131,12 @@ absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   AcceptedJob accepted = Accept(live, request.attached);
   *event.mutable_job() = accepted.job;
   live.events->Append(std::move(event));
+  if (options_.observer != nullptr) {
+    const bool shares = !live.record.job().result_of().empty();
+    options_.observer->OnAccepted(live.record.job(), result.has_value() ? JobOrigin::kKeptResult
+                                                     : shares           ? JobOrigin::kSharedWork
+                                                                        : JobOrigin::kOwnWork);
+  }
   if (options_.on_transition) options_.on_transition(live.record.job());
   StartClocks(live);
   if (runs) Begin(live, &wakeups);
@@ -207,6 +213,7 @@ JobRecord JobManager::NewRecord(const JobRequest& request) {
   *job->mutable_scheduling() = request.scheduling;
   *job->mutable_create_time() = ToTimestamp(options_.clock());
   job->set_mesh_bytes(request.MeshBytes());
+  job->set_traceparent(request.traceparent);
   return record;
 }
 

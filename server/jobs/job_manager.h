@@ -24,6 +24,7 @@
 #include "server/jobs/blob_store.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/ids.h"
+#include "server/jobs/job_observer.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_request.h"
 #include "server/jobs/job_source.h"
@@ -59,8 +60,40 @@ struct JobManagerOptions {
   std::function<void(const v1::Job&)> on_transition;
   // Hears of records that could not be written, likewise. They are tried again by Tick().
   std::function<void(const absl::Status&)> on_store_error;
+  JobObserver* observer = nullptr;  // may be null; outlives the manager
   std::function<absl::Time()> clock = absl::Now;
   std::function<std::string()> new_id = RandomId;
+};
+
+// What may change while the server runs: fields of JobManagerOptions.
+struct JobLimits {
+  int queue_capacity = 64;
+  int retained_jobs = 256;
+  std::int64_t retained_bytes = std::int64_t{1} << 30;
+  absl::Duration retained_time = absl::InfiniteDuration();
+  absl::Duration reattach_grace = absl::Seconds(10);
+};
+
+struct TenantStats {
+  std::string tenant;
+  int queued = 0;
+  int running = 0;
+  std::int64_t accepted = 0;
+  std::int64_t refused = 0;
+};
+
+// Numbers of now.
+struct ManagerStats {
+  bool draining = false;
+  int workers = 0;
+  int queued = 0;   // jobs that wait
+  int running = 0;  // jobs that run, or are being stopped
+  std::int64_t reserved_memory_bytes = 0;
+  std::int64_t memory_bytes = 0;
+  std::int64_t stored_bytes = 0;
+  std::int64_t store_bytes = 0;
+  absl::Duration oldest_wait;        // 0 if none waits
+  std::vector<TenantStats> tenants;  // with jobs that wait or run, by name
 };
 
 class JobManager;
@@ -152,15 +185,31 @@ class JobManager : public JobSource {
   // Queues the work again, or ends its jobs as FAILED if it cost too many workers.
   void ReportLost(const std::string& name, int attempt, WorkerLoss loss) override;
 
+  // ---- for whoever watches the server
+
+  JobGauges Gauges() const;
+  // Whether new jobs are refused.
+  bool IsDraining() const;
+
   // ---- for upkeep
 
   // Does what is due by now: ends jobs that ran out of time or were left by their callers, drops what was kept long
   // enough, writes what could not be written. Call it a few times a second.
   void Tick();
 
+  // ---- for the server's operator (job_manager_limits.cc)
+
+  // What waits or is kept beyond a lower limit stays until its turn comes, or goes with the next Tick().
+  void SetLimits(const JobLimits& limits);
+  JobLimits Limits() const;
+  ManagerStats Stats() const;
+  // Takes back a Drain() without a function. FAILED_PRECONDITION with SHUTTING_DOWN after one with a function.
+  absl::Status Undrain();
+
   // ---- for the server's shutdown, in this order
 
-  // Refuses new jobs from now on; those that wait may still start. Calls `on_idle` once, when no job waits or runs.
+  // Refuses new jobs from now on; those that wait may still start. Calls `on_idle` once, when no job waits or runs. A
+  // null one means that the server goes on, and that Undrain() may come.
   void Drain(std::function<void()> on_idle);
   // Either: cancels every job that has not ended.
   void CancelAll();
@@ -282,8 +331,8 @@ class JobManager : public JobSource {
   void CollectBlobs();
   void CheckIdle(Wakeups* wakeups);
 
-  // Constant after construction.
-  const JobManagerOptions options_;
+  // Constant after construction, but for what SetLimits() changes: that is guarded by mutex_.
+  JobManagerOptions options_;
   const std::string instance_;  // owner of leases
   BlobStore* const blobs_;
 
@@ -308,6 +357,7 @@ class JobManager : public JobSource {
   absl::Time next_expiry_ = absl::InfinitePast();  // no result is too old before
   double seconds_factor_ = 1;                      // what work takes over what the estimate says
   bool draining_ = false;
+  bool ending_ = false;  // never to be taken back
   bool suspended_ = false;
   bool stopped_ = false;
   std::function<void()> on_idle_;

@@ -330,6 +330,8 @@ void JobManager::Drain(std::function<void()> on_idle) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
   draining_ = true;
+  if (on_idle == nullptr) return;
+  ending_ = true;
   on_idle_ = std::move(on_idle);
   CheckIdle(&wakeups);
 }
@@ -349,7 +351,7 @@ void JobManager::CancelAll() {
 void JobManager::Suspend() {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  draining_ = suspended_ = stopped_ = true;
+  draining_ = ending_ = suspended_ = stopped_ = true;
   work_or_stop_.notify_all();
   const absl::Status status = WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
                                                        "the server is shutting down; the job goes on when it is back"),

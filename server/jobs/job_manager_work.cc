@@ -181,9 +181,11 @@ absl::StatusOr<JobAssignment> JobManager::Assign(const Work& work) {
   request.set_max_threads(options_.threads);
   request.set_seam_corners(record.seam_corners());
   request.set_uncut_corners(record.uncut_corners());
+  request.set_expected_bytes(work.needs.memory_bytes);
   if (work.needs.memory_bytes > 0) request.set_memory_bytes(kMemorySlack * work.needs.memory_bytes + kLeastMemory);
   request.set_max_triangles(options_.max_triangles);
   request.set_failpoint(record.failpoint());
+  request.set_traceparent(record.job().traceparent());
   return assignment;
 }
 
@@ -249,6 +251,9 @@ void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::
     const double ratio = absl::ToDoubleSeconds(options_.clock() - work.start) / work.needs.run_seconds;
     seconds_factor_ += kLearningRate * (std::clamp(ratio, 1 / kMostFactor, kMostFactor) - seconds_factor_);
   }
+  if (options_.observer != nullptr) {
+    options_.observer->OnWorkEnded(live_.at(work.jobs.front()).record.job(), result, options_.clock() - work.start);
+  }
   for (const std::string& job : work.jobs) EndJob(live_.at(job), result, uv, &wakeups);
 }
 
@@ -287,6 +292,7 @@ void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss los
   const std::lock_guard lock(mutex_);
   if (FindAttempt(name, attempt) == nullptr) return;
   Work work = Remove(name);
+  const v1::Job first = live_.at(work.jobs.front()).record.job();
   std::vector<std::string> again;
   for (const std::string& job : work.jobs) {
     Live& live = live_.at(job);
@@ -300,6 +306,9 @@ void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss los
     } else {
       again.push_back(job);
     }
+  }
+  if (options_.observer != nullptr) {
+    options_.observer->OnWorkLost(first, loss, static_cast<int>(again.size()), options_.clock() - work.start);
   }
   if (again.empty()) return;
   Work next;

@@ -21,6 +21,9 @@ class JobQueue {
   // an empty queue takes a mesh of any size.
   JobQueue(int capacity, std::int64_t max_bytes) : capacity_(capacity), max_bytes_(max_bytes) {}
 
+  // What waits stays, also beyond a lower capacity.
+  void set_capacity(int capacity) { capacity_ = capacity; }
+
   // Whether an entry with a mesh of `bytes` may be pushed while `idle_workers` are about to take entries off.
   bool HasRoom(std::int64_t bytes, int idle_workers) const;
 
@@ -49,7 +52,7 @@ class JobQueue {
     bool operator<(const Entry& other) const { return time != other.time ? time < other.time : number < other.number; }
   };
 
-  const int capacity_;
+  int capacity_;
   const std::int64_t max_bytes_;
   std::set<Entry> entries_;
   std::unordered_map<std::string, std::set<Entry>::iterator> places_;

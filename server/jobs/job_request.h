@@ -43,6 +43,7 @@ struct JobRequest {
   std::string label;
   // The job belongs to its callers: it is cancelled when the last JobAttachment goes.
   bool attached = false;
+  std::string traceparent;  // W3C trace context of the call
   // What is to go wrong, for tests: planish.worker.v1.WorkRequest.failpoint.
   std::string failpoint;
 

@@ -158,6 +158,7 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const v1::CreateUploadRequest& re
   const std::lock_guard lock(mutex_);
   PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
   if (is_here) {
+    ++complete_at_once_;
     Completed(entry);
     return ToProto(*entry);
   }
@@ -265,6 +266,7 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
     if (!file->path().empty()) unlink(file->path().c_str());
     return current.status();
   }
+  received_bytes_ += std::max<std::int64_t>(file->size() - entry.committed_bytes, 0);
   (*current)->appending = false;
   (*current)->used = options_.clock();
   (*current)->committed_bytes = file->size();
@@ -318,6 +320,11 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const std::string& name) {
   return mesh;
 }
 
+void UploadStore::SetMaxBytes(std::int64_t max_bytes) {
+  const std::lock_guard lock(mutex_);
+  options_.max_bytes = max_bytes;
+}
+
 void UploadStore::Tick(absl::Time now) {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> idle;
@@ -330,6 +337,19 @@ void UploadStore::Tick(absl::Time now) {
 bool UploadStore::Uses(const std::string& sha256) const {
   const std::lock_guard lock(mutex_);
   return std::any_of(entries_.begin(), entries_.end(), [&](const auto& each) { return each.second.sha256 == sha256; });
+}
+
+UploadGauges UploadStore::Gauges() const {
+  UploadGauges gauges;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [name, entry] : entries_) {
+    if (entry.complete) continue;
+    ++gauges.open;
+    gauges.announced_bytes += entry.total_bytes;
+  }
+  gauges.received_bytes = received_bytes_;
+  gauges.complete_at_once = complete_at_once_;
+  return gauges;
 }
 
 // ---- under the lock

@@ -76,6 +76,15 @@ struct UploadedMesh {
   std::string sha256;
 };
 
+// What UploadStore::Gauges() says of this moment.
+struct UploadGauges {
+  int open = 0;                      // under way
+  std::int64_t announced_bytes = 0;  // by these
+  // Since the store was made.
+  std::int64_t received_bytes = 0;    // that were not there yet
+  std::int64_t complete_at_once = 0;  // uploads of bytes that the server had
+};
+
 // Thread-safe. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND.
 class UploadStore {
  public:
@@ -100,11 +109,16 @@ class UploadStore {
   // ("committed_bytes").
   absl::StatusOr<UploadedMesh> Use(const std::string& name);
 
+  // UploadStoreOptions::max_bytes from now on; uploads under way go on.
+  void SetMaxBytes(std::int64_t max_bytes);
+
   // Forgets the uploads that were idle too long at `now`.
   void Tick(absl::Time now);
 
   // Whether an upload stands for, or is to become, the blob with this digest.
   bool Uses(const std::string& sha256) const;
+
+  UploadGauges Gauges() const;
 
  private:
   friend class UploadWriter;
@@ -137,7 +151,7 @@ class UploadStore {
   void Forget(const std::string& name);
   v1::Upload ToProto(const Entry& entry) const;
 
-  const UploadStoreOptions options_;
+  UploadStoreOptions options_;  // constant after construction, but for max_bytes, which mutex_ guards
   BlobStore* const blobs_;
 
   // Never held while calling blobs_, which asks Uses() under its own lock.
@@ -145,6 +159,7 @@ class UploadStore {
   // Guarded by mutex_; by name.
   std::unordered_map<std::string, Entry> entries_;
   std::int64_t last_writer_ = 0;
+  std::int64_t received_bytes_ = 0, complete_at_once_ = 0;
 };
 
 }  // namespace planish

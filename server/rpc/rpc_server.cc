@@ -4,8 +4,12 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "core/base/status_macros.h"
+#include "grpcpp/channel.h"
+#include "grpcpp/client_context.h"
 #include "grpcpp/ext/proto_server_reflection_plugin.h"
+#include "grpcpp/generic/generic_stub.h"
 #include "grpcpp/health_check_service_interface.h"
 #include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server_builder.h"
@@ -34,11 +38,13 @@ void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  if (options.on_call) builder->experimental().SetInterceptorCreators(ListenToCalls(options.on_call));
 }
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options, grpc::Service* service) {
+absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options,
+                                                            const std::vector<grpc::Service*>& services) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
 
@@ -50,7 +56,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     if (!address.unix_path.empty()) PLANISH_RETURN_IF_ERROR(RemoveStaleSocket(address.unix_path));
     builder.AddListeningPort(address.grpc, grpc::InsecureServerCredentials(), &ports[i]);
   }
-  builder.RegisterService(service);
+  for (grpc::Service* service : services) builder.RegisterService(service);
 
   std::unique_ptr<RpcServer> rpc_server(new RpcServer);
   rpc_server->server_ = builder.BuildAndStart();
@@ -67,7 +73,7 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     }
   }
   if (rpc_server->server_ == nullptr) return absl::UnavailableError("cannot start the gRPC server");
-  rpc_server->SetServing(true);
+  rpc_server->server_->GetHealthCheckService()->SetServingStatus(true);
   return rpc_server;
 }
 
@@ -75,10 +81,26 @@ RpcServer::~RpcServer() {
   if (server_ != nullptr) Shutdown(absl::InfinitePast());
 }
 
-void RpcServer::SetServing(bool serving) {
-  grpc::HealthCheckServiceInterface* health = server_->GetHealthCheckService();
-  health->SetServingStatus(serving);
-  health->SetServingStatus(kServiceName, serving);
+void RpcServer::SetReady(bool ready) {
+  server_->GetHealthCheckService()->SetServingStatus(kServiceName, ready);
+}
+
+// By hand, since Debian has no generated code for the health service. A request without a field is for "".
+bool RpcServer::Answers(absl::Duration limit) {
+  grpc::GenericStub health(server_->InProcessChannel(grpc::ChannelArguments()));
+  grpc::ClientContext context;
+  context.set_deadline(absl::ToChronoTime(absl::Now() + limit));
+  grpc::CompletionQueue queue;
+  const auto call = health.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::ByteBuffer(), &queue);
+  call->StartCall();
+  grpc::ByteBuffer answer;
+  grpc::Status status;
+  call->Finish(&answer, &status, nullptr);
+  void* tag = nullptr;
+  bool ok = false;
+  queue.Next(&tag, &ok);  // comes at the deadline at the latest
+  queue.Shutdown();
+  return status.ok();
 }
 
 void RpcServer::Shutdown(absl::Time deadline) {

@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "grpcpp/impl/service_type.h"
 #include "grpcpp/server.h"
+#include "server/rpc/call_observer.h"
 #include "server/rpc/listen_address.h"
 
 namespace planish {
@@ -17,14 +18,16 @@ namespace planish {
 struct RpcServerOptions {
   std::vector<ListenAddress> listen;  // at least one
   std::int64_t max_mesh_bytes = 0;
+  CallListener on_call;  // null: nobody listens
 };
 
 // Thread-safe.
 class RpcServer {
  public:
-  // Serves `service` from its return on; `service` must outlive the server. UNAVAILABLE with a message that names the
+  // Serves `services` from its return on; they must outlive the server. UNAVAILABLE with a message that names the
   // address that cannot be had, and why.
-  static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options, grpc::Service* service);
+  static absl::StatusOr<std::unique_ptr<RpcServer>> Start(const RpcServerOptions& options,
+                                                          const std::vector<grpc::Service*>& services);
 
   // Shutdown(now) if nobody did.
   ~RpcServer();
@@ -32,8 +35,12 @@ class RpcServer {
   // With the port that the system chose in place of port 0.
   const std::vector<std::string>& addresses() const { return addresses_; }
 
-  // What grpc.health.v1 says from now on. SERVING at the start.
-  void SetServing(bool serving);
+  // What grpc.health.v1 says of planish.v1.Planish from now on; SERVING at the start. The service "", which means that
+  // the process lives, is SERVING until Shutdown().
+  void SetReady(bool ready);
+
+  // Whether a health check, made from inside this process, is answered within `limit`.
+  bool Answers(absl::Duration limit);
 
   // Takes no new calls, waits for those under way until `deadline`, then cuts them off. Removes socket files.
   void Shutdown(absl::Time deadline);

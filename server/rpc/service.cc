@@ -10,6 +10,7 @@
 #include "planish/v1/planish.grpc.pb.h"
 #include "server/rpc/grpc_status.h"
 #include "server/rpc/task_threads.h"
+#include "server/rpc/trace_header.h"
 #include "server/rpc/upload_reactor.h"
 #include "server/rpc/watch_reactor.h"
 
@@ -78,6 +79,7 @@ class PlanishService : public v1::Planish::CallbackService {
       PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kSubmit));
       PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(request, uploads_));
       job.attached = !request->detached();
+      job.traceparent = caller.traceparent;
       job.failpoint = Failpoint(*context);
       PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(std::move(job)));
       return WatchedJob{std::move(accepted.events), std::move(accepted.attachment)};
@@ -103,6 +105,7 @@ class PlanishService : public v1::Planish::CallbackService {
     return Answer(context, Need::kSubmit, response,
                   [this, context, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
                     PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(request, uploads_));
+                    job.traceparent = caller.traceparent;
                     job.failpoint = Failpoint(*context);
                     PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(std::move(job)));
                     return std::move(accepted.job);
@@ -177,8 +180,11 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context, const v1::GetCapabilitiesRequest*,
                                             v1::Capabilities* response) override {
-    return Answer(context, Need::kNothing, response,
-                  [this](const Caller&) -> absl::StatusOr<v1::Capabilities> { return options_.capabilities; });
+    return Answer(context, Need::kNothing, response, [this](const Caller&) -> absl::StatusOr<v1::Capabilities> {
+      v1::Capabilities capabilities = options_.capabilities;
+      if (options_.update_capabilities) options_.update_capabilities(&capabilities);
+      return capabilities;
+    });
   }
 
  private:
@@ -186,6 +192,7 @@ class PlanishService : public v1::Planish::CallbackService {
   absl::StatusOr<Caller> Admit(const grpc::CallbackServerContext& context, Need need) const {
     PLANISH_ASSIGN_OR_RETURN(Caller caller, callers_->Identify(context));
     PLANISH_RETURN_IF_ERROR(caller.CheckRight(need));
+    caller.traceparent = TraceparentOf(context);
     return caller;
   }
 

@@ -1,6 +1,7 @@
 // The service planish.v1.Planish on a JobManager and an UploadStore.
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "grpcpp/impl/service_type.h"
@@ -17,6 +18,9 @@ struct ServiceOptions {
   // For tests: a call's metadata "planish-failpoint" becomes JobRequest::failpoint.
   bool failpoints = false;
   double progress_per_second = 1000;  // StreamSurroundings
+  // Brings capabilities up to date before they are sent: limits may change while the server runs. Thread-safe; null:
+  // nothing changes.
+  std::function<void(v1::Capabilities*)> update_capabilities;
 };
 
 // Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads`, `callers` and `streams`, which counts

@@ -43,6 +43,11 @@ Statm ReadStatm() {
   return {pages[1] * page_size, pages[5] * page_size};
 }
 
+// Of the heap: memory that this process has and nobody in it.
+std::int64_t FreeEnd() {
+  return static_cast<std::int64_t>(mallinfo2().keepcost);
+}
+
 void SetSoftLimit(__rlimit_resource resource, rlim_t bytes) {
   rlimit limit = {};
   getrlimit(resource, &limit);
@@ -60,9 +65,7 @@ void WatchProcessMemory() {
 
 std::int64_t HeldBytes() {
   const Statm now = ReadStatm();
-  // The free end of the heap is ready for the next job (core/base/heap.h) and can be handed back.
-  const auto free_end = static_cast<std::int64_t>(mallinfo2().keepcost);
-  return std::max(now.resident, now.data - free_end);
+  return std::max(now.resident, now.data) - FreeEnd();
 }
 
 std::int64_t PeakMemoryBytes() {
@@ -82,12 +85,13 @@ void ResetPeakMemory() {
   [[maybe_unused]] const ssize_t written = write(files.clear_refs, "5", 1);
 }
 
-MemoryLimit::MemoryLimit(std::int64_t bytes, int threads) {
+MemoryLimit::MemoryLimit([[maybe_unused]] std::int64_t bytes, [[maybe_unused]] std::int64_t expected,
+                         [[maybe_unused]] int threads) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  malloc_trim(static_cast<std::size_t>(std::max<std::int64_t>(bytes > 0 ? std::min(expected, bytes) : expected, 0)));
   if (bytes <= 0) return;
-  malloc_trim(0);
-  const std::int64_t held = ReadStatm().data;
-  if (held == 0) return;
+  const std::int64_t held = ReadStatm().data - FreeEnd();
+  if (held <= 0) return;
   limited_ = true;
   SetSoftLimit(RLIMIT_DATA, static_cast<rlim_t>(held + bytes + threads * kPerThread));
   SetSoftLimit(RLIMIT_FSIZE, static_cast<rlim_t>(bytes));

@@ -10,8 +10,8 @@ namespace planish {
 // from getrusage or are 0.
 void WatchProcessMemory();
 
-// What this process holds when idle: what is resident, or private memory with the holes that freed blocks left in it,
-// if that is more. 0: not known.
+// What this process holds when idle beside memory that is ready for the next job (the free end of the heap): what is
+// resident, or private memory with the holes that freed blocks left in it, if that is more. 0: not known.
 std::int64_t HeldBytes();
 
 // High-water mark of resident memory, since ResetPeakMemory() where the kernel can do that.
@@ -20,12 +20,14 @@ void ResetPeakMemory();
 
 // While it lives, this process may take `bytes` (and stacks for `threads`) beyond what it holds; then allocations fail.
 // For a process that does nothing but the work in hand. Counts private memory that can be written to, touched or not
-// (RLIMIT_DATA), and each blob by itself (RLIMIT_FSIZE, whose signal must be ignored), so it first hands back what is
-// free (core/base/heap.h). One at a time.
+// (RLIMIT_DATA), and each blob by itself (RLIMIT_FSIZE, whose signal must be ignored). One at a time.
+//
+// First hands back what the process before kept ready, but for what this work is expected to take: the high-water mark
+// is then that of the work, or of what was expected of it.
 class MemoryLimit {
  public:
-  // bytes <= 0: no limit. Without WatchProcessMemory() none either.
-  MemoryLimit(std::int64_t bytes, int threads);
+  // bytes <= 0: no limit. Without WatchProcessMemory() none either. expected <= 0: not known.
+  MemoryLimit(std::int64_t bytes, std::int64_t expected, int threads);
   ~MemoryLimit();
   MemoryLimit(const MemoryLimit&) = delete;
   MemoryLimit& operator=(const MemoryLimit&) = delete;

@@ -17,6 +17,10 @@
 namespace planish {
 namespace {
 
+// Free memory that stays with a process between jobs: what 250,000 triangles take. Memory that the kernel took back has
+// to be found and cleared again, which costs a job of 200,000 triangles up to a fifth of its time.
+constexpr std::size_t kWarmBytes = std::size_t{256} << 20;
+
 using worker::v1::FromWorker;
 using worker::v1::WorkRequest;
 
@@ -113,8 +117,8 @@ void Serve(const Order& order, ServerLink& server, const WorkerSettings& setting
   };
   WorkOutcome outcome;
   if (settings.owns_process) {
+    const MemoryLimit limit(request.memory_bytes(), request.expected_bytes(), request.max_threads());
     ResetPeakMemory();
-    const MemoryLimit limit(request.memory_bytes(), request.max_threads());
     outcome = Work(order, server, at_point);
   } else {
     outcome = Work(order, server, at_point);
@@ -138,7 +142,7 @@ void ServeJobs(ServerLink& server, const WorkerSettings& settings) {
     const std::shared_ptr<const Order> order = orders.Next();
     if (order == nullptr) return;
     Serve(*order, server, settings);
-    ReturnFreedMemory();
+    ReturnFreedMemory(settings.owns_process ? kWarmBytes : 0);
   }
 }
 

@@ -95,6 +95,19 @@ TEST_F(BatchStateTest, LastWordCounts) {
   EXPECT_FALSE(BatchState(directory_).Find("a.obj")->queued);
 }
 
+TEST_F(BatchStateTest, QuestionWithoutAnswer) {
+  BatchRecord record = Done("a.obj");
+  record.files.clear();
+  record.server = "h:1";
+  record.request_id = "r";
+  const std::optional<BatchRecord> read = ParseRecord(ToLine(record));
+  ASSERT_TRUE(read);
+  EXPECT_TRUE(read->IsOf(record));
+  EXPECT_EQ(read->server, "h:1");
+  EXPECT_EQ(read->request_id, "r");
+  EXPECT_FALSE(read->queued);
+}
+
 TEST_F(BatchStateTest, TornLineIsNoLine) {
   {
     BatchState state(directory_);

@@ -322,6 +322,24 @@ TEST_F(BatchTest, DetachedBatchIsFetchedByTheSameCommand) {
   EXPECT_EQ(Lines(run.out).summary["usable"], 6);
 }
 
+TEST_F(BatchTest, JobWhoseAnswerWasLostIsNotQueuedTwice) {
+  PrivateServer server(ServerOptions(1, {}));
+  File("grid.obj", GridObj(12));
+  const std::string address = "--server=" + server.target(), state = Out(".planish-batch.json");
+  Outcome run = Run({address, "--detach"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string job = Lines(run.out).files.at("grid.obj")["job"];
+  // As if the run had been killed before it could write down the answer.
+  const std::string lines = ReadFile(state);
+  WriteTextFile(state, lines.substr(0, lines.find('\n') + 1));
+  for (const std::vector<std::string>& words : {std::vector<std::string>{address, "--detach"}, {address}}) {
+    run = Run(words);
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_EQ(Lines(run.out).files.at("grid.obj")["job"], job);
+  }
+  EXPECT_EQ(Client(server.target()).ListJobs(0).size(), 1u);
+}
+
 TEST_F(BatchTest, OneAtlasForSeveralFiles) {
   File("a.obj", GridObj(6));
   File("b.obj", GridObj(6, 1));

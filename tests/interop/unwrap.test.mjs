@@ -252,9 +252,42 @@ test('unknown job', async () => {
   await refused(collect(server.client, 'WatchJob', {name}), 'NOT_FOUND', 'JOB_NOT_FOUND');
 });
 
-test('full queue', async () => {
-  const full = await startServer(`127.0.0.1:${await freePort()}`, ['--queue=1', '--workers=1']);
+// Starts a server with other flags for the time of `use`.
+async function withServer(flags, use) {
+  const other = await startServer(`127.0.0.1:${await freePort()}`, flags);
   try {
+    await use(other.client);
+  } finally {
+    await other.stop();
+  }
+}
+
+test('more memory than there is', async () => {
+  await withServer(['--memory-mb=1', '--workers=1'], async (client) => {
+    const metadata = await refused(call(client, 'CreateJob', {draco: await encode(bump())}),
+                                   'RESOURCE_EXHAUSTED', 'MEMORY_LIMIT');
+    assert.equal(metadata.limit, String(1 << 20));
+    assert.ok(Number(metadata.bytes) > 1 << 20, metadata.bytes);
+  });
+});
+
+test('expired result', async () => {
+  await withServer(['--retain-hours=1e-6', '--workers=1'], async (client) => {
+    const request = {draco: await encode(cylinderPatch()), scheduling: {fresh: true}};
+    const {job} = checkStream(await collect(client, 'Unwrap', request));
+    await collect(client, 'Unwrap', request);  // the last result always stays
+    const name = job.name;
+    for (let i = 0; i < 200 && (await call(client, 'GetJob', {name})).state !== 'JOB_STATE_EXPIRED'; ++i) {
+      await new Promise((resolve) => setTimeout(resolve, 20));
+    }
+    const metadata = await refused(collect(client, 'WatchJob', {name, include_uv: true}), 'NOT_FOUND',
+                                   'RESULT_EXPIRED');
+    assert.equal(metadata.job, name);
+  });
+});
+
+test('full queue', async () => {
+  await withServer(['--queue=1', '--workers=1'], async (client) => {
     const draco = await encode(bump());
     // The paper as written takes its time.
     const options = {solver: 'SOLVER_UZAWA', system: 'SYSTEM_FULL', preconditioner: 'PRECONDITIONER_NONE'};
@@ -262,15 +295,13 @@ test('full queue', async () => {
     const fill = async () => {
       for (let i = 0; i < 50; ++i) {
         const scheduling = {fresh: true};
-        names.push((await call(full.client, 'CreateJob', {draco, options, scheduling})).name);
+        names.push((await call(client, 'CreateJob', {draco, options, scheduling})).name);
       }
     };
     const metadata = await refused(fill(), 'RESOURCE_EXHAUSTED', 'QUEUE_FULL');
     assert.equal(metadata.queue_capacity, '1');
-    for (const name of names) await call(full.client, 'CancelJob', {name});
-  } finally {
-    await full.stop();
-  }
+    for (const name of names) await call(client, 'CancelJob', {name});
+  });
 });
 
 test('over a Unix socket', async () => {

@@ -54,6 +54,9 @@ struct CallOptions {
   double timeout_seconds = 0;  // for the whole call; 0: none. An attached job is cancelled when it passes
   Scheduling scheduling;       // of the job, wherever its callers are
   std::string request_id;      // AIP-155; empty: a fresh UUID
+  // W3C trace context that the call continues, as "00-<32 hex digits>-<16 hex digits>-01"; throws TRACEPARENT_INVALID.
+  // Empty: the environment's TRACEPARENT if that is valid, else a new trace. The server's log lines carry its id.
+  std::string traceparent;
   // For blocking calls: a request to stop cancels the job on the server (Unwrap) or ends the watching (WatchJob,
   // AttachResult), and the call throws CANCELLED.
   std::stop_token stop;

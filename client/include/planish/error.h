@@ -53,10 +53,13 @@ class Error : public std::runtime_error {
 
   // Name of the job that failed; empty if the call was refused before there was one.
   const std::string& job() const { return job_; }
+  // Of the trace that the call belonged to, 32 hex digits, as in the server's log; empty if it never got that far.
+  const std::string& trace_id() const { return trace_id_; }
   // What the server asks to wait before the call is tried again; 0 if it does not say.
   double retry_after_seconds() const { return retry_after_seconds_; }
 
   Error& set_job(std::string job);
+  Error& set_trace_id(std::string trace_id);
   Error& set_retry_after_seconds(double seconds);
 
  private:
@@ -64,6 +67,7 @@ class Error : public std::runtime_error {
   std::string reason_;
   Metadata metadata_;
   std::string job_;
+  std::string trace_id_;
   double retry_after_seconds_ = 0;
 };
 

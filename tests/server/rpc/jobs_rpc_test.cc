@@ -216,9 +216,10 @@ TEST(JobsRpc, DrainingServerSaysSo) {
   const std::string kNotServing("\x08\x02");
   EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", ""), kServing);
   EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", "\x0a\x12planish.v1.Planish"), kServing);
-  server.rpc().SetServing(false);
+  server.rpc().SetReady(false);
   server.manager().Drain([] {});
-  EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", ""), kNotServing);
+  EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", "\x0a\x12planish.v1.Planish"), kNotServing);
+  EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", ""), kServing) << "draining is no reason to restart";
   const grpc::Status status = TryCreate(server, MeshRequest());
   EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(InfoOf(status).reason(), "DRAINING");

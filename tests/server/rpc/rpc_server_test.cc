@@ -26,7 +26,7 @@ class RpcServerTest : public ::testing::Test {
     RpcServerOptions options;
     for (const std::string& address : addresses) options.listen.push_back(*ParseListenAddress(address));
     services_.push_back(NewPlanishService(nullptr, nullptr, callers_.get(), ServiceOptions(), &streams_));
-    return RpcServer::Start(options, services_.back().get());
+    return RpcServer::Start(options, {services_.back().get()});
   }
 
   // A socket file that nobody listens on any more.

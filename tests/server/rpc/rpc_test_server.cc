@@ -65,7 +65,7 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;
-  rpc_ = *RpcServer::Start(rpc_options, service_.get());
+  rpc_ = *RpcServer::Start(rpc_options, {service_.get()});
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);
   channel_ = grpc::CreateCustomChannel("unix:" + dir_.Path("socket"), grpc::InsecureChannelCredentials(), arguments);
