@@ -25,9 +25,9 @@ constexpr int kSecondsAroundGrace = 20;
 class Kubernetes : public ::testing::TestWithParam<std::string> {
  protected:
   void SetUp() override {
-    if (Run("kubectl version --client 2>/dev/null").exit_code != 0) GTEST_SKIP() << "kubectl is not installed";
+    if (RunShell("kubectl version --client 2>/dev/null").exit_code != 0) GTEST_SKIP() << "kubectl is not installed";
     const Printed rendered =
-        Run(absl::StrCat("kubectl kustomize ", PLANISH_SOURCE_TREE, "/deploy/kubernetes/overlays/", GetParam()));
+        RunShell(absl::StrCat("kubectl kustomize ", PLANISH_SOURCE_TREE, "/deploy/kubernetes/overlays/", GetParam()));
     ASSERT_EQ(rendered.exit_code, 0);
     objects_ = ParseObjects(rendered.out);
     ASSERT_FALSE(objects_.all.empty());

@@ -27,7 +27,7 @@ std::string Page(const std::string& name) {
 
 std::vector<std::string> Subcommands(const std::string& program) {
   std::vector<std::string> found;
-  std::istringstream lines(Run(program + " --help").out);
+  std::istringstream lines(RunShell(program + " --help").out);
   bool here = false;
   for (std::string line, name; std::getline(lines, line);) {
     if (line.ends_with(':') && !line.starts_with(' ')) here = line == "Subcommands:";
@@ -68,7 +68,7 @@ TEST(ManPages, HaveEveryFlagOfEveryCommand) {
       const std::size_t begin = page.find("\n.SS " + full + "\n");
       ASSERT_NE(begin, std::string::npos) << full;
       const std::size_t end = page.find("\n.S", begin + 5);
-      ExpectFlags(program + " " + name, page.substr(begin, end - begin));
+      ExpectFlags(program + " " + name, page.substr(begin, end - begin) + "\n");
       waiting.emplace_back(program + " " + name, full);
       ++commands;
     }
@@ -77,10 +77,10 @@ TEST(ManPages, HaveEveryFlagOfEveryCommand) {
 }
 
 TEST(ManPages, AreRightToMan) {
-  if (Run("man --version >/dev/null 2>&1").exit_code != 0) GTEST_SKIP() << "man is not installed";
+  if (RunShell("man --version >/dev/null 2>&1").exit_code != 0) GTEST_SKIP() << "man is not installed";
   for (const std::string page : {"planish.1", "planishd.8"}) {
     const Printed shown =
-        Run("LC_ALL=C.UTF-8 MANWIDTH=100 man --warnings -l " + std::string(PLANISH_PAGES) + "/" + page + " 2>&1");
+        RunShell("LC_ALL=C.UTF-8 MANWIDTH=100 man --warnings -l " + std::string(PLANISH_PAGES) + "/" + page + " 2>&1");
     EXPECT_EQ(shown.exit_code, 0) << page;
     EXPECT_THAT(shown.out, HasSubstr("SEE ALSO")) << page;
     EXPECT_THAT(shown.out, Not(HasSubstr("warning:"))) << page;

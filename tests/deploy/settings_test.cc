@@ -111,7 +111,7 @@ TEST(Settings, TheSampleHasEveryKey) {
 TEST(Settings, TheServerTakesTheConfigurationFiles) {
   if (!ServerFlags().contains("--check-config")) GTEST_SKIP() << "this planishd has no --check-config";
   const std::string sample = std::string(PLANISH_SOURCE_TREE) + "/deploy/planishd.yaml";
-  EXPECT_EQ(Run(std::string(PLANISHD_COMMAND) + " --check-config --config=" + sample).exit_code, 0);
+  EXPECT_EQ(RunShell(std::string(PLANISHD_COMMAND) + " --check-config --config=" + sample).exit_code, 0);
 }
 
 }  // namespace

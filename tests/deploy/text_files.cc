@@ -23,7 +23,7 @@ std::string ReadSource(const std::string& path) {
   return ReadFile(std::string(PLANISH_SOURCE_TREE) + "/" + path);
 }
 
-Printed Run(const std::string& command) {
+Printed RunShell(const std::string& command) {
   Printed printed;
   FILE* pipe = popen(command.c_str(), "r");
   if (pipe == nullptr) return printed;
@@ -35,7 +35,7 @@ Printed Run(const std::string& command) {
 }
 
 std::set<std::string> FlagsOf(const std::string& program) {
-  const Printed help = Run(program + " --help");
+  const Printed help = RunShell(program + " --help");
   EXPECT_EQ(help.exit_code, 0) << program;
   std::set<std::string> flags;
   std::istringstream lines(help.out);

@@ -16,7 +16,7 @@ struct Printed {
   std::string out;  // stdout alone
 };
 // By the shell.
-Printed Run(const std::string& command);
+Printed RunShell(const std::string& command);
 
 // "--name" of every flag in the help of `program` (with subcommands, apart by blanks), those of its subcommands not.
 std::set<std::string> FlagsOf(const std::string& program);

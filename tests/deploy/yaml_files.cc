@@ -34,7 +34,8 @@ Objects ParseObjects(const std::string& text) {
 }
 
 YAML::Node At(YAML::Node node, const std::string& path) {
-  for (const std::string& key : absl::StrSplit(path, '/', absl::SkipEmpty())) {
+  for (const absl::string_view part : absl::StrSplit(path, '/', absl::SkipEmpty())) {
+    const std::string key(part);
     std::size_t index = 0;
     if (node.IsSequence() && absl::SimpleAtoi(key, &index)) {
       node.reset(node[index]);
