@@ -51,7 +51,7 @@ LogFields Facts(const v1::Job& job) {
 }  // namespace
 
 LogFields JobFields(const v1::Job& job) {
-  return {{"job", job.name()}, {"tenant", job.tenant()}, {"trace", TraceIdOf(job.traceparent())}};
+  return {{"job", job.name()}, {"tenant", job.tenant()}, {"trace", std::string(TraceIdOf(job.traceparent()))}};
 }
 
 void LogTransition(const v1::Job& job) {

@@ -192,7 +192,7 @@ WorkerPoolOptions PoolOptions(const ServerFlags& flags, Admin* admin) {
     const bool lost = !end.loss.message.empty();
     Log(lost ? LogLevel::kWarn : LogLevel::kDebug, absl::StrCat("worker ", NameOf(end.cause)),
         {{"job", end.job},
-         {"trace", TraceIdOf(end.traceparent)},
+         {"trace", std::string(TraceIdOf(end.traceparent))},
          {"jobs_served", end.jobs},
          {"reason", end.loss.reason},
          {"error", end.loss.message}});

@@ -23,6 +23,10 @@ enum class Command {
   kJobsCancel,
   kJobsDelete,
   kHealth,
+  kAdminDrain,
+  kAdminUndrain,
+  kAdminStats,
+  kAdminConfig,
   kVersion
 };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
@@ -62,6 +66,7 @@ struct Arguments {
   int limit = 50;
 
   std::string health_url = "http://127.0.0.1:9741/readyz";  // health: what to ask
+  bool wait = false;  // admin drain
 };
 
 // Either arguments, or what to print and the code to exit with.

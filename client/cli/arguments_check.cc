@@ -134,6 +134,11 @@ std::string CheckTogether(Arguments& arguments) {
         return "health asks an URL such as http://127.0.0.1:9741/readyz, not " + arguments.health_url;
       }
       return "";
+    case Command::kAdminDrain:
+    case Command::kAdminUndrain:
+    case Command::kAdminStats:
+    case Command::kAdminConfig:
+      return arguments.server.empty() ? "admin is about a server: give --server=ADDR or set PLANISH_SERVER" : "";
     case Command::kInspect:
     case Command::kVersion:
       return "";

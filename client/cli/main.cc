@@ -28,6 +28,11 @@ int Run(const Arguments& arguments) {
         return RunJobsWatch(arguments, interrupts);
       case Command::kHealth:
         return RunHealth(arguments);
+      case Command::kAdminDrain:
+      case Command::kAdminUndrain:
+      case Command::kAdminStats:
+      case Command::kAdminConfig:
+        return RunAdmin(arguments, interrupts);
       case Command::kVersion:
         return RunVersion(arguments, interrupts);
       default:

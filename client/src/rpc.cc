@@ -10,6 +10,7 @@
 #include "client/src/request_id.h"
 #include "client/src/route.h"
 #include "client/src/trace_scope.h"
+#include "planish/admin/v1/admin.grpc.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
@@ -167,7 +168,8 @@ Request NameRequest(const std::string& name) {
 }  // namespace
 
 struct Rpc::Stubs {
-  explicit Stubs(std::shared_ptr<grpc::Channel> c) : channel(std::move(c)), planish(v1::Planish::NewStub(channel)) {}
+  explicit Stubs(std::shared_ptr<grpc::Channel> c)
+      : channel(std::move(c)), planish(v1::Planish::NewStub(channel)), admin(admin::v1::Admin::NewStub(channel)) {}
 
   // Runs one unary call and throws if it fails.
   template <typename Request, typename Response>
@@ -206,8 +208,23 @@ struct Rpc::Stubs {
     }
   }
 
+  // Runs one call of an operator's.
+  template <typename Response, typename Request>
+  Response Operate(Rpc& rpc,
+                   grpc::Status (admin::v1::Admin::Stub::*method)(grpc::ClientContext*, const Request&, Response*)) {
+    const Deadline deadline = DeadlineAfter(kUnarySeconds);
+    rpc.Connect(deadline);
+    grpc::ClientContext context;
+    SetDeadline(context, deadline);
+    Response response;
+    const grpc::Status status = (admin.get()->*method)(&context, Request(), &response);
+    if (!status.ok()) throw ErrorOfCall(status, rpc.target());
+    return response;
+  }
+
   const std::shared_ptr<grpc::Channel> channel;
   const std::unique_ptr<v1::Planish::Stub> planish;
+  const std::unique_ptr<admin::v1::Admin::Stub> admin;
 };
 
 Deadline DeadlineAfter(double seconds) {
@@ -298,6 +315,22 @@ v1::Upload Rpc::GetUpload(const std::string& name) {
 std::unique_ptr<UploadStream> Rpc::WriteUpload(const std::string& name, Deadline deadline) {
   Connect(deadline);
   return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, RouteOf(name), target_);
+}
+
+void Rpc::Drain() {
+  stubs_->Operate(*this, &admin::v1::Admin::Stub::Drain);
+}
+
+void Rpc::Undrain() {
+  stubs_->Operate(*this, &admin::v1::Admin::Stub::Undrain);
+}
+
+admin::v1::Stats Rpc::GetStats() {
+  return stubs_->Operate(*this, &admin::v1::Admin::Stub::GetStats);
+}
+
+admin::v1::Config Rpc::GetConfig() {
+  return stubs_->Operate(*this, &admin::v1::Admin::Stub::GetConfig);
 }
 
 void Rpc::StopJobInBackground(const std::string& name) {

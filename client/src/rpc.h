@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "planish/admin/v1/admin.pb.h"
 #include "planish/client.h"
 #include "planish/v1/planish.pb.h"
 
@@ -86,6 +87,12 @@ class Rpc {
   v1::Upload CreateUpload(const v1::CreateUploadRequest& request);
   v1::Upload GetUpload(const std::string& name);
   std::unique_ptr<UploadStream> WriteUpload(const std::string& name, Deadline deadline);
+
+  // planish.admin.v1.Admin. Once each.
+  void Drain();
+  void Undrain();
+  admin::v1::Stats GetStats();
+  admin::v1::Config GetConfig();
 
   // Return at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
   // waits for calls that are still out, a few seconds at most.

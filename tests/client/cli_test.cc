@@ -74,6 +74,21 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.timeout_seconds, 2.5);
 }
 
+TEST(ArgumentsTest, Admin) {
+  const ParsedArguments drain = Parse({"admin", "drain", "--wait", "--server=h:1"});
+  ASSERT_TRUE(drain.arguments) << drain.err;
+  EXPECT_EQ(drain.arguments->command, Command::kAdminDrain);
+  EXPECT_TRUE(drain.arguments->wait);
+  const ParsedArguments stats = Parse({"admin", "stats", "--json", "--server=h:1"});
+  ASSERT_TRUE(stats.arguments) << stats.err;
+  EXPECT_EQ(stats.arguments->command, Command::kAdminStats);
+  EXPECT_TRUE(stats.arguments->json);
+  EXPECT_EQ(Parse({"admin", "undrain", "--server=h:1"}).arguments->command, Command::kAdminUndrain);
+  EXPECT_EQ(Parse({"admin", "config", "--server=h:1"}).arguments->command, Command::kAdminConfig);
+  EXPECT_EQ(Parse({"admin", "config"}).exit_code, kUsage) << "a private server has nothing to look after";
+  EXPECT_EQ(Parse({"admin"}).exit_code, kUsage);
+}
+
 TEST(ArgumentsTest, SeamPolicies) {
   const auto policy = [](const char* list) {
     const ParsedArguments parsed = Parse({"unwrap", "in.obj", "-o", "o.obj", list});
