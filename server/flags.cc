@@ -54,10 +54,11 @@ void DefineKeeping(CLI::App* app, ServerFlags* flags) {
   app->add_option("--store-mb", flags->store_mb, "Meshes and UV that are kept or wait, MiB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
-  app->add_option("--retain-jobs", flags->retain_jobs, "Ended jobs that are kept for later calls")
+  app->add_option("--retain-jobs", flags->retain_jobs, "Ended jobs of a tenant that are kept for later calls")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
-  app->add_option("--retain-mb", flags->retain_mb, "UV of ended jobs that are kept, MiB (the last one always is)")
+  app->add_option("--retain-mb", flags->retain_mb,
+                  "UV of ended jobs of a tenant that are kept, MiB (the last one always is)")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000'000));
   app->add_option("--retain-hours", flags->retain_hours, "Hours that UV of ended jobs are kept")
@@ -155,9 +156,13 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
       ->check(CLI::Validator(CheckHttpAddress, ""));
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
-  app->add_option("--queue", flags->queue, "Jobs that may wait beside those that run")
+  app->add_option("--queue", flags->queue, "Jobs of a tenant that may wait beside those that run")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000));
+  app->add_option("--queue-total", flags->queue_total,
+                  "Jobs of all tenants that may wait; beyond it a tenant may have an equal part of it only")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1'000'000));
   app->add_option("--max-mesh-mb", flags->max_mesh_mb, "Largest mesh that is accepted, MiB of Draco")
       ->capture_default_str()
       ->check(CLI::Range(1, 2000));

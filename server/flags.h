@@ -38,7 +38,8 @@ struct ServerFlags {
   double job_hours = 12;       // a worker may take for a job, > 0
   std::int64_t memory_mb = 0;  // MiB that running jobs may reserve, >= 1
 
-  int queue = 64;                            // jobs, >= 0
+  int queue = 64;                            // jobs of a tenant, >= 0
+  int queue_total = 1024;                    // jobs of all tenants, >= 1
   std::int64_t max_mesh_mb = 256;            // MiB, in [1, 2000]
   std::int64_t max_triangles = 100'000'000;  // >= 1
   double reattach_seconds = 10;              // >= 0

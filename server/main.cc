@@ -90,6 +90,7 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.workers = flags.workers;
   options.threads = flags.threads;
   options.queue_capacity = flags.queue;
+  options.queue_total = flags.queue_total;
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
   options.memory_bytes = flags.memory_mb * kMiB;
@@ -137,7 +138,6 @@ v1::Capabilities Capabilities(const ServerFlags& flags) {
 }
 
 void UpdateCapabilities(const JobLimits& limits, v1::Capabilities* capabilities) {
-  capabilities->set_queue_capacity(limits.queue_capacity);
   *capabilities->mutable_reattach_grace() =
       google::protobuf::util::TimeUtil::NanosecondsToDuration(absl::ToInt64Nanoseconds(limits.reattach_grace));
 }
@@ -313,7 +313,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   if (!stores.ok()) return Refuse(flags, stores.status());
   JobManagerOptions options = ManagerOptions(flags);
   monitoring.Hook(&options);
-  options.is_blob_used = [uploads = stores->uploads.get()](const std::string& sha256) { return uploads->Uses(sha256); };
+  options.is_blob_used = [uploads = stores->uploads.get()](const BlobId& id) { return uploads->Uses(id); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
   if (!opened.ok()) return Refuse(flags, opened.status());

@@ -23,7 +23,7 @@ JobGauges JobManager::Gauges() const {
     const auto created = google::protobuf::util::TimeUtil::TimestampToNanoseconds(job.create_time());
     waiting.longest = std::max(waiting.longest, now - absl::FromUnixNanos(created));
   }
-  gauges.busy_workers = running_;
+  gauges.busy_workers = queue_.running();
   gauges.reserved_memory_bytes = reserved_memory_;
   gauges.draining = draining_;
   return gauges;

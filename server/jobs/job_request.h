@@ -43,7 +43,6 @@ struct JobRequest {
   std::string label;
   // The job belongs to its callers: it is cancelled when the last JobAttachment goes.
   bool attached = false;
-  std::string traceparent;  // W3C trace context of the call
   // What is to go wrong, for tests: planish.worker.v1.WorkRequest.failpoint.
   std::string failpoint;
 
@@ -65,7 +64,9 @@ absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh
 // Seam corners and then uncut corners, each an int32, little-endian: the second blob of a WorkRequest.
 std::string PackCorners(const JobRequest& request);
 
-// SHA-256 of all that decides the result, options that do not (threads) left out.
-std::string WorkKey(const JobRequest& request, std::string_view mesh_sha256, std::string_view corners_sha256);
+// SHA-256 of all that decides the result, options that do not (threads) left out, and of whose it is: tenants share
+// nothing.
+std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
+                    std::string_view corners_sha256);
 
 }  // namespace planish

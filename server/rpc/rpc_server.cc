@@ -6,7 +6,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
-#include "grpcpp/channel.h"
 #include "grpcpp/client_context.h"
 #include "grpcpp/ext/proto_server_reflection_plugin.h"
 #include "grpcpp/generic/generic_stub.h"
@@ -73,7 +72,8 @@ absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptio
     }
   }
   if (rpc_server->server_ == nullptr) return absl::UnavailableError("cannot start the gRPC server");
-  rpc_server->server_->GetHealthCheckService()->SetServingStatus(true);
+  rpc_server->SetReady(true);  // "" is SERVING by itself
+  rpc_server->self_ = rpc_server->server_->InProcessChannel(grpc::ChannelArguments());
   return rpc_server;
 }
 
@@ -87,11 +87,19 @@ void RpcServer::SetReady(bool ready) {
 
 // By hand, since Debian has no generated code for the health service. A request without a field is for "".
 bool RpcServer::Answers(absl::Duration limit) {
-  grpc::GenericStub health(server_->InProcessChannel(grpc::ChannelArguments()));
+  std::shared_ptr<grpc::Channel> self;
+  {
+    const std::lock_guard lock(mutex_);
+    self = self_;
+  }
+  if (self == nullptr) return false;
+  grpc::GenericStub health(self);
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + limit));
   grpc::CompletionQueue queue;
-  const auto call = health.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::ByteBuffer(), &queue);
+  const grpc::Slice nothing;
+  const auto call =
+      health.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::ByteBuffer(&nothing, 1), &queue);
   call->StartCall();
   grpc::ByteBuffer answer;
   grpc::Status status;
@@ -104,6 +112,10 @@ bool RpcServer::Answers(absl::Duration limit) {
 }
 
 void RpcServer::Shutdown(absl::Time deadline) {
+  {
+    const std::lock_guard lock(mutex_);
+    self_ = nullptr;
+  }
   server_->Shutdown(absl::ToChronoTime(deadline));
   socket_files_.clear();
 }

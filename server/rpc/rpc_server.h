@@ -3,11 +3,13 @@
 
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "grpcpp/channel.h"
 #include "grpcpp/impl/service_type.h"
 #include "grpcpp/server.h"
 #include "server/rpc/call_observer.h"
@@ -53,6 +55,9 @@ class RpcServer {
   std::unique_ptr<grpc::Server> server_;
 
   std::vector<std::unique_ptr<SocketFile>> socket_files_;  // touched by Start() and Shutdown() only
+
+  std::mutex mutex_;
+  std::shared_ptr<grpc::Channel> self_;  // guarded by mutex_; null after Shutdown()
 };
 
 }  // namespace planish

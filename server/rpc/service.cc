@@ -37,7 +37,7 @@ std::vector<std::int32_t> TakeNumbers(google::protobuf::RepeatedField<std::int32
 // ends, which for Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads it
 // again.
 template <class Request>
-absl::StatusOr<JobRequest> TakeRequest(const Request* request, UploadStore* uploads) {
+absl::StatusOr<JobRequest> TakeRequest(const Caller& caller, const Request* request, UploadStore* uploads) {
   JobRequest job;
   auto* mine = const_cast<Request*>(request);
   job.draco = std::move(*mine->mutable_draco());
@@ -46,7 +46,7 @@ absl::StatusOr<JobRequest> TakeRequest(const Request* request, UploadStore* uplo
       return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
                        "the request has a mesh and an upload: which one?", {{"field", "upload"}});
     }
-    PLANISH_ASSIGN_OR_RETURN(UploadedMesh uploaded, uploads->Use(request->upload()));
+    PLANISH_ASSIGN_OR_RETURN(UploadedMesh uploaded, uploads->Use(caller, request->upload()));
     job.mesh = std::move(uploaded.mesh);
     job.mesh_sha256 = std::move(uploaded.sha256);
   }
@@ -77,11 +77,10 @@ class PlanishService : public v1::Planish::CallbackService {
                                                        const v1::UnwrapRequest* request) override {
     JobFinder create = [this, context, request]() -> absl::StatusOr<WatchedJob> {
       PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kSubmit));
-      PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(request, uploads_));
+      PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(caller, request, uploads_));
       job.attached = !request->detached();
-      job.traceparent = caller.traceparent;
       job.failpoint = Failpoint(*context);
-      PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(std::move(job)));
+      PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(caller, std::move(job)));
       return WatchedJob{std::move(accepted.events), std::move(accepted.attachment)};
     };
     JobStream::Position position;
@@ -93,9 +92,11 @@ class PlanishService : public v1::Planish::CallbackService {
                                                            const v1::WatchJobRequest* request) override {
     const JobStream::Position position = {request->after_sequence(), request->include_uv(), request->uv_offset()};
     JobFinder find = [this, context, request, position]() -> absl::StatusOr<WatchedJob> {
-      PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kJobs));
+      PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kNothing));
+      // Whoever may only submit may come back to what it lost (JobManager::Watch).
+      if (!request->attach() || !caller.rights.submit) PLANISH_RETURN_IF_ERROR(caller.CheckRight(Need::kJobs));
       PLANISH_RETURN_IF_ERROR(Validate(position));
-      return manager_->Watch(request->name(), request->attach(), request->include_uv());
+      return manager_->Watch(caller, request->name(), request->attach(), request->include_uv());
     };
     return StreamWatchJob(context, std::move(find), position, surroundings_);
   }
@@ -104,10 +105,9 @@ class PlanishService : public v1::Planish::CallbackService {
                                       v1::Job* response) override {
     return Answer(context, Need::kSubmit, response,
                   [this, context, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
-                    PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(request, uploads_));
-                    job.traceparent = caller.traceparent;
+                    PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(caller, request, uploads_));
                     job.failpoint = Failpoint(*context);
-                    PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(std::move(job)));
+                    PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(caller, std::move(job)));
                     return std::move(accepted.job);
                   });
   }
@@ -115,14 +115,14 @@ class PlanishService : public v1::Planish::CallbackService {
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context, const v1::GetJobRequest* request,
                                    v1::Job* response) override {
     return Answer(context, Need::kJobs, response,
-                  [this, request](const Caller& caller) { return manager_->Get(request->name()); });
+                  [this, request](const Caller& caller) { return manager_->Get(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context, const v1::ListJobsRequest* request,
                                      v1::ListJobsResponse* response) override {
     return Answer(context, Need::kJobs, response,
                   [this, request](const Caller& caller) -> absl::StatusOr<v1::ListJobsResponse> {
-                    PLANISH_ASSIGN_OR_RETURN(JobPage page, manager_->List(*request));
+                    PLANISH_ASSIGN_OR_RETURN(JobPage page, manager_->List(caller, *request));
                     v1::ListJobsResponse answer;
                     answer.mutable_jobs()->Assign(page.jobs.begin(), page.jobs.end());
                     answer.set_next_page_token(page.next_page_token);
@@ -133,31 +133,31 @@ class PlanishService : public v1::Planish::CallbackService {
   grpc::ServerUnaryReactor* StopJob(grpc::CallbackServerContext* context, const v1::StopJobRequest* request,
                                     v1::Job* response) override {
     return Answer(context, Need::kJobs, response,
-                  [this, request](const Caller& caller) { return manager_->Stop(request->name()); });
+                  [this, request](const Caller& caller) { return manager_->Stop(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context, const v1::CancelJobRequest* request,
                                       v1::Job* response) override {
     return Answer(context, Need::kJobs, response,
-                  [this, request](const Caller& caller) { return manager_->Cancel(request->name()); });
+                  [this, request](const Caller& caller) { return manager_->Cancel(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context, const v1::DeleteJobRequest* request,
                                       google::protobuf::Empty*) override {
     return Answer(context, Need::kJobs,
-                  [this, request](const Caller& caller) { return manager_->Delete(request->name()); });
+                  [this, request](const Caller& caller) { return manager_->Delete(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* EstimateJob(grpc::CallbackServerContext* context, const v1::EstimateJobRequest* request,
                                         v1::JobEstimate* response) override {
     return Answer(context, Need::kSubmit, response,
-                  [this, request](const Caller& caller) { return manager_->Estimate(*request); });
+                  [this, request](const Caller& caller) { return manager_->Estimate(caller, *request); });
   }
 
   grpc::ServerUnaryReactor* CreateUpload(grpc::CallbackServerContext* context, const v1::CreateUploadRequest* request,
                                          v1::Upload* response) override {
     return Answer(context, Need::kSubmit, response,
-                  [this, request](const Caller& caller) { return uploads_->Create(*request); });
+                  [this, request](const Caller& caller) { return uploads_->Create(caller, *request); });
   }
 
   grpc::ServerReadReactor<v1::WriteUploadRequest>* WriteUpload(grpc::CallbackServerContext* context,
@@ -169,19 +169,20 @@ class PlanishService : public v1::Planish::CallbackService {
   grpc::ServerUnaryReactor* GetUpload(grpc::CallbackServerContext* context, const v1::GetUploadRequest* request,
                                       v1::Upload* response) override {
     return Answer(context, Need::kSubmit, response,
-                  [this, request](const Caller& caller) { return uploads_->Get(request->name()); });
+                  [this, request](const Caller& caller) { return uploads_->Get(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* DeleteUpload(grpc::CallbackServerContext* context, const v1::DeleteUploadRequest* request,
                                          google::protobuf::Empty*) override {
     return Answer(context, Need::kSubmit,
-                  [this, request](const Caller& caller) { return uploads_->Delete(request->name()); });
+                  [this, request](const Caller& caller) { return uploads_->Delete(caller, request->name()); });
   }
 
   grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context, const v1::GetCapabilitiesRequest*,
                                             v1::Capabilities* response) override {
-    return Answer(context, Need::kNothing, response, [this](const Caller&) -> absl::StatusOr<v1::Capabilities> {
+    return Answer(context, Need::kNothing, response, [this](const Caller& caller) -> absl::StatusOr<v1::Capabilities> {
       v1::Capabilities capabilities = options_.capabilities;
+      capabilities.set_queue_capacity(manager_->QueueCapacity(caller));
       if (options_.update_capabilities) options_.update_capabilities(&capabilities);
       return capabilities;
     });

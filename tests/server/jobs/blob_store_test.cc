@@ -9,10 +9,15 @@
 #include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "gtest/gtest.h"
+#include "server/access/caller.h"
 #include "tests/server/testing/temp_dir.h"
 
 namespace planish {
 namespace {
+
+BlobId Own(const std::string& bytes) {
+  return {kDefaultTenant, Sha256(bytes)};
+}
 
 // In memory, and in files.
 class BlobStoreTest : public ::testing::TestWithParam<bool> {
@@ -29,55 +34,55 @@ class BlobStoreTest : public ::testing::TestWithParam<bool> {
 };
 
 TEST_P(BlobStoreTest, KeepsEqualBytesOnce) {
-  const auto first = store_->Put("hello");
+  const auto first = store_->Put(kDefaultTenant, "hello");
   ASSERT_TRUE(first.ok()) << first.status();
   EXPECT_EQ((*first)->bytes(), "hello");
-  EXPECT_TRUE(store_->Put("hello").ok());
+  EXPECT_TRUE(store_->Put(kDefaultTenant, "hello").ok());
   EXPECT_EQ(store_->bytes(), 5);
-  EXPECT_EQ((*store_->Find(Sha256("hello")))->bytes(), "hello");
-  EXPECT_EQ(ErrorInfoOf(store_->Find(Sha256("other")).status()).reason, "BLOB_NOT_FOUND");
+  EXPECT_EQ((*store_->Find(Own("hello")))->bytes(), "hello");
+  EXPECT_EQ(ErrorInfoOf(store_->Find(Own("other")).status()).reason, "BLOB_NOT_FOUND");
 }
 
 TEST_P(BlobStoreTest, NothingGoesWhileItIsHeld) {
-  auto held = *store_->Put("held");
-  store_->Put("not held").IgnoreError();
-  store_->Collect([](const std::string&) { return false; });
-  EXPECT_TRUE(store_->Has(Sha256("held")));
-  EXPECT_FALSE(store_->Has(Sha256("not held")));
-  EXPECT_FALSE(store_->Remove(Sha256("held")));
+  auto held = *store_->Put(kDefaultTenant, "held");
+  store_->Put(kDefaultTenant, "not held").IgnoreError();
+  store_->Collect([](const BlobId&) { return false; });
+  EXPECT_TRUE(store_->Has(Own("held")));
+  EXPECT_FALSE(store_->Has(Own("not held")));
+  EXPECT_FALSE(store_->Remove(Own("held")));
   EXPECT_EQ(held->bytes(), "held");
   held.reset();
-  EXPECT_TRUE(store_->Remove(Sha256("held")));
-  EXPECT_TRUE(store_->Remove(Sha256("held")));
+  EXPECT_TRUE(store_->Remove(Own("held")));
+  EXPECT_TRUE(store_->Remove(Own("held")));
   EXPECT_EQ(store_->bytes(), 0);
 }
 
 TEST_P(BlobStoreTest, CollectKeepsWhatIsUsed) {
-  store_->Put("used").IgnoreError();
-  store_->Collect([](const std::string& sha256) { return sha256 == Sha256("used"); });
-  EXPECT_TRUE(store_->Has(Sha256("used")));
+  store_->Put(kDefaultTenant, "used").IgnoreError();
+  store_->Collect([](const BlobId& id) { return id == Own("used"); });
+  EXPECT_TRUE(store_->Has(Own("used")));
 }
 
 TEST_P(BlobStoreTest, RefusesBeyondItsLimit) {
   Open(10);
-  EXPECT_TRUE(store_->Put("0123456789").ok());
-  EXPECT_EQ(ErrorInfoOf(store_->Put("x").status()).reason, "STORAGE_FULL");
-  EXPECT_TRUE(store_->Put("0123456789").ok()) << "it has these already";
+  EXPECT_TRUE(store_->Put(kDefaultTenant, "0123456789").ok());
+  EXPECT_EQ(ErrorInfoOf(store_->Put(kDefaultTenant, "x").status()).reason, "STORAGE_FULL");
+  EXPECT_TRUE(store_->Put(kDefaultTenant, "0123456789").ok()) << "it has these already";
 }
 
 TEST_P(BlobStoreTest, TakesOverFiles) {
   const TempDir elsewhere;
   const std::string path = elsewhere.Path("upload");
   std::ofstream(path) << "uploaded";
-  const auto blob = store_->PutFile(path, Sha256("uploaded"));
+  const auto blob = store_->PutFile(Own("uploaded"), path);
   ASSERT_TRUE(blob.ok()) << blob.status();
   EXPECT_EQ((*blob)->bytes(), "uploaded");
   EXPECT_FALSE(std::filesystem::exists(path));
-  EXPECT_EQ((*store_->Find(Sha256("uploaded")))->bytes(), "uploaded");
+  EXPECT_EQ((*store_->Find(Own("uploaded")))->bytes(), "uploaded");
 }
 
 TEST_P(BlobStoreTest, EmptyBytesAreBytes) {
-  const auto blob = store_->Put("");
+  const auto blob = store_->Put(kDefaultTenant, "");
   ASSERT_TRUE(blob.ok()) << blob.status();
   EXPECT_EQ((*blob)->bytes(), "");
 }
@@ -97,15 +102,15 @@ TEST(BlobStoreFiles, OutliveTheStoreAndHalfWrittenOnesDoNot) {
   {
     BlobStore store(directory.Path(""), 1000);
     ASSERT_TRUE(store.Open().ok());
-    ASSERT_TRUE(store.Put("kept").ok());
+    ASSERT_TRUE(store.Put(kDefaultTenant, "kept").ok());
   }
   std::ofstream(directory.Path("new-7")) << "ha";
   BlobStore store(directory.Path(""), 1000);
   ASSERT_TRUE(store.Open().ok());
   EXPECT_EQ(store.bytes(), 4);
-  EXPECT_EQ((*store.Find(Sha256("kept")))->bytes(), "kept");
+  EXPECT_EQ((*store.Find(Own("kept")))->bytes(), "kept");
   EXPECT_EQ(files(), 1);
-  store.Collect([](const std::string&) { return false; });
+  store.Collect([](const BlobId&) { return false; });
   EXPECT_EQ(files(), 0);
 }
 
@@ -119,13 +124,13 @@ TEST(BlobStoreFiles, ADiskThatIsFullIsSaidAndLeavesNothing) {
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
   const rlimit small = {1000, before.rlim_max};
   setrlimit(RLIMIT_FSIZE, &small);
-  const absl::Status status = store.Put(std::string(5000, 'x')).status();
+  const absl::Status status = store.Put(kDefaultTenant, std::string(5000, 'x')).status();
   setrlimit(RLIMIT_FSIZE, &before);
   std::signal(SIGXFSZ, handler);
   EXPECT_EQ(ErrorInfoOf(status).reason, "STORAGE_FULL");
   EXPECT_EQ(store.bytes(), 0);
   EXPECT_TRUE(std::filesystem::is_empty(directory.Path("")));
-  EXPECT_TRUE(store.Put(std::string(5000, 'x')).ok()) << "once there is room again";
+  EXPECT_TRUE(store.Put(kDefaultTenant, std::string(5000, 'x')).ok()) << "once there is room again";
 }
 
 }  // namespace

@@ -9,7 +9,7 @@ class JobOperatorTest : public JobManagerTest {
  protected:
   JobLimits Limits() { return manager_->Limits(); }
   // Why one more job is not taken.
-  std::string Refusal() { return Reason(manager_->Create(Request()).status()); }
+  std::string Refusal() { return Reason(manager_->Create(caller_, Request()).status()); }
 };
 
 TEST_F(JobOperatorTest, QueueCapacityChanges) {
@@ -44,8 +44,8 @@ TEST_F(JobOperatorTest, ResultsGoWhenTheyMayNoLongerBeKept) {
   limits.retained_jobs = 1;
   manager_->SetLimits(limits);
   manager_->Tick();
-  EXPECT_FALSE(manager_->Get(name).ok());
-  EXPECT_TRUE(manager_->Get(last).ok());
+  EXPECT_FALSE(manager_->Get(caller_, name).ok());
+  EXPECT_TRUE(manager_->Get(caller_, last).ok());
 }
 
 TEST_F(JobOperatorTest, StatsCountJobs) {

@@ -79,9 +79,6 @@ TEST_F(HttpEndpointTest, AnswersGetAndHead) {
 }
 
 TEST_F(HttpEndpointTest, RefusesWhatIsNoQuestion) {
-  httplib::Client client("127.0.0.1", port_);
-  const auto answer = client.Post("/metrics", std::string(100'000, 'x'), "text/plain");
-  if (answer) EXPECT_EQ(answer->status, 405);
   EXPECT_THAT(Raw("POST /metrics HTTP/1.1\r\nHost: a\r\nContent-Length: 3\r\n\r\nabc"), StartsWith("HTTP/1.1 405"));
   EXPECT_THAT(Raw("BREW /pot HTCPCP/1.0\r\n\r\n"), StartsWith("HTTP/1.1 400"));
   EXPECT_THAT(Raw(std::string("GET /../../etc/passwd HTTP/1.1\r\n\r\n")), StartsWith("HTTP/1.1 404"));

@@ -40,7 +40,7 @@ WorkerPoolOptions Workers(int count) {
 }
 
 JobManagerOptions WithUploads(JobManagerOptions options, UploadStore* uploads) {
-  options.is_blob_used = [uploads](const std::string& sha256) { return uploads->Uses(sha256); };
+  options.is_blob_used = [uploads](const BlobId& id) { return uploads->Uses(id); };
   return options;
 }
 
@@ -56,12 +56,13 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   static const bool kept = (grpc_init(), true);
   static_cast<void>(kept);
-  v1::Capabilities capabilities;
-  capabilities.set_version("1.2.3");
-  capabilities.set_workers(options.workers);
-  capabilities.set_upload_chunk_bytes(64 << 10);
-  service_ = NewPlanishService(manager_.get(), &uploads_, callers_.get(),
-                               {std::move(capabilities), true, progress_per_second}, &streams_);
+  ServiceOptions service_options;
+  service_options.capabilities.set_version("1.2.3");
+  service_options.capabilities.set_workers(options.workers);
+  service_options.capabilities.set_upload_chunk_bytes(64 << 10);
+  service_options.failpoints = true;
+  service_options.progress_per_second = progress_per_second;
+  service_ = NewPlanishService(manager_.get(), &uploads_, callers_.get(), std::move(service_options), &streams_);
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;

@@ -21,6 +21,9 @@
 
 namespace planish {
 
+// Who makes all calls where an RpcTestServer is not told otherwise.
+inline const Caller kEverybody = {kDefaultTenant, "", Rights::All(), ""};
+
 class RpcTestServer {
  public:
   explicit RpcTestServer(WorkerScript script, JobManagerOptions options = JobManagerOptions(),
