@@ -154,6 +154,7 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
                   "HOST:PORT for /metrics (Prometheus), /livez and /readyz over plain HTTP [off]")
       ->type_name("ADDR")
       ->check(CLI::Validator(CheckHttpAddress, ""));
+  DefineSecurity(app, &flags->security);
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
   app->add_option("--queue", flags->queue, "Jobs of a tenant that may wait beside those that run")
@@ -212,6 +213,7 @@ class CommandLine {
     }
     if (!errors.empty()) return absl::InvalidArgumentError(absl::StrJoin(errors, "\n"));
     Derive();
+    PLANISH_RETURN_IF_ERROR(CheckSecurity(flags_.listen, &flags_.security));
     return ServerConfig{flags_, settings_->InEffect(),
                         settings_->UnknownVariables(environment, {absl::StrCat(kEnvironmentPrefix, "CONFIG")})};
   }

@@ -14,6 +14,7 @@
 #include "server/log/log.h"
 #include "server/metrics/http_endpoint.h"
 #include "server/rpc/listen_address.h"
+#include "server/security_flags.h"
 
 namespace planish {
 
@@ -44,6 +45,8 @@ struct ServerFlags {
   std::int64_t max_triangles = 100'000'000;  // >= 1
   double reattach_seconds = 10;              // >= 0
   double grace_seconds = 30;                 // >= 0
+
+  SecurityFlags security;
 
   LogLevel log_level = LogLevel::kInfo;
   LogFormat log_format = LogFormat::kHuman;

@@ -24,6 +24,7 @@
 #include "server/admin.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
+#include "server/front_door.h"
 #include "server/job_log.h"
 #include "server/jobs/blob_store.h"
 #include "server/jobs/ids.h"
@@ -37,7 +38,6 @@
 #include "server/log/output_lines.h"
 #include "server/monitoring.h"
 #include "server/reload.h"
-#include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/service.h"
 #include "server/service_manager.h"
@@ -62,6 +62,7 @@ constexpr std::int64_t kInlineMeshBytes = 4 * kMiB;
 constexpr absl::Duration kSilenceLimit = absl::Minutes(30);
 
 constexpr absl::Duration kUpkeepInterval = absl::Milliseconds(100);
+constexpr absl::Duration kFileWatchInterval = absl::Milliseconds(250);
 
 // How long workers may take to obey, and readers to take in the last events, before they are cut off.
 constexpr absl::Duration kCancelLimit = absl::Seconds(5);
@@ -256,6 +257,7 @@ WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobM
   server.memory_limit_bytes = flags.memory_mb * kMiB;
   server.store_limit_bytes = flags.store_mb * kMiB;
   server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
+  watched.certificate_file = flags.security.tls.certificate;
   return server;
 }
 
@@ -277,7 +279,7 @@ int Refuse(const ServerFlags& flags, const absl::Status& status) {
 }
 
 // Hooks for what can change without a restart. `grace_seconds` is for the caller's own thread.
-void AddReloadHooks(JobManager* manager, UploadStore* uploads, WorkerPool* pool, double* grace_seconds,
+void AddReloadHooks(FrontDoor* door, JobManager* manager, UploadStore* uploads, WorkerPool* pool, double* grace_seconds,
                     Reloader* reloader) {
   using Keys = std::vector<std::string>;
   const auto add = [reloader](const Keys& keys, std::function<void(const ServerFlags&)> apply) {
@@ -290,6 +292,11 @@ void AddReloadHooks(JobManager* manager, UploadStore* uploads, WorkerPool* pool,
       [manager](const ServerFlags& flags) { manager->SetLimits(Limits(flags)); });
   add({"uploads-mb"}, [uploads](const ServerFlags& flags) { uploads->SetMaxBytes(flags.max_uploads_mb * kMiB); });
   add({"recycle-after"}, [pool](const ServerFlags& flags) { pool->SetRecycleAfter(flags.recycle_after); });
+  // Files, whose names stay; they are read again whenever they change as well.
+  reloader->AddHook({}, [door](const ServerFlags&) -> absl::StatusOr<std::function<void()>> {
+    PLANISH_RETURN_IF_ERROR(door->Reload());
+    return std::function<void()>([] {});
+  });
   add({"grace"}, [grace_seconds](const ServerFlags& flags) { *grace_seconds = flags.grace_seconds; });
 }
 
@@ -302,16 +309,20 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   SetUpLogging(flags);
   for (const std::string& warning : config.warnings) LogWarn(warning);
   AllowManyDescriptors();
-  std::signal(SIGXFSZ, SIG_IGN);                         // a file that may not grow is a disk that is full
-  KeepFreedMemory();                                     // until the job ends (worker.cc)
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
+  // Until the job ends (worker.cc). A server without jobs in it gives back what a burst of large requests took.
+  if (!flags.isolated) KeepFreedMemory();
   Monitoring monitoring(PLANISH_VERSION, LogReadiness);  // first, so that probes are answered while stores are opened
   if (flags.metrics_listen.has_value()) {
     if (const absl::Status status = monitoring.Listen(*flags.metrics_listen); !status.ok())
       return Refuse(flags, status);
   }
+  const absl::StatusOr<std::unique_ptr<FrontDoor>> door = FrontDoor::Open(flags.security);
+  if (!door.ok()) return Refuse(flags, door.status());
   absl::StatusOr<Stores> stores = OpenStores(flags);
   if (!stores.ok()) return Refuse(flags, stores.status());
   JobManagerOptions options = ManagerOptions(flags);
+  options.tenant_limits = (*door)->limits();
   monitoring.Hook(&options);
   options.is_blob_used = [uploads = stores->uploads.get()](const BlobId& id) { return uploads->Uses(id); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
@@ -319,7 +330,6 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   if (!opened.ok()) return Refuse(flags, opened.status());
   JobManager& manager = **opened;
   StreamCounter streams;
-  const std::unique_ptr<CallerSource> callers = NewOpenCallerSource();
   ServiceOptions service_options;
   service_options.capabilities = Capabilities(flags);
   service_options.failpoints = flags.failpoints;
@@ -327,12 +337,16 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
     UpdateCapabilities(manager.Limits(), capabilities);
   };
   const std::unique_ptr<grpc::Service> service =
-      NewPlanishService(&manager, stores->uploads.get(), callers.get(), std::move(service_options), &streams);
+      NewPlanishService(&manager, stores->uploads.get(), &(*door)->callers(), std::move(service_options), &streams);
   Reloader reloader(config.settings);
   Admin admin(&manager, &reloader, &service_manager);
-  const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), callers.get());
-  absl::StatusOr<std::unique_ptr<RpcServer>> rpc = RpcServer::Start(
-      {flags.listen, flags.max_mesh_mb * kMiB, monitoring.Calls()}, {service.get(), admin_service.get()});
+  const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), &(*door)->callers());
+  RpcServerOptions rpc_options;
+  rpc_options.listen = flags.listen;
+  rpc_options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
+  rpc_options.on_call = monitoring.Calls();
+  (*door)->Configure(&rpc_options);
+  absl::StatusOr<std::unique_ptr<RpcServer>> rpc = RpcServer::Start(rpc_options, {service.get(), admin_service.get()});
   if (!rpc.ok()) return Refuse(flags, rpc.status());
   auto worker_output = std::make_unique<OutputLines>([](const std::string& line) {
     LogWarn(line, {{"source", "worker"}});
@@ -349,15 +363,13 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc->get()));
 
   double grace_seconds = flags.grace_seconds;
-  AddReloadHooks(&manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);
+  AddReloadHooks(door->get(), &manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);
 
   const std::string listens = absl::StrCat("listens on ", absl::StrJoin((*rpc)->addresses(), ", "), " with ",
                                            flags.workers, " workers of up to ", flags.threads, " threads");
   LogInfo("planishd " PLANISH_VERSION " " + listens);
-  for (const ListenAddress& address : flags.listen) {
-    if (!IsLocal(address)) LogWarn(address.text + " is open to the network, without encryption or authentication");
-  }
   if (const auto address = monitoring.address()) LogInfo("metrics and probes at http://" + *address);
+  const Upkeep file_watch(kFileWatchInterval, [door = door->get()] { door->Tick(); });
   events.TellReady();
   service_manager.Ready(listens);
 

@@ -104,6 +104,7 @@ void AddServer(CLI::App& app, Arguments& arguments, const std::string& otherwise
   app.add_option("--server", arguments.server, "host:port or unix:/path; " + otherwise)
       ->envname("PLANISH_SERVER")
       ->type_name("ADDR");
+  AddServerFlags(app, arguments.server_flags);
 }
 
 void AddJson(CLI::App& app, Arguments& arguments) {

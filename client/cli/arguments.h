@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/cli/seam_list.h"
+#include "client/cli/server_flags.h"
 #include "planish/types.h"
 
 namespace planish::cli {
@@ -34,6 +35,7 @@ enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 struct Arguments {
   Command command = Command::kUnwrap;
   std::string server;  // empty: a private one
+  ServerFlags server_flags;
   bool json = false;
   ProgressMode progress = ProgressMode::kAuto;
 

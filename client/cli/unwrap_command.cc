@@ -131,7 +131,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     command.LoadInput();
     ServerNeeds needs;
     needs.threads = arguments.options.threads;
-    ServerChoice server(arguments.server, interrupts, needs);
+    ServerChoice server(arguments.server, arguments.server_flags, interrupts, needs);
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
     call_options.label = ValidUtf8(arguments.label.empty() ? file_name : arguments.label);
@@ -176,7 +176,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
   std::stop_source stop;
   try {
     command.LoadInput();
-    ServerChoice server(arguments.server, interrupts);
+    ServerChoice server(arguments.server, arguments.server_flags, interrupts);
     view = NewProgressView(arguments.progress, arguments.job);
     // The job is not ours to cancel.
     interrupts.SetCancel([stop]() mutable { stop.request_stop(); });

@@ -97,7 +97,7 @@ void Follower::RunOneStream() {
     }
     error = stream_->Finish();
   } catch (const Error& e) {
-    if (e.reason() != "SERVER_UNREACHABLE") throw;
+    if (!IsUnreachable(e)) throw;
     error = e;
   }
   {

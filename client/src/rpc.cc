@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "client/src/backoff.h"
+#include "client/src/connection.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
 #include "client/src/route.h"
@@ -25,30 +26,7 @@ constexpr double kUnarySeconds = 20;
 constexpr double kBackgroundSeconds = 5;
 constexpr double kLongestPauseSeconds = 2;
 
-std::shared_ptr<grpc::Channel> NewChannel(const std::string& target, const ClientOptions& options) {
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(-1);
-  arguments.SetMaxSendMessageSize(-1);
-  // gRPC's own pace (20 s an attempt, 1 s and more between them) is for servers that talk to servers.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(1000 * options.connect_timeout_seconds));
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
-  // A peer that vanished without a word is noticed within half a minute.
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
-  // Clients to different servers, or to one server started anew, must not share connections and their back-off.
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  arguments.SetUserAgentPrefix(std::string("planish/") + Version());
-  return grpc::CreateCustomChannel(target, grpc::InsecureChannelCredentials(), arguments);
-}
-
-// gRPC wraps the cause in "failed to connect to all addresses; last error: UNKNOWN: ...: Connection refused".
-std::string ConnectionCause(const std::string& message) {
-  const std::size_t colon = message.rfind(": ");
-  return colon == std::string::npos ? message : message.substr(colon + 2);
-}
-
-Error ErrorOfCall(const grpc::Status& status, const std::string& target) {
+Error ErrorOfCall(const grpc::Status& status, const Connection& connection) {
   google::rpc::Status rich;
   if (!status.error_details().empty() && rich.ParseFromString(status.error_details()) && rich.details_size() > 0) {
     return ErrorFrom(rich);
@@ -56,23 +34,18 @@ Error ErrorOfCall(const grpc::Status& status, const std::string& target) {
   rich.set_code(static_cast<int>(status.error_code()));
   rich.set_message(status.error_message());
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-    return Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE",
-                 "cannot reach the planish server at " + target + ": " + ConnectionCause(status.error_message()));
+    return connection.WhyUnreachable(status.error_message());
   }
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) rich.set_message("the time given to the call passed");
   return ErrorFrom(rich);
 }
 
-void AddTrace(grpc::ClientContext& context) {
-  context.AddMetadata("traceparent", NextTraceparent());
-}
-
-void SetDeadline(grpc::ClientContext& context, Deadline deadline) {
+// What every call needs. `route`: the server that it is for, empty for any.
+void Prepare(grpc::ClientContext& context, const Connection& connection, Deadline deadline, const std::string& route) {
   if (deadline) context.set_deadline(*deadline);
-}
-
-void SetRoute(grpc::ClientContext& context, const std::string& route) {
+  context.AddMetadata("traceparent", NextTraceparent());
   if (!route.empty()) context.AddMetadata(kRouteKey, route);
+  connection.Prepare(context);
 }
 
 template <typename Response>
@@ -80,11 +53,9 @@ class GrpcStream : public Stream {
  public:
   using Opener = std::function<std::unique_ptr<grpc::ClientReader<Response>>(grpc::ClientContext*)>;
 
-  GrpcStream(Deadline deadline, const std::string& route, std::string target, Opener opener)
-      : target_(std::move(target)), opener_(std::move(opener)) {
-    AddTrace(context_);
-    SetDeadline(context_, deadline);
-    SetRoute(context_, route);
+  GrpcStream(Deadline deadline, const std::string& route, std::shared_ptr<const Connection> connection, Opener opener)
+      : connection_(std::move(connection)), opener_(std::move(opener)) {
+    Prepare(context_, *connection_, deadline, route);
   }
 
   // The stream may be abandoned half-way, by an exception of a callback for instance.
@@ -109,13 +80,13 @@ class GrpcStream : public Stream {
     finished_ = true;
     const grpc::Status status = reader_->Finish();
     if (status.ok()) return std::nullopt;
-    return ErrorOfCall(status, target_);
+    return ErrorOfCall(status, *connection_);
   }
 
   void TryCancel() override { context_.TryCancel(); }
 
  private:
-  const std::string target_;
+  const std::shared_ptr<const Connection> connection_;
   const Opener opener_;
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReader<Response>> reader_;
@@ -124,11 +95,10 @@ class GrpcStream : public Stream {
 
 class GrpcUploadStream : public UploadStream {
  public:
-  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, const std::string& route, std::string target)
-      : target_(std::move(target)) {
-    AddTrace(context_);
-    SetDeadline(context_, deadline);
-    SetRoute(context_, route);
+  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, const std::string& route,
+                   std::shared_ptr<const Connection> connection)
+      : connection_(std::move(connection)) {
+    Prepare(context_, *connection_, deadline, route);
     writer_ = stub->WriteUpload(&context_, &upload_);
   }
 
@@ -144,14 +114,14 @@ class GrpcUploadStream : public UploadStream {
     writer_->WritesDone();
     finished_ = true;
     const grpc::Status status = writer_->Finish();
-    if (!status.ok()) throw ErrorOfCall(status, target_);
+    if (!status.ok()) throw ErrorOfCall(status, *connection_);
     return std::move(upload_);
   }
 
   void TryCancel() override { context_.TryCancel(); }
 
  private:
-  const std::string target_;
+  const std::shared_ptr<const Connection> connection_;
   grpc::ClientContext context_;
   v1::Upload upload_;
   std::unique_ptr<grpc::ClientWriter<v1::WriteUploadRequest>> writer_;
@@ -168,8 +138,11 @@ Request NameRequest(const std::string& name) {
 }  // namespace
 
 struct Rpc::Stubs {
-  explicit Stubs(std::shared_ptr<grpc::Channel> c)
-      : channel(std::move(c)), planish(v1::Planish::NewStub(channel)), admin(admin::v1::Admin::NewStub(channel)) {}
+  explicit Stubs(std::shared_ptr<const Connection> c)
+      : connection(std::move(c)),
+        channel(connection->NewChannel()),
+        planish(v1::Planish::NewStub(channel)),
+        admin(admin::v1::Admin::NewStub(channel)) {}
 
   // Runs one unary call and throws if it fails.
   template <typename Request, typename Response>
@@ -177,12 +150,10 @@ struct Rpc::Stubs {
                  const Request& request, const std::string& route, Deadline deadline) {
     rpc.Connect(deadline);
     grpc::ClientContext context;
-    AddTrace(context);
-    SetDeadline(context, deadline);
-    SetRoute(context, route);
+    Prepare(context, *connection, deadline, route);
     Response response;
     const grpc::Status status = (planish.get()->*method)(&context, request, &response);
-    if (!status.ok()) throw ErrorOfCall(status, rpc.target());
+    if (!status.ok()) throw ErrorOfCall(status, *connection);
     return response;
   }
 
@@ -215,13 +186,14 @@ struct Rpc::Stubs {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
     rpc.Connect(deadline);
     grpc::ClientContext context;
-    SetDeadline(context, deadline);
+    Prepare(context, *connection, deadline, "");
     Response response;
     const grpc::Status status = (admin.get()->*method)(&context, Request(), &response);
-    if (!status.ok()) throw ErrorOfCall(status, rpc.target());
+    if (!status.ok()) throw ErrorOfCall(status, *connection);
     return response;
   }
 
+  const std::shared_ptr<const Connection> connection;
   const std::shared_ptr<grpc::Channel> channel;
   const std::unique_ptr<v1::Planish::Stub> planish;
   const std::unique_ptr<admin::v1::Admin::Stub> admin;
@@ -233,7 +205,11 @@ Deadline DeadlineAfter(double seconds) {
 }
 
 Rpc::Rpc(const std::string& target, const ClientOptions& options)
-    : target_(target), options_(options), stubs_(std::make_shared<Stubs>(NewChannel(target, options))) {}
+    : options_(options), stubs_(std::make_shared<Stubs>(std::make_shared<Connection>(target, options))) {}
+
+const std::string& Rpc::target() const {
+  return stubs_->connection->target();
+}
 
 Rpc::~Rpc() = default;
 
@@ -245,8 +221,7 @@ bool Rpc::Connect(Deadline deadline) {
   auto state = channel.GetState(true);
   for (; state == GRPC_CHANNEL_IDLE || state == GRPC_CHANNEL_CONNECTING; state = channel.GetState(true)) {
     if (channel.WaitForStateChange(state, until)) continue;
-    throw Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE",
-                "cannot reach the planish server at " + target_ + ": no connection in time");
+    throw stubs_->connection->WhyUnreachable("no connection in time");
   }
   if (state == GRPC_CHANNEL_READY) reached_ = true;
   return state == GRPC_CHANNEL_READY;
@@ -254,13 +229,13 @@ bool Rpc::Connect(Deadline deadline) {
 
 std::unique_ptr<Stream> Rpc::Unwrap(const v1::UnwrapRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::UnwrapResponse>>(
-      deadline, RouteOf(request.upload()), target_,
+      deadline, RouteOf(request.upload()), stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->Unwrap(context, request); });
 }
 
 std::unique_ptr<Stream> Rpc::WatchJob(const v1::WatchJobRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::WatchJobResponse>>(
-      deadline, RouteOf(request.name()), target_,
+      deadline, RouteOf(request.name()), stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->WatchJob(context, request); });
 }
 
@@ -314,7 +289,7 @@ v1::Upload Rpc::GetUpload(const std::string& name) {
 
 std::unique_ptr<UploadStream> Rpc::WriteUpload(const std::string& name, Deadline deadline) {
   Connect(deadline);
-  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, RouteOf(name), target_);
+  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, RouteOf(name), stubs_->connection);
 }
 
 void Rpc::Drain() {
@@ -334,16 +309,14 @@ admin::v1::Config Rpc::GetConfig() {
 }
 
 void Rpc::StopJobInBackground(const std::string& name) {
-  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
-    SetRoute(*context, RouteOf(name));
+  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.StopJob(context, NameRequest<v1::StopJobRequest>(name), &job);
   });
 }
 
 void Rpc::CancelJobInBackground(const std::string& name) {
-  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
-    SetRoute(*context, RouteOf(name));
+  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.CancelJob(context, NameRequest<v1::CancelJobRequest>(name), &job);
   });
@@ -352,12 +325,15 @@ void Rpc::CancelJobInBackground(const std::string& name) {
 // Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
 // would have to wait for themselves. Whether the call got through shows in the job's own stream.
 template <typename Call>
-void Rpc::InBackground(Call call) {
+void Rpc::InBackground(const std::string& route, Call call) {
   const std::lock_guard lock(background_mutex_);
-  background_.emplace_back([stubs = stubs_, call = std::move(call), traceparent = NextTraceparent()] {
+  background_.emplace_back([stubs = stubs_, route, call = std::move(call), traceparent = NextTraceparent()] {
     grpc::ClientContext context;
-    context.AddMetadata("traceparent", traceparent);
-    SetDeadline(context, DeadlineAfter(kBackgroundSeconds));
+    try {
+      Prepare(context, *stubs->connection, DeadlineAfter(kBackgroundSeconds), route);
+    } catch (const Error&) {
+      return;  // no token any more: the call would be refused
+    }
     call(*stubs->planish, &context);
   });
 }

@@ -57,12 +57,13 @@ class UploadStream {
 // job or an upload say in their metadata which server's it is, if its name does (route.h).
 class Rpc {
  public:
+  // Throws as Client::Client does.
   Rpc(const std::string& target, const ClientOptions& options);
   ~Rpc();
-  const std::string& target() const { return target_; }
+  const std::string& target() const;
 
   // Whether a connection stands, waiting for it until it fails, or connect_timeout_seconds or `deadline` pass. The
-  // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE.
+  // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE or TLS_FAILED.
   bool Connect(Deadline deadline);
 
   // Whether there was a connection, ever.
@@ -102,9 +103,8 @@ class Rpc {
  private:
   struct Stubs;
   template <typename Call>
-  void InBackground(Call call);
+  void InBackground(const std::string& route, Call call);
 
-  std::string target_;
   ClientOptions options_;
   std::shared_ptr<Stubs> stubs_;
   std::atomic<bool> reached_ = false;

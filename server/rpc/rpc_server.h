@@ -14,6 +14,9 @@
 #include "grpcpp/server.h"
 #include "server/rpc/call_observer.h"
 #include "server/rpc/listen_address.h"
+#include "server/rpc/peer_users.h"
+#include "server/rpc/tls_identity.h"
+#include "server/rpc/unix_acceptor.h"
 
 namespace planish {
 
@@ -21,6 +24,15 @@ struct RpcServerOptions {
   std::vector<ListenAddress> listen;  // at least one
   std::int64_t max_mesh_bytes = 0;
   CallListener on_call;  // null: nobody listens
+
+  // For all TCP addresses; null: plaintext. Unix sockets never need it.
+  std::shared_ptr<TlsIdentity> tls;
+  // Learns who connects to Unix sockets. Must outlive the server's Shutdown(); null: nobody wants to know.
+  PeerUsers* peers = nullptr;
+  // Of socket files, as for chmod.
+  unsigned socket_mode = 0600;
+  // Bytes that connections and messages on the way in may take together, more or less; 0: no limit. server/README.md.
+  std::int64_t quota_bytes = 0;
 };
 
 // Thread-safe.
@@ -49,6 +61,7 @@ class RpcServer {
 
  private:
   RpcServer() = default;
+  void ServeUnixSockets(std::vector<std::unique_ptr<UnixListener>> listeners, PeerUsers* peers);
 
   // Constant after Start().
   std::vector<std::string> addresses_;
@@ -58,6 +71,10 @@ class RpcServer {
 
   std::mutex mutex_;
   std::shared_ptr<grpc::Channel> self_;  // guarded by mutex_; null after Shutdown()
+  // Touched by Start() and Shutdown() only.
+  std::unique_ptr<PeerUsers> own_peers_;
+  std::unique_ptr<UnixAcceptor> acceptor_;
+  std::vector<std::unique_ptr<SocketFile>> socket_files_;
 };
 
 }  // namespace planish

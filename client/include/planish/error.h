@@ -41,11 +41,13 @@ class Error : public std::runtime_error {
   ErrorCode code() const { return code_; }
   // For programs: a reason of planish.v1.Job.error or of a call's ErrorInfo, or one of this library's own:
   //   SERVER_UNREACHABLE     no connection (kUnavailable)
+  //   TLS_FAILED             no connection, because of a certificate, or one side speaks TLS alone (kUnavailable)
   //   CONNECTION_LOST        the stream broke and re-attaching failed (kUnavailable)
   //   DEADLINE_EXCEEDED      CallOptions::timeout_seconds passed
   //   CANCELLED              by the caller, or by someone else on the server
   //   MESH_MISMATCH          the job's mesh is not the one that was given (kFailedPrecondition)
   //   UV_CORRUPT             the UV do not have the promised SHA-256 or size (kDataLoss)
+  //   OPTIONS_INVALID        ClientOptions that cannot be, or name files that cannot be used (kInvalidArgument)
   //   PRIVATE_SERVER_FAILED  planishd was not found or did not start (kUnavailable)
   const std::string& reason() const { return reason_; }
   // Further facts, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's own order.
