@@ -257,7 +257,7 @@ WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobM
   server.memory_limit_bytes = flags.memory_mb * kMiB;
   server.store_limit_bytes = flags.store_mb * kMiB;
   server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
-  watched.certificate_file = flags.security.tls.certificate;
+  server.certificate_file = flags.security.tls.certificate;
   return server;
 }
 

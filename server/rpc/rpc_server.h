@@ -67,10 +67,9 @@ class RpcServer {
   std::vector<std::string> addresses_;
   std::unique_ptr<grpc::Server> server_;
 
-  std::vector<std::unique_ptr<SocketFile>> socket_files_;  // touched by Start() and Shutdown() only
-
   std::mutex mutex_;
   std::shared_ptr<grpc::Channel> self_;  // guarded by mutex_; null after Shutdown()
+
   // Touched by Start() and Shutdown() only.
   std::unique_ptr<PeerUsers> own_peers_;
   std::unique_ptr<UnixAcceptor> acceptor_;
