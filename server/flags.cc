@@ -11,11 +11,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-<<<<<<< ours
-#include "server/jobs/ids.h"
-=======
 #include "core/base/status_macros.h"
->>>>>>> theirs
+#include "server/jobs/ids.h"
 #include "server/memory_limit.h"
 
 namespace planish {
