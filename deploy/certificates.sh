@@ -30,7 +30,10 @@ shift
 days=825
 client_name=planish-client
 umask 077
-mkdir -p "$dir"
+if [ ! -d "$dir" ]; then
+  mkdir -p "$dir"
+  chmod 750 "$dir"
+fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
@@ -42,9 +45,13 @@ quietly() {
   }
 }
 
-# Puts a file in place that was made elsewhere, complete, and says so.
+# Puts a file in place that was made elsewhere, complete, and says so. What the server reads is for the group too: in a
+# container it is another user, who is let into that group (docker run --group-add).
 keep() {
-  chmod 600 "$work/new"
+  case $1 in
+    server.pem | server-key.pem | ca.pem | access.yaml) chmod 640 "$work/new" ;;
+    *) chmod 600 "$work/new" ;;
+  esac
   mv "$work/new" "$dir/$1"
   echo "made $dir/$1" >&2
 }

@@ -27,11 +27,11 @@ bench="gnuplot-nox libcgal-dev blender python3-numpy"
 # What only deploy/fuzz.sh needs: a compiler with libFuzzer, its OpenMP, and names of functions in its reports.
 fuzz="clang-14 libclang-rt-14-dev libomp-14-dev llvm-14"
 
-# What the installed programs need.
+# What the installed programs need; the certificates are for `planish` and servers that have one of a public authority.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libdraco7 libcholmod3 libopenblas0-serial
   libpng16-16 libsqlite3-0 libseccomp2 libgomp1 libspdlog1.10 libfmt9 libssl3
-  libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11"
+  libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 ca-certificates"
 
 fail() {
   echo "install-packages: $*" >&2

@@ -12,6 +12,8 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
+#include "server/config/choice.h"
+#include "server/jobs/ids.h"
 #include "server/memory_limit.h"
 
 namespace planish {
@@ -19,33 +21,6 @@ namespace {
 
 constexpr int kBadUsage = 2;
 constexpr int kMaxThreads = 256;
-
-// An option whose value is one of some words; its default is what `target` holds.
-template <class Value>
-void AddChoice(CLI::App* app, const std::string& flag, Value* target,
-               const std::vector<std::pair<std::string, Value>>& choices, const std::string& description) {
-  std::vector<std::string> words;
-  std::string otherwise;
-  for (const auto& [word, value] : choices) {
-    words.push_back(word);
-    if (value == *target) otherwise = word;
-  }
-  const auto is_word = [words](const std::string& text) {
-    const bool known = std::find(words.begin(), words.end(), text) != words.end();
-    return known ? std::string() : absl::StrCat(text, " is none of ", absl::StrJoin(words, ", "));
-  };
-  app->add_option_function<std::string>(
-         flag,
-         [target, choices](const std::string& text) {
-           for (const auto& [word, value] : choices) {
-             if (word == text) *target = value;
-           }
-         },
-         description)
-      ->check(CLI::Validator(is_word, ""))
-      ->default_str(otherwise)
-      ->type_name(absl::StrJoin(words, "|"));
-}
 
 void DefineKeeping(CLI::App* app, ServerFlags* flags) {
   app->add_option("--data-dir", flags->data_dir,
@@ -134,6 +109,10 @@ std::string CheckHttpAddress(const std::string& text) {
   return std::string(ParseHttpAddress(text).status().message());
 }
 
+std::string CheckInstance(const std::string& name) {
+  return IsInstanceName(name) ? "" : "a name has 1 to 63 of the characters a to z, 0 to 9 and -";
+}
+
 void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen, std::string* metrics_listen) {
   app->set_version_flag("--version", "planishd " PLANISH_VERSION);
   app->add_option("--listen", *listen, "HOST:PORT or unix:PATH; may be given several times")
@@ -141,6 +120,11 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
       ->type_name("ADDR")
       ->check(CLI::Validator(CheckAddress, ""))
       ->allow_extra_args(false);
+  app->add_option("--instance", flags->instance,
+                  "Name of this server among others behind a proxy: its jobs are called jobs/NAME.ID, and callers say "
+                  "NAME in the metadata planish-route")
+      ->type_name("NAME")
+      ->check(CLI::Validator(CheckInstance, ""));
   app->add_option("--metrics-listen", *metrics_listen,
                   "HOST:PORT for /metrics (Prometheus), /livez and /readyz over plain HTTP [off]")
       ->type_name("ADDR")

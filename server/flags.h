@@ -22,6 +22,8 @@ struct ServerFlags {
   std::vector<ListenAddress> listen;                  // at least one
   std::optional<HttpEndpointOptions> metrics_listen;  // nothing: no metrics and probes over HTTP
 
+  std::string instance;  // part of the names of jobs and uploads (IdsOf()); empty: none
+
   std::string data_dir;                // empty: everything is kept in memory and ends with the process
   std::int64_t store_mb = 4096;        // MiB of meshes and UV, kept or waiting, >= 1
   int retain_jobs = 256;               // >= 1

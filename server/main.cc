@@ -27,6 +27,7 @@
 #include "server/front_door.h"
 #include "server/job_log.h"
 #include "server/jobs/blob_store.h"
+#include "server/jobs/ids.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/upload_store.h"
@@ -99,6 +100,7 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.retained_bytes = limits.retained_bytes;
   options.retained_time = limits.retained_time;
   options.reattach_grace = limits.reattach_grace;
+  options.new_id = IdsOf(flags.instance);
   options.validate_options = ValidateOptions;
   options.estimate = [](std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                         const v1::UnwrapOptions& unwrap) -> absl::StatusOr<JobNeeds> {
@@ -115,6 +117,7 @@ UploadStoreOptions UploadOptions(const ServerFlags& flags, const std::optional<D
   if (directory.has_value()) options.directory = directory->uploads();
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_bytes = flags.max_uploads_mb * kMiB;
+  options.new_id = IdsOf(flags.instance);
   return options;
 }
 

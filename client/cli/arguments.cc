@@ -360,6 +360,15 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
 }
 
+void DefineHealth(CLI::App& app, Arguments& arguments) {
+  CLI::App& health = *app.add_subcommand("health", "Ask a server by HTTP whether it is ready for jobs");
+  health.parse_complete_callback([&arguments] { arguments.command = Command::kHealth; });
+  health.footer(
+      "For probes, beside planishd --metrics-listen; needs no credentials. /livez in place of /readyz asks whether it "
+      "serves at all.\nExit codes: 0 yes, 1 no, 3 nobody answers.");
+  health.add_option("URL", arguments.health_url, "What to ask [http://127.0.0.1:9741/readyz]")->type_name("");
+}
+
 CLI::App& AddAdminCommand(CLI::App& admin, Arguments& arguments, Command command, const std::string& name,
                           const std::string& description) {
   CLI::App& app = *admin.add_subcommand(name, description);
@@ -393,6 +402,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   DefineInspect(app, arguments);
   DefineEstimate(app, arguments);
   DefineJobs(app, arguments);
+  DefineHealth(app, arguments);
   DefineAdmin(app, arguments);
   CLI::App& version = *app.add_subcommand("version", "Versions of this command and of the server");
   version.parse_complete_callback([&arguments] { arguments.command = Command::kVersion; });

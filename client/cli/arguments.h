@@ -23,6 +23,7 @@ enum class Command {
   kJobsStop,
   kJobsCancel,
   kJobsDelete,
+  kHealth,
   kAdminDrain,
   kAdminUndrain,
   kAdminStats,
@@ -66,6 +67,7 @@ struct Arguments {
   std::optional<JobState> state;
   int limit = 50;
 
+  std::string health_url = "http://127.0.0.1:9741/readyz";  // health: what to ask
   bool wait = false;  // admin drain
 };
 

@@ -26,6 +26,8 @@ int Run(const Arguments& arguments) {
         return RunEstimate(arguments, interrupts);
       case Command::kJobsWatch:
         return RunJobsWatch(arguments, interrupts);
+      case Command::kHealth:
+        return RunHealth(arguments);
       case Command::kAdminDrain:
       case Command::kAdminUndrain:
       case Command::kAdminStats:

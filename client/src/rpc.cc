@@ -9,6 +9,7 @@
 #include "client/src/connection.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
+#include "client/src/route.h"
 #include "client/src/trace_scope.h"
 #include "planish/admin/v1/admin.grpc.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
@@ -39,10 +40,11 @@ Error ErrorOfCall(const grpc::Status& status, const Connection& connection) {
   return ErrorFrom(rich);
 }
 
-// What every call needs.
-void Prepare(grpc::ClientContext& context, const Connection& connection, Deadline deadline) {
+// What every call needs. `route`: the server that it is for, empty for any.
+void Prepare(grpc::ClientContext& context, const Connection& connection, Deadline deadline, const std::string& route) {
   if (deadline) context.set_deadline(*deadline);
   context.AddMetadata("traceparent", NextTraceparent());
+  if (!route.empty()) context.AddMetadata(kRouteKey, route);
   connection.Prepare(context);
 }
 
@@ -51,9 +53,9 @@ class GrpcStream : public Stream {
  public:
   using Opener = std::function<std::unique_ptr<grpc::ClientReader<Response>>(grpc::ClientContext*)>;
 
-  GrpcStream(Deadline deadline, std::shared_ptr<const Connection> connection, Opener opener)
+  GrpcStream(Deadline deadline, const std::string& route, std::shared_ptr<const Connection> connection, Opener opener)
       : connection_(std::move(connection)), opener_(std::move(opener)) {
-    Prepare(context_, *connection_, deadline);
+    Prepare(context_, *connection_, deadline, route);
   }
 
   // The stream may be abandoned half-way, by an exception of a callback for instance.
@@ -93,9 +95,10 @@ class GrpcStream : public Stream {
 
 class GrpcUploadStream : public UploadStream {
  public:
-  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, std::shared_ptr<const Connection> connection)
+  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, const std::string& route,
+                   std::shared_ptr<const Connection> connection)
       : connection_(std::move(connection)) {
-    Prepare(context_, *connection_, deadline);
+    Prepare(context_, *connection_, deadline, route);
     writer_ = stub->WriteUpload(&context_, &upload_);
   }
 
@@ -144,10 +147,10 @@ struct Rpc::Stubs {
   // Runs one unary call and throws if it fails.
   template <typename Request, typename Response>
   Response Unary(Rpc& rpc, grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                 const Request& request, Deadline deadline) {
+                 const Request& request, const std::string& route, Deadline deadline) {
     rpc.Connect(deadline);
     grpc::ClientContext context;
-    Prepare(context, *connection, deadline);
+    Prepare(context, *connection, deadline, route);
     Response response;
     const grpc::Status status = (planish.get()->*method)(&context, request, &response);
     if (!status.ok()) throw ErrorOfCall(status, *connection);
@@ -158,14 +161,14 @@ struct Rpc::Stubs {
   template <typename Request, typename Response>
   Response Repeated(Rpc& rpc,
                     grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, int* attempts = nullptr) {
+                    const Request& request, const std::string& route, int* attempts = nullptr) {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
     const Clock::time_point start = Clock::now();
     Backoff backoff(rpc.options_.reattach_backoff_seconds, kLongestPauseSeconds, NewRequestId());
     while (true) {
       try {
         if (attempts != nullptr) ++*attempts;
-        return Unary(rpc, method, request, deadline);
+        return Unary(rpc, method, request, route, deadline);
       } catch (const Error& error) {
         const std::chrono::duration<double> pause(std::max(backoff.Next(), error.retry_after_seconds()));
         const std::chrono::duration<double> limit(rpc.options_.retry_seconds);
@@ -183,7 +186,7 @@ struct Rpc::Stubs {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
     rpc.Connect(deadline);
     grpc::ClientContext context;
-    Prepare(context, *connection, deadline);
+    Prepare(context, *connection, deadline, "");
     Response response;
     const grpc::Status status = (admin.get()->*method)(&context, Request(), &response);
     if (!status.ok()) throw ErrorOfCall(status, *connection);
@@ -226,40 +229,41 @@ bool Rpc::Connect(Deadline deadline) {
 
 std::unique_ptr<Stream> Rpc::Unwrap(const v1::UnwrapRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::UnwrapResponse>>(
-      deadline, stubs_->connection,
+      deadline, RouteOf(request.upload()), stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->Unwrap(context, request); });
 }
 
 std::unique_ptr<Stream> Rpc::WatchJob(const v1::WatchJobRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::WatchJobResponse>>(
-      deadline, stubs_->connection,
+      deadline, RouteOf(request.name()), stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->WatchJob(context, request); });
 }
 
 v1::Job Rpc::CreateJob(const v1::CreateJobRequest& request, Deadline deadline) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, deadline);
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, RouteOf(request.upload()), deadline);
 }
 
 v1::Job Rpc::GetJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name), RouteOf(name));
 }
 
-v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request);
+v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request, const std::string& route) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request, route);
 }
 
 v1::Job Rpc::StopJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name), RouteOf(name));
 }
 
 v1::Job Rpc::CancelJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name), RouteOf(name));
 }
 
 void Rpc::DeleteJob(const std::string& name) {
   int attempts = 0;
   try {
-    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), &attempts);
+    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), RouteOf(name),
+                     &attempts);
   } catch (const Error& error) {
     // An attempt before this one got through, and only its answer was lost.
     if (attempts == 1 || error.code() != ErrorCode::kNotFound) throw;
@@ -267,25 +271,25 @@ void Rpc::DeleteJob(const std::string& name) {
 }
 
 v1::JobEstimate Rpc::EstimateJob(const v1::EstimateJobRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request);
+  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request, "");
 }
 
 v1::Capabilities Rpc::GetCapabilities() {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest());
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest(), "");
 }
 
 v1::Upload Rpc::CreateUpload(const v1::CreateUploadRequest& request) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, DeadlineAfter(kUnarySeconds));
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, "", DeadlineAfter(kUnarySeconds));
 }
 
 v1::Upload Rpc::GetUpload(const std::string& name) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name),
+  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name), RouteOf(name),
                        DeadlineAfter(kUnarySeconds));
 }
 
-std::unique_ptr<UploadStream> Rpc::WriteUpload(Deadline deadline) {
+std::unique_ptr<UploadStream> Rpc::WriteUpload(const std::string& name, Deadline deadline) {
   Connect(deadline);
-  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, stubs_->connection);
+  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, RouteOf(name), stubs_->connection);
 }
 
 void Rpc::Drain() {
@@ -305,14 +309,14 @@ admin::v1::Config Rpc::GetConfig() {
 }
 
 void Rpc::StopJobInBackground(const std::string& name) {
-  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.StopJob(context, NameRequest<v1::StopJobRequest>(name), &job);
   });
 }
 
 void Rpc::CancelJobInBackground(const std::string& name) {
-  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.CancelJob(context, NameRequest<v1::CancelJobRequest>(name), &job);
   });
@@ -321,12 +325,12 @@ void Rpc::CancelJobInBackground(const std::string& name) {
 // Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
 // would have to wait for themselves. Whether the call got through shows in the job's own stream.
 template <typename Call>
-void Rpc::InBackground(Call call) {
+void Rpc::InBackground(const std::string& route, Call call) {
   const std::lock_guard lock(background_mutex_);
-  background_.emplace_back([stubs = stubs_, call = std::move(call), traceparent = NextTraceparent()] {
+  background_.emplace_back([stubs = stubs_, route, call = std::move(call), traceparent = NextTraceparent()] {
     grpc::ClientContext context;
     try {
-      Prepare(context, *stubs->connection, DeadlineAfter(kBackgroundSeconds));
+      Prepare(context, *stubs->connection, DeadlineAfter(kBackgroundSeconds), route);
     } catch (const Error&) {
       return;  // no token any more: the call would be refused
     }

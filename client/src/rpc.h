@@ -53,7 +53,8 @@ class UploadStream {
 };
 
 // Thread-safe. Calls belong to the trace of their thread (trace_scope.h) and throw planish::Error. Those that may be
-// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE.
+// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE. Calls about a
+// job or an upload say in their metadata which server's it is, if its name does (route.h).
 class Rpc {
  public:
   // Throws as Client::Client does.
@@ -75,7 +76,8 @@ class Rpc {
   v1::Job CreateJob(const v1::CreateJobRequest& request, Deadline deadline);
 
   v1::Job GetJob(const std::string& name);
-  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request);
+  // `route`: the server that listed the page before; empty: any.
+  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request, const std::string& route);
   v1::Job StopJob(const std::string& name);
   v1::Job CancelJob(const std::string& name);
   void DeleteJob(const std::string& name);
@@ -85,7 +87,7 @@ class Rpc {
   // Once each.
   v1::Upload CreateUpload(const v1::CreateUploadRequest& request);
   v1::Upload GetUpload(const std::string& name);
-  std::unique_ptr<UploadStream> WriteUpload(Deadline deadline);
+  std::unique_ptr<UploadStream> WriteUpload(const std::string& name, Deadline deadline);
 
   // planish.admin.v1.Admin. Once each.
   void Drain();
@@ -101,7 +103,7 @@ class Rpc {
  private:
   struct Stubs;
   template <typename Call>
-  void InBackground(Call call);
+  void InBackground(const std::string& route, Call call);
 
   ClientOptions options_;
   std::shared_ptr<Stubs> stubs_;

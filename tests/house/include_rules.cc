@@ -45,6 +45,7 @@ const std::vector<Layer>& Layers() {
       {"client/cli",
        {"core/base", "core/mesh", "core/io", "core/pack", "client/include/planish", "client/cli",
         "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h", "client/src/request_id.h"}},
+      {"proto", {"proto"}},
       {"tests", {"core", "proto", "server", "client", "tests"}},
   };
   return *layers;
@@ -62,7 +63,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^(grpc|grpcpp|grpc\+\+)/.*|.*\.grpc\.pb\.h$)"),
        "gRPC",
        {"server/rpc", "server/main.cc", "client/src", "tests"}},
-      {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "tests"}},
+      {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/io", "tests"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/io"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h)$)"), "CHOLMOD", {"core/linalg"}},
