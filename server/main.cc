@@ -18,6 +18,7 @@
 #include "core/base/heap.h"
 #include "core/base/status_macros.h"
 #include "core/base/trace_context.h"
+#include "google/protobuf/stubs/logging.h"
 #include "google/protobuf/util/time_util.h"
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
@@ -74,6 +75,11 @@ void SetUpLogging(const ServerFlags& flags) {
   SetUpLog(flags.log_format, flags.log_level);
   // What matters of gRPC's chatter reaches us as errors.
   gpr_set_log_function([](gpr_log_func_args* args) { LogDebug(args->message, {{"source", "grpc"}}); });
+  // Mostly about texts of callers that are not UTF-8; they hear of that themselves.
+  google::protobuf::SetLogHandler([](google::protobuf::LogLevel level, const char*, int, const std::string& message) {
+    Log(level == google::protobuf::LOGLEVEL_FATAL ? LogLevel::kError : LogLevel::kDebug, message,
+        {{"source", "protobuf"}});
+  });
 }
 
 JobLimits Limits(const ServerFlags& flags) {
@@ -398,6 +404,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   LogInfo("bye");
   // gRPC's threads may outlive the logger.
   gpr_set_log_function(nullptr);
+  google::protobuf::SetLogHandler(nullptr);
   return EXIT_SUCCESS;
 }
 
