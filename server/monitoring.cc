@@ -94,15 +94,16 @@ void Monitoring::Attach(const WatchedServer& server) {
 void Monitoring::Beat() {
   const Clock::time_point now = Clock::now();
   last_beat_ = now;
-  bool draining = ending_;
+  bool draining = false;
   std::string data_dir;
   {
     const std::shared_lock lock(mutex_);
     if (!server_.has_value()) return;
-    draining = draining || server_->jobs->IsDraining();
+    draining = server_->jobs->IsDraining();
     data_dir = server_->data_dir;
   }
-  readiness_.Set(Obstacle::kDraining, draining ? "the server is draining and takes no new jobs" : "");
+  // Once it is about to end nothing takes that back.
+  if (!ending_) readiness_.Set(Obstacle::kDraining, draining ? "the server is draining and takes no new jobs" : "");
   {
     const std::lock_guard lock(start_mutex_);
     readiness_.Set(Obstacle::kWorkers, metrics_.workers_ready() == 0 ? start_error_ : "");
