@@ -102,8 +102,7 @@ void Monitoring::Beat() {
     draining = server_->jobs->IsDraining();
     data_dir = server_->data_dir;
   }
-  // Once it is about to end nothing takes that back.
-  if (!ending_) readiness_.Set(Obstacle::kDraining, draining ? "the server is draining and takes no new jobs" : "");
+  readiness_.Set(Obstacle::kDraining, draining ? "the server is draining and takes no new jobs" : "");
   {
     const std::lock_guard lock(start_mutex_);
     readiness_.Set(Obstacle::kWorkers, metrics_.workers_ready() == 0 ? start_error_ : "");
@@ -117,7 +116,7 @@ void Monitoring::Beat() {
 
 void Monitoring::SetEnding() {
   ending_ = true;
-  readiness_.Set(Obstacle::kDraining, "the server is shutting down and takes no new jobs");
+  readiness_.Set(Obstacle::kEnding, "the server is shutting down and takes no new jobs");
   TellReadiness();
 }
 
