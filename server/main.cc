@@ -129,14 +129,14 @@ struct Stores {
   std::unique_ptr<UploadStore> uploads;
 };
 
-absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
+absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits) {
   Stores stores;
   if (!flags.data_dir.empty()) {
     PLANISH_ASSIGN_OR_RETURN(stores.directory, DataDirectory::Take(flags.data_dir));
   }
   const bool durable = stores.directory.has_value();
   PLANISH_ASSIGN_OR_RETURN(stores.jobs, OpenJobStore(durable ? stores.directory->jobs() : ":memory:"));
-  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB);
+  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB, limits);
   PLANISH_RETURN_IF_ERROR(stores.blobs->Open());
   stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores.directory), stores.blobs.get());
   PLANISH_RETURN_IF_ERROR(stores.uploads->Open());
@@ -223,11 +223,13 @@ int Serve(const ServerFlags& flags) {
   grpc_init();
   SetUpLogging(flags);
   AllowManyDescriptors();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
-  KeepFreedMemory();              // until the job ends (worker.cc)
-  absl::StatusOr<Stores> stores = OpenStores(flags);
+  std::signal(SIGXFSZ, SIG_IGN);    // a file that may not grow is a disk that is full
+  KeepFreedMemory();                // until the job ends (worker.cc)
+  const TenantLimitsSource limits;  // nobody has any
+  absl::StatusOr<Stores> stores = OpenStores(flags, limits);
   if (!stores.ok()) return Refuse(stores.status());
   JobManagerOptions options = ManagerOptions(flags);
+  options.tenant_limits = limits;
   options.is_blob_used = [uploads = stores->uploads.get()](const BlobId& id) { return uploads->Uses(id); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
