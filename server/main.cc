@@ -157,14 +157,14 @@ struct Stores {
   std::unique_ptr<UploadStore> uploads;
 };
 
-absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
+absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits) {
   Stores stores;
   if (!flags.data_dir.empty()) {
     PLANISH_ASSIGN_OR_RETURN(stores.directory, DataDirectory::Take(flags.data_dir));
   }
   const bool durable = stores.directory.has_value();
   PLANISH_ASSIGN_OR_RETURN(stores.jobs, OpenJobStore(durable ? stores.directory->jobs() : ":memory:"));
-  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB);
+  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB, limits);
   PLANISH_RETURN_IF_ERROR(stores.blobs->Open());
   stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores.directory), stores.blobs.get());
   PLANISH_RETURN_IF_ERROR(stores.uploads->Open());
@@ -325,7 +325,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   }
   const absl::StatusOr<std::unique_ptr<FrontDoor>> door = FrontDoor::Open(flags.security);
   if (!door.ok()) return Refuse(flags, door.status());
-  absl::StatusOr<Stores> stores = OpenStores(flags);
+  absl::StatusOr<Stores> stores = OpenStores(flags, (*door)->limits());
   if (!stores.ok()) return Refuse(flags, stores.status());
   JobManagerOptions options = ManagerOptions(flags);
   options.tenant_limits = (*door)->limits();
