@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
+#include "server/config/choice.h"
 #include "server/jobs/ids.h"
 #include "server/memory_limit.h"
 
@@ -20,33 +21,6 @@ namespace {
 
 constexpr int kBadUsage = 2;
 constexpr int kMaxThreads = 256;
-
-// An option whose value is one of some words; its default is what `target` holds.
-template <class Value>
-void AddChoice(CLI::App* app, const std::string& flag, Value* target,
-               const std::vector<std::pair<std::string, Value>>& choices, const std::string& description) {
-  std::vector<std::string> words;
-  std::string otherwise;
-  for (const auto& [word, value] : choices) {
-    words.push_back(word);
-    if (value == *target) otherwise = word;
-  }
-  const auto is_word = [words](const std::string& text) {
-    const bool known = std::find(words.begin(), words.end(), text) != words.end();
-    return known ? std::string() : absl::StrCat(text, " is none of ", absl::StrJoin(words, ", "));
-  };
-  app->add_option_function<std::string>(
-         flag,
-         [target, choices](const std::string& text) {
-           for (const auto& [word, value] : choices) {
-             if (word == text) *target = value;
-           }
-         },
-         description)
-      ->check(CLI::Validator(is_word, ""))
-      ->default_str(otherwise)
-      ->type_name(absl::StrJoin(words, "|"));
-}
 
 void DefineKeeping(CLI::App* app, ServerFlags* flags) {
   app->add_option("--data-dir", flags->data_dir,

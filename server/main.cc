@@ -329,6 +329,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
   if (!opened.ok()) return Refuse(flags, opened.status());
   JobManager& manager = **opened;
+  stores->uploads->SetMakeRoom(
+      [&manager](const std::string& tenant, std::int64_t bytes) { return manager.MakeRoom(tenant, bytes); });
   StreamCounter streams;
   ServiceOptions service_options;
   service_options.capabilities = Capabilities(flags);

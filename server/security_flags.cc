@@ -1,8 +1,7 @@
 #include "server/security_flags.h"
 
-#include <map>
-
 #include "CLI/CLI.hpp"
+#include "server/config/choice.h"
 
 namespace planish {
 namespace {
@@ -28,10 +27,10 @@ void DefineSecurity(CLI::App* app, SecurityFlags* flags) {
       ->type_name("FILE");
   app->add_option("--tls-key", flags->tls.key, "Its key, PEM, without a password")->type_name("FILE");
   app->add_option("--tls-client-ca", flags->tls.client_ca, "Who signs certificates of clients, PEM")->type_name("FILE");
-  app->add_option("--tls-client-auth", flags->client_auth,
-                  "Whether clients must have a certificate, or may have one [require with --tls-client-ca]")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, ClientAuth>{{"require", ClientAuth::kRequire}, {"request", ClientAuth::kRequest}}));
+  AddChoice<ClientAuth>(
+      app, "--tls-client-auth", &flags->client_auth,
+      {{"auto", ClientAuth::kNone}, {"require", ClientAuth::kRequire}, {"request", ClientAuth::kRequest}},
+      "Whether clients must have a certificate, or may have one; auto: they must if there is --tls-client-ca");
   app->add_flag("--insecure", flags->insecure,
                 "Serve other machines even without TLS, or without asking who calls: on a network that is trusted");
 }

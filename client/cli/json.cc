@@ -214,8 +214,9 @@ Json ToJson(const Capabilities& capabilities) {
 }
 
 Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output) {
-  Json json = {{"job", result.job}, {"trace_id", result.trace_id}, {"state", ToString(JobState::kSucceeded)}};
+  Json json = {{"job", result.job}, {"state", ToString(JobState::kSucceeded)}};
   AddReport(report, json);
+  json["trace_id"] = result.trace_id;
   json["precision"] = ToString(result.uv.precision);
   if (!output.empty()) json["output"] = output;
   return json;
@@ -234,18 +235,19 @@ Failure FailureOf(const Error& error) {
 }
 
 Json ReportJson(const Failure& failure) {
-  return {{"job", failure.job},
-          {"trace_id", failure.trace_id},
-          {"state", ToString(failure.state)},
-          {"error",
-           {{"code", failure.code},
-            {"reason", failure.reason},
-            {"message", failure.message},
-            {"metadata", failure.metadata}}},
-          {"input", {{"triangles", failure.triangles}, {"vertices", failure.vertices}}},
-          {"charts", Json::array()},
-          {"seconds", {{"total", failure.total_seconds}}},
-          {"warnings", Json::array()}};
+  Json json = {{"job", failure.job},
+               {"state", ToString(failure.state)},
+               {"error",
+                {{"code", failure.code},
+                 {"reason", failure.reason},
+                 {"message", failure.message},
+                 {"metadata", failure.metadata}}},
+               {"input", {{"triangles", failure.triangles}, {"vertices", failure.vertices}}},
+               {"charts", Json::array()},
+               {"seconds", {{"total", failure.total_seconds}}},
+               {"warnings", Json::array()}};
+  if (!failure.trace_id.empty()) json["trace_id"] = failure.trace_id;
+  return json;
 }
 
 }  // namespace planish::cli

@@ -111,6 +111,9 @@ std::string Connection::Token() const {
 
 Error Connection::WhyUnreachable(const std::string& message) const {
   const std::string reason = "cannot reach the planish server at " + target_ + ": ";
+  const Error unreachable(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", reason + ConnectionCause(message));
+  // A name that is not known would only be asked for once more.
+  if (message.find("DNS resolution failed") != std::string::npos) return unreachable;
   TlsProbe probe;
   probe.uses_tls = uses_tls_;
   probe.ca = ca_;
@@ -119,7 +122,7 @@ Error Connection::WhyUnreachable(const std::string& message) const {
   probe.server_name = options_.tls_server_name;
   const std::string fault = FindTlsFault(target_, probe);
   if (!fault.empty()) return Error(ErrorCode::kUnavailable, "TLS_FAILED", reason + fault);
-  return Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", reason + ConnectionCause(message));
+  return unreachable;
 }
 
 }  // namespace api

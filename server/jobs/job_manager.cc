@@ -169,9 +169,9 @@ absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const Caller& call
   PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(caller, request, work_key));
   if (known.has_value()) return known;
   if (draining_ || suspended_) {
-    return WithRetryDelay(
-        MakeError(absl::StatusCode::kUnavailable, "DRAINING", "the server is shutting down and takes no new jobs"),
-        options_.retry_delay);
+    const char* const why = ending_ ? "the server is shutting down and takes no new jobs"
+                                    : "an operator drains the server: it takes no new jobs for now";
+    return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING", why), options_.retry_delay);
   }
   absl::Status room = CheckRoom(caller.tenant, request.MeshBytes());
   if (room.ok()) return std::nullopt;
@@ -356,7 +356,7 @@ absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::LogOfEnded(const 
 absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name).status());
+  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) {
     EndEarly(live->second, EarlyEnd::kCancel, &wakeups);
   }
@@ -367,7 +367,7 @@ absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::stri
 absl::StatusOr<v1::Job> JobManager::Stop(const Caller& caller, const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name).status());
+  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) StopLocked(live->second, &wakeups);
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   return Snapshot(record);

@@ -200,6 +200,12 @@ class JobManager : public JobSource {
 
   ManagerStats Stats() const;
 
+  // ---- for UploadStore
+
+  // Gives up old results so that the tenant may keep `bytes` more: its own, or where it has little those of the tenant
+  // that has most. False if there is nothing left to give up. Not while holding a lock that `is_blob_used` takes.
+  bool MakeRoom(const std::string& tenant, std::int64_t bytes);
+
   // ---- for WorkerPool
 
   // Waits for work and memory for it, and makes its jobs RUNNING. Named after one of them; attempts count 1, 2, ... for
@@ -304,7 +310,7 @@ class JobManager : public JobSource {
   // ---- callers (job_manager.cc)
   v1::Job Snapshot(const JobRecord& record) const;
   absl::StatusOr<JobRecord> FindRecord(const std::string& name) const;
-  // If the caller may see it, or `may_follow` and its own credentials created it for a caller.
+  // If the caller may see it, or `may_follow`, may submit, and the same credentials created it.
   absl::StatusOr<JobRecord> FindRecord(const Caller& caller, const std::string& name, bool may_follow = false) const;
   AcceptedJob Answer(Live& live, bool attached);
   // The job that has the request id, if there is one.

@@ -52,18 +52,23 @@ absl::StatusOr<BlobPtr> JobManager::PutBlob(const std::string& tenant, std::stri
     absl::StatusOr<BlobPtr> blob = blobs_->Put(tenant, bytes, sha256);
     if (blob.ok() || ErrorInfoOf(blob.status()).reason != "STORAGE_FULL") return blob;
     // What is new goes before what was fetched long ago.
-    const std::string gives_way = blobs_->WhoGivesWay(tenant, static_cast<std::int64_t>(bytes.size()));
-    const std::lock_guard lock(mutex_);
-    const std::int64_t before = blobs_->bytes();
-    bool has_more = false;
-    for (const std::string& whose : {gives_way, tenant}) {
-      const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(whose, v1::JOB_STATE_SUCCEEDED);
-      has_more = oldest.ok() && oldest->has_value() && Expire(**oldest);
-      if (has_more) break;
-    }
-    CollectBlobs();
-    if (blobs_->bytes() == before && !has_more) return blob;
+    if (!MakeRoom(tenant, static_cast<std::int64_t>(bytes.size()))) return blob;
   }
+}
+
+bool JobManager::MakeRoom(const std::string& tenant, std::int64_t bytes) {
+  const std::string gives_way = blobs_->WhoGivesWay(tenant, bytes);
+  const std::lock_guard lock(mutex_);
+  if (suspended_) return false;
+  const std::int64_t before = blobs_->bytes();
+  bool gave = false;
+  for (const std::string& whose : {gives_way, tenant}) {
+    const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(whose, v1::JOB_STATE_SUCCEEDED);
+    gave = oldest.ok() && oldest->has_value() && Expire(**oldest);
+    if (gave) break;
+  }
+  CollectBlobs();
+  return gave || blobs_->bytes() < before;
 }
 
 ManagerStats JobManager::Stats() const {

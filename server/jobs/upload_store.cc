@@ -274,7 +274,9 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
   absl::Status status = file->Append(data);
   const bool is_last = status.ok() && file->size() == entry.total_bytes;
   if (is_last) {
-    status = TakeOver(entry, file);
+    do {
+      status = TakeOver(entry, file);
+    } while (IsStorageFull(status) && make_room_ != nullptr && make_room_(entry.tenant, entry.total_bytes));
     // The mesh is not ours to keep yet: the last piece must come again, when there may be room.
     if (IsStorageFull(status)) {
       if (absl::Status undone = file->UndoAppend(); !undone.ok()) status = std::move(undone);

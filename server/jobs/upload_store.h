@@ -94,6 +94,11 @@ class UploadStore {
   // `blobs`, which complete uploads go into, must outlive the store, and is open before Open().
   UploadStore(UploadStoreOptions options, BlobStore* blobs);
 
+  // What to call, without a lock, where a complete upload finds the store full: whether it made room for so many bytes
+  // of this tenant's. Before any other call.
+  using MakeRoom = std::function<bool(const std::string& tenant, std::int64_t bytes)>;
+  void SetMakeRoom(MakeRoom make_room) { make_room_ = std::move(make_room); }
+
   // Finds the uploads that an earlier process left.
   absl::Status Open();
 
@@ -162,6 +167,7 @@ class UploadStore {
 
   UploadStoreOptions options_;  // constant after construction, but for max_bytes, which mutex_ guards
   BlobStore* const blobs_;
+  MakeRoom make_room_;  // null: there is none to be made
 
   // Never held while calling blobs_, which asks Uses() under its own lock.
   mutable std::mutex mutex_;

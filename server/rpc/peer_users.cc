@@ -1,10 +1,13 @@
 #include "server/rpc/peer_users.h"
 
 #include <fcntl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <limits>
 #include <vector>
 
 #include "absl/strings/match.h"
@@ -15,6 +18,15 @@ namespace {
 
 constexpr char kDescriptor[] = "fd:";
 
+// Numbers that are tried for a connection: a crowd of users needs a few.
+constexpr int kMostTries = 4096;
+
+int QuarterOfDescriptors() {
+  rlimit limit = {};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return 256;
+  return static_cast<int>(std::clamp<rlim_t>(limit.rlim_cur / 4, 1, std::numeric_limits<int>::max()));
+}
+
 void CloseKeepingErrno(int fd) {
   const int error = errno;
   close(fd);
@@ -22,6 +34,8 @@ void CloseKeepingErrno(int fd) {
 }
 
 }  // namespace
+
+PeerUsers::PeerUsers(int most_per_user) : most_per_user_(most_per_user > 0 ? most_per_user : QuarterOfDescriptors()) {}
 
 int PeerUsers::Add(int fd) {
   ucred peer = {};
@@ -35,17 +49,22 @@ int PeerUsers::Add(int fd) {
 
 int PeerUsers::AddAs(int fd, std::uint32_t uid) {
   const std::lock_guard lock(mutex_);
+  int& count = counts_[uid];
   std::vector<int> taken;  // held until the end, so that the search goes on to other numbers
   int mine = fd;
-  while (true) {
+  while (mine >= 0) {
     const auto owner = users_.find(mine);
-    if (owner == users_.end() || owner->second == uid) break;
+    if (owner == users_.end() ? count < most_per_user_ : owner->second == uid) break;
     taken.push_back(mine);
-    mine = fcntl(mine, F_DUPFD_CLOEXEC, mine + 1);
-    if (mine < 0) break;
+    if (taken.size() < kMostTries) {
+      mine = fcntl(mine, F_DUPFD_CLOEXEC, mine + 1);
+    } else {
+      mine = -1;
+      errno = EMFILE;
+    }
   }
   for (const int other : taken) CloseKeepingErrno(other);
-  if (mine >= 0) users_[mine] = uid;
+  if (mine >= 0 && users_.emplace(mine, uid).second) ++count;
   return mine;
 }
 

@@ -14,8 +14,12 @@ namespace planish {
 // the number was given away again: so a number that once was one user's is never used for another's. Thread-safe.
 class PeerUsers {
  public:
+  // No user has more than `most_per_user` numbers, so that none can take them all, for good. 0: a quarter of what the
+  // system allows the process.
+  explicit PeerUsers(int most_per_user = 0);
+
   // Asks the kernel who is at the other end of `fd`, and takes the descriptor over. The one to use in its place, often
-  // itself; -1, with errno, if the kernel does not say or descriptors run out; `fd` is closed then.
+  // itself; -1, with errno, if the kernel does not say or this user's numbers run out; `fd` is closed then.
   int Add(int fd);
 
   // The same without the kernel, for tests.
@@ -26,7 +30,9 @@ class PeerUsers {
 
  private:
   mutable std::mutex mutex_;
-  std::map<int, std::uint32_t> users_;  // by descriptor, for good; guarded by mutex_
+  const int most_per_user_;
+  std::map<int, std::uint32_t> users_;   // by descriptor, for good; guarded by mutex_
+  std::map<std::uint32_t, int> counts_;  // of users_, by user; guarded by mutex_
 };
 
 }  // namespace planish

@@ -93,8 +93,7 @@ class PlanishService : public v1::Planish::CallbackService {
     const JobStream::Position position = {request->after_sequence(), request->include_uv(), request->uv_offset()};
     JobFinder find = [this, context, request, position]() -> absl::StatusOr<WatchedJob> {
       PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kNothing));
-      // Whoever may only submit may come back to what it lost (JobManager::Watch).
-      if (!request->attach() || !caller.rights.submit) PLANISH_RETURN_IF_ERROR(caller.CheckRight(Need::kJobs));
+      PLANISH_RETURN_IF_ERROR(request->attach() ? CheckOwn(caller) : caller.CheckRight(Need::kJobs));
       PLANISH_RETURN_IF_ERROR(Validate(position));
       return manager_->Watch(caller, request->name(), request->attach(), request->include_uv());
     };
@@ -132,14 +131,18 @@ class PlanishService : public v1::Planish::CallbackService {
 
   grpc::ServerUnaryReactor* StopJob(grpc::CallbackServerContext* context, const v1::StopJobRequest* request,
                                     v1::Job* response) override {
-    return Answer(context, Need::kJobs, response,
-                  [this, request](const Caller& caller) { return manager_->Stop(caller, request->name()); });
+    return Answer(context, Need::kNothing, response, [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
+      PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
+      return manager_->Stop(caller, request->name());
+    });
   }
 
   grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context, const v1::CancelJobRequest* request,
                                       v1::Job* response) override {
-    return Answer(context, Need::kJobs, response,
-                  [this, request](const Caller& caller) { return manager_->Cancel(caller, request->name()); });
+    return Answer(context, Need::kNothing, response, [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
+      PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
+      return manager_->Cancel(caller, request->name());
+    });
   }
 
   grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context, const v1::DeleteJobRequest* request,
@@ -189,6 +192,11 @@ class PlanishService : public v1::Planish::CallbackService {
   }
 
  private:
+  // Of calls by which one follows and ends what one's own Unwrap began: the manager tells whose jobs are whose.
+  static absl::Status CheckOwn(const Caller& caller) {
+    return caller.rights.submit ? absl::OkStatus() : caller.CheckRight(Need::kJobs);
+  }
+
   // Whoever makes this call, if they may.
   absl::StatusOr<Caller> Admit(const grpc::CallbackServerContext& context, Need need) const {
     PLANISH_ASSIGN_OR_RETURN(Caller caller, callers_->Identify(context));

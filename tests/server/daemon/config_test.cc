@@ -165,8 +165,7 @@ TEST_F(ConfigTest, JsonLogsParseLineByLine) {
   Write("log-format: json\nlog-level: debug\n");
   const auto daemon = Start();
   ASSERT_TRUE(CreateJob().ok());
-  while (Stats().running + Stats().queued > 0) {
-  }
+  for (admin::v1::Stats now = Stats(); now.running() + now.queued() > 0;) now = Stats();
   daemon->Signal(SIGTERM);
   EXPECT_EQ(daemon->Wait(), 0);
   std::istringstream lines(daemon->Output());

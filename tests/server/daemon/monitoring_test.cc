@@ -335,7 +335,7 @@ TEST(Watching, ScrapesWhileWorkersComputeInTheSameProcess) {
   std::vector<std::jthread> scrapers;
   for (int i = 0; i < 6; ++i) {
     scrapers.emplace_back([&] {
-      while (!done) ++(server.Get("/metrics").find("planish_ready 1") == std::string::npos ? others : answers);
+      while (!done) ++(server.Get("/metrics").find("\nplanish_ready 1\n") == std::string::npos ? others : answers);
     });
   }
   for (int n = 20; n < 26; ++n) {

@@ -3,11 +3,13 @@
 
 #include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <fstream>
 #include <memory>
 #include <thread>
 
 #include "absl/strings/escaping.h"
+#include "absl/time/clock.h"
 #include "core/io/draco_codec.h"
 #include "gmock/gmock.h"
 #include "grpcpp/create_channel.h"

@@ -8,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/sha256.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/access/caller.h"
 #include "tests/server/testing/temp_dir.h"
@@ -112,6 +113,40 @@ TEST(BlobStoreFiles, OutliveTheStoreAndHalfWrittenOnesDoNot) {
   EXPECT_EQ(files(), 1);
   store.Collect([](const BlobId&) { return false; });
   EXPECT_EQ(files(), 0);
+}
+
+TEST_P(BlobStoreTest, EachTenantHasItsOwn) {
+  const BlobId other = {"other", Sha256("same")};
+  ASSERT_TRUE(store_->Put(kDefaultTenant, "same").ok());
+  EXPECT_FALSE(store_->Has(other));
+  ASSERT_TRUE(store_->Put("other", "same").ok());
+  EXPECT_EQ(store_->bytes(), 8);
+  EXPECT_EQ(store_->bytes("other"), 4);
+  EXPECT_TRUE(store_->Remove(Own("same")));
+  EXPECT_EQ((*store_->Find(other))->bytes(), "same");
+  EXPECT_EQ(store_->bytes(kDefaultTenant), 0);
+  if (!GetParam()) return;
+  Open();
+  EXPECT_EQ((*store_->Find(other))->bytes(), "same") << "after a restart too";
+  EXPECT_FALSE(store_->Has(Own("same")));
+  EXPECT_EQ(store_->bytes("other"), 4);
+}
+
+TEST_P(BlobStoreTest, LimitsOfATenant) {
+  store_ = std::make_unique<BlobStore>(GetParam() ? directory_.Path("") : "", 100, [](const std::string& tenant) {
+    TenantLimits limits;
+    if (tenant == "small") limits.store_bytes = 10;
+    return limits;
+  });
+  EXPECT_TRUE(store_->Put("small", "0123456789").ok());
+  const absl::Status full = store_->Put("small", "x").status();
+  EXPECT_EQ(ErrorInfoOf(full).reason, "STORAGE_FULL");
+  EXPECT_THAT(std::string(full.message()), ::testing::HasSubstr("tenant small"));
+  EXPECT_TRUE(store_->Put("large", std::string(80, 'x')).ok());
+  EXPECT_EQ(store_->WhoGivesWay("small", 1), "small") << "it has all it may have";
+  EXPECT_EQ(store_->WhoGivesWay("large", 11), "large") << "it has most";
+  EXPECT_EQ(store_->WhoGivesWay("third", 11), "large") << "a third of the store is there for each";
+  EXPECT_EQ(store_->WhoGivesWay("third", 34), "third") << "but no more";
 }
 
 // The same error as of a disk that is full, from the same system call.

@@ -11,6 +11,7 @@
 #include <optional>
 #include <random>
 
+#include "absl/strings/escaping.h"
 #include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "gmock/gmock.h"
@@ -270,6 +271,96 @@ TEST_P(UploadStoreTest, NoRoomForTheBlobLosesNothing) {
   EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
 }
 
+TEST_P(UploadStoreTest, NoRoomForTheBlobIsMadeWhereItCanBe) {
+  Start(/*max_blob_bytes=*/150);
+  ASSERT_TRUE(blobs_->Put(kDefaultTenant, Noise(100, 7)).ok());
+  store_->SetMakeRoom([this](const std::string& tenant, std::int64_t bytes) {
+    EXPECT_EQ(tenant, kDefaultTenant);
+    EXPECT_EQ(bytes, 100);
+    return blobs_->Remove(Own(Noise(100, 7)));
+  });
+  const std::string bytes = Noise(100);
+  const std::string name = CreateFor(bytes);
+  EXPECT_TRUE(WriteOnce(name, 0, bytes).ok());
+  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
+}
+
+// ---- tenants
+
+const Caller kOther = {"other", "", Rights{true, true, false, false}, ""};
+
+TEST_P(UploadStoreTest, AnotherTenantsUploadIsNone) {
+  const std::string bytes = Noise(100);
+  const std::string theirs = CreateFor(bytes);
+  const std::string complete = CreateFor("mesh");
+  ASSERT_TRUE(WriteOnce(complete, 0, "mesh").ok());
+  for (const std::string& name : {theirs, complete}) {
+    // Word for word what is said of an upload that never was, but for the name asked for.
+    const auto expect_none = [&](const absl::Status& status, const absl::Status& none) {
+      EXPECT_EQ(status.code(), none.code());
+      EXPECT_EQ(ToRpcStatus(status).SerializeAsString().size(), ToRpcStatus(none).SerializeAsString().size());
+      EXPECT_EQ(ReasonOf(status), "UPLOAD_NOT_FOUND");
+      EXPECT_EQ(ErrorInfoOf(status).metadata, (std::map<std::string, std::string>{{"upload", name}}));
+      EXPECT_EQ(status.message(), "there is no upload '" + name + "': it never was, or it expired or was deleted");
+    };
+    const std::string never = "uploads/" + std::string(name.size() - 8, '0');
+    expect_none(store_->Get(kOther, name).status(), store_->Get(kOther, never).status());
+    expect_none(store_->Delete(kOther, name), store_->Delete(kOther, never));
+    expect_none(store_->Write(kOther, name).status(), store_->Write(kOther, never).status());
+    expect_none(store_->Use(kOther, name).status(), store_->Use(kOther, never).status());
+    EXPECT_TRUE(store_->Get(caller_, name).ok());
+  }
+}
+
+TEST_P(UploadStoreTest, BytesThatOnlyOthersHaveMustBeSent) {
+  const std::string name = CreateFor("mesh");
+  ASSERT_TRUE(WriteOnce(name, 0, "mesh").ok());
+  v1::CreateUploadRequest request;
+  request.set_total_bytes(4);
+  request.set_sha256(Sha256("mesh"));
+  const v1::Upload other = *store_->Create(kOther, request);
+  EXPECT_EQ(other.committed_bytes(), 0);
+  EXPECT_TRUE(store_->Write(kOther, other.name())->Append(0, "mesh").ok());
+  EXPECT_EQ(blobs_->bytes(), 8) << "each has its own, so room says nothing either";
+  EXPECT_EQ(store_->Create(kOther, request)->committed_bytes(), 4) << "these are its own";
+  ASSERT_TRUE(store_->Delete(caller_, name).ok());
+  EXPECT_FALSE(store_->Uses(Own("mesh")));
+  EXPECT_TRUE(store_->Use(kOther, other.name())->mesh->bytes() == "mesh");
+}
+
+TEST_P(UploadStoreTest, ATenantThatTakesAllLeavesOthersTheirPart) {
+  options_.max_uploads = 4;
+  options_.max_bytes = 1000;
+  options_.max_complete = 2;
+  Start();
+  for (const char* mesh : {"1", "2", "3", "4"}) CreateFor(mesh);
+  EXPECT_EQ(ReasonOf(Create(1, Sha256("5")).status()), "QUEUE_FULL");
+  const auto create_other = [this](const std::string& mesh, std::int64_t bytes) {
+    v1::CreateUploadRequest request;
+    request.set_total_bytes(bytes);
+    request.set_sha256(Sha256(mesh));
+    return store_->Create(kOther, request).status();
+  };
+  EXPECT_TRUE(create_other("a", 996).ok());
+  EXPECT_EQ(ReasonOf(create_other("b", 1)), "STORAGE_FULL") << "it has more than half of the bytes";
+  EXPECT_TRUE(ErrorInfoOf(create_other("b", 1)).metadata.at("limit") == "1000");
+}
+
+TEST_P(UploadStoreTest, CompleteOnesOfOthersStay) {
+  options_.max_complete = 1;
+  Start();
+  const std::string mine = CreateFor("mine");
+  ASSERT_TRUE(WriteOnce(mine, 0, "mine").ok());
+  for (const char* mesh : {"a", "b", "c"}) {
+    v1::CreateUploadRequest request;
+    request.set_total_bytes(1);
+    request.set_sha256(Sha256(mesh));
+    const v1::Upload other = *store_->Create(kOther, request);
+    ASSERT_TRUE(store_->Write(kOther, other.name())->Append(0, mesh).ok());
+  }
+  EXPECT_TRUE(store_->Use(caller_, mine).ok());
+}
+
 // Random calls by several clients on several uploads, against a model of what must come out.
 TEST_P(UploadStoreTest, EveryOrderOfCalls) {
   struct Model {
@@ -352,6 +443,31 @@ TEST_P(UploadRestartTest, GoesOnWhereTheProcessEnded) {
   EXPECT_EQ(Committed(fresh), 0);
   EXPECT_TRUE(WriteOnce(name, 2'500'000, std::string_view(bytes).substr(2'500'000)).ok());
   EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes) << "the digest covered what the first process wrote";
+}
+
+TEST_P(UploadRestartTest, TenantsOutliveTheProcess) {
+  v1::CreateUploadRequest request;
+  request.set_total_bytes(4);
+  request.set_sha256(Sha256("mesh"));
+  const Caller dashed = {"a-b_c-5", "", Rights{true, true, false, false}, ""};
+  const std::string part = store_->Create(dashed, request)->name();
+  const std::string done = store_->Create(kOther, request)->name();
+  ASSERT_TRUE(store_->Write(kOther, done)->Append(0, "mesh").ok());
+  Start();
+  EXPECT_TRUE(store_->Use(kOther, done).ok());
+  EXPECT_TRUE(store_->Write(dashed, part)->Append(0, "mesh").ok());
+  EXPECT_FALSE(store_->Get(caller_, part).ok());
+  EXPECT_FALSE(store_->Get(kOther, part).ok());
+  Start();
+  EXPECT_TRUE(store_->Use(dashed, part).ok());
+}
+
+TEST_P(UploadRestartTest, WhatWasThereBeforeTenantsIsTheDefaultTenants) {
+  const std::string digest = absl::BytesToHexString(Sha256("mesh"));
+  std::ofstream(dir_.Path("uploads/farm-1.old-4-" + digest + ".part")) << "me";
+  Start();
+  EXPECT_EQ(Committed("uploads/farm-1.old"), 2);
+  EXPECT_TRUE(WriteOnce("uploads/farm-1.old", 2, "sh").ok());
 }
 
 // Dashes part the fields of a file's name, and may be in an id as well.

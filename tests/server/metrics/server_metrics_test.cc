@@ -111,8 +111,8 @@ TEST(ServerMetrics, WorkersCannotSpoilTheNumbers) {
   const std::string text = metrics.Text({});
   EXPECT_THAT(text, HasSubstr(R"(planish_stage_seconds_sum{stage="solve"} 0)"));
   EXPECT_THAT(text, HasSubstr(R"(planish_charts_total{converged="yes"} 0)"));
-  EXPECT_THAT(text, HasSubstr("planish_ready 0"));
-  EXPECT_THAT(text, Not(HasSubstr("planish_ready 1")));
+  EXPECT_THAT(text, HasSubstr("\nplanish_ready 0\n"));
+  EXPECT_THAT(text, Not(HasSubstr("\nplanish_ready 1\n")));
   EXPECT_THAT(text, HasSubstr(R"(planish_job_warnings_total{reason="OTHER"})"));
   EXPECT_THAT(text, Not(HasSubstr("MADE_UP_900")));
 }
@@ -149,7 +149,7 @@ TEST(ServerMetrics, SaysWhatIsNow) {
   EXPECT_THAT(text, HasSubstr(R"(planish_cache_hits_total{kind="upload"} 7)"));
   EXPECT_THAT(text, HasSubstr("planish_upload_received_bytes_total 123456789012"));
   EXPECT_THAT(text, HasSubstr("planish_tls_certificate_not_after_seconds 1800000000"));
-  EXPECT_THAT(text, HasSubstr("planish_ready 1"));
+  EXPECT_THAT(text, HasSubstr("\nplanish_ready 1\n"));
 }
 
 TEST(LabelGuard, LetsReasonsPass) {

@@ -208,5 +208,21 @@ TEST(PeerUsers, ANumberIsNeverAnotherUsers) {
   EXPECT_FALSE(peers.Find("fd:"));
 }
 
+TEST(PeerUsers, NobodyTakesAllNumbers) {
+  PeerUsers peers(2);
+  const auto connect = [&peers](std::uint32_t uid) {
+    return peers.AddAs(open("/dev/null", O_RDONLY | O_CLOEXEC), uid);
+  };
+  const int first = connect(1), second = connect(1);
+  ASSERT_GE(first, 0);
+  ASSERT_GE(second, 0);
+  EXPECT_EQ(connect(1), -1);
+  const int other = connect(2);
+  EXPECT_GE(other, 0);
+  close(second);
+  EXPECT_EQ(connect(1), second) << "its own numbers stay good";
+  for (const int fd : {first, second, other}) close(fd);
+}
+
 }  // namespace
 }  // namespace planish

@@ -47,12 +47,12 @@ JobManagerOptions WithUploads(JobManagerOptions options, UploadStore* uploads) {
 }  // namespace
 
 RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, UploadStoreOptions upload_options,
-                             double progress_per_second)
+                             double progress_per_second, std::unique_ptr<CallerSource> callers)
     : uploads_(std::move(upload_options), &blobs_),
       store_(*OpenJobStore(":memory:")),
       manager_(*JobManager::Open(WithUploads(options, &uploads_), store_.get(), &blobs_)),
-      pool_(
-          std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), Workers(options.workers))) {
+      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), Workers(options.workers))),
+      callers_(std::move(callers)) {
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   static const bool kept = (grpc_init(), true);
   static_cast<void>(kept);

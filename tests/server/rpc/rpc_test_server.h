@@ -27,7 +27,8 @@ inline const Caller kEverybody = {kDefaultTenant, "", Rights::All(), ""};
 class RpcTestServer {
  public:
   explicit RpcTestServer(WorkerScript script, JobManagerOptions options = JobManagerOptions(),
-                         UploadStoreOptions upload_options = UploadStoreOptions(), double progress_per_second = 1e9);
+                         UploadStoreOptions upload_options = UploadStoreOptions(), double progress_per_second = 1e9,
+                         std::unique_ptr<CallerSource> callers = NewOpenCallerSource());
   ~RpcTestServer();
 
   JobManager& manager() { return *manager_; }
@@ -50,7 +51,7 @@ class RpcTestServer {
   std::unique_ptr<JobManager> manager_;
   std::unique_ptr<WorkerPool> pool_;
   StreamCounter streams_;
-  std::unique_ptr<CallerSource> callers_ = NewOpenCallerSource();
+  const std::unique_ptr<CallerSource> callers_;
   std::unique_ptr<grpc::Service> service_;
   std::unique_ptr<RpcServer> rpc_;
   std::shared_ptr<grpc::Channel> channel_;
