@@ -73,11 +73,15 @@ serve 1
 # The configuration as it is, with other addresses and files.
 case $proxy in
 haproxy)
-  sed -E "s#/etc/haproxy/tls#$work/tls#; s#bind :7741#bind 127.0.0.1:$front#
+  sed -E "s#/etc/haproxy/tls#$work/tls#g; s#bind :7741#bind 127.0.0.1:$front#
     s#planishd-0.planishd:7741#127.0.0.1:$grpc0#; s#planishd-1.planishd:7741#127.0.0.1:$grpc1#
     s#(127.0.0.1:$grpc0) port 9741#\1 port $http0#; s#(127.0.0.1:$grpc1) port 9741#\1 port $http1#
     s#ca-file [^ ]*/ca.crt#ca-file $work/tls/ca.pem#" "$source/deploy/proxy/haproxy.cfg" >haproxy.cfg
   haproxy -c -f haproxy.cfg >check.log 2>&1 || fail "HAProxy does not take its configuration"
+  # That of Kubernetes can be read at least.
+  cp tls/ca.pem tls/ca.crt
+  sed "s#/etc/haproxy/tls#$work/tls#g" "$source/deploy/kubernetes/overlays/farm/haproxy.cfg" >farm.cfg
+  haproxy -c -f farm.cfg >check.log 2>&1 || fail "HAProxy does not take the configuration of the farm"
   haproxy -db -f haproxy.cfg >proxy.log 2>&1 &
   pids="$pids $!"
   ;;
