@@ -18,6 +18,7 @@
 #include "core/base/heap.h"
 #include "core/base/status_macros.h"
 #include "core/base/trace_context.h"
+#include "google/protobuf/stubs/logging.h"
 #include "google/protobuf/util/time_util.h"
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
@@ -74,6 +75,11 @@ void SetUpLogging(const ServerFlags& flags) {
   SetUpLog(flags.log_format, flags.log_level);
   // What matters of gRPC's chatter reaches us as errors.
   gpr_set_log_function([](gpr_log_func_args* args) { LogDebug(args->message, {{"source", "grpc"}}); });
+  // Mostly about texts of callers that are not UTF-8; they hear of that themselves.
+  google::protobuf::SetLogHandler([](google::protobuf::LogLevel level, const char*, int, const std::string& message) {
+    Log(level == google::protobuf::LOGLEVEL_FATAL ? LogLevel::kError : LogLevel::kDebug, message,
+        {{"source", "protobuf"}});
+  });
 }
 
 JobLimits Limits(const ServerFlags& flags) {
@@ -151,14 +157,14 @@ struct Stores {
   std::unique_ptr<UploadStore> uploads;
 };
 
-absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
+absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits) {
   Stores stores;
   if (!flags.data_dir.empty()) {
     PLANISH_ASSIGN_OR_RETURN(stores.directory, DataDirectory::Take(flags.data_dir));
   }
   const bool durable = stores.directory.has_value();
   PLANISH_ASSIGN_OR_RETURN(stores.jobs, OpenJobStore(durable ? stores.directory->jobs() : ":memory:"));
-  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB);
+  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB, limits);
   PLANISH_RETURN_IF_ERROR(stores.blobs->Open());
   stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores.directory), stores.blobs.get());
   PLANISH_RETURN_IF_ERROR(stores.uploads->Open());
@@ -319,7 +325,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   }
   const absl::StatusOr<std::unique_ptr<FrontDoor>> door = FrontDoor::Open(flags.security);
   if (!door.ok()) return Refuse(flags, door.status());
-  absl::StatusOr<Stores> stores = OpenStores(flags);
+  absl::StatusOr<Stores> stores = OpenStores(flags, (*door)->limits());
   if (!stores.ok()) return Refuse(flags, stores.status());
   JobManagerOptions options = ManagerOptions(flags);
   options.tenant_limits = (*door)->limits();
@@ -398,6 +404,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   LogInfo("bye");
   // gRPC's threads may outlive the logger.
   gpr_set_log_function(nullptr);
+  google::protobuf::SetLogHandler(nullptr);
   return EXIT_SUCCESS;
 }
 

@@ -55,7 +55,7 @@ void Monitoring::Hook(JobManagerOptions* options) {
 void Monitoring::Hook(WorkerPoolOptions* options) {
   options->on_worker_ready = [this, before = std::move(options->on_worker_ready)](const worker::v1::WorkerIdle& idle) {
     metrics_.OnWorkerStarted();
-    readiness_.Set(Obstacle::kWorkers, "");
+    SetStartError("");
     if (before) before(idle);
   };
   options->on_worker_end = [this, before = std::move(options->on_worker_end)](const WorkerEnd& end) {
@@ -65,11 +65,14 @@ void Monitoring::Hook(WorkerPoolOptions* options) {
   options->on_start_failed = [this, before = std::move(options->on_start_failed)](const absl::Status& status,
                                                                                   absl::Duration retry) {
     metrics_.OnWorkerStartFailed();
-    if (metrics_.workers_ready() == 0) {
-      readiness_.Set(Obstacle::kWorkers, absl::StrCat("no worker can be started: ", status.message()));
-    }
+    SetStartError(absl::StrCat("no worker can be started: ", status.message()));
     if (before) before(status, retry);
   };
+}
+
+void Monitoring::SetStartError(std::string error) {
+  const std::lock_guard lock(start_mutex_);
+  start_error_ = std::move(error);
 }
 
 CallListener Monitoring::Calls() {
@@ -91,15 +94,19 @@ void Monitoring::Attach(const WatchedServer& server) {
 void Monitoring::Beat() {
   const Clock::time_point now = Clock::now();
   last_beat_ = now;
-  bool draining = ending_;
+  bool draining = false;
   std::string data_dir;
   {
     const std::shared_lock lock(mutex_);
     if (!server_.has_value()) return;
-    draining = draining || server_->jobs->IsDraining();
+    draining = server_->jobs->IsDraining();
     data_dir = server_->data_dir;
   }
   readiness_.Set(Obstacle::kDraining, draining ? "the server is draining and takes no new jobs" : "");
+  {
+    const std::lock_guard lock(start_mutex_);
+    readiness_.Set(Obstacle::kWorkers, metrics_.workers_ready() == 0 ? start_error_ : "");
+  }
   if (!data_dir.empty() && now >= next_probe_) {
     next_probe_ = now + kProbeInterval;
     readiness_.Set(Obstacle::kStore, std::string(TryToWrite(data_dir).message()));
@@ -109,7 +116,7 @@ void Monitoring::Beat() {
 
 void Monitoring::SetEnding() {
   ending_ = true;
-  readiness_.Set(Obstacle::kDraining, "the server is shutting down and takes no new jobs");
+  readiness_.Set(Obstacle::kEnding, "the server is shutting down and takes no new jobs");
   TellReadiness();
 }
 

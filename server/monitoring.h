@@ -83,6 +83,7 @@ class Monitoring {
   HttpAnswer Metrics() const;
   HttpAnswer Live() const;
   HttpAnswer Ready() const;
+  void SetStartError(std::string error);
   // Tells gRPC's health and on_readiness_ if it changed.
   void TellReadiness();
 
@@ -92,6 +93,9 @@ class Monitoring {
   std::atomic<bool> ending_ = false;
   std::atomic<std::chrono::steady_clock::time_point> last_beat_ = {};
   std::chrono::steady_clock::time_point next_probe_;  // touched by Beat() only
+
+  std::mutex start_mutex_;
+  std::string start_error_;  // of the last start of a worker, "": it went well; guarded by start_mutex_
 
   mutable std::shared_mutex mutex_;
   std::optional<WatchedServer> server_;  // guarded by mutex_

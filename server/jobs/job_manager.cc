@@ -316,7 +316,7 @@ absl::StatusOr<JobPage> JobManager::List(const Caller& caller, const v1::ListJob
 absl::StatusOr<WatchedJob> JobManager::Watch(const Caller& caller, const std::string& name, bool attach,
                                              bool include_uv) {
   const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, /*may_follow=*/attach));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, /*may_follow=*/true));
   WatchedJob watched;
   if (const auto live = live_.find(name); live != live_.end()) {
     watched.events = live->second.events;

@@ -175,8 +175,8 @@ class JobManager : public JobSource {
   absl::StatusOr<JobPage> List(const Caller& caller, const v1::ListJobsRequest& request) const;
 
   // The job's events and, at their end, its UV. They stay as long as the caller holds them. `attach`: the job belongs
-  // to this caller as well; so a caller that may not see jobs can come back to one that the same credentials created
-  // for a caller (JobRequest::attached). With `include_uv`, NOT_FOUND with RESULT_EXPIRED if the UV are gone.
+  // to this caller as well. With `include_uv`, NOT_FOUND with RESULT_EXPIRED if the UV are gone. Whoever may only submit
+  // can watch, stop and cancel what the same credentials created.
   absl::StatusOr<WatchedJob> Watch(const Caller& caller, const std::string& name, bool attach, bool include_uv);
 
   // A queued job is CANCELLED at once. A running one is STOPPING, its worker is told, and whatever it delivers is

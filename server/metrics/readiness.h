@@ -9,7 +9,7 @@ namespace planish {
 // What keeps a server from taking new jobs. Thread-safe.
 class Readiness {
  public:
-  enum class Obstacle { kStarting, kDraining, kWorkers, kStore };
+  enum class Obstacle { kStarting, kEnding, kDraining, kWorkers, kStore };
 
   // kStarting is in the way.
   Readiness();

@@ -164,7 +164,8 @@ struct ServerMetrics::Families {
   }
 
   const std::string version;
-  LabelGuard reasons{kMostReasons};
+  LabelGuard reasons{kMostReasons};         // that the server gives
+  LabelGuard worker_reasons{kMostReasons};  // that may come from a worker, and so be anything
   std::atomic<int> workers_ready = 0;
 
   prometheus::Registry registry;
@@ -217,7 +218,8 @@ void ServerMetrics::OnTransition(const v1::Job& job) {
                                                                : nullptr;
   if (state == nullptr) return;
   const std::string reason = job.state() == v1::JOB_STATE_FAILED ? ReasonOf(job.error()) : std::string();
-  f.jobs_ended.Add({{"tenant", TenantOf(job)}, {"state", state}, {"reason", f.reasons.Reason(reason)}}).Increment();
+  f.jobs_ended.Add({{"tenant", TenantOf(job)}, {"state", state}, {"reason", f.worker_reasons.Reason(reason)}})
+      .Increment();
   if (job.has_start_time()) {
     f.job_run.Add({{"state", state}}).Observe(SecondsBetween(job.start_time(), job.end_time()));
   }
@@ -240,7 +242,7 @@ void ServerMetrics::OnWorkEnded(const v1::Job& job, const worker::v1::WorkResult
   f.charts.Add({{"converged", "yes"}}).Increment(Sane(totals.charts() - totals.not_converged()));
   f.charts.Add({{"converged", "no"}}).Increment(Sane(totals.not_converged()));
   for (const v1::Warning& warning : report.warnings()) {
-    f.warnings.Add({{"reason", f.reasons.Reason(warning.reason())}}).Increment();
+    f.warnings.Add({{"reason", f.worker_reasons.Reason(warning.reason())}}).Increment();
   }
 }
 

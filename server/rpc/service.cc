@@ -93,7 +93,7 @@ class PlanishService : public v1::Planish::CallbackService {
     const JobStream::Position position = {request->after_sequence(), request->include_uv(), request->uv_offset()};
     JobFinder find = [this, context, request, position]() -> absl::StatusOr<WatchedJob> {
       PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kNothing));
-      PLANISH_RETURN_IF_ERROR(request->attach() ? CheckOwn(caller) : caller.CheckRight(Need::kJobs));
+      PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
       PLANISH_RETURN_IF_ERROR(Validate(position));
       return manager_->Watch(caller, request->name(), request->attach(), request->include_uv());
     };

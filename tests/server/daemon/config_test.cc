@@ -2,6 +2,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
+#include <future>
 #include <memory>
 #include <set>
 #include <sstream>
@@ -9,6 +10,7 @@
 #include "core/io/draco_codec.h"
 #include "gmock/gmock.h"
 #include "grpcpp/create_channel.h"
+#include "grpcpp/generic/generic_stub.h"
 #include "gtest/gtest.h"
 #include "nlohmann/json.hpp"
 #include "planish/admin/v1/admin.grpc.pb.h"
@@ -51,9 +53,9 @@ class ConfigTest : public ::testing::Test {
     flags.push_back("--workers=1");
     auto daemon = std::make_unique<Daemon>(std::move(flags), true);
     EXPECT_TRUE(daemon->WaitReady());
-    const auto channel = grpc::CreateChannel(Address(), grpc::InsecureChannelCredentials());
-    planish_ = v1::Planish::NewStub(channel);
-    admin_ = admin::v1::Admin::NewStub(channel);
+    channel_ = grpc::CreateChannel(Address(), grpc::InsecureChannelCredentials());
+    planish_ = v1::Planish::NewStub(channel_);
+    admin_ = admin::v1::Admin::NewStub(channel_);
     return daemon;
   }
   std::string Address() const { return "unix:" + dir_.Path("s"); }
@@ -68,10 +70,27 @@ class ConfigTest : public ::testing::Test {
   grpc::Status CreateJob() {
     v1::CreateJobRequest request;
     request.set_draco(*EncodeDraco(Bump(8)));
-    request.set_label("half a \xc3");
+    request.set_label("mine");
     grpc::ClientContext context;
     v1::Job job;
     return planish_->CreateJob(&context, request, &job);
+  }
+
+  // The same with a label that is no text: libraries of the server have something to say about it.
+  grpc::StatusCode CreateJobWithBadBytes() {
+    v1::CreateJobRequest request;
+    request.set_label("XXXX");
+    std::string bytes = request.SerializeAsString();
+    bytes.replace(bytes.find("XXXX"), 4, "\xff\xfe\xff\xfe");
+    const grpc::Slice slice(bytes);
+    const grpc::ByteBuffer message(&slice, 1);
+    grpc::ByteBuffer answer;
+    grpc::ClientContext context;
+    std::promise<grpc::StatusCode> code;
+    grpc::GenericStub(channel_).UnaryCall(&context, "/planish.v1.Planish/CreateJob", grpc::StubOptions(), &message,
+                                          &answer,
+                                          [&code](const grpc::Status& status) { code.set_value(status.error_code()); });
+    return code.get_future().get();
   }
 
   template <class Request, class Response>
@@ -87,6 +106,7 @@ class ConfigTest : public ::testing::Test {
   }
 
   TempDir dir_;
+  std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Planish::Stub> planish_;
   std::unique_ptr<admin::v1::Admin::Stub> admin_;
 };
@@ -165,9 +185,11 @@ TEST_F(ConfigTest, JsonLogsParseLineByLine) {
   Write("log-format: json\nlog-level: debug\n");
   const auto daemon = Start();
   ASSERT_TRUE(CreateJob().ok());
+  EXPECT_NE(CreateJobWithBadBytes(), grpc::StatusCode::OK);
   for (admin::v1::Stats now = Stats(); now.running() + now.queued() > 0;) now = Stats();
   daemon->Signal(SIGTERM);
   EXPECT_EQ(daemon->Wait(), 0);
+  EXPECT_THAT(daemon->Output(), HasSubstr("\"source\":\"protobuf\""));
   std::istringstream lines(daemon->Output());
   std::set<std::string> states;
   for (std::string line; std::getline(lines, line);) {

@@ -354,7 +354,7 @@ TEST(Watching, AddressThatIsTakenIsRefused) {
   Watched server({"--workers=1"});
   Daemon bad({"--metrics-listen=nonsense"}, false);
   EXPECT_EQ(bad.Wait(), 2);
-  EXPECT_THAT(bad.Output(), HasSubstr("--metrics-listen=nonsense: not HOST:PORT"));
+  EXPECT_THAT(bad.Output(), HasSubstr("--metrics-listen: nonsense: not HOST:PORT"));
 }
 
 // ---- traces

@@ -91,7 +91,7 @@ void SecureServer::Start(ClientAuth client_auth) {
   options.tls = tls_;
   options.peers = &peers_;
   options.socket_mode = 0666;
-  auto started = RpcServer::Start(options, service_.get());
+  auto started = RpcServer::Start(options, {service_.get()});
   ASSERT_TRUE(started.ok()) << started.status();
   rpc_ = *std::move(started);
 }
