@@ -29,14 +29,20 @@ fail() {
   done
   exit 1
 }
-# A port that nobody has now.
+# Sets $1 to a port that nobody has now, and that was not given out before.
+given=" "
 port() {
-  "$bin/planishd" --listen=127.0.0.1:0 --log-level=info --isolation=thread >port.txt 2>&1 &
-  probe=$!
-  until grep -q "listens on 127" port.txt; do kill -0 $probe || fail "no port"; sleep 0.05; done
-  kill $probe
-  wait $probe || true
-  sed -n 's/.*listens on 127.0.0.1:\([0-9]*\).*/\1/p' port.txt
+  while :; do
+    "$bin/planishd" --listen=127.0.0.1:0 --isolation=thread >port.txt 2>&1 &
+    probe=$!
+    until grep -q "listens on 127" port.txt; do kill -0 $probe || fail "no port"; sleep 0.05; done
+    kill $probe
+    wait $probe || true
+    found=$(sed -n 's/.*listens on 127.0.0.1:\([0-9]*\).*/\1/p' port.txt)
+    case $given in *" $found "*) ;; *) break ;; esac
+  done
+  given="$given$found "
+  eval "$1=$found"
 }
 # until_ok SECONDS COMMAND...
 until_ok() {
@@ -52,11 +58,7 @@ until_ok() {
 # Certificates for the names in the configuration, as the servers' and the proxy's own.
 "$source/deploy/certificates.sh" tls planishd localhost 127.0.0.1 2>/dev/null
 cat tls/server.pem tls/server-key.pem >tls/planish.pem
-front=$(port)
-for i in 0 1; do
-  eval "grpc$i=$(port)"
-  eval "http$i=$(port)"
-done
+for name in front grpc0 grpc1 http0 http1; do port $name; done
 serve() {
   eval "listen=\$grpc$1 metrics=\$http$1"
   "$bin/planishd" --instance="planishd-$1" --listen="127.0.0.1:$listen" --metrics-listen="127.0.0.1:$metrics" \
