@@ -7,6 +7,7 @@
 #include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
 #include "client/cli/numbers.h"
+#include "client/cli/server_flags.h"
 #include "planish/admin.h"
 
 namespace planish::cli {
@@ -90,7 +91,7 @@ int Drain(AdminClient& admin, bool wait, Interrupts& interrupts) {
 }  // namespace
 
 int RunAdmin(const Arguments& arguments, Interrupts& interrupts) {
-  AdminClient admin(arguments.server);
+  AdminClient admin(arguments.server, WithServerFlags({}, arguments.server_flags));
   switch (arguments.command) {
     case Command::kAdminDrain:
       return Drain(admin, arguments.wait, interrupts);

@@ -29,14 +29,20 @@ fail() {
   done
   exit 1
 }
-# A port that nobody has now.
+# Sets $1 to a port that nobody has now, and that was not given out before.
+given=" "
 port() {
-  "$bin/planishd" --listen=127.0.0.1:0 --log-level=info --isolation=thread >port.txt 2>&1 &
-  probe=$!
-  until grep -q "listens on 127" port.txt; do kill -0 $probe || fail "no port"; sleep 0.05; done
-  kill $probe
-  wait $probe || true
-  sed -n 's/.*listens on 127.0.0.1:\([0-9]*\).*/\1/p' port.txt
+  while :; do
+    "$bin/planishd" --listen=127.0.0.1:0 --isolation=thread >port.txt 2>&1 &
+    probe=$!
+    until grep -q "listens on 127" port.txt; do kill -0 $probe || fail "no port"; sleep 0.05; done
+    kill $probe
+    wait $probe || true
+    found=$(sed -n 's/.*listens on 127.0.0.1:\([0-9]*\).*/\1/p' port.txt)
+    case $given in *" $found "*) ;; *) break ;; esac
+  done
+  given="$given$found "
+  eval "$1=$found"
 }
 # until_ok SECONDS COMMAND...
 until_ok() {
@@ -52,16 +58,13 @@ until_ok() {
 # Certificates for the names in the configuration, as the servers' and the proxy's own.
 "$source/deploy/certificates.sh" tls planishd localhost 127.0.0.1 2>/dev/null
 cat tls/server.pem tls/server-key.pem >tls/planish.pem
-front=$(port)
-for i in 0 1; do
-  eval "grpc$i=$(port)"
-  eval "http$i=$(port)"
-done
+for name in front grpc0 grpc1 http0 http1; do port $name; done
 serve() {
   eval "listen=\$grpc$1 metrics=\$http$1"
   "$bin/planishd" --instance="planishd-$1" --listen="127.0.0.1:$listen" --metrics-listen="127.0.0.1:$metrics" \
     --data-dir="data$1" --workers=1 --threads=1 --access-file=tls/access.yaml --tls-cert=tls/server.pem \
-    --tls-key=tls/server-key.pem --reattach-grace=30 >>"server$1.log" 2>&1 &
+    --tls-key=tls/server-key.pem --tls-client-ca=tls/ca.pem --tls-client-auth=request --reattach-grace=30 \
+    >>"server$1.log" 2>&1 &
   eval "server$1=$!"
   pids="$pids $!"
   until_ok 20 "$bin/planish" health "http://127.0.0.1:$metrics/readyz"
@@ -75,7 +78,7 @@ case $proxy in
 haproxy)
   sed -E "s#/etc/haproxy/tls#$work/tls#g; s#bind :7741#bind 127.0.0.1:$front#
     s#planishd-0.planishd:7741#127.0.0.1:$grpc0#; s#planishd-1.planishd:7741#127.0.0.1:$grpc1#
-    s#(127.0.0.1:$grpc0) port 9741#\1 port $http0#; s#(127.0.0.1:$grpc1) port 9741#\1 port $http1#
+    s#(127.0.0.1:$grpc0 .*) port 9741#\1 port $http0#; s#(127.0.0.1:$grpc1 .*) port 9741#\1 port $http1#
     s#ca-file [^ ]*/ca.crt#ca-file $work/tls/ca.pem#" "$source/deploy/proxy/haproxy.cfg" >haproxy.cfg
   haproxy -c -f haproxy.cfg >check.log 2>&1 || fail "HAProxy does not take its configuration"
   # That of Kubernetes can be read at least.
@@ -120,7 +123,7 @@ grep -q JOB_NOT_FOUND client.log || fail "the servers' own answers do not come t
 
 # A mesh that travels by an upload of several messages, 4 MiB and more, and the job that is made from it.
 awk 'BEGIN {
-  n = 430
+  n = 580
   for (i = 0; i <= n; ++i) for (j = 0; j <= n; ++j) printf "v %d %d %.3f\n", i, j, sin(i * j)
   for (i = 0; i < n; ++i) for (j = 1; j <= n; ++j) {
     a = i * (n + 1) + j; b = a + n + 1
@@ -130,7 +133,7 @@ job=$(planish unwrap large.obj --detach --seams=none) || fail "the large mesh"
 planish jobs cancel "$job" >/dev/null || fail "jobs cancel $job"
 
 # A server that is killed with a job that somebody waits for, and started anew: the client re-attaches through the proxy.
-planish unwrap "$spot" -o attached.obj --fresh --max-stretch=1.02 --progress=json 2>events.txt >/dev/null &
+"$bin/planish" unwrap "$spot" -o attached.obj --fresh --max-stretch=1.02 --progress=json 2>events.txt >/dev/null &
 client=$!
 until_ok 20 grep -q '"job": *"jobs/planishd-[01]' events.txt
 victim=$(sed -n 's#.*jobs/planishd-\([01]\)\..*#\1#p' events.txt | head -n 1)
