@@ -341,7 +341,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   ServiceOptions service_options;
   service_options.capabilities = Capabilities(flags);
   service_options.failpoints = flags.failpoints;
-  service_options.update_capabilities = [&manager](v1::Capabilities* capabilities) {
+  service_options.update_capabilities = [&manager](const Caller& caller, v1::Capabilities* capabilities) {
+    capabilities->set_queue_capacity(manager.QueueCapacity(caller));
     UpdateCapabilities(manager.Limits(), capabilities);
   };
   const std::unique_ptr<grpc::Service> service =

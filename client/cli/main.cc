@@ -1,4 +1,5 @@
 // planish: the command line.
+#include <cstdlib>
 #include <exception>
 #include <iostream>
 
@@ -52,6 +53,8 @@ int Run(const Arguments& arguments) {
 }  // namespace planish::cli
 
 int main(int argc, char** argv) {
+  // gRPC would log what the command says in its own words.
+  setenv("GRPC_VERBOSITY", "NONE", 0);
   const planish::cli::ParsedArguments parsed = planish::cli::ParseArguments(argc, argv);
   std::cout << parsed.out << std::flush;
   std::cerr << parsed.err;

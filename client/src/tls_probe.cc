@@ -108,6 +108,24 @@ void ExpectName(SSL* ssl, const std::string& name) {
   SSL_ctrl(ssl, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, const_cast<char*>(name.c_str()));
 }
 
+// The server asks for a client certificate.
+int OnAsked(SSL*, void* asked) {
+  *static_cast<bool*>(asked) = true;
+  return 1;
+}
+
+bool HasExpired(SSL* ssl) {
+  const X509* certificate = SSL_get_certificate(ssl);
+  return certificate != nullptr && X509_cmp_current_time(X509_get0_notAfter(certificate)) < 0;
+}
+
+// A server of gRPC closes the connection without an alert where it does not like the client's certificate.
+std::string ExplainClosed(SSL* ssl, bool asked, bool has_certificate) {
+  if (!asked) return "";
+  if (!has_certificate) return "the server asks for a client certificate";
+  return HasExpired(ssl) ? "the client certificate has expired" : "the server refuses the client certificate";
+}
+
 // The last error of a handshake or of a read after it.
 std::string Explain(SSL* ssl, const std::string& name, bool has_certificate) {
   const unsigned long error = ERR_peek_error();
@@ -155,7 +173,10 @@ std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   ExpectName(ssl.get(), name);
   SSL_set_fd(ssl.get(), socket.fd());
   ERR_clear_error();
-  const bool is_done = SSL_connect(ssl.get()) == 1;
+  bool asked = false;
+  SSL_set_cert_cb(ssl.get(), OnAsked, &asked);
+  int result = SSL_connect(ssl.get());
+  const bool is_done = result == 1;
   if (!probe.uses_tls) {
     // An alert is an answer in TLS as well: the server may ask for a client certificate, say.
     const unsigned long error = ERR_peek_error();
@@ -165,8 +186,11 @@ std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   // With TLS 1.3 a server judges the client's certificate after the client is done; it says so instead of its first
   // HTTP/2 frame.
   char byte = 0;
-  if (is_done && SSL_read(ssl.get(), &byte, 1) > 0) return "";
-  return Explain(ssl.get(), name, !probe.certificate.empty());
+  if (is_done) result = SSL_read(ssl.get(), &byte, 1);
+  if (result > 0 || SSL_get_error(ssl.get(), result) == SSL_ERROR_WANT_READ) return "";  // all is well, or too slow
+  const bool has_certificate = !probe.certificate.empty();
+  const std::string fault = Explain(ssl.get(), name, has_certificate);
+  return fault.empty() ? ExplainClosed(ssl.get(), asked, has_certificate) : fault;
 }
 
 }  // namespace api

@@ -11,8 +11,8 @@ _planish_flags() {
       if (match(spec, /\{[^}]*\}/)) {          # TEXT:{a,b} and ENUM:value in {a->0,b->1} OR {0,1}
         choices = substr(spec, RSTART + 1, RLENGTH - 2)
         gsub(/->[^,]*/, "", choices); gsub(/,/, " ", choices)
-      } else if (value ~ /^[a-z0-9]+(\|[a-z0-9]+)+$/) {
-        choices = value; gsub(/\|/, " ", choices)
+      } else if (value ~ /^[a-z0-9]+(\|[a-z0-9]+)+(=[a-z0-9]+)?$/) {  # a|b=a
+        choices = value; sub(/=.*/, "", choices); gsub(/\|/, " ", choices)
       }
       count = split(names, each, ",")
       for (i = 1; i <= count; ++i) print each[i] "\t" choices

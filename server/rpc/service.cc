@@ -185,8 +185,7 @@ class PlanishService : public v1::Planish::CallbackService {
                                             v1::Capabilities* response) override {
     return Answer(context, Need::kNothing, response, [this](const Caller& caller) -> absl::StatusOr<v1::Capabilities> {
       v1::Capabilities capabilities = options_.capabilities;
-      capabilities.set_queue_capacity(manager_->QueueCapacity(caller));
-      if (options_.update_capabilities) options_.update_capabilities(&capabilities);
+      if (options_.update_capabilities) options_.update_capabilities(caller, &capabilities);
       return capabilities;
     });
   }

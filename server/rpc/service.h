@@ -18,9 +18,9 @@ struct ServiceOptions {
   // For tests: a call's metadata "planish-failpoint" becomes JobRequest::failpoint.
   bool failpoints = false;
   double progress_per_second = 1000;  // StreamSurroundings
-  // Brings capabilities up to date before they are sent: limits may change while the server runs. Thread-safe; null:
-  // nothing changes.
-  std::function<void(v1::Capabilities*)> update_capabilities;
+  // Brings capabilities up to date before they are sent to a caller: limits may change while the server runs, and some
+  // are a tenant's own. Thread-safe; null: nothing changes.
+  std::function<void(const Caller&, v1::Capabilities*)> update_capabilities;
 };
 
 // Contracts of the calls: proto/planish/v1/planish.proto. `manager`, `uploads`, `callers` and `streams`, which counts

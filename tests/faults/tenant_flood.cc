@@ -122,6 +122,9 @@ class Flood {
       while (!IsTerminal(manager_->Get(kSingle, name)->state())) Sleep();
       singles.push_back(*manager_->Get(kSingle, name));
       report.single_wait_seconds.push_back(SecondsBetween(singles.back().create_time(), singles.back().start_time()));
+      // The next one finds the flood on all workers, at any point of its jobs.
+      const std::size_t ended = Ended("flood").size();
+      while (Ended("flood").size() < ended + 3) Sleep();
     }
     if (Ended("flood").size() == static_cast<std::size_t>(options_.flood)) {
       throw std::runtime_error("the flood was over before the last single job");

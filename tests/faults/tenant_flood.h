@@ -11,7 +11,7 @@ namespace planish {
 struct TenantFloodOptions {
   int workers = 2;
   int flood = 1000;                      // jobs of the first tenant, all there before the other one comes
-  int singles = 20;                      // jobs of the other one, each sent when the last one has ended
+  int singles = 20;                      // jobs of the other one, each sent a while after the last one has ended
   int grid = 12;                         // of the bumps that are unwrapped: 2 grid^2 triangles
   std::map<std::string, double> shares;  // "flood", "single"; 1 unless given
   // Instead of single jobs, the other tenant floods the queue as well, until so many jobs of both have ended.

@@ -70,7 +70,9 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^spdlog/.*)"), "spdlog", {"server/log"}},
       {std::regex(R"(^yaml-cpp/.*)"), "yaml-cpp", {"server", "tests"}},
       {std::regex(R"(^seccomp\.h$)"), "libseccomp", {"server/worker"}},
-      {std::regex(R"(^(httplib\.h|prometheus/.*)$)"), "HTTP and Prometheus", {"server/metrics", "tests"}},
+      {std::regex(R"(^(httplib\.h|prometheus/.*)$)"),
+       "HTTP and Prometheus",
+       {"server/metrics", "client/cli/health_command.cc", "tests"}},
       {std::regex(R"(^(sys/(socket|un)\.h|netinet/.*|arpa/.*|netdb\.h)$)"), "sockets", {"server", "client", "tests"}},
   };
   return *externals;

@@ -61,6 +61,9 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
   service_options.capabilities.set_workers(options.workers);
   service_options.capabilities.set_upload_chunk_bytes(64 << 10);
   service_options.failpoints = true;
+  service_options.update_capabilities = [this](const Caller& caller, v1::Capabilities* capabilities) {
+    capabilities->set_queue_capacity(manager_->QueueCapacity(caller));
+  };
   service_options.progress_per_second = progress_per_second;
   service_ = NewPlanishService(manager_.get(), &uploads_, callers_.get(), std::move(service_options), &streams_);
   RpcServerOptions rpc_options;
