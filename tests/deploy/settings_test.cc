@@ -35,7 +35,7 @@ std::string FlagOfVariable(std::string variable) {
 // Flags of the commands that begin with "planishd", variables of planishd, anywhere in `text`.
 std::set<std::string> UsedBy(const std::string& text) {
   std::set<std::string> used;
-  static const std::regex command(R"((^|[/ "`=])planishd"?,? +((\\\n|[^\n])*))");
+  static const std::regex command(R"((^|[/ "`=])planishd"?(((,? | *\\\n *)"?-{1,2}[a-z][^\s"`,]*"?)+))");
   for (std::sregex_iterator it(text.begin(), text.end(), command), end; it != end; ++it) used.merge(FlagsIn((*it)[2]));
   static const std::regex variable(R"(\bPLANISHD_[A-Z_]+\b)");
   for (std::sregex_iterator it(text.begin(), text.end(), variable), end; it != end; ++it) {
