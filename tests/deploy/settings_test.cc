@@ -32,11 +32,16 @@ std::string FlagOfVariable(std::string variable) {
   return "--" + variable;
 }
 
-// Flags of the commands that begin with "planishd", variables of planishd, anywhere in `text`.
+// Flags of the commands that begin with "planishd --", up to three blanks, and variables of planishd, anywhere in
+// `text`.
 std::set<std::string> UsedBy(const std::string& text) {
   std::set<std::string> used;
-  static const std::regex command(R"((^|[/ "`=])planishd"?(((,? | *\\\n *)"?-{1,2}[a-z][^\s"`,]*"?)+))");
-  for (std::sregex_iterator it(text.begin(), text.end(), command), end; it != end; ++it) used.merge(FlagsIn((*it)[2]));
+  const std::string lines = std::regex_replace(text, std::regex(R"(\\\n *)"), "");
+  static const std::regex command(R"((^|[/ "`=])planishd"?,? +(--[^\n]*))");
+  for (std::sregex_iterator it(lines.begin(), lines.end(), command), end; it != end; ++it) {
+    const std::string flags = (*it)[2];
+    used.merge(FlagsIn(flags.substr(0, flags.find("   "))));
+  }
   static const std::regex variable(R"(\bPLANISHD_[A-Z_]+\b)");
   for (std::sregex_iterator it(text.begin(), text.end(), variable), end; it != end; ++it) {
     used.insert(FlagOfVariable(it->str()));
@@ -45,8 +50,9 @@ std::set<std::string> UsedBy(const std::string& text) {
 }
 
 TEST(Settings, UsedByIsNotBlind) {
-  EXPECT_EQ(UsedBy("ExecStart=planishd --a=1 --b\nplanish unwrap --c\n  planishd \\\n  --d"),
-            (std::set<std::string>{"--a", "--b", "--d"}));
+  EXPECT_EQ(
+      UsedBy("ExecStart=planishd --a=1 --b\nplanish unwrap --c\n  planishd \\\n  --d   add --e\nplanishd under --f"),
+      (std::set<std::string>{"--a", "--b", "--d"}));
   EXPECT_EQ(UsedBy("ENV PLANISHD_MAX_MESH_MB=1"), std::set<std::string>{"--max-mesh-mb"});
 }
 

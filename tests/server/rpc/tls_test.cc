@@ -54,8 +54,8 @@ class OpenCall {
     call_ = stub_.PrepareCall(&context_, "/grpc.health.v1.Health/Watch", &queue_);
     call_->StartCall(nullptr);
     Wait();
-    const grpc::Slice nothing;  // a HealthCheckRequest about the whole server
-    call_->Write(grpc::ByteBuffer(&nothing, 1), nullptr);
+    const grpc::Slice request("\n\x12planish.v1.Planish");  // a HealthCheckRequest with that service
+    call_->Write(grpc::ByteBuffer(&request, 1), nullptr);
     Wait();
   }
   ~OpenCall() {
