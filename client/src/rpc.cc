@@ -328,6 +328,7 @@ template <typename Call>
 void Rpc::InBackground(const std::string& route, Call call) {
   const std::lock_guard lock(background_mutex_);
   background_.emplace_back([stubs = stubs_, route, call = std::move(call), traceparent = NextTraceparent()] {
+    const TraceScope scope(traceparent);
     grpc::ClientContext context;
     try {
       Prepare(context, *stubs->connection, DeadlineAfter(kBackgroundSeconds), route);
