@@ -151,7 +151,7 @@ HttpAnswer Monitoring::Metrics() const {
   {
     const std::shared_lock lock(mutex_);
     if (!server_.has_value()) return Unavailable(ending_ ? "the server is ending" : "the server is starting");
-    gauges.jobs = server_->jobs->Gauges();
+    gauges.jobs = server_->jobs->Stats();
     gauges.uploads = server_->uploads->Gauges();
     gauges.workers = server_->workers;
     gauges.memory_limit_bytes = server_->memory_limit_bytes;

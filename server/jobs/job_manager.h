@@ -32,6 +32,7 @@
 #include "server/jobs/job_source.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/lifecycle.h"
+#include "server/jobs/manager_stats.h"
 #include "server/jobs/work.h"
 #include "server/link/worker_link.h"
 
@@ -80,37 +81,6 @@ struct JobLimits {
   std::int64_t retained_bytes = std::int64_t{1} << 30;
   absl::Duration retained_time = absl::InfiniteDuration();
   absl::Duration reattach_grace = absl::Seconds(10);
-};
-
-// Numbers of now; counts are since the start of this process.
-struct TenantStats {
-  std::string tenant;
-  int queued = 0;               // jobs that wait, also for work they share
-  int running = 0;              // jobs RUNNING or STOPPING
-  std::int64_t accepted = 0;    // new jobs
-  std::int64_t refused = 0;     // requests for jobs that became none
-  std::int64_t shared = 0;      // of those accepted: share another job's work or result
-  std::int64_t ended_kept = 0;  // records of ended jobs
-  std::int64_t stored_bytes = 0;
-  absl::Duration oldest_wait;  // of the job that waits longest; 0 if none waits
-};
-
-struct ManagerStats {
-  bool draining = false;
-  int workers = 0;       // pieces of work that may run at a time
-  int queued = 0;        // jobs
-  int running = 0;       // jobs
-  int queued_work = 0;   // pieces of work: what queue_total bounds
-  int running_work = 0;  // that workers have
-  int queue_total = 0;
-  std::map<v1::Priority, int> queued_by_priority;  // jobs; UNSPECIFIED counts as NORMAL
-  std::int64_t reserved_memory_bytes = 0;
-  std::int64_t memory_bytes = 0;
-  std::int64_t stored_bytes = 0;
-  std::int64_t store_bytes = 0;  // that there may be
-  absl::Duration oldest_wait;    // 0 if none waits
-  std::map<std::string, std::int64_t> refused_by_reason;
-  std::vector<TenantStats> tenants;  // with jobs, bytes or calls; by name
 };
 
 class JobManager;
@@ -175,8 +145,8 @@ class JobManager : public JobSource {
   absl::StatusOr<JobPage> List(const Caller& caller, const v1::ListJobsRequest& request) const;
 
   // The job's events and, at their end, its UV. They stay as long as the caller holds them. `attach`: the job belongs
-  // to this caller as well. With `include_uv`, NOT_FOUND with RESULT_EXPIRED if the UV are gone. Whoever may only submit
-  // can watch, stop and cancel what the same credentials created.
+  // to this caller as well. With `include_uv`, NOT_FOUND with RESULT_EXPIRED if the UV are gone. Whoever may only
+  // submit can watch, stop and cancel what the same credentials created.
   absl::StatusOr<WatchedJob> Watch(const Caller& caller, const std::string& name, bool attach, bool include_uv);
 
   // A queued job is CANCELLED at once. A running one is STOPPING, its worker is told, and whatever it delivers is
@@ -199,6 +169,8 @@ class JobManager : public JobSource {
   // ---- for operators
 
   ManagerStats Stats() const;
+  // Whether new jobs are refused.
+  bool IsDraining() const;
 
   // ---- for UploadStore
 
@@ -218,12 +190,6 @@ class JobManager : public JobSource {
   void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) override;
   // Queues the work again, or ends its jobs as FAILED if it cost too many workers.
   void ReportLost(const std::string& name, int attempt, WorkerLoss loss) override;
-
-  // ---- for whoever watches the server
-
-  JobGauges Gauges() const;
-  // Whether new jobs are refused.
-  bool IsDraining() const;
 
   // ---- for upkeep
 

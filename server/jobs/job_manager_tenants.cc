@@ -71,6 +71,11 @@ bool JobManager::MakeRoom(const std::string& tenant, std::int64_t bytes) {
   return gave || blobs_->bytes() < before;
 }
 
+bool JobManager::IsDraining() const {
+  const std::lock_guard lock(mutex_);
+  return draining_;
+}
+
 ManagerStats JobManager::Stats() const {
   const std::lock_guard lock(mutex_);
   const absl::Time now = options_.clock();
@@ -85,9 +90,6 @@ ManagerStats JobManager::Stats() const {
   stats.stored_bytes = blobs_->bytes();
   stats.store_bytes = blobs_->max_bytes();
   stats.refused_by_reason = refused_by_reason_;
-  for (const v1::Priority priority : {v1::PRIORITY_LOW, v1::PRIORITY_NORMAL, v1::PRIORITY_HIGH}) {
-    stats.queued_by_priority[priority] = 0;
-  }
   std::map<std::string, TenantStats> tenants;
   for (const auto& [tenant, totals] : totals_.tenants) tenants[tenant].ended_kept = totals.ended;
   for (const auto& [tenant, calls] : calls_) {
@@ -106,10 +108,11 @@ ManagerStats JobManager::Stats() const {
     ++stats.queued;
     ++tenant.queued;
     const v1::Priority asked = job.scheduling().priority();
-    ++stats.queued_by_priority[asked == v1::PRIORITY_UNSPECIFIED ? v1::PRIORITY_NORMAL : asked];
+    WaitingJobs& waiting = tenant.waiting[asked == v1::PRIORITY_UNSPECIFIED ? v1::PRIORITY_NORMAL : asked];
+    ++waiting.jobs;
     const absl::Time created = absl::FromUnixNanos(TimeUtil::TimestampToNanoseconds(job.create_time()));
-    tenant.oldest_wait = std::max(tenant.oldest_wait, now - created);
-    stats.oldest_wait = std::max(stats.oldest_wait, tenant.oldest_wait);
+    waiting.longest = std::max(waiting.longest, now - created);
+    stats.oldest_wait = std::max(stats.oldest_wait, waiting.longest);
   }
   for (auto& [name, tenant] : tenants) {
     tenant.tenant = name;

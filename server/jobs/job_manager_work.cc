@@ -257,7 +257,8 @@ void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::
     queue_.SetSecondsFactor(seconds_factor_);
   }
   if (options_.observer != nullptr) {
-    options_.observer->OnWorkEnded(live_.at(work.jobs.front()).record.job(), result, options_.clock() - work.start);
+    options_.observer->OnWorkEnded(live_.at(work.jobs.front()).record.job(), result,
+                                   options_.steady_clock() - work.start);
   }
   for (const std::string& job : work.jobs) EndJob(live_.at(job), result, uv, &wakeups);
 }
@@ -313,7 +314,7 @@ void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss los
     }
   }
   if (options_.observer != nullptr) {
-    options_.observer->OnWorkLost(first, loss, static_cast<int>(again.size()), options_.clock() - work.start);
+    options_.observer->OnWorkLost(first, loss, static_cast<int>(again.size()), options_.steady_clock() - work.start);
   }
   if (again.empty()) return;
   Work next;

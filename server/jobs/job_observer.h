@@ -34,17 +34,4 @@ class JobObserver {
   virtual void OnWorkLost(const v1::Job& job, const WorkerLoss& loss, int retried, absl::Duration duration) = 0;
 };
 
-// What JobManager::Gauges() says of this moment.
-struct JobGauges {
-  struct Waiting {
-    int jobs = 0;
-    absl::Duration longest;  // since the first of them was accepted
-  };
-  std::map<std::pair<std::string, v1::Priority>, Waiting> queued;  // by tenant and priority, never UNSPECIFIED
-  std::map<std::string, int> running;                              // jobs by tenant, those being stopped too
-  int busy_workers = 0;
-  std::int64_t reserved_memory_bytes = 0;
-  bool draining = false;
-};
-
 }  // namespace planish

@@ -114,25 +114,28 @@ class Pulled {
   std::vector<MetricFamily> families_;
 };
 
-void AddJobs(const JobGauges& jobs, Pulled* pulled) {
+void AddJobs(const ManagerStats& jobs, Pulled* pulled) {
   std::map<v1::Priority, absl::Duration> longest;
   std::map<std::pair<std::string, v1::Priority>, int> queued;
+  std::map<std::string, int> running = {{kDefaultTenant, 0}};
   for (const v1::Priority priority : kPriorities) queued[{kDefaultTenant, priority}] = 0;
-  for (const auto& [of, waiting] : jobs.queued) {
-    queued[{TenantOf(of.first), of.second}] += waiting.jobs;
-    longest[of.second] = std::max(longest[of.second], waiting.longest);
+  for (const TenantStats& tenant : jobs.tenants) {
+    const std::string label = TenantOf(tenant.tenant);
+    running[label] += tenant.running;
+    for (const auto& [priority, waiting] : tenant.waiting) {
+      queued[{label, priority}] += waiting.jobs;
+      longest[priority] = std::max(longest[priority], waiting.longest);
+    }
   }
   for (const auto& [of, count] : queued) {
     pulled->Add(metric::kJobsQueued, count, {{"tenant", of.first}, {"priority", PriorityLabel(of.second)}});
   }
-  std::map<std::string, int> running = {{kDefaultTenant, 0}};
-  for (const auto& [tenant, count] : jobs.running) running[TenantOf(tenant)] += count;
   for (const auto& [tenant, count] : running) pulled->Add(metric::kJobsRunning, count, {{"tenant", tenant}});
   for (const v1::Priority priority : kPriorities) {
     pulled->Add(metric::kQueueOldestWait, absl::ToDoubleSeconds(longest[priority]),
                 {{"priority", PriorityLabel(priority)}});
   }
-  pulled->Add(metric::kWorkersBusy, jobs.busy_workers);
+  pulled->Add(metric::kWorkersBusy, jobs.running_work);
   pulled->Add(metric::kMemoryReserved, static_cast<double>(jobs.reserved_memory_bytes));
   pulled->Add(metric::kDraining, jobs.draining ? 1 : 0);
 }

@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "server/jobs/job_observer.h"
+#include "server/jobs/manager_stats.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
 
@@ -16,7 +17,7 @@ namespace planish {
 
 // What a scrape asks for in the moment it comes. Names and units: server/metrics/definitions.h.
 struct ServerGauges {
-  JobGauges jobs;
+  ManagerStats jobs;
   UploadGauges uploads;
   int workers = 0;
   std::int64_t memory_limit_bytes = 0;

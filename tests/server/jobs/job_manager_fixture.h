@@ -61,7 +61,8 @@ inline v1::Progress Iteration(int number) {
 class JobManagerTest : public ::testing::Test {
  protected:
   JobManagerTest() {
-    options_.clock = options_.steady_clock = [this] { return now_; };
+    options_.clock = [this] { return now_; };
+    options_.steady_clock = [this] { return now_ - absl::Hours(100'000); };  // never to be mixed with the other one
     options_.new_id = [this] { return "id" + std::to_string(++ids_); };
     options_.on_transition = [this](const v1::Job& job) { transitions_.push_back(StateName(job.state())); };
     options_.queue_capacity = 2;

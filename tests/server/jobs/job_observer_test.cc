@@ -70,28 +70,5 @@ TEST_F(JobObserverTest, LossesSayHowManyJobsGoOn) {
               ElementsAre("lost " + first + " WORKER_CRASHED 2 2s", "lost " + first + " WORKER_CRASHED 0 0"));
 }
 
-TEST_F(JobObserverTest, GaugesSayWhatIsNow) {
-  EXPECT_TRUE(manager_->Gauges().queued.empty());
-  const std::string runs = Create();
-  Take();
-  Create();
-  now_ += absl::Seconds(30);
-  Create();
-  const JobGauges gauges = manager_->Gauges();
-  ASSERT_EQ(gauges.queued.size(), 1U);
-  EXPECT_EQ(gauges.queued.begin()->first.second, v1::PRIORITY_NORMAL);
-  EXPECT_EQ(gauges.queued.begin()->second.jobs, 2);
-  EXPECT_EQ(gauges.queued.begin()->second.longest, absl::Seconds(30));
-  EXPECT_EQ(gauges.running.begin()->second, 1);
-  EXPECT_EQ(gauges.busy_workers, 1);
-  EXPECT_FALSE(gauges.draining);
-  Succeed(runs);
-  manager_->Drain([] {});
-  EXPECT_EQ(manager_->Gauges().busy_workers, 0);
-  EXPECT_TRUE(manager_->Gauges().running.empty());
-  EXPECT_TRUE(manager_->Gauges().draining);
-  EXPECT_TRUE(manager_->IsDraining());
-}
-
 }  // namespace
 }  // namespace planish

@@ -366,9 +366,6 @@ TEST_F(JobTenantsTest, Stats) {
   EXPECT_EQ(stats.running_work, 1);
   EXPECT_EQ(stats.queued, 2);
   EXPECT_EQ(stats.queued_work, 2);
-  EXPECT_EQ(stats.queued_by_priority.at(v1::PRIORITY_HIGH), 1);
-  EXPECT_EQ(stats.queued_by_priority.at(v1::PRIORITY_NORMAL), 1);
-  EXPECT_EQ(stats.queued_by_priority.at(v1::PRIORITY_LOW), 0);
   EXPECT_EQ(stats.oldest_wait, absl::Seconds(5));
   EXPECT_EQ(stats.refused_by_reason.at("QUEUE_FULL"), 1);
   EXPECT_EQ(stats.refused_by_reason.at("MESH_MISSING"), 1);
@@ -381,8 +378,11 @@ TEST_F(JobTenantsTest, Stats) {
   EXPECT_EQ(stats.tenants[0].refused, 2);
   EXPECT_EQ(stats.tenants[0].running, 2);
   EXPECT_EQ(stats.tenants[0].queued, 1);
+  EXPECT_EQ(stats.tenants[0].waiting.at(v1::PRIORITY_HIGH).jobs, 1);
+  EXPECT_EQ(stats.tenants[0].waiting.at(v1::PRIORITY_HIGH).longest, absl::Seconds(5));
+  EXPECT_FALSE(stats.tenants[0].waiting.contains(v1::PRIORITY_NORMAL));
   EXPECT_EQ(stats.tenants[1].tenant, "bob");
-  EXPECT_EQ(stats.tenants[1].oldest_wait, absl::ZeroDuration());
+  EXPECT_EQ(stats.tenants[1].waiting.at(v1::PRIORITY_NORMAL).longest, absl::ZeroDuration());
 }
 
 TEST_F(JobTenantsTest, DrainCanBeTakenBackUnlessTheServerEnds) {

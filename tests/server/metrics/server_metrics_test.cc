@@ -125,9 +125,12 @@ TEST(ServerMetrics, SaysWhatIsNow) {
   metrics.OnWorkerStartFailed();
   metrics.OnStoreError();
   ServerGauges gauges;
-  gauges.jobs.queued[{"a", v1::PRIORITY_LOW}] = {3, absl::Seconds(40)};
-  gauges.jobs.queued[{"b", v1::PRIORITY_LOW}] = {1, absl::Seconds(90)};
-  gauges.jobs.running["a"] = 2;
+  gauges.jobs.tenants.resize(2);
+  gauges.jobs.tenants[0].tenant = "a";
+  gauges.jobs.tenants[0].waiting[v1::PRIORITY_LOW] = {3, absl::Seconds(40)};
+  gauges.jobs.tenants[0].running = 2;
+  gauges.jobs.tenants[1].tenant = "b";
+  gauges.jobs.tenants[1].waiting[v1::PRIORITY_LOW] = {1, absl::Seconds(90)};
   gauges.jobs.reserved_memory_bytes = 5000000000;
   gauges.uploads.complete_at_once = 7;
   gauges.uploads.received_bytes = 123456789012;
