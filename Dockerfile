@@ -1,39 +1,42 @@
-# planishd in a container.
+# planishd in a container. README.md, "The container", has the four lines from here to the first mesh.
 #
 #   docker build -t planish .
-#   docker run --rm -p 7741:7741 planish
-#   planish unwrap --server=localhost:7741 mesh.obj -o flat.obj
+#   docker run -v "$PWD/credentials:/etc/planish/credentials:ro" -p 7741:7741 planish
 #
-# Arguments after the image's name go to planishd: docker run --rm -p 7741:7741 planish --workers=8
-# Jobs that outlive the container: docker run -v planish:/var/lib/planish -p 7741:7741 planish --data-dir=/var/lib/planish
-# The image holds the command as well: docker exec NAME planish jobs list --server=127.0.0.1:7741
-
+# Arguments after the image's name go to planishd, variables PLANISHD_... are its settings, and /etc/planish/planishd.yaml
+# is its configuration file (deploy/image.yaml). It needs no capability, writes nothing but /var/lib/planish, a volume
+# (so --read-only --cap-drop=ALL --security-opt=no-new-privileges are fine), and runs as uid 10001.
+# The image holds the command as well: docker exec NAME planish health
 FROM debian:bookworm-slim AS build
 WORKDIR /src
 # Packages first: they change less often than the code, so the layer is kept.
 COPY deploy/install-packages.sh deploy/
-RUN deploy/install-packages.sh build
+RUN deploy/install-packages.sh build runtime
 COPY . .
-RUN deploy/build.sh && cmake --install build/default --prefix /out --strip
+RUN deploy/build.sh && cmake --install build/default --prefix /out --strip \
+ && deploy/image-root.sh /out /root-of-image
 
-FROM debian:bookworm-slim
+FROM scratch
 ARG VERSION=0.1.0
+ARG REVISION=unknown
+ARG CREATED=1970-01-01T00:00:00Z
 LABEL org.opencontainers.image.title="planish" \
       org.opencontainers.image.description="Angle Based Flattening as a gRPC service" \
       org.opencontainers.image.version="${VERSION}" \
+      org.opencontainers.image.revision="${REVISION}" \
+      org.opencontainers.image.created="${CREATED}" \
       org.opencontainers.image.licenses="Apache-2.0" \
-      org.opencontainers.image.base.name="debian:bookworm-slim"
-COPY deploy/install-packages.sh /tmp/
-RUN /tmp/install-packages.sh runtime \
- && apt-get clean && rm -rf /tmp/install-packages.sh /var/lib/apt/lists/* \
- && useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin planish \
- && install -d -o planish -g planish -m 700 /var/lib/planish
-COPY LICENSE /usr/share/doc/planish/
-COPY --from=build /out/bin/ /usr/local/bin/
+      org.opencontainers.image.documentation="file:///usr/share/doc/planish/README.md" \
+      org.opencontainers.image.base.name="scratch"
+COPY --from=build /root-of-image/ /
+COPY LICENSE README.md /usr/share/doc/planish/
+COPY deploy/image.yaml /etc/planish/planishd.yaml
+ENV PLANISHD_CONFIG=/etc/planish/planishd.yaml
 # A number, so that Kubernetes can tell that it is not root.
 USER 10001:10001
-EXPOSE 7741
-# A gRPC call to the server, not just an open port.
-HEALTHCHECK --interval=10s --timeout=5s --start-period=5s --retries=3 \
-  CMD ["planish", "version", "--server=127.0.0.1:7741"]
-ENTRYPOINT ["planishd", "--listen=0.0.0.0:7741"]
+VOLUME /var/lib/planish
+# Calls, and metrics.
+EXPOSE 7741 9741
+# By HTTP beside the calls: neither certificates nor tokens are needed for it.
+HEALTHCHECK --interval=10s --timeout=5s --start-period=10s --retries=3 CMD ["planish", "health"]
+ENTRYPOINT ["planishd"]

@@ -14,7 +14,8 @@ build="
   g++ cmake ninja-build
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
   libeigen3-dev libdraco-dev libsuitesparse-dev libopenblas-serial-dev
-  libpng-dev libsqlite3-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev"
+  libpng-dev libsqlite3-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
+  libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev"
 
 # What only the tests need. tests/interop also uses node and npm where they are installed already.
 test="libgtest-dev libgmock-dev"
@@ -26,10 +27,11 @@ bench="gnuplot-nox libcgal-dev blender python3-numpy"
 # What only deploy/fuzz.sh needs: a compiler with libFuzzer, its OpenMP, and names of functions in its reports.
 fuzz="clang-14 libclang-rt-14-dev libomp-14-dev llvm-14"
 
-# What the installed programs need.
+# What the installed programs need; the certificates are for `planish` and servers that have one of a public authority.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libdraco7 libcholmod3 libopenblas0-serial
-  libpng16-16 libsqlite3-0 libseccomp2 libgomp1 libspdlog1.10 libfmt9 libssl3"
+  libpng16-16 libsqlite3-0 libseccomp2 libgomp1 libspdlog1.10 libfmt9 libssl3
+  libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 ca-certificates"
 
 fail() {
   echo "install-packages: $*" >&2

@@ -3,10 +3,17 @@
 #include <algorithm>
 #include <cstdint>
 #include <iostream>
-#include <map>
+#include <optional>
 #include <thread>
+#include <utility>
 
 #include "CLI/CLI.hpp"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "core/base/status_macros.h"
+#include "server/config/choice.h"
+#include "server/jobs/ids.h"
 #include "server/memory_limit.h"
 
 namespace planish {
@@ -22,10 +29,11 @@ void DefineKeeping(CLI::App* app, ServerFlags* flags) {
   app->add_option("--store-mb", flags->store_mb, "Meshes and UV that are kept or wait, MiB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
-  app->add_option("--retain-jobs", flags->retain_jobs, "Ended jobs that are kept for later calls")
+  app->add_option("--retain-jobs", flags->retain_jobs, "Ended jobs of a tenant that are kept for later calls")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000));
-  app->add_option("--retain-mb", flags->retain_mb, "UV of ended jobs that are kept, MiB (the last one always is)")
+  app->add_option("--retain-mb", flags->retain_mb,
+                  "UV of ended jobs of a tenant that are kept, MiB (the last one always is)")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000'000));
   app->add_option("--retain-hours", flags->retain_hours, "Hours that UV of ended jobs are kept")
@@ -42,16 +50,13 @@ void DefineWorkers(CLI::App* app, ServerFlags* flags) {
       ->check(CLI::Range(1, 1024));
   app->add_option("--threads", flags->threads, "Threads a job may use at most [cores / workers]")
       ->check(CLI::Range(1, kMaxThreads));
-  app->add_option("--isolation", flags->isolated,
-                  "Where jobs run: in processes of their own, or in threads of the server")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"process", true}, {"thread", false}}))
-      ->default_str("process");
-  app->add_option("--sandbox", flags->sandbox,
-                  "Whether worker processes give up files and the network: where the kernel allows it, or they do not "
-                  "start, or not")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, SandboxMode>{
-          {"auto", SandboxMode::kAuto}, {"require", SandboxMode::kRequire}, {"off", SandboxMode::kOff}}))
-      ->default_str("auto");
+  AddChoice<bool>(app, "--isolation", &flags->isolated, {{"process", true}, {"thread", false}},
+                  "Where jobs run: in processes of their own, or in threads of the server");
+  AddChoice<SandboxMode>(
+      app, "--sandbox", &flags->sandbox,
+      {{"auto", SandboxMode::kAuto}, {"require", SandboxMode::kRequire}, {"off", SandboxMode::kOff}},
+      "Whether worker processes give up files and the network: where the kernel allows it, or they do not start, or "
+      "not");
   app->add_option("--recycle-after", flags->recycle_after, "Jobs after which a worker process is replaced by a new one")
       ->capture_default_str()
       ->check(CLI::Range(1, 1'000'000'000));
@@ -63,17 +68,77 @@ void DefineWorkers(CLI::App* app, ServerFlags* flags) {
       ->check(CLI::Range(1, 100'000'000));
 }
 
-void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen) {
+// What the command line says about the configuration itself.
+struct ConfigFlags {
+  std::string file;  // empty: none
+  bool print = false;
+  bool check = false;
+};
+
+void DefineConfig(CLI::App* app, ConfigFlags* config) {
+  app->add_option("--config", config->file,
+                  "YAML file with settings: keys are names of flags without dashes. Flags, and variables like "
+                  "PLANISHD_QUEUE, go before it")
+      ->type_name("FILE")
+      ->configurable(false);
+  app->add_flag("--print-config", config->print,
+                "Print the settings in effect, and where they come from, as such a file")
+      ->configurable(false);
+  app->add_flag("--check-config", config->check, "Say what is wrong with flags, environment and file, or ok")
+      ->configurable(false);
+}
+
+void DefineLog(CLI::App* app, ServerFlags* flags) {
+  AddChoice<LogLevel>(app, "--log-level", &flags->log_level,
+                      {{"debug", LogLevel::kDebug},
+                       {"info", LogLevel::kInfo},
+                       {"warn", LogLevel::kWarn},
+                       {"error", LogLevel::kError},
+                       {"off", LogLevel::kOff}},
+                      "What goes to stderr");
+  AddChoice<LogFormat>(app, "--log-format", &flags->log_format,
+                       {{"human", LogFormat::kHuman}, {"json", LogFormat::kJson}},
+                       "How: lines for people, or a JSON object a line");
+}
+
+std::string CheckAddress(const std::string& text) {
+  return std::string(ParseListenAddress(text).status().message());
+}
+
+std::string CheckHttpAddress(const std::string& text) {
+  return std::string(ParseHttpAddress(text).status().message());
+}
+
+std::string CheckInstance(const std::string& name) {
+  return IsInstanceName(name) ? "" : "a name has 1 to 63 of the characters a to z, 0 to 9 and -";
+}
+
+void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen, std::string* metrics_listen) {
   app->set_version_flag("--version", "planishd " PLANISH_VERSION);
   app->add_option("--listen", *listen, "HOST:PORT or unix:PATH; may be given several times")
       ->capture_default_str()
       ->type_name("ADDR")
+      ->check(CLI::Validator(CheckAddress, ""))
       ->allow_extra_args(false);
+  app->add_option("--instance", flags->instance,
+                  "Name of this server among others behind a proxy: its jobs are called jobs/NAME.ID, and callers say "
+                  "NAME in the metadata planish-route")
+      ->type_name("NAME")
+      ->check(CLI::Validator(CheckInstance, ""));
+  app->add_option("--metrics-listen", *metrics_listen,
+                  "HOST:PORT for /metrics (Prometheus), /livez and /readyz over plain HTTP [off]")
+      ->type_name("ADDR")
+      ->check(CLI::Validator(CheckHttpAddress, ""));
+  DefineSecurity(app, &flags->security);
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
-  app->add_option("--queue", flags->queue, "Jobs that may wait beside those that run")
+  app->add_option("--queue", flags->queue, "Jobs of a tenant that may wait beside those that run")
       ->capture_default_str()
       ->check(CLI::Range(0, 100'000));
+  app->add_option("--queue-total", flags->queue_total,
+                  "Jobs of all tenants that may wait; beyond it a tenant may have an equal part of it only")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1'000'000));
   app->add_option("--max-mesh-mb", flags->max_mesh_mb, "Largest mesh that is accepted, MiB of Draco")
       ->capture_default_str()
       ->check(CLI::Range(1, 2000));
@@ -89,42 +154,95 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen)
                   "--data-dir left to the next server")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86'400.0));
-  app->add_option("--log-level", flags->log_level, "What goes to stderr")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}));
+  DefineLog(app, flags);
   app->add_option("--supervisor-fd", flags->supervisor_fd,
                   "Inherited socket: gets \"ready\\n\" once all addresses are served; the server ends, without grace, "
                   "when the other side closes it")
-      ->check(CLI::Range(0, 1 << 20));
+      ->check(CLI::Range(0, 1 << 20))
+      ->configurable(false);
   // For the tests of planish itself: callers may make their jobs go wrong.
-  app->add_flag("--failpoints", flags->failpoints)->group("");
+  app->add_flag("--failpoints", flags->failpoints)->group("")->configurable(false);
+}
+
+// A command line, and where it leads.
+class CommandLine {
+ public:
+  CommandLine() {
+    flags_.workers = std::clamp(Cores(), 1, 1024);
+    DefineConfig(&app_, &config_);
+    Define(&app_, &flags_, &listen_, &metrics_listen_);
+    settings_.emplace(&app_, kEnvironmentPrefix);
+  }
+
+  CLI::App& app() { return app_; }
+  const ConfigFlags& config() const { return config_; }
+
+  // After app().parse().
+  absl::StatusOr<ServerConfig> Complete(const Environment& environment) {
+    std::vector<std::string> errors = settings_->AddEnvironment(environment);
+    const auto named = environment.find(absl::StrCat(kEnvironmentPrefix, "CONFIG"));
+    if (config_.file.empty() && named != environment.end()) config_.file = named->second;
+    if (!config_.file.empty()) {
+      const std::vector<std::string> more = settings_->AddFile(config_.file);
+      errors.insert(errors.end(), more.begin(), more.end());
+    }
+    if (!errors.empty()) return absl::InvalidArgumentError(absl::StrJoin(errors, "\n"));
+    Derive();
+    PLANISH_RETURN_IF_ERROR(CheckSecurity(flags_.listen, &flags_.security));
+    return ServerConfig{flags_, settings_->InEffect(),
+                        settings_->UnknownVariables(environment, {absl::StrCat(kEnvironmentPrefix, "CONFIG")})};
+  }
+
+ private:
+  static int Cores() { return static_cast<int>(std::thread::hardware_concurrency()); }
+
+  // What follows from settings, or from the machine where nobody set it.
+  void Derive() {
+    if (app_.count("--memory-mb") == 0) flags_.memory_mb = std::max<std::int64_t>(MemoryLimit() / 4 * 3 >> 20, 1);
+    if (app_.count("--threads") == 0) flags_.threads = std::clamp(Cores() / flags_.workers, 1, kMaxThreads);
+    for (const std::string& text : listen_) flags_.listen.push_back(*ParseListenAddress(text));
+    if (!metrics_listen_.empty()) flags_.metrics_listen = *ParseHttpAddress(metrics_listen_);
+  }
+
+  CLI::App app_{"planishd: flattens triangle meshes for callers over gRPC", "planishd"};
+  ServerFlags flags_;
+  ConfigFlags config_;
+  std::vector<std::string> listen_ = {"127.0.0.1:7741"};
+  std::string metrics_listen_;
+  std::optional<Settings> settings_;
+};
+
+// One sentence a line, each with the program's name.
+int Refuse(const absl::Status& status) {
+  for (const auto& line : absl::StrSplit(status.message(), '\n')) std::cerr << "planishd: " << line << "\n";
+  return kBadUsage;
 }
 
 }  // namespace
 
-std::variant<ServerFlags, int> ParseFlags(int argc, char** argv) {
-  CLI::App app("planishd: flattens triangle meshes for callers over gRPC", "planishd");
-  ServerFlags flags;
-  const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  flags.workers = std::clamp(cores, 1, 1024);
-  std::vector<std::string> listen = {"127.0.0.1:7741"};
-  Define(&app, &flags, &listen);
+absl::StatusOr<ServerConfig> ReadConfig(const std::vector<std::string>& arguments, const Environment& environment) {
+  CommandLine line;
   try {
-    app.parse(argc, argv);
+    line.app().parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kBadUsage;
+    return absl::InvalidArgumentError(error.what());
   }
-  if (app.count("--memory-mb") == 0) flags.memory_mb = std::max<std::int64_t>(MemoryLimit() / 4 * 3 >> 20, 1);
-  if (app.count("--threads") == 0) flags.threads = std::clamp(cores / flags.workers, 1, kMaxThreads);
-  for (const std::string& text : listen) {
-    const absl::StatusOr<ListenAddress> address = ParseListenAddress(text);
-    if (!address.ok()) {
-      std::cerr << "planishd: --listen=" << address.status().message() << "\n";
-      return kBadUsage;
-    }
-    flags.listen.push_back(*address);
+  return line.Complete(environment);
+}
+
+std::variant<ServerConfig, int> ParseFlags(int argc, char** argv) {
+  CommandLine line;
+  try {
+    line.app().parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return line.app().exit(error) == 0 ? 0 : kBadUsage;
   }
-  return flags;
+  absl::StatusOr<ServerConfig> config = line.Complete(ReadEnvironment(kEnvironmentPrefix));
+  if (!config.ok()) return Refuse(config.status());
+  if (!line.config().print && !line.config().check) return *std::move(config);
+  for (const std::string& warning : config->warnings) std::cerr << "planishd: " << warning << "\n";
+  std::cout << (line.config().print ? ToYaml(config->settings) : std::string("ok\n"));
+  return 0;
 }
 
 }  // namespace planish

@@ -1,18 +1,28 @@
-// The command line of planishd.
+// What planishd runs with: the command line over the environment (PLANISHD_QUEUE for --queue) over a YAML file.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "server/config/setting.h"
+#include "server/config/settings.h"
 #include "server/link/worker_arguments.h"
+#include "server/log/log.h"
+#include "server/metrics/http_endpoint.h"
 #include "server/rpc/listen_address.h"
+#include "server/security_flags.h"
 
 namespace planish {
 
 struct ServerFlags {
-  std::vector<ListenAddress> listen;  // at least one
+  std::vector<ListenAddress> listen;                  // at least one
+  std::optional<HttpEndpointOptions> metrics_listen;  // nothing: no metrics and probes over HTTP
+
+  std::string instance;  // part of the names of jobs and uploads (IdsOf()); empty: none
 
   std::string data_dir;                // empty: everything is kept in memory and ends with the process
   std::int64_t store_mb = 4096;        // MiB of meshes and UV, kept or waiting, >= 1
@@ -29,19 +39,36 @@ struct ServerFlags {
   double job_hours = 12;       // a worker may take for a job, > 0
   std::int64_t memory_mb = 0;  // MiB that running jobs may reserve, >= 1
 
-  int queue = 64;                            // jobs, >= 0
+  int queue = 64;                            // jobs of a tenant, >= 0
+  int queue_total = 1024;                    // jobs of all tenants, >= 1
   std::int64_t max_mesh_mb = 256;            // MiB, in [1, 2000]
   std::int64_t max_triangles = 100'000'000;  // >= 1
   double reattach_seconds = 10;              // >= 0
   double grace_seconds = 30;                 // >= 0
 
-  std::string log_level = "info";  // as spdlog spells it
-  int supervisor_fd = -1;          // -1: none
+  SecurityFlags security;
+
+  LogLevel log_level = LogLevel::kInfo;
+  LogFormat log_format = LogFormat::kHuman;
+  int supervisor_fd = -1;  // -1: none
   bool failpoints = false;
 };
 
-// The flags, or the exit code of a command that is over: 0 after --help or --version, 2 after a message on stderr
-// about bad usage.
-std::variant<ServerFlags, int> ParseFlags(int argc, char** argv);
+struct ServerConfig {
+  ServerFlags flags;
+  std::vector<Setting> settings;      // all that a file may hold, as they are in effect
+  std::vector<std::string> warnings;  // sentences about what was overlooked
+};
+
+// What such a command line (without the program's name) gives with this environment and the file that either names.
+// INVALID_ARGUMENT with all that is wrong, one sentence a line. Call it again to see what changed.
+absl::StatusOr<ServerConfig> ReadConfig(const std::vector<std::string>& arguments, const Environment& environment);
+
+// ReadConfig() with the environment of the process. Or the exit code of a command that is over: 0 after --help,
+// --version, --print-config and --check-config, 2 after a message on stderr about what is wrong.
+std::variant<ServerConfig, int> ParseFlags(int argc, char** argv);
+
+// Variables of planishd begin so.
+inline constexpr char kEnvironmentPrefix[] = "PLANISHD_";
 
 }  // namespace planish

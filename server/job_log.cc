@@ -1,12 +1,12 @@
 #include "server/job_log.h"
 
 #include <string>
+#include <utility>
 
-#include "absl/strings/escaping.h"
+#include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "google/rpc/error_details.pb.h"
 #include "server/jobs/lifecycle.h"
-#include "spdlog/spdlog.h"
 
 namespace planish {
 namespace {
@@ -18,11 +18,6 @@ double Seconds(const Timestamp& from, const Timestamp& to) {
   return static_cast<double>(TimeUtil::DurationToMicroseconds(to - from)) * 1e-6;
 }
 
-// Labels and messages come from outside: no line breaks or terminal codes in the log.
-std::string Quote(const std::string& text) {
-  return "\"" + absl::Utf8SafeCEscape(text) + "\"";
-}
-
 std::string Reason(const v1::Job& job) {
   google::rpc::ErrorInfo info;
   for (const auto& detail : job.error().details()) {
@@ -31,32 +26,38 @@ std::string Reason(const v1::Job& job) {
   return "?";
 }
 
-}  // namespace
-
-void LogTransition(const v1::Job& job) {
-  const std::string state = StateName(job.state());
-  const double seconds = job.has_start_time() ? Seconds(job.start_time(), job.end_time()) : 0;
+// What happened, beside which job and when.
+LogFields Facts(const v1::Job& job) {
+  const double ran = job.has_start_time() ? Seconds(job.start_time(), job.end_time()) : 0;
   switch (job.state()) {
     case v1::JOB_STATE_QUEUED:
-      spdlog::info("{} {} mesh_bytes={} label={}", job.name(), state, job.mesh_bytes(), Quote(job.label()));
-      break;
+      return {{"mesh_bytes", job.mesh_bytes()}, {"label", job.label()}};
     case v1::JOB_STATE_RUNNING:
-      spdlog::info("{} {} waited={:.3f}s", job.name(), state, Seconds(job.create_time(), job.start_time()));
-      break;
+      return {{"waited_seconds", Seconds(job.create_time(), job.start_time())}};
     case v1::JOB_STATE_SUCCEEDED:
-      spdlog::info("{} {} ran={:.3f}s triangles={} uv_bytes={} warnings={}", job.name(), state, seconds,
-                   job.report().input().triangles(), job.uv().total_bytes(), job.report().warnings_size());
-      break;
+      return {{"ran_seconds", ran},
+              {"triangles", job.report().input().triangles()},
+              {"uv_bytes", job.uv().total_bytes()},
+              {"warnings", job.report().warnings_size()}};
     case v1::JOB_STATE_FAILED:
-      spdlog::warn("{} {} ran={:.3f}s reason={} message={}", job.name(), state, seconds, Reason(job),
-                   Quote(job.error().message()));
-      break;
+      return {{"ran_seconds", ran}, {"reason", Reason(job)}, {"error", job.error().message()}};
     case v1::JOB_STATE_CANCELLED:
-      spdlog::info("{} {} ran={:.3f}s", job.name(), state, seconds);
-      break;
+      return {{"ran_seconds", ran}};
     default:
-      spdlog::info("{} {}", job.name(), state);
+      return {};
   }
+}
+
+}  // namespace
+
+LogFields JobFields(const v1::Job& job) {
+  return {{"job", job.name()}, {"tenant", job.tenant()}, {"trace", std::string(TraceIdOf(job.traceparent()))}};
+}
+
+void LogTransition(const v1::Job& job) {
+  LogFields fields = JobFields(job);
+  for (LogField& fact : Facts(job)) fields.push_back(std::move(fact));
+  Log(job.state() == v1::JOB_STATE_FAILED ? LogLevel::kWarn : LogLevel::kInfo, StateName(job.state()), fields);
 }
 
 }  // namespace planish

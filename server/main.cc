@@ -12,33 +12,42 @@
 #include <utility>
 #include <variant>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "core/base/heap.h"
 #include "core/base/status_macros.h"
+#include "core/base/trace_context.h"
+#include "google/protobuf/stubs/logging.h"
 #include "google/protobuf/util/time_util.h"
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
+#include "server/admin.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
+#include "server/front_door.h"
 #include "server/job_log.h"
 #include "server/jobs/blob_store.h"
+#include "server/jobs/ids.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
 #include "server/link/in_process_link.h"
 #include "server/link/process_link.h"
+#include "server/log/log.h"
+#include "server/log/output_lines.h"
+#include "server/monitoring.h"
+#include "server/reload.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/service.h"
+#include "server/service_manager.h"
 #include "server/shutdown_events.h"
 #include "server/upkeep.h"
 #include "server/worker/needs.h"
 #include "server/worker/options.h"
 #include "server/worker/worker.h"
 #include "server/worker_main.h"
-#include "spdlog/sinks/stdout_color_sinks.h"
-#include "spdlog/spdlog.h"
 
 namespace planish {
 namespace {
@@ -54,6 +63,7 @@ constexpr std::int64_t kInlineMeshBytes = 4 * kMiB;
 constexpr absl::Duration kSilenceLimit = absl::Minutes(30);
 
 constexpr absl::Duration kUpkeepInterval = absl::Milliseconds(100);
+constexpr absl::Duration kFileWatchInterval = absl::Milliseconds(250);
 
 // How long workers may take to obey, and readers to take in the last events, before they are cut off.
 constexpr absl::Duration kCancelLimit = absl::Seconds(5);
@@ -62,11 +72,24 @@ constexpr absl::Duration kFlushLimit = absl::Seconds(2);
 constexpr absl::Duration kLastCallsLimit = absl::Milliseconds(20);
 
 void SetUpLogging(const ServerFlags& flags) {
-  spdlog::set_default_logger(spdlog::stderr_color_mt("planishd"));
-  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
-  spdlog::set_level(spdlog::level::from_str(flags.log_level));
+  SetUpLog(flags.log_format, flags.log_level);
   // What matters of gRPC's chatter reaches us as errors.
-  gpr_set_log_function([](gpr_log_func_args* args) { spdlog::debug("grpc: {}", args->message); });
+  gpr_set_log_function([](gpr_log_func_args* args) { LogDebug(args->message, {{"source", "grpc"}}); });
+  // Mostly about texts of callers that are not UTF-8; they hear of that themselves.
+  google::protobuf::SetLogHandler([](google::protobuf::LogLevel level, const char*, int, const std::string& message) {
+    Log(level == google::protobuf::LOGLEVEL_FATAL ? LogLevel::kError : LogLevel::kDebug, message,
+        {{"source", "protobuf"}});
+  });
+}
+
+JobLimits Limits(const ServerFlags& flags) {
+  JobLimits limits;
+  limits.queue_capacity = flags.queue;
+  limits.retained_jobs = flags.retain_jobs;
+  limits.retained_bytes = flags.retain_mb * kMiB;
+  limits.retained_time = absl::Hours(flags.retain_hours);
+  limits.reattach_grace = absl::Seconds(flags.reattach_seconds);
+  return limits;
 }
 
 JobManagerOptions ManagerOptions(const ServerFlags& flags) {
@@ -74,13 +97,16 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.workers = flags.workers;
   options.threads = flags.threads;
   options.queue_capacity = flags.queue;
+  options.queue_total = flags.queue_total;
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
   options.memory_bytes = flags.memory_mb * kMiB;
-  options.retained_jobs = flags.retain_jobs;
-  options.retained_bytes = flags.retain_mb * kMiB;
-  options.retained_time = absl::Hours(flags.retain_hours);
-  options.reattach_grace = absl::Seconds(flags.reattach_seconds);
+  const JobLimits limits = Limits(flags);
+  options.retained_jobs = limits.retained_jobs;
+  options.retained_bytes = limits.retained_bytes;
+  options.retained_time = limits.retained_time;
+  options.reattach_grace = limits.reattach_grace;
+  options.new_id = IdsOf(flags.instance);
   options.validate_options = ValidateOptions;
   options.estimate = [](std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                         const v1::UnwrapOptions& unwrap) -> absl::StatusOr<JobNeeds> {
@@ -88,7 +114,7 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
     return JobNeeds{needs.size, needs.memory_bytes, needs.run_seconds};
   };
   options.on_transition = LogTransition;
-  options.on_store_error = [](const absl::Status& status) { spdlog::error("{}", std::string(status.message())); };
+  options.on_store_error = [](const absl::Status& status) { LogError(status.message()); };
   return options;
 }
 
@@ -97,6 +123,7 @@ UploadStoreOptions UploadOptions(const ServerFlags& flags, const std::optional<D
   if (directory.has_value()) options.directory = directory->uploads();
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_bytes = flags.max_uploads_mb * kMiB;
+  options.new_id = IdsOf(flags.instance);
   return options;
 }
 
@@ -110,14 +137,16 @@ v1::Capabilities Capabilities(const ServerFlags& flags) {
   capabilities.set_inline_mesh_bytes(kInlineMeshBytes);
   capabilities.set_workers(flags.workers);
   capabilities.set_threads(flags.threads);
-  capabilities.set_queue_capacity(flags.queue);
   capabilities.set_durable(!flags.data_dir.empty());
   capabilities.set_isolated_workers(flags.isolated);
-  const auto grace = static_cast<std::int64_t>(flags.reattach_seconds * 1e9);
-  *capabilities.mutable_reattach_grace() = google::protobuf::util::TimeUtil::NanosecondsToDuration(grace);
   for (const v1::Seams seams : SeamPolicies()) capabilities.add_seams(seams);
   for (const v1::SolverCombination& combination : SolverCombinations()) *capabilities.add_solvers() = combination;
   return capabilities;
+}
+
+void UpdateCapabilities(const JobLimits& limits, v1::Capabilities* capabilities) {
+  *capabilities->mutable_reattach_grace() =
+      google::protobuf::util::TimeUtil::NanosecondsToDuration(absl::ToInt64Nanoseconds(limits.reattach_grace));
 }
 
 // What is kept, in files or in memory. In the order of dependence.
@@ -128,57 +157,67 @@ struct Stores {
   std::unique_ptr<UploadStore> uploads;
 };
 
-absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
+absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits) {
   Stores stores;
   if (!flags.data_dir.empty()) {
     PLANISH_ASSIGN_OR_RETURN(stores.directory, DataDirectory::Take(flags.data_dir));
   }
   const bool durable = stores.directory.has_value();
   PLANISH_ASSIGN_OR_RETURN(stores.jobs, OpenJobStore(durable ? stores.directory->jobs() : ":memory:"));
-  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB);
+  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB, limits);
   PLANISH_RETURN_IF_ERROR(stores.blobs->Open());
   stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores.directory), stores.blobs.get());
   PLANISH_RETURN_IF_ERROR(stores.uploads->Open());
   return stores;
 }
 
-WorkerFactory NewWorkers(const ServerFlags& flags) {
+// `stderr_fd`: WorkerProcessOptions.
+WorkerFactory NewWorkers(const ServerFlags& flags, int stderr_fd) {
   if (!flags.isolated) {
     return [] { return StartInProcessWorker(RunWorker); };
   }
   WorkerProcessOptions options;
   options.sandbox = flags.sandbox;
   options.failpoints = flags.failpoints;
+  options.stderr_fd = stderr_fd;
   return [options] { return StartProcessWorker(options); };
 }
 
-WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
+WorkerPoolOptions PoolOptions(const ServerFlags& flags, Admin* admin) {
   WorkerPoolOptions options;
   options.workers = flags.workers;
   options.recycle_after = flags.recycle_after;
   options.job_limit = absl::Hours(flags.job_hours);
   options.silence_limit = kSilenceLimit;
-  options.on_worker_ready = [said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
+  options.on_worker_ready = [admin, said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
+    admin->CountWorkers(1);
     if (worker.sandbox_error().empty()) return;
-    std::call_once(*said, [&] { spdlog::warn("workers run without their sandbox: {}", worker.sandbox_error()); });
+    std::call_once(*said, [&] { LogWarn("workers run without their sandbox: " + worker.sandbox_error()); });
   };
-  options.on_worker_end = [](const WorkerEnd& end) {
-    if (end.loss.message.empty()) {
-      spdlog::debug("worker {} after {} jobs", NameOf(end.cause), end.jobs);
-    } else {
-      spdlog::warn("worker {} after {} jobs: {} {}", NameOf(end.cause), end.jobs, end.loss.message, end.job);
-    }
+  options.on_worker_end = [admin](const WorkerEnd& end) {
+    admin->CountWorkers(-1);
+    const bool lost = !end.loss.message.empty();
+    Log(lost ? LogLevel::kWarn : LogLevel::kDebug, absl::StrCat("worker ", NameOf(end.cause)),
+        {{"job", end.job},
+         {"trace", std::string(TraceIdOf(end.traceparent))},
+         {"jobs_served", end.jobs},
+         {"reason", end.loss.reason},
+         {"error", end.loss.message}});
   };
   options.on_start_failed = [](const absl::Status& status, absl::Duration retry) {
-    spdlog::error("cannot start a worker, next attempt in {}: {}", absl::FormatDuration(retry),
-                  std::string(status.message()));
+    LogError("cannot start a worker",
+             {{"error", std::string(status.message())}, {"retry_seconds", absl::ToDoubleSeconds(retry)}});
   };
   return options;
 }
 
-// Waits for idleness. False if `limit` passes first, or a signal or the supervisor's end cuts it short.
+// Waits for idleness. False if `limit` passes first, or a signal or the supervisor's end cuts it short. It is too late
+// for new settings.
 bool WaitUntilIdle(absl::Duration limit, ShutdownEvents* events) {
-  return events->Wait(limit) == Wake::kIdle;
+  const absl::Time end = absl::Now() + limit;
+  Wake wake = events->Wait(limit);
+  while (wake == Wake::kReload) wake = events->Wait(end - absl::Now());
+  return wake == Wake::kIdle;
 }
 
 // Returns when every job has ended or, if jobs are `durable`, was left to the next server. False if workers did not
@@ -187,20 +226,45 @@ bool EndJobs(absl::Duration grace, bool durable, JobManager* manager, ShutdownEv
   manager->Drain([events] { events->NotifyIdle(); });
   if (WaitUntilIdle(grace, events)) return true;
   if (durable) {
-    spdlog::info("leaving the jobs that are left to the next server");
+    LogInfo("leaving the jobs that are left to the next server");
     manager->Suspend();
     return true;
   }
-  spdlog::info("cancelling the jobs that are left");
+  LogInfo("cancelling the jobs that are left");
   manager->CancelAll();
   const absl::Time limit = absl::Now() + kCancelLimit;
   while (absl::Now() < limit) {
     if (WaitUntilIdle(limit - absl::Now(), events)) return true;
   }
-  spdlog::warn("giving up workers that did not answer");
+  LogWarn("giving up workers that did not answer");
   manager->CloseLinks();
   WaitUntilIdle(kCloseLimit, events);
   return false;
+}
+
+void LogReadiness(const std::string& why_not) {
+  if (why_not.empty()) {
+    LogInfo("ready again");
+  } else {
+    LogWarn("not ready: " + why_not);
+  }
+}
+
+WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobManager* manager,
+                      const StreamCounter* streams, RpcServer* rpc) {
+  WatchedServer server;
+  server.jobs = manager;
+  server.uploads = stores.uploads.get();
+  server.blobs = stores.blobs.get();
+  server.streams = streams;
+  server.rpc = rpc;
+  server.data_dir = flags.data_dir;
+  server.workers = flags.workers;
+  server.memory_limit_bytes = flags.memory_mb * kMiB;
+  server.store_limit_bytes = flags.store_mb * kMiB;
+  server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
+  server.certificate_file = flags.security.tls.certificate;
+  return server;
 }
 
 // Each job kept or waiting may hold descriptors, and each connection does.
@@ -211,62 +275,137 @@ void AllowManyDescriptors() {
   setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-int Refuse(const absl::Status& status) {
-  std::cerr << "planishd: " << status.message() << "\n";
+int Refuse(const ServerFlags& flags, const absl::Status& status) {
+  if (flags.log_format == LogFormat::kJson) {
+    LogError(status.message());
+  } else {
+    std::cerr << "planishd: " << status.message() << "\n";
+  }
   return kCannotServe;
 }
 
-int Serve(const ServerFlags& flags) {
+// Hooks for what can change without a restart. `grace_seconds` is for the caller's own thread.
+void AddReloadHooks(FrontDoor* door, JobManager* manager, UploadStore* uploads, WorkerPool* pool, double* grace_seconds,
+                    Reloader* reloader) {
+  using Keys = std::vector<std::string>;
+  const auto add = [reloader](const Keys& keys, std::function<void(const ServerFlags&)> apply) {
+    reloader->AddHook(keys, [apply = std::move(apply)](const ServerFlags& flags) {
+      return std::function<void()>([apply, flags] { apply(flags); });
+    });
+  };
+  add({"log-level", "log-format"}, [](const ServerFlags& flags) { SetUpLog(flags.log_format, flags.log_level); });
+  add({"queue", "retain-jobs", "retain-mb", "retain-hours", "reattach-grace"},
+      [manager](const ServerFlags& flags) { manager->SetLimits(Limits(flags)); });
+  add({"uploads-mb"}, [uploads](const ServerFlags& flags) { uploads->SetMaxBytes(flags.max_uploads_mb * kMiB); });
+  add({"recycle-after"}, [pool](const ServerFlags& flags) { pool->SetRecycleAfter(flags.recycle_after); });
+  // Files, whose names stay; they are read again whenever they change as well.
+  reloader->AddHook({}, [door](const ServerFlags&) -> absl::StatusOr<std::function<void()>> {
+    PLANISH_RETURN_IF_ERROR(door->Reload());
+    return std::function<void()>([] {});
+  });
+  add({"grace"}, [grace_seconds](const ServerFlags& flags) { *grace_seconds = flags.grace_seconds; });
+}
+
+int Serve(const ServerConfig& config, const std::vector<std::string>& arguments) {
+  const ServerFlags& flags = config.flags;
+  const ServiceManager service_manager;        // before any thread: it changes the environment
   ShutdownEvents events(flags.supervisor_fd);  // before any thread: it blocks the signals for all of them
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   grpc_init();
   SetUpLogging(flags);
+  for (const std::string& warning : config.warnings) LogWarn(warning);
   AllowManyDescriptors();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a disk that is full
-  KeepFreedMemory();              // until the job ends (worker.cc)
-  absl::StatusOr<Stores> stores = OpenStores(flags);
-  if (!stores.ok()) return Refuse(stores.status());
+  // Until the job ends (worker.cc). A server without jobs in it gives back what a burst of large requests took.
+  if (!flags.isolated) KeepFreedMemory();
+  Monitoring monitoring(PLANISH_VERSION, LogReadiness);  // first, so that probes are answered while stores are opened
+  if (flags.metrics_listen.has_value()) {
+    if (const absl::Status status = monitoring.Listen(*flags.metrics_listen); !status.ok())
+      return Refuse(flags, status);
+  }
+  const absl::StatusOr<std::unique_ptr<FrontDoor>> door = FrontDoor::Open(flags.security);
+  if (!door.ok()) return Refuse(flags, door.status());
+  absl::StatusOr<Stores> stores = OpenStores(flags, (*door)->limits());
+  if (!stores.ok()) return Refuse(flags, stores.status());
   JobManagerOptions options = ManagerOptions(flags);
-  options.is_blob_used = [uploads = stores->uploads.get()](const std::string& sha256) { return uploads->Uses(sha256); };
+  options.tenant_limits = (*door)->limits();
+  monitoring.Hook(&options);
+  options.is_blob_used = [uploads = stores->uploads.get()](const BlobId& id) { return uploads->Uses(id); };
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
-  if (!opened.ok()) return Refuse(opened.status());
+  if (!opened.ok()) return Refuse(flags, opened.status());
   JobManager& manager = **opened;
+  stores->uploads->SetMakeRoom(
+      [&manager](const std::string& tenant, std::int64_t bytes) { return manager.MakeRoom(tenant, bytes); });
   StreamCounter streams;
+  ServiceOptions service_options;
+  service_options.capabilities = Capabilities(flags);
+  service_options.failpoints = flags.failpoints;
+  service_options.update_capabilities = [&manager](const Caller& caller, v1::Capabilities* capabilities) {
+    capabilities->set_queue_capacity(manager.QueueCapacity(caller));
+    UpdateCapabilities(manager.Limits(), capabilities);
+  };
   const std::unique_ptr<grpc::Service> service =
-      NewPlanishService(&manager, stores->uploads.get(), {Capabilities(flags), flags.failpoints}, &streams);
-  absl::StatusOr<std::unique_ptr<RpcServer>> rpc =
-      RpcServer::Start({flags.listen, flags.max_mesh_mb * kMiB}, service.get());
-  if (!rpc.ok()) return Refuse(rpc.status());
-  auto pool = std::make_unique<WorkerPool>(&manager, NewWorkers(flags), PoolOptions(flags));
-  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, uploads = stores->uploads.get()] {
+      NewPlanishService(&manager, stores->uploads.get(), &(*door)->callers(), std::move(service_options), &streams);
+  Reloader reloader(config.settings);
+  Admin admin(&manager, &reloader, &service_manager);
+  const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), &(*door)->callers());
+  RpcServerOptions rpc_options;
+  rpc_options.listen = flags.listen;
+  rpc_options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
+  rpc_options.on_call = monitoring.Calls();
+  (*door)->Configure(&rpc_options);
+  absl::StatusOr<std::unique_ptr<RpcServer>> rpc = RpcServer::Start(rpc_options, {service.get(), admin_service.get()});
+  if (!rpc.ok()) return Refuse(flags, rpc.status());
+  auto worker_output = std::make_unique<OutputLines>([](const std::string& line) {
+    LogWarn(line, {{"source", "worker"}});
+  });
+  WorkerPoolOptions pool_options = PoolOptions(flags, &admin);
+  monitoring.Hook(&pool_options);
+  auto pool =
+      std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
+  auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());
+    monitoring.Beat();
   });
+  monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc->get()));
 
-  spdlog::info("planishd " PLANISH_VERSION " listens on {} with {} workers of up to {} threads",
-               absl::StrJoin((*rpc)->addresses(), ", "), flags.workers, flags.threads);
-  for (const ListenAddress& address : flags.listen) {
-    if (!IsLocal(address))
-      spdlog::warn("{} is open to the network, without encryption or authentication", address.text);
-  }
+  double grace_seconds = flags.grace_seconds;
+  AddReloadHooks(door->get(), &manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);
+
+  const std::string listens = absl::StrCat("listens on ", absl::StrJoin((*rpc)->addresses(), ", "), " with ",
+                                           flags.workers, " workers of up to ", flags.threads, " threads");
+  LogInfo("planishd " PLANISH_VERSION " " + listens);
+  if (const auto address = monitoring.address()) LogInfo("metrics and probes at http://" + *address);
+  const Upkeep file_watch(kFileWatchInterval, [door = door->get()] { door->Tick(); });
   events.TellReady();
+  service_manager.Ready(listens);
 
-  const Wake wake = events.Wait(absl::InfiniteDuration());
-  const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(flags.grace_seconds) : absl::ZeroDuration();
-  spdlog::info("shutting down, jobs have {} to end", absl::FormatDuration(grace));
-  (*rpc)->SetServing(false);
+  Wake wake = events.Wait(absl::InfiniteDuration());
+  for (; wake == Wake::kReload; wake = events.Wait(absl::InfiniteDuration())) {
+    service_manager.Reloading();
+    reloader.Reload(ReadConfig(arguments, ReadEnvironment(kEnvironmentPrefix)));
+    service_manager.Ready(listens);
+  }
+  const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds) : absl::ZeroDuration();
+  LogInfo(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
+  service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
+  monitoring.SetEnding();
   const bool workers_done = EndJobs(grace, !flags.data_dir.empty(), &manager, &events);
   streams.WaitForNone(absl::Now() + kFlushLimit);
+  monitoring.Detach();
   (*rpc)->Shutdown(absl::Now() + kLastCallsLimit);
   manager.StopWorkers();
   // A worker that is deaf cannot be joined; its job has failed, so nothing is lost with it.
   if (!workers_done) std::_Exit(EXIT_SUCCESS);
   pool.reset();
+  worker_output.reset();
   upkeep.reset();
-  spdlog::info("bye");
+  LogInfo("bye");
   // gRPC's threads may outlive the logger.
   gpr_set_log_function(nullptr);
+  google::protobuf::SetLogHandler(nullptr);
   return EXIT_SUCCESS;
 }
 
@@ -275,7 +414,7 @@ int Serve(const ServerFlags& flags) {
 
 int main(int argc, char** argv) {
   if (const std::optional<int> code = planish::RunIfWorker(argc, argv)) return *code;
-  const std::variant<planish::ServerFlags, int> flags = planish::ParseFlags(argc, argv);
-  if (const int* code = std::get_if<int>(&flags)) return *code;
-  return planish::Serve(std::get<planish::ServerFlags>(flags));
+  const std::variant<planish::ServerConfig, int> config = planish::ParseFlags(argc, argv);
+  if (const int* code = std::get_if<int>(&config)) return *code;
+  return planish::Serve(std::get<planish::ServerConfig>(config), {argv + 1, argv + argc});
 }

@@ -32,6 +32,7 @@ ShutdownEvents::ShutdownEvents(int supervisor_fd) : supervisor_fd_(supervisor_fd
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGHUP);
   if (supervisor_fd_ < 0) {
     sigaddset(&signals, SIGINT);
   } else {
@@ -42,6 +43,7 @@ ShutdownEvents::ShutdownEvents(int supervisor_fd) : supervisor_fd_(supervisor_fd
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   waiting_thread = gettid();
   std::signal(SIGTERM, HandOver);
+  std::signal(SIGHUP, HandOver);
   if (supervisor_fd_ < 0) std::signal(SIGINT, HandOver);
   std::signal(SIGPIPE, SIG_IGN);
   signal_fd_ = signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
@@ -72,7 +74,9 @@ Wake ShutdownEvents::Wait(absl::Duration timeout) {
     if (ready == 0 && absl::Now() >= end) return Wake::kTimeout;
     if (ready <= 0) continue;
     signalfd_siginfo signal = {};
-    if (read(signal_fd_, &signal, sizeof(signal)) == sizeof(signal)) return Wake::kSignal;
+    if (read(signal_fd_, &signal, sizeof(signal)) == sizeof(signal)) {
+      return signal.ssi_signo == SIGHUP ? Wake::kReload : Wake::kSignal;
+    }
     std::uint64_t count = 0;
     if (read(idle_fd_, &count, sizeof(count)) == sizeof(count)) return Wake::kIdle;
     if (fds[2].revents != 0 && SupervisorGone()) return Wake::kSupervisorGone;

@@ -7,13 +7,15 @@ namespace planish {
 
 enum class Wake {
   kSignal,          // SIGTERM or SIGINT
+  kReload,          // SIGHUP
   kSupervisorGone,  // the supervisor's end of the socket is closed; told once
   kIdle,            // NotifyIdle() was called; told once
   kTimeout,
 };
 
-// Takes SIGTERM and SIGINT out of ordinary delivery: make it before any thread starts, once in a process. A supervised
-// server ignores SIGINT: Ctrl-C in a terminal hits the whole process group, and the supervisor wants to cancel first.
+// Takes SIGTERM, SIGINT and SIGHUP out of ordinary delivery: make it before any thread starts, once in a process. A
+// supervised server ignores SIGINT: Ctrl-C in a terminal hits the whole process group, and the supervisor wants to
+// cancel first.
 class ShutdownEvents {
  public:
   // `supervisor_fd`: see ServerFlags; taken over. -1: none.

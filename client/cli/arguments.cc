@@ -104,6 +104,7 @@ void AddServer(CLI::App& app, Arguments& arguments, const std::string& otherwise
   app.add_option("--server", arguments.server, "host:port or unix:/path; " + otherwise)
       ->envname("PLANISH_SERVER")
       ->type_name("ADDR");
+  AddServerFlags(app, arguments.server_flags);
 }
 
 void AddJson(CLI::App& app, Arguments& arguments) {
@@ -359,6 +360,35 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");
 }
 
+void DefineHealth(CLI::App& app, Arguments& arguments) {
+  CLI::App& health = *app.add_subcommand("health", "Ask a server by HTTP whether it is ready for jobs");
+  health.parse_complete_callback([&arguments] { arguments.command = Command::kHealth; });
+  health.footer(
+      "For probes, beside planishd --metrics-listen; needs no credentials. /livez in place of /readyz asks whether it "
+      "serves at all.\nExit codes: 0 yes, 1 no, 3 nobody answers.");
+  health.add_option("URL", arguments.health_url, "What to ask [http://127.0.0.1:9741/readyz]")->type_name("");
+}
+
+CLI::App& AddAdminCommand(CLI::App& admin, Arguments& arguments, Command command, const std::string& name,
+                          const std::string& description) {
+  CLI::App& app = *admin.add_subcommand(name, description);
+  app.parse_complete_callback([&arguments, command] { arguments.command = command; });
+  AddServer(app, arguments, "required here");
+  return app;
+}
+
+void DefineAdmin(CLI::App& app, Arguments& arguments) {
+  CLI::App& admin = *app.add_subcommand("admin", "Run a server: for callers with the right \"admin\"");
+  admin.require_subcommand(1);
+  AddAdminCommand(admin, arguments, Command::kAdminDrain, "drain",
+                  "Take no new jobs and say so to load balancers; those that were accepted go on")
+      .add_flag("--wait", arguments.wait, "Return when no job is left");
+  AddAdminCommand(admin, arguments, Command::kAdminUndrain, "undrain", "Take new jobs again");
+  AddJson(AddAdminCommand(admin, arguments, Command::kAdminStats, "stats", "What the server is doing"), arguments);
+  AddAdminCommand(admin, arguments, Command::kAdminConfig, "config",
+                  "The settings it runs with, and where they come from, as its configuration file");
+}
+
 }  // namespace
 
 ParsedArguments ParseArguments(int argc, const char* const* argv) {
@@ -372,6 +402,8 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   DefineInspect(app, arguments);
   DefineEstimate(app, arguments);
   DefineJobs(app, arguments);
+  DefineHealth(app, arguments);
+  DefineAdmin(app, arguments);
   CLI::App& version = *app.add_subcommand("version", "Versions of this command and of the server");
   version.parse_complete_callback([&arguments] { arguments.command = Command::kVersion; });
   AddServer(version, arguments, "without it the private one");

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/cli/seam_list.h"
+#include "client/cli/server_flags.h"
 #include "planish/types.h"
 
 namespace planish::cli {
@@ -22,6 +23,11 @@ enum class Command {
   kJobsStop,
   kJobsCancel,
   kJobsDelete,
+  kHealth,
+  kAdminDrain,
+  kAdminUndrain,
+  kAdminStats,
+  kAdminConfig,
   kVersion
 };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
@@ -29,6 +35,7 @@ enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 struct Arguments {
   Command command = Command::kUnwrap;
   std::string server;  // empty: a private one
+  ServerFlags server_flags;
   bool json = false;
   ProgressMode progress = ProgressMode::kAuto;
 
@@ -59,6 +66,9 @@ struct Arguments {
   std::string job;  // "jobs/..."
   std::optional<JobState> state;
   int limit = 50;
+
+  std::string health_url = "http://127.0.0.1:9741/readyz";  // health: what to ask
+  bool wait = false;  // admin drain
 };
 
 // Either arguments, or what to print and the code to exit with.

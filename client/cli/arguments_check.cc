@@ -129,6 +129,16 @@ std::string CheckTogether(Arguments& arguments) {
         return "estimate what? Give a mesh file, or --triangles=N";
       }
       return "";
+    case Command::kHealth:
+      if (!arguments.health_url.starts_with("http://") || arguments.health_url.find('/', 7) == std::string::npos) {
+        return "health asks an URL such as http://127.0.0.1:9741/readyz, not " + arguments.health_url;
+      }
+      return "";
+    case Command::kAdminDrain:
+    case Command::kAdminUndrain:
+    case Command::kAdminStats:
+    case Command::kAdminConfig:
+      return arguments.server.empty() ? "admin is about a server: give --server=ADDR or set PLANISH_SERVER" : "";
     case Command::kInspect:
     case Command::kVersion:
       return "";

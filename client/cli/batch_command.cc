@@ -53,7 +53,7 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   std::cerr << SkippedText(plan);
   MakeOutputDirectory(arguments.output);
   BatchState state(arguments.output);
-  ServerChoice server(arguments.server, interrupts, NeedsOf(arguments, plan));
+  ServerChoice server(arguments.server, arguments.server_flags, interrupts, NeedsOf(arguments, plan));
   const Capabilities capabilities = server.client().GetCapabilities();
 
   std::stop_source stop;

@@ -187,7 +187,7 @@ class BatchJob {
     end_.row.warnings = report.warnings.size();
     if (!fetched) end_.queue_seconds = report.seconds.queue;
     BeginJson();
-    end_.json.update(ReportJson(result.job, report, result.uv.precision, item_.output));
+    end_.json.update(ReportJson(result, report, item_.output));
   }
 
   void Keep(const BatchRecord& record) {

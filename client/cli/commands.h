@@ -12,7 +12,9 @@ int RunPack(const Arguments& arguments, Interrupts& interrupts);   // asks no se
 int RunInspect(const Arguments& arguments);                        // asks no server
 int RunEstimate(const Arguments& arguments, Interrupts& interrupts);
 int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
-int RunJobs(const Arguments& arguments, Interrupts& interrupts);  // list, show, stop, cancel, delete
+int RunJobs(const Arguments& arguments, Interrupts& interrupts);   // list, show, stop, cancel, delete
+int RunHealth(const Arguments& arguments);                         // by HTTP
+int RunAdmin(const Arguments& arguments, Interrupts& interrupts);  // drain, undrain, stats, config
 int RunVersion(const Arguments& arguments, Interrupts& interrupts);
 
 }  // namespace planish::cli

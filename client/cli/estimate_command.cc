@@ -32,7 +32,7 @@ void Print(const JobEstimate& estimate) {
 int RunEstimate(const Arguments& arguments, Interrupts& interrupts) {
   std::optional<MeshInput> input;
   if (!arguments.input.empty()) input.emplace(std::vector<std::string>{arguments.input}, arguments.texcoord);
-  ServerChoice server(arguments.server, interrupts);
+  ServerChoice server(arguments.server, arguments.server_flags, interrupts);
   const JobEstimate estimate = input ? server.client().Estimate(input->view(), arguments.options)
                                      : server.client().Estimate(arguments.triangles, 0, arguments.options);
   if (arguments.json) {

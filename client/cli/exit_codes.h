@@ -8,7 +8,7 @@ namespace planish::cli {
 enum ExitCode : int {
   kOk = 0,      // a usable result
   kFailed = 1,  // the job failed, or its result is not usable
-  kUsage = 2,   // bad usage or unreadable input
+  kUsage = 2,   // bad usage, unreadable input, or credentials that do not do
   kServerUnreachable = 3,
   kInterrupted = 130,  // Ctrl-C
 };
@@ -18,6 +18,7 @@ inline ExitCode ExitCodeOf(const Error& error) {
       error.reason() == "OUTPUT_UNSUPPORTED" || error.reason().rfind("BATCH_", 0) == 0) {
     return kUsage;
   }
+  if (error.code() == ErrorCode::kUnauthenticated || error.code() == ErrorCode::kPermissionDenied) return kUsage;
   if (error.code() == ErrorCode::kUnavailable) return kServerUnreachable;
   return kFailed;
 }

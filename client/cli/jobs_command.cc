@@ -109,7 +109,7 @@ void PrintJob(const Job& job) {
 }  // namespace
 
 int RunJobs(const Arguments& arguments, Interrupts& interrupts) {
-  ServerChoice server(arguments.server, interrupts);
+  ServerChoice server(arguments.server, arguments.server_flags, interrupts);
   Client& client = server.client();
   switch (arguments.command) {
     case Command::kJobsList:

@@ -152,6 +152,7 @@ std::string ValidUtf8(const std::string& text) {
 
 Json ToJson(const Job& job) {
   Json json = {{"job", job.name}, {"state", ToString(job.state)}, {"label", job.label}};
+  if (!job.trace_id.empty()) json["trace_id"] = job.trace_id;
   if (job.create_time) json["create_time"] = TimeText(*job.create_time);
   if (job.start_time) json["start_time"] = TimeText(*job.start_time);
   if (job.end_time) json["end_time"] = TimeText(*job.end_time);
@@ -212,10 +213,11 @@ Json ToJson(const Capabilities& capabilities) {
           {"solvers", solvers}};
 }
 
-Json ReportJson(const std::string& job, const Report& report, Precision precision, const std::string& output) {
-  Json json = {{"job", job}, {"state", ToString(JobState::kSucceeded)}};
+Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output) {
+  Json json = {{"job", result.job}, {"state", ToString(JobState::kSucceeded)}};
   AddReport(report, json);
-  json["precision"] = ToString(precision);
+  json["trace_id"] = result.trace_id;
+  json["precision"] = ToString(result.uv.precision);
   if (!output.empty()) json["output"] = output;
   return json;
 }
@@ -223,6 +225,7 @@ Json ReportJson(const std::string& job, const Report& report, Precision precisio
 Failure FailureOf(const Error& error) {
   Failure failure;
   failure.job = error.job();
+  failure.trace_id = error.trace_id();
   failure.state = error.code() == ErrorCode::kCancelled ? JobState::kCancelled : JobState::kFailed;
   failure.code = ToString(error.code());
   failure.reason = error.reason();
@@ -232,17 +235,19 @@ Failure FailureOf(const Error& error) {
 }
 
 Json ReportJson(const Failure& failure) {
-  return {{"job", failure.job},
-          {"state", ToString(failure.state)},
-          {"error",
-           {{"code", failure.code},
-            {"reason", failure.reason},
-            {"message", failure.message},
-            {"metadata", failure.metadata}}},
-          {"input", {{"triangles", failure.triangles}, {"vertices", failure.vertices}}},
-          {"charts", Json::array()},
-          {"seconds", {{"total", failure.total_seconds}}},
-          {"warnings", Json::array()}};
+  Json json = {{"job", failure.job},
+               {"state", ToString(failure.state)},
+               {"error",
+                {{"code", failure.code},
+                 {"reason", failure.reason},
+                 {"message", failure.message},
+                 {"metadata", failure.metadata}}},
+               {"input", {{"triangles", failure.triangles}, {"vertices", failure.vertices}}},
+               {"charts", Json::array()},
+               {"seconds", {{"total", failure.total_seconds}}},
+               {"warnings", Json::array()}};
+  if (!failure.trace_id.empty()) json["trace_id"] = failure.trace_id;
+  return json;
 }
 
 }  // namespace planish::cli

@@ -23,12 +23,13 @@ Json ToJson(const Event& event);
 Json ToJson(const JobEstimate& estimate);
 Json ToJson(const Capabilities& capabilities);
 
-// The report object of a job that succeeded. `output` is left out if empty.
-Json ReportJson(const std::string& job, const Report& report, Precision precision, const std::string& output);
+// The report object of a job that succeeded, with `report` in place of the result's own. `output` is left out if empty.
+Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output);
 
 // What is known of a job that did not.
 struct Failure {
   std::string job;
+  std::string trace_id;
   JobState state = JobState::kFailed;
   std::string code;
   std::string reason;

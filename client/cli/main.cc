@@ -1,4 +1,5 @@
 // planish: the command line.
+#include <cstdlib>
 #include <exception>
 #include <iostream>
 
@@ -26,6 +27,13 @@ int Run(const Arguments& arguments) {
         return RunEstimate(arguments, interrupts);
       case Command::kJobsWatch:
         return RunJobsWatch(arguments, interrupts);
+      case Command::kHealth:
+        return RunHealth(arguments);
+      case Command::kAdminDrain:
+      case Command::kAdminUndrain:
+      case Command::kAdminStats:
+      case Command::kAdminConfig:
+        return RunAdmin(arguments, interrupts);
       case Command::kVersion:
         return RunVersion(arguments, interrupts);
       default:
@@ -45,6 +53,8 @@ int Run(const Arguments& arguments) {
 }  // namespace planish::cli
 
 int main(int argc, char** argv) {
+  // gRPC would log what the command says in its own words.
+  setenv("GRPC_VERBOSITY", "NONE", 0);
   const planish::cli::ParsedArguments parsed = planish::cli::ParseArguments(argc, argv);
   std::cout << parsed.out << std::flush;
   std::cerr << parsed.err;

@@ -4,7 +4,8 @@
 
 namespace planish::cli {
 
-ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts, const ServerNeeds& needs)
+ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
+                           const ServerNeeds& needs)
     : interrupts_(interrupts) {
   if (address.empty()) {
     PrivateServerOptions options;
@@ -17,7 +18,7 @@ ServerChoice::ServerChoice(const std::string& address, Interrupts& interrupts, c
       std::filesystem::remove_all(directory, ignored);
     });
   }
-  ClientOptions options = needs.client;
+  ClientOptions options = address.empty() ? needs.client : WithServerFlags(needs.client, flags);
   // A private server that is lost does not come back.
   if (address.empty()) options.reattach_seconds = options.retry_seconds = 1;
   client_.emplace(address.empty() ? private_server_->target() : address, options);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "client/cli/interrupts.h"
+#include "client/cli/server_flags.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -18,8 +19,10 @@ struct ServerNeeds {
 
 class ServerChoice {
  public:
-  // An empty address starts a private server; throws planish::Error if that fails.
-  ServerChoice(const std::string& address, Interrupts& interrupts, const ServerNeeds& needs = {});
+  // An empty address starts a private server, which needs none of `flags`; throws planish::Error if that fails, or as
+  // Client::Client does.
+  ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
+               const ServerNeeds& needs = {});
   ~ServerChoice();
 
   Client& client() { return *client_; }

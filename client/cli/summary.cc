@@ -127,6 +127,12 @@ std::string Hint(const Error& error) {
   if (error.reason() == "SERVER_UNREACHABLE") {
     return "check the address, start a server (planishd --listen=ADDR), or leave out --server to use a private one";
   }
+  if (error.reason() == "TLS_FAILED") {
+    return "--tls, --tls-ca=PEM, --tls-cert=PEM with --tls-key=PEM and --tls-server-name=NAME say how to connect";
+  }
+  if (error.code() == ErrorCode::kUnauthenticated) {
+    return "say who you are with --token-file=FILE or PLANISH_TOKEN, or with --tls-cert=PEM and --tls-key=PEM";
+  }
   if (error.reason() == "PRIVATE_SERVER_FAILED") {
     return "install planishd beside planish, set PLANISHD=/path/to/planishd, or use a running one: --server=ADDR";
   }

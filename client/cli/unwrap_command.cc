@@ -59,8 +59,7 @@ class ResultCommand {
     result.report.seconds.total = timer_.Seconds();
     std::cerr << Summary(result.report, arguments.output, StderrTerminal());
     if (arguments.json) {
-      std::cout << ToText(ReportJson(result.job, result.report, result.uv.precision,
-                                     arguments.output == "-" ? "" : arguments.output))
+      std::cout << ToText(ReportJson(result, result.report, arguments.output == "-" ? "" : arguments.output))
                 << std::flush;
     }
     return result.IsUsable() ? kOk : kFailed;
@@ -132,7 +131,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     command.LoadInput();
     ServerNeeds needs;
     needs.threads = arguments.options.threads;
-    ServerChoice server(arguments.server, interrupts, needs);
+    ServerChoice server(arguments.server, arguments.server_flags, interrupts, needs);
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
     call_options.label = ValidUtf8(arguments.label.empty() ? file_name : arguments.label);
@@ -177,7 +176,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
   std::stop_source stop;
   try {
     command.LoadInput();
-    ServerChoice server(arguments.server, interrupts);
+    ServerChoice server(arguments.server, arguments.server_flags, interrupts);
     view = NewProgressView(arguments.progress, arguments.job);
     // The job is not ours to cancel.
     interrupts.SetCancel([stop]() mutable { stop.request_stop(); });

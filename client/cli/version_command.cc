@@ -24,7 +24,7 @@ int RunVersion(const Arguments& arguments, Interrupts& interrupts) {
   std::optional<Error> error;
   std::string where = arguments.server;
   try {
-    ServerChoice server(arguments.server, interrupts);
+    ServerChoice server(arguments.server, arguments.server_flags, interrupts);
     if (server.private_server() != nullptr) where = server.private_server()->executable();
     capabilities = server.client().GetCapabilities();
   } catch (const Error& e) {

@@ -15,7 +15,7 @@ set_target_properties(planish_sdk PROPERTIES
   ARCHIVE_OUTPUT_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/sdk)
 target_compile_features(planish_sdk INTERFACE cxx_std_20)
 target_link_libraries(planish_sdk INTERFACE
-  gRPC::grpc++ protobuf::libprotobuf draco::draco absl::status absl::statusor absl::strings OpenSSL::Crypto
+  gRPC::grpc++ protobuf::libprotobuf draco::draco absl::status absl::statusor absl::strings OpenSSL::SSL
   Threads::Threads)
 if(PLANISH_SANITIZE)
   target_link_options(planish_sdk INTERFACE -fsanitize=${PLANISH_SANITIZE})

@@ -14,9 +14,12 @@
 #include "client/src/mesh_packer.h"
 #include "client/src/mesh_sender.h"
 #include "client/src/request_id.h"
+#include "client/src/route.h"
 #include "client/src/rpc.h"
 #include "client/src/stream_errors.h"
+#include "client/src/trace_scope.h"
 #include "client/src/uv_bytes.h"
+#include "core/base/trace_context.h"
 
 namespace planish {
 inline namespace api {
@@ -71,6 +74,19 @@ UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh) {
   return result;
 }
 
+// Runs `work` with `*call` as part of one trace, which an error names.
+template <typename Work>
+auto Traced(CallOptions* call, Work work) {
+  const TraceScope trace(call->traceparent);
+  call->traceparent = trace.traceparent();
+  try {
+    return work(trace);
+  } catch (Error& error) {
+    error.set_trace_id(trace.trace_id());
+    throw;
+  }
+}
+
 }  // namespace
 
 class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
@@ -82,8 +98,31 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
 
   // `start` is when the caller called, before the mesh was packed.
   UnwrapResult Unwrap(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
-                      const Callbacks& callbacks, const CallOptions& call,
-                      std::function<void(const std::string&)> on_job_name, std::stop_token finish = {}) {
+                      const Callbacks& callbacks, CallOptions call, std::function<void(const std::string&)> on_job_name,
+                      std::stop_token finish = {}) {
+    return Traced(&call, [&](const TraceScope& trace) {
+      UnwrapResult result =
+          UnwrapInTrace(std::move(mesh), start, options, callbacks, call, std::move(on_job_name), std::move(finish));
+      result.trace_id = trace.trace_id();
+      return result;
+    });
+  }
+
+  Followed Watch(const std::string& job, PackedMesh* mesh, std::int64_t after_sequence, const Callbacks& callbacks,
+                 CallOptions call) {
+    return Traced(&call, [&](const TraceScope&) { return WatchInTrace(job, mesh, after_sequence, callbacks, call); });
+  }
+
+  // Sends the mesh and creates the job, again and again while the server's queue is full or the server is lost, and
+  // patience lasts: the request id makes that safe.
+  v1::Job Create(PackedMesh mesh, const UnwrapOptions& options, CallOptions call) {
+    return Traced(&call, [&](const TraceScope&) { return CreateInTrace(std::move(mesh), options, call); });
+  }
+
+ private:
+  UnwrapResult UnwrapInTrace(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
+                             const Callbacks& callbacks, const CallOptions& call,
+                             std::function<void(const std::string&)> on_job_name, std::stop_token finish) {
     const double packing_seconds = SecondsSince(start);
     FollowPlan plan;
     plan.unwrap = NewJobRequest<v1::UnwrapRequest>(mesh, options, call);
@@ -100,8 +139,8 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     return result;
   }
 
-  Followed Watch(const std::string& job, PackedMesh* mesh, std::int64_t after_sequence, const Callbacks& callbacks,
-                 const CallOptions& call) {
+  Followed WatchInTrace(const std::string& job, PackedMesh* mesh, std::int64_t after_sequence,
+                        const Callbacks& callbacks, const CallOptions& call) {
     FollowPlan plan;
     plan.watch.emplace();
     plan.watch->set_name(job);
@@ -112,9 +151,7 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     return Follower(rpc_, options_, std::move(plan), callbacks).Run();
   }
 
-  // Sends the mesh and creates the job, again and again while the server's queue is full or the server is lost, and
-  // patience lasts: the request id makes that safe.
-  v1::Job Create(PackedMesh mesh, const UnwrapOptions& options, const CallOptions& call) {
+  v1::Job CreateInTrace(PackedMesh mesh, const UnwrapOptions& options, const CallOptions& call) {
     const Deadline deadline = DeadlineAfter(call.timeout_seconds);
     const Callbacks no_callbacks;
     auto request = NewJobRequest<v1::CreateJobRequest>(mesh, options, call);
@@ -139,7 +176,6 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     }
   }
 
- private:
   const ClientOptions options_;
   const std::shared_ptr<Rpc> rpc_;
 };
@@ -277,6 +313,7 @@ UnwrapResult Client::AttachResult(const std::string& job, const MeshView& mesh, 
   UnwrapResult result = ResultOf(followed, packed);
   result.report.seconds.download = followed.download_seconds;
   result.report.seconds.total = SecondsSince(start);
+  result.trace_id = std::string(TraceIdOf(followed.job.traceparent()));
   return result;
 }
 
@@ -296,11 +333,14 @@ std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state, cons
   v1::ListJobsRequest request;
   if (state) request.set_state(ToProto(*state));
   request.set_label_prefix(label_prefix);
+  std::string route;
   do {
     const int left = limit > 0 ? limit - static_cast<int>(jobs.size()) : kPageSize;
     request.set_page_size(std::min(left, kPageSize));
-    const v1::ListJobsResponse response = impl_->rpc().ListJobs(request);
+    const v1::ListJobsResponse response = impl_->rpc().ListJobs(request, route);
     for (const v1::Job& job : response.jobs()) jobs.push_back(FromProto(job));
+    // The next page is of the same server: a page token means nothing to others.
+    if (!jobs.empty()) route = RouteOf(jobs.back().name);
     request.set_page_token(response.next_page_token());
   } while (!request.page_token().empty() && (limit <= 0 || static_cast<int>(jobs.size()) < limit));
   return jobs;

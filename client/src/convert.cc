@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "client/src/errors.h"
+#include "core/base/trace_context.h"
 
 namespace planish {
 inline namespace api {
@@ -249,6 +250,8 @@ Job FromProto(const v1::Job& proto, const ids::Renumbering& renumbering) {
   job.result_of = proto.result_of();
   job.memory_bytes = proto.memory_bytes();
   if (proto.has_expire_time()) job.expire_time = TimeFrom(proto.expire_time());
+  job.trace_id = std::string(TraceIdOf(proto.traceparent()));
+  job.trace_id = std::string(TraceIdOf(proto.traceparent()));
   return job;
 }
 

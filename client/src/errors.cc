@@ -54,6 +54,11 @@ Error& Error::set_job(std::string job) {
   return *this;
 }
 
+Error& Error::set_trace_id(std::string trace_id) {
+  trace_id_ = std::move(trace_id);
+  return *this;
+}
+
 Error& Error::set_retry_after_seconds(double seconds) {
   retry_after_seconds_ = seconds;
   return *this;
@@ -95,6 +100,7 @@ Error Renumbered(const Error& error, const ids::Renumbering& renumbering) {
   return Error(error.code(), error.reason(), ids::RenumberMessage(error.what(), renumbering),
                ids::RenumberMetadata(error.metadata(), renumbering))
       .set_job(error.job())
+      .set_trace_id(error.trace_id())
       .set_retry_after_seconds(error.retry_after_seconds());
 }
 

@@ -7,6 +7,7 @@
 #include "client/src/convert.h"
 #include "client/src/request_id.h"
 #include "client/src/stream_errors.h"
+#include "client/src/trace_scope.h"
 
 namespace planish {
 inline namespace api {
@@ -96,7 +97,7 @@ void Follower::RunOneStream() {
     }
     error = stream_->Finish();
   } catch (const Error& e) {
-    if (e.reason() != "SERVER_UNREACHABLE") throw;
+    if (!IsUnreachable(e)) throw;
     error = e;
   }
   {
@@ -227,7 +228,9 @@ void Follower::OnStop() {
       stream_->TryCancel();
     }
   }
-  if (!job.empty()) rpc_->CancelJobInBackground(job);
+  if (job.empty()) return;
+  const TraceScope trace(plan_.call.traceparent);  // whoever stops is on another thread
+  rpc_->CancelJobInBackground(job);
 }
 
 void Follower::OnFinish() {
@@ -237,7 +240,9 @@ void Follower::OnFinish() {
     finishing_ = true;
     job = job_name_;
   }
-  if (!job.empty()) rpc_->StopJobInBackground(job);
+  if (job.empty()) return;
+  const TraceScope trace(plan_.call.traceparent);
+  rpc_->StopJobInBackground(job);
 }
 
 std::string Follower::JobName() {

@@ -25,7 +25,7 @@ struct FollowPlan {
   // The mesh that is sent with `unwrap`, that the UV must belong to, and whose numbering errors are told in; may be
   // null with `watch`. Must outlive the follower, which takes the Draco bytes out if they travel inside the request.
   PackedMesh* mesh = nullptr;
-  CallOptions call;
+  CallOptions call;                                     // traceparent: valid, of the whole call
   std::stop_token finish;                               // a request to stop the job and bring what it has
   std::function<void(const std::string&)> on_job_name;  // on the thread of Run()
 };

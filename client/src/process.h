@@ -25,8 +25,8 @@ class OwnedFd {
 };
 
 // Starts `arguments[0]`, a path, in a process group of its own (so that Ctrl-C reaches only us), with an empty
-// signal mask, default signal actions, no input, no output, stderr to `stderr_fd` and `inherited_fd` as descriptor
-// `inherited_as`. Throws std::system_error.
+// signal mask, default signal actions, no input, no output, stderr to `stderr_fd`, `inherited_fd` as descriptor
+// `inherited_as`, and the environment without what is for a service (PLANISHD_QUEUE, ...). Throws std::system_error.
 pid_t Spawn(const std::vector<std::string>& arguments, int stderr_fd, int inherited_fd, int inherited_as);
 
 // Waits for the end of a child and reaps it; false if it still runs after so many seconds.

@@ -6,8 +6,12 @@
 #include <utility>
 
 #include "client/src/backoff.h"
+#include "client/src/connection.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
+#include "client/src/route.h"
+#include "client/src/trace_scope.h"
+#include "planish/admin/v1/admin.grpc.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
@@ -22,30 +26,7 @@ constexpr double kUnarySeconds = 20;
 constexpr double kBackgroundSeconds = 5;
 constexpr double kLongestPauseSeconds = 2;
 
-std::shared_ptr<grpc::Channel> NewChannel(const std::string& target, const ClientOptions& options) {
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(-1);
-  arguments.SetMaxSendMessageSize(-1);
-  // gRPC's own pace (20 s an attempt, 1 s and more between them) is for servers that talk to servers.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(1000 * options.connect_timeout_seconds));
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
-  // A peer that vanished without a word is noticed within half a minute.
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
-  // Clients to different servers, or to one server started anew, must not share connections and their back-off.
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  arguments.SetUserAgentPrefix(std::string("planish/") + Version());
-  return grpc::CreateCustomChannel(target, grpc::InsecureChannelCredentials(), arguments);
-}
-
-// gRPC wraps the cause in "failed to connect to all addresses; last error: UNKNOWN: ...: Connection refused".
-std::string ConnectionCause(const std::string& message) {
-  const std::size_t colon = message.rfind(": ");
-  return colon == std::string::npos ? message : message.substr(colon + 2);
-}
-
-Error ErrorOfCall(const grpc::Status& status, const std::string& target) {
+Error ErrorOfCall(const grpc::Status& status, const Connection& connection) {
   google::rpc::Status rich;
   if (!status.error_details().empty() && rich.ParseFromString(status.error_details()) && rich.details_size() > 0) {
     return ErrorFrom(rich);
@@ -53,15 +34,18 @@ Error ErrorOfCall(const grpc::Status& status, const std::string& target) {
   rich.set_code(static_cast<int>(status.error_code()));
   rich.set_message(status.error_message());
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-    return Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE",
-                 "cannot reach the planish server at " + target + ": " + ConnectionCause(status.error_message()));
+    return connection.WhyUnreachable(status.error_message());
   }
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) rich.set_message("the time given to the call passed");
   return ErrorFrom(rich);
 }
 
-void SetDeadline(grpc::ClientContext& context, Deadline deadline) {
+// What every call needs. `route`: the server that it is for, empty for any.
+void Prepare(grpc::ClientContext& context, const Connection& connection, Deadline deadline, const std::string& route) {
   if (deadline) context.set_deadline(*deadline);
+  context.AddMetadata("traceparent", NextTraceparent());
+  if (!route.empty()) context.AddMetadata(kRouteKey, route);
+  connection.Prepare(context);
 }
 
 template <typename Response>
@@ -69,9 +53,9 @@ class GrpcStream : public Stream {
  public:
   using Opener = std::function<std::unique_ptr<grpc::ClientReader<Response>>(grpc::ClientContext*)>;
 
-  GrpcStream(Deadline deadline, std::string target, Opener opener)
-      : target_(std::move(target)), opener_(std::move(opener)) {
-    SetDeadline(context_, deadline);
+  GrpcStream(Deadline deadline, const std::string& route, std::shared_ptr<const Connection> connection, Opener opener)
+      : connection_(std::move(connection)), opener_(std::move(opener)) {
+    Prepare(context_, *connection_, deadline, route);
   }
 
   // The stream may be abandoned half-way, by an exception of a callback for instance.
@@ -96,13 +80,13 @@ class GrpcStream : public Stream {
     finished_ = true;
     const grpc::Status status = reader_->Finish();
     if (status.ok()) return std::nullopt;
-    return ErrorOfCall(status, target_);
+    return ErrorOfCall(status, *connection_);
   }
 
   void TryCancel() override { context_.TryCancel(); }
 
  private:
-  const std::string target_;
+  const std::shared_ptr<const Connection> connection_;
   const Opener opener_;
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReader<Response>> reader_;
@@ -111,8 +95,10 @@ class GrpcStream : public Stream {
 
 class GrpcUploadStream : public UploadStream {
  public:
-  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, std::string target) : target_(std::move(target)) {
-    SetDeadline(context_, deadline);
+  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, const std::string& route,
+                   std::shared_ptr<const Connection> connection)
+      : connection_(std::move(connection)) {
+    Prepare(context_, *connection_, deadline, route);
     writer_ = stub->WriteUpload(&context_, &upload_);
   }
 
@@ -128,14 +114,14 @@ class GrpcUploadStream : public UploadStream {
     writer_->WritesDone();
     finished_ = true;
     const grpc::Status status = writer_->Finish();
-    if (!status.ok()) throw ErrorOfCall(status, target_);
+    if (!status.ok()) throw ErrorOfCall(status, *connection_);
     return std::move(upload_);
   }
 
   void TryCancel() override { context_.TryCancel(); }
 
  private:
-  const std::string target_;
+  const std::shared_ptr<const Connection> connection_;
   grpc::ClientContext context_;
   v1::Upload upload_;
   std::unique_ptr<grpc::ClientWriter<v1::WriteUploadRequest>> writer_;
@@ -152,18 +138,22 @@ Request NameRequest(const std::string& name) {
 }  // namespace
 
 struct Rpc::Stubs {
-  explicit Stubs(std::shared_ptr<grpc::Channel> c) : channel(std::move(c)), planish(v1::Planish::NewStub(channel)) {}
+  explicit Stubs(std::shared_ptr<const Connection> c)
+      : connection(std::move(c)),
+        channel(connection->NewChannel()),
+        planish(v1::Planish::NewStub(channel)),
+        admin(admin::v1::Admin::NewStub(channel)) {}
 
   // Runs one unary call and throws if it fails.
   template <typename Request, typename Response>
   Response Unary(Rpc& rpc, grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                 const Request& request, Deadline deadline) {
+                 const Request& request, const std::string& route, Deadline deadline) {
     rpc.Connect(deadline);
     grpc::ClientContext context;
-    SetDeadline(context, deadline);
+    Prepare(context, *connection, deadline, route);
     Response response;
     const grpc::Status status = (planish.get()->*method)(&context, request, &response);
-    if (!status.ok()) throw ErrorOfCall(status, rpc.target());
+    if (!status.ok()) throw ErrorOfCall(status, *connection);
     return response;
   }
 
@@ -171,14 +161,14 @@ struct Rpc::Stubs {
   template <typename Request, typename Response>
   Response Repeated(Rpc& rpc,
                     grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, int* attempts = nullptr) {
+                    const Request& request, const std::string& route, int* attempts = nullptr) {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
     const Clock::time_point start = Clock::now();
     Backoff backoff(rpc.options_.reattach_backoff_seconds, kLongestPauseSeconds, NewRequestId());
     while (true) {
       try {
         if (attempts != nullptr) ++*attempts;
-        return Unary(rpc, method, request, deadline);
+        return Unary(rpc, method, request, route, deadline);
       } catch (const Error& error) {
         const std::chrono::duration<double> pause(std::max(backoff.Next(), error.retry_after_seconds()));
         const std::chrono::duration<double> limit(rpc.options_.retry_seconds);
@@ -189,8 +179,24 @@ struct Rpc::Stubs {
     }
   }
 
+  // Runs one call of an operator's.
+  template <typename Response, typename Request>
+  Response Operate(Rpc& rpc,
+                   grpc::Status (admin::v1::Admin::Stub::*method)(grpc::ClientContext*, const Request&, Response*)) {
+    const Deadline deadline = DeadlineAfter(kUnarySeconds);
+    rpc.Connect(deadline);
+    grpc::ClientContext context;
+    Prepare(context, *connection, deadline, "");
+    Response response;
+    const grpc::Status status = (admin.get()->*method)(&context, Request(), &response);
+    if (!status.ok()) throw ErrorOfCall(status, *connection);
+    return response;
+  }
+
+  const std::shared_ptr<const Connection> connection;
   const std::shared_ptr<grpc::Channel> channel;
   const std::unique_ptr<v1::Planish::Stub> planish;
+  const std::unique_ptr<admin::v1::Admin::Stub> admin;
 };
 
 Deadline DeadlineAfter(double seconds) {
@@ -199,7 +205,11 @@ Deadline DeadlineAfter(double seconds) {
 }
 
 Rpc::Rpc(const std::string& target, const ClientOptions& options)
-    : target_(target), options_(options), stubs_(std::make_shared<Stubs>(NewChannel(target, options))) {}
+    : options_(options), stubs_(std::make_shared<Stubs>(std::make_shared<Connection>(target, options))) {}
+
+const std::string& Rpc::target() const {
+  return stubs_->connection->target();
+}
 
 Rpc::~Rpc() = default;
 
@@ -211,8 +221,7 @@ bool Rpc::Connect(Deadline deadline) {
   auto state = channel.GetState(true);
   for (; state == GRPC_CHANNEL_IDLE || state == GRPC_CHANNEL_CONNECTING; state = channel.GetState(true)) {
     if (channel.WaitForStateChange(state, until)) continue;
-    throw Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE",
-                "cannot reach the planish server at " + target_ + ": no connection in time");
+    throw stubs_->connection->WhyUnreachable("no connection in time");
   }
   if (state == GRPC_CHANNEL_READY) reached_ = true;
   return state == GRPC_CHANNEL_READY;
@@ -220,40 +229,41 @@ bool Rpc::Connect(Deadline deadline) {
 
 std::unique_ptr<Stream> Rpc::Unwrap(const v1::UnwrapRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::UnwrapResponse>>(
-      deadline, target_,
+      deadline, RouteOf(request.upload()), stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->Unwrap(context, request); });
 }
 
 std::unique_ptr<Stream> Rpc::WatchJob(const v1::WatchJobRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::WatchJobResponse>>(
-      deadline, target_,
+      deadline, RouteOf(request.name()), stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->WatchJob(context, request); });
 }
 
 v1::Job Rpc::CreateJob(const v1::CreateJobRequest& request, Deadline deadline) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, deadline);
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, RouteOf(request.upload()), deadline);
 }
 
 v1::Job Rpc::GetJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name), RouteOf(name));
 }
 
-v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request);
+v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request, const std::string& route) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request, route);
 }
 
 v1::Job Rpc::StopJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name), RouteOf(name));
 }
 
 v1::Job Rpc::CancelJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name), RouteOf(name));
 }
 
 void Rpc::DeleteJob(const std::string& name) {
   int attempts = 0;
   try {
-    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), &attempts);
+    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), RouteOf(name),
+                     &attempts);
   } catch (const Error& error) {
     // An attempt before this one got through, and only its answer was lost.
     if (attempts == 1 || error.code() != ErrorCode::kNotFound) throw;
@@ -261,36 +271,52 @@ void Rpc::DeleteJob(const std::string& name) {
 }
 
 v1::JobEstimate Rpc::EstimateJob(const v1::EstimateJobRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request);
+  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request, "");
 }
 
 v1::Capabilities Rpc::GetCapabilities() {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest());
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest(), "");
 }
 
 v1::Upload Rpc::CreateUpload(const v1::CreateUploadRequest& request) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, DeadlineAfter(kUnarySeconds));
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, "", DeadlineAfter(kUnarySeconds));
 }
 
 v1::Upload Rpc::GetUpload(const std::string& name) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name),
+  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name), RouteOf(name),
                        DeadlineAfter(kUnarySeconds));
 }
 
-std::unique_ptr<UploadStream> Rpc::WriteUpload(Deadline deadline) {
+std::unique_ptr<UploadStream> Rpc::WriteUpload(const std::string& name, Deadline deadline) {
   Connect(deadline);
-  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, target_);
+  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, RouteOf(name), stubs_->connection);
+}
+
+void Rpc::Drain() {
+  stubs_->Operate(*this, &admin::v1::Admin::Stub::Drain);
+}
+
+void Rpc::Undrain() {
+  stubs_->Operate(*this, &admin::v1::Admin::Stub::Undrain);
+}
+
+admin::v1::Stats Rpc::GetStats() {
+  return stubs_->Operate(*this, &admin::v1::Admin::Stub::GetStats);
+}
+
+admin::v1::Config Rpc::GetConfig() {
+  return stubs_->Operate(*this, &admin::v1::Admin::Stub::GetConfig);
 }
 
 void Rpc::StopJobInBackground(const std::string& name) {
-  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.StopJob(context, NameRequest<v1::StopJobRequest>(name), &job);
   });
 }
 
 void Rpc::CancelJobInBackground(const std::string& name) {
-  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.CancelJob(context, NameRequest<v1::CancelJobRequest>(name), &job);
   });
@@ -299,11 +325,16 @@ void Rpc::CancelJobInBackground(const std::string& name) {
 // Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
 // would have to wait for themselves. Whether the call got through shows in the job's own stream.
 template <typename Call>
-void Rpc::InBackground(Call call) {
+void Rpc::InBackground(const std::string& route, Call call) {
   const std::lock_guard lock(background_mutex_);
-  background_.emplace_back([stubs = stubs_, call = std::move(call)] {
+  background_.emplace_back([stubs = stubs_, route, call = std::move(call), traceparent = NextTraceparent()] {
+    const TraceScope scope(traceparent);
     grpc::ClientContext context;
-    SetDeadline(context, DeadlineAfter(kBackgroundSeconds));
+    try {
+      Prepare(context, *stubs->connection, DeadlineAfter(kBackgroundSeconds), route);
+    } catch (const Error&) {
+      return;  // no token any more: the call would be refused
+    }
     call(*stubs->planish, &context);
   });
 }

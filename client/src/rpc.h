@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "planish/admin/v1/admin.pb.h"
 #include "planish/client.h"
 #include "planish/v1/planish.pb.h"
 
@@ -51,16 +52,18 @@ class UploadStream {
   virtual void TryCancel() = 0;
 };
 
-// Thread-safe. Calls throw planish::Error. Those that may be repeated safely are, for retry_seconds at most, while a
-// server that was reached before is UNAVAILABLE.
+// Thread-safe. Calls belong to the trace of their thread (trace_scope.h) and throw planish::Error. Those that may be
+// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE. Calls about a
+// job or an upload say in their metadata which server's it is, if its name does (route.h).
 class Rpc {
  public:
+  // Throws as Client::Client does.
   Rpc(const std::string& target, const ClientOptions& options);
   ~Rpc();
-  const std::string& target() const { return target_; }
+  const std::string& target() const;
 
   // Whether a connection stands, waiting for it until it fails, or connect_timeout_seconds or `deadline` pass. The
-  // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE.
+  // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE or TLS_FAILED.
   bool Connect(Deadline deadline);
 
   // Whether there was a connection, ever.
@@ -73,7 +76,8 @@ class Rpc {
   v1::Job CreateJob(const v1::CreateJobRequest& request, Deadline deadline);
 
   v1::Job GetJob(const std::string& name);
-  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request);
+  // `route`: the server that listed the page before; empty: any.
+  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request, const std::string& route);
   v1::Job StopJob(const std::string& name);
   v1::Job CancelJob(const std::string& name);
   void DeleteJob(const std::string& name);
@@ -83,7 +87,13 @@ class Rpc {
   // Once each.
   v1::Upload CreateUpload(const v1::CreateUploadRequest& request);
   v1::Upload GetUpload(const std::string& name);
-  std::unique_ptr<UploadStream> WriteUpload(Deadline deadline);
+  std::unique_ptr<UploadStream> WriteUpload(const std::string& name, Deadline deadline);
+
+  // planish.admin.v1.Admin. Once each.
+  void Drain();
+  void Undrain();
+  admin::v1::Stats GetStats();
+  admin::v1::Config GetConfig();
 
   // Return at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
   // waits for calls that are still out, a few seconds at most.
@@ -93,9 +103,8 @@ class Rpc {
  private:
   struct Stubs;
   template <typename Call>
-  void InBackground(Call call);
+  void InBackground(const std::string& route, Call call);
 
-  std::string target_;
   ClientOptions options_;
   std::shared_ptr<Stubs> stubs_;
   std::atomic<bool> reached_ = false;

@@ -13,6 +13,10 @@ bool IsBrokenStream(const Error& error) {
   return from_transport && (error.code() == ErrorCode::kInternal || error.code() == ErrorCode::kUnknown);
 }
 
+bool IsUnreachable(const Error& error) {
+  return error.reason() == "SERVER_UNREACHABLE" || error.reason() == "TLS_FAILED";
+}
+
 bool AsksToWait(const Error& error) {
   if (error.code() != ErrorCode::kResourceExhausted) return false;
   return error.retry_after_seconds() > 0 || error.reason() == "QUEUE_FULL";

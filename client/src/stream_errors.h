@@ -9,6 +9,9 @@ inline namespace api {
 // Whether a stream broke under way, so that the same call may succeed a moment later.
 bool IsBrokenStream(const Error& error);
 
+// Whether there was no connection at all.
+bool IsUnreachable(const Error& error);
+
 // Whether the server is full and says when to come back.
 bool AsksToWait(const Error& error);
 

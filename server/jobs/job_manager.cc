@@ -59,7 +59,8 @@ JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobStore* bl
       instance_(options_.new_id()),
       blobs_(blobs),
       store_(store),
-      queue_(options_.queue_capacity, options_.max_queued_bytes) {}
+      queue_({options_.workers, options_.queue_capacity, options_.queue_total, options_.max_queued_bytes,
+              options_.tenant_limits}) {}
 
 absl::StatusOr<JobNeeds> JobManager::NeedsOf(std::string_view mesh, std::int64_t mesh_bytes, const v1::MeshSize& size,
                                              const v1::UnwrapOptions& options) const {
@@ -83,32 +84,41 @@ absl::StatusOr<JobNeeds> JobManager::NeedsOf(std::string_view mesh, std::int64_t
   return needs;
 }
 
-absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
+absl::StatusOr<AcceptedJob> JobManager::Create(const Caller& caller, JobRequest request) {
+  absl::StatusOr<AcceptedJob> accepted = Accept(caller, std::move(request));
+  if (accepted.ok()) return accepted;
+  const std::lock_guard lock(mutex_);
+  ++calls_[caller.tenant].refused;
+  ++refused_by_reason_[ErrorInfoOf(accepted.status()).reason];
+  return accepted;
+}
+
+absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest request) {
   PLANISH_RETURN_IF_ERROR(ValidateJobRequest(request, options_.max_mesh_bytes, options_.validate_options));
   PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs,
                            NeedsOf(request.Mesh(), request.MeshBytes(), v1::MeshSize(), request.options));
   if (request.mesh_sha256.empty()) request.mesh_sha256 = Sha256(request.Mesh());
   const std::string corners = PackCorners(request);
   const std::string corners_sha256 = corners.empty() ? std::string() : Sha256(corners);
-  const std::string work_key = WorkKey(request, request.mesh_sha256, corners_sha256);
+  const std::string work_key = WorkKey(caller.tenant, request, request.mesh_sha256, corners_sha256);
   {
     const std::lock_guard lock(mutex_);
-    PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(request, work_key));
+    PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(caller, request, work_key));
     if (known.has_value()) return *std::move(known);
   }
   // Outside the lock: the mesh may be large and the disk slow. Held until the record refers to them.
-  const absl::StatusOr<BlobPtr> mesh = PutBlob(request.Mesh(), request.mesh_sha256);
-  const absl::StatusOr<BlobPtr> seams = corners.empty() ? BlobPtr() : PutBlob(corners, corners_sha256);
+  const absl::StatusOr<BlobPtr> mesh = PutBlob(caller.tenant, request.Mesh(), request.mesh_sha256);
+  const absl::StatusOr<BlobPtr> seams = corners.empty() ? BlobPtr() : PutBlob(caller.tenant, corners, corners_sha256);
   for (const auto& blob : {mesh, seams}) {
     if (!blob.ok()) return WithRetryDelay(blob.status(), options_.retry_delay);
   }
 
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(request, work_key));
+  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(caller, request, work_key));
   if (known.has_value()) return *std::move(known);
 
-  JobRecord record = NewRecord(request);
+  JobRecord record = NewRecord(caller, request);
   record.set_work_key(work_key);
   record.set_seams_sha256(corners_sha256);
   record.mutable_job()->set_memory_bytes(needs.memory_bytes);
@@ -117,7 +127,7 @@ absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   *event.mutable_time() = record.job().create_time();
   *event.mutable_job() = record.job();
   if (absl::Status status = store_->Put(record, &event); !status.ok()) {
-    unused_blobs_.insert({request.mesh_sha256, corners_sha256});
+    unused_blobs_.insert({{caller.tenant, request.mesh_sha256}, {caller.tenant, corners_sha256}});
     return WithRetryDelay(std::move(status), options_.retry_delay);
   }
   totals_.last_number = record.number();
@@ -128,9 +138,18 @@ absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   std::optional<KeptResult> result;
   if (!request.scheduling.fresh()) result = FindResult(work_key);
   const bool runs = !result.has_value() && JoinWork(live, needs).running;
-  AcceptedJob accepted = Accept(live, request.attached);
+  Calls& calls = calls_[caller.tenant];
+  ++calls.accepted;
+  if (result.has_value() || live.work != name) ++calls.shared;
+  AcceptedJob accepted = Answer(live, request.attached);
   *event.mutable_job() = accepted.job;
   live.events->Append(std::move(event));
+  if (options_.observer != nullptr) {
+    const bool shares = !live.record.job().result_of().empty();
+    options_.observer->OnAccepted(live.record.job(), result.has_value() ? JobOrigin::kKeptResult
+                                                     : shares           ? JobOrigin::kSharedWork
+                                                                        : JobOrigin::kOwnWork);
+  }
   if (options_.on_transition) options_.on_transition(live.record.job());
   StartClocks(live);
   if (runs) Begin(live, &wakeups);
@@ -145,15 +164,16 @@ absl::StatusOr<AcceptedJob> JobManager::Create(JobRequest request) {
   return accepted;
 }
 
-absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const JobRequest& request, const std::string& work_key) {
-  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(request, work_key));
+absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const Caller& caller, const JobRequest& request,
+                                                              const std::string& work_key) {
+  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(caller, request, work_key));
   if (known.has_value()) return known;
   if (draining_ || suspended_) {
-    return WithRetryDelay(
-        MakeError(absl::StatusCode::kUnavailable, "DRAINING", "the server is shutting down and takes no new jobs"),
-        options_.retry_delay);
+    const char* const why = ending_ ? "the server is shutting down and takes no new jobs"
+                                    : "an operator drains the server: it takes no new jobs for now";
+    return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING", why), options_.retry_delay);
   }
-  absl::Status room = CheckRoom(request.MeshBytes());
+  absl::Status room = CheckRoom(caller.tenant, request.MeshBytes());
   if (room.ok()) return std::nullopt;
   // Only now: a result is read whole to be found.
   const bool shares =
@@ -162,34 +182,30 @@ absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const JobRequest& 
   return std::nullopt;
 }
 
-absl::StatusOr<std::optional<AcceptedJob>> JobManager::FindKnown(const JobRequest& request,
+absl::StatusOr<std::optional<AcceptedJob>> JobManager::FindKnown(const Caller& caller, const JobRequest& request,
                                                                  const std::string& work_key) {
   if (request.request_id.empty()) return std::nullopt;
-  PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> record, store_->FindByRequestId(request.request_id));
+  PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> record,
+                           store_->FindByRequestId(caller.tenant, request.request_id));
   if (!record.has_value()) return std::nullopt;
   const std::string& name = record->job().name();
   if (record->work_key() != work_key) {
+    const bool may_see = caller.MaySee(caller.tenant);
+    std::map<std::string, std::string> metadata;
+    if (may_see) metadata["job"] = name;
     return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED",
-                     absl::StrCat("the request_id belongs to ", name, ", which has another mesh or other options"),
-                     {{"job", name}});
+                     absl::StrCat("the request_id belongs to ", may_see ? name : "a job",
+                                  ", which has another mesh or other options"),
+                     metadata);
   }
-  if (const auto live = live_.find(name); live != live_.end()) return Accept(live->second, request.attached);
+  if (const auto live = live_.find(name); live != live_.end()) return Answer(live->second, request.attached);
   AcceptedJob accepted;
   accepted.job = record->job();
   PLANISH_ASSIGN_OR_RETURN(accepted.events, LogOfEnded(*record));
   return accepted;
 }
 
-absl::Status JobManager::CheckRoom(std::int64_t mesh_bytes) const {
-  if (queue_.HasRoom(mesh_bytes, options_.workers - running_)) return absl::OkStatus();
-  return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
-                                  absl::StrCat("the queue is full (", options_.queue_capacity, " jobs or ",
-                                               options_.max_queued_bytes, " bytes may wait)"),
-                                  {{"queue_capacity", absl::StrCat(options_.queue_capacity)}}),
-                        TimeUntilRoom());
-}
-
-JobRecord JobManager::NewRecord(const JobRequest& request) {
+JobRecord JobManager::NewRecord(const Caller& caller, const JobRequest& request) {
   JobRecord record;
   record.set_number(totals_.last_number + 1);
   record.set_request_id(request.request_id);
@@ -199,9 +215,12 @@ JobRecord JobManager::NewRecord(const JobRequest& request) {
   record.set_attached(request.attached);
   record.set_reserved_sequence(kSequenceBlock);
   record.set_failpoint(request.failpoint);
+  record.set_credential(caller.credential);
   v1::Job* job = record.mutable_job();
   job->set_name("jobs/" + options_.new_id());
   job->set_state(v1::JOB_STATE_QUEUED);
+  job->set_tenant(caller.tenant);
+  job->set_traceparent(caller.traceparent);
   job->set_label(request.label);
   *job->mutable_options() = request.options;
   *job->mutable_scheduling() = request.scheduling;
@@ -210,7 +229,7 @@ JobRecord JobManager::NewRecord(const JobRequest& request) {
   return record;
 }
 
-AcceptedJob JobManager::Accept(Live& live, bool attached) {
+AcceptedJob JobManager::Answer(Live& live, bool attached) {
   AcceptedJob accepted;
   accepted.job = Snapshot(live.record);
   accepted.events = live.events;
@@ -231,7 +250,7 @@ v1::Job JobManager::Snapshot(const JobRecord& record) const {
   const auto work = works_.find(live->second.work);
   if (work == works_.end()) return job;
   if (job.state() == v1::JOB_STATE_QUEUED) {
-    job.set_queue_position(queue_.Position(work->first));
+    job.set_queue_position(queue_.Position(work->first, options_.steady_clock()));
   } else if (work->second.progress.has_value()) {
     *job.mutable_progress() = *work->second.progress;
   }
@@ -246,24 +265,38 @@ absl::StatusOr<JobRecord> JobManager::FindRecord(const std::string& name) const 
   return *std::move(record);
 }
 
-absl::StatusOr<v1::Job> JobManager::Get(const std::string& name) const {
+absl::StatusOr<JobRecord> JobManager::FindRecord(const Caller& caller, const std::string& name, bool may_follow) const {
+  PLANISH_ASSIGN_OR_RETURN(JobRecord record, FindRecord(name));
+  const std::string& tenant = record.job().tenant();
+  const bool follows =
+      may_follow && caller.rights.submit && tenant == caller.tenant && record.credential() == caller.credential;
+  if (!caller.MaySee(tenant) && !follows) return NotFound(name);
+  return record;
+}
+
+absl::StatusOr<v1::Job> JobManager::Get(const Caller& caller, const std::string& name) const {
   const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name));
   return Snapshot(record);
 }
 
-absl::StatusOr<JobPage> JobManager::List(const v1::ListJobsRequest& request) const {
+absl::StatusOr<JobPage> JobManager::List(const Caller& caller, const v1::ListJobsRequest& request) const {
   if (request.page_size() < 0) {
     return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", "page_size is negative",
                      {{"field", "page_size"}});
   }
-  const PageList list = {store_->id(), request.state(), request.label_prefix()};
+  const std::string tenant = caller.rights.all_jobs ? request.tenant() : caller.tenant;
+  const PageList list = {store_->id(), tenant, request.state(), request.label_prefix()};
   JobQuery query;
+  query.tenant = tenant;
   query.state = list.state;
   query.label_prefix = list.label_prefix;
   PLANISH_ASSIGN_OR_RETURN(query.before_number, DecodePageToken(request.page_token(), list));
   const int limit = request.page_size() == 0 ? kDefaultPageSize : std::min(request.page_size(), kMaxPageSize);
   query.limit = limit + 1;
+  // Tenants that one may not see have no jobs.
+  const bool asks_for_others = !request.tenant().empty() && request.tenant() != tenant;
+  if (asks_for_others || (!caller.rights.all_jobs && !caller.MaySee(tenant))) return JobPage();
 
   const std::lock_guard lock(mutex_);
   PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, store_->List(query));
@@ -280,8 +313,10 @@ absl::StatusOr<JobPage> JobManager::List(const v1::ListJobsRequest& request) con
   return page;
 }
 
-absl::StatusOr<WatchedJob> JobManager::Watch(const std::string& name, bool attach, bool include_uv) {
+absl::StatusOr<WatchedJob> JobManager::Watch(const Caller& caller, const std::string& name, bool attach,
+                                             bool include_uv) {
   const std::lock_guard lock(mutex_);
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, /*may_follow=*/true));
   WatchedJob watched;
   if (const auto live = live_.find(name); live != live_.end()) {
     watched.events = live->second.events;
@@ -291,7 +326,6 @@ absl::StatusOr<WatchedJob> JobManager::Watch(const std::string& name, bool attac
     }
     return watched;
   }
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   PLANISH_ASSIGN_OR_RETURN(watched.events, LogOfEnded(record));
   const bool had_uv = record.job().state() == v1::JOB_STATE_SUCCEEDED || record.job().state() == v1::JOB_STATE_EXPIRED;
   if (include_uv && had_uv && watched.events->uv() == nullptr) return ResultExpired(name);
@@ -312,15 +346,17 @@ absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::LogOfEnded(const 
   }
   BlobPtr uv;
   if (job.state() == v1::JOB_STATE_SUCCEEDED) {
-    if (absl::StatusOr<BlobPtr> found = blobs_->Find(job.uv().uv_sha256()); found.ok()) uv = *std::move(found);
+    if (absl::StatusOr<BlobPtr> found = blobs_->Find({job.tenant(), job.uv().uv_sha256()}); found.ok())
+      uv = *std::move(found);
   }
   log->End(std::move(uv));
   return log;
 }
 
-absl::StatusOr<v1::Job> JobManager::Cancel(const std::string& name) {
+absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
+  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) {
     EndEarly(live->second, EarlyEnd::kCancel, &wakeups);
   }
@@ -328,9 +364,10 @@ absl::StatusOr<v1::Job> JobManager::Cancel(const std::string& name) {
   return Snapshot(record);
 }
 
-absl::StatusOr<v1::Job> JobManager::Stop(const std::string& name) {
+absl::StatusOr<v1::Job> JobManager::Stop(const Caller& caller, const std::string& name) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
+  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) StopLocked(live->second, &wakeups);
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   return Snapshot(record);
@@ -349,9 +386,9 @@ void JobManager::Abandon(const std::string& name, bool for_good) {
   CheckClocks(name, now, &wakeups);
 }
 
-absl::Status JobManager::Delete(const std::string& name) {
+absl::Status JobManager::Delete(const Caller& caller, const std::string& name) {
   const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name));
   if (!IsTerminal(record.job().state())) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_FINISHED",
                      absl::StrCat(name, " is ", StateName(record.job().state()), ": cancel it first"), {{"job", name}});
@@ -359,7 +396,8 @@ absl::Status JobManager::Delete(const std::string& name) {
   return Forget(record);
 }
 
-absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const v1::EstimateJobRequest& request) const {
+absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const Caller& caller,
+                                                     const v1::EstimateJobRequest& request) const {
   if (request.draco().empty() && request.size().triangles() <= 0) {
     return MakeError(absl::StatusCode::kInvalidArgument, "MESH_MISSING",
                      "neither the mesh nor its number of triangles is given", {{"field", "draco"}});
@@ -378,8 +416,8 @@ absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const v1::EstimateJobReques
   estimate.set_memory_bytes(needs->memory_bytes);
   const std::lock_guard lock(mutex_);
   estimate.set_run_seconds(needs->run_seconds * seconds_factor_);
-  estimate.set_queue_seconds(QueueSeconds());
-  absl::Status room = CheckRoom(mesh_bytes);
+  estimate.set_queue_seconds(queue_.SecondsUntilTurn(caller.tenant, options_.steady_clock()));
+  absl::Status room = CheckRoom(caller.tenant, mesh_bytes);
   if (mesh_bytes > options_.max_mesh_bytes) room = MeshTooLarge(mesh_bytes, options_.max_mesh_bytes);
   if (!room.ok()) *estimate.mutable_refusal() = ToRpcStatus(room);
   return estimate;

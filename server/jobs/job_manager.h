@@ -21,46 +21,66 @@
 #include "absl/time/time.h"
 #include "planish/v1/planish.pb.h"
 #include "planish/worker/v1/worker.pb.h"
+#include "server/access/caller.h"
+#include "server/access/tenant.h"
 #include "server/jobs/blob_store.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/ids.h"
+#include "server/jobs/job_observer.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_request.h"
 #include "server/jobs/job_source.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/lifecycle.h"
+#include "server/jobs/manager_stats.h"
 #include "server/jobs/work.h"
 #include "server/link/worker_link.h"
 
 namespace planish {
 
+// The time of a clock that nobody sets, from an arbitrary beginning.
+absl::Time SteadyNow();
+
 struct JobManagerOptions {
   int workers = 1;                                        // pieces of work that run at a time
   int threads = 1;                                        // that a job may use
-  int queue_capacity = 64;                                // that may wait beside them, >= 0
-  std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait
+  int queue_capacity = 64;                                // of a tenant that may wait beside them, >= 0
+  int queue_total = 1024;                                 // of all tenants; see JobQueue::RoomFor()
+  std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
+  TenantLimitsSource tenant_limits;                       // null: the defaults for everybody
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
   std::int64_t max_triangles = std::int64_t{1} << 40;  // as declared and as decoded
   std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
-  // Ended jobs kept, bytes of their UV and how long these stay. The oldest go first; the last one that ended always
-  // stays.
+  // Of each tenant: ended jobs kept, and bytes of their UV. How long these stay. The tenant's oldest go first; its last
+  // one that ended always stays.
   int retained_jobs = 256;
   std::int64_t retained_bytes = std::int64_t{1} << 30;
   absl::Duration retained_time = absl::InfiniteDuration();
-  std::size_t events_per_job = 256;                             // JobEventLog capacity
-  absl::Duration reattach_grace = absl::Seconds(10);            // that a job outlives its last caller by
-  absl::Duration obey_limit = absl::Seconds(5);                 // from a cancellation to the worker's end
-  int max_crashes = 2;                                          // workers that a job may cost before it fails
-  absl::Duration retry_delay = absl::Seconds(1);                // advice with refusals where nothing better is known
-  OptionsValidator validate_options;                            // null: everything goes
-  NeedsEstimator estimate;                                      // null: jobs need nothing
-  std::function<bool(const std::string& sha256)> is_blob_used;  // by somebody else; null: nobody. Must not call back
+  std::size_t events_per_job = 256;                    // JobEventLog capacity
+  absl::Duration reattach_grace = absl::Seconds(10);   // that a job outlives its last caller by
+  absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
+  int max_crashes = 2;                                 // workers that a job may cost before it fails
+  absl::Duration retry_delay = absl::Seconds(1);       // advice with refusals where nothing better is known
+  OptionsValidator validate_options;                   // null: everything goes
+  NeedsEstimator estimate;                             // null: jobs need nothing
+  std::function<bool(const BlobId& id)> is_blob_used;  // by somebody else; null: nobody. Must not call back
   // Hears of every change of state, in order, under the manager's lock: must be quick and must not call back.
   std::function<void(const v1::Job&)> on_transition;
   // Hears of records that could not be written, likewise. They are tried again by Tick().
   std::function<void(const absl::Status&)> on_store_error;
+  JobObserver* observer = nullptr;  // may be null; outlives the manager
   std::function<absl::Time()> clock = absl::Now;
+  std::function<absl::Time()> steady_clock = SteadyNow;  // of how long work takes: nobody sets it
   std::function<std::string()> new_id = RandomId;
+};
+
+// What may change while the server runs: fields of JobManagerOptions.
+struct JobLimits {
+  int queue_capacity = 64;
+  int retained_jobs = 256;
+  std::int64_t retained_bytes = std::int64_t{1} << 30;
+  absl::Duration retained_time = absl::InfiniteDuration();
+  absl::Duration reattach_grace = absl::Seconds(10);
 };
 
 class JobManager;
@@ -99,7 +119,8 @@ struct JobPage {
   std::string next_page_token;
 };
 
-// Thread-safe. Errors carry an ErrorInfo (core/base/error.h); unknown names are NOT_FOUND with JOB_NOT_FOUND.
+// Thread-safe. Errors carry an ErrorInfo (core/base/error.h); unknown names are NOT_FOUND with JOB_NOT_FOUND, and so
+// are jobs that the caller may not see, word for word.
 class JobManager : public JobSource {
  public:
   // Goes on where the process before left off: jobs that ran are queued again. INTERNAL, STORAGE_FULL if `store` cannot
@@ -110,34 +131,52 @@ class JobManager : public JobSource {
 
   // Queues a job, or finds the one that has the same request id. A job that was abandoned by its caller gives its
   // request id free, so that a retry after a lost connection starts anew. A job whose mesh and options are those of
-  // another one shares its work or its result, unless Scheduling.fresh.
+  // another one of the same tenant shares its work or its result, unless Scheduling.fresh. Request ids are unique
+  // within a tenant.
   // Errors of ValidateJobRequest and of the estimator; ALREADY_EXISTS with REQUEST_ID_REUSED; RESOURCE_EXHAUSTED with
   // QUEUE_FULL, STORAGE_FULL, both with a retry delay, MESH_TOO_LARGE and MEMORY_LIMIT; UNAVAILABLE with DRAINING and a
   // retry delay.
-  absl::StatusOr<AcceptedJob> Create(JobRequest request);
+  absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request);
 
-  absl::StatusOr<v1::Job> Get(const std::string& name) const;
+  absl::StatusOr<v1::Job> Get(const Caller& caller, const std::string& name) const;
 
-  // Newest first, without report and progress. INVALID_ARGUMENT with REQUEST_INVALID.
-  absl::StatusOr<JobPage> List(const v1::ListJobsRequest& request) const;
+  // Newest first, without report and progress; the caller's own tenant's, or with all-jobs those of the tenant asked
+  // for or of all. INVALID_ARGUMENT with REQUEST_INVALID.
+  absl::StatusOr<JobPage> List(const Caller& caller, const v1::ListJobsRequest& request) const;
 
   // The job's events and, at their end, its UV. They stay as long as the caller holds them. `attach`: the job belongs
-  // to this caller as well. With `include_uv`, NOT_FOUND with RESULT_EXPIRED if the UV are gone.
-  absl::StatusOr<WatchedJob> Watch(const std::string& name, bool attach, bool include_uv);
+  // to this caller as well. With `include_uv`, NOT_FOUND with RESULT_EXPIRED if the UV are gone. Whoever may only
+  // submit can watch, stop and cancel what the same credentials created.
+  absl::StatusOr<WatchedJob> Watch(const Caller& caller, const std::string& name, bool attach, bool include_uv);
 
   // A queued job is CANCELLED at once. A running one is STOPPING, its worker is told, and whatever it delivers is
   // discarded. One that ended stays as it is.
-  absl::StatusOr<v1::Job> Cancel(const std::string& name);
+  absl::StatusOr<v1::Job> Cancel(const Caller& caller, const std::string& name);
 
   // A running job is STOPPING and its worker is told, if every job that shares the work was stopped; a queued one will
   // be. One that ended stays as it is.
-  absl::StatusOr<v1::Job> Stop(const std::string& name);
+  absl::StatusOr<v1::Job> Stop(const Caller& caller, const std::string& name);
 
   // FAILED_PRECONDITION with JOB_NOT_FINISHED.
-  absl::Status Delete(const std::string& name);
+  absl::Status Delete(const Caller& caller, const std::string& name);
 
   // INVALID_ARGUMENT as Create(); what else Create() would refuse now is in the answer.
-  absl::StatusOr<v1::JobEstimate> Estimate(const v1::EstimateJobRequest& request) const;
+  absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const v1::EstimateJobRequest& request) const;
+
+  // Jobs of the caller's tenant that may wait.
+  int QueueCapacity(const Caller& caller) const;
+
+  // ---- for operators
+
+  ManagerStats Stats() const;
+  // Whether new jobs are refused.
+  bool IsDraining() const;
+
+  // ---- for UploadStore
+
+  // Gives up old results so that the tenant may keep `bytes` more: its own, or where it has little those of the tenant
+  // that has most. False if there is nothing left to give up. Not while holding a lock that `is_blob_used` takes.
+  bool MakeRoom(const std::string& tenant, std::int64_t bytes);
 
   // ---- for WorkerPool
 
@@ -158,10 +197,19 @@ class JobManager : public JobSource {
   // enough, writes what could not be written. Call it a few times a second.
   void Tick();
 
+  // ---- for the server's operator (job_manager_limits.cc)
+
+  // What waits or is kept beyond a lower limit stays until its turn comes, or goes with the next Tick().
+  void SetLimits(const JobLimits& limits);
+  JobLimits Limits() const;
+
   // ---- for the server's shutdown, in this order
 
   // Refuses new jobs from now on; those that wait may still start. Calls `on_idle` once, when no job waits or runs.
+  // With a null one Undrain() takes it back; with any other the server is about to end.
   void Drain(std::function<void()> on_idle);
+  // Takes jobs again. FAILED_PRECONDITION with SHUTTING_DOWN if the server is about to end.
+  absl::Status Undrain();
   // Either: cancels every job that has not ended.
   void CancelAll();
   // Or: leaves every job that has not ended to the next process. Their workers are given up, their watchers are told
@@ -194,6 +242,10 @@ class JobManager : public JobSource {
     v1::JobEvent event;
   };
 
+  struct Calls {
+    std::int64_t accepted = 0, refused = 0, shared = 0;
+  };
+
   // Declared before the lock so that it acts after the lock is released.
   struct Wakeups {
     std::vector<std::shared_ptr<JobEventLog>> logs;
@@ -210,10 +262,12 @@ class JobManager : public JobSource {
   void Abandon(const std::string& name, bool for_good);
 
   // These two take mutex_ themselves, if at all.
-  // Keeps the blob, at the price of old results if need be.
-  absl::StatusOr<BlobPtr> PutBlob(std::string_view bytes, const std::string& sha256);
+  // Keeps the blob, at the price of old results if need be: the tenant's own, or where it has little those of the
+  // tenant that has most.
+  absl::StatusOr<BlobPtr> PutBlob(const std::string& tenant, std::string_view bytes, const std::string& sha256);
   // Checks that *uv are those described, and replaces them by the same ones in the store.
-  absl::Status KeepUv(const v1::UvDescription& description, BlobPtr* uv);
+  absl::Status KeepUv(const std::string& tenant, const v1::UvDescription& description, BlobPtr* uv);
+  absl::StatusOr<AcceptedJob> Accept(const Caller& caller, JobRequest request);
 
   static absl::Status TimedOut(const v1::Job& job);
 
@@ -222,13 +276,17 @@ class JobManager : public JobSource {
   // ---- callers (job_manager.cc)
   v1::Job Snapshot(const JobRecord& record) const;
   absl::StatusOr<JobRecord> FindRecord(const std::string& name) const;
-  AcceptedJob Accept(Live& live, bool attached);
+  // If the caller may see it, or `may_follow`, may submit, and the same credentials created it.
+  absl::StatusOr<JobRecord> FindRecord(const Caller& caller, const std::string& name, bool may_follow = false) const;
+  AcceptedJob Answer(Live& live, bool attached);
   // The job that has the request id, if there is one.
-  absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const JobRequest& request, const std::string& work_key);
-  absl::Status CheckRoom(std::int64_t mesh_bytes) const;
+  absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const Caller& caller, const JobRequest& request,
+                                                       const std::string& work_key);
+  absl::Status CheckRoom(const std::string& tenant, std::int64_t mesh_bytes) const;
   // Both checks of a request that is about to become a job: FindKnown(), then room unless it can share.
-  absl::StatusOr<std::optional<AcceptedJob>> Screen(const JobRequest& request, const std::string& work_key);
-  JobRecord NewRecord(const JobRequest& request);
+  absl::StatusOr<std::optional<AcceptedJob>> Screen(const Caller& caller, const JobRequest& request,
+                                                    const std::string& work_key);
+  JobRecord NewRecord(const Caller& caller, const JobRequest& request);
   absl::StatusOr<std::shared_ptr<const JobEventLog>> LogOfEnded(const JobRecord& record);
 
   // ---- work (job_manager_work.cc)
@@ -250,9 +308,6 @@ class JobManager : public JobSource {
   void Begin(Live& live, Wakeups* wakeups);
   void EndJob(Live& live, const worker::v1::WorkResult& result, BlobPtr uv, Wakeups* wakeups);
   void SendStopIfAllWant(Work& work);
-  double RunSeconds(const Work& work) const;
-  absl::Duration TimeUntilRoom() const;
-  double QueueSeconds() const;
 
   // ---- ends (job_manager_upkeep.cc)
   enum class EarlyEnd { kCancel, kTimeout };
@@ -274,16 +329,18 @@ class JobManager : public JobSource {
   void Save(const JobRecord& record, const v1::JobEvent* event);
   void Finish(Live& live, const v1::JobEvent& event, Wakeups* wakeups);
   void Retain();
+  // What is more than the tenant may keep.
+  void RetainOf(const std::string& tenant);
   bool Expire(JobRecord record);
   absl::Status Forget(const JobRecord& record);
   void ReleaseBlobs(const JobRecord& record);
-  bool IsBlobUsed(const std::string& sha256) const;
+  bool IsBlobUsed(const BlobId& id) const;
   // Those that may have become unused; from time to time all of them.
   void CollectBlobs();
   void CheckIdle(Wakeups* wakeups);
 
-  // Constant after construction.
-  const JobManagerOptions options_;
+  // Constant after construction, but for what SetLimits() changes: that is guarded by mutex_.
+  JobManagerOptions options_;
   const std::string instance_;  // owner of leases
   BlobStore* const blobs_;
 
@@ -295,19 +352,21 @@ class JobManager : public JobSource {
   std::unordered_map<std::string, Work> works_;
   std::unordered_map<std::string, std::string> shared_;  // from work key to the name of work that others may join
   JobQueue queue_;                                       // of work
-  int running_ = 0;                                      // pieces of work that workers have
-  std::int64_t reserved_memory_ = 0;                     // by these
+  std::int64_t reserved_memory_ = 0;                     // by work that workers have
   std::multimap<absl::Time, std::string> alarms_;        // when to CheckClocks() of which job
   // Logs of the jobs that ended last, the newest first: their watchers may come a moment late and want the progress.
   std::list<std::pair<std::string, std::shared_ptr<JobEventLog>>> ended_logs_;
   std::unordered_map<std::string, Unsaved> unsaved_;
-  std::set<std::string> unused_blobs_;  // may be unused: to be looked at
+  std::set<BlobId> unused_blobs_;  // may be unused: to be looked at
   JobTotals totals_;
-  std::string last_ended_;
+  std::map<std::string, std::string> last_ended_;  // job of each tenant
+  std::map<std::string, Calls> calls_;             // of each tenant, since the start
+  std::map<std::string, std::int64_t> refused_by_reason_;
   absl::Time next_sweep_ = absl::InfinitePast();   // over all blobs
   absl::Time next_expiry_ = absl::InfinitePast();  // no result is too old before
   double seconds_factor_ = 1;                      // what work takes over what the estimate says
   bool draining_ = false;
+  bool ending_ = false;  // never to be taken back
   bool suspended_ = false;
   bool stopped_ = false;
   std::function<void()> on_idle_;

@@ -85,9 +85,12 @@ void JobManager::Finish(Live& live, const v1::JobEvent& event, Wakeups* wakeups)
     if (options_.on_store_error) options_.on_store_error(status);
     unsaved_[name] = {record, event};
   }
-  ++totals_.ended;
-  if (record.job().state() == v1::JOB_STATE_SUCCEEDED) totals_.result_bytes += record.job().uv().total_bytes();
-  last_ended_ = name;
+  const std::string& tenant = record.job().tenant();
+  ++totals_.tenants[tenant].ended;
+  if (record.job().state() == v1::JOB_STATE_SUCCEEDED) {
+    totals_.tenants[tenant].result_bytes += record.job().uv().total_bytes();
+  }
+  last_ended_[tenant] = name;
   ReleaseBlobs(record);
   Retain();
   CheckIdle(wakeups);
@@ -188,20 +191,26 @@ void JobManager::Tick() {
 
 void JobManager::Retain() {
   const absl::Time now = options_.clock();
-  while (totals_.result_bytes > options_.retained_bytes || now >= next_expiry_) {
-    const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(v1::JOB_STATE_SUCCEEDED);
+  while (now >= next_expiry_) {
+    const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded("", v1::JOB_STATE_SUCCEEDED);
     if (!oldest.ok()) break;
-    if (!oldest->has_value()) {
-      next_expiry_ = now + options_.retained_time;
-      break;
-    }
-    const v1::Job& job = (*oldest)->job();
-    next_expiry_ = ToTime(job.end_time()) + options_.retained_time;
-    const bool too_many = totals_.result_bytes > options_.retained_bytes && job.name() != last_ended_;
-    if ((now < next_expiry_ && !too_many) || !Expire(**oldest)) break;
+    next_expiry_ = (oldest->has_value() ? ToTime((*oldest)->job().end_time()) : now) + options_.retained_time;
+    if (!oldest->has_value() || now < next_expiry_ || !Expire(**oldest)) break;
   }
-  while (totals_.ended > std::max(options_.retained_jobs, 1)) {
-    const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(v1::JOB_STATE_UNSPECIFIED);
+  std::vector<std::string> tenants;
+  for (const auto& [tenant, totals] : totals_.tenants) tenants.push_back(tenant);
+  for (const std::string& tenant : tenants) RetainOf(tenant);
+}
+
+void JobManager::RetainOf(const std::string& tenant) {
+  TenantTotals& totals = totals_.tenants[tenant];
+  while (totals.result_bytes > options_.retained_bytes) {
+    const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(tenant, v1::JOB_STATE_SUCCEEDED);
+    if (!oldest.ok() || !oldest->has_value() || (*oldest)->job().name() == last_ended_[tenant]) break;
+    if (!Expire(**oldest)) break;
+  }
+  while (totals.ended > std::max(options_.retained_jobs, 1)) {
+    const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(tenant, v1::JOB_STATE_UNSPECIFIED);
     if (!oldest.ok() || !oldest->has_value() || !Forget(**oldest).ok()) break;
   }
 }
@@ -215,7 +224,7 @@ bool JobManager::Expire(JobRecord record) {
     return false;
   }
   if (options_.on_transition) options_.on_transition(*job);
-  totals_.result_bytes -= job->uv().total_bytes();
+  totals_.tenants[job->tenant()].result_bytes -= job->uv().total_bytes();
   ended_logs_.remove_if([&](const auto& ended) { return ended.first == job->name(); });
   ReleaseBlobs(record);
   return true;
@@ -225,8 +234,9 @@ absl::Status JobManager::Forget(const JobRecord& record) {
   PLANISH_RETURN_IF_ERROR(store_->Delete(record.number()));
   const v1::Job& job = record.job();
   unsaved_.erase(job.name());
-  --totals_.ended;
-  if (job.state() == v1::JOB_STATE_SUCCEEDED) totals_.result_bytes -= job.uv().total_bytes();
+  TenantTotals& totals = totals_.tenants[job.tenant()];
+  --totals.ended;
+  if (job.state() == v1::JOB_STATE_SUCCEEDED) totals.result_bytes -= job.uv().total_bytes();
   ended_logs_.remove_if([&](const auto& ended) { return ended.first == job.name(); });
   ReleaseBlobs(record);
   return absl::OkStatus();
@@ -234,13 +244,13 @@ absl::Status JobManager::Forget(const JobRecord& record) {
 
 void JobManager::ReleaseBlobs(const JobRecord& record) {
   for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256(), record.job().uv().uv_sha256()}) {
-    if (!sha256.empty()) unused_blobs_.insert(sha256);
+    if (!sha256.empty()) unused_blobs_.insert({record.job().tenant(), sha256});
   }
 }
 
-bool JobManager::IsBlobUsed(const std::string& sha256) const {
-  if (options_.is_blob_used != nullptr && options_.is_blob_used(sha256)) return true;
-  const absl::StatusOr<bool> used = store_->UsesBlob(sha256);
+bool JobManager::IsBlobUsed(const BlobId& id) const {
+  if (options_.is_blob_used != nullptr && options_.is_blob_used(id)) return true;
+  const absl::StatusOr<bool> used = store_->UsesBlob(id);
   return !used.ok() || *used;
 }
 
@@ -249,24 +259,9 @@ void JobManager::CollectBlobs() {
   if (now >= next_sweep_) {
     next_sweep_ = now + kSweepInterval;
     unused_blobs_.clear();
-    return blobs_->Collect([this](const std::string& sha256) { return IsBlobUsed(sha256); });
+    return blobs_->Collect([this](const BlobId& id) { return IsBlobUsed(id); });
   }
-  std::erase_if(unused_blobs_,
-                [this](const std::string& sha256) { return IsBlobUsed(sha256) || blobs_->Remove(sha256); });
-}
-
-absl::StatusOr<BlobPtr> JobManager::PutBlob(std::string_view bytes, const std::string& sha256) {
-  for (;;) {
-    absl::StatusOr<BlobPtr> blob = blobs_->Put(bytes, sha256);
-    if (blob.ok() || ErrorInfoOf(blob.status()).reason != "STORAGE_FULL") return blob;
-    // What is new goes before what was fetched long ago.
-    const std::lock_guard lock(mutex_);
-    const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(v1::JOB_STATE_SUCCEEDED);
-    const std::int64_t before = blobs_->bytes();
-    if (oldest.ok() && oldest->has_value()) Expire(**oldest);
-    CollectBlobs();
-    if (blobs_->bytes() == before && (!oldest.ok() || !oldest->has_value())) return blob;
-  }
+  std::erase_if(unused_blobs_, [this](const BlobId& id) { return IsBlobUsed(id) || blobs_->Remove(id); });
 }
 
 // ---- restart
@@ -299,8 +294,8 @@ absl::Status JobManager::RecoverJob(JobRecord record, Wakeups* wakeups) {
     if (live_.contains(name)) Apply(JobAction::kCancelled, live, nullptr, wakeups);
     return absl::OkStatus();
   }
-  const absl::StatusOr<BlobPtr> mesh = blobs_->Find(live.record.mesh_sha256());
-  const bool has_seams = live.record.seams_sha256().empty() || blobs_->Has(live.record.seams_sha256());
+  const absl::StatusOr<BlobPtr> mesh = blobs_->Find({job->tenant(), live.record.mesh_sha256()});
+  const bool has_seams = live.record.seams_sha256().empty() || blobs_->Has({job->tenant(), live.record.seams_sha256()});
   if (!mesh.ok() || !has_seams) {
     Fail(live,
          MakeError(absl::StatusCode::kDataLoss, "MESH_LOST", "the server was restarted and no longer has the mesh"),
@@ -330,8 +325,20 @@ void JobManager::Drain(std::function<void()> on_idle) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
   draining_ = true;
+  if (on_idle == nullptr) return;
+  ending_ = true;
   on_idle_ = std::move(on_idle);
   CheckIdle(&wakeups);
+}
+
+absl::Status JobManager::Undrain() {
+  const std::lock_guard lock(mutex_);
+  if (ending_ || suspended_) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "SHUTTING_DOWN",
+                     "the server is about to end: that cannot be taken back");
+  }
+  draining_ = false;
+  return absl::OkStatus();
 }
 
 void JobManager::CheckIdle(Wakeups* wakeups) {
@@ -349,7 +356,7 @@ void JobManager::CancelAll() {
 void JobManager::Suspend() {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
-  draining_ = suspended_ = stopped_ = true;
+  draining_ = ending_ = suspended_ = stopped_ = true;
   work_or_stop_.notify_all();
   const absl::Status status = WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
                                                        "the server is shutting down; the job goes on when it is back"),

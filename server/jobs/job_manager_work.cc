@@ -44,7 +44,7 @@ absl::Status LossError(const WorkerLoss& loss, int attempts) {
 std::optional<JobManager::KeptResult> JobManager::FindResult(const std::string& work_key) const {
   absl::StatusOr<std::optional<JobRecord>> record = store_->FindResult(work_key);
   if (!record.ok() || !record->has_value() || (*record)->job().stop_requested()) return std::nullopt;
-  absl::StatusOr<BlobPtr> uv = blobs_->Find((*record)->job().uv().uv_sha256());
+  absl::StatusOr<BlobPtr> uv = blobs_->Find({(*record)->job().tenant(), (*record)->job().uv().uv_sha256()});
   if (!uv.ok()) return std::nullopt;
   return KeptResult{**std::move(record), *std::move(uv)};
 }
@@ -63,6 +63,7 @@ Work& JobManager::JoinWork(Live& live, const JobNeeds& needs) {
     shared = &works_[name];
     shared->name = name;
     shared->key = live.record.work_key();
+    shared->tenant = live.record.job().tenant();
     shared->mesh_bytes = live.record.job().mesh_bytes();
     shared->needs = needs;
     shared_[shared->key] = name;
@@ -82,7 +83,8 @@ void JobManager::Enqueue(Work& work) {
     const absl::Time created = absl::FromUnixNanos(TimeUtil::TimestampToNanoseconds(record.job().create_time()));
     first = std::min(first, {QueueTime(created, record.job().scheduling().priority()), record.number()});
   }
-  queue_.Push(work.name, work.mesh_bytes, first.first, first.second);
+  queue_.Push({work.name, work.tenant, first.first, first.second, work.mesh_bytes, work.needs.run_seconds},
+              options_.steady_clock());
   work_or_stop_.notify_one();
 }
 
@@ -107,7 +109,7 @@ Work JobManager::Remove(std::string name) {
   }
   queue_.Remove(name);
   if (work.running) {
-    --running_;
+    queue_.End(name, options_.steady_clock());
     reserved_memory_ -= work.needs.memory_bytes;
     work_or_stop_.notify_all();  // there is memory for others
   }
@@ -133,10 +135,10 @@ Turn JobManager::TakeNext(absl::Duration patience, JobAssignment* assignment) {
   Wakeups wakeups;
   std::unique_lock lock(mutex_);
   const auto next = [this]() -> Work* {
-    const std::optional<std::string> name = queue_.Front();
+    const std::optional<std::string> name = queue_.Front(options_.steady_clock());
     if (!name.has_value()) return nullptr;
     Work& work = works_.at(*name);
-    const bool fits = running_ == 0 || reserved_memory_ + work.needs.memory_bytes <= options_.memory_bytes;
+    const bool fits = queue_.running() == 0 || reserved_memory_ + work.needs.memory_bytes <= options_.memory_bytes;
     return fits ? &work : nullptr;
   };
   const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
@@ -144,7 +146,6 @@ Turn JobManager::TakeNext(absl::Duration patience, JobAssignment* assignment) {
     if (!work_or_stop_.wait_until(lock, until, [&] { return stopped_ || next() != nullptr; })) return Turn::kNothing;
     if (stopped_) return Turn::kOver;
     Work& work = *next();
-    queue_.Remove(work.name);
     absl::StatusOr<JobAssignment> assigned = Assign(work);
     if (!assigned.ok()) {
       for (const std::string& name : Remove(work.name).jobs) Fail(live_.at(name), assigned.status(), &wakeups);
@@ -153,8 +154,8 @@ Turn JobManager::TakeNext(absl::Duration patience, JobAssignment* assignment) {
     *assignment = *std::move(assigned);
     work.running = true;
     work.attempt = assignment->attempt;
-    work.start = options_.clock();
-    ++running_;
+    work.start = options_.steady_clock();
+    queue_.Start(work.name, work.start);
     reserved_memory_ += work.needs.memory_bytes;
     for (const std::string& name : work.jobs) Begin(live_.at(name), &wakeups);
     return Turn::kWork;
@@ -168,7 +169,7 @@ absl::StatusOr<JobAssignment> JobManager::Assign(const Work& work) {
   assignment.attempt = work.attempt + 1;
   for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256()}) {
     if (sha256.empty()) continue;
-    absl::StatusOr<BlobPtr> blob = blobs_->Find(sha256);
+    absl::StatusOr<BlobPtr> blob = blobs_->Find({work.tenant, sha256});
     if (!blob.ok()) {
       return MakeError(absl::StatusCode::kDataLoss, "MESH_LOST",
                        absl::StrCat("the server's store has lost the mesh: ", blob.status().message()));
@@ -185,6 +186,7 @@ absl::StatusOr<JobAssignment> JobManager::Assign(const Work& work) {
   if (work.needs.memory_bytes > 0) request.set_memory_bytes(kMemorySlack * work.needs.memory_bytes + kLeastMemory);
   request.set_max_triangles(options_.max_triangles);
   request.set_failpoint(record.failpoint());
+  request.set_traceparent(record.job().traceparent());
   return assignment;
 }
 
@@ -234,11 +236,14 @@ void JobManager::ReportProgress(const std::string& name, int attempt, v1::Progre
 
 void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) {
   if (result.status().code() == 0) {
+    std::string tenant;
     {
       const std::lock_guard lock(mutex_);
-      if (FindAttempt(name, attempt) == nullptr) return;
+      const Work* work = FindAttempt(name, attempt);
+      if (work == nullptr) return;
+      tenant = work->tenant;
     }
-    if (const absl::Status status = KeepUv(result.uv(), &uv); !status.ok()) {
+    if (const absl::Status status = KeepUv(tenant, result.uv(), &uv); !status.ok()) {
       *result.mutable_status() = ToRpcStatus(status);
     }
   }
@@ -247,20 +252,25 @@ void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::
   if (FindAttempt(name, attempt) == nullptr) return;
   const Work work = Remove(name);
   if (result.status().code() == 0 && work.needs.run_seconds > 0) {
-    const double ratio = absl::ToDoubleSeconds(options_.clock() - work.start) / work.needs.run_seconds;
+    const double ratio = absl::ToDoubleSeconds(options_.steady_clock() - work.start) / work.needs.run_seconds;
     seconds_factor_ += kLearningRate * (std::clamp(ratio, 1 / kMostFactor, kMostFactor) - seconds_factor_);
+    queue_.SetSecondsFactor(seconds_factor_);
+  }
+  if (options_.observer != nullptr) {
+    options_.observer->OnWorkEnded(live_.at(work.jobs.front()).record.job(), result,
+                                   options_.steady_clock() - work.start);
   }
   for (const std::string& job : work.jobs) EndJob(live_.at(job), result, uv, &wakeups);
 }
 
 // Not under the lock: results may be large.
-absl::Status JobManager::KeepUv(const v1::UvDescription& description, BlobPtr* uv) {
+absl::Status JobManager::KeepUv(const std::string& tenant, const v1::UvDescription& description, BlobPtr* uv) {
   if (*uv == nullptr || description.total_bytes() != static_cast<std::int64_t>((*uv)->bytes().size())) {
     return InternalError("the worker sent UV of another length than it says");
   }
   const std::string sha256 = Sha256((*uv)->bytes());
   if (sha256 != description.uv_sha256()) return InternalError("the worker sent other UV than it says");
-  PLANISH_ASSIGN_OR_RETURN(*uv, PutBlob((*uv)->bytes(), sha256));
+  PLANISH_ASSIGN_OR_RETURN(*uv, PutBlob(tenant, (*uv)->bytes(), sha256));
   return absl::OkStatus();
 }
 
@@ -288,6 +298,7 @@ void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss los
   const std::lock_guard lock(mutex_);
   if (FindAttempt(name, attempt) == nullptr) return;
   Work work = Remove(name);
+  const v1::Job first = live_.at(work.jobs.front()).record.job();
   std::vector<std::string> again;
   for (const std::string& job : work.jobs) {
     Live& live = live_.at(job);
@@ -302,10 +313,14 @@ void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss los
       again.push_back(job);
     }
   }
+  if (options_.observer != nullptr) {
+    options_.observer->OnWorkLost(first, loss, static_cast<int>(again.size()), options_.steady_clock() - work.start);
+  }
   if (again.empty()) return;
   Work next;
   next.name = work.name;
   next.key = work.key;
+  next.tenant = work.tenant;
   next.jobs = std::move(again);
   next.mesh_bytes = work.mesh_bytes;
   next.needs = work.needs;
@@ -314,31 +329,6 @@ void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss los
   Work& queued = works_[work.name] = std::move(next);
   Enqueue(queued);
   for (const std::string& job : queued.jobs) Apply(JobAction::kRequeue, live_.at(job), nullptr, &wakeups);
-}
-
-// ---- how long things take
-
-double JobManager::RunSeconds(const Work& work) const {
-  const double expected = work.needs.run_seconds * seconds_factor_;
-  if (!work.running) return expected;
-  // What runs longer than expected will do so for a while.
-  return std::max(expected - absl::ToDoubleSeconds(options_.clock() - work.start), 0.1 * expected);
-}
-
-absl::Duration JobManager::TimeUntilRoom() const {
-  double seconds = HUGE_VAL;
-  for (const auto& [name, work] : works_) {
-    if (work.running && work.needs.run_seconds > 0) seconds = std::min(seconds, RunSeconds(work));
-  }
-  if (std::isinf(seconds)) return options_.retry_delay;
-  return absl::Seconds(std::clamp(seconds, 0.05, 60.0));
-}
-
-double JobManager::QueueSeconds() const {
-  if (queue_.empty() && running_ < options_.workers) return 0;
-  double seconds = 0;
-  for (const auto& [name, work] : works_) seconds += RunSeconds(work);
-  return seconds / options_.workers;
 }
 
 }  // namespace planish

@@ -103,14 +103,15 @@ std::string PackCorners(const JobRequest& request) {
   return bytes;
 }
 
-std::string WorkKey(const JobRequest& request, std::string_view mesh_sha256, std::string_view corners_sha256) {
+std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
+                    std::string_view corners_sha256) {
   v1::UnwrapOptions options = request.options;
   options.clear_threads();
   // Lengths keep one field from running into the next.
-  return Sha256(
-      absl::StrCat(PLANISH_VERSION "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
-                   absl::string_view(corners_sha256.data(), corners_sha256.size()), "/", request.seam_corners.size(),
-                   "/", request.failpoint.size(), request.failpoint, Deterministic(options)));
+  return Sha256(absl::StrCat(
+      PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
+      absl::string_view(corners_sha256.data(), corners_sha256.size()), "/", request.seam_corners.size(), "/",
+      request.failpoint.size(), request.failpoint, Deterministic(options)));
 }
 
 }  // namespace planish

@@ -64,7 +64,9 @@ absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh
 // Seam corners and then uncut corners, each an int32, little-endian: the second blob of a WorkRequest.
 std::string PackCorners(const JobRequest& request);
 
-// SHA-256 of all that decides the result, options that do not (threads) left out.
-std::string WorkKey(const JobRequest& request, std::string_view mesh_sha256, std::string_view corners_sha256);
+// SHA-256 of all that decides the result, options that do not (threads) left out, and of whose it is: tenants share
+// nothing.
+std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
+                    std::string_view corners_sha256);
 
 }  // namespace planish

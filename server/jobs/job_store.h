@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "planish/store/v1/store.pb.h"
 #include "planish/v1/job.pb.h"
+#include "server/jobs/blob_store.h"
 
 namespace planish {
 
@@ -20,17 +22,23 @@ struct JobQuery {
   std::int64_t before_number = 0;                  // only older records than this one; 0: all
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;  // only records in this state; UNSPECIFIED: all
   std::string label_prefix;                        // only records whose label begins so
+  std::string tenant;                              // only this one's records; empty: all
   int limit = 0;                                   // at most this many
 };
 
-struct JobTotals {
+struct TenantTotals {
   std::int64_t ended = 0;         // jobs in terminal states
   std::int64_t result_bytes = 0;  // of the UV of those that SUCCEEDED
-  std::int64_t last_number = 0;   // ever given to a record that is still there
+};
+
+struct JobTotals {
+  std::map<std::string, TenantTotals> tenants;  // that have records
+  std::int64_t last_number = 0;                 // ever given to a record that is still there
 };
 
 // What must outlive a restart: records and the events that are changes of state. Meshes and UV are kept elsewhere
 // (BlobStore), progress nowhere. Called by one thread at a time: JobManager holds its lock.
+// Records of stores from before there were tenants belong to kDefaultTenant.
 // Every function may fail: RESOURCE_EXHAUSTED with STORAGE_FULL, INTERNAL. A write that failed changed nothing.
 class JobStore {
  public:
@@ -43,7 +51,8 @@ class JobStore {
   virtual absl::Status Put(const JobRecord& record, const v1::JobEvent* event) = 0;
 
   virtual absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) = 0;
-  virtual absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& request_id) = 0;
+  virtual absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant,
+                                                                   const std::string& request_id) = 0;
   // The newest that SUCCEEDED at this work.
   virtual absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key) = 0;
 
@@ -51,8 +60,8 @@ class JobStore {
   virtual absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query) = 0;
   // Those that have not ended, oldest first.
   virtual absl::StatusOr<std::vector<JobRecord>> Unfinished() = 0;
-  // The record in one of the terminal states (UNSPECIFIED: any) that ended first.
-  virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(v1::JobState state) = 0;
+  // The record of the tenant (empty: of all) in one of the terminal states (UNSPECIFIED: any) that ended first.
+  virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) = 0;
   virtual absl::StatusOr<JobTotals> Totals() = 0;
 
   // In order. The last event of a job that ended has no report: the record has it.
@@ -62,7 +71,7 @@ class JobStore {
   virtual absl::Status Delete(std::int64_t number) = 0;
 
   // Whether a record needs this blob: a mesh of a job that has not ended, UV of one that SUCCEEDED.
-  virtual absl::StatusOr<bool> UsesBlob(const std::string& sha256) = 0;
+  virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
 };
 
 // SQLite at `path`, or ":memory:" for one that lives as long as the object. FAILED_PRECONDITION if the file was written

@@ -1,41 +1,53 @@
 #include "server/jobs/page_token.h"
 
-#include <vector>
-
 #include "absl/strings/escaping.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "core/base/error.h"
+#include "core/base/sha256.h"
 
 namespace planish {
 namespace {
 
-absl::Status Invalid(const std::string& message) {
-  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message, {{"field", "page_token"}});
+constexpr std::size_t kNumberBytes = 8;
+constexpr std::size_t kSealBytes = 16;
+
+// A keyed hash of the list and the number: only who knows the store's id can make it.
+std::string Seal(const PageList& list, std::int64_t number) {
+  const std::string text =
+      absl::StrCat("page of ", list.tenant, ":", static_cast<int>(list.state), ":", number, ":", list.label_prefix);
+  return Sha256(absl::StrCat(list.store, Sha256(absl::StrCat(list.store, text)))).substr(0, kSealBytes);
 }
 
-std::string Filter(const PageList& list) {
-  return absl::StrCat(static_cast<int>(list.state), ".", absl::WebSafeBase64Escape(list.label_prefix));
+// The number's bytes, hidden or shown by a stream that the seal makes different for each number.
+std::string Mask(const PageList& list, const std::string& seal, std::string number) {
+  const std::string stream = Sha256(absl::StrCat(list.store, "number", seal));
+  for (std::size_t i = 0; i < kNumberBytes; ++i) number[i] = static_cast<char>(number[i] ^ stream[i]);
+  return number;
 }
 
 }  // namespace
 
 std::string EncodePageToken(const PageList& list, std::int64_t before_number) {
-  return absl::WebSafeBase64Escape(absl::StrCat(list.store, ":", Filter(list), ":", before_number));
+  std::string number;
+  for (std::size_t i = 0; i < kNumberBytes; ++i) number.push_back(static_cast<char>(before_number >> (8 * i)));
+  const std::string seal = Seal(list, before_number);
+  return absl::WebSafeBase64Escape(absl::StrCat(seal, Mask(list, seal, number)));
 }
 
 absl::StatusOr<std::int64_t> DecodePageToken(const std::string& token, const PageList& list) {
   if (token.empty()) return 0;
-  std::string text;
-  if (!absl::WebSafeBase64Unescape(token, &text)) return Invalid("page_token is not one of this server's");
-  const std::vector<std::string> parts = absl::StrSplit(text, ':');
-  std::int64_t number = 0;
-  if (parts.size() != 3 || parts[0] != list.store || !absl::SimpleAtoi(parts[2], &number) || number <= 0) {
-    return Invalid("page_token is not one of this server's");
+  std::string bytes;
+  if (absl::WebSafeBase64Unescape(token, &bytes) && bytes.size() == kSealBytes + kNumberBytes) {
+    const std::string seal = bytes.substr(0, kSealBytes);
+    std::uint64_t number = 0;
+    const std::string digits = Mask(list, seal, bytes.substr(kSealBytes));
+    for (std::size_t i = 0; i < kNumberBytes; ++i)
+      number |= std::uint64_t{static_cast<unsigned char>(digits[i])} << (8 * i);
+    if (Seal(list, static_cast<std::int64_t>(number)) == seal) return static_cast<std::int64_t>(number);
   }
-  if (parts[1] != Filter(list)) return Invalid("page_token belongs to a list with another filter");
-  return number;
+  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
+                   "page_token is none of this server's, or belongs to a list with another filter",
+                   {{"field", "page_token"}});
 }
 
 }  // namespace planish

@@ -11,11 +11,14 @@ namespace planish {
 
 // What a page is part of.
 struct PageList {
-  std::string store;  // JobStore::id(): job numbers start anew with each
+  std::string
+      store;  // JobStore::id(): job numbers start anew with each. A secret, which nobody else can make tokens without
+  std::string tenant;  // whose jobs are listed; empty: all tenants'
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
   std::string label_prefix;
 };
 
+// Says nothing to those who do not know the store's id: job numbers count the jobs of all tenants.
 std::string EncodePageToken(const PageList& list, std::int64_t before_number);
 
 // The job number before which the page begins; 0 for an empty token. INVALID_ARGUMENT if `token` was made by another

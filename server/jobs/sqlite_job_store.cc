@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <iterator>
 #include <utility>
 
@@ -5,6 +6,7 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "google/protobuf/util/time_util.h"
+#include "server/access/caller.h"
 #include "server/jobs/ids.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/lifecycle.h"
@@ -49,6 +51,41 @@ constexpr const char* kMigrations[] = {
         PRIMARY KEY (job, sequence)
       ) WITHOUT ROWID;
     )sql",
+    // Tenants. Request ids are unique within each, which takes a new table: SQLite cannot drop a constraint.
+    R"sql(
+      CREATE TABLE tenants_jobs (
+        number INTEGER PRIMARY KEY,
+        name TEXT NOT NULL UNIQUE,
+        tenant TEXT NOT NULL,
+        request_id TEXT,
+        state INTEGER NOT NULL,
+        ended INTEGER NOT NULL,
+        end_time INTEGER NOT NULL,
+        label TEXT NOT NULL,
+        work_key BLOB NOT NULL,
+        mesh_sha256 BLOB NOT NULL,
+        seams_sha256 BLOB NOT NULL,
+        uv_sha256 BLOB NOT NULL,
+        uv_bytes INTEGER NOT NULL,
+        record BLOB NOT NULL,
+        report BLOB,
+        UNIQUE (tenant, request_id)
+      );
+      INSERT INTO tenants_jobs
+        SELECT number, name, 'default', request_id, state, ended, end_time, label, work_key, mesh_sha256, seams_sha256,
+               uv_sha256, uv_bytes, record, report FROM jobs;
+      DROP TABLE jobs;
+      ALTER TABLE tenants_jobs RENAME TO jobs;
+      CREATE INDEX jobs_by_end ON jobs (ended, end_time, number);
+      CREATE INDEX jobs_by_state ON jobs (state, end_time, number);
+      CREATE INDEX jobs_by_tenant ON jobs (tenant, number);
+      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, ended, end_time, number);
+      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number);
+      CREATE INDEX jobs_by_work ON jobs (work_key);
+      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256);
+    )sql",
 };
 constexpr std::int64_t kVersion = std::size(kMigrations);
 
@@ -74,8 +111,9 @@ class SqliteJobStore : public JobStore {
 
   absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) override { return One(find_.BindText(name)); }
 
-  absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& request_id) override {
-    return One(find_by_request_id_.BindText(request_id));
+  absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant,
+                                                           const std::string& request_id) override {
+    return One(find_by_request_id_.BindText(tenant).BindText(request_id));
   }
 
   absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key) override {
@@ -86,20 +124,26 @@ class SqliteJobStore : public JobStore {
     return All(list_.Bind(query.before_number)
                    .Bind(query.state)
                    .BindText(query.label_prefix)
+                   .BindText(query.tenant)
                    .Bind(query.limit > 0 ? query.limit : -1));
   }
 
   absl::StatusOr<std::vector<JobRecord>> Unfinished() override { return All(unfinished_); }
 
-  absl::StatusOr<std::optional<JobRecord>> FirstEnded(v1::JobState state) override {
-    return state == v1::JOB_STATE_UNSPECIFIED ? One(first_ended_) : One(first_in_state_.Bind(state));
+  absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) override {
+    const bool any_state = state == v1::JOB_STATE_UNSPECIFIED;
+    if (tenant.empty()) return any_state ? One(first_ended_) : One(first_in_state_.Bind(state));
+    return any_state ? One(first_ended_of_.BindText(tenant)) : One(first_in_state_of_.BindText(tenant).Bind(state));
   }
 
   absl::StatusOr<JobTotals> Totals() override {
-    totals_.Bind(v1::JOB_STATE_SUCCEEDED);
-    const absl::StatusOr<bool> row = totals_.Step();
     JobTotals totals;
-    if (row.ok() && *row) totals = {totals_.Int(0), totals_.Int(1), totals_.Int(2)};
+    totals_.Bind(v1::JOB_STATE_SUCCEEDED);
+    absl::StatusOr<bool> row = totals_.Step();
+    for (; row.ok() && *row; row = totals_.Step()) {
+      totals.tenants[totals_.Bytes(0)] = {totals_.Int(1), totals_.Int(2)};
+      totals.last_number = std::max(totals.last_number, totals_.Int(3));
+    }
     totals_.Reset();
     PLANISH_RETURN_IF_ERROR(row.status());
     return totals;
@@ -118,8 +162,8 @@ class SqliteJobStore : public JobStore {
     return status;
   }
 
-  absl::StatusOr<bool> UsesBlob(const std::string& sha256) override {
-    uses_blob_.BindBlob(sha256).BindBlob(sha256).BindBlob(sha256).Bind(v1::JOB_STATE_SUCCEEDED);
+  absl::StatusOr<bool> UsesBlob(const BlobId& id) override {
+    uses_blob_.BindBlob(id.sha256).BindText(id.tenant).Bind(v1::JOB_STATE_SUCCEEDED);
     const absl::StatusOr<bool> row = uses_blob_.Step();
     uses_blob_.Reset();
     return row;
@@ -171,28 +215,32 @@ class SqliteJobStore : public JobStore {
         {&begin_, "BEGIN IMMEDIATE"},
         {&commit_, "COMMIT"},
         {&rollback_, "ROLLBACK"},
-        {&put_, "INSERT OR REPLACE INTO jobs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"},
+        {&put_, "INSERT OR REPLACE INTO jobs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"},
         {&put_event_, "INSERT INTO events VALUES (?, ?, ?)"},
         {&find_, "SELECT record, report FROM jobs WHERE name = ?"},
-        {&find_by_request_id_, "SELECT record, report FROM jobs WHERE request_id = ?"},
+        {&find_by_request_id_, "SELECT record, report FROM jobs WHERE tenant = ? AND request_id = ?"},
         {&find_result_,
          "SELECT record, report FROM jobs WHERE work_key = ? AND state = ? ORDER BY number DESC LIMIT 1"},
         {&list_,
          "SELECT record, NULL FROM jobs WHERE (?1 = 0 OR number < ?1) AND (?2 = 0 OR state = ?2) "
-         "AND substr(label, 1, length(?3)) = ?3 ORDER BY number DESC LIMIT ?4"},
+         "AND substr(label, 1, length(?3)) = ?3 AND (?4 = '' OR tenant = ?4) ORDER BY number DESC LIMIT ?5"},
         {&unfinished_, "SELECT record, NULL FROM jobs WHERE ended = 0 ORDER BY number"},
         {&first_ended_, "SELECT record, report FROM jobs WHERE ended = 1 ORDER BY end_time, number LIMIT 1"},
         {&first_in_state_, "SELECT record, report FROM jobs WHERE state = ? ORDER BY end_time, number LIMIT 1"},
+        {&first_ended_of_,
+         "SELECT record, report FROM jobs WHERE tenant = ? AND ended = 1 ORDER BY end_time, number LIMIT 1"},
+        {&first_in_state_of_,
+         "SELECT record, report FROM jobs WHERE tenant = ? AND state = ? ORDER BY end_time, number LIMIT 1"},
         {&totals_,
-         "SELECT (SELECT count(*) FROM jobs WHERE ended = 1), "
-         "(SELECT ifnull(sum(uv_bytes), 0) FROM jobs WHERE state = ?), (SELECT ifnull(max(number), 0) FROM jobs)"},
+         "SELECT tenant, sum(ended), sum(CASE WHEN state = ? THEN uv_bytes ELSE 0 END), max(number) FROM jobs "
+         "GROUP BY tenant"},
         {&events_, "SELECT event FROM events WHERE job = ? ORDER BY sequence"},
         {&delete_, "DELETE FROM jobs WHERE number = ?"},
         {&delete_events_, "DELETE FROM events WHERE job = ?"},
         {&uses_blob_,
-         "SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? UNION ALL "
-         "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? UNION ALL "
-         "SELECT 1 FROM jobs WHERE uv_sha256 = ? AND state = ? LIMIT 1"},
+         "SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ?1 AND tenant = ?2 UNION ALL "
+         "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ?1 AND tenant = ?2 UNION ALL "
+         "SELECT 1 FROM jobs WHERE uv_sha256 = ?1 AND tenant = ?2 AND state = ?3 LIMIT 1"},
     };
     for (const auto& [statement, sql] : statements) {
       PLANISH_ASSIGN_OR_RETURN(*statement, database_.Prepare(sql));
@@ -202,7 +250,7 @@ class SqliteJobStore : public JobStore {
 
   absl::Status PutRecord(const JobRecord& record) {
     const v1::Job& job = record.job();
-    put_.Bind(record.number()).BindText(job.name());
+    put_.Bind(record.number()).BindText(job.name()).BindText(job.tenant());
     if (record.request_id().empty()) {
       put_.BindNull();
     } else {
@@ -229,10 +277,20 @@ class SqliteJobStore : public JobStore {
     return lean;
   }
 
-  static bool Read(const Statement& row, v1::JobEvent* event) { return event->ParseFromString(row.Bytes(0)); }
+  // What was written before there were tenants.
+  static void FillIn(v1::Job* job) {
+    if (job->tenant().empty()) job->set_tenant(kDefaultTenant);
+  }
+
+  static bool Read(const Statement& row, v1::JobEvent* event) {
+    if (!event->ParseFromString(row.Bytes(0))) return false;
+    if (event->has_job()) FillIn(event->mutable_job());
+    return true;
+  }
 
   static bool Read(const Statement& row, JobRecord* record) {
     if (!record->ParseFromString(row.Bytes(0))) return false;
+    FillIn(record->mutable_job());
     const std::string report = row.Bytes(1);
     return report.empty() || record->mutable_job()->mutable_report()->ParseFromString(report);
   }
@@ -269,7 +327,8 @@ class SqliteJobStore : public JobStore {
   Database database_;
   std::string id_;
   Statement begin_, commit_, rollback_, put_, put_event_, find_, find_by_request_id_, find_result_, list_, unfinished_,
-      first_ended_, first_in_state_, totals_, events_, delete_, delete_events_, uses_blob_;
+      first_ended_, first_in_state_, first_ended_of_, first_in_state_of_, totals_, events_, delete_, delete_events_,
+      uses_blob_;
 };
 
 }  // namespace

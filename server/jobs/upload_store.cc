@@ -8,15 +8,16 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <set>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "server/access/fair_part.h"
 #include "server/jobs/lifecycle.h"
 #include "server/link/rpc_status.h"
 
@@ -90,22 +91,37 @@ absl::Status UploadStore::Open() {
   return absl::OkStatus();
 }
 
+// ID-TOTAL-SHA256@TENANT.part or .done; before there were tenants, without "@TENANT". An id may have dashes. The id is
+// empty if it is no such name.
+UploadStore::Entry UploadStore::ParseFileName(const std::string& file_name) {
+  Entry entry;
+  std::string name = file_name.substr(0, file_name.rfind('.'));
+  const std::size_t at = name.rfind('@');
+  entry.tenant = at == std::string::npos ? kDefaultTenant : name.substr(at + 1);
+  name.resize(std::min(at, name.size()));
+  const std::size_t digest = name.rfind('-');
+  if (digest == std::string::npos || digest == 0) return entry;
+  const std::size_t total = name.rfind('-', digest - 1);
+  if (total == std::string::npos || !absl::SimpleAtoi(name.substr(total + 1, digest - total - 1), &entry.total_bytes)) {
+    return entry;
+  }
+  entry.sha256 = absl::HexStringToBytes(name.substr(digest + 1));
+  entry.id = name.substr(0, total);
+  return entry;
+}
+
 // The file's name says all that must be known beside its bytes, so the two can never disagree after a crash.
 absl::Status UploadStore::Recover(const std::string& file_name) {
   const std::string path = absl::StrCat(options_.directory, "/", file_name);
   const bool complete = absl::EndsWith(file_name, kDone);
-  const std::vector<std::string> parts = absl::StrSplit(file_name.substr(0, file_name.rfind('.')), '-');
-  Entry entry;
+  Entry entry = ParseFileName(file_name);
   struct stat status = {};
-  if (parts.size() == 3 && absl::SimpleAtoi(parts[1], &entry.total_bytes) && stat(path.c_str(), &status) == 0) {
-    entry.id = parts[0];
-    entry.sha256 = absl::HexStringToBytes(parts[2]);
-  }
+  if (stat(path.c_str(), &status) != 0) entry.id.clear();
   entry.complete = complete;
   entry.used = options_.clock();
   entry.committed_bytes = complete ? entry.total_bytes : static_cast<std::int64_t>(status.st_size);
-  const bool is_ours = !entry.id.empty() && entry.sha256.size() == kDigestBytes;
-  if (!is_ours || entry.committed_bytes > entry.total_bytes || (complete && !blobs_->Has(entry.sha256))) {
+  const bool is_ours = !entry.id.empty() && !entry.tenant.empty() && entry.sha256.size() == kDigestBytes;
+  if (!is_ours || entry.committed_bytes > entry.total_bytes || (complete && !blobs_->Has(entry.Blob()))) {
     unlink(path.c_str());
     return absl::OkStatus();
   }
@@ -122,7 +138,7 @@ absl::Status UploadStore::Recover(const std::string& file_name) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<v1::Upload> UploadStore::Create(const v1::CreateUploadRequest& request) {
+absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::CreateUploadRequest& request) {
   const std::int64_t total = request.total_bytes();
   if (total <= 0) return FieldInvalid("total_bytes", "total_bytes must be above 0");
   if (request.sha256().size() != kDigestBytes) return FieldInvalid("sha256", "sha256 must have 32 bytes");
@@ -140,6 +156,7 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const v1::CreateUploadRequest& re
       entry.id = options_.new_id();
       name = NameOf(entry.id);
     } while (entries_.contains(name));
+    entry.tenant = caller.tenant;
     entry.total_bytes = total;
     entry.sha256 = request.sha256();
     entry.used = options_.clock();
@@ -148,45 +165,54 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const v1::CreateUploadRequest& re
     entries_[name] = std::move(entry);
   }
   // The entry keeps a blob that is there from being collected, so this answer stays true.
-  const bool is_here = blobs_->Has(request.sha256());
+  const bool is_here = blobs_->Has({caller.tenant, request.sha256()});
 
   const std::lock_guard lock(mutex_);
   PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
   if (is_here) {
+    ++complete_at_once_;
     Completed(entry);
     return ToProto(*entry);
   }
   entry->complete = false;
-  absl::Status room = CheckRoom();
+  absl::Status room = CheckRoom(*entry);
   if (room.ok() && !options_.directory.empty()) {
     // So that the upload outlives the process from the first moment on.
-    const Descriptor file(open(PartPath(*entry).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+    const Descriptor file(open(PathOf(*entry, kPart).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
     if (file.get() < 0) room = WithRetryDelay(WriteError(errno, "cannot begin an upload"), options_.retry_delay);
   }
   if (!room.ok()) {
     entries_.erase(name);
     return room;
   }
-  entry->file = std::make_shared<UploadFile>(options_.directory.empty() ? "" : PartPath(*entry));
+  entry->file = std::make_shared<UploadFile>(options_.directory.empty() ? "" : PathOf(*entry, kPart));
   return ToProto(*entry);
 }
 
-absl::Status UploadStore::CheckRoom() const {
-  int count = 0;
-  std::int64_t bytes = 0;
+absl::Status UploadStore::CheckRoom(const Entry& newest) const {
+  struct Taken {
+    std::int64_t count = 0, bytes = 0;
+  } all, own;
+  std::set<std::string> tenants = {newest.tenant};
   for (const auto& [name, entry] : entries_) {
-    if (entry.complete) continue;
-    ++count;
-    bytes += entry.total_bytes;
+    if (entry.complete || &entry == &newest) continue;
+    tenants.insert(entry.tenant);
+    ++all.count;
+    all.bytes += entry.total_bytes;
+    if (entry.tenant != newest.tenant) continue;
+    ++own.count;
+    own.bytes += entry.total_bytes;
   }
-  if (count <= 1) return absl::OkStatus();
-  if (count > options_.max_uploads) {
+  if (own.count == 0) return absl::OkStatus();
+  const auto among = static_cast<std::int64_t>(tenants.size());
+  if (!HasFairPart(own.count, all.count, 1, options_.max_uploads, among)) {
     return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
-                                    absl::StrCat("there are ", options_.max_uploads, " uploads under way already"),
+                                    absl::StrCat("too many uploads are under way already; ", own.count,
+                                                 " are yours, and the server takes ", options_.max_uploads, " in all"),
                                     {{"upload_capacity", absl::StrCat(options_.max_uploads)}}),
                           options_.retry_delay);
   }
-  if (bytes > options_.max_bytes) {
+  if (!HasFairPart(own.bytes, all.bytes, newest.total_bytes, options_.max_bytes, among)) {
     return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
                                     absl::StrCat("the uploads under way need all of the ", options_.max_bytes,
                                                  " bytes there are for them"),
@@ -196,23 +222,24 @@ absl::Status UploadStore::CheckRoom() const {
   return absl::OkStatus();
 }
 
-absl::StatusOr<v1::Upload> UploadStore::Get(const std::string& name) const {
+absl::StatusOr<v1::Upload> UploadStore::Get(const Caller& caller, const std::string& name) const {
   const std::lock_guard lock(mutex_);
-  const auto found = entries_.find(name);
-  if (found == entries_.end()) return NotFound(name);
-  return ToProto(found->second);
+  const Entry* entry = Find(caller, name);
+  if (entry == nullptr) return NotFound(name);
+  return ToProto(*entry);
 }
 
-absl::Status UploadStore::Delete(const std::string& name) {
+absl::Status UploadStore::Delete(const Caller& caller, const std::string& name) {
   const std::lock_guard lock(mutex_);
-  if (!entries_.contains(name)) return NotFound(name);
+  if (Find(caller, name) == nullptr) return NotFound(name);
   Forget(name);
   return absl::OkStatus();
 }
 
-absl::StatusOr<UploadWriter> UploadStore::Write(const std::string& name) {
+absl::StatusOr<UploadWriter> UploadStore::Write(const Caller& caller, const std::string& name) {
   const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
+  if (Find(caller, name) == nullptr) return NotFound(name);
+  Entry* entry = &entries_.at(name);
   const absl::Time now = options_.clock();
   // A connection may be lost long before this side notices; its client must not wait for that.
   const bool gives_way = !entry->appending && now - entry->used >= options_.writer_limit;
@@ -247,7 +274,9 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
   absl::Status status = file->Append(data);
   const bool is_last = status.ok() && file->size() == entry.total_bytes;
   if (is_last) {
-    status = TakeOver(entry, file);
+    do {
+      status = TakeOver(entry, file);
+    } while (IsStorageFull(status) && make_room_ != nullptr && make_room_(entry.tenant, entry.total_bytes));
     // The mesh is not ours to keep yet: the last piece must come again, when there may be room.
     if (IsStorageFull(status)) {
       if (absl::Status undone = file->UndoAppend(); !undone.ok()) status = std::move(undone);
@@ -260,6 +289,7 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
     if (!file->path().empty()) unlink(file->path().c_str());
     return current.status();
   }
+  received_bytes_ += std::max<std::int64_t>(file->size() - entry.committed_bytes, 0);
   (*current)->appending = false;
   (*current)->used = options_.clock();
   (*current)->committed_bytes = file->size();
@@ -280,9 +310,9 @@ absl::Status UploadStore::TakeOver(const Entry& entry, UploadFile* file) {
                                   absl::BytesToHexString(digest), " instead of ", absl::BytesToHexString(entry.sha256)),
                      {{"upload", NameOf(entry.id)}});
   }
-  if (!file->path().empty()) return blobs_->PutFile(file->path(), entry.sha256).status();
+  if (!file->path().empty()) return blobs_->PutFile(entry.Blob(), file->path()).status();
   PLANISH_ASSIGN_OR_RETURN(const BlobPtr bytes, file->Map());
-  return blobs_->Put(bytes->bytes(), entry.sha256).status();
+  return blobs_->Put(entry.tenant, bytes->bytes(), entry.sha256).status();
 }
 
 void UploadStore::Release(const UploadWriter& writer) {
@@ -293,11 +323,12 @@ void UploadStore::Release(const UploadWriter& writer) {
   if (found->second.file != nullptr) found->second.file->Rest();
 }
 
-absl::StatusOr<UploadedMesh> UploadStore::Use(const std::string& name) {
+absl::StatusOr<UploadedMesh> UploadStore::Use(const Caller& caller, const std::string& name) {
   UploadedMesh mesh;
   {
     const std::lock_guard lock(mutex_);
-    PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
+    if (Find(caller, name) == nullptr) return NotFound(name);
+    Entry* entry = &entries_.at(name);
     if (!entry->complete) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
                        absl::StrCat(name, " has ", entry->committed_bytes, " of ", entry->total_bytes, " bytes"),
@@ -306,11 +337,16 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const std::string& name) {
     entry->used = options_.clock();
     mesh.sha256 = entry->sha256;
   }
-  absl::StatusOr<BlobPtr> blob = blobs_->Find(mesh.sha256);
+  absl::StatusOr<BlobPtr> blob = blobs_->Find({caller.tenant, mesh.sha256});
   if (!blob.ok() && absl::IsNotFound(blob.status())) return NotFound(name);
   PLANISH_RETURN_IF_ERROR(blob.status());
   mesh.mesh = *std::move(blob);
   return mesh;
+}
+
+void UploadStore::SetMaxBytes(std::int64_t max_bytes) {
+  const std::lock_guard lock(mutex_);
+  options_.max_bytes = max_bytes;
 }
 
 void UploadStore::Tick(absl::Time now) {
@@ -322,9 +358,22 @@ void UploadStore::Tick(absl::Time now) {
   for (const std::string& name : idle) Forget(name);
 }
 
-bool UploadStore::Uses(const std::string& sha256) const {
+bool UploadStore::Uses(const BlobId& id) const {
   const std::lock_guard lock(mutex_);
-  return std::any_of(entries_.begin(), entries_.end(), [&](const auto& each) { return each.second.sha256 == sha256; });
+  return std::any_of(entries_.begin(), entries_.end(), [&](const auto& each) { return each.second.Blob() == id; });
+}
+
+UploadGauges UploadStore::Gauges() const {
+  UploadGauges gauges;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [name, entry] : entries_) {
+    if (entry.complete) continue;
+    ++gauges.open;
+    gauges.announced_bytes += entry.total_bytes;
+  }
+  gauges.received_bytes = received_bytes_;
+  gauges.complete_at_once = complete_at_once_;
+  return gauges;
 }
 
 // ---- under the lock
@@ -335,18 +384,23 @@ absl::StatusOr<UploadStore::Entry*> UploadStore::Find(const std::string& name) {
   return &found->second;
 }
 
+const UploadStore::Entry* UploadStore::Find(const Caller& caller, const std::string& name) const {
+  const auto found = entries_.find(name);
+  return found == entries_.end() || found->second.tenant != caller.tenant ? nullptr : &found->second;
+}
+
 void UploadStore::Completed(Entry* entry) {
   entry->complete = true;
   entry->committed_bytes = entry->total_bytes;
   entry->file = nullptr;
   if (!options_.directory.empty()) {
     // Without it the upload would be unknown after a restart, and be created anew: no harm.
-    const Descriptor mark(open(DonePath(*entry).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+    const Descriptor mark(open(PathOf(*entry, kDone).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
   }
   const std::string* oldest = nullptr;
   int count = 0;
   for (const auto& [name, each] : entries_) {
-    if (!each.complete) continue;
+    if (!each.complete || each.tenant != entry->tenant) continue;
     ++count;
     if (&each != entry && (oldest == nullptr || each.used < entries_.at(*oldest).used)) oldest = &name;
   }
@@ -356,8 +410,8 @@ void UploadStore::Completed(Entry* entry) {
 void UploadStore::Forget(const std::string& name) {
   const Entry& entry = entries_.at(name);
   if (!options_.directory.empty()) {
-    unlink(PartPath(entry).c_str());
-    unlink(DonePath(entry).c_str());
+    unlink(PathOf(entry, kPart).c_str());
+    unlink(PathOf(entry, kDone).c_str());
   }
   entries_.erase(name);
 }
@@ -372,14 +426,9 @@ v1::Upload UploadStore::ToProto(const Entry& entry) const {
   return upload;
 }
 
-std::string UploadStore::PartPath(const Entry& entry) const {
+std::string UploadStore::PathOf(const Entry& entry, const char* suffix) const {
   return absl::StrCat(options_.directory, "/", entry.id, "-", entry.total_bytes, "-",
-                      absl::BytesToHexString(entry.sha256), kPart);
-}
-
-std::string UploadStore::DonePath(const Entry& entry) const {
-  return absl::StrCat(options_.directory, "/", entry.id, "-", entry.total_bytes, "-",
-                      absl::BytesToHexString(entry.sha256), kDone);
+                      absl::BytesToHexString(entry.sha256), "@", entry.tenant, suffix);
 }
 
 }  // namespace planish

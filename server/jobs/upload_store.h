@@ -20,6 +20,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "planish/v1/planish.pb.h"
+#include "server/access/caller.h"
 #include "server/jobs/blob_store.h"
 #include "server/jobs/ids.h"
 #include "server/jobs/upload_file.h"
@@ -31,11 +32,12 @@ struct UploadStoreOptions {
   // in memory.
   std::string directory;
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
-  // Uploads under way, and bytes they announced. One by itself may be of any size up to max_mesh_bytes.
+  // Uploads under way, and bytes they announced, of all tenants; where others have taken it all a tenant still gets an
+  // equal part (HasFairPart). A tenant's only one may be of any size up to max_mesh_bytes.
   int max_uploads = 64;
   std::int64_t max_bytes = std::int64_t{4} << 30;
-  int max_complete = 1024;                         // beyond these the one not used for longest is forgotten
-  absl::Duration idle_limit = absl::Hours(1);      // from the last use until an upload is forgotten
+  int max_complete = 1024;                     // of a tenant; beyond these its one not used for longest is forgotten
+  absl::Duration idle_limit = absl::Hours(1);  // from the last use until an upload is forgotten
   absl::Duration writer_limit = absl::Seconds(5);  // a writer silent for so long gives way to a new one
   absl::Duration retry_delay = absl::Seconds(2);   // advice with QUEUE_FULL and STORAGE_FULL
   std::function<absl::Time()> clock = absl::Now;
@@ -76,41 +78,63 @@ struct UploadedMesh {
   std::string sha256;
 };
 
-// Thread-safe. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND.
+// What UploadStore::Gauges() says of this moment.
+struct UploadGauges {
+  int open = 0;                      // under way
+  std::int64_t announced_bytes = 0;  // by these
+  // Since the store was made.
+  std::int64_t received_bytes = 0;    // that were not there yet
+  std::int64_t complete_at_once = 0;  // uploads of bytes that the server had
+};
+
+// Thread-safe. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND, and so are other tenants' uploads, word for word.
+// (The right all-jobs changes nothing: there is nothing to see in an upload, and its bytes are its tenant's.)
 class UploadStore {
  public:
   // `blobs`, which complete uploads go into, must outlive the store, and is open before Open().
   UploadStore(UploadStoreOptions options, BlobStore* blobs);
 
+  // What to call, without a lock, where a complete upload finds the store full: whether it made room for so many bytes
+  // of this tenant's. Before any other call.
+  using MakeRoom = std::function<bool(const std::string& tenant, std::int64_t bytes)>;
+  void SetMakeRoom(MakeRoom make_room) { make_room_ = std::move(make_room); }
+
   // Finds the uploads that an earlier process left.
   absl::Status Open();
 
   // INVALID_ARGUMENT with REQUEST_INVALID; RESOURCE_EXHAUSTED with MESH_TOO_LARGE, or with a retry delay QUEUE_FULL
-  // (too many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes.
-  absl::StatusOr<v1::Upload> Create(const v1::CreateUploadRequest& request);
+  // (too many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes of the
+  // same tenant.
+  absl::StatusOr<v1::Upload> Create(const Caller& caller, const v1::CreateUploadRequest& request);
 
-  absl::StatusOr<v1::Upload> Get(const std::string& name) const;
+  absl::StatusOr<v1::Upload> Get(const Caller& caller, const std::string& name) const;
 
-  absl::Status Delete(const std::string& name);
+  absl::Status Delete(const Caller& caller, const std::string& name);
 
   // ABORTED with UPLOAD_BUSY while another writer is at it. A complete upload may be written to: it skips what it has.
-  absl::StatusOr<UploadWriter> Write(const std::string& name);
+  absl::StatusOr<UploadWriter> Write(const Caller& caller, const std::string& name);
 
   // The bytes of a complete upload, which counts as used. FAILED_PRECONDITION with UPLOAD_INCOMPLETE
   // ("committed_bytes").
-  absl::StatusOr<UploadedMesh> Use(const std::string& name);
+  absl::StatusOr<UploadedMesh> Use(const Caller& caller, const std::string& name);
+
+  // UploadStoreOptions::max_bytes from now on; uploads under way go on.
+  void SetMaxBytes(std::int64_t max_bytes);
 
   // Forgets the uploads that were idle too long at `now`.
   void Tick(absl::Time now);
 
-  // Whether an upload stands for, or is to become, the blob with this digest.
-  bool Uses(const std::string& sha256) const;
+  // Whether an upload stands for, or is to become, this blob.
+  bool Uses(const BlobId& id) const;
+
+  UploadGauges Gauges() const;
 
  private:
   friend class UploadWriter;
 
   struct Entry {
     std::string id;
+    std::string tenant;
     std::int64_t total_bytes = 0;
     std::string sha256;
     std::int64_t committed_bytes = 0;
@@ -119,32 +143,38 @@ class UploadStore {
     std::int64_t writer = 0;           // token of the writer at it, 0: none
     bool appending = false;            // the writer is at the file, without the lock
     std::shared_ptr<UploadFile> file;  // until complete
+
+    BlobId Blob() const { return {tenant, sha256}; }
   };
 
   absl::Status Append(const UploadWriter& writer, std::int64_t offset, std::string_view data);
   // Without the lock. Gives `file`, which has all bytes of `entry`, to the blob store.
   absl::Status TakeOver(const Entry& entry, UploadFile* file);
   void Release(const UploadWriter& writer);
-  std::string PartPath(const Entry& entry) const;
-  std::string DonePath(const Entry& entry) const;
+  // `suffix`: of uploads under way, or of complete ones.
+  std::string PathOf(const Entry& entry, const char* suffix) const;
+  static Entry ParseFileName(const std::string& file_name);
   absl::Status Recover(const std::string& file_name);
 
   // These require mutex_.
   absl::StatusOr<Entry*> Find(const std::string& name);
-  // For the uploads under way, the newest one among them.
-  absl::Status CheckRoom() const;
+  const Entry* Find(const Caller& caller, const std::string& name) const;
+  // For `newest`, an upload under way like others.
+  absl::Status CheckRoom(const Entry& newest) const;
   void Completed(Entry* entry);
   void Forget(const std::string& name);
   v1::Upload ToProto(const Entry& entry) const;
 
-  const UploadStoreOptions options_;
+  UploadStoreOptions options_;  // constant after construction, but for max_bytes, which mutex_ guards
   BlobStore* const blobs_;
+  MakeRoom make_room_;  // null: there is none to be made
 
   // Never held while calling blobs_, which asks Uses() under its own lock.
   mutable std::mutex mutex_;
   // Guarded by mutex_; by name.
   std::unordered_map<std::string, Entry> entries_;
   std::int64_t last_writer_ = 0;
+  std::int64_t received_bytes_ = 0, complete_at_once_ = 0;
 };
 
 }  // namespace planish

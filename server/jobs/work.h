@@ -17,6 +17,7 @@ namespace planish {
 struct Work {
   std::string name;               // of the job that it began with
   std::string key;                // WorkKey()
+  std::string tenant;             // whose jobs these are
   std::vector<std::string> jobs;  // at least one, in the order they came
   std::int64_t mesh_bytes = 0;
   JobNeeds needs;

@@ -117,6 +117,7 @@ class WorkerPool::Seat {
     if (!received.message.has_idle()) return InternalError("a worker spoke out of turn when it was started");
     link_ = *std::move(link);
     jobs_ = 0;
+    traceparent_.clear();
     since_ready_.Restart();
     if (options_.on_worker_ready) options_.on_worker_ready(received.message.idle());
     return absl::OkStatus();
@@ -133,6 +134,7 @@ class WorkerPool::Seat {
     end.cause = cause;
     end.loss = std::move(loss);
     end.job = job;
+    end.traceparent = std::move(traceparent_);
     end.jobs = jobs_;
     end.lived = since_ready_.Elapsed();
     options_.on_worker_end(end);
@@ -152,6 +154,7 @@ class WorkerPool::Seat {
   }
 
   void Serve(JobAssignment job) {
+    traceparent_ = job.request.traceparent();
     worker::v1::ToWorker request;
     *request.mutable_request() = std::move(job.request);
     const double mib = job.blobs.empty() ? 0 : static_cast<double>(job.blobs[0]->bytes().size()) / (1 << 20);
@@ -250,7 +253,7 @@ class WorkerPool::Seat {
     if (!received.message.has_idle()) {
       return End(WorkerEndCause::kCrashed, {"INTERNAL", "the worker spoke without a job", {}}, "");
     }
-    if (jobs_ >= options_.recycle_after) return End(WorkerEndCause::kRecycled, {}, "");
+    if (jobs_ >= pool_.recycle_after_) return End(WorkerEndCause::kRecycled, {}, "");
     if (ran_out || received.message.idle().held_bytes() > options_.recycle_bytes)
       return End(WorkerEndCause::kGrown, {}, "");
   }
@@ -261,6 +264,7 @@ class WorkerPool::Seat {
 
   std::shared_ptr<WorkerLink> link_;  // null, or a worker that is ready or has a job
   int jobs_ = 0;                      // that it served
+  std::string traceparent_;           // of the last one
   Stopwatch since_ready_;
 
   // Of the job under way.
@@ -271,7 +275,10 @@ class WorkerPool::Seat {
 };
 
 WorkerPool::WorkerPool(JobSource* source, WorkerFactory factory, WorkerPoolOptions options)
-    : source_(source), factory_(std::move(factory)), options_(std::move(options)) {
+    : source_(source),
+      factory_(std::move(factory)),
+      options_(std::move(options)),
+      recycle_after_(options_.recycle_after) {
   for (int i = 0; i < options_.workers; ++i) {
     threads_.emplace_back([this] { Seat(this).Run(); });
   }

@@ -1,6 +1,7 @@
 // Workers that are kept ready, served with one job after the other, watched, and replaced when they die, hang or grow.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -30,10 +31,11 @@ const char* NameOf(WorkerEndCause cause);  // "recycled", ...
 
 struct WorkerEnd {
   WorkerEndCause cause = WorkerEndCause::kShutdown;
-  WorkerLoss loss;       // kCrashed, kHung, kDisobedient
-  std::string job;       // that was lost with it; empty: none
-  int jobs = 0;          // it served
-  absl::Duration lived;  // since it was ready
+  WorkerLoss loss;          // kCrashed, kHung, kDisobedient
+  std::string job;          // that was lost with it; empty: none
+  std::string traceparent;  // of the job it had, or had last; empty: none
+  int jobs = 0;             // it served
+  absl::Duration lived;     // since it was ready
 };
 
 struct WorkerPoolOptions {
@@ -67,6 +69,9 @@ class WorkerPool {
   // Waits for jobs under way: make TakeNext() return before.
   ~WorkerPool();
 
+  // WorkerPoolOptions::recycle_after from now on. Thread-safe.
+  void SetRecycleAfter(int jobs) { recycle_after_ = jobs; }
+
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
@@ -79,6 +84,7 @@ class WorkerPool {
   JobSource* const source_;
   const WorkerFactory factory_;
   const WorkerPoolOptions options_;
+  std::atomic<int> recycle_after_;
 
   std::mutex mutex_;
   std::condition_variable ending_changed_;

@@ -60,8 +60,11 @@ class Spawn {
   Spawn& operator=(const Spawn&) = delete;
 
   // Returns an errno, 0 for success.
-  int Run(const std::string& program, int socket, const std::vector<std::string>& arguments, pid_t* pid) {
-    int error = posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDWR, 0);
+  int Run(const WorkerProcessOptions& options, int socket, const std::vector<std::string>& arguments, pid_t* pid) {
+    int error = 0;
+    // First: its number may be one of those that come next.
+    if (options.stderr_fd >= 0) error = posix_spawn_file_actions_adddup2(&actions_, options.stderr_fd, STDERR_FILENO);
+    if (error == 0) error = posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDWR, 0);
     if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, 0, 1);
     if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, socket, kWorkerFd);
     if (error == 0) error = posix_spawn_file_actions_addclosefrom_np(&actions_, kWorkerFd + 1);
@@ -80,7 +83,7 @@ class Spawn {
     argv.push_back(name);
     for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
     argv.push_back(nullptr);
-    return posix_spawn(pid, program.c_str(), &actions_, &attributes_, argv.data(), environ);
+    return posix_spawn(pid, options.program.c_str(), &actions_, &attributes_, argv.data(), environ);
   }
 
  private:
@@ -207,7 +210,7 @@ absl::StatusOr<std::shared_ptr<WorkerLink>> StartProcessWorker(const WorkerProce
   arguments.sandbox = options.sandbox;
   arguments.failpoints = options.failpoints;
   pid_t pid = 0;
-  const int error = Spawn().Run(options.program, theirs.get(), ToCommandLine(arguments), &pid);
+  const int error = Spawn().Run(options, theirs.get(), ToCommandLine(arguments), &pid);
   if (error != 0) return CannotStart("cannot start " + options.program, error);
   return std::make_shared<ProcessWorkerLink>(pid, std::move(socket));
 }

@@ -12,12 +12,13 @@ struct WorkerProcessOptions {
   std::string program = "/proc/self/exe";  // calls RunIfWorker() first of all (server/worker_main.h)
   SandboxMode sandbox = SandboxMode::kAuto;
   bool failpoints = false;
+  int stderr_fd = -1;  // becomes the worker's; stays the caller's. -1: that of this process
 };
 
 // Starts a worker process. Messages pass as frames over a socket pair (frame_socket.h), blobs as descriptors; nothing
 // the worker sends is trusted. The process dies at once with its link, with this process, and with the thread that
-// started it: that thread must outlive the link. It inherits stderr and the environment, no other descriptor and no
-// signal of a terminal.
+// started it: that thread must outlive the link. It inherits the environment, no other descriptor and no signal of
+// a terminal.
 //
 // A message or blob that is not what it should be closes the link; HowEnded() says so. RESOURCE_EXHAUSTED with
 // OUT_OF_MEMORY if there are no descriptors, processes or memory left, INTERNAL if `program` cannot be started.

@@ -15,4 +15,7 @@ absl::Status WithRetryDelay(absl::Status status, absl::Duration delay);
 // was not made by MakeError), then the RetryInfo if there is one. Code 0 and nothing else for OK.
 google::rpc::Status ToRpcStatus(const absl::Status& status);
 
+// The reason in the ErrorInfo among the details; empty if there is none.
+std::string ReasonOf(const google::rpc::Status& status);
+
 }  // namespace planish

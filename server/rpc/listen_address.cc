@@ -1,5 +1,6 @@
 #include "server/rpc/listen_address.h"
 
+#include <arpa/inet.h>
 #include <netdb.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -101,7 +102,9 @@ absl::StatusOr<ListenAddress> ParseListenAddress(const std::string& text) {
 bool IsLocal(const ListenAddress& address) {
   if (!address.unix_path.empty()) return true;
   const std::string host = Split(address.text).host;
-  return host == "localhost" || host == "::1" || absl::StartsWith(host, "127.");
+  in_addr ipv4 = {};
+  if (inet_pton(AF_INET, host.c_str(), &ipv4) == 1) return ntohl(ipv4.s_addr) >> 24 == 127;
+  return host == "localhost" || host == "::1";
 }
 
 absl::Status RemoveStaleSocket(const std::string& path) {

@@ -4,11 +4,16 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "core/base/status_macros.h"
+#include "grpcpp/client_context.h"
 #include "grpcpp/ext/proto_server_reflection_plugin.h"
+#include "grpcpp/generic/generic_stub.h"
 #include "grpcpp/health_check_service_interface.h"
+#include "grpcpp/resource_quota.h"
 #include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server_builder.h"
+#include "grpcpp/server_posix.h"
 
 namespace planish {
 namespace {
@@ -22,6 +27,10 @@ constexpr std::int64_t kMessageSlack = std::int64_t{16} << 20;
 constexpr int kKeepaliveMs = 30'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kMinPingIntervalMs = 5'000;
+// Nobody needs longer to say who they are; gRPC would wait two minutes.
+constexpr int kHandshakeTimeoutMs = 20'000;
+// Of one connection. A proxy opens more connections; one that is out for trouble costs no more than that.
+constexpr int kMaxStreams = 4096;
 
 void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   const std::int64_t limit =
@@ -34,54 +43,117 @@ void Configure(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  if (options.on_call) builder->experimental().SetInterceptorCreators(ListenToCalls(options.on_call));
+  builder->AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
+  if (options.quota_bytes > 0) {
+    grpc::ResourceQuota quota("planishd");
+    quota.Resize(static_cast<std::size_t>(options.quota_bytes));
+    builder->SetResourceQuota(quota);
+  }
+}
+
+absl::Status CannotListen(const ListenAddress& address, const std::string& why) {
+  return absl::UnavailableError(absl::StrCat("cannot listen on ", address.text, ": ", why));
 }
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options, grpc::Service* service) {
+absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Start(const RpcServerOptions& options,
+                                                            const std::vector<grpc::Service*>& services) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
 
   grpc::ServerBuilder builder;
   Configure(options, &builder);
   std::vector<int> ports(options.listen.size(), 0);
+  std::vector<std::unique_ptr<UnixListener>> listeners;
+  std::unique_ptr<RpcServer> rpc_server(new RpcServer);
   for (std::size_t i = 0; i < options.listen.size(); ++i) {
     const ListenAddress& address = options.listen[i];
-    if (!address.unix_path.empty()) PLANISH_RETURN_IF_ERROR(RemoveStaleSocket(address.unix_path));
-    builder.AddListeningPort(address.grpc, grpc::InsecureServerCredentials(), &ports[i]);
+    if (address.unix_path.empty()) {
+      builder.AddListeningPort(address.grpc,
+                               options.tls != nullptr ? options.tls->credentials() : grpc::InsecureServerCredentials(),
+                               &ports[i]);
+      continue;
+    }
+    PLANISH_RETURN_IF_ERROR(RemoveStaleSocket(address.unix_path));
+    absl::StatusOr<std::unique_ptr<UnixListener>> listener = UnixListener::Open(address.unix_path, options.socket_mode);
+    if (!listener.ok()) return CannotListen(address, std::string(listener.status().message()));
+    listeners.push_back(*std::move(listener));
+    rpc_server->socket_files_.push_back(std::make_unique<SocketFile>(address.unix_path));
   }
-  builder.RegisterService(service);
+  for (grpc::Service* service : services) builder.RegisterService(service);
 
-  std::unique_ptr<RpcServer> rpc_server(new RpcServer);
   rpc_server->server_ = builder.BuildAndStart();
   for (std::size_t i = 0; i < options.listen.size(); ++i) {
     const ListenAddress& address = options.listen[i];
-    if (rpc_server->server_ == nullptr && ports[i] == 0) {
-      return absl::UnavailableError(absl::StrCat("cannot listen on ", address.text, ": ", WhyNotListening(address)));
-    }
     if (!address.unix_path.empty()) {
-      rpc_server->socket_files_.push_back(std::make_unique<SocketFile>(address.unix_path));
       rpc_server->addresses_.push_back(address.text);
-    } else {
-      rpc_server->addresses_.push_back(absl::StrCat(address.text.substr(0, address.text.rfind(':')), ":", ports[i]));
+      continue;
     }
+    if (rpc_server->server_ == nullptr && ports[i] == 0) return CannotListen(address, WhyNotListening(address));
+    rpc_server->addresses_.push_back(absl::StrCat(address.text.substr(0, address.text.rfind(':')), ":", ports[i]));
   }
   if (rpc_server->server_ == nullptr) return absl::UnavailableError("cannot start the gRPC server");
-  rpc_server->SetServing(true);
+  rpc_server->SetReady(true);  // "" is SERVING by itself
+  rpc_server->self_ = rpc_server->server_->InProcessChannel(grpc::ChannelArguments());
+  rpc_server->ServeUnixSockets(std::move(listeners), options.peers);
   return rpc_server;
+}
+
+void RpcServer::ServeUnixSockets(std::vector<std::unique_ptr<UnixListener>> listeners, PeerUsers* peers) {
+  if (listeners.empty()) return;
+  if (peers == nullptr) {
+    own_peers_ = std::make_unique<PeerUsers>();
+    peers = own_peers_.get();
+  }
+  acceptor_ = std::make_unique<UnixAcceptor>(std::move(listeners), [server = server_.get(), peers](int fd) {
+    const int known = peers->Add(fd);
+    if (known >= 0) grpc::AddInsecureChannelFromFd(server, known);
+  });
 }
 
 RpcServer::~RpcServer() {
   if (server_ != nullptr) Shutdown(absl::InfinitePast());
 }
 
-void RpcServer::SetServing(bool serving) {
-  grpc::HealthCheckServiceInterface* health = server_->GetHealthCheckService();
-  health->SetServingStatus(serving);
-  health->SetServingStatus(kServiceName, serving);
+void RpcServer::SetReady(bool ready) {
+  server_->GetHealthCheckService()->SetServingStatus(kServiceName, ready);
+}
+
+// By hand, since Debian has no generated code for the health service. A request without a field is for "".
+bool RpcServer::Answers(absl::Duration limit) {
+  std::shared_ptr<grpc::Channel> self;
+  {
+    const std::lock_guard lock(mutex_);
+    self = self_;
+  }
+  if (self == nullptr) return false;
+  grpc::GenericStub health(self);
+  grpc::ClientContext context;
+  context.set_deadline(absl::ToChronoTime(absl::Now() + limit));
+  grpc::CompletionQueue queue;
+  const grpc::Slice nothing;
+  const auto call =
+      health.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::ByteBuffer(&nothing, 1), &queue);
+  call->StartCall();
+  grpc::ByteBuffer answer;
+  grpc::Status status;
+  call->Finish(&answer, &status, nullptr);
+  void* tag = nullptr;
+  bool ok = false;
+  queue.Next(&tag, &ok);  // comes at the deadline at the latest
+  queue.Shutdown();
+  return status.ok();
 }
 
 void RpcServer::Shutdown(absl::Time deadline) {
+  {
+    const std::lock_guard lock(mutex_);
+    self_ = nullptr;
+  }
+  acceptor_.reset();  // before the server that it feeds
   server_->Shutdown(absl::ToChronoTime(deadline));
   socket_files_.clear();
 }

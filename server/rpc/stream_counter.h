@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <cstdint>
 #include <mutex>
 
 #include "absl/time/time.h"
@@ -17,6 +18,10 @@ class StreamCounter {
 
   int count() const { return count_; }
 
+  // Bytes of UV that streams were given to send, ever.
+  void AddUvBytes(std::int64_t bytes) { uv_bytes_ += bytes; }
+  std::int64_t uv_bytes() const { return uv_bytes_; }
+
   // Waits until there are none; false if `deadline` passes first.
   bool WaitForNone(absl::Time deadline);
 
@@ -24,6 +29,7 @@ class StreamCounter {
   std::mutex mutex_;
   std::condition_variable none_;
   std::atomic<int> count_ = 0;  // written under mutex_
+  std::atomic<std::int64_t> uv_bytes_ = 0;
 };
 
 }  // namespace planish

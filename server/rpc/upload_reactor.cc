@@ -17,9 +17,18 @@ absl::Status FieldInvalid(const std::string& field, const std::string& message) 
 // Either a read or a task is under way, never both, so nothing needs a lock.
 class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest> {
  public:
-  UploadReactor(UploadStore* uploads, std::int64_t max_chunk_bytes, TaskThreads* tasks, v1::Upload* response)
-      : uploads_(uploads), max_chunk_bytes_(max_chunk_bytes), tasks_(tasks), response_(response) {
-    StartRead(&request_);
+  UploadReactor(const absl::StatusOr<Caller>& caller, UploadStore* uploads, std::int64_t max_chunk_bytes,
+                TaskThreads* tasks, v1::Upload* response)
+      : caller_(caller.ok() ? *caller : Caller()),
+        uploads_(uploads),
+        max_chunk_bytes_(max_chunk_bytes),
+        tasks_(tasks),
+        response_(response) {
+    if (caller.ok()) {
+      StartRead(&request_);
+    } else {
+      Finish(ToGrpcStatus(caller.status()));
+    }
   }
 
   void OnReadDone(bool ok) override {
@@ -40,7 +49,7 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest> {
   absl::Status Take() {
     if (writer_.name().empty()) {
       if (request_.name().empty()) return FieldInvalid("name", "the first message must name the upload");
-      PLANISH_ASSIGN_OR_RETURN(writer_, uploads_->Write(request_.name()));
+      PLANISH_ASSIGN_OR_RETURN(writer_, uploads_->Write(caller_, request_.name()));
     } else if (!request_.name().empty() && request_.name() != writer_.name()) {
       return FieldInvalid("name", "one call writes to one upload");
     }
@@ -54,10 +63,11 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest> {
   // The caller has sent all it wants to send, or is gone.
   absl::Status End() {
     if (writer_.name().empty()) return FieldInvalid("name", "the call has no message");
-    PLANISH_ASSIGN_OR_RETURN(*response_, uploads_->Get(writer_.name()));
+    PLANISH_ASSIGN_OR_RETURN(*response_, uploads_->Get(caller_, writer_.name()));
     return absl::OkStatus();
   }
 
+  const Caller caller_;
   UploadStore* const uploads_;
   const std::int64_t max_chunk_bytes_;
   TaskThreads* const tasks_;
@@ -68,9 +78,10 @@ class UploadReactor : public grpc::ServerReadReactor<v1::WriteUploadRequest> {
 
 }  // namespace
 
-grpc::ServerReadReactor<v1::WriteUploadRequest>* ReceiveUpload(UploadStore* uploads, std::int64_t max_chunk_bytes,
+grpc::ServerReadReactor<v1::WriteUploadRequest>* ReceiveUpload(const absl::StatusOr<Caller>& caller,
+                                                               UploadStore* uploads, std::int64_t max_chunk_bytes,
                                                                TaskThreads* tasks, v1::Upload* response) {
-  return new UploadReactor(uploads, max_chunk_bytes, tasks, response);
+  return new UploadReactor(caller, uploads, max_chunk_bytes, tasks, response);
 }
 
 }  // namespace planish

@@ -134,7 +134,10 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
     if (pace == JobStream::Pace::kHold && step == JobStream::Step::kWait) WakeIn(std::min(early, interval));
     if (event.has_progress()) last_progress_ = now;
     if (step == JobStream::Step::kEvent) *response_.mutable_event() = std::move(event);
-    if (step == JobStream::Step::kUv) *response_.mutable_uv() = std::move(chunk);
+    if (step == JobStream::Step::kUv) {
+      surroundings_.streams->AddUvBytes(static_cast<std::int64_t>(chunk.data().size()));
+      *response_.mutable_uv() = std::move(chunk);
+    }
     return step;
   }
 

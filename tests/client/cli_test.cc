@@ -74,6 +74,21 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.timeout_seconds, 2.5);
 }
 
+TEST(ArgumentsTest, Admin) {
+  const ParsedArguments drain = Parse({"admin", "drain", "--wait", "--server=h:1"});
+  ASSERT_TRUE(drain.arguments) << drain.err;
+  EXPECT_EQ(drain.arguments->command, Command::kAdminDrain);
+  EXPECT_TRUE(drain.arguments->wait);
+  const ParsedArguments stats = Parse({"admin", "stats", "--json", "--server=h:1"});
+  ASSERT_TRUE(stats.arguments) << stats.err;
+  EXPECT_EQ(stats.arguments->command, Command::kAdminStats);
+  EXPECT_TRUE(stats.arguments->json);
+  EXPECT_EQ(Parse({"admin", "undrain", "--server=h:1"}).arguments->command, Command::kAdminUndrain);
+  EXPECT_EQ(Parse({"admin", "config", "--server=h:1"}).arguments->command, Command::kAdminConfig);
+  EXPECT_EQ(Parse({"admin", "config"}).exit_code, kUsage) << "a private server has nothing to look after";
+  EXPECT_EQ(Parse({"admin"}).exit_code, kUsage);
+}
+
 TEST(ArgumentsTest, SeamPolicies) {
   const auto policy = [](const char* list) {
     const ParsedArguments parsed = Parse({"unwrap", "in.obj", "-o", "o.obj", list});
@@ -201,6 +216,40 @@ TEST(ArgumentsTest, ServerFromTheEnvironment) {
   EXPECT_EQ(parsed.arguments->server, "farm:7741");
 }
 
+TEST(ArgumentsTest, HowToReachAServer) {
+  const ParsedArguments parsed =
+      Parse({"jobs", "list", "--server=h:1", "--tls", "--tls-ca=ca", "--tls-cert=cert", "--tls-key=key",
+             "--tls-server-name=name", "--token-file=file", "--token-over-plaintext"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  const ClientOptions options = WithServerFlags({}, parsed.arguments->server_flags);
+  EXPECT_TRUE(options.tls);
+  EXPECT_EQ(options.tls_ca_file, "ca");
+  EXPECT_EQ(options.tls_cert_file, "cert");
+  EXPECT_EQ(options.tls_key_file, "key");
+  EXPECT_EQ(options.tls_server_name, "name");
+  EXPECT_EQ(options.token_file, "file");
+  EXPECT_TRUE(options.token_over_plaintext);
+}
+
+TEST(ArgumentsTest, HowToReachAServerByTheEnvironment) {
+  setenv("PLANISH_TLS", "1", 1);
+  setenv("PLANISH_TLS_CA", "ca", 1);
+  setenv("PLANISH_TOKEN", "secret", 1);
+  const ParsedArguments parsed = Parse({"version", "--server=h:1"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  const ClientOptions options = WithServerFlags({}, parsed.arguments->server_flags);
+  const ParsedArguments with_file = Parse({"version", "--server=h:1", "--token-file=file"});
+  const ClientOptions file = WithServerFlags({}, with_file.arguments->server_flags);
+  unsetenv("PLANISH_TLS");
+  unsetenv("PLANISH_TLS_CA");
+  unsetenv("PLANISH_TOKEN");
+  EXPECT_TRUE(options.tls);
+  EXPECT_EQ(options.tls_ca_file, "ca");
+  EXPECT_EQ(options.token, "secret");
+  EXPECT_EQ(file.token, "");
+  EXPECT_EQ(file.token_file, "file");
+}
+
 TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
   const std::vector<std::pair<std::vector<const char*>, const char*>> cases = {
       {{}, "subcommand"},
@@ -284,6 +333,9 @@ TEST(ExitCodesTest, FollowTheError) {
   EXPECT_EQ(code(ErrorCode::kInvalidArgument, "OPTIONS_INVALID"), kUsage);
   EXPECT_EQ(code(ErrorCode::kUnavailable, "SERVER_UNREACHABLE"), kServerUnreachable);
   EXPECT_EQ(code(ErrorCode::kUnavailable, "PRIVATE_SERVER_FAILED"), kServerUnreachable);
+  EXPECT_EQ(code(ErrorCode::kUnavailable, "TLS_FAILED"), kServerUnreachable);
+  EXPECT_EQ(code(ErrorCode::kUnauthenticated, "CREDENTIALS_INVALID"), kUsage);
+  EXPECT_EQ(code(ErrorCode::kPermissionDenied, "RIGHT_MISSING"), kUsage);
   EXPECT_EQ(code(ErrorCode::kDeadlineExceeded, "DEADLINE_EXCEEDED"), kFailed);
   EXPECT_EQ(code(ErrorCode::kCancelled, "CANCELLED"), kFailed);
 }

@@ -76,6 +76,16 @@ TEST_F(PrivateServerTest, PassesItsLimitOfThreadsOn) {
   EXPECT_THAT(PrivateServer(options).log(), HasSubstr("--threads=5"));
 }
 
+TEST_F(PrivateServerTest, IsNotConfiguredByWhatIsForAService) {
+  setenv("PLANISHD_DATA_DIR", "/var/lib/planish", 1);
+  setenv("PLANISH_TEST_OTHER", "stays", 1);
+  const std::string log = PrivateServer(Script("env >&2\necho ready >&3\nread end <&3\n")).log();
+  unsetenv("PLANISHD_DATA_DIR");
+  unsetenv("PLANISH_TEST_OTHER");
+  EXPECT_THAT(log, ::testing::Not(HasSubstr("PLANISHD_DATA_DIR")));
+  EXPECT_THAT(log, HasSubstr("PLANISH_TEST_OTHER=stays"));
+}
+
 TEST_F(PrivateServerTest, DeathAtTheStartTellsItsLastWords) {
   EXPECT_THAT(MessageOf(Script("echo 'cannot listen: no luck' >&2\nexit 7\n")),
               ::testing::AllOf(HasSubstr("exited with code 7"), HasSubstr("cannot listen: no luck")));

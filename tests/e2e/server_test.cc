@@ -203,5 +203,28 @@ TEST_F(ServerTest, CtrlCWhileWatchingLeavesTheJobAlone) {
   client_.CancelJob(slow);
 }
 
+TEST_F(ServerTest, AdminDrainsAndWaitsForWhatRuns) {
+  const Outcome detached = Planish(With({"unwrap", Grid(200), "--detach"}, kSlowly));
+  ASSERT_EQ(detached.exit_code, 0) << detached.err;
+  const std::string job = JobIn(detached.out);
+  Command drain(With({"admin", "drain", "--wait"}));
+  EXPECT_TRUE(drain.WaitForErr("Draining: ", 20)) << drain.Err();
+  const Outcome refused = Planish(With({"unwrap", Grid(4), "--detach"}));
+  EXPECT_EQ(refused.exit_code, 3);
+  EXPECT_THAT(refused.err, HasSubstr("DRAINING"));
+  const json stats = json::parse(Planish(With({"admin", "stats", "--json"})).out);
+  EXPECT_EQ(stats["draining"], true);
+  EXPECT_EQ(stats["workers"], 2);
+  EXPECT_EQ(stats["queued"].get<int>() + stats["running"].get<int>(), 1);
+  client_.CancelJob(job);
+  const Outcome drained = drain.Wait();
+  EXPECT_EQ(drained.exit_code, 0);
+  EXPECT_THAT(drained.err, HasSubstr("Drained: no job is left."));
+  EXPECT_EQ(Planish(With({"admin", "undrain"})).exit_code, 0);
+  EXPECT_EQ(Planish(With({"unwrap", Grid(4), "-o", directory_ / "out.obj"})).exit_code, 0);
+  const Outcome config = Planish(With({"admin", "config"}));
+  EXPECT_THAT(config.out, HasSubstr("workers: 2  # flag\n"));
+}
+
 }  // namespace
 }  // namespace planish::testing

@@ -6,6 +6,7 @@
 #include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "planish/v1/planish.pb.h"
+#include "server/access/caller.h"
 #include "server/jobs/job_request.h"
 #include "server/worker/needs.h"
 #include "server/worker/options.h"
@@ -68,8 +69,8 @@ void CheckRequest(std::string_view bytes) {
   Require(!job.draco.empty() && job.MeshBytes() <= kMaxMeshBytes, "a mesh within the limit");
   const std::string corners = PackCorners(job);
   Require(corners.size() == 4 * (job.seam_corners.size() + job.uncut_corners.size()), "four bytes a corner");
-  const std::string key = WorkKey(job, Sha256(job.draco), Sha256(corners));
-  Require(key.size() == 32 && key == WorkKey(job, Sha256(job.draco), Sha256(corners)),
+  const std::string key = WorkKey(kDefaultTenant, job, Sha256(job.draco), Sha256(corners));
+  Require(key.size() == 32 && key == WorkKey(kDefaultTenant, job, Sha256(job.draco), Sha256(corners)),
           "the same key for the same work");
   for (const auto* duration : {&job.scheduling.timeout(), &job.scheduling.compute_budget()}) {
     // What the manager counts in, 64 bits of nanoseconds, holds 292 years.

@@ -32,6 +32,12 @@ constexpr absl::Duration kWriterLimit = absl::Seconds(5);
 // Meshes that are uploaded: of these lengths, each of one letter. The last one is too large.
 constexpr std::array<std::int64_t, 6> kLengths = {1, 7, 20, 33, 40, 41};
 
+const Caller kCaller = {kDefaultTenant, "", Rights::All(), ""};
+
+BlobId Own(const std::string& sha256) {
+  return {kDefaultTenant, sha256};
+}
+
 std::string Content(int mesh) {
   return std::string(static_cast<std::size_t>(kLengths[static_cast<std::size_t>(mesh)]), static_cast<char>('a' + mesh));
 }
@@ -81,7 +87,8 @@ class Machine {
   void CheckAll() {
     for (const auto& [name, upload] : uploads_) Get(name);
     std::int64_t bytes = 0;
-    for (const std::string& sha256 : kept_) bytes += static_cast<std::int64_t>((*blobs_.Find(sha256))->bytes().size());
+    for (const std::string& sha256 : kept_)
+      bytes += static_cast<std::int64_t>((*blobs_.Find(Own(sha256)))->bytes().size());
     Require(blobs_.bytes() == bytes, "the store counts the bytes that it keeps");
   }
 
@@ -118,7 +125,7 @@ class Machine {
     v1::CreateUploadRequest request;
     request.set_total_bytes(kLengths[static_cast<std::size_t>(mesh)] - (lie == 1 ? input.Byte() : 0));
     request.set_sha256(lie == 2 ? std::string(input.Take(32)) : Sha256(Content(mesh)));
-    const auto upload = store_.Create(request);
+    const auto upload = store_.Create(kCaller, request);
     if (request.total_bytes() <= 0 || request.sha256().size() != 32) {
       return RequireReason(upload.status(), {"REQUEST_INVALID"});
     }
@@ -156,21 +163,21 @@ class Machine {
   }
 
   void Get(const std::string& name) {
-    const auto upload = store_.Get(name);
+    const auto upload = store_.Get(kCaller, name);
     if (Find(name) == nullptr) return RequireReason(upload.status(), {"UPLOAD_NOT_FOUND"});
     Require(upload.ok(), "an upload that is there is found");
     Compare(name, *upload);
   }
 
   void Delete(const std::string& name) {
-    const absl::Status status = store_.Delete(name);
+    const absl::Status status = store_.Delete(kCaller, name);
     if (Find(name) == nullptr) return RequireReason(status, {"UPLOAD_NOT_FOUND"});
     Require(status.ok(), "an upload that is there can be deleted");
     uploads_.erase(name);
   }
 
   void Use(const std::string& name) {
-    const auto used = store_.Use(name);
+    const auto used = store_.Use(kCaller, name);
     ModelUpload* model = Find(name);
     if (model == nullptr) return RequireReason(used.status(), {"UPLOAD_NOT_FOUND"});
     if (!model->complete) return RequireReason(used.status(), {"UPLOAD_INCOMPLETE"});
@@ -184,7 +191,7 @@ class Machine {
     const std::string name = Name(input);
     auto& slot = writers_[static_cast<std::size_t>(input.Below(kWriters))];
     Release(slot);
-    auto writer = store_.Write(name);
+    auto writer = store_.Write(kCaller, name);
     ModelUpload* model = Find(name);
     if (model == nullptr) return RequireReason(writer.status(), {"UPLOAD_NOT_FOUND"});
     if (model->writer != 0 && now_ - model->used < kWriterLimit) {
@@ -274,11 +281,11 @@ class Machine {
     std::set<std::string> used;
     for (const auto& [name, upload] : uploads_) used.insert(upload.sha256);
     for (const std::string& sha256 : kept_) {
-      Require(store_.Uses(sha256) == used.contains(sha256), "meshes of uploads are used, others are not");
+      Require(store_.Uses(Own(sha256)) == used.contains(sha256), "meshes of uploads are used, others are not");
     }
-    blobs_.Collect([this](const std::string& sha256) { return store_.Uses(sha256); });
+    blobs_.Collect([this](const BlobId& id) { return store_.Uses(id); });
     std::erase_if(kept_, [&](const std::string& sha256) { return !used.contains(sha256); });
-    for (const std::string& sha256 : kept_) Require(blobs_.Has(sha256), "meshes that are used are kept");
+    for (const std::string& sha256 : kept_) Require(blobs_.Has(Own(sha256)), "meshes that are used are kept");
   }
 
   absl::Time now_ = absl::FromUnixSeconds(1'000'000);

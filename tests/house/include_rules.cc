@@ -29,10 +29,14 @@ const std::vector<Layer>& Layers() {
       {"core/pack", {"core/base", "core/mesh", "core/pack"}},
       {"core/unwrap", {"core/base", "core/mesh", "core/linalg", "core/abf", "core/charts", "core/pack", "core/unwrap"}},
       {"core/io", {"core/base", "core/mesh", "core/io"}},
+      {"server/config", {"server/config"}},
+      {"server/log", {"server/log"}},
       {"server/link", {"core/base", "proto", "server/link"}},
-      {"server/jobs", {"core/base", "proto", "server/link", "server/jobs"}},
+      {"server/access", {"core/base", "proto", "server/access"}},
+      {"server/jobs", {"core/base", "proto", "server/link", "server/access", "server/jobs"}},
       {"server/worker", {"core", "proto", "server/link", "server/worker"}},
-      {"server/rpc", {"core/base", "proto", "server/link", "server/jobs", "server/rpc"}},
+      {"server/rpc", {"core/base", "proto", "server/link", "server/access", "server/jobs", "server/rpc"}},
+      {"server/metrics", {"core/base", "proto", "server/link", "server/access", "server/jobs", "server/metrics"}},
       {"server", {"core/base", "proto", "server"}},
       {"client/include/planish", {"client/include/planish"}},
       {"client/src", {"core/base", "core/mesh", "core/io", "proto", "client/include/planish", "client/src"}},
@@ -41,6 +45,7 @@ const std::vector<Layer>& Layers() {
       {"client/cli",
        {"core/base", "core/mesh", "core/io", "core/pack", "client/include/planish", "client/cli",
         "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h", "client/src/request_id.h"}},
+      {"proto", {"proto"}},
       {"tests", {"core", "proto", "server", "client", "tests"}},
   };
   return *layers;
@@ -58,11 +63,16 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^(grpc|grpcpp|grpc\+\+)/.*|.*\.grpc\.pb\.h$)"),
        "gRPC",
        {"server/rpc", "server/main.cc", "client/src", "tests"}},
-      {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "tests"}},
+      {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/io", "tests"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/io"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h)$)"), "CHOLMOD", {"core/linalg"}},
+      {std::regex(R"(^spdlog/.*)"), "spdlog", {"server/log"}},
+      {std::regex(R"(^yaml-cpp/.*)"), "yaml-cpp", {"server", "tests"}},
       {std::regex(R"(^seccomp\.h$)"), "libseccomp", {"server/worker"}},
+      {std::regex(R"(^(httplib\.h|prometheus/.*)$)"),
+       "HTTP and Prometheus",
+       {"server/metrics", "client/cli/health_command.cc", "tests"}},
       {std::regex(R"(^(sys/(socket|un)\.h|netinet/.*|arpa/.*|netdb\.h)$)"), "sockets", {"server", "client", "tests"}},
   };
   return *externals;
@@ -90,7 +100,7 @@ std::optional<std::string> ProjectPath(const std::string& target) {
   for (const char* top : {"core", "server", "client", "tests"}) {
     if (IsWithin(target, top)) return target;
   }
-  for (const char* generated : {"planish/v1", "planish/store", "planish/worker", "google/rpc"}) {
+  for (const char* generated : {"planish/v1", "planish/admin", "planish/store", "planish/worker", "google/rpc"}) {
     if (IsWithin(target, generated)) return "proto/" + target;
   }
   if (IsWithin(target, "planish")) return "client/include/" + target;

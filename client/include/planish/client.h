@@ -45,6 +45,23 @@ struct ClientOptions {
   // Meshes with more bytes than this, as sent, travel ahead by an upload that resumes where it broke; unset: as the
   // server advises.
   std::optional<std::int64_t> inline_mesh_bytes;
+
+  // Encryption, of "host:port" only: Unix sockets need none. On as well if one of the files below is given.
+  bool tls = false;
+  // Who must have signed the server's certificate, PEM; empty: one of those that this system trusts.
+  std::string tls_ca_file;
+  // A certificate of the caller's own and its key, PEM, for servers that ask for one; both or none.
+  std::string tls_cert_file, tls_key_file;
+  // What the server's certificate must be for; empty: the host in `target`.
+  std::string tls_server_name;
+
+  // Says who calls. If `token` is empty it is the one in the file, without white space at its ends, which is read anew
+  // for every call and so may change at any time.
+  std::string token;
+  std::string token_file;
+  // A token that travels in the clear belongs to everybody on the way: without TLS it is sent within this machine only,
+  // unless this allows more.
+  bool token_over_plaintext = false;
 };
 
 // What a call may bring along.
@@ -54,6 +71,9 @@ struct CallOptions {
   double timeout_seconds = 0;  // for the whole call; 0: none. An attached job is cancelled when it passes
   Scheduling scheduling;       // of the job, wherever its callers are
   std::string request_id;      // AIP-155; empty: a fresh UUID
+  // W3C trace context that the call continues, as "00-<32 hex digits>-<16 hex digits>-01"; throws TRACEPARENT_INVALID.
+  // Empty: the environment's TRACEPARENT if that is valid, else a new trace. The server's log lines carry its id.
+  std::string traceparent;
   // For blocking calls: a request to stop cancels the job on the server (Unwrap) or ends the watching (WatchJob,
   // AttachResult), and the call throws CANCELLED.
   std::stop_token stop;
@@ -109,7 +129,8 @@ class Call {
 // A connection to one server, made by the first call and re-made when lost. Movable; all calls are thread-safe.
 class Client {
  public:
-  // `target`: "host:port" or "unix:/path".
+  // `target`: "host:port" or "unix:/path". Throws INVALID_ARGUMENT (OPTIONS_INVALID) if options of TLS and token do not
+  // fit together or with `target`, or one of their files cannot be used. All but the token's are read here, once.
   explicit Client(const std::string& target, const ClientOptions& options = {});
   ~Client();
   Client(Client&&) noexcept;

@@ -281,6 +281,7 @@ struct Job {
   std::string result_of;            // the job whose work it shares (same mesh and options); empty: its own
   std::int64_t memory_bytes = 0;    // reserved while it runs
   std::optional<Time> expire_time;  // when SUCCEEDED: its UV are dropped then at the latest
+  std::string trace_id;             // of the W3C trace that created it, 32 hex digits, as in the server's log
 };
 
 // What a job would need, and how long it would wait, before it is created.
@@ -314,7 +315,8 @@ struct Uv {
 };
 
 struct UnwrapResult {
-  std::string job;  // name
+  std::string job;       // name
+  std::string trace_id;  // of the call's W3C trace, 32 hex digits, as in the server's log
   Uv uv;
   Report report;
 

@@ -71,6 +71,15 @@ int Daemon::Wait() {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
+std::string Daemon::ReadUntil(const std::string& text) {
+  std::array<char, 4096> buffer;
+  ssize_t length = 0;
+  while (text_.find(text) == std::string::npos && (length = read(output_, buffer.data(), buffer.size())) > 0) {
+    text_.append(buffer.data(), static_cast<std::size_t>(length));
+  }
+  return text_;
+}
+
 std::string Daemon::Output() {
   std::array<char, 4096> buffer;
   for (ssize_t length; (length = read(output_, buffer.data(), buffer.size())) > 0;) {

@@ -23,6 +23,8 @@ class Daemon {
   void CloseSupervisor();
   // Waits for its end; the exit code, or minus the signal that killed it.
   int Wait();
+  // Waits until it wrote `text`, or ended; all that it wrote so far.
+  std::string ReadUntil(const std::string& text);
   // What it wrote to stderr and stdout; complete after Wait().
   std::string Output();
 

@@ -116,6 +116,17 @@ TEST_F(PlanishdTest, ServesUntilSigterm) {
   EXPECT_THAT(daemon->Output(), HasSubstr("SUCCEEDED"));
 }
 
+TEST_F(PlanishdTest, AnInstancesNameIsInThoseOfItsJobs) {
+  const auto daemon = Start({"--instance=planishd-0"});
+  EXPECT_THAT(Create(QuickJob()), ::testing::MatchesRegex("jobs/planishd-0\\.[0-9a-f]{16}"));
+  for (const std::string& name :
+       {std::string("Upper"), std::string("dot.ted"), std::string("a/b"), std::string(64, 'a')}) {
+    Daemon refused({"--instance=" + name}, false);
+    EXPECT_EQ(refused.Wait(), 2) << name;
+    EXPECT_THAT(refused.Output(), HasSubstr("--instance")) << name;
+  }
+}
+
 TEST_F(PlanishdTest, AddressInUse) {
   const auto first = Start();
   Daemon second({"--listen=" + Address()}, false);

@@ -22,7 +22,7 @@ class JobLimitsTest : public JobManagerTest {
   std::string CreateWith(const std::function<void(JobRequest*)>& change) {
     JobRequest request = Request();
     change(&request);
-    const auto accepted = manager_->Create(std::move(request));
+    const auto accepted = manager_->Create(caller_, std::move(request));
     EXPECT_TRUE(accepted.ok()) << accepted.status();
     return accepted->job.name();
   }
@@ -52,19 +52,19 @@ TEST_F(JobLimitsTest, CrashedWorkIsTriedOnceMoreThenFails) {
   manager_->ReportProgress(name, attempt_, Iteration(3));
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
-  EXPECT_FALSE(manager_->Get(name)->has_progress());
+  EXPECT_FALSE(manager_->Get(caller_, name)->has_progress());
   const int first = attempt_;
   EXPECT_EQ(Take(), name);
   EXPECT_NE(attempt_, first);
-  EXPECT_EQ(manager_->Get(name)->attempts(), 2);
+  EXPECT_EQ(manager_->Get(caller_, name)->attempts(), 2);
   manager_->ReportResult(name, first, Success("late"), *Blob::Copy("late"));
   EXPECT_EQ(State(name), v1::JOB_STATE_RUNNING) << "the first worker is no longer listened to";
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
   EXPECT_EQ(ErrorReason(name), "WORKER_CRASHED");
-  EXPECT_THAT(manager_->Get(name)->error().message(), HasSubstr("2 attempts"));
+  EXPECT_THAT(manager_->Get(caller_, name)->error().message(), HasSubstr("2 attempts"));
   google::rpc::ErrorInfo info;
-  manager_->Get(name)->error().details(0).UnpackTo(&info);
+  manager_->Get(caller_, name)->error().details(0).UnpackTo(&info);
   EXPECT_EQ(info.metadata().at("attempts"), "2");
   EXPECT_EQ(info.metadata().at("signal"), "SIGSEGV");
 }
@@ -81,7 +81,7 @@ TEST_F(JobLimitsTest, CrashedWorkComesBeforeWhatCameLater) {
 TEST_F(JobLimitsTest, WorkerThatDiesOfACancellationCancels) {
   const std::string name = Create();
   Take();
-  manager_->Cancel(name).IgnoreError();
+  manager_->Cancel(caller_, name).IgnoreError();
   EXPECT_EQ(manager_->ObeyBy(name, attempt_), now_ + options_.obey_limit);
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
@@ -117,18 +117,18 @@ TEST_F(JobLimitsTest, StopKeepsWhatTheWorkerDelivers) {
   Take();
   const auto link = std::make_shared<NotingLink>();
   manager_->SetLink(name, attempt_, link);
-  EXPECT_EQ(manager_->Stop(name)->state(), v1::JOB_STATE_STOPPING);
-  EXPECT_TRUE(manager_->Stop(name)->stop_requested());
+  EXPECT_EQ(manager_->Stop(caller_, name)->state(), v1::JOB_STATE_STOPPING);
+  EXPECT_TRUE(manager_->Stop(caller_, name)->stop_requested());
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_stop());
   Succeed(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_EQ(manager_->Stop(name)->state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(manager_->Stop(caller_, name)->state(), v1::JOB_STATE_SUCCEEDED);
 }
 
 TEST_F(JobLimitsTest, StopOfAQueuedJobWaitsForItsTurn) {
   const std::string name = Create();
-  EXPECT_EQ(manager_->Stop(name)->state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(manager_->Stop(caller_, name)->state(), v1::JOB_STATE_QUEUED);
   Take();
   const auto link = std::make_shared<NotingLink>();
   manager_->SetLink(name, attempt_, link);
@@ -141,8 +141,8 @@ TEST_F(JobLimitsTest, CancelAfterStop) {
   Take();
   const auto link = std::make_shared<NotingLink>();
   manager_->SetLink(name, attempt_, link);
-  manager_->Stop(name).IgnoreError();
-  EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_STOPPING);
+  manager_->Stop(caller_, name).IgnoreError();
+  EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_STOPPING);
   EXPECT_TRUE(link->sent.back().has_cancel());
   Succeed(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
@@ -152,18 +152,18 @@ TEST_F(JobLimitsTest, BudgetStopsFromTheStartOfTheRun) {
   const std::string name = CreateWith(
       [](JobRequest* request) { *request->scheduling.mutable_compute_budget() = TimeUtil::SecondsToDuration(5); });
   Pass(absl::Seconds(60));
-  EXPECT_FALSE(manager_->Get(name)->stop_requested());
+  EXPECT_FALSE(manager_->Get(caller_, name)->stop_requested());
   Take();
   Pass(absl::Seconds(5));
   EXPECT_EQ(State(name), v1::JOB_STATE_STOPPING);
-  EXPECT_TRUE(manager_->Get(name)->stop_requested());
+  EXPECT_TRUE(manager_->Get(caller_, name)->stop_requested());
 }
 
 TEST_F(JobLimitsTest, RefusesNonsense) {
   const auto field_of = [this](const std::function<void(v1::Scheduling*)>& change) {
     JobRequest request = Request();
     change(&request.scheduling);
-    return ErrorInfoOf(manager_->Create(std::move(request)).status()).metadata["field"];
+    return ErrorInfoOf(manager_->Create(caller_, std::move(request)).status()).metadata["field"];
   };
   EXPECT_EQ(field_of([](v1::Scheduling* s) { s->mutable_timeout()->set_seconds(0); }), "scheduling.timeout");
   EXPECT_EQ(field_of([](v1::Scheduling* s) { s->mutable_compute_budget()->set_seconds(-1); }),
@@ -177,7 +177,7 @@ TEST_F(JobLimitsTest, RefusesTimesThatCannotBeCounted) {
     JobRequest request = Request();
     request.scheduling.mutable_timeout()->set_seconds(seconds);
     request.scheduling.mutable_timeout()->set_nanos(nanos);
-    return ErrorInfoOf(manager_->Create(std::move(request)).status()).reason;
+    return ErrorInfoOf(manager_->Create(caller_, std::move(request)).status()).reason;
   };
   EXPECT_EQ(reason_of(18'446'744'074, 0), "REQUEST_INVALID");
   EXPECT_EQ(reason_of(std::numeric_limits<std::int64_t>::max(), 0), "REQUEST_INVALID");
@@ -192,19 +192,19 @@ TEST_F(JobLimitsTest, HigherPriorityGoesFirst) {
   const std::string low = CreateWith([](JobRequest* r) { r->scheduling.set_priority(v1::PRIORITY_LOW); });
   const std::string normal = Create();
   const std::string high = CreateWith([](JobRequest* r) { r->scheduling.set_priority(v1::PRIORITY_HIGH); });
-  EXPECT_EQ(manager_->Get(low)->queue_position(), 2);
+  EXPECT_EQ(manager_->Get(caller_, low)->queue_position(), 2);
   EXPECT_THAT((std::vector<std::string>{Take(), Take(), Take()}), ElementsAre(high, normal, low));
 }
 
 TEST_F(JobLimitsTest, CallerThatComesBackWithinTheGraceKeepsItsJob) {
   options_.reattach_grace = absl::Seconds(10);
   Restart();
-  auto accepted = manager_->Create(Request("r1", true));
+  auto accepted = manager_->Create(caller_, Request("r1", true));
   const std::string name = accepted->job.name();
   accepted->attachment.Release();
   Pass(absl::Seconds(9));
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
-  auto watched = manager_->Watch(name, true, false);
+  auto watched = manager_->Watch(caller_, name, true, false);
   Pass(absl::Seconds(20));
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
   watched->attachment.Release();
@@ -215,14 +215,14 @@ TEST_F(JobLimitsTest, CallerThatComesBackWithinTheGraceKeepsItsJob) {
 TEST_F(JobLimitsTest, CallerWhoseTimeIsUpGetsNoGrace) {
   options_.reattach_grace = absl::Seconds(10);
   Restart();
-  auto accepted = manager_->Create(Request("r1", true));
+  auto accepted = manager_->Create(caller_, Request("r1", true));
   accepted->attachment.Release(true);
   EXPECT_EQ(State(accepted->job.name()), v1::JOB_STATE_CANCELLED);
 }
 
 TEST_F(JobLimitsTest, WatchersAloneDoNotKeepAJob) {
-  auto accepted = manager_->Create(Request("r1", true));
-  const auto watched = manager_->Watch(accepted->job.name(), false, false);
+  auto accepted = manager_->Create(caller_, Request("r1", true));
+  const auto watched = manager_->Watch(caller_, accepted->job.name(), false, false);
   accepted->attachment.Release();
   EXPECT_EQ(State(accepted->job.name()), v1::JOB_STATE_CANCELLED);
 }
@@ -237,7 +237,7 @@ TEST_F(JobLimitsTest, JobsWaitForMemory) {
   };
   const std::string first = create("31a");
   const std::string second = create("31b");
-  EXPECT_EQ(manager_->Get(second)->memory_bytes(), 300);
+  EXPECT_EQ(manager_->Get(caller_, second)->memory_bytes(), 300);
   EXPECT_EQ(Take(), first);
   std::string taken;
   std::thread worker([&] { taken = Take(); });
@@ -256,7 +256,7 @@ TEST_F(JobLimitsTest, WhatCanNeverRunIsRefused) {
   const auto refusal = [this](const std::string& mesh) {
     JobRequest request = Request();
     request.draco = mesh;
-    return manager_->Create(std::move(request)).status();
+    return manager_->Create(caller_, std::move(request)).status();
   };
   const ErrorInfo memory = ErrorInfoOf(refusal("61a"));
   EXPECT_EQ(memory.reason, "MESH_TOO_LARGE");
@@ -275,7 +275,7 @@ TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {
   const auto create = [this](const std::string& mesh) {
     JobRequest request = Request();
     request.draco = mesh;
-    return manager_->Create(std::move(request)).status();
+    return manager_->Create(caller_, std::move(request)).status();
   };
   ASSERT_TRUE(create("18a").ok());
   Take();
@@ -287,7 +287,7 @@ TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {
 
   v1::EstimateJobRequest request;
   request.set_draco("24x");
-  const v1::JobEstimate estimate = *manager_->Estimate(request);
+  const v1::JobEstimate estimate = *manager_->Estimate(caller_, request);
   EXPECT_EQ(estimate.memory_bytes(), 200);
   EXPECT_EQ(estimate.run_seconds(), 4);
   EXPECT_EQ(estimate.queue_seconds(), 13);
@@ -297,7 +297,7 @@ TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {
 }
 
 TEST_F(JobLimitsTest, EstimateNeedsAMesh) {
-  EXPECT_EQ(Reason(manager_->Estimate(v1::EstimateJobRequest()).status()), "MESH_MISSING");
+  EXPECT_EQ(Reason(manager_->Estimate(caller_, v1::EstimateJobRequest()).status()), "MESH_MISSING");
 }
 
 }  // namespace

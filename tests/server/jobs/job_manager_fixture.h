@@ -62,6 +62,7 @@ class JobManagerTest : public ::testing::Test {
  protected:
   JobManagerTest() {
     options_.clock = [this] { return now_; };
+    options_.steady_clock = [this] { return now_ - absl::Hours(100'000); };  // never to be mixed with the other one
     options_.new_id = [this] { return "id" + std::to_string(++ids_); };
     options_.on_transition = [this](const v1::Job& job) { transitions_.push_back(StateName(job.state())); };
     options_.queue_capacity = 2;
@@ -93,7 +94,7 @@ class JobManagerTest : public ::testing::Test {
   }
 
   std::string Create(const std::string& request_id = "") {
-    const auto accepted = manager_->Create(Request(request_id));
+    const auto accepted = manager_->Create(caller_, Request(request_id));
     EXPECT_TRUE(accepted.ok()) << accepted.status();
     return accepted.ok() ? accepted->job.name() : "";
   }
@@ -127,15 +128,15 @@ class JobManagerTest : public ::testing::Test {
     return name;
   }
 
-  v1::JobState State(const std::string& name) { return manager_->Get(name)->state(); }
+  v1::JobState State(const std::string& name) { return manager_->Get(caller_, name)->state(); }
   std::string ErrorReason(const std::string& name) {
     google::rpc::ErrorInfo info;
-    const v1::Job job = *manager_->Get(name);
+    const v1::Job job = *manager_->Get(caller_, name);
     return job.has_error() && job.error().details(0).UnpackTo(&info) ? info.reason() : "";
   }
 
   std::shared_ptr<const JobEventLog> Watch(const std::string& name) {
-    return manager_->Watch(name, false, false)->events;
+    return manager_->Watch(caller_, name, false, false)->events;
   }
 
   std::vector<v1::JobEvent> Events(const std::string& name) {
@@ -152,9 +153,10 @@ class JobManagerTest : public ::testing::Test {
     request.set_page_token(token);
     request.set_state(state);
     request.set_label_prefix(label);
-    return manager_->List(request);
+    return manager_->List(caller_, request);
   }
 
+  const Caller caller_ = {kDefaultTenant, "", Rights::All(), ""};
   absl::Time now_ = absl::FromUnixSeconds(1'000'000);
   int ids_ = 0;
   int meshes_ = 0;

@@ -13,7 +13,7 @@ TEST_F(JobManagerTest, ALifeInEvents) {
   JobRequest request = Request();
   request.label = "spot.obj";
   request.options.set_tolerance(1e-6);
-  const auto accepted = manager_->Create(std::move(request));
+  const auto accepted = manager_->Create(caller_, std::move(request));
   ASSERT_TRUE(accepted.ok());
   const std::string name = accepted->job.name();
   EXPECT_EQ(accepted->job.state(), v1::JOB_STATE_QUEUED);
@@ -29,11 +29,11 @@ TEST_F(JobManagerTest, ALifeInEvents) {
   attempt_ = assignment->attempt;
   EXPECT_EQ(assignment->request.options().tolerance(), 1e-6);
   manager_->ReportProgress(name, attempt_, Iteration(1));
-  EXPECT_EQ(manager_->Get(name)->progress().newton_iteration(), 1);
+  EXPECT_EQ(manager_->Get(caller_, name)->progress().newton_iteration(), 1);
   now_ += absl::Seconds(5);
   Succeed(name, "uvuvuv");
 
-  const v1::Job job = *manager_->Get(name);
+  const v1::Job job = *manager_->Get(caller_, name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(job.label(), "spot.obj");
   EXPECT_EQ(job.report().seconds().queue(), 2);
@@ -58,7 +58,9 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
                                     : absl::OkStatus();
   };
   Restart();
-  const auto reason_of = [this](JobRequest request) { return Reason(manager_->Create(std::move(request)).status()); };
+  const auto reason_of = [this](JobRequest request) {
+    return Reason(manager_->Create(caller_, std::move(request)).status());
+  };
   JobRequest request = Request();
   request.draco.clear();
   EXPECT_EQ(reason_of(request), "MESH_MISSING");
@@ -66,10 +68,10 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
   EXPECT_EQ(reason_of(request), "MESH_TOO_LARGE");
   request = Request();
   request.request_id = std::string(129, 'x');
-  EXPECT_EQ(ErrorInfoOf(manager_->Create(request).status()).metadata.at("field"), "request_id");
+  EXPECT_EQ(ErrorInfoOf(manager_->Create(caller_, request).status()).metadata.at("field"), "request_id");
   request = Request();
   request.label = std::string(257, 'x');
-  EXPECT_EQ(ErrorInfoOf(manager_->Create(request).status()).metadata.at("field"), "label");
+  EXPECT_EQ(ErrorInfoOf(manager_->Create(caller_, request).status()).metadata.at("field"), "label");
   request = Request();
   request.options.set_tolerance(7);
   EXPECT_EQ(reason_of(request), "OPTIONS_INVALID");
@@ -83,7 +85,7 @@ TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
   request.draco = "mesh";
   request.seam_corners = {5, 0};
   request.uncut_corners = {2};
-  const auto accepted = manager_->Create(request);
+  const auto accepted = manager_->Create(caller_, request);
   ASSERT_TRUE(accepted.ok()) << accepted.status();
   EXPECT_EQ(accepted->job.mesh_bytes(), 16);
   const auto assignment = TakeNext();
@@ -93,16 +95,16 @@ TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
   EXPECT_EQ(assignment->blobs[1]->bytes(), std::string("\5\0\0\0\0\0\0\0\2\0\0\0", 12));
 
   request.seam_corners = {5, 0, 7};
-  EXPECT_EQ(Reason(manager_->Create(request).status()), "MESH_TOO_LARGE");
+  EXPECT_EQ(Reason(manager_->Create(caller_, request).status()), "MESH_TOO_LARGE");
 
   request.seam_corners = {5, -3};
-  const ErrorInfo info = ErrorInfoOf(manager_->Create(request).status());
+  const ErrorInfo info = ErrorInfoOf(manager_->Create(caller_, request).status());
   EXPECT_EQ(info.reason, "OPTIONS_INVALID");
   EXPECT_EQ(info.metadata.at("field"), "seam_corners");
   EXPECT_EQ(info.metadata.at("corner"), "-3");
   request.seam_corners.clear();
   request.uncut_corners = {-4};
-  EXPECT_EQ(ErrorInfoOf(manager_->Create(request).status()).metadata.at("field"), "uncut_corners");
+  EXPECT_EQ(ErrorInfoOf(manager_->Create(caller_, request).status()).metadata.at("field"), "uncut_corners");
 }
 
 TEST_F(JobManagerTest, FullQueueSaysWhenToRetry) {
@@ -110,7 +112,7 @@ TEST_F(JobManagerTest, FullQueueSaysWhenToRetry) {
   ASSERT_TRUE(TakeNext().has_value());
   Create();
   Create();
-  const absl::Status status = manager_->Create(Request()).status();
+  const absl::Status status = manager_->Create(caller_, Request()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(Reason(status), "QUEUE_FULL");
   google::rpc::RetryInfo retry;
@@ -124,7 +126,7 @@ TEST_F(JobManagerTest, IdleWorkersCountAsRoom) {
   Restart();
   Create();
   Create();
-  EXPECT_EQ(Reason(manager_->Create(Request()).status()), "QUEUE_FULL");
+  EXPECT_EQ(Reason(manager_->Create(caller_, Request()).status()), "QUEUE_FULL");
   Succeed(Take());
   Create();
 }
@@ -132,9 +134,9 @@ TEST_F(JobManagerTest, IdleWorkersCountAsRoom) {
 TEST_F(JobManagerTest, QueuePositionCountsDown) {
   const std::string first = Create();
   const std::string second = Create();
-  EXPECT_EQ(manager_->Get(second)->queue_position(), 1);
+  EXPECT_EQ(manager_->Get(caller_, second)->queue_position(), 1);
   EXPECT_EQ(Take(), first);
-  EXPECT_EQ(manager_->Get(second)->queue_position(), 0);
+  EXPECT_EQ(manager_->Get(caller_, second)->queue_position(), 0);
 }
 
 TEST_F(JobManagerTest, SameRequestIdIsTheSameJob) {
@@ -144,15 +146,15 @@ TEST_F(JobManagerTest, SameRequestIdIsTheSameJob) {
   Take();
   Succeed(name);
   EXPECT_EQ(Create("r1"), name) << "also after its end, and when the queue is full";
-  ASSERT_TRUE(manager_->Delete(name).ok());
+  ASSERT_TRUE(manager_->Delete(caller_, name).ok());
   EXPECT_NE(Create("r1"), name);
 }
 
 TEST_F(JobManagerTest, CancelWhileQueued) {
   const std::string name = Create();
   const std::string other = Create();
-  EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_CANCELLED);
-  EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_CANCELLED);
   EXPECT_THAT(Events(name), SizeIs(2));
   EXPECT_EQ(Take(), other);
 }
@@ -162,19 +164,19 @@ TEST_F(JobManagerTest, CancelWhileRunningTellsTheWorkerOnce) {
   Take();
   const auto link = std::make_shared<NotingLink>();
   manager_->SetLink(name, attempt_, link);
-  EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_STOPPING);
-  EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_STOPPING);
+  EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_STOPPING);
+  EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_STOPPING);
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_cancel());
   Report(name, Cancelled());
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
-  EXPECT_EQ(manager_->Cancel(name)->state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_CANCELLED);
 }
 
 TEST_F(JobManagerTest, CancelBeforeTheWorkerIsKnownReachesIt) {
   const std::string name = Create();
   Take();
-  manager_->Cancel(name).IgnoreError();
+  manager_->Cancel(caller_, name).IgnoreError();
   const auto link = std::make_shared<NotingLink>();
   manager_->SetLink(name, attempt_, link);
   ASSERT_THAT(link->sent, SizeIs(1));
@@ -184,9 +186,9 @@ TEST_F(JobManagerTest, CancelBeforeTheWorkerIsKnownReachesIt) {
 TEST_F(JobManagerTest, ResultAfterCancelIsDiscarded) {
   const std::string name = Create();
   Take();
-  manager_->Cancel(name).IgnoreError();
+  manager_->Cancel(caller_, name).IgnoreError();
   Succeed(name);
-  const v1::Job job = *manager_->Get(name);
+  const v1::Job job = *manager_->Get(caller_, name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_CANCELLED);
   EXPECT_FALSE(job.has_report());
   EXPECT_FALSE(job.has_uv());
@@ -198,7 +200,7 @@ TEST_F(JobManagerTest, WorkersFailure) {
   Take();
   const absl::Status closed = MakeError(absl::StatusCode::kInvalidArgument, "MESH_CLOSED", "no boundary");
   Report(name, Failure(closed));
-  const v1::Job job = *manager_->Get(name);
+  const v1::Job job = *manager_->Get(caller_, name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(job.error().message(), "no boundary");
   Succeed(name);
@@ -213,7 +215,7 @@ TEST_F(JobManagerTest, WorkersThatBreakTheProtocolFailTheJob) {
     const std::string name = Create();
     Take();
     Report(name, result, "uv");
-    return *manager_->Get(name);
+    return *manager_->Get(caller_, name);
   };
   worker::v1::WorkResult result = Success("uv");
   result.mutable_uv()->set_total_bytes(3);
@@ -225,19 +227,19 @@ TEST_F(JobManagerTest, WorkersThatBreakTheProtocolFailTheJob) {
 
 TEST_F(JobManagerTest, DeleteNeedsAnEndedJob) {
   const std::string name = Create();
-  EXPECT_EQ(Reason(manager_->Delete(name)), "JOB_NOT_FINISHED");
-  manager_->Cancel(name).IgnoreError();
-  EXPECT_TRUE(manager_->Delete(name).ok());
-  EXPECT_EQ(Reason(manager_->Delete(name)), "JOB_NOT_FOUND");
-  EXPECT_EQ(Reason(manager_->Get(name).status()), "JOB_NOT_FOUND");
-  EXPECT_EQ(Reason(manager_->Watch(name, false, false).status()), "JOB_NOT_FOUND");
-  EXPECT_EQ(Reason(manager_->Cancel(name).status()), "JOB_NOT_FOUND");
+  EXPECT_EQ(Reason(manager_->Delete(caller_, name)), "JOB_NOT_FINISHED");
+  manager_->Cancel(caller_, name).IgnoreError();
+  EXPECT_TRUE(manager_->Delete(caller_, name).ok());
+  EXPECT_EQ(Reason(manager_->Delete(caller_, name)), "JOB_NOT_FOUND");
+  EXPECT_EQ(Reason(manager_->Get(caller_, name).status()), "JOB_NOT_FOUND");
+  EXPECT_EQ(Reason(manager_->Watch(caller_, name, false, false).status()), "JOB_NOT_FOUND");
+  EXPECT_EQ(Reason(manager_->Cancel(caller_, name).status()), "JOB_NOT_FOUND");
 }
 
 TEST_F(JobManagerTest, WatchersKeepWhatWasDeleted) {
   const std::string name = CreateEnded("result");
   const auto events = Watch(name);
-  ASSERT_TRUE(manager_->Delete(name).ok());
+  ASSERT_TRUE(manager_->Delete(caller_, name).ok());
   EXPECT_EQ(events->uv()->bytes(), "result");
 }
 
@@ -286,9 +288,9 @@ TEST_F(JobManagerTest, KeepsTheNewestEndedJobs) {
   const std::string first = CreateEnded();
   const std::string second = CreateEnded();
   const std::string third = CreateEnded();
-  EXPECT_FALSE(manager_->Get(first).ok());
-  EXPECT_TRUE(manager_->Get(second).ok());
-  EXPECT_TRUE(manager_->Get(third).ok());
+  EXPECT_FALSE(manager_->Get(caller_, first).ok());
+  EXPECT_TRUE(manager_->Get(caller_, second).ok());
+  EXPECT_TRUE(manager_->Get(caller_, third).ok());
 }
 
 TEST_F(JobManagerTest, KeepsSoManyBytesOfUv) {
@@ -303,14 +305,14 @@ TEST_F(JobManagerTest, KeepsSoManyBytesOfUv) {
   EXPECT_EQ(State(large), v1::JOB_STATE_SUCCEEDED) << "the last one stays, so that its caller can fetch it";
   CreateEnded("1");
   EXPECT_EQ(State(large), v1::JOB_STATE_EXPIRED);
-  EXPECT_EQ(Reason(manager_->Watch(large, false, true).status()), "RESULT_EXPIRED");
+  EXPECT_EQ(Reason(manager_->Watch(caller_, large, false, true).status()), "RESULT_EXPIRED");
   EXPECT_EQ(Events(large).back().job().state(), v1::JOB_STATE_EXPIRED);
   manager_->Tick();
   EXPECT_EQ(blobs_->bytes(), 1) << "only the last UV are left";
 }
 
 TEST_F(JobManagerTest, AbandonedJobIsCancelledAndFreesItsRequestId) {
-  auto accepted = manager_->Create(Request("r1", true));
+  auto accepted = manager_->Create(caller_, Request("r1", true));
   ASSERT_TRUE(accepted.ok());
   const std::string name = accepted->job.name();
   accepted->attachment.Release();
@@ -319,10 +321,10 @@ TEST_F(JobManagerTest, AbandonedJobIsCancelledAndFreesItsRequestId) {
 }
 
 TEST_F(JobManagerTest, JobLivesWhileOneCallerIsAttached) {
-  auto first = manager_->Create(Request("r1", true));
+  auto first = manager_->Create(caller_, Request("r1", true));
   const std::string name = first->job.name();
   {
-    const auto retry = manager_->Create(Request("r1", true));
+    const auto retry = manager_->Create(caller_, Request("r1", true));
     EXPECT_EQ(retry->job.name(), name);
     first->attachment.Release();
     EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
@@ -333,7 +335,7 @@ TEST_F(JobManagerTest, JobLivesWhileOneCallerIsAttached) {
 TEST_F(JobManagerTest, DetachedJobsLiveOn) {
   std::string name;
   {
-    const auto attached = manager_->Create(Request("r1", true));
+    const auto attached = manager_->Create(caller_, Request("r1", true));
     name = attached->job.name();
     EXPECT_EQ(Create("r1"), name);
   }
@@ -346,7 +348,7 @@ TEST_F(JobManagerTest, DrainRefusesNewJobsAndFinishesOldOnes) {
   const std::string queued = Create("r1");
   int idle = 0;
   manager_->Drain([&idle] { ++idle; });
-  const absl::Status refused = manager_->Create(Request()).status();
+  const absl::Status refused = manager_->Create(caller_, Request()).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(Reason(refused), "DRAINING");
   EXPECT_EQ(ToRpcStatus(refused).details_size(), 2);
@@ -393,7 +395,7 @@ TEST_F(JobManagerTest, ReadersMayCallBackWhenTheyAreWoken) {
   std::vector<v1::JobState> seen;
   const auto subscription = log->Subscribe([&] { seen.push_back(State(name)); });
   Take();
-  manager_->Cancel(name).IgnoreError();
+  manager_->Cancel(caller_, name).IgnoreError();
   Report(name, Cancelled());
   EXPECT_THAT(seen, ElementsAre(v1::JOB_STATE_RUNNING, v1::JOB_STATE_STOPPING, v1::JOB_STATE_CANCELLED));
 }

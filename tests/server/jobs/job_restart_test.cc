@@ -26,7 +26,7 @@ TEST_F(JobRestartTest, WhatRanIsQueuedAgainInItsOldPlace) {
   EXPECT_EQ(State(running), v1::JOB_STATE_QUEUED);
   EXPECT_EQ(State(queued), v1::JOB_STATE_QUEUED);
   EXPECT_EQ(Take(), running);
-  EXPECT_EQ(manager_->Get(running)->attempts(), 2);
+  EXPECT_EQ(manager_->Get(caller_, running)->attempts(), 2);
   Succeed(running, "uv");
   Take();
   Succeed(queued, "vu");
@@ -82,7 +82,7 @@ TEST_F(JobRestartTest, ServerThatDiesIsNotHeldAgainstTheJob) {
 TEST_F(JobRestartTest, CancellationOutlivesTheServer) {
   const std::string name = Create();
   Take();
-  manager_->Cancel(name).IgnoreError();
+  manager_->Cancel(caller_, name).IgnoreError();
   Resume();
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
 }
@@ -90,7 +90,7 @@ TEST_F(JobRestartTest, CancellationOutlivesTheServer) {
 TEST_F(JobRestartTest, StopOutlivesTheServer) {
   const std::string name = Create();
   Take();
-  manager_->Stop(name).IgnoreError();
+  manager_->Stop(caller_, name).IgnoreError();
   Resume();
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
   Take();
@@ -101,7 +101,7 @@ TEST_F(JobRestartTest, StopOutlivesTheServer) {
 }
 
 TEST_F(JobRestartTest, AttachedJobWaitsForItsCaller) {
-  auto accepted = manager_->Create(Request("r1", true));
+  auto accepted = manager_->Create(caller_, Request("r1", true));
   const std::string name = accepted->job.name();
   manager_->Suspend();
   accepted->attachment = JobAttachment();
@@ -110,7 +110,7 @@ TEST_F(JobRestartTest, AttachedJobWaitsForItsCaller) {
   manager_->Tick();
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
   {
-    const auto retry = manager_->Create(Request("r1", true));
+    const auto retry = manager_->Create(caller_, Request("r1", true));
     EXPECT_EQ(retry->job.name(), name);
     now_ += absl::Seconds(60);
     manager_->Tick();
@@ -122,7 +122,7 @@ TEST_F(JobRestartTest, AttachedJobWaitsForItsCaller) {
 }
 
 TEST_F(JobRestartTest, AttachedJobWhoseCallerStaysAwayIsCancelled) {
-  auto accepted = manager_->Create(Request("", true));
+  auto accepted = manager_->Create(caller_, Request("", true));
   manager_->Suspend();
   accepted->attachment = JobAttachment();
   Resume();
@@ -133,8 +133,8 @@ TEST_F(JobRestartTest, AttachedJobWhoseCallerStaysAwayIsCancelled) {
 
 TEST_F(JobRestartTest, SharedWorkIsSharedAgain) {
   JobRequest request = Request();
-  const std::string first = manager_->Create(request)->job.name();
-  const std::string second = manager_->Create(request)->job.name();
+  const std::string first = manager_->Create(caller_, request)->job.name();
+  const std::string second = manager_->Create(caller_, request)->job.name();
   Take();
   Resume();
   EXPECT_EQ(Take(), first);
@@ -188,13 +188,13 @@ TEST_F(JobRestartTest, FilesOutliveTheProcess) {
   std::filesystem::create_directory(directory.Path("blobs"));
   reopen();
   EXPECT_EQ(ErrorReason(running), "MESH_LOST");
-  EXPECT_EQ(Reason(manager_->Watch(token_list, false, true).status()), "RESULT_EXPIRED");
+  EXPECT_EQ(Reason(manager_->Watch(caller_, token_list, false, true).status()), "RESULT_EXPIRED");
 }
 
 TEST_F(JobRestartTest, NothingIsLeftOfJobsThatAreForgotten) {
   const std::string name = CreateEnded("uv");
   EXPECT_GT(blobs_->bytes(), 0);
-  ASSERT_TRUE(manager_->Delete(name).ok());
+  ASSERT_TRUE(manager_->Delete(caller_, name).ok());
   manager_->Tick();
   EXPECT_EQ(blobs_->bytes(), 0);
   EXPECT_TRUE(store_->Events(1)->empty());
@@ -204,7 +204,8 @@ TEST_F(JobRestartTest, ResultsAreKeptForATime) {
   options_.retained_time = absl::Hours(1);
   Restart();
   const std::string name = CreateEnded("uv");
-  EXPECT_EQ(manager_->Get(name)->expire_time().seconds() - manager_->Get(name)->end_time().seconds(), 3600);
+  EXPECT_EQ(manager_->Get(caller_, name)->expire_time().seconds() - manager_->Get(caller_, name)->end_time().seconds(),
+            3600);
   now_ += absl::Minutes(59);
   manager_->Tick();
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
@@ -224,7 +225,7 @@ TEST_F(JobRestartTest, AFullStoreGivesUpOldResultsFirstThenRefuses) {
   EXPECT_EQ(State(old), v1::JOB_STATE_EXPIRED);
   JobRequest large = Request();
   large.draco = std::string(101, 'm');
-  const absl::Status refused = manager_->Create(std::move(large)).status();
+  const absl::Status refused = manager_->Create(caller_, std::move(large)).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(Reason(refused), "STORAGE_FULL");
   EXPECT_EQ(ToRpcStatus(refused).details_size(), 2) << "with a retry delay";

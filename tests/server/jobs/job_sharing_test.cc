@@ -21,7 +21,7 @@ class JobSharingTest : public JobManagerTest {
   std::string CreateSame(const std::function<void(JobRequest*)>& change = [](JobRequest*) {}) {
     JobRequest request = Same();
     change(&request);
-    const auto accepted = manager_->Create(std::move(request));
+    const auto accepted = manager_->Create(caller_, std::move(request));
     EXPECT_TRUE(accepted.ok()) << accepted.status();
     return accepted->job.name();
   }
@@ -39,13 +39,13 @@ TEST_F(JobSharingTest, OneResultForAll) {
   for (const std::string& name : {first, second, third}) {
     EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
     EXPECT_EQ(Watch(name)->uv()->bytes(), "result");
-    EXPECT_EQ(manager_->Get(name)->result_of(), name == first ? "" : first);
+    EXPECT_EQ(manager_->Get(caller_, name)->result_of(), name == first ? "" : first);
     EXPECT_THAT(Events(name), SizeIs(4));
   }
   const std::string late = CreateSame();
   EXPECT_EQ(State(late), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_EQ(manager_->Get(late)->result_of(), first);
-  EXPECT_TRUE(manager_->Get(late)->has_report());
+  EXPECT_EQ(manager_->Get(caller_, late)->result_of(), first);
+  EXPECT_TRUE(manager_->Get(caller_, late)->has_report());
   EXPECT_THAT(Events(late), SizeIs(2));
   EXPECT_EQ(Watch(late)->uv()->bytes(), "result");
 }
@@ -55,7 +55,7 @@ TEST_F(JobSharingTest, OtherOptionsSeamsOrFailpointsAreOtherWork) {
   Restart();
   CreateSame();
   const auto joins = [this](const std::function<void(JobRequest*)>& change) {
-    return !manager_->Get(CreateSame(change))->result_of().empty();
+    return !manager_->Get(caller_, CreateSame(change))->result_of().empty();
   };
   EXPECT_TRUE(joins([](JobRequest*) {}));
   EXPECT_FALSE(joins([](JobRequest* request) { request->options.set_tolerance(1e-6); }));
@@ -69,7 +69,7 @@ TEST_F(JobSharingTest, SharingNeedsNoPlaceInTheQueue) {
   options_.queue_capacity = 0;
   Restart();
   CreateSame();
-  EXPECT_EQ(Reason(manager_->Create(Request()).status()), "QUEUE_FULL");
+  EXPECT_EQ(Reason(manager_->Create(caller_, Request()).status()), "QUEUE_FULL");
   CreateSame();
 }
 
@@ -79,7 +79,7 @@ TEST_F(JobSharingTest, CancellingOneLeavesTheOthers) {
   EXPECT_EQ(Take(), first);
   const auto link = std::make_shared<NotingLink>();
   manager_->SetLink(first, attempt_, link);
-  EXPECT_EQ(manager_->Cancel(first)->state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(manager_->Cancel(caller_, first)->state(), v1::JOB_STATE_CANCELLED);
   EXPECT_THAT(link->sent, SizeIs(0));
   Succeed(first);
   EXPECT_EQ(State(second), v1::JOB_STATE_SUCCEEDED);
@@ -89,10 +89,10 @@ TEST_F(JobSharingTest, CancellingOneLeavesTheOthers) {
 TEST_F(JobSharingTest, CancellingTheFirstThatWaitsLeavesTheOthersInTheQueue) {
   const std::string first = CreateSame();
   const std::string second = CreateSame();
-  manager_->Cancel(first).IgnoreError();
+  manager_->Cancel(caller_, first).IgnoreError();
   EXPECT_EQ(Take(), first) << "work keeps its name";
   EXPECT_EQ(State(second), v1::JOB_STATE_RUNNING);
-  manager_->Cancel(second).IgnoreError();
+  manager_->Cancel(caller_, second).IgnoreError();
   EXPECT_EQ(State(second), v1::JOB_STATE_STOPPING);
   EXPECT_EQ(State(CreateSame()), v1::JOB_STATE_QUEUED) << "nobody joins work that is being cancelled";
 }
@@ -103,9 +103,9 @@ TEST_F(JobSharingTest, WorkStopsWhenAllWantItTo) {
   Take();
   const auto link = std::make_shared<NotingLink>();
   manager_->SetLink(first, attempt_, link);
-  EXPECT_EQ(manager_->Stop(first)->state(), v1::JOB_STATE_STOPPING);
+  EXPECT_EQ(manager_->Stop(caller_, first)->state(), v1::JOB_STATE_STOPPING);
   EXPECT_THAT(link->sent, SizeIs(0));
-  manager_->Cancel(second).IgnoreError();
+  manager_->Cancel(caller_, second).IgnoreError();
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_stop());
   Succeed(first, "half done");
@@ -134,9 +134,9 @@ TEST_F(JobSharingTest, AHigherPriorityPullsTheWorkForward) {
   now_ += absl::Seconds(1);
   const std::string other = Create();
   CreateSame([](JobRequest* request) { request->scheduling.set_priority(v1::PRIORITY_HIGH); });
-  EXPECT_EQ(manager_->Get(other)->queue_position(), 1);
+  EXPECT_EQ(manager_->Get(caller_, other)->queue_position(), 1);
   const std::string low = CreateSame([](JobRequest* request) { request->scheduling.set_priority(v1::PRIORITY_LOW); });
-  EXPECT_EQ(manager_->Get(low)->queue_position(), 0);
+  EXPECT_EQ(manager_->Get(caller_, low)->queue_position(), 0);
   EXPECT_EQ(Take(), first);
 }
 
@@ -152,7 +152,7 @@ TEST_F(JobSharingTest, RequestIdStandsForOneMesh) {
   Create("r1");
   JobRequest other = Request();
   other.request_id = "r1";
-  const absl::Status status = manager_->Create(std::move(other)).status();
+  const absl::Status status = manager_->Create(caller_, std::move(other)).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(Reason(status), "REQUEST_ID_REUSED");
 }

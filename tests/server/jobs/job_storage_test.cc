@@ -26,19 +26,21 @@ class FullStore : public JobStore {
     return store_->Put(record, event);
   }
   absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) override { return store_->Find(name); }
-  absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& id) override {
-    return store_->FindByRequestId(id);
+  absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant, const std::string& id) override {
+    return store_->FindByRequestId(tenant, id);
   }
   absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& key) override {
     return store_->FindResult(key);
   }
   absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query) override { return store_->List(query); }
   absl::StatusOr<std::vector<JobRecord>> Unfinished() override { return store_->Unfinished(); }
-  absl::StatusOr<std::optional<JobRecord>> FirstEnded(v1::JobState state) override { return store_->FirstEnded(state); }
+  absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) override {
+    return store_->FirstEnded(tenant, state);
+  }
   absl::StatusOr<JobTotals> Totals() override { return store_->Totals(); }
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number) override { return store_->Events(number); }
   absl::Status Delete(std::int64_t number) override { return store_->Delete(number); }
-  absl::StatusOr<bool> UsesBlob(const std::string& sha256) override { return store_->UsesBlob(sha256); }
+  absl::StatusOr<bool> UsesBlob(const BlobId& id) override { return store_->UsesBlob(id); }
 
   bool full = false;
 
@@ -60,7 +62,7 @@ class JobStorageTest : public JobManagerTest {
 
 TEST_F(JobStorageTest, WhatCannotBeWrittenIsNotAccepted) {
   full_.full = true;
-  const absl::Status refused = manager_->Create(Request("r1")).status();
+  const absl::Status refused = manager_->Create(caller_, Request("r1")).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(Reason(refused), "STORAGE_FULL");
   EXPECT_EQ(ToRpcStatus(refused).details_size(), 2) << "with a retry delay";
@@ -90,7 +92,7 @@ TEST_F(JobStorageTest, ChangesOfStateThatCannotBeWrittenAreMadeAllTheSame) {
   full_.full = true;
   Take();
   EXPECT_EQ(State(name), v1::JOB_STATE_RUNNING);
-  manager_->Cancel(name).IgnoreError();
+  manager_->Cancel(caller_, name).IgnoreError();
   Report(name, Cancelled());
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
   full_.full = false;
@@ -133,7 +135,7 @@ TEST(SqliteJobStore, RefusesAStoreFromTheFuture) {
 TEST_F(JobManagerTest, AClockThatJumpsEndsNoJobThatHasNoLimit) {
   options_.reattach_grace = absl::Seconds(10);
   Restart();
-  auto attached = manager_->Create(Request("r1", true));
+  auto attached = manager_->Create(caller_, Request("r1", true));
   const std::string name = attached->job.name();
   const std::string queued = Create();
   for (const absl::Duration jump : {absl::Hours(24 * 365), -2 * absl::Hours(24 * 365), absl::Hours(24 * 365)}) {
@@ -146,13 +148,13 @@ TEST_F(JobManagerTest, AClockThatJumpsEndsNoJobThatHasNoLimit) {
   now_ -= absl::Hours(5);
   Succeed(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_GE(manager_->Get(name)->report().seconds().queue(), 0);
+  EXPECT_GE(manager_->Get(caller_, name)->report().seconds().queue(), 0);
 }
 
 TEST_F(JobManagerTest, AClockThatGoesBackPutsLimitsOffNotAway) {
   JobRequest request = Request();
   *request.scheduling.mutable_timeout() = TimeUtil::SecondsToDuration(10);
-  const std::string name = manager_->Create(std::move(request))->job.name();
+  const std::string name = manager_->Create(caller_, std::move(request))->job.name();
   now_ -= absl::Hours(1);
   manager_->Tick();
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);

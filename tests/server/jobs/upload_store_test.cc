@@ -11,6 +11,7 @@
 #include <optional>
 #include <random>
 
+#include "absl/strings/escaping.h"
 #include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "gmock/gmock.h"
@@ -61,17 +62,17 @@ class UploadStoreTest : public ::testing::TestWithParam<bool> {
     v1::CreateUploadRequest request;
     request.set_total_bytes(bytes);
     request.set_sha256(sha256);
-    return store_->Create(request);
+    return store_->Create(caller_, request);
   }
   std::string CreateFor(const std::string& bytes) {
     return Create(static_cast<std::int64_t>(bytes.size()), Sha256(bytes))->name();
   }
 
-  std::int64_t Committed(const std::string& name) { return store_->Get(name)->committed_bytes(); }
+  std::int64_t Committed(const std::string& name) { return store_->Get(caller_, name)->committed_bytes(); }
 
   // A whole call of one message.
   absl::Status WriteOnce(const std::string& name, std::int64_t offset, std::string_view data) {
-    absl::StatusOr<UploadWriter> writer = store_->Write(name);
+    absl::StatusOr<UploadWriter> writer = store_->Write(caller_, name);
     return writer.ok() ? writer->Append(offset, data) : writer.status();
   }
 
@@ -81,6 +82,9 @@ class UploadStoreTest : public ::testing::TestWithParam<bool> {
     return names;
   }
 
+  static BlobId Own(const std::string& bytes) { return {kDefaultTenant, Sha256(bytes)}; }
+
+  const Caller caller_ = {kDefaultTenant, "", Rights::All(), ""};
   TempDir dir_;
   absl::Time now_ = absl::UnixEpoch() + absl::Hours(24);
   int ids_ = 0;
@@ -101,20 +105,20 @@ TEST_P(UploadStoreTest, PieceByPieceToABlob) {
   EXPECT_EQ(upload->total_bytes(), 100'000);
   EXPECT_EQ(upload->sha256(), Sha256(bytes));
   EXPECT_EQ(upload->expire_time().seconds(), absl::ToUnixSeconds(now_ + options_.idle_limit));
-  EXPECT_TRUE(store_->Uses(Sha256(bytes))) << "what is to become a blob may not be collected on the way";
+  EXPECT_TRUE(store_->Uses(Own(bytes))) << "what is to become a blob may not be collected on the way";
   {
-    UploadWriter writer = *store_->Write(upload->name());
+    UploadWriter writer = *store_->Write(caller_, upload->name());
     EXPECT_TRUE(writer.Append(0, std::string_view(bytes).substr(0, 30'000)).ok());
     EXPECT_EQ(Committed(upload->name()), 30'000);
     EXPECT_TRUE(writer.Append(10'000, std::string_view(bytes).substr(10'000, 5'000)).ok()) << "known already";
     EXPECT_TRUE(writer.Append(20'000, std::string_view(bytes).substr(20'000, 40'000)).ok()) << "half of it is";
     EXPECT_TRUE(writer.Append(60'000, "").ok());
-    EXPECT_EQ(ReasonOf(store_->Use(upload->name()).status()), "UPLOAD_INCOMPLETE");
-    EXPECT_EQ(ErrorInfoOf(store_->Use(upload->name()).status()).metadata.at("committed_bytes"), "60000");
+    EXPECT_EQ(ReasonOf(store_->Use(caller_, upload->name()).status()), "UPLOAD_INCOMPLETE");
+    EXPECT_EQ(ErrorInfoOf(store_->Use(caller_, upload->name()).status()).metadata.at("committed_bytes"), "60000");
     EXPECT_TRUE(writer.Append(60'000, std::string_view(bytes).substr(60'000)).ok());
     EXPECT_TRUE(writer.Append(0, bytes).ok()) << "a complete upload skips all";
   }
-  const absl::StatusOr<UploadedMesh> mesh = store_->Use(upload->name());
+  const absl::StatusOr<UploadedMesh> mesh = store_->Use(caller_, upload->name());
   ASSERT_TRUE(mesh.ok()) << mesh.status();
   EXPECT_TRUE(mesh->mesh->bytes() == bytes);
   EXPECT_EQ(mesh->sha256, Sha256(bytes));
@@ -122,10 +126,10 @@ TEST_P(UploadStoreTest, PieceByPieceToABlob) {
   const absl::StatusOr<v1::Upload> again = Create(100'000, Sha256(bytes));
   EXPECT_NE(again->name(), upload->name());
   EXPECT_EQ(again->committed_bytes(), 100'000) << "the same bytes need not come twice";
-  EXPECT_TRUE(store_->Delete(upload->name()).ok());
-  EXPECT_TRUE(store_->Uses(Sha256(bytes)));
-  EXPECT_TRUE(store_->Delete(again->name()).ok());
-  EXPECT_FALSE(store_->Uses(Sha256(bytes)));
+  EXPECT_TRUE(store_->Delete(caller_, upload->name()).ok());
+  EXPECT_TRUE(store_->Uses(Own(bytes)));
+  EXPECT_TRUE(store_->Delete(caller_, again->name()).ok());
+  EXPECT_FALSE(store_->Uses(Own(bytes)));
   EXPECT_THAT(Files(), IsEmpty());
 }
 
@@ -141,8 +145,9 @@ TEST_P(UploadStoreTest, BadRequestsNameTheField) {
   EXPECT_EQ(ErrorInfoOf(large).metadata.at("limit"), std::to_string(options_.max_mesh_bytes));
   EXPECT_EQ(ErrorInfoOf(large).metadata.at("bytes"), std::to_string(options_.max_mesh_bytes + 1));
 
-  for (const absl::Status& status : {store_->Get("uploads/none").status(), store_->Delete("uploads/none"),
-                                     store_->Write("").status(), store_->Use("uploads/none").status()}) {
+  for (const absl::Status& status :
+       {store_->Get(caller_, "uploads/none").status(), store_->Delete(caller_, "uploads/none"),
+        store_->Write(caller_, "").status(), store_->Use(caller_, "uploads/none").status()}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
     EXPECT_EQ(ReasonOf(status), "UPLOAD_NOT_FOUND");
   }
@@ -151,7 +156,7 @@ TEST_P(UploadStoreTest, BadRequestsNameTheField) {
 TEST_P(UploadStoreTest, OffsetsMustGoOnWhereTheBytesEnd) {
   const std::string bytes = Noise(100);
   const std::string name = CreateFor(bytes);
-  UploadWriter writer = *store_->Write(name);
+  UploadWriter writer = *store_->Write(caller_, name);
   EXPECT_TRUE(writer.Append(0, bytes.substr(0, 40)).ok());
   for (const auto& [offset, size] :
        std::map<std::int64_t, std::int64_t>{{41, 10}, {40, 61}, {1'000'000, 1}, {101, 0}}) {
@@ -163,7 +168,7 @@ TEST_P(UploadStoreTest, OffsetsMustGoOnWhereTheBytesEnd) {
   EXPECT_EQ(ReasonOf(writer.Append(-1, "x")), "REQUEST_INVALID");
   EXPECT_EQ(Committed(name), 40);
   EXPECT_TRUE(writer.Append(40, bytes.substr(40)).ok()) << "errors changed nothing";
-  EXPECT_TRUE(store_->Use(name).ok());
+  EXPECT_TRUE(store_->Use(caller_, name).ok());
 }
 
 TEST_P(UploadStoreTest, WrongDigestVoidsTheUpload) {
@@ -171,54 +176,55 @@ TEST_P(UploadStoreTest, WrongDigestVoidsTheUpload) {
   const absl::Status status = WriteOnce(name, 0, "evil");
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(ReasonOf(status), "DIGEST_MISMATCH");
-  EXPECT_EQ(ReasonOf(store_->Get(name).status()), "UPLOAD_NOT_FOUND");
-  EXPECT_FALSE(blobs_->Has(Sha256("good")));
-  EXPECT_FALSE(blobs_->Has(Sha256("evil")));
+  EXPECT_EQ(ReasonOf(store_->Get(caller_, name).status()), "UPLOAD_NOT_FOUND");
+  EXPECT_FALSE(blobs_->Has(Own("good")));
+  EXPECT_FALSE(blobs_->Has(Own("evil")));
   EXPECT_THAT(Files(), IsEmpty());
 }
 
 TEST_P(UploadStoreTest, OneWriterAtATimeUnlessItFellSilent) {
   const std::string bytes = Noise(100);
   const std::string name = CreateFor(bytes);
-  std::optional<UploadWriter> first = *store_->Write(name);
+  std::optional<UploadWriter> first = *store_->Write(caller_, name);
   EXPECT_TRUE(first->Append(0, bytes.substr(0, 10)).ok());
-  const absl::Status busy = store_->Write(name).status();
+  const absl::Status busy = store_->Write(caller_, name).status();
   EXPECT_EQ(busy.code(), absl::StatusCode::kAborted);
   EXPECT_EQ(ReasonOf(busy), "UPLOAD_BUSY");
 
   now_ += options_.writer_limit;
-  absl::StatusOr<UploadWriter> second = store_->Write(name);
+  absl::StatusOr<UploadWriter> second = store_->Write(caller_, name);
   ASSERT_TRUE(second.ok()) << "the first one's connection is probably gone";
   EXPECT_EQ(ReasonOf(first->Append(10, bytes.substr(10))), "UPLOAD_BUSY");
   first.reset();
-  EXPECT_EQ(ReasonOf(store_->Write(name).status()), "UPLOAD_BUSY") << "the end of the first is not that of the second";
+  EXPECT_EQ(ReasonOf(store_->Write(caller_, name).status()), "UPLOAD_BUSY")
+      << "the end of the first is not that of the second";
   EXPECT_TRUE(second->Append(10, bytes.substr(10, 20)).ok());
   *second = UploadWriter();
   EXPECT_TRUE(WriteOnce(name, 30, bytes.substr(30)).ok());
-  EXPECT_TRUE(store_->Use(name).ok());
+  EXPECT_TRUE(store_->Use(caller_, name).ok());
 }
 
 TEST_P(UploadStoreTest, IdleOnesExpireAndUsedOnesDoNot) {
   const std::string under_way = CreateFor(Noise(100));
   const std::string complete = CreateFor("mesh");
   ASSERT_TRUE(WriteOnce(complete, 0, "mesh").ok());
-  UploadWriter stalled = *store_->Write(under_way);
+  UploadWriter stalled = *store_->Write(caller_, under_way);
 
   now_ += options_.idle_limit - absl::Seconds(1);
   store_->Tick(now_);
-  EXPECT_TRUE(store_->Use(complete).ok());
-  EXPECT_TRUE(store_->Get(under_way).ok());
+  EXPECT_TRUE(store_->Use(caller_, complete).ok());
+  EXPECT_TRUE(store_->Get(caller_, under_way).ok());
   now_ += absl::Seconds(1);
   store_->Tick(now_);
-  EXPECT_TRUE(store_->Get(complete).ok()) << "it was used a second ago";
-  EXPECT_EQ(ReasonOf(store_->Get(under_way).status()), "UPLOAD_NOT_FOUND");
+  EXPECT_TRUE(store_->Get(caller_, complete).ok()) << "it was used a second ago";
+  EXPECT_EQ(ReasonOf(store_->Get(caller_, under_way).status()), "UPLOAD_NOT_FOUND");
   EXPECT_EQ(ReasonOf(stalled.Append(0, "x")), "UPLOAD_NOT_FOUND");
   now_ -= absl::Hours(10);
   store_->Tick(now_);
-  EXPECT_TRUE(store_->Get(complete).ok()) << "a clock that is set back makes nothing older";
+  EXPECT_TRUE(store_->Get(caller_, complete).ok()) << "a clock that is set back makes nothing older";
   now_ += absl::Hours(20);
   store_->Tick(now_);
-  EXPECT_FALSE(store_->Uses(Sha256("mesh")));
+  EXPECT_FALSE(store_->Uses(Own("mesh")));
   EXPECT_THAT(Files(), IsEmpty());
 }
 
@@ -231,7 +237,7 @@ TEST_P(UploadStoreTest, BoundsOnWhatIsUnderWay) {
   const absl::Status no_bytes = Create(1, Sha256("b")).status();
   EXPECT_EQ(ReasonOf(no_bytes), "STORAGE_FULL");
   EXPECT_EQ(ToRpcStatus(no_bytes).details_size(), 2) << "with a RetryInfo";
-  ASSERT_TRUE(store_->Delete(large).ok());
+  ASSERT_TRUE(store_->Delete(caller_, large).ok());
 
   std::vector<std::string> names;
   for (const char* mesh : {"1", "2", "3"}) names.push_back(CreateFor(mesh));
@@ -244,14 +250,14 @@ TEST_P(UploadStoreTest, BoundsOnWhatIsUnderWay) {
     now_ += absl::Seconds(1);
     EXPECT_TRUE(WriteOnce(names[i], 0, std::to_string(i + 1)).ok());
   }
-  EXPECT_FALSE(store_->Get(names[0]).ok()) << "the complete one that nobody used for longest made room";
-  EXPECT_TRUE(store_->Use(names[1]).ok());
-  EXPECT_TRUE(store_->Use(names[2]).ok());
+  EXPECT_FALSE(store_->Get(caller_, names[0]).ok()) << "the complete one that nobody used for longest made room";
+  EXPECT_TRUE(store_->Use(caller_, names[1]).ok());
+  EXPECT_TRUE(store_->Use(caller_, names[2]).ok());
 }
 
 TEST_P(UploadStoreTest, NoRoomForTheBlobLosesNothing) {
   Start(/*max_blob_bytes=*/150);
-  ASSERT_TRUE(blobs_->Put(Noise(100, 7)).ok());
+  ASSERT_TRUE(blobs_->Put(kDefaultTenant, Noise(100, 7)).ok());
   const std::string bytes = Noise(100);
   const std::string name = CreateFor(bytes);
   ASSERT_TRUE(WriteOnce(name, 0, bytes.substr(0, 60)).ok());
@@ -259,10 +265,100 @@ TEST_P(UploadStoreTest, NoRoomForTheBlobLosesNothing) {
   EXPECT_EQ(ReasonOf(full), "STORAGE_FULL");
   EXPECT_EQ(ToRpcStatus(full).details_size(), 2) << "with a RetryInfo";
   EXPECT_EQ(Committed(name), 60) << "the last piece must come again";
-  EXPECT_EQ(ReasonOf(store_->Use(name).status()), "UPLOAD_INCOMPLETE");
-  blobs_->Collect([](const std::string&) { return false; });
+  EXPECT_EQ(ReasonOf(store_->Use(caller_, name).status()), "UPLOAD_INCOMPLETE");
+  blobs_->Collect([](const BlobId&) { return false; });
   EXPECT_TRUE(WriteOnce(name, 60, bytes.substr(60)).ok());
-  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes);
+  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
+}
+
+TEST_P(UploadStoreTest, NoRoomForTheBlobIsMadeWhereItCanBe) {
+  Start(/*max_blob_bytes=*/150);
+  ASSERT_TRUE(blobs_->Put(kDefaultTenant, Noise(100, 7)).ok());
+  store_->SetMakeRoom([this](const std::string& tenant, std::int64_t bytes) {
+    EXPECT_EQ(tenant, kDefaultTenant);
+    EXPECT_EQ(bytes, 100);
+    return blobs_->Remove(Own(Noise(100, 7)));
+  });
+  const std::string bytes = Noise(100);
+  const std::string name = CreateFor(bytes);
+  EXPECT_TRUE(WriteOnce(name, 0, bytes).ok());
+  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
+}
+
+// ---- tenants
+
+const Caller kOther = {"other", "", Rights{true, true, false, false}, ""};
+
+TEST_P(UploadStoreTest, AnotherTenantsUploadIsNone) {
+  const std::string bytes = Noise(100);
+  const std::string theirs = CreateFor(bytes);
+  const std::string complete = CreateFor("mesh");
+  ASSERT_TRUE(WriteOnce(complete, 0, "mesh").ok());
+  for (const std::string& name : {theirs, complete}) {
+    // Word for word what is said of an upload that never was, but for the name asked for.
+    const auto expect_none = [&](const absl::Status& status, const absl::Status& none) {
+      EXPECT_EQ(status.code(), none.code());
+      EXPECT_EQ(ToRpcStatus(status).SerializeAsString().size(), ToRpcStatus(none).SerializeAsString().size());
+      EXPECT_EQ(ReasonOf(status), "UPLOAD_NOT_FOUND");
+      EXPECT_EQ(ErrorInfoOf(status).metadata, (std::map<std::string, std::string>{{"upload", name}}));
+      EXPECT_EQ(status.message(), "there is no upload '" + name + "': it never was, or it expired or was deleted");
+    };
+    const std::string never = "uploads/" + std::string(name.size() - 8, '0');
+    expect_none(store_->Get(kOther, name).status(), store_->Get(kOther, never).status());
+    expect_none(store_->Delete(kOther, name), store_->Delete(kOther, never));
+    expect_none(store_->Write(kOther, name).status(), store_->Write(kOther, never).status());
+    expect_none(store_->Use(kOther, name).status(), store_->Use(kOther, never).status());
+    EXPECT_TRUE(store_->Get(caller_, name).ok());
+  }
+}
+
+TEST_P(UploadStoreTest, BytesThatOnlyOthersHaveMustBeSent) {
+  const std::string name = CreateFor("mesh");
+  ASSERT_TRUE(WriteOnce(name, 0, "mesh").ok());
+  v1::CreateUploadRequest request;
+  request.set_total_bytes(4);
+  request.set_sha256(Sha256("mesh"));
+  const v1::Upload other = *store_->Create(kOther, request);
+  EXPECT_EQ(other.committed_bytes(), 0);
+  EXPECT_TRUE(store_->Write(kOther, other.name())->Append(0, "mesh").ok());
+  EXPECT_EQ(blobs_->bytes(), 8) << "each has its own, so room says nothing either";
+  EXPECT_EQ(store_->Create(kOther, request)->committed_bytes(), 4) << "these are its own";
+  ASSERT_TRUE(store_->Delete(caller_, name).ok());
+  EXPECT_FALSE(store_->Uses(Own("mesh")));
+  EXPECT_TRUE(store_->Use(kOther, other.name())->mesh->bytes() == "mesh");
+}
+
+TEST_P(UploadStoreTest, ATenantThatTakesAllLeavesOthersTheirPart) {
+  options_.max_uploads = 4;
+  options_.max_bytes = 1000;
+  options_.max_complete = 2;
+  Start();
+  for (const char* mesh : {"1", "2", "3", "4"}) CreateFor(mesh);
+  EXPECT_EQ(ReasonOf(Create(1, Sha256("5")).status()), "QUEUE_FULL");
+  const auto create_other = [this](const std::string& mesh, std::int64_t bytes) {
+    v1::CreateUploadRequest request;
+    request.set_total_bytes(bytes);
+    request.set_sha256(Sha256(mesh));
+    return store_->Create(kOther, request).status();
+  };
+  EXPECT_TRUE(create_other("a", 996).ok());
+  EXPECT_EQ(ReasonOf(create_other("b", 1)), "STORAGE_FULL") << "it has more than half of the bytes";
+  EXPECT_TRUE(ErrorInfoOf(create_other("b", 1)).metadata.at("limit") == "1000");
+}
+
+TEST_P(UploadStoreTest, CompleteOnesOfOthersStay) {
+  options_.max_complete = 1;
+  Start();
+  const std::string mine = CreateFor("mine");
+  ASSERT_TRUE(WriteOnce(mine, 0, "mine").ok());
+  for (const char* mesh : {"a", "b", "c"}) {
+    v1::CreateUploadRequest request;
+    request.set_total_bytes(1);
+    request.set_sha256(Sha256(mesh));
+    const v1::Upload other = *store_->Create(kOther, request);
+    ASSERT_TRUE(store_->Write(kOther, other.name())->Append(0, mesh).ok());
+  }
+  EXPECT_TRUE(store_->Use(caller_, mine).ok());
 }
 
 // Random calls by several clients on several uploads, against a model of what must come out.
@@ -285,9 +381,9 @@ TEST_P(UploadStoreTest, EveryOrderOfCalls) {
       continue;
     }
     auto& [name, model] = *pick();
-    if (!store_->Get(name).ok()) {
+    if (!store_->Get(caller_, name).ok()) {
       ASSERT_FALSE(model.exists) << name;
-      ASSERT_EQ(ReasonOf(store_->Write(name).status()), "UPLOAD_NOT_FOUND");
+      ASSERT_EQ(ReasonOf(store_->Write(caller_, name).status()), "UPLOAD_NOT_FOUND");
       continue;
     }
     ASSERT_TRUE(model.exists) << name;
@@ -295,7 +391,7 @@ TEST_P(UploadStoreTest, EveryOrderOfCalls) {
     const bool complete = model.committed == model.bytes.size();
     switch (below(10)) {
       case 0: {
-        absl::StatusOr<UploadWriter> writer = store_->Write(name);
+        absl::StatusOr<UploadWriter> writer = store_->Write(caller_, name);
         ASSERT_EQ(writer.ok(), !writers.contains(name));
         if (writer.ok()) writers[name] = *std::move(writer);
         break;
@@ -304,15 +400,15 @@ TEST_P(UploadStoreTest, EveryOrderOfCalls) {
         writers.erase(name);
         break;
       case 2:
-        ASSERT_EQ(ReasonOf(store_->Use(name).status()), complete ? "OK" : "UPLOAD_INCOMPLETE");
+        ASSERT_EQ(ReasonOf(store_->Use(caller_, name).status()), complete ? "OK" : "UPLOAD_INCOMPLETE");
         if (complete) {
-          ASSERT_TRUE(store_->Use(name)->mesh->bytes() == model.bytes);
+          ASSERT_TRUE(store_->Use(caller_, name)->mesh->bytes() == model.bytes);
           ++completed;
         }
         break;
       case 3:
         if (below(30) != 0) break;
-        ASSERT_TRUE(store_->Delete(name).ok());
+        ASSERT_TRUE(store_->Delete(caller_, name).ok());
         model.exists = false;
         break;
       default: {
@@ -346,7 +442,45 @@ TEST_P(UploadRestartTest, GoesOnWhereTheProcessEnded) {
   EXPECT_EQ(Committed(name), 2'500'000);
   EXPECT_EQ(Committed(fresh), 0);
   EXPECT_TRUE(WriteOnce(name, 2'500'000, std::string_view(bytes).substr(2'500'000)).ok());
-  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes) << "the digest covered what the first process wrote";
+  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes) << "the digest covered what the first process wrote";
+}
+
+TEST_P(UploadRestartTest, TenantsOutliveTheProcess) {
+  v1::CreateUploadRequest request;
+  request.set_total_bytes(4);
+  request.set_sha256(Sha256("mesh"));
+  const Caller dashed = {"a-b_c-5", "", Rights{true, true, false, false}, ""};
+  const std::string part = store_->Create(dashed, request)->name();
+  const std::string done = store_->Create(kOther, request)->name();
+  ASSERT_TRUE(store_->Write(kOther, done)->Append(0, "mesh").ok());
+  Start();
+  EXPECT_TRUE(store_->Use(kOther, done).ok());
+  EXPECT_TRUE(store_->Write(dashed, part)->Append(0, "mesh").ok());
+  EXPECT_FALSE(store_->Get(caller_, part).ok());
+  EXPECT_FALSE(store_->Get(kOther, part).ok());
+  Start();
+  EXPECT_TRUE(store_->Use(dashed, part).ok());
+}
+
+TEST_P(UploadRestartTest, WhatWasThereBeforeTenantsIsTheDefaultTenants) {
+  const std::string digest = absl::BytesToHexString(Sha256("mesh"));
+  std::ofstream(dir_.Path("uploads/farm-1.old-4-" + digest + ".part")) << "me";
+  Start();
+  EXPECT_EQ(Committed("uploads/farm-1.old"), 2);
+  EXPECT_TRUE(WriteOnce("uploads/farm-1.old", 2, "sh").ok());
+}
+
+// Dashes part the fields of a file's name, and may be in an id as well.
+TEST_P(UploadRestartTest, IdsWithTheNameOfAServer) {
+  options_.new_id = IdsOf("planish-eu-0");
+  Start();
+  const std::string name = CreateFor("some bytes"), done = CreateFor("other bytes");
+  EXPECT_THAT(name, ::testing::MatchesRegex("uploads/planish-eu-0\\.[0-9a-f]{16}"));
+  ASSERT_TRUE(WriteOnce(name, 0, "some").ok());
+  ASSERT_TRUE(WriteOnce(done, 0, "other bytes").ok());
+  Start();
+  EXPECT_EQ(Committed(name), 4);
+  EXPECT_EQ(store_->Use(caller_, done)->mesh->bytes(), "other bytes");
 }
 
 TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {
@@ -360,7 +494,7 @@ TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {
   Start();
   EXPECT_EQ(Committed(name), 999) << "not complete, so not all bytes";
   EXPECT_TRUE(WriteOnce(name, 999, bytes.substr(999)).ok());
-  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes);
+  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
 }
 
 TEST_P(UploadRestartTest, DamageIsFoundAndRubbishGoes) {
@@ -413,7 +547,7 @@ TEST_P(UploadRestartTest, FullDiskCorruptsNothing) {
     EXPECT_TRUE(WriteOnce(name, 8'000, std::string_view(bytes).substr(8'000, 1'000)).ok()) << "smaller pieces fit";
   }
   EXPECT_TRUE(WriteOnce(name, 9'000, std::string_view(bytes).substr(9'000)).ok());
-  EXPECT_TRUE(store_->Use(name)->mesh->bytes() == bytes);
+  EXPECT_TRUE(store_->Use(caller_, name)->mesh->bytes() == bytes);
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ v1::Job Get(RpcTestServer& server, const std::string& name) {
 }
 
 void FollowToTheEnd(RpcTestServer& server, const std::string& name) {
-  Follow(*server.manager().Watch(name, false, false)->events);
+  Follow(*server.manager().Watch(kEverybody, name, false, false)->events);
 }
 
 TEST(JobsRpc, CreateAndGet) {
@@ -133,7 +133,7 @@ TEST(JobsRpc, UnknownNames) {
 TEST(JobsRpc, CancelThenDelete) {
   RpcTestServer server(WaitForCancel());
   const std::string name = server.Create();
-  WaitForEvent(*server.manager().Watch(name, false, false)->events, 3);
+  WaitForEvent(*server.manager().Watch(kEverybody, name, false, false)->events, 3);
 
   v1::DeleteJobRequest erase;
   erase.set_name(name);
@@ -172,7 +172,7 @@ TEST(JobsRpc, StopReachesTheWorker) {
 
   const std::string name = server.Create();
   request.set_name(name);
-  WaitForEvent(*server.manager().Watch(name, false, false)->events, 3);
+  WaitForEvent(*server.manager().Watch(kEverybody, name, false, false)->events, 3);
   ASSERT_TRUE(Call(server, &v1::Planish::Stub::StopJob, request, &job).ok());
   EXPECT_TRUE(job.stop_requested());
   FollowToTheEnd(server, name);
@@ -216,9 +216,10 @@ TEST(JobsRpc, DrainingServerSaysSo) {
   const std::string kNotServing("\x08\x02");
   EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", ""), kServing);
   EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", "\x0a\x12planish.v1.Planish"), kServing);
-  server.rpc().SetServing(false);
+  server.rpc().SetReady(false);
   server.manager().Drain([] {});
-  EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", ""), kNotServing);
+  EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", "\x0a\x12planish.v1.Planish"), kNotServing);
+  EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", ""), kServing) << "draining is no reason to restart";
   const grpc::Status status = TryCreate(server, MeshRequest());
   EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(InfoOf(status).reason(), "DRAINING");

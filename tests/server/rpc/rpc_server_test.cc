@@ -25,8 +25,8 @@ class RpcServerTest : public ::testing::Test {
   absl::StatusOr<std::unique_ptr<RpcServer>> Start(const std::vector<std::string>& addresses) {
     RpcServerOptions options;
     for (const std::string& address : addresses) options.listen.push_back(*ParseListenAddress(address));
-    services_.push_back(NewPlanishService(nullptr, nullptr, ServiceOptions(), &streams_));
-    return RpcServer::Start(options, services_.back().get());
+    services_.push_back(NewPlanishService(nullptr, nullptr, callers_.get(), ServiceOptions(), &streams_));
+    return RpcServer::Start(options, {services_.back().get()});
   }
 
   // A socket file that nobody listens on any more.
@@ -41,6 +41,7 @@ class RpcServerTest : public ::testing::Test {
 
   TempDir dir_;
   StreamCounter streams_;
+  std::unique_ptr<CallerSource> callers_ = NewOpenCallerSource();
   std::vector<std::unique_ptr<grpc::Service>> services_;
 };
 

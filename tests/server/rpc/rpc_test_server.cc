@@ -40,32 +40,36 @@ WorkerPoolOptions Workers(int count) {
 }
 
 JobManagerOptions WithUploads(JobManagerOptions options, UploadStore* uploads) {
-  options.is_blob_used = [uploads](const std::string& sha256) { return uploads->Uses(sha256); };
+  options.is_blob_used = [uploads](const BlobId& id) { return uploads->Uses(id); };
   return options;
 }
 
 }  // namespace
 
 RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, UploadStoreOptions upload_options,
-                             double progress_per_second)
+                             double progress_per_second, std::unique_ptr<CallerSource> callers)
     : uploads_(std::move(upload_options), &blobs_),
       store_(*OpenJobStore(":memory:")),
       manager_(*JobManager::Open(WithUploads(options, &uploads_), store_.get(), &blobs_)),
-      pool_(
-          std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), Workers(options.workers))) {
+      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), Workers(options.workers))),
+      callers_(std::move(callers)) {
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   static const bool kept = (grpc_init(), true);
   static_cast<void>(kept);
-  v1::Capabilities capabilities;
-  capabilities.set_version("1.2.3");
-  capabilities.set_workers(options.workers);
-  capabilities.set_upload_chunk_bytes(64 << 10);
-  service_ =
-      NewPlanishService(manager_.get(), &uploads_, {std::move(capabilities), true, progress_per_second}, &streams_);
+  ServiceOptions service_options;
+  service_options.capabilities.set_version("1.2.3");
+  service_options.capabilities.set_workers(options.workers);
+  service_options.capabilities.set_upload_chunk_bytes(64 << 10);
+  service_options.failpoints = true;
+  service_options.update_capabilities = [this](const Caller& caller, v1::Capabilities* capabilities) {
+    capabilities->set_queue_capacity(manager_->QueueCapacity(caller));
+  };
+  service_options.progress_per_second = progress_per_second;
+  service_ = NewPlanishService(manager_.get(), &uploads_, callers_.get(), std::move(service_options), &streams_);
   RpcServerOptions rpc_options;
   rpc_options.listen.push_back(*ParseListenAddress("unix:" + dir_.Path("socket")));
   rpc_options.max_mesh_bytes = options.max_mesh_bytes;
-  rpc_ = *RpcServer::Start(rpc_options, service_.get());
+  rpc_ = *RpcServer::Start(rpc_options, {service_.get()});
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);
   channel_ = grpc::CreateCustomChannel("unix:" + dir_.Path("socket"), grpc::InsecureChannelCredentials(), arguments);

@@ -13,6 +13,7 @@
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
+#include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
 #include "tests/server/testing/fake_workers.h"
@@ -20,10 +21,14 @@
 
 namespace planish {
 
+// Who makes all calls where an RpcTestServer is not told otherwise.
+inline const Caller kEverybody = {kDefaultTenant, "", Rights::All(), ""};
+
 class RpcTestServer {
  public:
   explicit RpcTestServer(WorkerScript script, JobManagerOptions options = JobManagerOptions(),
-                         UploadStoreOptions upload_options = UploadStoreOptions(), double progress_per_second = 1e9);
+                         UploadStoreOptions upload_options = UploadStoreOptions(), double progress_per_second = 1e9,
+                         std::unique_ptr<CallerSource> callers = NewOpenCallerSource());
   ~RpcTestServer();
 
   JobManager& manager() { return *manager_; }
@@ -46,6 +51,7 @@ class RpcTestServer {
   std::unique_ptr<JobManager> manager_;
   std::unique_ptr<WorkerPool> pool_;
   StreamCounter streams_;
+  const std::unique_ptr<CallerSource> callers_;
   std::unique_ptr<grpc::Service> service_;
   std::unique_ptr<RpcServer> rpc_;
   std::shared_ptr<grpc::Channel> channel_;

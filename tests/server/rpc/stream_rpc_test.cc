@@ -62,7 +62,7 @@ class Caller {
 };
 
 v1::JobState EndState(RpcTestServer& server, const std::string& name) {
-  return Follow(*server.manager().Watch(name, false, false)->events).back().job().state();
+  return Follow(*server.manager().Watch(kEverybody, name, false, false)->events).back().job().state();
 }
 
 TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
@@ -233,7 +233,7 @@ TEST(WatchRpc, AttachedWatchersKeepTheJobAlive) {
   ASSERT_TRUE(second->Read(&first_event)) << "from here on the job is this call's too";
   caller.GoAway();
   EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
-  EXPECT_EQ(server.manager().Get(caller.name())->state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(server.manager().Get(kEverybody, caller.name())->state(), v1::JOB_STATE_RUNNING);
   context.TryCancel();
   EXPECT_EQ(second->Finish().error_code(), grpc::StatusCode::CANCELLED);
   EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED) << "the last caller went";
@@ -278,12 +278,12 @@ TEST(WatchRpc, WatchersComeAndGoWithoutEffect) {
     context.TryCancel();
     EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
   }
-  EXPECT_EQ(server.manager().Get(name)->state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(server.manager().Get(kEverybody, name)->state(), v1::JOB_STATE_RUNNING);
   std::thread watcher([&] {
     const Received received = Watch(server, WatchRequest(name, 3));
     EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_CANCELLED);
   });
-  EXPECT_TRUE(server.manager().Cancel(name).ok());
+  EXPECT_TRUE(server.manager().Cancel(kEverybody, name).ok());
   watcher.join();
 }
 

@@ -1,6 +1,7 @@
 // Workers in processes of their own: what they answer, and what becomes of the server when they die, hang, grow, or
 // send what they should not.
 #include <dirent.h>
+#include <fcntl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -93,8 +94,8 @@ class TestSource : public JobSource {
 
   Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override {
     std::unique_lock lock(mutex_);
-    const bool woken = changed_.wait_for(lock, absl::ToChronoNanoseconds(patience),
-                                         [this] { return stopped_ || !jobs_.empty(); });
+    const bool woken =
+        changed_.wait_for(lock, absl::ToChronoNanoseconds(patience), [this] { return stopped_ || !jobs_.empty(); });
     if (!woken) return Turn::kNothing;
     if (jobs_.empty()) return Turn::kOver;
     *assignment = std::move(jobs_.front());
@@ -364,6 +365,21 @@ TEST_F(WorkerProcess, ThatEndsAtOnceSaysHow) {
   StopPool();
   const std::lock_guard lock(mutex_);
   EXPECT_THAT(start_error_, HasSubstr("exited with code 1"));
+}
+
+TEST_F(WorkerProcess, SpeaksWhereItIsTold) {
+  int ends[2];
+  ASSERT_EQ(pipe2(ends, O_CLOEXEC), 0);
+  process_.program = "/bin/ls";  // does not know the flags of workers, and says so
+  process_.stderr_fd = ends[1];
+  stop_when_start_fails_ = true;
+  StartPool();
+  StopPool();
+  close(ends[1]);
+  char said[256] = {};
+  EXPECT_GT(read(ends[0], said, sizeof said - 1), 0);
+  EXPECT_THAT(said, HasSubstr("--worker-fd"));
+  close(ends[0]);
 }
 
 // Every fault at every point: the job is lost or fails with the fault's name, and the next one succeeds.

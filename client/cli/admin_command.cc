@@ -1,0 +1,117 @@
+#include <chrono>
+#include <iostream>
+#include <string>
+#include <thread>
+
+#include "client/cli/commands.h"
+#include "client/cli/exit_codes.h"
+#include "client/cli/json.h"
+#include "client/cli/numbers.h"
+#include "client/cli/server_flags.h"
+#include "planish/admin.h"
+
+namespace planish::cli {
+namespace {
+
+constexpr std::chrono::milliseconds kLookInterval(250);
+
+std::string Jobs(const ServerStats& stats) {
+  return Counted(stats.running, "job runs", "jobs run") + ", " + Counted(stats.queued, "waits", "wait");
+}
+
+double Uptime(const ServerStats& stats) {
+  return std::chrono::duration<double>(std::chrono::system_clock::now() - stats.start_time).count();
+}
+
+Json ToJson(const ServerStats& stats) {
+  Json tenants = Json::array();
+  for (const ServerStats::Tenant& tenant : stats.tenants) {
+    tenants.push_back({{"tenant", tenant.name},
+                       {"queued", tenant.queued},
+                       {"running", tenant.running},
+                       {"accepted", tenant.accepted},
+                       {"refused", tenant.refused}});
+  }
+  return {{"version", stats.version},
+          {"uptime_seconds", Uptime(stats)},
+          {"draining", stats.draining},
+          {"workers", stats.workers},
+          {"workers_ready", stats.workers_ready},
+          {"queued", stats.queued},
+          {"running", stats.running},
+          {"reserved_memory_bytes", stats.reserved_memory_bytes},
+          {"memory_bytes", stats.memory_bytes},
+          {"stored_bytes", stats.stored_bytes},
+          {"store_bytes", stats.store_bytes},
+          {"oldest_wait_seconds", stats.oldest_wait_seconds},
+          {"tenants", tenants}};
+}
+
+void Print(const ServerStats& stats) {
+  std::cout << "planishd " << stats.version << ", up for " << Duration(Uptime(stats))
+            << (stats.draining ? ", draining: takes no new jobs" : "") << "\n"
+            << "jobs     " << Jobs(stats);
+  if (stats.queued > 0) std::cout << ", the oldest for " << Duration(stats.oldest_wait_seconds);
+  std::cout << "\n"
+            << "workers  " << stats.workers_ready << " of " << stats.workers << " ready\n"
+            << "memory   " << Megabytes(stats.reserved_memory_bytes) << " of " << Megabytes(stats.memory_bytes)
+            << " reserved\n"
+            << "store    " << Megabytes(stats.stored_bytes) << " of " << Megabytes(stats.store_bytes) << "\n";
+  for (const ServerStats::Tenant& tenant : stats.tenants) {
+    std::cout << "tenant   " << tenant.name << ": " << tenant.running << " running, " << tenant.queued << " queued, "
+              << tenant.accepted << " accepted and " << tenant.refused << " refused so far\n";
+  }
+  std::cout << std::flush;
+}
+
+// A line on stderr each time the numbers change.
+void WaitUntilIdle(AdminClient& admin) {
+  std::string said;
+  for (ServerStats stats = admin.GetStats(); !stats.IsIdle(); stats = admin.GetStats()) {
+    const std::string jobs = Jobs(stats);
+    if (jobs != said) std::cerr << "Draining: " << jobs << ".\n";
+    said = jobs;
+    std::this_thread::sleep_for(kLookInterval);
+  }
+}
+
+int Drain(AdminClient& admin, bool wait, Interrupts& interrupts) {
+  admin.Drain();
+  if (!wait) {
+    std::cerr << "The server takes no new jobs.\n";
+    return kOk;
+  }
+  interrupts.SetLastWords([] { std::cerr << "The server goes on draining; planish admin undrain takes that back.\n"; });
+  WaitUntilIdle(admin);
+  interrupts.SetLastWords({});
+  std::cerr << "Drained: no job is left.\n";
+  return kOk;
+}
+
+}  // namespace
+
+int RunAdmin(const Arguments& arguments, Interrupts& interrupts) {
+  AdminClient admin(arguments.server, WithServerFlags({}, arguments.server_flags));
+  switch (arguments.command) {
+    case Command::kAdminDrain:
+      return Drain(admin, arguments.wait, interrupts);
+    case Command::kAdminUndrain:
+      admin.Undrain();
+      std::cerr << "The server takes new jobs again.\n";
+      return kOk;
+    case Command::kAdminConfig:
+      std::cout << admin.GetConfig().yaml << std::flush;
+      return kOk;
+    default:
+      break;
+  }
+  const ServerStats stats = admin.GetStats();
+  if (arguments.json) {
+    std::cout << ToText(ToJson(stats)) << std::flush;
+  } else {
+    Print(stats);
+  }
+  return kOk;
+}
+
+}  // namespace planish::cli

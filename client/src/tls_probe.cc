@@ -1,0 +1,197 @@
+#include "client/src/tls_probe.h"
+
+#include <netdb.h>
+#include <openssl/bio.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/ssl.h>
+#include <openssl/x509v3.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <memory>
+#include <optional>
+
+#include "client/src/target_address.h"
+
+namespace planish {
+inline namespace api {
+namespace {
+
+// For each step: connect, each read, each write.
+constexpr timeval kStepLimit = {2, 0};
+
+struct Free {
+  void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }
+  void operator()(SSL* ssl) const { SSL_free(ssl); }
+  void operator()(BIO* bio) const { BIO_free(bio); }
+  void operator()(X509* certificate) const { X509_free(certificate); }
+  void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
+  void operator()(addrinfo* list) const { freeaddrinfo(list); }
+};
+template <typename T>
+using Owned = std::unique_ptr<T, Free>;
+
+// A connected socket; -1 if nobody listens.
+class ProbeSocket {
+ public:
+  explicit ProbeSocket(const HostPort& address) {
+    addrinfo hints = {};
+    hints.ai_socktype = SOCK_STREAM;
+    addrinfo* found = nullptr;
+    if (getaddrinfo(address.host.c_str(), address.port.c_str(), &hints, &found) != 0) return;
+    const Owned<addrinfo> list(found);
+    for (const addrinfo* each = found; each != nullptr && fd_ < 0; each = each->ai_next) Try(*each);
+  }
+  ~ProbeSocket() {
+    if (fd_ >= 0) close(fd_);
+  }
+  ProbeSocket(const ProbeSocket&) = delete;
+  ProbeSocket& operator=(const ProbeSocket&) = delete;
+  int fd() const { return fd_; }
+
+ private:
+  void Try(const addrinfo& address) {
+    fd_ = socket(address.ai_family, address.ai_socktype | SOCK_CLOEXEC, 0);
+    if (fd_ < 0) return;
+    setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &kStepLimit, sizeof(kStepLimit));
+    setsockopt(fd_, SOL_SOCKET, SO_SNDTIMEO, &kStepLimit, sizeof(kStepLimit));  // connect() too
+    if (connect(fd_, address.ai_addr, address.ai_addrlen) == 0) return;
+    close(fd_);
+    fd_ = -1;
+  }
+
+  int fd_ = -1;
+};
+
+Owned<BIO> Reader(const std::string& pem) {
+  return Owned<BIO>(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
+}
+
+void Trust(SSL_CTX* context, const std::string& ca) {
+  if (ca.empty()) {
+    SSL_CTX_set_default_verify_paths(context);
+    return;
+  }
+  const Owned<BIO> reader = Reader(ca);
+  while (X509* next = PEM_read_bio_X509(reader.get(), nullptr, nullptr, nullptr)) {
+    const Owned<X509> root(next);
+    X509_STORE_add_cert(SSL_CTX_get_cert_store(context), root.get());
+  }
+  ERR_clear_error();
+}
+
+// What is wrong with the client's own files; empty if nothing.
+std::string Present(SSL_CTX* context, const TlsProbe& probe) {
+  if (probe.certificate.empty()) return "";
+  const Owned<BIO> certificates = Reader(probe.certificate), keys = Reader(probe.key);
+  const Owned<X509> certificate(PEM_read_bio_X509(certificates.get(), nullptr, nullptr, nullptr));
+  const Owned<EVP_PKEY> key(PEM_read_bio_PrivateKey(keys.get(), nullptr, nullptr, nullptr));
+  if (certificate == nullptr) return "the client certificate cannot be read";
+  if (key == nullptr) return "the client's key cannot be read";
+  if (SSL_CTX_use_certificate(context, certificate.get()) != 1 || SSL_CTX_use_PrivateKey(context, key.get()) != 1) {
+    return "the client certificate does not belong to the client's key";
+  }
+  while (X509* next = PEM_read_bio_X509(certificates.get(), nullptr, nullptr, nullptr)) {
+    SSL_CTX_add0_chain_cert(context, next);
+  }
+  ERR_clear_error();
+  return "";
+}
+
+void ExpectName(SSL* ssl, const std::string& name) {
+  X509_VERIFY_PARAM* rules = SSL_get0_param(ssl);
+  if (X509_VERIFY_PARAM_set1_ip_asc(rules, name.c_str()) == 1) return;
+  ERR_clear_error();
+  X509_VERIFY_PARAM_set1_host(rules, name.c_str(), name.size());
+  SSL_ctrl(ssl, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, const_cast<char*>(name.c_str()));
+}
+
+// The server asks for a client certificate.
+int OnAsked(SSL*, void* asked) {
+  *static_cast<bool*>(asked) = true;
+  return 1;
+}
+
+bool HasExpired(SSL* ssl) {
+  const X509* certificate = SSL_get_certificate(ssl);
+  return certificate != nullptr && X509_cmp_current_time(X509_get0_notAfter(certificate)) < 0;
+}
+
+// A server of gRPC closes the connection without an alert where it does not like the client's certificate.
+std::string ExplainClosed(SSL* ssl, bool asked, bool has_certificate) {
+  if (!asked) return "";
+  if (!has_certificate) return "the server asks for a client certificate";
+  return HasExpired(ssl) ? "the client certificate has expired" : "the server refuses the client certificate";
+}
+
+// The last error of a handshake or of a read after it.
+std::string Explain(SSL* ssl, const std::string& name, bool has_certificate) {
+  const unsigned long error = ERR_peek_error();
+  const int reason = ERR_GET_LIB(error) == ERR_LIB_SSL ? ERR_GET_REASON(error) : 0;
+  if (reason == SSL_R_WRONG_VERSION_NUMBER || reason == SSL_R_PACKET_LENGTH_TOO_LONG) {
+    return "the server there does not speak TLS";
+  }
+  const long verdict = SSL_get_verify_result(ssl);
+  if (reason == SSL_R_CERTIFICATE_VERIFY_FAILED && verdict != X509_V_OK) {
+    const std::string text = X509_verify_cert_error_string(verdict);
+    if (verdict == X509_V_ERR_HOSTNAME_MISMATCH || verdict == X509_V_ERR_IP_ADDRESS_MISMATCH) {
+      return "the server's certificate is not for " + name + " (" + text + ")";
+    }
+    if (verdict == X509_V_ERR_CERT_HAS_EXPIRED) return "the server's certificate has expired";
+    return "the server's certificate cannot be trusted (" + text + ")";
+  }
+  if (reason == SSL_R_TLSV13_ALERT_CERTIFICATE_REQUIRED ||
+      (reason == SSL_R_SSLV3_ALERT_HANDSHAKE_FAILURE && !has_certificate)) {
+    return "the server asks for a client certificate";
+  }
+  // Alerts about certificates, of either version of TLS.
+  if (reason == SSL_R_SSLV3_ALERT_CERTIFICATE_EXPIRED) return "the client certificate has expired";
+  if (has_certificate && reason >= SSL_AD_REASON_OFFSET) {
+    return std::string("the server refuses the client certificate (") + ERR_reason_error_string(error) + ")";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
+  const std::optional<HostPort> address = ParseHostPort(target);
+  if (!address) return "";
+  const Owned<SSL_CTX> context(SSL_CTX_new(TLS_client_method()));
+  SSL_CTX_set_min_proto_version(context.get(), TLS1_2_VERSION);
+  SSL_CTX_set_verify(context.get(), probe.uses_tls ? SSL_VERIFY_PEER : SSL_VERIFY_NONE, nullptr);
+  Trust(context.get(), probe.ca);
+  if (std::string fault = Present(context.get(), probe); !fault.empty()) return fault;
+  const ProbeSocket socket(*address);
+  if (socket.fd() < 0) return "";
+  const Owned<SSL> ssl(SSL_new(context.get()));
+  const unsigned char http2[] = {2, 'h', '2'};
+  SSL_set_alpn_protos(ssl.get(), http2, sizeof(http2));
+  const std::string name = probe.server_name.empty() ? address->host : probe.server_name;
+  ExpectName(ssl.get(), name);
+  SSL_set_fd(ssl.get(), socket.fd());
+  ERR_clear_error();
+  bool asked = false;
+  SSL_set_cert_cb(ssl.get(), OnAsked, &asked);
+  int result = SSL_connect(ssl.get());
+  const bool is_done = result == 1;
+  if (!probe.uses_tls) {
+    // An alert is an answer in TLS as well: the server may ask for a client certificate, say.
+    const unsigned long error = ERR_peek_error();
+    const bool is_alert = ERR_GET_LIB(error) == ERR_LIB_SSL && ERR_GET_REASON(error) >= SSL_AD_REASON_OFFSET;
+    return is_done || is_alert ? "the server there speaks TLS only" : "";
+  }
+  // With TLS 1.3 a server judges the client's certificate after the client is done; it says so instead of its first
+  // HTTP/2 frame.
+  char byte = 0;
+  if (is_done) result = SSL_read(ssl.get(), &byte, 1);
+  if (result > 0 || SSL_get_error(ssl.get(), result) == SSL_ERROR_WANT_READ) return "";  // all is well, or too slow
+  const bool has_certificate = !probe.certificate.empty();
+  const std::string fault = Explain(ssl.get(), name, has_certificate);
+  return fault.empty() ? ExplainClosed(ssl.get(), asked, has_certificate) : fault;
+}
+
+}  // namespace api
+}  // namespace planish

@@ -1,0 +1,24 @@
+// Why TLS to a server fails, in words. gRPC only says that a handshake failed, or that a connection was closed.
+#pragma once
+
+#include <string>
+
+namespace planish {
+inline namespace api {
+
+// How a client would connect; PEM, as in ClientOptions.
+struct TlsProbe {
+  bool uses_tls = false;
+  std::string ca;
+  std::string certificate;
+  std::string key;
+  std::string server_name;
+};
+
+// Connects to `target` for a moment, sends nothing but a handshake, and says what is wrong with it: the server's
+// certificate (signed by nobody known, for another name, expired), the client's (missing, refused), or that only one
+// side speaks TLS. Empty if nothing is, nobody listens, or it takes more than a few seconds.
+std::string FindTlsFault(const std::string& target, const TlsProbe& probe);
+
+}  // namespace api
+}  // namespace planish

@@ -1,0 +1,28 @@
+// W3C Trace Context, level 1 (https://www.w3.org/TR/trace-context-1/): the header "traceparent" by which one thing that
+// somebody asked for can be followed through programs and logs.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+
+namespace planish {
+
+// 64 random bits, from wherever the caller has them.
+using RandomBits = std::function<std::uint64_t()>;
+
+// `header` as version 00, "00-TRACE-SPAN-FLAGS" with 32, 16 and 2 lower-case hex digits; "" if it is malformed, its
+// version is ff, or an id is all zeros. What later versions may append is cut off, as the standard wants it.
+std::string ParseTraceparent(std::string_view header);
+
+// The 32 digits of the trace's id in a valid traceparent; "" for any other text.
+std::string_view TraceIdOf(std::string_view traceparent);
+
+// A new trace, sampled.
+std::string NewTraceparent(const RandomBits& random);
+
+// The same trace with a new span's id. `parent` must be valid.
+std::string ChildTraceparent(std::string_view parent, const RandomBits& random);
+
+}  // namespace planish

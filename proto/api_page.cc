@@ -1,0 +1,224 @@
+// Writes the page of the published API, in Markdown, from the comments of the proto files.
+//
+//   planish_api_page DESCRIPTORS FILE.proto... > proto/API.md
+//
+// DESCRIPTORS is a FileDescriptorSet with source info (protoc --include_imports --include_source_info). Comments are
+// paragraphs, except for lines that begin further right: "  CODE   what it means" is an item of a list, anything else
+// stays as it is.
+#include <cctype>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "google/protobuf/descriptor.h"
+#include "google/protobuf/descriptor.pb.h"
+
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::DescriptorPool;
+using google::protobuf::EnumDescriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::FileDescriptor;
+using google::protobuf::MethodDescriptor;
+using google::protobuf::ServiceDescriptor;
+using google::protobuf::SourceLocation;
+
+// Lines without the blank after "//".
+std::vector<std::string> LinesOf(const std::string& comment) {
+  std::vector<std::string> lines;
+  std::istringstream text(comment);
+  for (std::string line; std::getline(text, line);) lines.push_back(line.starts_with(' ') ? line.substr(1) : line);
+  return lines;
+}
+
+template <typename Element>
+std::vector<std::string> CommentOf(const Element& element) {
+  SourceLocation location;
+  if (!element.GetSourceLocation(&location)) return {};
+  // "NAME = 0;  // meaning" and "// meaning" above it.
+  return LinesOf(location.leading_comments.empty() ? location.trailing_comments : location.leading_comments);
+}
+
+std::vector<std::string> CommentOf(const FileDescriptor& file) {
+  SourceLocation location;
+  const std::vector<int> syntax = {google::protobuf::FileDescriptorProto::kSyntaxFieldNumber};
+  return file.GetSourceLocation(syntax, &location) ? LinesOf(location.leading_comments) : std::vector<std::string>();
+}
+
+// Where what is said of codes begins, also of FAILED_PRECONDITION, which leaves room for one blank only.
+constexpr std::size_t kCodeText = 22;
+
+// Where the text begins that a word and at least two blanks precede: 0 if this is no such line.
+std::size_t ItemText(const std::string& line) {
+  if (!line.starts_with("  ")) return 0;
+  std::size_t end = 2;
+  while (end < line.size() && (std::isalnum(static_cast<unsigned char>(line[end])) || line[end] == '_' ||
+                               line[end] == '-' || line[end] == '/')) {
+    ++end;
+  }
+  if (end == 2) return 0;
+  const std::size_t text = line.find_first_not_of(' ', end);
+  return text == std::string::npos || (text < end + 2 && text != kCodeText) ? 0 : text;
+}
+
+std::string Trimmed(const std::string& line) {
+  const std::size_t first = line.find_first_not_of(' ');
+  return first == std::string::npos ? "" : line.substr(first);
+}
+
+void PrintComment(const std::vector<std::string>& lines, std::ostream& out) {
+  enum class In { kNothing, kParagraph, kItem, kVerbatim } in = In::kNothing;
+  const auto begin = [&](In what) {
+    if (in != In::kNothing && in != what) out << "\n";
+    in = what;
+  };
+  for (const std::string& line : lines) {
+    const std::size_t text = ItemText(line);
+    const std::string trimmed = Trimmed(line);
+    if (trimmed.empty()) {
+      begin(In::kNothing);
+      out << "\n";
+      in = In::kNothing;
+    } else if (text > 0) {
+      begin(In::kItem);
+      const std::string word = line.substr(2, line.find(' ', 2) - 2);
+      out << "- `" << word << "`: " << line.substr(text) << "\n";
+    } else if (in == In::kItem && line.starts_with("    ")) {
+      out << "  " << trimmed << "\n";
+    } else if (line.starts_with("  ")) {
+      begin(In::kVerbatim);
+      out << "    " << line.substr(2) << "\n";
+    } else {
+      begin(In::kParagraph);
+      out << line << "\n";
+    }
+  }
+  if (!lines.empty()) out << "\n";
+}
+
+// In a cell of a table.
+std::string OneLine(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) {
+    if (!text.empty()) text += ' ';
+    for (const char c : Trimmed(line)) text += c == '|' ? std::string("\\|") : c == '<' ? "&lt;" : std::string(1, c);
+  }
+  return text;
+}
+
+std::string Anchor(const std::string& full_name) {
+  std::string anchor;
+  for (const char c : full_name)
+    anchor += c == '.' ? '-' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return anchor;
+}
+
+// With a link if it is on this page.
+template <typename Type>
+std::string TypeName(const Type& type, const std::string& package) {
+  if (type.file()->package() != package) return "`" + type.full_name() + "`";
+  return "[`" + type.name() + "`](#" + Anchor(type.full_name()) + ")";
+}
+
+std::string TypeOf(const FieldDescriptor& field) {
+  const std::string& package = field.file()->package();
+  if (field.is_map()) {
+    return "map of `" + std::string(field.message_type()->map_key()->type_name()) + "` to `" +
+           field.message_type()->map_value()->type_name() + "`";
+  }
+  std::string type = "`" + std::string(field.type_name()) + "`";
+  if (field.message_type() != nullptr) type = TypeName(*field.message_type(), package);
+  if (field.enum_type() != nullptr) type = TypeName(*field.enum_type(), package);
+  if (field.is_repeated()) return "repeated " + type;
+  if (field.real_containing_oneof() != nullptr)
+    return type + ", one of `" + field.real_containing_oneof()->name() + "`";
+  return field.has_optional_keyword() ? "optional " + type : type;
+}
+
+void PrintHeading(const std::string& level, const std::string& name, const std::string& full_name, std::ostream& out) {
+  out << "<a id=\"" << Anchor(full_name) << "\"></a>\n" << level << " " << name << "\n\n";
+}
+
+void PrintMethod(const MethodDescriptor& method, std::ostream& out) {
+  const std::string& package = method.file()->package();
+  PrintHeading("###", method.name(), method.full_name(), out);
+  out << (method.client_streaming() ? "stream of " : "") << TypeName(*method.input_type(), package) << " → "
+      << (method.server_streaming() ? "stream of " : "") << TypeName(*method.output_type(), package) << "\n\n";
+  PrintComment(CommentOf(method), out);
+}
+
+void PrintMessage(const Descriptor& message, std::ostream& out) {
+  PrintHeading("###", message.name(), message.full_name(), out);
+  PrintComment(CommentOf(message), out);
+  if (message.field_count() == 0) {
+    out << "No fields.\n\n";
+    return;
+  }
+  out << "| field | | type | |\n|---|---|---|---|\n";
+  for (int i = 0; i < message.field_count(); ++i) {
+    const FieldDescriptor& field = *message.field(i);
+    out << "| `" << field.name() << "` | " << field.number() << " | " << TypeOf(field) << " | "
+        << OneLine(CommentOf(field)) << " |\n";
+  }
+  out << "\n";
+}
+
+void PrintEnum(const EnumDescriptor& type, std::ostream& out) {
+  PrintHeading("###", type.name(), type.full_name(), out);
+  PrintComment(CommentOf(type), out);
+  out << "| value | | |\n|---|---|---|\n";
+  for (int i = 0; i < type.value_count(); ++i) {
+    out << "| `" << type.value(i)->name() << "` | " << type.value(i)->number() << " | "
+        << OneLine(CommentOf(*type.value(i))) << " |\n";
+  }
+  out << "\n";
+}
+
+void PrintFile(const FileDescriptor& file, std::ostream& out) {
+  out << "# " << file.name() << "\n\nPackage `" << file.package() << "`.\n\n";
+  PrintComment(CommentOf(file), out);
+  for (int i = 0; i < file.service_count(); ++i) {
+    const ServiceDescriptor& service = *file.service(i);
+    PrintHeading("##", "Service " + service.name(), service.full_name(), out);
+    PrintComment(CommentOf(service), out);
+    for (int m = 0; m < service.method_count(); ++m) PrintMethod(*service.method(m), out);
+  }
+  if (file.message_type_count() > 0) out << "## Messages of " << file.name() << "\n\n";
+  for (int i = 0; i < file.message_type_count(); ++i) PrintMessage(*file.message_type(i), out);
+  if (file.enum_type_count() > 0) out << "## Enums of " << file.name() << "\n\n";
+  for (int i = 0; i < file.enum_type_count(); ++i) PrintEnum(*file.enum_type(i), out);
+}
+
+int Fail(const std::string& message) {
+  std::cerr << "planish_api_page: " << message << "\n";
+  return 2;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 3) return Fail("usage: planish_api_page DESCRIPTORS FILE.proto...");
+  google::protobuf::FileDescriptorSet set;
+  std::ifstream descriptors(argv[1], std::ios::binary);
+  if (!set.ParseFromIstream(&descriptors)) return Fail(std::string("cannot read ") + argv[1]);
+  DescriptorPool pool;
+  for (const google::protobuf::FileDescriptorProto& file : set.file()) {
+    if (pool.BuildFile(file) == nullptr) return Fail("cannot understand " + file.name());
+  }
+  std::ostringstream page;
+  page << "<!-- Made from the proto files by `ninja api_page`. Do not edit: a test compares. -->\n\n";
+  for (int i = 2; i < argc; ++i) {
+    const FileDescriptor* file = pool.FindFileByName(argv[i]);
+    if (file == nullptr) return Fail(std::string(argv[i]) + " is not among the descriptors");
+    PrintFile(*file, page);
+  }
+  std::string text = page.str();
+  // One line end at the end, and no more than one empty line anywhere.
+  for (std::size_t at; (at = text.find("\n\n\n")) != std::string::npos;) text.erase(at, 1);
+  while (text.ends_with("\n\n")) text.pop_back();
+  std::cout << text;
+  return std::cout.flush() ? 0 : Fail("cannot write");
+}

@@ -1,0 +1,10 @@
+#include "server/access/fair_part.h"
+
+namespace planish {
+
+bool HasFairPart(std::int64_t own, std::int64_t total, std::int64_t more, std::int64_t limit, std::int64_t tenants) {
+  // Not total + more: a request may claim a number near the largest there is.
+  return more <= limit - total || more <= limit / tenants - own;
+}
+
+}  // namespace planish

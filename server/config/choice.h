@@ -1,0 +1,42 @@
+// Options whose values are words.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "CLI/CLI.hpp"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace planish {
+
+// An option whose value is one of some words; its default is what `target` holds.
+template <class Value>
+void AddChoice(CLI::App* app, const std::string& flag, Value* target,
+               const std::vector<std::pair<std::string, Value>>& choices, const std::string& description) {
+  std::vector<std::string> words;
+  std::string otherwise;
+  for (const auto& [word, value] : choices) {
+    words.push_back(word);
+    if (value == *target) otherwise = word;
+  }
+  const auto is_word = [words](const std::string& text) {
+    const bool known = std::find(words.begin(), words.end(), text) != words.end();
+    return known ? std::string() : absl::StrCat(text, " is none of ", absl::StrJoin(words, ", "));
+  };
+  app->add_option_function<std::string>(
+         flag,
+         [target, choices](const std::string& text) {
+           for (const auto& [word, value] : choices) {
+             if (word == text) *target = value;
+           }
+         },
+         description)
+      ->check(CLI::Validator(is_word, ""))
+      ->default_str(otherwise)
+      ->type_name(absl::StrJoin(words, "|"));
+}
+
+}  // namespace planish

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <string>
+
+#include "absl/time/time.h"
+
+namespace planish {
+
+// When the first certificate in the PEM file expires; the epoch if there is none that can be read.
+absl::Time CertificateEnd(const std::string& pem_file);
+
+}  // namespace planish

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <string>
+
+#include "grpcpp/server_context.h"
+
+namespace planish {
+
+// The W3C trace context (metadata "traceparent") that a call came with: the caller's if there is exactly one and it is
+// valid, else a new one.
+std::string TraceparentOf(const grpc::CallbackServerContext& context);
+
+}  // namespace planish

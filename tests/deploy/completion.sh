@@ -1,0 +1,69 @@
+#!/bin/sh
+# What the completion in bash or zsh offers. Exit code 77: skipped, and why is printed.
+#   completion.sh bash|zsh BIN_DIR COMPLETION_DIR
+set -eu
+shell=$1
+export PATH="$2:$PATH"
+completion=$3
+command -v "$shell" >/dev/null || {
+  echo "SKIPPED: $shell is not installed"
+  exit 77
+}
+
+# Prints what "$@" can go on with, apart by blanks; the last word is the one under the cursor.
+case $shell in
+bash)
+  complete() {
+    bash -c '
+      source "$0/planish.bash"
+      COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
+      _planish
+      echo "${COMPREPLY[*]}"' "$completion" "$@"
+  }
+  ;;
+zsh)
+  # Without a terminal there is no completion system, so what the function tells it is caught.
+  complete() {
+    zsh -f -c '
+      offer() { for each; do [[ $each == ${words[CURRENT]#*=}* ]] && print -r -- $each; done }
+      compadd() { shift; offer "$@" }
+      compset() { }
+      _files() { print files }
+      _describe() { [[ $1 == -o ]] && shift; for entry in "${(@P)2}"; do offer ${entry%%:*}; done }
+      local -a words
+      words=("${@[2,-1]}") CURRENT=$(($# - 1))
+      source "$1/_planish"' zsh "$completion" "$@" | tr '\n' ' '
+  }
+  ;;
+esac
+
+failed=0
+# expect "WORDS that must be offered" "WORDS that must not" COMMAND...
+expect() {
+  wanted=$1
+  unwanted=$2
+  shift 2
+  offered=" $(complete "$@") "
+  for word in $wanted; do
+    case $offered in *[\ =]"$word"[\ ]*) ;; *) echo "$*: '$word' is missing in:$offered"; failed=1 ;; esac
+  done
+  for word in $unwanted; do
+    case $offered in *" $word "*) echo "$*: '$word' is in:$offered"; failed=1 ;; esac
+  done
+}
+expect "unwrap pack inspect estimate jobs version" "--json" planish ""
+expect "list show watch stop cancel delete" "unwrap" planish jobs ""
+expect "--solver --system" "--limit" planish unwrap --s
+expect "--limit --label" "--solver" planish jobs list --l
+expect "auto uzawa minres direct" "--solver" planish unwrap --solver ""
+expect "--listen --log-level" "--sandbox" planishd --l
+expect "auto off require" "process" planishd --sandbox ""
+if [ "$shell" = bash ]; then
+  expect "auto uzawa minres direct" "" planish unwrap --solver =
+  expect "minres" "uzawa" planish unwrap --solver = m
+else
+  expect "auto uzawa minres direct" "--solver" planish unwrap --solver=
+  expect "files" "unwrap" planish unwrap ""
+fi
+[ $failed -eq 0 ] && echo ok
+exit $failed

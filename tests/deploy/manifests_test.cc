@@ -1,0 +1,264 @@
+// deploy/kubernetes as kubectl renders it, and deploy/compose.yaml.
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/deploy/text_files.h"
+#include "tests/deploy/yaml_files.h"
+
+namespace planish::deploy {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr double kMiB = 1048576.0;
+
+// What server.grace is followed by until the process has ended (server/README.md, "Shutdown"), with preStop before it.
+constexpr int kSecondsAroundGrace = 20;
+
+class Kubernetes : public ::testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {
+    if (RunShell("kubectl version --client 2>/dev/null").exit_code != 0) GTEST_SKIP() << "kubectl is not installed";
+    const Printed rendered =
+        RunShell(absl::StrCat("kubectl kustomize ", PLANISH_SOURCE_TREE, "/deploy/kubernetes/overlays/", GetParam()));
+    ASSERT_EQ(rendered.exit_code, 0);
+    objects_ = ParseObjects(rendered.out);
+    ASSERT_FALSE(objects_.all.empty());
+  }
+
+  bool IsFarm() const { return GetParam() == "farm"; }
+
+  // Of Deployments and StatefulSets.
+  std::vector<YAML::Node> Workloads() const {
+    std::vector<YAML::Node> all = objects_.OfKind("StatefulSet");
+    for (const YAML::Node& deployment : objects_.OfKind("Deployment")) all.push_back(deployment);
+    return all;
+  }
+
+  YAML::Node Server() const { return At(objects_.Get("StatefulSet", "planishd"), "/spec/template/spec"); }
+
+  YAML::Node Settings() const {
+    return YAML::Load(TextAt(objects_.Get("ConfigMap", "planishd"), "/data/planishd.yaml"));
+  }
+
+  Objects objects_;
+};
+INSTANTIATE_TEST_SUITE_P(Overlays, Kubernetes, ::testing::Values("single", "farm"),
+                         [](const auto& test) { return test.param; });
+
+// The profile "restricted" of the Pod Security Standards, and a file system that nobody writes to.
+TEST_P(Kubernetes, NobodyIsRootOrCouldBecomeIt) {
+  ASSERT_EQ(Workloads().size(), IsFarm() ? 2u : 1u);
+  for (const YAML::Node& workload : Workloads()) {
+    const YAML::Node pod = At(workload, "/spec/template/spec");
+    SCOPED_TRACE(TextAt(workload, "/metadata/name"));
+    EXPECT_EQ(TextAt(pod, "/securityContext/runAsNonRoot"), "true");
+    EXPECT_THAT(TextAt(pod, "/securityContext/runAsUser"), Not(::testing::AnyOf("", "0")));
+    EXPECT_EQ(TextAt(pod, "/securityContext/seccompProfile/type"), "RuntimeDefault");
+    EXPECT_EQ(TextAt(pod, "/automountServiceAccountToken"), "false");
+    EXPECT_FALSE(pod["hostNetwork"].IsDefined() || pod["hostPID"].IsDefined() || pod["hostIPC"].IsDefined());
+    ASSERT_GE(pod["containers"].size(), 1u);
+    for (const YAML::Node& container : pod["containers"]) {
+      EXPECT_EQ(TextAt(container, "/securityContext/allowPrivilegeEscalation"), "false");
+      EXPECT_EQ(TextAt(container, "/securityContext/readOnlyRootFilesystem"), "true");
+      EXPECT_THAT(At(container, "/securityContext/capabilities/drop").as<std::vector<std::string>>(),
+                  ElementsAre("ALL"));
+      EXPECT_FALSE(At(container, "/securityContext/privileged").IsDefined());
+    }
+    for (const YAML::Node& volume : pod["volumes"]) EXPECT_FALSE(volume["hostPath"].IsDefined());
+  }
+  const YAML::Node labels = At(objects_.Get("Namespace", "planish"), "/metadata/labels");
+  EXPECT_EQ(labels["pod-security.kubernetes.io/enforce"].as<std::string>(), "restricted");
+}
+
+TEST_P(Kubernetes, EverybodyIsProbedAndHasLimits) {
+  for (const YAML::Node& workload : Workloads()) {
+    for (const YAML::Node& container : At(workload, "/spec/template/spec/containers")) {
+      SCOPED_TRACE(TextAt(container, "/name"));
+      EXPECT_EQ(TextAt(container, "/livenessProbe/httpGet/path"), "/livez");
+      EXPECT_EQ(TextAt(container, "/readinessProbe/httpGet/path"), "/readyz");
+      std::set<std::string> ports;
+      for (const YAML::Node& port : container["ports"]) ports.insert(port["name"].as<std::string>());
+      EXPECT_TRUE(ports.contains(TextAt(container, "/livenessProbe/httpGet/port")));
+      EXPECT_TRUE(ports.contains(TextAt(container, "/readinessProbe/httpGet/port")));
+      EXPECT_GT(Bytes(TextAt(container, "/resources/limits/memory")), 0);
+      EXPECT_GT(Bytes(TextAt(container, "/resources/requests/memory")), 0);
+      EXPECT_NE(TextAt(container, "/resources/requests/cpu"), "");
+    }
+  }
+}
+
+TEST_P(Kubernetes, MemoryIsThatOfTheArithmetic) {
+  const YAML::Node container = At(Server(), "/containers/0");
+  const double limit = Bytes(TextAt(container, "/resources/limits/memory"));
+  EXPECT_EQ(Bytes(TextAt(container, "/resources/requests/memory")), limit) << "memory is not shared";
+  const double reserved = Settings()["memory-mb"].as<double>() * kMiB;
+  // kubernetes/README.md: two jobs of a million triangles (core/unwrap/estimate.h), and a quarter.
+  const double job = 8e6 + 1000 * 1e6 + 2 * 12e6;
+  EXPECT_GE(reserved, Settings()["workers"].as<double>() * job * 1.25);
+  EXPECT_GE(limit, 1.5 * reserved);
+  const double cores = Settings()["workers"].as<double>() * Settings()["threads"].as<double>();
+  EXPECT_EQ(std::stod(TextAt(container, "/resources/requests/cpu")), cores);
+}
+
+TEST_P(Kubernetes, ThePodLivesAsLongAsItsGrace) {
+  const int grace = Settings()["grace"].as<int>();
+  EXPECT_GE(At(Server(), "/terminationGracePeriodSeconds").as<int>(), grace + kSecondsAroundGrace);
+  EXPECT_GT(At(Server(), "/containers/0/lifecycle/preStop/sleep/seconds").as<int>(), 0);
+}
+
+TEST_P(Kubernetes, JobsAreInAVolume) {
+  const YAML::Node set = objects_.Get("StatefulSet", "planishd");
+  const std::string volume = TextAt(set, "/spec/volumeClaimTemplates/0/metadata/name");
+  std::string mounted;
+  for (const YAML::Node& mount : At(set, "/spec/template/spec/containers/0/volumeMounts")) {
+    if (mount["name"].as<std::string>() == volume) mounted = mount["mountPath"].as<std::string>();
+  }
+  EXPECT_EQ(mounted, Settings()["data-dir"].as<std::string>());
+  const double room = Bytes(TextAt(set, "/spec/volumeClaimTemplates/0/spec/resources/requests/storage"));
+  EXPECT_GT(room, Settings()["store-mb"].as<double>() * kMiB * 1.5);
+}
+
+// The server's port, its metrics and the files that it reads are there.
+TEST_P(Kubernetes, WhatTheServerIsToldIsThere) {
+  const YAML::Node settings = Settings();
+  std::set<std::string> ports;
+  for (const YAML::Node& port : At(Server(), "/containers/0/ports")) {
+    ports.insert(absl::StrCat("0.0.0.0:", port["containerPort"].as<std::string>()));
+  }
+  EXPECT_TRUE(ports.contains(settings["listen"].as<std::string>()));
+  EXPECT_TRUE(ports.contains(settings["metrics-listen"].as<std::string>()));
+  std::set<std::string> files;
+  std::string config;
+  for (const YAML::Node& mount : At(Server(), "/containers/0/volumeMounts")) {
+    if (mount["name"].as<std::string>() == "config") config = mount["mountPath"].as<std::string>();
+  }
+  for (const YAML::Node& volume : Server()["volumes"]) {
+    for (const YAML::Node& source : At(volume, "/projected/sources")) {
+      const YAML::Node items = At(source, "/secret/items");
+      if (!items.IsDefined()) continue;
+      const YAML::Node secret = objects_.Get("Secret", TextAt(source, "/secret/name"));
+      for (const YAML::Node& item : items) {
+        files.insert(config + "/" + item["path"].as<std::string>());
+        EXPECT_TRUE(secret["stringData"][item["key"].as<std::string>()].IsDefined()) << item["key"];
+      }
+    }
+  }
+  for (const std::string key : {"tls-cert", "tls-key", "tls-client-ca", "access-file"}) {
+    EXPECT_TRUE(files.contains(settings[key].as<std::string>())) << key;
+  }
+  EXPECT_THAT(At(Server(), "/containers/0/args").as<std::vector<std::string>>(),
+              ::testing::Contains("--instance=$(POD_NAME)"));
+}
+
+TEST_P(Kubernetes, SelectorsFindSomething) {
+  std::set<std::string> components;
+  for (const YAML::Node& workload : Workloads()) {
+    const YAML::Node labels = At(workload, "/spec/template/metadata/labels");
+    components.insert(labels["app.kubernetes.io/component"].as<std::string>());
+    const YAML::Node selector = At(workload, "/spec/selector/matchLabels");
+    for (const auto& label : selector) {
+      EXPECT_EQ(labels[label.first.as<std::string>()].as<std::string>(), label.second.as<std::string>());
+    }
+  }
+  std::vector<YAML::Node> selectors;
+  for (const YAML::Node& service : objects_.OfKind("Service")) selectors.push_back(At(service, "/spec/selector"));
+  for (const YAML::Node& budget : objects_.OfKind("PodDisruptionBudget")) {
+    selectors.push_back(At(budget, "/spec/selector/matchLabels"));
+  }
+  for (const YAML::Node& policy : objects_.OfKind("NetworkPolicy")) {
+    selectors.push_back(At(policy, "/spec/podSelector/matchLabels"));
+  }
+  EXPECT_GE(selectors.size(), 4u);
+  for (const YAML::Node& selector : selectors) {
+    EXPECT_TRUE(components.contains(selector["app.kubernetes.io/component"].as<std::string>())) << selector;
+    EXPECT_EQ(selector["app.kubernetes.io/name"].as<std::string>(), "planish") << selector;
+  }
+  const YAML::Node service = objects_.Get("Service", "planish");
+  EXPECT_EQ(At(service, "/spec/selector")["app.kubernetes.io/component"].as<std::string>(),
+            IsFarm() ? "proxy" : "server");
+  for (const YAML::Node& object : objects_.all) {
+    if (object["kind"].as<std::string>() == "Namespace") continue;
+    EXPECT_EQ(TextAt(object, "/metadata/namespace"), "planish") << object;
+  }
+}
+
+class Farm : public Kubernetes {};
+INSTANTIATE_TEST_SUITE_P(Overlays, Farm, ::testing::Values("farm"), [](const auto& test) { return test.param; });
+
+// Every pod that autoscaling may make has its line and its route in the proxy's configuration.
+TEST_P(Farm, TheProxyKnowsEveryServer) {
+  const YAML::Node scaler = objects_.Get("HorizontalPodAutoscaler", "planishd");
+  EXPECT_FALSE(At(objects_.Get("StatefulSet", "planishd"), "/spec/replicas").IsDefined()) << "autoscaling decides";
+  const int most = At(scaler, "/spec/maxReplicas").as<int>();
+  const std::string proxy = TextAt(objects_.Get("ConfigMap", "planish-proxy"), "/data/haproxy.cfg");
+  for (int i = 0; i < most; ++i) {
+    const std::string name = absl::StrCat("planishd-", i);
+    EXPECT_THAT(proxy, HasSubstr(absl::StrCat("backend planish-", name, "\n")));
+    EXPECT_THAT(proxy, HasSubstr(absl::StrCat("server ", name, " ", name, ".planishd.planish.svc")));
+  }
+  EXPECT_THAT(proxy, Not(HasSubstr(absl::StrCat("planishd-", most))));
+  // What is scaled by is what servers tell.
+  const std::string metric = TextAt(scaler, "/spec/metrics/0/pods/metric/name");
+  EXPECT_EQ(metric, "planish_queue_oldest_wait_seconds");
+  EXPECT_THAT(ReadSource("deploy/kubernetes/README.md"), HasSubstr(metric));
+}
+
+TEST(Compose, TheServerMayDoAsLittleAsInKubernetes) {
+  const YAML::Node compose = YAML::Load(ReadSource("deploy/compose.yaml"));
+  const YAML::Node server = At(compose, "/services/planish");
+  ASSERT_TRUE(server.IsDefined());
+  EXPECT_EQ(TextAt(server, "/read_only"), "true");
+  EXPECT_EQ(TextAt(server, "/cap_drop/0"), "ALL");
+  EXPECT_EQ(TextAt(server, "/security_opt/0"), "no-new-privileges:true");
+  EXPECT_FALSE(server["user"].IsDefined()) << "the image says that it is not root";
+  const int grace = std::stoi(TextAt(server, "/environment/PLANISHD_GRACE"));
+  EXPECT_GE(std::stoi(TextAt(server, "/stop_grace_period")), grace + 10);
+  // Files of this tree that services mount, and volumes, exist.
+  int files = 0;
+  for (const auto& service : compose["services"]) {
+    for (const YAML::Node& volume : service.second["volumes"]) {
+      const std::string source = volume.as<std::string>().substr(0, volume.as<std::string>().find(':'));
+      if (source.starts_with("./")) {
+        EXPECT_FALSE(ReadSource("deploy/" + source.substr(2)).empty()) << source;
+        ++files;
+      } else if (!source.starts_with("${")) {
+        EXPECT_TRUE(compose["volumes"][source].IsDefined() || compose["volumes"][source].IsNull()) << source;
+      }
+    }
+    // Only the server itself, which asks for credentials, is open to the network.
+    for (const YAML::Node& port : service.second["ports"]) {
+      if (service.first.as<std::string>() == "planish") continue;
+      EXPECT_TRUE(port.as<std::string>().starts_with("127.0.0.1:")) << port;
+    }
+  }
+  EXPECT_EQ(files, 3);
+}
+
+TEST(Image, IsNotRootAndAsksItself) {
+  const std::string file = ReadSource("Dockerfile");
+  const std::string image = file.substr(file.rfind("\nFROM "));
+  EXPECT_THAT(image, HasSubstr("\nFROM scratch\n")) << "nothing in it but what it needs";
+  EXPECT_THAT(image, HasSubstr("\nUSER 10001:10001\n"));
+  EXPECT_THAT(image, HasSubstr("\nHEALTHCHECK"));
+  EXPECT_THAT(image, HasSubstr("\nENTRYPOINT [\"planishd\"]\n"));
+  for (const std::string label : {"title", "description", "version", "revision", "created", "licenses"}) {
+    EXPECT_THAT(image, HasSubstr(absl::StrCat("org.opencontainers.image.", label, "=")));
+  }
+  // Safe unless somebody says otherwise.
+  const YAML::Node settings = YAML::Load(ReadSource("deploy/image.yaml"));
+  for (const std::string key : {"tls-cert", "tls-key", "access-file", "metrics-listen"}) {
+    EXPECT_TRUE(settings[key].IsDefined()) << key;
+  }
+  EXPECT_FALSE(settings["insecure"].IsDefined());
+}
+
+}  // namespace
+}  // namespace planish::deploy

@@ -1,0 +1,27 @@
+// Files of the source tree, and what programs print.
+#pragma once
+
+#include <set>
+#include <string>
+#include <vector>
+
+namespace planish::deploy {
+
+// Of a file of the source tree, e.g. "deploy/compose.yaml". Fails the test if it cannot be read.
+std::string ReadSource(const std::string& path);
+std::string ReadFile(const std::string& path);
+
+struct Printed {
+  int exit_code = -1;
+  std::string out;  // stdout alone
+};
+// By the shell.
+Printed RunShell(const std::string& command);
+
+// "--name" of every flag in the help of `program` (with subcommands, apart by blanks), those of its subcommands not.
+std::set<std::string> FlagsOf(const std::string& program);
+
+// "--name" wherever it stands as a word of its own or before "=".
+std::set<std::string> FlagsIn(const std::string& text);
+
+}  // namespace planish::deploy
