@@ -115,6 +115,9 @@ absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest 
 
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
+  // Until a record needs them.
+  const std::set<BlobId> put = {{caller.tenant, request.mesh_sha256}, {caller.tenant, corners_sha256}};
+  unused_blobs_.insert(put.begin(), put.end());
   PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(caller, request, work_key));
   if (known.has_value()) return *std::move(known);
 
@@ -127,9 +130,9 @@ absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest 
   *event.mutable_time() = record.job().create_time();
   *event.mutable_job() = record.job();
   if (absl::Status status = store_->Put(record, &event); !status.ok()) {
-    unused_blobs_.insert({{caller.tenant, request.mesh_sha256}, {caller.tenant, corners_sha256}});
     return WithRetryDelay(std::move(status), options_.retry_delay);
   }
+  for (const BlobId& id : put) unused_blobs_.erase(id);
   totals_.last_number = record.number();
   const std::string name = record.job().name();
   Live& live = live_[name];

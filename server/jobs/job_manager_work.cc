@@ -235,8 +235,8 @@ void JobManager::ReportProgress(const std::string& name, int attempt, v1::Progre
 }
 
 void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) {
+  std::string tenant;  // whose UV were kept
   if (result.status().code() == 0) {
-    std::string tenant;
     {
       const std::lock_guard lock(mutex_);
       const Work* work = FindAttempt(name, attempt);
@@ -249,6 +249,8 @@ void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::
   }
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
+  // Unless a job ends with these UV: it may have been cancelled in the meantime.
+  if (!tenant.empty()) unused_blobs_.insert({tenant, result.uv().uv_sha256()});
   if (FindAttempt(name, attempt) == nullptr) return;
   const Work work = Remove(name);
   if (result.status().code() == 0 && work.needs.run_seconds > 0) {
