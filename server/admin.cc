@@ -26,14 +26,14 @@ AdminActions Admin::Actions() {
 }
 
 absl::Status Admin::SetDraining(bool draining) {
-  const std::lock_guard lock(mutex_);
+  const std::lock_guard lock(draining_);
+  const bool was_draining = manager_.IsDraining();
   if (draining) {
     manager_.Drain(nullptr);
   } else {
     PLANISH_RETURN_IF_ERROR(manager_.Undrain());
   }
-  if (draining == draining_) return absl::OkStatus();
-  draining_ = draining;
+  if (draining == was_draining) return absl::OkStatus();
   const char* const what = draining ? "drained by an operator: new jobs are refused" : "takes new jobs again";
   LogInfo(what);
   service_manager_.Status(what);
@@ -47,7 +47,7 @@ admin::v1::Stats Admin::Stats() const {
   *stats.mutable_start_time() = Stamp(start_);
   stats.set_draining(now.draining);
   stats.set_workers(now.workers);
-  stats.set_workers_ready(workers_ready_);
+  stats.set_workers_ready(monitoring_.workers_ready());
   stats.set_queued(now.queued);
   stats.set_running(now.running);
   stats.set_reserved_memory_bytes(now.reserved_memory_bytes);

@@ -183,19 +183,17 @@ WorkerFactory NewWorkers(const ServerFlags& flags, int stderr_fd) {
   return [options] { return StartProcessWorker(options); };
 }
 
-WorkerPoolOptions PoolOptions(const ServerFlags& flags, Admin* admin) {
+WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
   WorkerPoolOptions options;
   options.workers = flags.workers;
   options.recycle_after = flags.recycle_after;
   options.job_limit = absl::Hours(flags.job_hours);
   options.silence_limit = kSilenceLimit;
-  options.on_worker_ready = [admin, said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
-    admin->CountWorkers(1);
+  options.on_worker_ready = [said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
     if (worker.sandbox_error().empty()) return;
     std::call_once(*said, [&] { LogWarn("workers run without their sandbox: " + worker.sandbox_error()); });
   };
-  options.on_worker_end = [admin](const WorkerEnd& end) {
-    admin->CountWorkers(-1);
+  options.on_worker_end = [](const WorkerEnd& end) {
     const bool lost = !end.loss.message.empty();
     Log(lost ? LogLevel::kWarn : LogLevel::kDebug, absl::StrCat("worker ", NameOf(end.cause)),
         {{"job", end.job},
@@ -348,7 +346,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   const std::unique_ptr<grpc::Service> service =
       NewPlanishService(&manager, stores->uploads.get(), &(*door)->callers(), std::move(service_options), &streams);
   Reloader reloader(config.settings);
-  Admin admin(&manager, &reloader, &service_manager);
+  Admin admin(&manager, &monitoring, &reloader, &service_manager);
   const std::unique_ptr<grpc::Service> admin_service = NewAdminService(admin.Actions(), &(*door)->callers());
   RpcServerOptions rpc_options;
   rpc_options.listen = flags.listen;
@@ -360,7 +358,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   auto worker_output = std::make_unique<OutputLines>([](const std::string& line) {
     LogWarn(line, {{"source", "worker"}});
   });
-  WorkerPoolOptions pool_options = PoolOptions(flags, &admin);
+  WorkerPoolOptions pool_options = PoolOptions(flags);
   monitoring.Hook(&pool_options);
   auto pool =
       std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));

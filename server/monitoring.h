@@ -69,6 +69,9 @@ class Monitoring {
   void Hook(WorkerPoolOptions* options);
   CallListener Calls();
 
+  // Workers that are there for jobs, idle or with one. From the hooks.
+  int workers_ready() const { return metrics_.workers_ready(); }
+
   // The server serves from now on.
   void Attach(const WatchedServer& server);
   // To be called a few times a second, after whatever else upkeep does.
