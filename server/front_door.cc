@@ -25,13 +25,14 @@ std::vector<std::string> Named(std::vector<std::string> files) {
   return files;
 }
 
-absl::Status Told(const absl::Status& status, const std::string& what) {
-  if (status.ok()) {
-    LogInfo(what + " read again");
-  } else {
-    LogError(what + " stays as it was", {{"error", std::string(status.message())}});
-  }
-  return status;
+void LogWarnings(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) LogWarn(warning);
+}
+
+// `name`: of what was prepared.
+void TakeOver(const absl::StatusOr<std::function<void()>>& prepared, const std::string& name) {
+  if (prepared.ok()) return (*prepared)();
+  LogError(name + " stays as it was", {{"error", std::string(prepared.status().message())}});
 }
 
 }  // namespace
@@ -45,16 +46,17 @@ absl::StatusOr<std::unique_ptr<FrontDoor>> FrontDoor::Open(const SecurityFlags& 
   std::unique_ptr<FrontDoor> door(new FrontDoor(flags));
   if (!flags.access_file.empty()) {
     PLANISH_ASSIGN_OR_RETURN(door->access_, AccessSource::Open(flags.access_file));
+    LogWarnings(door->access_->warnings());
   }
   if (!flags.tls.certificate.empty()) {
     PLANISH_ASSIGN_OR_RETURN(door->tls_, TlsIdentity::Load(flags.tls, flags.client_auth, absl::Now()));
+    LogWarnings(door->tls_->warnings());
   }
   CallerRules rules;
   rules.access = door->access_.get();
   rules.peers = &door->peers_;
   rules.own_uid = geteuid();
   door->callers_ = NewCallerSource(std::move(rules));
-  door->LogWarnings();
   return door;
 }
 
@@ -78,10 +80,13 @@ TenantLimitsSource FrontDoor::limits() const {
   };
 }
 
-absl::Status FrontDoor::Reload() {
-  const absl::Status access = ReloadAccess();
-  const absl::Status tls = ReloadTls();
-  return access.ok() ? tls : access;
+absl::StatusOr<std::function<void()>> FrontDoor::PrepareReload() {
+  PLANISH_ASSIGN_OR_RETURN(std::function<void()> access, PrepareAccess());
+  PLANISH_ASSIGN_OR_RETURN(std::function<void()> tls, PrepareTls());
+  return std::function<void()>([access = std::move(access), tls = std::move(tls)] {
+    access();
+    tls();
+  });
 }
 
 void FrontDoor::Tick() {
@@ -91,32 +96,36 @@ void FrontDoor::Tick() {
     access = access_watch_.Changed();
     tls = tls_watch_.Changed();
   }
-  // Logged; nobody else waits for the answer.
-  if (access) static_cast<void>(ReloadAccess());
-  if (tls) static_cast<void>(ReloadTls());
+  if (access) TakeOver(PrepareAccess(), AccessName());
+  if (tls) TakeOver(PrepareTls(), TlsName());
 }
 
-absl::Status FrontDoor::ReloadAccess() {
-  if (access_ == nullptr) return absl::OkStatus();
-  PLANISH_RETURN_IF_ERROR(Told(access_->Reload(), "the access file " + flags_.access_file));
-  for (const std::string& warning : access_->warnings()) LogWarn(warning);
-  return absl::OkStatus();
+absl::StatusOr<std::function<void()>> FrontDoor::PrepareAccess() {
+  if (access_ == nullptr) return std::function<void()>([] {});
+  PLANISH_ASSIGN_OR_RETURN(std::function<void()> put_in_force, access_->Prepare());
+  return std::function<void()>([this, put_in_force = std::move(put_in_force)] {
+    put_in_force();
+    LogInfo(AccessName() + " read again");
+    LogWarnings(access_->warnings());
+  });
 }
 
-absl::Status FrontDoor::ReloadTls() {
-  if (tls_ == nullptr) return absl::OkStatus();
-  PLANISH_RETURN_IF_ERROR(Told(tls_->Reload(absl::Now()), "the certificate " + flags_.tls.certificate));
-  for (const std::string& warning : tls_->warnings()) LogWarn(warning);
-  return absl::OkStatus();
+absl::StatusOr<std::function<void()>> FrontDoor::PrepareTls() {
+  if (tls_ == nullptr) return std::function<void()>([] {});
+  PLANISH_ASSIGN_OR_RETURN(std::function<void()> put_in_force, tls_->Prepare(absl::Now()));
+  return std::function<void()>([this, put_in_force = std::move(put_in_force)] {
+    put_in_force();
+    LogInfo(TlsName() + " read again");
+    LogWarnings(tls_->warnings());
+  });
 }
 
-void FrontDoor::LogWarnings() const {
-  if (access_ != nullptr) {
-    for (const std::string& warning : access_->warnings()) LogWarn(warning);
-  }
-  if (tls_ != nullptr) {
-    for (const std::string& warning : tls_->warnings()) LogWarn(warning);
-  }
+std::string FrontDoor::AccessName() const {
+  return "the access file " + flags_.access_file;
+}
+
+std::string FrontDoor::TlsName() const {
+  return "the certificate " + flags_.tls.certificate;
 }
 
 }  // namespace planish

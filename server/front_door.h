@@ -1,12 +1,12 @@
 // Who gets in, and how: TLS, the access file and users of Unix sockets, by the flags of planishd.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/access/access_source.h"
 #include "server/access/tenant.h"
@@ -35,17 +35,22 @@ class FrontDoor {
   // Null without an access file.
   const AccessSource* access() const { return access_.get(); }
 
-  // Reads all files again, and logs what came of it. What is wrong stays as it was; the first error is returned.
-  absl::Status Reload();
+  // Reads all files again; the function puts what they say in force, and says so in the log. The first error if
+  // anything is wrong with any of them.
+  absl::StatusOr<std::function<void()>> PrepareReload();
 
-  // The same for what has changed. Call it a few times a second.
+  // Takes over what has changed, each file on its own: what is wrong stays as it was. Logs what came of it. Call it a
+  // few times a second.
   void Tick();
 
  private:
   explicit FrontDoor(SecurityFlags flags);
-  absl::Status ReloadAccess();
-  absl::Status ReloadTls();
-  void LogWarnings() const;
+  // A function that does nothing without these files.
+  absl::StatusOr<std::function<void()>> PrepareAccess();
+  absl::StatusOr<std::function<void()>> PrepareTls();
+  // In the log.
+  std::string AccessName() const;
+  std::string TlsName() const;
 
   const SecurityFlags flags_;
   PeerUsers peers_;

@@ -94,18 +94,13 @@ JobLimits Limits(const ServerFlags& flags) {
 
 JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   JobManagerOptions options;
+  options.limits = Limits(flags);
   options.workers = flags.workers;
   options.threads = flags.threads;
-  options.queue_capacity = flags.queue;
   options.queue_total = flags.queue_total;
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
   options.memory_bytes = flags.memory_mb * kMiB;
-  const JobLimits limits = Limits(flags);
-  options.retained_jobs = limits.retained_jobs;
-  options.retained_bytes = limits.retained_bytes;
-  options.retained_time = limits.retained_time;
-  options.reattach_grace = limits.reattach_grace;
   options.new_id = IdsOf(flags.instance);
   options.validate_options = ValidateOptions;
   options.estimate = [](std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
@@ -297,10 +292,7 @@ void AddReloadHooks(FrontDoor* door, JobManager* manager, UploadStore* uploads, 
   add({"uploads-mb"}, [uploads](const ServerFlags& flags) { uploads->SetMaxBytes(flags.max_uploads_mb * kMiB); });
   add({"recycle-after"}, [pool](const ServerFlags& flags) { pool->SetRecycleAfter(flags.recycle_after); });
   // Files, whose names stay; they are read again whenever they change as well.
-  reloader->AddHook({}, [door](const ServerFlags&) -> absl::StatusOr<std::function<void()>> {
-    PLANISH_RETURN_IF_ERROR(door->Reload());
-    return std::function<void()>([] {});
-  });
+  reloader->AddHook({}, [door](const ServerFlags&) { return door->PrepareReload(); });
   add({"grace"}, [grace_seconds](const ServerFlags& flags) { *grace_seconds = flags.grace_seconds; });
 }
 

@@ -17,10 +17,17 @@ std::shared_ptr<const AccessTable> AccessSource::table() const {
   return loaded_.table;
 }
 
-absl::Status AccessSource::Reload() {
+absl::StatusOr<std::function<void()>> AccessSource::Prepare() {
   PLANISH_ASSIGN_OR_RETURN(LoadedAccess loaded, LoadAccessFile(file_));
-  const std::lock_guard lock(mutex_);
-  loaded_ = std::move(loaded);
+  return std::function<void()>([this, loaded = std::move(loaded)] {
+    const std::lock_guard lock(mutex_);
+    loaded_ = loaded;
+  });
+}
+
+absl::Status AccessSource::Reload() {
+  PLANISH_ASSIGN_OR_RETURN(const std::function<void()> put_in_force, Prepare());
+  put_in_force();
   return absl::OkStatus();
 }
 

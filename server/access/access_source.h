@@ -1,6 +1,7 @@
 // The access file as it is now.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -19,7 +20,10 @@ class AccessSource {
   // For calls from now on: who got theirs before keeps the old one until they let go of it.
   std::shared_ptr<const AccessTable> table() const;
 
-  // Reads the file again. If it is wrong, the table stays as it was and the error says why.
+  // Reads the file again; the function puts what it says in force. Errors of LoadAccessFile().
+  absl::StatusOr<std::function<void()>> Prepare();
+
+  // Both at once. If the file is wrong, the table stays as it was and the error says why.
   absl::Status Reload();
 
   const std::string& file() const { return file_; }

@@ -59,7 +59,7 @@ JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobStore* bl
       instance_(options_.new_id()),
       blobs_(blobs),
       store_(store),
-      queue_({options_.workers, options_.queue_capacity, options_.queue_total, options_.max_queued_bytes,
+      queue_({options_.workers, options_.limits.queue_capacity, options_.queue_total, options_.max_queued_bytes,
               options_.tenant_limits}) {}
 
 absl::StatusOr<JobNeeds> JobManager::NeedsOf(std::string_view mesh, std::int64_t mesh_bytes, const v1::MeshSize& size,
@@ -385,7 +385,7 @@ void JobManager::Abandon(const std::string& name, bool for_good) {
   if (--live.attachments > 0 || !live.record.attached() || suspended_) return;
   live.orphaned = for_good ? absl::InfinitePast() : options_.clock();
   const absl::Time now = options_.clock();
-  if (!for_good) alarms_.emplace(now + options_.reattach_grace, name);
+  if (!for_good) alarms_.emplace(now + options_.limits.reattach_grace, name);
   CheckClocks(name, now, &wakeups);
 }
 

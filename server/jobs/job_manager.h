@@ -41,23 +41,28 @@ namespace planish {
 // The time of a clock that nobody sets, from an arbitrary beginning.
 absl::Time SteadyNow();
 
-struct JobManagerOptions {
-  int workers = 1;                                        // pieces of work that run at a time
-  int threads = 1;                                        // that a job may use
-  int queue_capacity = 64;                                // of a tenant that may wait beside them, >= 0
-  int queue_total = 1024;                                 // of all tenants; see JobQueue::RoomFor()
-  std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
-  TenantLimitsSource tenant_limits;                       // null: the defaults for everybody
-  std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
-  std::int64_t max_triangles = std::int64_t{1} << 40;  // as declared and as decoded
-  std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
+// What may change while the server runs.
+struct JobLimits {
+  int queue_capacity = 64;  // jobs of a tenant that may wait beside those that run, >= 0
   // Of each tenant: ended jobs kept, and bytes of their UV. How long these stay. The tenant's oldest go first; its last
   // one that ended always stays.
   int retained_jobs = 256;
   std::int64_t retained_bytes = std::int64_t{1} << 30;
   absl::Duration retained_time = absl::InfiniteDuration();
+  absl::Duration reattach_grace = absl::Seconds(10);  // that a job outlives its last caller by
+};
+
+struct JobManagerOptions {
+  JobLimits limits;                                       // at first
+  int workers = 1;                                        // pieces of work that run at a time
+  int threads = 1;                                        // that a job may use
+  int queue_total = 1024;                                 // jobs that may wait, of all tenants: JobQueue
+  std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
+  TenantLimitsSource tenant_limits;                       // null: the defaults for everybody
+  std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
+  std::int64_t max_triangles = std::int64_t{1} << 40;  // as declared and as decoded
+  std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
   std::size_t events_per_job = 256;                    // JobEventLog capacity
-  absl::Duration reattach_grace = absl::Seconds(10);   // that a job outlives its last caller by
   absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
   int max_crashes = 2;                                 // workers that a job may cost before it fails
   absl::Duration retry_delay = absl::Seconds(1);       // advice with refusals where nothing better is known
@@ -72,15 +77,6 @@ struct JobManagerOptions {
   std::function<absl::Time()> clock = absl::Now;
   std::function<absl::Time()> steady_clock = SteadyNow;  // of how long work takes: nobody sets it
   std::function<std::string()> new_id = RandomId;
-};
-
-// What may change while the server runs: fields of JobManagerOptions.
-struct JobLimits {
-  int queue_capacity = 64;
-  int retained_jobs = 256;
-  std::int64_t retained_bytes = std::int64_t{1} << 30;
-  absl::Duration retained_time = absl::InfiniteDuration();
-  absl::Duration reattach_grace = absl::Seconds(10);
 };
 
 class JobManager;

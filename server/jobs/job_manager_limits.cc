@@ -5,11 +5,7 @@ namespace planish {
 
 void JobManager::SetLimits(const JobLimits& limits) {
   const std::lock_guard lock(mutex_);
-  options_.queue_capacity = limits.queue_capacity;
-  options_.retained_jobs = limits.retained_jobs;
-  options_.retained_bytes = limits.retained_bytes;
-  options_.retained_time = limits.retained_time;
-  options_.reattach_grace = limits.reattach_grace;
+  options_.limits = limits;
   queue_.set_capacity(limits.queue_capacity);
   next_expiry_ = absl::InfinitePast();
   // Jobs whose callers are gone were to be looked at after the grace that there was.
@@ -20,8 +16,7 @@ void JobManager::SetLimits(const JobLimits& limits) {
 
 JobLimits JobManager::Limits() const {
   const std::lock_guard lock(mutex_);
-  return {options_.queue_capacity, options_.retained_jobs, options_.retained_bytes, options_.retained_time,
-          options_.reattach_grace};
+  return options_.limits;
 }
 
 }  // namespace planish

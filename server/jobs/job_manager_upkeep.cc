@@ -35,8 +35,8 @@ void JobManager::Apply(JobAction action, Live& live, BlobPtr uv, Wakeups* wakeup
   const absl::Time now = options_.clock();
   v1::Job* job = live.record.mutable_job();
   if (!Advance(action, now, job).ok()) return;
-  if (job->state() == v1::JOB_STATE_SUCCEEDED && options_.retained_time < absl::InfiniteDuration()) {
-    *job->mutable_expire_time() = ToTimestamp(now + options_.retained_time);
+  if (job->state() == v1::JOB_STATE_SUCCEEDED && options_.limits.retained_time < absl::InfiniteDuration()) {
+    *job->mutable_expire_time() = ToTimestamp(now + options_.limits.retained_time);
   }
   if (!IsTerminal(job->state())) return Announce(live, wakeups);
 
@@ -118,7 +118,7 @@ void JobManager::CheckClocks(const std::string& name, absl::Time now, Wakeups* w
   const v1::Job& job = live.record.job();
   const v1::Scheduling& limits = job.scheduling();
   const bool left_alone = live.attachments == 0 && live.record.attached();
-  if (left_alone && now - live.orphaned >= options_.reattach_grace) {
+  if (left_alone && now - live.orphaned >= options_.limits.reattach_grace) {
     live.record.clear_request_id();
     return EndEarly(live, EarlyEnd::kCancel, wakeups);
   }
@@ -194,7 +194,7 @@ void JobManager::Retain() {
   while (now >= next_expiry_) {
     const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded("", v1::JOB_STATE_SUCCEEDED);
     if (!oldest.ok()) break;
-    next_expiry_ = (oldest->has_value() ? ToTime((*oldest)->job().end_time()) : now) + options_.retained_time;
+    next_expiry_ = (oldest->has_value() ? ToTime((*oldest)->job().end_time()) : now) + options_.limits.retained_time;
     if (!oldest->has_value() || now < next_expiry_ || !Expire(**oldest)) break;
   }
   std::vector<std::string> tenants;
@@ -204,12 +204,12 @@ void JobManager::Retain() {
 
 void JobManager::RetainOf(const std::string& tenant) {
   TenantTotals& totals = totals_.tenants[tenant];
-  while (totals.result_bytes > options_.retained_bytes) {
+  while (totals.result_bytes > options_.limits.retained_bytes) {
     const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(tenant, v1::JOB_STATE_SUCCEEDED);
     if (!oldest.ok() || !oldest->has_value() || (*oldest)->job().name() == last_ended_[tenant]) break;
     if (!Expire(**oldest)) break;
   }
-  while (totals.ended > std::max(options_.retained_jobs, 1)) {
+  while (totals.ended > std::max(options_.limits.retained_jobs, 1)) {
     const absl::StatusOr<std::optional<JobRecord>> oldest = store_->FirstEnded(tenant, v1::JOB_STATE_UNSPECIFIED);
     if (!oldest.ok() || !oldest->has_value() || !Forget(**oldest).ok()) break;
   }
@@ -287,7 +287,7 @@ absl::Status JobManager::RecoverJob(JobRecord record, Wakeups* wakeups) {
   v1::Job* job = live.record.mutable_job();
   if (live.record.attached()) {
     live.orphaned = options_.clock();
-    alarms_.emplace(live.orphaned + options_.reattach_grace, name);
+    alarms_.emplace(live.orphaned + options_.limits.reattach_grace, name);
   }
   if (live.record.cancel_requested()) {
     if (job->state() != v1::JOB_STATE_STOPPING) Apply(JobAction::kCancel, live, nullptr, wakeups);

@@ -112,9 +112,14 @@ absl::StatusOr<std::shared_ptr<TlsIdentity>> TlsIdentity::Load(const TlsFiles& f
   return identity;
 }
 
-absl::Status TlsIdentity::Reload(absl::Time now) {
+absl::StatusOr<std::function<void()>> TlsIdentity::Prepare(absl::Time now) {
   PLANISH_ASSIGN_OR_RETURN(TlsMaterial material, LoadTlsFiles(files_, now));
-  current_->Set(std::move(material));
+  return std::function<void()>([current = current_, material = std::move(material)] { current->Set(material); });
+}
+
+absl::Status TlsIdentity::Reload(absl::Time now) {
+  PLANISH_ASSIGN_OR_RETURN(const std::function<void()> put_in_force, Prepare(now));
+  put_in_force();
   return absl::OkStatus();
 }
 

@@ -1,6 +1,7 @@
 // A server's certificate and key, which may change while it serves.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -21,8 +22,11 @@ class TlsIdentity {
   static absl::StatusOr<std::shared_ptr<TlsIdentity>> Load(const TlsFiles& files, ClientAuth client_auth,
                                                            absl::Time now);
 
-  // Reads the files again. New connections get what they hold, all of it or nothing; open ones go on. If anything is
-  // wrong all stays as it was and the error says what.
+  // Reads the files again; the function puts them in force for new connections, open ones go on. Errors of
+  // LoadTlsFiles().
+  absl::StatusOr<std::function<void()>> Prepare(absl::Time now);
+
+  // Both at once. If anything is wrong all stays as it was and the error says what.
   absl::Status Reload(absl::Time now);
 
   // For grpc::ServerBuilder. Connections ask for the files' content as they come, so this object lives on with it.

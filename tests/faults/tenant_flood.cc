@@ -58,8 +58,8 @@ class Flood {
       : options_(options), mesh_(*EncodeDraco(Bump(options.grid))), store_(*OpenJobStore(":memory:")) {
     JobManagerOptions manager;
     manager.workers = options.workers;
-    manager.queue_capacity = manager.queue_total = 2 * options.flood;
-    manager.retained_jobs = 4 * options.flood;
+    manager.limits.queue_capacity = manager.queue_total = 2 * options.flood;
+    manager.limits.retained_jobs = 4 * options.flood;
     manager.tenant_limits = [shares = options.shares](const std::string& tenant) {
       TenantLimits limits;
       if (const auto share = shares.find(tenant); share != shares.end()) limits.share = share->second;

@@ -180,6 +180,17 @@ TEST_F(AccessSourceTest, ReloadSwapsTheTableOrKeepsIt) {
   EXPECT_EQ((*source)->table()->tenants().count("other"), 1u);
 }
 
+TEST_F(AccessSourceTest, WhatIsPreparedIsNotYetInForce) {
+  const auto source = AccessSource::Open(Write(Full()));
+  ASSERT_TRUE(source.ok()) << source.status();
+  Write("tenants:\n  other: {}\n");
+  const auto put_in_force = (*source)->Prepare();
+  ASSERT_TRUE(put_in_force.ok()) << put_in_force.status();
+  EXPECT_EQ((*source)->table()->credentials(), 4u);
+  (*put_in_force)();
+  EXPECT_EQ((*source)->table()->credentials(), 0u);
+}
+
 TEST_F(AccessSourceTest, FilesThatOthersMayReadOrWrite) {
   EXPECT_THAT((*AccessSource::Open(Write(Full(), 0640)))->warnings(), IsEmpty());
   EXPECT_THAT((*AccessSource::Open(Write(Full(), 0644)))->warnings(), ElementsAre(HasSubstr("chmod o-r")));

@@ -187,7 +187,7 @@ TEST_F(JobLimitsTest, RefusesTimesThatCannotBeCounted) {
 }
 
 TEST_F(JobLimitsTest, HigherPriorityGoesFirst) {
-  options_.queue_capacity = 5;
+  options_.limits.queue_capacity = 5;
   Restart();
   const std::string low = CreateWith([](JobRequest* r) { r->scheduling.set_priority(v1::PRIORITY_LOW); });
   const std::string normal = Create();
@@ -197,7 +197,7 @@ TEST_F(JobLimitsTest, HigherPriorityGoesFirst) {
 }
 
 TEST_F(JobLimitsTest, CallerThatComesBackWithinTheGraceKeepsItsJob) {
-  options_.reattach_grace = absl::Seconds(10);
+  options_.limits.reattach_grace = absl::Seconds(10);
   Restart();
   auto accepted = manager_->Create(caller_, Request("r1", true));
   const std::string name = accepted->job.name();
@@ -213,7 +213,7 @@ TEST_F(JobLimitsTest, CallerThatComesBackWithinTheGraceKeepsItsJob) {
 }
 
 TEST_F(JobLimitsTest, CallerWhoseTimeIsUpGetsNoGrace) {
-  options_.reattach_grace = absl::Seconds(10);
+  options_.limits.reattach_grace = absl::Seconds(10);
   Restart();
   auto accepted = manager_->Create(caller_, Request("r1", true));
   accepted->attachment.Release(true);
@@ -270,7 +270,7 @@ TEST_F(JobLimitsTest, WhatCanNeverRunIsRefused) {
 
 TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {
   EstimateByContent();
-  options_.queue_capacity = 1;
+  options_.limits.queue_capacity = 1;
   Restart();
   const auto create = [this](const std::string& mesh) {
     JobRequest request = Request();

@@ -65,9 +65,9 @@ class JobManagerTest : public ::testing::Test {
     options_.steady_clock = [this] { return now_ - absl::Hours(100'000); };  // never to be mixed with the other one
     options_.new_id = [this] { return "id" + std::to_string(++ids_); };
     options_.on_transition = [this](const v1::Job& job) { transitions_.push_back(StateName(job.state())); };
-    options_.queue_capacity = 2;
+    options_.limits.queue_capacity = 2;
     options_.retry_delay = absl::Seconds(3);
-    options_.reattach_grace = absl::ZeroDuration();
+    options_.limits.reattach_grace = absl::ZeroDuration();
     Restart();
   }
 

@@ -121,7 +121,7 @@ TEST_F(JobManagerTest, FullQueueSaysWhenToRetry) {
 }
 
 TEST_F(JobManagerTest, IdleWorkersCountAsRoom) {
-  options_.queue_capacity = 0;
+  options_.limits.queue_capacity = 0;
   options_.workers = 2;
   Restart();
   Create();
@@ -244,7 +244,7 @@ TEST_F(JobManagerTest, WatchersKeepWhatWasDeleted) {
 }
 
 TEST_F(JobManagerTest, ListsNewestFirstInPages) {
-  options_.queue_capacity = 10;
+  options_.limits.queue_capacity = 10;
   Restart();
   std::vector<std::string> names;
   for (int i = 0; i < 5; ++i) names.push_back(Create());
@@ -283,7 +283,7 @@ TEST_F(JobManagerTest, RefusesForeignPageTokens) {
 }
 
 TEST_F(JobManagerTest, KeepsTheNewestEndedJobs) {
-  options_.retained_jobs = 2;
+  options_.limits.retained_jobs = 2;
   Restart();
   const std::string first = CreateEnded();
   const std::string second = CreateEnded();
@@ -294,7 +294,7 @@ TEST_F(JobManagerTest, KeepsTheNewestEndedJobs) {
 }
 
 TEST_F(JobManagerTest, KeepsSoManyBytesOfUv) {
-  options_.retained_bytes = 10;
+  options_.limits.retained_bytes = 10;
   Restart();
   const std::string first = CreateEnded("123456");
   const std::string second = CreateEnded("1234");

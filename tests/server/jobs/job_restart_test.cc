@@ -13,7 +13,7 @@ using ::testing::SizeIs;
 
 class JobRestartTest : public JobManagerTest {
  protected:
-  JobRestartTest() { options_.reattach_grace = absl::Seconds(10); }
+  JobRestartTest() { options_.limits.reattach_grace = absl::Seconds(10); }
 };
 
 TEST_F(JobRestartTest, WhatRanIsQueuedAgainInItsOldPlace) {
@@ -201,7 +201,7 @@ TEST_F(JobRestartTest, NothingIsLeftOfJobsThatAreForgotten) {
 }
 
 TEST_F(JobRestartTest, ResultsAreKeptForATime) {
-  options_.retained_time = absl::Hours(1);
+  options_.limits.retained_time = absl::Hours(1);
   Restart();
   const std::string name = CreateEnded("uv");
   EXPECT_EQ(manager_->Get(caller_, name)->expire_time().seconds() - manager_->Get(caller_, name)->end_time().seconds(),

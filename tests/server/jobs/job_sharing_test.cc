@@ -51,7 +51,7 @@ TEST_F(JobSharingTest, OneResultForAll) {
 }
 
 TEST_F(JobSharingTest, OtherOptionsSeamsOrFailpointsAreOtherWork) {
-  options_.queue_capacity = 10;
+  options_.limits.queue_capacity = 10;
   Restart();
   CreateSame();
   const auto joins = [this](const std::function<void(JobRequest*)>& change) {
@@ -66,7 +66,7 @@ TEST_F(JobSharingTest, OtherOptionsSeamsOrFailpointsAreOtherWork) {
 }
 
 TEST_F(JobSharingTest, SharingNeedsNoPlaceInTheQueue) {
-  options_.queue_capacity = 0;
+  options_.limits.queue_capacity = 0;
   Restart();
   CreateSame();
   EXPECT_EQ(Reason(manager_->Create(caller_, Request()).status()), "QUEUE_FULL");

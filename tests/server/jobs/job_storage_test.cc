@@ -133,7 +133,7 @@ TEST(SqliteJobStore, RefusesAStoreFromTheFuture) {
 }
 
 TEST_F(JobManagerTest, AClockThatJumpsEndsNoJobThatHasNoLimit) {
-  options_.reattach_grace = absl::Seconds(10);
+  options_.limits.reattach_grace = absl::Seconds(10);
   Restart();
   auto attached = manager_->Create(caller_, Request("r1", true));
   const std::string name = attached->job.name();

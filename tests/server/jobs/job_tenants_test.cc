@@ -27,7 +27,7 @@ const Caller kOtherFarm = {"ann", "token other farm", {true, false, false, false
 class JobTenantsTest : public JobManagerTest {
  protected:
   JobTenantsTest() {
-    options_.queue_capacity = 100;
+    options_.limits.queue_capacity = 100;
     options_.tenant_limits = [this](const std::string& tenant) {
       const auto found = limits_.find(tenant);
       return found == limits_.end() ? TenantLimits() : found->second;
@@ -186,6 +186,8 @@ TEST_F(JobTenantsTest, WhoMayOnlySubmitComesBackToItsOwnJobs) {
   const std::string name = accepted->job.name();
   EXPECT_TRUE(manager_->Watch(kFarm, name, /*attach=*/true, true).ok());
   EXPECT_EQ(Reason(manager_->Watch(kOtherFarm, name, /*attach=*/true, true).status()), "JOB_NOT_FOUND");
+  manager_->Suspend();
+  accepted->attachment = JobAttachment();
   Resume();
   EXPECT_TRUE(manager_->Watch(kFarm, name, /*attach=*/true, true).ok()) << "after a restart too";
   EXPECT_EQ(Reason(manager_->Get(kFarm, name).status()), "JOB_NOT_FOUND");
@@ -197,7 +199,7 @@ TEST_F(JobTenantsTest, WhoMayOnlySubmitComesBackToItsOwnJobs) {
 
 TEST_F(JobTenantsTest, AFloodDelaysAnotherTenantByOneJobAtMost) {
   options_.workers = 2;
-  options_.queue_capacity = 2000;
+  options_.limits.queue_capacity = 2000;
   options_.queue_total = 2000;
   Restart();
   for (int i = 0; i < 1000; ++i) CreateAs(kAnn);
@@ -220,7 +222,7 @@ TEST_F(JobTenantsTest, AFloodDelaysAnotherTenantByOneJobAtMost) {
 
 TEST_F(JobTenantsTest, SharesOfTheWorkers) {
   limits_["ann"].share = 2;
-  options_.queue_capacity = 2000;
+  options_.limits.queue_capacity = 2000;
   options_.queue_total = 2000;
   Restart();
   for (int i = 0; i < 400; ++i) {
@@ -239,7 +241,7 @@ TEST_F(JobTenantsTest, SharesOfTheWorkers) {
 }
 
 TEST_F(JobTenantsTest, QueuesAreEachTenantsOwn) {
-  options_.queue_capacity = 2;
+  options_.limits.queue_capacity = 2;
   limits_["bob"].queue = 1;
   Restart();
   CreateAs(kAnn);
@@ -331,8 +333,8 @@ TEST_F(JobTenantsTest, WhoFillsTheWholeStoreGivesWayToOthersNotTheyToIt) {
 }
 
 TEST_F(JobTenantsTest, KeepsEachTenantsNewestEndedJobs) {
-  options_.retained_jobs = 2;
-  options_.retained_bytes = 100;
+  options_.limits.retained_jobs = 2;
+  options_.limits.retained_bytes = 100;
   Restart();
   const std::string bobs = EndedAs(kBob, std::string(100, 'b'));
   std::vector<std::string> anns;
@@ -350,7 +352,7 @@ TEST_F(JobTenantsTest, KeepsEachTenantsNewestEndedJobs) {
 // ---- for operators
 
 TEST_F(JobTenantsTest, Stats) {
-  options_.queue_capacity = 1;
+  options_.limits.queue_capacity = 1;
   Restart();
   CreateAs(kAnn, "same");
   Take();

@@ -95,7 +95,7 @@ TEST(JobsRpc, BadRequestsNameTheField) {
 
 TEST(JobsRpc, FullQueueAsksForARetry) {
   JobManagerOptions options;
-  options.queue_capacity = 1;
+  options.limits.queue_capacity = 1;
   RpcTestServer server(WaitForCancel(), options);
   const auto create = [&server](const std::string& mesh) {
     v1::CreateJobRequest request = MeshRequest();

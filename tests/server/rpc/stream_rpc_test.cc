@@ -145,7 +145,7 @@ TEST(UnwrapRpc, RefusalsCarryDetails) {
 
 TEST(UnwrapRpc, CallerGoesAwayAndTheJobIsCancelled) {
   JobManagerOptions options;
-  options.reattach_grace = absl::Milliseconds(100);
+  options.limits.reattach_grace = absl::Milliseconds(100);
   RpcTestServer server(WaitForCancel(), options);
   Caller caller(server, MeshRequest(), 3);
   caller.GoAway();
@@ -222,7 +222,7 @@ TEST(UnwrapRpc, TenCallersOnTwoWorkers) {
 
 TEST(WatchRpc, AttachedWatchersKeepTheJobAlive) {
   JobManagerOptions options;
-  options.reattach_grace = absl::ZeroDuration();
+  options.limits.reattach_grace = absl::ZeroDuration();
   RpcTestServer server(WaitForCancel(), options);
   Caller caller(server, MeshRequest(), 3);
   v1::WatchJobRequest attach = WatchRequest(caller.name(), 0);

@@ -166,7 +166,7 @@ TEST_F(TenantsRpcTest, WhoMayOnlySubmitSeesAndEndsItsOwnUnwrap) {
 TEST_F(TenantsRpcTest, CapabilitiesAreTheCallersOwn) {
   v1::Capabilities capabilities;
   ASSERT_TRUE(stub_.GetCapabilities(As("ann").get(), v1::GetCapabilitiesRequest(), &capabilities).ok());
-  EXPECT_EQ(capabilities.queue_capacity(), JobManagerOptions().queue_capacity);
+  EXPECT_EQ(capabilities.queue_capacity(), JobLimits().queue_capacity);
 }
 
 }  // namespace
