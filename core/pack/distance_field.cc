@@ -6,12 +6,6 @@
 #include "core/mesh/box_tree.h"
 
 namespace planish {
-namespace {
-
-constexpr float kFar = 1e30f;
-
-}  // namespace
-
 DistanceField::DistanceField(const Outline& outline, double spacing, double reach)
     : spacing_(spacing), per_unit_(1 / spacing) {
   Box box;
@@ -81,6 +75,38 @@ void DistanceField::Spread() {
   }
 }
 
+void DistanceField::Sample(const Vec2& first, const Vec2& step, int count, float* distances) const {
+  const Vec2 g = (first - low_) * per_unit_, d = step * per_unit_;
+  const Vec2 size(columns_ - 1, rows_ - 1);
+  const auto is_on_grid = [&](int k) {
+    const double x = g.x() + k * d.x(), y = g.y() + k * d.y();
+    return x >= 0 && y >= 0 && x < size.x() && y < size.y();
+  };
+  // The part of the line on the grid; rounding may leave one at its ends that is not.
+  double from = 0, to = count;
+  for (int axis = 0; axis < 2; ++axis) {
+    if (d[axis] == 0) continue;
+    const double low = -g[axis] / d[axis], high = (size[axis] - g[axis]) / d[axis];
+    from = std::max(from, std::min(low, high));
+    to = std::min(to, std::max(low, high) + 1);
+  }
+  int begin = std::clamp(static_cast<int>(std::ceil(from)), 0, count);
+  int end = std::clamp(static_cast<int>(std::ceil(to)), begin, count);
+  while (begin < end && !is_on_grid(begin)) ++begin;
+  while (begin < end && !is_on_grid(end - 1)) --end;
+  std::fill(distances, distances + begin, kFar);
+  std::fill(distances + end, distances + count, kFar);
+  for (int k = begin; k < end; ++k) {
+    const double x = g.x() + k * d.x(), y = g.y() + k * d.y();
+    const int column = static_cast<int>(x), row = static_cast<int>(y);
+    const auto s = static_cast<float>(x - column), t = static_cast<float>(y - row);
+    const float* node = values_.data() + static_cast<std::size_t>(row) * columns_ + column;
+    const float below = node[0] + s * (node[1] - node[0]);
+    const float above = node[columns_] + s * (node[columns_ + 1] - node[columns_]);
+    distances[k] = below + t * (above - below);
+  }
+}
+
 void DistanceField::Sign(const Outline& outline) {
   struct Crossing {
     int row, column, change;  // from `column` on
@@ -107,18 +133,6 @@ void DistanceField::Sign(const Outline& outline) {
       node = -node;
     }
   }
-}
-
-DistanceField::Value DistanceField::At(const Vec2& p) const {
-  const double u = (p.x() - low_.x()) * per_unit_, v = (p.y() - low_.y()) * per_unit_;
-  const int x = static_cast<int>(u), y = static_cast<int>(v);
-  const double s = u - x, t = v - y;
-  const float* node = values_.data() + static_cast<std::size_t>(y) * columns_ + x;
-  const double a = node[0], b = node[1], c = node[columns_], d = node[columns_ + 1];
-  Vec2 gradient((1 - t) * (b - a) + t * (d - c), (1 - s) * (c - a) + s * (d - b));
-  const double norm = gradient.norm();
-  if (norm > 0) gradient /= norm;
-  return {(1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d), gradient};
 }
 
 }  // namespace planish

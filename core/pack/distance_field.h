@@ -23,7 +23,17 @@ class DistanceField {
     return g.x() >= 0 && g.y() >= 0 && g.x() < columns_ - 1 && g.y() < rows_ - 1;
   }
   // Bilinear. p must be on the grid.
-  Value At(const Vec2& p) const;
+  Value At(const Vec2& p) const {
+    const double u = (p.x() - low_.x()) * per_unit_, v = (p.y() - low_.y()) * per_unit_;
+    const int x = static_cast<int>(u), y = static_cast<int>(v);
+    const double s = u - x, t = v - y;
+    const float* node = values_.data() + static_cast<std::size_t>(y) * columns_ + x;
+    const double a = node[0], b = node[1], c = node[columns_], d = node[columns_ + 1];
+    Vec2 gradient((1 - t) * (b - a) + t * (d - c), (1 - s) * (c - a) + s * (d - b));
+    const double norm = gradient.norm();
+    if (norm > 0) gradient /= norm;
+    return {(1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d), gradient};
+  }
   // The distance alone.
   double DistanceAt(const Vec2& p) const {
     const Vec2 g = (p - low_) * per_unit_;
@@ -34,6 +44,10 @@ class DistanceField {
     const double above = node[columns_] + s * (node[columns_ + 1] - node[columns_]);
     return below + t * (above - below);
   }
+
+  // The distances at first, first + step, ... (count of them); kFar for those off the grid.
+  static constexpr float kFar = 1e30f;
+  void Sample(const Vec2& first, const Vec2& step, int count, float* distances) const;
 
  private:
   void MeasureNearEdges(const Outline& outline, double band);

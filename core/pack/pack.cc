@@ -19,6 +19,8 @@ constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 // What tightening may cost, in moves of a chart.
 constexpr std::int64_t kMoves = 3300, kMovesPerChart = 4;
+// Growth that tightening tries first: of the large charts, and again with the small ones between them.
+constexpr double kFirstStep = 0.03, kNextStep = 0.015;
 // From so many faces on kMoves grows with them, as the work of a solve does, up to kMostShare times.
 constexpr double kFaces = 20'000, kMostShare = 20;
 constexpr double kFewCharts = 12, kManyCharts = 250;  // fewer and more get a smaller share of kMoves
@@ -143,14 +145,14 @@ class Packer {
       return false;
     };
     if (!try_scales(first)) return false;
-    TightenCharts(large_, Moves(kMoves, large_));
+    TightenCharts(large_, Moves(kMoves, large_), kFirstStep);
     if (small_.empty()) return true;
     SetGrid(2 * order_.size());
     if (!AddSmallCharts()) {
       plan.order = order_;
       if (!try_scales(scale_)) return false;
     }
-    TightenCharts(order_, Moves(kMoves / 2, order_));
+    TightenCharts(order_, Moves(kMoves / 2, order_), kNextStep);
     return true;
   }
 
@@ -245,12 +247,13 @@ class Packer {
     return false;
   }
 
-  void TightenCharts(const std::vector<std::int32_t>& charts, std::int64_t moves) {
+  void TightenCharts(const std::vector<std::int32_t>& charts, std::int64_t moves, double first_step) {
     const bool points = std::all_of(outlines_.begin(), outlines_.end(), [](const Outline& o) { return o.radius == 0; });
     if (points) return;  // of any scale
     if (HasNoTime()) return;
     ForLayout(charts, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
       options.moves = moves;
+      options.first_step = first_step;
       Tighten(outlines, relative, options, execution_, layout);
     });
   }

@@ -194,15 +194,16 @@ class Search {
     const double c = std::cos(turned->angle) / unit, s = std::sin(turned->angle) / unit;
     turned->rows.assign(turned->height, {0, 0});
     std::int16_t* depth = turned->depth.data();
-    for (int y = 0; y < turned->height; ++y) {
-      for (int x = 0; x < turned->width; ++x, ++depth) {
-        const double px = x + turned->left, py = y + turned->bottom;
-        const Vec2 p(c * px + s * py, c * py - s * px);
-        if (!fields_[i].Contains(p)) continue;
-        const double d = (reach - fields_[i].DistanceAt(p) * unit) * kDepthUnit;
+    std::vector<float> distances(turned->width);
+    const auto per_unit = static_cast<float>(unit * kDepthUnit), zero = static_cast<float>(reach * kDepthUnit);
+    for (int y = 0; y < turned->height; ++y, depth += turned->width) {
+      const double px = turned->left, py = y + turned->bottom;
+      fields_[i].Sample(Vec2(c * px + s * py, c * py - s * px), Vec2(c, -s), turned->width, distances.data());
+      Span& row = turned->rows[y];
+      for (int x = 0; x < turned->width; ++x) {
+        const float d = zero - distances[x] * per_unit;
         if (d <= 0) continue;
-        *depth = static_cast<std::int16_t>(std::min(d + 1, 4000.0));
-        Span& row = turned->rows[y];
+        depth[x] = static_cast<std::int16_t>(std::min(d + 1, 4000.0f));
         if (row.end == 0) row.begin = x;
         row.end = x + 1;
       }

@@ -10,9 +10,11 @@
 namespace planish {
 namespace {
 
+constexpr std::int32_t kBlock = 16;          // samples
 constexpr int kContactLife = 5;              // steps
 constexpr double kMomentum = 0.7;            // of a step that the next one keeps
 constexpr std::int64_t kMostSteps = 200000;  // of single charts, for growing
+constexpr double kSureOfDistance = 0.9;      // far from a chart its field says up to 8 % too much (along the diagonals)
 constexpr double kShare = 0.5;               // of what is missing that one of two charts gives way
 
 // Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
@@ -45,36 +47,60 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
   for (std::size_t i = 0; i < outlines.size(); ++i) {
     const double unit = relative_[i] * scale_;  // length in the texture of 1
     const double spacing = std::max(std::min(options_.spacing, outlines[i].radius * unit / 6), 1e-6) / unit;
-    shapes_.push_back({SampleOutline(outlines[i], spacing), std::max(outlines[i].radius, 1e-12) / 1.5});
+    shapes_.push_back(MakeShape(outlines[i], spacing));
   }
+}
+
+Relaxer::Shape Relaxer::MakeShape(const Outline& outline, double spacing) {
+  Shape shape = {SampleOutline(outline, spacing), {}, std::max(outline.radius, 1e-12) / 1.5};
+  const auto n = static_cast<std::int32_t>(shape.samples.size());
+  for (std::int32_t begin = 0; begin < n; begin += kBlock) {
+    const std::int32_t end = std::min(begin + kBlock, n);
+    Box box;
+    for (std::int32_t k = begin; k < end; ++k) box.Add(shape.samples[k]);
+    Block block = {begin, end, (box.low + box.high) / 2, 0};
+    for (std::int32_t k = begin; k < end; ++k) {
+      block.radius = std::max(block.radius, (shape.samples[k] - block.centre).norm());
+    }
+    shape.blocks.push_back(block);
+  }
+  return shape;
 }
 
 void Relaxer::FindContacts() {
   age_ = 0;
   contacts_.clear();
   const std::size_t n = bodies_.size();
-  std::vector<std::vector<Vec2>> samples(n);
+  // In the texture: of each body, how it is turned and scaled, where its blocks lie, and a box round them.
+  std::vector<Vec2> turns(n);
+  std::vector<std::vector<Vec2>> centres(n);
   std::vector<Box> boxes(n);
   const double reach = options_.distance + skin_;
-  for (std::size_t i = 0; i < n; ++i) {
-    const double unit = scale_ * relative_[i], c = unit * std::cos(bodies_[i].angle),
-                 s = unit * std::sin(bodies_[i].angle);
-    samples[i].reserve(shapes_[i].samples.size());
-    for (const Vec2& u : shapes_[i].samples) {
-      samples[i].push_back(bodies_[i].centre + Vec2(c * u.x() - s * u.y(), s * u.x() + c * u.y()));
-      boxes[i].Add(samples[i].back());
-    }
+  const auto place = [&](std::int32_t i, const Vec2& u) {
+    return Vec2(bodies_[i].centre +
+                Vec2(turns[i].x() * u.x() - turns[i].y() * u.y(), turns[i].y() * u.x() + turns[i].x() * u.y()));
+  };
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
+    const double unit = scale_ * relative_[i];
+    turns[i] = unit * Vec2(std::cos(bodies_[i].angle), std::sin(bodies_[i].angle));
+    centres[i].reserve(shapes_[i].blocks.size());
     const double low = options_.low + skin_, high = 1 - low;
-    const bool near_rim = boxes[i].low.minCoeff() < low || boxes[i].high.maxCoeff() > high;
-    for (std::size_t k = 0; near_rim && k < samples[i].size(); ++k) {
-      const Vec2& p = samples[i][k];
-      const auto add = [&](bool near, std::int32_t side) {
-        if (near) contacts_.push_back({static_cast<std::int32_t>(i), static_cast<std::int32_t>(k), side});
-      };
-      add(p.x() < low, -1);
-      add(p.x() > high, -2);
-      add(p.y() < low, -3);
-      add(p.y() > high, -4);
+    for (const Block& block : shapes_[i].blocks) {
+      const Vec2 centre = place(i, block.centre), extent = Vec2::Constant(block.radius * unit);
+      centres[i].push_back(centre);
+      boxes[i].Add(centre - extent);
+      boxes[i].Add(centre + extent);
+      if ((centre - extent).minCoeff() >= low && (centre + extent).maxCoeff() <= high) continue;
+      for (std::int32_t k = block.begin; k < block.end; ++k) {
+        const Vec2 p = place(i, shapes_[i].samples[k]);
+        const auto add = [&](bool near, std::int32_t side) {
+          if (near) contacts_.push_back({i, k, side});
+        };
+        add(p.x() < low, -1);
+        add(p.x() > high, -2);
+        add(p.y() < low, -3);
+        add(p.y() > high, -4);
+      }
     }
   }
   std::vector<std::int32_t> order(n);
@@ -83,18 +109,29 @@ void Relaxer::FindContacts() {
     return boxes[a].low.x() != boxes[b].low.x() ? boxes[a].low.x() < boxes[b].low.x() : a < b;
   });
   const auto collect = [&](std::int32_t a, std::int32_t b) {  // samples of a near b
-    const double unit = scale_ * relative_[b], c = std::cos(bodies_[b].angle) / unit,
-                 s = std::sin(bodies_[b].angle) / unit;
-    Box box = boxes[b];
-    box.low -= Vec2::Constant(reach);
-    box.high += Vec2::Constant(reach);
-    for (std::size_t k = 0; k < samples[a].size(); ++k) {
-      const Vec2& p = samples[a][k];
-      if (p.x() < box.low.x() || p.x() > box.high.x() || p.y() < box.low.y() || p.y() > box.high.y()) continue;
+    const double a_unit = scale_ * relative_[a], unit = scale_ * relative_[b];
+    const double c = turns[b].x() / (unit * unit), s = turns[b].y() / (unit * unit);
+    const DistanceField& field = fields_[b];
+    const auto local = [&](const Vec2& p) {
+      const Vec2 q = p - bodies_[b].centre;
+      return Vec2(c * q.x() + s * q.y(), c * q.y() - s * q.x());
+    };
+    for (std::size_t i = 0; i < shapes_[a].blocks.size(); ++i) {
+      const Block& block = shapes_[a].blocks[i];
+      const double around = reach + block.radius * a_unit;
+      const Vec2& centre = centres[a][i];
+      if (centre.x() < boxes[b].low.x() - around || centre.x() > boxes[b].high.x() + around ||
+          centre.y() < boxes[b].low.y() - around || centre.y() > boxes[b].high.y() + around) {
+        continue;
+      }
       ++looks_;
-      const Vec2 q = p - bodies_[b].centre, local(c * q.x() + s * q.y(), c * q.y() - s * q.x());
-      if (!fields_[b].Contains(local) || fields_[b].DistanceAt(local) * unit > reach) continue;
-      contacts_.push_back({a, static_cast<std::int32_t>(k), b});
+      const Vec2 at = local(centre);
+      if (field.Contains(at) && kSureOfDistance * field.DistanceAt(at) * unit > around) continue;
+      looks_ += block.end - block.begin;
+      for (std::int32_t k = block.begin; k < block.end; ++k) {
+        const Vec2 p = local(place(a, shapes_[a].samples[k]));
+        if (field.Contains(p) && field.DistanceAt(p) * unit <= reach) contacts_.push_back({a, k, b});
+      }
     }
   };
   for (std::size_t i = 0; i < n; ++i) {

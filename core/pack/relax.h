@@ -46,8 +46,15 @@ class Relaxer {
   bool Separate(int steps);
 
  private:
+  // Samples that follow each other, in a disc.
+  struct Block {
+    std::int32_t begin, end;
+    Vec2 centre;
+    double radius;
+  };
   struct Shape {
     std::vector<Vec2> samples;
+    std::vector<Block> blocks;
     double turning_radius;
   };
   struct Contact {
@@ -58,6 +65,7 @@ class Relaxer {
     double x = 0, y = 0, turn = 0;  // the turn times the turning radius
   };
 
+  static Shape MakeShape(const Outline& outline, double spacing);
   void FindContacts();
   // One step; returns how much is missing where most is.
   double Step();

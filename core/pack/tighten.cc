@@ -13,14 +13,16 @@ namespace planish {
 namespace {
 
 // Attempts that are made side by side, whatever the number of threads, and the share of the step that each takes.
-// Growth that is tried first, the least, and that after the least was too much: other places may lead farther.
-constexpr double kFirstStep = 0.03, kLeastStep = 0.006, kStepAgain = 0.02;
+// The least growth that is tried, and that after the least was too much: other places may lead farther.
+constexpr double kLeastStep = 0.003, kStepAgain = 0.02;
 // Distances looked up in relaxation that cost as much as one move of a chart in rearrangement, about.
-constexpr std::int64_t kLooksPerMove = 2000;
+constexpr std::int64_t kLooksPerMove = 4000;
 constexpr std::size_t kMostInAHurry = 300;  // charts that settle in some milliseconds
 constexpr int kSettlingRounds = 25, kSeparatingSteps = 60;
 constexpr double kBackOff = 0.995;  // of the scale, where charts do not come apart
-constexpr std::int64_t kMovesAtOnce = 1000;
+// Of an attempt: many small ones that fail early lead farther than a few thorough ones.
+constexpr std::int64_t kMovesAtOnce = 300, kMovesAtOncePerChart = 3;
+constexpr std::int64_t kMostToShuffle = 40;  // charts that find places from a random start in as many moves
 // Images for rearranging: pixels along an average chart, and by how many charts may overlap.
 constexpr double kPixelsPerChart = 20, kCoarseSlack = 1, kFineSlack = 0.4;
 constexpr int kFinestSide = 1200;
@@ -72,8 +74,8 @@ class Tightener {
   // Adds to *found, which is not empty, what is better.
   void Search(std::vector<Layout>* found) {
     const auto n = static_cast<std::int64_t>(outlines_.size());
-    const std::int64_t budget = options_.moves, at_once = kMovesAtOnce + 6 * n;
-    double step = kFirstStep;
+    const std::int64_t budget = options_.moves, at_once = kMovesAtOnce + kMovesAtOncePerChart * n;
+    double step = options_.first_step;
     std::int64_t used = 0;
     for (std::uint64_t round = 0; used < budget && !execution_.IsStopped() && !execution_.IsHurried(); ++round) {
       std::array<std::optional<Layout>, kLanes.size()> results;
@@ -84,12 +86,12 @@ class Tightener {
           rearrange.side = static_cast<int>(std::clamp(kPixelsPerChart / width_, 112.0, 600.0));
           rearrange.tiles = options_.tiles;
           rearrange.angles = 24;
-          rearrange.tries = 100;
+          rearrange.tries = 60;
           rearrange.moves = at_once;
           rearrange.slack = kCoarseSlack;
           rearrange.distance = options_.distance;
           rearrange.low = options_.low;
-          rearrange.shuffle = lane == 1 && round % 2 == 0;
+          rearrange.shuffle = lane == 1 && round % 2 == 0 && n <= kMostToShuffle;
           rearrange.seed = kLanes.size() * round + lane;
           results[lane] =
               Attempt(found->back(), found->back().scale * (1 + step * kLanes[lane]), rearrange, &moves[lane]);

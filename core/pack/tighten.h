@@ -14,7 +14,8 @@ struct TightenOptions {
   double distance = 0;  // kept between two charts, in the texture
   double low = 0;       // charts stay within [low, 1 - low]^2
   int tiles = 1;
-  std::int64_t moves = 0;  // of single charts, to be spent about
+  double first_step = 0.03;  // growth that is tried first
+  std::int64_t moves = 0;    // of single charts, to be spent about
 };
 
 struct Layout {
