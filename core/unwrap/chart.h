@@ -38,6 +38,7 @@ struct ChartMap {
   FlattenSummary flatten;
   // Per vertex of the chart's topology; the area of the map is that of the surface.
   std::vector<Vec2> positions;
+  bool is_barycentric = false;  // not by ABF (barycentric.h): `flatten` tells of a solve whose map was no use
   std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };
 

@@ -14,6 +14,7 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
 #include "core/mesh/rows.h"
+#include "core/unwrap/barycentric.h"
 #include "core/unwrap/hole_filling.h"
 #include "core/unwrap/partition.h"
 #include "core/unwrap/warnings.h"
@@ -25,7 +26,11 @@ constexpr std::int32_t kLargeChart = 30'000;    // faces; smaller ones are one t
 constexpr int kMaxRounds = 12;                  // of splitting
 constexpr double kStretchSlack = 1.01;          // an estimate is not a map
 constexpr double kMostStretchForBorders = 100;  // root mean square, to keep the borders that were given
-constexpr double kNegligibleArea = 1e-4;        // of all; such a chart's stretch is not worth a split
+constexpr double kMostStretchOfAbf = 3;         // with a barrier; others are looked for beyond, that are so much better
+constexpr double kHuge = 1e300;
+// Beyond, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
+constexpr std::int32_t kMostFacesForConvex = 10'000, kMostFacesForBarycentres = 200'000;
+constexpr double kNegligibleArea = 1e-4;  // of all; such a chart's stretch is not worth a split
 
 constexpr double kMaxExtent = 1.4;  // of the side of the square that all charts would fill; longer ones hardly fit,
 constexpr double kWholeArea = 0.6;  // unless they are most of it
@@ -138,37 +143,48 @@ absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
   if (!MaySplit() && !maps_[i].flatten.stopped) return absl::OkStatus();
   faults_[i] = FindFaults(mesh_, chart, maps_[i], ignored_, execution);
   if (execution.IsHurried()) return absl::OkStatus();
-  // Where more seams are welcome, the rest is no use: of 200 maps that ran over themselves, all were stretched too far
-  // by a convex outline, at ten times the cost of a split.
-  if (options_.seams.policy != SeamPolicy::kNeeded) return absl::OkStatus();
-  // True if the map is a better one: without faults, and not stretched beyond use.
-  const auto take = [&](absl::StatusOr<ChartMap> map) {
+  // Where more seams are welcome they are better: of 200 maps that ran over themselves, all were stretched too far by a
+  // convex outline, at ten times the cost of a split.
+  if (options_.seams.policy == SeamPolicy::kNeeded) KeepBorders(i, execution);
+  return absl::OkStatus();
+}
+
+void ChartSet::KeepBorders(std::int32_t i, const Execution& execution) {
+  const Chart& chart = charts_[i];
+  const Eigen::VectorXd measured = Gather(chart, surface_->angle.data());
+  const bool is_slit = maps_[i].closed_slits.size() < chart.slits.size();
+  // Whether there is a map without faults to keep.
+  const auto is_sound = [&] { return !faults_[i].does_overlap && faults_[i].stretch <= kMostStretchForBorders; };
+  // Takes a map that is sound and, unless the present one is not, stretched less than `most`.
+  const auto take = [&](absl::StatusOr<ChartMap> map, double most) {
     if (!map.ok() || !map->flatten.converged) return false;
     const ChartFaults faults = FindFaults(mesh_, chart, *map, ignored_, execution);
-    if (faults.does_overlap || faults.stretch > kMostStretchForBorders) return false;
+    if (faults.does_overlap || faults.stretch > (is_sound() ? most : kMostStretchForBorders)) return false;
     maps_[i] = *std::move(map);
     faults_[i] = faults;
     return true;
   };
-  const bool may_be_convex = options_.flatten.boundary == BoundaryType::kFree;
-  if (maps_[i].closed_slits.size() < chart.slits.size()) {
-    if (const std::optional<FilledChart> filled = FillHoles(mesh_, chart, execution)) {
-      const Eigen::VectorXd measured = Gather(chart, surface_->angle.data());
-      FlattenControl control;
-      control.interrupter = execution.interrupter;
-      control.stop = execution.hurry;
-      control.team = execution.team;
-      if (take(MapFilled(mesh_, chart, *filled, measured, options_.flatten, control, execution))) {
-        return absl::OkStatus();
-      }
-    }
+  const FlattenSummary summary = maps_[i].flatten;
+  const bool is_large = static_cast<std::int32_t>(chart.faces.size()) > kMostFacesForBarycentres;
+  const std::optional<FilledChart> filled = is_slit ? FillHoles(mesh_, chart, execution) : std::nullopt;
+  if (filled) {
+    FlattenControl control;
+    control.interrupter = execution.interrupter;
+    control.stop = execution.hurry;
+    control.team = execution.team;
+    if (take(MapFilled(mesh_, chart, *filled, measured, options_.flatten, control, execution), kHuge)) return;
+    if (!is_large && take(MapByBarycentres(mesh_, chart, &*filled, measured, summary, execution), kHuge)) return;
   }
+  const auto is_poor = [&] { return maps_[i].flatten.barrier > 0 && faults_[i].stretch > kMostStretchOfAbf; };
+  if (!faults_[i].does_overlap && !is_poor()) return;
   // A convex outline cannot run over itself.
-  const bool is_useless = maps_[i].flatten.barrier > 0 && faults_[i].stretch > kMostStretchForBorders;
-  if (!may_be_convex || !(faults_[i].does_overlap || is_useless)) return absl::OkStatus();
-  absl::StatusOr<Flattening> convex = Flatten(i, BoundaryType::kConvex, execution, false);
-  if (convex.ok()) take(LayOutChart(mesh_, chart, *std::move(convex), execution));
-  return absl::OkStatus();
+  const bool is_small = static_cast<std::int32_t>(chart.faces.size()) <= kMostFacesForConvex;
+  if (options_.flatten.boundary == BoundaryType::kFree && is_small) {
+    absl::StatusOr<Flattening> convex = Flatten(i, BoundaryType::kConvex, execution, false);
+    if (convex.ok()) take(LayOutChart(mesh_, chart, *std::move(convex), execution), faults_[i].stretch);
+  }
+  if (is_large || filled || (is_sound() && !is_poor())) return;
+  take(MapByBarycentres(mesh_, chart, nullptr, measured, summary, execution), faults_[i].stretch / kMostStretchOfAbf);
 }
 
 template <typename Body>

@@ -55,6 +55,8 @@ class ChartSet {
   absl::StatusOr<Flattening> Flatten(std::int32_t i, BoundaryType boundary, const Execution& execution, bool reports);
   // Layout and faults.
   absl::Status Finish(std::int32_t i, const Execution& execution);
+  // Where no seams are to be added: another map in place of one that needs them, if there is a better one.
+  void KeepBorders(std::int32_t i, const Execution& execution);
   // Of these charts, those to be cut again.
   std::vector<Segmentation::Cut> ChartsToSplit(const std::vector<std::int32_t>& charts) const;
   // All that pack better in parts.

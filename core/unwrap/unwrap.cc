@@ -172,7 +172,7 @@ absl::Status Run::Verify() {
   result_.face_chart = charts_.FaceChart();
   for (int i = 0; i < charts_.count(); ++i) {
     const Chart& chart = charts_.chart(i);
-    result_.charts.push_back({chart.topology.num_faces(), charts_.map(i).flatten,
+    result_.charts.push_back({chart.topology.num_faces(), charts_.map(i).flatten, charts_.map(i).is_barycentric,
                               StretchOf(mesh_, chart, result_.uv, charts_.ignored(), execution_)});
   }
   {

@@ -31,7 +31,7 @@ enum class Precision {
 enum class SeamPolicy {
   kNone,    // none: the mesh must be a disc
   kKeep,    // the given seams and no others: the pieces must be discs
-  kNeeded,  // the given seams, and more only where a piece is no disc or its map would overlap itself
+  kNeeded,  // the given seams, and more only where a piece is no disc or no map keeps its borders
   kAuto,    // the given seams, and as many more as keep stretch below max_stretch
 };
 
@@ -108,7 +108,8 @@ struct UnwrapSeconds {
 struct ChartReport {
   std::int64_t triangles = 0;
   FlattenSummary flatten;
-  double stretch_l2 = 1;  // as Quality::stretch_l2, of this chart by itself
+  bool is_barycentric = false;  // its map is not by ABF: see the warning BARYCENTRIC_MAP
+  double stretch_l2 = 1;        // as Quality::stretch_l2, of this chart by itself
 };
 
 struct UnwrapResult {

@@ -135,6 +135,13 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
             convex ? " with a convex outline" : "", c.flatten.barrier, convex ? " or a free boundary" : "");
       },
       {{"barrier", absl::StrFormat("%g", barrier)}});
+  warn(
+      "BARYCENTRIC_MAP", [](const ChartReport& c) { return c.is_barycentric; },
+      [](const ChartReport&) {
+        return "by ABF these borders alone leave a map that overlaps itself or collapses; a barycentric map on a disc "
+               "keeps them, at the price of angles; a seam would relieve it";
+      },
+      {});
   if (max_stretch <= 0) return;
   double worst = 1;
   for (const ChartReport& chart : charts) worst = std::max(worst, chart.stretch_l2);

@@ -19,8 +19,9 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
 // SEAMS_ADDED: `slit` pieces that are no discs were cut open, `added` charts came from splitting others.
 void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings);
 
-// NOT_CONVERGED, PRECONDITIONER_CHANGED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, STRETCH_ABOVE_LIMIT: one warning for all
-// charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been left without the cuts that they need.
+// NOT_CONVERGED, PRECONDITIONER_CHANGED, BOUNDARY_NOT_SETTLED, BARRIER_KEPT, BARYCENTRIC_MAP, STRETCH_ABOVE_LIMIT: one
+// warning for all charts concerned. `max_stretch` 0: no limit. `stopped`: charts may have been left without the cuts
+// that they need.
 void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bool stopped,
                   std::vector<UnwrapWarning>* warnings);
 

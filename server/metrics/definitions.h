@@ -84,7 +84,8 @@ inline const MetricDefinition kCharts = {"planish_charts_total", kCounter, "conv
 inline const MetricDefinition kWarnings = {
     "planish_job_warnings_total", kCounter, "reason",
     "Warnings in delivered reports (planish.v1.Warning), fall-backs among them: PRECONDITIONER_CHANGED (multigrid gave "
-    "way to a Cholesky factorization), BARRIER_KEPT, UV_PRECISION (double in place of float), SEAMS_ADDED."};
+    "way to a Cholesky factorization), BARRIER_KEPT, BARYCENTRIC_MAP, UV_PRECISION (double in place of float), "
+    "SEAMS_ADDED."};
 
 // ---- what spared work
 

@@ -69,7 +69,7 @@ enum class Stage {
 enum class Seams {
   kNone,    // no edge is cut: the mesh must be a topological disc
   kKeep,    // the given seams and no others: the pieces must be discs
-  kNeeded,  // the given seams, and more only where a piece is no disc or its map would overlap itself (SEAMS_ADDED)
+  kNeeded,  // the given seams, and more only where a piece is no disc or has no map that keeps its borders (SEAMS_ADDED)
   kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
 };
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
