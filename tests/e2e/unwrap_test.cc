@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -277,20 +278,23 @@ TEST_F(UnwrapTest, KilledCommandTakesItsServerAlong) {
   EXPECT_TRUE(is_gone());
 }
 
+// Beside starting and ending the program, which loads all its libraries.
 TEST_F(UnwrapTest, PrivateServerCostsLittle) {
-  double best = 1e9;
+  double serving = 1e9, starting = 1e9;
   for (int i = 0; i < 7; ++i) {
-    const double start = Now();
+    double start = Now();
     {
       PrivateServerOptions options;
       options.executable = PLANISHD_COMMAND;
       const PrivateServer server(options);
       EXPECT_EQ(Client(server.target()).GetCapabilities().workers, 1);
     }
-    best = std::min(best, Now() - start);
+    serving = std::min(serving, Now() - start);
+    start = Now();
+    ASSERT_EQ(std::system("'" PLANISHD_COMMAND "' --version >/dev/null"), 0);
+    starting = std::min(starting, Now() - start);
   }
-  RecordProperty("seconds", std::to_string(best));
-  EXPECT_LT(best, 0.2);
+  EXPECT_LT(serving, 4 * starting);
 }
 
 TEST(VersionTest, OfBothSides) {

@@ -306,6 +306,7 @@ TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
 }
 
 TEST_F(WorkerProcess, MemoryThatRunsOutOnAnotherThreadHasTheSameName) {
+  if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
   JobAssignment job = JobOf(Bump(8), "solve=oom-thread");
   job.request.set_memory_bytes(100 * kMiB);
   const Ending ending = Run(job);
@@ -398,6 +399,7 @@ class WorkerFault : public WorkerProcess, public ::testing::WithParamInterface<F
 
 TEST_P(WorkerFault, CostsOneJob) {
   const Fault& fault = GetParam();
+  if (kSanitized && std::string(fault.action) == "oom") GTEST_SKIP() << "no memory limit with sanitizers";
   if (std::string(fault.reason) == "WORKER_HUNG") BeImpatient();
   const bool asan_catches = kSanitized && std::string(fault.action) == "segv";
   for (const std::string point : {"start", "decode", "solve", "encode", "result"}) {
