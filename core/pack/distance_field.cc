@@ -55,23 +55,23 @@ void DistanceField::MeasureNearEdges(const Outline& outline, double band) {
 // From node to node, along the grid and its diagonals.
 void DistanceField::Spread() {
   const auto side = static_cast<float>(spacing_), diagonal = static_cast<float>(spacing_ * 1.4142135623730951);
-  for (int y = 0; y < rows_; ++y) {
-    for (int x = 0; x < columns_; ++x) {
-      float& node = Node(x, y);
-      if (x > 0) node = std::min(node, Node(x - 1, y) + side);
-      if (y > 0) node = std::min(node, Node(x, y - 1) + side);
-      if (x > 0 && y > 0) node = std::min(node, Node(x - 1, y - 1) + diagonal);
-      if (x + 1 < columns_ && y > 0) node = std::min(node, Node(x + 1, y - 1) + diagonal);
+  const auto from_row = [&](const float* from, float* to) {
+    for (int x = 1; x + 1 < columns_; ++x) {
+      const float straight = from[x] + side, across = std::min(from[x - 1], from[x + 1]) + diagonal;
+      to[x] = std::min(to[x], std::min(straight, across));
     }
+    to[0] = std::min({to[0], from[0] + side, from[1] + diagonal});
+    to[columns_ - 1] = std::min({to[columns_ - 1], from[columns_ - 1] + side, from[columns_ - 2] + diagonal});
+  };
+  for (int y = 0; y < rows_; ++y) {
+    float* const row = &Node(0, y);
+    if (y > 0) from_row(row - columns_, row);
+    for (int x = 1; x < columns_; ++x) row[x] = std::min(row[x], row[x - 1] + side);
   }
   for (int y = rows_ - 1; y >= 0; --y) {
-    for (int x = columns_ - 1; x >= 0; --x) {
-      float& node = Node(x, y);
-      if (x + 1 < columns_) node = std::min(node, Node(x + 1, y) + side);
-      if (y + 1 < rows_) node = std::min(node, Node(x, y + 1) + side);
-      if (x + 1 < columns_ && y + 1 < rows_) node = std::min(node, Node(x + 1, y + 1) + diagonal);
-      if (x > 0 && y + 1 < rows_) node = std::min(node, Node(x - 1, y + 1) + diagonal);
-    }
+    float* const row = &Node(0, y);
+    if (y + 1 < rows_) from_row(row + columns_, row);
+    for (int x = columns_ - 2; x >= 0; --x) row[x] = std::min(row[x], row[x + 1] + side);
   }
 }
 

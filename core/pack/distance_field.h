@@ -45,6 +45,17 @@ class DistanceField {
     return below + t * (above - below);
   }
 
+  // The same, and `beyond` off the grid.
+  double DistanceNear(const Vec2& p, double beyond) const {
+    const double x = (p.x() - low_.x()) * per_unit_, y = (p.y() - low_.y()) * per_unit_;
+    if (!(x >= 0 && y >= 0 && x < columns_ - 1 && y < rows_ - 1)) return beyond;
+    const int column = static_cast<int>(x), row = static_cast<int>(y);
+    const double s = x - column, t = y - row;
+    const float* node = values_.data() + static_cast<std::size_t>(row) * columns_ + column;
+    const double below = node[0] + s * (node[1] - node[0]);
+    const double above = node[columns_] + s * (node[columns_ + 1] - node[columns_]);
+    return below + t * (above - below);
+  }
   // The distances at first, first + step, ... (count of them); kFar for those off the grid.
   static constexpr float kFar = 1e30f;
   void Sample(const Vec2& first, const Vec2& step, int count, float* distances) const;

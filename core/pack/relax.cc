@@ -15,7 +15,8 @@ constexpr int kContactLife = 5;              // steps
 constexpr double kMomentum = 0.7;            // of a step that the next one keeps
 constexpr std::int64_t kMostSteps = 200000;  // of single charts, for growing
 constexpr double kSureOfDistance = 0.9;      // far from a chart its field says up to 8 % too much (along the diagonals)
-constexpr double kShare = 0.5;               // of what is missing that one of two charts gives way
+constexpr double kFar = 1e300;
+constexpr double kShare = 0.5;  // of what is missing that one of two charts gives way
 
 // Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
 std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
@@ -112,10 +113,14 @@ void Relaxer::FindContacts() {
     const double a_unit = scale_ * relative_[a], unit = scale_ * relative_[b];
     const double c = turns[b].x() / (unit * unit), s = turns[b].y() / (unit * unit);
     const DistanceField& field = fields_[b];
-    const auto local = [&](const Vec2& p) {
-      const Vec2 q = p - bodies_[b].centre;
-      return Vec2(c * q.x() + s * q.y(), c * q.y() - s * q.x());
+    // From the frame of a to that of b.
+    const Vec2 turn(c * turns[a].x() + s * turns[a].y(), c * turns[a].y() - s * turns[a].x());
+    const Vec2 offset = bodies_[a].centre - bodies_[b].centre;
+    const Vec2 shift(c * offset.x() + s * offset.y(), c * offset.y() - s * offset.x());
+    const auto local = [&](const Vec2& u) {
+      return Vec2(shift.x() + turn.x() * u.x() - turn.y() * u.y(), shift.y() + turn.y() * u.x() + turn.x() * u.y());
     };
+    const double local_reach = reach / unit;
     for (std::size_t i = 0; i < shapes_[a].blocks.size(); ++i) {
       const Block& block = shapes_[a].blocks[i];
       const double around = reach + block.radius * a_unit;
@@ -125,12 +130,10 @@ void Relaxer::FindContacts() {
         continue;
       }
       ++looks_;
-      const Vec2 at = local(centre);
-      if (field.Contains(at) && kSureOfDistance * field.DistanceAt(at) * unit > around) continue;
+      if (kSureOfDistance * field.DistanceNear(local(block.centre), 0) * unit > around) continue;
       looks_ += block.end - block.begin;
       for (std::int32_t k = block.begin; k < block.end; ++k) {
-        const Vec2 p = local(place(a, shapes_[a].samples[k]));
-        if (field.Contains(p) && field.DistanceAt(p) * unit <= reach) contacts_.push_back({a, k, b});
+        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.push_back({a, k, b});
       }
     }
   };
