@@ -18,7 +18,7 @@ constexpr double kCostUnit = 1e-7;
 class Joining {
  public:
   explicit Joining(const Surface& surface)
-      : surface_(surface), parent_(surface.num_faces()), area_(surface.area), normal_(surface.area_normal) {
+      : parent_(surface.num_faces()), area_(surface.area), normal_(surface.area_normal) {
     std::iota(parent_.begin(), parent_.end(), 0);
   }
 
@@ -45,7 +45,6 @@ class Joining {
   }
 
  private:
-  const Surface& surface_;
   std::vector<std::int32_t> parent_;
   std::vector<double> area_;  // of roots: of their patch
   std::vector<Vec3> normal_;

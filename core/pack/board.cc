@@ -46,7 +46,8 @@ Rim MakeRim(const Silhouette& s, int most) {
   };
   // Left and right neighbours of spans, and what lies above or below a span but in none itself.
   for (int y = -1; y <= s.height; ++y) {
-    const auto [begin, end] = row(y);
+    const std::pair<std::int32_t, std::int32_t> range = row(y);
+    const std::int32_t begin = range.first, end = range.second;
     const auto covered = [&](int x) {
       for (int i = begin; i < end; ++i) {
         if (x >= s.spans[i].begin && x < s.spans[i].end) return true;

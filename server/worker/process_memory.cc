@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "core/base/heap.h"
+#include "core/base/sanitizers.h"
 
 namespace planish {
 namespace {
@@ -65,9 +66,7 @@ void WatchProcessMemory() {
 
 std::int64_t HeldBytes() {
   const Statm now = ReadStatm();
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  return now.resident;  // private memory is terabytes of shadow
-#endif
+  if (kSanitized) return now.resident;
   return std::max(now.resident, now.data) - FreeEnd();
 }
 
@@ -88,9 +87,8 @@ void ResetPeakMemory() {
   [[maybe_unused]] const ssize_t written = write(files.clear_refs, "5", 1);
 }
 
-MemoryLimit::MemoryLimit([[maybe_unused]] std::int64_t bytes, [[maybe_unused]] std::int64_t expected,
-                         [[maybe_unused]] int threads) {
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+MemoryLimit::MemoryLimit(std::int64_t bytes, std::int64_t expected, int threads) {
+  if (kSanitized) return;
   malloc_trim(static_cast<std::size_t>(std::max<std::int64_t>(bytes > 0 ? std::min(expected, bytes) : expected, 0)));
   if (bytes <= 0) return;
   const std::int64_t held = ReadStatm().data - FreeEnd();
@@ -100,7 +98,6 @@ MemoryLimit::MemoryLimit([[maybe_unused]] std::int64_t bytes, [[maybe_unused]] s
   SetSoftLimit(RLIMIT_FSIZE, static_cast<rlim_t>(bytes));
   // Huge pages for half of it; the rest is for what does not come from the heap of this thread.
   ReserveHeap(static_cast<std::size_t>(bytes / 2));
-#endif
 }
 
 MemoryLimit::~MemoryLimit() {

@@ -14,6 +14,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sanitizers.h"
 
 namespace planish {
 namespace {
@@ -76,8 +77,8 @@ constexpr int kAllowed[] = {
     SCMP_SYS(uname),
 };
 
-// Adds the rules; 0 or a negative errno. Builds with sanitizers leave it out.
-[[maybe_unused]] int AddRules(scmp_filter_ctx filter) {
+// Adds the rules; 0 or a negative errno.
+int AddRules(scmp_filter_ctx filter) {
   int error = 0;
   const auto allow = [&](int call, auto... conditions) {
     if (error == 0) error = seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, sizeof...(conditions), conditions...);
@@ -108,9 +109,7 @@ void SetLimit(__rlimit_resource resource, rlim_t limit) {
 }  // namespace
 
 absl::Status EnterSandbox() {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  return absl::UnavailableError("this build has sanitizers, which need files and processes");
-#else
+  if (kSanitized) return absl::UnavailableError("this build has sanitizers, which need files and processes");
   const std::unique_ptr<void, decltype(&seccomp_release)> filter(seccomp_init(SCMP_ACT_ERRNO(EPERM)), seccomp_release);
   if (filter == nullptr) return absl::UnavailableError("no filter for this kind of processor");
   int error = seccomp_attr_set(filter.get(), SCMP_FLTATR_CTL_TSYNC, 1);
@@ -120,7 +119,6 @@ absl::Status EnterSandbox() {
   if (error == 0) error = seccomp_load(filter.get());
   if (error == 0) return absl::OkStatus();
   return absl::UnavailableError(absl::StrCat("the kernel takes no filter of system calls: ", std::strerror(-error)));
-#endif
 }
 
 void ConfineProcess() {

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "core/base/sanitizers.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/server/testing/temp_dir.h"
@@ -14,12 +15,7 @@ namespace planish {
 namespace {
 
 // Of this process and of each that it starts: whatever a damaged mesh makes a server do, the machine goes on.
-// Sanitizers want terabytes, which they hardly touch.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr rlim_t kMostData = RLIM_INFINITY;
-#else
-constexpr rlim_t kMostData = rlim_t{6} << 30;
-#endif
+constexpr rlim_t kMostData = kSanitized ? RLIM_INFINITY : rlim_t{6} << 30;
 
 int NumInputs() {
   const char* const text = std::getenv("PLANISH_FAULT_MUTATIONS");

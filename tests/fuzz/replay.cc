@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/sanitizers.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/fuzz/check.h"
@@ -23,11 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kIsSanitized = true;  // wants terabytes of addresses for itself
-#else
-constexpr bool kIsSanitized = false;
-#endif
 constexpr rlim_t kMostAddresses = rlim_t{4} << 30;
 constexpr rlim_t kMostSeconds = 100;  // of CPU
 
@@ -59,7 +55,7 @@ void SaveInput(int number) {
 class Replay : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    if (!kIsSanitized) Limit(RLIMIT_AS, kMostAddresses);
+    if (!kSanitized) Limit(RLIMIT_AS, kMostAddresses);
     Limit(RLIMIT_CPU, kMostSeconds);
     input_path = ::testing::TempDir() + "fuzz_" FUZZ_TARGET ".input";
     struct sigaction once = {};

@@ -14,6 +14,7 @@
 #include "absl/strings/match.h"
 #include "absl/time/clock.h"
 #include "core/base/error.h"
+#include "core/base/sanitizers.h"
 #include "core/io/draco_codec.h"
 #include "gmock/gmock.h"
 #include "google/rpc/error_details.pb.h"
@@ -29,13 +30,6 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
-
-constexpr bool kSanitized =
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-    true;
-#else
-    false;
-#endif
 
 constexpr std::int64_t kMiB = 1 << 20;
 
