@@ -1,6 +1,7 @@
 #include "core/io/ear_clipping.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "Eigen/Geometry"
@@ -58,16 +59,26 @@ bool IsFan(const std::vector<Vec2>& points) {
   return true;
 }
 
-// Whether the fan round corner 0 of a quad has two triangles with area.
-bool IsFanOfQuad(const std::vector<Vec3>& outline) {
-  if (outline.size() != 4) return false;
-  const Vec3 diagonal = outline[2] - outline[0];
-  for (const std::size_t i : {1u, 3u}) {
-    const Vec3 side = outline[i] - outline[0], other = outline[i] - outline[2];
+// Whether a triangle of the fan round corner 0 is so steep on the others that the polygon lies in no plane.
+bool IsFolded(const std::vector<Vec3>& outline) {
+  constexpr double kLeastCosine = 0.7;  // of the angle to the polygon's normal, or to the opposite of that
+  std::vector<Vec3> normals;
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t i = 1; i + 1 < outline.size(); ++i) {
+    normals.push_back((outline[i] - outline[0]).cross(outline[i + 1] - outline[0]));
+    sum += normals.back();
+  }
+  return std::any_of(normals.begin(), normals.end(),
+                     [&](const Vec3& n) { return std::abs(n.dot(sum)) < kLeastCosine * n.norm() * sum.norm(); });
+}
+
+// Whether the triangles of the fan round corner 0 all have an area.
+bool FanHasArea(const std::vector<Vec3>& outline) {
+  for (std::size_t i = 1; i + 1 < outline.size(); ++i) {
+    const Vec3 a = outline[i] - outline[0], b = outline[i + 1] - outline[0];
     // The triangle may be flat with its middle corner at any of its three vertices.
-    const double twice_area = diagonal.cross(side).norm();
-    const double longest = std::max({diagonal.squaredNorm(), side.squaredNorm(), other.squaredNorm()});
-    if (!(twice_area > kFlat * longest)) return false;
+    const double longest = std::max({a.squaredNorm(), b.squaredNorm(), (a - b).squaredNorm()});
+    if (!(a.cross(b).norm() > kFlat * longest)) return false;
   }
   return true;
 }
@@ -94,7 +105,8 @@ std::vector<Face> TrianglesOfPolygon(const std::vector<Vec3>& outline) {
   std::vector<Face> triangles;
   std::vector<std::int32_t> left(outline.size());
   std::iota(left.begin(), left.end(), 0);
-  if (outline.size() > 3 && outline.size() <= kMostCorners && !IsFanOfQuad(outline)) {
+  const bool is_fan = (outline.size() == 4 || IsFolded(outline)) && FanHasArea(outline);
+  if (outline.size() > 3 && outline.size() <= kMostCorners && !is_fan) {
     const std::vector<Vec2> points = Flattened(outline);
     std::size_t at = 1;
     // Corners without an ear since the last one; to begin with all, where there is nothing to cut off.

@@ -73,6 +73,15 @@ TEST(EarClipping, ConcavePolygonsHaveNoFlippedTriangle) {
   ExpectTiles(comb, 5 * 2.5 + 9);
 }
 
+TEST(EarClipping, WhatLiesInNoPlaneIsAFan) {
+  // Seen from above concave at corner 2; but the corner stands up steeply.
+  const std::vector<Vec3> folded = {{0, 0, 0}, {4, 0, 0}, {1, 0.5, 3}, {4, 4, 0}, {0, 4, 0}};
+  EXPECT_EQ(TrianglesOfPolygon(folded), (std::vector<Face>{{0, 1, 2}, {0, 2, 3}, {0, 3, 4}}));
+  std::vector<Vec3> flat = folded;
+  flat[2].z() = 0;
+  ExpectTiles(flat, 16 - 1.5 * 4);
+}
+
 TEST(EarClipping, CornersInLineGiveNoFlatTriangle) {
   ExpectTiles({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}}, 4);
   ExpectTiles({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {2, 1, 0}, {2, 2, 0}, {1, 2, 0}, {0, 2, 0}, {0, 1, 0}}, 4);
