@@ -18,7 +18,7 @@ constexpr double kLeastForcingTerm = 1e-10;
 // so that Newton stays quadratic, but no smaller than the last step needs to end below the tolerance.
 double ForcingTerm(double residual, double tolerance) {
   constexpr double kLargest = 1e-4;  // while Newton has far to go: rough steps cost more steps
-  constexpr double kLargestAtEnd = 1e-3;
+  constexpr double kLargestAtEnd = 1e-2;
   const double on_the_way = std::min(1e-2 * residual, kLargest);
   const double last = std::min(0.3 * tolerance / residual, kLargestAtEnd);
   return std::max({on_the_way, last, kLeastForcingTerm});
@@ -30,9 +30,9 @@ constexpr double kLeastBarrier = 1e-2;
 // Angles that stay so much smaller than their targets for three steps are on their way to 0. On the shared discs where
 // f has a minimum the smallest ratio on the way there is 0.025; on coarse ones it may fall lower for a step or two.
 constexpr double kCollapsed = 1e-2;
-// So many steps before that one may be as narrow.
-constexpr int kNarrowStepsAllowed = 2;
-// The same, as a part of the smallest ratio with the least barrier; from there a single step will do.
+// So many steps before that one may be as narrow; and so many may be short, one after the other.
+constexpr int kNarrowStepsAllowed = 2, kShortStepsAllowed = 2;
+// The same, as a part of the smallest ratio with the least barrier; from there a single step will do, of either kind.
 constexpr double kStillThere = 0.25;
 // Residual to which the stronger barriers on the way there are solved.
 constexpr double kRoughTolerance = 1e-2;
@@ -262,7 +262,6 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
   // A run of steps that angles near 0 cut this short is going nowhere.
   constexpr double kShortStep = 0.1;
   constexpr double kTinyStep = 1e-3;
-  constexpr int kMaxShortSteps = 3;
   while (true) {
     Evaluate();
     Report(0, 0);
@@ -283,7 +282,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
       continue;
     }
     short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
-    if (short_steps_ == kMaxShortSteps || (*taken && AnglesCollapse())) return Ending::kStuck;
+    if (short_steps_ > short_steps_allowed_ || (*taken && AnglesCollapse())) return Ending::kStuck;
     if (!*taken && std::exchange(exact_steps_, true)) return Ending::kStuck;
   }
 }
@@ -296,6 +295,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
   if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
   collapsed_ = kCollapsed;
   narrow_steps_allowed_ = kNarrowStepsAllowed;
+  short_steps_allowed_ = kShortStepsAllowed;
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
@@ -317,7 +317,7 @@ absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart
       const Point kept = at_;
       const Multipliers kept_mu = mu_;
       objective_.set_barrier(0);
-      narrow_steps_allowed_ = 0;
+      narrow_steps_allowed_ = short_steps_allowed_ = 0;
       collapsed_ = std::min(kCollapsed, kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle)));
       PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
       if (ending != Ending::kConverged) {

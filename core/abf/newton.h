@@ -104,10 +104,10 @@ class Newton {
   int narrow_steps_ = 0, narrow_steps_allowed_ = 0;
   double last_residual_ = 0;  // before the last step; 0 before the first
   double step_length_ = 0;
-  int short_steps_ = 0;       // in a row
-  bool exact_steps_ = false;  // no forcing terms any more
-  bool whole_step_ = false;   // the last step was taken at full length, from a linear solve that converged
-  bool cut_short_ = false;    // control_.stop ended a linear solve of the present step
+  int short_steps_ = 0, short_steps_allowed_ = 0;  // in a row
+  bool exact_steps_ = false;                       // no forcing terms any more
+  bool whole_step_ = false;  // the last step was taken at full length, from a linear solve that converged
+  bool cut_short_ = false;   // control_.stop ended a linear solve of the present step
   std::int64_t hurried_steps_ = 0, hurried_iterations_ = 0;  // after control_.stop
   bool indefinite_pays_ = true;  // HessianType::kAuto: no step with the exact Hessian has failed yet
   FlattenSummary summary_;
