@@ -1,6 +1,8 @@
 #include "client/cli/arguments.h"
 
+#include <charconv>
 #include <sstream>
+#include <system_error>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -46,7 +48,7 @@ options. With --json there is one line per file, and a last one {"summary": ...}
 
 Seams: --seams takes a comma-separated list of at most one policy and any number of sources.
   auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
-  needed       the given seams, and more only where a piece is no disc or would overlap itself; what sources
+  needed       the given seams, and more only where a piece is no disc or no map keeps its borders; what sources
                without a policy mean
   keep         the given seams and no others: a piece that is no disc is refused
   none         no cut: the mesh must be a disc
@@ -265,6 +267,21 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
       ->type_name("N");
 }
 
+// "skin=2"; the name may have equals signs.
+void AddMaterialWeight(const std::string& text, Arguments* arguments) {
+  const std::size_t equals = text.rfind('=');
+  double weight = 0;
+  if (equals != std::string::npos) {
+    const char* const end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(text.data() + equals + 1, end, weight);
+    if (error != std::errc() || rest != end) weight = 0;
+  }
+  if (!(weight >= 0.01 && weight <= 100)) {
+    throw CLI::ValidationError("--weight", text + " is not MATERIAL=X with X from 0.01 to 100");
+  }
+  arguments->material_weights[text.substr(0, equals)] = weight;
+}
+
 void DefinePack(CLI::App& app, Arguments& arguments) {
   CLI::App& pack = *app.add_subcommand("pack", "Pack the UV islands that a mesh has anew, without solving");
   pack.parse_complete_callback([&arguments] { arguments.command = Command::kPack; });
@@ -282,6 +299,13 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
           "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
       ->check(CLI::IsMember({"equal", "keep"}).description(""))
       ->type_name("equal|keep");
+  pack.add_option_function<std::vector<std::string>>(
+          "--weight",
+          [&arguments](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) AddMaterialWeight(text, &arguments);
+          },
+          "So many times the texels per length for the islands of a material, 0.01 to 100; several times for several")
+      ->type_name("MATERIAL=X");
   AddTexcoord(pack, arguments);
   AddPreview(pack, arguments);
   AddJson(pack, arguments);

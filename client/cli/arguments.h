@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -54,7 +55,8 @@ struct Arguments {
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;
-  bool keep_density = false;  // pack; texture_size, padding and tiles are those of `options`
+  bool keep_density = false;                       // pack; texture_size, padding and tiles are those of `options`
+  std::map<std::string, double> material_weights;  // pack: times the texels per length, in [0.01, 100]
   bool detach = false;
   Scheduling scheduling;
   std::string label;           // jobs list: how it begins
@@ -68,7 +70,7 @@ struct Arguments {
   int limit = 50;
 
   std::string health_url = "http://127.0.0.1:9741/readyz";  // health: what to ask
-  bool wait = false;  // admin drain
+  bool wait = false;                                        // admin drain
 };
 
 // Either arguments, or what to print and the code to exit with.

@@ -153,6 +153,15 @@ std::vector<std::int32_t> MeshInput::FaceMaterials() const {
   return any ? result : std::vector<std::int32_t>();
 }
 
+std::vector<std::string> MeshInput::MaterialNames() const {
+  std::vector<std::string> result;
+  for (const Part& part : parts_) {
+    const std::vector<std::string>& names = part.file.mesh.material_names;
+    result.insert(result.end(), names.begin(), names.end());
+  }
+  return result;
+}
+
 ids::Renumbering MeshInput::ToFile() const {
   const auto vertex = [this](std::int64_t id) -> std::int64_t {
     if (id >= mesh_.num_vertices()) return -1;

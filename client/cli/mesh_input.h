@@ -38,6 +38,8 @@ class MeshInput {
   std::vector<double> CornerUv() const;
   // Per face an id of its material, -1: none; faces of different files never share one. Empty: no file has materials.
   std::vector<std::int32_t> FaceMaterials() const;
+  // By these ids; the names of different files may be the same.
+  std::vector<std::string> MaterialNames() const;
 
   // What `list` takes from the files, in the order of view() (seam_edges.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;

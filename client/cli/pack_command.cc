@@ -3,8 +3,11 @@
 #include <cstdint>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -69,6 +72,29 @@ void CheckUv(const MeshInput& input, const Arguments& arguments) {
               });
 }
 
+// Per face of the input what its material weighs; empty without weights. Throws for materials that there are not.
+std::vector<double> FaceWeights(const MeshInput& input, const std::map<std::string, double>& material_weights) {
+  if (material_weights.empty()) return {};
+  const std::vector<std::string> names = input.MaterialNames();
+  for (const auto& [name, weight] : material_weights) {
+    if (std::find(names.begin(), names.end(), name) != names.end()) continue;
+    std::string list;
+    for (const std::string& known : std::set<std::string>(names.begin(), names.end())) {
+      list += (list.empty() ? "" : ", ") + known;
+    }
+    throw Error(ErrorCode::kInvalidArgument, "MATERIAL_UNKNOWN",
+                "--weight=" + name + ": " + input.path() + " has no such material" +
+                    (list.empty() ? ", nor any other" : "; it has " + list),
+                {{"material", name}});
+  }
+  std::vector<double> weights;
+  for (const std::int32_t material : input.FaceMaterials()) {
+    const auto found = material < 0 ? material_weights.end() : material_weights.find(names[material]);
+    weights.push_back(found == material_weights.end() ? 1 : found->second);
+  }
+  return weights;
+}
+
 std::vector<Warning> WarningsOf(const Repacking& done, const PackOptions& atlas) {
   std::vector<Warning> warnings;
   if (done.packing.padding < atlas.padding) {
@@ -93,9 +119,10 @@ std::vector<Warning> WarningsOf(const Repacking& done, const PackOptions& atlas)
 }
 
 std::string DensityText(const Arguments& arguments, const Repacking& done) {
-  if (arguments.keep_density) return ", sizes kept relative to each other";
+  const std::string weighted = arguments.material_weights.empty() ? "" : ", times the weights given";
+  if (arguments.keep_density) return ", sizes kept relative to each other" + weighted;
   if (done.texels_per_unit == 0) return "";
-  return ", " + Significant(done.texels_per_unit, 3) + " texels per unit of length";
+  return ", " + Significant(done.texels_per_unit, 3) + " texels per unit of length" + weighted;
 }
 
 // What was done, for people.
@@ -120,6 +147,7 @@ Json PackJson(const MeshInput& input, const Arguments& arguments, const PackOpti
                {"islands", done.islands},
                {"mirrored", done.mirrored},
                {"density", arguments.keep_density ? "keep" : "equal"},
+               {"weights", arguments.material_weights},
                {"atlas",
                 {{"texture_size", atlas.texture_size},
                  {"padding", atlas.padding},
@@ -157,6 +185,7 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
 
   RepackOptions options;
   options.keep_density = arguments.keep_density;
+  options.face_weights = FaceWeights(input, arguments.material_weights);
   if (arguments.options.texture_size != 0) options.atlas.texture_size = arguments.options.texture_size;
   options.atlas.padding = arguments.options.padding.value_or(options.atlas.padding);
   if (arguments.options.tiles != 0) options.atlas.tiles = arguments.options.tiles;

@@ -70,6 +70,27 @@ std::vector<double> SurfaceScales(const std::vector<Extent>& extents) {
   return scales;
 }
 
+// Per island the mean of its faces' weights.
+std::vector<double> MeanWeights(const Mesh& mesh, const UvIslands& islands, const std::vector<double>& face_weights) {
+  struct Sums {
+    double area = 0, weighted = 0, faces = 0, counted = 0;
+  };
+  std::vector<Sums> sums(islands.count);
+  for (std::size_t f = 0; f < face_weights.size(); ++f) {
+    const Face& face = mesh.faces[f];
+    const Vec3 &p = mesh.positions[face[0]], &q = mesh.positions[face[1]], &r = mesh.positions[face[2]];
+    const double area = (q - p).cross(r - p).norm() / 2;
+    Sums& sum = sums[islands.island_of_face[f]];
+    sum.area += area;
+    sum.weighted += area * face_weights[f];
+    sum.faces += 1;
+    sum.counted += face_weights[f];
+  }
+  std::vector<double> means;
+  for (const Sums& sum : sums) means.push_back(sum.area > 0 ? sum.weighted / sum.area : sum.counted / sum.faces);
+  return means;
+}
+
 // The islands round their lower left corners, and which place of each a corner of the mesh has.
 struct Charts {
   std::vector<PackChart> charts;
@@ -166,6 +187,10 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
 
   std::vector<double> scales(extents.size(), 1.0);
   if (!options.keep_density) scales = SurfaceScales(extents);
+  if (!options.face_weights.empty()) {
+    const std::vector<double> weights = MeanWeights(mesh, islands, options.face_weights);
+    for (std::size_t i = 0; i < scales.size(); ++i) scales[i] *= weights[i];
+  }
   // Densities are relative; with these the whole has about the area of a tile before it is packed.
   double whole_area = 0;
   for (std::size_t i = 0; i < extents.size(); ++i) whole_area += extents[i].map_area * scales[i] * scales[i];

@@ -15,6 +15,9 @@ struct RepackOptions {
   // Islands keep their sizes relative to each other; otherwise each is scaled so that its area in the map is the same
   // share of its area on the surface.
   bool keep_density = false;
+  // Per face, above 0: the scale of an island is multiplied by the mean of its faces', by their area on the surface (by
+  // their number where it has none). Empty: 1.
+  std::vector<double> face_weights;
 };
 
 struct Repacking {
@@ -24,7 +27,7 @@ struct Repacking {
   std::int64_t without_area = 0;      // whose UV lie on a line or a point
   std::int64_t lost_to_rounding = 0;  // triangles that had area and have none, or the other sign, as floats
   double covered = 0;  // share of the tiles used, counted at 1024^2 points each; what lies on each other counts once
-  double texels_per_unit = 0;  // of length on the surface; 0 with keep_density or where no island has area
+  double texels_per_unit = 0;  // of length on the surface, at weight 1; 0 with keep_density or where nothing has area
   Packing packing;             // per island in the order of their first faces
 };
 

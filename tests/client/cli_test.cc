@@ -133,9 +133,11 @@ TEST(ArgumentsTest, Pack) {
   EXPECT_TRUE(parsed.arguments->keep_density);
   EXPECT_EQ(parsed.arguments->texcoord, 1);
   EXPECT_EQ(parsed.arguments->preview, "p.svg");
-  parsed = Parse({"pack", "in.obj", "-o", "-", "--density=equal"});
+  parsed = Parse({"pack", "in.obj", "-o", "-", "--density=equal", "--weight=skin=2", "--weight=a=b=0.5"});
   ASSERT_TRUE(parsed.arguments) << parsed.err;
   EXPECT_FALSE(parsed.arguments->keep_density);
+  EXPECT_THAT(parsed.arguments->material_weights,
+              ::testing::ElementsAre(::testing::Pair("a=b", 0.5), ::testing::Pair("skin", 2.0)));
 }
 
 TEST(ArgumentsTest, Preview) {
@@ -298,6 +300,8 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"jobs", "watch", "x", "--server=h:1", "--preview=x.png"}, "--mesh"},
       {{"pack", "in.obj"}, "planish pack in.obj -o in_uv.obj"},
       {{"pack", "in.obj", "-o", "x.obj", "--density=some"}, "some"},
+      {{"pack", "in.obj", "-o", "x.obj", "--weight=skin"}, "MATERIAL=X"},
+      {{"pack", "in.obj", "-o", "x.obj", "--weight=skin=0"}, "0.01 to 100"},
       {{"pack", "in.obj", "-o", "x.obj", "--pack=off"}, "--pack"},
       {{"pack", "in.obj", "-o", "x.obj", "--texture-size=32", "--padding=32"}, "leaves no room"},
       {{"inspect", "in.glb", "--texcoord=8"}, "texcoord"},

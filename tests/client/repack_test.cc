@@ -123,6 +123,19 @@ RepackOptions Options(bool keep) {
   return options;
 }
 
+TEST(Repack, WeightsScaleIslands) {
+  const Sheet sheet = FiveIslands();
+  RepackOptions options = Options(false);
+  options.face_weights.assign(5 * Sheet::kFaces, 1);
+  for (std::size_t f = Sheet::kFaces; f < 2 * Sheet::kFaces; ++f) options.face_weights[f] = 3;
+  const Repacking done = Repack(sheet.mesh, sheet.uv, {}, options);
+  EXPECT_GE(LeastDistance(done.uv, Sheet::kFaces), 4.0 / 256);
+  for (std::size_t f = 0; f < 5 * Sheet::kFaces; ++f) {
+    const double density = 256 * std::sqrt(std::abs(SignedArea(done.uv, f)) / SurfaceArea(sheet.mesh, f));
+    EXPECT_NEAR(density / done.texels_per_unit, options.face_weights[f], 1e-3) << "face " << f;
+  }
+}
+
 TEST(Repack, EqualDensityOfIslandsThatStayAsTheyAre) {
   const Sheet sheet = FiveIslands();
   const Repacking done = Repack(sheet.mesh, sheet.uv, {}, Options(false));

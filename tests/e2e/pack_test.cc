@@ -63,6 +63,21 @@ TEST_F(PackTest, NeedsNoServerAndSaysWhatItDid) {
               1, 0.05);
 }
 
+TEST_F(PackTest, MaterialsHaveWeights) {
+  std::string text = kTwoIslands;
+  text.insert(text.find("f 5/1"), "usemtl skin\n");
+  const std::string input = File("in.obj", text);
+  const auto texels = [&](const std::string& weight) {
+    const Outcome run = Planish({"pack", input, "-o", directory_ / "out.obj", "--json", "--weight=" + weight});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return json::parse(run.out)["atlas"]["texels_per_unit"].get<double>();
+  };
+  EXPECT_LT(texels("skin=8"), 0.5 * texels("skin=1")) << "the other island makes room";
+  const Outcome unknown = Planish({"pack", input, "-o", directory_ / "out.obj", "--weight=skn=2"});
+  EXPECT_EQ(unknown.exit_code, 1);
+  EXPECT_THAT(unknown.err, HasSubstr("has no such material; it has a, skin"));
+}
+
 TEST_F(PackTest, EveryFormatThatHoldsUv) {
   const std::string input = File("in.obj", kTwoIslands);
   for (const char* name : {"a.glb", "a.gltf", "a.ply", "a.off", "a.drc"}) {
