@@ -27,7 +27,7 @@ constexpr int kMaxRounds = 12;                  // of splitting
 constexpr double kStretchSlack = 1.01;          // an estimate is not a map
 constexpr double kMostStretchForBorders = 100;  // root mean square, to keep the borders that were given
 constexpr double kMostStretchOfAbf = 3;         // with a barrier; others are looked for beyond, that are so much better
-constexpr double kHuge = 1e300;
+constexpr double kMostStretchForHoles = 1.1;    // times that of the slit map: a tube had better be slit than be a ring
 // Beyond, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
 constexpr std::int32_t kMostFacesForConvex = 10'000, kMostFacesForBarycentres = 200'000;
 constexpr double kNegligibleArea = 1e-4;  // of all; such a chart's stretch is not worth a split
@@ -151,20 +151,25 @@ absl::Status ChartSet::Finish(std::int32_t i, const Execution& execution) {
 
 void ChartSet::KeepBorders(std::int32_t i, const Execution& execution) {
   const Chart& chart = charts_[i];
-  const Eigen::VectorXd measured = Gather(chart, surface_->angle.data());
   const bool is_slit = maps_[i].closed_slits.size() < chart.slits.size();
-  // Whether there is a map without faults to keep.
-  const auto is_sound = [&] { return !faults_[i].does_overlap && faults_[i].stretch <= kMostStretchForBorders; };
-  // Takes a map that is sound and, unless the present one is not, stretched less than `most`.
+  const auto is_poor = [&] { return maps_[i].flatten.barrier > 0 && faults_[i].stretch > kMostStretchOfAbf; };
+  if (!is_slit && !faults_[i].does_overlap && !is_poor()) return;
+  const Eigen::VectorXd measured = Gather(chart, surface_->angle.data());
+  const FlattenSummary summary = maps_[i].flatten;
+  // Takes a map that does not overlap and is stretched no more than `most`.
   const auto take = [&](absl::StatusOr<ChartMap> map, double most) {
     if (!map.ok() || !map->flatten.converged) return false;
     const ChartFaults faults = FindFaults(mesh_, chart, *map, ignored_, execution);
-    if (faults.does_overlap || faults.stretch > (is_sound() ? most : kMostStretchForBorders)) return false;
+    if (faults.does_overlap || faults.stretch > most) return false;
     maps_[i] = *std::move(map);
     faults_[i] = faults;
     return true;
   };
-  const FlattenSummary summary = maps_[i].flatten;
+  // Of a map in place of the present one, that is `better` times less stretched if that is sound.
+  const auto most_stretch = [&](double better) {
+    const bool is_sound = !faults_[i].does_overlap && faults_[i].stretch <= kMostStretchForBorders;
+    return is_sound ? faults_[i].stretch / better : kMostStretchForBorders;
+  };
   const bool is_large = static_cast<std::int32_t>(chart.faces.size()) > kMostFacesForBarycentres;
   const std::optional<FilledChart> filled = is_slit ? FillHoles(mesh_, chart, execution) : std::nullopt;
   if (filled) {
@@ -172,19 +177,19 @@ void ChartSet::KeepBorders(std::int32_t i, const Execution& execution) {
     control.interrupter = execution.interrupter;
     control.stop = execution.hurry;
     control.team = execution.team;
-    if (take(MapFilled(mesh_, chart, *filled, measured, options_.flatten, control, execution), kHuge)) return;
-    if (!is_large && take(MapByBarycentres(mesh_, chart, &*filled, measured, summary, execution), kHuge)) return;
+    const double most = most_stretch(1 / kMostStretchForHoles);
+    if (take(MapFilled(mesh_, chart, *filled, measured, options_.flatten, control, execution), most)) return;
+    if (!is_large && take(MapByBarycentres(mesh_, chart, &*filled, measured, summary, execution), most)) return;
   }
-  const auto is_poor = [&] { return maps_[i].flatten.barrier > 0 && faults_[i].stretch > kMostStretchOfAbf; };
   if (!faults_[i].does_overlap && !is_poor()) return;
   // A convex outline cannot run over itself.
   const bool is_small = static_cast<std::int32_t>(chart.faces.size()) <= kMostFacesForConvex;
   if (options_.flatten.boundary == BoundaryType::kFree && is_small) {
     absl::StatusOr<Flattening> convex = Flatten(i, BoundaryType::kConvex, execution, false);
-    if (convex.ok()) take(LayOutChart(mesh_, chart, *std::move(convex), execution), faults_[i].stretch);
+    if (convex.ok()) take(LayOutChart(mesh_, chart, *std::move(convex), execution), most_stretch(1));
   }
-  if (is_large || filled || (is_sound() && !is_poor())) return;
-  take(MapByBarycentres(mesh_, chart, nullptr, measured, summary, execution), faults_[i].stretch / kMostStretchOfAbf);
+  if (is_large || filled || (!faults_[i].does_overlap && !is_poor())) return;
+  take(MapByBarycentres(mesh_, chart, nullptr, measured, summary, execution), most_stretch(kMostStretchOfAbf));
 }
 
 template <typename Body>

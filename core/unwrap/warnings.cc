@@ -138,8 +138,8 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
   warn(
       "BARYCENTRIC_MAP", [](const ChartReport& c) { return c.is_barycentric; },
       [](const ChartReport&) {
-        return "by ABF these borders alone leave a map that overlaps itself or collapses; a barycentric map on a disc "
-               "keeps them, at the price of angles; a seam would relieve it";
+        return "within these borders ABF has no map that neither overlaps itself nor is stretched beyond use; a "
+               "barycentric one on a disc keeps them, at the price of angles; a seam would relieve it";
       },
       {});
   if (max_stretch <= 0) return;

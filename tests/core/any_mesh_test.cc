@@ -171,6 +171,17 @@ TEST(AnyMesh, SlitsThatCloseBecomeOneLineAgain) {
   for (const auto& [v, at] : places) EXPECT_EQ(at.size(), 1u) << v;
 }
 
+// A tube has a map as a ring too, but at what price.
+TEST(AnyMesh, ATubeIsSlitOpen) {
+  for (const int rows : {6, 60}) {
+    const auto result = Unwrap(testing::Cylinder(24, rows), WithPolicy(SeamPolicy::kNeeded), {});
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_TRUE(Warned(*result, "SEAMS_ADDED"));
+    EXPECT_EQ(result->charts.size(), 1u);
+    EXPECT_NEAR(result->quality.stretch_l2, 1, 1e-3);
+  }
+}
+
 // A sheet with two holes that cannot lie flat as it is: the holes take part in the solve, and no seam is added.
 TEST(AnyMesh, HolesOfACurvedSheetStayHoles) {
   Mesh mesh = testing::Patch(24, 24, [](double u, double v) { return Vec3(u, v, 0.8 * u * u * v - 0.3 * v * v); });
