@@ -26,10 +26,8 @@ class UzawaSolver final : public LinearSolver {
                           const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                           Eigen::VectorXd* lambda) const override {
     ThreadTeam& team = system.team();
-    Eigen::VectorXd q = -rhs, z, schur;
-    preconditioner.Apply(q, &z);
-    Eigen::VectorXd d = -z;
-    double qz = Dot(team, q, z);
+    Eigen::VectorXd q = -rhs, z, d = Eigen::VectorXd::Zero(rhs.size()), schur;
+    double qz = 1;
     const double first = Norm(team, q);
     const double goal = options.relative_tolerance * first;
 
@@ -52,6 +50,11 @@ class UzawaSolver final : public LinearSolver {
         summary.termination = LinearTermination::kInterrupted;
         break;
       }
+      preconditioner.Apply(q, &z);
+      const double next_qz = Dot(team, q, z);
+      const double beta = next_qz / qz;
+      qz = next_qz;
+      Assign(team, beta * d - z, &d);
       system.ApplySchur(d, &schur);
       const double curvature = Dot(team, d, schur);
       if (!(curvature > 0) || !(qz > 0)) {
@@ -65,11 +68,6 @@ class UzawaSolver final : public LinearSolver {
         q.segment(begin, n) += alpha * schur.segment(begin, n);
         return q.segment(begin, n).squaredNorm();
       }));
-      preconditioner.Apply(q, &z);
-      const double next_qz = Dot(team, q, z);
-      const double beta = next_qz / qz;
-      qz = next_qz;
-      Assign(team, beta * d - z, &d);
       ++summary.iterations;
     }
     return summary;
