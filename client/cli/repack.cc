@@ -24,6 +24,12 @@ Vec2 At(const std::vector<double>& uv, std::size_t corner) {
   return {uv[2 * corner], uv[2 * corner + 1]};
 }
 
+double SurfaceArea(const Mesh& mesh, std::size_t f) {
+  const Face& face = mesh.faces[f];
+  const Vec3& p = mesh.positions[face[0]];
+  return (mesh.positions[face[1]] - p).cross(mesh.positions[face[2]] - p).norm() / 2;
+}
+
 // Sizes of an island on the surface and in the map.
 struct Extent {
   double surface_area = 0, surface_length = 0;  // lengths are those of all edges
@@ -39,7 +45,7 @@ std::vector<Extent> Measure(const Mesh& mesh, const std::vector<double>& uv, con
     Extent& extent = extents[islands.island_of_face[f]];
     const Face& face = mesh.faces[f];
     const Vec3 &p = mesh.positions[face[0]], &q = mesh.positions[face[1]], &r = mesh.positions[face[2]];
-    extent.surface_area += (q - p).cross(r - p).norm() / 2;
+    extent.surface_area += SurfaceArea(mesh, f);
     extent.surface_length += (q - p).norm() + (r - q).norm() + (p - r).norm();
     const Vec2 a = At(uv, 3 * f), b = At(uv, 3 * f + 1), c = At(uv, 3 * f + 2);
     const double area = ((b - a).x() * (c - a).y() - (b - a).y() * (c - a).x()) / 2;
@@ -77,9 +83,7 @@ std::vector<double> MeanWeights(const Mesh& mesh, const UvIslands& islands, cons
   };
   std::vector<Sums> sums(islands.count);
   for (std::size_t f = 0; f < face_weights.size(); ++f) {
-    const Face& face = mesh.faces[f];
-    const Vec3 &p = mesh.positions[face[0]], &q = mesh.positions[face[1]], &r = mesh.positions[face[2]];
-    const double area = (q - p).cross(r - p).norm() / 2;
+    const double area = SurfaceArea(mesh, f);
     Sums& sum = sums[islands.island_of_face[f]];
     sum.area += area;
     sum.weighted += area * face_weights[f];

@@ -34,18 +34,7 @@ class DistanceField {
     if (norm > 0) gradient /= norm;
     return {(1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d), gradient};
   }
-  // The distance alone.
-  double DistanceAt(const Vec2& p) const {
-    const Vec2 g = (p - low_) * per_unit_;
-    const int x = static_cast<int>(g.x()), y = static_cast<int>(g.y());
-    const double s = g.x() - x, t = g.y() - y;
-    const float* node = values_.data() + static_cast<std::size_t>(y) * columns_ + x;
-    const double below = node[0] + s * (node[1] - node[0]);
-    const double above = node[columns_] + s * (node[columns_ + 1] - node[columns_]);
-    return below + t * (above - below);
-  }
-
-  // The same, and `beyond` off the grid.
+  // The distance alone, `beyond` off the grid.
   double DistanceNear(const Vec2& p, double beyond) const {
     const double x = (p.x() - low_.x()) * per_unit_, y = (p.y() - low_.y()) * per_unit_;
     if (!(x >= 0 && y >= 0 && x < columns_ - 1 && y < rows_ - 1)) return beyond;

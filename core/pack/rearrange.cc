@@ -135,8 +135,7 @@ class Search {
     const double step = std::max(3.0 / unit, std::sqrt(extent.x() * extent.y() / 150));
     for (double y = box.low.y() + step / 2; y < box.high.y(); y += step) {
       for (double x = box.low.x() + step / 2; x < box.high.x(); x += step) {
-        if (fields_[i].Contains(Vec2(x, y)) && fields_[i].DistanceAt(Vec2(x, y)) < -0.3 * step)
-          samples.push_back(Vec2(x, y));
+        if (fields_[i].DistanceNear(Vec2(x, y), DistanceField::kFar) < -0.3 * step) samples.push_back(Vec2(x, y));
       }
     }
     Random random(1);

@@ -12,34 +12,14 @@
 #include "gtest/gtest.h"
 #include "tests/core/disc_options.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/table.h"
 
 namespace planish {
 namespace {
 
 const std::filesystem::path kMeshes = PLANISH_SHARED_MESHES;
 
-// The rows of a table with a heading, as maps from heading to cell.
-std::vector<std::map<std::string, std::string>> ReadTable(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  const auto cells = [](const std::string& line) {
-    std::vector<std::string> result;
-    std::istringstream stream(line);
-    for (std::string cell; std::getline(stream, cell, '\t');) result.push_back(cell);
-    return result;
-  };
-  std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> heading = cells(line);
-  std::vector<std::map<std::string, std::string>> rows;
-  while (std::getline(file, line)) {
-    const std::vector<std::string> row = cells(line);
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      if (i == 0) rows.emplace_back();
-      rows.back()[heading[i]] = row[i];
-    }
-  }
-  return rows;
-}
+using testing::ReadTable;
 
 class SharedMeshes : public ::testing::Test {
  protected:

@@ -8,33 +8,18 @@
 #include "core/io/mesh_file.h"
 #include "core/mesh/diagnosis.h"
 #include "gtest/gtest.h"
+#include "tests/testing/table.h"
 
 namespace planish {
 namespace {
 
 namespace fs = std::filesystem;
 
-using Row = std::map<std::string, std::string>;
-
-std::vector<std::string> Fields(const std::string& line) {
-  std::vector<std::string> fields;
-  std::stringstream stream(line);
-  for (std::string field; std::getline(stream, field, '\t');) fields.push_back(field);
-  return fields;
-}
+using testing::Row;
 
 std::vector<Row> ObjRows(const fs::path& manifest) {
-  std::ifstream file(manifest);
-  std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> names = Fields(line);
-  std::vector<Row> rows;
-  while (std::getline(file, line)) {
-    const std::vector<std::string> fields = Fields(line);
-    Row row;
-    for (std::size_t i = 0; i < std::min(names.size(), fields.size()); ++i) row[names[i]] = fields[i];
-    if (fs::path(row["file"]).extension() == ".obj") rows.push_back(row);
-  }
+  std::vector<Row> rows = testing::ReadTable(manifest);
+  std::erase_if(rows, [](const Row& row) { return fs::path(row.at("file")).extension() != ".obj"; });
   return rows;
 }
 

@@ -11,37 +11,22 @@
 #include "core/io/mesh_output.h"
 #include "gtest/gtest.h"
 #include "tests/io/sample_meshes.h"
+#include "tests/testing/table.h"
 
 namespace planish {
 namespace {
 
 namespace fs = std::filesystem;
 
-using Row = std::map<std::string, std::string>;
-
-std::vector<std::string> Fields(const std::string& line) {
-  std::vector<std::string> fields;
-  std::stringstream stream(line);
-  for (std::string field; std::getline(stream, field, '\t');) fields.push_back(field);
-  return fields;
-}
+using testing::Row;
 
 std::vector<Row> Manifest(const std::string& extension) {
-  std::ifstream file(fs::path(PLANISH_SHARED_MESHES) / "MANIFEST.tsv");
-  std::string line;
-  std::getline(file, line);
-  const std::vector<std::string> names = Fields(line);
-  std::vector<Row> rows;
-  while (std::getline(file, line)) {
-    const std::vector<std::string> fields = Fields(line);
-    Row row;
-    for (std::size_t i = 0; i < std::min(names.size(), fields.size()); ++i) row[names[i]] = fields[i];
-    if (fs::path(row["file"]).extension() == extension) rows.push_back(row);
-  }
+  std::vector<Row> rows = testing::ReadTable(fs::path(PLANISH_SHARED_MESHES) / "MANIFEST.tsv");
+  std::erase_if(rows, [&](const Row& row) { return fs::path(row.at("file")).extension() != extension; });
   return rows;
 }
 
-class SharedMeshes : public testing::Test {
+class SharedMeshes : public ::testing::Test {
  protected:
   void SetUp() override {
     if (!fs::exists(fs::path(PLANISH_SHARED_MESHES) / "MANIFEST.tsv")) {
