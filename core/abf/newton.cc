@@ -14,14 +14,25 @@ namespace {
 
 constexpr double kLeastForcingTerm = 1e-10;
 
-// Relative tolerance of the linear solve (the forcing term of an inexact Newton method): proportional to the residual,
-// so that Newton stays quadratic, but no smaller than the last step needs to end below the tolerance.
+// Relative tolerance of a linear solve by its residual (the forcing term of an inexact Newton method): proportional to
+// the residual of Newton's method, so that this stays quadratic, but no smaller than the last step needs to end below
+// the tolerance.
 double ForcingTerm(double residual, double tolerance) {
   constexpr double kLargest = 1e-4;  // while Newton has far to go: rough steps cost more steps
   constexpr double kLargestAtEnd = 1e-2;
   const double on_the_way = std::min(1e-2 * residual, kLargest);
   const double last = std::min(0.3 * tolerance / residual, kLargestAtEnd);
   return std::max({on_the_way, last, kLeastForcingTerm});
+}
+
+// The same by its error. What the solve leaves of the constraints, to first order, is its residual: a part of what they
+// are now, or so little that the step may be the last one. (A gradient is not left: that is recovered exactly.)
+std::vector<RoughTolerance> RoughForcing(const Residual& residual, double tolerance) {
+  constexpr double kLargest = 1e-2, kOfResidual = 0.1, kOfConstraints = 0.1;
+  constexpr double kLargestAtEnd = 0.1, kOfTolerance = 0.3;
+  const double constraints = std::max({residual.triangle, residual.vertex, residual.wheel});
+  return {{.energy = std::min(kOfResidual * residual.Max(), kLargest), .residual = kOfConstraints * constraints},
+          {.energy = kLargestAtEnd, .residual = kOfTolerance * tolerance}};
 }
 
 // The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
@@ -99,6 +110,9 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   linear.relative_tolerance = options_.linear_tolerance > 0 ? options_.linear_tolerance
                               : exact_steps_                ? kLeastForcingTerm
                                                             : ForcingTerm(summary_.residual.Max(), options_.tolerance);
+  if (options_.linear_tolerance <= 0 && !exact_steps_) {
+    linear.rough = RoughForcing(summary_.residual, options_.tolerance);
+  }
   linear.interrupter = control_.interrupter;
   const bool hurried = IsInterrupted(control_.stop);
   if (hurried) {

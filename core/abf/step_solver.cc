@@ -124,6 +124,9 @@ absl::Status StepSolver::PrepareMultigrid(const Eigen::VectorXd& hessian, const 
 LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                 const LinearSolveOptions& options, NewtonStep* step) {
   LinearSolveOptions watched = options;
+  if (preconditioner_type_ != PreconditionerType::kAmg && preconditioner_type_ != PreconditionerType::kCholesky) {
+    watched.rough.clear();
+  }
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
   const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !indefinite_;
   if (indefinite_ && limit_indefinite_) {

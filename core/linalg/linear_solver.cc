@@ -62,6 +62,7 @@ LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const 
   if (initial == 0) return {};
 
   LinearSummary summary = SolveImpl(system, preconditioner, rhs, options, lambda);
+  if (summary.true_residual > 0) return summary;
 
   const bool refine = system.rounds_schur() && options.relative_tolerance < kUnroundedTolerance;
   Eigen::VectorXd residual, correction;

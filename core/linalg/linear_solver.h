@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "Eigen/Core"
 #include "core/base/interrupter.h"
@@ -13,7 +14,7 @@
 namespace planish {
 
 enum class LinearTermination {
-  kConverged,       // the true residual meets the tolerance
+  kConverged,       // the true residual meets the tolerance, or the solve is as good as a rough one has to be
   kIterationLimit,  //
   kIndefinite,      // a direction of no or negative curvature: M is not positive definite, and this solver needs it
   kStagnated,       // the solver believed in convergence, the true residual does not; or non-finite numbers appeared
@@ -21,11 +22,24 @@ enum class LinearTermination {
 };
 const char* Name(LinearTermination termination);
 
+// When a solve serves a step of an inexact Newton method. The Euclidean norm does not tell: where the scale of a map
+// spans many orders of magnitude a few rows are all it sees.
+struct RoughTolerance {
+  // Of the error, in the norm of M that conjugate directions minimize, over that of lambda = 0. In (0, 1).
+  double energy = 0;
+  // Of the greatest entry of B A^-1 f - g - M lambda.
+  double residual = 0;
+};
+
 // One call.
 struct LinearSolveOptions {
   // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; the norm of the
   // preconditioner while iterating). In (0, 1).
   double relative_tolerance = 1e-10;
+  // In its place, if there are any, for solvers that know the energy of their error (Uzawa, with a preconditioner that
+  // is near to M^-1: the estimate is for convergence that is fast and even): stop when one of these is met in both
+  // parts.
+  std::vector<RoughTolerance> rough;
   std::int64_t max_iterations = 100000;
   const Interrupter* interrupter = nullptr;
   const Interrupter* stop = nullptr;  // ends the solve in the same way; there are two so that callers can tell
@@ -39,9 +53,10 @@ constexpr std::int64_t kProgressInterval = 32;
 struct LinearSummary {
   LinearTermination termination = LinearTermination::kConverged;
   std::int64_t iterations = 0;
-  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from lambda for every solver alike. A system that has M
-  // rounded to float is solved, and measured, as rounded where the tolerance is 1e-5 or more; with smaller ones the
-  // solution is refined against the exact M until that residual meets the tolerance, to a factor of 2.
+  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from lambda for every solver alike; after a rough solve, the
+  // solver's own. A system that has M rounded to float is solved, and measured, as rounded where the tolerance is rough
+  // or 1e-5 or more; with smaller ones the solution is refined against the exact M until that residual meets the
+  // tolerance, to a factor of 2.
   double true_residual = 0;
 };
 
@@ -65,7 +80,7 @@ class LinearSolver {
                            Eigen::VectorXd* lambda) const;
 
  private:
-  // rhs is not zero.
+  // rhs is not zero. Sets true_residual where it went by `options.rough`.
   virtual LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                                   const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                                   Eigen::VectorXd* lambda) const = 0;

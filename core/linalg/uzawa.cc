@@ -13,6 +13,10 @@
 //
 // Neither p, h nor x appears below by itself: <p_k, h_k> = <d_k, M d_k> is the curvature of M, q_{k+1} = q_k + alpha_k
 // M d_k, and x follows from the last lambda. So a system that has M as a matrix can use it.
+//
+// The energy of the error, e^t M e with e = lambda - lambda_k, falls by alpha_k <q_k, z_k> in iteration k (Hestenes and
+// Stiefel 1952, theorem 6:1); what is left follows from how fast it falls.
+#include <algorithm>
 #include <cmath>
 
 #include "core/linalg/linear_solver.h"
@@ -20,6 +24,30 @@
 
 namespace planish {
 namespace {
+
+// The error in the norm of M over that at the start, from what each iteration takes off the energy.
+class ErrorEstimate {
+ public:
+  void Add(double decrease) {
+    const double rate = last_ > 0 ? decrease / last_ : 1;
+    slower_rate_ = std::min(std::max(rate, last_rate_), kSlowest);
+    last_rate_ = rate;
+    last_ = decrease;
+    total_ += decrease;
+    ++iterations_;
+  }
+  // As if the energy went on falling as it did in the slower of the last two iterations.
+  double Left() const {
+    if (iterations_ < 2) return 1;
+    const double left = last_ * slower_rate_ / (1 - slower_rate_);
+    return std::sqrt(left / (total_ + left));
+  }
+
+ private:
+  static constexpr double kSlowest = 0.9;  // an iteration may take off more than the one before
+  int iterations_ = 0;
+  double total_ = 0, last_ = 0, last_rate_ = 1, slower_rate_ = 1;
+};
 
 class UzawaSolver final : public LinearSolver {
   LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
@@ -29,7 +57,18 @@ class UzawaSolver final : public LinearSolver {
     Eigen::VectorXd q = -rhs, z, d = Eigen::VectorXd::Zero(rhs.size()), schur;
     double qz = 1;
     const double first = Norm(team, q);
-    const double goal = options.relative_tolerance * first;
+    ErrorEstimate error;
+    const auto good_enough = [&](double norm) {
+      if (options.rough.empty()) return norm <= options.relative_tolerance * first;
+      const double left = error.Left();
+      double wanted = -1;
+      for (const RoughTolerance& rough : options.rough) {
+        if (left <= rough.energy) wanted = std::max(wanted, rough.residual);
+      }
+      // The greatest entry is no less than its share in the norm.
+      return norm == 0 ||
+             (norm <= wanted * std::sqrt(static_cast<double>(q.size())) && Largest(team, q.cwiseAbs()) <= wanted);
+    };
 
     LinearSummary summary;
     double residual = first;
@@ -38,7 +77,7 @@ class UzawaSolver final : public LinearSolver {
         summary.termination = LinearTermination::kStagnated;
         break;
       }
-      if (residual <= goal) break;
+      if (good_enough(residual)) break;
       if (summary.iterations >= options.max_iterations) {
         summary.termination = LinearTermination::kIterationLimit;
         break;
@@ -68,8 +107,10 @@ class UzawaSolver final : public LinearSolver {
         q.segment(begin, n) += alpha * schur.segment(begin, n);
         return q.segment(begin, n).squaredNorm();
       }));
+      error.Add(alpha * qz);
       ++summary.iterations;
     }
+    if (!options.rough.empty()) summary.true_residual = residual / first;
     return summary;
   }
 };

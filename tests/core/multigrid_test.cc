@@ -61,6 +61,51 @@ Eigen::VectorXd RandomVector(Eigen::Index n, unsigned seed) {
   return v;
 }
 
+TEST(Multigrid, RoughSolvesEndAtTheErrorAskedFor) {
+  const FirstStep step(testing::Hills(40, 40, 1.5));
+  Multigrid multigrid;
+  ASSERT_TRUE(step.Build(&multigrid).ok());
+  const MultigridPreconditioner preconditioner(&multigrid);
+  const Eigen::VectorXd rhs = RandomVector(step.system.num_multipliers(), 1);
+  const auto solve = [&](std::vector<RoughTolerance> rough, Eigen::VectorXd* lambda) {
+    LinearSolveOptions options;
+    options.relative_tolerance = 1e-12;
+    options.rough = std::move(rough);
+    const LinearSummary summary = MakeUzawaSolver()->SolveSchur(step.system, preconditioner, rhs, options, lambda);
+    EXPECT_EQ(summary.termination, LinearTermination::kConverged);
+    return summary;
+  };
+  Eigen::VectorXd exact, product;
+  const std::int64_t most = solve({}, &exact).iterations;
+  const auto norm = [&](const Eigen::VectorXd& lambda) {
+    step.system.ApplySchur(lambda, &product);
+    return std::sqrt(lambda.dot(product));
+  };
+  const auto greatest = [&](const Eigen::VectorXd& lambda) {
+    step.system.ApplySchur(lambda, &product);
+    return (rhs - product).cwiseAbs().maxCoeff();
+  };
+  constexpr double kAny = 1e300;
+  std::int64_t before = 1;
+  for (const double energy : {1e-1, 1e-2, 1e-4, 1e-6}) {
+    Eigen::VectorXd lambda;
+    const LinearSummary summary = solve({{.energy = energy, .residual = kAny}}, &lambda);
+    const double error = norm(lambda - exact) / norm(exact);
+    EXPECT_LE(error, 1.5 * energy);
+    EXPECT_GE(error, energy / 30) << "more than was asked for";
+    EXPECT_GT(summary.iterations, before);
+    EXPECT_LT(summary.iterations, most);
+    before = summary.iterations;
+  }
+  Eigen::VectorXd lambda;
+  EXPECT_GT(solve({{.energy = 1e-1, .residual = 1e-5}}, &lambda).true_residual, 0);
+  EXPECT_LE(greatest(lambda), 1e-5);
+  EXPECT_GT(greatest(lambda), 1e-8);
+  // Whichever is met first.
+  const std::int64_t one = solve({{.energy = 1e-2, .residual = kAny}}, &lambda).iterations;
+  EXPECT_EQ(solve({{.energy = 1e-6, .residual = kAny}, {.energy = 1e-2, .residual = kAny}}, &lambda).iterations, one);
+}
+
 TEST(Multigrid, IsSymmetricAndPositive) {
   const FirstStep step(testing::Hills(40, 40, 1.5));
   Multigrid multigrid;
