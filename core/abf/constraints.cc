@@ -4,6 +4,7 @@
 #include <numbers>
 #include <vector>
 
+#include "core/abf/sine.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
@@ -38,19 +39,26 @@ class LogQuotient {
 }  // namespace
 
 Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team) {
-  Eigen::VectorXd sine;
-  Assign(team, x.unaryExpr([](double angle) { return std::sin(angle); }), &sine);
+  Eigen::VectorXd sine(x.size());
+  team.For(x.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
+    const double* angle = x.data();
+    double* to = sine.data();
+    for (std::int64_t i = begin; i < end; ++i) to[i] = SineAndCosine(angle[i]).sine;
+  });
   return sine;
 }
 
-Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, const Eigen::VectorXd& sine, ThreadTeam& team) {
-  Eigen::VectorXd cot;
-  Assign(team, x.unaryExpr([](double angle) { return std::cos(angle); }).cwiseQuotient(sine), &cot);
+Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team) {
+  Eigen::VectorXd cot(x.size());
+  team.For(x.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
+    const double* angle = x.data();
+    double* to = cot.data();
+    for (std::int64_t i = begin; i < end; ++i) {
+      const auto [sine, cosine] = SineAndCosine(angle[i]);
+      to[i] = cosine / sine;
+    }
+  });
   return cot;
-}
-
-Eigen::VectorXd Cotangents(const Eigen::VectorXd& x) {
-  return Cotangents(x, Sines(x));
 }
 
 ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x, const Eigen::VectorXd& sine,

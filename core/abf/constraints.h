@@ -23,11 +23,9 @@ struct ConstraintValues {
   Eigen::VectorXd pair;      // 2 num_rows: 2 v is eq. 2 (or its like at the boundary) and 2 v + 1 is eq. 6 of row v
 };
 
-// Sine of every angle.
+// Of every angle.
 Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team = Alone());
-// Cotangent of every angle, from its sine.
-Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, const Eigen::VectorXd& sine, ThreadTeam& team = Alone());
-Eigen::VectorXd Cotangents(const Eigen::VectorXd& x);
+Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team = Alone());
 
 // h(x) with eq. 6; angles in (0, pi). `sine` are the sines of x. Eq. 6 is evaluated as the logarithm of a product.
 ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x, const Eigen::VectorXd& sine,

@@ -7,6 +7,7 @@
 #include <limits>
 #include <memory>
 
+#include "core/abf/sine.h"
 #include "core/mesh/half_edges.h"
 
 namespace planish {
@@ -36,9 +37,9 @@ Edges FaceShapes(const Eigen::VectorXd& angles, const Execution& execution) {
   Edges edges = std::make_unique_for_overwrite<Complex[]>(angles.size());
   execution.For(angles.size() / 3, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
-      const double sin0 = std::sin(angles[3 * f]), cos0 = std::cos(angles[3 * f]);
-      const double sin1 = std::sin(angles[3 * f + 1]);
-      const double sin2 = std::sin(angles[3 * f + 2]), cos2 = std::cos(angles[3 * f + 2]);
+      const auto [sin0, cos0] = SineAndCosine(angles[3 * f]);
+      const double sin1 = SineAndCosine(angles[3 * f + 1]).sine;
+      const auto [sin2, cos2] = SineAndCosine(angles[3 * f + 2]);
       // Half-edge k has the length of the sine of the angle it faces and ends at v_{k+2}, where the exterior angle
       // leads on to half-edge k + 1.
       const Complex turn1 = {-cos2, sin2}, turn2 = turn1 * Complex{-cos0, sin0};

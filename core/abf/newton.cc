@@ -78,7 +78,7 @@ Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
 
 void Newton::Evaluate() {
   if (at_.sine.size() == 0) at_.sine = Sines(at_.x, team_);
-  cot_ = Cotangents(at_.x, at_.sine, team_);
+  cot_ = Cotangents(at_.x, team_);
   curvature_ = objective_.Curvature(at_.x);
   gradient_ = LagrangianGradient(topology_, objective_, at_.x, cot_, mu_, team_);
   summary_.residual = MeasureResidual(curvature_, at_.h, gradient_, team_);

@@ -12,7 +12,7 @@ namespace {
 // A preconditioner is kept as long as the last solve with it took at most this many iterations more than the first:
 // about what a new factorization, or new numbers for the multigrid, cost.
 constexpr std::int64_t kWornOutFactorization = 10;
-constexpr std::int64_t kWornOutMultigrid = 2;
+constexpr std::int64_t kWornOutMultigrid = 5;
 
 constexpr std::int64_t kMaxMultigridIterations = 300;
 
