@@ -45,11 +45,12 @@ std::vector<Runs> ByMesh(const Runs& runs) {
   return meshes;
 }
 
-std::vector<double> Ratios(const Runs& mesh, const std::string& tool, const std::string& field) {
+std::vector<double> Ratios(const Runs& mesh, const std::string& tool, const std::string& field,
+                           const std::string& own_tool, const std::string& own_field) {
   std::vector<double> ratios;
   for (const auto& round : Values(mesh, "round")) {
     const Runs now = Where(mesh, "round", round);
-    const std::vector<double> ours = Numbers(Where(now, "tool", "planish"), field);
+    const std::vector<double> ours = Numbers(Where(now, "tool", own_tool), own_field);
     const std::vector<double> theirs = Numbers(Where(now, "tool", tool), field);
     if (!ours.empty() && !theirs.empty()) ratios.push_back(theirs[0] / ours[0]);
   }

@@ -28,8 +28,9 @@ std::vector<double> Numbers(const Runs& runs, const std::string& field);
 
 // The runs of each mesh: the same name and as many triangles.
 std::vector<Runs> ByMesh(const Runs& runs);
-// Of the runs of one mesh: `field` of `tool` over that of planish, round by round.
-std::vector<double> Ratios(const Runs& mesh, const std::string& tool, const std::string& field);
+// Of the runs of one mesh: `field` of `tool` over `own_field` of `own_tool`, round by round.
+std::vector<double> Ratios(const Runs& mesh, const std::string& tool, const std::string& field,
+                           const std::string& own_tool, const std::string& own_field);
 
 double Median(std::vector<double> values);  // NaN for none
 double GeometricMean(const std::vector<double>& values);

@@ -68,7 +68,7 @@ std::string ReportAtlas(const Runs& all, const std::string& columns) {
       const Runs own = Where(mesh, "tool", tool);
       if (own.empty()) continue;
       const std::vector<double> seconds = Numbers(own, "map_seconds");
-      const std::vector<double> ratios = Ratios(mesh, tool, "map_seconds");
+      const std::vector<double> ratios = Ratios(mesh, tool, "map_seconds", "planish", "map_seconds");
       const auto& run = own.front();
       text += Row({label, WithCommas(run["triangles"]), NameOf(tool),
                    seconds.empty() ? run.value("ended", "failed") : ThreeDigits(Median(seconds)),
