@@ -1,5 +1,6 @@
 #include "core/linalg/aggregation.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace planish {
@@ -13,22 +14,24 @@ float SquaredNorm(const float* block) {
 }  // namespace
 
 template <int N>
-std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta) {
+std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta, std::int32_t num_coupled,
+                                  ThreadTeam* team) {
+  constexpr std::int64_t kRows = 4096;
   const std::int32_t n = matrix.num_rows();
-  std::vector<float> diagonal(n, 0);
-  for (std::int32_t i = 0; i < n; ++i) {
-    for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-      if (matrix.column[k] == i) diagonal[i] = std::sqrt(SquaredNorm(matrix.Block(k)));
-    }
-  }
+  std::vector<float> diagonal(n);
+  team->For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) diagonal[i] = std::sqrt(SquaredNorm(matrix.Block(matrix.diagonal[i])));
+  });
   const auto threshold = static_cast<float>(theta * theta);
   std::vector<char> strong(matrix.column.size());
-  for (std::int32_t i = 0; i < n; ++i) {
-    for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-      const std::int32_t j = matrix.column[k];
-      strong[k] = j != i && SquaredNorm(matrix.Block(k)) >= threshold * diagonal[i] * diagonal[j];
+  team->For(std::min(n, num_coupled), kRows, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
+        const std::int32_t j = matrix.column[k];
+        strong[k] = j != i && j < num_coupled && SquaredNorm(matrix.Block(k)) >= threshold * diagonal[i] * diagonal[j];
+      }
     }
-  }
+  });
   return strong;
 }
 
@@ -104,8 +107,8 @@ Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& stro
   return aggregates;
 }
 
-template std::vector<char> StrongCouplings(const LevelMatrix<2>& matrix, double theta);
-template std::vector<char> StrongCouplings(const LevelMatrix<4>& matrix, double theta);
+template std::vector<char> StrongCouplings(const LevelMatrix<2>&, double, std::int32_t, ThreadTeam*);
+template std::vector<char> StrongCouplings(const LevelMatrix<4>&, double, std::int32_t, ThreadTeam*);
 template Aggregates Aggregate(const LevelMatrix<2>& matrix, const std::vector<char>& strong, bool wide);
 template Aggregates Aggregate(const LevelMatrix<4>& matrix, const std::vector<char>& strong, bool wide);
 

@@ -9,9 +9,10 @@
 namespace planish {
 
 // Couplings weaker than this do not bind rows into one aggregate: |A_ij|^2 < theta^2 |A_ii| |A_jj| (Frobenius norms of
-// the leading 2x2 parts).
+// the leading 2x2 parts). Nor do those of rows from `num_coupled` on. No diagonal block may be missing.
 template <int N>
-std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta);
+std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta, std::int32_t num_coupled,
+                                  ThreadTeam* team);
 
 struct Aggregates {
   std::vector<std::int32_t> of_row;  // -1: no strong neighbour, left to the smoother

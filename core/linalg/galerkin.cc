@@ -126,12 +126,7 @@ bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix
   constexpr double kEigenvalueMargin = 1.05;
   const Index n = num_rows();
   Prolongation& p = prolongation;
-  std::vector<char> strong = StrongCouplings(a, theta);
-  for (Index i = 0; i < n; ++i) {
-    for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
-      if (i >= num_coupled || a.column[k] >= num_coupled) strong[k] = 0;
-    }
-  }
+  const std::vector<char> strong = StrongCouplings(a, theta, num_coupled, team);
   if (IsInterrupted(interrupter)) return false;
   p.aggregates = Aggregate(a, strong, /*wide=*/N == 2);
   const std::vector<Index>& aggregate = p.aggregates.of_row;
@@ -184,7 +179,7 @@ bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix
         }
       },
       &begin, &column);
-  coarse->SetPattern(begin, column);
+  coarse->SetPattern(begin, column, team);
   return true;
 }
 

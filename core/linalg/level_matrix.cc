@@ -39,29 +39,31 @@ void StoreDense(const Eigen::Matrix<double, N, N>& dense, float* block) {
 }  // namespace
 
 template <int N>
-void LevelMatrix<N>::SetPattern(const std::vector<Index>& begin, const std::vector<Index>& columns) {
+void LevelMatrix<N>::SetPattern(const std::vector<Index>& begin, const std::vector<Index>& columns, ThreadTeam* team) {
   row_begin = begin;
   column.resize(columns.size());
   const Index n = num_rows();
   diagonal.resize(n);
   outside_begin.resize(n);
-  std::vector<Index> sorted;
-  for (Index i = 0; i < n; ++i) {
-    sorted.assign(columns.begin() + begin[i], columns.begin() + begin[i + 1]);
-    std::sort(sorted.begin(), sorted.end());
-    const Index first = i / kChunk * kChunk, last = first + kChunk;
-    Index at = begin[i];
-    diagonal[i] = begin[i + 1];
-    for (const Index j : sorted) {
-      if (j < first || j >= last) continue;
-      if (j == i) diagonal[i] = at;
-      column[at++] = j;
+  team->For(n, kRows, [&](std::int64_t first_row, std::int64_t last_row) {
+    std::vector<Index> sorted;
+    for (auto i = static_cast<Index>(first_row); i < last_row; ++i) {
+      sorted.assign(columns.begin() + begin[i], columns.begin() + begin[i + 1]);
+      if (!std::is_sorted(sorted.begin(), sorted.end())) std::sort(sorted.begin(), sorted.end());
+      const Index first = i / kChunk * kChunk, last = first + kChunk;
+      Index at = begin[i];
+      diagonal[i] = begin[i + 1];
+      for (const Index j : sorted) {
+        if (j < first || j >= last) continue;
+        if (j == i) diagonal[i] = at;
+        column[at++] = j;
+      }
+      outside_begin[i] = at;
+      for (const Index j : sorted) {
+        if (j < first || j >= last) column[at++] = j;
+      }
     }
-    outside_begin[i] = at;
-    for (const Index j : sorted) {
-      if (j < first || j >= last) column[at++] = j;
-    }
-  }
+  });
   value.resize(static_cast<std::size_t>(kBlockSize) * column.size());
 }
 

@@ -34,7 +34,7 @@ struct LevelMatrix {
   float* Block(std::int32_t k) { return &value[static_cast<std::size_t>(kBlockSize * k)]; }
 
   // The pattern of rows given one after the other, columns in any order.
-  void SetPattern(const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& columns);
+  void SetPattern(const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& columns, ThreadTeam* team);
   // Fills `inverse`. FAILED_PRECONDITION: a diagonal block is missing or not positive definite.
   absl::Status InvertDiagonal(ThreadTeam* team);
 };

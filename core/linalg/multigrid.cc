@@ -31,7 +31,7 @@ struct Multigrid::Impl {
 absl::Status Multigrid::Impl::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                                     std::int32_t num_coupled, const Interrupter* interrupter) {
   coarse.clear();
-  finest.a.SetPattern(matrix.row_begin, matrix.column);
+  finest.a.SetPattern(matrix.row_begin, matrix.column, team);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   SetValues(matrix, &finest.a, team);
   finest.coordinates.centre = z;

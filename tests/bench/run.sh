@@ -141,12 +141,13 @@ scale() {
   }
   local t n mesh
   for t in "${threads[@]}"; do
-    for n in "${foot[@]}"; do measure foot "$t" "foot:$n" $((n > 300000 ? 1 : repeats)); done
-    for n in "${levels[@]}"; do measure "Spot, subdivided" "$t" "$spot@$n" $((n > 1 ? 1 : repeats)); done
+    for n in "${foot[@]}"; do measure foot "$t" "foot:$n" "$repeats"; done
+    for n in "${levels[@]}"; do measure "Spot, subdivided" "$t" "$spot@$n" "$repeats"; done
     for mesh in "${meshes[@]}"; do measure "$(basename "${mesh%%[.:]*}")" "$t" "$mesh" 1; done
   done
   heading "Up to two million triangles" "Disc check, solve, layout and placement with the default options, without
-reading the file and without the verifier; medians of up to $repeats runs. \`foot\` is a surface by formula
+reading the file and without the verifier; medians of up to $repeats runs in one process, all but the first of which have
+their memory already. \`foot\` is a surface by formula
 (\`tests/bench/bench_meshes.h\`), \`spot_seam_L3\` is \`tests/data/spot_seam.obj\` after three Loop subdivisions. Peak bytes are
 the most that the whole unwrapping, verifier included, held at once beyond the mesh itself." |
     "$bin/planish_bench_report" scale "$runs" "$work/scale" >"$out/scale.md"

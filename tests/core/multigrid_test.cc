@@ -236,11 +236,11 @@ TEST(Multigrid, RefusesAnIndefiniteMatrix) {
 TEST(Aggregate, CoversEveryCoupledRowWithSmallSets) {
   const FirstStep step(testing::Hills(40, 30));
   LevelMatrix<2> matrix;
-  matrix.SetPattern(step.matrix.row_begin, step.matrix.column);
+  matrix.SetPattern(step.matrix.row_begin, step.matrix.column, &Alone());
   SetValues(step.matrix, &matrix, &Alone());
   for (const bool wide : {false, true}) {
     SCOPED_TRACE(wide);
-    const Aggregates aggregates = Aggregate(matrix, StrongCouplings(matrix, 0.08), wide);
+    const Aggregates aggregates = Aggregate(matrix, StrongCouplings(matrix, 0.08, matrix.num_rows(), &Alone()), wide);
     std::vector<int> size(aggregates.count, 0);
     for (const std::int32_t a : aggregates.of_row) {
       ASSERT_GE(a, 0);
