@@ -23,7 +23,7 @@ struct ConstraintValues {
   Eigen::VectorXd pair;      // 2 num_rows: 2 v is eq. 2 (or its like at the boundary) and 2 v + 1 is eq. 6 of row v
 };
 
-// Of every angle.
+// Of every angle, all in [0, pi].
 Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team = Alone());
 Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team = Alone());
 

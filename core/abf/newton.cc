@@ -107,10 +107,12 @@ void Newton::Stop(const std::string& why) {
 absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                             NewtonStep* step) {
   LinearSolveOptions linear;
-  linear.relative_tolerance = options_.linear_tolerance > 0 ? options_.linear_tolerance
-                              : exact_steps_                ? kLeastForcingTerm
-                                                            : ForcingTerm(summary_.residual.Max(), options_.tolerance);
-  if (options_.linear_tolerance <= 0 && !exact_steps_) {
+  if (options_.linear_tolerance > 0) {
+    linear.relative_tolerance = options_.linear_tolerance;
+  } else if (exact_steps_) {
+    linear.relative_tolerance = kLeastForcingTerm;
+  } else {
+    linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance);
     linear.rough = RoughForcing(summary_.residual, options_.tolerance);
   }
   linear.interrupter = control_.interrupter;

@@ -1,5 +1,5 @@
-// Sine and cosine of angles of triangles. Made of additions and products alone, so that loops over them turn into vector
-// code and every machine gives the same bits, which the C library's do not promise.
+// Sine and cosine of angles of triangles. Made of additions and products alone, so that loops over them turn into
+// vector code and every machine gives the same bits, which the C library's do not promise.
 #pragma once
 
 #include <cmath>
@@ -11,6 +11,13 @@ struct SineCosine {
   double sine, cosine;
 };
 
+// The polynomial in u with these coefficients, that of the highest power first.
+template <typename... Rest>
+double Horner(double u, double sum, Rest... rest) {
+  ((sum = sum * u + rest), ...);
+  return sum;
+}
+
 // For angles in [0, pi]. The sine to 4 units in its last place, near pi too; the cosine to 4e-16.
 inline SineCosine SineAndCosine(double angle) {
   constexpr double kPiLow = 1.2246467991473532e-16;  // what std::numbers::pi lacks
@@ -18,23 +25,10 @@ inline SineCosine SineAndCosine(double angle) {
   // Taylor series at half of the acute angle, at most pi / 4, with terms to beyond double's precision.
   const double t = 0.5 * (angle < supplement ? angle : supplement);
   const double u = t * t;
-  double s = 1.0 / 355687428096000;
-  s = s * u - 1.0 / 1307674368000;
-  s = s * u + 1.0 / 6227020800;
-  s = s * u - 1.0 / 39916800;
-  s = s * u + 1.0 / 362880;
-  s = s * u - 1.0 / 5040;
-  s = s * u + 1.0 / 120;
-  s = s * u - 1.0 / 6;
-  s = t + t * (s * u);
-  double c = 1.0 / 20922789888000;
-  c = c * u - 1.0 / 87178291200;
-  c = c * u + 1.0 / 479001600;
-  c = c * u - 1.0 / 3628800;
-  c = c * u + 1.0 / 40320;
-  c = c * u - 1.0 / 720;
-  c = c * u + 1.0 / 24;
-  c = 1 - u * (0.5 - c * u);
+  const double s = t + t * (u * Horner(u, 1.0 / 355687428096000, -1.0 / 1307674368000, 1.0 / 6227020800,
+                                       -1.0 / 39916800, 1.0 / 362880, -1.0 / 5040, 1.0 / 120, -1.0 / 6));
+  const double c = 1 - u * (0.5 - u * Horner(u, 1.0 / 20922789888000, -1.0 / 87178291200, 1.0 / 479001600,
+                                             -1.0 / 3628800, 1.0 / 40320, -1.0 / 720, 1.0 / 24));
   return {2 * s * c, std::copysign((c - s) * (c + s), std::numbers::pi / 2 - angle)};
 }
 

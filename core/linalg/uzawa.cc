@@ -29,24 +29,22 @@ namespace {
 class ErrorEstimate {
  public:
   void Add(double decrease) {
-    const double rate = last_ > 0 ? decrease / last_ : 1;
-    slower_rate_ = std::min(std::max(rate, last_rate_), kSlowest);
-    last_rate_ = rate;
+    rate_before_ = rate_;
+    rate_ = last_ > 0 ? decrease / last_ : 1;
     last_ = decrease;
     total_ += decrease;
-    ++iterations_;
   }
   // As if the energy went on falling as it did in the slower of the last two iterations.
   double Left() const {
-    if (iterations_ < 2) return 1;
-    const double left = last_ * slower_rate_ / (1 - slower_rate_);
+    if (!(total_ > 0)) return 1;
+    const double rate = std::min(std::max(rate_, rate_before_), kSlowest);
+    const double left = last_ * rate / (1 - rate);
     return std::sqrt(left / (total_ + left));
   }
 
  private:
   static constexpr double kSlowest = 0.9;  // an iteration may take off more than the one before
-  int iterations_ = 0;
-  double total_ = 0, last_ = 0, last_rate_ = 1, slower_rate_ = 1;
+  double total_ = 0, last_ = 0, rate_ = 1, rate_before_ = 1;
 };
 
 class UzawaSolver final : public LinearSolver {
@@ -61,13 +59,13 @@ class UzawaSolver final : public LinearSolver {
     const auto good_enough = [&](double norm) {
       if (options.rough.empty()) return norm <= options.relative_tolerance * first;
       const double left = error.Left();
-      double wanted = -1;
+      double allowed = -1;
       for (const RoughTolerance& rough : options.rough) {
-        if (left <= rough.energy) wanted = std::max(wanted, rough.residual);
+        if (left <= rough.energy) allowed = std::max(allowed, rough.residual);
       }
       // The greatest entry is no less than its share in the norm.
       return norm == 0 ||
-             (norm <= wanted * std::sqrt(static_cast<double>(q.size())) && Largest(team, q.cwiseAbs()) <= wanted);
+             (norm <= allowed * std::sqrt(static_cast<double>(q.size())) && Largest(team, q.cwiseAbs()) <= allowed);
     };
 
     LinearSummary summary;

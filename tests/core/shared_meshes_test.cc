@@ -1,9 +1,7 @@
 // Every real mesh of the shared collection that is an OBJ of triangles; skipped where the collection is not there.
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <map>
-#include <sstream>
 
 #include "core/base/error.h"
 #include "core/mesh/angles.h"

@@ -1,9 +1,7 @@
 // Every OBJ of the shared collection, diagnosed, against the counts in its MANIFEST.tsv.
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <map>
-#include <sstream>
 
 #include "core/io/mesh_file.h"
 #include "core/mesh/diagnosis.h"

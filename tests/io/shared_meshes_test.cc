@@ -1,7 +1,6 @@
 // Every file of the shared collection, against the counts in its MANIFEST.tsv.
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <set>
 #include <sstream>
