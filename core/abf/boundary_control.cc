@@ -168,7 +168,7 @@ class ActiveSetMethod {
         options_(options),
         control_(control),
         set_(topology, target),
-        iterate_{target.angle, Multipliers::Zero(topology)} {}
+        iterate_{StartingAngles(target), Multipliers::Zero(topology)} {}
 
   absl::StatusOr<Flattening> operator()();
 
@@ -220,8 +220,8 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
     };
   }
   Newton newton(constrained, target_, options, control);
-  PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run(std::move(iterate_), /*may_restart=*/false));
-  iterate_ = {newton.x(), newton.mu(), summary_.barrier};
+  PLANISH_ASSIGN_OR_RETURN(summary_, newton.RunFrom(std::move(iterate_)));
+  iterate_ = {newton.x(), newton.mu(), summary_.barrier, newton.z()};
   flat_ = newton.IsFlat() || summary_.converged;
   ++solves_;
   summary_.newton_iterations += before.newton_iterations;
@@ -305,7 +305,7 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   Flattening result = {iterate_.x, summary_};
   bool flat = flat_;
   if (!summary_.converged && !summary_.stopped && !OutOfIterations()) {
-    iterate_ = {target_.angle, Multipliers::Zero(set_.ConstrainedTopology())};
+    iterate_ = {StartingAngles(target_), Multipliers::Zero(set_.ConstrainedTopology())};
     for (const double tau : kBarriers) {
       iterate_.barrier = tau;
       PLANISH_RETURN_IF_ERROR(Settle());
@@ -323,7 +323,7 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   if (result.summary.stopped && !flat) {
     // Nearer at hand is a map with whatever outline.
     Newton newton(topology_, target_, options_, control_);
-    PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run({target_.angle, Multipliers::Zero(topology_)}));
+    PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run());
     ++solves_;
     summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), 0, set_changes_, false};
     summary_.stopped = true;

@@ -43,7 +43,7 @@ absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetA
   const FlattenOptions resolved = Resolve(options, topology);
   if (resolved.boundary == BoundaryType::kConvex) return FlattenConvex(topology, target, resolved, control);
   Newton newton(topology, target, resolved, control);
-  PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary, newton.Run({target.angle, Multipliers::Zero(topology)}));
+  PLANISH_ASSIGN_OR_RETURN(FlattenSummary summary, newton.Run());
   return Flattening{newton.x(), std::move(summary)};
 }
 

@@ -42,6 +42,18 @@ double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, Thread
   return taken > 1 ? 1 / taken : 1;
 }
 
+Eigen::VectorXd HeldStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team) {
+  constexpr double kKeep = 0.1;
+  Eigen::VectorXd held;
+  Assign(team,
+         x.binaryExpr(step,
+                      [](double angle, double change) {
+                        return std::clamp(change, -(1 - kKeep) * angle, (1 - kKeep) * (std::numbers::pi - angle));
+                      }),
+         &held);
+  return held;
+}
+
 void MeritFunction::UpdatePenalties(const Multipliers& mu, const Multipliers& step) {
   Raise(team_, mu.triangle, step.triangle, &nu_.triangle);
   Raise(team_, mu.pair, step.pair, &nu_.pair);

@@ -11,6 +11,10 @@ namespace planish {
 // present distance.
 double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone());
 
+// `step`, but no angle of x comes closer to 0 or pi than a tenth of its present distance: those that would are held
+// there by themselves.
+Eigen::VectorXd HeldStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone());
+
 // The exact penalty function  phi(x) = f(x) + sum of nu_j |h_j(x)|  with one penalty per constraint, nu_j >= |mu_j|.
 class MeritFunction {
  public:

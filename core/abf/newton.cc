@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -14,9 +15,9 @@ namespace {
 
 constexpr double kLeastForcingTerm = 1e-10;
 
-// Relative tolerance of a linear solve by its residual (the forcing term of an inexact Newton method): proportional to
-// the residual of Newton's method, so that this stays quadratic, but no smaller than the last step needs to end below
-// the tolerance.
+// Relative tolerance of a linear solve by its residual (the forcing term of an inexact Newton method), which is all
+// that solves without a good preconditioner have: proportional to the residual of Newton's method, so that this stays
+// quadratic, but no smaller than the last step needs to end below the tolerance.
 double ForcingTerm(double residual, double tolerance) {
   constexpr double kLargest = 1e-4;  // while Newton has far to go: rough steps cost more steps
   constexpr double kLargestAtEnd = 1e-2;
@@ -25,8 +26,9 @@ double ForcingTerm(double residual, double tolerance) {
   return std::max({on_the_way, last, kLeastForcingTerm});
 }
 
-// The same by its error. What the solve leaves of the constraints, to first order, is its residual: a part of what they
-// are now, or so little that the step may be the last one. (A gradient is not left: that is recovered exactly.)
+// The same by the error and by what is left of each constraint, with a good one. What the solve leaves of the
+// constraints, to first order, is its residual: a part of what they are now, or so little that the step may be the last
+// one. (A gradient is not left: that is recovered exactly.)
 std::vector<RoughTolerance> RoughForcing(const Residual& residual, double tolerance) {
   constexpr double kLargest = 1e-2, kOfResidual = 0.1, kOfConstraints = 0.1;
   constexpr double kLargestAtEnd = 0.1, kOfTolerance = 0.3;
@@ -38,12 +40,13 @@ std::vector<RoughTolerance> RoughForcing(const Residual& residual, double tolera
 // The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
 // 0.2 % of the energy, and the least angle stays at 0.3 degrees.
 constexpr double kLeastBarrier = 1e-2;
-// Angles that stay so much smaller than their targets for three steps are on their way to 0. On the shared discs where
-// f has a minimum the smallest ratio on the way there is 0.025; on coarse ones it may fall lower for a step or two.
-constexpr double kCollapsed = 1e-2;
-// So many steps before that one may be as narrow; and so many may be short, one after the other.
-constexpr int kNarrowStepsAllowed = 2, kShortStepsAllowed = 2;
-// The same, as a part of the smallest ratio with the least barrier; from there a single step will do, of either kind.
+// Angles so much smaller than their targets are on their way to 0, and so are those that stay a little larger for some
+// steps, unless these lead quickly to a solution. On discs where f has a minimum the smallest ratio on the way there is
+// 0.003, on most of them no less than 0.025.
+constexpr double kCollapsed = 1e-3, kNarrow = 1e-2;
+constexpr int kNarrowStepsAllowed = 2;
+constexpr double kQuickly = 1.0 / 3;  // of the residual before
+// The same, as a part of the smallest ratio with the least barrier, once that is known.
 constexpr double kStillThere = 0.25;
 // Residual to which the stronger barriers on the way there are solved.
 constexpr double kRoughTolerance = 1e-2;
@@ -63,7 +66,7 @@ constexpr double kDigit = 0.1;
 // many as take a part of a second, whatever the size, but some at least.
 constexpr std::int64_t kLeastHurriedSteps = 4, kHurriedStepFaces = 400'000;
 constexpr std::int64_t kLeastHurriedIterations = 50, kHurriedIterationFaces = 8'000'000;
-constexpr double kHurriedTolerance = 1e-4;
+constexpr double kHurriedTolerance = 1e-4, kAnyResidual = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
@@ -79,7 +82,7 @@ Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
 void Newton::Evaluate() {
   if (at_.sine.size() == 0) at_.sine = Sines(at_.x, team_);
   cot_ = Cotangents(at_.x, team_);
-  curvature_ = objective_.Curvature(at_.x);
+  curvature_ = bounds_.Curvature(at_.x);
   gradient_ = LagrangianGradient(topology_, objective_, at_.x, cot_, mu_, team_);
   summary_.residual = MeasureResidual(curvature_, at_.h, gradient_, team_);
   summary_.energy = at_.energy;
@@ -119,6 +122,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   const bool hurried = IsInterrupted(control_.stop);
   if (hurried) {
     linear.relative_tolerance = std::max(linear.relative_tolerance, kHurriedTolerance);
+    if (!linear.rough.empty()) linear.rough.push_back({.energy = kHurriedTolerance, .residual = kAnyResidual});
     linear.max_iterations = MostHurriedIterations();
   } else {
     linear.stop = control_.stop;
@@ -171,7 +175,13 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
            before + kSufficientDecrease * alpha * std::min(0.0, slope) + rounding;
   };
   double alpha = LargestStep(at_.x, step.x, team_);
-  bool found = lowers_merit(step.x, alpha);
+  bool found = false;
+  if (alpha < 1 && lowers_merit(HeldStep(at_.x, step.x, team_), 1)) {
+    // A few angles on their way to 0 need not hold back all others.
+    found = true;
+    alpha = 1;
+  }
+  found = found || lowers_merit(step.x, alpha);
   if (!found && alpha == 1) {
     // The curvature of the constraints can make the merit function refuse a good full step (Maratos). A second-order
     // correction goes back to where the constraints hold: the least step d with B d = -h(x + step).
@@ -186,6 +196,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
   }
   step_length_ = alpha;
   if (!found) return false;
+  bounds_.Follow(at_.x, trial.x, alpha);
   at_ = std::move(trial);
   Assign(team_, mu_.triangle + alpha * step.mu.triangle, &mu_.triangle);
   Assign(team_, mu_.pair + alpha * step.mu.pair, &mu_.pair);
@@ -236,13 +247,16 @@ absl::StatusOr<bool> Newton::TakeStep() {
   return true;
 }
 
-void Newton::Restart() {
-  at_ = PointAt(target_.angle);
+void Newton::Start() {
+  at_ = PointAt(StartingAngles(target_, team_));
   mu_ = Multipliers::Zero(topology_);
   Forget();
 }
 
 void Newton::Forget() {
+  bounds_.set_z({});
+  collapsed_ = kCollapsed;
+  narrow_ = kNarrow;
   merit_.Reset();
   whole_step_ = false;
   last_residual_ = 0;
@@ -252,9 +266,14 @@ void Newton::Forget() {
 
 bool Newton::AnglesCollapse() {
   if (objective_.barrier() != 0) return false;
-  const bool narrow = Largest(team_, (collapsed_ * target_.angle - at_.x).cwiseMax(0)) > 0;
-  narrow_steps_ = narrow ? narrow_steps_ + 1 : 0;
-  return narrow_steps_ > narrow_steps_allowed_;
+  const double ratio = Smallest(team_, at_.x.cwiseQuotient(target_.angle));
+  if (ratio < collapsed_) return true;
+  if (ratio >= narrow_) {
+    narrow_steps_ = 0;
+  } else if (summary_.residual.Max() > kQuickly * last_residual_) {
+    ++narrow_steps_;
+  }
+  return narrow_steps_ > kNarrowStepsAllowed;
 }
 
 std::int64_t Newton::MostHurriedIterations() const {
@@ -275,9 +294,11 @@ bool Newton::EndsEarly() {
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
-  // A run of steps that angles near 0 cut this short is going nowhere.
-  constexpr double kShortStep = 0.1;
+  // Steps that angles near 0 cut this short are going nowhere: a single one without a barrier, a run of them with one.
+  constexpr double kCutStep = 0.3, kShortStep = 0.1;
+  constexpr int kShortStepsAllowed = 2;
   constexpr double kTinyStep = 1e-3;
+  bool moved = false;
   while (true) {
     Evaluate();
     Report(0, 0);
@@ -285,68 +306,83 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (summary_.residual.Max() <= tolerance) return Ending::kConverged;
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
     if (EndsEarly()) return Ending::kStopped;
+    if (moved && AnglesCollapse()) return Ending::kStuck;
     cut_short_ = false;
     const absl::StatusOr<bool> taken = TakeStep();
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
-    whole_step_ = *taken && step_length_ == 1 && !cut_short_;
-    if (cut_short_ && !*taken) continue;  // which says nothing about whole solves
+    moved = *taken;
+    whole_step_ = moved && step_length_ == 1 && !cut_short_;
+    if (cut_short_ && !moved) continue;  // which says nothing about whole solves
     // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
     // ever going down.
     if (step_length_ < kTinyStep && !exact_steps_) {
       exact_steps_ = true;
       continue;
     }
+    if (moved && objective_.barrier() == 0 && step_length_ < kCutStep) return Ending::kStuck;
     short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
-    if (short_steps_ > short_steps_allowed_ || (*taken && AnglesCollapse())) return Ending::kStuck;
-    if (!*taken && std::exchange(exact_steps_, true)) return Ending::kStuck;
+    if (short_steps_ > kShortStepsAllowed) return Ending::kStuck;
+    if (!moved && std::exchange(exact_steps_, true)) return Ending::kStuck;
   }
 }
 
-absl::StatusOr<FlattenSummary> Newton::Run(NewtonIterate start, bool may_restart) {
-  summary_.solver = options_.solver;
-  summary_.system = options_.system;
-  summary_.hessian = options_.hessian;
-  at_ = PointAt(std::move(start.x));
-  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
-  collapsed_ = kCollapsed;
-  narrow_steps_allowed_ = kNarrowStepsAllowed;
-  short_steps_allowed_ = kShortStepsAllowed;
-  mu_ = std::move(start.mu);
-  objective_.set_barrier(start.barrier);
+absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
+  Forget();
+  objective_.set_barrier(kLeastBarrier);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
-  if (ending == Ending::kStuck && may_restart) {
-    // Angles ran into 0. Go on with a barrier, or start again with stronger ones before it; then try without it.
-    Forget();
-    objective_.set_barrier(kLeastBarrier);
-    PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
-    if (ending == Ending::kStuck) {
-      Restart();
-      for (const double tau : {1.0, 0.1, kLeastBarrier}) {
-        objective_.set_barrier(tau);
-        PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
-        if (ending == Ending::kStopped) break;
-        short_steps_ = 0;
-      }
-    }
-    if (ending == Ending::kConverged) {
-      const Point kept = at_;
-      const Multipliers kept_mu = mu_;
-      objective_.set_barrier(0);
-      narrow_steps_allowed_ = short_steps_allowed_ = 0;
-      collapsed_ = std::min(kCollapsed, kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle)));
-      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
-      if (ending != Ending::kConverged) {
-        // f has no minimum with positive angles nearby: the minimum with the barrier stands.
-        at_ = kept;
-        mu_ = kept_mu;
-        objective_.set_barrier(kLeastBarrier);
-        Evaluate();
-        if (ending != Ending::kStopped) ending = Ending::kConverged;
-      }
+  if (ending == Ending::kStuck) {
+    // Again, with stronger ones before it.
+    Start();
+    for (const double tau : {1.0, 0.1, kLeastBarrier}) {
+      objective_.set_barrier(tau);
+      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
+      if (ending == Ending::kStopped) break;
+      short_steps_ = 0;
     }
   }
+  if (ending != Ending::kConverged) return ending;
+  // Now without it.
+  const Point kept = at_;
+  const Multipliers kept_mu = mu_;
+  objective_.set_barrier(0);
+  collapsed_ = narrow_ = kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle));
+  PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
+  if (ending == Ending::kConverged) return ending;
+  // f has no minimum with positive angles nearby: the minimum with the barrier stands.
+  at_ = kept;
+  mu_ = kept_mu;
+  objective_.set_barrier(kLeastBarrier);
+  Evaluate();
+  return ending == Ending::kStopped ? ending : Ending::kConverged;
+}
+
+absl::StatusOr<FlattenSummary> Newton::Run() {
+  Start();
+  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
+  if (ending == Ending::kStuck) {
+    PLANISH_ASSIGN_OR_RETURN(ending, GoOnWithABarrier());
+  }
+  return Finish(ending);
+}
+
+absl::StatusOr<FlattenSummary> Newton::RunFrom(NewtonIterate start) {
+  Forget();
+  at_ = PointAt(std::move(start.x));
+  mu_ = std::move(start.mu);
+  objective_.set_barrier(start.barrier);
+  bounds_.set_z(std::move(start.z));
+  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  PLANISH_ASSIGN_OR_RETURN(const Ending ending, Iterate(options_.tolerance));
+  return Finish(ending);
+}
+
+FlattenSummary Newton::Finish(Ending ending) {
+  summary_.solver = options_.solver;
+  summary_.system = options_.system;
   summary_.barrier = objective_.barrier();
+  summary_.hessian = options_.hessian;
   if (summary_.hessian == HessianType::kAuto) {
     summary_.hessian = summary_.indefinite_iterations > 0 ? HessianType::kExact : HessianType::kConvex;
   }

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "core/abf/bound_multipliers.h"
 #include "core/abf/constraints.h"
 #include "core/abf/flatten.h"
 #include "core/abf/lagrangian.h"
@@ -18,7 +19,8 @@ namespace planish {
 struct NewtonIterate {
   Eigen::VectorXd x;  // angles
   Multipliers mu;
-  double barrier = 0;  // of the objective
+  double barrier = 0;      // of the objective
+  Eigen::VectorXd z = {};  // BoundMultipliers, or none yet
 };
 
 // x and mu, and what is known at them. All arguments of the constructor must outlive this; no type in `options` may be
@@ -31,6 +33,7 @@ class Newton {
         target_(target),
         team_(control.team != nullptr ? *control.team : Alone()),
         objective_(target, team_),
+        bounds_(target, objective_, team_),
         options_(options),
         control_(control),
         steps_(topology, options.solver, options.system, options.preconditioner, team_),
@@ -38,13 +41,16 @@ class Newton {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From `start` to a minimum of f with the barrier of `start`. If angles run into 0 on the way and `may_restart`,
-  // again from x = a and mu = 0 with a barrier, which stays where f has no minimum without.
-  absl::StatusOr<FlattenSummary> Run(NewtonIterate start, bool may_restart = true);
+  // From StartingAngles() and mu = 0 to a minimum of f. If angles run into 0 on the way, on or again with a barrier,
+  // which stays where f has no minimum without.
+  absl::StatusOr<FlattenSummary> Run();
+  // From `start` to a minimum of f with the barrier of `start`, or to where angles run into 0.
+  absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start);
 
   // Where Run() ended.
   const Eigen::VectorXd& x() const { return at_.x; }
   const Multipliers& mu() const { return mu_; }
+  const Eigen::VectorXd& z() const { return bounds_.z(); }
   // Whether that is good enough to stop at: where a whole step led, with constraints that hold
   // (FlattenControl::flat_enough).
   bool IsFlat() const;
@@ -60,10 +66,14 @@ class Newton {
   };
   Point PointAt(Eigen::VectorXd x) const;
 
-  // Back to x = a and mu = 0.
-  void Restart();
+  // To StartingAngles() and mu = 0.
+  void Start();
   // Of the steps so far, what is not x and mu.
   void Forget();
+  // Run(), once angles have run into 0.
+  absl::StatusOr<Ending> GoOnWithABarrier();
+  // What there is to report in the end.
+  FlattenSummary Finish(Ending ending);
   // Newton steps on the present objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
   // Whether control_.stop is set and no more steps are due.
@@ -82,8 +92,8 @@ class Newton {
   // Shortens `step` until it lowers the merit function, and goes there; false if it never does. `slope` is the merit
   // function's along the step.
   absl::StatusOr<bool> SearchLine(const NewtonStep& step, double slope);
-  // Without a barrier: whether some angle has been less than `collapsed_` times its target for more steps in a row than
-  // allowed. To be asked after each step.
+  // Without a barrier: whether some angle is less than `collapsed_` times its target, or has been less than `narrow_`
+  // times for some steps that did not lead nearer to a solution. To be asked once after each step.
   bool AnglesCollapse();
   void Report(double linear_residual, std::int64_t linear_iterations) const;
   void Stop(const std::string& why);
@@ -92,6 +102,7 @@ class Newton {
   const TargetAngles& target_;
   ThreadTeam& team_;
   Objective objective_;
+  BoundMultipliers bounds_;
   const FlattenOptions& options_;
   const FlattenControl& control_;
   StepSolver steps_;
@@ -100,14 +111,14 @@ class Newton {
   Multipliers mu_;
   Eigen::VectorXd curvature_, cot_, gradient_;  // curvature_: empty once a step has been computed from it
   MeritFunction merit_;
-  double collapsed_ = 0;  // see AnglesCollapse()
-  int narrow_steps_ = 0, narrow_steps_allowed_ = 0;
-  double last_residual_ = 0;  // before the last step; 0 before the first
+  double collapsed_ = 0, narrow_ = 0;  // see AnglesCollapse()
+  int narrow_steps_ = 0;               // in a row
+  double last_residual_ = 0;           // before the last step; 0 before the first
   double step_length_ = 0;
-  int short_steps_ = 0, short_steps_allowed_ = 0;  // in a row
-  bool exact_steps_ = false;                       // no forcing terms any more
-  bool whole_step_ = false;  // the last step was taken at full length, from a linear solve that converged
-  bool cut_short_ = false;   // control_.stop ended a linear solve of the present step
+  int short_steps_ = 0;       // in a row
+  bool exact_steps_ = false;  // no forcing terms any more
+  bool whole_step_ = false;   // the last step was taken at full length, from a linear solve that converged
+  bool cut_short_ = false;    // control_.stop ended a linear solve of the present step
   std::int64_t hurried_steps_ = 0, hurried_iterations_ = 0;  // after control_.stop
   bool indefinite_pays_ = true;  // HessianType::kAuto: no step with the exact Hessian has failed yet
   FlattenSummary summary_;

@@ -13,6 +13,9 @@ namespace {
 // about what a new factorization, or new numbers for the multigrid, cost.
 constexpr std::int64_t kWornOutFactorization = 10;
 constexpr std::int64_t kWornOutMultigrid = 5;
+// A factorization that serves an indefinite system or a barrier can be far worse, and is given up in the middle of a
+// solve after this many iterations more.
+constexpr std::int64_t kUselessFactorization = 20;
 
 constexpr std::int64_t kMaxMultigridIterations = 300;
 
@@ -52,17 +55,11 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     system = full_.get();
   } else {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+    hessian_ = &hessian;
     convex_ = &convex;
     cot_ = &cot;
     reduced_ = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
-    if (preconditioner_type_ == PreconditionerType::kAmg) {
-      const absl::Status status = PrepareMultigrid(hessian, convex, cot, interrupter);
-      if (absl::IsCancelled(status)) return status;
-      if (!status.ok()) TurnToCholesky();
-    }
-    if (preconditioner_type_ != PreconditionerType::kAmg) {
-      PLANISH_RETURN_IF_ERROR(PrepareExact(hessian, convex, cot));
-    }
+    PLANISH_RETURN_IF_ERROR(PrepareReduced(interrupter));
     system = reduced_.get();
   }
   if (preconditioner_type_ == PreconditionerType::kJacobi) {
@@ -71,6 +68,15 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     preconditioner_ = std::make_unique<IdentityPreconditioner>();
   }
   return absl::OkStatus();
+}
+
+absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
+  if (preconditioner_type_ == PreconditionerType::kAmg) {
+    const absl::Status status = PrepareMultigrid(interrupter);
+    if (status.ok() || absl::IsCancelled(status)) return status;
+    TurnToCholesky();
+  }
+  return PrepareExact();
 }
 
 bool StepSolver::IsWornOut(std::int64_t tolerated) const {
@@ -83,10 +89,9 @@ void StepSolver::TurnToCholesky() {
   rounded_matrix_.reset();
 }
 
-absl::Status StepSolver::PrepareExact(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
-                                      const Eigen::VectorXd& cot) {
+absl::Status StepSolver::PrepareExact() {
   if (!matrix_) matrix_ = std::make_unique<ReducedMatrix<double>>(topology_, team_);
-  const BlockMatrix<double>& s = matrix_->Assemble(convex, cot);
+  const BlockMatrix<double>& s = matrix_->Assemble(*convex_, *cot_);
   if (preconditioner_type_ == PreconditionerType::kCholesky) {
     if (IsWornOut(kWornOutFactorization) || solver_type_ == SolverType::kDirect) {
       PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(s), /*block_size=*/2));
@@ -94,21 +99,20 @@ absl::Status StepSolver::PrepareExact(const Eigen::VectorXd& hessian, const Eige
     }
     preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
   }
-  if (&hessian != &convex) matrix_->Assemble(hessian, cot);
+  if (hessian_ != convex_) matrix_->Assemble(*hessian_, *cot_);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
 
-absl::Status StepSolver::PrepareMultigrid(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
-                                          const Eigen::VectorXd& cot, const Interrupter* interrupter) {
+absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   if (!rounded_matrix_) rounded_matrix_ = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  const BlockMatrix<float>& s = rounded_matrix_->Assemble(convex, cot);
+  const BlockMatrix<float>& s = rounded_matrix_->Assemble(*convex_, *cot_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   // The first numbers stand on an unfolding with target angles, which do not close up.
   const bool first = uses_ < 0;
   if (first || !multigrid_closed_ || indefinite_ || IsWornOut(kWornOutMultigrid)) {
-    const std::vector<std::complex<double>> z = UnfoldRows(topology_, cot);
+    const std::vector<std::complex<double>> z = UnfoldRows(topology_, *cot_);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     PLANISH_RETURN_IF_ERROR(first ? multigrid_.Build(s, z, topology_.num_interior, team_, interrupter)
                                   : multigrid_.Refresh(s, z, interrupter));
@@ -116,7 +120,7 @@ absl::Status StepSolver::PrepareMultigrid(const Eigen::VectorXd& hessian, const 
     uses_ = 0;
   }
   preconditioner_ = std::make_unique<MultigridPreconditioner>(&multigrid_);
-  if (&hessian != &convex) rounded_matrix_->Assemble(hessian, cot);
+  if (hessian_ != convex_) rounded_matrix_->Assemble(*hessian_, *cot_);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
@@ -133,13 +137,26 @@ LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const Constrain
     watched.max_iterations = std::max(kMaxIndefiniteIterations, kIndefiniteFactor * last_iterations_);
   }
   if (multigrid) watched.max_iterations = std::min(options.max_iterations, kMaxMultigridIterations);
+  const std::int64_t most = watched.max_iterations;
+  if (preconditioner_type_ == PreconditionerType::kCholesky && solver_type_ != SolverType::kDirect && uses_ > 0) {
+    watched.max_iterations = std::min(most, first_iterations_ + kUselessFactorization);
+  }
   LinearSummary summary = SolveOnce(gradient, h, watched, step);
+  if (summary.termination == LinearTermination::kIterationLimit && summary.iterations < most) {
+    last_iterations_ = summary.iterations;
+    if (PrepareReduced(options.interrupter).ok()) {
+      const std::int64_t wasted = summary.iterations;
+      watched.max_iterations = most;
+      summary = SolveOnce(gradient, h, watched, step);
+      summary.iterations += wasted;
+    }
+  }
   const bool failed = summary.termination != LinearTermination::kConverged &&
                       summary.termination != LinearTermination::kInterrupted &&
                       summary.iterations < options.max_iterations;
   if (multigrid && failed) {
     TurnToCholesky();
-    if (PrepareExact(*convex_, *convex_, *cot_).ok()) {
+    if (PrepareExact().ok()) {
       const std::int64_t wasted = summary.iterations;
       summary = SolveOnce(gradient, h, options, step);
       summary.iterations += wasted;

@@ -39,8 +39,10 @@ class StepSolver {
 
   // Eq. 5 for the gradient and constraint values of the iterate:
   //   A dx + B^t dmu = -gradient,  B dx = -h.
-  // Multigrid is watched: if it cannot be built or the solver does not converge with it within
-  // kMaxMultigridIterations, this solve and all later ones use Cholesky.
+  // Preconditioners are watched. One that was made for an earlier Hessian is made anew after a solve that took some
+  // iterations more than the first one with it, a factorization in the middle of the solve if it takes many more. If
+  // multigrid cannot be built or the solver does not converge with it within kMaxMultigridIterations, this solve and
+  // all later ones use Cholesky.
   LinearSummary Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
                       NewtonStep* step);
 
@@ -55,11 +57,12 @@ class StepSolver {
  private:
   // Whether the preconditioner is to be made anew, or for the first time.
   bool IsWornOut(std::int64_t tolerated) const;
-  // Multigrid, or what needs S in double. Both make the preconditioner from S of the convex Hessian, and leave S of
-  // `hessian` to `reduced_`.
-  absl::Status PrepareMultigrid(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
-                                const Eigen::VectorXd& cot, const Interrupter* interrupter);
-  absl::Status PrepareExact(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot);
+  // What is to be made of the matrix of the reduced system.
+  absl::Status PrepareReduced(const Interrupter* interrupter);
+  // Multigrid, or what needs S in double. Both make the preconditioner from S of the convex Hessian, unless the one in
+  // use is good enough, and leave S of the Hessian to `reduced_`.
+  absl::Status PrepareMultigrid(const Interrupter* interrupter);
+  absl::Status PrepareExact();
   // From multigrid to Cholesky, for good.
   void TurnToCholesky();
   LinearSummary SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
@@ -78,7 +81,7 @@ class StepSolver {
   // S: rounded with multigrid, which is of float itself; else exact.
   std::unique_ptr<ReducedMatrix<float>> rounded_matrix_;
   std::unique_ptr<ReducedMatrix<double>> matrix_;
-  const Eigen::VectorXd *convex_ = nullptr, *cot_ = nullptr;  // of Prepare(), should Cholesky have to take over
+  const Eigen::VectorXd *hessian_ = nullptr, *convex_ = nullptr, *cot_ = nullptr;  // of Prepare()
   SparseCholesky factorization_;
   Multigrid multigrid_;
   bool multigrid_closed_ = false;  // its numbers stand on an unfolding of angles that have met the constraints, nearly

@@ -1,5 +1,6 @@
 #include "core/linalg/linear_solver.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "core/linalg/vector_ops.h"
@@ -31,6 +32,14 @@ const char* Name(LinearTermination termination) {
       return "interrupted";
   }
   return "?";
+}
+
+bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team) {
+  double allowed = -1;
+  for (const RoughTolerance& tolerance : rough) {
+    if (energy <= tolerance.energy) allowed = std::max(allowed, tolerance.residual);
+  }
+  return allowed >= 0 && Largest(team, residual.cwiseAbs()) <= allowed;
 }
 
 void SaddlePointOperator::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {

@@ -25,7 +25,9 @@ const char* Name(LinearTermination termination);
 // When a solve serves a step of an inexact Newton method. The Euclidean norm does not tell: where the scale of a map
 // spans many orders of magnitude a few rows are all it sees.
 struct RoughTolerance {
-  // Of the error, in the norm of M that conjugate directions minimize, over that of lambda = 0. In (0, 1).
+  // Over that of lambda = 0, in (0, 1): of the error in the norm of M, which conjugate directions minimize (Uzawa), or
+  // of the residual in the norm of the preconditioner's inverse, which MINRES minimizes. They are the same for an exact
+  // one.
   double energy = 0;
   // Of the greatest entry of B A^-1 f - g - M lambda.
   double residual = 0;
@@ -36,9 +38,8 @@ struct LinearSolveOptions {
   // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; the norm of the
   // preconditioner while iterating). In (0, 1).
   double relative_tolerance = 1e-10;
-  // In its place, if there are any, for solvers that know the energy of their error (Uzawa, with a preconditioner that
-  // is near to M^-1: the estimate is for convergence that is fast and even): stop when one of these is met in both
-  // parts.
+  // In its place, if there are any, for iterative solvers with a preconditioner that is near to M^-1 (Uzawa's estimate
+  // of its error is for convergence that is fast and even): stop when one of these is met in both parts.
   std::vector<RoughTolerance> rough;
   std::int64_t max_iterations = 100000;
   const Interrupter* interrupter = nullptr;
@@ -49,6 +50,9 @@ struct LinearSolveOptions {
 
 // Iterations between two calls of on_progress. The interrupters are looked at in each iteration.
 constexpr std::int64_t kProgressInterval = 32;
+
+// Whether one of the tolerances is met: by `energy`, what is left of that, and by `residual`.
+bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team);
 
 struct LinearSummary {
   LinearTermination termination = LinearTermination::kConverged;

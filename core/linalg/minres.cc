@@ -3,7 +3,8 @@
 // matrix by a system that has it.
 //
 // Letters as in Paige & Saunders: Lanczos vectors v with coefficients alfa, beta; the tridiagonal matrix is reduced by
-// plane rotations (cs, sn); w are the search directions.
+// plane rotations (cs, sn); w are the search directions. The residual itself, r, follows from its norm phi_bar and the
+// last Lanczos vector, r_k = sn_k^2 r_{k-1} - phi_bar_k cs_k v_{k+1} (Choi, Paige & Saunders 2011, section 2.2).
 #include <cmath>
 #include <limits>
 
@@ -20,6 +21,9 @@ class MinresSolver final : public LinearSolver {
     ThreadTeam& team = system.team();
     Eigen::VectorXd r1 = rhs;
     Eigen::VectorXd r2 = r1, y, v, w, w1, w2;
+    const bool rough = !options.rough.empty();
+    Eigen::VectorXd r;
+    if (rough) r = rhs;
     const Eigen::Index n = r1.size();
     w = w1 = w2 = Eigen::VectorXd::Zero(n);
     preconditioner.Apply(r1, &y);
@@ -35,7 +39,7 @@ class MinresSolver final : public LinearSolver {
         summary.termination = LinearTermination::kStagnated;
         break;
       }
-      if (phi_bar <= options.relative_tolerance * beta1) break;
+      if (rough ? IsMet(options.rough, phi_bar / beta1, r, team) : phi_bar <= options.relative_tolerance * beta1) break;
       if (summary.iterations >= options.max_iterations) {
         summary.termination = LinearTermination::kIterationLimit;
         break;
@@ -73,6 +77,7 @@ class MinresSolver final : public LinearSolver {
       sn = beta / gamma;
       const double phi = cs * phi_bar;
       phi_bar = sn * phi_bar;
+      if (rough) Assign(team, (sn * sn) * r - (beta > 0 ? phi_bar * cs / beta : 0) * r2, &r);
 
       w1.swap(w2);
       w2.swap(w);
@@ -81,6 +86,7 @@ class MinresSolver final : public LinearSolver {
       ++summary.iterations;
       if (beta == 0) break;  // the Krylov space is exhausted
     }
+    if (rough) summary.true_residual = Norm(team, r) / Norm(team, rhs);
     return summary;
   }
 };

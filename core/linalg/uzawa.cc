@@ -58,14 +58,7 @@ class UzawaSolver final : public LinearSolver {
     ErrorEstimate error;
     const auto good_enough = [&](double norm) {
       if (options.rough.empty()) return norm <= options.relative_tolerance * first;
-      const double left = error.Left();
-      double allowed = -1;
-      for (const RoughTolerance& rough : options.rough) {
-        if (left <= rough.energy) allowed = std::max(allowed, rough.residual);
-      }
-      // The greatest entry is no less than its share in the norm.
-      return norm == 0 ||
-             (norm <= allowed * std::sqrt(static_cast<double>(q.size())) && Largest(team, q.cwiseAbs()) <= allowed);
+      return norm == 0 || IsMet(options.rough, error.Left(), q, team);
     };
 
     LinearSummary summary;

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "Eigen/Dense"
+#include "core/abf/bound_multipliers.h"
 #include "core/abf/boundary_control.h"
 #include "core/abf/constraints.h"
 #include "core/abf/full_system.h"
@@ -143,6 +144,41 @@ TEST(Objective, BarrierIsLeastAtTheTargetAndGrowsTowardsZero) {
   Eigen::VectorXd collapsed = f.target.angle;
   collapsed[0] *= 1e-9;
   EXPECT_GT(barrier.Value(collapsed), f.objective.Value(collapsed) + 0.5 * 19);
+}
+
+TEST(BoundMultipliers, BringBackAnglesThatTheBarriersOwnCurvatureOnlyDoubles) {
+  Fixture f = ManyWheels();
+  BoundMultipliers bounds(f.target, f.objective, Alone());
+  EXPECT_EQ(bounds.Curvature(f.x), f.objective.Curvature(f.x)) << "there is no barrier yet";
+  f.objective.set_barrier(1e-2);
+  // Newton's method on f_tau alone, whose minimum is the target, from angles that have collapsed; no step may take
+  // more than most of an angle.
+  const auto steps = [&](const auto& curvature_at, const auto& follow) {
+    Eigen::VectorXd x = 1e-6 * f.target.angle;
+    for (int i = 0; i < 60; ++i) {
+      const Eigen::VectorXd gradient = f.objective.Gradient(x);
+      if (gradient.cwiseAbs().maxCoeff() < 1e-9) return i;
+      const Eigen::VectorXd curvature = curvature_at(x);
+      EXPECT_GT(curvature.minCoeff(), 0);
+      const Eigen::VectorXd step = -gradient.cwiseQuotient(curvature);
+      const double length = std::min(1.0, 0.95 / (-step.cwiseQuotient(x)).cwiseMax(1e-9).maxCoeff());
+      const Eigen::VectorXd next = x + length * step;
+      follow(x, next, length);
+      x = next;
+    }
+    return 60;
+  };
+  const int primal = steps([&](const auto& x) { return f.objective.Curvature(x); }, [](const auto&...) {});
+  const int dual = steps([&](const auto& x) { return bounds.Curvature(x); },
+                         [&](const auto& x, const auto& next, double length) { bounds.Follow(x, next, length); });
+  EXPECT_GT(primal, 12);
+  EXPECT_LT(dual, 10);
+  // There they are the barrier's second derivative.
+  EXPECT_LT((bounds.Curvature(f.target.angle) - f.objective.Curvature(f.target.angle)).cwiseAbs().maxCoeff(), 1e-7);
+  f.objective.set_barrier(0.5);
+  bounds.set_z({});
+  EXPECT_LT((bounds.Curvature(f.x) - f.objective.Curvature(f.x)).cwiseAbs().maxCoeff(), 1e-12)
+      << "from the start again";
 }
 
 TEST_P(Calculus, GradientIsTheDerivative) {

@@ -120,6 +120,32 @@ TEST(Flatten, KeepsABarrierWhereTheEnergyHasNoMinimum) {
   EXPECT_EQ(Disc(testing::PuncturedSphere(10, 0.5)).Flatten().summary.barrier, 0);
 }
 
+TEST(Flatten, StartsWithTrianglesOfTheLeastEnergy) {
+  for (const Mesh& mesh : {testing::PuncturedSphere(10, 0.01), testing::Hills(10, 9, 2)}) {
+    const Disc disc(mesh);
+    const Eigen::VectorXd start = StartingAngles(disc.target);
+    EXPECT_GT(start.minCoeff(), 0);
+    for (Eigen::Index f = 0; f < start.size(); f += 3) {
+      EXPECT_NEAR(start.segment<3>(f).sum(), std::numbers::pi, 1e-12);
+      // The gradient of f is the same along all three: that of the sum.
+      const Eigen::Vector3d gradient =
+          disc.target.weight.segment<3>(f).cwiseProduct(start.segment<3>(f) - disc.target.angle.segment<3>(f));
+      EXPECT_LT((gradient.array() - gradient.mean()).abs().maxCoeff(), 1e-12 * (1 + gradient.cwiseAbs().maxCoeff()));
+    }
+  }
+}
+
+TEST(Flatten, NeedsFewStepsWithABarrierToo) {
+  for (const int rings : {6, 10, 20, 40}) {
+    for (const double hole : {0.01, 0.03}) {
+      const Flattening result = Disc(testing::PuncturedSphere(rings, hole)).Flatten();
+      EXPECT_TRUE(result.summary.converged) << result.summary.stop_message;
+      EXPECT_GT(result.summary.barrier, 0) << "the example must need one";
+      EXPECT_LE(result.summary.newton_iterations, 15) << rings << " rings, a hole of " << hole;
+    }
+  }
+}
+
 TEST(Flatten, IsAMinimumAmongFeasibleNeighbours) {
   const Disc disc(testing::Hills(10, 9, 2));
   const Flattening result = disc.Flatten();
