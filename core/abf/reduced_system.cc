@@ -175,8 +175,9 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
 }
 
 template <typename Scalar>
-const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot) {
-  team_.For(topology_.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
+                                                           const std::function<void()>& beside) {
+  team_.ForBeside(beside, topology_.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
     std::vector<double> row;
     for (std::int64_t v = begin; v < end; ++v) {
       const std::int32_t row_begin = matrix_.row_begin[v], length = matrix_.row_begin[v + 1] - row_begin;

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "core/abf/constraints.h"
@@ -75,8 +76,10 @@ class ReducedMatrix {
  public:
   // `topology` and `team` must outlive this.
   explicit ReducedMatrix(const Topology& topology, ThreadTeam& team = Alone());
-  // S for the diagonal A and the cotangents that J is taken at.
-  const BlockMatrix<Scalar>& Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
+  // S for the diagonal A and the cotangents that J is taken at. Work of one thread that has nothing to do with it can
+  // be done beside.
+  const BlockMatrix<Scalar>& Assemble(
+      const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot, const std::function<void()>& beside = [] {});
 
  private:
   const Topology& topology_;

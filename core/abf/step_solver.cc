@@ -1,6 +1,8 @@
 #include "core/abf/step_solver.h"
 
 #include <algorithm>
+#include <complex>
+#include <vector>
 
 #include "core/abf/unfolding.h"
 #include "core/base/status_macros.h"
@@ -107,13 +109,15 @@ absl::Status StepSolver::PrepareExact() {
 absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   if (!rounded_matrix_) rounded_matrix_ = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  const BlockMatrix<float>& s = rounded_matrix_->Assemble(*convex_, *cot_);
-  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  // The first numbers stand on an unfolding with target angles, which do not close up.
+  // The first numbers stand on an unfolding with angles that do not close up.
   const bool first = uses_ < 0;
-  if (first || !multigrid_closed_ || indefinite_ || IsWornOut(kWornOutMultigrid)) {
-    const std::vector<std::complex<double>> z = UnfoldRows(topology_, *cot_);
-    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+  const bool renew = first || !multigrid_closed_ || indefinite_ || IsWornOut(kWornOutMultigrid);
+  std::vector<std::complex<double>> z;
+  const BlockMatrix<float>& s = rounded_matrix_->Assemble(*convex_, *cot_, [&] {
+    if (renew) z = UnfoldRows(topology_, *cot_);
+  });
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+  if (renew) {
     PLANISH_RETURN_IF_ERROR(first ? multigrid_.Build(s, z, topology_.num_interior, team_, interrupter)
                                   : multigrid_.Refresh(s, z, interrupter));
     multigrid_closed_ = !first;

@@ -41,6 +41,16 @@ class ThreadTeam {
     }
   }
 
+  // The same, and task() beside it: one thread's, taken up first. It must not write what the chunks read.
+  template <typename Body, typename Task>
+  void ForBeside(const Task& task, std::int64_t n, std::int64_t chunk_size, const Body& body) {
+    For(1 + (n + chunk_size - 1) / chunk_size, 1, [&](std::int64_t item, std::int64_t) {
+      if (item == 0) return task();
+      const std::int64_t begin = (item - 1) * chunk_size;
+      body(begin, begin + chunk_size < n ? begin + chunk_size : n);
+    });
+  }
+
   // Sum over all chunks of body(begin, end), added in order.
   template <typename Body>
   double Sum(std::int64_t n, std::int64_t chunk_size, const Body& body) {

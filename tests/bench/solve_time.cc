@@ -3,8 +3,8 @@
 //   seconds, cpu_seconds   wall clock and CPU of all threads, for `solve` alone and for `map`: disc check, solve,
 //   layout
 //                          and placement, without reading the file and without the verifier
-//   peak_bytes             the most memory the unwrapping held at once beyond the mesh: VmHWM, set back before it
-//                          starts, less what was resident then
+//   peak_bytes             of the first run, the most memory the unwrapping held at once beyond the mesh: VmHWM, set
+//                          back before it starts, less what was resident then. Later runs have that memory at hand.
 #include <cstdio>
 #include <ctime>
 #include <fstream>
@@ -56,7 +56,7 @@ nlohmann::json Finite(double value) {
   return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
 }
 
-nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
+nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments, bool first) {
   Interrupter interrupter;
   FlattenProgress last;
   Timer timer;
@@ -85,13 +85,13 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments) {
                          {"preconditioner", Name(asked.preconditioner)},
                          {"linear_tolerance", asked.linear_tolerance},
                          {"tolerance", asked.tolerance}};
-  const std::int64_t before = ResetPeak();
+  const std::int64_t before = first ? ResetPeak() : 0;
   timer.Restart();
   UnwrapOptions options = arguments.options;
   options.seams.policy = SeamPolicy::kNone;
   const auto result = Unwrap(mesh, options, control);
   const double seconds = timer.Seconds();
-  line["peak_bytes"] = StatusBytes("VmHWM") - before;
+  if (first) line["peak_bytes"] = StatusBytes("VmHWM") - before;
   if (!result.ok()) {
     line["ended"] = interrupter.IsInterrupted() ? "time limit" : std::string(result.status().message());
     line["newton_iterations"] = last.newton_iteration;
@@ -171,7 +171,7 @@ int Main(int argc, char** argv) {
     return 2;
   }
   for (int i = 0; i < arguments.runs; ++i) {
-    const nlohmann::json line = Measure(*mesh, arguments);
+    const nlohmann::json line = Measure(*mesh, arguments, /*first=*/i == 0);
     std::printf("%s\n", line.dump().c_str());
     std::fflush(stdout);
     if (line["ended"] == "time limit") break;  // the next run would end there too

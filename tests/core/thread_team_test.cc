@@ -23,6 +23,23 @@ TEST(ThreadTeam, EveryChunkRunsOnce) {
   }
 }
 
+TEST(ThreadTeam, ATaskRunsBesideTheChunks) {
+  for (const int size : {1, 2, 3}) {
+    ThreadTeam team(size);
+    for (const std::int64_t n : {0, 5, 100}) {
+      std::vector<int> visits(static_cast<std::size_t>(n), 0);
+      int tasks = 0;
+      team.ForBeside([&] { ++tasks; }, n, 7,
+                     [&](std::int64_t begin, std::int64_t end) {
+                       ASSERT_LE(end - begin, 7);
+                       for (std::int64_t i = begin; i < end; ++i) ++visits[static_cast<std::size_t>(i)];
+                     });
+      EXPECT_EQ(tasks, 1);
+      EXPECT_EQ(visits, std::vector<int>(static_cast<std::size_t>(n), 1));
+    }
+  }
+}
+
 TEST(ThreadTeam, NothingToDo) {
   ThreadTeam team(2);
   team.For(0, 10, [](std::int64_t, std::int64_t) { FAIL(); });
