@@ -346,7 +346,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   const Point kept = at_;
   const Multipliers kept_mu = mu_;
   objective_.set_barrier(0);
-  collapsed_ = narrow_ = kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle));
+  collapsed_ = narrow_ = std::min(kNarrow, kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle)));
   PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
   if (ending == Ending::kConverged) return ending;
   // f has no minimum with positive angles nearby: the minimum with the barrier stands.
