@@ -97,6 +97,21 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
   }));
 }
 
+std::vector<std::int32_t> WeakFaces(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
+                                    ThreadTeam& team) {
+  const Eigen::Index n = curvature.size() / 3;
+  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kFaces - 1) / kFaces));
+  team.For(n, kFaces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      if (SmallestPlaneEigenvalue(&hessian[3 * f], &curvature[3 * f]) >= kWeakCurvature) continue;
+      parts[static_cast<std::size_t>(begin / kFaces)].push_back(static_cast<std::int32_t>(f));
+    }
+  });
+  std::vector<std::int32_t> weak;
+  for (const std::vector<std::int32_t>& part : parts) weak.insert(weak.end(), part.begin(), part.end());
+  return weak;
+}
+
 Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian, ThreadTeam& team) {
   constexpr double kLeastMagnitude = kMinCurvature / 10;
   // diag(a) on the plane in the coordinates (u, v) of (u, v, -u - v).

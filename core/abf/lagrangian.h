@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "Eigen/Core"
 #include "core/abf/constraints.h"
@@ -43,6 +44,12 @@ enum class Convexification {
   kByAngle,
 };
 inline constexpr double kMinCurvature = 0.02;
+
+// The faces whose smallest eigenvalue relative to diag(f'') lies below kWeakCurvature, ascending: in S they are so much
+// stronger than their neighbours that multigrid does not serve them well.
+std::vector<std::int32_t> WeakFaces(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
+                                    ThreadTeam& team = Alone());
+inline constexpr double kWeakCurvature = 0.1;
 
 // Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed.
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,

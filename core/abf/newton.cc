@@ -142,7 +142,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
 
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step, double* slope) {
-  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, control_.interrupter));
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, weak_faces_, control_.interrupter));
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
   if (!step->x.allFinite()) return false;
   if (indefinite && solved.termination != LinearTermination::kConverged && !(solved.true_residual <= kGoodEnough)) {
@@ -213,6 +213,7 @@ absl::StatusOr<bool> Newton::TakeStep() {
   const bool try_exact =
       options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
   if (try_exact) hessian = convex;
+  weak_faces_ = WeakFaces(curvature_, convex, team_);
   const bool changed = Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_) > 0;
 
   Eigen::VectorXd absolute;

@@ -2,7 +2,9 @@
 // barrier.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/abf/bound_multipliers.h"
@@ -110,6 +112,7 @@ class Newton {
   Point at_;
   Multipliers mu_;
   Eigen::VectorXd curvature_, cot_, gradient_;  // curvature_: empty once a step has been computed from it
+  std::vector<std::int32_t> weak_faces_;        // of the present step
   MeritFunction merit_;
   double collapsed_ = 0, narrow_ = 0;  // see AnglesCollapse()
   int narrow_steps_ = 0;               // in a row

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <complex>
+#include <utility>
 #include <vector>
 
 #include "core/abf/unfolding.h"
 #include "core/base/status_macros.h"
+#include "core/linalg/patch_preconditioner.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
@@ -20,6 +22,8 @@ constexpr std::int64_t kWornOutMultigrid = 5;
 constexpr std::int64_t kUselessFactorization = 20;
 
 constexpr std::int64_t kMaxMultigridIterations = 300;
+// Weak faces are few, or the convexified Hessian is no better than a guess.
+constexpr std::int64_t kLeastRowsPerWeakRow = 16;
 
 // MINRES on an indefinite system gives up after this many iterations, or this many times those of the last positive
 // one.
@@ -49,7 +53,8 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
       solver_(MakeSolver(solver)) {}
 
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
-                                 const Eigen::VectorXd& cot, bool indefinite, const Interrupter* interrupter) {
+                                 const Eigen::VectorXd& cot, bool indefinite, std::vector<std::int32_t> weak_faces,
+                                 const Interrupter* interrupter) {
   indefinite_ = indefinite;
   const SaddlePointOperator* system;
   if (system_type_ == SystemType::kFull) {
@@ -57,6 +62,7 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     system = full_.get();
   } else {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+    weak_faces_ = std::move(weak_faces);
     hessian_ = &hessian;
     convex_ = &convex;
     cot_ = &cot;
@@ -124,9 +130,28 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
     uses_ = 0;
   }
   preconditioner_ = std::make_unique<MultigridPreconditioner>(&multigrid_);
+  if (std::vector<std::int32_t> rows = WeakRows(); !rows.empty()) {
+    auto patched = std::make_unique<PatchPreconditioner>(std::move(preconditioner_));
+    // Where these rows have no factor in double precision multigrid is as good as there is.
+    patched->SetPatch(s, std::move(rows)).IgnoreError();
+    preconditioner_ = std::move(patched);
+  }
   if (hessian_ != convex_) rounded_matrix_->Assemble(*hessian_, *cot_);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
+}
+
+std::vector<std::int32_t> StepSolver::WeakRows() const {
+  std::vector<std::int32_t> rows;
+  for (const std::int32_t f : weak_faces_) {
+    for (int k = 0; k < 3; ++k) {
+      if (const std::int32_t v = topology_.corner_row[3 * f + k]; v >= 0) rows.push_back(v);
+    }
+  }
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  if (static_cast<std::int64_t>(rows.size()) * kLeastRowsPerWeakRow > topology_.num_rows) return {};
+  return rows;
 }
 
 LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,

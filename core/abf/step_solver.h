@@ -1,7 +1,9 @@
 // Solves eq. 5, the linear system of a Newton step, by the chosen solver, system and preconditioner.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/abf/constraints.h"
@@ -30,9 +32,10 @@ class StepSolver {
   // Takes up the Hessian and the cotangents of a new iterate. `convex` is the Hessian that preconditioners are made
   // from, positive in the sense of RequiredConvexification(); it may be `hessian` itself. If `indefinite`, `hessian` is
   // not positive and MINRES solves, whatever the solver is otherwise. All three vectors must last as long as Solve() is
-  // called. CANCELLED: interrupted.
+  // called. `weak_faces` are those where multigrid needs help (WeakFaces). CANCELLED: interrupted.
   absl::Status Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot,
-                       bool indefinite = false, const Interrupter* interrupter = nullptr);
+                       bool indefinite = false, std::vector<std::int32_t> weak_faces = {},
+                       const Interrupter* interrupter = nullptr);
 
   // Whether MINRES on an indefinite system must stay within a few times the iterations of a positive one.
   void set_limit_indefinite(bool limit) { limit_indefinite_ = limit; }
@@ -62,6 +65,8 @@ class StepSolver {
   // Multigrid, or what needs S in double. Both make the preconditioner from S of the convex Hessian, unless the one in
   // use is good enough, and leave S of the Hessian to `reduced_`.
   absl::Status PrepareMultigrid(const Interrupter* interrupter);
+  // The rows of the vertices of weak faces, ascending; none if there are too many to be solved for by themselves.
+  std::vector<std::int32_t> WeakRows() const;
   absl::Status PrepareExact();
   // From multigrid to Cholesky, for good.
   void TurnToCholesky();
@@ -81,6 +86,7 @@ class StepSolver {
   // S: rounded with multigrid, which is of float itself; else exact.
   std::unique_ptr<ReducedMatrix<float>> rounded_matrix_;
   std::unique_ptr<ReducedMatrix<double>> matrix_;
+  std::vector<std::int32_t> weak_faces_;
   const Eigen::VectorXd *hessian_ = nullptr, *convex_ = nullptr, *cot_ = nullptr;  // of Prepare()
   SparseCholesky factorization_;
   Multigrid multigrid_;

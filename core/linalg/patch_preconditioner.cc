@@ -1,0 +1,61 @@
+#include "core/linalg/patch_preconditioner.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/base/status_macros.h"
+
+namespace planish {
+
+absl::Status PatchPreconditioner::SetPatch(const BlockMatrix<float>& matrix, std::vector<std::int32_t> rows) {
+  BlockMatrix<double> part, own;  // the rows, and of these the columns in the patch, as it numbers them
+  for (const std::int32_t row : rows) {
+    for (std::int32_t k = matrix.row_begin[row]; k < matrix.row_begin[row + 1]; ++k) {
+      const float* block = &matrix.value[4 * static_cast<std::size_t>(k)];
+      part.column.push_back(matrix.column[k]);
+      part.value.insert(part.value.end(), block, block + 4);
+      const auto place = std::lower_bound(rows.begin(), rows.end(), matrix.column[k]);
+      if (place == rows.end() || *place != matrix.column[k]) continue;
+      own.column.push_back(static_cast<std::int32_t>(place - rows.begin()));
+      own.value.insert(own.value.end(), block, block + 4);
+    }
+    part.row_begin.push_back(static_cast<std::int32_t>(part.column.size()));
+    own.row_begin.push_back(static_cast<std::int32_t>(own.column.size()));
+  }
+  PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(own), /*block_size=*/2));
+  rows_ = std::move(rows);
+  matrix_ = std::move(part);
+  return absl::OkStatus();
+}
+
+void PatchPreconditioner::Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const {
+  if (rows_.empty()) return other_->Apply(r, z);
+  const auto count = static_cast<std::int32_t>(rows_.size());
+  Eigen::VectorXd own(2 * count), solution;
+  for (std::int32_t i = 0; i < count; ++i) own.segment<2>(2 * i) = r.segment<2>(2 * rows_[i]);
+  factorization_.Solve(own, &solution);
+  // block(k, i, j): block k of the patch's rows, in its row i and column j of S.
+  const auto for_blocks = [&](const auto& block) {
+    for (std::int32_t i = 0; i < count; ++i) {
+      for (std::int32_t k = matrix_.row_begin[i]; k < matrix_.row_begin[i + 1]; ++k) {
+        block(&matrix_.value[4 * static_cast<std::size_t>(k)], i, matrix_.column[k]);
+      }
+    }
+  };
+  // S is symmetric: its columns are its rows.
+  Eigen::VectorXd rest = r;
+  for_blocks([&](const double* s, std::int32_t i, std::int32_t j) {
+    rest[2 * j] -= s[0] * solution[2 * i] + s[2] * solution[2 * i + 1];
+    rest[2 * j + 1] -= s[1] * solution[2 * i] + s[3] * solution[2 * i + 1];
+  });
+  other_->Apply(rest, z);
+  for (std::int32_t i = 0; i < count; ++i) z->segment<2>(2 * rows_[i]) += solution.segment<2>(2 * i);
+  for_blocks([&](const double* s, std::int32_t i, std::int32_t j) {
+    own[2 * i] -= s[0] * (*z)[2 * j] + s[1] * (*z)[2 * j + 1];
+    own[2 * i + 1] -= s[2] * (*z)[2 * j] + s[3] * (*z)[2 * j + 1];
+  });
+  factorization_.Solve(own, &solution);
+  for (std::int32_t i = 0; i < count; ++i) z->segment<2>(2 * rows_[i]) += solution.segment<2>(2 * i);
+}
+
+}  // namespace planish
