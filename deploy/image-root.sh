@@ -20,7 +20,7 @@ for library in $libraries; do
   [ "${library#/usr/}" = "$library" ] || target=$root$library
   mkdir -p "${target%/*}"
   cp -L "$library" "$target"
-  # Alternatives (BLAS) are links to what a package has. Before the merge of /usr, packages called it /lib.
+  # Alternatives are links to what a package has. Before the merge of /usr, packages called it /lib.
   real=$(readlink -f "$library")
   owner=$(dpkg-query -S "$real" 2>/dev/null || dpkg-query -S "${real#/usr}")
   packages="$packages ${owner%%:*}"

@@ -8,29 +8,30 @@
 set -eu
 
 # The compiler, the libraries that CMakeLists.txt looks for, and the code generators of gRPC.
-# OpenBLAS without threads: a worker is one thread wide, and CHOLMOD factorizes two to three times as fast on it
-# as on the reference BLAS that libsuitesparse-dev would bring.
 build="
   g++ cmake ninja-build
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
-  libeigen3-dev libdraco-dev libsuitesparse-dev libopenblas-serial-dev
+  libeigen3-dev libopenmesh-dev libdraco-dev
   libpng-dev libsqlite3-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
   libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev"
 
-# What only the tests need. tests/interop also uses node and npm where they are installed already.
-test="libgtest-dev libgmock-dev"
+# What only the tests need. PROGRAM:PACKAGE: the package, unless there is such a program already, whoever made it. Blender,
+# Node.js and kubectl are used where they are installed; tests/allowed_skips.txt says why they are not here.
+test="
+  libgtest-dev libgmock-dev
+  haproxy:haproxy nginx:nginx promtool:prometheus zsh:zsh man:man-db openssl:openssl"
 
-# What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/io reads its files with
+# What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/files reads its files with
 # Blender as well where that is installed (its glTF importer needs numpy).
 bench="gnuplot-nox libcgal-dev blender python3-numpy"
 
-# What only deploy/fuzz.sh needs: a compiler with libFuzzer, its OpenMP, and names of functions in its reports.
-fuzz="clang-14 libclang-rt-14-dev libomp-14-dev llvm-14"
+# What only deploy/fuzz.sh needs: a compiler with libFuzzer, and names of functions in its reports.
+fuzz="clang-14 libclang-rt-14-dev llvm-14"
 
 # What the installed programs need; the certificates are for `planish` and servers that have one of a public authority.
 runtime="
-  libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libdraco7 libcholmod3 libopenblas0-serial
-  libpng16-16 libsqlite3-0 libseccomp2 libgomp1 libspdlog1.10 libfmt9 libssl3
+  libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7
+  libpng16-16 libsqlite3-0 libseccomp2 libspdlog1.10 libfmt9 libssl3
   libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 ca-certificates"
 
 fail() {
@@ -54,11 +55,17 @@ done
 command -v dpkg-query >/dev/null && command -v apt-get >/dev/null ||
   fail "this is not a Debian system. planish is built on Debian 12; anywhere else, use the Dockerfile."
 
-installed=$(dpkg-query -W -f='${db:Status-Status} ${Package}\n' | sed -n 's/^installed //p')
-missing=
-for package in $wanted; do
-  printf '%s\n' "$installed" | grep -qxF "$package" || missing="$missing $package"
-done
+# Sets missing.
+find_missing() {
+  installed=$(dpkg-query -W -f='${db:Status-Status} ${Package}\n' | sed -n 's/^installed //p')
+  missing=
+  for package in $wanted; do
+    case $package in *:*) ! command -v "${package%:*}" >/dev/null || continue ;; esac
+    package=${package#*:}
+    printf '%s\n' "$installed" | grep -qxF "$package" || missing="$missing $package"
+  done
+}
+find_missing
 [ -n "$missing" ] || exit 0
 
 release=$(. /etc/os-release && echo "${ID:-} ${VERSION_ID:-}")
@@ -70,17 +77,58 @@ if [ "$(id -u)" -ne 0 ]; then
   sudo=sudo
 fi
 
+# One run at a time: the first to end would take its policy-rc.d away from the others. The lock is on a directory that every
+# Debian has, and ends with this process.
+exec 9</var/lib/dpkg
+flock 9
+find_missing
+[ -n "$missing" ] || exit 0
+
 log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+policy=/usr/sbin/policy-rc.d
+mark="of planish's install-packages"
+our_policy=''
+before=''
+enabled_services() {
+  find /etc/systemd/system/multi-user.target.wants -name '*.service' 2>/dev/null | sort
+}
+# Also after a failure or a signal: what was installed by then must not start with the machine either.
+clean_up() {
+  if [ -n "$before" ]; then
+    for unit in $(enabled_services); do
+      ! printf '%s\n' "$before" | grep -qxF "$unit" || continue
+      service=$(basename "$unit" .service)
+      echo "The service stays off: $service (systemctl enable --now $service would start it)" >&2
+      $sudo update-rc.d "$service" disable >"$log" 2>&1 || cat "$log" >&2
+    done
+  fi
+  [ -z "$our_policy" ] || $sudo rm -f "$policy"
+  rm -f "$log"
+}
+trap clean_up EXIT
+trap 'exit 129' HUP
+trap 'exit 130' INT
+trap 'exit 143' TERM
 apt() {
   $sudo env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 "$@" \
-    </dev/null >"$log" 2>&1 || {
+    </dev/null >"$log" 2>&1 9<&- || {
     cat "$log" >&2
     fail "apt-get $1 failed; it was to install:$missing"
   }
 }
+
 echo "Installing Debian packages:$missing" >&2
 [ -z "$sudo" ] || $sudo -v  # asks for the password, if one is needed, while people can see it
 apt update
+
+# The tests want programs, not services. Packages ask policy-rc.d before they start one; ours forbids it. One that is there
+# already is somebody else's and stays as it is, unless an earlier run of this was killed and could not remove its own.
+# PostgreSQL would make a cluster besides: `create_main_cluster = false` in /etc/postgresql-common/createcluster.conf.
+before=$(echo "before:"; enabled_services)
+if ! [ -e "$policy" ] || grep -qF "$mark" "$policy"; then
+  our_policy=yes
+  # shellcheck disable=SC2016  # for the inner shell
+  $sudo sh -c 'printf "#!/bin/sh\n# %s\nexit 101\n" "$2" >"$1" && chmod 755 "$1"' sh "$policy" "$mark"
+fi
 # shellcheck disable=SC2086  # a list of words
 apt install -y --no-install-recommends $missing

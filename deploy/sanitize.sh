@@ -5,7 +5,8 @@
 #   deploy/sanitize.sh thread     thread sanitizer over core and jobs: Debian's gRPC is not instrumented, and would
 #                                 give false reports by the hundred
 #
-# Further arguments go to ctest. Ends like deploy/test.sh.
+# Without the tests quick_*, which repeat others (tests/CMakeLists.txt). Further arguments go to ctest. Ends like
+# deploy/test.sh.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -19,4 +20,4 @@ case ${1:-} in
 esac
 shift
 export PLANISH_PRESET=$preset
-exec deploy/test.sh "$@"
+exec deploy/test.sh -LE quick "$@"

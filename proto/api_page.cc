@@ -56,7 +56,7 @@ std::size_t ItemText(const std::string& line) {
   if (!line.starts_with("  ")) return 0;
   std::size_t end = 2;
   while (end < line.size() && (std::isalnum(static_cast<unsigned char>(line[end])) || line[end] == '_' ||
-                               line[end] == '-' || line[end] == '/')) {
+                               line[end] == '-' || line[end] == '/' || line[end] == '.' || line[end] == ':')) {
     ++end;
   }
   if (end == 2) return 0;
@@ -150,9 +150,7 @@ void PrintMethod(const MethodDescriptor& method, std::ostream& out) {
   PrintComment(CommentOf(method), out);
 }
 
-void PrintMessage(const Descriptor& message, std::ostream& out) {
-  PrintHeading("###", message.name(), message.full_name(), out);
-  PrintComment(CommentOf(message), out);
+void PrintFields(const Descriptor& message, std::ostream& out) {
   if (message.field_count() == 0) {
     out << "No fields.\n\n";
     return;
@@ -164,6 +162,17 @@ void PrintMessage(const Descriptor& message, std::ostream& out) {
         << OneLine(CommentOf(field)) << " |\n";
   }
   out << "\n";
+}
+
+// `name` has the messages around it in front.
+void PrintMessage(const Descriptor& message, const std::string& name, std::ostream& out) {
+  PrintHeading("###", name, message.full_name(), out);
+  PrintComment(CommentOf(message), out);
+  PrintFields(message, out);
+  for (int i = 0; i < message.nested_type_count(); ++i) {
+    const Descriptor& nested = *message.nested_type(i);
+    if (!nested.options().map_entry()) PrintMessage(nested, name + "." + nested.name(), out);
+  }
 }
 
 void PrintEnum(const EnumDescriptor& type, std::ostream& out) {
@@ -187,7 +196,9 @@ void PrintFile(const FileDescriptor& file, std::ostream& out) {
     for (int m = 0; m < service.method_count(); ++m) PrintMethod(*service.method(m), out);
   }
   if (file.message_type_count() > 0) out << "## Messages of " << file.name() << "\n\n";
-  for (int i = 0; i < file.message_type_count(); ++i) PrintMessage(*file.message_type(i), out);
+  for (int i = 0; i < file.message_type_count(); ++i) {
+    PrintMessage(*file.message_type(i), file.message_type(i)->name(), out);
+  }
   if (file.enum_type_count() > 0) out << "## Enums of " << file.name() << "\n\n";
   for (int i = 0; i < file.enum_type_count(); ++i) PrintEnum(*file.enum_type(i), out);
 }

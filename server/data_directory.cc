@@ -27,6 +27,16 @@ absl::Status MakeDirectory(const std::string& path) {
   const bool made = std::filesystem::create_directories(path, error);
   if (error) return Failed("make the data directory", path, error.value());
   if (made && chmod(path.c_str(), 0700) != 0) return Failed("keep others out of", path, errno);
+  // What is in it is as durable as its name. Whoever made it before may have died before this.
+  const std::string absolute = std::filesystem::absolute(path, error).lexically_normal();
+  for (std::filesystem::path folder = absolute; folder.has_relative_path(); folder = folder.parent_path()) {
+    const int parent = open(folder.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (parent < 0) break;  // a folder above that is closed to us was not made by us
+    const int synced = fsync(parent);
+    close(parent);
+    if (synced != 0 && errno == EIO) return Failed("sync", folder.parent_path(), errno);
+    if (!made) break;
+  }
   return absl::OkStatus();
 }
 

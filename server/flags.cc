@@ -162,6 +162,7 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
       ->configurable(false);
   // For the tests of planish itself: callers may make their jobs go wrong.
   app->add_flag("--failpoints", flags->failpoints)->group("")->configurable(false);
+  app->add_option("--worker-program", flags->worker_program)->group("")->configurable(false);
 }
 
 // A command line, and where it leads.

@@ -52,6 +52,7 @@ struct ServerFlags {
   LogFormat log_format = LogFormat::kHuman;
   int supervisor_fd = -1;  // -1: none
   bool failpoints = false;
+  std::string worker_program;  // empty: this program
 };
 
 struct ServerConfig {

@@ -1,8 +1,10 @@
 #include "server/job_log.h"
 
+#include <map>
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "google/rpc/error_details.pb.h"
@@ -26,12 +28,20 @@ std::string Reason(const v1::Job& job) {
   return "?";
 }
 
+// "build=1234 file=spot.obj", in order of the keys.
+std::string LabelsOf(const v1::Job& job) {
+  const std::map<std::string, std::string> labels(job.labels().begin(), job.labels().end());
+  std::string text;
+  for (const auto& [key, value] : labels) absl::StrAppend(&text, text.empty() ? "" : " ", key, "=", value);
+  return text;
+}
+
 // What happened, beside which job and when.
 LogFields Facts(const v1::Job& job) {
   const double ran = job.has_start_time() ? Seconds(job.start_time(), job.end_time()) : 0;
   switch (job.state()) {
     case v1::JOB_STATE_QUEUED:
-      return {{"mesh_bytes", job.mesh_bytes()}, {"label", job.label()}};
+      return {{"mesh_bytes", job.mesh_bytes()}, {"labels", LabelsOf(job)}};
     case v1::JOB_STATE_RUNNING:
       return {{"waited_seconds", Seconds(job.create_time(), job.start_time())}};
     case v1::JOB_STATE_SUCCEEDED:

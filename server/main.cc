@@ -15,7 +15,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "core/base/error.h"
 #include "core/base/heap.h"
+#include "core/base/sanitizers.h"
 #include "core/base/status_macros.h"
 #include "core/base/trace_context.h"
 #include "google/protobuf/stubs/logging.h"
@@ -27,7 +29,7 @@
 #include "server/flags.h"
 #include "server/front_door.h"
 #include "server/job_log.h"
-#include "server/jobs/blob_store.h"
+#include "server/blobs/blob_store.h"
 #include "server/jobs/ids.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/job_store.h"
@@ -159,7 +161,11 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSo
   }
   const bool durable = stores.directory.has_value();
   PLANISH_ASSIGN_OR_RETURN(stores.jobs, OpenJobStore(durable ? stores.directory->jobs() : ":memory:"));
-  stores.blobs = std::make_unique<BlobStore>(durable ? stores.directory->blobs() : "", flags.store_mb * kMiB, limits);
+  BlobPlaces places;
+  if (durable) places.directory = stores.directory->blobs();
+  places.rows = stores.jobs->rows();
+  stores.blobs = std::make_unique<BlobStore>(std::move(places), flags.store_mb * kMiB, limits);
+  stores.blobs->SetOnDamage([](const absl::Status& status) { LogError(status.message()); });
   PLANISH_RETURN_IF_ERROR(stores.blobs->Open());
   stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores.directory), stores.blobs.get());
   PLANISH_RETURN_IF_ERROR(stores.uploads->Open());
@@ -175,8 +181,31 @@ WorkerFactory NewWorkers(const ServerFlags& flags, int stderr_fd) {
   options.sandbox = flags.sandbox;
   options.failpoints = flags.failpoints;
   options.stderr_fd = stderr_fd;
+  if (!flags.worker_program.empty()) options.program = flags.worker_program;
   return [options] { return StartProcessWorker(options); };
 }
+
+// Why no worker can be started, from the pool's threads to the main one.
+class NoWorkers {
+ public:
+  void Set(const absl::Status& last, ShutdownEvents* events) {
+    {
+      const std::lock_guard lock(mutex_);
+      status_ = MakeError(absl::StatusCode::kUnavailable, "NO_WORKERS",
+                          absl::StrCat("no worker can be started: ", last.message()));
+    }
+    events->NotifyFailed();
+  }
+
+  absl::Status status() {
+    const std::lock_guard lock(mutex_);
+    return status_;
+  }
+
+ private:
+  std::mutex mutex_;
+  absl::Status status_;  // guarded by mutex_
+};
 
 WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
   WorkerPoolOptions options;
@@ -184,6 +213,7 @@ WorkerPoolOptions PoolOptions(const ServerFlags& flags) {
   options.recycle_after = flags.recycle_after;
   options.job_limit = absl::Hours(flags.job_hours);
   options.silence_limit = kSilenceLimit;
+  if (kSanitized) options.first_limit *= 6;
   options.on_worker_ready = [said = std::make_shared<std::once_flag>()](const worker::v1::WorkerIdle& worker) {
     if (worker.sandbox_error().empty()) return;
     std::call_once(*said, [&] { LogWarn("workers run without their sandbox: " + worker.sandbox_error()); });
@@ -351,6 +381,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
     LogWarn(line, {{"source", "worker"}});
   });
   WorkerPoolOptions pool_options = PoolOptions(flags);
+  NoWorkers no_workers;
+  pool_options.on_none_ready = [&no_workers, &events](const absl::Status& last) { no_workers.Set(last, &events); };
   monitoring.Hook(&pool_options);
   auto pool =
       std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
@@ -378,6 +410,12 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
     reloader.Reload(ReadConfig(arguments, ReadEnvironment(kEnvironmentPrefix)));
     service_manager.Ready(listens);
   }
+  const bool failed = wake == Wake::kFailed;
+  if (failed) {
+    LogError(no_workers.status().message());
+    // They wait for the next server or, without a data directory, will never run.
+    if (flags.data_dir.empty()) manager.FailAll(no_workers.status());
+  }
   const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds) : absl::ZeroDuration();
   LogInfo(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
@@ -396,7 +434,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   // gRPC's threads may outlive the logger.
   gpr_set_log_function(nullptr);
   google::protobuf::SetLogHandler(nullptr);
-  return EXIT_SUCCESS;
+  return failed ? kCannotServe : EXIT_SUCCESS;
 }
 
 }  // namespace

@@ -160,7 +160,7 @@ HttpAnswer Monitoring::Metrics() const {
     gauges.uploads_limit_bytes = server_->uploads_limit_bytes;
     gauges.uv_sent_bytes = server_->streams->uv_bytes();
     gauges.streams = server_->streams->count();
-    if (!server_->certificate_file.empty()) gauges.certificate_end = CertificateEnd(server_->certificate_file);
+    if (!server_->certificate_file.empty()) gauges.certificate_end = CertificateFileEnd(server_->certificate_file);
   }
   gauges.ready = readiness_.WhyNot().empty();
   return {200, metrics_.Text(gauges), kTextFormat};

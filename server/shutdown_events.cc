@@ -18,7 +18,7 @@
 namespace planish {
 namespace {
 
-// Threads that libraries start before main() (OpenBLAS does) do not have the signals blocked. One that gets a signal
+// Threads that libraries start before main() do not have the signals blocked. One that gets a signal
 // hands it to the thread that waits for it.
 volatile sig_atomic_t waiting_thread = 0;
 
@@ -48,10 +48,11 @@ ShutdownEvents::ShutdownEvents(int supervisor_fd) : supervisor_fd_(supervisor_fd
   std::signal(SIGPIPE, SIG_IGN);
   signal_fd_ = signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
   idle_fd_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  failed_fd_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
 }
 
 ShutdownEvents::~ShutdownEvents() {
-  for (const int fd : {supervisor_fd_, signal_fd_, idle_fd_}) {
+  for (const int fd : {supervisor_fd_, signal_fd_, idle_fd_, failed_fd_}) {
     if (fd >= 0) close(fd);
   }
 }
@@ -66,7 +67,8 @@ void ShutdownEvents::TellReady() {
 Wake ShutdownEvents::Wait(absl::Duration timeout) {
   const absl::Time end = absl::Now() + timeout;
   while (true) {
-    std::array<pollfd, 3> fds = {{{signal_fd_, POLLIN, 0}, {idle_fd_, POLLIN, 0}, {supervisor_fd_, POLLIN, 0}}};
+    std::array<pollfd, 4> fds = {
+        {{signal_fd_, POLLIN, 0}, {idle_fd_, POLLIN, 0}, {supervisor_fd_, POLLIN, 0}, {failed_fd_, POLLIN, 0}}};
     constexpr absl::Duration kLongest = absl::Hours(1);  // poll() takes an int of milliseconds
     const absl::Duration left = std::min(std::max(end - absl::Now(), absl::ZeroDuration()), kLongest);
     const int ready = poll(fds.data(), fds.size(),
@@ -79,6 +81,7 @@ Wake ShutdownEvents::Wait(absl::Duration timeout) {
     }
     std::uint64_t count = 0;
     if (read(idle_fd_, &count, sizeof(count)) == sizeof(count)) return Wake::kIdle;
+    if (read(failed_fd_, &count, sizeof(count)) == sizeof(count)) return Wake::kFailed;
     if (fds[2].revents != 0 && SupervisorGone()) return Wake::kSupervisorGone;
   }
 }
@@ -89,6 +92,11 @@ bool ShutdownEvents::SupervisorGone() {
   if (length > 0 || (length < 0 && (errno == EAGAIN || errno == EINTR))) return false;
   close(std::exchange(supervisor_fd_, -1));
   return true;
+}
+
+void ShutdownEvents::NotifyFailed() {
+  const std::uint64_t one = 1;
+  [[maybe_unused]] const ssize_t written = write(failed_fd_, &one, sizeof(one));
 }
 
 void ShutdownEvents::NotifyIdle() {

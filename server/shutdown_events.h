@@ -10,6 +10,7 @@ enum class Wake {
   kReload,          // SIGHUP
   kSupervisorGone,  // the supervisor's end of the socket is closed; told once
   kIdle,            // NotifyIdle() was called; told once
+  kFailed,          // NotifyFailed() was called; told once
   kTimeout,
 };
 
@@ -32,6 +33,7 @@ class ShutdownEvents {
 
   // Thread-safe.
   void NotifyIdle();
+  void NotifyFailed();
 
  private:
   bool SupervisorGone();
@@ -39,6 +41,7 @@ class ShutdownEvents {
   int supervisor_fd_;  // -1: none, or gone
   int signal_fd_;
   int idle_fd_;
+  int failed_fd_;
 };
 
 }  // namespace planish

@@ -1,17 +1,18 @@
 #include "server/worker_main.h"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <unistd.h>
 
 #include <cstdlib>
 #include <exception>
-#include <iostream>
 #include <memory>
 #include <new>
 #include <string>
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/heap.h"
 #include "server/link/descriptor_link.h"
 #include "server/link/rpc_status.h"
@@ -72,6 +73,16 @@ void SendGarbage() {
   [[maybe_unused]] const ssize_t written = write(link_fd, garbage.data(), garbage.size());
 }
 
+// Until here the worker wrote to a file that the server reads if it does not get ready; from now on to where the server
+// wants to hear of it. Returns that file.
+Descriptor SwitchStderr(int stderr_fd) {
+  if (stderr_fd < 0) return Descriptor();
+  Descriptor words(fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0));
+  dup2(stderr_fd, STDERR_FILENO);
+  close(stderr_fd);
+  return words;
+}
+
 int Run(const WorkerArguments& arguments) {
   ConfineProcess();
   if (IsAlone(arguments.fd)) return kCannotWork;
@@ -86,10 +97,13 @@ int Run(const WorkerArguments& arguments) {
   settings.owns_process = true;
   settings.failpoints = arguments.failpoints;
   settings.send_garbage = SendGarbage;
+  const Descriptor words = SwitchStderr(arguments.stderr_fd);  // the sandbox allows that no more
   if (arguments.sandbox != SandboxMode::kOff) {
     const absl::Status sandbox = EnterSandbox();
     if (!sandbox.ok() && arguments.sandbox == SandboxMode::kRequire) {
-      std::cerr << "planishd: no sandbox for a worker: " << sandbox.message() << "\n";
+      const std::string why = absl::StrCat("planishd: no sandbox for a worker: ", sandbox.message(), "\n");
+      const int fd = words.get() >= 0 ? words.get() : STDERR_FILENO;
+      [[maybe_unused]] const ssize_t written = write(fd, why.data(), why.size());
       return kCannotWork;
     }
     settings.idle.set_sandboxed(sandbox.ok());

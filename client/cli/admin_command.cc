@@ -23,7 +23,7 @@ double Uptime(const ServerStats& stats) {
   return std::chrono::duration<double>(std::chrono::system_clock::now() - stats.start_time).count();
 }
 
-Json ToJson(const ServerStats& stats) {
+Json StatsJson(const ServerStats& stats) {
   Json tenants = Json::array();
   for (const ServerStats::Tenant& tenant : stats.tenants) {
     tenants.push_back({{"tenant", tenant.name},
@@ -107,7 +107,7 @@ int RunAdmin(const Arguments& arguments, Interrupts& interrupts) {
   }
   const ServerStats stats = admin.GetStats();
   if (arguments.json) {
-    std::cout << ToText(ToJson(stats)) << std::flush;
+    std::cout << ToText(StatsJson(stats)) << std::flush;
   } else {
     Print(stats);
   }

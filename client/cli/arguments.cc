@@ -1,6 +1,7 @@
 #include "client/cli/arguments.h"
 
 #include <charconv>
+#include <cstddef>
 #include <sstream>
 #include <system_error>
 #include <tuple>
@@ -102,6 +103,23 @@ struct Choices {
   }
 };
 
+void AddLabels(CLI::App& app, Arguments& arguments, const std::string& description) {
+  app.add_option_function<std::vector<std::string>>(
+         "--label",
+         [&arguments](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) {
+             const std::size_t equals = text.find('=');
+             if (equals == std::string::npos || equals == 0) {
+               throw CLI::ValidationError("--label", text + " is not of the form KEY=VALUE");
+             }
+             arguments.labels[text.substr(0, equals)] = text.substr(equals + 1);
+           }
+         },
+         description)
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+}
+
 void AddServer(CLI::App& app, Arguments& arguments, const std::string& otherwise) {
   app.add_option("--server", arguments.server, "host:port or unix:/path; " + otherwise)
       ->envname("PLANISH_SERVER")
@@ -133,7 +151,7 @@ void AddBatch(CLI::App& app, Arguments& arguments) {
   app.add_option("--format", arguments.format, "Of the outputs of a batch [that of each input; STL becomes OBJ]")
       ->check(CLI::IsMember({"obj", "ply", "off", "gltf", "glb", "drc"}).description(""))
       ->type_name("obj|ply|off|gltf|glb|drc");
-  app.add_flag("--again", arguments.again, "Do all of a batch, also what is done and current");
+  app.add_flag("--again", arguments.again, "Redo files of a batch that are up to date");
 }
 
 void AddPicture(CLI::App& app, Arguments& arguments) {
@@ -196,6 +214,9 @@ void AddAtlas(CLI::App& app, Arguments& arguments) {
          "Texels that stay free between charts, half as many at the rim, up to 64 [2]")
       ->check(CLI::Range(0, 64).description(""))
       ->type_name("N");
+  Choices<Effort>{{Effort::kNormal, Effort::kFast, Effort::kBest}}.AddTo(
+      app, "--effort", options.effort,
+      "What packing may cost: fast, a quarter of the rest; normal, half of it; best, fifty times the rest");
   app.add_option("--tiles", options.tiles, "Tiles (UDIM 1001, 1002, ...) that may be used, up to 100 [1]")
       ->check(CLI::Range(1, 100).description(""))
       ->type_name("N");
@@ -230,7 +251,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.add_flag(
       "--detach", arguments.detach,
       "Queue the job, print its name and leave; see jobs watch; of a batch the same command fetches what is done");
-  unwrap.add_option("--label", arguments.label, "Name for people in jobs list [the file's name]")->type_name("TEXT");
+  AddLabels(unwrap, arguments, "Label of the job, to find it again; may be repeated [file=the file's name]");
   AddScheduling(unwrap, arguments.scheduling);
 
   UnwrapOptions& options = arguments.options;
@@ -357,7 +378,12 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   list.add_option("--limit", arguments.limit, "At most so many; 0: all [50]")
       ->check(CLI::Validator(CLI::NonNegativeNumber).description(""))
       ->type_name("N");
-  list.add_option("--label", arguments.label, "Only jobs whose label begins so")->type_name("PREFIX");
+  AddLabels(list, arguments, "Only jobs with this label; VALUE may end in *; may be repeated");
+  list.add_option(
+          "--filter", arguments.filter,
+          "Only jobs that this is true of, e.g. 'create_time >= \"2026-01-31T08:00:00Z\"'; see ListJobs in "
+          "API.md")
+      ->type_name("TEXT");
   const Choices<JobState> states{{JobState::kQueued, JobState::kRunning, JobState::kStopping, JobState::kSucceeded,
                                   JobState::kFailed, JobState::kCancelled, JobState::kExpired}};
   list.add_option_function<std::string>(

@@ -47,7 +47,7 @@ struct Arguments {
   // Several files, or a directory, that become a job and an output each (batch_plan.h). The next two are for it only.
   bool batch = false;
   std::string format;   // of the outputs, as the end of a name: "glb"; empty: that of each input
-  bool again = false;   // do what is done as well
+  bool again = false;   // redo files that are up to date
   std::string output;   // a file, "-", or a directory
   int texcoord = 0;     // glTF: UV are read from and become TEXCOORD_n, in [0, 7]
   std::string picture;  // a PNG of the map; empty: none
@@ -59,14 +59,15 @@ struct Arguments {
   std::map<std::string, double> material_weights;  // pack: times the texels per length, in [0.01, 100]
   bool detach = false;
   Scheduling scheduling;
-  std::string label;           // jobs list: how it begins
-  double timeout_seconds = 0;  // 0: none
+  std::map<std::string, std::string> labels;  // jobs list: what those of a job must be; a value may end in "*"
+  double timeout_seconds = 0;                 // 0: none
 
   std::int64_t triangles = 0;  // estimate, in place of `input`
 
   // jobs
   std::string job;  // "jobs/..."
   std::optional<JobState> state;
+  std::string filter;  // planish.v1.ListJobsRequest.filter, beside `labels` and `state`
   int limit = 50;
 
   std::string health_url = "http://127.0.0.1:9741/readyz";  // health: what to ask

@@ -6,7 +6,7 @@
 #include <system_error>
 #include <vector>
 
-#include "core/io/mesh_file.h"
+#include "client/files/mesh_file.h"
 
 namespace planish::cli {
 namespace {
@@ -22,8 +22,9 @@ std::string CheckAtlas(const UnwrapOptions& options) {
     return std::string("--max-stretch is what --seams=auto cuts by; with the policy ") + ToString(options.seams) +
            " no seam is added for stretch (name auto beside the sources, as in --seams=auto,uv)";
   }
-  if (!options.pack && (options.texture_size != 0 || options.padding || options.tiles != 0)) {
-    return "--pack=off leaves charts as they are, so --texture-size, --padding and --tiles have no effect";
+  if (!options.pack && (options.texture_size != 0 || options.padding || options.tiles != 0 ||
+                        options.effort != Effort::kNormal)) {
+    return "--pack=off leaves charts as they are, so --texture-size, --padding, --tiles and --effort have no effect";
   }
   return "";
 }

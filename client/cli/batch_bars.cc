@@ -11,7 +11,6 @@
 namespace planish::cli {
 namespace {
 
-constexpr std::chrono::milliseconds kFrame(80);
 constexpr int kNarrowestBar = 24;  // columns that a bar keeps beside its name
 constexpr int kShortestName = 8;
 constexpr char kEraseLine[] = "\x1b[K";

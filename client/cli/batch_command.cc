@@ -56,10 +56,12 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   ServerChoice server(arguments.server, arguments.server_flags, interrupts, NeedsOf(arguments, plan));
   const Capabilities capabilities = server.client().GetCapabilities();
 
+  BatchQueue queue(&server.client());
   std::stop_source stop;
   const BatchContext context{arguments,
                              state,
                              server.client(),
+                             queue,
                              SettingsDigest(arguments),
                              std::string(Version()) + " " + capabilities.version,
                              stop.get_token()};

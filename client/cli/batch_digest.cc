@@ -6,10 +6,10 @@
 
 #include "absl/strings/escaping.h"
 #include "client/cli/json.h"
+#include "client/files/file_io.h"
+#include "client/files/mesh_file.h"
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
-#include "core/io/mesh_file.h"
-#include "core/io/read_file.h"
 
 namespace planish::cli {
 namespace {
@@ -77,6 +77,7 @@ std::string SettingsDigest(const Arguments& arguments) {
                      {"texture_size", options.texture_size},
                      {"padding", options.padding.value_or(-1)},
                      {"tiles", options.tiles},
+                     {"effort", ToString(options.effort)},
                      {"solver", ToString(options.solver)},
                      {"system", ToString(options.system)},
                      {"preconditioner", ToString(options.preconditioner)},

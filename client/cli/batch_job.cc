@@ -23,17 +23,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What a job's name for people may have.
-constexpr std::size_t kMaxLabelBytes = 256;
-
-// The end of a text that is too long, from the beginning of a character on.
-std::string LastBytes(const std::string& text, std::size_t most) {
-  if (text.size() <= most) return text;
-  std::size_t begin = text.size() - most;
-  while (begin < text.size() && (static_cast<unsigned char>(text[begin]) & 0xC0) == 0x80) ++begin;
-  return text.substr(begin);
-}
-
 // What a job kept a worker busy for.
 double WorkSeconds(const StageSeconds& seconds) {
   return seconds.decode + seconds.charts + seconds.solve + seconds.layout + seconds.pack + seconds.verify +
@@ -100,8 +89,7 @@ class BatchJob {
   CallOptions Call() const {
     CallOptions call;
     call.scheduling = arguments_.scheduling;
-    const std::string prefix = arguments_.label.empty() ? "" : arguments_.label + ": ";
-    call.label = LastBytes(ValidUtf8(prefix + item_.name), kMaxLabelBytes);
+    call.labels = JobLabels(arguments_, item_.name);
     call.timeout_seconds = arguments_.timeout_seconds;
     call.stop = context_.stop;
     return call;
@@ -148,7 +136,7 @@ class BatchJob {
     record_.request_id.clear();
     for (;;) {
       try {
-        const Job job = context_.client.CreateJob(files_->view(), options, call);
+        const Job job = context_.queue.Create({files_->view(), options, call});
         record_.job = job.name;
         record_.queued = true;
         context_.state.Append(record_);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "client/cli/batch_plan.h"
+#include "client/cli/batch_queue.h"
 #include "client/cli/batch_state.h"
 #include "client/cli/batch_table.h"
 #include "client/cli/json.h"
@@ -18,6 +19,7 @@ struct BatchContext {
   const Arguments& arguments;
   BatchState& state;
   Client& client;
+  BatchQueue& queue;     // of the same client
   std::string settings;  // SettingsDigest
   std::string version;   // BatchRecord::version
   // Cancels attached jobs on the server; those that are detached go on.

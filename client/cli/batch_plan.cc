@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "client/cli/numbers.h"
-#include "core/io/mesh_file.h"
+#include "client/files/mesh_file.h"
 
 namespace planish::cli {
 namespace {

@@ -13,10 +13,6 @@ constexpr int kNarrowestName = 12;
 constexpr std::size_t kColumns = 5;
 using Cells = std::array<std::string, kColumns>;
 
-std::string Colored(const Terminal& terminal, const char* color, const std::string& text) {
-  return terminal.color ? color + text + "\x1b[0m" : text;
-}
-
 const char* ColorOf(BatchResult result) {
   switch (result) {
     case BatchResult::kUsable:

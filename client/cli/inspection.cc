@@ -307,7 +307,7 @@ Inspection Inspect(const MeshInput& input) {
     inspection.refusal = Renumbered(ErrorFrom(status), to_file);
   }
   if (!inspection.refusal) inspection.plan = PlanFor(inspection.diagnosis);
-  if (const absl::Status status = CheckDisc(mesh).status(); !status.ok()) {
+  if (const absl::Status status = CheckDisc(mesh); !status.ok()) {
     const Error error = Renumbered(ErrorFrom(status), to_file);
     inspection.not_a_disc_reason = error.reason();
     inspection.not_a_disc_message = error.what();

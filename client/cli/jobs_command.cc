@@ -49,17 +49,45 @@ void PrintTable(const std::vector<std::vector<std::string>>& rows) {
   std::cout << std::flush;
 }
 
+// "build=1234 file=spot.obj"
+std::string LabelsText(const Job& job) {
+  std::string text;
+  for (const auto& [key, value] : job.labels) text += (text.empty() ? "" : " ") + key + "=" + value;
+  return text;
+}
+
+std::string Quoted(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c;
+  }
+  return quoted + "\"";
+}
+
+std::string FilterOf(const Arguments& arguments) {
+  std::vector<std::string> conditions;
+  if (arguments.state) conditions.push_back(std::string("state = ") + ToString(*arguments.state));
+  for (const auto& [key, value] : arguments.labels) {
+    conditions.push_back("labels." + key + " = " + Quoted(ValidUtf8(value)));
+  }
+  if (!arguments.filter.empty()) conditions.push_back(ValidUtf8(arguments.filter));
+  std::string filter;
+  for (const std::string& condition : conditions) filter += (filter.empty() ? "" : " AND ") + condition;
+  return filter;
+}
+
 int List(const Arguments& arguments, Client& client) {
-  const std::vector<Job> jobs = client.ListJobs(arguments.limit, arguments.state, arguments.label);
+  const std::vector<Job> jobs = client.ListJobs(arguments.limit, FilterOf(arguments));
   if (arguments.json) {
     Json array = Json::array();
     for (const Job& job : jobs) array.push_back(ToJson(job));
     std::cout << ToText({{"jobs", array}}) << std::flush;
     return kOk;
   }
-  std::vector<std::vector<std::string>> rows = {{"JOB", "STATE", "CREATED", "TIME", "LABEL"}};
+  std::vector<std::vector<std::string>> rows = {{"JOB", "STATE", "CREATED", "TIME", "LABELS"}};
   for (const Job& job : jobs) {
-    rows.push_back({job.name, ToString(job.state), LocalTime(job.create_time), RunTime(job), job.label});
+    rows.push_back({job.name, ToString(job.state), LocalTime(job.create_time), RunTime(job), LabelsText(job)});
   }
   PrintTable(rows);
   return kOk;
@@ -76,6 +104,7 @@ void PrintScheduling(const Job& job) {
   if (job.memory_bytes > 0) std::cout << "memory   " << Megabytes(job.memory_bytes) << " while it runs\n";
   if (job.attempts > 1) std::cout << "attempts " << job.attempts << "\n";
   if (job.stop_requested) std::cout << "stopped  as asked for, or out of budget\n";
+  if (job.cancel_requested && !IsTerminal(job.state)) std::cout << "cancel   asked for\n";
   if (!job.result_of.empty()) std::cout << "shares   the work of " << job.result_of << "\n";
   if (job.expire_time) std::cout << "expires  " << LocalTime(job.expire_time) << "\n";
 }
@@ -83,7 +112,7 @@ void PrintScheduling(const Job& job) {
 void PrintJob(const Job& job) {
   PrintTable({{"job", job.name},
               {"state", ToString(job.state)},
-              {"label", job.label},
+              {"labels", LabelsText(job)},
               {"created", LocalTime(job.create_time)},
               {"started", LocalTime(job.start_time)},
               {"ended", LocalTime(job.end_time)},

@@ -83,11 +83,9 @@ Json TotalsJson(const ChartTotals& totals) {
 }
 
 Json AtlasJson(const Atlas& atlas) {
-  return {{"pack", atlas.pack ? "on" : "off"},
-          {"texture_size", atlas.texture_size},
-          {"padding", atlas.padding},
-          {"tiles", atlas.tiles},
-          {"texels_per_unit", atlas.texels_per_unit}};
+  return {{"pack", atlas.pack ? "on" : "off"}, {"texture_size", atlas.texture_size},
+          {"padding", atlas.padding},          {"tiles", atlas.tiles},
+          {"effort", ToString(atlas.effort)},  {"texels_per_unit", atlas.texels_per_unit}};
 }
 
 Json QualityJson(const Quality& quality) {
@@ -100,7 +98,8 @@ Json QualityJson(const Quality& quality) {
           {"conformal_distortion_mean", quality.conformal_distortion_mean},
           {"conformal_distortion_max", quality.conformal_distortion_max},
           {"stretch_l2", quality.stretch_l2},
-          {"packing_efficiency", quality.packing_efficiency}};
+          {"packing_efficiency", quality.packing_efficiency},
+          {"seam_length", quality.seam_length}};
 }
 
 Json SecondsJson(const StageSeconds& seconds) {
@@ -151,7 +150,7 @@ std::string ValidUtf8(const std::string& text) {
 }
 
 Json ToJson(const Job& job) {
-  Json json = {{"job", job.name}, {"state", ToString(job.state)}, {"label", job.label}};
+  Json json = {{"job", job.name}, {"state", ToString(job.state)}, {"labels", Json(job.labels)}};
   if (!job.trace_id.empty()) json["trace_id"] = job.trace_id;
   if (job.create_time) json["create_time"] = TimeText(*job.create_time);
   if (job.start_time) json["start_time"] = TimeText(*job.start_time);
@@ -165,6 +164,7 @@ Json ToJson(const Job& job) {
                         {"fresh", job.scheduling.fresh}};
   json["attempts"] = job.attempts;
   json["stop_requested"] = job.stop_requested;
+  json["cancel_requested"] = job.cancel_requested;
   json["memory_bytes"] = job.memory_bytes;
   if (!job.result_of.empty()) json["result_of"] = job.result_of;
   if (job.expire_time) json["expire_time"] = TimeText(*job.expire_time);

@@ -12,9 +12,10 @@
 #include <vector>
 
 #include "client/cli/seam_edges.h"
+#include "client/files/file_io.h"
+#include "client/pictures/map_picture.h"
+#include "client/pictures/uv_preview.h"
 #include "client/src/errors.h"
-#include "core/io/map_picture.h"
-#include "core/io/uv_preview.h"
 
 namespace planish::cli {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "client/cli/seam_list.h"
+#include "client/files/mesh_output.h"
 #include "client/src/element_ids.h"
-#include "core/io/mesh_output.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -17,7 +17,7 @@ namespace planish::cli {
 // Their faces and vertices are then counted through, in the order of the files.
 class MeshInput {
  public:
-  // At least one path. `texcoord`: which UV of glTF files are the file's (core/io/mesh_file.h).
+  // At least one path. `texcoord`: which UV of glTF files are the file's (client/files/mesh_file.h).
   // Throws planish::Error: FILE_UNREADABLE, FILE_FORMAT_UNKNOWN, FILE_UNSUPPORTED, FILE_MALFORMED.
   explicit MeshInput(const std::vector<std::string>& paths, int texcoord = 0);
   explicit MeshInput(const std::string& path) : MeshInput(std::vector<std::string>{path}) {}
@@ -60,10 +60,10 @@ class MeshInput {
   std::vector<OutputOptions> Outputs(const std::string& out, int texcoord) const;
   // The files with UV; `uv` in the order of view(). Throws UV_PRECISION for UV in double where a format lacks them.
   WrittenMesh WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs) const;
-  // A PNG file that shows the map (core/io/map_picture.h); angles in degrees.
+  // A PNG file that shows the map (client/pictures/map_picture.h); angles in degrees.
   std::string Picture(const Uv& uv, double azimuth, double elevation) const;
-  // A PNG or, where `path` ends in .svg, an SVG file that shows the layout (core/io/uv_preview.h). `packed`: whether
-  // the charts lie in tiles.
+  // A PNG or, where `path` ends in .svg, an SVG file that shows the layout (client/pictures/uv_preview.h). `packed`:
+  // whether the charts lie in tiles.
   std::string Preview(const Uv& uv, const std::string& path, bool packed) const;
 
  private:

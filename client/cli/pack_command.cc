@@ -153,6 +153,7 @@ Json PackJson(const MeshInput& input, const Arguments& arguments, const PackOpti
                  {"padding", atlas.padding},
                  {"padding_kept", done.packing.padding},
                  {"tiles", done.packing.tiles},
+                 {"effort", ToString(arguments.options.effort)},
                  {"texels_per_unit", done.texels_per_unit}}},
                {"packing_efficiency", done.covered},
                {"seconds", {{"pack", pack_seconds}, {"total", seconds}}},
@@ -178,6 +179,18 @@ int Fail(const Arguments& arguments, const MeshInput* input, const Error& error,
   return ExitCodeOf(error);
 }
 
+PackEffort ToPackEffort(Effort effort) {
+  switch (effort) {
+    case Effort::kFast:
+      return PackEffort::kFast;
+    case Effort::kNormal:
+      return PackEffort::kNormal;
+    case Effort::kBest:
+      return PackEffort::kBest;
+  }
+  return PackEffort::kNormal;
+}
+
 int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
   CheckUv(input, arguments);
   const std::vector<OutputOptions> outputs = input.Outputs(arguments.output, arguments.texcoord);
@@ -188,13 +201,14 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
   options.face_weights = FaceWeights(input, arguments.material_weights);
   if (arguments.options.texture_size != 0) options.atlas.texture_size = arguments.options.texture_size;
   options.atlas.padding = arguments.options.padding.value_or(options.atlas.padding);
+  options.atlas.effort = ToPackEffort(arguments.options.effort);
   if (arguments.options.tiles != 0) options.atlas.tiles = arguments.options.tiles;
 
   const auto interrupter = std::make_shared<Interrupter>();
   ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
   Execution execution;
   execution.team = &team;
-  execution.interrupter = interrupter.get();
+  execution.cancel = interrupter.get();
   interrupts.SetCancel([interrupter] { interrupter->Interrupt(); });
   const Timer pack_timer;
   Repacking done = Repack(input.mesh(), input.CornerUv(), input.triangulation().source_polygon, options, execution);

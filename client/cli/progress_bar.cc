@@ -12,22 +12,16 @@
 namespace planish::cli {
 namespace {
 
-constexpr std::chrono::milliseconds kFrame(80);
 constexpr std::size_t kSparklineLength = 16;
 constexpr int kLongestBar = 32;
 constexpr int kShortestBar = 8;
 
-const char kReset[] = "\x1b[0m";
 const char kBold[] = "\x1b[1m";
 const char kDim[] = "\x1b[2m";
 const char kCyan[] = "\x1b[36m";
 const char kGreen[] = "\x1b[32m";
 const char kRed[] = "\x1b[31m";
 const char kYellow[] = "\x1b[33m";
-
-std::string Colored(const Terminal& terminal, const char* color, const std::string& text) {
-  return terminal.color && !text.empty() ? color + text + kReset : text;
-}
 
 std::string Repeat(const std::string& text, int count) {
   std::string result;

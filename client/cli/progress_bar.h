@@ -17,6 +17,9 @@
 
 namespace planish::cli {
 
+// The time between two paintings.
+inline constexpr std::chrono::milliseconds kFrame(80);
+
 // Everything the line depends on.
 struct BarState {
   enum class Ending { kNone, kSucceeded, kFailed };

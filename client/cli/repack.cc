@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "Eigen/Geometry"
-#include "core/io/uv_islands.h"
+#include "client/files/uv_islands.h"
 #include "core/mesh/predicates.h"
 
 namespace planish::cli {
@@ -206,7 +206,7 @@ Repacking Repack(const Mesh& mesh, const std::vector<double>& uv, const std::vec
   }
 
   result.packing = Pack(charts.charts, options.atlas, execution);
-  if (execution.IsStopped()) return result;
+  if (execution.IsCancelled()) return result;
   result.uv.resize(uv.size());
   for (std::size_t c = 0; 2 * c < uv.size(); ++c) {
     const std::int32_t island = islands.island_of_face[c / 3];

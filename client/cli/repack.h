@@ -22,7 +22,7 @@ struct RepackOptions {
 
 struct Repacking {
   std::vector<float> uv;              // as given, 6 numbers a face
-  std::int64_t islands = 0;           // core/io/uv_islands.h
+  std::int64_t islands = 0;           // client/files/uv_islands.h
   std::int64_t mirrored = 0;          // that lie with their back up, before and after
   std::int64_t without_area = 0;      // whose UV lie on a line or a point
   std::int64_t lost_to_rounding = 0;  // triangles that had area and have none, or the other sign, as floats

@@ -8,9 +8,9 @@
 #include <tuple>
 #include <utility>
 
+#include "client/files/file_io.h"
 #include "client/src/errors.h"
-#include "core/io/file_error.h"
-#include "core/io/number.h"
+#include "core/base/number.h"
 #include "planish/error.h"
 
 namespace planish::cli {

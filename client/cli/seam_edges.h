@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "client/cli/seam_list.h"
-#include "core/io/mesh_file.h"
+#include "client/files/mesh_file.h"
 
 namespace planish::cli {
 

@@ -13,10 +13,6 @@ namespace {
 constexpr std::size_t kMaxNamedCharts = 3;
 constexpr std::size_t kMaxWarningsOfAKind = 3;
 
-std::string Colored(const Terminal& terminal, const char* color, const std::string& text) {
-  return terminal.color ? color + text + "\x1b[0m" : text;
-}
-
 std::string Join(const std::vector<std::string>& parts, const std::string& last_separator) {
   std::string text;
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -170,9 +166,12 @@ std::string Summary(const Report& report, const std::string& output, const Termi
   text += AtlasText(report);
   text += OutlinesText(report.charts);
   const Quality& quality = report.quality;
-  text += Validity(quality) + "; angles off by " + Fixed(quality.angle_error_mean_deg, 2) + " deg on average, " +
-          Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) +
-          MostStretchedText(report) + ".\n";
+  text +=
+      Validity(quality) + "; angles off by " + Fixed(quality.angle_error_mean_deg, 2) + " deg on average, " +
+      Fixed(quality.angle_error_max_deg, 1) + " at most; stretch " + Fixed(quality.stretch_l2, 2) +
+      MostStretchedText(report) +
+      (quality.seam_length > 0 ? "; seam length " + Fixed(quality.seam_length, 1) + " (in roots of the area)" : "") +
+      ".\n";
   text += WarningsText(report.warnings, terminal);
   if (const std::string why = WhyNotUsable(report); !why.empty()) {
     text += Colored(terminal, "\x1b[31m", "planish: not usable:") + " " + why +

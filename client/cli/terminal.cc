@@ -41,4 +41,8 @@ Terminal StderrTerminal() {
   return terminal;
 }
 
+std::string Colored(const Terminal& terminal, const char* color, const std::string& text) {
+  return terminal.color && !text.empty() ? color + text + "\x1b[0m" : text;
+}
+
 }  // namespace planish::cli

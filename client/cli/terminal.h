@@ -1,6 +1,8 @@
 // What the terminal behind stderr can do.
 #pragma once
 
+#include <string>
+
 namespace planish::cli {
 
 struct Terminal {
@@ -14,5 +16,9 @@ struct Terminal {
 
 // Looks at stderr, $TERM, $NO_COLOR and the locale (LC_ALL, LC_CTYPE, LANG).
 Terminal StderrTerminal();
+
+// `text` between `color`, an escape sequence, and the one that resets it; as it is where the terminal has no color or
+// the text is empty.
+std::string Colored(const Terminal& terminal, const char* color, const std::string& text);
 
 }  // namespace planish::cli

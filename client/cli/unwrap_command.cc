@@ -134,7 +134,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     ServerChoice server(arguments.server, arguments.server_flags, interrupts, needs);
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
-    call_options.label = ValidUtf8(arguments.label.empty() ? file_name : arguments.label);
+    call_options.labels = JobLabels(arguments, file_name);
     call_options.timeout_seconds = command.TimeLeft();
     call_options.scheduling = arguments.scheduling;
     if (arguments.detach) return Detach(arguments, command.files().view(), server.client(), call_options);

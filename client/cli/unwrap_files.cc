@@ -1,8 +1,29 @@
 #include "client/cli/unwrap_files.h"
 
+#include "client/cli/json.h"
 #include "client/cli/seam_edges.h"
 
 namespace planish::cli {
+namespace {
+
+// What the value of a label may have.
+constexpr std::size_t kMaxLabelBytes = 256;
+
+// The end of a text that is too long, from the beginning of a character on.
+std::string LastBytes(const std::string& text, std::size_t most) {
+  if (text.size() <= most) return text;
+  std::size_t begin = text.size() - most;
+  while (begin < text.size() && (static_cast<unsigned char>(text[begin]) & 0xC0) == 0x80) ++begin;
+  return text.substr(begin);
+}
+
+}  // namespace
+
+std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file) {
+  std::map<std::string, std::string> labels = {{"file", LastBytes(ValidUtf8(file), kMaxLabelBytes)}};
+  for (const auto& [key, value] : arguments.labels) labels[ValidUtf8(key)] = ValidUtf8(value);
+  return labels;
+}
 
 UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output,
                          int texcoord)

@@ -2,14 +2,19 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "client/cli/arguments.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/seam_list.h"
 #include "planish/client.h"
 
 namespace planish::cli {
+
+// Those of a job on this file: what the arguments say, and the file's name unless they say something else of "file".
+std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file);
 
 class UnwrapFiles {
  public:

@@ -1,13 +1,13 @@
 # What `cmake --install` puts in place for users of the library: headers, one archive, a CMake package.
 #
 # The archive holds the objects of the client and of the internal libraries it stands on, so that nothing internal
-# has to be installed or exported; the linker takes out of it what is used.
+# has to be installed or exported.
 include(CMakePackageConfigHelpers)
 
 add_library(planish_sdk STATIC
   $<TARGET_OBJECTS:planish_client>
   $<TARGET_OBJECTS:planish_proto>
-  $<TARGET_OBJECTS:planish_io>
+  $<TARGET_OBJECTS:planish_draco>
   $<TARGET_OBJECTS:planish_base>)
 set_target_properties(planish_sdk PROPERTIES
   OUTPUT_NAME planish_client EXPORT_NAME client LINKER_LANGUAGE CXX

@@ -8,11 +8,10 @@ inline namespace api {
 namespace {
 
 using google::protobuf::util::TimeUtil;
-using Clock = std::chrono::system_clock;
 
-Clock::time_point ToTime(const google::protobuf::Timestamp& time) {
+std::chrono::system_clock::time_point ToTime(const google::protobuf::Timestamp& time) {
   const std::chrono::nanoseconds since(TimeUtil::TimestampToNanoseconds(time));
-  return Clock::time_point(std::chrono::duration_cast<Clock::duration>(since));
+  return std::chrono::system_clock::time_point(std::chrono::duration_cast<std::chrono::system_clock::duration>(since));
 }
 
 ServerStats ToStats(const admin::v1::Stats& from) {

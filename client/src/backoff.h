@@ -6,6 +6,9 @@
 namespace planish {
 inline namespace api {
 
+// Between attempts to reach a server that was lost.
+inline constexpr double kLongestPauseSeconds = 5;
+
 // Pauses between attempts: each about twice as long as the one before. Clients that lost the same server at the same
 // moment come back at different ones, as long as their seeds differ.
 class Backoff {

@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -27,9 +28,15 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kLongestPauseSeconds = 5;
 // Of a Draco file, for EstimateJob: what declares its size.
 constexpr std::size_t kEstimateBytes = 1024;
+
+// Of one BatchCreateJobs: jobs, and bytes of their meshes; a larger mesh travels by itself, by an upload that resumes.
+constexpr std::size_t kMostInBatch = 100;
+constexpr std::size_t kMostBatchBytes = std::size_t{1} << 20;
+
+// Of one WaitJob, which a proxy must not take for a dead connection.
+constexpr double kLongestWaitSeconds = 15;
 
 double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -52,12 +59,13 @@ Error ErrorOf(const v1::Job& job, const PackedMesh& mesh) {
 template <typename Request>
 Request NewJobRequest(const PackedMesh& mesh, const UnwrapOptions& options, const CallOptions& call) {
   Request request;
-  request.mutable_seam_corners()->Add(mesh.seam_corners.begin(), mesh.seam_corners.end());
-  request.mutable_uncut_corners()->Add(mesh.uncut_corners.begin(), mesh.uncut_corners.end());
-  *request.mutable_options() = ToProto(options);
-  *request.mutable_scheduling() = ToProto(call.scheduling);
+  v1::JobSpec& spec = *request.mutable_spec();
+  spec.mutable_seam_corners()->Add(mesh.seam_corners.begin(), mesh.seam_corners.end());
+  spec.mutable_uncut_corners()->Add(mesh.uncut_corners.begin(), mesh.uncut_corners.end());
+  *spec.mutable_options() = ToProto(options);
+  *spec.mutable_scheduling() = ToProto(call.scheduling);
+  spec.mutable_labels()->insert(call.labels.begin(), call.labels.end());
   request.set_request_id(call.request_id.empty() ? NewRequestId() : call.request_id);
-  request.set_label(call.label);
   return request;
 }
 
@@ -119,6 +127,11 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     return Traced(&call, [&](const TraceScope&) { return CreateInTrace(std::move(mesh), options, call); });
   }
 
+  std::vector<CreatedJob> CreateMany(std::span<const NewJob> jobs) {
+    CallOptions call;
+    return Traced(&call, [&](const TraceScope&) { return CreateManyInTrace(jobs); });
+  }
+
  private:
   UnwrapResult UnwrapInTrace(PackedMesh mesh, Clock::time_point start, const UnwrapOptions& options,
                              const Callbacks& callbacks, const CallOptions& call,
@@ -160,10 +173,10 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
     double waited_for_room = 0, waited_for_server = 0;
     while (true) {
       try {
-        sender.Send(request);
+        sender.Send(*request.mutable_spec());
         return rpc_->CreateJob(request, deadline);
       } catch (const Error& error) {
-        if (sender.ForgetUpload(error, request)) continue;
+        if (sender.ForgetUpload(error, *request.mutable_spec())) continue;
         const bool is_full = AsksToWait(error);
         if (!is_full && (!IsBrokenStream(error) || !rpc_->reached() || error.reason() == "DRAINING")) throw;
         const double pause = std::max(is_full ? 0.05 : backoff.Next(), error.retry_after_seconds());
@@ -172,6 +185,83 @@ class Client::Impl : public std::enable_shared_from_this<Client::Impl> {
         if (waited > (is_full ? options_.queue_full_wait_seconds : options_.reattach_seconds)) throw;
         ThrowIfLate(deadline, pause, error);
         std::this_thread::sleep_for(std::chrono::duration<double>(pause));
+      }
+    }
+  }
+
+  // One of the jobs of CreateMany() on its way.
+  struct Pending {
+    PackedMesh mesh;
+    std::size_t index = 0;  // among the jobs
+    bool is_known = false;  // the server has the mesh
+  };
+
+  std::vector<CreatedJob> CreateManyInTrace(std::span<const NewJob> jobs) {
+    std::vector<CreatedJob> created(jobs.size());
+    for (std::size_t begin = 0; begin < jobs.size();) {
+      // So many meshes as fit into a call are in memory at a time.
+      std::vector<Pending> batch;
+      std::size_t bytes = 0;
+      for (; begin < jobs.size() && batch.size() < kMostInBatch && bytes < kMostBatchBytes; ++begin) {
+        try {
+          batch.push_back({MeshPacker::Pack(jobs[begin].mesh), begin, false});
+          bytes += batch.back().mesh.draco.size();
+        } catch (const Error& error) {
+          created[begin].error = error;
+        }
+      }
+      if (!batch.empty()) CreateBatch(jobs, std::move(batch), &created);
+    }
+    return created;
+  }
+
+  void CreateBatch(std::span<const NewJob> jobs, std::vector<Pending> batch, std::vector<CreatedJob>* created) {
+    v1::FindMissingMeshesRequest digests;
+    for (const Pending& each : batch) digests.add_sha256(each.mesh.sha256);
+    const v1::FindMissingMeshesResponse answer = rpc_->FindMissingMeshes(digests);
+    const std::set<std::string> missing(answer.missing_sha256().begin(), answer.missing_sha256().end());
+    std::vector<Pending> together, alone;
+    for (Pending& each : batch) {
+      each.is_known = !missing.contains(each.mesh.sha256);
+      const bool is_large = !each.is_known && each.mesh.draco.size() > kMostBatchBytes;
+      (is_large ? alone : together).push_back(std::move(each));
+    }
+    v1::BatchCreateJobsRequest request;
+    for (Pending& each : together) {
+      const NewJob& job = jobs[each.index];
+      *request.add_requests() = NewJobRequest<v1::CreateJobRequest>(each.mesh, job.options, job.call);
+      v1::JobSpec& spec = *request.mutable_requests()->rbegin()->mutable_spec();
+      if (each.is_known) {
+        spec.set_mesh_sha256(each.mesh.sha256);
+      } else {
+        spec.set_draco(std::move(each.mesh.draco));
+      }
+    }
+    if (!together.empty()) {
+      const v1::BatchCreateJobsResponse response = rpc_->BatchCreateJobs(request);
+      for (std::size_t i = 0; i < together.size(); ++i) {
+        Pending& each = together[i];
+        if (static_cast<int>(i) >= response.results_size()) {
+          throw Error(ErrorCode::kInternal, "INTERNAL", "the server answered to fewer jobs than it was asked for");
+        }
+        const auto& result = response.results(static_cast<int>(i));
+        CreatedJob& end = (*created)[each.index];
+        if (result.has_job()) {
+          end.job = FromProto(result.job());
+          continue;
+        }
+        end.error = Renumbered(ErrorFrom(result.error()), each.mesh.ToCaller());
+        if (each.is_known && end.error->reason() == "MESH_NOT_FOUND") alone.push_back(std::move(each));
+      }
+    }
+    for (Pending& each : alone) {
+      const NewJob& job = jobs[each.index];
+      CreatedJob& end = (*created)[each.index];
+      end = CreatedJob();
+      try {
+        end.job = FromProto(CreateInTrace(std::move(each.mesh), job.options, job.call));
+      } catch (const Error& error) {
+        end.error = error;
       }
     }
   }
@@ -305,6 +395,10 @@ Job Client::CreateJob(const MeshView& mesh, const UnwrapOptions& options, const 
   return FromProto(impl_->Create(MeshPacker::Pack(mesh), options, call));
 }
 
+std::vector<CreatedJob> Client::CreateJobs(std::span<const NewJob> jobs) {
+  return impl_->CreateMany(jobs);
+}
+
 UnwrapResult Client::AttachResult(const std::string& job, const MeshView& mesh, const Callbacks& callbacks,
                                   const CallOptions& call) {
   const Clock::time_point start = Clock::now();
@@ -327,12 +421,32 @@ Job Client::GetJob(const std::string& job) {
   return FromProto(impl_->rpc().GetJob(job));
 }
 
-std::vector<Job> Client::ListJobs(int limit, std::optional<JobState> state, const std::string& label_prefix) {
+Job Client::WaitJob(const std::string& job, double timeout_seconds) {
+  const auto start = Clock::now();
+  while (true) {
+    const double left = timeout_seconds <= 0 ? kLongestWaitSeconds : timeout_seconds - SecondsSince(start);
+    const v1::Job now = impl_->rpc().WaitJob(job, std::clamp(left, 0.0, kLongestWaitSeconds));
+    Job waited = FromProto(now);
+    if (IsTerminal(waited.state) || (timeout_seconds > 0 && SecondsSince(start) >= timeout_seconds)) return waited;
+  }
+}
+
+std::string Client::ReadResult(const std::string& job, std::int64_t offset, std::int64_t size) {
+  std::string bytes;
+  while (static_cast<std::int64_t>(bytes.size()) < size) {
+    const auto have = static_cast<std::int64_t>(bytes.size());
+    const v1::ReadResultResponse piece = impl_->rpc().ReadResult(job, offset + have, size - have);
+    if (piece.data().empty()) break;
+    bytes += piece.data();
+  }
+  return bytes;
+}
+
+std::vector<Job> Client::ListJobs(int limit, const std::string& filter) {
   constexpr int kPageSize = 1000;
   std::vector<Job> jobs;
   v1::ListJobsRequest request;
-  if (state) request.set_state(ToProto(*state));
-  request.set_label_prefix(label_prefix);
+  request.set_filter(filter);
   std::string route;
   do {
     const int left = limit > 0 ? limit - static_cast<int>(jobs.size()) : kPageSize;
@@ -361,9 +475,9 @@ void Client::DeleteJob(const std::string& job) {
 JobEstimate Client::Estimate(const MeshView& mesh, const UnwrapOptions& options) {
   const PackedMesh packed = MeshPacker::Pack(mesh);
   v1::EstimateJobRequest request;
-  request.set_draco(packed.draco.substr(0, kEstimateBytes));
+  request.mutable_spec()->set_draco(packed.draco.substr(0, kEstimateBytes));
   request.set_mesh_bytes(static_cast<std::int64_t>(packed.draco.size()));
-  *request.mutable_options() = ToProto(options);
+  *request.mutable_spec()->mutable_options() = ToProto(options);
   return FromProto(impl_->rpc().EstimateJob(request));
 }
 
@@ -371,7 +485,7 @@ JobEstimate Client::Estimate(std::int64_t triangles, std::int64_t vertices, cons
   v1::EstimateJobRequest request;
   request.mutable_size()->set_triangles(triangles);
   request.mutable_size()->set_vertices(vertices > 0 ? vertices : triangles / 2);
-  *request.mutable_options() = ToProto(options);
+  *request.mutable_spec()->mutable_options() = ToProto(options);
   return FromProto(impl_->rpc().EstimateJob(request));
 }
 

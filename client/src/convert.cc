@@ -7,6 +7,17 @@
 
 namespace planish {
 inline namespace api {
+
+double SecondsFrom(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
+}
+
+void SetSeconds(double seconds, google::protobuf::Duration* duration) {
+  const double whole = std::floor(seconds);
+  duration->set_seconds(static_cast<std::int64_t>(whole));
+  duration->set_nanos(static_cast<std::int32_t>((seconds - whole) * 1e9));
+}
+
 namespace {
 
 // The enums below number their values like the proto's, from SOMETHING_AUTO = 1 on. A value that only a newer
@@ -27,6 +38,7 @@ static_assert(static_cast<int>(Preconditioner::kAmg) + 1 == v1::PRECONDITIONER_A
 static_assert(static_cast<int>(Hessian::kAuto) + 1 == v1::HESSIAN_AUTO);
 static_assert(static_cast<int>(Boundary::kConvex) + 1 == v1::BOUNDARY_CONVEX);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
+static_assert(static_cast<int>(Effort::kBest) + 1 == v1::EFFORT_BEST);
 static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
 static_assert(static_cast<int>(Seams::kAuto) + 1 == v1::SEAMS_AUTO);
 static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
@@ -36,16 +48,6 @@ static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
 Job::Time TimeFrom(const google::protobuf::Timestamp& time) {
   return Job::Time(std::chrono::duration_cast<Job::Time::duration>(std::chrono::seconds(time.seconds()) +
                                                                    std::chrono::nanoseconds(time.nanos())));
-}
-
-double SecondsFrom(const google::protobuf::Duration& duration) {
-  return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
-}
-
-void SetSeconds(double seconds, google::protobuf::Duration* duration) {
-  const double whole = std::floor(seconds);
-  duration->set_seconds(static_cast<std::int64_t>(whole));
-  duration->set_nanos(static_cast<std::int32_t>((seconds - whole) * 1e9));
 }
 
 Scheduling FromProto(const v1::Scheduling& proto) {
@@ -81,6 +83,7 @@ UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   options.texture_size = proto.texture_size();
   if (proto.has_padding()) options.padding = proto.padding();
   options.tiles = proto.tiles();
+  if (proto.effort() != v1::EFFORT_UNSPECIFIED) options.effort = EnumFromProto<Effort>(proto.effort());
   return options;
 }
 
@@ -126,7 +129,12 @@ ChartTotals FromProto(const v1::ChartTotals& proto) {
 }
 
 Atlas FromProto(const v1::Atlas& proto) {
-  return {proto.pack() != v1::PACK_OFF, proto.texture_size(), proto.padding(), proto.tiles(), proto.texels_per_unit()};
+  return {proto.pack() != v1::PACK_OFF,
+          proto.texture_size(),
+          proto.padding(),
+          proto.tiles(),
+          proto.texels_per_unit(),
+          proto.effort() == v1::EFFORT_UNSPECIFIED ? Effort::kNormal : EnumFromProto<Effort>(proto.effort())};
 }
 
 Quality FromProto(const v1::Quality& proto) {
@@ -141,19 +149,20 @@ Quality FromProto(const v1::Quality& proto) {
   quality.conformal_distortion_max = proto.conformal_distortion_max();
   quality.stretch_l2 = proto.stretch_l2();
   quality.packing_efficiency = proto.packing_efficiency();
+  quality.seam_length = proto.seam_length();
   return quality;
 }
 
-StageSeconds FromProto(const v1::StageSeconds& proto) {
+StageSeconds FromProto(const v1::StageTimes& proto) {
   StageSeconds seconds;
-  seconds.queue = proto.queue();
-  seconds.decode = proto.decode();
-  seconds.charts = proto.charts();
-  seconds.solve = proto.solve();
-  seconds.layout = proto.layout();
-  seconds.pack = proto.pack();
-  seconds.verify = proto.verify();
-  seconds.encode = proto.encode();
+  seconds.queue = SecondsFrom(proto.queue());
+  seconds.decode = SecondsFrom(proto.decode());
+  seconds.charts = SecondsFrom(proto.charts());
+  seconds.solve = SecondsFrom(proto.solve());
+  seconds.layout = SecondsFrom(proto.layout());
+  seconds.pack = SecondsFrom(proto.pack());
+  seconds.verify = SecondsFrom(proto.verify());
+  seconds.encode = SecondsFrom(proto.encode());
   return seconds;
 }
 
@@ -177,6 +186,7 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   proto.set_texture_size(options.texture_size);
   if (options.padding) proto.set_padding(*options.padding);
   proto.set_tiles(options.tiles);
+  proto.set_effort(EnumToProto<v1::Effort>(options.effort));
   return proto;
 }
 
@@ -191,10 +201,6 @@ v1::Scheduling ToProto(const Scheduling& scheduling) {
   return proto;
 }
 
-v1::JobState ToProto(JobState state) {
-  return static_cast<v1::JobState>(state);
-}
-
 Progress FromProto(const v1::Progress& proto) {
   Progress progress;
   progress.stage = static_cast<Stage>(proto.stage());
@@ -206,7 +212,7 @@ Progress FromProto(const v1::Progress& proto) {
   progress.residual = FromProto(proto.residual());
   progress.energy = proto.energy();
   progress.step_length = proto.step_length();
-  progress.elapsed_seconds = proto.elapsed_seconds();
+  progress.elapsed_seconds = SecondsFrom(proto.elapsed());
   progress.tolerance = proto.tolerance();
   return progress;
 }
@@ -219,7 +225,7 @@ Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
   report.chart_totals = FromProto(proto.chart_totals());
   report.atlas = FromProto(proto.atlas());
   report.quality = FromProto(proto.quality());
-  report.seconds = FromProto(proto.seconds());
+  report.seconds = FromProto(proto.times());
   report.peak_memory_bytes = proto.peak_memory_bytes();
   report.threads = proto.threads();
   for (const v1::Warning& warning : proto.warnings()) {
@@ -234,7 +240,7 @@ Job FromProto(const v1::Job& proto, const ids::Renumbering& renumbering) {
   Job job;
   job.name = proto.name();
   job.state = static_cast<JobState>(proto.state());
-  job.label = proto.label();
+  job.labels = {proto.labels().begin(), proto.labels().end()};
   job.options = FromProto(proto.options());
   if (proto.has_create_time()) job.create_time = TimeFrom(proto.create_time());
   if (proto.has_start_time()) job.start_time = TimeFrom(proto.start_time());
@@ -247,10 +253,10 @@ Job FromProto(const v1::Job& proto, const ids::Renumbering& renumbering) {
   job.scheduling = FromProto(proto.scheduling());
   job.attempts = proto.attempts();
   job.stop_requested = proto.stop_requested();
+  job.cancel_requested = proto.cancel_requested();
   job.result_of = proto.result_of();
   job.memory_bytes = proto.memory_bytes();
   if (proto.has_expire_time()) job.expire_time = TimeFrom(proto.expire_time());
-  job.trace_id = std::string(TraceIdOf(proto.traceparent()));
   job.trace_id = std::string(TraceIdOf(proto.traceparent()));
   return job;
 }
@@ -270,8 +276,8 @@ JobEstimate FromProto(const v1::JobEstimate& proto) {
   estimate.triangles = proto.size().triangles();
   estimate.vertices = proto.size().vertices();
   estimate.memory_bytes = proto.memory_bytes();
-  estimate.run_seconds = proto.run_seconds();
-  estimate.queue_seconds = proto.queue_seconds();
+  estimate.run_seconds = SecondsFrom(proto.run_time());
+  estimate.queue_seconds = SecondsFrom(proto.queue_time());
   if (proto.has_refusal()) estimate.refusal = FromProto(proto.refusal(), {});
   return estimate;
 }

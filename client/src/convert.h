@@ -9,8 +9,10 @@
 namespace planish {
 inline namespace api {
 
+double SecondsFrom(const google::protobuf::Duration& duration);
+void SetSeconds(double seconds, google::protobuf::Duration* duration);
+
 v1::UnwrapOptions ToProto(const UnwrapOptions& options);
-v1::JobState ToProto(JobState state);
 v1::Scheduling ToProto(const Scheduling& scheduling);
 
 // Element ids in a job's error and warnings pass through `renumbering`.

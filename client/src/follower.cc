@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "client/src/convert.h"
+#include "client/src/errors.h"
 #include "client/src/request_id.h"
 #include "client/src/stream_errors.h"
 #include "client/src/trace_scope.h"
@@ -13,7 +14,6 @@ namespace planish {
 inline namespace api {
 namespace {
 
-constexpr double kLongestPauseSeconds = 5;
 // Times a job is submitted anew after it was lost together with its stream.
 constexpr int kMostLostJobs = 3;
 
@@ -66,7 +66,7 @@ void Follower::RunOneStream() {
   try {
     rpc_->Connect(deadline_);
     const bool begins = plan_.unwrap && JobName().empty();
-    if (begins) sender_->Send(*plan_.unwrap);
+    if (begins) sender_->Send(*plan_.unwrap->mutable_spec());
     bool cancel_again = false, finish_again = false;
     {
       const std::lock_guard lock(mutex_);
@@ -111,6 +111,10 @@ void Follower::RunOneStream() {
   } else if (followed_.job.state() == v1::JOB_STATE_CANCELLED && plan_.unwrap && lost_stream_ &&
              !plan_.call.stop.stop_requested()) {
     // The server noticed the loss of the stream and cancelled the job it belonged to.
+    StartAnew();
+  } else if (followed_.job.state() == v1::JOB_STATE_FAILED && plan_.unwrap &&
+             ErrorFrom(followed_.job.error()).reason() == "MESH_LOST" && lost_jobs_ < kMostLostJobs) {
+    // The server's store has lost the mesh. It is here.
     StartAnew();
   }
 }
@@ -166,7 +170,7 @@ void Follower::OnStreamError(const Error& error) {
       PauseBeforeRetry(error, pause);
       return;
     }
-    if (sender_->ForgetUpload(error, *plan_.unwrap)) return;
+    if (sender_->ForgetUpload(error, *plan_.unwrap->mutable_spec())) return;
   }
   if (error.code() == ErrorCode::kNotFound && plan_.unwrap && !job_name_.empty() && lost_stream_) {
     StartAnew();  // the server that had the job, or its UV, has them no more

@@ -6,7 +6,7 @@
 
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "planish/error.h"
 
 namespace planish {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "client/src/request_id.h"
 #include "client/src/stream_errors.h"
 
 namespace planish {
@@ -12,7 +13,6 @@ namespace {
 // Meshes up to this size travel inline without asking what the server advises.
 constexpr std::int64_t kAlwaysInlineBytes = std::int64_t{1} << 20;
 constexpr std::int64_t kDefaultChunkBytes = std::int64_t{1} << 20;
-constexpr double kLongestPauseSeconds = 5;
 
 }  // namespace
 
@@ -57,6 +57,7 @@ std::string MeshSender::Upload() {
   v1::CreateUploadRequest request;
   request.set_total_bytes(static_cast<std::int64_t>(mesh_->draco.size()));
   request.set_sha256(mesh_->sha256);
+  request.set_request_id(NewRequestId());
   best_ = -1;
   lost_.reset();
   v1::Upload upload;

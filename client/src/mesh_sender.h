@@ -23,24 +23,22 @@ class MeshSender {
   MeshSender(std::shared_ptr<Rpc> rpc, const ClientOptions& options, PackedMesh* mesh, const CallOptions& call,
              const Callbacks& callbacks, Deadline deadline);
 
-  // Puts the mesh into `request`, or the name of a complete upload of it. Goes on where an upload broke, for
+  // Puts the mesh into `spec`, or the name of a complete upload of it. Goes on where an upload broke, for
   // reattach_seconds without any progress. Throws MESH_TOO_LARGE before anything is sent, CANCELLED after a stop,
   // CONNECTION_LOST, and what the server refuses an upload with.
-  template <typename Request>
-  void Send(Request& request) {
+  void Send(v1::JobSpec& spec) {
     if (GoesInline()) {
-      if (!mesh_->draco.empty()) request.set_draco(std::move(mesh_->draco));
-    } else if (request.upload().empty()) {
-      request.set_upload(Upload());
+      if (!mesh_->draco.empty()) spec.set_draco(std::move(mesh_->draco));
+    } else if (spec.upload().empty()) {
+      spec.set_upload(Upload());
     }
   }
 
-  // Whether `error` says that the upload in `request` is gone; takes it out, so that the next Send() begins again. Not
+  // Whether `error` says that the upload in `spec` is gone; takes it out, so that the next Send() begins again. Not
   // without end.
-  template <typename Request>
-  bool ForgetUpload(const Error& error, Request& request) {
-    if (request.upload().empty() || !IsUploadGone(error)) return false;
-    request.clear_upload();
+  bool ForgetUpload(const Error& error, v1::JobSpec& spec) {
+    if (spec.upload().empty() || !IsUploadGone(error)) return false;
+    spec.clear_upload();
     return ++lost_uploads_ <= kMostLostUploads;
   }
 

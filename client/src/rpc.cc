@@ -7,6 +7,7 @@
 
 #include "client/src/backoff.h"
 #include "client/src/connection.h"
+#include "client/src/convert.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
 #include "client/src/route.h"
@@ -18,13 +19,13 @@ namespace planish {
 inline namespace api {
 namespace {
 
-using Clock = std::chrono::system_clock;
+using WallClock = std::chrono::system_clock;
 
 // Answers that carry no mesh must not take longer than this, connection included.
 constexpr double kUnarySeconds = 20;
 // A call in the background keeps its Rpc alive for so long at most.
 constexpr double kBackgroundSeconds = 5;
-constexpr double kLongestPauseSeconds = 2;
+constexpr double kLongestRpcPauseSeconds = 2;
 
 Error ErrorOfCall(const grpc::Status& status, const Connection& connection) {
   google::rpc::Status rich;
@@ -163,8 +164,8 @@ struct Rpc::Stubs {
                     grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                     const Request& request, const std::string& route, int* attempts = nullptr) {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
-    const Clock::time_point start = Clock::now();
-    Backoff backoff(rpc.options_.reattach_backoff_seconds, kLongestPauseSeconds, NewRequestId());
+    const WallClock::time_point start = WallClock::now();
+    Backoff backoff(rpc.options_.reattach_backoff_seconds, kLongestRpcPauseSeconds, NewRequestId());
     while (true) {
       try {
         if (attempts != nullptr) ++*attempts;
@@ -173,7 +174,7 @@ struct Rpc::Stubs {
         const std::chrono::duration<double> pause(std::max(backoff.Next(), error.retry_after_seconds()));
         const std::chrono::duration<double> limit(rpc.options_.retry_seconds);
         // A server that was never there is not coming back soon: say so at once.
-        if (error.code() != ErrorCode::kUnavailable || !rpc.reached_ || Clock::now() - start + pause > limit) throw;
+        if (error.code() != ErrorCode::kUnavailable || !rpc.reached_ || WallClock::now() - start + pause > limit) throw;
         std::this_thread::sleep_for(pause);
       }
     }
@@ -201,7 +202,7 @@ struct Rpc::Stubs {
 
 Deadline DeadlineAfter(double seconds) {
   if (seconds <= 0) return std::nullopt;
-  return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  return WallClock::now() + std::chrono::duration_cast<WallClock::duration>(std::chrono::duration<double>(seconds));
 }
 
 Rpc::Rpc(const std::string& target, const ClientOptions& options)
@@ -215,7 +216,7 @@ Rpc::~Rpc() = default;
 
 bool Rpc::Connect(Deadline deadline) {
   const auto patience = std::chrono::duration<double>(options_.connect_timeout_seconds);
-  Clock::time_point until = Clock::now() + std::chrono::duration_cast<Clock::duration>(patience);
+  WallClock::time_point until = WallClock::now() + std::chrono::duration_cast<WallClock::duration>(patience);
   if (deadline) until = std::min(until, *deadline);
   grpc::Channel& channel = *stubs_->channel;
   auto state = channel.GetState(true);
@@ -229,7 +230,7 @@ bool Rpc::Connect(Deadline deadline) {
 
 std::unique_ptr<Stream> Rpc::Unwrap(const v1::UnwrapRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::UnwrapResponse>>(
-      deadline, RouteOf(request.upload()), stubs_->connection,
+      deadline, RouteOf(request.spec().upload()), stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->Unwrap(context, request); });
 }
 
@@ -240,11 +241,32 @@ std::unique_ptr<Stream> Rpc::WatchJob(const v1::WatchJobRequest& request, Deadli
 }
 
 v1::Job Rpc::CreateJob(const v1::CreateJobRequest& request, Deadline deadline) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, RouteOf(request.upload()), deadline);
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, RouteOf(request.spec().upload()), deadline);
+}
+
+v1::BatchCreateJobsResponse Rpc::BatchCreateJobs(const v1::BatchCreateJobsRequest& request) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::BatchCreateJobs, request, "");
+}
+
+v1::FindMissingMeshesResponse Rpc::FindMissingMeshes(const v1::FindMissingMeshesRequest& request) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::FindMissingMeshes, request, "");
 }
 
 v1::Job Rpc::GetJob(const std::string& name) {
   return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name), RouteOf(name));
+}
+
+v1::Job Rpc::WaitJob(const std::string& name, double seconds) {
+  auto request = NameRequest<v1::WaitJobRequest>(name);
+  SetSeconds(seconds, request.mutable_timeout());
+  return stubs_->Repeated(*this, &v1::Planish::Stub::WaitJob, request, RouteOf(name));
+}
+
+v1::ReadResultResponse Rpc::ReadResult(const std::string& name, std::int64_t offset, std::int64_t limit) {
+  auto request = NameRequest<v1::ReadResultRequest>(name);
+  request.set_offset(offset);
+  request.set_limit(limit);
+  return stubs_->Repeated(*this, &v1::Planish::Stub::ReadResult, request, RouteOf(name));
 }
 
 v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request, const std::string& route) {

@@ -75,7 +75,15 @@ class Rpc {
   // Once, whatever happens: the caller sees to it that the mesh is there.
   v1::Job CreateJob(const v1::CreateJobRequest& request, Deadline deadline);
 
+  // The request ids of `request` make repeating safe. For any server: uploads are named in none of its specs.
+  v1::BatchCreateJobsResponse BatchCreateJobs(const v1::BatchCreateJobsRequest& request);
+  v1::FindMissingMeshesResponse FindMissingMeshes(const v1::FindMissingMeshesRequest& request);
+
   v1::Job GetJob(const std::string& name);
+  // Answers after so many seconds at the latest, which must be fewer than a unary call may take.
+  v1::Job WaitJob(const std::string& name, double seconds);
+  // At most so many bytes, from `offset` on.
+  v1::ReadResultResponse ReadResult(const std::string& name, std::int64_t offset, std::int64_t limit);
   // `route`: the server that listed the page before; empty: any.
   v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request, const std::string& route);
   v1::Job StopJob(const std::string& name);

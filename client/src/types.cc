@@ -193,6 +193,18 @@ const char* ToString(Priority priority) {
   return "unknown";
 }
 
+const char* ToString(Effort effort) {
+  switch (effort) {
+    case Effort::kFast:
+      return "fast";
+    case Effort::kNormal:
+      return "normal";
+    case Effort::kBest:
+      return "best";
+  }
+  return "unknown";
+}
+
 const char* ToString(Precision precision) {
   switch (precision) {
     case Precision::kAuto:

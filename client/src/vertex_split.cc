@@ -3,7 +3,7 @@
 #include <limits>
 #include <string>
 
-#include "core/io/vertex_split.h"
+#include "core/base/corner_split.h"
 #include "planish/error.h"
 
 namespace planish {

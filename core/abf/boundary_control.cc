@@ -9,22 +9,18 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/abf/newton.h"
+#include "core/abf/topology.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/half_edges.h"
-#include "core/mesh/rows.h"
 
 namespace planish {
 
 ActiveSet::ActiveSet(const Topology& topology, const TargetAngles& target)
     : topology_(topology), position_(topology.num_vertices, -1) {
-  std::vector<std::int32_t> following(topology.num_vertices, -1);
-  std::int32_t start = -1;
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (topology.opposite[c] >= 0) continue;
-    start = Origin(topology.faces, c);
-    following[start] = Target(topology.faces, c);
-  }
-  for (std::int32_t v = start; position_[v] < 0; v = following[v]) {
+  std::int32_t last = topology.num_corners() - 1;
+  while (topology.opposite[last] >= 0) --last;
+  const FlatLinks links = {topology.opposite};
+  for (std::int32_t c = last, v; position_[v = Origin(topology.faces, c)] < 0; c = NextOnBoundary(links, c)) {
     position_[v] = num_vertices();
     vertices_.push_back(v);
   }
@@ -142,22 +138,6 @@ Multipliers ActiveSet::Carry(const Multipliers& mu, const std::vector<char>& act
 
 namespace {
 
-// Newton's method need not know the angles for a set any better than this part of how wrong the set is, or than this
-// residual.
-constexpr double kRoughPart = 0.1;
-constexpr double kRoughTolerance = 1e-2;
-// A rough solve ends after so many Newton steps; the angles are good enough to judge the set by if the constraints hold
-// and the gradient is at most so large.
-constexpr int kRoughSteps = 12;
-constexpr double kRoughGradient = 0.5;
-// Changes of the set that may fail to make it less wrong than ever before vertices change one at a time.
-constexpr int kPatience = 10;
-constexpr int kMaxSetChanges = 200;
-// Where angles run into 0: the barriers (objective.h) to settle under, one after the other.
-constexpr double kBarriers[] = {1.0, 0.1, 1e-2, 0.0};
-// The one that stays if there is no minimum without; the stronger ones are not solved for better than roughly.
-constexpr double kLeastBarrier = 1e-2;
-
 // One FlattenConvex() call.
 class ActiveSetMethod {
  public:
@@ -166,6 +146,7 @@ class ActiveSetMethod {
       : topology_(topology),
         target_(target),
         options_(options),
+        tuning_(options_.tuning.boundary),
         control_(control),
         set_(topology, target),
         iterate_{StartingAngles(target), Multipliers::Zero(topology)} {}
@@ -184,13 +165,15 @@ class ActiveSetMethod {
   // Whether a solve that did not converge will do to judge the set by.
   bool IsRoughlyRight(double rough) const {
     const Residual& r = summary_.residual;
-    return !OutOfIterations() && std::max({r.triangle, r.vertex, r.wheel}) <= rough && r.gradient <= kRoughGradient;
+    return !OutOfIterations() && std::max({r.triangle, r.vertex, r.wheel}) <= rough &&
+           r.gradient <= tuning_.max_gradient;
   }
   bool OutOfIterations() const { return summary_.newton_iterations >= options_.max_newton_iterations; }
 
   const Topology& topology_;
   const TargetAngles& target_;
   FlattenOptions options_;
+  const BoundaryTuning& tuning_;
   const FlattenControl& control_;
   ActiveSet set_;
   NewtonIterate iterate_;
@@ -200,7 +183,7 @@ class ActiveSetMethod {
   bool usable_ = false;  // the last solve converged, or for a rough one nearly
   // Since Settle() began.
   std::int32_t least_wrong_ = 0;
-  int patience_ = 0;
+  std::int64_t patience_ = 0;
 };
 
 absl::Status ActiveSetMethod::Solve(double tolerance) {
@@ -209,8 +192,9 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   FlattenOptions options = options_;
   options.tolerance = tolerance;
   options.max_newton_iterations -= before.newton_iterations;
-  if (tolerance > options_.tolerance)
-    options.max_newton_iterations = std::min(options.max_newton_iterations, kRoughSteps);
+  if (tolerance > options_.tolerance) {
+    options.max_newton_iterations = std::min(options.max_newton_iterations, static_cast<int>(tuning_.rough_steps));
+  }
   FlattenControl control = control_;
   if (control_.on_progress) {
     control.on_progress = [&](FlattenProgress progress) {
@@ -226,6 +210,10 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   ++solves_;
   summary_.newton_iterations += before.newton_iterations;
   summary_.linear_iterations += before.linear_iterations;
+  summary_.linear_solves += before.linear_solves;
+  summary_.linear_failures += before.linear_failures;
+  if (!before.linear_failure.empty()) summary_.linear_failure = before.linear_failure;
+  if (!before.multigrid_failure.empty()) summary_.multigrid_failure = before.multigrid_failure;
   summary_.convexified_iterations += before.convexified_iterations;
   summary_.indefinite_iterations += before.indefinite_iterations;
   if (options.hessian == HessianType::kAuto && before.indefinite_iterations > 0) summary_.hessian = HessianType::kExact;
@@ -238,22 +226,24 @@ absl::Status ActiveSetMethod::Polish(double tolerance) {
   const NewtonIterate start = iterate_;
   PLANISH_RETURN_IF_ERROR(Solve(tolerance));
   if (!summary_.converged && !summary_.stopped && !OutOfIterations() &&
-      options_.preconditioner == PreconditionerType::kAmg) {
+      options_.preconditioner == PreconditionerType::kAmg && topology_.num_faces() <= kMostFallbackFaces) {
     // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
+    const std::string why = absl::StrCat("with multigrid, ", summary_.stop_message);
     iterate_ = start;
     options_.preconditioner = PreconditionerType::kCholesky;
     PLANISH_RETURN_IF_ERROR(Solve(tolerance));
     summary_.preconditioner_changed = true;
+    summary_.multigrid_failure = why;
   }
   return absl::OkStatus();
 }
 
 bool ActiveSetMethod::ChangeSet(const Eigen::VectorXd& pressures) {
-  if (set_changes_ >= kMaxSetChanges) return false;
+  if (set_changes_ >= tuning_.max_set_changes) return false;
   const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
   if (wrong < least_wrong_) {
     least_wrong_ = wrong;
-    patience_ = kPatience;
+    patience_ = tuning_.patience;
   } else if (patience_ > 0) {
     --patience_;
   }
@@ -265,10 +255,10 @@ bool ActiveSetMethod::ChangeSet(const Eigen::VectorXd& pressures) {
 }
 
 absl::Status ActiveSetMethod::Settle() {
-  const double rough = std::max(kRoughTolerance, options_.tolerance);
-  const double goal = iterate_.barrier > kLeastBarrier ? rough : options_.tolerance;
+  const double rough = std::max(tuning_.rough_tolerance, options_.tolerance);
+  const double goal = iterate_.barrier > options_.tuning.newton.barrier.weakest ? rough : options_.tolerance;
   least_wrong_ = std::numeric_limits<std::int32_t>::max();
-  patience_ = kPatience;
+  patience_ = tuning_.patience;
   double tolerance = rough;
   bool same_set = false, out_of_sets = false, right = false;
   while (true) {
@@ -288,7 +278,7 @@ absl::Status ActiveSetMethod::Settle() {
     if (!same_set) {
       const double worst = set_.Worst(pressures);
       same_set = out_of_sets = !ChangeSet(pressures);
-      if (!same_set) tolerance = std::clamp(kRoughPart * worst, goal, rough);
+      if (!same_set) tolerance = std::clamp(tuning_.rough_part * worst, goal, rough);
     }
     if (same_set) {
       if (tolerance == goal) break;
@@ -306,7 +296,10 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   bool flat = flat_;
   if (!summary_.converged && !summary_.stopped && !OutOfIterations()) {
     iterate_ = {StartingAngles(target_), Multipliers::Zero(set_.ConstrainedTopology())};
-    for (const double tau : kBarriers) {
+    // Where angles run into 0: under a strong barrier first, then under weaker ones, then without.
+    std::vector<double> barriers = BarrierSequence(options_.tuning.newton.barrier);
+    barriers.push_back(0);
+    for (const double tau : barriers) {
       iterate_.barrier = tau;
       PLANISH_RETURN_IF_ERROR(Settle());
       if (tau > 0 || summary_.boundary.settled) {
@@ -333,6 +326,9 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   const BoundaryReport& boundary = result.summary.boundary;
   result.summary.newton_iterations = summary_.newton_iterations;
   result.summary.linear_iterations = summary_.linear_iterations;
+  result.summary.linear_solves = summary_.linear_solves;
+  result.summary.linear_failures = summary_.linear_failures;
+  result.summary.linear_failure = summary_.linear_failure;
   absl::StrAppend(
       &result.summary.stop_message,
       absl::StrFormat(

@@ -6,25 +6,26 @@
 //
 //   active:    mu_b >= 0         inactive:  h_b(x) <= 0
 //
-// One number says both, in radians: the pressure  p_b = h_b(x) + s_b mu_b  with s_b = sum of 1 / (2 w_i) over the
-// angles at b, the inverse of the energy's own resistance to opening b. Of its two terms one is zero, whether b is
-// active or not, and the set is right when it is { b : p_b > 0 }.
+// Both conditions are in one number, in radians: the pressure  p_b = h_b(x) + s_b mu_b  with s_b = sum of 1 / (2 w_i)
+// over the angles at b, the inverse of the energy's own resistance to opening b. One of the two terms is always zero,
+// and the set is right when it equals { b : p_b > 0 }.
 //
 // The rule: solve for a set, set active = { b : p_b > 0 }, solve again from there: block principal pivoting, which is
 // the primal-dual active set method, or Newton's method on the piecewise smooth system max(p_b, 0) = s_b mu_b. Few
 // changes settle thousands of vertices, because the energy couples the boundary vertices weakly. Where the number of
-// wrong vertices has not fallen below its least for ten changes, they change one at a time (the last one, as in Murty's
-// method) until it does: Portugal, Judice, Vicente 1994, "A comparison of block pivoting and interior-point algorithms
-// for linear least squares problems with nonnegative variables". That cannot cycle on a convex problem; this one is
-// convex near its solution only, so the number of changes is limited.
+// wrong vertices has not reached a new minimum for BoundaryTuning::patience changes, vertices change one at a time (the
+// last wrong one, as in Murty's method) until it does: Portugal, Judice, Vicente 1994, "A comparison of block pivoting
+// and interior-point algorithms for linear least squares problems with nonnegative variables". The rule cannot cycle on
+// a convex problem; this problem is convex near its solution only, so the number of changes is limited.
 //
-// Newton's method is run anew for each set, from the x and mu of the last one, and only to a tenth of how wrong the
-// last set was; a set that looks right is solved for to the full tolerance. The first set is empty. Where angles run
-// into 0, the set settles under a strong barrier (objective.h) first, then under weaker ones, then without.
+// Newton's method runs anew for each set, from the x and mu of the last one, and only to a part of how wrong the last
+// set was; a set that looks right is solved for to the full tolerance. The first set is empty. Where angles collapse,
+// the set settles under a strong barrier (objective.h) first, then under weaker ones, then without.
 //
-// A set can ask for the impossible. With positive angles, a polygon whose straight vertices are given exists exactly
-// when at least three vertices are not straight and no inner edge has both of its ends on one straight side (Floater
-// 1997, reference [7]; the first also follows from Gauss-Bonnet). ActiveSet releases vertices until that holds.
+// Not every set has a map. With positive angles, a polygon whose straight vertices are given exists exactly when at
+// least three vertices are not straight and no inner edge has both of its ends on one straight side (Floater 1997,
+// reference [7]; the first condition also follows from Gauss-Bonnet). ActiveSet makes vertices inactive until such a
+// polygon exists.
 #pragma once
 
 #include <cstdint>
@@ -37,7 +38,7 @@
 
 namespace planish {
 
-// The boundary vertices of a disc, in order, and which of them are held straight.
+// The boundary vertices of a disc, in order, and which of them are active.
 class ActiveSet {
  public:
   // None active. `topology` is without boundary rows and must outlive this.
@@ -57,8 +58,8 @@ class ActiveSet {
   std::int32_t CountWrong(const Eigen::VectorXd& pressures, double tolerance) const;
   // The largest |p_b| among the vertices that CountWrong(pressures, 0) counts.
   double Worst(const Eigen::VectorXd& pressures) const;
-  // Moves every wrong vertex to the other side, or only the last one; then releases vertices, those with the least
-  // pressure first, until a polygon exists. Returns the number of vertices that changed.
+  // Moves every wrong vertex to the other side, or only the last one; then makes vertices inactive, those with the
+  // least pressure first, until a polygon exists. Returns the number of vertices that changed.
   std::int32_t Update(const Eigen::VectorXd& pressures, double tolerance, bool only_last);
 
   // The topology with a row for each active vertex, in the order of the boundary.
@@ -86,7 +87,7 @@ class ActiveSet {
   std::vector<Stretch> stretches_;  // short ones first
 };
 
-// FlattenAngles() with h_b <= 0. No type in `options` may be kAuto but hessian.
+// FlattenAngles() with h_b <= 0. Of the types in `options` only `hessian` may be kAuto.
 absl::StatusOr<Flattening> FlattenConvex(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control);
 

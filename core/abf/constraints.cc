@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "core/abf/sine.h"
+#include "core/base/portable_math.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
 
 namespace {
 
-constexpr std::int64_t kFaces = 4096, kRows = 2048;  // of one chunk
+constexpr std::int64_t kConstraintFaces = 4096, kConstraintRows = 2048;  // of one chunk
 
 // The logarithm of a quotient of products of sines.
 class LogQuotient {
@@ -24,13 +25,13 @@ class LogQuotient {
     denominator_ *= factor;
     if (denominator_ < kSmall) Flush();
   }
-  double Value() const { return sum_ + std::log(numerator_ / denominator_); }
+  double Value() const { return sum_ + portable::Log(numerator_ / denominator_); }
 
  private:
   // Products of sines only become smaller; far from underflow they start anew.
   static constexpr double kSmall = 1e-100;
   void Flush() {
-    sum_ += std::log(numerator_) - std::log(denominator_);
+    sum_ += portable::Log(numerator_) - portable::Log(denominator_);
     numerator_ = denominator_ = 1;
   }
   double numerator_ = 1, denominator_ = 1, sum_ = 0;
@@ -65,12 +66,12 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
                                      ThreadTeam& team) {
   ConstraintValues h;
   h.triangle.resize(topology.num_faces());
-  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team.For(topology.num_faces(), kConstraintFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f)
       h.triangle[f] = x[3 * f] + x[3 * f + 1] + x[3 * f + 2] - std::numbers::pi;
   });
   h.pair.resize(2 * topology.num_rows);
-  team.For(topology.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+  team.For(topology.num_rows, kConstraintRows, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v) {
       const bool has_wheel = topology.has_wheel(static_cast<std::int32_t>(v));
       double sum = has_wheel ? -2 * std::numbers::pi : -std::numbers::pi;
@@ -97,7 +98,7 @@ Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::Vec
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     const std::int32_t f = c / 3, k = c % 3;
     if (const std::int32_t v = topology.corner_row[c]; topology.has_wheel(v)) {
-      product[v] *= std::sin(x[3 * f + Next(k)]) / std::sin(x[3 * f + Prev(k)]);
+      product[v] *= portable::Sin(x[3 * f + Next(k)]) / portable::Sin(x[3 * f + Prev(k)]);
     }
   }
   return product.array() - 1;
@@ -106,7 +107,7 @@ Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::Vec
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
                    ThreadTeam& team) {
   y->resize(2 * topology.num_rows);
-  team.For(topology.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+  team.For(topology.num_rows, kConstraintRows, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v) {
       double sum = 0, wheel = 0;
       for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
@@ -123,7 +124,7 @@ void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const E
 
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x, ThreadTeam& team) {
-  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team.For(topology.num_faces(), kConstraintFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
       const std::int32_t* vertex = &topology.corner_row[3 * f];
       double wheel[3];
@@ -148,8 +149,8 @@ SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd&
     for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
       const std::int32_t f = c / 3, k = c % 3;
       if (const std::int32_t v = topology.corner_row[c]; v >= 0) {
-        scale_after[v] *= std::sin(x[3 * f + Next(k)]);
-        scale_before[v] *= std::sin(x[3 * f + Prev(k)]);
+        scale_after[v] *= portable::Sin(x[3 * f + Next(k)]);
+        scale_before[v] *= portable::Sin(x[3 * f + Prev(k)]);
       }
     }
   }

@@ -4,7 +4,7 @@
 // Per interior vertex v:     vertex consistency (eq. 2)    sum of the angles at v, minus 2 pi
 //                            wheel condition (eq. 6)       sum of log sin(beta) - log sin(gamma) over the faces at v
 // Per active boundary vertex b (boundary_control.h):       sum of the angles at b, minus pi
-// with beta the angle after v and gamma the angle before v in each face, counter-clockwise. The product form of the
+// where beta is the angle after v and gamma the angle before v in each face, counter-clockwise. The product form of the
 // wheel condition (eq. 3) is here for comparison.
 //
 // Multipliers and constraint values are ordered: F triangle entries, then one pair (vertex, wheel) per row of the
@@ -12,18 +12,18 @@
 #pragma once
 
 #include "Eigen/Core"
+#include "core/abf/topology.h"
 #include "core/base/thread_team.h"
 #include "core/linalg/saddle_point.h"
-#include "core/mesh/topology.h"
 
 namespace planish {
 
 struct ConstraintValues {
   Eigen::VectorXd triangle;  // F
-  Eigen::VectorXd pair;      // 2 num_rows: 2 v is eq. 2 (or its like at the boundary) and 2 v + 1 is eq. 6 of row v
+  Eigen::VectorXd pair;      // 2 num_rows: entry 2 v is eq. 2 of row v, or the boundary's condition; 2 v + 1 is eq. 6
 };
 
-// Of every angle, all in [0, pi].
+// Sine and cotangent of every angle; angles in [0, pi].
 Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team = Alone());
 Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team = Alone());
 
@@ -35,23 +35,23 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
 // Eq. 3, one value per interior vertex: product of sin(beta) / sin(gamma), minus 1.
 Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::VectorXd& x);
 
-// y = rows of the pairs of B times x. `cot` are the cotangents of the angles that B is taken at. y is overwritten.
+// y = J x, J the pair rows of B at the angles whose cotangents are `cot`. y is overwritten.
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
                    ThreadTeam& team = Alone());
 
-// x += (rows of the pairs of B)^t pair.
+// x += J^t pair.
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x,
                            ThreadTeam& team = Alone());
 
-// The same condition three times. With P_v the product of sin(beta) and Q_v that of sin(gamma) over the faces at v:
+// Three forms of the wheel condition. P_v is the product of sin(beta) and Q_v that of sin(gamma) over the faces at v.
 enum class WheelForm {
   kLogarithm,   // eq. 6: log P_v - log Q_v
   kProduct,     // eq. 3: P_v / Q_v - 1
   kDifference,  // eq. 3 times Q_v: P_v - Q_v, as the original ABF (reference [17] of the paper) has it
 };
 
-// B as a matrix, (F + 2 num_rows) x 3F: for tests and comparisons, the solvers never form it.
+// B as a matrix, (F + 2 num_rows) x 3F. For tests and comparisons; the solvers never form B.
 SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form);
 
 }  // namespace planish

@@ -9,9 +9,6 @@
 namespace planish {
 namespace {
 
-// From this many faces on multigrid beats a Cholesky factorization (measured on the shared discs).
-constexpr std::int32_t kMultigridFaces = 4000;
-
 // kAuto resolved: Uzawa on the reduced system, preconditioned by multigrid, or by a Cholesky factorization where the
 // mesh is small. The full system knows nothing better than Jacobi.
 FlattenOptions Resolve(FlattenOptions options, const Topology& topology) {
@@ -26,7 +23,7 @@ FlattenOptions Resolve(FlattenOptions options, const Topology& topology) {
   if (options.preconditioner == PreconditionerType::kAuto) {
     if (options.system == SystemType::kFull) {
       options.preconditioner = PreconditionerType::kJacobi;
-    } else if (options.solver == SolverType::kDirect || topology.num_faces() < kMultigridFaces) {
+    } else if (options.solver == SolverType::kDirect || topology.num_faces() < options.tuning.step.multigrid_faces) {
       options.preconditioner = PreconditionerType::kCholesky;
     } else {
       options.preconditioner = PreconditionerType::kAmg;

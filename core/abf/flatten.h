@@ -8,9 +8,10 @@
 #include "Eigen/Core"
 #include "absl/status/statusor.h"
 #include "core/abf/target_angles.h"
+#include "core/abf/topology.h"
+#include "core/abf/tuning.h"
 #include "core/base/interrupter.h"
 #include "core/base/thread_team.h"
-#include "core/mesh/topology.h"
 
 namespace planish {
 
@@ -31,29 +32,29 @@ struct FlattenOptions {
   SolverType solver = SolverType::kAuto;
   SystemType system = SystemType::kAuto;
   PreconditionerType preconditioner = PreconditionerType::kAuto;
-  // kConvex: made positive wherever it is not. kExact: as it is, with MINRES, and made positive only where that leads
-  // nowhere. kAuto, for SolverType::kAuto and kMinres: kConvex far from the solution and kExact near it; for the other
-  // solvers the same as kConvex.
+  // kConvex: convexified wherever it is not positive. kExact: as it is, solved by MINRES, and convexified only where
+  // the exact Hessian gives no step. kAuto: convexified far from the solution, exact (solved by MINRES) near it; with
+  // SolverType::kUzawa and kDirect the same as kConvex.
   HessianType hessian = HessianType::kAuto;
   // kConvex: the angles at every boundary vertex add up to at most pi, within the tolerance, so that the outline of the
   // map is a convex polygon (boundary_control.h).
   BoundaryType boundary = BoundaryType::kFree;
-  // Newton stops as converged when the largest violation of every constraint family and the largest scaled entry of
-  // the gradient (Residual) are all at most this, in radians. In (0, 1e-2].
+  // Newton's method has converged when Residual::Max() is at most this. Radians, in (0, 1e-2].
   double tolerance = 1e-9;
-  int max_newton_iterations = 100;  // in [1, 1000], over all active sets
-  // Relative tolerance of every linear solve, in [0, 1e-2]. 0: a forcing term, proportional to the residual of the
-  // Newton step, which is what to use; a fixed one is here for comparison.
+  int max_newton_iterations = 100;  // in [1, 1000], over all active sets of BoundaryType::kConvex
+  // Relative tolerance of every linear solve, in [0, 1e-2]. 0, the normal choice: forcing terms proportional to the
+  // residual (ForcingTuning). A fixed tolerance is for comparisons.
   double linear_tolerance = 0;
+  FlattenTuning tuning = {};  // tests and benches vary it; everyone else keeps the defaults
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID naming the field, or OK.
   absl::Status Validate() const;
 };
 
-// Largest absolute residual of each family, in radians.
+// The largest violation of each kind of constraint, and of the gradient; radians.
 struct Residual {
   double triangle = 0;  // eq. 1
-  double vertex = 0;    // eq. 2, and angle sums of boundary vertices held straight
+  double vertex = 0;    // eq. 2, and the angle sums of active boundary vertices
   double wheel = 0;     // eq. 6
   double gradient = 0;  // of the Lagrangian, entry i divided by the objective's f''(x_i): 2 w_i, more with a barrier
 
@@ -66,20 +67,20 @@ struct FlattenProgress {
   double linear_residual = 0;          // relative, within the present linear solve; 0 between solves
   Residual residual;                   // after newton_iteration steps
   double energy = 0;                   // f(x)
-  double step_length = 0;              // fraction of the last Newton step taken, in (0, 1]
+  double step_length = 0;              // fraction of the last Newton step taken, in (0, 1]; 0: none was taken
 };
 
 struct FlattenControl {
-  const Interrupter* interrupter = nullptr;
-  // Ends the work with the best angles within reach: a linear solve under way is cut short, and Newton's method goes on
-  // for a few short steps at most, until the constraints hold well enough for a map without flips
-  // (FlattenSummary::stopped). Any thread may set it at any time.
+  const Interrupter* cancel = nullptr;
+  // Requests an early end with the best angles within reach: a linear solve under way is cut short, and Newton's method
+  // takes a few more steps at most (StopTuning), until the constraints hold well enough for a map without flips.
+  // FlattenSummary::stopped says whether that happened. Any thread may set it at any time.
   const Interrupter* stop = nullptr;
-  // What is well enough after `stop`: the largest violation of a constraint, radians. Of 15 shared discs and surfaces
-  // by formula, none below 0.05 had a flip in its layout; most are there after two steps.
+  // After a stop is requested: the largest violation of a constraint that is well enough, radians. On 15 discs, no
+  // angles with violations below 0.05 had a flip in their layout; most discs are there after two steps.
   double flat_enough = 2e-2;
   std::function<void(const FlattenProgress&)> on_progress;
-  // For the solver's loops; null: the calling thread is alone. Not to be used by others meanwhile.
+  // Works on the solver's loops, and on nothing else meanwhile. Null: the calling thread works alone.
   ThreadTeam* team = nullptr;
 };
 
@@ -88,29 +89,39 @@ struct BoundaryReport {
   BoundaryType type = BoundaryType::kFree;
   // The rest is for kConvex only.
   std::int32_t vertices = 0;  // boundary vertices
-  std::int32_t active = 0;    // of these, held straight at the end: angles that add up to pi
+  std::int32_t active = 0;    // of these, straight at the end: their angles add up to pi
   int set_changes = 0;        // times that the set of active vertices changed
-  // Whether the set is right (boundary_control.h): no boundary vertex has more than pi, and none is held without need.
+  // Whether the set is right (boundary_control.h): no boundary vertex has more than pi, and none is straight without
+  // need.
   bool settled = true;
 };
 
 struct FlattenSummary {
-  // As used, never kAuto.
+  // The methods used at the end, never kAuto. Sizes decide some of them (StepTuning::multigrid_faces).
   SolverType solver = SolverType::kDirect;
   SystemType system = SystemType::kReduced;
   PreconditionerType preconditioner = PreconditionerType::kNone;
-  bool preconditioner_changed = false;  // multigrid failed on the way and Cholesky took over
+  bool preconditioner_changed = false;  // multigrid failed on the way, and a Cholesky factorization took its place
+  std::string multigrid_failure;        // why multigrid failed; empty if it did not
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
-  bool stopped = false;  // FlattenControl::stop came before the end
+  bool stopped = false;  // FlattenControl::stop ended the solve early
   int newton_iterations = 0;
   std::int64_t linear_iterations = 0;
+  int linear_solves = 0;
+  // Solves that did not converge: they ran into their iteration limit or failed (LinearTermination). Newton's method
+  // uses their steps only where the merit function falls along them. Solves that a stop cut short do not count.
+  int linear_failures = 0;
+  // The reason of the first failure, "Newton step 4: iteration limit after 100 iterations, residual 1.2e-03 of the
+  // right-hand side", or why the exact solves on the vertices of weak faces (linalg/patch_preconditioner.h) were left
+  // out; empty if there was neither.
+  std::string linear_failure;
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps taken with the exact Hessian where it was not positive, by MINRES
   Residual residual;
   BoundaryReport boundary;
-  // 0, or the weight tau of the barrier (objective.h) that was left in because f alone has no minimum with positive
-  // angles on this mesh; residual.gradient is then that of f with the barrier.
+  // The weight tau of the barrier (objective.h) that stayed because f alone has no minimum with positive angles on this
+  // mesh; 0: no barrier. With a barrier, residual.gradient is that of f_tau.
   double barrier = 0;
   double energy = 0;         // f(x) at the end, without barrier
   std::string stop_message;  // one sentence with numbers
@@ -121,9 +132,11 @@ struct Flattening {
   FlattenSummary summary;
 };
 
-// Minimizes f subject to eq. 1, 2 and 6, and the boundary control asked for, by Newton's method on the Lagrangian, from
-// x = a and mu = 0. Deterministic. INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: interrupted. INTERNAL: SOLVER_FAILED,
-// no step could be computed. Running out of iterations is not an error: see FlattenSummary::converged.
+// Minimizes f (eq. 4) subject to eq. 1, 2 and 6 and to the boundary control asked for, by Newton's method on the
+// Lagrangian, from StartingAngles() and mu = 0. Deterministic. INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED:
+// FlattenControl::cancel was set. INTERNAL: SOLVER_FAILED, multigrid failed and a Cholesky factorization may not take
+// its place (StepSolver::Solve); the message says why and what to do. Running out of iterations is not an error: see
+// FlattenSummary::converged.
 absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control);
 

@@ -13,14 +13,14 @@ namespace planish {
 
 namespace {
 
-constexpr std::int64_t kFaces = 4096;  // of one chunk
+constexpr std::int64_t kHessianFaces = 4096;  // of one chunk
 
 }  // namespace
 
 Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                    const Eigen::VectorXd& cot, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd gradient = objective.Gradient(x);
-  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team.For(topology.num_faces(), kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
       for (int k = 0; k < 3; ++k) gradient[3 * f + k] += mu.triangle[f];
     }
@@ -32,7 +32,7 @@ Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& ob
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
                                   const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd hessian(curvature.size());
-  team.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team.For(topology.num_faces(), kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
       double wheel[3];
       for (int k = 0; k < 3; ++k) {
@@ -70,50 +70,46 @@ double SmallestPlaneEigenvalue(const double* a, const double* b) {
 }  // namespace
 
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
-                       ThreadTeam& team) {
+                       ThreadTeam& team, std::vector<std::int32_t>* weak, const ConvexityTuning& tuning) {
+  if (weak != nullptr) weak->clear();
   if (kind == Convexification::kNone) return 0;
+  const std::int64_t n = curvature.size() / 3;
+  std::vector<std::vector<std::int32_t>> weak_parts(
+      static_cast<std::size_t>((n + kHessianFaces - 1) / kHessianFaces));  // of chunks
   const auto convexify_face = [&](std::int64_t f) {
     double* a = &(*hessian)[3 * f];
     const double* b = &curvature[3 * f];
     if (kind == Convexification::kByFace) {
       const double smallest = SmallestPlaneEigenvalue(a, b);
-      if (smallest >= kMinCurvature) return false;
-      const double t = (kMinCurvature - smallest) / (1 - smallest);
+      if (smallest < tuning.weak_curvature) {
+        weak_parts[static_cast<std::size_t>(f / kHessianFaces)].push_back(static_cast<std::int32_t>(f));
+      }
+      if (smallest >= tuning.min_curvature) return false;
+      const double t = (tuning.min_curvature - smallest) / (1 - smallest);
       for (int k = 0; k < 3; ++k) a[k] += t * (b[k] - a[k]);
       return true;
     }
     bool change = false;
     for (int k = 0; k < 3; ++k) {
-      if (a[k] >= kMinCurvature * b[k]) continue;
-      a[k] = kMinCurvature * b[k];
+      if (a[k] >= tuning.min_curvature * b[k]) continue;
+      a[k] = tuning.min_curvature * b[k];
       change = true;
     }
     return change;
   };
-  return static_cast<std::int64_t>(team.Sum(curvature.size() / 3, kFaces, [&](std::int64_t begin, std::int64_t end) {
+  const double changed_faces = team.Sum(n, kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
     double changed = 0;
     for (std::int64_t f = begin; f < end; ++f) changed += convexify_face(f) ? 1 : 0;
     return changed;
-  }));
-}
-
-std::vector<std::int32_t> WeakFaces(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
-                                    ThreadTeam& team) {
-  const Eigen::Index n = curvature.size() / 3;
-  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kFaces - 1) / kFaces));
-  team.For(n, kFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      if (SmallestPlaneEigenvalue(&hessian[3 * f], &curvature[3 * f]) >= kWeakCurvature) continue;
-      parts[static_cast<std::size_t>(begin / kFaces)].push_back(static_cast<std::int32_t>(f));
-    }
   });
-  std::vector<std::int32_t> weak;
-  for (const std::vector<std::int32_t>& part : parts) weak.insert(weak.end(), part.begin(), part.end());
-  return weak;
+  for (const std::vector<std::int32_t>& part : weak_parts) {
+    if (weak != nullptr) weak->insert(weak->end(), part.begin(), part.end());
+  }
+  return static_cast<std::int64_t>(changed_faces);
 }
 
-Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian, ThreadTeam& team) {
-  constexpr double kLeastMagnitude = kMinCurvature / 10;
+Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian, ThreadTeam& team,
+                                const ConvexityTuning& tuning) {
   // diag(a) on the plane in the coordinates (u, v) of (u, v, -u - v).
   const auto on_plane = [](const double* a) {
     Eigen::Matrix2d plane;
@@ -121,16 +117,16 @@ Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::V
     return plane;
   };
   Eigen::VectorXd absolute = hessian;
-  team.For(hessian.size() / 3, kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team.For(hessian.size() / 3, kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
       double* a = &absolute[3 * f];
       const double* b = &curvature[3 * f];
-      if (SmallestPlaneEigenvalue(a, b) >= kMinCurvature) continue;
+      if (SmallestPlaneEigenvalue(a, b) >= tuning.min_curvature) continue;
       const Eigen::Matrix2d root = Eigen::LLT<Eigen::Matrix2d>(on_plane(b)).matrixL();
       const Eigen::Matrix2d inverse = root.inverse();
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
       eigen.computeDirect(inverse * on_plane(a) * inverse.transpose());
-      const Eigen::Vector2d values = eigen.eigenvalues().cwiseAbs().cwiseMax(kLeastMagnitude);
+      const Eigen::Vector2d values = eigen.eigenvalues().cwiseAbs().cwiseMax(tuning.min_magnitude);
       const Eigen::Matrix2d vectors = root * eigen.eigenvectors();
       const Eigen::Matrix2d plane = vectors * values.asDiagonal() * vectors.transpose();
       a[0] = plane(0, 0) - plane(0, 1);

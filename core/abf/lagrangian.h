@@ -1,5 +1,5 @@
-// The Lagrangian L = f(x) + mu^t h(x) (section 6 of the paper; f is any Objective): gradient, Hessian, and the Hessian
-// made positive.
+// The Lagrangian L = f(x) + mu^t h(x) (section 6 of the paper; f is any Objective): gradient, Hessian, and the
+// convexified Hessian.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include "core/abf/constraints.h"
 #include "core/abf/flatten.h"
 #include "core/abf/objective.h"
+#include "core/abf/tuning.h"
 
 namespace planish {
 
@@ -33,33 +34,29 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                   const Multipliers& mu);
 
-// How a Hessian is made positive.
+// How a Hessian is convexified.
 enum class Convexification {
   kNone,
   // Each face's 3x3 block positive definite on the plane of angle changes that sum to zero (all the reduced system
-  // needs): a face whose smallest eigenvalue relative to diag(f'') lies below kMinCurvature moves towards diag(f'')
-  // just as far as brings it there.
+  // needs): a face whose smallest eigenvalue relative to diag(f'') lies below ConvexityTuning::min_curvature moves
+  // towards diag(f'') just as far as brings it there.
   kByFace,
-  // Each entry at least kMinCurvature f''(x_i), which the full system needs.
+  // Each entry at least min_curvature times f''(x_i), which the full system needs.
   kByAngle,
 };
-inline constexpr double kMinCurvature = 0.02;
 
-// The faces whose smallest eigenvalue relative to diag(f'') lies below kWeakCurvature, ascending: in S they are so much
-// stronger than their neighbours that multigrid does not serve them well.
-std::vector<std::int32_t> WeakFaces(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
-                                    ThreadTeam& team = Alone());
-inline constexpr double kWeakCurvature = 0.1;
-
-// Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed.
+// Changes `hessian` in place; `curvature` is the diagonal f''. Returns the number of faces changed; with kByFace,
+// `weak` gets those whose smallest eigenvalue was below ConvexityTuning::weak_curvature, ascending.
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
-                       ThreadTeam& team = Alone());
+                       ThreadTeam& team = Alone(), std::vector<std::int32_t>* weak = nullptr,
+                       const ConvexityTuning& tuning = {});
 
-// The absolute value of the Hessian on the plane, relative to diag(f''): the eigenvalues of faces that kByFace would
-// change turn positive by a change of sign, and those below a tenth of kMinCurvature become that. What an indefinite
-// system is to be preconditioned with: its eigenvalues end up near 1, but for one of each such face.
+// The absolute value of the Hessian on the plane, relative to diag(f''): where kByFace would change a face, negative
+// eigenvalues change their sign, and those below ConvexityTuning::min_magnitude become that. An indefinite system is
+// preconditioned with it (Vecharynski and Knyazev 2013, "Absolute value preconditioning for symmetric indefinite linear
+// systems"): its eigenvalues end up near 1, and near -1 one for each such face.
 Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian,
-                                ThreadTeam& team = Alone());
+                                ThreadTeam& team = Alone(), const ConvexityTuning& tuning = {});
 
 // Largest entries of h and of the gradient divided by `curvature`, the diagonal f'' (Residual in flatten.h).
 Residual MeasureResidual(const Eigen::VectorXd& curvature, const ConstraintValues& h, const Eigen::VectorXd& gradient,

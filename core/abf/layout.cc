@@ -59,7 +59,7 @@ void JoinFaces(const Topology& topology, const Execution& execution, const Edges
   placed[0] = 1;
   queue.push_back(0);
   for (std::size_t head = 0; head < queue.size(); ++head) {
-    if (execution.IsStoppedAt(static_cast<std::int64_t>(head))) return;
+    if (execution.IsCancelledAt(static_cast<std::int64_t>(head))) return;
     for (int k = 0; k < 3; ++k) {
       const std::int32_t c = 3 * queue[head] + k, o = topology.opposite[c];
       if (o < 0 || placed[o / 3]) continue;
@@ -144,21 +144,12 @@ class ShortestFirst {
 // Calls visit(c, w) for each half-edge c between the vertex at `corner` and a neighbour w, once per neighbour.
 template <typename Visit>
 void ForEachNeighbour(const Topology& topology, std::int32_t corner, const Visit& visit) {
-  // Counter-clockwise from v_{k+1}; if that ends at the boundary, clockwise for the rest.
-  for (std::int32_t c = corner;;) {
-    const std::int32_t f = c / 3, k = c % 3, o = topology.opposite[3 * f + Next(k)];
+  ForEachInFan(FlatLinks{topology.opposite}, corner, [&](std::int32_t c) {
+    const std::int32_t f = c / 3, k = c % 3;
     visit(3 * f + Prev(k), topology.faces[f][Next(k)]);
-    if (o < 0) {
-      visit(3 * f + Next(k), topology.faces[f][Prev(k)]);
-      break;
-    }
-    c = 3 * (o / 3) + Next(o % 3);
-    if (c == corner) return;
-  }
-  for (std::int32_t c = corner, o; (o = topology.opposite[3 * (c / 3) + Prev(c % 3)]) >= 0;) {
-    c = 3 * (o / 3) + Prev(o % 3);
-    visit(3 * (c / 3) + Prev(c % 3), topology.faces[c / 3][Next(c % 3)]);
-  }
+    // The last edge counter-clockwise has no other face.
+    if (topology.opposite[3 * f + Next(k)] < 0) visit(3 * f + Next(k), topology.faces[f][Prev(k)]);
+  });
 }
 
 std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const Range& squared,
@@ -178,7 +169,7 @@ std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const R
   place(Origin(topology.faces, shortest), 3 * (shortest / 3) + Next(shortest % 3));
   std::int64_t steps = 0;
   for (std::int32_t c; (c = waiting.Pop()) >= 0;) {
-    if (execution.IsStoppedAt(++steps)) return {};
+    if (execution.IsCancelledAt(++steps)) return {};
     if (const std::int32_t soon = waiting.Foresee(); soon >= 0) {
       __builtin_prefetch(&topology.faces[soon / 3]);
       __builtin_prefetch(&topology.opposite[soon]);
@@ -222,11 +213,11 @@ double LargestGap(const Topology& topology, const Edges& edges, const std::vecto
 
 Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution) {
   const Edges edges = FaceShapes(angles, execution);
-  if (execution.IsStopped()) return {};
+  if (execution.IsCancelled()) return {};
   JoinFaces(topology, execution, edges);
   const Range squared = SquaredLengths(topology, edges, execution);
   Layout layout;
-  if (execution.IsStopped()) return {};
+  if (execution.IsCancelled()) return {};
   layout.positions = SumEdges(topology, edges, squared, execution);
   if (layout.positions.empty()) return {};
   layout.scale_range = std::sqrt(squared.high / squared.low);
@@ -235,7 +226,7 @@ Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Exe
   execution.For(topology.num_vertices, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v) layout.positions[v] *= unit;
   });
-  if (execution.IsStopped()) return {};
+  if (execution.IsCancelled()) return {};
   return layout;
 }
 

@@ -1,30 +1,31 @@
-// Angles to (u, v): propagation of edges, then sums of them (DESIGN.md, section 3.6).
+// Angles to positions in the plane: first every edge as a vector, then sums of edges.
 //
-// Each triangle's edges follow from its neighbour's by one turn and one change of scale, over a spanning tree of the
-// dual graph: errors add up relative to each edge, as they would for logarithms of lengths and for directions.
-// Positions are sums of edges along a spanning tree of the vertices that prefers short edges: the path that closes the
-// loop of any other edge then has no edge much longer than it, so what error the angles have shows relative to that
-// edge, however much the scale varies over the mesh.
+// The edges of a triangle follow from those of a neighbour by one turn and one change of scale, along a spanning tree
+// of the dual graph: the error of an edge stays small relative to its length. Positions are sums of edges along a
+// spanning tree of the vertices that prefers short edges. Any edge outside of that tree closes a loop with edges that
+// are not much longer than itself, so the error of the angles shows up small relative to every edge, however much the
+// scale varies over the mesh.
 #pragma once
 
 #include <vector>
 
 #include "Eigen/Core"
+#include "core/abf/topology.h"
 #include "core/base/execution.h"
-#include "core/mesh/topology.h"
 
 namespace planish {
 
 struct Layout {
-  // Per vertex; its unit is the longest edge. Vertices without a face are at 0.
+  // Per vertex, in units of the longest edge. Vertices without a face are at 0.
   std::vector<Vec2> positions;
-  // Largest distance between the end of an edge and where its own triangle wants it, relative to its length.
+  // Over all edges of all triangles: the largest difference between the edge as laid out and the edge as the angles
+  // have it, relative to its length.
   double largest_gap = 0;
   // Longest over shortest edge.
   double scale_range = 1;
 };
 
-// `angles` are 3F planar angles that meet the constraints. O(F). No positions after an interrupt.
+// `angles` are 3F planar angles that meet the constraints. O(F). After a cancellation `positions` is empty.
 Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution = {});
 
 }  // namespace planish

@@ -4,37 +4,41 @@
 #include "core/abf/constraints.h"
 #include "core/abf/lagrangian.h"
 #include "core/abf/objective.h"
+#include "core/abf/tuning.h"
 
 namespace planish {
 
-// The largest alpha in (0, 1] for which no angle of x + alpha step comes closer to 0 or pi than a twentieth of its
-// present distance.
-double LargestStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone());
+// The fraction to the boundary rule: the largest alpha in (0, 1] for which no angle of x + alpha step goes further than
+// LineSearchTuning::fraction_to_boundary of its way to 0 or pi.
+double LargestStepLength(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone(),
+                         const LineSearchTuning& tuning = {});
 
-// `step`, but no angle of x comes closer to 0 or pi than a tenth of its present distance: those that would are held
-// there by themselves.
-Eigen::VectorXd HeldStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone());
+// `step` with each entry clipped by itself, so that no angle goes further than LineSearchTuning::clipped_fraction of
+// its way to 0 or pi.
+Eigen::VectorXd ClippedStep(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone(),
+                            const LineSearchTuning& tuning = {});
 
-// The exact penalty function  phi(x) = f(x) + sum of nu_j |h_j(x)|  with one penalty per constraint, nu_j >= |mu_j|.
+// The exact penalty function  phi(x) = f(x) + sum of nu_j |h_j(x)|  with one penalty per constraint, nu_j >= |mu_j|
+// (Nocedal and Wright 2006, sections 15.4 and 18.3).
 class MeritFunction {
  public:
   // `objective` and `team` must outlive this.
-  explicit MeritFunction(const Objective& objective, ThreadTeam& team = Alone()) : objective_(objective), team_(team) {}
+  explicit MeritFunction(const Objective& objective, ThreadTeam& team = Alone(), const LineSearchTuning& tuning = {})
+      : objective_(objective), team_(team), tuning_(tuning) {}
 
   // Forgets all penalties.
   void Reset() { nu_ = Multipliers(); }
   // Penalties that make the step a descent direction, from the multipliers mu + step.
   void UpdatePenalties(const Multipliers& mu, const Multipliers& step);
 
-  // What the rows of the pairs contribute for values `pair` of theirs.
+  // The part of phi's penalty terms that belongs to the pairs, where their constraints have the values `pair`.
   double PairPenalty(const Eigen::VectorXd& pair) const;
-  // phi(x), where f without a barrier is `energy`.
+  // phi(x), where the energy without a barrier is `energy`.
   double Value(const Eigen::VectorXd& x, double energy, const ConstraintValues& h) const;
   // Directional derivative along a step that meets the linearized constraints: grad f^t step - sum of nu_j |h_j|.
   struct Derivative {
     double slope;
-    double
-        noise;  // what it may be off by: the step is solved for to a tolerance only, and near the solution terms cancel
+    double noise;  // what the slope may be off by (LineSearchTuning::slope_noise)
   };
   Derivative Slope(const Eigen::VectorXd& x, const ConstraintValues& h, const Eigen::VectorXd& step) const;
 
@@ -43,6 +47,7 @@ class MeritFunction {
 
   const Objective& objective_;
   ThreadTeam& team_;
+  const LineSearchTuning tuning_;
   Multipliers nu_;
 };
 

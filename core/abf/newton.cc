@@ -13,60 +13,24 @@
 namespace planish {
 namespace {
 
-constexpr double kLeastForcingTerm = 1e-10;
-
-// Relative tolerance of a linear solve by its residual (the forcing term of an inexact Newton method), which is all
-// that solves without a good preconditioner have: proportional to the residual of Newton's method, so that this stays
-// quadratic, but no smaller than the last step needs to end below the tolerance.
-double ForcingTerm(double residual, double tolerance) {
-  constexpr double kLargest = 1e-4;  // while Newton has far to go: rough steps cost more steps
-  constexpr double kLargestAtEnd = 1e-2;
-  const double on_the_way = std::min(1e-2 * residual, kLargest);
-  const double last = std::min(0.3 * tolerance / residual, kLargestAtEnd);
-  return std::max({on_the_way, last, kLeastForcingTerm});
+// Relative tolerance of a linear solve by its residual, for solvers without a good preconditioner.
+double ForcingTerm(double residual, double tolerance, const ForcingTuning& tuning) {
+  const double on_the_way = std::min(tuning.of_residual * residual, tuning.max_term);
+  const double last = std::min(tuning.of_tolerance * tolerance / residual, tuning.max_last_term);
+  return std::max({on_the_way, last, tuning.min_term});
 }
 
-// The same by the error and by what is left of each constraint, with a good one. What the solve leaves of the
-// constraints, to first order, is its residual: a part of what they are now, or so little that the step may be the last
-// one. (A gradient is not left: that is recovered exactly.)
-std::vector<RoughTolerance> RoughForcing(const Residual& residual, double tolerance) {
-  constexpr double kLargest = 1e-2, kOfResidual = 0.1, kOfConstraints = 0.1;
-  constexpr double kLargestAtEnd = 0.1, kOfTolerance = 0.3;
+// The forcing terms by the error and by what is left of each constraint, for solvers with a good preconditioner. What
+// the solve leaves of the constraints, to first order, is its residual. (Of the gradient it leaves nothing: x and the
+// multipliers of the triangles are recovered exactly.)
+std::vector<RoughTolerance> RoughForcing(const Residual& residual, double tolerance, const ForcingTuning& tuning) {
   const double constraints = std::max({residual.triangle, residual.vertex, residual.wheel});
-  return {{.energy = std::min(kOfResidual * residual.Max(), kLargest), .residual = kOfConstraints * constraints},
-          {.energy = kLargestAtEnd, .residual = kOfTolerance * tolerance}};
+  return {{.energy = std::min(tuning.error_of_residual * residual.Max(), tuning.max_error),
+           .residual = tuning.constraints_left * constraints},
+          {.energy = tuning.max_last_error, .residual = tuning.tolerance_left * tolerance}};
 }
 
-// The barrier that remains where f has no minimum with positive angles. On the sphere through a 3-edge hole it costs
-// 0.2 % of the energy, and the least angle stays at 0.3 degrees.
-constexpr double kLeastBarrier = 1e-2;
-// Angles so much smaller than their targets are on their way to 0, and so are those that stay a little larger for some
-// steps, unless these lead quickly to a solution. On discs where f has a minimum the smallest ratio on the way there is
-// 0.003, on most of them no less than 0.025.
-constexpr double kCollapsed = 1e-3, kNarrow = 1e-2;
-constexpr int kNarrowStepsAllowed = 2;
-constexpr double kQuickly = 1.0 / 3;  // of the residual before
-// The same, as a part of the smallest ratio with the least barrier, once that is known.
-constexpr double kStillThere = 0.25;
-// Residual to which the stronger barriers on the way there are solved.
-constexpr double kRoughTolerance = 1e-2;
-
-// Relative residual at which MINRES on an indefinite system that has used up its iterations still gives a good step.
-constexpr double kGoodEnough = 1e-3;
-
-// Residual from which on HessianType::kAuto trusts the exact Hessian where it is not positive. Further away it leads
-// astray (22 steps instead of 10 on boot_seam); nearer, the convexified one converges linearly only.
-constexpr double kNearSolution = 3e-2;
-// Down to this residual the convexified one goes on for as long as each step gains a digit with it: its linear solves
-// take half the iterations.
-constexpr double kVeryNearSolution = 1e-3;
-constexpr double kDigit = 0.1;
-
-// After a stop: steps that may be taken to where angles are flat enough, iterations of one linear solve and of all: as
-// many as take a part of a second, whatever the size, but some at least.
-constexpr std::int64_t kLeastHurriedSteps = 4, kHurriedStepFaces = 400'000;
-constexpr std::int64_t kLeastHurriedIterations = 50, kHurriedIterationFaces = 8'000'000;
-constexpr double kHurriedTolerance = 1e-4, kAnyResidual = std::numeric_limits<double>::infinity();
+constexpr double kAnyResidual = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
@@ -100,7 +64,7 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
   control_.on_progress(progress);
 }
 
-void Newton::Stop(const std::string& why) {
+void Newton::DescribeEnd(const std::string& why) {
   const Residual& r = summary_.residual;
   summary_.stop_message = absl::StrFormat(
       "%s after %d Newton steps: triangle %.1e, vertex %.1e, wheel %.1e, gradient %.1e rad, tolerance %.1e", why,
@@ -113,39 +77,50 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   if (options_.linear_tolerance > 0) {
     linear.relative_tolerance = options_.linear_tolerance;
   } else if (exact_steps_) {
-    linear.relative_tolerance = kLeastForcingTerm;
+    linear.relative_tolerance = tuning_.forcing.min_term;
   } else {
-    linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance);
-    linear.rough = RoughForcing(summary_.residual, options_.tolerance);
+    linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance, tuning_.forcing);
+    linear.rough = RoughForcing(summary_.residual, options_.tolerance, tuning_.forcing);
   }
-  linear.interrupter = control_.interrupter;
-  const bool hurried = IsInterrupted(control_.stop);
-  if (hurried) {
-    linear.relative_tolerance = std::max(linear.relative_tolerance, kHurriedTolerance);
-    if (!linear.rough.empty()) linear.rough.push_back({.energy = kHurriedTolerance, .residual = kAnyResidual});
-    linear.max_iterations = MostHurriedIterations();
+  linear.cancel = control_.cancel;
+  const bool stopping = IsInterrupted(control_.stop);
+  if (stopping) {
+    linear.relative_tolerance = std::max(linear.relative_tolerance, tuning_.stop.tolerance);
+    if (!linear.rough.empty()) linear.rough.push_back({.energy = tuning_.stop.tolerance, .residual = kAnyResidual});
+    linear.max_iterations = MostIterationsAfterStop();
   } else {
     linear.stop = control_.stop;
   }
   linear.on_progress = [this](std::int64_t iterations, double residual) { Report(residual, iterations); };
-  const LinearSummary solved = steps_.Solve(gradient, h, linear, step);
+  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, steps_.Solve(gradient, h, linear, step));
+  ++summary_.linear_solves;
   summary_.linear_iterations += solved.iterations;
-  if (hurried) hurried_iterations_ += solved.iterations;
+  if (stopping) iterations_after_stop_ += solved.iterations;
   if (solved.termination == LinearTermination::kInterrupted) {
-    if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+    if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
     cut_short_ = true;
-  } else if (hurried && solved.termination == LinearTermination::kIterationLimit) {
+  } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
     cut_short_ = true;
+  } else if (solved.termination != LinearTermination::kConverged) {
+    ++summary_.linear_failures;
+    NoteLinearFailure(Describe(solved));
   }
   return solved;
 }
 
+void Newton::NoteLinearFailure(const std::string& why) {
+  if (!summary_.linear_failure.empty()) return;
+  summary_.linear_failure = absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", why);
+}
+
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step, double* slope) {
-  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, weak_faces_, control_.interrupter));
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, weak_faces_, control_.cancel));
+  if (!steps_.patch_failure().empty()) NoteLinearFailure(steps_.patch_failure());
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
   if (!step->x.allFinite()) return false;
-  if (indefinite && solved.termination != LinearTermination::kConverged && !(solved.true_residual <= kGoodEnough)) {
+  if (indefinite && solved.termination != LinearTermination::kConverged &&
+      !(solved.true_residual <= tuning_.convexity.usable_residual)) {
     return false;
   }
   merit_.UpdatePenalties(mu_, step->mu);
@@ -161,10 +136,9 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
 }
 
 absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
-  constexpr int kMaxHalvings = 30;
-  constexpr double kSufficientDecrease = 1e-4;
+  const LineSearchTuning& tuning = tuning_.line_search;
   const double before = merit_.Value(at_.x, at_.energy, at_.h);
-  const double rounding = 1e-12 * std::abs(before);  // merit values closer than this cannot be told apart
+  const double rounding = tuning.merit_rounding * std::abs(before);
   // The point alpha along a step, and whether it is low enough.
   Point trial;
   const auto lowers_merit = [&](const Eigen::VectorXd& x, double alpha) {
@@ -172,30 +146,32 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     Assign(team_, at_.x + alpha * x, &moved);
     trial = PointAt(std::move(moved));
     return merit_.Value(trial.x, trial.energy, trial.h) <=
-           before + kSufficientDecrease * alpha * std::min(0.0, slope) + rounding;
+           before + tuning.sufficient_decrease * alpha * std::min(0.0, slope) + rounding;
   };
-  double alpha = LargestStep(at_.x, step.x, team_);
-  bool found = false;
-  if (alpha < 1 && lowers_merit(HeldStep(at_.x, step.x, team_), 1)) {
-    // A few angles on their way to 0 need not hold back all others.
-    found = true;
+  double alpha = LargestStepLength(at_.x, step.x, team_, tuning);
+  // A few angles on their way to 0 need not shorten the step of all others.
+  bool found = alpha < 1 && lowers_merit(ClippedStep(at_.x, step.x, team_, tuning), 1);
+  if (found) {
     alpha = 1;
+  } else {
+    found = lowers_merit(step.x, alpha);
   }
-  found = found || lowers_merit(step.x, alpha);
   if (!found && alpha == 1) {
-    // The curvature of the constraints can make the merit function refuse a good full step (Maratos). A second-order
-    // correction goes back to where the constraints hold: the least step d with B d = -h(x + step).
+    // The curvature of the constraints can make the merit function refuse a good full step (the Maratos effect: Nocedal
+    // and Wright 2006, section 15.5). A second-order correction goes back to where the constraints hold: the least step
+    // d with B d = -h(x + step).
     NewtonStep correction;
     PLANISH_RETURN_IF_ERROR(Solve(Eigen::VectorXd::Zero(step.x.size()), trial.h, &correction).status());
     correction.x += step.x;
-    found = correction.x.allFinite() && LargestStep(at_.x, correction.x, team_) == 1 && lowers_merit(correction.x, 1);
+    found = correction.x.allFinite() && LargestStepLength(at_.x, correction.x, team_, tuning) == 1 &&
+            lowers_merit(correction.x, 1);
   }
-  for (int i = 0; !found && i < kMaxHalvings; ++i) {
+  for (std::int64_t i = 0; !found && i < tuning.max_halvings; ++i) {
     alpha /= 2;
     found = lowers_merit(step.x, alpha);
   }
-  step_length_ = alpha;
   if (!found) return false;
+  step_length_ = alpha;
   bounds_.Follow(at_.x, trial.x, alpha);
   at_ = std::move(trial);
   Assign(team_, mu_.triangle + alpha * step.mu.triangle, &mu_.triangle);
@@ -204,23 +180,25 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
+  step_length_ = 0;  // until a step has been taken
   Eigen::VectorXd convex = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
   Eigen::VectorXd hessian;  // where it is not convex itself
   const double residual = summary_.residual.Max();
   const double before = std::exchange(last_residual_, residual);
-  const bool gains = residual > kVeryNearSolution && residual <= kDigit * before;
-  const bool near = residual <= kNearSolution && !gains;
+  const ConvexityTuning& convexity = tuning_.convexity;
+  const bool gains = residual > convexity.very_near_solution && residual <= convexity.fast_gain * before;
+  const bool near = residual <= convexity.near_solution && !gains;
   const bool try_exact =
       options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
   if (try_exact) hessian = convex;
-  weak_faces_ = WeakFaces(curvature_, convex, team_);
-  const bool changed = Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_) > 0;
+  const bool changed =
+      Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_, &weak_faces_, convexity) > 0;
 
   Eigen::VectorXd absolute;
-  if (changed && try_exact) absolute = AbsoluteHessian(curvature_, hessian, team_);
+  if (changed && try_exact) absolute = AbsoluteHessian(curvature_, hessian, team_, convexity);
   if (!changed) hessian.resize(0);
   curvature_.resize(0);
-  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
   at_.sine.resize(0);
 
   NewtonStep step;
@@ -256,8 +234,8 @@ void Newton::Start() {
 
 void Newton::Forget() {
   bounds_.set_z({});
-  collapsed_ = kCollapsed;
-  narrow_ = kNarrow;
+  collapsed_ = tuning_.barrier.collapsed;
+  narrow_ = tuning_.barrier.narrow;
   merit_.Reset();
   whole_step_ = false;
   last_residual_ = 0;
@@ -265,20 +243,24 @@ void Newton::Forget() {
   exact_steps_ = false;
 }
 
+double Newton::SmallestRatio() const {
+  return Smallest(team_, at_.x.cwiseQuotient(target_.angle));
+}
+
 bool Newton::AnglesCollapse() {
   if (objective_.barrier() != 0) return false;
-  const double ratio = Smallest(team_, at_.x.cwiseQuotient(target_.angle));
+  const double ratio = SmallestRatio();
   if (ratio < collapsed_) return true;
   if (ratio >= narrow_) {
     narrow_steps_ = 0;
-  } else if (summary_.residual.Max() > kQuickly * last_residual_) {
+  } else if (summary_.residual.Max() > tuning_.barrier.fast_decrease * last_residual_) {
     ++narrow_steps_;
   }
-  return narrow_steps_ > kNarrowStepsAllowed;
+  return narrow_steps_ > tuning_.barrier.narrow_steps;
 }
 
-std::int64_t Newton::MostHurriedIterations() const {
-  return std::max(kLeastHurriedIterations, kHurriedIterationFaces / topology_.num_faces());
+std::int64_t Newton::MostIterationsAfterStop() const {
+  return std::max(tuning_.stop.min_iterations, tuning_.stop.iteration_faces / topology_.num_faces());
 }
 
 bool Newton::IsFlat() const {
@@ -290,20 +272,17 @@ bool Newton::IsFlat() const {
 bool Newton::EndsEarly() {
   if (!IsInterrupted(control_.stop)) return false;
   if (IsFlat()) return true;
-  if (hurried_iterations_ >= kLeastHurriedSteps * MostHurriedIterations()) return true;
-  return hurried_steps_++ >= std::max(kLeastHurriedSteps, kHurriedStepFaces / topology_.num_faces());
+  if (iterations_after_stop_ >= tuning_.stop.min_steps * MostIterationsAfterStop()) return true;
+  return steps_after_stop_++ >= std::max(tuning_.stop.min_steps, tuning_.stop.step_faces / topology_.num_faces());
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
-  // Steps that angles near 0 cut this short are going nowhere: a single one without a barrier, a run of them with one.
-  constexpr double kCutStep = 0.3, kShortStep = 0.1;
-  constexpr int kShortStepsAllowed = 2;
-  constexpr double kTinyStep = 1e-3;
+  const BarrierTuning& barrier = tuning_.barrier;
   bool moved = false;
   while (true) {
     Evaluate();
     Report(0, 0);
-    if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+    if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
     if (summary_.residual.Max() <= tolerance) return Ending::kConverged;
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
     if (EndsEarly()) return Ending::kStopped;
@@ -317,27 +296,28 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (cut_short_ && !moved) continue;  // which says nothing about whole solves
     // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
     // ever going down.
-    if (step_length_ < kTinyStep && !exact_steps_) {
+    if (step_length_ < tuning_.line_search.tiny_step && !exact_steps_) {
       exact_steps_ = true;
       continue;
     }
-    if (moved && objective_.barrier() == 0 && step_length_ < kCutStep) return Ending::kStuck;
-    short_steps_ = step_length_ < kShortStep ? short_steps_ + 1 : 0;
-    if (short_steps_ > kShortStepsAllowed) return Ending::kStuck;
+    if (moved && objective_.barrier() == 0 && step_length_ < barrier.cut_step) return Ending::kStuck;
+    short_steps_ = step_length_ < barrier.short_step ? short_steps_ + 1 : 0;
+    if (short_steps_ > barrier.short_steps) return Ending::kStuck;
     if (!moved && std::exchange(exact_steps_, true)) return Ending::kStuck;
   }
 }
 
 absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
+  const BarrierTuning& barrier = tuning_.barrier;
   Forget();
-  objective_.set_barrier(kLeastBarrier);
+  objective_.set_barrier(barrier.weakest);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck) {
-    // Again, with stronger ones before it.
+    // Again, with stronger barriers before the weakest.
     Start();
-    for (const double tau : {1.0, 0.1, kLeastBarrier}) {
+    for (const double tau : BarrierSequence(barrier)) {
       objective_.set_barrier(tau);
-      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > kLeastBarrier ? kRoughTolerance : options_.tolerance));
+      PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > barrier.weakest ? barrier.rough_tolerance : options_.tolerance));
       if (ending == Ending::kStopped) break;
       short_steps_ = 0;
     }
@@ -347,20 +327,20 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   const Point kept = at_;
   const Multipliers kept_mu = mu_;
   objective_.set_barrier(0);
-  collapsed_ = narrow_ = std::min(kNarrow, kStillThere * Smallest(team_, at_.x.cwiseQuotient(target_.angle)));
+  collapsed_ = narrow_ = std::min(barrier.narrow, barrier.collapsed_after * SmallestRatio());
   PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
   if (ending == Ending::kConverged) return ending;
   // f has no minimum with positive angles nearby: the minimum with the barrier stands.
   at_ = kept;
   mu_ = kept_mu;
-  objective_.set_barrier(kLeastBarrier);
+  objective_.set_barrier(barrier.weakest);
   Evaluate();
   return ending == Ending::kStopped ? ending : Ending::kConverged;
 }
 
 absl::StatusOr<FlattenSummary> Newton::Run() {
   Start();
-  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck) {
     PLANISH_ASSIGN_OR_RETURN(ending, GoOnWithABarrier());
@@ -374,7 +354,7 @@ absl::StatusOr<FlattenSummary> Newton::RunFrom(NewtonIterate start) {
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   bounds_.set_z(std::move(start.z));
-  if (IsInterrupted(control_.interrupter)) return absl::CancelledError("cancelled");
+  if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
   PLANISH_ASSIGN_OR_RETURN(const Ending ending, Iterate(options_.tolerance));
   return Finish(ending);
 }
@@ -389,14 +369,15 @@ FlattenSummary Newton::Finish(Ending ending) {
   }
   summary_.preconditioner = steps_.preconditioner();
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
+  summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
-  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && hurried_steps_ > 0);
+  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && steps_after_stop_ > 0);
   std::string why = ending == Ending::kConverged ? "converged"
                     : ending == Ending::kStopped ? "stopped"
                     : ending == Ending::kStuck   ? "no further progress"
                                                  : "iteration limit reached";
   if (summary_.barrier > 0) absl::StrAppend(&why, absl::StrFormat(" with a barrier of %g", summary_.barrier));
-  Stop(why);
+  DescribeEnd(why);
   return summary_;
 }
 

@@ -1,5 +1,5 @@
-// Newton's method on the Lagrangian of one mesh, with everything that makes it converge: convexification, line search,
-// barrier.
+// Newton's method on the Lagrangian of one disc (section 6 of the paper), with what makes it converge from anywhere: a
+// convexified Hessian, a line search, and a barrier where angles collapse.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +14,7 @@
 #include "core/abf/line_search.h"
 #include "core/abf/objective.h"
 #include "core/abf/step_solver.h"
+#include "core/abf/tuning.h"
 
 namespace planish {
 
@@ -21,12 +22,12 @@ namespace planish {
 struct NewtonIterate {
   Eigen::VectorXd x;  // angles
   Multipliers mu;
-  double barrier = 0;      // of the objective
-  Eigen::VectorXd z = {};  // BoundMultipliers, or none yet
+  double barrier = 0;      // tau of the objective
+  Eigen::VectorXd z = {};  // of BoundMultipliers; empty: not begun yet
 };
 
-// x and mu, and what is known at them. All arguments of the constructor must outlive this; no type in `options` may be
-// kAuto but hessian.
+// One run of the method. All arguments of the constructor must outlive this object. Of the types in `options` only
+// `hessian` may be kAuto.
 class Newton {
  public:
   Newton(const Topology& topology, const TargetAngles& target, const FlattenOptions& options,
@@ -34,27 +35,31 @@ class Newton {
       : topology_(topology),
         target_(target),
         team_(control.team != nullptr ? *control.team : Alone()),
-        objective_(target, team_),
-        bounds_(target, objective_, team_),
         options_(options),
+        tuning_(options.tuning.newton),
         control_(control),
-        steps_(topology, options.solver, options.system, options.preconditioner, team_),
-        merit_(objective_, team_) {
+        objective_(target, team_),
+        bounds_(target, objective_, team_, tuning_.barrier),
+        steps_(topology, options.solver, options.system, options.preconditioner, team_, options.tuning),
+        merit_(objective_, team_, tuning_.line_search) {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
-  // From StartingAngles() and mu = 0 to a minimum of f. If angles run into 0 on the way, on or again with a barrier,
-  // which stays where f has no minimum without.
+  // From StartingAngles() and mu = 0 to a minimum of f. When angles collapse on the way, the method goes on with a
+  // barrier, then tries without one from there; the barrier stays where f alone has no minimum with positive angles.
   absl::StatusOr<FlattenSummary> Run();
-  // From `start` to a minimum of f with the barrier of `start`, or to where angles run into 0.
+  // From `start` to a minimum of f with the barrier of `start`, or to where angles collapse.
   absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start);
 
-  // Where Run() ended.
+  // For tests of what failed linear solves lead to.
+  StepSolver& step_solver() { return steps_; }
+
+  // Where Run() or RunFrom() ended.
   const Eigen::VectorXd& x() const { return at_.x; }
   const Multipliers& mu() const { return mu_; }
   const Eigen::VectorXd& z() const { return bounds_.z(); }
-  // Whether that is good enough to stop at: where a whole step led, with constraints that hold
-  // (FlattenControl::flat_enough).
+  // Whether x() is good enough for an early end: a whole step led there, and the constraints hold to
+  // FlattenControl::flat_enough.
   bool IsFlat() const;
 
  private:
@@ -68,45 +73,51 @@ class Newton {
   };
   Point PointAt(Eigen::VectorXd x) const;
 
-  // To StartingAngles() and mu = 0.
+  // Goes to StartingAngles() and mu = 0, and forgets the steps so far.
   void Start();
-  // Of the steps so far, what is not x and mu.
+  // Forgets what earlier steps have left besides x and mu: penalties, bound multipliers, counts.
   void Forget();
-  // Run(), once angles have run into 0.
+  // The rest of Run() once angles have collapsed.
   absl::StatusOr<Ending> GoOnWithABarrier();
-  // What there is to report in the end.
+  // The summary of the run.
   FlattenSummary Finish(Ending ending);
   // Newton steps on the present objective until every residual is at most `tolerance`.
   absl::StatusOr<Ending> Iterate(double tolerance);
-  // Whether control_.stop is set and no more steps are due.
+  // Whether a stop is requested and no further step may be taken (StopTuning).
   bool EndsEarly();
-  // Of one linear solve after that.
-  std::int64_t MostHurriedIterations() const;
-  // Everything else that depends on x and mu.
+  // The iteration limit of one linear solve after a stop is requested.
+  std::int64_t MostIterationsAfterStop() const;
+  // Computes gradient, curvature, cotangents and residual at x and mu.
   void Evaluate();
-  // One step; false if none leads anywhere.
+  // Takes one step; false if no step lowers the merit function.
   absl::StatusOr<bool> TakeStep();
-  // Solves eq. 5 with `hessian`; true if the step leads downhill on the merit function, with its slope.
+  // Solves eq. 5 with `hessian`. True if the merit function falls along `step`; `slope` is its slope there.
   absl::StatusOr<bool> ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                    NewtonStep* step, double* slope);
   // Solves eq. 5 of the present iterate for another right-hand side.
   absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, NewtonStep* step);
-  // Shortens `step` until it lowers the merit function, and goes there; false if it never does. `slope` is the merit
-  // function's along the step.
+  // Shortens `step` until it lowers the merit function, whose slope along the step is `slope`, and moves there. False
+  // if no length lowers it; x and mu stay then.
   absl::StatusOr<bool> SearchLine(const NewtonStep& step, double slope);
-  // Without a barrier: whether some angle is less than `collapsed_` times its target, or has been less than `narrow_`
-  // times for some steps that did not lead nearer to a solution. To be asked once after each step.
+  // The smallest ratio of an angle to its target.
+  double SmallestRatio() const;
+  // Whether angles collapse (BarrierTuning); never with a barrier. Counts steps, so it is called once after each.
   bool AnglesCollapse();
+  // Calls on_progress. The arguments are those of the linear solve under way.
   void Report(double linear_residual, std::int64_t linear_iterations) const;
-  void Stop(const std::string& why);
+  // Writes summary_.stop_message: `why`, and the residuals.
+  void DescribeEnd(const std::string& why);
+  // Sets summary_.linear_failure, unless an earlier failure is there already.
+  void NoteLinearFailure(const std::string& why);
 
   const Topology& topology_;
   const TargetAngles& target_;
   ThreadTeam& team_;
+  const FlattenOptions& options_;
+  const NewtonTuning& tuning_;
+  const FlattenControl& control_;
   Objective objective_;
   BoundMultipliers bounds_;
-  const FlattenOptions& options_;
-  const FlattenControl& control_;
   StepSolver steps_;
 
   Point at_;
@@ -114,16 +125,16 @@ class Newton {
   Eigen::VectorXd curvature_, cot_, gradient_;  // curvature_: empty once a step has been computed from it
   std::vector<std::int32_t> weak_faces_;        // of the present step
   MeritFunction merit_;
-  double collapsed_ = 0, narrow_ = 0;  // see AnglesCollapse()
+  double collapsed_ = 0, narrow_ = 0;  // ratios: BarrierTuning
   int narrow_steps_ = 0;               // in a row
   double last_residual_ = 0;           // before the last step; 0 before the first
-  double step_length_ = 0;
-  int short_steps_ = 0;       // in a row
-  bool exact_steps_ = false;  // no forcing terms any more
-  bool whole_step_ = false;   // the last step was taken at full length, from a linear solve that converged
-  bool cut_short_ = false;    // control_.stop ended a linear solve of the present step
-  std::int64_t hurried_steps_ = 0, hurried_iterations_ = 0;  // after control_.stop
-  bool indefinite_pays_ = true;  // HessianType::kAuto: no step with the exact Hessian has failed yet
+  double step_length_ = 0;             // of the last TakeStep(); 0: it took none
+  int short_steps_ = 0;                // in a row
+  bool exact_steps_ = false;           // all linear solves have the least forcing term
+  bool whole_step_ = false;            // the last step had full length and no stop cut its linear solve short
+  bool cut_short_ = false;             // control_.stop ended a linear solve of the present step
+  std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;  // after control_.stop
+  bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
   FlattenSummary summary_;
 };
 

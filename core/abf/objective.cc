@@ -1,8 +1,16 @@
 #include "core/abf/objective.h"
 
+#include "core/base/portable_math.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
+
+std::vector<double> BarrierSequence(const BarrierTuning& tuning) {
+  std::vector<double> sequence;
+  for (double tau = tuning.strongest; tau > tuning.weakest; tau /= tuning.reduction) sequence.push_back(tau);
+  sequence.push_back(tuning.weakest);
+  return sequence;
+}
 
 double Objective::Energy(const Eigen::VectorXd& x) const {
   return Sum(team_, target_.weight.cwiseProduct((x - target_.angle).cwiseAbs2()));
@@ -12,7 +20,7 @@ double Objective::Value(const Eigen::VectorXd& x, double energy) const {
   if (barrier_ == 0) return energy;
   return energy + barrier_ * Sum(team_, x.binaryExpr(target_.angle, [](double angle, double target) {
                     const double ratio = angle / target;
-                    return ratio - 1 - std::log(ratio);
+                    return ratio - 1 - portable::Log(ratio);
                   }));
 }
 

@@ -1,16 +1,22 @@
-// What Newton's method minimizes: f of eq. 4, and on the way to it f with a barrier that keeps angles from collapsing.
+// The objective of Newton's method: f of eq. 4, or f with a barrier that keeps angles from collapsing.
 #pragma once
+
+#include <vector>
 
 #include "Eigen/Core"
 #include "core/abf/target_angles.h"
+#include "core/abf/tuning.h"
 #include "core/base/thread_team.h"
 
 namespace planish {
 
+// The barriers to solve with, one after the other: from the strongest to the weakest.
+std::vector<double> BarrierSequence(const BarrierTuning& tuning);
+
 // f_tau(x) = f(x) + tau * sum of (x_i / a_i - 1 - log(x_i / a_i)).
 //
-// The barrier is least at x = a, as f is, grows without bound towards x_i = 0, and keeps the Hessian diagonal. Angles
-// cannot reach pi before another one of their face reaches 0. With tau = 0 it is f.
+// The barrier has its minimum at x = a, as f has, grows without bound towards x_i = 0, and keeps the Hessian diagonal.
+// No barrier at pi is needed: no angle reaches pi before another one of its face reaches 0. f_0 is f.
 class Objective {
  public:
   // `target` and `team` must outlive this.
@@ -22,7 +28,7 @@ class Objective {
   // f(x) = sum of w_i (x_i - a_i)^2, the ABF energy of eq. 4, without the barrier.
   double Energy(const Eigen::VectorXd& x) const;
   double Value(const Eigen::VectorXd& x) const { return Value(x, Energy(x)); }
-  // The same where Energy(x) is known.
+  // f_tau(x), where `energy` is Energy(x).
   double Value(const Eigen::VectorXd& x, double energy) const;
   Eigen::VectorXd Gradient(const Eigen::VectorXd& x) const;
   // gradient^t step, and the sum of the magnitudes of its terms.

@@ -3,7 +3,7 @@
 
 namespace planish {
 
-// e(a) = a0 a1 + a1 a2 + a2 a0: the determinant of diag(a) on the plane, up to a factor that is the same for every a.
+// e(a) = a0 a1 + a1 a2 + a2 a0: the determinant of diag(a) on the plane, up to a factor that does not depend on a.
 inline double PlaneDeterminant(const double* a) {
   return a[0] * a[1] + a[1] * a[2] + a[2] * a[0];
 }

@@ -8,7 +8,7 @@
 namespace planish {
 namespace {
 
-constexpr std::int64_t kFaces = 4096, kRows = 1024;  // of one chunk
+constexpr std::int64_t kAssemblyFaces = 4096, kAssemblyRows = 1024;  // of one chunk
 
 // Where u is among `length` ascending columns. Rows are short: counting, which no branch depends on, takes a third of
 // the time of a search.
@@ -25,7 +25,7 @@ std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
                              ThreadTeam& team)
     : topology_(topology), team_(team), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
-  team_.For(topology.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team_.For(topology.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]);
   });
 }
@@ -41,7 +41,7 @@ void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::Vecto
 
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
-  team_.For(topology_.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t face = begin; face < end; ++face) {
       const double *a = &hessian_[3 * face], *in = &f[3 * face];
       double* out = &(*x)[3 * face];
@@ -90,7 +90,7 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
                             Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const {
   x->resize(num_unknowns());
   if (lambda1 != nullptr) lambda1->resize(topology_.num_faces());
-  team_.For(topology_.num_faces(), kFaces, [&](std::int64_t begin, std::int64_t end) {
+  team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
       const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
       const std::int32_t* row = &topology_.corner_row[3 * f];
@@ -132,6 +132,18 @@ Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
   return j * p * j.transpose();
 }
 
+std::vector<std::int32_t> RowsOfFaces(const Topology& topology, const std::vector<std::int32_t>& faces) {
+  std::vector<std::int32_t> rows;
+  for (const std::int32_t f : faces) {
+    for (int k = 0; k < 3; ++k) {
+      if (const std::int32_t v = topology.corner_row[3 * f + k]; v >= 0) rows.push_back(v);
+    }
+  }
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  return rows;
+}
+
 template <typename Scalar>
 ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topology_(topology), team_(team) {
   const std::int32_t n = topology.num_rows;
@@ -148,11 +160,11 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
     columns->erase(std::unique(columns->begin(), columns->end()), columns->end());
   };
   // Chunk by chunk, then one after the other.
-  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kRows - 1) / kRows));
+  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kAssemblyRows - 1) / kAssemblyRows));
   matrix_.row_begin.assign(n + 1, 0);
   diagonal_.resize(n);
-  team_.For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
-    std::vector<std::int32_t>& part = parts[static_cast<std::size_t>(begin / kRows)];
+  team_.For(n, kAssemblyRows, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<std::int32_t>& part = parts[static_cast<std::size_t>(begin / kAssemblyRows)];
     std::vector<std::int32_t> columns;
     for (std::int64_t v = begin; v < end; ++v) {
       find_columns(v, &columns);
@@ -177,7 +189,7 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
 template <typename Scalar>
 const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
                                                            const std::function<void()>& beside) {
-  team_.ForBeside(beside, topology_.num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
+  team_.ForBeside(beside, topology_.num_rows, kAssemblyRows, [&](std::int64_t begin, std::int64_t end) {
     std::vector<double> row;
     for (std::int64_t v = begin; v < end; ++v) {
       const std::int32_t row_begin = matrix_.row_begin[v], length = matrix_.row_begin[v + 1] - row_begin;

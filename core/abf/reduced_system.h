@@ -1,4 +1,4 @@
-// The reduced system S: the full system with the triangle consistency eliminated too (DESIGN.md, section 3.2).
+// The reduced system S: the full system with the multipliers of triangle consistency eliminated too.
 //
 // With J the pair rows of B, D = A^-1 on the three angles of a face and s their sum, P = D - D 1 1^t D / s is the
 // inverse of A on the plane of angle changes that sum to zero, and
@@ -6,7 +6,7 @@
 //   S = J P J^t,   S lambda_2 = J P f - (g_2 - J x_p),   x = x_p + P (f - J^t lambda_2)
 //
 // where x_p = D 1 g_1 / s meets the triangle rows. To the solvers this is a saddle-point system with J for B and P for
-// A^-1, so that MINRES and Uzawa run on it unchanged; every x they see keeps the sum of each face.
+// A^-1, so MINRES and Uzawa run on S unchanged, and every x they see keeps the angle sum of each face.
 //
 // P is computed from A without dividing by its entries, which may be zero or negative as long as A is positive
 // definite on the plane: with e = a0 a1 + a1 a2 + a2 a0, P_00 = (a1 + a2) / e and P_01 = -a2 / e.
@@ -31,7 +31,7 @@ class ReducedSystem final : public SaddlePointOperator {
   ReducedSystem(const Topology&, Eigen::VectorXd&&, const Eigen::VectorXd&, ThreadTeam& = Alone()) = delete;
   ReducedSystem(const Topology&, const Eigen::VectorXd&, Eigen::VectorXd&&, ThreadTeam& = Alone()) = delete;
 
-  // From now on ApplySchur takes `matrix` for S; it must be the S of this, rounded or not, and outlive it.
+  // From now on ApplySchur multiplies by `matrix`: S of this system, exact or rounded to float. It must outlive this.
   void set_matrix(const BlockMatrix<double>* matrix) {
     matrix_ = matrix;
     rounded_ = nullptr;
@@ -52,7 +52,7 @@ class ReducedSystem final : public SaddlePointOperator {
   Eigen::VectorXd SchurDiagonal() const override;
   ThreadTeam& team() const override { return team_; }
 
-  // The rest of the step from lambda_2, with f = -gradient and g_1 = -h_1: x as above, and lambda_1 if it is asked for.
+  // The rest of the step from lambda_2, with f = -gradient and g_1 = -h_1: x as above, and lambda_1 unless null.
   void Recover(const Eigen::VectorXd& gradient, const Eigen::VectorXd& h1, const Eigen::VectorXd& lambda2,
                Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const;
 
@@ -68,16 +68,18 @@ class ReducedSystem final : public SaddlePointOperator {
   const BlockMatrix<float>* rounded_ = nullptr;
 };
 
-// S as a matrix of double, or rounded to float: that halves the memory that a product with it goes through, most of
-// what it costs. The pattern, one 2x2 block per pair of rows whose vertices share a face, is made once; Assemble only
-// changes values.
+// The rows of the vertices of `faces`, ascending.
+std::vector<std::int32_t> RowsOfFaces(const Topology& topology, const std::vector<std::int32_t>& faces);
+
+// S as a matrix of double or of float. Float halves the memory that a product reads, which is most of its cost. The
+// pattern, one 2x2 block per pair of rows whose vertices share a face, is made once; Assemble() only changes values.
 template <typename Scalar = double>
 class ReducedMatrix {
  public:
   // `topology` and `team` must outlive this.
   explicit ReducedMatrix(const Topology& topology, ThreadTeam& team = Alone());
-  // S for the diagonal A and the cotangents that J is taken at. Work of one thread that has nothing to do with it can
-  // be done beside.
+  // S for the diagonal A and the cotangents at which J is taken. One thread calls `beside`, work that does not touch
+  // this matrix, while the others assemble.
   const BlockMatrix<Scalar>& Assemble(
       const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot, const std::function<void()>& beside = [] {});
 

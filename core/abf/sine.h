@@ -1,5 +1,5 @@
-// Sine and cosine of angles of triangles. Made of additions and products alone, so that loops over them turn into
-// vector code and every machine gives the same bits, which the C library's do not promise.
+// Sine and cosine of the angles of triangles, from additions and products alone: loops become vector code, and every
+// machine gives the same bits, which the C library does not promise.
 #pragma once
 
 #include <cmath>
@@ -11,7 +11,7 @@ struct SineCosine {
   double sine, cosine;
 };
 
-// The polynomial in u with these coefficients, that of the highest power first.
+// A polynomial in u by Horner's rule, the coefficient of the highest power first.
 template <typename... Rest>
 double Horner(double u, double sum, Rest... rest) {
   ((sum = sum * u + rest), ...);
@@ -20,7 +20,7 @@ double Horner(double u, double sum, Rest... rest) {
 
 // For angles in [0, pi]. The sine to 4 units in its last place, near pi too; the cosine to 4e-16.
 inline SineCosine SineAndCosine(double angle) {
-  constexpr double kPiLow = 1.2246467991473532e-16;  // what std::numbers::pi lacks
+  constexpr double kPiLow = 1.2246467991473532e-16;  // pi minus std::numbers::pi
   const double supplement = (std::numbers::pi - angle) + kPiLow;
   // Taylor series at half of the acute angle, at most pi / 4, with terms to beyond double's precision.
   const double t = 0.5 * (angle < supplement ? angle : supplement);

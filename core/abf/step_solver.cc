@@ -5,30 +5,16 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "core/abf/unfolding.h"
+#include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/linalg/patch_preconditioner.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
 namespace {
-
-// A preconditioner is kept as long as the last solve with it took at most this many iterations more than the first:
-// about what a new factorization, or new numbers for the multigrid, cost.
-constexpr std::int64_t kWornOutFactorization = 10;
-constexpr std::int64_t kWornOutMultigrid = 5;
-// A factorization that serves an indefinite system or a barrier can be far worse, and is given up in the middle of a
-// solve after this many iterations more.
-constexpr std::int64_t kUselessFactorization = 20;
-
-constexpr std::int64_t kMaxMultigridIterations = 300;
-// Weak faces are few, or the convexified Hessian is no better than a guess.
-constexpr std::int64_t kLeastRowsPerWeakRow = 16;
-
-// MINRES on an indefinite system gives up after this many iterations, or this many times those of the last positive
-// one.
-constexpr std::int64_t kMaxIndefiniteIterations = 100;
-constexpr std::int64_t kIndefiniteFactor = 5;
 
 std::unique_ptr<LinearSolver> MakeSolver(SolverType type) {
   switch (type) {
@@ -44,13 +30,15 @@ std::unique_ptr<LinearSolver> MakeSolver(SolverType type) {
 }  // namespace
 
 StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType system,
-                       PreconditionerType preconditioner, ThreadTeam& team)
+                       PreconditionerType preconditioner, ThreadTeam& team, const FlattenTuning& tuning)
     : topology_(topology),
       team_(team),
+      tuning_(tuning),
       solver_type_(solver),
       system_type_(system),
       preconditioner_type_(preconditioner),
-      solver_(MakeSolver(solver)) {}
+      solver_(MakeSolver(solver)),
+      multigrid_(std::make_unique<Multigrid>(tuning.multigrid)) {}
 
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
                                  const Eigen::VectorXd& cot, bool indefinite, std::vector<std::int32_t> weak_faces,
@@ -82,27 +70,44 @@ absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
   if (preconditioner_type_ == PreconditionerType::kAmg) {
     const absl::Status status = PrepareMultigrid(interrupter);
     if (status.ok() || absl::IsCancelled(status)) return status;
-    TurnToCholesky();
+    PLANISH_RETURN_IF_ERROR(TurnToCholesky(std::string(status.message())));
   }
   return PrepareExact();
 }
 
-bool StepSolver::IsWornOut(std::int64_t tolerated) const {
-  return uses_ < 0 || (uses_ > 0 && last_iterations_ > first_iterations_ + tolerated);
+bool StepSolver::IsWornOut(std::int64_t tolerated_iterations) const {
+  return uses_ < 0 || (uses_ > 0 && last_iterations_ > first_iterations_ + tolerated_iterations);
 }
 
-void StepSolver::TurnToCholesky() {
+absl::Status StepSolver::TurnToCholesky(const std::string& why) {
+  multigrid_failure_ = why;
+  if (topology_.num_faces() > kMostFallbackFaces) {
+    return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
+                     absl::StrFormat("%s; a Cholesky factorization in its place is for charts of at most %d triangles, "
+                                     "this one has %d: cut the mesh into charts (--seams=auto), or ask for the "
+                                     "factorization and its memory (--preconditioner=cholesky)",
+                                     why, kMostFallbackFaces, topology_.num_faces()));
+  }
   preconditioner_type_ = PreconditionerType::kCholesky;
   uses_ = -1;
   rounded_matrix_.reset();
+  multigrid_ = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
+  factorization_.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
+  return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareExact() {
   if (!matrix_) matrix_ = std::make_unique<ReducedMatrix<double>>(topology_, team_);
   const BlockMatrix<double>& s = matrix_->Assemble(*convex_, *cot_);
   if (preconditioner_type_ == PreconditionerType::kCholesky) {
-    if (IsWornOut(kWornOutFactorization) || solver_type_ == SolverType::kDirect) {
-      PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(s), /*block_size=*/2));
+    if (IsWornOut(tuning_.step.worn_out_factorization) || solver_type_ == SolverType::kDirect) {
+      const absl::Status factorized = factorization_.Factorize(s);
+      if (absl::IsResourceExhausted(factorized)) {
+        return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
+                         absl::StrCat(multigrid_failure_, multigrid_failure_.empty() ? "" : "; ", factorized.message(),
+                                      ": cut the mesh into charts (--seams=auto)"));
+      }
+      PLANISH_RETURN_IF_ERROR(factorized);
       uses_ = 0;
     }
     preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
@@ -117,23 +122,25 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   // The first numbers stand on an unfolding with angles that do not close up.
   const bool first = uses_ < 0;
-  const bool renew = first || !multigrid_closed_ || indefinite_ || IsWornOut(kWornOutMultigrid);
+  const bool renew = first || !multigrid_closed_ || indefinite_ || IsWornOut(tuning_.step.worn_out_multigrid);
   std::vector<std::complex<double>> z;
   const BlockMatrix<float>& s = rounded_matrix_->Assemble(*convex_, *cot_, [&] {
     if (renew) z = UnfoldRows(topology_, *cot_);
   });
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   if (renew) {
-    PLANISH_RETURN_IF_ERROR(first ? multigrid_.Build(s, z, topology_.num_interior, team_, interrupter)
-                                  : multigrid_.Refresh(s, z, interrupter));
+    PLANISH_RETURN_IF_ERROR(first ? multigrid_->Build(s, z, topology_.num_interior, team_, interrupter)
+                                  : multigrid_->Refresh(s, z, interrupter));
     multigrid_closed_ = !first;
     uses_ = 0;
   }
-  preconditioner_ = std::make_unique<MultigridPreconditioner>(&multigrid_);
+  preconditioner_ = std::make_unique<MultigridPreconditioner>(multigrid_.get());
   if (std::vector<std::int32_t> rows = WeakRows(); !rows.empty()) {
     auto patched = std::make_unique<PatchPreconditioner>(std::move(preconditioner_));
-    // Where these rows have no factor in double precision multigrid is as good as there is.
-    patched->SetPatch(s, std::move(rows)).IgnoreError();
+    const std::int64_t max_bytes = std::max(kLeastPatchBytes, kPatchBytesPerFace * topology_.num_faces());
+    if (const absl::Status set = patched->SetPatch(s, std::move(rows), max_bytes); !set.ok()) {
+      patch_failure_ = std::string(set.message());  // multigrid alone is as good as there is
+    }
     preconditioner_ = std::move(patched);
   }
   if (hessian_ != convex_) rounded_matrix_->Assemble(*hessian_, *cot_);
@@ -142,61 +149,64 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
 }
 
 std::vector<std::int32_t> StepSolver::WeakRows() const {
-  std::vector<std::int32_t> rows;
-  for (const std::int32_t f : weak_faces_) {
-    for (int k = 0; k < 3; ++k) {
-      if (const std::int32_t v = topology_.corner_row[3 * f + k]; v >= 0) rows.push_back(v);
-    }
-  }
-  std::sort(rows.begin(), rows.end());
-  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
-  if (static_cast<std::int64_t>(rows.size()) * kLeastRowsPerWeakRow > topology_.num_rows) return {};
+  std::vector<std::int32_t> rows = RowsOfFaces(topology_, weak_faces_);
+  if (static_cast<std::int64_t>(rows.size()) * tuning_.step.rows_per_weak_row > topology_.num_rows) return {};
   return rows;
 }
 
-LinearSummary StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
-                                const LinearSolveOptions& options, NewtonStep* step) {
+absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
+                                                const LinearSolveOptions& options, NewtonStep* step) {
+  const StepTuning& tuning = tuning_.step;
   LinearSolveOptions watched = options;
+  watched.tuning = tuning_.linear;
   if (preconditioner_type_ != PreconditionerType::kAmg && preconditioner_type_ != PreconditionerType::kCholesky) {
     watched.rough.clear();
   }
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
   const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !indefinite_;
   if (indefinite_ && limit_indefinite_) {
-    watched.max_iterations = std::max(kMaxIndefiniteIterations, kIndefiniteFactor * last_iterations_);
+    watched.max_iterations = std::max(tuning.max_indefinite_iterations, tuning.indefinite_factor * last_iterations_);
   }
-  if (multigrid) watched.max_iterations = std::min(options.max_iterations, kMaxMultigridIterations);
+  if (multigrid) {
+    const bool may_fall_back = topology_.num_faces() <= kMostFallbackFaces;
+    watched.max_iterations = std::min(options.max_iterations, may_fall_back ? tuning.max_multigrid_iterations
+                                                                            : tuning.max_iterations_without_fallback);
+  }
   const std::int64_t most = watched.max_iterations;
   if (preconditioner_type_ == PreconditionerType::kCholesky && solver_type_ != SolverType::kDirect && uses_ > 0) {
-    watched.max_iterations = std::min(most, first_iterations_ + kUselessFactorization);
+    watched.max_iterations = std::min(most, first_iterations_ + tuning.useless_factorization);
   }
   LinearSummary summary = SolveOnce(gradient, h, watched, step);
+  const auto solve_again = [&](const LinearSolveOptions& with) {
+    const std::int64_t wasted = summary.iterations;
+    summary = SolveOnce(gradient, h, with, step);
+    summary.iterations += wasted;
+  };
   if (summary.termination == LinearTermination::kIterationLimit && summary.iterations < most) {
     last_iterations_ = summary.iterations;
-    if (PrepareReduced(options.interrupter).ok()) {
-      const std::int64_t wasted = summary.iterations;
+    const absl::Status prepared = PrepareReduced(options.cancel);
+    if (!prepared.ok() && !absl::IsFailedPrecondition(prepared)) return prepared;
+    if (prepared.ok()) {
       watched.max_iterations = most;
-      summary = SolveOnce(gradient, h, watched, step);
-      summary.iterations += wasted;
+      solve_again(watched);
     }
   }
   const bool failed = summary.termination != LinearTermination::kConverged &&
                       summary.termination != LinearTermination::kInterrupted &&
                       summary.iterations < options.max_iterations;
   if (multigrid && failed) {
-    TurnToCholesky();
-    if (PrepareExact().ok()) {
-      const std::int64_t wasted = summary.iterations;
-      summary = SolveOnce(gradient, h, options, step);
-      summary.iterations += wasted;
-    }
+    PLANISH_RETURN_IF_ERROR(TurnToCholesky(absl::StrCat("multigrid: ", Describe(summary))));
+    const absl::Status prepared = PrepareExact();
+    if (!prepared.ok() && !absl::IsFailedPrecondition(prepared)) return prepared;
+    watched.max_iterations = options.max_iterations;
+    if (prepared.ok()) solve_again(watched);  // if not, S is singular in double precision: what multigrid found stands
   }
   return summary;
 }
 
 LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                     const LinearSolveOptions& options, NewtonStep* step) {
-  const LinearSolver& solver = indefinite_ ? *minres_ : *solver_;
+  const LinearSolver& solver = indefinite_ && minres_ != nullptr ? *minres_ : *solver_;
   LinearSummary summary;
   if (system_type_ == SystemType::kFull) {
     SaddlePointSolution solution;

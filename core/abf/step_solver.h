@@ -1,8 +1,10 @@
-// Solves eq. 5, the linear system of a Newton step, by the chosen solver, system and preconditioner.
+// Eq. 5, the linear system of a Newton step, solved by the chosen solver, system and preconditioner.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -11,6 +13,7 @@
 #include "core/abf/full_system.h"
 #include "core/abf/lagrangian.h"
 #include "core/abf/reduced_system.h"
+#include "core/abf/tuning.h"
 #include "core/linalg/linear_solver.h"
 #include "core/linalg/multigrid.h"
 
@@ -21,79 +24,98 @@ struct NewtonStep {
   Multipliers mu;     // delta mu
 };
 
-// One Flatten() call's linear algebra. What depends on the connectivity alone (pattern, ordering, symbolic
-// factorization) is made once.
+// The linear algebra of one run of Newton's method. What depends on the connectivity alone (pattern, ordering, symbolic
+// factorization, aggregates) is made once.
 class StepSolver {
  public:
   // None of the types may be kAuto; the combination must be valid (FlattenOptions::Validate).
   StepSolver(const Topology& topology, SolverType solver, SystemType system, PreconditionerType preconditioner,
-             ThreadTeam& team = Alone());
+             ThreadTeam& team = Alone(), const FlattenTuning& tuning = {});
 
-  // Takes up the Hessian and the cotangents of a new iterate. `convex` is the Hessian that preconditioners are made
-  // from, positive in the sense of RequiredConvexification(); it may be `hessian` itself. If `indefinite`, `hessian` is
-  // not positive and MINRES solves, whatever the solver is otherwise. All three vectors must last as long as Solve() is
-  // called. `weak_faces` are those where multigrid needs help (WeakFaces). CANCELLED: interrupted.
+  // Sets up the system of a new iterate. Preconditioners are made from `convex`, a Hessian that is positive in the
+  // sense of RequiredConvexification(); `convex` may be `hessian` itself. If `indefinite`, `hessian` is not positive
+  // and MINRES solves, whatever the solver is otherwise. The three vectors must outlive all calls of Solve() for this
+  // iterate. `weak_faces` are those of Convexify(); multigrid needs help there. CANCELLED: interrupted. INTERNAL,
+  // SOLVER_FAILED: as in Solve(). FAILED_PRECONDITION: the system is singular in double precision.
   absl::Status Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, const Eigen::VectorXd& cot,
                        bool indefinite = false, std::vector<std::int32_t> weak_faces = {},
                        const Interrupter* interrupter = nullptr);
 
-  // Whether MINRES on an indefinite system must stay within a few times the iterations of a positive one.
+  // Whether MINRES on an indefinite system gives up early (StepTuning::max_indefinite_iterations). Default: yes.
   void set_limit_indefinite(bool limit) { limit_indefinite_ = limit; }
 
   // Eq. 5 for the gradient and constraint values of the iterate:
   //   A dx + B^t dmu = -gradient,  B dx = -h.
-  // Preconditioners are watched. One that was made for an earlier Hessian is made anew after a solve that took some
-  // iterations more than the first one with it, a factorization in the middle of the solve if it takes many more. If
-  // multigrid cannot be built or the solver does not converge with it within kMaxMultigridIterations, this solve and
-  // all later ones use Cholesky.
-  LinearSummary Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
-                      NewtonStep* step);
+  // A preconditioner made for an earlier Hessian is made anew after a solve that took too many iterations more than the
+  // first one with it; a factorization is also made anew in the middle of a solve (StepTuning). Where multigrid cannot
+  // be built, or the solver does not converge with it within StepTuning::max_multigrid_iterations, this solve and all
+  // later ones use a Cholesky factorization, and preconditioner() says so. Charts of more than kMostFallbackFaces have
+  // StepTuning::max_iterations_without_fallback instead, and no factorization. INTERNAL, SOLVER_FAILED: multigrid
+  // failed, and the factorization failed too or is not allowed; the message has the reasons and what the caller can do.
+  absl::StatusOr<LinearSummary> Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
+                                      const LinearSolveOptions& options, NewtonStep* step);
 
-  // The preconditioner in use: as asked for, or kCholesky once multigrid has failed (see Solve).
+  // The preconditioner in use: the one asked for, or kCholesky once multigrid has failed.
   PreconditionerType preconditioner() const { return preconditioner_type_; }
+  // Why multigrid failed; empty if it has not.
+  const std::string& multigrid_failure() const { return multigrid_failure_; }
+  // Why some Prepare() could not factorize the rows of weak faces, the latest reason; empty if none failed. Solves go
+  // on with multigrid alone then.
+  const std::string& patch_failure() const { return patch_failure_; }
 
-  // What the system needs of a convexified Hessian.
+  // For tests of failed solves: `solver` takes the place of all others, MINRES for indefinite systems included.
+  void set_solver(std::unique_ptr<LinearSolver> solver) {
+    solver_ = std::move(solver);
+    minres_.reset();
+  }
+
+  // How a Hessian must be convexified for the system.
   Convexification RequiredConvexification() const {
     return system_type_ == SystemType::kFull ? Convexification::kByAngle : Convexification::kByFace;
   }
 
  private:
-  // Whether the preconditioner is to be made anew, or for the first time.
-  bool IsWornOut(std::int64_t tolerated) const;
-  // What is to be made of the matrix of the reduced system.
+  // Whether the preconditioner must be made, for the first time or because the last solve with it took more than
+  // `tolerated_iterations` more than the first.
+  bool IsWornOut(std::int64_t tolerated_iterations) const;
+  // Assembles the matrix of the reduced system and makes the preconditioner.
   absl::Status PrepareReduced(const Interrupter* interrupter);
-  // Multigrid, or what needs S in double. Both make the preconditioner from S of the convex Hessian, unless the one in
-  // use is good enough, and leave S of the Hessian to `reduced_`.
+  // PrepareReduced() with S in float for multigrid, or in double for everything else. The preconditioner is made from S
+  // of the convex Hessian, unless the one in use is good enough; then `reduced_` gets S of the Hessian.
   absl::Status PrepareMultigrid(const Interrupter* interrupter);
-  // The rows of the vertices of weak faces, ascending; none if there are too many to be solved for by themselves.
-  std::vector<std::int32_t> WeakRows() const;
   absl::Status PrepareExact();
-  // From multigrid to Cholesky, for good.
-  void TurnToCholesky();
+  // The rows of the vertices of weak faces, ascending; none if they are too many (StepTuning::rows_per_weak_row).
+  std::vector<std::int32_t> WeakRows() const;
+  // Replaces multigrid, which failed for the reason `why`, by a Cholesky factorization for good; or the error of
+  // Solve().
+  absl::Status TurnToCholesky(const std::string& why);
   LinearSummary SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h, const LinearSolveOptions& options,
                           NewtonStep* step);
 
   const Topology& topology_;
   ThreadTeam& team_;
+  const FlattenTuning tuning_;
   const SolverType solver_type_;
   const SystemType system_type_;
   PreconditionerType preconditioner_type_;
   std::unique_ptr<LinearSolver> solver_;
-  const std::unique_ptr<LinearSolver> minres_ = MakeMinresSolver();
+  std::unique_ptr<LinearSolver> minres_ = MakeMinresSolver();  // of indefinite systems
   bool indefinite_ = false, limit_indefinite_ = true;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
-  // S: rounded with multigrid, which is of float itself; else exact.
+  // S: rounded to float for multigrid, which works in float itself; in double for all others.
   std::unique_ptr<ReducedMatrix<float>> rounded_matrix_;
   std::unique_ptr<ReducedMatrix<double>> matrix_;
   std::vector<std::int32_t> weak_faces_;
   const Eigen::VectorXd *hessian_ = nullptr, *convex_ = nullptr, *cot_ = nullptr;  // of Prepare()
   SparseCholesky factorization_;
-  Multigrid multigrid_;
-  bool multigrid_closed_ = false;  // its numbers stand on an unfolding of angles that have met the constraints, nearly
+  std::unique_ptr<Multigrid> multigrid_;
+  std::string multigrid_failure_, patch_failure_;
+  // Whether the multigrid's numbers were made after the first step, from an unfolding that nearly closes up.
+  bool multigrid_closed_ = false;
   std::unique_ptr<Preconditioner> preconditioner_;
-  // Of the factorization or the numbers of the multigrid in use: the solves with them, -1 if there are none yet, and
-  // the iterations of the first and the latest of these.
+  // The solves with the factorization or the multigrid in use, -1 before there is one; and the iterations of the first
+  // and the latest of these solves.
   int uses_ = -1;
   std::int64_t first_iterations_ = 0, last_iterations_ = 0;
 };

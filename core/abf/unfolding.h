@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "core/mesh/topology.h"
+#include "core/abf/topology.h"
 
 namespace planish {
 
-// The mesh unfolded triangle by triangle, breadth first, with the angles whose cotangents are given: every triangle has
-// its shape next to the one it was reached from, and where paths meet they agree as far as the angles meet the
-// constraints. One complex number per row of constraints; all zero if the numbers overflow. O(F).
+// Unfolds the mesh triangle by triangle, breadth first, with the angles whose cotangents are `cot`. Every triangle has
+// its shape, beside the one from which it was reached; where two paths meet, the places agree as far as the angles meet
+// the constraints. One complex number per row; all are zero if numbers overflow, and multigrid then has the constants
+// alone for its coarse spaces. O(F).
 std::vector<std::complex<double>> UnfoldRows(const Topology& topology, const Eigen::VectorXd& cot);
 
 }  // namespace planish

@@ -9,30 +9,30 @@
 
 namespace planish {
 
-// After an interrupt loops leave out what is left of them: whoever reads their results must ask IsStopped() before.
-// After a stop (`hurry`) results are whole and valid all the same; only searches for better ones end.
+// After a cancellation loops leave out what is left of them: whoever reads their results must ask IsCancelled() before.
+// After a stop request results are whole and valid all the same; only searches for better ones end.
 struct Execution {
-  ThreadTeam* team = nullptr;                // null: the calling thread alone
-  const Interrupter* interrupter = nullptr;  // null: nothing ends it
-  const Interrupter* hurry = nullptr;        // null: there is time for the best result
+  ThreadTeam* team = nullptr;           // null: the calling thread alone
+  const Interrupter* cancel = nullptr;  // null: nothing ends it
+  const Interrupter* stop = nullptr;    // null: there is time for the best result
 
-  // Some milliseconds of work on a mesh at most, so that an interrupt is noticed soon.
+  // Some milliseconds of work on a mesh at most, so that a cancellation is noticed soon.
   static constexpr std::int64_t kChunk = 4096;
-  // For loops that are no chunks: how many steps may pass between two calls of IsStopped(). A power of two.
+  // For loops that are no chunks: how many steps may pass between two calls of IsCancelled(). A power of two.
   static constexpr std::int64_t kStride = 16384;
 
-  bool IsStopped() const { return IsInterrupted(interrupter); }
-  bool IsHurried() const { return IsInterrupted(hurry); }
+  bool IsCancelled() const { return IsInterrupted(cancel); }
+  bool IsStopRequested() const { return IsInterrupted(stop); }
   // With the same ends, for one thread alone.
-  Execution ForOneThread() const { return {nullptr, interrupter, hurry}; }
-  // IsStopped(), asked once in kStride steps.
-  bool IsStoppedAt(std::int64_t step) const { return step % kStride == 0 && IsStopped(); }
+  Execution ForOneThread() const { return {nullptr, cancel, stop}; }
+  // IsCancelled(), asked once in kStride steps.
+  bool IsCancelledAt(std::int64_t step) const { return step % kStride == 0 && IsCancelled(); }
 
   // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
   template <typename Body>
   void For(std::int64_t n, const Body& body) const {
     const auto run = [&](std::int64_t begin, std::int64_t end) {
-      if (!IsStopped()) body(begin, end);
+      if (!IsCancelled()) body(begin, end);
     };
     if (team != nullptr) {
       team->For(n, kChunk, run);

@@ -1,51 +1,76 @@
 #include "core/charts/gluing.h"
 
-#include "core/mesh/half_edges.h"
+#include <algorithm>
+
+#include "core/mesh/import.h"
 
 namespace planish {
 
-Gluing::Gluing(const Surface& surface) : surface_(&surface), opposite_(surface.across.size(), -1) {}
-
-std::int32_t Gluing::After(std::int32_t c) const {
-  return NextOnOutline(opposite_, c);
-}
-
-std::int32_t Gluing::Before(std::int32_t c) const {
-  return PreviousOnOutline(opposite_, c);
-}
-
-double Gluing::OutlineAngle(std::int32_t c) const {
+double Gluing::OutlineAngle(HalfedgeHandle h) const {
   double angle = 0;
+  ForEachInFan(*this, Prev(h), [&](HalfedgeHandle facing) { angle += surface_->angle[facing.idx()]; });
+  return angle;
+}
+
+void Gluing::Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued) {
   for (;;) {
-    angle += surface_->angle[3 * (c / 3) + Prev(c % 3)];
-    c = 3 * (c / 3) + Next(c % 3);
-    if (opposite_[c] < 0) return angle;
-    c = opposite_[c];
-  }
-}
-
-void Gluing::Glue(std::int32_t c) {
-  const std::int32_t d = surface_->across[c];
-  opposite_[c] = d;
-  opposite_[d] = c;
-}
-
-void Gluing::Unglue(std::int32_t c) {
-  opposite_[opposite_[c]] = -1;
-  opposite_[c] = -1;
-}
-
-void Gluing::Zip(std::int32_t c, std::vector<std::int32_t>* glued) {
-  for (;;) {
-    const std::int32_t after = After(c);
-    if (surface_->across[c] != after) return;
-    const std::int32_t before = Before(c), next = After(after);
+    const HalfedgeHandle after = After(h);
+    if (mesh().opposite_halfedge_handle(h) != after) return;
+    const HalfedgeHandle before = Before(h), next = After(after);
     // Three or four edges would leave one or two.
     if (next == before || After(next) == before) return;
-    Glue(c);
-    glued->push_back(c);
-    c = before;
+    Glue(h);
+    glued->push_back(h);
+    h = before;
   }
+}
+
+namespace {
+
+// Where `value` is in the ascending `values`, -1 if nowhere. Faces that meet have numbers that are near each other in
+// most files: the search begins at `from` and takes larger and larger steps.
+std::int32_t FindFrom(std::int32_t from, const std::vector<std::int32_t>& values, std::int32_t value) {
+  const auto n = static_cast<std::int32_t>(values.size());
+  std::int32_t begin = from, end = from + 1;  // value is at home in [begin, end)
+  for (std::int32_t step = 1; end < n && values[end - 1] < value; step *= 2) {
+    begin = end;
+    end = n - end > step ? end + step : n;
+  }
+  for (std::int32_t step = 1; begin > 0 && values[begin] > value; step *= 2) {
+    end = begin;
+    begin = begin > step ? begin - step : 0;
+  }
+  const auto at = std::lower_bound(values.begin() + begin, values.begin() + end, value);
+  return at != values.end() && *at == value ? static_cast<std::int32_t>(at - values.begin()) : -1;
+}
+
+}  // namespace
+
+TriMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
+                  std::vector<std::pair<std::int32_t, std::int32_t>>* slits) {
+  const TriMesh& mesh = gluing.mesh();
+  std::vector<std::int32_t> opposite(3 * faces.size(), -1);
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(faces.size()); ++i) {
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(faces[i]));
+    for (int k = 0; k < 3; ++k) {
+      const bool is_outline = gluing.IsOutline(half_edges[k]);
+      if (is_outline && slits == nullptr) continue;
+      const HalfedgeHandle across = mesh.opposite_halfedge_handle(half_edges[k]);
+      if (mesh.is_boundary(across)) continue;
+      const std::int32_t c = CornerOf(mesh, across);
+      const std::int32_t other = FindFrom(i, faces, c / 3);
+      if (other < 0) continue;
+      if (!is_outline) {
+        opposite[3 * i + k] = 3 * other + c % 3;
+      } else if (i < other || (i == other && k < c % 3)) {
+        slits->emplace_back(3 * i + k, 3 * other + c % 3);
+      }
+    }
+  }
+  const auto vertex = [&](std::int32_t c) { return VerticesOf(mesh, FaceHandle(faces[c / 3]))[c % 3].idx(); };
+  return LinkFaces(
+      opposite, vertex, [&](std::int32_t i) { return faces[i]; },
+      mesh.property(mesh.points_property_handle()).data_vector());
 }
 
 }  // namespace planish

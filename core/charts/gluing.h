@@ -1,4 +1,4 @@
-// Discs made of faces: which half-edges are glued to the one across, and the way along a disc's outline.
+// Discs made of faces: which edges of a surface are glued, and the way along a disc's outline.
 //
 // Every piece is a disc at any time. Two discs glued along one connected stretch of their outlines are a disc again,
 // and so is one that is zipped up from the end of a slit. Nothing else is ever glued, so closed surfaces, handles,
@@ -6,45 +6,57 @@
 #pragma once
 
 #include <cstdint>
-#include <numbers>
 #include <vector>
 
 #include "core/charts/surface.h"
+#include "core/mesh/half_edges.h"
 
 namespace planish {
 
-// No vertex of an outline should open wider, radians: next to a saddle a disc with 2 pi and more there would run over
-// itself when it is flattened.
-inline constexpr double kWidest = 1.85 * std::numbers::pi;
-
+// Half-edges have a face, here and in all that goes along outlines. Links for the walks of core/mesh/half_edges.h.
 class Gluing {
  public:
   // Every face by itself. `surface` must outlive this.
-  explicit Gluing(const Surface& surface);
+  explicit Gluing(const Surface& surface) : surface_(&surface), is_glued_(surface.mesh.n_edges(), 0) {}
 
   const Surface& surface() const { return *surface_; }
-  // Per half-edge: the one it is glued to; -1 on an outline.
-  const std::vector<std::int32_t>& opposite() const { return opposite_; }
-  bool IsOutline(std::int32_t c) const { return opposite_[c] < 0; }
+  const TriMesh& mesh() const { return surface_->mesh; }
+  // Whether the half-edge is on an outline: not glued to the one across.
+  bool IsOutline(HalfedgeHandle h) const { return !is_glued_[h.idx() / 2]; }
 
-  // The outline half-edge that starts where outline half-edge c ends, and the one that ends where it starts.
-  std::int32_t After(std::int32_t c) const;
-  std::int32_t Before(std::int32_t c) const;
+  using HalfEdge = HalfedgeHandle;
+  HalfedgeHandle Next(HalfedgeHandle h) const { return mesh().next_halfedge_handle(h); }
+  HalfedgeHandle Prev(HalfedgeHandle h) const { return mesh().prev_halfedge_handle(h); }
+  // The half-edge that h is glued to; invalid on an outline.
+  HalfedgeHandle Across(HalfedgeHandle h) const {
+    return IsOutline(h) ? HalfedgeHandle() : mesh().opposite_halfedge_handle(h);
+  }
+  static bool IsValid(HalfedgeHandle h) { return h.is_valid(); }
 
-  // Sum of the angles of the faces round the vertex where outline half-edge c ends, radians.
-  double OutlineAngle(std::int32_t c) const;
+  // The outline half-edge that starts where outline half-edge h ends, and the one that ends where it starts.
+  HalfedgeHandle After(HalfedgeHandle h) const { return NextOnBoundary(*this, h); }
+  HalfedgeHandle Before(HalfedgeHandle h) const { return PreviousOnBoundary(*this, h); }
 
-  // Glues c, which must have a half-edge across, to that one.
-  void Glue(std::int32_t c);
-  void Unglue(std::int32_t c);
+  // Sum of the angles of the faces round the vertex where outline half-edge h ends, radians.
+  double OutlineAngle(HalfedgeHandle h) const;
 
-  // Glues outline half-edges c and After(c) if they are the two sides of one edge, and goes on with what is then next
+  // Glues h, which must have a face across, to the half-edge there.
+  void Glue(HalfedgeHandle h) { is_glued_[h.idx() / 2] = 1; }
+  void Unglue(HalfedgeHandle h) { is_glued_[h.idx() / 2] = 0; }
+
+  // Glues outline half-edges h and After(h) if they are the two sides of one edge, and goes on with what is then next
   // to each other; leaves an outline of at least three edges. Those glued are appended to `glued`, one of each pair.
-  void Zip(std::int32_t c, std::vector<std::int32_t>* glued);
+  void Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued);
 
  private:
   const Surface* surface_;
-  std::vector<std::int32_t> opposite_;
+  std::vector<char> is_glued_;  // per edge
 };
+
+// The mesh of a chart, these faces (ascending) of one of the discs: face i comes from faces[i]. Its vertices are
+// numbered in the order of their lowest corners. `slits`, unless null, gets the corners that face the same edge of the
+// surface from either side of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the faces.
+TriMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
+                  std::vector<std::pair<std::int32_t, std::int32_t>>* slits = nullptr);
 
 }  // namespace planish

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <queue>
 #include <utility>
@@ -13,90 +14,105 @@ namespace planish {
 namespace {
 
 constexpr double kScoreUnit = 1e-6;
-constexpr double kSharpest = 0.02;  // weight of an edge that bends by a right angle or more
-constexpr double kMinCompactness =
-    0.12;  // 4 pi area / perimeter^2 of a chart; 1 for a disc, 0.12 for a strip of 1 to 24
 
 struct Disc {
   std::vector<std::int32_t> faces;  // none: glued to another one
-  double area = 0;
   double perimeter = 0;
-  double stretch = 1;
-  std::int32_t outline = -1;  // one of its half-edges
+  StretchEstimate::Sums sums;
+  std::size_t estimated = 0;  // faces when it was last solved for as a whole
+  HalfedgeHandle outline;     // one half-edge of it
   std::int32_t outline_edges = 0;
   std::int32_t version = 0;
+
+  double Compactness() const { return 4 * std::numbers::pi * sums.area / (perimeter * perimeter); }
 };
 
 // A stretch of the common outline of two discs.
 struct Joint {
   std::int64_t score;
-  std::int32_t first;  // half-edge of `disc`, followed by `edges` - 1 more
+  std::int32_t corner;   // that faces `first`
+  HalfedgeHandle first;  // of `disc`, followed by `edges` - 1 more
   std::int32_t edges;
   std::int32_t disc, other;
   std::int32_t version, other_version;
 
   bool operator<(const Joint& o) const {
-    return score != o.score ? score < o.score : first != o.first ? first > o.first : disc > o.disc;
+    return score != o.score ? score < o.score : corner != o.corner ? corner > o.corner : disc > o.disc;
   }
 };
 
 class Merging {
  public:
-  Merging(std::int32_t count, double max_stretch, Gluing* gluing, std::vector<std::int32_t>* disc_of)
+  Merging(std::int32_t count, double max_stretch, const AtlasTuning& tuning, Gluing* gluing,
+          std::vector<std::int32_t>* disc_of)
       : max_stretch_(max_stretch),
+        tuning_(tuning),
         surface_(gluing->surface()),
+        mesh_(surface_.mesh),
         gluing_(*gluing),
         disc_of_(*disc_of),
-        estimate_(*gluing),
+        estimate_(*gluing, tuning),
         discs_(count) {}
 
   void Run(const Execution& execution);
 
  private:
-  double EdgeWeight(std::int32_t c) const;
+  double EdgeWeight(HalfedgeHandle h) const;
   void WalkOutline(std::int32_t d);
   void PushJoints(std::int32_t d, bool all);
   void TryJoint(const Joint& joint);
-  std::int32_t Neighbour(std::int32_t c) const {
-    const std::int32_t o = surface_.across[c];
-    return o < 0 ? -1 : disc_of_[o / 3];
+  StretchEstimate::Sums Estimate(Disc* large, const Disc& small);
+  bool HasFailed(const Joint& joint) const;
+  // Whether two discs are too much alike for StretchEstimate::Joined().
+  bool IsWhole(const Disc& large, const Disc& small) const {
+    return large.faces.size() <= static_cast<std::size_t>(tuning_.estimate_reach) * small.faces.size();
+  }
+  std::int32_t Neighbour(HalfedgeHandle h) const {
+    const std::int32_t f = surface_.face_across(h);
+    return f < 0 ? -1 : disc_of_[f];
   }
 
   const double max_stretch_;
+  const AtlasTuning& tuning_;
   const Surface& surface_;
+  const TriMesh& mesh_;
   Gluing& gluing_;
   std::vector<std::int32_t>& disc_of_;
   StretchEstimate estimate_;
   std::vector<Disc> discs_;
   std::priority_queue<Joint> queue_;
-  std::vector<std::int32_t> walk_;  // an outline
+  std::vector<HalfedgeHandle> walk_;  // an outline
+  // Faces of two discs when they could not be joined for stretch, by their numbers.
+  std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> failed_;
 };
 
+// The first of these faces' half-edges that is on an outline.
+HalfedgeHandle FirstOnOutline(const Gluing& gluing, const std::vector<std::int32_t>& faces) {
+  for (const std::int32_t f : faces) {
+    for (const HalfedgeHandle h : HalfEdgesOf(gluing.mesh(), FaceHandle(f))) {
+      if (gluing.IsOutline(h)) return h;
+    }
+  }
+  return HalfedgeHandle();
+}
+
 // Length, less where the surface bends.
-double Merging::EdgeWeight(std::int32_t c) const {
-  return surface_.length(c) * std::max(kSharpest, surface_.bend_cosine(c));
+double Merging::EdgeWeight(HalfedgeHandle h) const {
+  return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
 }
 
 // Outline of disc d to walk_; its numbers.
 void Merging::WalkOutline(std::int32_t d) {
   Disc& disc = discs_[d];
-  if (disc.outline < 0 || !gluing_.IsOutline(disc.outline)) {
-    disc.outline = -1;
-    for (const std::int32_t f : disc.faces) {
-      for (std::int32_t c = 3 * f; c < 3 * f + 3 && disc.outline < 0; ++c) {
-        if (gluing_.IsOutline(c)) disc.outline = c;
-      }
-      if (disc.outline >= 0) break;
-    }
-  }
+  if (!disc.outline.is_valid() || !gluing_.IsOutline(disc.outline)) disc.outline = FirstOnOutline(gluing_, disc.faces);
   walk_.clear();
   disc.perimeter = 0;
-  std::int32_t c = disc.outline;
+  HalfedgeHandle h = disc.outline;
   do {
-    walk_.push_back(c);
-    disc.perimeter += surface_.length(c);
-    c = gluing_.After(c);
-  } while (c != disc.outline);
+    walk_.push_back(h);
+    disc.perimeter += surface_.length(h);
+    h = gluing_.After(h);
+  } while (h != disc.outline);
   disc.outline_edges = static_cast<std::int32_t>(walk_.size());
 }
 
@@ -109,8 +125,9 @@ void Merging::PushJoints(std::int32_t d, bool all) {
   };
   // Whether half-edge i + 1 of the walk goes on with the same joint as half-edge i.
   const auto goes_on = [&](std::int32_t i) {
-    const std::int32_t c = walk_[i], next = walk_[i + 1 == n ? 0 : i + 1];
-    return joins(i) && Neighbour(next) == Neighbour(c) && gluing_.After(surface_.across[next]) == surface_.across[c];
+    const HalfedgeHandle h = walk_[i], next = walk_[i + 1 == n ? 0 : i + 1];
+    return joins(i) && Neighbour(next) == Neighbour(h) &&
+           gluing_.After(mesh_.opposite_halfedge_handle(next)) == mesh_.opposite_halfedge_handle(h);
   };
   std::int32_t begin = 0;
   while (begin < n && goes_on(begin == 0 ? n - 1 : begin - 1)) ++begin;
@@ -130,52 +147,81 @@ void Merging::PushJoints(std::int32_t d, bool all) {
       length += surface_.length(walk_[(start + i) % n]);
     }
     const double shorter = std::min(discs_[d].perimeter, discs_[other].perimeter);
-    const double area = discs_[d].area + discs_[other].area;
+    const double area = discs_[d].sums.area + discs_[other].sums.area;
     const double perimeter = discs_[d].perimeter + discs_[other].perimeter - 2 * length;
     const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
-    const double best =
-        std::max(4 * std::numbers::pi * discs_[d].area / (discs_[d].perimeter * discs_[d].perimeter),
-                 4 * std::numbers::pi * discs_[other].area / (discs_[other].perimeter * discs_[other].perimeter));
-    if (compactness < kMinCompactness && compactness < best) continue;
+    const Disc& larger = discs_[discs_[d].sums.area < discs_[other].sums.area ? other : d];
+    if (compactness < tuning_.compactness && compactness < larger.Compactness()) continue;
     const double score = shorter > 0 ? weight / shorter * std::sqrt(std::min(1.0, compactness)) : 1;
-    queue_.push(
-        {std::llround(score / kScoreUnit), walk_[start], edges, d, other, discs_[d].version, discs_[other].version});
+    queue_.push({std::llround(score / kScoreUnit), CornerOf(mesh_, walk_[start]), walk_[start], edges, d, other,
+                 discs_[d].version, discs_[other].version});
   }
 }
 
+// Whether the two are no larger than when they could not be joined, or not by much.
+bool Merging::HasFailed(const Joint& joint) const {
+  const auto it = failed_.find({std::min(joint.disc, joint.other), std::max(joint.disc, joint.other)});
+  const std::size_t faces = discs_[joint.disc].faces.size() + discs_[joint.other].faces.size();
+  return it != failed_.end() &&
+         static_cast<double>(faces) < (1 + tuning_.estimate_growth) * static_cast<double>(it->second);
+}
+
+// Of both, which have just been glued together. So that all estimates take O(F log F) in the number of faces, what a
+// small disc changes in a large one is looked at next to the small one only, until the large one has grown.
+StretchEstimate::Sums Merging::Estimate(Disc* large, const Disc& small) {
+  if (IsWhole(*large, small)) return estimate_.Whole(large->faces, small.faces);
+  const auto grown = static_cast<double>(large->faces.size());
+  if (grown > (1 + tuning_.estimate_growth) * static_cast<double>(large->estimated)) {
+    large->sums = estimate_.Whole(large->faces);
+    large->estimated = large->faces.size();
+    estimate_.Keep();
+  }
+  return estimate_.Joined(small.faces, {large->sums.area + small.sums.area, large->sums.larger + small.sums.larger,
+                                        large->sums.smaller + small.sums.smaller});
+}
+
 void Merging::TryJoint(const Joint& joint) {
-  Disc &disc = discs_[joint.disc], &other = discs_[joint.other];
+  if (HasFailed(joint)) return;
   // What is next to the joint on the outlines, before it is glued.
-  std::vector<std::int32_t> glued;
-  std::int32_t c = joint.first;
-  const std::int32_t before = gluing_.Before(c);
-  for (std::int32_t i = 0; i < joint.edges; ++i, c = gluing_.After(c)) glued.push_back(c);
-  const std::int32_t before_across = gluing_.Before(surface_.across[glued.back()]);
-  for (const std::int32_t g : glued) gluing_.Glue(g);
-  for (const std::int32_t e : {before, before_across}) {
+  std::vector<HalfedgeHandle> glued;
+  HalfedgeHandle h = joint.first;
+  const HalfedgeHandle before = gluing_.Before(h);
+  for (std::int32_t i = 0; i < joint.edges; ++i, h = gluing_.After(h)) glued.push_back(h);
+  const HalfedgeHandle before_across = gluing_.Before(mesh_.opposite_halfedge_handle(glued.back()));
+  for (const HalfedgeHandle g : glued) gluing_.Glue(g);
+  for (const HalfedgeHandle e : {before, before_across}) {
     if (gluing_.IsOutline(e)) gluing_.Zip(e, &glued);
   }
   const auto undo = [&] {
-    for (const std::int32_t g : glued) gluing_.Unglue(g);
+    for (const HalfedgeHandle g : glued) gluing_.Unglue(g);
   };
-  for (const std::int32_t e : {before, before_across}) {
-    if (gluing_.IsOutline(e) && gluing_.OutlineAngle(e) > kWidest) return undo();
+  for (const HalfedgeHandle e : {before, before_across}) {
+    if (gluing_.IsOutline(e) && gluing_.OutlineAngle(e) > tuning_.widest) return undo();
   }
-  const double stretch = estimate_(disc.faces, other.faces);
-  const double parts =
-      std::sqrt((disc.stretch * disc.stretch * disc.area + other.stretch * other.stretch * other.area) /
-                (disc.area + other.area));
-  if (!(stretch <= std::max(max_stretch_, parts))) return undo();
-  estimate_.Keep();
   std::int32_t to = joint.disc, from = joint.other;
   if (discs_[to].faces.size() < discs_[from].faces.size()) std::swap(to, from);
-  for (const std::int32_t f : discs_[from].faces) disc_of_[f] = to;
-  discs_[to].faces.insert(discs_[to].faces.end(), discs_[from].faces.begin(), discs_[from].faces.end());
-  discs_[to].area += discs_[from].area;
-  discs_[to].stretch = stretch;
-  ++discs_[to].version;
-  ++discs_[from].version;
-  discs_[from].faces = {};
+  Disc &large = discs_[to], &small = discs_[from];
+  const std::size_t faces = large.faces.size() + small.faces.size();
+  const StretchEstimate::Sums sums = Estimate(&large, small);
+  const double area = large.sums.area + small.sums.area;
+  const double of_large = large.sums.Stretch(), of_small = small.sums.Stretch();
+  const double parts =
+      std::sqrt((of_large * of_large * large.sums.area + of_small * of_small * small.sums.area) / area);
+  if (!(sums.Stretch() <= std::max(max_stretch_, parts))) {
+    failed_[{std::min(to, from), std::max(to, from)}] = faces;
+    return undo();
+  }
+  estimate_.Keep();
+  if (IsWhole(large, small)) large.estimated = faces;
+  for (const std::int32_t f : small.faces) disc_of_[f] = to;
+  large.faces.insert(large.faces.end(), small.faces.begin(), small.faces.end());
+  large.sums = sums;
+  for (const HalfedgeHandle e : {before, before_across}) {
+    if (gluing_.IsOutline(e)) large.outline = e;
+  }
+  ++large.version;
+  ++small.version;
+  small.faces = {};
   PushJoints(to, true);
 }
 
@@ -185,15 +231,15 @@ void Merging::Run(const Execution& execution) {
   for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
     if (disc_of_[f] < 0) continue;
     discs_[disc_of_[f]].faces.push_back(f);
-    discs_[disc_of_[f]].area += surface_.area[f];
   }
   for (std::int32_t d = 0; d < count; ++d) {
-    discs_[d].stretch = estimate_(discs_[d].faces, {});
+    discs_[d].sums = estimate_.Whole(discs_[d].faces);
+    discs_[d].estimated = discs_[d].faces.size();
     estimate_.Keep();
     WalkOutline(d);
   }
-  for (std::int32_t d = 0; d < count && !execution.IsStoppedAt(d); ++d) PushJoints(d, false);
-  while (!queue_.empty() && !execution.IsStopped() && !execution.IsHurried()) {
+  for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) PushJoints(d, false);
+  while (!queue_.empty() && !execution.IsCancelled() && !execution.IsStopRequested()) {
     const Joint joint = queue_.top();
     queue_.pop();
     if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
@@ -210,48 +256,52 @@ void Merging::Run(const Execution& execution) {
 
 }  // namespace
 
-void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing) {
+void GluePiece(std::int32_t start, const std::vector<std::int32_t>& piece, std::vector<char>* seen, Gluing* gluing) {
   const Surface& surface = gluing->surface();
-  std::vector<char> seen(piece.size(), 0);
-  std::vector<std::int32_t> order, zipped;
+  const TriMesh& mesh = surface.mesh;
+  std::vector<std::int32_t> order;
+  std::vector<HalfedgeHandle> zipped;
   // A face and those it must not be parted from.
   const auto reach = [&](std::int32_t first) {
-    seen[first] = 1;
+    (*seen)[first] = 1;
     order.push_back(first);
     for (std::size_t i = order.size() - 1; i < order.size(); ++i) {
-      for (std::int32_t c = 3 * order[i]; c < 3 * order[i] + 3; ++c) {
-        const std::int32_t o = surface.across[c];
-        if (o < 0 || !surface.is_uncut(c) || seen[o / 3] || piece[o / 3] != piece[first]) continue;
-        seen[o / 3] = 1;
-        gluing->Glue(c);
-        order.push_back(o / 3);
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(order[i]))) {
+        const std::int32_t f = surface.face_across(h);
+        if (f < 0 || !surface.is_uncut(h) || (*seen)[f] || piece[f] != piece[first]) continue;
+        (*seen)[f] = 1;
+        gluing->Glue(h);
+        order.push_back(f);
       }
     }
   };
-  for (std::int32_t start = 0; start < surface.num_faces(); ++start) {
-    if (seen[start] || piece[start] < 0) continue;
-    // A spanning tree of its faces, nearest first, makes a disc of it; then its slits are zipped up.
-    order.clear();
-    reach(start);
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      for (std::int32_t c = 3 * order[i]; c < 3 * order[i] + 3; ++c) {
-        const std::int32_t o = surface.across[c];
-        if (o < 0 || seen[o / 3] || piece[o / 3] != piece[start]) continue;
-        gluing->Glue(c);
-        reach(o / 3);
-      }
+  // A spanning tree of its faces, nearest first, makes a disc of it; then its slits are zipped up.
+  reach(start);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(order[i]))) {
+      const std::int32_t f = surface.face_across(h);
+      if (f < 0 || (*seen)[f] || piece[f] != piece[start]) continue;
+      gluing->Glue(h);
+      reach(f);
     }
-    for (const std::int32_t f : order) {
-      for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-        if (gluing->IsOutline(c)) gluing->Zip(c, &zipped);
-      }
+  }
+  for (const std::int32_t f : order) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
+      if (gluing->IsOutline(h)) gluing->Zip(h, &zipped);
     }
   }
 }
 
-void MergePieces(std::int32_t count, double max_stretch, const Execution& execution, Gluing* gluing,
-                 std::vector<std::int32_t>* piece) {
-  Merging(count, max_stretch, gluing, piece).Run(execution);
+void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing) {
+  std::vector<char> seen(piece.size(), 0);
+  for (std::int32_t f = 0; f < gluing->surface().num_faces(); ++f) {
+    if (!seen[f] && piece[f] >= 0) GluePiece(f, piece, &seen, gluing);
+  }
+}
+
+void MergePieces(std::int32_t count, double max_stretch, const AtlasTuning& tuning, const Execution& execution,
+                 Gluing* gluing, std::vector<std::int32_t>* piece) {
+  Merging(count, max_stretch, tuning, gluing, piece).Run(execution);
 }
 
 }  // namespace planish

@@ -6,6 +6,7 @@
 
 #include "core/base/execution.h"
 #include "core/charts/gluing.h"
+#include "core/charts/tuning.h"
 
 namespace planish {
 
@@ -13,10 +14,14 @@ namespace planish {
 // the disc, numbered in the order of their lowest faces. Makes a disc of every piece, none of whose faces may be glued
 // yet, then glues discs along stretches of their outlines: first where the stretch is the longest part of a disc's
 // outline and bends least, as long as the estimated stretch of the union stays below max_stretch (or no higher than
-// that of the parts, where these are above it already). O(F log F) work for estimates. In a hurry it
-// leaves the discs as they are by then. Of no use after an interrupt.
-void MergePieces(std::int32_t count, double max_stretch, const Execution& execution, Gluing* gluing,
-                 std::vector<std::int32_t>* piece);
+// that of the parts, where these are above it already). O(F log F) work for estimates. After a stop request it
+// leaves the discs as they are by then. Of no use after a cancellation.
+void MergePieces(std::int32_t count, double max_stretch, const AtlasTuning& tuning, const Execution& execution,
+                 Gluing* gluing, std::vector<std::int32_t>* piece);
+
+// Makes a disc of the connected piece of face `start`, the faces with its number in `piece`, none of which may be glued
+// yet. Marks them in `seen`, where none may be marked before. O(n) in its faces.
+void GluePiece(std::int32_t start, const std::vector<std::int32_t>& piece, std::vector<char>* seen, Gluing* gluing);
 
 // Makes a disc of every piece, whatever its holes and handles, and nothing else.
 void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing);

@@ -2,84 +2,83 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <functional>
-#include <numeric>
 #include <queue>
 #include <utility>
+
+#include "core/mesh/half_edges.h"
 
 namespace planish {
 namespace {
 
-constexpr double kMaxDeviation = 0.08;  // 1 - length of the mean normal
-constexpr double kMinCosine = 0.7;      // between the mean normals of two patches that are joined
 constexpr double kCostUnit = 1e-7;
 
 class Joining {
  public:
-  explicit Joining(const Surface& surface)
-      : parent_(surface.num_faces()), area_(surface.area), normal_(surface.area_normal) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
+  Joining(const Surface& surface, const AtlasTuning& tuning)
+      : tuning_(tuning), patches_(surface.num_faces()), area_(surface.area), normal_(surface.area_normal) {}
 
-  std::int32_t Root(std::int32_t f) {
-    while (parent_[f] != f) f = parent_[f] = parent_[parent_[f]];
-    return f;
-  }
+  std::int32_t Root(std::int32_t f) { return patches_.Find(f); }
 
   // What it costs to join two patches, in units of kCostUnit; more than MaxCost() if they should stay apart.
   std::int64_t Cost(std::int32_t a, std::int32_t b) const {
     const double area = area_[a] + area_[b];
     if (!(area > 0)) return 0;
     const double along = normal_[a].dot(normal_[b]), lengths = normal_[a].norm() * normal_[b].norm();
-    if (along < kMinCosine * lengths) return MaxCost() + 1;
+    if (along < tuning_.patch_cosine * lengths) return MaxCost() + 1;
     return std::llround(std::max(0.0, 1 - (normal_[a] + normal_[b]).norm() / area) / kCostUnit);
   }
-  static std::int64_t MaxCost() { return std::llround(kMaxDeviation / kCostUnit); }
+  std::int64_t MaxCost() const { return std::llround(tuning_.patch_deviation / kCostUnit); }
 
   void Join(std::int32_t a, std::int32_t b) {
+    patches_.Join(a, b);
     if (b < a) std::swap(a, b);
-    parent_[b] = a;
     area_[a] += area_[b];
     normal_[a] += normal_[b];
   }
 
  private:
-  std::vector<std::int32_t> parent_;
+  const AtlasTuning& tuning_;
+  UnionFind patches_;
   std::vector<double> area_;  // of roots: of their patch
   std::vector<Vec3> normal_;
 };
 
 }  // namespace
 
-std::vector<std::int32_t> MakePatches(const Surface& surface, const Execution& execution) {
+std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning& tuning, const Execution& execution) {
   const std::int32_t num_faces = surface.num_faces();
-  Joining joining(surface);
-  using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, half-edge
+  Joining joining(surface, tuning);
+  using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, edge
   std::vector<Entry> entries;
-  for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
-    const std::int32_t o = surface.across[c];
-    if (o < c) continue;
-    if (surface.is_uncut(c)) {
-      const std::int32_t a = joining.Root(c / 3), b = joining.Root(o / 3);
+  const auto faces_at = [&](std::int32_t e) {
+    const HalfedgeHandle h = surface.mesh.halfedge_handle(EdgeHandle(e), 0);
+    return std::pair(surface.mesh.face_handle(h).idx(), surface.face_across(h));
+  };
+  for (const EdgeHandle e : surface.mesh.edges()) {
+    const auto [f, g] = faces_at(e.idx());
+    if (g < 0) continue;
+    if (surface.mesh.data(e).is_uncut) {
+      const std::int32_t a = joining.Root(f), b = joining.Root(g);
       if (a != b) joining.Join(a, b);
       continue;
     }
-    const std::int64_t cost = joining.Cost(c / 3, o / 3);
-    if (cost <= Joining::MaxCost()) entries.emplace_back(cost, c);
+    const std::int64_t cost = joining.Cost(f, g);
+    if (cost <= joining.MaxCost()) entries.emplace_back(cost, e.idx());
   }
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue(std::greater<>(), std::move(entries));
-  for (std::int64_t step = 0; !queue.empty() && !execution.IsStoppedAt(step); ++step) {
-    const auto [cost, c] = queue.top();
+  for (std::int64_t step = 0; !queue.empty() && !execution.IsCancelledAt(step); ++step) {
+    const auto [cost, e] = queue.top();
     queue.pop();
-    const std::int32_t a = joining.Root(c / 3), b = joining.Root(surface.across[c] / 3);
+    const auto [f, g] = faces_at(e);
+    const std::int32_t a = joining.Root(f), b = joining.Root(g);
     if (a == b) continue;
     // The patches may have grown since.
     const std::int64_t present = joining.Cost(a, b);
     if (present <= cost) {
       joining.Join(a, b);
-    } else if (present <= Joining::MaxCost()) {
-      queue.emplace(present, c);
+    } else if (present <= joining.MaxCost()) {
+      queue.emplace(present, e);
     }
   }
   std::vector<std::int32_t> patch(num_faces, -1), number(num_faces, -1);

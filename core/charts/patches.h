@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/charts/surface.h"
+#include "core/charts/tuning.h"
 
 namespace planish {
 
@@ -13,6 +14,7 @@ namespace planish {
 // of 1, those with the most similar normals first (hierarchical face clustering, Garland et al. 2001): a patch of a
 // sphere spans about 33 degrees from its middle. Costs are rounded to 1e-7, so that rigid motion and scale change
 // nothing. O(F log F).
-std::vector<std::int32_t> MakePatches(const Surface& surface, const Execution& execution = {});
+std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning& tuning,
+                                      const Execution& execution = {});
 
 }  // namespace planish

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <functional>
 #include <limits>
-#include <numeric>
 #include <queue>
 #include <utility>
 
@@ -14,31 +13,9 @@
 namespace planish {
 namespace {
 
-// The connected pieces of faces with equal labels, numbered by their lowest faces; -1 where `label` is.
-std::vector<std::int32_t> ConnectedPieces(const Surface& surface, const std::vector<std::int32_t>& faces,
-                                          const std::vector<std::int32_t>& label, std::int32_t* count) {
-  std::vector<std::int32_t> piece(label.size(), -1), stack;
-  for (const std::int32_t start : faces) {
-    if (piece[start] >= 0 || label[start] < 0) continue;
-    piece[start] = (*count)++;
-    stack.push_back(start);
-    while (!stack.empty()) {
-      const std::int32_t f = stack.back();
-      stack.pop_back();
-      for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-        const std::int32_t o = surface.across[c];
-        if (o < 0 || piece[o / 3] >= 0 || label[o / 3] != label[f]) continue;
-        piece[o / 3] = piece[f];
-        stack.push_back(o / 3);
-      }
-    }
-  }
-  return piece;
-}
-
-Vec3 Centre(const Surface& surface, std::int32_t f) {
-  const auto& [a, b, c] = surface.mesh->faces[f];
-  return (surface.mesh->positions[a] + surface.mesh->positions[b] + surface.mesh->positions[c]) / 3;
+Vec3 Centre(const TriMesh& mesh, std::int32_t f) {
+  const std::array<VertexHandle, 3> v = VerticesOf(mesh, FaceHandle(f));
+  return (mesh.point(v[0]) + mesh.point(v[1]) + mesh.point(v[2])) / 3;
 }
 
 // Distances within a chart, from face centre to face centre, without crossing its slits. Faces that must not be parted
@@ -63,12 +40,12 @@ class Distances {
       const auto [nearness, f] = queue.top();
       queue.pop();
       if (At(f) < nearness) continue;
-      for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-        const std::int32_t o = gluing_.opposite()[c];
-        if (o < 0) continue;
-        const Surface& surface = gluing_.surface();
-        const double step = surface.is_uncut(c) ? 0 : (Centre(surface, f) - Centre(surface, o / 3)).norm();
-        reach({nearness.first + step, nearness.second}, o / 3);
+      const TriMesh& mesh = gluing_.mesh();
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
+        if (gluing_.IsOutline(h)) continue;
+        const std::int32_t g = gluing_.surface().face_across(h);
+        const double step = gluing_.surface().is_uncut(h) ? 0 : (Centre(mesh, f) - Centre(mesh, g)).norm();
+        reach({nearness.first + step, nearness.second}, g);
       }
     }
   }
@@ -121,21 +98,21 @@ std::vector<std::int32_t> Halve(const std::vector<std::int32_t>& faces, std::int
 
 }  // namespace
 
-Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution)
-    : surface_(surface), gluing_(surface) {
-  std::vector<std::int32_t> taking_part(surface.num_faces()), label(surface.num_faces(), -1);
-  std::iota(taking_part.begin(), taking_part.end(), 0);
-  for (const std::int32_t f : taking_part) label[f] = surface.takes_part[f] ? 0 : -1;
+Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution,
+                           const AtlasTuning& tuning)
+    : surface_(surface), tuning_(tuning), gluing_(surface) {
   if (kind == Kind::kWhole) {
     std::int32_t count = 0;
-    chart_ = ConnectedPieces(surface, taking_part, label, &count);
+    chart_ = ConnectedPieces(
+        surface.num_faces(), &count, [&](std::int32_t f) { return surface.takes_part[f] != 0; },
+        [&](std::int32_t f, int k) { return surface.face_across(HalfEdgesOf(surface.mesh, FaceHandle(f))[k]); });
     GluePieces(chart_, &gluing_);
   } else {
-    chart_ = MakePatches(surface, execution);
-    if (execution.IsStopped()) return;
+    chart_ = MakePatches(surface, tuning, execution);
+    if (execution.IsCancelled()) return;
     const std::int32_t count = chart_.empty() ? 0 : *std::max_element(chart_.begin(), chart_.end()) + 1;
-    MergePieces(count, max_stretch, execution, &gluing_, &chart_);
-    SmoothOutlines(execution, &gluing_, &chart_);
+    MergePieces(count, max_stretch, tuning, execution, &gluing_, &chart_);
+    SmoothOutlines(tuning_, execution, &gluing_, &chart_);
   }
   CollectFaces();
 }
@@ -150,49 +127,39 @@ void Segmentation::CollectFaces() {
 }
 
 bool Segmentation::HasSlit(std::int32_t chart) const {
-  for (const std::int32_t f : faces_[chart]) {
-    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-      const std::int32_t o = surface_.across[c];
-      if (o >= 0 && gluing_.IsOutline(c) && chart_[o / 3] == chart) return true;
-    }
-  }
-  return false;
+  return std::any_of(faces_[chart].begin(), faces_[chart].end(), [&](std::int32_t f) {
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(surface_.mesh, FaceHandle(f));
+    return std::any_of(half_edges.begin(), half_edges.end(), [&](HalfedgeHandle h) {
+      const std::int32_t across = surface_.face_across(h);
+      return gluing_.IsOutline(h) && across >= 0 && chart_[across] == chart;
+    });
+  });
 }
 
-bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces) const {
-  const std::vector<std::int32_t>& opposite = gluing_.opposite();
-  // Euler's characteristic. A vertex counts at the corner that comes last counter-clockwise, on the outline, or that
-  // has the lowest number, inside.
-  std::int64_t vertices = 0, glued = 0;
+// Whether connected faces make a disc, as Euler's characteristic tells. `is_seen`, per half-edge, is all 0 before and
+// after.
+bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const {
+  std::int64_t vertices = 0, doubled_edges = 0;
   for (const std::int32_t f : faces) {
-    for (int k = 0; k < 3; ++k) {
-      glued += opposite[3 * f + k] >= 0;
-      const std::int32_t start = 3 * f + k;
-      bool counts = true;
-      for (std::int32_t c = start;;) {
-        const std::int32_t o = opposite[3 * (c / 3) + Next(c % 3)];
-        if (o < 0) {
-          counts = c == start;
-          break;
-        }
-        c = 3 * (o / 3) + Next(o % 3);
-        if (c <= start) {
-          counts = c == start;
-          break;
-        }
-      }
-      vertices += counts;
+    for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) {
+      doubled_edges += gluing_.IsOutline(h) ? 2 : 1;
+      if ((*is_seen)[h.idx()]) continue;
+      ++vertices;
+      ForEachInFan(gluing_, h, [&](HalfedgeHandle facing) { (*is_seen)[facing.idx()] = 1; });
     }
   }
-  const auto num_faces = static_cast<std::int64_t>(faces.size());
-  return vertices - (3 * num_faces - glued / 2) + num_faces == 1;
+  for (const std::int32_t f : faces) {
+    for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) (*is_seen)[h.idx()] = 0;
+  }
+  return vertices + static_cast<std::int64_t>(faces.size()) == doubled_edges / 2 + 1;
 }
 
 std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, const Execution& execution) {
   Distances distances(gluing_);
+  std::vector<char> is_seen(surface_.mesh.n_halfedges(), 0), is_glued(chart_.size(), 0);
   std::vector<std::int32_t> changed;
   for (const auto& [chart, face, other_face, given] : cuts) {
-    if (faces_[chart].size() < 2 || execution.IsStopped()) continue;
+    if (faces_[chart].size() < 2 || execution.IsCancelled()) continue;
     const std::vector<std::int32_t> faces = faces_[chart];
     const std::vector<std::int32_t> part = given.empty() ? Halve(faces, face, other_face, &distances) : given;
     const std::int32_t last = *std::max_element(part.begin(), part.end());
@@ -205,30 +172,26 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
       faces_[chart_[faces[i]]].push_back(faces[i]);
     }
     for (const std::int32_t f : faces) {
-      for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-        if (!gluing_.IsOutline(c) && chart_[gluing_.opposite()[c] / 3] != chart_[f]) gluing_.Unglue(c);
+      for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) {
+        if (!gluing_.IsOutline(h) && chart_[surface_.face_across(h)] != chart_[f]) gluing_.Unglue(h);
       }
     }
     for (std::int32_t k = 0; k <= last; ++k) {
       const std::int32_t number = k == 0 ? chart : added + k - 1;
       changed.push_back(number);
-      if (IsDisc(faces_[number])) continue;
+      if (IsDisc(faces_[number], &is_seen)) continue;
       // It runs round another part.
       for (const std::int32_t f : faces_[number]) {
-        for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-          if (!gluing_.IsOutline(c)) gluing_.Unglue(c);
-        }
+        for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) gluing_.Unglue(h);
       }
-      std::vector<std::int32_t> piece(chart_.size(), -1);
-      for (const std::int32_t f : faces_[number]) piece[f] = 0;
-      GluePieces(piece, &gluing_);
+      GluePiece(faces_[number].front(), chart_, &is_glued, &gluing_);
     }
   }
   std::vector<char> is_changed(faces_.size(), 0);
   for (const std::int32_t i : changed) is_changed[i] = 1;
   std::vector<std::int32_t> moving(chart_.size(), -1);
   for (std::size_t f = 0; f < moving.size(); ++f) moving[f] = chart_[f] >= 0 && is_changed[chart_[f]] ? chart_[f] : -1;
-  SmoothOutlines(execution, &gluing_, &moving);
+  SmoothOutlines(tuning_, execution, &gluing_, &moving);
   for (std::size_t f = 0; f < moving.size(); ++f) {
     if (moving[f] >= 0) chart_[f] = moving[f];
   }

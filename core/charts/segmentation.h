@@ -8,6 +8,7 @@
 #include "core/base/execution.h"
 #include "core/charts/gluing.h"
 #include "core/charts/surface.h"
+#include "core/charts/tuning.h"
 
 namespace planish {
 
@@ -17,8 +18,10 @@ class Segmentation {
   // holes or handles. Or cut so that their estimated root mean square stretch is at most `max_stretch` (kStretch).
   enum class Kind { kWhole, kStretch };
 
-  // `surface` must outlive this. In a hurry kStretch ends with more and smaller charts. Of no use after an interrupt.
-  Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution);
+  // `surface` must outlive this. After a stop request kStretch ends with more and smaller charts. Of no use after a
+  // cancellation.
+  Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution,
+               const AtlasTuning& tuning = {});
 
   const Gluing& gluing() const { return gluing_; }
   // Per face: its chart; -1 for faces that take no part.
@@ -43,9 +46,10 @@ class Segmentation {
 
  private:
   void CollectFaces();
-  bool IsDisc(const std::vector<std::int32_t>& faces) const;
+  bool IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const;
 
   const Surface& surface_;
+  const AtlasTuning tuning_;
   Gluing gluing_;
   std::vector<std::int32_t> chart_;
   std::vector<std::vector<std::int32_t>> faces_;

@@ -5,96 +5,104 @@
 #include <limits>
 #include <numbers>
 
+#include "core/base/portable_math.h"
+
 namespace planish {
 namespace {
 
-constexpr std::int32_t kOutline = -2;
+// Vertices that are not solved for.
+constexpr std::int32_t kOutline = -2;  // u = 0
+constexpr std::int32_t kFixed = -3;    // u as kept
 constexpr std::int32_t kUnknown = -1;
-constexpr double kMaxCotangent = 1e4;  // of angles below 0.006 degrees: an estimate need not resolve more
-constexpr double kTolerance = 1e-2;    // of the residual, in the norm of the diagonal
-constexpr int kMaxIterations = 200;
 
 }  // namespace
 
-StretchEstimate::StretchEstimate(const Gluing& gluing)
+StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning)
     : gluing_(gluing),
-      cotangent_(gluing.opposite().size()),
-      vertex_(gluing.opposite().size(), kUnknown),
-      kept_(gluing.opposite().size(), 0.0F) {
+      tuning_(tuning),
+      cotangent_(gluing.mesh().n_halfedges()),
+      vertex_(cotangent_.size(), kUnknown),
+      kept_(cotangent_.size(), 0.0F),
+      is_marked_(gluing.mesh().n_faces(), 0) {
   const std::vector<double>& angle = gluing.surface().angle;
-  for (std::size_t c = 0; c < angle.size(); ++c) {
-    const double sine = std::sin(angle[c]);
-    cotangent_[c] = std::clamp(sine > 0 ? std::cos(angle[c]) / sine : kMaxCotangent, -kMaxCotangent, kMaxCotangent);
+  const double most = tuning.estimate_cotangent;
+  for (std::size_t h = 0; h < angle.size(); ++h) {
+    const auto [sine, cosine] = portable::SinCos(angle[h]);
+    cotangent_[h] = std::clamp(sine > 0 ? cosine / sine : most, -most, most);
   }
 }
 
-void StretchEstimate::NumberVertices(const std::vector<std::int32_t>& faces) {
-  const std::vector<std::int32_t>& opposite = gluing_.opposite();
+double StretchEstimate::Sums::Stretch() const {
+  if (!(area > 0)) return 1;
+  const double stretch = std::sqrt(larger / area) * std::sqrt(smaller / area);
+  return std::isfinite(stretch) ? std::max(1.0, stretch) : std::numeric_limits<double>::infinity();
+}
+
+void StretchEstimate::Mark(std::span<const std::int32_t> faces) {
   for (const std::int32_t f : faces) {
-    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) vertex_[c] = kUnknown;
+    is_marked_[f] = 1;
+    faces_.push_back(f);
   }
-  num_interior_ = 0;
-  for (const std::int32_t f : faces) {
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t start = 3 * f + k;
-      if (vertex_[start] != kUnknown) continue;
-      // Once round the vertex, counter-clockwise: either back to the start or up to the outline, and then the rest of
-      // the way clockwise.
-      const std::int32_t number = num_interior_;
-      std::int32_t c = start;
-      bool closed = false;
-      for (;;) {
-        vertex_[c] = number;
-        const std::int32_t o = opposite[3 * (c / 3) + Next(c % 3)];
-        if (o < 0) break;
-        c = 3 * (o / 3) + Next(o % 3);
-        if (c == start) {
-          closed = true;
-          break;
-        }
-      }
-      if (closed) {
-        ++num_interior_;
-        continue;
-      }
-      // `c` is the last one counter-clockwise: from there all the way back.
-      for (;;) {
-        vertex_[c] = kOutline;
-        const std::int32_t o = opposite[3 * (c / 3) + Prev(c % 3)];
-        if (o < 0) break;
-        c = 3 * (o / 3) + Prev(o % 3);
-      }
+}
+
+// Vertices whose faces are all at hand are solved for.
+void StretchEstimate::NumberVertices() {
+  const TriMesh& mesh = gluing_.mesh();
+  for (const std::int32_t f : faces_) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) vertex_[h.idx()] = kUnknown;
+  }
+  num_free_ = 0;
+  for (const std::int32_t f : faces_) {
+    for (const HalfedgeHandle start : HalfEdgesOf(mesh, FaceHandle(f))) {
+      if (vertex_[start.idx()] != kUnknown) continue;
+      fan_.clear();
+      bool is_whole = true;
+      const bool is_interior = ForEachInFan(gluing_, start, [&](HalfedgeHandle h) {
+        fan_.push_back(h);
+        is_whole = is_whole && is_marked_[mesh.face_handle(h).idx()];
+      });
+      const std::int32_t number = !is_interior ? kOutline : is_whole ? num_free_++ : kFixed;
+      for (const HalfedgeHandle h : fan_) vertex_[h.idx()] = number;
     }
   }
 }
 
-void StretchEstimate::Assemble(const std::vector<std::int32_t>& faces) {
-  const std::vector<std::int32_t>& opposite = gluing_.opposite();
+void StretchEstimate::Assemble() {
+  const TriMesh& mesh = gluing_.mesh();
   const std::vector<double>& angle = gluing_.surface().angle;
-  defect_.assign(num_interior_, 2 * std::numbers::pi);
-  diagonal_.assign(num_interior_, 0.0);
-  u_.assign(num_interior_, 0.0);
+  load_.assign(num_free_, -2 * std::numbers::pi);
+  diagonal_.assign(num_free_, 0.0);
+  u_.assign(num_free_, 0.0);
   edges_.clear();
-  for (const std::int32_t f : faces) {
+  for (const std::int32_t f : faces_) {
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(f));
     for (int k = 0; k < 3; ++k) {
-      const std::int32_t c = 3 * f + k, v = vertex_[c];
+      const std::int32_t h = half_edges[k].idx(), v = vertex_[h];
       if (v >= 0) {
-        defect_[v] -= angle[c];
-        u_[v] = kept_[c];
+        load_[v] += angle[h];
+        u_[v] = KeptAt(h);
       }
-      const std::int32_t o = opposite[c];
-      if (o < c) continue;  // on the outline, or seen from the other side
-      const double weight = (cotangent_[c] + cotangent_[o]) / 2;
-      const std::int32_t from = vertex_[3 * f + Next(k)], to = vertex_[3 * f + Prev(k)];
+      const HalfedgeHandle o = gluing_.Across(half_edges[k]);
+      // On the outline, seen from the other side, or away from all that is solved for.
+      if (!o.is_valid() || o.idx() < h || !is_marked_[mesh.face_handle(o).idx()]) continue;
+      const double weight = (cotangent_[h] + cotangent_[o.idx()]) / 2;
+      const std::int32_t next = half_edges[Next(k)].idx(), prev = half_edges[Prev(k)].idx();
+      const std::int32_t from = vertex_[next], to = vertex_[prev];
       if (from >= 0) diagonal_[from] += weight;
       if (to >= 0) diagonal_[to] += weight;
-      if (from >= 0 && to >= 0) edges_.push_back({from, to, weight});
+      if (from >= 0 && to >= 0) {
+        edges_.push_back({from, to, weight});
+      } else if (from >= 0 && to == kFixed) {
+        load_[from] += weight * KeptAt(prev);
+      } else if (to >= 0 && from == kFixed) {
+        load_[to] += weight * KeptAt(next);
+      }
     }
   }
 }
 
 void StretchEstimate::Solve() {
-  const std::int32_t n = num_interior_;
+  const std::int32_t n = num_free_;
   residual_.resize(n);
   direction_.resize(n);
   product_.resize(n);
@@ -109,16 +117,17 @@ void StretchEstimate::Solve() {
   double norm = 0;
   for (std::int32_t i = 0; i < n; ++i) {
     if (!(diagonal_[i] > 0)) diagonal_[i] = 1;
-    norm += defect_[i] * defect_[i] / diagonal_[i];
+    norm += load_[i] * load_[i] / diagonal_[i];
   }
   multiply(u_);
   double rho = 0;
   for (std::int32_t i = 0; i < n; ++i) {
-    residual_[i] = -defect_[i] - product_[i];
+    residual_[i] = load_[i] - product_[i];
     direction_[i] = residual_[i] / diagonal_[i];
     rho += residual_[i] * direction_[i];
   }
-  for (int iteration = 0; iteration < kMaxIterations && rho > kTolerance * kTolerance * norm; ++iteration) {
+  const double enough = tuning_.estimate_tolerance * tuning_.estimate_tolerance * norm;
+  for (int iteration = 0; iteration < tuning_.estimate_iterations && rho > enough; ++iteration) {
     multiply(direction_);
     double curvature = 0;
     for (std::int32_t i = 0; i < n; ++i) curvature += direction_[i] * product_[i];
@@ -136,31 +145,63 @@ void StretchEstimate::Solve() {
   }
 }
 
-double StretchEstimate::operator()(const std::vector<std::int32_t>& first, const std::vector<std::int32_t>& second) {
-  faces_ = first;
-  faces_.insert(faces_.end(), second.begin(), second.end());
-  NumberVertices(faces_);
-  Assemble(faces_);
-  Solve();
-  const std::vector<double>& area = gluing_.surface().area;
-  double total = 0, larger = 0, smaller = 0;
+// As it will be kept.
+double StretchEstimate::SolvedAt(std::int32_t half_edge) const {
+  const std::int32_t v = vertex_[half_edge];
+  return v >= 0 ? static_cast<double>(static_cast<float>(u_[v])) : v == kFixed ? KeptAt(half_edge) : 0.0;
+}
+
+template <typename At>
+StretchEstimate::Sums StretchEstimate::SumUp(const At& at) const {
+  Sums sums;
   for (const std::int32_t f : faces_) {
-    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-      const double scale = vertex_[c] >= 0 ? std::exp(2 * u_[vertex_[c]]) : 1.0;
-      larger += area[f] * scale;
-      smaller += area[f] / scale;
+    const double third = gluing_.surface().area[f] / 3;
+    for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(f))) {
+      const double u = at(h.idx()), scale = u == 0 ? 1.0 : portable::Exp(2 * u);
+      sums.larger += third * scale;
+      sums.smaller += third / scale;
     }
-    total += 3 * area[f];
+    sums.area += 3 * third;
   }
-  if (!(total > 0)) return 1;
-  const double stretch = std::sqrt(larger / total) * std::sqrt(smaller / total);
-  return std::isfinite(stretch) ? std::max(1.0, stretch) : std::numeric_limits<double>::infinity();
+  return sums;
+}
+
+StretchEstimate::Sums StretchEstimate::Whole(std::span<const std::int32_t> first,
+                                             std::span<const std::int32_t> second) {
+  faces_.clear();
+  Mark(first);
+  Mark(second);
+  NumberVertices();
+  Assemble();
+  Solve();
+  for (const std::int32_t f : faces_) is_marked_[f] = 0;
+  return SumUp([&](std::int32_t h) { return SolvedAt(h); });
+}
+
+StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> small, const Sums& before) {
+  faces_.clear();
+  Mark(small);
+  const std::size_t most = small.size() * (1 + static_cast<std::size_t>(tuning_.estimate_reach));
+  for (std::size_t i = 0; i < faces_.size() && faces_.size() < most; ++i) {
+    for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(faces_[i]))) {
+      const HalfedgeHandle across = gluing_.Across(h);
+      if (!across.is_valid()) continue;
+      if (const std::int32_t f = gluing_.mesh().face_handle(across).idx(); !is_marked_[f]) Mark({&f, 1});
+    }
+  }
+  NumberVertices();
+  Assemble();
+  Solve();
+  for (const std::int32_t f : faces_) is_marked_[f] = 0;
+  const Sums was = SumUp([&](std::int32_t h) { return KeptAt(h); });
+  const Sums is = SumUp([&](std::int32_t h) { return SolvedAt(h); });
+  return {before.area, before.larger + is.larger - was.larger, before.smaller + is.smaller - was.smaller};
 }
 
 void StretchEstimate::Keep() {
   for (const std::int32_t f : faces_) {
-    for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-      kept_[c] = vertex_[c] >= 0 ? static_cast<float>(u_[vertex_[c]]) : 0.0F;
+    for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(f))) {
+      kept_[h.idx()] = static_cast<float>(SolvedAt(h.idx()));
     }
   }
 }

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/charts/gluing.h"
+#include "core/charts/tuning.h"
 
 namespace planish {
 
@@ -16,18 +18,28 @@ namespace planish {
 // Keeps the u of every corner between estimates, to start the next one from. Not thread-safe.
 class StretchEstimate {
  public:
-  // `gluing` must outlive this.
-  explicit StretchEstimate(const Gluing& gluing);
+  // Both must outlive this.
+  StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning);
 
-  // Root mean square stretch (Quality::stretch_l2) of the disc of these faces, at its best scale; at least 1. Infinity
-  // if it leaves the range of numbers.
-  double operator()(const std::vector<std::int32_t>& first, const std::vector<std::int32_t>& second);
+  // Over the faces of a disc: area, and the integrals of e^2u and e^-2u.
+  struct Sums {
+    double area = 0, larger = 0, smaller = 0;
+
+    // Root mean square stretch (Quality::stretch_l2) at the best scale; at least 1. Infinity if it leaves the range of
+    // numbers.
+    double Stretch() const;
+  };
+
+  // Of the disc of these faces, solved for as a whole.
+  Sums Whole(std::span<const std::int32_t> first, std::span<const std::int32_t> second = {});
+
+  // Of a disc that `small` has just been glued to: solved for on `small` and the faces of the disc nearest to it, at
+  // most estimate_reach times as many, from the kept u and as if those farther away stayed as they are. `before`: the
+  // sums of both parts as kept. O(n log n) in the faces of `small`.
+  Sums Joined(std::span<const std::int32_t> small, const Sums& before);
 
   // Starts the next estimates of the same faces from the u of the last one.
   void Keep();
-
-  // The u of corners in the discs of the last kept estimates.
-  const std::vector<float>& log_scale() const { return kept_; }
 
  private:
   struct Edge {
@@ -35,19 +47,27 @@ class StretchEstimate {
     double weight;
   };
 
-  void NumberVertices(const std::vector<std::int32_t>& faces);
-  void Assemble(const std::vector<std::int32_t>& faces);
+  void Mark(std::span<const std::int32_t> faces);
+  void NumberVertices();
+  void Assemble();
   void Solve();
+  double KeptAt(std::int32_t half_edge) const { return static_cast<double>(kept_[half_edge]); }
+  double SolvedAt(std::int32_t half_edge) const;
+  template <typename At>
+  Sums SumUp(const At& at) const;
 
   const Gluing& gluing_;
-  std::vector<double> cotangent_;  // per corner
-  std::vector<std::int32_t>
-      vertex_;               // per corner: number within the disc, interior ones first; -1 outside of an estimate
-  std::vector<float> kept_;  // per corner
-  // Of the disc at hand. Vertices at the outline are numbered from -2 down.
+  const AtlasTuning& tuning_;
+  // Per half-edge, of the corner that it faces: cotangent, number of the vertex among those solved for, kept u.
+  std::vector<double> cotangent_;
+  std::vector<std::int32_t> vertex_;
+  std::vector<float> kept_;
+  std::vector<char> is_marked_;  // per face: one of faces_
+  std::vector<HalfedgeHandle> fan_;
+  // Of the estimate at hand.
   std::vector<std::int32_t> faces_;
-  std::int32_t num_interior_ = 0;
-  std::vector<double> defect_, diagonal_, u_, residual_, direction_, product_;
+  std::int32_t num_free_ = 0;
+  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_;
   std::vector<Edge> edges_;
 };
 

@@ -4,8 +4,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "core/base/execution.h"
-#include "core/mesh/mesh.h"
+#include "core/mesh/tri_mesh.h"
 
 namespace planish {
 
@@ -17,50 +18,45 @@ struct GivenSeams {
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart than this; 0: none
 };
 
-// Constant after construction. Half-edge c = 3 f + k is the one that corner k of face f faces (core/mesh/half_edges.h).
+// Constant after construction.
 struct Surface {
-  const Mesh* mesh = nullptr;  // must outlive the surface
-
+  // The import of the caller's mesh, face by face. Its boundary is where charts must end: at boundaries and given
+  // seams, where faces are wound against each other, and between those of more than two faces at an edge that are not
+  // the flattest pairs.
+  TriMesh mesh;
   // Per face: whether it is part of the surface. Not those that name a vertex twice, or whose vertices all
   // lie in one point, which have no inside to map.
   std::vector<char> takes_part;
-  // Per face: without area though its vertices differ. Its angles are those of slightly longer edges (see MakeSurface).
+  // Per face: without area though its vertices differ. Its angles are those of slightly longer edges
+  // (MeasuredAngles()).
   std::vector<char> is_flat;
-  // Per half-edge: the one on the other side, -1 where a chart must end: at boundaries and given seams, where more than
-  // two faces meet, where two are wound against each other.
-  std::vector<std::int32_t> across;
-  // Per half-edge: whether it must be glued to the one across. Empty: none must.
-  std::vector<char> uncut;
-  // Per corner: the angle there, radians, positive; those of a face add up to pi.
+  // Per half-edge: the angle at the corner that it faces, radians, positive; those of a face add up to pi.
   std::vector<double> angle;
   // Per face: area, and area times normal.
   std::vector<double> area;
   std::vector<Vec3> area_normal;
 
-  // Edges at which charts must end, without those of GivenSeams.
-  std::int64_t non_manifold_edges = 0;
-  std::int64_t clashing_edges = 0;  // of two faces that run round in opposite senses
+  std::int64_t non_manifold_edges = 0;  // of more than two faces
+  std::int64_t clashing_edges = 0;      // of two faces that run round in opposite senses
 
-  bool is_uncut(std::int32_t c) const { return !uncut.empty() && uncut[c]; }
   std::int32_t num_faces() const { return static_cast<std::int32_t>(takes_part.size()); }
-  std::int32_t origin(std::int32_t c) const { return mesh->faces[c / 3][Next(c % 3)]; }
-  std::int32_t target(std::int32_t c) const { return mesh->faces[c / 3][Prev(c % 3)]; }
+  // The face across a half-edge, -1 where a chart must end.
+  std::int32_t face_across(HalfedgeHandle h) const { return mesh.face_handle(mesh.opposite_halfedge_handle(h)).idx(); }
+  // Whether a half-edge must be glued to the one across.
+  bool is_uncut(HalfedgeHandle h) const { return mesh.data(mesh.edge_handle(h)).is_uncut; }
   // Of the angle between the normals of the two faces at a half-edge that has one across; 1 where one has no area.
-  double bend_cosine(std::int32_t c) const {
-    const std::int32_t f = c / 3, g = across[c] / 3;
+  double bend_cosine(HalfedgeHandle h) const {
+    const std::int32_t f = mesh.face_handle(h).idx(), g = face_across(h);
     const double lengths = area[f] * area[g];
     return lengths > 0 ? area_normal[f].dot(area_normal[g]) / lengths : 1;
   }
-  double length(std::int32_t c) const { return (mesh->positions[target(c)] - mesh->positions[origin(c)]).norm(); }
+  double length(HalfedgeHandle h) const {
+    return (mesh.point(mesh.to_vertex_handle(h)) - mesh.point(mesh.from_vertex_handle(h))).norm();
+  }
 };
 
-// Copies of a face (the same three vertices again, in any order) form layers of their own: the second ones among each
-// other, and so on, so that double-sided surfaces come apart in two sheets.
-//
-// A face without area gets the angles of edges that are longer by a thousandth of its longest edge ("intrinsic
-// mollification", Sharp and Crane 2020, but only there): no other angle is changed.
-//
-// Indices must be in range and positions of used vertices finite. O(F). Of no use after an interrupt.
-Surface MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});
+// Copies of a face form layers of their own (Pairing::layer). INVALID_ARGUMENT: Diagnosis::Refusal()
+// (core/mesh/diagnosis.h). CANCELLED after a cancellation. O(F).
+absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});
 
 }  // namespace planish

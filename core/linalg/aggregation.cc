@@ -36,9 +36,10 @@ std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta, st
 }
 
 template <int N>
-Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& strong, bool wide) {
+Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& strong,
+                     std::int64_t second_ring_neighbours) {
   constexpr std::int32_t kFree = -2, kIsolated = -1;
-  constexpr int kNeighboursInside = 2;
+  const bool wide = second_ring_neighbours > 0;
   const std::int32_t n = matrix.num_rows();
   Aggregates aggregates;
   std::vector<std::int32_t>& of_row = aggregates.of_row;
@@ -75,7 +76,7 @@ Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& stro
         });
       });
       for (const std::int32_t m : second_ring) {
-        if (inside[m] >= kNeighboursInside) take(m);
+        if (inside[m] >= second_ring_neighbours) take(m);
         inside[m] = 0;
       }
     }
@@ -109,7 +110,7 @@ Aggregates Aggregate(const LevelMatrix<N>& matrix, const std::vector<char>& stro
 
 template std::vector<char> StrongCouplings(const LevelMatrix<2>&, double, std::int32_t, ThreadTeam*);
 template std::vector<char> StrongCouplings(const LevelMatrix<4>&, double, std::int32_t, ThreadTeam*);
-template Aggregates Aggregate(const LevelMatrix<2>& matrix, const std::vector<char>& strong, bool wide);
-template Aggregates Aggregate(const LevelMatrix<4>& matrix, const std::vector<char>& strong, bool wide);
+template Aggregates Aggregate(const LevelMatrix<2>&, const std::vector<char>&, std::int64_t);
+template Aggregates Aggregate(const LevelMatrix<4>&, const std::vector<char>&, std::int64_t);
 
 }  // namespace planish

@@ -25,29 +25,4 @@ void Multiply(const BlockMatrix<Scalar>& a, const Eigen::VectorXd& x, Eigen::Vec
 template void Multiply(const BlockMatrix<float>&, const Eigen::VectorXd&, Eigen::VectorXd*, ThreadTeam&);
 template void Multiply(const BlockMatrix<double>&, const Eigen::VectorXd&, Eigen::VectorXd*, ThreadTeam&);
 
-SparseMatrix LowerTriangle(const BlockMatrix<double>& a) {
-  const std::int32_t n = a.num_rows();
-  SparseMatrix lower(2 * n, 2 * n);
-  lower.resizeNonZeros(2 * (a.num_blocks() + n) - n);
-  int* begin = lower.outerIndexPtr();
-  int* row = lower.innerIndexPtr();
-  double* value = lower.valuePtr();
-  // The matrix is symmetric: column j of the lower triangle is row j from the diagonal on.
-  int at = 0;
-  for (std::int32_t j = 0; j < n; ++j) {
-    for (int q = 0; q < 2; ++q) {
-      begin[2 * j + q] = at;
-      for (std::int32_t k = a.row_begin[j]; k < a.row_begin[j + 1]; ++k) {
-        const std::int32_t i = a.column[k];
-        for (int p = i == j ? q : 0; i >= j && p < 2; ++p, ++at) {
-          row[at] = 2 * i + p;
-          value[at] = a.value[4 * static_cast<std::int64_t>(k) + 2 * q + p];
-        }
-      }
-    }
-  }
-  begin[2 * n] = at;
-  return lower;
-}
-
 }  // namespace planish

@@ -6,7 +6,6 @@
 
 #include "Eigen/Core"
 #include "core/base/thread_team.h"
-#include "core/linalg/saddle_point.h"
 
 namespace planish {
 
@@ -25,8 +24,5 @@ struct BlockMatrix {
 // y = A x, summed up in double. For float and double.
 template <typename Scalar>
 void Multiply(const BlockMatrix<Scalar>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y, ThreadTeam& team = Alone());
-
-// The lower triangle, as CHOLMOD takes it.
-SparseMatrix LowerTriangle(const BlockMatrix<double>& a);
 
 }  // namespace planish

@@ -10,7 +10,6 @@ class DirectSolver final : public LinearSolver {
   LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                           const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                           Eigen::VectorXd* lambda) const override {
-    constexpr std::int64_t kMaxRefinements = 3;
     LinearSummary summary;
     Eigen::VectorXd residual, correction;
     double first = 0;
@@ -24,11 +23,11 @@ class DirectSolver final : public LinearSolver {
         break;
       }
       if (norm <= options.relative_tolerance * first) break;
-      if (summary.iterations == kMaxRefinements) {
+      if (summary.iterations >= options.tuning.max_direct_refinements) {
         summary.termination = LinearTermination::kStagnated;
         break;
       }
-      if (IsInterrupted(options.interrupter) || IsInterrupted(options.stop)) {
+      if (IsInterrupted(options.cancel) || IsInterrupted(options.stop)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
       }

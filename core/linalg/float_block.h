@@ -1,4 +1,4 @@
-// Small vectors and blocks of floats, one SSE or NEON register wide: what the multigrid's loops are made of.
+// Small vectors and blocks of floats, one SSE or NEON register wide, for the loops of the multigrid.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ void Store(const Vector& v, float* p) {
 
 // ---- 2x2 blocks by rows: (a00, a01, a10, a11).
 
-// The terms of a x, to be summed by RowSums.
+// The four products of a x; RowSums() adds them up to a x.
 inline Float4 Terms(const Float4& a, const Float2& x) {
   return a * __builtin_shufflevector(x, x, 0, 1, 0, 1);
 }

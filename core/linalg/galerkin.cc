@@ -9,8 +9,6 @@ namespace {
 
 using Index = std::int32_t;
 
-constexpr Index kRows = 4096;
-
 // Which columns of a row have been met, and where they are.
 class ColumnMarks {
  public:
@@ -35,9 +33,9 @@ void BuildRows(Index num_rows, Index num_columns, ThreadTeam* team, const Row& r
   struct Part {
     std::vector<Index> column, length;
   };
-  std::vector<Part> parts(static_cast<std::size_t>((num_rows + kRows - 1) / kRows));
-  team->For(num_rows, kRows, [&](std::int64_t begin, std::int64_t end) {
-    Part& part = parts[static_cast<std::size_t>(begin / kRows)];
+  std::vector<Part> parts(static_cast<std::size_t>((num_rows + kRowsPerChunk - 1) / kRowsPerChunk));
+  team->For(num_rows, kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
+    Part& part = parts[static_cast<std::size_t>(begin / kRowsPerChunk)];
     ColumnMarks marks(num_columns);
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       const auto start = static_cast<Index>(part.column.size());
@@ -90,9 +88,8 @@ void AddTransposedProduct(const float* a, const float* b, float* c) {
 
 // Largest eigenvalue of D^-1 A, from below, by a few power iterations.
 template <int N>
-double LargestEigenvalue(const LevelMatrix<N>& a, ThreadTeam* team) {
+double LargestEigenvalue(const LevelMatrix<N>& a, std::int64_t iterations, ThreadTeam* team) {
   using Vector = typename LevelVector<N>::Type;
-  constexpr int kIterations = 8;
   const Index n = a.num_rows();
   std::vector<float> v(N * std::size_t(n)), next(N * std::size_t(n));
   std::uint32_t state = 1;
@@ -101,9 +98,9 @@ double LargestEigenvalue(const LevelMatrix<N>& a, ThreadTeam* team) {
     entry = static_cast<float>(state >> 8) / 8388608.0F - 1.0F;
   }
   double norm = std::sqrt(N / 3.0 * n);
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
+  for (std::int64_t iteration = 0; iteration < iterations; ++iteration) {
     const auto scale = static_cast<float>(1 / norm);
-    norm = std::sqrt(team->Sum(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+    norm = std::sqrt(team->Sum(n, kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
       double sum = 0;
       for (auto i = static_cast<Index>(begin); i < end; ++i) {
         const Vector y = SolveRow(a, i, RowProduct(a, a.row_begin[i], a.row_begin[i + 1], v.data()) * scale);
@@ -120,19 +117,17 @@ double LargestEigenvalue(const LevelMatrix<N>& a, ThreadTeam* team) {
 }  // namespace
 
 template <int N>
-bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix<4>* coarse, ThreadTeam* team,
-                                    const Interrupter* interrupter) {
-  constexpr double kLeastCoarsening = 0.9;
-  constexpr double kEigenvalueMargin = 1.05;
+bool MultigridLevel<N>::BuildCoarse(const MultigridTuning& tuning, double theta, Index num_coupled,
+                                    LevelMatrix<4>* coarse, ThreadTeam* team, const Interrupter* interrupter) {
   const Index n = num_rows();
   Prolongation& p = prolongation;
   const std::vector<char> strong = StrongCouplings(a, theta, num_coupled, team);
   if (IsInterrupted(interrupter)) return false;
-  p.aggregates = Aggregate(a, strong, /*wide=*/N == 2);
+  p.aggregates = Aggregate(a, strong, N == 2 ? tuning.second_ring_neighbours : 0);
   const std::vector<Index>& aggregate = p.aggregates.of_row;
   const Index count = p.aggregates.count;
-  if (count == 0 || count > kLeastCoarsening * n || IsInterrupted(interrupter)) return false;
-  p.omega = 4.0 / 3 / (kEigenvalueMargin * LargestEigenvalue(a, team));
+  if (count == 0 || count > tuning.slowest_coarsening * n || IsInterrupted(interrupter)) return false;
+  p.omega = tuning.omega / (tuning.eigenvalue_margin * LargestEigenvalue(a, tuning.power_iterations, team));
 
   if (IsInterrupted(interrupter)) return false;
   BuildRows(
@@ -179,7 +174,7 @@ bool MultigridLevel<N>::BuildCoarse(double theta, Index num_coupled, LevelMatrix
         }
       },
       &begin, &column);
-  coarse->SetPattern(begin, column, team);
+  coarse->SetPattern(begin, column, tuning.coarse_chunk_rows, team);
   return true;
 }
 
@@ -222,7 +217,7 @@ void MultigridLevel<N>::FillProlongation(ThreadTeam* team) {
   Prolongation& p = prolongation;
   const std::vector<Index>& aggregate = p.aggregates.of_row;
   const auto omega = static_cast<float>(p.omega);
-  team->For(num_rows(), kRows, [&](std::int64_t begin, std::int64_t end) {
+  team->For(num_rows(), kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       const Index row = p.row_begin[i], row_end = p.row_begin[i + 1];
       if (row == row_end) continue;
@@ -266,14 +261,14 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
   const Prolongation& p = prolongation;
   const Index count = p.aggregates.count;
   // A P, chunk by chunk: pieces that fit where something else was free before.
-  std::vector<std::vector<float>> product(static_cast<std::size_t>((num_rows() + kRows - 1) / kRows));
+  std::vector<std::vector<float>> product(static_cast<std::size_t>((num_rows() + kRowsPerChunk - 1) / kRowsPerChunk));
   const auto product_block = [&](Index row, Index k) {
-    const Index chunk = row / kRows;
-    return product[chunk].data() + 4 * N * std::size_t(k - p.product_begin[chunk * kRows]);
+    const Index chunk = row / kRowsPerChunk;
+    return product[chunk].data() + 4 * N * std::size_t(k - p.product_begin[chunk * kRowsPerChunk]);
   };
-  team->For(num_rows(), kRows, [&](std::int64_t first, std::int64_t last) {
+  team->For(num_rows(), kRowsPerChunk, [&](std::int64_t first, std::int64_t last) {
     ColumnMarks marks(count);
-    product[static_cast<std::size_t>(first / kRows)].assign(
+    product[static_cast<std::size_t>(first / kRowsPerChunk)].assign(
         4 * N * std::size_t(p.product_begin[last] - p.product_begin[first]), 0.0F);
     for (auto i = static_cast<Index>(first); i < last; ++i) {
       for (Index k = p.product_begin[i]; k < p.product_begin[i + 1]; ++k) marks.Set(p.product_column[k], k);
@@ -287,7 +282,7 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
     }
   });
   if (IsInterrupted(interrupter)) return;
-  team->For(count, kRows / 16, [&](std::int64_t first, std::int64_t last) {
+  team->For(count, kRowsPerChunk / 16, [&](std::int64_t first, std::int64_t last) {
     ColumnMarks marks(count);
     for (auto c = static_cast<Index>(first); c < last; ++c) {
       for (Index k = coarse->row_begin[c]; k < coarse->row_begin[c + 1]; ++k) {
@@ -308,8 +303,10 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
   });
 }
 
-template bool MultigridLevel<2>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
-template bool MultigridLevel<4>::BuildCoarse(double, Index, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
+template bool MultigridLevel<2>::BuildCoarse(const MultigridTuning&, double, Index, LevelMatrix<4>*, ThreadTeam*,
+                                             const Interrupter*);
+template bool MultigridLevel<4>::BuildCoarse(const MultigridTuning&, double, Index, LevelMatrix<4>*, ThreadTeam*,
+                                             const Interrupter*);
 template void MultigridLevel<2>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
 template void MultigridLevel<4>::FillCoarse(LevelCoordinates*, LevelMatrix<4>*, ThreadTeam*, const Interrupter*);
 

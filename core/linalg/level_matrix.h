@@ -1,4 +1,4 @@
-// The matrix of one level of the multigrid: float blocks in the order the smoother walks them.
+// The matrix of one level of the multigrid: blocks of float, in the order in which the smoother visits them.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,9 @@
 
 namespace planish {
 
+// Rows that one thread works on at a time in loops other than the smoother's.
+inline constexpr std::int64_t kRowsPerChunk = 4096;
+
 // N x N blocks, N = 2 on the finest level and 4 on the others. Row i holds [row_begin[i], row_begin[i + 1]) in this
 // order: columns of its own chunk before i, the diagonal at diagonal[i], columns of its own chunk after i, and from
 // outside_begin[i] on columns of other chunks.
@@ -18,28 +21,36 @@ namespace planish {
 // A block of 2x2 is stored by rows; one of 4x4 as its four 2x2 parts (00, 01, 10, 11), each by rows.
 template <int N>
 struct LevelMatrix {
-  // Rows that one thread relaxes in sequence. Rows of different chunks are relaxed side by side, from each other's old
-  // values, whatever the number of threads.
-  static constexpr std::int32_t kChunk = N == 2 ? 16384 : 4096;
   static constexpr std::int64_t kBlockSize = N * N;
 
+  // Rows that one thread relaxes in sequence (MultigridTuning). Rows of different chunks are relaxed side by side, from
+  // each other's old values, whatever the number of threads.
+  std::int32_t chunk_rows = 1;
   std::vector<std::int32_t> row_begin = {0};
   std::vector<std::int32_t> diagonal, outside_begin;
   std::vector<std::int32_t> column;
   std::vector<float> value;
-  std::vector<float> inverse;  // of the diagonal blocks
+  std::vector<float> inverse;  // of D + E, the diagonal blocks and the damping
+  // E: N numbers a row, zero in rows without columns of other chunks.
+  std::vector<float> damping;
 
   std::int32_t num_rows() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
   const float* Block(std::int32_t k) const { return &value[static_cast<std::size_t>(kBlockSize * k)]; }
   float* Block(std::int32_t k) { return &value[static_cast<std::size_t>(kBlockSize * k)]; }
 
-  // The pattern of rows given one after the other, columns in any order.
-  void SetPattern(const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& columns, ThreadTeam* team);
-  // Fills `inverse`. FAILED_PRECONDITION: a diagonal block is missing or not positive definite.
-  absl::Status InvertDiagonal(ThreadTeam* team);
+  // Whether row i has columns of other chunks.
+  bool HasOutside(std::int32_t i) const { return outside_begin[i] < row_begin[i + 1]; }
+
+  // Sets the pattern: row i has columns [begin[i], begin[i + 1]) of `columns`, in any order. The smoother's chunks have
+  // `rows_per_chunk` rows.
+  void SetPattern(const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& columns,
+                  std::int64_t rows_per_chunk, ThreadTeam* team);
+  // Fills `damping` and `inverse`; `undamped_part` is that of MultigridTuning. FAILED_PRECONDITION: a diagonal block is
+  // missing or not positive definite.
+  absl::Status InvertDiagonal(double undamped_part, ThreadTeam* team);
 };
 
-// The numbers of `matrix`, columns ascending, whose pattern `level` has.
+// Copies the numbers of `matrix`, whose columns ascend, into `level`, which has its pattern.
 void SetValues(const BlockMatrix<float>& matrix, LevelMatrix<2>* level, ThreadTeam* team);
 
 template <int N>

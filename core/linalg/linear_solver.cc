@@ -1,22 +1,13 @@
 #include "core/linalg/linear_solver.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
-namespace {
-
-// A solver's own residual and the true one differ by rounding; beyond this factor the convergence was not real.
-constexpr double kResidualSlack = 100;
-// Where M is rounded, rougher solves than this do not notice; finer ones are refined against the exact M.
-constexpr double kUnroundedTolerance = 1e-5;
-constexpr int kMaxRefinements = 10;
-// Double precision cannot promise less than this, relative to the right-hand side.
-constexpr double kResidualFloor = 1e-12;
-
-}  // namespace
 
 const char* Name(LinearTermination termination) {
   switch (termination) {
@@ -32,6 +23,11 @@ const char* Name(LinearTermination termination) {
       return "interrupted";
   }
   return "?";
+}
+
+std::string Describe(const LinearSummary& summary) {
+  return absl::StrFormat("%s after %d iteration%s, residual %.1e of the right-hand side", Name(summary.termination),
+                         summary.iterations, summary.iterations == 1 ? "" : "s", summary.true_residual);
 }
 
 bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team) {
@@ -66,50 +62,73 @@ LinearSummary LinearSolver::Solve(const SaddlePointOperator& system, const Preco
 LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                                        const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                                        Eigen::VectorXd* lambda) const {
+  ThreadTeam& team = system.team();
+  const LinearTuning& tuning = options.tuning;
   *lambda = Eigen::VectorXd::Zero(system.num_multipliers());
-  const double initial = Norm(system.team(), rhs);
+  const double initial = Norm(team, rhs);
   if (initial == 0) return {};
 
   LinearSummary summary = SolveImpl(system, preconditioner, rhs, options, lambda);
-  if (summary.true_residual > 0) return summary;
 
-  const bool refine = system.rounds_schur() && options.relative_tolerance < kUnroundedTolerance;
-  Eigen::VectorXd residual, correction;
+  const bool rough = !options.rough.empty();
+  const bool refine = !rough && system.rounds_schur() && options.relative_tolerance < tuning.refined_tolerance;
+  Eigen::VectorXd residual;
   const auto measure = [&] {
     if (refine) {
       system.ApplyExactSchur(*lambda, &residual);
     } else {
       system.ApplySchur(*lambda, &residual);
     }
-    Assign(system.team(), rhs - residual, &residual);
-    return Norm(system.team(), residual) / initial;
+    Assign(team, rhs - residual, &residual);
+    return Norm(team, residual) / initial;
   };
   summary.true_residual = measure();
-  const double wanted = std::max(2 * options.relative_tolerance, kResidualFloor);
-  for (int i = 0; refine && i < kMaxRefinements && summary.termination == LinearTermination::kConverged &&
-                  summary.true_residual > wanted;
+  if (refine) Refine(system, preconditioner, options, measure, &summary, &residual, lambda);
+  if (summary.termination != LinearTermination::kConverged) return summary;
+
+  bool real;
+  if (rough) {
+    std::vector<RoughTolerance> promised = options.rough;
+    for (RoughTolerance& tolerance : promised) {
+      tolerance.residual = tuning.rough_slack * tolerance.residual + tuning.residual_floor * initial;
+    }
+    const double taken = Dot(team, *lambda, rhs) + Dot(team, *lambda, residual);
+    real = std::isfinite(summary.true_residual) && IsMet(promised, summary.energy, residual, team) &&
+           (std::isnan(summary.energy_taken) ||
+            std::abs(taken - summary.energy_taken) <= tuning.energy_slack * std::abs(taken));
+  } else {
+    real = summary.true_residual <= std::max(tuning.residual_slack * options.relative_tolerance, tuning.residual_floor);
+  }
+  if (!real) summary.termination = LinearTermination::kStagnated;
+  return summary;
+}
+
+template <typename Measure>
+void LinearSolver::Refine(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                          const LinearSolveOptions& options, const Measure& measure, LinearSummary* summary,
+                          Eigen::VectorXd* residual, Eigen::VectorXd* lambda) const {
+  const LinearTuning& tuning = options.tuning;
+  const double wanted = std::max(tuning.refined_slack * options.relative_tolerance, tuning.residual_floor);
+  Eigen::VectorXd correction;
+  for (std::int64_t i = 0; i < tuning.max_refinements && summary->termination == LinearTermination::kConverged &&
+                           summary->true_residual > wanted;
        ++i) {
     LinearSolveOptions rest = options;
-    rest.relative_tolerance = std::min(options.relative_tolerance / summary.true_residual, 0.5);
-    rest.max_iterations -= summary.iterations;
+    rest.relative_tolerance = std::min(options.relative_tolerance / summary->true_residual, 0.5);
+    rest.max_iterations -= summary->iterations;
     if (options.on_progress) {
       rest.on_progress = [&](std::int64_t iterations, double relative) {
-        if (iterations > 0) options.on_progress(summary.iterations + iterations, relative * summary.true_residual);
+        if (iterations > 0) options.on_progress(summary->iterations + iterations, relative * summary->true_residual);
       };
     }
-    correction = Eigen::VectorXd::Zero(rhs.size());
-    const LinearSummary refined = SolveImpl(system, preconditioner, residual, rest, &correction);
+    correction = Eigen::VectorXd::Zero(lambda->size());
+    const LinearSummary refined = SolveImpl(system, preconditioner, *residual, rest, &correction);
     Assign(system.team(), *lambda + correction, lambda);
-    summary.iterations += refined.iterations;
-    summary.termination = refined.termination;
-    const double before = std::exchange(summary.true_residual, measure());
-    if (!(summary.true_residual < before / 2)) break;
+    summary->iterations += refined.iterations;
+    summary->termination = refined.termination;
+    const double before = std::exchange(summary->true_residual, measure());
+    if (!(summary->true_residual < before / 2)) break;
   }
-  const double promised = std::max(kResidualSlack * options.relative_tolerance, kResidualFloor);
-  if (summary.termination == LinearTermination::kConverged && !(summary.true_residual <= promised)) {
-    summary.termination = LinearTermination::kStagnated;
-  }
-  return summary;
 }
 
 }  // namespace planish

@@ -3,66 +3,79 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "Eigen/Core"
 #include "core/base/interrupter.h"
 #include "core/linalg/preconditioner.h"
 #include "core/linalg/saddle_point.h"
+#include "core/linalg/tuning.h"
 
 namespace planish {
 
 enum class LinearTermination {
-  kConverged,       // the true residual meets the tolerance, or the solve is as good as a rough one has to be
-  kIterationLimit,  //
-  kIndefinite,      // a direction of no or negative curvature: M is not positive definite, and this solver needs it
-  kStagnated,       // the solver believed in convergence, the true residual does not; or non-finite numbers appeared
-  kInterrupted,
+  kConverged,       // the true residual meets the tolerance, or one of the rough tolerances
+  kIterationLimit,  // LinearSolveOptions::max_iterations
+  kIndefinite,      // a direction without positive curvature: M is not positive definite, as this solver needs it
+  kStagnated,       // the solver claimed convergence, the true residual contradicts it; or non-finite numbers appeared
+  kInterrupted,     // by LinearSolveOptions::cancel or stop
 };
 const char* Name(LinearTermination termination);
 
-// When a solve serves a step of an inexact Newton method. The Euclidean norm does not tell: where the scale of a map
-// spans many orders of magnitude a few rows are all it sees.
+// When a solve is good enough for a step of an inexact Newton method. The Euclidean norm of the residual is no measure
+// of that: where the scale of a map spans many orders of magnitude, a few rows dominate the norm.
 struct RoughTolerance {
-  // Over that of lambda = 0, in (0, 1): of the error in the norm of M, which conjugate directions minimize (Uzawa), or
-  // of the residual in the norm of the preconditioner's inverse, which MINRES minimizes. They are the same for an exact
-  // one.
+  // In (0, 1), relative to lambda = 0: the error in the norm of M, which conjugate directions minimize (Uzawa), or the
+  // residual in the norm of K^-1 (preconditioner.h), which MINRES minimizes. With K = M both are the same.
   double energy = 0;
-  // Of the greatest entry of B A^-1 f - g - M lambda.
+  // Largest entry of B A^-1 f - g - M lambda, in its own unit.
   double residual = 0;
 };
 
-// One call.
+// The options of one call.
 struct LinearSolveOptions {
-  // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; the norm of the
-  // preconditioner while iterating). In (0, 1).
+  // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; MINRES takes the norm of
+  // the preconditioner while it iterates). In (0, 1).
   double relative_tolerance = 1e-10;
-  // In its place, if there are any, for iterative solvers with a preconditioner that is near to M^-1 (Uzawa's estimate
-  // of its error is for convergence that is fast and even): stop when one of these is met in both parts.
+  // If not empty, takes the place of relative_tolerance: stop when one of these is met in both parts. Only for
+  // iterative solvers with a preconditioner near M^-1: Uzawa's estimate of its error assumes fast and even convergence.
   std::vector<RoughTolerance> rough;
   std::int64_t max_iterations = 100000;
-  const Interrupter* interrupter = nullptr;
-  const Interrupter* stop = nullptr;  // ends the solve in the same way; there are two so that callers can tell
+  // Either ends the solve as kInterrupted; the caller looks at them to learn which one it was.
+  const Interrupter* cancel = nullptr;
+  const Interrupter* stop = nullptr;
   // Called every kProgressInterval iterations with the count and the relative residual.
   std::function<void(std::int64_t, double)> on_progress;
+  LinearTuning tuning = {};
 };
 
-// Iterations between two calls of on_progress. The interrupters are looked at in each iteration.
+// Iterations between two calls of on_progress. The interrupters are read in every iteration.
 constexpr std::int64_t kProgressInterval = 32;
 
-// Whether one of the tolerances is met: by `energy`, what is left of that, and by `residual`.
+// Whether one of the tolerances is met in both parts, by `energy` and by the largest entry of `residual`.
 bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team);
 
 struct LinearSummary {
   LinearTermination termination = LinearTermination::kConverged;
   std::int64_t iterations = 0;
-  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from lambda for every solver alike; after a rough solve, the
-  // solver's own. A system that has M rounded to float is solved, and measured, as rounded where the tolerance is rough
-  // or 1e-5 or more; with smaller ones the solution is refined against the exact M until that residual meets the
-  // tolerance, to a factor of 2.
+  // |B A^-1 f - g - M lambda| / |B A^-1 f - g|, recomputed from lambda after every solve, whatever the solver claims.
+  // Where the system has M rounded to float, rough solves and those to at least LinearTuning::refined_tolerance are
+  // solved and measured with the rounded M; finer ones are refined against the exact M until this residual meets the
+  // tolerance, to a factor of LinearTuning::refined_slack.
   double true_residual = 0;
+  // After a rough solve: the solver's estimate of RoughTolerance::energy. It cannot be recomputed without M^-1;
+  // `energy_taken`, on which Uzawa's estimate rests, can.
+  double energy = 1;
+  // After a solve by conjugate directions: the solver's claim of how much the energy of the error, e^t M e with
+  // e = M^-1 rhs - lambda, has fallen since lambda = 0. The true number is lambda^t (rhs + residual). NaN: no claim.
+  double energy_taken = std::numeric_limits<double>::quiet_NaN();
 };
+
+// One sentence: "iteration limit after 300 iterations, residual 1.2e-03 of the right-hand side".
+std::string Describe(const LinearSummary& summary);
 
 struct SaddlePointSolution {
   Eigen::VectorXd x;
@@ -73,21 +86,29 @@ class LinearSolver {
  public:
   virtual ~LinearSolver() = default;
 
-  // Solves from lambda = 0. Whatever the termination, the solution is the best the solver has, with
-  // x = A^-1 (f - B^t lambda). A system without multipliers converges in no iterations.
+  // Solves from lambda = 0. Whatever the termination, lambda is the solver's last iterate and
+  // x = A^-1 (f - B^t lambda). A right-hand side of zero, and a system without multipliers, converge in no iterations.
+  // A convergence that the true residual contradicts becomes kStagnated (LinearTuning).
   LinearSummary Solve(const SaddlePointOperator& system, const Preconditioner& preconditioner, const Eigen::VectorXd& f,
                       const Eigen::VectorXd& g, const LinearSolveOptions& options, SaddlePointSolution* solution) const;
 
-  // The same for the Schur complement by itself: M lambda = rhs, from lambda = 0.
+  // Solve() for the Schur complement alone: M lambda = rhs, from lambda = 0.
   LinearSummary SolveSchur(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                            const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                            Eigen::VectorXd* lambda) const;
 
  private:
-  // rhs is not zero. Sets true_residual where it went by `options.rough`.
+  // The solver itself; rhs is not zero. Sets `energy` where options.rough is not empty. Its claims are checked: the
+  // caller recomputes the residual, and the true number of `energy_taken`.
   virtual LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                                   const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                                   Eigen::VectorXd* lambda) const = 0;
+  // Iterative refinement against the exact M: solves for the residual until measure(), which recomputes `residual` and
+  // returns its relative norm, is small enough.
+  template <typename Measure>
+  void Refine(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+              const LinearSolveOptions& options, const Measure& measure, LinearSummary* summary,
+              Eigen::VectorXd* residual, Eigen::VectorXd* lambda) const;
 };
 
 // First approach (section 7.1): MINRES on M lambda = B A^-1 f - g. M may be indefinite or singular.
@@ -96,7 +117,8 @@ std::unique_ptr<LinearSolver> MakeMinresSolver();
 // Second approach (section 7.2): the modified Uzawa algorithm with conjugate directions. M must be positive definite.
 std::unique_ptr<LinearSolver> MakeUzawaSolver();
 
-// Takes the preconditioner for the inverse of M (a factorization) and refines once. M must be positive definite.
+// The preconditioner must be a factorization of M: applies it, and corrects the solution by what is left until the
+// tolerance is met, LinearTuning::max_direct_refinements times in all. M must be positive definite.
 std::unique_ptr<LinearSolver> MakeDirectSolver();
 
 }  // namespace planish

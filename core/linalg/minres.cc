@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/portable_math.h"
 #include "core/linalg/linear_solver.h"
 #include "core/linalg/vector_ops.h"
 
@@ -47,7 +48,7 @@ class MinresSolver final : public LinearSolver {
       if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
         options.on_progress(summary.iterations, phi_bar / beta1);
       }
-      if (IsInterrupted(options.interrupter) || IsInterrupted(options.stop)) {
+      if (IsInterrupted(options.cancel) || IsInterrupted(options.stop)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
       }
@@ -72,7 +73,7 @@ class MinresSolver final : public LinearSolver {
       const double gamma_bar = sn * delta_bar - cs * alfa;
       epsilon = sn * beta;
       delta_bar = -cs * beta;
-      const double gamma = std::max(std::hypot(gamma_bar, beta), std::numeric_limits<double>::min());
+      const double gamma = std::max(portable::Hypot(gamma_bar, beta), std::numeric_limits<double>::min());
       cs = gamma_bar / gamma;
       sn = beta / gamma;
       const double phi = cs * phi_bar;
@@ -86,7 +87,7 @@ class MinresSolver final : public LinearSolver {
       ++summary.iterations;
       if (beta == 0) break;  // the Krylov space is exhausted
     }
-    if (rough) summary.true_residual = Norm(team, r) / Norm(team, rhs);
+    summary.energy = phi_bar / beta1;
     return summary;
   }
 };

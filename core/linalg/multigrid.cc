@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "Eigen/Cholesky"
+#include "absl/strings/str_format.h"
 #include "core/base/status_macros.h"
 #include "core/linalg/multigrid_level.h"
 #include "core/linalg/vector_ops.h"
@@ -20,7 +21,7 @@ struct Multigrid::Impl {
   void Cycle();
   void Cycle(std::size_t l);
 
-  MultigridOptions options;
+  MultigridTuning tuning;
   ThreadTeam* team = nullptr;
   MultigridLevel<2> finest;
   std::vector<MultigridLevel<4>> coarse;
@@ -31,34 +32,39 @@ struct Multigrid::Impl {
 absl::Status Multigrid::Impl::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                                     std::int32_t num_coupled, const Interrupter* interrupter) {
   coarse.clear();
-  finest.a.SetPattern(matrix.row_begin, matrix.column, team);
+  finest.a.SetPattern(matrix.row_begin, matrix.column, tuning.chunk_rows, team);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   SetValues(matrix, &finest.a, team);
   finest.coordinates.centre = z;
   finest.ResizeVectors();
-  PLANISH_RETURN_IF_ERROR(finest.a.InvertDiagonal(team));
-  double theta = options.strength;
+  PLANISH_RETURN_IF_ERROR(finest.a.InvertDiagonal(tuning.undamped_part, team));
+  double theta = tuning.strength;
   // Adds a level below `level`; false if that cannot be coarsened.
   const auto coarsen = [&](auto* level, std::int32_t coupled) -> absl::StatusOr<bool> {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     MultigridLevel<4> next;
-    const bool built = level->BuildCoarse(theta, coupled, &next.a, team, interrupter);
+    const bool built = level->BuildCoarse(tuning, theta, coupled, &next.a, team, interrupter);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     if (!built) return false;
     level->FillCoarse(&next.coordinates, &next.a, team, interrupter);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    PLANISH_RETURN_IF_ERROR(next.a.InvertDiagonal(team));
+    PLANISH_RETURN_IF_ERROR(next.a.InvertDiagonal(tuning.undamped_part, team));
     next.ResizeVectors();
     coarse.push_back(std::move(next));
     return true;
   };
-  coarse.reserve(static_cast<std::size_t>(options.max_levels));
+  coarse.reserve(static_cast<std::size_t>(tuning.max_levels));
   PLANISH_ASSIGN_OR_RETURN(bool more, coarsen(&finest, num_coupled));
-  if (!more) return absl::FailedPreconditionError("multigrid: the rows do not hold together");
-  while (more && coarse.back().num_rows() > options.coarsest_rows &&
-         coarse.size() < static_cast<std::size_t>(options.max_levels)) {
-    theta /= 2;
+  if (!more) return absl::FailedPreconditionError("multigrid: the rows are coupled too weakly to be aggregated");
+  while (more && coarse.back().num_rows() > tuning.coarsest_rows &&
+         coarse.size() < static_cast<std::size_t>(tuning.max_levels)) {
+    theta *= tuning.strength_ratio;
     PLANISH_ASSIGN_OR_RETURN(more, coarsen(&coarse.back(), coarse.back().num_rows()));
+  }
+  if (coarse.back().num_rows() > tuning.max_dense_rows) {
+    return absl::FailedPreconditionError(
+        absl::StrFormat("multigrid: coarsening ended at %d rows on level %d; the coarsest level may have %d",
+                        coarse.back().num_rows(), coarse.size() + 1, tuning.max_dense_rows));
   }
   return FactorizeCoarsest();
 }
@@ -67,12 +73,12 @@ absl::Status Multigrid::Impl::Refresh(const BlockMatrix<float>& matrix, const st
                                       const Interrupter* interrupter) {
   SetValues(matrix, &finest.a, team);
   finest.coordinates.centre = z;
-  PLANISH_RETURN_IF_ERROR(finest.a.InvertDiagonal(team));
+  PLANISH_RETURN_IF_ERROR(finest.a.InvertDiagonal(tuning.undamped_part, team));
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   finest.FillCoarse(&coarse[0].coordinates, &coarse[0].a, team, interrupter);
   for (std::size_t l = 0;; ++l) {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    PLANISH_RETURN_IF_ERROR(coarse[l].a.InvertDiagonal(team));
+    PLANISH_RETURN_IF_ERROR(coarse[l].a.InvertDiagonal(tuning.undamped_part, team));
     if (l + 1 == coarse.size()) break;
     coarse[l].FillCoarse(&coarse[l + 1].coordinates, &coarse[l + 1].a, team, interrupter);
   }
@@ -120,8 +126,8 @@ void Multigrid::Impl::Cycle(std::size_t l) {
   level.CorrectAndRelax(coarse[l + 1].x, team);
 }
 
-Multigrid::Multigrid(const MultigridOptions& options) : impl_(std::make_unique<Impl>()) {
-  impl_->options = options;
+Multigrid::Multigrid(const MultigridTuning& tuning) : impl_(std::make_unique<Impl>()) {
+  impl_->tuning = tuning;
 }
 Multigrid::~Multigrid() = default;
 

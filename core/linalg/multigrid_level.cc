@@ -8,9 +8,6 @@ namespace {
 
 using Index = std::int32_t;
 
-// Rows of a loop whose rows do not depend on each other.
-constexpr Index kRows = 4096;
-
 // Sums of blocks of P times coarse unknowns, and of transposed blocks times rows: what one register can take is added
 // up before its parts are.
 struct Prolonged2 {
@@ -54,7 +51,7 @@ void MultigridLevel<N>::ResizeVectors() {
 
 template <int N>
 void MultigridLevel<N>::RelaxFromZero(ThreadTeam* team) {
-  team->For(num_rows(), a.kChunk, [&](std::int64_t begin, std::int64_t end) {
+  team->For(num_rows(), a.chunk_rows, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       const Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data());
       Store(SolveRow(a, i, r), &x[N * std::size_t(i)]);
@@ -65,14 +62,17 @@ void MultigridLevel<N>::RelaxFromZero(ThreadTeam* team) {
 template <int N>
 void MultigridLevel<N>::Restrict(std::vector<float>* coarse_b, ThreadTeam* team) {
   const Prolongation& p = prolongation;
-  // Of b - a x the part that the sweep solved for is zero.
-  team->For(num_rows(), kRows, [&](std::int64_t begin, std::int64_t end) {
+  // With (D + L + E) x = b, b - A x is what is right of the diagonal, and E x.
+  team->For(num_rows(), kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      const Vector r = -RowProduct(a, a.diagonal[i] + 1, a.row_begin[i + 1], x.data());
+      Vector r = -RowProduct(a, a.diagonal[i] + 1, a.row_begin[i + 1], x.data());
+      if (a.HasOutside(i)) {
+        r += Load<Vector>(&a.damping[N * std::size_t(i)]) * Load<Vector>(&x[N * std::size_t(i)]);
+      }
       Store(r, &old[N * std::size_t(i)]);
     }
   });
-  team->For(p.aggregates.count, kRows / 16, [&](std::int64_t begin, std::int64_t end) {
+  team->For(p.aggregates.count, kRowsPerChunk / 16, [&](std::int64_t begin, std::int64_t end) {
     for (auto c = static_cast<Index>(begin); c < end; ++c) {
       Restricted sum;
       for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
@@ -88,7 +88,7 @@ template <int N>
 void MultigridLevel<N>::CorrectAndRelax(const std::vector<float>& coarse_x, ThreadTeam* team) {
   const Index n = num_rows();
   const Prolongation& p = prolongation;
-  team->For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
+  team->For(n, kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       std::conditional_t<N == 2, Prolonged2, Prolonged4> correction;
       for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) {
@@ -99,11 +99,14 @@ void MultigridLevel<N>::CorrectAndRelax(const std::vector<float>& coarse_x, Thre
       Store(corrected, &old[N * std::size_t(i)]);
     }
   });
-  team->For(n, a.kChunk, [&](std::int64_t begin, std::int64_t end) {
+  team->For(n, a.chunk_rows, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(end) - 1; i >= begin; --i) {
-      const Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data()) -
-                       RowProduct(a, a.diagonal[i] + 1, a.outside_begin[i], x.data()) -
-                       RowProduct(a, a.outside_begin[i], a.row_begin[i + 1], old.data());
+      Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data()) -
+                 RowProduct(a, a.diagonal[i] + 1, a.outside_begin[i], x.data()) -
+                 RowProduct(a, a.outside_begin[i], a.row_begin[i + 1], old.data());
+      if (a.HasOutside(i)) {
+        r += Load<Vector>(&a.damping[N * std::size_t(i)]) * Load<Vector>(&x[N * std::size_t(i)]);
+      }
       Store(SolveRow(a, i, r), &x[N * std::size_t(i)]);
     }
   });

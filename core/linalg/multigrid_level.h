@@ -9,11 +9,13 @@
 #include "core/base/thread_team.h"
 #include "core/linalg/aggregation.h"
 #include "core/linalg/level_matrix.h"
+#include "core/linalg/tuning.h"
 
 namespace planish {
 
-// Where the unknowns of a level are: row i is the centre of what it stands for, with an extent that is zero on the
-// finest level. See multigrid.h.
+// Where the unknowns of a level are in the plane: the centre of the vertices that row i stands for, and the extent,
+// about their root mean square distance from it. On the finest level a row is one vertex, and `extent` is empty. See
+// multigrid.h.
 struct LevelCoordinates {
   std::vector<std::complex<double>> centre;
   std::vector<double> extent;
@@ -53,25 +55,27 @@ struct MultigridLevel {
   LevelMatrix<N> a;
   LevelCoordinates coordinates;
   Prolongation prolongation;
-  // The cycle's right-hand side, solution and the solution before a sweep: N floats a row.
+  // Of the cycle: the right-hand side, the solution, and the solution before a sweep. N floats a row.
   std::vector<float> b, x, old;
 
   std::int32_t num_rows() const { return a.num_rows(); }
   void ResizeVectors();
 
-  // x = one forward sweep of Gauss-Seidel within chunks on a x = b from zero, Jacobi between them.
+  // Sets x to one forward sweep on a x = b from zero, Gauss-Seidel within chunks and Jacobi between them:
+  // (D + L + E) x = b (multigrid.h).
   void RelaxFromZero(ThreadTeam* team);
-  // coarse_b = P^t (b - a x), right after RelaxFromZero.
+  // coarse_b = P^t (b - a x). Only right after RelaxFromZero(), on whose result it relies.
   void Restrict(std::vector<float>* coarse_b, ThreadTeam* team);
-  // x += P coarse_x, then one backward sweep: the transpose of RelaxFromZero's.
+  // x += P coarse_x, then one backward sweep, the transpose of the forward one.
   void CorrectAndRelax(const std::vector<float>& coarse_x, ThreadTeam* team);
-  // Both of these leave things half done after an interrupt.
+
+  // After a cancellation BuildCoarse() and FillCoarse() leave their results incomplete.
   //
-  // The structure of P and of P^t A P, and omega. False: the rows hold together too little for a coarser level. Rows
-  // from `num_coupled` on stay out of aggregates.
-  bool BuildCoarse(double theta, std::int32_t num_coupled, LevelMatrix<4>* coarse, ThreadTeam* team,
-                   const Interrupter* interrupter);
-  // The numbers of P, the coordinates of the aggregates, and P^t A P.
+  // Makes the pattern of P and of P^t A P, and omega. False: the couplings, of strength `theta` and more, are too few
+  // for a coarser level. Rows from `num_coupled` on stay out of aggregates.
+  bool BuildCoarse(const MultigridTuning& tuning, double theta, std::int32_t num_coupled, LevelMatrix<4>* coarse,
+                   ThreadTeam* team, const Interrupter* interrupter);
+  // Computes the numbers of P, the coordinates of the aggregates, and P^t A P.
   void FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team,
                   const Interrupter* interrupter);
 

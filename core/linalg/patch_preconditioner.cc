@@ -7,7 +7,8 @@
 
 namespace planish {
 
-absl::Status PatchPreconditioner::SetPatch(const BlockMatrix<float>& matrix, std::vector<std::int32_t> rows) {
+absl::Status PatchPreconditioner::SetPatch(const BlockMatrix<float>& matrix, std::vector<std::int32_t> rows,
+                                           std::int64_t max_bytes) {
   BlockMatrix<double> part, own;  // the rows, and of these the columns in the patch, as it numbers them
   for (const std::int32_t row : rows) {
     for (std::int32_t k = matrix.row_begin[row]; k < matrix.row_begin[row + 1]; ++k) {
@@ -22,7 +23,9 @@ absl::Status PatchPreconditioner::SetPatch(const BlockMatrix<float>& matrix, std
     part.row_begin.push_back(static_cast<std::int32_t>(part.column.size()));
     own.row_begin.push_back(static_cast<std::int32_t>(own.column.size()));
   }
-  PLANISH_RETURN_IF_ERROR(factorization_.Factorize(LowerTriangle(own), /*block_size=*/2));
+  rows_.clear();
+  factorization_.set_max_bytes(max_bytes);
+  PLANISH_RETURN_IF_ERROR(factorization_.Factorize(own));
   rows_ = std::move(rows);
   matrix_ = std::move(part);
   return absl::OkStatus();

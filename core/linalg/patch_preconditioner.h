@@ -1,7 +1,8 @@
-// Exact solves on a few rows before and after another preconditioner: a multiplicative Schwarz method of two subspaces.
+// Exact solves on a few rows before and after another preconditioner: a symmetric multiplicative Schwarz method.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -13,17 +14,19 @@
 
 namespace planish {
 
-// For a matrix S and a patch, some of its rows of blocks, where the other preconditioner M^-1 serves badly: with P^-1,
-// the inverse of the rows' own part of S and zero elsewhere,
+// For a matrix S, another preconditioner M^-1 and a patch: the rows of blocks for which M^-1 serves badly. With P^-1
+// the inverse of the patch's own part of S, and zero elsewhere,
 //   1 - K^-1 S = (1 - P^-1 S) (1 - M^-1 S) (1 - P^-1 S).
-// Symmetric, and positive definite wherever 1 - M^-1 S is not negative beyond -1, as that of a multigrid cycle.
+// K^-1 is symmetric, and positive definite if M^-1 is.
 class PatchPreconditioner final : public Preconditioner {
  public:
   explicit PatchPreconditioner(std::unique_ptr<Preconditioner> other) : other_(std::move(other)) {}
 
-  // The patch. Copies what it needs of `matrix`, so that this may change; `rows` ascend. Nothing changes after an
-  // error: FAILED_PRECONDITION, not positive definite.
-  absl::Status SetPatch(const BlockMatrix<float>& matrix, std::vector<std::int32_t> rows);
+  // Sets the patch: the ascending `rows` of `matrix`, whose numbers are copied. After an error Apply() works without a
+  // patch. FAILED_PRECONDITION: the patch's own part is not positive definite. RESOURCE_EXHAUSTED: its factor takes
+  // more than `max_bytes`, or there is no memory.
+  absl::Status SetPatch(const BlockMatrix<float>& matrix, std::vector<std::int32_t> rows,
+                        std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max());
 
   void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const override;
 

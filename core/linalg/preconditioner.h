@@ -18,7 +18,7 @@ class IdentityPreconditioner final : public Preconditioner {
   void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const override { *z = r; }
 };
 
-// K = diagonal, where positive; entries that are not (an indefinite system has such) count by their magnitude.
+// K = the magnitudes of `diagonal`, which has negative entries for an indefinite system; entries of 0 count as 1.
 class JacobiPreconditioner final : public Preconditioner {
  public:
   explicit JacobiPreconditioner(const Eigen::VectorXd& diagonal);
@@ -28,7 +28,7 @@ class JacobiPreconditioner final : public Preconditioner {
   Eigen::VectorXd inverse_;
 };
 
-// K = a matrix that `factorization` has factorized; it must outlive this.
+// K = the matrix that `factorization` factorized last. The factorization must outlive this.
 class CholeskyPreconditioner final : public Preconditioner {
  public:
   explicit CholeskyPreconditioner(const SparseCholesky* factorization) : factorization_(factorization) {}

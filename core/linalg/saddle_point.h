@@ -4,7 +4,7 @@
 //   B x              = g
 //
 // Eliminating x leaves the Schur complement  M lambda = B A^-1 f - g,  M = B A^-1 B^t,  x = A^-1 (f - B^t lambda).
-// M is never formed by the iterative solvers; a system that has it as a matrix may apply that (ApplySchur).
+// The iterative solvers never form M; a system that has M as a matrix may multiply by that (ApplySchur).
 #pragma once
 
 #include "Eigen/Core"
@@ -13,7 +13,7 @@
 
 namespace planish {
 
-// Column-compressed, 32-bit indices, as CHOLMOD takes it.
+// Column-compressed, 32-bit indices.
 using SparseMatrix = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
 
 // Implementations are immutable while a solver uses them. Output vectors are resized.
@@ -30,17 +30,17 @@ class SaddlePointOperator {
 
   // y = M lambda, by default B (A^-1 (B^t lambda)).
   virtual void ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const;
-  // Whether ApplySchur takes M from numbers rounded to float. ApplyExactSchur never does.
+  // Whether ApplySchur multiplies by an M rounded to float. ApplyExactSchur never does.
   virtual bool rounds_schur() const { return false; }
   virtual void ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const { ApplySchur(lambda, y); }
   // The diagonal of M.
   virtual Eigen::VectorXd SchurDiagonal() const = 0;
 
-  // Who does the work on vectors of this system.
+  // The threads that work on vectors of this system.
   virtual ThreadTeam& team() const { return Alone(); }
 
  private:
-  mutable Eigen::VectorXd p_, h_;  // of ApplySchur: one solver at a time
+  mutable Eigen::VectorXd p_, h_;  // for ApplySchur, which is therefore not thread-safe
 };
 
 }  // namespace planish

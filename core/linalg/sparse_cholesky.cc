@@ -1,176 +1,264 @@
 #include "core/linalg/sparse_cholesky.h"
 
-#include <cholmod.h>
-#include <omp.h>
-
-#include <cstring>
-#include <mutex>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <new>
 #include <vector>
 
+#include "Eigen/OrderingMethods"
+#include "Eigen/SparseCore"
 #include "absl/strings/str_cat.h"
-
-// Of OpenBLAS; null where the BLAS is another one.
-extern "C" {
-[[gnu::weak]] int openblas_get_parallel();
-[[gnu::weak]] void openblas_set_num_threads(int threads);
-}
+#include "absl/strings/str_format.h"
 
 namespace planish {
 namespace {
 
-constexpr Eigen::Index kSmallGraph = 3000;  // vertices
+using Double2 = double __attribute__((vector_size(16)));
 
-// What the numeric part of CHOLMOD must hold. BLAS is to work on the calling thread alone; and an OpenBLAS that was
-// built without threads (Debian's libopenblas0-serial) shares its buffers between callers without a lock: of two matrix
-// products at a time, one in a hundred came out wrong. Then one caller at a time has it.
-std::unique_lock<std::mutex> HoldBlas() {
-  static std::mutex* const mutex = new std::mutex;
-  static const bool is_shared = [] {
-    if (openblas_set_num_threads != nullptr) openblas_set_num_threads(1);
-    return openblas_get_parallel != nullptr && openblas_get_parallel() == 0;
-  }();
-  return is_shared ? std::unique_lock(*mutex) : std::unique_lock<std::mutex>();
+Double2 LoadPair(const double* p) {
+  Double2 pair;
+  __builtin_memcpy(&pair, p, sizeof pair);
+  return pair;
+}
+void StorePair(const Double2& pair, double* p) {
+  __builtin_memcpy(p, &pair, sizeof pair);
+}
+Double2 Twice(double x) {
+  return Double2{x, x};
 }
 
-// METIS draws its random numbers from the C library's one generator, which it seeds each time: two calls at a time
-// would disturb each other's, and with them the last bits of what is solved.
-bool DissectAlone(cholmod_sparse* graph, int* order, cholmod_common* common) {
-  static std::mutex* const mutex = new std::mutex;
-  const std::lock_guard lock(*mutex);
-  return cholmod_metis(graph, nullptr, 0, 1, order, common) != 0;
-}
-
-cholmod_sparse View(const SparseMatrix& lower) {
-  cholmod_sparse view = {};
-  view.nrow = view.ncol = static_cast<std::size_t>(lower.rows());
-  view.nzmax = static_cast<std::size_t>(lower.nonZeros());
-  // CHOLMOD takes pointers to non-const but only reads here.
-  view.p = const_cast<int*>(lower.outerIndexPtr());
-  view.i = const_cast<int*>(lower.innerIndexPtr());
-  view.x = const_cast<double*>(lower.valuePtr());
-  view.stype = -1;
-  view.itype = CHOLMOD_INT;
-  view.xtype = CHOLMOD_REAL;
-  view.dtype = CHOLMOD_DOUBLE;
-  view.sorted = 1;
-  view.packed = 1;
-  return view;
-}
-
-// The pattern of the block graph, lower triangle.
-SparseMatrix BlockPattern(const SparseMatrix& lower, int block_size) {
-  const Eigen::Index blocks = lower.rows() / block_size;
-  std::vector<Eigen::Triplet<double, int>> entries;
-  for (Eigen::Index j = 0; j < blocks; ++j) {
-    for (SparseMatrix::InnerIterator it(lower, j * block_size); it; ++it) {
-      if (it.row() % block_size == 0) {
-        entries.emplace_back(static_cast<int>(it.row() / block_size), static_cast<int>(j), 1.0);
-      }
+// The order in which rows are eliminated: entry k is the row that comes as number k.
+std::vector<std::int32_t> MinimumDegreeOrder(const BlockMatrix<double>& matrix) {
+  const std::int32_t n = matrix.num_rows();
+  // Only the pattern matters. Eigen adds that of the transpose, so one triangle is enough; with the diagonal, since
+  // rows without are put last, unordered.
+  Eigen::SparseMatrix<float, Eigen::ColMajor, int> pattern(n, n);
+  std::vector<int> length(n, 0);
+  for (std::int32_t i = 0; i < n; ++i) {
+    for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k)
+      length[i] += matrix.column[k] >= i ? 1 : 0;
+  }
+  pattern.reserve(length);
+  for (std::int32_t i = 0; i < n; ++i) {
+    for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
+      if (matrix.column[k] >= i) pattern.insert(matrix.column[k], i) = 1;
     }
   }
-  SparseMatrix pattern(blocks, blocks);
-  pattern.setFromTriplets(entries.begin(), entries.end());
-  return pattern;
+  pattern.makeCompressed();
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order(n);
+  Eigen::AMDOrdering<int>()(pattern, order);
+  return {order.indices().data(), order.indices().data() + n};
 }
 
 }  // namespace
 
 struct SparseCholesky::Impl {
-  Impl() {
-    cholmod_start(&common);
-    common.print = 0;
-    common.supernodal = CHOLMOD_SUPERNODAL;
-    // The matrix is permuted by an ordering that CHOLMOD gets from here.
-    common.nmethods = 1;
-    common.method[0].ordering = CHOLMOD_GIVEN;
-    common.postorder = 1;
-  }
-  ~Impl() {
-    cholmod_free_factor(&factor, &common);
-    cholmod_free_dense(&solution, &common);
-    cholmod_free_dense(&workspace_y, &common);
-    cholmod_free_dense(&workspace_e, &common);
-    cholmod_finish(&common);
-  }
+  // The order, the elimination tree and the pattern of L.
+  absl::Status Analyze(const BlockMatrix<double>& matrix);
+  absl::Status FactorizeNumbers(const BlockMatrix<double>& matrix);
+  // Writes the columns of row k of L, which are the nodes of the elimination tree on the paths from the columns of row
+  // k of the matrix up to k, to the end of `pattern` from the returned place on: each after those that it depends on.
+  std::int32_t RowPattern(const BlockMatrix<double>& matrix, std::int32_t k, std::vector<std::int32_t>* mark,
+                          std::vector<std::int32_t>* pattern) const;
 
-  bool SamePattern(const SparseMatrix& lower) const {
-    return factor != nullptr && static_cast<Eigen::Index>(column_begin.size()) == lower.cols() + 1 &&
-           static_cast<Eigen::Index>(row.size()) == lower.nonZeros() &&
-           std::memcmp(column_begin.data(), lower.outerIndexPtr(), column_begin.size() * sizeof(int)) == 0 &&
-           std::memcmp(row.data(), lower.innerIndexPtr(), row.size() * sizeof(int)) == 0;
-  }
+  std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max();
 
-  absl::Status Analyze(const SparseMatrix& lower, int block_size) {
-    const SparseMatrix pattern = BlockPattern(lower, block_size);
-    cholmod_sparse graph = View(pattern);
-    std::vector<int> block_order(static_cast<std::size_t>(pattern.rows()));
-    // Nested dissection for large graphs, minimum degree for small ones, which is as good there and quicker. CHOLMOD
-    // refuses METIS on a few odd graphs too.
-    const bool has_order = pattern.rows() > kSmallGraph && DissectAlone(&graph, block_order.data(), &common);
-    if (!has_order && !cholmod_amd(&graph, nullptr, 0, block_order.data(), &common)) {
-      return absl::ResourceExhaustedError("no memory for the ordering of the reduced system");
-    }
-    std::vector<int> order;
-    order.reserve(static_cast<std::size_t>(lower.rows()));
-    for (const int block : block_order) {
-      for (int k = 0; k < block_size; ++k) order.push_back(block * block_size + k);
-    }
-    cholmod_free_factor(&factor, &common);
-    cholmod_sparse matrix = View(lower);
-    factor = cholmod_analyze_p(&matrix, order.data(), nullptr, 0, &common);
-    if (factor == nullptr) return absl::ResourceExhaustedError("no memory for the symbolic factorization");
-    column_begin.assign(lower.outerIndexPtr(), lower.outerIndexPtr() + lower.cols() + 1);
-    row.assign(lower.innerIndexPtr(), lower.innerIndexPtr() + lower.nonZeros());
-    return absl::OkStatus();
-  }
-
-  mutable cholmod_common common;
-  cholmod_factor* factor = nullptr;
-  // Pattern that `factor` was analyzed for.
-  std::vector<int> column_begin, row;
-  // Kept between solves by cholmod_solve2.
-  mutable cholmod_dense *solution = nullptr, *workspace_y = nullptr, *workspace_e = nullptr;
+  // The pattern that the rest was made for.
+  std::vector<std::int32_t> row_begin = {0}, column;
+  std::vector<std::int32_t> order, place;  // place[order[k]] = k
+  std::vector<std::int32_t> parent;        // in the elimination tree; -1: a root
+  // Column j of L below its diagonal: blocks [begin[j], begin[j + 1]), rows ascending. A block L_kj takes four numbers,
+  // its transpose by rows.
+  std::vector<std::int64_t> begin;
+  std::vector<std::int32_t> row;
+  std::vector<double> value;
+  // The inverse of the diagonal block of column j: ((a, 0), (b, c)) as a, b, c.
+  std::vector<double> inverse;
 };
 
-SparseCholesky::SparseCholesky() : impl_(std::make_unique<Impl>()) {}
-SparseCholesky::~SparseCholesky() = default;
+std::int32_t SparseCholesky::Impl::RowPattern(const BlockMatrix<double>& matrix, std::int32_t k,
+                                              std::vector<std::int32_t>* mark,
+                                              std::vector<std::int32_t>* pattern) const {
+  auto top = static_cast<std::int32_t>(pattern->size());
+  (*mark)[k] = k;
+  const std::int32_t row_of_matrix = order[k];
+  for (std::int32_t e = matrix.row_begin[row_of_matrix]; e < matrix.row_begin[row_of_matrix + 1]; ++e) {
+    std::int32_t length = 0;
+    // The path is shorter than what is left of `pattern`: both are parts of the same n - 1 nodes.
+    for (std::int32_t i = place[matrix.column[e]]; i < k && (*mark)[i] != k; i = parent[i]) {
+      (*pattern)[length++] = i;
+      (*mark)[i] = k;
+    }
+    while (length > 0) (*pattern)[--top] = (*pattern)[--length];
+  }
+  return top;
+}
 
-absl::Status SparseCholesky::Factorize(const SparseMatrix& lower, int block_size) {
-  // CHOLMOD would start four threads for any factorization, whatever the caller's share of the machine is.
-  omp_set_max_active_levels(0);
-  if (lower.rows() == 0) return absl::OkStatus();
-  if (!impl_->SamePattern(lower)) {
-    if (absl::Status status = impl_->Analyze(lower, block_size); !status.ok()) return status;
+absl::Status SparseCholesky::Impl::Analyze(const BlockMatrix<double>& matrix) {
+  const std::int32_t n = matrix.num_rows();
+  order = MinimumDegreeOrder(matrix);
+  place.resize(n);
+  for (std::int32_t k = 0; k < n; ++k) place[order[k]] = k;
+  // The elimination tree (Liu 1990), with paths that are shortened as they are walked.
+  parent.assign(n, -1);
+  std::vector<std::int32_t> ancestor(n, -1);
+  for (std::int32_t k = 0; k < n; ++k) {
+    for (std::int32_t e = matrix.row_begin[order[k]]; e < matrix.row_begin[order[k] + 1]; ++e) {
+      for (std::int32_t i = place[matrix.column[e]]; i >= 0 && i < k;) {
+        const std::int32_t next = ancestor[i];
+        ancestor[i] = k;
+        if (next < 0) parent[i] = k;
+        i = next;
+      }
+    }
   }
-  cholmod_sparse matrix = View(lower);
-  const std::unique_lock<std::mutex> blas = HoldBlas();
-  if (!cholmod_factorize(&matrix, impl_->factor, &impl_->common)) {
-    return absl::ResourceExhaustedError("no memory for the factorization of the reduced system");
+  std::vector<std::int32_t> mark(n, -1), pattern(n);
+  begin.assign(n + 1, 0);
+  for (std::int32_t k = 0; k < n; ++k) {
+    for (std::int32_t t = RowPattern(matrix, k, &mark, &pattern); t < n; ++t) ++begin[pattern[t] + 1];
   }
-  if (impl_->common.status == CHOLMOD_NOT_POSDEF) {
-    return absl::FailedPreconditionError(absl::StrCat("matrix is not positive definite: pivot ", impl_->factor->minor,
-                                                      " of ", impl_->factor->n, " is not positive"));
+  for (std::int32_t j = 0; j < n; ++j) begin[j + 1] += begin[j];
+  return absl::OkStatus();
+}
+
+absl::Status SparseCholesky::Impl::FactorizeNumbers(const BlockMatrix<double>& matrix) {
+  const std::int32_t n = matrix.num_rows();
+  row.resize(static_cast<std::size_t>(begin[n]));
+  value.resize(4 * static_cast<std::size_t>(begin[n]));
+  inverse.resize(3 * static_cast<std::size_t>(n));
+  std::vector<std::int64_t> end(begin.begin(), begin.end() - 1);  // of what is there of a column
+  std::vector<std::int32_t> mark(n, -1), pattern(n);
+  std::vector<double> y(4 * static_cast<std::size_t>(n), 0.0);  // block i: (L_i:, ...)^-1 applied to S_ik, by rows
+  for (std::int32_t k = 0; k < n; ++k) {
+    // Row k of L is the solution Z of L Z = (column k of S), transposed.
+    const std::int32_t top = RowPattern(matrix, k, &mark, &pattern);
+    double d00 = 0, d10 = 0, d11 = 0;
+    for (std::int32_t e = matrix.row_begin[order[k]]; e < matrix.row_begin[order[k] + 1]; ++e) {
+      const std::int32_t i = place[matrix.column[e]];
+      const double* block = &matrix.value[4 * static_cast<std::size_t>(e)];
+      if (i == k) {
+        d00 = block[0], d10 = block[2], d11 = block[3];
+      } else if (i < k) {
+        double* to = &y[4 * static_cast<std::size_t>(i)];
+        to[0] = block[0], to[1] = block[2], to[2] = block[1], to[3] = block[3];
+      }
+    }
+    for (std::int32_t t = top; t < n; ++t) {
+      const std::int32_t i = pattern[t];
+      double* yi = &y[4 * static_cast<std::size_t>(i)];
+      const double* inv = &inverse[3 * static_cast<std::size_t>(i)];
+      const Double2 y0 = LoadPair(yi), y1 = LoadPair(yi + 2);
+      const Double2 z0 = Twice(inv[0]) * y0, z1 = Twice(inv[1]) * y0 + Twice(inv[2]) * y1;
+      StorePair(Double2{0, 0}, yi);
+      StorePair(Double2{0, 0}, yi + 2);
+      for (std::int64_t p = begin[i]; p < end[i]; ++p) {
+        // y_r -= L_ri Z_i.
+        const double* l = &value[4 * static_cast<std::size_t>(p)];
+        double* yr = &y[4 * static_cast<std::size_t>(row[static_cast<std::size_t>(p)])];
+        StorePair(LoadPair(yr) - Twice(l[0]) * z0 - Twice(l[2]) * z1, yr);
+        StorePair(LoadPair(yr + 2) - Twice(l[1]) * z0 - Twice(l[3]) * z1, yr + 2);
+      }
+      const std::int64_t at = end[i]++;
+      row[static_cast<std::size_t>(at)] = k;
+      StorePair(z0, &value[4 * static_cast<std::size_t>(at)]);
+      StorePair(z1, &value[4 * static_cast<std::size_t>(at) + 2]);
+      d00 -= z0[0] * z0[0] + z1[0] * z1[0];
+      d10 -= z0[1] * z0[0] + z1[1] * z1[0];
+      d11 -= z0[1] * z0[1] + z1[1] * z1[1];
+    }
+    const double l00 = std::sqrt(d00), l10 = d10 / l00, rest = d11 - l10 * l10, l11 = std::sqrt(rest);
+    if (!(d00 > 0) || !(rest > 0) || !std::isfinite(l00) || !std::isfinite(l11)) {
+      return absl::FailedPreconditionError(
+          absl::StrFormat("the matrix is not positive definite: pivot %d of %d is %.3g", k, n, d00 > 0 ? rest : d00));
+    }
+    double* inv = &inverse[3 * static_cast<std::size_t>(k)];
+    inv[0] = 1 / l00;
+    inv[2] = 1 / l11;
+    inv[1] = -l10 * inv[0] * inv[2];
   }
   return absl::OkStatus();
 }
 
+SparseCholesky::SparseCholesky() : impl_(std::make_unique<Impl>()) {}
+SparseCholesky::~SparseCholesky() = default;
+
+void SparseCholesky::set_max_bytes(std::int64_t bytes) {
+  impl_->max_bytes = bytes;
+}
+
+std::int64_t SparseCholesky::bytes() const {
+  const Impl& f = *impl_;
+  constexpr std::int64_t kPerBlock = sizeof(std::int32_t) + 4 * sizeof(double);
+  return f.begin.empty() ? 0 : kPerBlock * f.begin.back();
+}
+
+absl::Status SparseCholesky::Factorize(const BlockMatrix<double>& matrix) {
+  Impl& f = *impl_;
+  const auto give_up = [&](const std::string& why) {
+    const std::int64_t limit = f.max_bytes;
+    f = Impl();
+    f.max_bytes = limit;
+    return absl::ResourceExhaustedError(why);
+  };
+  if (matrix.num_rows() == 0) return absl::OkStatus();
+  try {
+    if (f.begin.empty() || f.row_begin != matrix.row_begin || f.column != matrix.column) {
+      const std::int64_t limit = f.max_bytes;
+      f = Impl();
+      f.max_bytes = limit;
+      if (absl::Status status = f.Analyze(matrix); !status.ok()) return status;
+      f.row_begin = matrix.row_begin;
+      f.column = matrix.column;
+    }
+    if (bytes() > f.max_bytes) {
+      return give_up(absl::StrFormat(
+          "a Cholesky factorization of %d rows takes %.0f MB, and %.0f MB are reserved for it", 2 * matrix.num_rows(),
+          1e-6 * static_cast<double>(bytes()), 1e-6 * static_cast<double>(f.max_bytes)));
+    }
+    return f.FactorizeNumbers(matrix);
+  } catch (const std::bad_alloc&) {
+    return give_up(absl::StrCat("no memory for a Cholesky factorization of ", 2 * matrix.num_rows(), " rows"));
+  }
+}
+
 void SparseCholesky::Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const {
-  if (b.size() == 0) {
-    x->resize(0);
-    return;
+  const Impl& f = *impl_;
+  const auto n = static_cast<std::int32_t>(b.size() / 2);
+  std::vector<double> y(2 * static_cast<std::size_t>(n));
+  for (std::int32_t k = 0; k < n; ++k) {
+    y[2 * static_cast<std::size_t>(k)] = b[2 * f.order[k]];
+    y[2 * static_cast<std::size_t>(k) + 1] = b[2 * f.order[k] + 1];
   }
-  const std::unique_lock<std::mutex> blas = HoldBlas();
-  cholmod_dense rhs = {};
-  rhs.nrow = rhs.nzmax = rhs.d = static_cast<std::size_t>(b.size());
-  rhs.ncol = 1;
-  rhs.x = const_cast<double*>(b.data());
-  rhs.xtype = CHOLMOD_REAL;
-  rhs.dtype = CHOLMOD_DOUBLE;
-  if (!cholmod_solve2(CHOLMOD_A, impl_->factor, &rhs, nullptr, &impl_->solution, nullptr, &impl_->workspace_y,
-                      &impl_->workspace_e, &impl_->common)) {
-    throw std::bad_alloc();
+  for (std::int32_t j = 0; j < n; ++j) {
+    double* own = &y[2 * static_cast<std::size_t>(j)];
+    const double* inv = &f.inverse[3 * static_cast<std::size_t>(j)];
+    const double y0 = inv[0] * own[0], y1 = inv[1] * own[0] + inv[2] * own[1];
+    own[0] = y0;
+    own[1] = y1;
+    for (std::int64_t p = f.begin[j]; p < f.begin[j + 1]; ++p) {
+      const double* l = &f.value[4 * static_cast<std::size_t>(p)];
+      double* to = &y[2 * static_cast<std::size_t>(f.row[static_cast<std::size_t>(p)])];
+      StorePair(LoadPair(to) - Twice(y0) * LoadPair(l) - Twice(y1) * LoadPair(l + 2), to);
+    }
   }
-  *x = Eigen::Map<const Eigen::VectorXd>(static_cast<const double*>(impl_->solution->x), b.size());
+  for (std::int32_t j = n - 1; j >= 0; --j) {
+    double* own = &y[2 * static_cast<std::size_t>(j)];
+    Double2 first = {0, 0}, second = {0, 0};
+    for (std::int64_t p = f.begin[j]; p < f.begin[j + 1]; ++p) {
+      const double* l = &f.value[4 * static_cast<std::size_t>(p)];
+      const Double2 at = LoadPair(&y[2 * static_cast<std::size_t>(f.row[static_cast<std::size_t>(p)])]);
+      first += LoadPair(l) * at;
+      second += LoadPair(l + 2) * at;
+    }
+    const double* inv = &f.inverse[3 * static_cast<std::size_t>(j)];
+    const double r0 = own[0] - (first[0] + first[1]), r1 = own[1] - (second[0] + second[1]);
+    own[0] = inv[0] * r0 + inv[1] * r1;
+    own[1] = inv[2] * r1;
+  }
+  x->resize(b.size());
+  for (std::int32_t k = 0; k < n; ++k)
+    x->segment<2>(2 * f.order[k]) << y[2 * static_cast<std::size_t>(k)], y[2 * static_cast<std::size_t>(k) + 1];
 }
 
 }  // namespace planish

@@ -1,11 +1,16 @@
-// Sparse Cholesky factorization of a sequence of matrices with one pattern (CHOLMOD).
+// Sparse Cholesky factorization S = L L^t of symmetric positive definite matrices of 2x2 blocks.
+//
+// Without BLAS: one thread, no locks, and the same bits on every machine. The factorization goes row by row (the
+// "up-looking" method of Davis, Direct Methods for Sparse Linear Systems, 2006, section 4.8), on blocks of 2x2 in the
+// place of numbers: one index serves four numbers, and the inner loop has 16 operations for each block that it reads.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "Eigen/Core"
 #include "absl/status/status.h"
-#include "core/linalg/saddle_point.h"
+#include "core/linalg/block_matrix.h"
 
 namespace planish {
 
@@ -17,14 +22,20 @@ class SparseCholesky {
   SparseCholesky(const SparseCholesky&) = delete;
   SparseCholesky& operator=(const SparseCholesky&) = delete;
 
-  // Factorizes `lower`, the lower triangle of a symmetric matrix. The fill-reducing ordering (nested dissection) and
-  // the symbolic factorization are made at the first call and reused as long as the pattern stays the same. Rows and
-  // columns that come in dense blocks of `block_size` are ordered as one: the ordering works on a graph that much
-  // smaller. FAILED_PRECONDITION: not positive definite, with the column. RESOURCE_EXHAUSTED: no memory.
-  absl::Status Factorize(const SparseMatrix& lower, int block_size);
+  // The most that the factor may take, in bytes; the default is no limit.
+  void set_max_bytes(std::int64_t bytes);
 
-  // x = K^-1 b for the matrix K factorized last, which must have succeeded.
+  // Factorizes `matrix`. The ordering (approximate minimum degree; Amestoy, Davis, Duff 1996) and the pattern of L are
+  // made in the first call and kept while the pattern of the matrix stays the same.
+  // FAILED_PRECONDITION: not positive definite, with the row. RESOURCE_EXHAUSTED: L takes more than the limit, with
+  // both numbers, or there is no memory; nothing is left of the factorization then.
+  absl::Status Factorize(const BlockMatrix<double>& matrix);
+
+  // x = S^-1 b for the matrix S factorized last, which must have succeeded.
   void Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const;
+
+  // The size of L, in bytes; 0 before the first factorization.
+  std::int64_t bytes() const;
 
  private:
   struct Impl;

@@ -28,22 +28,25 @@ namespace {
 // The error in the norm of M over that at the start, from what each iteration takes off the energy.
 class ErrorEstimate {
  public:
+  explicit ErrorEstimate(double slowest_rate) : slowest_rate_(slowest_rate) {}
+
   void Add(double decrease) {
     rate_before_ = rate_;
     rate_ = last_ > 0 ? decrease / last_ : 1;
     last_ = decrease;
     total_ += decrease;
   }
+  double Taken() const { return total_; }
   // As if the energy went on falling as it did in the slower of the last two iterations.
   double Left() const {
     if (!(total_ > 0)) return 1;
-    const double rate = std::min(std::max(rate_, rate_before_), kSlowest);
+    const double rate = std::min(std::max(rate_, rate_before_), slowest_rate_);
     const double left = last_ * rate / (1 - rate);
     return std::sqrt(left / (total_ + left));
   }
 
  private:
-  static constexpr double kSlowest = 0.9;  // an iteration may take off more than the one before
+  const double slowest_rate_;  // LinearTuning::slowest_rate
   double total_ = 0, last_ = 0, rate_ = 1, rate_before_ = 1;
 };
 
@@ -55,7 +58,7 @@ class UzawaSolver final : public LinearSolver {
     Eigen::VectorXd q = -rhs, z, d = Eigen::VectorXd::Zero(rhs.size()), schur;
     double qz = 1;
     const double first = Norm(team, q);
-    ErrorEstimate error;
+    ErrorEstimate error(options.tuning.slowest_rate);
     const auto good_enough = [&](double norm) {
       if (options.rough.empty()) return norm <= options.relative_tolerance * first;
       return norm == 0 || IsMet(options.rough, error.Left(), q, team);
@@ -76,7 +79,7 @@ class UzawaSolver final : public LinearSolver {
       if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
         options.on_progress(summary.iterations, residual / first);
       }
-      if (IsInterrupted(options.interrupter) || IsInterrupted(options.stop)) {
+      if (IsInterrupted(options.cancel) || IsInterrupted(options.stop)) {
         summary.termination = LinearTermination::kInterrupted;
         break;
       }
@@ -101,7 +104,8 @@ class UzawaSolver final : public LinearSolver {
       error.Add(alpha * qz);
       ++summary.iterations;
     }
-    if (!options.rough.empty()) summary.true_residual = residual / first;
+    summary.energy = residual == 0 ? 0 : error.Left();
+    summary.energy_taken = error.Taken();
     return summary;
   }
 };

@@ -1,4 +1,4 @@
-// Loops over long vectors by a team of threads. Sums are added up chunk by chunk: the same bits with any team.
+// Loops over long vectors on a team of threads. Sums are added up chunk by chunk, so every team gives the same bits.
 #pragma once
 
 #include <algorithm>
@@ -36,7 +36,7 @@ inline double Norm(ThreadTeam& team, const Eigen::VectorXd& a) {
   return std::sqrt(Dot(team, a, a));
 }
 
-// Largest entry of an expression without negative entries; NaN if one is. 0 if it has none.
+// Largest entry of an expression without negative entries; NaN if an entry is NaN, 0 if there are no entries.
 template <typename Expression>
 double Largest(ThreadTeam& team, const Expression& expression) {
   std::vector<double> parts(static_cast<std::size_t>((expression.size() + kVectorChunk - 1) / kVectorChunk));

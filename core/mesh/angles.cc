@@ -1,9 +1,11 @@
 #include "core/mesh/angles.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "Eigen/Geometry"
+#include "core/base/portable_math.h"
 
 namespace planish {
 namespace {
@@ -18,7 +20,7 @@ double CrossNorm(const Vec2& u, const Vec2& v) {
 template <typename Point>
 double Angle(const Point& o, const Point& a, const Point& b) {
   const Point u = a - o, v = b - o;
-  return std::atan2(CrossNorm(u, v), u.dot(v));
+  return portable::Atan2(CrossNorm(u, v), u.dot(v));
 }
 
 template <typename Point>
@@ -31,8 +33,8 @@ void Angles(const Point p[3], double angles[3]) {
       squared[0] >= squared[1] ? (squared[0] >= squared[2] ? 0 : 2) : (squared[1] >= squared[2] ? 1 : 2);
   const int next = Next(largest), prev = Prev(largest);
   const double twice_area = CrossNorm(edge[next], edge[prev]);
-  angles[next] = std::atan2(twice_area, -edge[largest].dot(edge[prev]));
-  angles[prev] = std::atan2(twice_area, -edge[largest].dot(edge[next]));
+  angles[next] = portable::Atan2(twice_area, -edge[largest].dot(edge[prev]));
+  angles[prev] = portable::Atan2(twice_area, -edge[largest].dot(edge[next]));
   angles[largest] = std::numbers::pi - angles[next] - angles[prev];
 }
 
@@ -56,16 +58,58 @@ void TriangleAngles<Vec2>(const Vec2 p[3], double angles[3]) {
   Angles(p, angles);
 }
 
-Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const Execution& execution) {
-  Eigen::VectorXd angles(3 * mesh.num_faces());
-  execution.For(mesh.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const Face& face = mesh.faces[f];
-      const Vec3 p[3] = {mesh.positions[face[0]], mesh.positions[face[1]], mesh.positions[face[2]]};
-      TriangleAngles(p, &angles[3 * f]);
+bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const double twice_area = (b - a).cross(c - a).norm();
+  const double longest = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+  return !(twice_area > 1e-14 * longest);
+}
+
+namespace {
+
+void MeasureFlatFace(const Vec3 p[3], double angles[3]) {
+  constexpr double kLonger = 1e-3;  // of the longest edge
+  double length[3];                 // of the edge that each corner faces
+  for (int k = 0; k < 3; ++k) length[k] = (p[Prev(k)] - p[Next(k)]).norm();
+  const double longest = std::max({length[0], length[1], length[2]});
+  for (double& l : length) l += kLonger * longest;
+  // Place the triangle in the plane, for the accurate angles of small ones.
+  const double x = (length[0] * length[0] + length[1] * length[1] - length[2] * length[2]) / (2 * length[0]);
+  const double s = (length[0] + length[1] + length[2]) / 2;
+  const double area = std::sqrt(std::max(0.0, s * (s - length[0]) * (s - length[1]) * (s - length[2])));
+  // The edge faced by corner 0 from (0, 0), corner 2, to (length[0], 0), corner 1.
+  const Vec2 q[3] = {Vec2(x, 2 * area / length[0]), Vec2(length[0], 0), Vec2(0, 0)};
+  TriangleAngles(q, angles);
+}
+
+template <typename FaceAt>
+Eigen::VectorXd Measure(const Mesh& mesh, std::int64_t num_faces, const FaceAt& face_at, const Execution& execution) {
+  Eigen::VectorXd angles(3 * num_faces);
+  execution.For(num_faces, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      const auto& [a, b, c] = mesh.faces[face_at(i)];
+      const Vec3 p[3] = {mesh.positions[a], mesh.positions[b], mesh.positions[c]};
+      if (a == b || b == c || c == a || (p[0] == p[1] && p[1] == p[2])) {
+        angles.segment<3>(3 * i).setZero();
+      } else if (IsDegenerateTriangle(p[0], p[1], p[2])) {
+        MeasureFlatFace(p, &angles[3 * i]);
+      } else {
+        TriangleAngles(p, &angles[3 * i]);
+      }
     }
   });
   return angles;
+}
+
+}  // namespace
+
+Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const Execution& execution) {
+  return Measure(
+      mesh, mesh.num_faces(), [](std::int64_t f) { return f; }, execution);
+}
+
+Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const std::vector<std::int32_t>& faces, const Execution& execution) {
+  return Measure(
+      mesh, static_cast<std::int64_t>(faces.size()), [&](std::int64_t i) { return faces[i]; }, execution);
 }
 
 }  // namespace planish

@@ -1,6 +1,9 @@
 // Angles of triangles on the surface.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "Eigen/Core"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
@@ -8,9 +11,16 @@
 namespace planish {
 
 // alpha*: the 3F measured angles, radians, corner k of face f at 3 f + k. Accurate for angles near 0 and pi, whatever
-// the position and scale of the mesh; those of a face add up to pi. Faces must not be degenerate. Of no use after an
-// interrupt.
+// the position and scale of the mesh; those of a face add up to pi. A face without area gets the angles of edges that
+// are longer by a thousandth of its longest edge ("intrinsic mollification", Sharp and Crane 2020, but only there): no
+// angle is 0. One that names a vertex twice, or lies in one point, has no angles: 0. Of no use after a cancellation.
 Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const Execution& execution = {});
+// Those of these faces alone: corner k of faces[i] at 3 i + k.
+Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const std::vector<std::int32_t>& faces,
+                               const Execution& execution = {});
+
+// Whether the three points span no area at working precision: 2 area <= 1e-14 times the longest edge squared.
+bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c);
 
 // The angle at `o` between the rays to `a` and `b`, in [0, pi].
 template <typename Point>

@@ -47,7 +47,7 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Ex
       entries[i] = {key, static_cast<std::int32_t>(i)};
     }
   });
-  if (execution.IsStopped()) return {};
+  if (execution.IsCancelled()) return {};
   SortByKey(&entries);
   std::vector<std::int32_t> order(boxes.size());
   for (std::int64_t i = 0; i < n; ++i) order[i] = entries[i].index;
@@ -59,7 +59,7 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Ex
 BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(std::move(boxes)) {
   if (boxes_.empty()) return;
   order_ = InSpatialOrder(boxes_, execution);
-  if (execution.IsStopped()) return;
+  if (execution.IsCancelled()) return;
   const auto n = static_cast<std::int64_t>(boxes_.size());
   std::int32_t leaves = 1;
   while (std::int64_t{kLeafSize} * leaves < n) leaves *= 2;
@@ -71,7 +71,7 @@ BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(st
       }
     }
   });
-  if (execution.IsStopped()) return;
+  if (execution.IsCancelled()) return;
   for (std::int32_t i = leaves - 2; i >= 0; --i) {
     nodes[i].Add(nodes[2 * i + 1]);
     nodes[i].Add(nodes[2 * i + 2]);

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numbers>
-#include <numeric>
 #include <tuple>
 #include <utility>
 
@@ -14,8 +12,9 @@
 #include "absl/strings/str_join.h"
 #include "core/base/error.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "core/mesh/half_edges.h"
+#include "core/mesh/import.h"
+#include "core/mesh/tri_mesh.h"
 
 namespace planish {
 namespace {
@@ -26,171 +25,146 @@ void Add(std::int64_t id, ElementList* list) {
   if (++list->count <= static_cast<std::int64_t>(kMaxDiagnosed)) list->first.push_back(id);
 }
 
-// Disjoint sets; the representative is the smallest member.
-class Sets {
- public:
-  explicit Sets(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0); }
-
-  std::int32_t Find(std::int32_t x) {
-    while (parent_[x] != x) x = parent_[x] = parent_[parent_[x]];
-    return x;
-  }
-  void Join(std::int32_t a, std::int32_t b) {
-    std::tie(a, b) = std::pair(Find(a), Find(b));
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::int32_t> parent_;
-};
-
-enum class FaceKind : char { kWithArea, kOutOfRange, kRepeatingAVertex, kNotFinite, kWithoutArea };
-
-// The corners at the two ends of the half-edge that corner c faces.
-std::int32_t OriginCorner(std::int32_t c) {
-  return c - c % 3 + Next(c % 3);
-}
-std::int32_t TargetCorner(std::int32_t c) {
-  return c - c % 3 + Prev(c % 3);
+void AddEdge(const std::vector<Face>& faces, std::span<const std::int32_t> at, EdgeList* list) {
+  list->face_count += static_cast<std::int64_t>(at.size());
+  if (++list->count > static_cast<std::int64_t>(kMaxDiagnosed)) return;
+  const auto [low, high] = std::minmax({Origin(faces, at[0]), Target(faces, at[0])});
+  list->first.push_back({low, high});
+  for (std::size_t i = 0; i < at.size() && list->faces.size() < kMaxDiagnosed; ++i) list->faces.push_back(at[i] / 3);
 }
 
-// One run of Diagnose().
-class Examination {
- public:
-  Examination(const Mesh& mesh, const Execution& execution) : mesh_(mesh), execution_(execution) {}
+bool IsOfSurface(const Pairing& pairing, std::int64_t f) {
+  const bool has_place = pairing.kind[f] == FaceKind::kWithArea || pairing.kind[f] == FaceKind::kNotFinite;
+  return has_place && !pairing.is_copy(f);
+}
 
-  absl::StatusOr<Diagnosis> operator()() {
-    result_.vertices = mesh_.num_vertices();
-    result_.faces = mesh_.num_faces();
-    using Step = void (Examination::*)();
-    for (const Step step :
-         {&Examination::ClassifyFaces, &Examination::FindDuplicates, &Examination::LookAtVertices,
-          &Examination::LookAtEdges, &Examination::LookAtFans, &Examination::LookAtComponents, &Examination::Measure}) {
-      (this->*step)();
-      if (execution_.IsStopped()) return absl::CancelledError("cancelled");
+void ListFaces(const Pairing& pairing, Diagnosis* result) {
+  for (std::int64_t f = 0; f < result->faces; ++f) {
+    const FaceKind kind = pairing.kind[f];
+    if (kind == FaceKind::kOutOfRange) Add(f, &result->faces_out_of_range);
+    if (kind == FaceKind::kRepeatingAVertex) Add(f, &result->faces_repeating_a_vertex);
+    if (kind == FaceKind::kNotFinite) Add(f, &result->faces_not_finite);
+    if (kind == FaceKind::kInOnePoint || kind == FaceKind::kWithoutArea) Add(f, &result->faces_without_area);
+    if (kind != FaceKind::kOutOfRange && pairing.is_copy(f)) Add(f, &result->duplicate_faces);
+    result->surface_faces += IsOfSurface(pairing, f);
+  }
+}
+
+// Per vertex: whether a face in range refers to it.
+std::vector<char> UsedVertices(const Mesh& mesh, const Pairing& pairing) {
+  std::vector<char> used(mesh.positions.size(), 0);
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    if (pairing.kind[f] == FaceKind::kOutOfRange) continue;
+    for (const std::int32_t v : mesh.faces[f]) used[v] = 1;
+  }
+  return used;
+}
+
+void ListVertices(const Mesh& mesh, const Pairing& pairing, Diagnosis* result) {
+  const std::vector<char> used = UsedVertices(mesh, pairing);
+  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
+    if (!used[v]) Add(v, &result->isolated_vertices);
+    if (used[v] && !mesh.positions[v].allFinite()) Add(v, &result->vertices_not_finite);
+  }
+}
+
+// One of the faces round a vertex.
+FaceHandle FaceAt(const TriMesh& mesh, VertexHandle v) {
+  const HalfedgeHandle h = mesh.halfedge_handle(v);
+  return mesh.face_handle(mesh.is_boundary(h) ? mesh.opposite_halfedge_handle(h) : h);
+}
+
+// The pieces of the imported surface, put together again over the edges at which faces are wound against each other,
+// and what their boundaries are like.
+void ListComponents(const Pairing& pairing, const TriMesh& imported, const Execution& execution, Diagnosis* result) {
+  const auto of_surface = [&](FaceHandle f) { return IsOfSurface(pairing, f.idx()); };
+  std::int32_t num_pieces = 0;
+  const std::vector<std::int32_t> piece = ConnectedPieces(
+      static_cast<std::int32_t>(imported.n_faces()), &num_pieces,
+      [&](std::int32_t f) { return IsOfSurface(pairing, f); },
+      [&](std::int32_t f, int k) {
+        const HalfedgeHandle h = HalfEdgesOf(imported, FaceHandle(f))[k];
+        return imported.face_handle(imported.opposite_halfedge_handle(h)).idx();
+      });
+  if (execution.IsCancelled()) return;
+  // A component is a set of pieces, a fan one of vertices. Pieces come twice in `sides`, as they are and turned over.
+  // Over every inconsistent edge a piece goes with the other side of its neighbour; where it goes with its own, the
+  // component is not orientable.
+  UnionFind components(num_pieces), sides(2 * num_pieces), fans(imported.n_vertices());
+  std::vector<char> is_inner(imported.n_edges(), 0);
+  for (const auto& [c, d] : pairing.inconsistent) {
+    if (piece[c / 3] < 0) continue;  // copies
+    const HalfedgeHandle g = HalfEdgeOf(imported, c), h = HalfEdgeOf(imported, d);
+    is_inner[imported.edge_handle(g).idx()] = is_inner[imported.edge_handle(h).idx()] = 1;
+    components.Join(piece[c / 3], piece[d / 3]);
+    sides.Join(2 * piece[c / 3], 2 * piece[d / 3] + 1);
+    sides.Join(2 * piece[c / 3] + 1, 2 * piece[d / 3]);
+    fans.Join(imported.from_vertex_handle(g).idx(), imported.from_vertex_handle(h).idx());
+    fans.Join(imported.to_vertex_handle(g).idx(), imported.to_vertex_handle(h).idx());
+  }
+  result->oriented_pieces = num_pieces;
+  std::vector<std::int32_t> number(num_pieces, -1);
+  for (const FaceHandle f : imported.faces()) {
+    if (!of_surface(f)) continue;
+    const std::int32_t first = components.Find(piece[f.idx()]);  // the lowest: seen before
+    if (number[first] < 0) {
+      number[first] = static_cast<std::int32_t>(result->components.size());
+      Component& component = result->components.emplace_back();
+      component.first_face = f.idx();
+      component.orientable = sides.Find(2 * first) != sides.Find(2 * first + 1);
     }
-    return std::move(result_);
+    number[piece[f.idx()]] = number[first];
+    Component& component = result->components[number[first]];
+    ++component.faces;
+    ++component.euler_characteristic;
   }
-
- private:
-  void ClassifyFaces();
-  void FindDuplicates();
-  void LookAtVertices();
-  void LookAtEdges();
-  void LookAtFans();
-  void LookAtComponents();
-  void Measure();
-
-  FaceKind KindOf(const Face& face) const;
-  void NameEdge(std::int32_t edge, EdgeList* list) const;
-  // Edge `e` has two faces; whether they are wound the same way.
-  bool Agrees(std::int32_t e) const;
-  std::int32_t NumFaces(std::int32_t e) const { return edges_.begin[e + 1] - edges_.begin[e]; }
-  std::int32_t HalfEdge(std::int32_t e, std::int32_t i) const { return edges_.half_edge[edges_.begin[e] + i]; }
-
-  const Mesh& mesh_;
-  const Execution& execution_;
-  Diagnosis result_;
-  std::vector<FaceKind> kind_;
-  std::vector<char> is_copy_;  // per face: the same vertices as an earlier one
-  std::vector<char> used_;     // per vertex: has a face in range
-  // The surface, its faces and corners numbered anew.
-  std::vector<Face> surface_;
-  std::vector<std::int32_t> source_face_;
-  EdgeGroups edges_;
-  std::vector<std::int32_t> fan_;  // per corner: the first corner of its fan
-};
-
-FaceKind Examination::KindOf(const Face& face) const {
-  const auto& [a, b, c] = face;
-  for (const std::int32_t v : face) {
-    if (v < 0 || v >= mesh_.num_vertices()) return FaceKind::kOutOfRange;
-  }
-  if (a == b || b == c || c == a) return FaceKind::kRepeatingAVertex;
-  for (const std::int32_t v : face) {
-    if (!mesh_.positions[v].allFinite()) return FaceKind::kNotFinite;
-  }
-  return IsDegenerateTriangle(mesh_.positions[a], mesh_.positions[b], mesh_.positions[c]) ? FaceKind::kWithoutArea
-                                                                                          : FaceKind::kWithArea;
-}
-
-void Examination::ClassifyFaces() {
-  kind_.resize(mesh_.faces.size());
-  execution_.For(mesh_.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) kind_[f] = KindOf(mesh_.faces[f]);
-  });
-  for (std::int64_t f = 0; f < mesh_.num_faces(); ++f) {
-    switch (kind_[f]) {
-      case FaceKind::kWithArea:
-        break;
-      case FaceKind::kOutOfRange:
-        Add(f, &result_.faces_out_of_range);
-        break;
-      case FaceKind::kRepeatingAVertex:
-        Add(f, &result_.faces_repeating_a_vertex);
-        break;
-      case FaceKind::kNotFinite:
-        Add(f, &result_.faces_not_finite);
-        break;
-      case FaceKind::kWithoutArea:
-        Add(f, &result_.faces_without_area);
-        break;
+  const auto component_of = [&](FaceHandle f) -> Component& { return result->components[number[piece[f.idx()]]]; };
+  UnionFind loops(imported.n_vertices());
+  std::vector<std::int64_t> inner(result->components.size(), 0);
+  for (const EdgeHandle e : imported.edges()) {
+    const HalfedgeHandle h = imported.halfedge_handle(e, 0);
+    if (!of_surface(imported.face_handle(h))) continue;
+    Component& component = component_of(imported.face_handle(h));
+    if (is_inner[e.idx()]) {
+      ++inner[&component - result->components.data()];  // comes twice
+      continue;
     }
+    --component.euler_characteristic;
+    if (!imported.is_boundary(e)) continue;
+    ++component.boundary_edges;
+    loops.Join(fans.Find(imported.from_vertex_handle(h).idx()), fans.Find(imported.to_vertex_handle(h).idx()));
+  }
+  for (std::size_t i = 0; i < inner.size(); ++i) result->components[i].euler_characteristic -= inner[i] / 2;
+  std::vector<char> on_boundary(imported.n_vertices(), 0);
+  for (const EdgeHandle e : imported.edges()) {
+    if (!imported.is_boundary(e) || is_inner[e.idx()]) continue;
+    on_boundary[loops.Find(fans.Find(imported.to_vertex_handle(imported.halfedge_handle(e, 0)).idx()))] = 1;
+  }
+  std::int32_t last_source = -1;  // vertices are in the order of their sources
+  std::int64_t fans_there = 0;
+  for (const VertexHandle v : imported.vertices()) {
+    const FaceHandle f = FaceAt(imported, v);
+    if (!of_surface(f) || fans.Find(v.idx()) != v.idx()) continue;
+    ++component_of(f).euler_characteristic;
+    if (on_boundary[v.idx()]) ++component_of(f).boundary_loops;
+    const std::int32_t source = imported.data(v).source;
+    fans_there = source == last_source ? fans_there + 1 : 1;
+    last_source = source;
+    if (fans_there == 2) Add(source, &result->non_manifold_vertices);
+  }
+  for (Component& component : result->components) {
+    const std::int64_t missing = 2 - component.boundary_loops - component.euler_characteristic;
+    (component.orientable ? component.handles : component.crosscaps) = component.orientable ? missing / 2 : missing;
   }
 }
 
-// One short list of faces per smallest vertex, sorted by the other two.
-void Examination::FindDuplicates() {
-  is_copy_.assign(mesh_.faces.size(), 0);
-  const auto in_range = [&](std::int64_t f) { return kind_[f] != FaceKind::kOutOfRange; };
-  const auto smallest = [&](std::int64_t f) { return *std::min_element(mesh_.faces[f].begin(), mesh_.faces[f].end()); };
-  std::vector<std::int32_t> bucket(mesh_.positions.size() + 1, 0);
-  for (std::int64_t f = 0; f < mesh_.num_faces(); ++f) {
-    if (in_range(f)) ++bucket[smallest(f) + 1];
-  }
-  std::partial_sum(bucket.begin(), bucket.end(), bucket.begin());
-  struct Entry {
-    Face sorted;
-    std::int32_t face;
-  };
-  std::vector<Entry> entries(static_cast<std::size_t>(bucket.back()));
-  std::vector<std::int32_t> cursor(bucket.begin(), bucket.end() - 1);
-  for (std::int64_t f = 0; f < mesh_.num_faces(); ++f) {
-    if (!in_range(f)) continue;
-    Entry& entry = entries[cursor[smallest(f)]++];
-    entry = {mesh_.faces[f], static_cast<std::int32_t>(f)};
-    std::sort(entry.sorted.begin(), entry.sorted.end());
-  }
-  execution_.For(mesh_.num_vertices(), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v) {
-      const auto first = entries.begin() + bucket[v], last = entries.begin() + bucket[v + 1];
-      std::sort(first, last,
-                [](const Entry& a, const Entry& b) { return std::tie(a.sorted, a.face) < std::tie(b.sorted, b.face); });
-      for (auto it = first; it != last; ++it) {
-        if (it != first && it->sorted == std::prev(it)->sorted) is_copy_[it->face] = 1;
-      }
-    }
-  });
-  for (std::int64_t f = 0; f < mesh_.num_faces(); ++f) {
-    if (is_copy_[f]) Add(f, &result_.duplicate_faces);
-  }
-}
-
-void Examination::LookAtVertices() {
-  used_.assign(mesh_.positions.size(), 0);
-  for (std::int64_t f = 0; f < mesh_.num_faces(); ++f) {
-    if (kind_[f] == FaceKind::kOutOfRange) continue;
-    for (const std::int32_t v : mesh_.faces[f]) used_[v] = 1;
-  }
+void ListCoincidentVertices(const Mesh& mesh, Diagnosis* result) {
   std::vector<std::int32_t> finite;
-  for (std::int64_t v = 0; v < mesh_.num_vertices(); ++v) {
-    if (!used_[v]) Add(v, &result_.isolated_vertices);
-    const bool is_finite = mesh_.positions[v].allFinite();
-    if (is_finite) finite.push_back(static_cast<std::int32_t>(v));
-    if (used_[v] && !is_finite) Add(v, &result_.vertices_not_finite);
+  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
+    if (mesh.positions[v].allFinite()) finite.push_back(static_cast<std::int32_t>(v));
   }
   const auto coordinates = [&](std::int32_t v) {
-    const Vec3& p = mesh_.positions[v];
+    const Vec3& p = mesh.positions[v];
     return std::tuple(p.x(), p.y(), p.z());
   };
   std::sort(finite.begin(), finite.end(), [&](std::int32_t a, std::int32_t b) {
@@ -201,168 +175,56 @@ void Examination::LookAtVertices() {
     if (coordinates(finite[i]) == coordinates(finite[i - 1])) coincident.push_back(finite[i]);
   }
   std::sort(coincident.begin(), coincident.end());
-  for (const std::int32_t v : coincident) Add(v, &result_.coincident_vertices);
+  for (const std::int32_t v : coincident) Add(v, &result->coincident_vertices);
 }
 
-bool Examination::Agrees(std::int32_t e) const {
-  return Origin(surface_, HalfEdge(e, 0)) == Target(surface_, HalfEdge(e, 1));
-}
-
-void Examination::NameEdge(std::int32_t edge, EdgeList* list) const {
-  if (++list->count > static_cast<std::int64_t>(kMaxDiagnosed)) return;
-  const std::int32_t c = HalfEdge(edge, 0);
-  const auto [low, high] = std::minmax({Origin(surface_, c), Target(surface_, c)});
-  list->first.push_back({low, high});
-  for (std::int32_t i = 0; i < NumFaces(edge) && list->faces.size() < kMaxDiagnosed; ++i) {
-    list->faces.push_back(source_face_[HalfEdge(edge, i) / 3]);
-  }
-}
-
-void Examination::LookAtEdges() {
-  for (std::int64_t f = 0; f < mesh_.num_faces(); ++f) {
-    if (is_copy_[f] || (kind_[f] != FaceKind::kWithArea && kind_[f] != FaceKind::kNotFinite)) continue;
-    surface_.push_back(mesh_.faces[f]);
-    source_face_.push_back(static_cast<std::int32_t>(f));
-  }
-  result_.surface_faces = static_cast<std::int64_t>(surface_.size());
-  edges_ = GroupHalfEdges(surface_, mesh_.num_vertices(), execution_);
-  result_.edges = edges_.num_edges();
-  for (std::int32_t e = 0; e < edges_.num_edges(); ++e) {
-    if (NumFaces(e) == 1) ++result_.boundary_edges;
-    if (NumFaces(e) == 2 && !Agrees(e)) NameEdge(e, &result_.inconsistent_edges);
-    if (NumFaces(e) > 2) NameEdge(e, &result_.non_manifold_edges);
-  }
-}
-
-void Examination::LookAtFans() {
-  Sets fans(3 * surface_.size());
-  for (std::int32_t e = 0; e < edges_.num_edges() && !execution_.IsStoppedAt(e); ++e) {
-    if (NumFaces(e) != 2) continue;
-    const std::int32_t c = HalfEdge(e, 0), d = HalfEdge(e, 1);
-    fans.Join(OriginCorner(c), Agrees(e) ? TargetCorner(d) : OriginCorner(d));
-    fans.Join(TargetCorner(c), Agrees(e) ? OriginCorner(d) : TargetCorner(d));
-  }
-  fan_.resize(3 * surface_.size());
-  std::vector<std::int32_t> num_fans(mesh_.positions.size(), 0);
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(fan_.size()); ++c) {
-    fan_[c] = fans.Find(c);
-    if (fan_[c] == c) ++num_fans[surface_[c / 3][c % 3]];
-  }
-  for (std::int64_t v = 0; v < mesh_.num_vertices(); ++v) {
-    if (num_fans[v] > 1) Add(v, &result_.non_manifold_vertices);
-  }
-}
-
-void Examination::LookAtComponents() {
-  const auto num_faces = static_cast<std::int32_t>(surface_.size());
-  // Faces come twice in `sides`, as they are and turned over: over every edge the sides that agree are joined. Where a
-  // face is in one set with its own other side, the component is not orientable.
-  Sets pieces(surface_.size()), agreeing(surface_.size()), sides(2 * surface_.size()), loops(fan_.size());
-  for (std::int32_t e = 0; e < edges_.num_edges() && !execution_.IsStoppedAt(e); ++e) {
-    if (NumFaces(e) != 2) {
-      for (std::int32_t i = 0; i < NumFaces(e); ++i) {
-        loops.Join(fan_[OriginCorner(HalfEdge(e, i))], fan_[TargetCorner(HalfEdge(e, i))]);
-      }
-      continue;
-    }
-    const std::int32_t f = HalfEdge(e, 0) / 3, g = HalfEdge(e, 1) / 3;
-    const bool agrees = Agrees(e);
-    pieces.Join(f, g);
-    if (agrees) agreeing.Join(f, g);
-    sides.Join(2 * f, agrees ? 2 * g : 2 * g + 1);
-    sides.Join(2 * f + 1, agrees ? 2 * g + 1 : 2 * g);
-  }
-  if (execution_.IsStopped()) return;
-
-  std::vector<std::int32_t> number(surface_.size());
-  for (std::int32_t f = 0; f < num_faces; ++f) {
-    if (agreeing.Find(f) == f) ++result_.oriented_pieces;
-    const std::int32_t first = pieces.Find(f);  // the smallest: seen before
-    if (first == f) {
-      number[f] = static_cast<std::int32_t>(result_.components.size());
-      Component& component = result_.components.emplace_back();
-      component.first_face = source_face_[f];
-      component.orientable = sides.Find(2 * f) != sides.Find(2 * f + 1);
-    }
-    number[f] = number[first];
-    Component& component = result_.components[number[f]];
-    ++component.faces;
-    ++component.euler_characteristic;
-  }
-  const auto component_of = [&](std::int32_t c) -> Component& { return result_.components[number[c / 3]]; };
-  std::vector<char> on_loop(fan_.size(), 0);
-  for (std::int32_t e = 0; e < edges_.num_edges(); ++e) {
-    if (NumFaces(e) == 2) {
-      --component_of(HalfEdge(e, 0)).euler_characteristic;
-      continue;
-    }
-    for (std::int32_t i = 0; i < NumFaces(e); ++i) {
-      const std::int32_t c = HalfEdge(e, i);
-      --component_of(c).euler_characteristic;
-      ++component_of(c).boundary_edges;
-      on_loop[loops.Find(fan_[OriginCorner(c)])] = 1;
-    }
-  }
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(fan_.size()); ++c) {
-    if (fan_[c] == c) ++component_of(c).euler_characteristic;
-    if (on_loop[c]) ++component_of(c).boundary_loops;
-  }
-  for (Component& component : result_.components) {
-    const std::int64_t missing = 2 - component.boundary_loops - component.euler_characteristic;
-    (component.orientable ? component.handles : component.crosscaps) = component.orientable ? missing / 2 : missing;
-  }
-}
-
-void Examination::Measure() {
+void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& execution, Diagnosis* result) {
   bool any = false;
-  for (std::int64_t v = 0; v < mesh_.num_vertices(); ++v) {
-    const Vec3& p = mesh_.positions[v];
-    if (!used_[v] || !p.allFinite()) continue;
-    result_.box_min = any ? result_.box_min.cwiseMin(p).eval() : p;
-    result_.box_max = any ? result_.box_max.cwiseMax(p).eval() : p;
+  const std::vector<char> used = UsedVertices(mesh, pairing);
+  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
+    const Vec3& p = mesh.positions[v];
+    if (!used[v] || !p.allFinite()) continue;
+    result->box_min = any ? result->box_min.cwiseMin(p).eval() : p;
+    result->box_max = any ? result->box_max.cwiseMax(p).eval() : p;
     any = true;
   }
   // Of the finite faces of the surface.
   Mesh finite;
   std::vector<std::int64_t> source;
-  finite.positions = mesh_.positions;
-  for (std::size_t f = 0; f < surface_.size(); ++f) {
-    if (kind_[source_face_[f]] != FaceKind::kWithArea) continue;
-    finite.faces.push_back(surface_[f]);
-    source.push_back(source_face_[f]);
+  finite.positions = mesh.positions;
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    if (pairing.kind[f] != FaceKind::kWithArea || pairing.is_copy(f)) continue;
+    finite.faces.push_back(mesh.faces[f]);
+    source.push_back(f);
   }
   if (finite.faces.empty()) return;
-  const Eigen::VectorXd angles = MeasuredAngles(finite, execution_) * (180 / std::numbers::pi);
-  if (execution_.IsStopped()) return;
-  result_.angle_min_degrees = angles.minCoeff();
-  result_.angle_max_degrees = angles.maxCoeff();
+  const Eigen::VectorXd angles = MeasuredAngles(finite, execution) * (180 / std::numbers::pi);
+  if (execution.IsCancelled()) return;
+  result->angle_min_degrees = angles.minCoeff();
+  result->angle_max_degrees = angles.maxCoeff();
   for (std::int64_t f = 0; f < finite.num_faces(); ++f) {
     const auto& [a, b, c] = finite.faces[f];
     const Vec3& p = finite.positions[a];
-    result_.area += (finite.positions[b] - p).cross(finite.positions[c] - p).norm() / 2;
-    if (angles.segment<3>(3 * f).minCoeff() < kNeedleDegrees) Add(source[f], &result_.needles);
+    result->area += (finite.positions[b] - p).cross(finite.positions[c] - p).norm() / 2;
+    if (angles.segment<3>(3 * f).minCoeff() < kNeedleDegrees) Add(source[f], &result->needles);
   }
 }
 
-// "face 4", "faces 4, 7, 9, 12 and 80 more".
-std::string Elements(const std::string& one, const std::string& many, const ElementList& list) {
-  constexpr std::size_t kMaxInMessage = 4;
-  const std::size_t named = std::min(kMaxInMessage, list.first.size());
-  std::string text =
-      absl::StrCat(list.count == 1 ? one : many, " ",
-                   absl::StrJoin(list.first.begin(), list.first.begin() + static_cast<std::ptrdiff_t>(named), ", "));
-  const std::int64_t more = list.count - static_cast<std::int64_t>(named);
+}  // namespace
+
+std::string Elements(const char* one, const char* many, std::int64_t count, const std::vector<std::int64_t>& first) {
+  const std::size_t named = std::min<std::size_t>(4, first.size());
+  std::string text = absl::StrCat(count == 1 ? one : many, " ", absl::StrJoin(std::span(first).first(named), ", "));
+  const std::int64_t more = count - static_cast<std::int64_t>(named);
   if (more > 0) absl::StrAppend(&text, " and ", more, " more");
   return text;
 }
 
-absl::Status Refuse(const std::string& reason, const std::string& message, std::int64_t count,
-                    std::map<std::string, std::string> metadata) {
+absl::Status MeshFault(const std::string& reason, const std::string& message, std::int64_t count,
+                       std::map<std::string, std::string> metadata) {
   metadata["count"] = absl::StrCat(count);
   return MakeError(absl::StatusCode::kInvalidArgument, reason, message, metadata);
 }
-
-}  // namespace
 
 std::int64_t Diagnosis::boundary_loops() const {
   std::int64_t sum = 0;
@@ -393,25 +255,48 @@ bool Diagnosis::is_disc() const {
 }
 
 absl::Status Diagnosis::Refusal() const {
-  if (faces == 0) return Refuse("MESH_EMPTY", "the mesh has no faces; there is nothing to flatten", 0, {});
-  if (faces_out_of_range.count > 0) {
-    return Refuse("MESH_INDEX_OUT_OF_RANGE",
-                  absl::StrCat(Elements("face", "faces", faces_out_of_range),
-                               faces_out_of_range.count == 1 ? " refers" : " refer",
-                               " to vertices that do not exist (the mesh has ", vertices, ")"),
-                  faces_out_of_range.count, {{"faces", absl::StrJoin(faces_out_of_range.first, ",")}});
+  if (faces == 0) return MeshFault("MESH_EMPTY", "the mesh has no faces; there is nothing to flatten", 0, {});
+  if (const auto& [count, first] = faces_out_of_range; count > 0) {
+    return MeshFault("MESH_INDEX_OUT_OF_RANGE",
+                     absl::StrCat(Elements("face", "faces", count, first), count == 1 ? " refers" : " refer",
+                                  " to vertices that do not exist (the mesh has ", vertices, ")"),
+                     count, {{"faces", absl::StrJoin(first, ",")}});
   }
-  if (vertices_not_finite.count > 0) {
-    return Refuse("MESH_POSITION_NOT_FINITE",
-                  absl::StrCat("the position of ", Elements("vertex", "vertices", vertices_not_finite),
-                               " is NaN or infinite; give every vertex finite coordinates"),
-                  vertices_not_finite.count, {{"vertices", absl::StrJoin(vertices_not_finite.first, ",")}});
+  if (const auto& [count, first] = vertices_not_finite; count > 0) {
+    return MeshFault("MESH_POSITION_NOT_FINITE",
+                     absl::StrCat("the position of ", Elements("vertex", "vertices", count, first),
+                                  " is NaN or infinite; give every vertex finite coordinates"),
+                     count, {{"vertices", absl::StrJoin(first, ",")}});
   }
   if (surface_faces == 0) {
-    return Refuse("MESH_FACE_DEGENERATE", "no face of the mesh has any area, so there are no angles to keep", faces,
-                  {});
+    return MeshFault("MESH_FACE_DEGENERATE", "no face of the mesh has any area, so there are no angles to keep", faces,
+                     {});
   }
   return absl::OkStatus();
+}
+
+Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing) {
+  Diagnosis result;
+  result.vertices = mesh.num_vertices();
+  result.faces = mesh.num_faces();
+  ListFaces(pairing, &result);
+  ListVertices(mesh, pairing, &result);
+  return result;
+}
+
+Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const TriMesh& imported,
+                         const Execution& execution) {
+  Diagnosis result = DescribeElements(mesh, pairing);
+  result.edges = pairing.edges;
+  result.boundary_edges = pairing.boundary_edges;
+  for (const std::vector<std::int32_t>& at : pairing.non_manifold) {
+    if (!pairing.is_copy(at[0] / 3)) AddEdge(mesh.faces, at, &result.non_manifold_edges);
+  }
+  for (const auto& at : pairing.inconsistent) {
+    if (!pairing.is_copy(at[0] / 3)) AddEdge(mesh.faces, at, &result.inconsistent_edges);
+  }
+  ListComponents(pairing, imported, execution, &result);
+  return result;
 }
 
 absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution) {
@@ -420,7 +305,14 @@ absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution)
     return MakeError(absl::StatusCode::kInvalidArgument, "MESH_TOO_LARGE",
                      "the mesh has more than 2^31 vertices or corners");
   }
-  return Examination(mesh, execution)();
+  const Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  Diagnosis result = DescribeImport(mesh, pairing, ImportMesh(mesh, pairing.opposite), execution);
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  ListCoincidentVertices(mesh, &result);
+  Measure(mesh, pairing, execution, &result);
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  return result;
 }
 
 }  // namespace planish

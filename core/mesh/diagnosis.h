@@ -1,14 +1,16 @@
-// What a triangle mesh is like, and everything that is wrong with it. Nothing is mended here.
+// The report of an import (core/mesh/import.h): what a triangle mesh is like, and everything that is wrong with it.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
+#include "core/mesh/tri_mesh_fwd.h"
 
 namespace planish {
 
@@ -27,6 +29,7 @@ struct EdgeList {
   std::int64_t count = 0;
   std::vector<std::array<std::int64_t, 2>> first;
   std::vector<std::int64_t> faces;
+  std::int64_t face_count = 0;  // at all of the edges, faces at several of them as often
 };
 
 // A piece of the surface: faces that hang together over edges of exactly two faces, whichever way these are wound. It
@@ -55,7 +58,7 @@ struct Diagnosis {
   ElementList faces_out_of_range;        // refer to a vertex that does not exist
   ElementList faces_repeating_a_vertex;  // name the same vertex twice
   ElementList faces_not_finite;          // have a corner at NaN or infinity
-  ElementList faces_without_area;        // IsDegenerateTriangle (core/mesh/disc_check.h), on three different vertices
+  ElementList faces_without_area;        // IsDegenerateTriangle (core/mesh/angles.h), on three different vertices
   // The same three vertices as an earlier face, in any order. Of the faces in range, whatever else they are.
   ElementList duplicate_faces;
   ElementList vertices_not_finite;  // have a face, and a position with a NaN or an infinity
@@ -95,8 +98,24 @@ struct Diagnosis {
   absl::Status Refusal() const;
 };
 
+// "vertex 4", "vertices 4, 7", "vertices 4, 7, 9, 12 and 80 more": of `count` elements, the first of which are given.
+std::string Elements(const char* one, const char* many, std::int64_t count, const std::vector<std::int64_t>& first);
+// INVALID_ARGUMENT with this reason and message, and "count" added to the metadata.
+absl::Status MeshFault(const std::string& reason, const std::string& message, std::int64_t count,
+                       std::map<std::string, std::string> metadata);
+
+struct Pairing;
+
+// The faults of single faces and vertices alone, without coincident vertices and needles: what Refusal() goes by. O(F).
+Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing);
+
+// Describes `mesh` by its import without flat faces joined: everything but coincident vertices, needles and geometry.
+// O(F). Of no use after a cancellation.
+Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const TriMesh& imported,
+                         const Execution& execution = {});
+
 // Takes any mesh whatever. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED
-// after an interrupt; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces or 2^31 vertices.
+// after a cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces or 2^31 vertices.
 absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution = {});
 
 }  // namespace planish

@@ -1,26 +1,29 @@
 #include "core/mesh/half_edges.h"
 
 #include <algorithm>
-#include <numeric>
-#include <utility>
 
 namespace planish {
 
-EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution) {
+EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution,
+                          const std::vector<char>& takes_part) {
   const auto num_half_edges = static_cast<std::int32_t>(3 * faces.size());
+  const auto is_left_out = [&](std::int32_t c) { return !takes_part.empty() && !takes_part[c / 3]; };
   // A counting sort by the smaller end leaves one short list per vertex, sorted by the larger end below.
   std::vector<std::int32_t> bucket(num_vertices + 1, 0);
-  for (std::int32_t c = 0; c < num_half_edges; ++c) ++bucket[std::min(Origin(faces, c), Target(faces, c)) + 1];
+  for (std::int32_t c = 0; c < num_half_edges; ++c) {
+    if (!is_left_out(c)) ++bucket[std::min(Origin(faces, c), Target(faces, c)) + 1];
+  }
   std::partial_sum(bucket.begin(), bucket.end(), bucket.begin());
 
   struct Entry {
     std::int32_t larger_end;
     std::int32_t half_edge;
   };
-  if (execution.IsStopped()) return {};
-  std::vector<Entry> entries(num_half_edges);
+  if (execution.IsCancelled()) return {};
+  std::vector<Entry> entries(bucket.back());
   std::vector<std::int32_t> cursor(bucket.begin(), bucket.end() - 1);
   for (std::int32_t c = 0; c < num_half_edges; ++c) {
+    if (is_left_out(c)) continue;
     const auto [low, high] = std::minmax({Origin(faces, c), Target(faces, c)});
     entries[cursor[low]++] = {high, c};
   }
@@ -31,11 +34,11 @@ EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_verti
       });
     }
   });
-  if (execution.IsStopped()) return {};
+  if (execution.IsCancelled()) return {};
 
   EdgeGroups groups;
-  groups.half_edge.reserve(num_half_edges);
-  groups.begin.reserve(num_half_edges / 2 + 2);
+  groups.half_edge.reserve(entries.size());
+  groups.begin.reserve(entries.size() / 2 + 2);
   for (std::int64_t v = 0; v < num_vertices; ++v) {
     const auto first = entries.begin() + bucket[v], last = entries.begin() + bucket[v + 1];
     for (auto it = first; it != last; ++it) {

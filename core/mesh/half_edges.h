@@ -1,7 +1,16 @@
-// Which half-edges lie on the same edge, for any triangle soup with valid indices.
+// Half-edges: how they are numbered in flat arrays, which lie on the same edge, and the walks from one to the next,
+// round a vertex, along the boundary, from face to face.
+//
+// The walks are the only ones there are. They take any `links`: FlatLinks below for flat arrays, MeshLinks
+// (core/mesh/tri_mesh.h) for a TriMesh, Gluing (core/charts/gluing.h) for the charts of a surface. Next() and Prev() go
+// round a face, Across() leads to the half-edge of the neighbouring face on the same edge, or to an invalid one on the
+// boundary.
 #pragma once
 
 #include <cstdint>
+#include <numeric>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -17,33 +26,153 @@ inline std::int32_t Target(const std::vector<Face>& faces, std::int32_t c) {
   return faces[c / 3][Prev(c % 3)];
 }
 
-// The half-edge on an outline (opposite[c] < 0) that starts where half-edge c ends, and the one that ends where it
-// starts, for `opposite` as in Topology: on the outline of c's face's piece, round the vertex through faces that are
-// joined. Some half-edge there must be on an outline.
-inline std::int32_t NextOnOutline(const std::vector<std::int32_t>& opposite, std::int32_t c) {
+// Half-edges by number; `opposite` has the one across, -1 on the boundary.
+struct FlatLinks {
+  using HalfEdge = std::int32_t;
+  const std::vector<std::int32_t>& opposite;
+
+  static std::int32_t Next(std::int32_t c) { return c % 3 == 2 ? c - 2 : c + 1; }
+  static std::int32_t Prev(std::int32_t c) { return c % 3 == 0 ? c + 2 : c - 1; }
+  std::int32_t Across(std::int32_t c) const { return opposite[c]; }
+  static bool IsValid(std::int32_t c) { return c >= 0; }
+};
+
+// Calls visit(h) for every half-edge h that faces the same vertex as `start` in the faces joined round it:
+// counter-clockwise from `start`, then, where that ends at the boundary, clockwise from `start`. Returns whether the
+// faces go all the way round.
+template <typename Links, typename Visit>
+bool ForEachInFan(const Links& links, typename Links::HalfEdge start, const Visit& visit) {
+  auto h = start;
+  do {
+    visit(h);
+    auto across = links.Across(links.Next(h));
+    if (!Links::IsValid(across)) {
+      for (h = start; Links::IsValid(across = links.Across(links.Prev(h)));) {
+        h = links.Prev(across);
+        visit(h);
+      }
+      return false;
+    }
+    h = links.Next(across);
+  } while (h != start);
+  return true;
+}
+
+// The half-edge on the boundary that starts where boundary half-edge h ends, and the one that ends where it starts.
+// Both have a face.
+template <typename Links>
+typename Links::HalfEdge NextOnBoundary(const Links& links, typename Links::HalfEdge h) {
   for (;;) {
-    c = 3 * (c / 3) + Next(c % 3);
-    if (opposite[c] < 0) return c;
-    c = opposite[c];
+    h = links.Next(h);
+    const auto across = links.Across(h);
+    if (!Links::IsValid(across)) return h;
+    h = across;
   }
 }
-inline std::int32_t PreviousOnOutline(const std::vector<std::int32_t>& opposite, std::int32_t c) {
+template <typename Links>
+typename Links::HalfEdge PreviousOnBoundary(const Links& links, typename Links::HalfEdge h) {
   for (;;) {
-    c = 3 * (c / 3) + Prev(c % 3);
-    if (opposite[c] < 0) return c;
-    c = opposite[c];
+    h = links.Prev(h);
+    const auto across = links.Across(h);
+    if (!Links::IsValid(across)) return h;
+    h = across;
   }
 }
 
-// Half-edges grouped by undirected edge: group e is [begin[e], begin[e + 1]) of half_edge, ascending.
+// Half-edges on the boundary, counter-clockwise round the faces, loop by loop.
+template <typename HalfEdge>
+struct Loops {
+  std::vector<HalfEdge> half_edge;
+  std::vector<std::int32_t> begin = {0};  // of each loop in half_edge, and the end
+
+  std::int32_t count() const { return static_cast<std::int32_t>(begin.size()) - 1; }
+  std::span<const HalfEdge> loop(std::int32_t i) const {
+    return {half_edge.data() + begin[i], static_cast<std::size_t>(begin[i + 1] - begin[i])};
+  }
+};
+
+// The loops of these boundary half-edges, in the order of their first ones. `index` numbers half-edges below `size`.
+template <typename Links, typename Index>
+Loops<typename Links::HalfEdge> BoundaryLoops(const Links& links, const std::vector<typename Links::HalfEdge>& boundary,
+                                              std::size_t size, const Index& index) {
+  Loops<typename Links::HalfEdge> loops;
+  std::vector<char> seen(size, 0);
+  for (const auto start : boundary) {
+    if (seen[index(start)]) continue;
+    for (auto h = start; !std::exchange(seen[index(h)], 1); h = NextOnBoundary(links, h)) loops.half_edge.push_back(h);
+    loops.begin.push_back(static_cast<std::int32_t>(loops.half_edge.size()));
+  }
+  return loops;
+}
+
+inline Loops<std::int32_t> BoundaryLoops(const FlatLinks& links) {
+  std::vector<std::int32_t> boundary;
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(links.opposite.size()); ++c) {
+    if (links.opposite[c] < 0) boundary.push_back(c);
+  }
+  return BoundaryLoops(links, boundary, links.opposite.size(), [](std::int32_t c) { return c; });
+}
+
+// Disjoint sets of [0, size). The representative of a set is its smallest member.
+class UnionFind {
+ public:
+  explicit UnionFind(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0); }
+
+  std::int32_t Find(std::int32_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  // Returns whether they were in two sets.
+  bool Join(std::int32_t i, std::int32_t j) {
+    i = Find(i), j = Find(j);
+    parent_[i < j ? j : i] = i < j ? i : j;
+    return i != j;
+  }
+
+ private:
+  std::vector<std::int32_t> parent_;
+};
+
+// Per face: the number of its connected piece, ascending with the lowest face of each; -1 where takes_part(f) is false.
+// neighbour(f, k) is the face across the edge that corner k faces, or -1. Sets `count`.
+template <typename TakesPart, typename Neighbour>
+std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* count, const TakesPart& takes_part,
+                                          const Neighbour& neighbour) {
+  std::vector<std::int32_t> piece(num_faces, -1), stack;
+  *count = 0;
+  for (std::int32_t start = 0; start < num_faces; ++start) {
+    if (piece[start] >= 0 || !takes_part(start)) continue;
+    piece[start] = (*count)++;
+    stack.push_back(start);
+    while (!stack.empty()) {
+      const std::int32_t f = stack.back();
+      stack.pop_back();
+      for (int k = 0; k < 3; ++k) {
+        const std::int32_t g = neighbour(f, k);
+        if (g < 0 || piece[g] >= 0) continue;
+        piece[g] = piece[f];
+        stack.push_back(g);
+      }
+    }
+  }
+  return piece;
+}
+
+// Half-edges grouped by undirected edge: group e is [begin[e], begin[e + 1]) of half_edge, ascending. Edges ascend by
+// their lower, then by their higher vertex.
 struct EdgeGroups {
   std::vector<std::int32_t> begin = {0};
   std::vector<std::int32_t> half_edge;
 
   std::int32_t num_edges() const { return static_cast<std::int32_t>(begin.size()) - 1; }
+  std::span<const std::int32_t> edge(std::int32_t e) const {
+    return {half_edge.data() + begin[e], static_cast<std::size_t>(begin[e + 1] - begin[e])};
+  }
 };
 
-// O(F) for bounded valence. Faces must have three distinct vertices in [0, num_vertices). No groups after an interrupt.
-EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution = {});
+// O(F) for bounded valence. Of the faces for which `takes_part` has something but 0 (empty: all), which must have three
+// distinct vertices in [0, num_vertices). No groups after a cancellation.
+EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution = {},
+                          const std::vector<char>& takes_part = {});
 
 }  // namespace planish

@@ -94,4 +94,11 @@ bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
          (b_side == 0 && InBox(b, c, d));
 }
 
+double SquaredDistanceToSegment(const Vec2& p, const Vec2& a, const Vec2& b) {
+  const Vec2 along = b - a;
+  const double length2 = along.squaredNorm();
+  const double t = length2 > 0 ? std::clamp((p - a).dot(along) / length2, 0.0, 1.0) : 0;
+  return (p - a - t * along).squaredNorm();
+}
+
 }  // namespace planish

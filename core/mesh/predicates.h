@@ -1,4 +1,4 @@
-// Exact geometric predicates on doubles (floats are doubles).
+// Geometric predicates on doubles (floats are doubles): exact unless said otherwise.
 #pragma once
 
 #include "core/mesh/mesh.h"
@@ -14,5 +14,8 @@ bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]);
 
 // Whether the segments ab and cd share a point, ends included. Exact.
 bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d);
+
+// From `p` to the nearest point of the segment ab. Rounded.
+double SquaredDistanceToSegment(const Vec2& p, const Vec2& a, const Vec2& b);
 
 }  // namespace planish

@@ -80,47 +80,36 @@ Board::Board(int side) : side_(side), size_(side + 2 * kMargin), stride_((size_ 
   while ((1 << levels) <= size_) ++levels;
   levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size_, kAll));
   for (int k = 0; k < levels; ++k) {
-    const int begin = kMargin, end = kMargin + side_ + 1 - (1 << k);
+    std::vector<std::uint64_t> row(stride_, kAll);
+    for (int x = kMargin; x < kMargin + side_ + 1 - (1 << k); ++x) row[x >> 6] &= ~(std::uint64_t{1} << (x & 63));
     for (int y = kMargin; y < kMargin + side_; ++y) {
-      std::uint64_t* row = levels_[k].data() + static_cast<std::size_t>(y) * stride_;
-      for (int x = begin; x < end; ++x) row[x >> 6] &= ~(std::uint64_t{1} << (x & 63));
+      std::copy(row.begin(), row.end(), levels_[k].begin() + static_cast<std::ptrdiff_t>(y) * stride_);
     }
   }
 }
 
-bool Board::Fits(const Silhouette& s, int x, int y) const {
-  if (x < 0 || y < 0 || x + s.width > size_ || y + s.height > size_) return false;
-  for (int r = 0; r < s.height; ++r) {
-    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
-      const int length = s.spans[i].end - s.spans[i].begin;
-      const int k = std::bit_width(static_cast<unsigned>(length)) - 1;
-      const std::uint64_t* row = Row(k, y + r);
-      for (const int at : {x + s.spans[i].begin, x + s.spans[i].end - (1 << k)}) {
-        if ((row[at >> 6] >> (at & 63) & 1) != 0) return false;
-      }
-    }
-  }
-  return true;
-}
-
-void Board::Add(const Silhouette& s, int x, int y) {
-  for (int r = std::max(0, -y); r < s.height && y + r < size_; ++r) {
-    std::uint64_t* row = levels_[0].data() + static_cast<std::size_t>(y + r) * stride_;
-    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
-      const int begin = std::max(0, x + s.spans[i].begin), last = std::min(size_, x + s.spans[i].end) - 1;
+void Board::Add(const Silhouette& s, int x, int y, int shift) {
+  const int first_row = kMargin + (y >> shift), last_row = kMargin + ((y + s.height - 1) >> shift);
+  for (int row = std::max(0, first_row); row <= std::min(size_ - 1, last_row); ++row) {
+    std::uint64_t* const taken = levels_[0].data() + static_cast<std::size_t>(row) * stride_;
+    const int begin_row = std::max(0, ((row - kMargin) << shift) - y);
+    const int end_row = std::min(s.height, ((row - kMargin + 1) << shift) - y);
+    for (std::int32_t i = s.row_begin[begin_row]; i < s.row_begin[end_row]; ++i) {
+      const int begin = std::max(0, kMargin + ((x + s.spans[i].begin) >> shift));
+      const int last = std::min(size_ - 1, kMargin + ((x + s.spans[i].end - 1) >> shift));
       if (begin > last) continue;
       const int first_word = begin >> 6, last_word = last >> 6;
       for (int w = first_word; w <= last_word; ++w) {
         std::uint64_t mask = kAll;
         if (w == first_word) mask &= kAll << (begin & 63);
         if (w == last_word) mask &= kAll >> (63 - (last & 63));
-        row[w] |= mask;
+        taken[w] |= mask;
       }
     }
     for (std::size_t k = 1; k < levels_.size(); ++k) {
-      const int shift = 1 << (k - 1), q = shift >> 6, b = shift & 63;
-      const std::uint64_t* below = levels_[k - 1].data() + static_cast<std::size_t>(y + r) * stride_;
-      std::uint64_t* above = levels_[k].data() + static_cast<std::size_t>(y + r) * stride_;
+      const int reach = 1 << (k - 1), q = reach >> 6, b = reach & 63;
+      const std::uint64_t* below = levels_[k - 1].data() + static_cast<std::size_t>(row) * stride_;
+      std::uint64_t* above = levels_[k].data() + static_cast<std::size_t>(row) * stride_;
       for (int w = 0; w < stride_; ++w) {
         const std::uint64_t low = w + q < stride_ ? below[w + q] : kAll;
         const std::uint64_t high = w + q + 1 < stride_ ? below[w + q + 1] : kAll;
@@ -131,7 +120,7 @@ void Board::Add(const Silhouette& s, int x, int y) {
 }
 
 bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row_order, int y, std::uint64_t* places,
-                       int words) const {
+                       int words, std::int64_t* work) const {
   for (int w = 0; w < words; ++w) places[w] = kAll;
   for (const std::int32_t r : row_order) {
     for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
@@ -144,6 +133,7 @@ bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row
       // A shift by 64 in two steps: 64 - 0 is out of range.
       const int right_a = shift_a & 63, left_a = 63 - right_a, right_b = shift_b & 63, left_b = 63 - right_b;
       std::uint64_t any = 0;
+      *work += words;
       for (int w = 0; w < words; ++w) {
         const std::uint64_t taken_a = a[w] >> right_a | a[w + 1] << 1 << left_a;
         const std::uint64_t taken_b = b[w] >> right_b | b[w + 1] << 1 << left_b;
@@ -156,9 +146,10 @@ bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row
   return true;
 }
 
-void Board::FindSpot(const Silhouette& s, const Rim& rim, double enough, int first, Spot* best) const {
+int Board::FindSpot(const Silhouette& s, const Rim& rim, int first, int rows_beyond, Spot* best,
+                    std::int64_t* work) const {
   const int columns = size_ - s.width + 1, rows = size_ - s.height + 1;
-  if (columns <= 0 || rows <= 0) return;
+  if (columns <= 0 || rows <= 0) return -1;
   const int words = (columns + 63) / 64;
   const std::vector<std::int32_t> row_order = RowOrder(s);
   // The places of three rows on end, one word of nothing before and after each.
@@ -169,13 +160,16 @@ void Board::FindSpot(const Silhouette& s, const Rim& rim, double enough, int fir
   const double share = 1.0 / static_cast<double>(std::max<std::size_t>(1, rim.cells.size()));
   const auto clear = [&](int y) { std::fill_n(places(y), words, 0); };
   first = std::max(first, kMargin);
-  if (first + s.height > kMargin + side_) return;
-  any[first % 3] = FreePlaces(s, row_order, first, places(first), words);
+  if (first + s.height > kMargin + side_) return -1;
+  any[first % 3] = FreePlaces(s, row_order, first, places(first), words, work);
+  int found = -1;
   if (!any[first % 3]) clear(first);
-  for (int y = first; y + s.height <= kMargin + side_; ++y) {
-    any[(y + 1) % 3] = y + 1 + s.height <= kMargin + side_ && FreePlaces(s, row_order, y + 1, places(y + 1), words);
+  for (int y = first; y + s.height <= kMargin + side_ && (found < 0 || y - found <= rows_beyond); ++y) {
+    any[(y + 1) % 3] =
+        y + 1 + s.height <= kMargin + side_ && FreePlaces(s, row_order, y + 1, places(y + 1), words, work);
     if (!any[(y + 1) % 3]) clear(y + 1);
     if (!any[y % 3]) continue;
+    if (found < 0) found = y;
     const std::uint64_t *here = places(y), *above = places(y + 1), *below = places(y + 2);  // y - 1
     for (int w = 0; w < words; ++w) {
       if (here[w] == 0) continue;
@@ -185,15 +179,16 @@ void Board::FindSpot(const Silhouette& s, const Rim& rim, double enough, int fir
         const int x = 64 * w + std::countr_zero(corners);
         corners &= corners - 1;
         std::int64_t taken = 0;
+        *work += std::ssize(rim.cells);
         for (const Rim::Cell& cell : rim.cells) taken += IsTaken(x + cell.x, y + cell.y) ? 1 : 0;
         const double snugness = share * static_cast<double>(taken);
         if (snugness > best->snugness || (snugness == best->snugness && x + y < best->x + best->y)) {
           *best = {x, y, snugness};
-          if (snugness >= enough) return;
         }
       }
     }
   }
+  return found;
 }
 
 }  // namespace planish

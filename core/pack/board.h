@@ -36,14 +36,17 @@ class Board {
   int side() const { return side_; }
   bool IsTaken(int x, int y) const { return (Row(0, y)[x >> 6] >> (x & 63) & 1) != 0; }
 
-  bool Fits(const Silhouette& silhouette, int x, int y) const;
-  // What lies beyond the board is left out.
-  void Add(const Silhouette& silhouette, int x, int y);
+  // Takes every cell of this board that has a part of a cell of the silhouette, whose corner (0, 0) lies at the place
+  // (x, y) in cells from the corner of the free square. The cells of the silhouette are smaller than those of the
+  // board by a factor of 2^shift. What lies beyond the board is left out.
+  void Add(const Silhouette& silhouette, int x, int y, int shift = 0);
 
-  // From row `first` on: looks at the places where the silhouette fits but cannot move both ways along u, nor both ways
-  // along v. Replaces *best by the snuggest if that is snugger; of equals the one nearest to the corner (0, 0) counts.
-  // Takes the first that is as snug as `enough`.
-  void FindSpot(const Silhouette& silhouette, const Rim& rim, double enough, int first, Spot* best) const;
+  // From row `first` up to `rows_beyond` rows beyond the first row with a place: looks at the places where the
+  // silhouette fits but cannot move both ways along u, nor both ways along v. Replaces *best by the snuggest if that is
+  // snugger; of equals the one nearest to the corner (0, 0) counts. Returns the first row with a place, -1 if there is
+  // none. Adds the words it read to *work.
+  int FindSpot(const Silhouette& silhouette, const Rim& rim, int first, int rows_beyond, Spot* best,
+               std::int64_t* work) const;
 
  private:
   const std::uint64_t* Row(int level, int y) const {
@@ -51,7 +54,7 @@ class Board {
   }
   // Places in row y, one bit each; returns whether there are any.
   bool FreePlaces(const Silhouette& silhouette, const std::vector<std::int32_t>& row_order, int y,
-                  std::uint64_t* places, int words) const;
+                  std::uint64_t* places, int words, std::int64_t* work) const;
 
   int side_, size_, stride_;
   // Level k, row y, bit x: whether one of the cells x .. x + 2^k - 1 is taken. Two words more than a row needs.

@@ -4,18 +4,12 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/base/portable_math.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
 
 namespace planish {
 namespace {
-
-double SquareFromSegment(const Vec2& p, const Vec2& a, const Vec2& b) {
-  const Vec2 along = b - a;
-  const double length2 = along.squaredNorm();
-  const double t = length2 > 0 ? std::clamp((p - a).dot(along) / length2, 0.0, 1.0) : 0;
-  return (p - a - t * along).squaredNorm();
-}
 
 struct Segment {
   Vec2 a, b;
@@ -29,8 +23,8 @@ struct Placed {
 };
 
 double SquareOfDistance(const Segment& s, const Segment& t) {
-  const double square = std::min({SquareFromSegment(s.a, t.a, t.b), SquareFromSegment(s.b, t.a, t.b),
-                                  SquareFromSegment(t.a, s.a, s.b), SquareFromSegment(t.b, s.a, s.b)});
+  const double square = std::min({SquaredDistanceToSegment(s.a, t.a, t.b), SquaredDistanceToSegment(s.b, t.a, t.b),
+                                  SquaredDistanceToSegment(t.a, s.a, s.b), SquaredDistanceToSegment(t.b, s.a, s.b)});
   return square > 0 && SegmentsMeet(s.a, s.b, t.a, t.b) ? 0 : square;
 }
 
@@ -68,7 +62,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
   const std::size_t n = outlines.size();
   std::vector<Placed> placed(n);
   for (std::size_t i = 0; i < n; ++i) {
-    const double c = scales[i] * std::cos(bodies[i].angle), s = scales[i] * std::sin(bodies[i].angle);
+    const double c = scales[i] * portable::Cos(bodies[i].angle), s = scales[i] * portable::Sin(bodies[i].angle);
     for (const Vec2& p : outlines[i].points) {
       placed[i].points.push_back(bodies[i].centre + Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
       placed[i].box.Add(placed[i].points.back());
@@ -83,7 +77,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
     const double x = placed[a].box.low.x(), y = placed[b].box.low.x();
     return x != y ? x < y : a < b;
   });
-  for (std::size_t i = 0; i < n && !execution.IsStopped(); ++i) {
+  for (std::size_t i = 0; i < n && !execution.IsCancelled(); ++i) {
     const std::int32_t a = order[i];
     for (std::size_t j = i + 1; j < n && placed[order[j]].box.low.x() <= placed[a].box.high.x() + distance; ++j) {
       const std::int32_t b = order[j];

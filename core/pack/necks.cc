@@ -15,13 +15,6 @@ double Cross(const Vec2& a, const Vec2& b, const Vec2& c) {
   return u.x() * v.y() - u.y() * v.x();
 }
 
-double SquareFromSegment(const Vec2& p, const Vec2& a, const Vec2& b) {
-  const Vec2 along = b - a;
-  const double length2 = along.squaredNorm();
-  const double t = length2 > 0 ? std::clamp((p - a).dot(along) / length2, 0.0, 1.0) : 0;
-  return (p - a - t * along).squaredNorm();
-}
-
 // A part of the outline: points by their numbers there, counter-clockwise.
 using Part = std::vector<std::int32_t>;
 
@@ -38,7 +31,7 @@ std::vector<std::int32_t> Characteristic(const std::vector<Vec2>& outline, const
   const auto measure = [&](std::int32_t begin, std::int32_t end) {
     Stretch stretch = {begin, end, -1, -1};
     for (std::int32_t i = begin + 1; i < end; ++i) {
-      const double square = SquareFromSegment(at(i), at(begin), at(end));
+      const double square = SquaredDistanceToSegment(at(i), at(begin), at(end));
       if (square > stretch.square) stretch.square = square, stretch.farthest = i;
     }
     return stretch;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/base/portable_math.h"
 #include "core/mesh/predicates.h"
 #include "core/pack/pack.h"
 
@@ -59,7 +60,7 @@ double UprightAngle(const std::vector<Vec2>& hull) {
     const double width = (hull[right] - hull[left]).dot(along), height = (hull[top] - hull[i]).dot(normal);
     if (width * height < best_area) {
       best_area = width * height;
-      best_angle = -std::atan2(along.y(), along.x()) + (height > width ? std::numbers::pi / 2 : 0);
+      best_angle = -portable::Atan2(along.y(), along.x()) + (height > width ? std::numbers::pi / 2 : 0);
     }
   }
   return best_angle;
@@ -147,7 +148,7 @@ Outline MakeOutline(const PackChart& chart) {
 }
 
 Box BoxAt(const Outline& outline, double angle) {
-  const double c = std::cos(angle), s = std::sin(angle);
+  const double c = portable::Cos(angle), s = portable::Sin(angle);
   Box box;
   for (const Vec2& p : outline.hull) box.Add(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
   return box;

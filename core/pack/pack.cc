@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "core/base/portable_math.h"
 #include "core/pack/outline.h"
 #include "core/pack/shelves.h"
 #include "core/pack/tighten.h"
@@ -17,40 +18,27 @@ namespace {
 constexpr double kGap = 4e-6;
 constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
-// What tightening may cost, in moves of a chart.
-constexpr std::int64_t kMoves = 3300, kMovesPerChart = 4;
-// Growth that tightening tries first: of the large charts, and again with the small ones between them.
-constexpr double kFirstStep = 0.03, kNextStep = 0.015;
-// From so many faces on kMoves grows with them, as the work of a solve does, up to kMostShare times.
-constexpr double kFaces = 20'000, kMostShare = 20;
-constexpr double kFewCharts = 12, kManyCharts = 250;  // fewer and more get a smaller share of kMoves
-constexpr std::size_t kMostToMove = 1500;
-// Of the area, that small charts may have.
-constexpr double kSmallShare = 0.1;
-// From so many on, in a hurry, they go on shelves.
-constexpr std::size_t kManyInAHurry = 300;
-// For a small chart that fills a gap.
-constexpr double kSnugEnough = 0.5;
 
 class Packer {
  public:
   Packer(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution)
-      : charts_(charts), options_(options), execution_(execution) {
+      : charts_(charts), options_(options), tuning_(options.tuning), execution_(execution) {
     for (const PackChart& chart : charts) outlines_.push_back(MakeOutline(chart));
     for (std::size_t i = 0; i < charts.size(); ++i) {
       const double density = charts[i].density;
       total_area_ += outlines_[i].area * density * density;
     }
+    budget_ = Budget();
     order_.resize(charts.size());
     std::iota(order_.begin(), order_.end(), 0);
-    std::vector<double> size(charts.size());
+    size_.resize(charts.size());
     for (std::size_t i = 0; i < charts.size(); ++i) {
       const Box box = BoxAt(outlines_[i], outlines_[i].upright);
       const Vec2 extent = box.high - box.low;
-      size[i] = charts[i].density * (extent.x() + extent.y());
+      size_[i] = charts[i].density * (extent.x() + extent.y());
     }
     std::sort(order_.begin(), order_.end(),
-              [&](std::int32_t a, std::int32_t b) { return size[a] != size[b] ? size[a] > size[b] : a < b; });
+              [&](std::int32_t a, std::int32_t b) { return size_[a] != size_[b] ? size_[a] > size_[b] : a < b; });
   }
 
   Packing Run() {
@@ -62,11 +50,27 @@ class Packer {
         Finish(&packing);
         return packing;
       }
-      if (padding == 0 || execution_.IsStopped()) return packing;
+      if (padding == 0 || execution_.IsCancelled()) return packing;
     }
   }
 
  private:
+  double Budget() const {
+    double faces = 0;
+    for (const PackChart& chart : charts_) faces += static_cast<double>(chart.faces.size());
+    const auto charts = static_cast<double>(charts_.size());
+    const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
+    switch (options_.effort) {
+      case PackEffort::kFast:
+        return tuning_.fast_share * rest;
+      case PackEffort::kNormal:
+        return std::max({tuning_.normal_share * rest, tuning_.least_work, tuning_.least_per_chart * charts});
+      case PackEffort::kBest:
+        return tuning_.best_share * rest;
+    }
+    return 0;
+  }
+
   std::vector<double> Scales(double scale) const {
     std::vector<double> scales;
     for (std::size_t i = 0; i < charts_.size(); ++i) {
@@ -113,7 +117,7 @@ class Packer {
     margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
     grid_.tiles = options_.tiles;
     grid_.radius = distance / 2;
-    SetGrid(order_.size());
+    SetGrid();
     if (charts_.size() == 1 && outlines_[0].radius > 0) {
       FitOne();
       return true;
@@ -125,35 +129,101 @@ class Packer {
     return HasNoTime() && FitOnShelves(least);
   }
 
-  bool HasNoTime() const { return order_.size() > kManyInAHurry && execution_.IsHurried(); }
+  bool HasNoTime() const { return order_.size() > tuning_.many_charts && execution_.IsStopRequested(); }
 
   bool SearchPlaces(double least) {
-    const double first = ScaleForFill(order_.size() > 300 ? 0.78 : 0.85);
-    Split(first);
-    SetGrid(large_.size());
-    poses_.resize(charts_.size());
-    TrialPlan plan;
-    plan.order = large_;
-    plan.angles = large_.size() <= 200 ? 16 : large_.size() <= 1000 ? 8 : 4;
-    plan.hurried = large_.size() > 300 || execution_.IsHurried();
-    plan.gives_up = order_.size() > kManyInAHurry;
-    if (plan.hurried) plan.enough = kSnugEnough;
-    const auto try_scales = [&](double most) {
-      for (scale_ = most; scale_ > least && !execution_.IsStopped() && !HasNoTime(); scale_ /= 1.04) {
-        if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
-      }
-      return false;
-    };
-    if (!try_scales(first)) return false;
-    TightenCharts(large_, Moves(kMoves, large_), kFirstStep);
-    if (small_.empty()) return true;
-    SetGrid(2 * order_.size());
-    if (!AddSmallCharts()) {
-      plan.order = order_;
-      if (!try_scales(scale_)) return false;
+    if (!TryScales(least)) return false;
+    if (HasNoTime()) return true;
+    const double left = budget_ - static_cast<double>(work_);
+    if (left > tuning_.tighten_per_chart * static_cast<double>(charts_.size())) {
+      TightenAll(static_cast<std::int64_t>(left));
+    } else if (left > tuning_.fewest_orders * static_cast<double>(trial_work_)) {
+      TryOrders();
     }
-    TightenCharts(order_, Moves(kMoves / 2, order_), kNextStep);
     return true;
+  }
+
+  // Trials at one scale after the other, each nearer to the largest scale at which all charts fit.
+  bool TryScales(double least) {
+    double per_turn = 0;
+    for (const Outline& outline : outlines_) {
+      per_turn += tuning_.trial_work + tuning_.trial_work_per_edge * static_cast<double>(outline.edges.size());
+    }
+    plan_.order = order_;
+    plan_.angles = tuning_.least_angles;
+    while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < budget_)
+      plan_.angles *= 2;
+    plan_.gives_up = order_.size() > tuning_.many_charts;
+    double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
+    std::vector<Pose> poses(charts_.size());
+    double scale = ScaleForFill(tuning_.first_fill);
+    for (int trial = 1; scale > least && !execution_.IsCancelled() && !HasNoTime(); ++trial) {
+      const TrialResult result = TryToPlace(outlines_, Scales(scale), grid_, plan_, execution_, &poses);
+      work_ += result.work;
+      trial_work_ = result.work;
+      if (result.placed == order_.size()) {
+        good = scale;
+        poses_ = poses;
+      } else {
+        bad = scale;
+      }
+      if (good > 0 && (execution_.IsStopRequested() || (bad > 0 && bad < tuning_.known_within * good))) break;
+      // A wide bracket is worth more than what comes after.
+      const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
+      const bool may_go_on =
+          trial < tuning_.least_trials || (trial < tuning_.most_trials && static_cast<double>(work_) < share * budget_);
+      if (good > 0 && !may_go_on) break;
+      if (good > 0 && bad > 0) {
+        scale = std::sqrt(good * bad);
+      } else if (good > 0) {
+        scale *= tuning_.upwards;
+      } else {
+        scale /= std::clamp(std::sqrt(std::sqrt(AreaRatio(scale, result.placed))), tuning_.known_within,
+                            tuning_.farthest_change);
+      }
+    }
+    scale_ = good;
+    return good > 0;
+  }
+
+  // Trials with the charts in other orders, as long as there is work left, each at a scale a little beyond that of the
+  // best so far.
+  void TryOrders() {
+    TrialPlan plan = plan_;
+    std::vector<Pose> poses(charts_.size());
+    std::vector<double> key(charts_.size());
+    std::uint64_t random = 1;
+    while (static_cast<double>(work_) < budget_ && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
+      for (const std::int32_t i : order_) {
+        random = random * 6364136223846793005u + 1442695040888963407u;  // Knuth's
+        key[i] = size_[i] * (1 + tuning_.order_spread * (static_cast<double>(random >> 33) * 0x1p-31 - 0.5));
+      }
+      std::sort(plan.order.begin(), plan.order.end(),
+                [&](std::int32_t a, std::int32_t b) { return key[a] != key[b] ? key[a] > key[b] : a < b; });
+      for (bool fits = true; fits && static_cast<double>(work_) < budget_;) {
+        const double scale = tuning_.order_step * scale_;
+        const TrialResult result = TryToPlace(outlines_, Scales(scale), grid_, plan, execution_, &poses);
+        work_ += result.work;
+        fits = result.placed == order_.size();
+        if (!fits) break;
+        scale_ = scale;
+        poses_ = poses;
+      }
+    }
+  }
+
+  // The area of all charts with half of the padding round them over that of the first `count`, about.
+  double AreaRatio(double scale, std::size_t count) const {
+    const std::vector<double> scales = Scales(scale);
+    double placed = 0, all = 0;
+    for (std::size_t k = 0; k < order_.size(); ++k) {
+      const Outline& outline = outlines_[order_[k]];
+      const double unit = scales[order_[k]], radius = outline.radius * unit + grid_.radius;
+      const double area = outline.area * unit * unit + 4 * grid_.radius * radius;
+      all += area;
+      if (k < count) placed += area;
+    }
+    return placed > 0 ? all / placed : kHuge;
   }
 
   // Each in a box of its own.
@@ -161,7 +231,7 @@ class Packer {
     std::vector<Box> boxes;
     for (const Outline& outline : outlines_) boxes.push_back(BoxAt(outline, outline.upright));
     std::vector<Vec2> extents(charts_.size());
-    for (scale_ = LargestScale(); scale_ > least && !execution_.IsStopped(); scale_ /= 1.03) {
+    for (scale_ = LargestScale(); scale_ > least && !execution_.IsCancelled(); scale_ /= 1.03) {
       const std::vector<double> scales = Scales(scale_);
       for (std::size_t i = 0; i < charts_.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
@@ -178,20 +248,6 @@ class Packer {
     return false;
   }
 
-  std::int64_t Moves(std::int64_t base, const std::vector<std::int32_t>& charts) const {
-    if (charts.size() > kMostToMove) return 0;
-    const auto n = static_cast<double>(charts.size());
-    const double share = std::min({1.0, n / kFewCharts, kManyCharts / n});
-    return std::llround(options_.effort * (share * FacesShare() * static_cast<double>(base) +
-                                           static_cast<double>(kMovesPerChart * std::ssize(charts))));
-  }
-
-  double FacesShare() const {
-    std::size_t faces = 0;
-    for (const PackChart& chart : charts_) faces += chart.faces.size();
-    return std::clamp(static_cast<double>(faces) / kFaces, 1.0, kMostShare);
-  }
-
   // A single chart: as large as it gets.
   void FitOne() {
     const double angle = AngleOfSmallestSquare(outlines_[0]);
@@ -201,86 +257,36 @@ class Packer {
     poses_ = {{angle, (Vec2::Constant(grid_.radius) - scale_ * charts_[0].density * box.low) / grid_.cell, 0}};
   }
 
-  void SetGrid(std::size_t n) {
-    const double cell = grid_.cell;
-    grid_.side = std::clamp(static_cast<int>((n > 300 ? 18 : 24) * std::sqrt(1.0 * n)), 192, 1024);
+  // A multiple of 8 cells, so that the coarser boards of a trial have whole cells.
+  void SetGrid() {
+    const double charts = static_cast<double>(charts_.size()) / grid_.tiles;
+    grid_.side = std::clamp(static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts)), tuning_.fewest_cells,
+                            tuning_.most_cells) /
+                 8 * 8;
     grid_.cell = (1 - 2 * margin_) / grid_.side;
-    for (Pose& pose : poses_) pose.centre *= cell / grid_.cell;
   }
 
-  // Charts that will fit into the gaps between the others wait until those have their places.
-  void Split(double scale) {
-    const std::vector<double> scales = Scales(scale);
-    std::vector<double> area(charts_.size());
-    double sum = 0, squares = 0;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
-      const double radius = outlines_[i].radius * scales[i] + grid_.radius;
-      area[i] = outlines_[i].area * scales[i] * scales[i] + 2 * grid_.radius * radius;
-      sum += area[i];
-      squares += area[i] * area[i];
-    }
-    large_.clear();
-    small_.clear();
-    double left = kSmallShare * sum;
-    for (auto i = order_.rbegin(); i != order_.rend(); ++i) {
-      left -= area[*i];
-      (left > 0 && large_.empty() && area[*i] < 0.1 * squares / sum ? small_ : large_).push_back(*i);
-    }
-    std::reverse(large_.begin(), large_.end());
-    std::reverse(small_.begin(), small_.end());
-  }
-
-  bool AddSmallCharts() {
-    TrialPlan plan;
-    plan.order = small_;
-    plan.fixed = large_;
-    plan.angles = 8;
-    plan.enough = kSnugEnough;
-    plan.hurried = small_.size() > 300 || execution_.IsHurried();
-    plan.gives_up = order_.size() > kManyInAHurry;
-    for (int attempt = 0; attempt < 20 && !execution_.IsStopped() && !HasNoTime(); ++attempt) {
-      if (TryToPlace(outlines_, Scales(scale_), grid_, plan, execution_, &poses_)) return true;
-      ForLayout(large_, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
-        Loosen(outlines, relative, options, 0.99, execution_, layout);
-      });
-    }
-    return false;
-  }
-
-  void TightenCharts(const std::vector<std::int32_t>& charts, std::int64_t moves, double first_step) {
+  void TightenAll(std::int64_t work) {
     const bool points = std::all_of(outlines_.begin(), outlines_.end(), [](const Outline& o) { return o.radius == 0; });
-    if (points) return;  // of any scale
-    if (HasNoTime()) return;
-    ForLayout(charts, [&](const auto& outlines, const auto& relative, TightenOptions options, Layout* layout) {
-      options.moves = moves;
-      options.first_step = first_step;
-      Tighten(outlines, relative, options, execution_, layout);
-    });
-  }
-
-  // Hands some of the charts over to change(outlines, relative scales, options, &layout) and takes what came out.
-  template <typename Change>
-  void ForLayout(const std::vector<std::int32_t>& charts, const Change& change) {
+    if (points) return;  // points are of any scale
     TightenOptions options;
     options.distance = 2 * grid_.radius;
     options.low = margin_ + grid_.radius;
     options.tiles = grid_.tiles;
-    const std::vector<double> scales = Scales(scale_);
-    std::vector<double> relative;
-    std::vector<Outline> outlines;
-    Layout layout;
-    layout.scale = scale_;
-    for (const std::int32_t i : charts) {
-      outlines.push_back(outlines_[i]);
-      relative.push_back(scales[i] / scale_);
-      layout.bodies.push_back(
-          {Vec2::Constant(margin_) + grid_.cell * poses_[i].centre, poses_[i].angle, poses_[i].tile});
+    options.work = work;
+    options.tuning = tuning_;
+    std::vector<double> relative = Scales(scale_);
+    for (double& r : relative) r /= scale_;
+    Arrangement arrangement;
+    arrangement.scale = scale_;
+    for (const Pose& pose : poses_) {
+      arrangement.bodies.push_back({Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
     }
-    change(outlines, relative, options, &layout);
-    scale_ = layout.scale;
-    for (std::size_t k = 0; k < charts.size(); ++k) {
-      const Body& body = layout.bodies[k];
-      poses_[charts[k]] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
+    Tighten(outlines_, relative, options, execution_, &arrangement);
+    scale_ = arrangement.scale;
+    for (std::size_t i = 0; i < poses_.size(); ++i) {
+      const Body& body = arrangement.bodies[i];
+      poses_[i] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
     }
   }
 
@@ -305,22 +311,27 @@ class Packer {
 
   const std::vector<PackChart>& charts_;
   const PackOptions& options_;
+  const PackTuning& tuning_;
   const Execution& execution_;
   std::vector<Outline> outlines_;
-  std::vector<std::int32_t> order_;          // large to small
-  std::vector<std::int32_t> large_, small_;  // its two parts
+  std::vector<double> size_;         // of each chart
+  std::vector<std::int32_t> order_;  // large to small
   double total_area_ = 0;
   TrialGrid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
   double padding_ = 0;  // texels
   std::vector<Pose> poses_;
   double scale_ = 0;
+  double budget_ = 0;            // of work, in nanoseconds
+  std::int64_t work_ = 0;        // done
+  std::int64_t trial_work_ = 0;  // of the last trial
+  TrialPlan plan_;
 };
 
 }  // namespace
 
 Vec2 ChartPlacement::operator()(const Vec2& p) const {
-  const double c = std::cos(angle), s = std::sin(angle);
+  const double c = portable::Cos(angle), s = portable::Sin(angle);
   return scale * Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()) + offset;
 }
 

@@ -6,14 +6,24 @@
 
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
+#include "core/pack/tuning.h"
 
 namespace planish {
 
+// What the search for places may cost. Work is counted, not timed, so that the result is the same on any machine; the
+// times here are those of a core of the year 2022.
+enum class PackEffort {
+  kFast,    // about a quarter of what the charts and their maps cost
+  kNormal,  // about half of that, or 20 ms where that is more
+  kBest,    // a hundred times kNormal, for the last per cent
+};
+
 struct PackOptions {
   int texture_size = 1024;  // texels per side of a tile, in [16, 65536]
-  int padding = 2;    // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
-  int tiles = 1;      // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
-  double effort = 1;  // work to spend on the search for places, relative to the default; at least 0
+  int padding = 2;  // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
+  int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
+  PackEffort effort = PackEffort::kNormal;
+  PackTuning tuning = {};
 };
 
 // One chart in the plane, drawn to the scale of the surface.
@@ -41,18 +51,19 @@ struct Packing {
   double efficiency = 0;               // area of the faces over that of the tiles used
 };
 
-// How: the large charts are laid one after the other where they lie snuggest, on bit grids (trial.h); then the scale
-// goes up, and charts find new places, are pushed apart and grow until they are jammed, again and again (tighten.h);
-// the small ones go into the gaps that are left. Lengths that count are exact in the end (clearance.h). libnest2d,
-// which Debian has, lays polygons of a given scale at turns from a given list, by their convex hulls unless told
-// otherwise: not enough.
+// How: charts are laid one after the other, from large to small, each where it lies snuggest, on bit grids (trial.h),
+// at one scale after the other. With the work that is left, and charts that are not too many for it, the scale goes up,
+// and charts find new places, are pushed apart and grow until they are jammed, again and again (tighten.h). Lengths
+// that count are exact in the end (clearance.h). libnest2d, which Debian has, lays polygons of a given scale at turns
+// from a given list, by their convex hulls unless told otherwise: not enough.
 //
 // The largest scale that was found at which all charts fit. Distances of `padding` texels and a little more (so that
 // they outlast rounding to float) are kept between any two charts; faces inside of one chart may lie as they like, on
 // each other too. Charts that would be smaller than a texel are enlarged to one, or to what there is room for.
 //
-// Deterministic; the same result for any number of threads, wherever the charts lie. No reflections. In a hurry the
-// first places that keep the distances stand. Of no use after an interrupt. Positions must be finite.
+// Deterministic; the same result for any number of threads, wherever the charts lie. Work is near-linear in the charts.
+// No reflections. After a stop request the first places that keep the distances stand. Of no use after a cancellation.
+// Positions must be finite.
 Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution = {});
 
 }  // namespace planish

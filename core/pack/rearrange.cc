@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "core/base/portable_math.h"
 #include "core/mesh/box_tree.h"
 #include "core/pack/silhouette.h"
 
@@ -17,6 +18,8 @@ constexpr int kDepthUnit = 16;        // of a pixel
 constexpr int kBorder = 2;            // pixels round the tile that samples at the rim may fall on
 constexpr double kMostWeight = 1000;  // of a pair
 constexpr std::int64_t kWeightUnit = 16;
+// In nanoseconds: to turn a sample, to measure a pixel's depth, to draw a row.
+constexpr std::int64_t kTurnWork = 12, kDepthWork = 4, kRowWork = 12;
 
 // xorshift64*.
 class Random {
@@ -46,7 +49,7 @@ struct Turned {
   std::int64_t own = 0;             // depth under its own samples
 };
 
-struct Pose {
+struct CellPose {
   int turned = 0, tile = 0, x = 0, y = 0;
 };
 
@@ -90,8 +93,8 @@ class Search {
     const auto n = static_cast<std::int32_t>(outlines_.size());
     std::vector<std::int32_t> order(n);
     std::iota(order.begin(), order.end(), 0);
-    for (int pass = 0; moves_ < options_.moves; ++pass) {
-      if (execution.IsStopped() || execution.IsHurried()) return false;
+    for (int pass = 0; moves_ < options_.moves && work_ < options_.work; ++pass) {
+      if (execution.IsCancelled() || execution.IsStopRequested()) return false;
       for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
       bool any = false;
       for (const std::int32_t i : order) any |= Move(i);
@@ -101,11 +104,11 @@ class Search {
     return false;
   }
 
-  std::int64_t moves() const { return moves_; }
+  std::int64_t work() const { return work_; }
 
   void Export(std::vector<Body>* bodies) const {
     for (std::size_t i = 0; i < poses_.size(); ++i) {
-      const Pose& pose = poses_[i];
+      const CellPose& pose = poses_[i];
       (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned].angle,
                       pose.tile};
     }
@@ -146,11 +149,12 @@ class Search {
   Turned Turn(std::int32_t i, double angle, const std::vector<Vec2>& samples) const {
     Turned turned;
     turned.angle = angle;
-    const double unit = scales_[i] / pixel_, c = unit * std::cos(angle), s = unit * std::sin(angle);
+    const double unit = scales_[i] / pixel_, c = unit * portable::Cos(angle), s = unit * portable::Sin(angle);
     Box box;
     for (const Vec2& p : outlines_[i].hull) box.Add(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
     turned.low = box.low;
     turned.high = box.high;
+    work_ += kTurnWork * std::ssize(samples);
     turned.samples.reserve(samples.size());
     turned.places.reserve(samples.size());
     for (const Vec2& p : samples) {
@@ -173,7 +177,7 @@ class Search {
 
   bool FitsTile(const Turned& turned) const { return (turned.high - turned.low).maxCoeff() <= options_.side + 1; }
 
-  void Clamp(std::int32_t i, Pose* pose) const {
+  void Clamp(std::int32_t i, CellPose* pose) const {
     const Turned& turned = turned_[i][pose->turned];
     const auto [x0, x1] = Range(turned, 0);
     const auto [y0, y1] = Range(turned, 1);
@@ -188,9 +192,10 @@ class Search {
     turned->bottom = static_cast<int>(std::floor(turned->low.y() - out));
     turned->width = static_cast<int>(std::ceil(turned->high.x() + out)) - turned->left + 1;
     turned->height = static_cast<int>(std::ceil(turned->high.y() + out)) - turned->bottom + 1;
+    work_ += kDepthWork * turned->width * turned->height;
     turned->depth.assign(static_cast<std::size_t>(turned->width) * turned->height, 0);
     const double unit = scales_[i] / pixel_;
-    const double c = std::cos(turned->angle) / unit, s = std::sin(turned->angle) / unit;
+    const double c = portable::Cos(turned->angle) / unit, s = portable::Sin(turned->angle) / unit;
     turned->rows.assign(turned->height, {0, 0});
     std::int16_t* depth = turned->depth.data();
     std::vector<float> distances(turned->width);
@@ -211,11 +216,12 @@ class Search {
   }
 
   // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
-  static std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) {
+  std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) const {
     x -= other.left;
     y -= other.bottom;
     const auto width = static_cast<unsigned>(other.width), height = static_cast<unsigned>(other.height);
     std::int64_t sum = 0;
+    work_ += std::ssize(turned.places);
     for (const auto& place : turned.places) {
       const auto u = static_cast<unsigned>(place[0] + x), v = static_cast<unsigned>(place[1] + y);
       if (u < width && v < height) sum += other.depth[static_cast<std::size_t>(v) * width + u];
@@ -225,11 +231,12 @@ class Search {
 
   void Draw(std::int32_t i, std::int64_t weight64) {
     const auto weight = static_cast<std::int16_t>(weight64);
-    const Pose& pose = poses_[i];
+    const CellPose& pose = poses_[i];
     Turned& turned = turned_[i][pose.turned];
     if (turned.depth.empty()) MeasureDepth(i, &turned);
     const int left = turned.left + pose.x + kBorder, bottom = turned.bottom + pose.y + kBorder;
     const int first = std::max(0, -bottom), last = std::min(turned.height, stride_ - bottom);
+    work_ += kRowWork * (last - first);
     for (int y = first; y < last; ++y) {
       const int begin = std::max(turned.rows[y].begin, -left), end = std::min(turned.rows[y].end, stride_ - left);
       std::int32_t* to = images_[pose.tile].data() + static_cast<std::ptrdiff_t>(y + bottom) * stride_ + left;
@@ -239,7 +246,7 @@ class Search {
   }
 
   // What lies under the samples; any number of `bound` or more if it is not below that.
-  std::int64_t Cost(std::int32_t i, const Pose& pose, std::int64_t bound) const {
+  std::int64_t Cost(std::int32_t i, const CellPose& pose, std::int64_t bound) const {
     const std::vector<std::int32_t>& samples = turned_[i][pose.turned].samples;
     const std::int32_t* image =
         images_[pose.tile].data() + static_cast<std::ptrdiff_t>(pose.y + kBorder) * stride_ + pose.x + kBorder;
@@ -250,6 +257,7 @@ class Search {
       std::int64_t part = 0;
       for (int j = 0; j < 8; ++j) part += image[samples[k + j]];
       cost += part;
+      work_ += 8;
       if (cost >= bound) return cost;
       k += 8;
     }
@@ -258,7 +266,7 @@ class Search {
   }
 
   // Nothing if the turn that came up does not fit the tile.
-  bool RandomPose(std::int32_t i, Pose* pose) {
+  bool RandomPose(std::int32_t i, CellPose* pose) {
     pose->turned = random_.Below(options_.angles);
     const Turned& turned = turned_[i][pose->turned];
     if (!FitsTile(turned)) return false;
@@ -271,11 +279,11 @@ class Search {
   }
 
   // Down to a place that is better than its neighbours.
-  void Descend(std::int32_t i, Pose* pose, std::int64_t* cost) const {
+  void Descend(std::int32_t i, CellPose* pose, std::int64_t* cost) const {
     for (int step = 4; step >= 1 && *cost > 0;) {
-      Pose best = *pose;
+      CellPose best = *pose;
       std::int64_t best_cost = *cost;
-      const auto look = [&](Pose other) {
+      const auto look = [&](CellPose other) {
         if (!FitsTile(turned_[i][other.turned])) return;
         Clamp(i, &other);
         const std::int64_t value = Cost(i, other, best_cost);
@@ -302,7 +310,7 @@ class Search {
 
   // How deep the samples of i lie in j.
   std::int64_t Overlap(std::int32_t i, std::int32_t j) {
-    const Pose &p = poses_[i], &q = poses_[j];
+    const CellPose &p = poses_[i], &q = poses_[j];
     if (p.tile != q.tile) return 0;
     const Turned& a = turned_[i][p.turned];
     const Turned& b = turned_[j][q.turned];
@@ -369,13 +377,13 @@ class Search {
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
     std::int64_t cost = Cost(i, poses_[i], kMost);
     ++moves_;
-    Pose best = poses_[i];
+    CellPose best = poses_[i];
     Descend(i, &best, &cost);
     constexpr int kKept = 3;
-    std::array<std::pair<std::int64_t, Pose>, kKept> kept;
+    std::array<std::pair<std::int64_t, CellPose>, kKept> kept;
     kept.fill({kMost, {}});
     for (int k = 0; k < options_.tries && cost > 0; ++k) {
-      Pose pose;
+      CellPose pose;
       if (!RandomPose(i, &pose)) continue;
       const std::int64_t value = Cost(i, pose, kept.back().first);
       if (value >= kept.back().first) continue;
@@ -404,6 +412,7 @@ class Search {
   double pixel_;  // in the texture
   int stride_;
   std::int64_t moves_ = 0;
+  mutable std::int64_t work_ = 0;
   bool too_large_ = false;  // some chart, for the tile
   std::vector<std::vector<std::int32_t>> images_;
   struct Pair {
@@ -413,18 +422,18 @@ class Search {
   std::vector<std::vector<Pair>> pairs_;  // that weigh more than 1, per chart
   std::vector<char> overlaps_;            // when it was moved last
   std::vector<std::vector<Turned>> turned_;
-  std::vector<Pose> poses_;
+  std::vector<CellPose> poses_;
 };
 
 }  // namespace
 
 bool Rearrange(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
                const std::vector<double>& scales, const RearrangeOptions& options, const Execution& execution,
-               std::vector<Body>* bodies, std::int64_t* moves) {
+               std::vector<Body>* bodies, std::int64_t* work) {
   Search search(outlines, fields, scales, options, *bodies);
   const bool apart = search.Run(execution);
   search.Export(bodies);
-  *moves += search.moves();
+  *work += search.work();
   return apart;
 }
 

@@ -12,13 +12,14 @@ namespace planish {
 struct RearrangeOptions {
   int side = 128;  // pixels of a tile; what overlaps by less than half a pixel counts as apart
   int tiles = 1;
-  int angles = 16;            // turns that are tried, from the present one on
-  int tries = 100;            // random places a chart looks at when it moves
-  std::int64_t moves = 1000;  // at most, of one chart
-  double distance = 0;        // between two charts, in the texture
-  double low = 0;             // charts stay within [low, 1 - low]^2
-  double slack = 0.5;         // pixels by which charts may overlap: places are whole numbers of pixels
-  bool shuffle = false;       // begins with the charts anywhere, instead of where they are
+  int angles = 16;                // turns that are tried, from the present one on
+  int tries = 100;                // random places a chart looks at when it moves
+  std::int64_t moves = 1000;      // at most, of one chart
+  std::int64_t work = INT64_MAX;  // at most, in about nanoseconds
+  double distance = 0;            // between two charts, in the texture
+  double low = 0;                 // charts stay within [low, 1 - low]^2
+  double slack = 0.5;             // pixels by which charts may overlap: places are whole numbers of pixels
+  bool shuffle = false;           // begins with the charts anywhere, instead of where they are
   std::uint64_t seed = 0;
 };
 
@@ -28,9 +29,10 @@ struct RearrangeOptions {
 // times their weights. One chart after the other is taken out and put where the pixels under its samples add up to
 // least. Charts that go on overlapping gain weight.
 //
-// Returns whether nothing overlaps any more (but for half a pixel); *bodies has what came out last.
+// Returns whether nothing overlaps any more (but for half a pixel); *bodies has what came out last. Adds to *work what
+// it cost, in about nanoseconds, counted in steps of the algorithm.
 bool Rearrange(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
                const std::vector<double>& scales, const RearrangeOptions& options, const Execution& execution,
-               std::vector<Body>* bodies, std::int64_t* moves);
+               std::vector<Body>* bodies, std::int64_t* work);
 
 }  // namespace planish

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "Eigen/Cholesky"
+#include "core/base/portable_math.h"
 #include "core/mesh/box_tree.h"
 
 namespace planish {
@@ -16,6 +17,8 @@ constexpr double kMomentum = 0.7;            // of a step that the next one keep
 constexpr std::int64_t kMostSteps = 200000;  // of single charts, for growing
 constexpr double kSureOfDistance = 0.9;      // far from a chart its field says up to 8 % too much (along the diagonals)
 constexpr double kFar = 1e300;
+// In nanoseconds: to look a distance up, for a contact in a step, for a body in a step.
+constexpr std::int64_t kLookWork = 9, kContactWork = 20, kBodyWork = 200;
 constexpr double kShare = 0.5;  // of what is missing that one of two charts gives way
 
 // Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
@@ -34,8 +37,7 @@ std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
 Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
                  std::vector<double> relative_scales, double scale, const RelaxOptions& options,
                  const Execution& execution)
-    : outlines_(outlines),
-      fields_(fields),
+    : fields_(fields),
       relative_(std::move(relative_scales)),
       scale_(scale),
       options_(options),
@@ -83,7 +85,7 @@ void Relaxer::FindContacts() {
   };
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
     const double unit = scale_ * relative_[i];
-    turns[i] = unit * Vec2(std::cos(bodies_[i].angle), std::sin(bodies_[i].angle));
+    turns[i] = unit * Vec2(portable::Cos(bodies_[i].angle), portable::Sin(bodies_[i].angle));
     centres[i].reserve(shapes_[i].blocks.size());
     const double low = options_.low + skin_, high = 1 - low;
     for (const Block& block : shapes_[i].blocks) {
@@ -129,9 +131,9 @@ void Relaxer::FindContacts() {
           centre.y() < boxes[b].low.y() - around || centre.y() > boxes[b].high.y() + around) {
         continue;
       }
-      ++looks_;
+      work_ += kLookWork;
       if (kSureOfDistance * field.DistanceNear(local(block.centre), 0) * unit > around) continue;
-      looks_ += block.end - block.begin;
+      work_ += kLookWork * (block.end - block.begin);
       for (std::int32_t k = block.begin; k < block.end; ++k) {
         if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.push_back({a, k, b});
       }
@@ -151,8 +153,8 @@ void Relaxer::FindContacts() {
 
 double Relaxer::Step() {
   ++steps_;
-  looks_ += static_cast<std::int64_t>(contacts_.size());
   if (age_ == 0) FindContacts();
+  work_ += kContactWork * std::ssize(contacts_) + kBodyWork * std::ssize(bodies_);
   age_ = (age_ + 1) % kContactLife;
   struct Pull {
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
@@ -161,7 +163,7 @@ double Relaxer::Step() {
   const std::size_t n = bodies_.size();
   std::vector<Pull> pulls(n);
   std::vector<Vec2> turns(n);
-  for (std::size_t i = 0; i < n; ++i) turns[i] = Vec2(std::cos(bodies_[i].angle), std::sin(bodies_[i].angle));
+  for (std::size_t i = 0; i < n; ++i) turns[i] = Vec2(portable::Cos(bodies_[i].angle), portable::Sin(bodies_[i].angle));
   double worst = 0, energy = 0;
   const auto push = [&](std::int32_t body, const Vec2& p, const Vec2& direction, double missing) {
     const Vec2 arm = p - bodies_[body].centre;
@@ -240,12 +242,14 @@ double Relaxer::Step() {
   return worst;
 }
 
-void Relaxer::Grow(int patience) {
+void Relaxer::Grow(int patience, std::int64_t most_work) {
+  const std::int64_t end = work_ + most_work;
   constexpr double kGrowth = 1.002;
   std::vector<Body> best = bodies_;
   double best_scale = scale_;
   const std::int64_t most = steps_ + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(bodies_.size()));
-  for (int stalled = 0; stalled < patience && steps_ < most && !execution_.IsStopped() && !execution_.IsHurried();
+  for (int stalled = 0;
+       stalled < patience && steps_ < most && work_ < end && !execution_.IsCancelled() && !execution_.IsStopRequested();
        ++stalled) {
     const std::vector<Body> before = bodies_;
     if (Step() > options_.tolerance) continue;
@@ -260,10 +264,11 @@ void Relaxer::Grow(int patience) {
   velocity_.assign(bodies_.size(), {});
 }
 
-bool Relaxer::Separate(int steps) {
+bool Relaxer::Separate(int steps, std::int64_t most_work) {
+  const std::int64_t end = work_ + most_work;
   velocity_.assign(bodies_.size(), {});
   age_ = 0;
-  for (int i = 0; i < steps && !execution_.IsStopped(); ++i) {
+  for (int i = 0; i < steps && work_ < end && !execution_.IsCancelled(); ++i) {
     const std::vector<Body> before = bodies_;
     if (Step() > options_.tolerance) continue;
     bodies_ = before;

@@ -33,17 +33,17 @@ class Relaxer {
   std::vector<Body>& bodies() { return bodies_; }
   double scale() const { return scale_; }
   void set_scale(double scale) { scale_ = scale; }
-  // What it has cost so far: how often a distance was looked up.
-  std::int64_t looks() const { return looks_; }
+  // What it has cost so far, in about nanoseconds, counted in steps of the algorithm.
+  std::int64_t work() const { return work_; }
   // Kept beside the distance, per chart.
   std::vector<double>& margins() { return margins_; }
 
   // Grows the charts as long as they can make room for each other; ends with the largest scale at which no distance
-  // was short of more than the tolerance.
-  void Grow(int patience);
+  // was short of more than the tolerance. Ends early after `most_work` more.
+  void Grow(int patience, std::int64_t most_work);
   // Moves charts at the present scale until no distance is short of more than the tolerance; returns whether that came
-  // about within `steps`.
-  bool Separate(int steps);
+  // about within `steps` and `most_work` more.
+  bool Separate(int steps, std::int64_t most_work);
 
  private:
   // Samples that follow each other, in a disc.
@@ -70,7 +70,6 @@ class Relaxer {
   // One step; returns how much is missing where most is.
   double Step();
 
-  const std::vector<Outline>& outlines_;
   const std::vector<DistanceField>& fields_;
   std::vector<double> relative_;
   double scale_;
@@ -82,7 +81,7 @@ class Relaxer {
   std::vector<Contact> contacts_;
   std::vector<Motion> velocity_;
   double skin_;
-  std::int64_t steps_ = 0, looks_ = 0;
+  std::int64_t steps_ = 0, work_ = 0;
   int age_ = 0;  // steps since the contacts were found
   double last_energy_ = 0;
 };

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 
+#include "core/base/portable_math.h"
 #include "core/mesh/box_tree.h"
 
 namespace planish {
@@ -120,7 +121,7 @@ class Grid {
 // shift(centre): how far, in [0, 1), everything is moved on from where it touches both axes.
 Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius,
                      const std::function<Vec2(const Vec2& centre)>& shift) {
-  const double c = scale * std::cos(angle), s = scale * std::sin(angle);
+  const double c = scale * portable::Cos(angle), s = scale * portable::Sin(angle);
   std::vector<Vec2> points(outline.points.size());
   Box box;
   for (std::size_t i = 0; i < points.size(); ++i) {

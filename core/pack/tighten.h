@@ -7,6 +7,7 @@
 #include "core/base/execution.h"
 #include "core/pack/outline.h"
 #include "core/pack/relax.h"
+#include "core/pack/tuning.h"
 
 namespace planish {
 
@@ -14,25 +15,19 @@ struct TightenOptions {
   double distance = 0;  // kept between two charts, in the texture
   double low = 0;       // charts stay within [low, 1 - low]^2
   int tiles = 1;
-  double first_step = 0.03;  // growth that is tried first
-  std::int64_t moves = 0;    // of single charts, to be spent about
+  std::int64_t work = 0;  // to be spent about: nanoseconds, counted in steps of the algorithms
+  PackTuning tuning;
 };
 
-struct Layout {
+struct Arrangement {
   std::vector<Body> bodies;
   double scale = 1;  // charts are scaled by this times their relative scale
 };
 
-// Scales up by some percent, lets charts find new places until they are apart (rearrange.h), lets them grow until they
-// are jammed (relax.h); and so on until that leads nowhere or has taken enough work, which is counted in steps, not in
-// seconds. *layout must keep the distances; what comes out keeps them exactly (clearance.h) at the same scale or a
-// larger one.
+// Lets the charts grow until they are jammed (relax.h). Then scales up by some percent, lets charts find new places
+// until they are apart (rearrange.h), lets them grow again, and so on until the work is spent. *arrangement must keep
+// the distances; what comes out keeps them exactly (clearance.h) at the same scale or a larger one.
 void Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
-             const TightenOptions& options, const Execution& execution, Layout* layout);
-
-// Shrinks charts by `factor`, below 1, about their centres, and moves those away that come too near to each other by
-// that (what lies in a bay does).
-void Loosen(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
-            const TightenOptions& options, double factor, const Execution& execution, Layout* layout);
+             const TightenOptions& options, const Execution& execution, Arrangement* arrangement);
 
 }  // namespace planish

@@ -18,12 +18,9 @@ struct TrialGrid {
 };
 
 struct TrialPlan {
-  std::vector<std::int32_t> order;  // of the charts to place; all others are left out
-  std::vector<std::int32_t> fixed;  // that have their place
+  std::vector<std::int32_t> order;  // of the charts, large to small
   int angles = 8;                   // turns to try, evenly spread from the upright one on
-  bool hurried = false;             // most charts are looked for from where the last one lies on, not all over the tile
-  bool gives_up = false;            // in a hurry (Execution)
-  double enough = 2;                // how snug a place must be to be taken without looking at others (board.h); share
+  bool gives_up = false;            // after a stop request
 };
 
 // Where a chart's centre lies.
@@ -33,9 +30,16 @@ struct Pose {
   int tile = 0;
 };
 
-// `scales` has what each chart is scaled by, in the texture. Returns whether all charts found a place; *poses then has
-// theirs.
-bool TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
-                const TrialPlan& plan, const Execution& execution, std::vector<Pose>* poses);
+struct TrialResult {
+  std::size_t placed = 0;  // charts of TrialPlan::order that found a place before the first that did not
+  std::int64_t work = 0;   // nanoseconds, counted in steps of the algorithm
+};
+
+// A chart goes next to the lowest row with room for it, where it lies snuggest. The search begins at the row where the
+// last chart of about its size went, since below there was no room for that one: all charts of a size together search
+// each tile once. `scales` has what each chart is scaled by, in the texture. *poses gets those of the charts that were
+// placed.
+TrialResult TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
+                       const TrialPlan& plan, const Execution& execution, std::vector<Pose>* poses);
 
 }  // namespace planish

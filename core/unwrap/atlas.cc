@@ -1,41 +1,42 @@
-#include "core/unwrap/atlas.h"
-
 #include <array>
 #include <limits>
+#include <utility>
 #include <vector>
 
+#include "core/base/status_macros.h"
+#include "core/base/timer.h"
 #include "core/unwrap/placement.h"
+#include "core/unwrap/steps.h"
 
 namespace planish {
 namespace {
 
-// Moves the maps to where they go.
-Atlas Place(const UnwrapOptions& options, const Execution& execution, ChartSet* charts) {
+// Sets where each chart's map goes.
+Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* charts,
+            std::vector<ChartPlacement>* placements) {
   Atlas atlas;
+  placements->resize(charts->count());
   if (!options.pack) {
-    for (int i = 0; i < charts->count(); ++i) {
+    for (std::int32_t i = 0; i < charts->count(); ++i) {
       Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity());
-      for (const Vec2& p : charts->map(i).positions) low = low.cwiseMin(p);
-      for (Vec2& p : *charts->positions(i)) p -= low;
+      for (const Vec2& p : charts->charts[i].map.positions) low = low.cwiseMin(p);
+      (*placements)[i].offset = -low;
     }
     return atlas;
   }
   if (options.seams.policy == SeamPolicy::kNone) {
-    atlas.scale = PlaceInUnitSquare(charts->positions(0), execution);
+    atlas.scale = PlaceInUnitSquare(&charts->charts[0].map.positions, execution);
     return atlas;
   }
-  std::vector<PackChart> to_pack(charts->count());
-  for (int i = 0; i < charts->count(); ++i) {
-    to_pack[i].positions = charts->map(i).positions;
-    to_pack[i].faces = charts->chart(i).topology.faces;
+  std::vector<PackChart> to_pack;
+  for (const MappedChart& mapped : charts->charts) {
+    to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces});
   }
-  const Packing packing = Pack(to_pack, options.atlas, execution);
+  Packing packing = Pack(to_pack, options.atlas, execution);
   atlas.tiles = packing.tiles;
   atlas.scale = packing.scale;
   atlas.padding = packing.padding;
-  for (int i = 0; i < charts->count(); ++i) {
-    for (Vec2& p : *charts->positions(i)) p = packing.charts[i](p);
-  }
+  *placements = std::move(packing.charts);
   return atlas;
 }
 
@@ -90,35 +91,46 @@ class ElsewhereUv {
 
 }  // namespace
 
-Atlas MakeAtlas(const Mesh& mesh, const UnwrapOptions& options, const Execution& execution, ChartSet* charts) {
-  Atlas atlas = Place(options, execution, charts);
-  if (execution.IsStopped()) return atlas;
+absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts) {
+  Timer timer;
+  const Mesh& mesh = job->mesh;
+  job->progress.chart_count = charts->count();
+  job->progress.chart = charts->count() - 1;
+  PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kPack));
+  std::vector<ChartPlacement> placements;
+  Atlas atlas = Place(job->options, job->execution, charts, &placements);
+  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);
-  for (int i = 0; i < charts->count(); ++i) {
-    const Chart& chart = charts->chart(i);
-    const std::vector<Vec2>& positions = charts->map(i).positions;
-    execution.For(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
+  const auto set = [&](std::size_t corner, const Vec2& p) {
+    atlas.uv[2 * corner] = p.x();
+    atlas.uv[2 * corner + 1] = p.y();
+  };
+  const bool stays = !job->options.pack || job->options.seams.policy == SeamPolicy::kNone;
+  for (std::int32_t i = 0; i < charts->count(); ++i) {
+    const Chart& chart = charts->charts[i].chart;
+    const std::vector<Vec2>& positions = charts->charts[i].map.positions;
+    const ChartPlacement& place = placements[i];
+    job->execution.For(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
       for (std::int64_t f = begin; f < end; ++f) {
-        for (int k = 0; k < 3; ++k) {
+        const std::size_t corner = 3 * static_cast<std::size_t>(chart.faces[f]);
+        for (std::size_t k = 0; k < 3; ++k) {
           const Vec2& p = positions[chart.topology.faces[f][k]];
-          const std::size_t corner = 3 * static_cast<std::size_t>(chart.faces[f]) + k;
-          atlas.uv[2 * corner] = p.x();
-          atlas.uv[2 * corner + 1] = p.y();
+          set(corner + k, stays ? Vec2(p + place.offset) : place(p));
         }
       }
     });
   }
-  if (charts->ignored().empty()) return atlas;
-  const std::vector<std::int32_t> face_chart = charts->FaceChart();
-  const ElsewhereUv elsewhere(mesh, face_chart, atlas.uv);
-  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-    if (face_chart[f] >= 0) continue;
-    const std::array<Vec2, 3> places = elsewhere.Of(mesh.faces[f]);
-    for (std::size_t k = 0; k < 3; ++k) {
-      atlas.uv[2 * (3 * f + k)] = places[k].x();
-      atlas.uv[2 * (3 * f + k) + 1] = places[k].y();
+  if (!charts->ignored.empty()) {
+    const std::vector<std::int32_t> face_chart = charts->FaceChart(mesh);
+    const ElsewhereUv elsewhere(mesh, face_chart, atlas.uv);
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+      if (face_chart[f] >= 0) continue;
+      const std::array<Vec2, 3> places = elsewhere.Of(mesh.faces[f]);
+      for (std::size_t k = 0; k < 3; ++k) set(3 * f + k, places[k]);
     }
   }
+  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+  job->seconds.pack += timer.Restart();
   return atlas;
 }
 

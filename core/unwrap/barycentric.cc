@@ -11,6 +11,7 @@
 #include "Eigen/SparseLU"
 #include "core/abf/target_angles.h"
 #include "core/base/error.h"
+#include "core/base/portable_math.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
@@ -39,7 +40,7 @@ class BarycentricMap {
     std::vector<double> draws(disc_.num_vertices, 1);  // what the weights towards a vertex are multiplied by
     std::vector<Vec2> best;
     double least = 0;
-    for (int solve = 0; solve < kMostSolves && !execution.IsStopped(); ++solve) {
+    for (int solve = 0; solve < kMostSolves && !execution.IsCancelled(); ++solve) {
       const std::vector<Vec2> positions = Solve(draws);
       if (positions.empty()) break;
       std::vector<MapSums> around(disc_.num_vertices);
@@ -62,29 +63,27 @@ class BarycentricMap {
         if (around[v].surface_area > 0) draws[v] /= std::sqrt(around[v].stretch / around[v].surface_area) / stretch;
       }
     }
-    return execution.IsStopped() ? std::vector<Vec2>() : best;
+    return execution.IsCancelled() ? std::vector<Vec2>() : best;
   }
 
  private:
   void PutOutlineOnCircle() {
     positions_.assign(disc_.num_vertices, Vec2::Zero());
     is_outline_.assign(disc_.num_vertices, 0);
-    const auto first = std::find(disc_.opposite.begin(), disc_.opposite.end(), -1) - disc_.opposite.begin();
     std::vector<std::pair<std::int32_t, double>> outline;  // vertices, and the way to each
     double length = 0;
-    auto c = static_cast<std::int32_t>(first);
-    do {
+    const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{disc_.opposite});
+    for (const std::int32_t c : loops.loop(0)) {
       const std::int32_t from = Origin(disc_.faces, c), to = Target(disc_.faces, c);
       outline.emplace_back(from, length);
       length += std::max((places_[to] - places_[from]).norm(), 1e-300);
-      c = NextOnOutline(disc_.opposite, c);
-    } while (c != first);
+    }
     // No two at one place, however short the edge between them.
     const double even = kLeastLength * length / static_cast<double>(outline.size());
     const double whole = length + even * static_cast<double>(outline.size());
     for (std::size_t i = 0; i < outline.size(); ++i) {
       const double turn = 2 * std::numbers::pi * (outline[i].second + even * static_cast<double>(i)) / whole;
-      positions_[outline[i].first] = Vec2(std::cos(turn), std::sin(turn));
+      positions_[outline[i].first] = Vec2(portable::Cos(turn), portable::Sin(turn));
       is_outline_[outline[i].first] = 1;
     }
   }
@@ -101,8 +100,8 @@ class BarycentricMap {
         const std::int32_t i = face[k];
         if (is_outline_[i]) continue;
         const Vec3 to_next = places_[face[(k + 1) % 3]] - places_[i], to_last = places_[face[(k + 2) % 3]] - places_[i];
-        const double angle = std::atan2(to_next.cross(to_last).norm(), to_next.dot(to_last));
-        const double half = std::tan(std::clamp(angle, kLeastAngle, std::numbers::pi - kLeastAngle) / 2);
+        const double angle = portable::Atan2(to_next.cross(to_last).norm(), to_next.dot(to_last));
+        const double half = portable::Tan(std::clamp(angle, kLeastAngle, std::numbers::pi - kLeastAngle) / 2);
         weights_.push_back({i, face[(k + 1) % 3], half / std::max(to_next.norm(), shortest)});
         weights_.push_back({i, face[(k + 2) % 3], half / std::max(to_last.norm(), shortest)});
       }
@@ -189,7 +188,7 @@ absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, 
     if (seen[v] > 0) places[v] /= seen[v];
   }
   const std::vector<Vec2> drawn = MapByBarycentres(disc, places, execution);
-  if (execution.IsStopped()) return absl::CancelledError("cancelled");
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (drawn.empty()) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED", "there is no barycentric map in double precision");
   }
@@ -199,7 +198,7 @@ absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, 
     if (o >= 0) positions[chart.topology.faces[o / 3][o % 3]] = drawn[disc.faces[c / 3][c % 3]];
   }
   const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
-  if (execution.IsStopped()) return absl::CancelledError("cancelled");
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   summary.energy = 0;
   for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
     const Face& face = chart.topology.faces[f];

@@ -5,9 +5,9 @@
 
 #include "Eigen/Core"
 #include "absl/status/statusor.h"
+#include "core/abf/topology.h"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
-#include "core/mesh/topology.h"
 #include "core/unwrap/chart.h"
 #include "core/unwrap/hole_filling.h"
 
@@ -20,13 +20,13 @@ namespace planish {
 // (Yoshizawa, Belyaev and Seidel, "A fast and simple stretch-minimizing mesh parameterization", 2004). Angles are kept
 // as far as that leaves them. `places` are the vertices on the surface; triangles without area do no harm.
 //
-// Up to 30 sparse factorizations of as many rows as there are interior vertices. Deterministic. After an interrupt, or
-// if there is no solution in double precision, nothing.
+// Up to 30 sparse factorizations of as many rows as there are interior vertices. Deterministic. After a cancellation,
+// or if there is no solution in double precision, nothing.
 std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution);
 
 // The same for a chart, by that of `filled` if it is not null; then all its slits are closed. `summary` is that of the
 // solve which it takes the place of: it becomes the map's, with the energy of this one. `measured` as for
-// FlattenChart(). CANCELLED after an interrupt; INTERNAL, SOLVER_FAILED, if there is no such map.
+// FlattenChart(). CANCELLED after a cancellation; INTERNAL, SOLVER_FAILED, if there is no such map.
 absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, const FilledChart* filled,
                                           const Eigen::VectorXd& measured, FlattenSummary summary,
                                           const Execution& execution);

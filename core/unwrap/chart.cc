@@ -3,70 +3,20 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
 #include "core/abf/layout.h"
 #include "core/base/error.h"
-#include "core/mesh/face_order.h"
+#include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
-#include "core/mesh/rows.h"
+#include "core/mesh/tri_mesh.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/verify.h"
 
 namespace planish {
 namespace {
-
-// Vertices of the chart: a vertex of the mesh counts once for every fan of faces that the chart has round it.
-struct ChartVertices {
-  std::vector<std::int32_t> of_corner;  // per corner of the chart
-  std::vector<Vec3> positions;
-  std::vector<std::int32_t> interior, outline;
-};
-
-ChartVertices NumberVertices(const Surface& surface, const std::vector<std::int32_t>& faces,
-                             const std::vector<std::int32_t>& opposite) {
-  ChartVertices vertices;
-  vertices.of_corner.assign(opposite.size(), -1);
-  for (std::int32_t start = 0; start < static_cast<std::int32_t>(opposite.size()); ++start) {
-    if (vertices.of_corner[start] >= 0) continue;
-    const auto v = static_cast<std::int32_t>(vertices.positions.size());
-    vertices.positions.push_back(surface.mesh->positions[surface.mesh->faces[faces[start / 3]][start % 3]]);
-    bool closed = false;
-    for (std::int32_t c = start;;) {
-      vertices.of_corner[c] = v;
-      const std::int32_t o = opposite[3 * (c / 3) + Next(c % 3)];
-      if (o < 0) break;
-      c = 3 * (o / 3) + Next(o % 3);
-      if (c == start) {
-        closed = true;
-        break;
-      }
-    }
-    (closed ? vertices.interior : vertices.outline).push_back(v);
-    if (closed) continue;
-    for (std::int32_t c = start;;) {
-      vertices.of_corner[c] = v;
-      const std::int32_t o = opposite[3 * (c / 3) + Prev(c % 3)];
-      if (o < 0) break;
-      c = 3 * (o / 3) + Prev(o % 3);
-    }
-  }
-  return vertices;
-}
-
-Chart Sorted(const Topology& topology, const std::vector<std::int32_t>& faces) {
-  SortedTopology sorted = SortFaces(topology);
-  Chart chart;
-  chart.topology = std::move(sorted.topology);
-  chart.faces = std::move(sorted.face);
-  if (!faces.empty()) {
-    for (std::int32_t& f : chart.faces) f = faces[f];
-  }
-  return chart;
-}
 
 // Corners at different vertices of the chart that are one in the mesh: each with the one before it.
 std::vector<std::pair<std::int32_t, std::int32_t>> CornersOfOneVertex(const Mesh& mesh, const Chart& chart) {
@@ -111,28 +61,22 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
     if ((p[v] - p[w]).norm() <= kCoincide * edge) same.emplace_back(v, w);
   }
   if (same.empty()) return closed;
-  std::vector<std::int32_t> parent(positions->size());
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&](std::int32_t v) {
-    while (parent[v] != v) v = parent[v] = parent[parent[v]];
-    return v;
-  };
+  UnionFind joined(positions->size());
   std::vector<char> moves(positions->size(), 0);
-  for (auto [v, w] : same) {
+  for (const auto& [v, w] : same) {
     moves[v] = moves[w] = 1;
-    v = root(v), w = root(w);
-    parent[std::max(v, w)] = std::min(v, w);
+    joined.Join(v, w);
   }
   std::vector<Vec2> middle(positions->size(), Vec2::Zero());
   std::vector<int> count(positions->size(), 0);
-  for (std::int32_t v = 0; v < static_cast<std::int32_t>(parent.size()); ++v) {
+  for (std::int32_t v = 0; v < static_cast<std::int32_t>(moves.size()); ++v) {
     if (!moves[v]) continue;
-    middle[root(v)] += (*positions)[v];
-    ++count[root(v)];
+    middle[joined.Find(v)] += (*positions)[v];
+    ++count[joined.Find(v)];
   }
   std::vector<Vec2> moved = *positions;
-  for (std::int32_t v = 0; v < static_cast<std::int32_t>(parent.size()); ++v) {
-    if (moves[v]) moved[v] = middle[root(v)] / count[root(v)];
+  for (std::int32_t v = 0; v < static_cast<std::int32_t>(moves.size()); ++v) {
+    if (moves[v]) moved[v] = middle[joined.Find(v)] / count[joined.Find(v)];
   }
   for (const Face& face : faces) {
     const auto& [a, b, c] = face;
@@ -146,21 +90,22 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
   return closed;
 }
 
-// The sum of body(corners in the plane, corners on the surface) over the faces.
-template <typename Sum, typename Body>
-Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& positions, const Execution& execution,
-              const Body& body) {
+// The sum of body(face of the chart, corners in the plane, corners on the surface, sum) over the faces; place(f, k) is
+// corner k of face f in the plane.
+template <typename Sum, typename Place, typename Body>
+Sum SumOverFaces(const Mesh& mesh, const Chart& chart, const Place& place, const Execution& execution,
+                 const Body& body) {
   Sum sum;
   for (const Sum& part : execution.Collect<Sum>(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
          Sum chunk;
-         for (std::int64_t f = begin; f < end; ++f) {
+         for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
            Vec2 p[3];
            Vec3 q[3];
            for (int k = 0; k < 3; ++k) {
-             p[k] = positions[chart.topology.faces[f][k]];
+             p[k] = place(f, k);
              q[k] = mesh.positions[mesh.faces[chart.faces[f]][k]];
            }
-           body(chart.faces[f], p, q, &chunk);
+           body(f, p, q, &chunk);
          }
          return chunk;
        })) {
@@ -169,87 +114,75 @@ Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& pos
   return sum;
 }
 
+// The same with positions of the chart's vertices.
+template <typename Sum, typename Body>
+Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& positions, const Execution& execution,
+              const Body& body) {
+  const auto place = [&](std::int32_t f, int k) { return positions[chart.topology.faces[f][k]]; };
+  return SumOverFaces<Sum>(mesh, chart, place, execution, body);
+}
+
 struct Extent {
-  double surface_area = 0, map_area = 0, surface_edges = 0, map_edges = 0;
+  double surface_area = 0, map_area = 0, surface_squares = 0;  // of faces that are not widened; edges squared
+  double surface_edges = 0, map_edges = 0;
   void Add(const Extent& other) {
     surface_area += other.surface_area;
     map_area += other.map_area;
+    surface_squares += other.surface_squares;
     surface_edges += other.surface_edges;
     map_edges += other.map_edges;
   }
 };
 
-// To the area of the surface; where that is next to nothing, to the length of its edges.
+// Of edges squared. Needles alone have less area, which errors of their angles change many times over.
+constexpr double kLeastArea = 1e-4;
+
+// To the area of the surface, widened faces left out; where that is next to nothing, to the length of its edges. Then
+// larger as Chart::enlargement says.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
   const auto extent = OverFaces<Extent>(mesh, chart, *positions, execution,
-                                        [](std::int32_t, const Vec2 p[3], const Vec3 q[3], Extent* sum) {
-                                          const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
-                                          sum->map_area += std::abs(e1.x() * e2.y() - e1.y() * e2.x()) / 2;
-                                          sum->surface_area += (q[1] - q[0]).cross(q[2] - q[0]).norm() / 2;
+                                        [&](std::int32_t f, const Vec2 p[3], const Vec3 q[3], Extent* sum) {
                                           for (int k = 0; k < 3; ++k) {
                                             sum->map_edges += (p[Next(k)] - p[k]).norm();
                                             sum->surface_edges += (q[Next(k)] - q[k]).norm();
                                           }
+                                          if (chart.is_widened(f)) return;
+                                          const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
+                                          sum->map_area += std::abs(e1.x() * e2.y() - e1.y() * e2.x()) / 2;
+                                          sum->surface_area += (q[1] - q[0]).cross(q[2] - q[0]).norm() / 2;
+                                          for (int k = 0; k < 3; ++k) {
+                                            sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
+                                          }
                                         });
   const double by_edges = extent.map_edges > 0 ? extent.surface_edges / extent.map_edges : 1;
   const double by_area = extent.map_area > 0 ? std::sqrt(extent.surface_area / extent.map_area) : 0;
-  const double scale = by_area > 1e-3 * by_edges ? by_area : by_edges;
+  const bool has_area = extent.surface_area > kLeastArea * extent.surface_squares && by_area > 1e-3 * by_edges;
+  const double scale = chart.enlargement * (has_area ? by_area : by_edges);
   for (Vec2& p : *positions) p *= scale;
 }
 
 }  // namespace
 
-Chart MakeChart(const Gluing& gluing, const std::vector<std::int32_t>& faces, const Execution& execution) {
-  const Surface& surface = gluing.surface();
-  const auto local_face = [&](std::int32_t f) {
-    const auto at = std::lower_bound(faces.begin(), faces.end(), f);
-    return at != faces.end() && *at == f ? static_cast<std::int32_t>(at - faces.begin()) : -1;
-  };
-  Topology topology;
-  std::vector<std::pair<std::int32_t, std::int32_t>> slits;
-  topology.opposite.reserve(3 * faces.size());
-  for (std::int32_t f = 0; f < static_cast<std::int32_t>(faces.size()); ++f) {
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t c = 3 * faces[f] + k, o = surface.across[c];
-      const std::int32_t g = o < 0 ? -1 : local_face(o / 3);
-      const std::int32_t there = g < 0 ? -1 : 3 * g + o % 3;
-      topology.opposite.push_back(gluing.IsOutline(c) ? -1 : there);
-      if (gluing.IsOutline(c) && there > 3 * f + k) slits.emplace_back(3 * f + k, there);
-    }
-  }
-  const ChartVertices vertices = NumberVertices(surface, faces, topology.opposite);
-  topology.num_vertices = static_cast<std::int32_t>(vertices.positions.size());
-  topology.num_interior = static_cast<std::int32_t>(vertices.interior.size());
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    topology.faces.push_back({vertices.of_corner[3 * f], vertices.of_corner[3 * f + 1], vertices.of_corner[3 * f + 2]});
-  }
-  AssignRows(InSpatialOrder(vertices.positions, vertices.interior, execution), &topology);
-
-  Chart chart = Sorted(topology, faces);
-  if (!slits.empty()) {
-    std::vector<std::int32_t> place(faces.size());
-    for (std::int32_t f = 0; f < topology.num_faces(); ++f) place[local_face(chart.faces[f])] = f;
-    for (const auto& [c, d] : slits) chart.slits.emplace_back(3 * place[c / 3] + c % 3, 3 * place[d / 3] + d % 3);
-  }
+Chart MakeChart(const TriMesh& disc, const std::vector<std::pair<std::int32_t, std::int32_t>>& slits,
+                const Execution& execution) {
+  Chart chart;
+  chart.topology = MakeTopology(disc, &chart.faces, execution);
+  std::vector<std::int32_t> place;
+  if (!slits.empty()) place.resize(chart.faces.size());
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(place.size()); ++f) place[chart.faces[f]] = f;
+  for (const auto& [c, d] : slits) chart.slits.emplace_back(3 * place[c / 3] + c % 3, 3 * place[d / 3] + d % 3);
+  for (std::int32_t& f : chart.faces) f = disc.data(FaceHandle(f)).source;
   return chart;
 }
 
-Chart MakeChart(const Topology& disc) {
-  return Sorted(disc, {});
-}
-
-Eigen::VectorXd Gather(const Chart& chart, const double* corners) {
-  Eigen::VectorXd values(chart.topology.num_corners());
-  for (std::size_t f = 0; f < chart.faces.size(); ++f) {
-    for (std::size_t k = 0; k < 3; ++k) values[3 * f + k] = corners[3 * static_cast<std::size_t>(chart.faces[f]) + k];
+std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map) {
+  std::vector<std::int32_t> opposite = chart.topology.opposite;
+  for (const std::int32_t i : map.closed_slits) {
+    const auto [c, d] = chart.slits[i];
+    opposite[c] = d;
+    opposite[d] = c;
   }
-  return values;
-}
-
-void Scatter(const Chart& chart, const Eigen::VectorXd& values, double* corners) {
-  for (std::size_t f = 0; f < chart.faces.size(); ++f) {
-    for (std::size_t k = 0; k < 3; ++k) corners[3 * static_cast<std::size_t>(chart.faces[f]) + k] = values[3 * f + k];
-  }
+  return opposite;
 }
 
 namespace {
@@ -275,58 +208,71 @@ struct ChartUv {
 
 double StretchOf(const Mesh& mesh, const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored,
                  const Execution& execution) {
-  MapSums sums;
-  for (const MapSums& part :
-       execution.Collect<MapSums>(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-         MapSums chunk;
-         for (std::int64_t i = begin; i < end; ++i) {
-           const std::size_t f = chart.faces[i];
-           if (!ignored.empty() && ignored[f]) continue;
-           Vec2 p[3];
-           Vec3 q[3];
-           for (std::size_t k = 0; k < 3; ++k) {
-             p[k] = Vec2(uv[2 * (3 * f + k)], uv[2 * (3 * f + k) + 1]);
-             q[k] = mesh.positions[mesh.faces[f][k]];
-           }
-           chunk.Add(p, q);
-         }
-         return chunk;
-       })) {
-    sums.Add(part);
-  }
-  return sums.StretchL2();
+  return SumOverFaces<MapSums>(
+             mesh, chart, [&](std::int32_t f, int k) { return Uv(uv, 3 * chart.faces[f] + k); }, execution,
+             [&](std::int32_t f, const Vec2 p[3], const Vec3 q[3], MapSums* sum) {
+               if (ignored.empty() || !ignored[chart.faces[f]]) sum->Add(p, q);
+             })
+      .StretchL2();
 }
 
-Overlaps OverlapsWithin(const Chart& chart, const std::vector<std::int32_t>& opposite, const CornerUv& uv,
-                        const std::vector<char>& ignored, const Execution& execution) {
+Overlaps OverlapsWithin(const Chart& chart, const ChartMap& map, const CornerUv& uv, const std::vector<char>& ignored,
+                        const Execution& execution) {
   ChartUv own(chart, ignored);
-  std::vector<std::int32_t> own_opposite = chart.topology.opposite;
-  for (const auto& [c, d] : chart.slits) {
-    if (opposite[3 * chart.faces[c / 3] + c % 3] < 0) continue;
-    own_opposite[c] = d;
-    own_opposite[d] = c;
-  }
   for (std::size_t i = 0; i < own.uv.size(); ++i) {
     own.uv[i] = uv[6 * static_cast<std::size_t>(chart.faces[i / 6]) + i % 6];
   }
   OrientationFaults orientation;
-  return own.FindOverlaps(own_opposite, execution, &orientation);
+  return own.FindOverlaps(OppositeWithClosedSlits(chart, map), execution, &orientation);
 }
 
+namespace {
+
+// How a map may be turned when it is delivered, which is not known yet: cosine and sine.
+constexpr std::array<std::array<double, 2>, 3> kTurns = {{{0.8, 0.6}, {12.0 / 13, -5.0 / 13}, {8.0 / 17, 15.0 / 17}}};
+
+// Of a map that does not overlap itself as it is: triangles that do once places are rounded to multiples of
+// `resolution`, those left out that this flips or collapses.
+Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const std::vector<std::int32_t>& opposite,
+                               const ChartUv& own, double resolution, const Execution& execution) {
+  ChartUv rounded = own;
+  for (const auto& [cosine, sine] : kTurns) {
+    std::vector<Vec2> positions(map.positions.size());
+    for (std::size_t v = 0; v < positions.size(); ++v) {
+      const Vec2& p = map.positions[v];
+      positions[v] =
+          resolution *
+          (Vec2(cosine * p.x() - sine * p.y(), sine * p.x() + cosine * p.y()) / resolution).array().round().matrix();
+    }
+    rounded.ignored.assign(chart.faces.size(), 0);
+    for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
+      const auto& [a, b, c] = chart.topology.faces[f];
+      rounded.ignored[f] =
+          (!own.ignored.empty() && own.ignored[f] != 0) || Orientation(positions[a], positions[b], positions[c]) <= 0;
+    }
+    for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+      const Vec2& p = positions[chart.topology.faces[c / 3][c % 3]];
+      rounded.uv[2 * c] = p.x();
+      rounded.uv[2 * c + 1] = p.y();
+    }
+    OrientationFaults orientation;
+    const Overlaps overlaps = rounded.FindOverlaps(opposite, execution, &orientation);
+    if (overlaps.pairs > 0) return overlaps;
+  }
+  return {};
+}
+
+}  // namespace
+
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
-                       const Execution& execution) {
+                       double resolution, const Execution& execution) {
   ChartFaults faults;
   const auto sums = OverFaces<MapSums>(mesh, chart, map.positions, execution,
                                        [&](std::int32_t f, const Vec2 p[3], const Vec3 q[3], MapSums* sum) {
-                                         if (ignored.empty() || !ignored[f]) sum->Add(p, q);
+                                         const bool counts = ignored.empty() || !ignored[chart.faces[f]];
+                                         if (counts && !chart.is_widened(f)) sum->Add(p, q);
                                        });
   faults.stretch = sums.StretchL2();
-  std::vector<std::int32_t> opposite = chart.topology.opposite;
-  for (const std::int32_t i : map.closed_slits) {
-    const auto [c, d] = chart.slits[i];
-    opposite[c] = d;
-    opposite[d] = c;
-  }
   ChartUv own(chart, ignored);
   for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
     const Vec2& p = map.positions[chart.topology.faces[c / 3][c % 3]];
@@ -334,7 +280,11 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
     own.uv[2 * c + 1] = p.y();
   }
   OrientationFaults orientation;
-  const Overlaps overlaps = own.FindOverlaps(opposite, execution, &orientation);
+  const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map);
+  Overlaps overlaps = own.FindOverlaps(opposite, execution, &orientation);
+  if (overlaps.pairs == 0 && resolution > 0) {
+    overlaps = OverlapsAfterRounding(chart, map, opposite, own, resolution, execution);
+  }
   faults.turned = orientation.flipped + orientation.degenerate;
   faults.does_overlap = faults.turned + overlaps.pairs > 0;
   Vec2 low = map.positions.front(), high = low;
@@ -352,11 +302,19 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   return faults;
 }
 
+FlattenControl ControlOf(const Execution& execution) {
+  FlattenControl control;
+  control.cancel = execution.cancel;
+  control.stop = execution.stop;
+  control.team = execution.team;
+  return control;
+}
+
 absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd measured, const FlattenOptions& options,
                                         const FlattenControl& control, const Execution& execution) {
   const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
   measured.resize(0);
-  if (execution.IsStopped()) return absl::CancelledError("cancelled");
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   return FlattenAngles(chart.topology, target, options, control);
 }
 
@@ -368,7 +326,7 @@ absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flatt
 
 absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,
                                     std::vector<Vec2> positions, const Execution& execution) {
-  if (execution.IsStopped()) return absl::CancelledError("cancelled");
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   ChartMap map;
   map.flatten = std::move(summary);
   if (!std::all_of(positions.begin(), positions.end(), [](const Vec2& p) { return p.allFinite(); })) {

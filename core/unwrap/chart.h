@@ -9,9 +9,9 @@
 #include "absl/status/statusor.h"
 #include "core/abf/flatten.h"
 #include "core/abf/target_angles.h"
+#include "core/abf/topology.h"
 #include "core/base/execution.h"
-#include "core/charts/gluing.h"
-#include "core/mesh/topology.h"
+#include "core/mesh/tri_mesh_fwd.h"
 #include "core/unwrap/verify.h"
 
 namespace planish {
@@ -19,35 +19,40 @@ namespace planish {
 // Its faces have numbers of their own, in the order in which the solver likes them.
 struct Chart {
   Topology topology;
-  std::vector<std::int32_t> faces;  // the mesh's, of each face
+  std::vector<std::int32_t> faces;  // the mesh's, of each face: FaceTraits::source
   // Corners that face the same edge from either side of a slit, where the chart's outline meets itself on the surface.
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
+  // Per face: what the angles of its map are to be at least, radians (widening.h); 0: those on the surface are kept.
+  // Empty: all 0.
+  std::vector<double> least_angle;
+  double enlargement = 1;  // the lengths of its map are so many times those on the surface (widening.h)
+
+  bool is_widened(std::int32_t f) const { return !least_angle.empty() && least_angle[f] > 0; }
 };
 
-// Of these faces of `gluing`'s surface, which must be one of its discs. O(F log F) in the chart's faces.
-Chart MakeChart(const Gluing& gluing, const std::vector<std::int32_t>& faces, const Execution& execution = {});
-
-// The whole of a disc (core/mesh/disc_check.h).
-Chart MakeChart(const Topology& disc);
-
-// Values of the mesh's corners, 3 a face, for the chart's corners; and back, into `corners`.
-Eigen::VectorXd Gather(const Chart& chart, const double* corners);
-void Scatter(const Chart& chart, const Eigen::VectorXd& values, double* corners);
+// The solver's arrays of a chart (core/charts/gluing.h) or a whole disc, from its mesh, which may be freed then;
+// `slits` in the corners of the mesh. O(F).
+Chart MakeChart(const TriMesh& disc, const std::vector<std::pair<std::int32_t, std::int32_t>>& slits = {},
+                const Execution& execution = {});
 
 struct ChartMap {
   FlattenSummary flatten;
-  // Per vertex of the chart's topology; the area of the map is that of the surface.
+  // Per vertex of the chart's topology; the area of the map is that of the surface, widened faces left out of both,
+  // before Chart::enlargement.
   std::vector<Vec2> positions;
   bool is_barycentric = false;  // not by ABF (barycentric.h): `flatten` tells of a solve whose map was no use
   std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };
 
-// Judged by UV of the mesh's corners, as delivered: stretch as in ChartFaults, and pairs of triangles of the chart that
-// overlap, with face numbers of the chart. `opposite` has the half-edges of the mesh that are joined.
+// Topology::opposite of the chart with the slits joined that the map has closed.
+std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map);
+
+// Judged by UV of the mesh's corners, as delivered: stretch as Quality::stretch_l2, and pairs of triangles of the chart
+// that overlap, with face numbers of the chart.
 double StretchOf(const Mesh& mesh, const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored,
                  const Execution& execution);
-Overlaps OverlapsWithin(const Chart& chart, const std::vector<std::int32_t>& opposite, const CornerUv& uv,
-                        const std::vector<char>& ignored, const Execution& execution);
+Overlaps OverlapsWithin(const Chart& chart, const ChartMap& map, const CornerUv& uv, const std::vector<char>& ignored,
+                        const Execution& execution);
 
 // What a map looks like before packing and rounding.
 struct ChartFaults {
@@ -55,13 +60,19 @@ struct ChartFaults {
   std::int64_t turned = 0;    // of those: how many
   // Faces of the mesh that overlap each other; -1 if none or unknown.
   std::int32_t face = -1, other_face = -1;
-  double stretch = 1;  // root mean square, as Quality::stretch_l2
+  double stretch = 1;  // root mean square, as Quality::stretch_l2, of all faces but the widened ones
   double extent = 0;   // diameter of a circle that holds it, in the units of the surface
 };
+// `resolution`: what places are rounded to when they are delivered, in the units of the surface; 0: not at all.
+// Overlaps that such a rounding makes count, as where an outline touches itself; triangles that it flips or collapses
+// do not.
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
-                       const Execution& execution);
+                       double resolution, const Execution& execution);
 
-// Angles by ABF. `measured` are the angles on the surface of the chart's corners, radians. Errors as FlattenAngles().
+// The same ends and threads for a solve.
+FlattenControl ControlOf(const Execution& execution);
+
+// Angles by ABF. `measured` are the angles that the map is to keep (AnglesToKeep()). Errors as FlattenAngles().
 absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd measured, const FlattenOptions& options,
                                         const FlattenControl& control, const Execution& execution);
 

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "Eigen/Geometry"
+#include "core/base/portable_math.h"
 #include "core/mesh/angles.h"
 
 namespace planish {
@@ -41,7 +42,7 @@ void MapSums::Add(const Vec2 p[3], const Vec3 q[3]) {
   const Vec3 su = (s1 * e2.y() - s2 * e1.y()) / twice_uv_area;
   const Vec3 sv = (s2 * e1.x() - s1 * e2.x()) / twice_uv_area;
   const double a = su.dot(su), b = su.dot(sv), c = sv.dot(sv);
-  const double larger = std::sqrt((a + c + std::hypot(a - c, 2 * b)) / 2);
+  const double larger = std::sqrt((a + c + portable::Hypot(a - c, 2 * b)) / 2);
   const double smaller = 2 * area / twice_uv_area / larger;
   const double ratio = twice_uv_area > 0 ? larger / smaller : std::numeric_limits<double>::infinity();
   conformal += area * ratio;
@@ -91,7 +92,7 @@ void MeasureDistortion(const Mesh& mesh, const Eigen::VectorXd& measured, const 
        })) {
     sums.Add(part);
   }
-  if (execution.IsStopped()) return;
+  if (execution.IsCancelled()) return;
   if (sums.faces == 0) return;
   const double num_angles = 3.0 * static_cast<double>(sums.faces);
   constexpr double kDegrees = 180 / std::numbers::pi;

@@ -27,8 +27,8 @@ struct MapSums {
 
 // Fills the distortion measures and packing_efficiency of `quality` (definitions at planish.v1.Quality; efficiency per
 // unit square, as for one tile); leaves the counts alone. `measured` are the angles on the surface. Faces marked in
-// `ignored` (empty: none) do not count. A UV triangle without area has infinite distortion. Changes nothing after an
-// interrupt.
+// `ignored` (empty: none) do not count. A UV triangle without area has infinite distortion. Changes nothing after a
+// cancellation.
 void MeasureDistortion(const Mesh& mesh, const Eigen::VectorXd& measured, const TargetAngles& target,
                        const CornerUv& uv, const std::vector<char>& ignored, Quality* quality,
                        const Execution& execution = {});

@@ -4,21 +4,29 @@
 #include <cmath>
 #include <limits>
 
+#include "core/abf/step_solver.h"
+
 namespace planish {
 namespace {
 
 // Measured by tests/bench/run.sh memory; figures are what was measured, or a quarter more.
-constexpr double kFixedBytes = 8e6;           // code and tables that are touched first
-constexpr double kBytesPerThread = 2.5e6;     // beyond the first: charts that are solved side by side
-constexpr double kBytesPerFace = 1000;        // multigrid
-constexpr double kFactorBytesPerFace = 2300;  // a Cholesky factorization instead; nearly linear
-constexpr double kBytesPerPiece = 11e3;       // a chart of a single face, with its outline and its place
-constexpr double kBytesPerByte = 2;           // encoded bytes, while they are decoded
+constexpr double kFixedBytes = 8e6;        // code and tables that are touched first
+constexpr double kPackBytes = 8e6;         // the boards on which charts are packed
+constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
+constexpr double kBytesPerFace = 1000;     // multigrid
+// Beside that: charts of few faces, as of sparse isosurfaces. In meshes of more than kReferenceFaces these are not all
+// there is, and what multigrid would take is enough for them.
+constexpr double kChartBytesPerFace = 300;
+// A Cholesky factorization instead: of meshes up to kReferenceFaces, and how that grows beyond. Measured: 1,310 bytes a
+// face of 50,000, 1,390 of 200,000.
+constexpr double kFactorBytesPerFace = 1650, kFactorBytesPower = 0.1;
+constexpr double kBytesPerPiece = 11e3;  // a chart of a single face, with its outline and its place
+constexpr double kBytesPerByte = 2;      // encoded bytes, while they are decoded
 // The vertices that a triangle by itself has beyond half a vertex a face, which is what closed surfaces have.
 constexpr double kLooseVerticesPerPiece = 2.5;
 
 constexpr double kSecondsPerByte = 1e-8;
-constexpr double kSecondsPerPiece = 1.5e-3;
+constexpr double kSecondsPerPiece = 0.2e-3;  // charts and maps
 // Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 7e-6, kSolvePower = 0.05;
@@ -27,7 +35,19 @@ constexpr double kNeeded = 50e-6;         // whole pieces and their cuts, severa
 constexpr double kFactorization = 4;      // times kSolve
 constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
 constexpr double kUnpreconditioned = 60;  // times kSolve
-constexpr double kPackSeconds = 0.05;     // of a few charts, with the default effort
+
+// What packing takes of the seconds of the rest (PackEffort).
+double PackShare(PackEffort effort) {
+  switch (effort) {
+    case PackEffort::kFast:
+      return 0.25;
+    case PackEffort::kNormal:
+      return 0.5;
+    case PackEffort::kBest:
+      return 50;
+  }
+  return 0;
+}
 
 bool Factorizes(const FlattenOptions& options) {
   return options.solver == SolverType::kDirect || options.preconditioner == PreconditionerType::kCholesky;
@@ -50,7 +70,8 @@ double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptio
   if (policy == SeamPolicy::kNone) return seconds;
   if (policy == SeamPolicy::kAuto) seconds += kMerge * faces * std::pow(size, kMergePower);
   if (policy == SeamPolicy::kNeeded) seconds += kNeeded * faces;
-  if (options.pack) seconds += (kPackSeconds + kSecondsPerPiece * pieces) * std::max(options.atlas.effort, 0.2);
+  seconds += kSecondsPerPiece * pieces;
+  if (options.pack) seconds *= 1 + PackShare(options.atlas.effort);
   return seconds;
 }
 
@@ -62,9 +83,17 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
   // A disc has no pieces, and many vertices only if there are many faces.
   const double pieces =
       options.seams.policy == SeamPolicy::kNone ? 0 : std::max(0.0, v - f / 2) / kLooseVerticesPerPiece;
-  const double per_face = Factorizes(options.flatten) ? kFactorBytesPerFace : kBytesPerFace;
-  const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + per_face * f + kBytesPerPiece * pieces +
-                       kBytesPerByte * b;
+  const double factor_per_face = kFactorBytesPerFace * std::pow(std::max(1.0, f / kReferenceFaces), kFactorBytesPower);
+  const double per_face = Factorizes(options.flatten) ? factor_per_face : kBytesPerFace;
+  // Where multigrid fails on a chart, a factorization takes its place: one for each thread at a time.
+  const double fallback = Factorizes(options.flatten) || IsSlow(options.flatten)
+                              ? 0
+                              : (kFactorBytesPerFace - kBytesPerFace) *
+                                    std::min(f, static_cast<double>(kMostFallbackFaces) * options.threads);
+  const bool packs = options.pack && options.seams.policy != SeamPolicy::kNone;
+  const double charts = packs ? kPackBytes + kChartBytesPerFace * std::min(f, kReferenceFaces) : 0;
+  const double bytes = kFixedBytes + charts + kBytesPerThread * (options.threads - 1) + per_face * f + fallback +
+                       kBytesPerPiece * pieces + kBytesPerByte * b;
   Estimate estimate;
   constexpr auto kLargest = std::numeric_limits<std::int64_t>::max();
   estimate.peak_bytes = bytes < static_cast<double>(kLargest) ? static_cast<std::int64_t>(bytes) : kLargest;

@@ -9,16 +9,17 @@ namespace planish {
 
 struct Estimate {
   // The most that a process holds at once beyond what it held idle, to decode, unwrap and hold the result. An upper
-  // estimate: on the meshes of tests/bench/results/memory.md above what was measured; from 20,000 triangles on at most
-  // 1.6 times that for a disc, and up to 2.8 times where SeamPolicy::kAuto makes many charts, of which only some are
-  // solved at a time: that cannot be known before.
+  // estimate: on the meshes of tests/bench/results/memory.md above what was measured. Beyond 33 MB a thread, for a
+  // Cholesky factorization that may have to take the place of multigrid (kMostFallbackFaces in core/abf/step_solver.h),
+  // it is at most 1.6 times that for a disc from 20,000 triangles on, and up to three times where SeamPolicy::kAuto
+  // makes many charts, of which only some are solved at a time: that cannot be known before.
   std::int64_t peak_bytes = 0;
   // With one thread, to decode and unwrap, within a factor of about 3 for scans and models on a machine like that of
   // memory.md.
   double seconds = 0;
 };
 
-// `mesh_bytes` is the size of the encoded mesh, `faces` and `vertices` are what it declares (core/io/draco_header.h);
+// `mesh_bytes` is the size of the encoded mesh, `faces` and `vertices` are what it declares (core/draco/header.h);
 // all at least 0. Valid `options` of any kind: solvers and seams that take more count for more. Monotonous in the
 // numbers. Overflow ends at the largest number.
 Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t mesh_bytes,

@@ -6,8 +6,8 @@
 #include "Eigen/Core"
 #include "absl/status/statusor.h"
 #include "core/abf/flatten.h"
+#include "core/abf/topology.h"
 #include "core/base/execution.h"
-#include "core/mesh/topology.h"
 #include "core/unwrap/chart.h"
 
 namespace planish {

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <utility>
 
+#include "core/base/portable_math.h"
 #include "core/mesh/predicates.h"
 
 namespace planish {
@@ -27,7 +28,7 @@ Extremes FindExtremes(const std::vector<Vec2>& points, const Execution& executio
   std::array<Vec2, kDirections> directions;
   for (int d = 0; d < kDirections; ++d) {
     const double angle = 2 * std::numbers::pi * d / kDirections;
-    directions[d] = Vec2(std::cos(angle), std::sin(angle));
+    directions[d] = Vec2(portable::Cos(angle), portable::Sin(angle));
   }
   Extremes extremes;
   for (const Extremes& part :
@@ -98,7 +99,7 @@ std::vector<Vec2> ConvexHull(std::vector<Vec2> points, const Execution& executio
   for (const bool lower : {true, false}) {
     const std::size_t start = hull.size();
     for (std::size_t i = 0; i < points.size(); ++i) {
-      if (execution.IsStoppedAt(static_cast<std::int64_t>(i))) return {};
+      if (execution.IsCancelledAt(static_cast<std::int64_t>(i))) return {};
       const Vec2& p = points[i];
       while (hull.size() >= start + 2 && Orientation(hull[hull.size() - 2], hull.back(), p) <= 0) hull.pop_back();
       hull.push_back(p);
@@ -118,7 +119,7 @@ Vec2 LongAxis(const std::vector<Vec2>& hull, const Execution& execution) {
   // Farthest along the edge, away from it, and back along it.
   std::size_t front = 1, far = 1, back = 1;
   for (std::size_t i = 0; i < n; ++i) {
-    if (execution.IsStoppedAt(static_cast<std::int64_t>(i))) break;
+    if (execution.IsCancelledAt(static_cast<std::int64_t>(i))) break;
     const Vec2 edge = hull[(i + 1) % n] - hull[i];
     if (edge.squaredNorm() == 0) continue;
     const Vec2 axis = edge.normalized(), normal(-axis.y(), axis.x());
@@ -154,7 +155,7 @@ struct Bounds {
 double PlaceInUnitSquare(std::vector<Vec2>* points, const Execution& execution) {
   if (points->empty()) return 1;
   std::vector<Vec2> candidates = HullCandidates(*points, execution);
-  if (execution.IsStopped()) return 1;
+  if (execution.IsCancelled()) return 1;
   const Vec2 u = LongAxis(ConvexHull(std::move(candidates), execution), execution), v(-u.y(), u.x());
   const auto n = static_cast<std::int64_t>(points->size());
   Bounds bounds;

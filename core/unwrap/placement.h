@@ -10,8 +10,8 @@ namespace planish {
 
 // Turns the points so that the rectangle of least area round them is upright, its longer side along u, then moves and
 // scales them uniformly into [0, 1]^2, touching u = 0, v = 0 and u = 1. No reflection. O(n), and O(h log h) for those h
-// that lie near the outline. Returns the factor by which lengths grew; 1 for points that are all the same. After an
-// interrupt the points may be anywhere.
+// that lie near the outline. Returns the factor by which lengths grew; 1 for points that are all the same. After a
+// cancellation the points may be anywhere.
 double PlaceInUnitSquare(std::vector<Vec2>* points, const Execution& execution = {});
 
 }  // namespace planish

@@ -17,6 +17,7 @@ struct Quality {
   double conformal_distortion_max = 1;
   double stretch_l2 = 1;
   double packing_efficiency = 0;
+  double seam_length = 0;  // over the square root of the surface's area
 };
 
 }  // namespace planish

@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "core/abf/flatten.h"
 #include "core/base/interrupter.h"
+#include "core/charts/tuning.h"
 #include "core/mesh/mesh.h"
 #include "core/pack/pack.h"
 #include "core/unwrap/quality.h"
@@ -26,8 +27,9 @@ enum class Precision {
   kDouble,
 };
 
-// Which edges part charts, beside boundaries and edges that no chart can cross (those of one face or of more than two,
-// and those whose two faces are wound against each other).
+// Which edges part charts, beside boundaries and edges that no chart can cross: those whose faces are wound against
+// each other. Where more than two faces meet, pairs of them stay joined, the flattest first, and charts end between
+// others.
 enum class SeamPolicy {
   kNone,    // none: the mesh must be a disc
   kKeep,    // the given seams and no others: the pieces must be discs
@@ -54,6 +56,7 @@ struct UnwrapOptions {
   SeamOptions seams;
   bool pack = true;  // false: charts as they were solved, to the surface's scale, one over the other
   PackOptions atlas;
+  AtlasTuning tuning;  // constants, for benches; results are promised for the defaults
   Precision precision = Precision::kAuto;
   // Threads the job may use, the calling one included. In [1, kMaxThreads]. The result is the same bytes for any
   // number.
@@ -79,7 +82,7 @@ struct UnwrapProgress {
 // What one call may bring along. The callback runs on the calling thread, at the start of every stage, at every
 // Newton iteration and every few dozen linear iterations; it must return quickly.
 struct UnwrapControl {
-  const Interrupter* interrupter = nullptr;  // Cancel: ends the call with CANCELLED
+  const Interrupter* cancel = nullptr;  // ends the call with CANCELLED
   // Stop: ends the search for anything better. Any thread may set it at any time; both must outlive the call. From then
   // on a linear solve under way is cut short, Newton's method takes a few rough steps at most until the angles make a
   // map without flips, charts are no longer merged, are cut only where they overlap themselves, and go where they first
@@ -119,6 +122,7 @@ struct UnwrapResult {
   Precision precision = Precision::kFloat;  // kFloat or kDouble
   std::vector<ChartReport> charts;
   std::vector<std::int32_t> face_chart;  // per face: its chart, an index into `charts`
+  std::vector<std::int32_t> widened;     // faces too thin for `precision` that were widened, ascending (FACES_WIDENED)
   int tiles = 1;                         // of the texture that are used
   double texels_per_unit = 0;            // texture_size times UV length per length on the surface; 0 without packing
   Quality quality;                       // of `uv` as delivered
@@ -128,12 +132,12 @@ struct UnwrapResult {
 
 // Flattens `mesh`, which must be a disc (core/mesh/disc_check.h); deterministic.
 // Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED
-// after an interrupt (within a few dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED if
-// no finite map came out; ABORTED with STOPPED_EARLY if there was no map without flips yet when `control.stop` came. A
-// solve that stops early is not an error: see FlattenSummary::converged and the warnings.
-// Warning STOPPED, metadata "charts_cut_short" (how many charts' solves were ended early, may be 0): `control.stop` was
-// set before the verifier began. A later stop changes nothing.
-// Thread-safe: calls share nothing, each has a team of threads of its own.
+// after a cancellation (within a few dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED
+// if no finite map came out, or if multigrid failed on a chart that is too large for a Cholesky factorization in its
+// place; ABORTED with STOPPED_EARLY if there was no map without flips yet when `control.stop` came. A solve that stops
+// early is not an error: see FlattenSummary::converged and the warnings. Warning STOPPED, metadata "charts_cut_short"
+// (how many charts' solves were ended early, may be 0): `control.stop` was set before the verifier began. A later stop
+// changes nothing. Thread-safe: calls share nothing, each has a team of threads of its own.
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control);
 
 }  // namespace planish

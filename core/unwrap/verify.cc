@@ -4,22 +4,14 @@
 #include <array>
 #include <atomic>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "core/mesh/box_tree.h"
+#include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
-#include "core/unwrap/outlines.h"
 
 namespace planish {
-namespace {
-
-constexpr std::size_t kMaxNamed = 16;
-
-Vec2 Uv(const CornerUv& uv, std::int32_t corner) {
-  return {uv[2 * corner], uv[2 * corner + 1]};
-}
-
-}  // namespace
 
 CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution) {
   CornerUv rounded(uv.size());
@@ -53,6 +45,165 @@ OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& executi
 }
 
 namespace {
+
+Vec2 From(const CornerUv& uv, std::int32_t c) {
+  return Uv(uv, 3 * (c / 3) + Next(c % 3));
+}
+Vec2 To(const CornerUv& uv, std::int32_t c) {
+  return Uv(uv, 3 * (c / 3) + Prev(c % 3));
+}
+
+struct Outlines : Loops<std::int32_t> {
+  std::vector<std::int32_t> loop_of;  // of each in half_edge
+  bool is_torn = false;
+};
+
+Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, const Execution& execution) {
+  struct Part {
+    std::vector<std::int32_t> outline;
+    bool is_torn = false;
+  };
+  Outlines outlines;
+  std::vector<std::int32_t> starts;
+  for (const Part& part :
+       execution.Collect<Part>(static_cast<std::int64_t>(opposite.size()), [&](std::int64_t begin, std::int64_t end) {
+         Part chunk;
+         for (auto c = static_cast<std::int32_t>(begin); c < end; ++c) {
+           const std::int32_t o = opposite[c];
+           if (o < 0) {
+             chunk.outline.push_back(c);
+           } else if (o < c && (From(uv, c) != To(uv, o) || To(uv, c) != From(uv, o))) {
+             chunk.is_torn = true;
+           }
+         }
+         return chunk;
+       })) {
+    outlines.is_torn |= part.is_torn;
+    starts.insert(starts.end(), part.outline.begin(), part.outline.end());
+  }
+  if (outlines.is_torn || execution.IsCancelled()) return outlines;
+  static_cast<Loops<std::int32_t>&>(outlines) =
+      BoundaryLoops(FlatLinks{opposite}, starts, opposite.size(), [](std::int32_t c) { return c; });
+  for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
+  return outlines;
+}
+
+// Per loop: the chart it belongs to, some number.
+std::vector<std::int32_t> ChartsOf(const std::vector<std::int32_t>& opposite, const Outlines& outlines,
+                                   std::int32_t* count) {
+  const std::vector<std::int32_t> chart = ConnectedPieces(
+      static_cast<std::int32_t>(opposite.size() / 3), count, [](std::int32_t) { return true; },
+      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
+  std::vector<std::int32_t> of_loop;
+  for (std::int32_t i = 0; i < outlines.count(); ++i) of_loop.push_back(chart[outlines.loop(i)[0] / 3]);
+  return of_loop;
+}
+
+BoxTree TreeOf(const Outlines& outlines, const CornerUv& uv, const Execution& execution) {
+  std::vector<Box> boxes(outlines.half_edge.size());
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    boxes[i].Add(From(uv, outlines.half_edge[i]));
+    boxes[i].Add(To(uv, outlines.half_edge[i]));
+  }
+  return BoxTree(std::move(boxes), execution);
+}
+
+bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree, const Execution& execution) {
+  const auto n = static_cast<std::int32_t>(outlines.half_edge.size());
+  const auto follower = [&](std::int32_t i) {
+    const std::int32_t loop = outlines.loop_of[i];
+    return i + 1 == outlines.begin[loop + 1] ? outlines.begin[loop] : i + 1;
+  };
+  const std::vector<char> parts = execution.Collect<char>(n, [&](std::int64_t begin, std::int64_t end) -> char {
+    for (auto i = static_cast<std::int32_t>(begin); i < end && !execution.IsCancelledAt(i); ++i) {
+      const Vec2 from = From(uv, outlines.half_edge[i]), to = To(uv, outlines.half_edge[i]);
+      const bool clear = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
+        if (j <= i) return true;
+        const Vec2 other_from = From(uv, outlines.half_edge[j]), other_to = To(uv, outlines.half_edge[j]);
+        const bool follows = follower(i) == j, precedes = follower(j) == i;
+        if (!follows && !precedes) return !SegmentsMeet(from, to, other_from, other_to);
+        // Neighbours share an end; they meet elsewhere only if one folds back onto the other.
+        const Vec2 &a = follows ? from : other_from, &b = follows ? to : other_to, &c = follows ? other_to : to;
+        return !(Orientation(a, b, c) == 0 && (b - a).dot(c - b) <= 0);
+      });
+      if (!clear) return 1;
+    }
+    return 0;
+  });
+  for (const char meets : parts) {
+    if (meets) return false;
+  }
+  return !execution.IsCancelled();
+}
+
+// Which way round a simple loop runs: 1 counter-clockwise, -1 clockwise, 0 where its lowest corner has no area. By that
+// corner, of several the leftmost, which no other part of the loop lies below.
+int SenseOf(const Outlines& outlines, std::int32_t loop, const CornerUv& uv) {
+  const std::span<const std::int32_t> half_edges = outlines.loop(loop);
+  std::size_t lowest = 0;
+  for (std::size_t i = 1; i < half_edges.size(); ++i) {
+    const Vec2 p = From(uv, half_edges[i]), q = From(uv, half_edges[lowest]);
+    if (p.y() < q.y() || (p.y() == q.y() && p.x() < q.x())) lowest = i;
+  }
+  const std::size_t before = (lowest + half_edges.size() - 1) % half_edges.size();
+  return Orientation(From(uv, half_edges[before]), From(uv, half_edges[lowest]), To(uv, half_edges[lowest]));
+}
+
+// Whether one loop of each chart runs counter-clockwise and all others clockwise, as round holes. A hole that is turned
+// inside out overlaps the faces round it, though its sides meet at its corners only.
+bool HolesAreOpen(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop, std::int32_t num_charts,
+                  const CornerUv& uv) {
+  std::vector<char> has_outer(num_charts, 0);
+  for (std::int32_t loop = 0; loop < outlines.count(); ++loop) {
+    const int sense = SenseOf(outlines, loop, uv);
+    if (sense == 0 || (sense > 0 && has_outer[chart_of_loop[loop]] != 0)) return false;
+    if (sense > 0) has_outer[chart_of_loop[loop]] = 1;
+  }
+  return true;
+}
+
+// Whether the outlines of other charts wind round some point of each chart's outline.
+bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop,
+                       std::int32_t num_charts, const CornerUv& uv, const BoxTree& tree, const Execution& execution) {
+  Box all;
+  for (const Box& box : tree.boxes()) all.Add(box);
+  std::vector<char> done(num_charts, 0);
+  for (std::size_t loop = 0; loop < chart_of_loop.size() && !execution.IsCancelled(); ++loop) {
+    const std::int32_t chart = chart_of_loop[loop];
+    if (done[chart]) continue;
+    done[chart] = 1;
+    // A ray to the right, and how often outlines cross it.
+    const Vec2 p = From(uv, outlines.half_edge[outlines.begin[loop]]);
+    Box ray;
+    ray.Add(p);
+    ray.Add(Vec2(all.high.x(), p.y()));
+    int winding = 0;
+    tree.ForEachMeeting(ray, [&](std::int32_t j) {
+      if (chart_of_loop[outlines.loop_of[j]] == chart) return true;
+      const Vec2 from = From(uv, outlines.half_edge[j]), to = To(uv, outlines.half_edge[j]);
+      if (from.y() <= p.y() && to.y() > p.y() && Orientation(from, to, p) > 0) ++winding;
+      if (from.y() > p.y() && to.y() <= p.y() && Orientation(from, to, p) < 0) --winding;
+      return true;
+    });
+    if (winding != 0) return true;
+  }
+  return false;
+}
+
+// Whether no outline of a chart meets itself or another one, no edge inside a chart is torn (its ends have the same
+// (u, v) from both sides), and no chart lies inside the area of another. Exact. For maps whose triangles all have
+// positive orientation. False as well after a cancellation.
+bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv& uv, const Execution& execution) {
+  const Outlines outlines = Trace(opposite, uv, execution);
+  if (outlines.is_torn || outlines.half_edge.empty() || execution.IsCancelled()) return false;
+  const BoxTree tree = TreeOf(outlines, uv, execution);
+  if (!DoNotMeet(outlines, uv, tree, execution)) return false;
+  if (outlines.count() == 1) return true;  // one loop
+  std::int32_t num_charts = 0;
+  const std::vector<std::int32_t> chart_of_loop = ChartsOf(opposite, outlines, &num_charts);
+  if (!HolesAreOpen(outlines, chart_of_loop, num_charts, uv)) return false;
+  return !LiesInsideAnother(outlines, chart_of_loop, num_charts, uv, tree, execution) && !execution.IsCancelled();
+}
 
 // Every triangle against all later ones.
 class PairwiseCheck {
@@ -96,7 +247,7 @@ class PairwiseCheck {
         look(0, kBlocks);
       }
       all.pairs = std::min(count.load(), kMaxOverlaps);
-      all.limited = all.pairs == kMaxOverlaps || execution_.IsStopped();
+      all.limited = all.pairs == kMaxOverlaps || execution_.IsCancelled();
       if (all.limited) {
         // Blocks were cut short, who knows where.
         named = {};
@@ -119,7 +270,7 @@ class PairwiseCheck {
   // Counts the pairs of the faces in [begin, end), which go on from `count`, until kMaxOverlaps; names the first ones.
   void Look(std::int64_t begin, std::int64_t end, std::atomic<std::int64_t>* count,
             std::vector<std::int32_t>* named) const {
-    for (auto f = static_cast<std::int32_t>(begin); f < end && !execution_.IsStopped(); ++f) {
+    for (auto f = static_cast<std::int32_t>(begin); f < end && !execution_.IsCancelled(); ++f) {
       const Box& box = tree_->boxes()[f];
       if (!box.Meets(box)) continue;
       const bool go_on = tree_->ForEachMeeting(box, [&](std::int32_t g) {
@@ -149,9 +300,9 @@ Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv
         return ignored[f] && Orientation(Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)) <= 0;
       }) == 0);
   if (all_upright && OutlinesAreApart(opposite, uv, execution)) return {};
-  if (execution.IsStopped()) return {0, true, {}};
+  if (execution.IsCancelled()) return {0, true, {}};
   const PairwiseCheck check(uv, ignored, execution);
-  if (execution.IsStopped()) return {0, true, {}};
+  if (execution.IsCancelled()) return {0, true, {}};
   return check.Run();
 }
 

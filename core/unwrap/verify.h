@@ -1,6 +1,7 @@
 // The verifier: judges delivered UV, whoever made them, by exact predicates.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -12,8 +13,15 @@ namespace planish {
 // UV as delivered: u and v of corner 3 f + k at 2 (3 f + k). Floats are stored as doubles.
 using CornerUv = std::vector<double>;
 
+inline Vec2 Uv(const CornerUv& uv, std::int32_t corner) {
+  return {uv[2 * corner], uv[2 * corner + 1]};
+}
+
 // `uv` rounded to float.
 CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution = {});
+
+// So many elements of each kind of fault are named.
+inline constexpr std::size_t kMaxNamed = 16;
 
 struct OrientationFaults {
   std::int64_t flipped = 0;         // clockwise triangles
@@ -21,7 +29,7 @@ struct OrientationFaults {
   std::vector<std::int32_t> faces;  // the first few of both
 };
 
-// Exact. O(F). Faces marked in `ignored` (empty: none) do not count. Incomplete after an interrupt.
+// Exact. O(F). Faces marked in `ignored` (empty: none) do not count. Incomplete after a cancellation.
 OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution = {},
                                     const std::vector<char>& ignored = {});
 
@@ -35,10 +43,10 @@ inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 // Exact. `opposite` tells which corners face the same edge (-1: none, an outline; Topology::opposite), and with it
 // which faces make up a chart. Where every triangle keeps its orientation and outlines neither meet themselves nor each
 // other, a chart is injective: every point is covered as often as its outlines wind round it, once (they are simple
-// curves, one of which runs round all the others, by their total turning). Charts then overlap only if one lies inside
-// another, which their winding numbers tell. This takes O(b log b) for b outline edges; only otherwise are pairs of
-// triangles looked at. Triangles without area have no interior, and faces marked in `ignored` (empty: none) count
-// neither way.
+// curves, one of which runs counter-clockwise round all the others, which run clockwise). Charts then overlap only if
+// one lies inside another, which their winding numbers tell. This takes O(b log b) for b outline edges; only otherwise
+// are pairs of triangles looked at. Triangles without area have no interior, and faces marked in `ignored` (empty:
+// none) count neither way.
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution = {},
                        const std::vector<char>& ignored = {});

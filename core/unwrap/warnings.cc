@@ -9,9 +9,7 @@
 namespace planish {
 namespace {
 
-constexpr std::size_t kMaxNamed = 16;
-
-// Those charts that fulfil `predicate`.
+// The numbers of the charts that fulfil `predicate`.
 std::vector<int> ChartsWith(const std::vector<ChartReport>& charts,
                             const std::function<bool(const ChartReport&)>& predicate) {
   std::vector<int> found;
@@ -21,7 +19,7 @@ std::vector<int> ChartsWith(const std::vector<ChartReport>& charts,
   return found;
 }
 
-// Of a mesh with several charts: " (chart 3)", " (charts 3, 7 and 5 more)".
+// " (chart 3)" or " (charts 3, 7 and 5 more)"; empty for a mesh with one chart.
 std::string Where(const std::vector<ChartReport>& charts, const std::vector<int>& found) {
   if (charts.size() == 1) return "";
   constexpr std::size_t kMaxInMessage = 4;
@@ -61,17 +59,30 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
          FaceMetadata(count, faces)});
   }
   if (surface.non_manifold_edges > 0) {
-    warnings->push_back({"EDGES_NON_MANIFOLD",
-                         absl::StrCat("more than two faces meet at ",
-                                      Counted(surface.non_manifold_edges, "edge", "edges"), "; charts end there"),
-                         {{"count", absl::StrCat(surface.non_manifold_edges)}}});
+    warnings->push_back(
+        {"EDGES_NON_MANIFOLD",
+         absl::StrCat("more than two faces meet at ", Counted(surface.non_manifold_edges, "edge", "edges"),
+                      "; pairs of them stay joined, the flattest first"),
+         {{"count", absl::StrCat(surface.non_manifold_edges)}}});
   }
   if (surface.clashing_edges > 0) {
     warnings->push_back({"ORIENTATION_INCONSISTENT",
                          absl::StrCat("the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
-                                      " run round in opposite senses; charts end there"),
+                                      " have opposite orientations; charts end there"),
                          {{"count", absl::StrCat(surface.clashing_edges)}}});
   }
+}
+
+void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision,
+                   std::vector<UnwrapWarning>* warnings) {
+  if (widened.empty()) return;
+  const std::vector<std::int32_t> first(widened.begin(), widened.begin() + std::min(widened.size(), kMaxNamed));
+  warnings->push_back(
+      {"FACES_WIDENED",
+       absl::StrCat(Counted(std::ssize(widened), "face is thinner", "faces are thinner"), " than ",
+                    precision == Precision::kFloat ? "float" : "double",
+                    " can hold; the map stretches them across, so that they are neither flipped nor collapsed"),
+       FaceMetadata(std::ssize(widened), first)});
 }
 
 void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings) {
@@ -94,7 +105,7 @@ void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarnin
        absl::StrCat("stopped on request: ",
                     cut_short == 0 ? "no chart's solve" : absl::StrCat("the solve of ", cut_short, " of "),
                     cut_short == 0 ? "" : Counted(static_cast<std::int64_t>(charts.size()), "chart", "charts"),
-                    " was cut short; left to its end, the map might have been better"),
+                    " was cut short; without the stop the map might have been better"),
        {{"charts_cut_short", absl::StrCat(cut_short)}}});
 }
 
@@ -113,14 +124,35 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       [](const ChartReport& c) { return c.flatten.stop_message; }, {});
   warn(
       "PRECONDITIONER_CHANGED", [](const ChartReport& c) { return c.flatten.preconditioner_changed; },
-      [](const ChartReport&) { return "multigrid did not converge on this mesh; a Cholesky factorization took over"; },
+      [](const ChartReport& c) {
+        return absl::StrCat("a Cholesky factorization took the place of multigrid, which failed: ",
+                            c.flatten.multigrid_failure);
+      },
       {});
+  std::int64_t failures = 0, solves = 0;
+  for (const ChartReport& chart : charts) {
+    failures += chart.flatten.linear_failures;
+    solves += chart.flatten.linear_solves;
+  }
+  warn(
+      "LINEAR_SOLVES_FAILED", [](const ChartReport& c) { return !c.flatten.linear_failure.empty(); },
+      [&](const ChartReport& c) {
+        const std::string all = Counted(solves, "linear solve", "linear solves");
+        if (failures == 0) {
+          return absl::StrCat("all of ", all, " reached their tolerance, but without exact solves on the vertices of ",
+                              "weak faces: ", c.flatten.linear_failure);
+        }
+        return absl::StrCat(failures, " of ", all,
+                            " did not reach the tolerance; Newton's method went on with another step. The first: ",
+                            c.flatten.linear_failure);
+      },
+      {{"failures", absl::StrCat(failures)}, {"solves", absl::StrCat(solves)}});
   warn(
       "BOUNDARY_NOT_SETTLED", [](const ChartReport& c) { return !c.flatten.boundary.settled; },
       [](const ChartReport& c) {
         return absl::StrCat("the active set of the boundary control had not settled after ",
                             Counted(c.flatten.boundary.set_changes, "change", "changes"),
-                            ": the outline may be not quite convex, or straighter than it need be");
+                            ": the outline may be slightly concave, or straighter than necessary");
       },
       {});
   double barrier = 0;
@@ -138,8 +170,8 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
   warn(
       "BARYCENTRIC_MAP", [](const ChartReport& c) { return c.is_barycentric; },
       [](const ChartReport&) {
-        return "within these borders ABF has no map that neither overlaps itself nor is stretched beyond use; a "
-               "barycentric one on a disc keeps them, at the price of angles; a seam would relieve it";
+        return "with these borders ABF gives no map that is free of overlaps and not stretched beyond use; a "
+               "barycentric map on a disc keeps the borders, but not the angles; a seam would help";
       },
       {});
   if (max_stretch <= 0) return;
@@ -170,7 +202,7 @@ void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps
   if (overlaps.pairs > 0) {
     warnings->push_back({"UV_OVERLAPPING",
                          absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
-                                      " of UV triangles overlap: a chart runs over itself; a seam would open it"),
+                                      " of UV triangles overlap: a chart overlaps itself; a seam would open it"),
                          FaceMetadata(overlaps.pairs, overlaps.faces)});
   }
 }

@@ -16,7 +16,7 @@ std::int64_t JobEventLog::Append(v1::JobEvent event) {
   return ended_ ? 0 : AppendLocked(std::move(event));
 }
 
-std::int64_t JobEventLog::AppendLast(v1::JobEvent event, BlobPtr uv) {
+std::int64_t JobEventLog::AppendLast(v1::JobEvent event, StoredBlobPtr uv) {
   const std::lock_guard lock(mutex_);
   if (ended_) return 0;
   ended_ = true;
@@ -24,7 +24,7 @@ std::int64_t JobEventLog::AppendLast(v1::JobEvent event, BlobPtr uv) {
   return AppendLocked(std::move(event));
 }
 
-void JobEventLog::End(BlobPtr uv) {
+void JobEventLog::End(StoredBlobPtr uv) {
   const std::lock_guard lock(mutex_);
   ended_ = true;
   uv_ = std::move(uv);
@@ -83,7 +83,7 @@ std::int64_t JobEventLog::last_sequence() const {
   return last_sequence_;
 }
 
-BlobPtr JobEventLog::uv() const {
+StoredBlobPtr JobEventLog::uv() const {
   const std::lock_guard lock(mutex_);
   return uv_;
 }

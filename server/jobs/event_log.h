@@ -13,7 +13,7 @@
 
 #include "absl/status/status.h"
 #include "planish/v1/job.pb.h"
-#include "server/link/blob.h"
+#include "server/blobs/stored_blob.h"
 
 namespace planish {
 
@@ -45,10 +45,10 @@ class JobEventLog {
   std::int64_t Append(v1::JobEvent event);
 
   // Adds the final event; `uv` is the job's result or null.
-  std::int64_t AppendLast(v1::JobEvent event, BlobPtr uv);
+  std::int64_t AppendLast(v1::JobEvent event, StoredBlobPtr uv);
 
   // The end after a Restore() of the final event.
-  void End(BlobPtr uv);
+  void End(StoredBlobPtr uv);
 
   // Ends the log though not the job: readers get `status`, which must not be OK, after what there is.
   void Interrupt(const absl::Status& status);
@@ -64,7 +64,7 @@ class JobEventLog {
   std::int64_t last_sequence() const;
 
   // Null before the last event, and for a job that did not succeed.
-  BlobPtr uv() const;
+  StoredBlobPtr uv() const;
 
   // From now on calls `wake` after each append. A call under way when the subscription is dropped runs on, so
   // `wake` should hold weak pointers only.
@@ -83,7 +83,7 @@ class JobEventLog {
   std::int64_t last_sequence_ = 0;
   bool ended_ = false;
   absl::Status status_;
-  BlobPtr uv_;
+  StoredBlobPtr uv_;
   mutable std::vector<std::weak_ptr<const std::function<void()>>> subscribers_;
 };
 

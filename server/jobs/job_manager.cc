@@ -9,6 +9,7 @@
 #include "core/base/status_macros.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/jobs/page_token.h"
+#include "server/link/duration.h"
 #include "server/link/rpc_status.h"
 
 namespace planish {
@@ -16,8 +17,12 @@ namespace {
 
 constexpr int kDefaultPageSize = 50;
 constexpr int kMaxPageSize = 1000;
+// Of a page with reports, which may be hundreds of KB each: the jobs that are read for it, and the bytes after which it
+// ends. Clients take messages of 4 MiB unless they ask for more.
+constexpr int kMaxFullPageSize = 50;
+constexpr std::size_t kFullPageBytes = std::size_t{2} << 20;
 
-absl::Status NotFound(const std::string& name) {
+absl::Status JobNotFound(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "JOB_NOT_FOUND",
                    absl::StrCat("there is no job '", name, "': it never was, or it was deleted or dropped"),
                    {{"job", name}});
@@ -27,6 +32,11 @@ absl::Status ResultExpired(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
                    absl::StrCat("the UV of ", name, " were dropped: the server keeps results for some time only"),
                    {{"job", name}});
+}
+
+absl::Status JobNotFinished(const v1::Job& job, const std::string& advice) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_FINISHED",
+                   absl::StrCat(job.name(), " is ", StateName(job.state()), ": ", advice), {{"job", job.name()}});
 }
 
 }  // namespace
@@ -62,8 +72,13 @@ JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobStore* bl
       queue_({options_.workers, options_.limits.queue_capacity, options_.queue_total, options_.max_queued_bytes,
               options_.tenant_limits}) {}
 
-absl::StatusOr<JobNeeds> JobManager::NeedsOf(std::string_view mesh, std::int64_t mesh_bytes, const v1::MeshSize& size,
+absl::StatusOr<JobNeeds> JobManager::NeedsOf(std::string_view mesh, std::optional<std::int64_t> array_vertices,
+                                             std::int64_t mesh_bytes, v1::MeshSize size,
                                              const v1::UnwrapOptions& options) const {
+  if (array_vertices.has_value()) {
+    size = SizeOfArrays(mesh.size(), *array_vertices);
+    mesh = {};  // no Draco file
+  }
   JobNeeds needs;
   if (options_.estimate != nullptr) {
     PLANISH_ASSIGN_OR_RETURN(needs, options_.estimate(mesh, mesh_bytes, size, options));
@@ -95,8 +110,8 @@ absl::StatusOr<AcceptedJob> JobManager::Create(const Caller& caller, JobRequest 
 
 absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest request) {
   PLANISH_RETURN_IF_ERROR(ValidateJobRequest(request, options_.max_mesh_bytes, options_.validate_options));
-  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs,
-                           NeedsOf(request.Mesh(), request.MeshBytes(), v1::MeshSize(), request.options));
+  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs, NeedsOf(request.Mesh(), request.array_vertices, request.MeshBytes(),
+                                                         v1::MeshSize(), request.options));
   if (request.mesh_sha256.empty()) request.mesh_sha256 = Sha256(request.Mesh());
   const std::string corners = PackCorners(request);
   const std::string corners_sha256 = corners.empty() ? std::string() : Sha256(corners);
@@ -107,11 +122,13 @@ absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest 
     if (known.has_value()) return *std::move(known);
   }
   // Outside the lock: the mesh may be large and the disk slow. Held until the record refers to them.
-  const absl::StatusOr<BlobPtr> mesh = PutBlob(caller.tenant, request.Mesh(), request.mesh_sha256);
-  const absl::StatusOr<BlobPtr> seams = corners.empty() ? BlobPtr() : PutBlob(caller.tenant, corners, corners_sha256);
+  const absl::StatusOr<StoredBlobPtr> mesh = PutBlob(caller.tenant, request.Mesh(), request.mesh_sha256);
+  const absl::StatusOr<StoredBlobPtr> seams =
+      corners.empty() ? StoredBlobPtr() : PutBlob(caller.tenant, corners, corners_sha256);
   for (const auto& blob : {mesh, seams}) {
     if (!blob.ok()) return WithRetryDelay(blob.status(), options_.retry_delay);
   }
+  const StoredBlobPtr kept_uv = request.scheduling.fresh() ? nullptr : OpenKeptResult(work_key);
 
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
@@ -129,7 +146,7 @@ absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest 
   event.set_sequence(1);
   *event.mutable_time() = record.job().create_time();
   *event.mutable_job() = record.job();
-  if (absl::Status status = store_->Put(record, &event); !status.ok()) {
+  if (absl::Status status = Write(record, &event); !status.ok()) {
     return WithRetryDelay(std::move(status), options_.retry_delay);
   }
   for (const BlobId& id : put) unused_blobs_.erase(id);
@@ -215,6 +232,7 @@ JobRecord JobManager::NewRecord(const Caller& caller, const JobRequest& request)
   record.set_mesh_sha256(request.mesh_sha256);
   record.set_seam_corners(static_cast<std::int64_t>(request.seam_corners.size()));
   record.set_uncut_corners(static_cast<std::int64_t>(request.uncut_corners.size()));
+  if (request.array_vertices.has_value()) record.set_array_vertices(*request.array_vertices);
   record.set_attached(request.attached);
   record.set_reserved_sequence(kSequenceBlock);
   record.set_failpoint(request.failpoint);
@@ -224,7 +242,7 @@ JobRecord JobManager::NewRecord(const Caller& caller, const JobRequest& request)
   job->set_state(v1::JOB_STATE_QUEUED);
   job->set_tenant(caller.tenant);
   job->set_traceparent(caller.traceparent);
-  job->set_label(request.label);
+  job->mutable_labels()->insert(request.labels.begin(), request.labels.end());
   *job->mutable_options() = request.options;
   *job->mutable_scheduling() = request.scheduling;
   *job->mutable_create_time() = ToTimestamp(options_.clock());
@@ -262,9 +280,8 @@ v1::Job JobManager::Snapshot(const JobRecord& record) const {
 
 absl::StatusOr<JobRecord> JobManager::FindRecord(const std::string& name) const {
   if (const auto live = live_.find(name); live != live_.end()) return live->second.record;
-  if (const auto unsaved = unsaved_.find(name); unsaved != unsaved_.end()) return unsaved->second.record;
   PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> record, store_->Find(name));
-  if (!record.has_value()) return NotFound(name);
+  if (!record.has_value()) return JobNotFound(name);
   return *std::move(record);
 }
 
@@ -273,13 +290,13 @@ absl::StatusOr<JobRecord> JobManager::FindRecord(const Caller& caller, const std
   const std::string& tenant = record.job().tenant();
   const bool follows =
       may_follow && caller.rights.submit && tenant == caller.tenant && record.credential() == caller.credential;
-  if (!caller.MaySee(tenant) && !follows) return NotFound(name);
+  if (!caller.MaySee(tenant) && !follows) return JobNotFound(name);
   return record;
 }
 
-absl::StatusOr<v1::Job> JobManager::Get(const Caller& caller, const std::string& name) const {
+absl::StatusOr<v1::Job> JobManager::Get(const Caller& caller, const std::string& name, bool may_follow) const {
   const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, may_follow));
   return Snapshot(record);
 }
 
@@ -288,36 +305,40 @@ absl::StatusOr<JobPage> JobManager::List(const Caller& caller, const v1::ListJob
     return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", "page_size is negative",
                      {{"field", "page_size"}});
   }
-  const std::string tenant = caller.rights.all_jobs ? request.tenant() : caller.tenant;
-  const PageList list = {store_->id(), tenant, request.state(), request.label_prefix()};
   JobQuery query;
-  query.tenant = tenant;
-  query.state = list.state;
-  query.label_prefix = list.label_prefix;
+  PLANISH_ASSIGN_OR_RETURN(query.filter, ParseJobFilter(request.filter()));
+  const std::string asked_for = query.filter.tenant;
+  const std::string tenant = caller.rights.all_jobs ? asked_for : caller.tenant;
+  query.filter.tenant = tenant;
+  query.with_reports = request.view() == v1::JOB_VIEW_FULL;
+  const PageList list = {store_->id(), tenant, request.filter()};
   PLANISH_ASSIGN_OR_RETURN(query.before_number, DecodePageToken(request.page_token(), list));
-  const int limit = request.page_size() == 0 ? kDefaultPageSize : std::min(request.page_size(), kMaxPageSize);
+  const int most = query.with_reports ? kMaxFullPageSize : kMaxPageSize;
+  const int limit = std::min(request.page_size() == 0 ? kDefaultPageSize : request.page_size(), most);
   query.limit = limit + 1;
   // Tenants that one may not see have no jobs.
-  const bool asks_for_others = !request.tenant().empty() && request.tenant() != tenant;
+  const bool asks_for_others = !asked_for.empty() && asked_for != tenant;
   if (asks_for_others || (!caller.rights.all_jobs && !caller.MaySee(tenant))) return JobPage();
 
   const std::lock_guard lock(mutex_);
   PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, store_->List(query));
   JobPage page;
-  if (static_cast<int>(records.size()) > limit) {
-    records.resize(static_cast<std::size_t>(limit));
-    page.next_page_token = EncodePageToken(list, records.back().number());
-  }
+  std::size_t bytes = 0;
   for (const JobRecord& record : records) {
-    v1::Job job = Snapshot(record);
-    job.clear_progress();
-    page.jobs.push_back(std::move(job));
+    page.jobs.push_back(Snapshot(record));
+    bytes += page.jobs.back().ByteSizeLong();
+    const bool is_full = static_cast<int>(page.jobs.size()) == limit || (query.with_reports && bytes > kFullPageBytes);
+    if (is_full && &record != &records.back()) {
+      page.next_page_token = EncodePageToken(list, record.number());
+      break;
+    }
   }
   return page;
 }
 
 absl::StatusOr<WatchedJob> JobManager::Watch(const Caller& caller, const std::string& name, bool attach,
                                              bool include_uv) {
+  const StoredBlobPtr uv = OpenUvOf(caller, name);
   const std::lock_guard lock(mutex_);
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, /*may_follow=*/true));
   WatchedJob watched;
@@ -347,13 +368,57 @@ absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::LogOfEnded(const 
     if (&event == &events.back()) *event.mutable_job() = job;
     log->Restore(std::move(event), 0);
   }
-  BlobPtr uv;
+  StoredBlobPtr uv;
   if (job.state() == v1::JOB_STATE_SUCCEEDED) {
-    if (absl::StatusOr<BlobPtr> found = blobs_->Find({job.tenant(), job.uv().uv_sha256()}); found.ok())
-      uv = *std::move(found);
+    absl::StatusOr<StoredBlobPtr> found = blobs_->Find({job.tenant(), job.uv().uv_sha256()});
+    if (found.ok()) uv = *std::move(found);
+    // It is there, and cannot be opened for now.
+    if (absl::IsResourceExhausted(found.status())) return WithRetryDelay(found.status(), options_.retry_delay);
   }
   log->End(std::move(uv));
   return log;
+}
+
+StoredBlobPtr JobManager::OpenUvOf(const Caller& caller, const std::string& name) {
+  if (!blobs_->has_files()) return nullptr;
+  BlobId id;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<JobRecord> record = FindRecord(caller, name, /*may_follow=*/true);
+    if (!record.ok() || record->job().state() != v1::JOB_STATE_SUCCEEDED) return nullptr;
+    id = {record->job().tenant(), record->job().uv().uv_sha256()};
+  }
+  absl::StatusOr<StoredBlobPtr> uv = blobs_->Find(id);
+  return uv.ok() ? *std::move(uv) : nullptr;
+}
+
+absl::StatusOr<JobResult> JobManager::OpenResult(const Caller& caller, const std::string& name) {
+  const StoredBlobPtr opened = OpenUvOf(caller, name);
+  const std::lock_guard lock(mutex_);
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, /*may_follow=*/true));
+  const v1::Job& job = record.job();
+  if (!IsTerminal(job.state())) return JobNotFinished(job, "wait for it");
+  if (job.state() == v1::JOB_STATE_EXPIRED) return ResultExpired(name);
+  if (job.state() != v1::JOB_STATE_SUCCEEDED) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "NO_RESULT",
+                     absl::StrCat(name, " is ", StateName(job.state()), ": there are no UV"), {{"job", name}});
+  }
+  absl::StatusOr<StoredBlobPtr> uv = blobs_->Find({job.tenant(), job.uv().uv_sha256()});
+  if (absl::IsResourceExhausted(uv.status())) return WithRetryDelay(uv.status(), options_.retry_delay);
+  if (!uv.ok()) return ResultExpired(name);
+  return JobResult{job.uv(), *std::move(uv)};
+}
+
+absl::Status JobManager::CheckWritten(const std::string& name) const {
+  if (suspended_) {
+    return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
+                                    "the server is shutting down; the job goes on when it is back"),
+                          options_.retry_delay);
+  }
+  if (!unsaved_.contains(name) && !unended_.contains(name)) return absl::OkStatus();
+  return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+                                  absl::StrCat("what becomes of ", name, " cannot be written for now")),
+                        options_.retry_delay);
 }
 
 absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::string& name) {
@@ -361,7 +426,8 @@ absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::stri
   const std::lock_guard lock(mutex_);
   PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) {
-    EndEarly(live->second, EarlyEnd::kCancel, &wakeups);
+    if (!suspended_) EndEarly(live->second, EarlyEnd::kCancel, &wakeups);
+    PLANISH_RETURN_IF_ERROR(CheckWritten(name));
   }
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   return Snapshot(record);
@@ -371,7 +437,10 @@ absl::StatusOr<v1::Job> JobManager::Stop(const Caller& caller, const std::string
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
   PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
-  if (const auto live = live_.find(name); live != live_.end()) StopLocked(live->second, &wakeups);
+  if (const auto live = live_.find(name); live != live_.end()) {
+    if (!suspended_) StopLocked(live->second, &wakeups);
+    PLANISH_RETURN_IF_ERROR(CheckWritten(name));
+  }
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   return Snapshot(record);
 }
@@ -385,31 +454,27 @@ void JobManager::Abandon(const std::string& name, bool for_good) {
   if (--live.attachments > 0 || !live.record.attached() || suspended_) return;
   live.orphaned = for_good ? absl::InfinitePast() : options_.clock();
   const absl::Time now = options_.clock();
-  if (!for_good) alarms_.emplace(now + options_.limits.reattach_grace, name);
+  if (!for_good) SetAlarm(live, now + options_.limits.reattach_grace);
   CheckClocks(name, now, &wakeups);
 }
 
 absl::Status JobManager::Delete(const Caller& caller, const std::string& name) {
   const std::lock_guard lock(mutex_);
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name));
-  if (!IsTerminal(record.job().state())) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_FINISHED",
-                     absl::StrCat(name, " is ", StateName(record.job().state()), ": cancel it first"), {{"job", name}});
-  }
+  if (!IsTerminal(record.job().state())) return JobNotFinished(record.job(), "cancel it first");
   return Forget(record);
 }
 
-absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const Caller& caller,
-                                                     const v1::EstimateJobRequest& request) const {
-  if (request.draco().empty() && request.size().triangles() <= 0) {
+absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const Caller& caller, const JobRequest& request,
+                                                     std::int64_t mesh_bytes, const v1::MeshSize& size) const {
+  if (request.Mesh().empty() && size.triangles() <= 0) {
     return MakeError(absl::StatusCode::kInvalidArgument, "MESH_MISSING",
-                     "neither the mesh nor its number of triangles is given", {{"field", "draco"}});
+                     "neither the mesh nor its number of triangles is given", {{"field", "mesh"}});
   }
-  if (options_.validate_options != nullptr) PLANISH_RETURN_IF_ERROR(options_.validate_options(request.options()));
-  const std::int64_t mesh_bytes =
-      request.mesh_bytes() > 0 ? request.mesh_bytes() : static_cast<std::int64_t>(request.draco().size());
+  PLANISH_RETURN_IF_ERROR(CheckOptions(request.options, options_.validate_options));
+  if (mesh_bytes <= 0) mesh_bytes = request.MeshBytes();
   v1::JobEstimate estimate;
-  absl::StatusOr<JobNeeds> needs = NeedsOf(request.draco(), mesh_bytes, request.size(), request.options());
+  absl::StatusOr<JobNeeds> needs = NeedsOf(request.Mesh(), request.array_vertices, mesh_bytes, size, request.options);
   if (!needs.ok() && needs.status().code() == absl::StatusCode::kInvalidArgument) return needs.status();
   if (!needs.ok()) {
     *estimate.mutable_refusal() = ToRpcStatus(needs.status());
@@ -418,8 +483,8 @@ absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const Caller& caller,
   *estimate.mutable_size() = needs->size;
   estimate.set_memory_bytes(needs->memory_bytes);
   const std::lock_guard lock(mutex_);
-  estimate.set_run_seconds(needs->run_seconds * seconds_factor_);
-  estimate.set_queue_seconds(queue_.SecondsUntilTurn(caller.tenant, options_.steady_clock()));
+  *estimate.mutable_run_time() = ToDuration(needs->run_seconds * seconds_factor_);
+  *estimate.mutable_queue_time() = ToDuration(queue_.SecondsUntilTurn(caller.tenant, options_.steady_clock()));
   absl::Status room = CheckRoom(caller.tenant, mesh_bytes);
   if (mesh_bytes > options_.max_mesh_bytes) room = MeshTooLarge(mesh_bytes, options_.max_mesh_bytes);
   if (!room.ok()) *estimate.mutable_refusal() = ToRpcStatus(room);

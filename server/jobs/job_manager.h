@@ -23,7 +23,7 @@
 #include "planish/worker/v1/worker.pb.h"
 #include "server/access/caller.h"
 #include "server/access/tenant.h"
-#include "server/jobs/blob_store.h"
+#include "server/blobs/blob_store.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/ids.h"
 #include "server/jobs/job_observer.h"
@@ -64,14 +64,16 @@ struct JobManagerOptions {
   std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
   std::size_t events_per_job = 256;                    // JobEventLog capacity
   absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
-  int max_crashes = 2;                                 // workers that a job may cost before it fails
+  int max_attempts = 3;                                // that a job may lose with their worker or server, >= 1
   absl::Duration retry_delay = absl::Seconds(1);       // advice with refusals where nothing better is known
   OptionsValidator validate_options;                   // null: everything goes
   NeedsEstimator estimate;                             // null: jobs need nothing
   std::function<bool(const BlobId& id)> is_blob_used;  // by somebody else; null: nobody. Must not call back
-  // Hears of every change of state, in order, under the manager's lock: must be quick and must not call back.
+  // Hears of every change of state, in order, under the manager's lock, of an end after it was written: must be quick
+  // and must not call back.
   std::function<void(const v1::Job&)> on_transition;
-  // Hears of records that could not be written, likewise. They are tried again by Tick().
+  // Hears of records that could not be written and of meshes that could not be read, likewise. They are tried again by
+  // Tick().
   std::function<void(const absl::Status&)> on_store_error;
   JobObserver* observer = nullptr;  // may be null; outlives the manager
   std::function<absl::Time()> clock = absl::Now;
@@ -91,6 +93,9 @@ class JobAttachment {
   JobAttachment& operator=(JobAttachment&& other) noexcept;
   ~JobAttachment() { Release(); }
 
+  // Whether there is nothing to release.
+  bool empty() const { return manager_ == nullptr; }
+
   // `for_good`: the caller will not come back, its deadline passed; no grace.
   void Release(bool for_good = false);
 
@@ -108,6 +113,12 @@ struct AcceptedJob {
   v1::Job job;
   std::shared_ptr<const JobEventLog> events;
   JobAttachment attachment;  // empty unless JobRequest::attached
+};
+
+// The UV of a job that SUCCEEDED.
+struct JobResult {
+  v1::UvDescription description;
+  StoredBlobPtr uv;
 };
 
 struct JobPage {
@@ -134,10 +145,11 @@ class JobManager : public JobSource {
   // retry delay.
   absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request);
 
-  absl::StatusOr<v1::Job> Get(const Caller& caller, const std::string& name) const;
+  // `may_follow`: also if the caller may only submit, and the same credentials created the job.
+  absl::StatusOr<v1::Job> Get(const Caller& caller, const std::string& name, bool may_follow = false) const;
 
-  // Newest first, without report and progress; the caller's own tenant's, or with all-jobs those of the tenant asked
-  // for or of all. INVALID_ARGUMENT with REQUEST_INVALID.
+  // Newest first, with reports if the view is FULL; the caller's own tenant's, or with all-jobs those of the tenant
+  // asked for or of all. INVALID_ARGUMENT with REQUEST_INVALID.
   absl::StatusOr<JobPage> List(const Caller& caller, const v1::ListJobsRequest& request) const;
 
   // The job's events and, at their end, its UV. They stay as long as the caller holds them. `attach`: the job belongs
@@ -145,19 +157,26 @@ class JobManager : public JobSource {
   // submit can watch, stop and cancel what the same credentials created.
   absl::StatusOr<WatchedJob> Watch(const Caller& caller, const std::string& name, bool attach, bool include_uv);
 
+  // NOT_FOUND with RESULT_EXPIRED if the UV are gone, FAILED_PRECONDITION with JOB_NOT_FINISHED or NO_RESULT. Who may
+  // ask: as for Watch().
+  absl::StatusOr<JobResult> OpenResult(const Caller& caller, const std::string& name);
+
   // A queued job is CANCELLED at once. A running one is STOPPING, its worker is told, and whatever it delivers is
-  // discarded. One that ended stays as it is.
+  // discarded. One that ended stays as it is. UNAVAILABLE with DRAINING after Suspend(): the next process will do it.
+  // RESOURCE_EXHAUSTED with STORAGE_FULL if it was done but could not be written yet; both with a retry delay.
   absl::StatusOr<v1::Job> Cancel(const Caller& caller, const std::string& name);
 
   // A running job is STOPPING and its worker is told, if every job that shares the work was stopped; a queued one will
-  // be. One that ended stays as it is.
+  // be. One that ended stays as it is. Errors as of Cancel().
   absl::StatusOr<v1::Job> Stop(const Caller& caller, const std::string& name);
 
   // FAILED_PRECONDITION with JOB_NOT_FINISHED.
   absl::Status Delete(const Caller& caller, const std::string& name);
 
-  // INVALID_ARGUMENT as Create(); what else Create() would refuse now is in the answer.
-  absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const v1::EstimateJobRequest& request) const;
+  // `mesh_bytes` and `size` as in planish.v1.EstimateJobRequest. INVALID_ARGUMENT as Create(); what else Create() would
+  // refuse now is in the answer.
+  absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const JobRequest& request, std::int64_t mesh_bytes,
+                                           const v1::MeshSize& size) const;
 
   // Jobs of the caller's tenant that may wait.
   int QueueCapacity(const Caller& caller) const;
@@ -176,8 +195,10 @@ class JobManager : public JobSource {
 
   // ---- for WorkerPool
 
-  // Waits for work and memory for it, and makes its jobs RUNNING. Named after one of them; attempts count 1, 2, ... for
-  // each piece of work. Over after StopWorkers().
+  // Waits for work and memory for it, and makes its jobs RUNNING, which is durable before it returns: an attempt that
+  // ends the machine counts. Named after one of them; attempts count 1, 2, ... for each piece of work. Where a mesh
+  // cannot be read or the start not be written for now, no work starts before Tick() finds the retry delay over. Over
+  // after StopWorkers().
   Turn TakeNext(absl::Duration patience, JobAssignment* assignment) override;
   void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) override;
   absl::Time ObeyBy(const std::string& name, int attempt) override;
@@ -190,7 +211,8 @@ class JobManager : public JobSource {
   // ---- for upkeep
 
   // Does what is due by now: ends jobs that ran out of time or were left by their callers, drops what was kept long
-  // enough, writes what could not be written. Call it a few times a second.
+  // enough, writes what could not be written, looks at some blobs whether anybody needs them. Call it a few times a
+  // second.
   void Tick();
 
   // ---- for the server's operator (job_manager_limits.cc)
@@ -206,11 +228,13 @@ class JobManager : public JobSource {
   void Drain(std::function<void()> on_idle);
   // Takes jobs again. FAILED_PRECONDITION with SHUTTING_DOWN if the server is about to end.
   absl::Status Undrain();
-  // Either: cancels every job that has not ended.
+  // Either: cancels every job that has not ended; after Suspend() none, the next process has them.
   void CancelAll();
   // Or: leaves every job that has not ended to the next process. Their workers are given up, their watchers are told
-  // that the server is UNAVAILABLE with DRAINING, and nothing is written any more.
+  // that the server is UNAVAILABLE with DRAINING, their attempts do not count, and nothing is written any more.
   void Suspend();
+  // Or: ends every job that has not ended as FAILED, for instance because no worker can be started.
+  void FailAll(const absl::Status& error);
   // Gives up all workers that are still at it.
   void CloseLinks();
   // Makes TakeNext() return.
@@ -222,6 +246,13 @@ class JobManager : public JobSource {
   // Sequence numbers that are reserved at a time: most jobs need one block, that is one write, only.
   static constexpr std::int64_t kSequenceBlock = 1024;
 
+  // How a job ends. It is RUNNING for everybody until that is written.
+  struct Ending {
+    JobRecord record;
+    v1::JobEvent event;
+    StoredBlobPtr uv;
+  };
+
   // What a job that has not ended has beside its record while this process lives.
   struct Live {
     JobRecord record;
@@ -230,12 +261,8 @@ class JobManager : public JobSource {
     int attachments = 0;
     absl::Time orphaned = absl::InfiniteFuture();  // when the last caller went
     bool timed_out = false;
-  };
-
-  // A record that ended and could not be written.
-  struct Unsaved {
-    JobRecord record;
-    v1::JobEvent event;
+    std::vector<absl::Time> alarms;  // of its entries in alarms_
+    std::optional<Ending> ending;    // it has no work any more, and its end could not be written yet
   };
 
   struct Calls {
@@ -252,20 +279,29 @@ class JobManager : public JobSource {
   JobManager(JobManagerOptions options, JobStore* store, BlobStore* blobs);
   absl::Status Recover();
   absl::Status RecoverJob(JobRecord record, Wakeups* wakeups);
-  absl::StatusOr<JobNeeds> NeedsOf(std::string_view mesh, std::int64_t mesh_bytes, const v1::MeshSize& size,
-                                   const v1::UnwrapOptions& options) const;
+  // `array_vertices` as in JobRequest; `size` counts where the mesh does not say.
+  absl::StatusOr<JobNeeds> NeedsOf(std::string_view mesh, std::optional<std::int64_t> array_vertices,
+                                   std::int64_t mesh_bytes, v1::MeshSize size, const v1::UnwrapOptions& options) const;
 
   void Abandon(const std::string& name, bool for_good);
 
   // These two take mutex_ themselves, if at all.
   // Keeps the blob, at the price of old results if need be: the tenant's own, or where it has little those of the
   // tenant that has most.
-  absl::StatusOr<BlobPtr> PutBlob(const std::string& tenant, std::string_view bytes, const std::string& sha256);
-  // Checks that *uv are those described, and replaces them by the same ones in the store.
-  absl::Status KeepUv(const std::string& tenant, const v1::UvDescription& description, BlobPtr* uv);
+  absl::StatusOr<StoredBlobPtr> PutBlob(const std::string& tenant, std::string_view bytes, const std::string& sha256);
+  // Checks that `uv` are those described, and puts them into the store.
+  absl::StatusOr<StoredBlobPtr> KeepUv(const std::string& tenant, const v1::UvDescription& description,
+                                       const BlobPtr& uv);
+  // Opens the UV that a call is about to need under the lock, so that they need not be verified there. Null: none.
+  StoredBlobPtr OpenKeptResult(const std::string& work_key);
+  StoredBlobPtr OpenUvOf(const Caller& caller, const std::string& name);
   absl::StatusOr<AcceptedJob> Accept(const Caller& caller, JobRequest request);
 
+  // NOT_FOUND or DATA_LOSS if one of them is lost.
+  absl::StatusOr<std::vector<BlobPtr>> LoadBlobs(const std::string& tenant, const std::vector<std::string>& digests);
+
   static absl::Status TimedOut(const v1::Job& job);
+  static absl::Status MeshLost(const absl::Status& why);
 
   // All of these require mutex_.
 
@@ -288,7 +324,7 @@ class JobManager : public JobSource {
   // ---- work (job_manager_work.cc)
   struct KeptResult {
     JobRecord record;
-    BlobPtr uv;
+    StoredBlobPtr uv;
   };
   // The newest result of this work that is still kept.
   std::optional<KeptResult> FindResult(const std::string& work_key) const;
@@ -300,30 +336,48 @@ class JobManager : public JobSource {
   // Takes the work off the books.
   Work Remove(std::string name);
   Work* FindAttempt(const std::string& name, int attempt);
-  absl::StatusOr<JobAssignment> Assign(const Work& work);
+  // The work that a worker should have next; null: none, or it has to wait.
+  Work* NextWork();
+  JobAssignment Assign(const Work& work, std::vector<BlobPtr> blobs) const;
+  // Makes the jobs RUNNING in the store, then here. After an error nothing has changed.
+  absl::Status StartWork(Work& work, int attempt, Wakeups* wakeups);
+  // A job that joins work which runs already.
   void Begin(Live& live, Wakeups* wakeups);
-  void EndJob(Live& live, const worker::v1::WorkResult& result, BlobPtr uv, Wakeups* wakeups);
+  void NoteStart(JobRecord* record) const;
+  void StartBudget(Live& live);
+  // No work starts for a while, because of `why`.
+  void Postpone(const absl::Status& why);
+  void EndJob(Live& live, const worker::v1::WorkResult& result, StoredBlobPtr uv, Wakeups* wakeups);
   void SendStopIfAllWant(Work& work);
 
   // ---- ends (job_manager_upkeep.cc)
   enum class EarlyEnd { kCancel, kTimeout };
   // Sets the alarms of a job's own limits.
-  void StartClocks(const Live& live);
+  void StartClocks(Live& live);
+  void SetAlarm(Live& live, absl::Time time);
   void EndEarly(Live& live, EarlyEnd why, Wakeups* wakeups);
   void StopLocked(Live& live, Wakeups* wakeups);
   void Fail(Live& live, const absl::Status& error, Wakeups* wakeups);
   void CheckClocks(const std::string& name, absl::Time now, Wakeups* wakeups);
-  // Advances the record, stores it and tells everybody; `live` is gone after the end. An illegal action is ignored: it
-  // comes from a worker that is late.
-  void Apply(JobAction action, Live& live, BlobPtr uv, Wakeups* wakeups);
+  // Advances the record, stores it and tells everybody; `live` is gone after the end, unless that could not be written.
+  // An illegal action is ignored: it comes from a worker that is late.
+  void Apply(JobAction action, Live& live, StoredBlobPtr uv, Wakeups* wakeups);
   // Stores and tells what the record says now.
   void Announce(Live& live, Wakeups* wakeups);
   v1::JobEvent NextEvent(Live& live);
   // Sees to it that the next event's sequence is one that no other process gives; true if the record changed.
   static bool Reserve(Live& live);
-  // Writes a record of a job that has not ended; keeps quiet about failure, the next change writes it again.
+  // Writes with the record the small blobs that it refers to.
+  absl::Status Write(const JobRecord& record, const v1::JobEvent* event);
+  // Writes a record of a job that has not ended. If that fails Tick() tries again.
   void Save(const JobRecord& record, const v1::JobEvent* event);
-  void Finish(Live& live, const v1::JobEvent& event, Wakeups* wakeups);
+  // UNAVAILABLE after Suspend(), RESOURCE_EXHAUSTED if the last change of a live job could not be written.
+  absl::Status CheckWritten(const std::string& name) const;
+  // Writes how the job ends; false if that failed.
+  bool WriteEnd(const Ending& ending);
+  // Tells everybody how the job ended, after that was written. `live` is gone.
+  void Conclude(Live& live, Ending ending, Wakeups* wakeups);
+  void WriteWhatIsLeft(Wakeups* wakeups);
   void Retain();
   // What is more than the tenant may keep.
   void RetainOf(const std::string& tenant);
@@ -331,7 +385,7 @@ class JobManager : public JobSource {
   absl::Status Forget(const JobRecord& record);
   void ReleaseBlobs(const JobRecord& record);
   bool IsBlobUsed(const BlobId& id) const;
-  // Those that may have become unused; from time to time all of them.
+  // Looks at those that may have become unused, and at a few of those that a sweep has yet to look at.
   void CollectBlobs();
   void CheckIdle(Wakeups* wakeups);
 
@@ -349,11 +403,16 @@ class JobManager : public JobSource {
   std::unordered_map<std::string, std::string> shared_;  // from work key to the name of work that others may join
   JobQueue queue_;                                       // of work
   std::int64_t reserved_memory_ = 0;                     // by work that workers have
-  std::multimap<absl::Time, std::string> alarms_;        // when to CheckClocks() of which job
+  int alone_running_ = 0;                                // of work that runs, Work::alone
+  absl::Time next_start_ = absl::InfinitePast();         // by the steady clock: no work starts before
+  // When to CheckClocks() of which job that has not ended.
+  std::set<std::pair<absl::Time, std::string>> alarms_;
   // Logs of the jobs that ended last, the newest first: their watchers may come a moment late and want the progress.
   std::list<std::pair<std::string, std::shared_ptr<JobEventLog>>> ended_logs_;
-  std::unordered_map<std::string, Unsaved> unsaved_;
+  std::set<std::string> unsaved_;  // live jobs whose record could not be written
+  std::set<std::string> unended_;  // live jobs with an `ending`
   std::set<BlobId> unused_blobs_;  // may be unused: to be looked at
+  std::vector<BlobId> sweep_;      // likewise, a few at a time
   JobTotals totals_;
   std::map<std::string, std::string> last_ended_;  // job of each tenant
   std::map<std::string, Calls> calls_;             // of each tenant, since the start

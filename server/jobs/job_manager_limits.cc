@@ -9,8 +9,8 @@ void JobManager::SetLimits(const JobLimits& limits) {
   queue_.set_capacity(limits.queue_capacity);
   next_expiry_ = absl::InfinitePast();
   // Jobs whose callers are gone were to be looked at after the grace that there was.
-  for (const auto& [name, live] : live_) {
-    if (live.orphaned < absl::InfiniteFuture()) alarms_.emplace(live.orphaned + limits.reattach_grace, name);
+  for (auto& [name, live] : live_) {
+    if (live.orphaned < absl::InfiniteFuture()) SetAlarm(live, live.orphaned + limits.reattach_grace);
   }
 }
 

@@ -46,10 +46,10 @@ absl::Status JobManager::CheckRoom(const std::string& tenant, std::int64_t mesh_
                                             : options_.retry_delay);
 }
 
-absl::StatusOr<BlobPtr> JobManager::PutBlob(const std::string& tenant, std::string_view bytes,
-                                            const std::string& sha256) {
+absl::StatusOr<StoredBlobPtr> JobManager::PutBlob(const std::string& tenant, std::string_view bytes,
+                                                  const std::string& sha256) {
   for (;;) {
-    absl::StatusOr<BlobPtr> blob = blobs_->Put(tenant, bytes, sha256);
+    absl::StatusOr<StoredBlobPtr> blob = blobs_->Put(tenant, bytes, sha256);
     if (blob.ok() || ErrorInfoOf(blob.status()).reason != "STORAGE_FULL") return blob;
     // What is new goes before what was fetched long ago.
     if (!MakeRoom(tenant, static_cast<std::int64_t>(bytes.size()))) return blob;
@@ -85,6 +85,7 @@ ManagerStats JobManager::Stats() const {
   stats.queued_work = queue_.size();
   stats.running_work = queue_.running();
   stats.queue_total = options_.queue_total;
+  stats.alarms = static_cast<int>(alarms_.size());
   stats.reserved_memory_bytes = reserved_memory_;
   stats.memory_bytes = options_.memory_bytes;
   stats.stored_bytes = blobs_->bytes();

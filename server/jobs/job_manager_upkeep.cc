@@ -16,8 +16,10 @@ using google::protobuf::util::TimeUtil;
 
 constexpr std::size_t kEndedLogs = 64;
 
-// Blobs that somebody else stopped using are found by a look at all of them.
+// Blobs that somebody else stopped using are found by a look at all of them, every so often.
 constexpr absl::Duration kSweepInterval = absl::Minutes(10);
+// So many at a time: each takes a look into the store, under the lock.
+constexpr std::size_t kSweepSlice = 64;
 
 absl::Duration ToDuration(const google::protobuf::Duration& duration) {
   return absl::Nanoseconds(TimeUtil::DurationToNanoseconds(duration));
@@ -31,20 +33,33 @@ absl::Time ToTime(const google::protobuf::Timestamp& timestamp) {
 
 // ---- one place for every change
 
-void JobManager::Apply(JobAction action, Live& live, BlobPtr uv, Wakeups* wakeups) {
+void JobManager::Apply(JobAction action, Live& live, StoredBlobPtr uv, Wakeups* wakeups) {
+  if (live.ending.has_value()) return;
   const absl::Time now = options_.clock();
   v1::Job* job = live.record.mutable_job();
+  const v1::JobState before = job->state();
   if (!Advance(action, now, job).ok()) return;
   if (job->state() == v1::JOB_STATE_SUCCEEDED && options_.limits.retained_time < absl::InfiniteDuration()) {
     *job->mutable_expire_time() = ToTimestamp(now + options_.limits.retained_time);
   }
   if (!IsTerminal(job->state())) return Announce(live, wakeups);
 
-  v1::JobEvent event = NextEvent(live);
-  wakeups->logs.push_back(live.events);
-  if (options_.on_transition) options_.on_transition(*job);
-  live.events->AppendLast(event, std::move(uv));
-  Finish(live, event, wakeups);
+  Ending ending;
+  ending.event = NextEvent(live);
+  ending.record = std::move(live.record);
+  ending.uv = std::move(uv);
+  if (WriteEnd(ending)) return Conclude(live, std::move(ending), wakeups);
+  // Nobody hears of an end that a loss of power could take back: as far as others see, the job goes on.
+  live.record = ending.record;
+  job = live.record.mutable_job();
+  job->set_state(before);
+  job->clear_report();
+  job->clear_uv();
+  job->clear_error();
+  job->clear_end_time();
+  job->clear_expire_time();
+  unended_.insert(job->name());
+  live.ending = std::move(ending);
 }
 
 void JobManager::Announce(Live& live, Wakeups* wakeups) {
@@ -70,21 +85,46 @@ bool JobManager::Reserve(Live& live) {
   return true;
 }
 
-void JobManager::Save(const JobRecord& record, const v1::JobEvent* event) {
-  const absl::Status status = store_->Put(record, event);
-  if (!status.ok() && options_.on_store_error) options_.on_store_error(status);
+absl::Status JobManager::Write(const JobRecord& record, const v1::JobEvent* event) {
+  JobWrite write = {&record, event, {}};
+  for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256(), record.job().uv().uv_sha256()}) {
+    if (sha256.empty()) continue;
+    const BlobId id = {record.job().tenant(), sha256};
+    if (StoredBlobPtr pending = blobs_->Pending(id)) write.blobs.push_back({id, std::move(pending)});
+  }
+  PLANISH_RETURN_IF_ERROR(store_->Write({write}, Durability::kNow));
+  for (const BlobRow& blob : write.blobs) blobs_->Committed(blob.id);
+  return absl::OkStatus();
 }
 
-void JobManager::Finish(Live& live, const v1::JobEvent& event, Wakeups* wakeups) {
-  const JobRecord record = std::move(live.record);
+void JobManager::Save(const JobRecord& record, const v1::JobEvent* event) {
+  const absl::Status status = Write(record, event);
+  if (status.ok()) {
+    unsaved_.erase(record.job().name());
+    return;
+  }
+  unsaved_.insert(record.job().name());
+  if (options_.on_store_error) options_.on_store_error(status);
+}
+
+bool JobManager::WriteEnd(const Ending& ending) {
+  const absl::Status status = Write(ending.record, &ending.event);
+  if (!status.ok() && options_.on_store_error) options_.on_store_error(status);
+  return status.ok();
+}
+
+void JobManager::Conclude(Live& live, Ending ending, Wakeups* wakeups) {
+  const JobRecord& record = ending.record;
   const std::string& name = record.job().name();
+  wakeups->logs.push_back(live.events);
+  if (options_.on_transition) options_.on_transition(record.job());
+  live.events->AppendLast(std::move(ending.event), std::move(ending.uv));
   ended_logs_.emplace_front(name, std::move(live.events));
   if (ended_logs_.size() > kEndedLogs) ended_logs_.pop_back();
+  for (const absl::Time alarm : live.alarms) alarms_.erase({alarm, name});
+  unsaved_.erase(name);
+  unended_.erase(name);
   live_.erase(name);
-  if (const absl::Status status = store_->Put(record, &event); !status.ok()) {
-    if (options_.on_store_error) options_.on_store_error(status);
-    unsaved_[name] = {record, event};
-  }
   const std::string& tenant = record.job().tenant();
   ++totals_.tenants[tenant].ended;
   if (record.job().state() == v1::JOB_STATE_SUCCEEDED) {
@@ -96,6 +136,20 @@ void JobManager::Finish(Live& live, const v1::JobEvent& event, Wakeups* wakeups)
   CheckIdle(wakeups);
 }
 
+void JobManager::WriteWhatIsLeft(Wakeups* wakeups) {
+  for (const std::string& name : std::vector<std::string>(unended_.begin(), unended_.end())) {
+    Live& live = live_.at(name);
+    if (!WriteEnd(*live.ending)) return;  // the others fare no better
+    Ending ending = *std::move(live.ending);
+    Conclude(live, std::move(ending), wakeups);
+  }
+  for (const std::string& name : std::vector<std::string>(unsaved_.begin(), unsaved_.end())) {
+    const JobRecord& record = live_.at(name).record;
+    if (!Write(record, nullptr).ok()) return;
+    unsaved_.erase(name);
+  }
+}
+
 // ---- early ends
 
 absl::Status JobManager::TimedOut(const v1::Job& job) {
@@ -104,17 +158,22 @@ absl::Status JobManager::TimedOut(const v1::Job& job) {
                                 " after it was accepted (Scheduling.timeout)"));
 }
 
-void JobManager::StartClocks(const Live& live) {
+void JobManager::StartClocks(Live& live) {
   const v1::Job& job = live.record.job();
   if (job.scheduling().has_timeout()) {
-    alarms_.emplace(ToTime(job.create_time()) + ToDuration(job.scheduling().timeout()), job.name());
+    SetAlarm(live, ToTime(job.create_time()) + ToDuration(job.scheduling().timeout()));
   }
+}
+
+void JobManager::SetAlarm(Live& live, absl::Time time) {
+  if (alarms_.emplace(time, live.record.job().name()).second) live.alarms.push_back(time);
 }
 
 void JobManager::CheckClocks(const std::string& name, absl::Time now, Wakeups* wakeups) {
   const auto found = live_.find(name);
   if (found == live_.end()) return;
   Live& live = found->second;
+  if (live.ending.has_value()) return;
   const v1::Job& job = live.record.job();
   const v1::Scheduling& limits = job.scheduling();
   const bool left_alone = live.attachments == 0 && live.record.attached();
@@ -132,9 +191,9 @@ void JobManager::CheckClocks(const std::string& name, absl::Time now, Wakeups* w
 }
 
 void JobManager::EndEarly(Live& live, EarlyEnd why, Wakeups* wakeups) {
-  if (live.record.cancel_requested() || live.timed_out) return;
+  if (live.record.job().cancel_requested() || live.timed_out || live.ending.has_value()) return;
   if (why == EarlyEnd::kCancel) {
-    live.record.set_cancel_requested(true);
+    live.record.mutable_job()->set_cancel_requested(true);
   } else {
     live.timed_out = true;
   }
@@ -156,7 +215,7 @@ void JobManager::EndEarly(Live& live, EarlyEnd why, Wakeups* wakeups) {
 
 void JobManager::StopLocked(Live& live, Wakeups* wakeups) {
   v1::Job* job = live.record.mutable_job();
-  if (job->stop_requested()) return;
+  if (job->stop_requested() || live.ending.has_value()) return;
   job->set_stop_requested(true);
   if (job->state() == v1::JOB_STATE_RUNNING) {
     Apply(JobAction::kStop, live, nullptr, wakeups);
@@ -174,17 +233,30 @@ void JobManager::Fail(Live& live, const absl::Status& error, Wakeups* wakeups) {
 // ---- what is kept
 
 void JobManager::Tick() {
+  const absl::Time now = options_.clock();
+  bool sweeps = false;
+  {
+    const std::lock_guard lock(mutex_);
+    sweeps = !suspended_ && now >= next_sweep_;
+    if (sweeps) next_sweep_ = now + kSweepInterval;
+  }
+  std::vector<BlobId> sweep;
+  if (sweeps) sweep = blobs_->Ids();  // without the lock: there may be many
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
   if (suspended_) return;
-  const absl::Time now = options_.clock();
+  if (sweeps) sweep_ = std::move(sweep);
   while (!alarms_.empty() && alarms_.begin()->first <= now) {
-    const std::string name = alarms_.begin()->second;
+    const auto [time, name] = *alarms_.begin();
     alarms_.erase(alarms_.begin());
+    if (const auto live = live_.find(name); live != live_.end()) std::erase(live->second.alarms, time);
     CheckClocks(name, now, &wakeups);
   }
-  std::erase_if(unsaved_,
-                [this](const auto& entry) { return store_->Put(entry.second.record, &entry.second.event).ok(); });
+  WriteWhatIsLeft(&wakeups);
+  if (next_start_ > absl::InfinitePast() && options_.steady_clock() >= next_start_) {
+    next_start_ = absl::InfinitePast();
+    work_or_stop_.notify_all();
+  }
   Retain();
   CollectBlobs();
 }
@@ -219,7 +291,7 @@ bool JobManager::Expire(JobRecord record) {
   v1::Job* job = record.mutable_job();
   if (!Advance(JobAction::kExpire, options_.clock(), job).ok()) return false;
   record.clear_request_id();  // a caller that asks again wants UV
-  if (const absl::Status status = store_->Put(record, nullptr); !status.ok()) {
+  if (const absl::Status status = store_->Write({{&record, nullptr, {}}}, Durability::kLater); !status.ok()) {
     if (options_.on_store_error) options_.on_store_error(status);
     return false;
   }
@@ -233,7 +305,6 @@ bool JobManager::Expire(JobRecord record) {
 absl::Status JobManager::Forget(const JobRecord& record) {
   PLANISH_RETURN_IF_ERROR(store_->Delete(record.number()));
   const v1::Job& job = record.job();
-  unsaved_.erase(job.name());
   TenantTotals& totals = totals_.tenants[job.tenant()];
   --totals.ended;
   if (job.state() == v1::JOB_STATE_SUCCEEDED) totals.result_bytes -= job.uv().total_bytes();
@@ -255,11 +326,9 @@ bool JobManager::IsBlobUsed(const BlobId& id) const {
 }
 
 void JobManager::CollectBlobs() {
-  const absl::Time now = options_.clock();
-  if (now >= next_sweep_) {
-    next_sweep_ = now + kSweepInterval;
-    unused_blobs_.clear();
-    return blobs_->Collect([this](const BlobId& id) { return IsBlobUsed(id); });
+  for (std::size_t i = 0; i < kSweepSlice && !sweep_.empty(); ++i) {
+    unused_blobs_.insert(std::move(sweep_.back()));
+    sweep_.pop_back();
   }
   std::erase_if(unused_blobs_, [this](const BlobId& id) { return IsBlobUsed(id) || blobs_->Remove(id); });
 }
@@ -272,7 +341,8 @@ absl::Status JobManager::Recover() {
   PLANISH_ASSIGN_OR_RETURN(totals_, store_->Totals());
   PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, store_->Unfinished());
   for (JobRecord& record : records) PLANISH_RETURN_IF_ERROR(RecoverJob(std::move(record), &wakeups));
-  CollectBlobs();
+  next_sweep_ = options_.clock() + kSweepInterval;
+  blobs_->Collect([this](const BlobId& id) { return IsBlobUsed(id); });
   return absl::OkStatus();
 }
 
@@ -287,22 +357,40 @@ absl::Status JobManager::RecoverJob(JobRecord record, Wakeups* wakeups) {
   v1::Job* job = live.record.mutable_job();
   if (live.record.attached()) {
     live.orphaned = options_.clock();
-    alarms_.emplace(live.orphaned + options_.limits.reattach_grace, name);
+    SetAlarm(live, live.orphaned + options_.limits.reattach_grace);
   }
-  if (live.record.cancel_requested()) {
+  // A server that ended in order has released what it ran. Whoever dies without that may have died of the job.
+  const bool was_lost = !live.record.owner().empty() && job->state() != v1::JOB_STATE_QUEUED;
+  if (was_lost) {
+    live.record.set_crashes(live.record.crashes() + 1);
+    live.record.set_server_crashes(live.record.server_crashes() + 1);
+  }
+  live.record.clear_owner();
+  if (live.record.job().cancel_requested()) {
     if (job->state() != v1::JOB_STATE_STOPPING) Apply(JobAction::kCancel, live, nullptr, wakeups);
     if (live_.contains(name)) Apply(JobAction::kCancelled, live, nullptr, wakeups);
     return absl::OkStatus();
   }
-  const absl::StatusOr<BlobPtr> mesh = blobs_->Find({job->tenant(), live.record.mesh_sha256()});
-  const bool has_seams = live.record.seams_sha256().empty() || blobs_->Has({job->tenant(), live.record.seams_sha256()});
-  if (!mesh.ok() || !has_seams) {
+  if (was_lost && live.record.crashes() >= options_.max_attempts) {
     Fail(live,
-         MakeError(absl::StatusCode::kDataLoss, "MESH_LOST", "the server was restarted and no longer has the mesh"),
+         MakeError(absl::StatusCode::kInternal, "SERVER_CRASHED",
+                   absl::StrCat("the server died while it ran the job (", job->attempts(), " attempts)"),
+                   {{"attempts", absl::StrCat(job->attempts())}}),
          wakeups);
     return absl::OkStatus();
   }
-  const absl::StatusOr<JobNeeds> needs = NeedsOf((*mesh)->bytes(), job->mesh_bytes(), v1::MeshSize(), job->options());
+  const absl::StatusOr<std::vector<BlobPtr>> blobs =
+      LoadBlobs(job->tenant(), {live.record.mesh_sha256(), live.record.seams_sha256()});
+  if (absl::IsNotFound(blobs.status()) || absl::IsDataLoss(blobs.status())) {
+    live.record.clear_request_id();  // a caller that has the mesh sends it again, for a new job
+    Fail(live, MeshLost(blobs.status()), wakeups);
+    return absl::OkStatus();
+  }
+  PLANISH_RETURN_IF_ERROR(blobs.status());
+  std::optional<std::int64_t> array_vertices;
+  if (live.record.has_array_vertices()) array_vertices = live.record.array_vertices();
+  const absl::StatusOr<JobNeeds> needs =
+      NeedsOf(blobs->front()->bytes(), array_vertices, job->mesh_bytes(), v1::MeshSize(), job->options());
   if (!needs.ok()) {
     Fail(live, needs.status(), wakeups);  // the limits are lower than they were
     return absl::OkStatus();
@@ -348,6 +436,7 @@ void JobManager::CheckIdle(Wakeups* wakeups) {
 void JobManager::CancelAll() {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
+  if (suspended_) return;
   std::vector<std::string> names;
   for (const auto& [name, live] : live_) names.push_back(name);
   for (const std::string& name : names) EndEarly(live_.at(name), EarlyEnd::kCancel, &wakeups);
@@ -361,9 +450,20 @@ void JobManager::Suspend() {
   const absl::Status status = WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
                                                        "the server is shutting down; the job goes on when it is back"),
                                              options_.retry_delay);
+  WriteWhatIsLeft(&wakeups);
+  std::vector<JobWrite> released;
   for (auto& [name, live] : live_) {
+    // An end that cannot be written is lost, and the job runs again.
+    if (!live.record.owner().empty() && live.record.job().state() != v1::JOB_STATE_QUEUED) {
+      live.record.clear_owner();
+      released.push_back({&live.record, nullptr, {}});
+    }
     live.events->Interrupt(status);
     wakeups.logs.push_back(live.events);
+  }
+  if (!released.empty()) {
+    const absl::Status written = store_->Write(released, Durability::kNow);
+    if (!written.ok() && options_.on_store_error) options_.on_store_error(written);
   }
   for (auto& [name, work] : works_) {
     if (work.link != nullptr) work.link->Close();
@@ -371,6 +471,23 @@ void JobManager::Suspend() {
   works_.clear();
   shared_.clear();
   if (on_idle_) wakeups.on_idle = std::exchange(on_idle_, nullptr);
+}
+
+void JobManager::FailAll(const absl::Status& error) {
+  Wakeups wakeups;
+  const std::lock_guard lock(mutex_);
+  draining_ = ending_ = true;
+  if (suspended_) return;
+  std::vector<std::string> names;
+  for (const auto& [name, live] : live_) names.push_back(name);
+  for (const std::string& name : names) {
+    Live& live = live_.at(name);
+    if (live.ending.has_value()) continue;
+    Work& work = works_.at(live.work);
+    if (work.running && work.link != nullptr) work.link->Close();
+    LeaveWork(live);
+    Fail(live, error, &wakeups);
+  }
 }
 
 void JobManager::CloseLinks() {

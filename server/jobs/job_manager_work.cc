@@ -21,18 +21,16 @@ using google::protobuf::util::TimeUtil;
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
 
-// What a worker may allocate beyond the estimate: that is for sharing the machine, the limit is against faults.
-constexpr std::int64_t kMemorySlack = 3;
-constexpr std::int64_t kLeastMemory = std::int64_t{256} << 20;
-
-double QueueSecondsOf(const v1::Job& job) {
-  return static_cast<double>(TimeUtil::DurationToNanoseconds(job.start_time() - job.create_time())) * 1e-9;
+// Another attempt would need as much.
+bool IsOutOfMemory(const WorkerLoss& loss) {
+  return loss.reason == "OUT_OF_MEMORY";
 }
 
 absl::Status LossError(const WorkerLoss& loss, int attempts) {
   std::map<std::string, std::string> metadata = loss.metadata;
   metadata["attempts"] = absl::StrCat(attempts);
-  return MakeError(absl::StatusCode::kInternal, loss.reason,
+  const auto code = IsOutOfMemory(loss) ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal;
+  return MakeError(code, loss.reason,
                    absl::StrCat(loss.message, attempts > 1 ? absl::StrCat(" (", attempts, " attempts)") : ""),
                    metadata);
 }
@@ -44,9 +42,22 @@ absl::Status LossError(const WorkerLoss& loss, int attempts) {
 std::optional<JobManager::KeptResult> JobManager::FindResult(const std::string& work_key) const {
   absl::StatusOr<std::optional<JobRecord>> record = store_->FindResult(work_key);
   if (!record.ok() || !record->has_value() || (*record)->job().stop_requested()) return std::nullopt;
-  absl::StatusOr<BlobPtr> uv = blobs_->Find({(*record)->job().tenant(), (*record)->job().uv().uv_sha256()});
+  absl::StatusOr<StoredBlobPtr> uv = blobs_->Find({(*record)->job().tenant(), (*record)->job().uv().uv_sha256()});
   if (!uv.ok()) return std::nullopt;
   return KeptResult{**std::move(record), *std::move(uv)};
+}
+
+StoredBlobPtr JobManager::OpenKeptResult(const std::string& work_key) {
+  if (!blobs_->has_files()) return nullptr;
+  BlobId id;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<std::optional<JobRecord>> record = store_->FindResult(work_key);
+    if (!record.ok() || !record->has_value()) return nullptr;
+    id = {(*record)->job().tenant(), (*record)->job().uv().uv_sha256()};
+  }
+  absl::StatusOr<StoredBlobPtr> uv = blobs_->Find(id);
+  return uv.ok() ? *std::move(uv) : nullptr;
 }
 
 Work* JobManager::FindShared(const std::string& work_key) {
@@ -78,8 +89,10 @@ Work& JobManager::JoinWork(Live& live, const JobNeeds& needs) {
 
 void JobManager::Enqueue(Work& work) {
   std::pair<absl::Time, std::int64_t> first = {absl::InfiniteFuture(), 0};
+  work.alone = false;
   for (const std::string& name : work.jobs) {
     const JobRecord& record = live_.at(name).record;
+    work.alone = work.alone || (record.server_crashes() > 0 && record.crashes() + 1 >= options_.max_attempts);
     const absl::Time created = absl::FromUnixNanos(TimeUtil::TimestampToNanoseconds(record.job().create_time()));
     first = std::min(first, {QueueTime(created, record.job().scheduling().priority()), record.number()});
   }
@@ -111,6 +124,7 @@ Work JobManager::Remove(std::string name) {
   if (work.running) {
     queue_.End(name, options_.steady_clock());
     reserved_memory_ -= work.needs.memory_bytes;
+    if (work.alone) --alone_running_;
     work_or_stop_.notify_all();  // there is memory for others
   }
   return work;
@@ -131,73 +145,155 @@ void JobManager::SendStopIfAllWant(Work& work) {
 
 // ---- for WorkerPool
 
+Work* JobManager::NextWork() {
+  const absl::Time now = options_.steady_clock();
+  if (now < next_start_) return nullptr;
+  const std::optional<std::string> name = queue_.Front(now);
+  if (!name.has_value()) return nullptr;
+  Work& work = works_.at(*name);
+  if (queue_.running() == 0) return &work;
+  const bool fits = reserved_memory_ + work.needs.memory_bytes <= options_.memory_bytes;
+  return fits && !work.alone && alone_running_ == 0 ? &work : nullptr;
+}
+
 Turn JobManager::TakeNext(absl::Duration patience, JobAssignment* assignment) {
+  // What was read, without the lock, for the work that was next when that began.
+  std::string loaded_for;
+  absl::StatusOr<std::vector<BlobPtr>> loaded = std::vector<BlobPtr>();
   Wakeups wakeups;
   std::unique_lock lock(mutex_);
-  const auto next = [this]() -> Work* {
-    const std::optional<std::string> name = queue_.Front(options_.steady_clock());
-    if (!name.has_value()) return nullptr;
-    Work& work = works_.at(*name);
-    const bool fits = queue_.running() == 0 || reserved_memory_ + work.needs.memory_bytes <= options_.memory_bytes;
-    return fits ? &work : nullptr;
-  };
   const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
   for (;;) {
-    if (!work_or_stop_.wait_until(lock, until, [&] { return stopped_ || next() != nullptr; })) return Turn::kNothing;
+    Work* next = nullptr;
+    const auto ready = [&] { return stopped_ || (next = NextWork()) != nullptr; };
+    if (!work_or_stop_.wait_until(lock, until, ready)) return Turn::kNothing;
     if (stopped_) return Turn::kOver;
-    Work& work = *next();
-    absl::StatusOr<JobAssignment> assigned = Assign(work);
-    if (!assigned.ok()) {
-      for (const std::string& name : Remove(work.name).jobs) Fail(live_.at(name), assigned.status(), &wakeups);
+    Work& work = *next;
+    if (loaded_for != work.name) {
+      loaded_for = work.name;
+      const JobRecord& record = live_.at(work.jobs.front()).record;
+      const std::vector<std::string> digests = {record.mesh_sha256(), record.seams_sha256()};
+      const std::string tenant = work.tenant;
+      lock.unlock();
+      loaded = LoadBlobs(tenant, digests);
+      lock.lock();
       continue;
     }
-    *assignment = *std::move(assigned);
-    work.running = true;
-    work.attempt = assignment->attempt;
-    work.start = options_.steady_clock();
-    queue_.Start(work.name, work.start);
-    reserved_memory_ += work.needs.memory_bytes;
-    for (const std::string& name : work.jobs) Begin(live_.at(name), &wakeups);
+    loaded_for.clear();
+    if (absl::IsNotFound(loaded.status()) || absl::IsDataLoss(loaded.status())) {
+      for (const std::string& name : Remove(work.name).jobs) {
+        Live& live = live_.at(name);
+        live.record.clear_request_id();  // a caller that has the mesh sends it again, for a new job
+        Fail(live, MeshLost(loaded.status()), &wakeups);
+      }
+      continue;
+    }
+    if (!loaded.ok()) {
+      Postpone(loaded.status());
+      continue;
+    }
+    if (const absl::Status status = StartWork(work, work.attempt + 1, &wakeups); !status.ok()) {
+      Postpone(status);
+      continue;
+    }
+    *assignment = Assign(work, *std::move(loaded));
     return Turn::kWork;
   }
 }
 
-absl::StatusOr<JobAssignment> JobManager::Assign(const Work& work) {
+absl::StatusOr<std::vector<BlobPtr>> JobManager::LoadBlobs(const std::string& tenant,
+                                                           const std::vector<std::string>& digests) {
+  std::vector<BlobPtr> blobs;
+  for (const std::string& sha256 : digests) {
+    if (sha256.empty()) continue;
+    PLANISH_ASSIGN_OR_RETURN(BlobPtr blob, blobs_->Load({tenant, sha256}));
+    blobs.push_back(std::move(blob));
+  }
+  return blobs;
+}
+
+absl::Status JobManager::MeshLost(const absl::Status& why) {
+  return MakeError(absl::StatusCode::kDataLoss, "MESH_LOST",
+                   absl::StrCat("the server's store has lost the mesh, send it again: ", why.message()));
+}
+
+void JobManager::Postpone(const absl::Status& why) {
+  next_start_ = options_.steady_clock() + options_.retry_delay;
+  if (options_.on_store_error) options_.on_store_error(why);
+}
+
+absl::Status JobManager::StartWork(Work& work, int attempt, Wakeups* wakeups) {
+  std::vector<JobRecord> before;
+  std::vector<v1::JobEvent> events;
+  before.reserve(work.jobs.size());
+  events.reserve(work.jobs.size());
+  std::vector<JobWrite> writes;
+  const absl::Time now = options_.clock();
+  for (const std::string& name : work.jobs) {
+    Live& live = live_.at(name);
+    before.push_back(live.record);
+    NoteStart(&live.record);
+    Advance(JobAction::kStart, now, live.record.mutable_job()).IgnoreError();  // they are all QUEUED
+    events.push_back(NextEvent(live));
+    writes.push_back({&live.record, &events.back(), {}});
+  }
+  if (absl::Status status = store_->Write(writes, Durability::kNow); !status.ok()) {
+    for (std::size_t i = 0; i < work.jobs.size(); ++i) live_.at(work.jobs[i]).record = std::move(before[i]);
+    return status;
+  }
+  work.running = true;
+  work.attempt = attempt;
+  work.start = options_.steady_clock();
+  queue_.Start(work.name, work.start);
+  reserved_memory_ += work.needs.memory_bytes;
+  if (work.alone) ++alone_running_;
+  for (std::size_t i = 0; i < work.jobs.size(); ++i) {
+    Live& live = live_.at(work.jobs[i]);
+    unsaved_.erase(work.jobs[i]);
+    StartBudget(live);
+    if (options_.on_transition) options_.on_transition(live.record.job());
+    live.events->Append(std::move(events[i]));
+    wakeups->logs.push_back(live.events);
+  }
+  return absl::OkStatus();
+}
+
+JobAssignment JobManager::Assign(const Work& work, std::vector<BlobPtr> blobs) const {
   const JobRecord& record = live_.at(work.jobs.front()).record;
   JobAssignment assignment;
   assignment.name = work.name;
-  assignment.attempt = work.attempt + 1;
-  for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256()}) {
-    if (sha256.empty()) continue;
-    absl::StatusOr<BlobPtr> blob = blobs_->Find({work.tenant, sha256});
-    if (!blob.ok()) {
-      return MakeError(absl::StatusCode::kDataLoss, "MESH_LOST",
-                       absl::StrCat("the server's store has lost the mesh: ", blob.status().message()));
-    }
-    assignment.blobs.push_back(*std::move(blob));
-  }
+  assignment.attempt = work.attempt;
+  assignment.blobs = std::move(blobs);
   worker::v1::WorkRequest& request = assignment.request;
   request.set_job(work.name);
   *request.mutable_options() = record.job().options();
   request.set_max_threads(options_.threads);
   request.set_seam_corners(record.seam_corners());
   request.set_uncut_corners(record.uncut_corners());
+  if (record.has_array_vertices()) request.set_array_vertices(record.array_vertices());
+  // What was reserved is all there is: the jobs beside it have the rest.
   request.set_expected_bytes(work.needs.memory_bytes);
-  if (work.needs.memory_bytes > 0) request.set_memory_bytes(kMemorySlack * work.needs.memory_bytes + kLeastMemory);
+  request.set_memory_bytes(work.needs.memory_bytes);
   request.set_max_triangles(options_.max_triangles);
   request.set_failpoint(record.failpoint());
   request.set_traceparent(record.job().traceparent());
   return assignment;
 }
 
+void JobManager::NoteStart(JobRecord* record) const {
+  record->mutable_job()->set_attempts(record->job().attempts() + 1);
+  record->set_owner(instance_);
+}
+
+void JobManager::StartBudget(Live& live) {
+  const v1::Scheduling& scheduling = live.record.job().scheduling();
+  if (!scheduling.has_compute_budget()) return;
+  SetAlarm(live, options_.clock() + absl::Nanoseconds(TimeUtil::DurationToNanoseconds(scheduling.compute_budget())));
+}
+
 void JobManager::Begin(Live& live, Wakeups* wakeups) {
-  v1::Job* job = live.record.mutable_job();
-  job->set_attempts(job->attempts() + 1);
-  live.record.set_owner(instance_);
-  if (job->scheduling().has_compute_budget()) {
-    const auto budget = absl::Nanoseconds(TimeUtil::DurationToNanoseconds(job->scheduling().compute_budget()));
-    alarms_.emplace(options_.clock() + budget, job->name());
-  }
+  NoteStart(&live.record);
+  StartBudget(live);
   Apply(JobAction::kStart, live, nullptr, wakeups);
 }
 
@@ -236,6 +332,7 @@ void JobManager::ReportProgress(const std::string& name, int attempt, v1::Progre
 
 void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) {
   std::string tenant;  // whose UV were kept
+  StoredBlobPtr kept;
   if (result.status().code() == 0) {
     {
       const std::lock_guard lock(mutex_);
@@ -243,9 +340,13 @@ void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::
       if (work == nullptr) return;
       tenant = work->tenant;
     }
-    if (const absl::Status status = KeepUv(tenant, result.uv(), &uv); !status.ok()) {
-      *result.mutable_status() = ToRpcStatus(status);
+    absl::StatusOr<StoredBlobPtr> stored = KeepUv(tenant, result.uv(), uv);
+    if (stored.ok()) {
+      kept = *std::move(stored);
+    } else {
+      *result.mutable_status() = ToRpcStatus(stored.status());
     }
+    uv = nullptr;  // the store has them
   }
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
@@ -262,25 +363,25 @@ void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::
     options_.observer->OnWorkEnded(live_.at(work.jobs.front()).record.job(), result,
                                    options_.steady_clock() - work.start);
   }
-  for (const std::string& job : work.jobs) EndJob(live_.at(job), result, uv, &wakeups);
+  for (const std::string& job : work.jobs) EndJob(live_.at(job), result, kept, &wakeups);
 }
 
 // Not under the lock: results may be large.
-absl::Status JobManager::KeepUv(const std::string& tenant, const v1::UvDescription& description, BlobPtr* uv) {
-  if (*uv == nullptr || description.total_bytes() != static_cast<std::int64_t>((*uv)->bytes().size())) {
+absl::StatusOr<StoredBlobPtr> JobManager::KeepUv(const std::string& tenant, const v1::UvDescription& description,
+                                                 const BlobPtr& uv) {
+  if (uv == nullptr || description.total_bytes() != static_cast<std::int64_t>(uv->bytes().size())) {
     return InternalError("the worker sent UV of another length than it says");
   }
-  const std::string sha256 = Sha256((*uv)->bytes());
+  const std::string sha256 = Sha256(uv->bytes());
   if (sha256 != description.uv_sha256()) return InternalError("the worker sent other UV than it says");
-  PLANISH_ASSIGN_OR_RETURN(*uv, PutBlob(tenant, (*uv)->bytes(), sha256));
-  return absl::OkStatus();
+  return PutBlob(tenant, uv->bytes(), sha256);
 }
 
-void JobManager::EndJob(Live& live, const worker::v1::WorkResult& result, BlobPtr uv, Wakeups* wakeups) {
+void JobManager::EndJob(Live& live, const worker::v1::WorkResult& result, StoredBlobPtr uv, Wakeups* wakeups) {
   const auto code = static_cast<absl::StatusCode>(result.status().code());
   const bool ended_well = code == absl::StatusCode::kOk || code == absl::StatusCode::kCancelled;
   if (live.timed_out) return Fail(live, TimedOut(live.record.job()), wakeups);
-  if (live.record.cancel_requested() && ended_well) return Apply(JobAction::kCancelled, live, nullptr, wakeups);
+  if (live.record.job().cancel_requested() && ended_well) return Apply(JobAction::kCancelled, live, nullptr, wakeups);
   if (code == absl::StatusCode::kCancelled) {
     return Fail(live, InternalError("the worker cancelled a job that nobody cancelled"), wakeups);
   }
@@ -290,7 +391,7 @@ void JobManager::EndJob(Live& live, const worker::v1::WorkResult& result, BlobPt
     return Apply(JobAction::kFail, live, nullptr, wakeups);
   }
   *job->mutable_report() = result.report();
-  job->mutable_report()->mutable_seconds()->set_queue(QueueSecondsOf(*job));
+  *job->mutable_report()->mutable_times()->mutable_queue() = job->start_time() - job->create_time();
   *job->mutable_uv() = result.uv();
   Apply(JobAction::kSucceed, live, std::move(uv), wakeups);
 }
@@ -307,9 +408,9 @@ void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss los
     live.record.set_crashes(live.record.crashes() + 1);
     if (live.timed_out) {
       Fail(live, TimedOut(live.record.job()), &wakeups);
-    } else if (live.record.cancel_requested()) {
+    } else if (live.record.job().cancel_requested()) {
       Apply(JobAction::kCancelled, live, nullptr, &wakeups);
-    } else if (live.record.crashes() >= options_.max_crashes || stopped_) {
+    } else if (live.record.crashes() >= options_.max_attempts || IsOutOfMemory(loss) || stopped_) {
       Fail(live, LossError(loss, live.record.job().attempts()), &wakeups);
     } else {
       again.push_back(job);

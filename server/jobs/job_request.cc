@@ -2,18 +2,24 @@
 
 #include <algorithm>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "google/protobuf/io/coded_stream.h"
 #include "google/protobuf/io/zero_copy_stream_impl_lite.h"
+#include "server/link/rpc_status.h"
 
 namespace planish {
 namespace {
 
 constexpr std::size_t kMaxRequestId = 128;
-constexpr std::size_t kMaxLabel = 256;
+constexpr std::size_t kMaxLabels = 32;
+constexpr std::size_t kMaxLabelKey = 63;
+constexpr std::size_t kMaxLabelValue = 256;
+constexpr std::size_t kVertexBytes = 3 * sizeof(float);
+constexpr std::size_t kTriangleBytes = 3 * sizeof(std::uint32_t);
 // A hundred years: time is counted in nanoseconds, of which 64 bits hold no more than three times as many.
 constexpr std::int64_t kMaxDurationSeconds = std::int64_t{100} * 365 * 86'400;
 constexpr std::int32_t kNanosPerSecond = 1'000'000'000;
@@ -21,6 +27,33 @@ constexpr std::int32_t kNanosPerSecond = 1'000'000'000;
 absl::Status TooLong(const std::string& field, std::size_t limit) {
   return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
                    absl::StrCat(field, " is longer than ", limit, " bytes"), {{"field", field}});
+}
+
+absl::Status BadArrays(const std::string& reason, const std::string& field, const std::string& message) {
+  return MakeError(absl::StatusCode::kInvalidArgument, reason, absl::StrCat(field, ": ", message), {{"field", field}});
+}
+
+std::vector<std::int32_t> TakeNumbers(google::protobuf::RepeatedField<std::int32_t>* field) {
+  google::protobuf::RepeatedField<std::int32_t> taken;
+  taken.Swap(field);
+  return {taken.begin(), taken.end()};
+}
+
+absl::Status CheckLabels(const std::map<std::string, std::string>& labels) {
+  const auto wrong = [](const std::string& message) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message, {{"field", "labels"}});
+  };
+  if (labels.size() > kMaxLabels) return wrong(absl::StrCat("labels: there are more than ", kMaxLabels));
+  for (const auto& [key, value] : labels) {
+    if (!IsLabelKey(key)) {
+      return wrong(absl::StrCat("labels: a key has 1 to ", kMaxLabelKey,
+                                R"( characters of a-z, 0-9, "-" and "_", the first one a letter)"));
+    }
+    if (value.size() > kMaxLabelValue) {
+      return wrong(absl::StrCat("labels: the value of ", key, " is longer than ", kMaxLabelValue, " bytes"));
+    }
+  }
+  return absl::OkStatus();
 }
 
 // Corners beyond the mesh are found when it has been decoded.
@@ -65,6 +98,49 @@ std::string Deterministic(const v1::UnwrapOptions& options) {
 
 }  // namespace
 
+bool IsLabelKey(std::string_view key) {
+  return !key.empty() && key.size() <= kMaxLabelKey && absl::ascii_islower(static_cast<unsigned char>(key.front())) &&
+         std::all_of(key.begin(), key.end(), [](unsigned char c) {
+           return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-' || c == '_';
+         });
+}
+
+absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec) {
+  JobRequest job;
+  if (spec->has_draco()) job.bytes = std::move(*spec->mutable_draco());
+  if (spec->has_arrays()) {
+    std::string& positions = *spec->mutable_arrays()->mutable_positions();
+    const std::string& triangles = spec->arrays().triangles();
+    if (positions.size() % kVertexBytes != 0) {
+      return BadArrays("MESH_POSITION_INVALID", "arrays.positions",
+                       absl::StrCat(positions.size(), " bytes are no multiple of ", kVertexBytes));
+    }
+    if (triangles.size() % kTriangleBytes != 0) {
+      return BadArrays("MESH_INDEX_OUT_OF_RANGE", "arrays.triangles",
+                       absl::StrCat(triangles.size(), " bytes are no multiple of ", kTriangleBytes));
+    }
+    if (triangles.empty()) return BadArrays("MESH_EMPTY", "arrays.triangles", "the mesh has no triangle");
+    job.array_vertices = static_cast<std::int64_t>(positions.size() / kVertexBytes);
+    job.bytes = std::move(positions);
+    job.bytes.append(triangles);
+    spec->clear_arrays();
+  }
+  job.seam_corners = TakeNumbers(spec->mutable_seam_corners());
+  job.uncut_corners = TakeNumbers(spec->mutable_uncut_corners());
+  job.options = spec->options();
+  job.scheduling = spec->scheduling();
+  job.labels = {spec->labels().begin(), spec->labels().end()};
+  return job;
+}
+
+v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices) {
+  v1::MeshSize size;
+  size.set_vertices(vertices);
+  size.set_triangles(
+      static_cast<std::int64_t>((bytes - static_cast<std::size_t>(vertices) * kVertexBytes) / kTriangleBytes));
+  return size;
+}
+
 std::int64_t JobRequest::MeshBytes() const {
   return static_cast<std::int64_t>(Mesh().size() + sizeof(std::int32_t) * (seam_corners.size() + uncut_corners.size()));
 }
@@ -79,16 +155,20 @@ absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh
                                 const OptionsValidator& validate_options) {
   if (request.Mesh().empty()) {
     return MakeError(absl::StatusCode::kInvalidArgument, "MESH_MISSING", "the request has no mesh",
-                     {{"field", "draco"}});
+                     {{"field", "mesh"}});
   }
   if (const std::int64_t bytes = request.MeshBytes(); bytes > max_mesh_bytes)
     return MeshTooLarge(bytes, max_mesh_bytes);
   if (request.request_id.size() > kMaxRequestId) return TooLong("request_id", kMaxRequestId);
-  if (request.label.size() > kMaxLabel) return TooLong("label", kMaxLabel);
+  PLANISH_RETURN_IF_ERROR(CheckLabels(request.labels));
   PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", request.seam_corners));
   PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", request.uncut_corners));
   PLANISH_RETURN_IF_ERROR(CheckScheduling(request.scheduling));
-  return validate_options == nullptr ? absl::OkStatus() : validate_options(request.options);
+  return CheckOptions(request.options, validate_options);
+}
+
+absl::Status CheckOptions(const v1::UnwrapOptions& options, const OptionsValidator& validate) {
+  return validate == nullptr ? absl::OkStatus() : WithinField(validate(options), "options.");
 }
 
 std::string PackCorners(const JobRequest& request) {
@@ -111,6 +191,7 @@ std::string WorkKey(const std::string& tenant, const JobRequest& request, std::s
   return Sha256(absl::StrCat(
       PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
       absl::string_view(corners_sha256.data(), corners_sha256.size()), "/", request.seam_corners.size(), "/",
+      request.array_vertices.has_value() ? absl::StrCat(*request.array_vertices) : "draco", "/",
       request.failpoint.size(), request.failpoint, Deterministic(options)));
 }
 

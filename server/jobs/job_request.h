@@ -1,8 +1,10 @@
 // A caller's wish, before it is a job.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -30,36 +32,51 @@ struct JobNeeds {
 using NeedsEstimator = std::function<absl::StatusOr<JobNeeds>(std::string_view draco, std::int64_t mesh_bytes,
                                                               const v1::MeshSize& size, const v1::UnwrapOptions&)>;
 
-// Fields as in planish.v1.UnwrapRequest.
+// What a caller's JobSpec says, and how it came.
 struct JobRequest {
-  std::string draco;
-  BlobPtr mesh;             // in place of draco: the bytes of a complete upload
+  std::string bytes;        // of the mesh: Draco, or arrays as a worker gets them (planish.worker.v1.WorkRequest)
+  BlobPtr mesh;             // in place of `bytes`: what the server has already
   std::string mesh_sha256;  // of `mesh`; empty: not known
+  std::optional<std::int64_t> array_vertices;  // if the mesh comes as arrays
   std::vector<std::int32_t> seam_corners;
   std::vector<std::int32_t> uncut_corners;
   v1::UnwrapOptions options;
   v1::Scheduling scheduling;
   std::string request_id;
-  std::string label;
+  std::map<std::string, std::string> labels;
   // The job belongs to its callers: it is cancelled when the last JobAttachment goes.
   bool attached = false;
   // What is to go wrong, for tests: planish.worker.v1.WorkRequest.failpoint.
   std::string failpoint;
 
-  // The Draco bytes, wherever they are.
-  std::string_view Mesh() const { return mesh != nullptr ? mesh->bytes() : std::string_view(draco); }
+  // The bytes of the mesh, wherever they are.
+  std::string_view Mesh() const { return mesh != nullptr ? mesh->bytes() : std::string_view(bytes); }
   // Of the mesh and its seams, as they count towards limits.
   std::int64_t MeshBytes() const;
 };
 
+// Of a mesh that comes as arrays of so many bytes in all.
+v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices);
+
+// Whether `key` may be that of a label (planish.v1.JobSpec.labels).
+bool IsLabelKey(std::string_view key);
+
 // RESOURCE_EXHAUSTED with MESH_TOO_LARGE.
 absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit);
 
-// INVALID_ARGUMENT naming the field (metadata "field"; reason MESH_MISSING, REQUEST_INVALID, OPTIONS_INVALID for a
-// negative corner, with its id as "corner", or what `validate_options` says); RESOURCE_EXHAUSTED with
-// MESH_TOO_LARGE. `validate_options` may be null.
+// Takes the mesh, its seams and everything else out of `spec` instead of keeping them twice; an upload or a digest in
+// it is the caller's to look up. INVALID_ARGUMENT for arrays that do not come in threes (MESH_POSITION_INVALID,
+// MESH_INDEX_OUT_OF_RANGE) or have no triangle (MESH_EMPTY), naming the field.
+absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec);
+
+// INVALID_ARGUMENT naming the field of planish.v1.JobSpec, or "request_id" (metadata "field"; reason MESH_MISSING,
+// REQUEST_INVALID, OPTIONS_INVALID for a negative corner, with its id as "corner", or what `validate_options` says);
+// RESOURCE_EXHAUSTED with MESH_TOO_LARGE. `validate_options` may be null.
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
                                 const OptionsValidator& validate_options);
+
+// What `validate` (may be null) says, with the field's path in planish.v1.JobSpec.
+absl::Status CheckOptions(const v1::UnwrapOptions& options, const OptionsValidator& validate);
 
 // Seam corners and then uncut corners, each an int32, little-endian: the second blob of a WorkRequest.
 std::string PackCorners(const JobRequest& request);

@@ -37,6 +37,7 @@ struct ManagerStats {
   int queued_work = 0;   // pieces of work: what queue_total bounds
   int running_work = 0;  // that workers have
   int queue_total = 0;
+  int alarms = 0;        // limits of time of jobs that have not ended
   std::int64_t reserved_memory_bytes = 0;
   std::int64_t memory_bytes = 0;
   std::int64_t stored_bytes = 0;

@@ -13,8 +13,7 @@ constexpr std::size_t kSealBytes = 16;
 
 // A keyed hash of the list and the number: only who knows the store's id can make it.
 std::string Seal(const PageList& list, std::int64_t number) {
-  const std::string text =
-      absl::StrCat("page of ", list.tenant, ":", static_cast<int>(list.state), ":", number, ":", list.label_prefix);
+  const std::string text = absl::StrCat("page of ", list.tenant, ":", number, ":", list.filter);
   return Sha256(absl::StrCat(list.store, Sha256(absl::StrCat(list.store, text)))).substr(0, kSealBytes);
 }
 

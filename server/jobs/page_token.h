@@ -5,7 +5,6 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "planish/v1/job.pb.h"
 
 namespace planish {
 
@@ -14,8 +13,7 @@ struct PageList {
   std::string
       store;  // JobStore::id(): job numbers start anew with each. A secret, which nobody else can make tokens without
   std::string tenant;  // whose jobs are listed; empty: all tenants'
-  v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
-  std::string label_prefix;
+  std::string filter;  // as the caller wrote it
 };
 
 // Says nothing to those who do not know the store's id: job numbers count the jobs of all tenants.

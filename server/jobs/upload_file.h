@@ -8,7 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/jobs/running_sha256.h"
+#include "server/blobs/running_sha256.h"
 #include "server/link/blob.h"
 
 namespace planish {

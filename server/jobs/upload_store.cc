@@ -16,6 +16,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/access/fair_part.h"
 #include "server/jobs/lifecycle.h"
@@ -25,9 +26,12 @@ namespace planish {
 namespace {
 
 constexpr char kPart[] = ".part", kDone[] = ".done";
-constexpr std::size_t kDigestBytes = 32;
 
-absl::Status NotFound(const std::string& name) {
+constexpr std::size_t kMaxUploadRequestId = 128;
+// Of the SHA-256 that a request id becomes: too many to meet another one by accident.
+constexpr std::size_t kRequestIdBytes = 16;
+
+absl::Status UploadNotFound(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "UPLOAD_NOT_FOUND",
                    absl::StrCat("there is no upload '", name, "': it never was, or it expired or was deleted"),
                    {{"upload", name}});
@@ -44,6 +48,11 @@ absl::Status FieldInvalid(const std::string& field, const std::string& message) 
 
 bool IsStorageFull(const absl::Status& status) {
   return ErrorInfoOf(status).reason == "STORAGE_FULL";
+}
+
+// What may go well a moment later: no room, no descriptors, no memory.
+bool MayPass(const absl::Status& status) {
+  return absl::IsResourceExhausted(status);
 }
 
 std::string NameOf(const std::string& id) {
@@ -84,6 +93,9 @@ absl::Status UploadStore::Open() {
   std::vector<std::string> file_names;
   while (const dirent* file = readdir(directory)) file_names.emplace_back(file->d_name);
   closedir(directory);
+  // Marks of complete uploads come first: what a crash left of the way there must go.
+  std::stable_partition(file_names.begin(), file_names.end(),
+                        [](const std::string& file_name) { return absl::EndsWith(file_name, kDone); });
   for (const std::string& file_name : file_names) {
     if (!absl::EndsWith(file_name, kPart) && !absl::EndsWith(file_name, kDone)) continue;
     PLANISH_RETURN_IF_ERROR(Recover(file_name));
@@ -120,8 +132,9 @@ absl::Status UploadStore::Recover(const std::string& file_name) {
   entry.complete = complete;
   entry.used = options_.clock();
   entry.committed_bytes = complete ? entry.total_bytes : static_cast<std::int64_t>(status.st_size);
-  const bool is_ours = !entry.id.empty() && !entry.tenant.empty() && entry.sha256.size() == kDigestBytes;
-  if (!is_ours || entry.committed_bytes > entry.total_bytes || (complete && !blobs_->Has(entry.Blob()))) {
+  const bool is_ours = !entry.id.empty() && !entry.tenant.empty() && entry.sha256.size() == kSha256Bytes;
+  if (!is_ours || entries_.contains(NameOf(entry.id)) || entry.committed_bytes > entry.total_bytes ||
+      (complete && !blobs_->Has(entry.Blob()))) {
     unlink(path.c_str());
     return absl::OkStatus();
   }
@@ -141,34 +154,56 @@ absl::Status UploadStore::Recover(const std::string& file_name) {
 absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::CreateUploadRequest& request) {
   const std::int64_t total = request.total_bytes();
   if (total <= 0) return FieldInvalid("total_bytes", "total_bytes must be above 0");
-  if (request.sha256().size() != kDigestBytes) return FieldInvalid("sha256", "sha256 must have 32 bytes");
+  if (request.sha256().size() != kSha256Bytes) return FieldInvalid("sha256", "sha256 must have 32 bytes");
   if (total > options_.max_mesh_bytes) {
     return MakeError(
         absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
         absl::StrCat("the mesh has ", total, " bytes; this server takes at most ", options_.max_mesh_bytes),
         {{"bytes", absl::StrCat(total)}, {"limit", absl::StrCat(options_.max_mesh_bytes)}});
   }
+  if (request.request_id().size() > kMaxUploadRequestId) {
+    return FieldInvalid("request_id", absl::StrCat("request_id is longer than ", kMaxUploadRequestId, " bytes"));
+  }
   std::string name;
   {
     const std::lock_guard lock(mutex_);
     Entry entry;
-    do {
-      entry.id = options_.new_id();
-      name = NameOf(entry.id);
-    } while (entries_.contains(name));
     entry.tenant = caller.tenant;
     entry.total_bytes = total;
     entry.sha256 = request.sha256();
     entry.used = options_.clock();
+    entry.id = NewId(caller, request.request_id());
+    if (!request.request_id().empty()) {
+      PLANISH_ASSIGN_OR_RETURN(const std::optional<v1::Upload> known, FindKnown(entry));
+      if (known.has_value()) return *known;
+    }
+    while (entries_.contains(NameOf(entry.id))) entry.id = NewId(caller, "");
+    name = NameOf(entry.id);
     // It counts as complete until we know better, so that a mesh that is here already never lacks room.
     entry.complete = true;
+    entry.begins = true;
     entries_[name] = std::move(entry);
   }
   // The entry keeps a blob that is there from being collected, so this answer stays true.
-  const bool is_here = blobs_->Has({caller.tenant, request.sha256()});
+  const BlobId id = {caller.tenant, request.sha256()};
+  // A blob of an earlier process may be damaged: then it is asked for again.
+  const bool is_here = blobs_->Has(id) && blobs_->Find(id).ok();
+  if (is_here) {
+    std::unique_lock lock(mutex_);
+    PLANISH_ASSIGN_OR_RETURN(const Entry* known, Find(name));
+    const Entry complete = *known;
+    lock.unlock();
+    const absl::Status marked = MarkComplete(complete);
+    if (!marked.ok()) {
+      lock.lock();
+      Forget(name);
+      return marked;
+    }
+  }
 
   const std::lock_guard lock(mutex_);
   PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
+  entry->begins = false;
   if (is_here) {
     ++complete_at_once_;
     Completed(entry);
@@ -187,6 +222,30 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::C
   }
   entry->file = std::make_shared<UploadFile>(options_.directory.empty() ? "" : PathOf(*entry, kPart));
   return ToProto(*entry);
+}
+
+// A request id makes the id, so that the two belong together for as long as the upload exists, restarts included.
+std::string UploadStore::NewId(const Caller& caller, const std::string& request_id) const {
+  std::string id = options_.new_id();
+  if (request_id.empty()) return id;
+  // What is before the dot names the server (IdsOf()).
+  const std::size_t begin = id.rfind('.') == std::string::npos ? 0 : id.rfind('.') + 1;
+  const std::string digest = Sha256(absl::StrCat(caller.tenant, "/", request_id)).substr(0, kRequestIdBytes);
+  return id.substr(0, begin) + absl::BytesToHexString(digest);
+}
+
+absl::StatusOr<std::optional<v1::Upload>> UploadStore::FindKnown(const Entry& fresh) {
+  const std::string name = NameOf(fresh.id);
+  const auto found = entries_.find(name);
+  if (found == entries_.end()) return std::nullopt;
+  Entry& entry = found->second;
+  if (entry.total_bytes != fresh.total_bytes || entry.sha256 != fresh.sha256) {
+    return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED",
+                     absl::StrCat("the request_id belongs to ", name, ", which is of other bytes"), {{"upload", name}});
+  }
+  if (entry.begins) return Busy(name);
+  entry.used = fresh.used;
+  return ToProto(entry);
 }
 
 absl::Status UploadStore::CheckRoom(const Entry& newest) const {
@@ -225,20 +284,20 @@ absl::Status UploadStore::CheckRoom(const Entry& newest) const {
 absl::StatusOr<v1::Upload> UploadStore::Get(const Caller& caller, const std::string& name) const {
   const std::lock_guard lock(mutex_);
   const Entry* entry = Find(caller, name);
-  if (entry == nullptr) return NotFound(name);
+  if (entry == nullptr) return UploadNotFound(name);
   return ToProto(*entry);
 }
 
 absl::Status UploadStore::Delete(const Caller& caller, const std::string& name) {
   const std::lock_guard lock(mutex_);
-  if (Find(caller, name) == nullptr) return NotFound(name);
+  if (Find(caller, name) == nullptr) return UploadNotFound(name);
   Forget(name);
   return absl::OkStatus();
 }
 
 absl::StatusOr<UploadWriter> UploadStore::Write(const Caller& caller, const std::string& name) {
   const std::lock_guard lock(mutex_);
-  if (Find(caller, name) == nullptr) return NotFound(name);
+  if (Find(caller, name) == nullptr) return UploadNotFound(name);
   Entry* entry = &entries_.at(name);
   const absl::Time now = options_.clock();
   // A connection may be lost long before this side notices; its client must not wait for that.
@@ -278,28 +337,34 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
       status = TakeOver(entry, file);
     } while (IsStorageFull(status) && make_room_ != nullptr && make_room_(entry.tenant, entry.total_bytes));
     // The mesh is not ours to keep yet: the last piece must come again, when there may be room.
-    if (IsStorageFull(status)) {
+    if (MayPass(status)) {
       if (absl::Status undone = file->UndoAppend(); !undone.ok()) status = std::move(undone);
     }
   }
 
+  // Before anybody hears that it is complete.
+  const absl::Status marked = is_last && status.ok() ? MarkComplete(entry) : absl::OkStatus();
+
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Entry*> current = Find(writer.name_);
   if (!current.ok()) {
-    if (!file->path().empty()) unlink(file->path().c_str());
+    if (!file->path().empty()) {
+      unlink(file->path().c_str());
+      unlink(PathOf(entry, kDone).c_str());
+    }
     return current.status();
   }
   received_bytes_ += std::max<std::int64_t>(file->size() - entry.committed_bytes, 0);
   (*current)->appending = false;
   (*current)->used = options_.clock();
   (*current)->committed_bytes = file->size();
-  if (IsStorageFull(status)) return WithRetryDelay(std::move(status), options_.retry_delay);
+  if (MayPass(status)) return WithRetryDelay(std::move(status), options_.retry_delay);
   if (!status.ok()) {
     Forget(writer.name_);
     return status;
   }
   if (is_last) Completed(*current);
-  return absl::OkStatus();
+  return marked;
 }
 
 absl::Status UploadStore::TakeOver(const Entry& entry, UploadFile* file) {
@@ -308,11 +373,27 @@ absl::Status UploadStore::TakeOver(const Entry& entry, UploadFile* file) {
     return MakeError(absl::StatusCode::kInvalidArgument, "DIGEST_MISMATCH",
                      absl::StrCat("the bytes of ", NameOf(entry.id), " have the SHA-256 ",
                                   absl::BytesToHexString(digest), " instead of ", absl::BytesToHexString(entry.sha256)),
-                     {{"upload", NameOf(entry.id)}});
+                     {{"upload", NameOf(entry.id)}, {"field", "data"}});
   }
-  if (!file->path().empty()) return blobs_->PutFile(entry.Blob(), file->path()).status();
+  if (!file->path().empty()) return blobs_->PutFile(entry.Blob(), file->path());
   PLANISH_ASSIGN_OR_RETURN(const BlobPtr bytes, file->Map());
   return blobs_->Put(entry.tenant, bytes->bytes(), entry.sha256).status();
+}
+
+absl::Status UploadStore::MarkComplete(const Entry& entry) {
+  if (options_.directory.empty()) return absl::OkStatus();
+  Descriptor mark;
+  FileLayer* const files = options_.files;
+  const std::string path = PathOf(entry, kDone);
+  absl::Status status;
+  if (const int error = files->Open(path, O_WRONLY | O_CREAT, &mark); error != 0) {
+    status = FileError("create", path, -error);
+  } else {
+    status = SyncFolder(files, options_.directory);
+  }
+  // The upload is complete all the same; without its mark it would be unknown after a restart.
+  if (status.ok()) return status;
+  return WithRetryDelay(std::move(status), options_.retry_delay);
 }
 
 void UploadStore::Release(const UploadWriter& writer) {
@@ -327,7 +408,7 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const Caller& caller, const std::s
   UploadedMesh mesh;
   {
     const std::lock_guard lock(mutex_);
-    if (Find(caller, name) == nullptr) return NotFound(name);
+    if (Find(caller, name) == nullptr) return UploadNotFound(name);
     Entry* entry = &entries_.at(name);
     if (!entry->complete) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
@@ -337,11 +418,42 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const Caller& caller, const std::s
     entry->used = options_.clock();
     mesh.sha256 = entry->sha256;
   }
-  absl::StatusOr<BlobPtr> blob = blobs_->Find({caller.tenant, mesh.sha256});
-  if (!blob.ok() && absl::IsNotFound(blob.status())) return NotFound(name);
+  absl::StatusOr<BlobPtr> blob = blobs_->Load({caller.tenant, mesh.sha256});
+  if (absl::IsNotFound(blob.status()) || absl::IsDataLoss(blob.status())) {
+    // The store lost the bytes or found them damaged: whoever has them sends them again.
+    const std::lock_guard lock(mutex_);
+    if (Find(caller, name) != nullptr) Forget(name);
+    return UploadNotFound(name);
+  }
+  if (MayPass(blob.status())) return WithRetryDelay(blob.status(), options_.retry_delay);
   PLANISH_RETURN_IF_ERROR(blob.status());
   mesh.mesh = *std::move(blob);
   return mesh;
+}
+
+absl::StatusOr<std::vector<std::string>> UploadStore::FindMissing(const Caller& caller,
+                                                                  const std::vector<std::string>& sha256) const {
+  std::set<std::string> seen;
+  std::vector<std::string> missing;
+  for (const std::string& digest : sha256) {
+    if (digest.size() != kSha256Bytes) return FieldInvalid("sha256", "a sha256 must have 32 bytes");
+    const BlobId id = {caller.tenant, digest};
+    if (seen.insert(digest).second && !(blobs_->Has(id) && blobs_->Find(id).ok())) missing.push_back(digest);
+  }
+  return missing;
+}
+
+absl::StatusOr<UploadedMesh> UploadStore::FindMesh(const Caller& caller, const std::string& sha256) const {
+  if (sha256.size() != kSha256Bytes) return FieldInvalid("mesh_sha256", "mesh_sha256 must have 32 bytes");
+  absl::StatusOr<BlobPtr> mesh = blobs_->Load({caller.tenant, sha256});
+  if (absl::IsNotFound(mesh.status()) || absl::IsDataLoss(mesh.status())) {
+    return MakeError(absl::StatusCode::kNotFound, "MESH_NOT_FOUND",
+                     absl::StrCat("the server does not have the mesh ", absl::BytesToHexString(sha256), ": send it"),
+                     {{"mesh_sha256", absl::BytesToHexString(sha256)}});
+  }
+  if (MayPass(mesh.status())) return WithRetryDelay(mesh.status(), options_.retry_delay);
+  PLANISH_RETURN_IF_ERROR(mesh.status());
+  return UploadedMesh{*std::move(mesh), sha256};
 }
 
 void UploadStore::SetMaxBytes(std::int64_t max_bytes) {
@@ -380,23 +492,20 @@ UploadGauges UploadStore::Gauges() const {
 
 absl::StatusOr<UploadStore::Entry*> UploadStore::Find(const std::string& name) {
   const auto found = entries_.find(name);
-  if (found == entries_.end()) return NotFound(name);
+  if (found == entries_.end()) return UploadNotFound(name);
   return &found->second;
 }
 
 const UploadStore::Entry* UploadStore::Find(const Caller& caller, const std::string& name) const {
   const auto found = entries_.find(name);
-  return found == entries_.end() || found->second.tenant != caller.tenant ? nullptr : &found->second;
+  if (found == entries_.end() || found->second.tenant != caller.tenant || found->second.begins) return nullptr;
+  return &found->second;
 }
 
 void UploadStore::Completed(Entry* entry) {
   entry->complete = true;
   entry->committed_bytes = entry->total_bytes;
   entry->file = nullptr;
-  if (!options_.directory.empty()) {
-    // Without it the upload would be unknown after a restart, and be created anew: no harm.
-    const Descriptor mark(open(PathOf(*entry, kDone).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
-  }
   const std::string* oldest = nullptr;
   int count = 0;
   for (const auto& [name, each] : entries_) {

@@ -10,10 +10,12 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -21,7 +23,7 @@
 #include "absl/time/time.h"
 #include "planish/v1/planish.pb.h"
 #include "server/access/caller.h"
-#include "server/jobs/blob_store.h"
+#include "server/blobs/blob_store.h"
 #include "server/jobs/ids.h"
 #include "server/jobs/upload_file.h"
 
@@ -42,6 +44,7 @@ struct UploadStoreOptions {
   absl::Duration retry_delay = absl::Seconds(2);   // advice with QUEUE_FULL and STORAGE_FULL
   std::function<absl::Time()> clock = absl::Now;
   std::function<std::string()> new_id = RandomId;
+  FileLayer* files = FileLayer::System();  // for marks of complete uploads
 };
 
 class UploadStore;
@@ -102,6 +105,8 @@ class UploadStore {
   // Finds the uploads that an earlier process left.
   absl::Status Open();
 
+  // The upload of the same request id, if the tenant has one (ALREADY_EXISTS with REQUEST_ID_REUSED if that is of other
+  // bytes, ABORTED with UPLOAD_BUSY while it is being made), or a new one.
   // INVALID_ARGUMENT with REQUEST_INVALID; RESOURCE_EXHAUSTED with MESH_TOO_LARGE, or with a retry delay QUEUE_FULL
   // (too many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes of the
   // same tenant.
@@ -117,6 +122,13 @@ class UploadStore {
   // The bytes of a complete upload, which counts as used. FAILED_PRECONDITION with UPLOAD_INCOMPLETE
   // ("committed_bytes").
   absl::StatusOr<UploadedMesh> Use(const Caller& caller, const std::string& name);
+
+  // Those of `sha256` that `blobs` does not have, of this tenant, each once. INVALID_ARGUMENT with REQUEST_INVALID.
+  absl::StatusOr<std::vector<std::string>> FindMissing(const Caller& caller,
+                                                       const std::vector<std::string>& sha256) const;
+
+  // A mesh that `blobs` has of this tenant. NOT_FOUND with MESH_NOT_FOUND, INVALID_ARGUMENT with REQUEST_INVALID.
+  absl::StatusOr<UploadedMesh> FindMesh(const Caller& caller, const std::string& sha256) const;
 
   // UploadStoreOptions::max_bytes from now on; uploads under way go on.
   void SetMaxBytes(std::int64_t max_bytes);
@@ -139,6 +151,7 @@ class UploadStore {
     std::string sha256;
     std::int64_t committed_bytes = 0;
     bool complete = false;
+    bool begins = false;  // Create() is at it, without the lock: nobody else knows of it
     absl::Time used;
     std::int64_t writer = 0;           // token of the writer at it, 0: none
     bool appending = false;            // the writer is at the file, without the lock
@@ -150,6 +163,8 @@ class UploadStore {
   absl::Status Append(const UploadWriter& writer, std::int64_t offset, std::string_view data);
   // Without the lock. Gives `file`, which has all bytes of `entry`, to the blob store.
   absl::Status TakeOver(const Entry& entry, UploadFile* file);
+  // Without the lock. Makes a complete upload outlive the process and a loss of power, as its blob does already.
+  absl::Status MarkComplete(const Entry& entry);
   void Release(const UploadWriter& writer);
   // `suffix`: of uploads under way, or of complete ones.
   std::string PathOf(const Entry& entry, const char* suffix) const;
@@ -158,6 +173,9 @@ class UploadStore {
 
   // These require mutex_.
   absl::StatusOr<Entry*> Find(const std::string& name);
+  // The upload of `fresh`, the beginning of a new one, if there is one already by its name.
+  absl::StatusOr<std::optional<v1::Upload>> FindKnown(const Entry& fresh);
+  std::string NewId(const Caller& caller, const std::string& request_id) const;
   const Entry* Find(const Caller& caller, const std::string& name) const;
   // For `newest`, an upload under way like others.
   absl::Status CheckRoom(const Entry& newest) const;

@@ -22,6 +22,10 @@ struct Work {
   std::int64_t mesh_bytes = 0;
   JobNeeds needs;
 
+  // One of its jobs was lost with the server before and has one attempt left: nothing else runs beside it, so that a
+  // mesh that takes servers down takes no other job's attempts with it.
+  bool alone = false;
+
   // While a worker has it.
   bool running = false;
   int attempt = 0;  // counts up each time a worker gets it: tells a late worker from the present one

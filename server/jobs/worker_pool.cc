@@ -90,9 +90,10 @@ class WorkerPool::Seat {
   // wants `job` (may be null) any more.
   bool Fill(const JobAssignment* job) {
     absl::Duration retry = options_.retry_min;
-    while (link_ == nullptr) {
+    for (int failed = 1; link_ == nullptr; ++failed) {
       const absl::Status status = Start();
       if (status.ok()) return true;
+      pool_.NoteFailedStart(status, failed);
       if (options_.on_start_failed) options_.on_start_failed(status, retry);
       if (pool_.EndsWithin(retry)) return false;
       if (job != nullptr && !IsWanted(*job)) return false;
@@ -105,16 +106,19 @@ class WorkerPool::Seat {
     absl::StatusOr<std::shared_ptr<WorkerLink>> link = pool_.factory_();
     if (!link.ok()) return link.status();
     WorkerLink::Received received;
-    switch ((*link)->Receive(absl::Now() + options_.start_limit, &received)) {
+    const absl::Duration limit =
+        pool_.any_ready_ ? options_.start_limit : std::min(options_.start_limit, pool_.FirstTimeLeft());
+    switch ((*link)->Receive(absl::Now() + limit, &received)) {
       case Wait::kTimeout:
         (*link)->Close();
-        return InternalError("a worker that was started did not get ready");
+        return InternalError("a worker that was started did not get ready: " + (*link)->HowEnded().message);
       case Wait::kClosed:
         return InternalError("a worker ended as soon as it was started: " + (*link)->HowEnded().message);
       case Wait::kMessage:
         break;
     }
     if (!received.message.has_idle()) return InternalError("a worker spoke out of turn when it was started");
+    pool_.any_ready_ = true;
     link_ = *std::move(link);
     jobs_ = 0;
     traceparent_.clear();
@@ -291,6 +295,19 @@ WorkerPool::~WorkerPool() {
   }
   ending_changed_.notify_all();
   for (std::thread& thread : threads_) thread.join();
+}
+
+void WorkerPool::NoteFailedStart(const absl::Status& status, int failed) {
+  if (any_ready_ || options_.on_none_ready == nullptr) return;
+  if (failed < options_.first_starts && FirstTimeLeft() > absl::ZeroDuration()) return;
+  if (!told_.exchange(true)) options_.on_none_ready(status);
+}
+
+absl::Duration WorkerPool::FirstTimeLeft() const {
+  // Once it was told, a start takes as long as ever.
+  if (told_ || options_.on_none_ready == nullptr) return absl::InfiniteDuration();
+  const absl::Duration since = absl::FromChrono(std::chrono::steady_clock::now() - began_);
+  return std::max(options_.first_limit - since, absl::ZeroDuration());
 }
 
 bool WorkerPool::EndsWithin(absl::Duration duration) {

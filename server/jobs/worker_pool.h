@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -43,6 +44,10 @@ struct WorkerPoolOptions {
   int recycle_after = 200;                               // jobs, >= 1
   std::int64_t recycle_bytes = std::int64_t{256} << 20;  // WorkerIdle.held_bytes
   absl::Duration start_limit = absl::Seconds(30);        // to get ready, at the start and between two jobs
+  // Where no worker has been ready yet: starts of one place that fail, >= 1, and time since the pool began, after which
+  // on_none_ready is called, once. A machine that starts no worker in that time will start none.
+  int first_starts = 5;
+  absl::Duration first_limit = absl::Seconds(10);
   absl::Duration retry_min = absl::Milliseconds(100);    // after a start that failed; doubles up to retry_max
   absl::Duration retry_max = absl::Seconds(10);
   // Until a mesh is decoded: decode_limit and decode_limit_per_mib for each MiB of Draco.
@@ -56,6 +61,7 @@ struct WorkerPoolOptions {
   std::function<void(const worker::v1::WorkerIdle&)> on_worker_ready;  // for the first time
   std::function<void(const WorkerEnd&)> on_worker_end;
   std::function<void(const absl::Status& status, absl::Duration retry_in)> on_start_failed;
+  std::function<void(const absl::Status& last)> on_none_ready;  // `last`: how the last start failed
   std::function<absl::Time()> clock = absl::Now;  // of JobSource::ObeyBy(); limits here go by a clock that nobody sets
 };
 
@@ -78,6 +84,11 @@ class WorkerPool {
  private:
   class Seat;
 
+  // A start failed, the `failed`th of its place.
+  void NoteFailedStart(const absl::Status& status, int failed);
+  // Time left until first_limit, not below 0.
+  absl::Duration FirstTimeLeft() const;
+
   // Whether the pool ends before `duration` is over.
   bool EndsWithin(absl::Duration duration);
 
@@ -85,6 +96,9 @@ class WorkerPool {
   const WorkerFactory factory_;
   const WorkerPoolOptions options_;
   std::atomic<int> recycle_after_;
+  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+  std::atomic<bool> any_ready_ = false;  // a worker was, once
+  std::atomic<bool> told_ = false;       // on_none_ready was called
 
   std::mutex mutex_;
   std::condition_variable ending_changed_;

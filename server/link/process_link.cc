@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -10,8 +11,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdint>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 #include <mutex>
+#include <string>
 #include <thread>
 #include <utility>
 
@@ -27,6 +32,15 @@ using worker::v1::FromWorker;
 using worker::v1::ToWorker;
 
 constexpr int kWorkerFd = 3;
+constexpr int kStderrFd = 4;
+// Above all numbers that descriptors get in the worker.
+constexpr int kFirstFree = 10;
+// Of the last words of a worker.
+constexpr std::size_t kMostWords = 4096;
+// What the C library, the loader, sanitizers and numerical libraries look at.
+constexpr std::string_view kVariables[] = {"LANG", "TZ", "GLIBC_TUNABLES", "GCOV_PREFIX", "LLVM_PROFILE_FILE"};
+constexpr std::string_view kVariablePrefixes[] = {"LC_",   "LD_",   "MALLOC_", "OMP_",  "OPENBLAS_",
+                                                  "ASAN_", "LSAN_", "TSAN_",   "UBSAN_"};
 // One blob at most comes from a worker: the UV.
 constexpr FrameLimits kFromWorker = {.bytes = std::size_t{16} << 20, .descriptors = 1};
 // How long a process that closed its link may take to end.
@@ -60,14 +74,21 @@ class Spawn {
   Spawn& operator=(const Spawn&) = delete;
 
   // Returns an errno, 0 for success.
-  int Run(const WorkerProcessOptions& options, int socket, const std::vector<std::string>& arguments, pid_t* pid) {
-    int error = 0;
-    // First: its number may be one of those that come next.
-    if (options.stderr_fd >= 0) error = posix_spawn_file_actions_adddup2(&actions_, options.stderr_fd, STDERR_FILENO);
-    if (error == 0) error = posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDWR, 0);
+  int Run(const std::string& program, int socket, int words, int stderr_fd, const std::vector<std::string>& arguments,
+          pid_t* pid) {
+    // Their numbers may be those that the worker's get.
+    const Descriptor sources[] = {Descriptor(fcntl(socket, F_DUPFD_CLOEXEC, kFirstFree)),
+                                  Descriptor(fcntl(stderr_fd, F_DUPFD_CLOEXEC, kFirstFree)),
+                                  Descriptor(fcntl(words, F_DUPFD_CLOEXEC, kFirstFree))};
+    for (const Descriptor& source : sources) {
+      if (source.get() < 0) return errno;
+    }
+    int error = posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDWR, 0);
     if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, 0, 1);
-    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, socket, kWorkerFd);
-    if (error == 0) error = posix_spawn_file_actions_addclosefrom_np(&actions_, kWorkerFd + 1);
+    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, sources[0].get(), kWorkerFd);
+    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, sources[1].get(), kStderrFd);
+    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, sources[2].get(), STDERR_FILENO);
+    if (error == 0) error = posix_spawn_file_actions_addclosefrom_np(&actions_, kStderrFd + 1);
     if (error != 0) return error;
     // Ctrl-C and a service manager's SIGTERM reach every process there is; a worker ends when its server says so.
     sigset_t deaf, none_ignored;
@@ -83,7 +104,13 @@ class Spawn {
     argv.push_back(name);
     for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
     argv.push_back(nullptr);
-    return posix_spawn(pid, options.program.c_str(), &actions_, &attributes_, argv.data(), environ);
+    std::vector<char*> variables;
+    for (char** variable = environ; *variable != nullptr; ++variable) {
+      const std::string_view text = *variable;
+      if (IsForWorkers(text.substr(0, text.find('=')))) variables.push_back(*variable);
+    }
+    variables.push_back(nullptr);
+    return posix_spawn(pid, program.c_str(), &actions_, &attributes_, argv.data(), variables.data());
   }
 
  private:
@@ -91,9 +118,25 @@ class Spawn {
   posix_spawnattr_t attributes_;
 };
 
+// How many processes the kernel has killed for want of memory since the machine started; 0 where it does not say.
+std::int64_t KillsForMemory() {
+  std::ifstream file("/proc/vmstat");
+  std::string name;
+  for (std::int64_t count = 0; file >> name >> count;) {
+    if (name == "oom_kill") return count;
+  }
+  return 0;
+}
+
 class ProcessWorkerLink : public WorkerLink {
  public:
-  ProcessWorkerLink(pid_t pid, std::unique_ptr<FrameSocket> socket) : pid_(pid), socket_(std::move(socket)) {}
+  // `words`: what the worker writes before it is ready; `stderr_fd` stays the caller's.
+  ProcessWorkerLink(pid_t pid, std::unique_ptr<FrameSocket> socket, Descriptor words, int stderr_fd)
+      : pid_(pid),
+        socket_(std::move(socket)),
+        words_(std::move(words)),
+        stderr_fd_(stderr_fd),
+        kills_before_(KillsForMemory()) {}
 
   ~ProcessWorkerLink() override {
     Close();
@@ -114,6 +157,7 @@ class ProcessWorkerLink : public WorkerLink {
       case FrameSocket::Wait::kFrame:
         break;
     }
+    words_ = Descriptor();  // it is ready
     received->message.Clear();
     received->blob = nullptr;
     if (!received->message.ParseFromString(frame.bytes) ||
@@ -143,6 +187,13 @@ class ProcessWorkerLink : public WorkerLink {
       given_up = given_up_;
     }
     Reap();
+    WorkerLoss loss = Loss(given_up);
+    loss.message += LastWords();
+    return loss;
+  }
+
+ private:
+  WorkerLoss Loss(bool given_up) const {
     if (!fault_.empty()) return {"INTERNAL", "the worker broke the protocol: it sent " + fault_, {}};
     if (given_up) return {"WORKER_HUNG", "the worker was given up and killed", {}};
     if (hung_after_closing_) return {"WORKER_HUNG", "the worker closed its link and went on; it was killed", {}};
@@ -150,14 +201,30 @@ class ProcessWorkerLink : public WorkerLink {
       const int number = WTERMSIG(status_);
       const std::string name = SignalName(number);
       std::string message = absl::StrCat("the worker was killed by signal ", number, " (", name, ")");
-      if (number == SIGKILL) message += ", which the kernel sends when memory runs out";
+      if (number == SIGKILL && KillsForMemory() > kills_before_) {
+        return {"OUT_OF_MEMORY", message + " as the machine's memory ran out", {{"signal", name}}};
+      }
       return {"WORKER_CRASHED", std::move(message), {{"signal", name}}};
     }
     const std::string code = absl::StrCat(WEXITSTATUS(status_));
     return {"WORKER_CRASHED", "the worker exited with code " + code, {{"exit_code", code}}};
   }
 
- private:
+  // Of a worker that never got ready: for people, and passed on to where others write.
+  std::string LastWords() {
+    if (words_.get() < 0) return "";
+    std::string words(kMostWords, '\0');
+    const off_t size = lseek(words_.get(), 0, SEEK_END);
+    const off_t start = std::max<off_t>(size - static_cast<off_t>(kMostWords), 0);
+    const ssize_t count = pread(words_.get(), words.data(), words.size(), start);
+    words_ = Descriptor();
+    words.resize(static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+    if (words.empty()) return "";
+    [[maybe_unused]] const ssize_t written = write(stderr_fd_, words.data(), words.size());
+    while (!words.empty() && words.back() == '\n') words.pop_back();
+    return "; it wrote: " + words;
+  }
+
   Wait Fault(const std::string& what) {
     fault_ = what;
     socket_->Close();
@@ -188,6 +255,9 @@ class ProcessWorkerLink : public WorkerLink {
 
   const pid_t pid_;
   const std::unique_ptr<FrameSocket> socket_;
+  Descriptor words_;  // of the receiving thread; none once it is ready
+  const int stderr_fd_;
+  const std::int64_t kills_before_;
   std::string fault_;                // of the receiving thread
   bool hung_after_closing_ = false;  // of the receiving thread
 
@@ -200,6 +270,12 @@ class ProcessWorkerLink : public WorkerLink {
 
 }  // namespace
 
+bool IsForWorkers(std::string_view name) {
+  return std::find(std::begin(kVariables), std::end(kVariables), name) != std::end(kVariables) ||
+         std::any_of(std::begin(kVariablePrefixes), std::end(kVariablePrefixes),
+                     [name](std::string_view prefix) { return name.starts_with(prefix); });
+}
+
 absl::StatusOr<std::shared_ptr<WorkerLink>> StartProcessWorker(const WorkerProcessOptions& options) {
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return CannotStart("socketpair", errno);
@@ -207,12 +283,16 @@ absl::StatusOr<std::shared_ptr<WorkerLink>> StartProcessWorker(const WorkerProce
   PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<FrameSocket> socket, FrameSocket::Make(std::move(ours), kFromWorker));
   WorkerArguments arguments;
   arguments.fd = kWorkerFd;
+  arguments.stderr_fd = kStderrFd;
   arguments.sandbox = options.sandbox;
   arguments.failpoints = options.failpoints;
+  Descriptor words(memfd_create("planish-worker-words", MFD_CLOEXEC));
+  if (words.get() < 0) return CannotStart("memfd_create", errno);
+  const int stderr_fd = options.stderr_fd >= 0 ? options.stderr_fd : STDERR_FILENO;
   pid_t pid = 0;
-  const int error = Spawn().Run(options, theirs.get(), ToCommandLine(arguments), &pid);
+  const int error = Spawn().Run(options.program, theirs.get(), words.get(), stderr_fd, ToCommandLine(arguments), &pid);
   if (error != 0) return CannotStart("cannot start " + options.program, error);
-  return std::make_shared<ProcessWorkerLink>(pid, std::move(socket));
+  return std::make_shared<ProcessWorkerLink>(pid, std::move(socket), std::move(words), stderr_fd);
 }
 
 }  // namespace planish

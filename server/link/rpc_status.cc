@@ -6,6 +6,7 @@
 #include "core/base/error.h"
 #include "google/rpc/error_details.pb.h"
 #include "nlohmann/json.hpp"
+#include "server/link/duration.h"
 
 namespace planish {
 namespace {
@@ -21,11 +22,18 @@ std::string ToUtf8(const std::string& text) {
 
 }  // namespace
 
+absl::Status WithinField(const absl::Status& status, const std::string& path) {
+  if (status.code() != absl::StatusCode::kInvalidArgument) return status;
+  ErrorInfo info = ErrorInfoOf(status);
+  const auto field = info.metadata.find("field");
+  if (field == info.metadata.end()) return status;
+  field->second = path + field->second;
+  return MakeError(status.code(), info.reason, std::string(status.message()), info.metadata);
+}
+
 absl::Status WithRetryDelay(absl::Status status, absl::Duration delay) {
   google::rpc::RetryInfo retry;
-  const absl::Duration whole = absl::Floor(delay, absl::Seconds(1));
-  retry.mutable_retry_delay()->set_seconds(absl::ToInt64Seconds(whole));
-  retry.mutable_retry_delay()->set_nanos(static_cast<int>(absl::ToInt64Nanoseconds(delay - whole)));
+  *retry.mutable_retry_delay() = ToDuration(delay);
   status.SetPayload(kRetryInfoUrl, absl::Cord(retry.SerializeAsString()));
   return status;
 }

@@ -7,6 +7,10 @@
 
 namespace planish {
 
+// The same error for whoever sees the field that it names (metadata "field") within another one: "padding" within
+// "options." is "options.padding". Only of INVALID_ARGUMENT; any other status stays as it is.
+absl::Status WithinField(const absl::Status& status, const std::string& path);
+
 // Tells the caller to wait at least `delay` before it tries again; becomes a google.rpc.RetryInfo. `status` must not
 // be OK.
 absl::Status WithRetryDelay(absl::Status status, absl::Duration delay);

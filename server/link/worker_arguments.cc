@@ -10,6 +10,7 @@ namespace planish {
 namespace {
 
 constexpr absl::string_view kFd = "--worker-fd=";
+constexpr absl::string_view kStderr = "--stderr-fd=";
 constexpr absl::string_view kSandbox = "--sandbox=";
 constexpr absl::string_view kFailpoints = "--failpoints";
 constexpr SandboxMode kModes[] = {SandboxMode::kAuto, SandboxMode::kRequire, SandboxMode::kOff};
@@ -30,6 +31,7 @@ const char* NameOf(SandboxMode mode) {
 
 std::vector<std::string> ToCommandLine(const WorkerArguments& arguments) {
   std::vector<std::string> line = {absl::StrCat(kFd, arguments.fd), absl::StrCat(kSandbox, NameOf(arguments.sandbox))};
+  if (arguments.stderr_fd >= 0) line.push_back(absl::StrCat(kStderr, arguments.stderr_fd));
   if (arguments.failpoints) line.emplace_back(kFailpoints);
   return line;
 }
@@ -41,6 +43,8 @@ std::optional<WorkerArguments> ParseWorkerArguments(int argc, const char* const*
     absl::string_view text = argv[i];
     if (absl::ConsumePrefix(&text, kFd)) {
       if (!absl::SimpleAtoi(text, &arguments.fd)) arguments.fd = -1;
+    } else if (absl::ConsumePrefix(&text, kStderr)) {
+      if (!absl::SimpleAtoi(text, &arguments.stderr_fd)) arguments.stderr_fd = -1;
     } else if (absl::ConsumePrefix(&text, kSandbox)) {
       for (const SandboxMode mode : kModes) {
         if (text == NameOf(mode)) arguments.sandbox = mode;

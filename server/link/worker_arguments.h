@@ -16,6 +16,9 @@ enum class SandboxMode {
 
 struct WorkerArguments {
   int fd = -1;  // the worker's end of the link
+  // What becomes the worker's stderr once it is ready; until then its stderr is a file that the server reads if the
+  // start fails. -1: it keeps the one it has.
+  int stderr_fd = -1;
   SandboxMode sandbox = SandboxMode::kAuto;
   bool failpoints = false;  // WorkRequest.failpoint is obeyed
 };

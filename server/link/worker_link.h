@@ -18,7 +18,7 @@ namespace planish {
 
 // Why a job lost its worker.
 struct WorkerLoss {
-  std::string reason;                           // WORKER_CRASHED, WORKER_HUNG or INTERNAL (planish.v1.Job.error)
+  std::string reason;                           // WORKER_CRASHED, WORKER_HUNG, OUT_OF_MEMORY or INTERNAL (Job.error)
   std::string message;                          // for people: "the worker was killed by signal 11 (SIGSEGV)"
   std::map<std::string, std::string> metadata;  // e.g. {"signal", "SIGSEGV"}
 };

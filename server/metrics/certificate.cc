@@ -9,7 +9,7 @@
 
 namespace planish {
 
-absl::Time CertificateEnd(const std::string& pem_file) {
+absl::Time CertificateFileEnd(const std::string& pem_file) {
   const std::unique_ptr<BIO, decltype(&BIO_free)> file(BIO_new_file(pem_file.c_str(), "r"), BIO_free);
   if (file == nullptr) return absl::UnixEpoch();
   const std::unique_ptr<X509, decltype(&X509_free)> certificate(

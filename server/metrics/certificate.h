@@ -7,6 +7,6 @@
 namespace planish {
 
 // When the first certificate in the PEM file expires; the epoch if there is none that can be read.
-absl::Time CertificateEnd(const std::string& pem_file);
+absl::Time CertificateFileEnd(const std::string& pem_file);
 
 }  // namespace planish

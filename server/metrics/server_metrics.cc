@@ -18,6 +18,7 @@
 #include "prometheus/registry.h"
 #include "prometheus/text_serializer.h"
 #include "server/access/caller.h"
+#include "server/link/duration.h"
 #include "server/link/rpc_status.h"
 #include "server/metrics/definitions.h"
 #include "server/metrics/label_guard.h"
@@ -62,13 +63,15 @@ double Sane(double number) {
   return std::isfinite(number) && number > 0 ? number : 0;
 }
 
-// Unwrap and WatchJob last as long as jobs do, WriteUpload as long as its sender takes.
+// Unwrap and WatchJob last as long as jobs do, WaitJob as long as its caller wants, WriteUpload as long as its sender
+// takes.
 bool Streams(const std::string& call) {
-  return call == "Unwrap" || call == "WatchJob" || call == "WriteUpload";
+  return call == "Unwrap" || call == "WatchJob" || call == "WaitJob" || call == "WriteUpload";
 }
 
 bool Submits(const std::string& call) {
-  return call == "Unwrap" || call == "CreateJob" || call == "CreateUpload" || call == "WriteUpload";
+  return call == "Unwrap" || call == "CreateJob" || call == "BatchCreateJobs" || call == "CreateUpload" ||
+         call == "WriteUpload";
 }
 
 // Ends that no server brings about.
@@ -233,11 +236,12 @@ void ServerMetrics::OnWorkEnded(const v1::Job& job, const worker::v1::WorkResult
   f.tenant_run.Add({{"tenant", TenantOf(job)}}).Increment(absl::ToDoubleSeconds(duration));
   if (result.status().code() != 0) return;
   const v1::Report& report = result.report();
-  const v1::StageSeconds& seconds = report.seconds();
-  const std::array values = {seconds.decode(), seconds.charts(), seconds.solve(), seconds.layout(),
-                             seconds.pack(),   seconds.verify(), seconds.encode()};
+  const v1::StageTimes& times = report.times();
+  const std::array values = {&times.decode(), &times.charts(), &times.solve(), &times.layout(),
+                             &times.pack(),   &times.verify(), &times.encode()};
   static_assert(values.size() == kStages.size());
-  for (std::size_t i = 0; i < kStages.size(); ++i) f.stage.Add({{"stage", kStages[i]}}).Observe(Sane(values[i]));
+  for (std::size_t i = 0; i < kStages.size(); ++i)
+    f.stage.Add({{"stage", kStages[i]}}).Observe(Sane(ToSeconds(*values[i])));
   f.triangles.Observe(Sane(static_cast<double>(report.input().triangles())));
   const v1::ChartTotals& totals = report.chart_totals();
   f.newton.Observe(Sane(static_cast<double>(totals.newton_iterations())));

@@ -20,12 +20,26 @@ void Cut(std::string* text) {
   text->append("...");
 }
 
+// Which field is wrong, as the details of the error say it already.
+void AddFieldViolation(google::rpc::Status* rpc) {
+  google::rpc::ErrorInfo info;
+  if (rpc->code() != static_cast<int>(absl::StatusCode::kInvalidArgument)) return;
+  if (rpc->details().empty() || !rpc->details(0).UnpackTo(&info)) return;
+  const auto field = info.metadata().find("field");
+  if (field == info.metadata().end()) return;
+  google::rpc::BadRequest bad;
+  google::rpc::BadRequest::FieldViolation* violation = bad.add_field_violations();
+  violation->set_field(field->second);
+  violation->set_description(rpc->message());
+  rpc->add_details()->PackFrom(bad);
+}
+
 }  // namespace
 
-grpc::Status ToGrpcStatus(const absl::Status& status) {
-  if (status.ok()) return grpc::Status::OK;
+google::rpc::Status ToCallStatus(const absl::Status& status) {
   google::rpc::Status rpc = ToRpcStatus(status);
   Cut(rpc.mutable_message());
+  AddFieldViolation(&rpc);
   if (rpc.ByteSizeLong() > kMaxDetails) {
     for (google::protobuf::Any& detail : *rpc.mutable_details()) {
       google::rpc::ErrorInfo info;
@@ -34,6 +48,12 @@ grpc::Status ToGrpcStatus(const absl::Status& status) {
       detail.PackFrom(info);
     }
   }
+  return rpc;
+}
+
+grpc::Status ToGrpcStatus(const absl::Status& status) {
+  if (status.ok()) return grpc::Status::OK;
+  const google::rpc::Status rpc = ToCallStatus(status);
   return {static_cast<grpc::StatusCode>(rpc.code()), rpc.message(), rpc.SerializeAsString()};
 }
 

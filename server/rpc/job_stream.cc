@@ -31,22 +31,30 @@ JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pa
     return Step::kEnd;
   }
 
-  const BlobPtr uv = events_->uv();
+  const StoredBlobPtr uv = events_->uv();
   if (!position_.include_uv || uv == nullptr) return Step::kEnd;
-  const auto size = static_cast<std::int64_t>(uv->bytes().size());
-  if (position_.uv_offset > size) {
-    status_ =
-        MakeError(absl::StatusCode::kOutOfRange, "UV_OFFSET_OUT_OF_RANGE",
-                  absl::StrCat("uv_offset ", position_.uv_offset, " is beyond the UV, which have ", size, " bytes"),
-                  {{"field", "uv_offset"}, {"total_bytes", absl::StrCat(size)}});
-    return Step::kEnd;
-  }
-  if (position_.uv_offset == size) return Step::kEnd;
-  const std::int64_t length = std::min(kChunkBytes, size - position_.uv_offset);
+  status_ = ReadUv(*uv, position_.uv_offset, kChunkBytes, "uv_offset", chunk->mutable_data());
+  if (!status_.ok() || chunk->data().empty()) return Step::kEnd;
   chunk->set_offset(position_.uv_offset);
-  chunk->set_data(uv->bytes().data() + position_.uv_offset, static_cast<std::size_t>(length));
-  position_.uv_offset += length;
+  position_.uv_offset += static_cast<std::int64_t>(chunk->data().size());
   return Step::kUv;
+}
+
+absl::Status ReadUv(const StoredBlob& uv, std::int64_t offset, std::int64_t limit, const std::string& field,
+                    std::string* bytes) {
+  const std::int64_t size = uv.size();
+  if (offset > size) {
+    return MakeError(absl::StatusCode::kOutOfRange, "UV_OFFSET_OUT_OF_RANGE",
+                     absl::StrCat(field, " ", offset, " is beyond the UV, which have ", size, " bytes"),
+                     {{"field", field}, {"total_bytes", absl::StrCat(size)}});
+  }
+  if (offset == size) return absl::OkStatus();
+  // Damaged counts as absent; whoever asks again gets the result computed again.
+  if (const absl::Status got = uv.Read(offset, std::min(limit, size - offset), bytes); !got.ok()) {
+    return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
+                     absl::StrCat("the server can no longer read the UV: ", got.message()));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status Validate(const JobStream::Position& position) {

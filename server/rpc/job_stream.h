@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -43,8 +44,8 @@ class JobStream {
 
   Step Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pace = Pace::kAll);
 
-  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset; what the log ended with
-  // (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
+  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset; NOT_FOUND with RESULT_EXPIRED
+  // if they cannot be read; what the log ended with (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
   const absl::Status& status() const { return status_; }
 
  private:
@@ -52,6 +53,11 @@ class JobStream {
   Position position_;
   absl::Status status_;
 };
+
+// At most `limit` bytes of the UV from `offset` on, which the caller gave as `field`; none at their end. OUT_OF_RANGE
+// with UV_OFFSET_OUT_OF_RANGE beyond it; NOT_FOUND with RESULT_EXPIRED if they cannot be read.
+absl::Status ReadUv(const StoredBlob& uv, std::int64_t offset, std::int64_t limit, const std::string& field,
+                    std::string* bytes);
 
 // INVALID_ARGUMENT with REQUEST_INVALID if a number is negative.
 absl::Status Validate(const JobStream::Position& position);

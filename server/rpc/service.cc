@@ -1,17 +1,23 @@
 #include "server/rpc/service.h"
 
+#include <algorithm>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "planish/v1/planish.grpc.pb.h"
+#include "server/link/rpc_status.h"
 #include "server/rpc/grpc_status.h"
 #include "server/rpc/task_threads.h"
 #include "server/rpc/trace_header.h"
 #include "server/rpc/upload_reactor.h"
+#include "server/rpc/wait_reactor.h"
 #include "server/rpc/watch_reactor.h"
 
 namespace planish {
@@ -27,35 +33,67 @@ constexpr std::int64_t kDefaultChunkBytes = std::int64_t{1} << 20;
 
 constexpr char kFailpointKey[] = "planish-failpoint";
 
-std::vector<std::int32_t> TakeNumbers(google::protobuf::RepeatedField<std::int32_t>* field) {
-  google::protobuf::RepeatedField<std::int32_t> taken;
-  taken.Swap(field);
-  return {taken.begin(), taken.end()};
+// Of a WaitJob.
+constexpr absl::Duration kDefaultWait = absl::Seconds(30);
+constexpr absl::Duration kLongestWait = absl::Minutes(1);
+
+// Of a ReadResult: fits into the messages of 4 MiB that clients take unless they ask for more.
+constexpr std::int64_t kMostResultBytes = std::int64_t{1} << 20;
+
+// Of a BatchCreateJobs and a FindMissingMeshes.
+constexpr int kMostInBatch = 1000;
+
+absl::Status FieldIsWrong(const std::string& field, const std::string& message) {
+  return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID", message, {{"field", field}});
 }
 
-// Takes the mesh and its seams out of the request instead of keeping them twice: gRPC keeps the request until the call
-// ends, which for Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads it
-// again.
-template <class Request>
-absl::StatusOr<JobRequest> TakeRequest(const Caller& caller, const Request* request, UploadStore* uploads) {
-  JobRequest job;
-  auto* mine = const_cast<Request*>(request);
-  job.draco = std::move(*mine->mutable_draco());
-  if (!request->upload().empty()) {
-    if (!job.draco.empty()) {
-      return MakeError(absl::StatusCode::kInvalidArgument, "REQUEST_INVALID",
-                       "the request has a mesh and an upload: which one?", {{"field", "upload"}});
-    }
-    PLANISH_ASSIGN_OR_RETURN(UploadedMesh uploaded, uploads->Use(caller, request->upload()));
-    job.mesh = std::move(uploaded.mesh);
-    job.mesh_sha256 = std::move(uploaded.sha256);
+absl::Status CheckCount(const std::string& field, int count) {
+  if (count > 0 && count <= kMostInBatch) return absl::OkStatus();
+  return FieldIsWrong(field, absl::StrCat(field, " has ", count, " entries; it may have 1 to ", kMostInBatch));
+}
+
+absl::Status CheckView(v1::JobView view) {
+  if (v1::JobView_IsValid(view)) return absl::OkStatus();
+  return FieldIsWrong("view", absl::StrCat("there is no view ", static_cast<int>(view)));
+}
+
+v1::Job InView(v1::Job job, v1::JobView view) {
+  if (view == v1::JOB_VIEW_BASIC) job.clear_report();
+  return job;
+}
+
+// The error of a call that has a JobSpec: fields are named by their paths in the request, and what is wrong with the
+// mesh by the kind of mesh that was given.
+absl::Status WithinSpec(const absl::Status& status, v1::JobSpec::MeshCase mesh) {
+  if (status.code() != absl::StatusCode::kInvalidArgument) return status;
+  ErrorInfo info = ErrorInfoOf(status);
+  std::string& field = info.metadata["field"];
+  if (field == "request_id") return status;
+  if (field.empty() || field == "mesh") {
+    const google::protobuf::FieldDescriptor* given = v1::JobSpec::descriptor()->FindFieldByNumber(mesh);
+    field = given == nullptr ? "mesh" : given->name();
   }
-  job.seam_corners = TakeNumbers(mine->mutable_seam_corners());
-  job.uncut_corners = TakeNumbers(mine->mutable_uncut_corners());
-  job.options = request->options();
-  job.scheduling = request->scheduling();
-  job.request_id = request->request_id();
-  job.label = request->label();
+  field = "spec." + field;
+  return MakeError(status.code(), info.reason, std::string(status.message()), info.metadata);
+}
+
+// Takes what is large out of the spec instead of keeping it twice: gRPC keeps the request until the call ends, which
+// for Unwrap is as long as the job. The request is gRPC's own object, made non-const, and nobody reads the spec again.
+template <class Request>
+v1::JobSpec* SpecOf(const Request& request) {
+  return const_cast<Request&>(request).mutable_spec();
+}
+
+absl::StatusOr<JobRequest> TakeSpec(const Caller& caller, v1::JobSpec* spec, UploadStore* uploads) {
+  UploadedMesh stored;
+  if (spec->has_upload()) {
+    PLANISH_ASSIGN_OR_RETURN(stored, uploads->Use(caller, spec->upload()));
+  } else if (spec->has_mesh_sha256()) {
+    PLANISH_ASSIGN_OR_RETURN(stored, uploads->FindMesh(caller, spec->mesh_sha256()));
+  }
+  PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeJobRequest(spec));
+  job.mesh = std::move(stored.mesh);
+  job.mesh_sha256 = std::move(stored.sha256);
   return job;
 }
 
@@ -77,10 +115,8 @@ class PlanishService : public v1::Planish::CallbackService {
                                                        const v1::UnwrapRequest* request) override {
     JobFinder create = [this, context, request]() -> absl::StatusOr<WatchedJob> {
       PLANISH_ASSIGN_OR_RETURN(const Caller caller, Admit(*context, Need::kSubmit));
-      PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(caller, request, uploads_));
-      job.attached = !request->detached();
-      job.failpoint = Failpoint(*context);
-      PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(caller, std::move(job)));
+      PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted,
+                               Create(caller, *context, SpecOf(*request), request->request_id(), !request->detached()));
       return WatchedJob{std::move(accepted.events), std::move(accepted.attachment)};
     };
     JobStream::Position position;
@@ -104,23 +140,106 @@ class PlanishService : public v1::Planish::CallbackService {
                                       v1::Job* response) override {
     return Answer(context, Need::kSubmit, response,
                   [this, context, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
-                    PLANISH_ASSIGN_OR_RETURN(JobRequest job, TakeRequest(caller, request, uploads_));
-                    job.failpoint = Failpoint(*context);
-                    PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, manager_->Create(caller, std::move(job)));
+                    PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, Create(caller, *context, SpecOf(*request),
+                                                                          request->request_id(), /*attached=*/false));
                     return std::move(accepted.job);
+                  });
+  }
+
+  grpc::ServerUnaryReactor* BatchCreateJobs(grpc::CallbackServerContext* context,
+                                            const v1::BatchCreateJobsRequest* request,
+                                            v1::BatchCreateJobsResponse* response) override {
+    return Answer(context, Need::kSubmit, response,
+                  [this, context, request](const Caller& caller) -> absl::StatusOr<v1::BatchCreateJobsResponse> {
+                    PLANISH_RETURN_IF_ERROR(CheckCount("requests", request->requests_size()));
+                    v1::BatchCreateJobsResponse answer;
+                    for (int i = 0; i < request->requests_size(); ++i) {
+                      const v1::CreateJobRequest& each = request->requests(i);
+                      absl::StatusOr<AcceptedJob> accepted =
+                          Create(caller, *context, SpecOf(each), each.request_id(), /*attached=*/false);
+                      v1::BatchCreateJobsResponse::Result* result = answer.add_results();
+                      if (accepted.ok()) {
+                        *result->mutable_job() = InView(std::move(accepted->job), v1::JOB_VIEW_BASIC);
+                      } else {
+                        *result->mutable_error() =
+                            ToCallStatus(WithinField(accepted.status(), absl::StrCat("requests[", i, "].")));
+                      }
+                    }
+                    return answer;
+                  });
+  }
+
+  grpc::ServerUnaryReactor* FindMissingMeshes(grpc::CallbackServerContext* context,
+                                              const v1::FindMissingMeshesRequest* request,
+                                              v1::FindMissingMeshesResponse* response) override {
+    return Answer(context, Need::kSubmit, response,
+                  [this, request](const Caller& caller) -> absl::StatusOr<v1::FindMissingMeshesResponse> {
+                    PLANISH_RETURN_IF_ERROR(CheckCount("sha256", request->sha256_size()));
+                    const std::vector<std::string> digests(request->sha256().begin(), request->sha256().end());
+                    PLANISH_ASSIGN_OR_RETURN(const std::vector<std::string> missing,
+                                             uploads_->FindMissing(caller, digests));
+                    v1::FindMissingMeshesResponse answer;
+                    answer.mutable_missing_sha256()->Assign(missing.begin(), missing.end());
+                    return answer;
                   });
   }
 
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context, const v1::GetJobRequest* request,
                                    v1::Job* response) override {
-    return Answer(context, Need::kJobs, response,
-                  [this, request](const Caller& caller) { return manager_->Get(caller, request->name()); });
+    return Answer(context, Need::kJobs, response, [this, request](const Caller& caller) -> absl::StatusOr<v1::Job> {
+      PLANISH_RETURN_IF_ERROR(CheckView(request->view()));
+      PLANISH_ASSIGN_OR_RETURN(v1::Job job, manager_->Get(caller, request->name()));
+      return InView(std::move(job), request->view());
+    });
+  }
+
+  grpc::ServerUnaryReactor* WaitJob(grpc::CallbackServerContext* context, const v1::WaitJobRequest* request,
+                                    v1::Job* response) override {
+    WaitedJob wait;
+    wait.timeout = kDefaultWait;
+    if (request->has_timeout()) {
+      const google::protobuf::Duration& timeout = request->timeout();
+      wait.timeout = std::min(absl::Seconds(timeout.seconds()) + absl::Nanoseconds(timeout.nanos()), kLongestWait);
+    }
+    const auto caller = std::make_shared<Caller>();
+    wait.find = [this, context, request, caller, timeout = wait.timeout]() -> absl::StatusOr<WatchedJob> {
+      PLANISH_ASSIGN_OR_RETURN(*caller, Admit(*context, Need::kNothing));
+      PLANISH_RETURN_IF_ERROR(CheckOwn(*caller));
+      PLANISH_RETURN_IF_ERROR(CheckView(request->view()));
+      if (timeout < absl::ZeroDuration()) return FieldIsWrong("timeout", "timeout is negative");
+      return manager_->Watch(*caller, request->name(), /*attach=*/false, /*include_uv=*/false);
+    };
+    wait.get = [this, request, caller]() -> absl::StatusOr<v1::Job> {
+      PLANISH_ASSIGN_OR_RETURN(v1::Job job, manager_->Get(*caller, request->name(), /*may_follow=*/true));
+      return InView(std::move(job), request->view());
+    };
+    return AwaitJob(std::move(wait), &call_threads_, response);
+  }
+
+  grpc::ServerUnaryReactor* ReadResult(grpc::CallbackServerContext* context, const v1::ReadResultRequest* request,
+                                       v1::ReadResultResponse* response) override {
+    return Answer(
+        context, Need::kNothing, response,
+        [this, request](const Caller& caller) -> absl::StatusOr<v1::ReadResultResponse> {
+          PLANISH_RETURN_IF_ERROR(CheckOwn(caller));
+          if (request->offset() < 0) return FieldIsWrong("offset", "offset is negative");
+          if (request->limit() < 0) return FieldIsWrong("limit", "limit is negative");
+          PLANISH_ASSIGN_OR_RETURN(JobResult result, manager_->OpenResult(caller, request->name()));
+          const std::int64_t most =
+              request->limit() == 0 ? kMostResultBytes : std::min(request->limit(), kMostResultBytes);
+          v1::ReadResultResponse answer;
+          PLANISH_RETURN_IF_ERROR(ReadUv(*result.uv, request->offset(), most, "offset", answer.mutable_data()));
+          surroundings_.streams->AddUvBytes(static_cast<std::int64_t>(answer.data().size()));
+          *answer.mutable_uv() = std::move(result.description);
+          return answer;
+        });
   }
 
   grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context, const v1::ListJobsRequest* request,
                                      v1::ListJobsResponse* response) override {
     return Answer(context, Need::kJobs, response,
                   [this, request](const Caller& caller) -> absl::StatusOr<v1::ListJobsResponse> {
+                    PLANISH_RETURN_IF_ERROR(CheckView(request->view()));
                     PLANISH_ASSIGN_OR_RETURN(JobPage page, manager_->List(caller, *request));
                     v1::ListJobsResponse answer;
                     answer.mutable_jobs()->Assign(page.jobs.begin(), page.jobs.end());
@@ -154,7 +273,16 @@ class PlanishService : public v1::Planish::CallbackService {
   grpc::ServerUnaryReactor* EstimateJob(grpc::CallbackServerContext* context, const v1::EstimateJobRequest* request,
                                         v1::JobEstimate* response) override {
     return Answer(context, Need::kSubmit, response,
-                  [this, request](const Caller& caller) { return manager_->Estimate(caller, *request); });
+                  [this, request](const Caller& caller) -> absl::StatusOr<v1::JobEstimate> {
+                    v1::JobSpec* const spec = SpecOf(*request);
+                    const v1::JobSpec::MeshCase mesh = spec->mesh_case();
+                    absl::StatusOr<JobRequest> job = TakeSpec(caller, spec, uploads_);
+                    if (!job.ok()) return WithinSpec(job.status(), mesh);
+                    absl::StatusOr<v1::JobEstimate> estimate =
+                        manager_->Estimate(caller, *job, request->mesh_bytes(), request->size());
+                    if (!estimate.ok()) return WithinSpec(estimate.status(), mesh);
+                    return estimate;
+                  });
   }
 
   grpc::ServerUnaryReactor* CreateUpload(grpc::CallbackServerContext* context, const v1::CreateUploadRequest* request,
@@ -194,6 +322,19 @@ class PlanishService : public v1::Planish::CallbackService {
   // Of calls by which one follows and ends what one's own Unwrap began: the manager tells whose jobs are whose.
   static absl::Status CheckOwn(const Caller& caller) {
     return caller.rights.submit ? absl::OkStatus() : caller.CheckRight(Need::kJobs);
+  }
+
+  absl::StatusOr<AcceptedJob> Create(const Caller& caller, const grpc::CallbackServerContext& context,
+                                     v1::JobSpec* spec, const std::string& request_id, bool attached) {
+    const v1::JobSpec::MeshCase mesh = spec->mesh_case();
+    absl::StatusOr<JobRequest> job = TakeSpec(caller, spec, uploads_);
+    if (!job.ok()) return WithinSpec(job.status(), mesh);
+    job->request_id = request_id;
+    job->attached = attached;
+    job->failpoint = Failpoint(context);
+    absl::StatusOr<AcceptedJob> accepted = manager_->Create(caller, *std::move(job));
+    if (!accepted.ok()) return WithinSpec(accepted.status(), mesh);
+    return accepted;
   }
 
   // Whoever makes this call, if they may.

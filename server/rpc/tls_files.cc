@@ -28,7 +28,7 @@ struct Free {
   void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
 };
 using Bio = std::unique_ptr<BIO, Free>;
-using Certificate = std::unique_ptr<X509, Free>;
+using X509Pointer = std::unique_ptr<X509, Free>;
 using Key = std::unique_ptr<EVP_PKEY, Free>;
 
 Bio Reader(const std::string& pem) {
@@ -52,8 +52,8 @@ absl::StatusOr<std::string> ReadText(const std::string& what, const std::string&
   return text.str();
 }
 
-std::vector<Certificate> CertificatesIn(const std::string& pem) {
-  std::vector<Certificate> certificates;
+std::vector<X509Pointer> CertificatesIn(const std::string& pem) {
+  std::vector<X509Pointer> certificates;
   const Bio reader = Reader(pem);
   while (X509* next = PEM_read_bio_X509(reader.get(), nullptr, nullptr, nullptr)) certificates.emplace_back(next);
   ERR_clear_error();  // "no start line" after the last one
@@ -99,7 +99,7 @@ absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now) 
   TlsMaterial material;
   PLANISH_ASSIGN_OR_RETURN(material.certificate, ReadText("the certificate", files.certificate));
   PLANISH_ASSIGN_OR_RETURN(material.key, ReadText("the key", files.key));
-  const std::vector<Certificate> chain = CertificatesIn(material.certificate);
+  const std::vector<X509Pointer> chain = CertificatesIn(material.certificate);
   if (chain.empty()) return absl::InvalidArgumentError(files.certificate + ": no certificate in PEM");
   PLANISH_ASSIGN_OR_RETURN(const Key key, KeyIn(material.key, files.key));
   if (X509_check_private_key(chain[0].get(), key.get()) != 1) {
@@ -121,9 +121,9 @@ absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now) 
   if (files.client_ca.empty()) return material;
 
   PLANISH_ASSIGN_OR_RETURN(material.client_ca, ReadText("the clients' CA", files.client_ca));
-  const std::vector<Certificate> roots = CertificatesIn(material.client_ca);
+  const std::vector<X509Pointer> roots = CertificatesIn(material.client_ca);
   if (roots.empty()) return absl::InvalidArgumentError(files.client_ca + ": no certificate in PEM");
-  for (const Certificate& root : roots) {
+  for (const X509Pointer& root : roots) {
     const absl::Status dates = CheckDates(files.client_ca, *root, now);
     if (dates.ok()) continue;
     if (roots.size() == 1) return dates;
@@ -133,7 +133,7 @@ absl::StatusOr<TlsMaterial> LoadTlsFiles(const TlsFiles& files, absl::Time now) 
 }
 
 absl::Time CertificateEnd(const std::string& pem) {
-  const std::vector<Certificate> certificates = CertificatesIn(pem);
+  const std::vector<X509Pointer> certificates = CertificatesIn(pem);
   return certificates.empty() ? absl::InfinitePast() : TimeOf(X509_get0_notAfter(certificates[0].get()));
 }
 

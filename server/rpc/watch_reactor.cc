@@ -86,13 +86,15 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
     Pump();
   }
 
+  // On a task thread: to release a job takes the manager's lock, which gRPC's own threads must not wait for.
   void Detach() {
-    JobAttachment released;
+    const auto released = std::make_shared<JobAttachment>();
     {
       const std::lock_guard lock(mutex_);
-      released = std::move(attachment_);
+      *released = std::move(attachment_);
     }
-    released.Release(HasPassed(deadline_));
+    if (released->empty()) return;
+    surroundings_.tasks->Post([released, for_good = HasPassed(deadline_)] { released->Release(for_good); });
   }
 
   // Starts the next operation if none is under way. Any thread.

@@ -15,6 +15,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
 #include <memory>
 #include <new>
 #include <thread>
@@ -96,6 +97,16 @@ std::string SoftLimit(__rlimit_resource resource) {
   return std::to_string(limit.rlim_cur);
 }
 
+// Variables that the server should have kept to itself.
+int CountForeignVariables() {
+  int count = 0;
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    const std::string_view text = *variable;
+    count += text.starts_with("PLANISH") || text.starts_with("PATH=") || text.starts_with("HOME=") ? 1 : 0;
+  }
+  return count;
+}
+
 std::string Flag(int value) {
   return value < 0 ? Outcome(value) : std::to_string(value);
 }
@@ -138,6 +149,8 @@ absl::Status Probe() {
                     {"socket", Outcome(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0))},
                     {"unix_socket", Outcome(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0))},
                     {"execve", TryExec()},
+                    {"fcntl", Outcome(fcntl(STDERR_FILENO, F_SETFL, O_NONBLOCK | O_ASYNC))},
+                    {"environment", std::to_string(CountForeignVariables())},
                     {"fork", TryFork()},
                     {"kill", Outcome(kill(getppid(), 0))},
                     {"ptrace", Outcome(ptrace(PTRACE_PEEKUSER, -1, nullptr, nullptr))},

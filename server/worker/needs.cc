@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/base/status_macros.h"
-#include "core/io/draco_header.h"
+#include "core/draco/header.h"
 #include "core/unwrap/estimate.h"
 #include "server/worker/options.h"
 

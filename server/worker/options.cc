@@ -31,6 +31,11 @@ constexpr Choice<v1::Pack, bool> kPacks[] = {
     {v1::PACK_ON, true},
     {v1::PACK_OFF, false},
 };
+constexpr Choice<v1::Effort, PackEffort> kEfforts[] = {
+    {v1::EFFORT_FAST, PackEffort::kFast},
+    {v1::EFFORT_NORMAL, PackEffort::kNormal},
+    {v1::EFFORT_BEST, PackEffort::kBest},
+};
 constexpr Choice<v1::Solver, SolverType> kSolvers[] = {
     {v1::SOLVER_AUTO, SolverType::kAuto},
     {v1::SOLVER_UZAWA, SolverType::kUzawa},
@@ -90,6 +95,7 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   FlattenOptions& flatten = core.flatten;
   PLANISH_RETURN_IF_ERROR(Choose("seams", kSeams, options.seams(), &core.seams.policy));
   PLANISH_RETURN_IF_ERROR(Choose("pack", kPacks, options.pack(), &core.pack));
+  PLANISH_RETURN_IF_ERROR(Choose("effort", kEfforts, options.effort(), &core.atlas.effort));
   PLANISH_RETURN_IF_ERROR(Choose("solver", kSolvers, options.solver(), &flatten.solver));
   PLANISH_RETURN_IF_ERROR(Choose("system", kSystems, options.system(), &flatten.system));
   PLANISH_RETURN_IF_ERROR(
@@ -154,6 +160,9 @@ v1::Preconditioner ToProto(PreconditionerType type) {
 }
 v1::Hessian ToProto(HessianType type) {
   return Find(kHessians, type);
+}
+v1::Effort ToProto(PackEffort effort) {
+  return Find(kEfforts, effort);
 }
 v1::Boundary ToProto(BoundaryType type) {
   return Find(kBoundaries, type);

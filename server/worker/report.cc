@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "core/base/status_macros.h"
+#include "server/link/duration.h"
 #include "server/worker/options.h"
 
 namespace planish {
@@ -114,6 +115,7 @@ v1::Atlas AtlasOf(const UnwrapResult& result, const UnwrapOptions& options) {
   atlas.set_texture_size(options.atlas.texture_size);
   atlas.set_padding(options.atlas.padding);
   atlas.set_tiles(result.tiles);
+  atlas.set_effort(ToProto(options.atlas.effort));
   atlas.set_texels_per_unit(result.texels_per_unit);
   return atlas;
 }
@@ -130,6 +132,7 @@ v1::Quality ToProto(const Quality& quality) {
   proto.set_conformal_distortion_max(quality.conformal_distortion_max);
   proto.set_stretch_l2(quality.stretch_l2);
   proto.set_packing_efficiency(quality.packing_efficiency);
+  proto.set_seam_length(quality.seam_length);
   return proto;
 }
 
@@ -169,12 +172,12 @@ v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh, const UnwrapOpt
   *proto.mutable_chart_totals() = Totals(result.charts);
   *proto.mutable_atlas() = AtlasOf(result, options);
   *proto.mutable_quality() = ToProto(result.quality);
-  v1::StageSeconds* seconds = proto.mutable_seconds();
-  seconds->set_charts(result.seconds.charts);
-  seconds->set_solve(result.seconds.solve);
-  seconds->set_layout(result.seconds.layout);
-  seconds->set_pack(result.seconds.pack);
-  seconds->set_verify(result.seconds.verify);
+  v1::StageTimes* times = proto.mutable_times();
+  *times->mutable_charts() = ToDuration(result.seconds.charts);
+  *times->mutable_solve() = ToDuration(result.seconds.solve);
+  *times->mutable_layout() = ToDuration(result.seconds.layout);
+  *times->mutable_pack() = ToDuration(result.seconds.pack);
+  *times->mutable_verify() = ToDuration(result.seconds.verify);
   for (const UnwrapWarning& warning : result.warnings) *proto.add_warnings() = ToProto(warning);
   return proto;
 }

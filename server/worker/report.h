@@ -12,13 +12,13 @@
 
 namespace planish {
 
-// Without elapsed_seconds and tolerance.
+// Without `elapsed` and tolerance.
 v1::Progress ToProto(const UnwrapProgress& progress);
 
 // Charts that a report describes one by one (planish.v1.Report.charts): a few hundred KB.
 inline constexpr std::size_t kMaxChartReports = 1024;
 
-// Without seconds.queue, seconds.decode, seconds.encode, peak_memory_bytes and threads. `result` came from `options`.
+// Without times.queue, times.decode, times.encode, peak_memory_bytes and threads. `result` came from `options`.
 v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh, const UnwrapOptions& options);
 
 // The UV bytes of planish.v1.UvDescription: little-endian float32 when `precision` is kFloat (every number must then

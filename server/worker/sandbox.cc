@@ -38,7 +38,6 @@ constexpr int kAllowed[] = {
     SCMP_SYS(ppoll),
     SCMP_SYS(memfd_create),
     SCMP_SYS(fallocate),
-    SCMP_SYS(fcntl),
     // Memory.
     SCMP_SYS(brk),
     SCMP_SYS(munmap),
@@ -87,14 +86,16 @@ int AddRules(scmp_filter_ctx filter) {
   for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
     allow(call, SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   }
+  // Of fcntl only what seals memory for the server.
+  allow(SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_EQ, F_ADD_SEALS, 0));
   // Threads, not processes. The flags of clone3 lie in memory, where a filter cannot look: the C library takes clone if
   // there is no clone3.
   allow(SCMP_SYS(clone), SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD, CLONE_THREAD));
   if (error == 0) error = seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3), 0);
   // abort() and raise(): signals to itself.
-  allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(getpid())));
+  allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(getpid()), 0));
   // The memory limit of each job (process_memory.h): its own only.
-  allow(SCMP_SYS(prlimit64), SCMP_A0(SCMP_CMP_EQ, 0));
+  allow(SCMP_SYS(prlimit64), SCMP_A0(SCMP_CMP_EQ, 0, 0));
   return error;
 }
 

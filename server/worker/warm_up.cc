@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/base/heap.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "core/mesh/mesh.h"
 #include "server/worker/work.h"
 

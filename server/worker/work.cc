@@ -14,9 +14,11 @@
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "core/unwrap/unwrap.h"
+#include "server/link/duration.h"
 #include "server/link/rpc_status.h"
+#include "server/worker/mesh_arrays.h"
 #include "server/worker/options.h"
 #include "server/worker/process_memory.h"
 #include "server/worker/report.h"
@@ -74,7 +76,7 @@ class Work {
     ReportStage(v1::STAGE_DECODE);
     PLANISH_RETURN_IF_ERROR(Reach("decode"));
     Timer timer;
-    PLANISH_ASSIGN_OR_RETURN(const Mesh mesh, DecodeDraco(blobs_[0]->bytes()));
+    PLANISH_ASSIGN_OR_RETURN(const Mesh mesh, ReadMesh());
     const double decode_seconds = timer.Seconds();
     PLANISH_RETURN_IF_ERROR(CheckSize(mesh));
     PLANISH_RETURN_IF_ERROR(CheckCancel());
@@ -91,8 +93,8 @@ class Work {
     *report = ToProto(unwrapped, mesh, options);
     Describe(unwrapped, outcome.uv->bytes(), outcome.result.mutable_uv());
     report->set_threads(options.threads);
-    report->mutable_seconds()->set_decode(decode_seconds);
-    report->mutable_seconds()->set_encode(timer.Seconds());
+    *report->mutable_times()->mutable_decode() = ToDuration(decode_seconds);
+    *report->mutable_times()->mutable_encode() = ToDuration(timer.Seconds());
     report->set_peak_memory_bytes(PeakMemoryBytes());
     return outcome;
   }
@@ -102,7 +104,7 @@ class Work {
     absl::Status failed;
     bool reached = false;
     UnwrapControl control;
-    control.interrupter = control_.cancel;
+    control.cancel = control_.cancel;
     control.stop = control_.stop;
     control.on_progress = [&](const UnwrapProgress& progress) {
       Report(ToProto(progress));
@@ -111,6 +113,11 @@ class Work {
     absl::StatusOr<UnwrapResult> unwrapped = Unwrap(mesh, options, control);
     if (!failed.ok()) return failed;
     return unwrapped;
+  }
+
+  absl::StatusOr<Mesh> ReadMesh() const {
+    const std::string_view bytes = blobs_[0]->bytes();
+    return request_.has_array_vertices() ? ReadMeshArrays(bytes, request_.array_vertices()) : DecodeDraco(bytes);
   }
 
   absl::Status Reach(std::string_view point) const {
@@ -139,7 +146,7 @@ class Work {
   }
 
   void Report(v1::Progress progress) {
-    progress.set_elapsed_seconds(since_start_.Seconds());
+    *progress.mutable_elapsed() = ToDuration(since_start_.Seconds());
     progress.set_tolerance(tolerance_);
     last_ = progress;
     if (throttle_.Pass(progress) && control_.on_progress) control_.on_progress(progress);
@@ -178,14 +185,17 @@ bool ProgressThrottle::Pass(const v1::Progress& progress) {
   const bool one_chart = progress.chart_count() <= 1;
   const bool news =
       !last_.has_value() || progress.stage() != last_->stage() ||
-      progress.elapsed_seconds() - last_->elapsed_seconds() >= kIntervalSeconds ||
+      ToSeconds(progress.elapsed()) - ToSeconds(last_->elapsed()) >= kIntervalSeconds ||
       (one_chart && (progress.linear_residual() == 0 || progress.newton_iteration() != last_->newton_iteration()));
   if (news) last_ = progress;
   return news;
 }
 
 absl::Status OutOfMemory() {
-  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", "the worker ran out of memory on this mesh");
+  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+                   "the job took more memory than was reserved for it by the counts of its mesh, as a mesh may whose "
+                   "faces share few vertices or make very many charts; weld its vertices, simplify it, or unwrap it in "
+                   "parts");
 }
 
 WorkOutcome DoWork(const WorkRequest& request, const std::vector<BlobPtr>& blobs, const WorkControl& control) {

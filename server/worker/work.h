@@ -19,7 +19,7 @@ class ProgressThrottle {
  public:
   static constexpr double kIntervalSeconds = 0.1;
 
-  // Whether to send `progress`, whose elapsed_seconds are set.
+  // Whether to send `progress`, whose `elapsed` is set.
   bool Pass(const v1::Progress& progress);
 
  private:

@@ -84,7 +84,7 @@ class Orders {
   std::thread listener_;
 };
 
-WorkOutcome Work(const Order& order, ServerLink& server,
+WorkOutcome WorkOn(const Order& order, ServerLink& server,
                  const std::function<absl::Status(std::string_view)>& at_point) {
   WorkControl control;
   control.cancel = &order.cancel;
@@ -119,9 +119,9 @@ void Serve(const Order& order, ServerLink& server, const WorkerSettings& setting
   if (settings.owns_process) {
     const MemoryLimit limit(request.memory_bytes(), request.expected_bytes(), request.max_threads());
     ResetPeakMemory();
-    outcome = Work(order, server, at_point);
+    outcome = WorkOn(order, server, at_point);
   } else {
-    outcome = Work(order, server, at_point);
+    outcome = WorkOn(order, server, at_point);
   }
   FromWorker answer;
   *answer.mutable_result() = std::move(outcome.result);

@@ -11,7 +11,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "core/io/mesh_file.h"
+#include "client/files/mesh_file.h"
 
 namespace planish::bench {
 namespace {

@@ -9,13 +9,13 @@
 #include <utility>
 #include <vector>
 
+#include "client/files/mesh_file.h"
 #include "core/abf/flatten.h"
 #include "core/abf/layout.h"
+#include "core/abf/topology.h"
 #include "core/base/execution.h"
 #include "core/base/timer.h"
-#include "core/io/mesh_file.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/placement.h"
 #include "core/unwrap/verify.h"
@@ -54,8 +54,8 @@ void Measure(const std::string& name, ThreadTeam* team, const Stage& stage) {
 int Run(const Mesh& mesh, int threads) {
   ThreadTeam team(threads);
   const Execution all = {&team, nullptr};
-  Measure("charts", &team, [&](const Execution& e) { (void)CheckDisc(mesh, e); });
-  const absl::StatusOr<Topology> topology = CheckDisc(mesh, all);
+  Measure("charts", &team, [&](const Execution& e) { (void)DiscTopology(mesh, e); });
+  const absl::StatusOr<Topology> topology = DiscTopology(mesh, all);
   if (!topology.ok()) {
     std::fprintf(stderr, "%s\n", std::string(topology.status().message()).c_str());
     return 1;

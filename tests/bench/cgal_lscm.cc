@@ -12,7 +12,7 @@
 #include "CGAL/Surface_mesh_parameterization/LSCM_parameterizer_3.h"
 #include "CGAL/Surface_mesh_parameterization/parameterize.h"
 #include "CGAL/boost/graph/helpers.h"
-#include "core/io/mesh_file.h"
+#include "client/files/mesh_file.h"
 
 namespace {
 

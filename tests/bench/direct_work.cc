@@ -4,7 +4,7 @@
 #include <string>
 
 #include "core/base/timer.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "core/unwrap/unwrap.h"
 #include "server/worker/options.h"
 

@@ -4,11 +4,11 @@
 #include <cstdio>
 #include <string>
 
-#include "core/abf/kkt.h"
+#include "core/abf/topology.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "nlohmann/json.hpp"
 #include "tests/bench/bench_meshes.h"
+#include "tests/core/kkt.h"
 
 namespace planish::bench {
 namespace {
@@ -33,7 +33,7 @@ int Main(int argc, char** argv) {
   if (argc < 2 || argc > 3) return Fail("usage: planish_kkt_nonzeros MESH [SPY]");
   const auto mesh = LoadMesh(argv[1]);
   if (!mesh.ok()) return Fail(std::string(mesh.status().message()));
-  const auto topology = CheckDisc(*mesh);
+  const auto topology = DiscTopology(*mesh);
   if (!topology.ok()) return Fail(std::string(topology.status().message()));
   const nlohmann::json line = {{"mesh", LabelOf(argv[1])},
                                {"step", "figure 2"},

@@ -19,8 +19,8 @@
 
 #include "core/base/heap.h"
 #include "core/base/timer.h"
-#include "core/io/draco_codec.h"
-#include "core/io/draco_header.h"
+#include "core/draco/codec.h"
+#include "core/draco/header.h"
 #include "core/unwrap/estimate.h"
 #include "core/unwrap/unwrap.h"
 #include "nlohmann/json.hpp"

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <ctime>
 #include <fstream>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -43,7 +44,9 @@ int Main(int argc, char** argv) {
   app.add_option("--texture-size", options.texture_size);
   app.add_option("--padding", options.padding);
   app.add_option("--tiles", options.tiles);
-  app.add_option("--effort", options.effort);
+  const std::map<std::string, PackEffort> efforts = {
+      {"fast", PackEffort::kFast}, {"normal", PackEffort::kNormal}, {"best", PackEffort::kBest}};
+  app.add_option("--effort", options.effort)->transform(CLI::CheckedTransformer(efforts));
   app.add_option("--threads", threads);
   app.add_option("--svg", svg, "draws the last packing");
   app.add_option("charts", names)->required();

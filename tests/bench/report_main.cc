@@ -1,5 +1,5 @@
-// planish_bench_report paper|scale|peers|atlas|memory|service RUNS.jsonl COLUMNS < heading > TABLE.md: the heading,
-// then the tables. COLUMNS is the start of the names of the files for gnuplot.
+// planish_bench_report BENCH RUNS.jsonl COLUMNS < heading > TABLE.md: the heading, then the tables. BENCH is one of
+// those in Main(); COLUMNS is the start of the names of the files for gnuplot.
 #include <cstdio>
 #include <exception>
 #include <fstream>
@@ -15,10 +15,10 @@ namespace {
 int Main(int argc, char** argv) {
   const std::string which = argc == 4 ? argv[1] : "";
   if (which != "paper" && which != "scale" && which != "peers" && which != "atlas" && which != "memory" &&
-      which != "service") {
-    std::fprintf(
-        stderr,
-        "usage: planish_bench_report paper|scale|peers|atlas|memory|service RUNS.jsonl COLUMNS < heading > TABLE.md\n");
+      which != "service" && which != "tuning") {
+    std::fprintf(stderr,
+                 "usage: planish_bench_report paper|scale|peers|atlas|memory|service|tuning RUNS.jsonl COLUMNS < "
+                 "heading > TABLE.md\n");
     return 2;
   }
   Runs runs;
@@ -32,6 +32,7 @@ int Main(int argc, char** argv) {
                              : which == "peers"  ? ReportPeers(runs, argv[3])
                              : which == "atlas"  ? ReportAtlas(runs, argv[3])
                              : which == "memory" ? ReportMemory(runs, argv[3])
+                             : which == "tuning" ? ReportTuning(runs)
                                                  : ReportService(runs, argv[3]);
   std::cout << heading << "\n" << tables;
   return 0;

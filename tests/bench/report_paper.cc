@@ -124,7 +124,8 @@ std::string Figure2(const Runs& runs) {
   }
   text += Row({"paper's ear, 1,796", "-", "-", "47,607", "100,044", "-", ThreeDigits(100044.0 / 47607)});
   return text +
-         "\nBoth triangles of the symmetric matrix, no entries in its zero block (`core/abf/kkt.h` has the formulas). "
+         "\nBoth triangles of the symmetric matrix, no entries in its zero block (`tests/core/kkt.h` has the "
+         "formulas). "
          "The paper's numbers are\nthose of such a mesh with the wheel condition as a difference of two products, as "
          "the original ABF has it: sines of angles\nbefore and after the vertex are not coupled.\n";
 }

@@ -6,6 +6,7 @@
 #   tests/bench/run.sh peers [MESH...]  Blender's ABF and CGAL's LSCM on the same meshes, in turn, on one core
 #   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
 #   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
+#   tests/bench/run.sh tuning           each constant of the solver, linear algebra and boundary control halved and doubled
 #   tests/bench/run.sh service          what a server costs beside the work, 1,000 watchers, 500 jobs and 50 kills
 #   tests/bench/run.sh mutations        100,000 damaged meshes and messages against a server (--quick: 2,000)
 #
@@ -43,12 +44,12 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | memory | service | mutations) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, service, mutations)" ;;
+  paper | scale | peers | atlas | memory | tuning | service | mutations) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, mutations)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
 case $bench in
-  memory | service | mutations) ;;
+  memory | tuning | service | mutations) ;;
   *) command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench" ;;
 esac
 
@@ -56,6 +57,7 @@ esac
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
 targets=(planish_bench)
 [ "$bench" != atlas ] && [ "$bench" != service ] || targets+=(planish planishd)
+[ "$bench" != tuning ] || targets=(planish_tuning_sweep planish_bench_report)
 [ "$bench" != mutations ] || targets=(faults_test)
 cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
@@ -350,6 +352,14 @@ threads. Estimates
 (\`core/unwrap/estimate.h\`) know the counts that the first bytes of the Draco data declare, the size of the data and the
 options.$missing" |
     "$bin/planish_bench_report" memory "$runs" "$work/memory" >"$out/memory.md"
+}
+
+tuning() {
+  one_core "$bin/planish_tuning_sweep" ${quick:+--quick} >"$runs"
+  heading "Constants of the solver, halved and doubled" "Each constant of \`FlattenTuning\` (\`core/abf/tuning.h\`, \`core/linalg/tuning.h\`) by itself, the
+others at their defaults, on discs by formula (\`tests/bench/tuning_sweep.cc\`). Fractions like 0.95 are varied by their distance from 1,
+factors like 1.5 by their excess over 1. One thread." |
+    "$bin/planish_bench_report" tuning "$runs" "$work/tuning" >"$out/tuning.md"
 }
 
 mutations() {

@@ -28,8 +28,8 @@
 #include "tests/bench/direct_work.h"
 #include "tests/bench/report.h"
 #include "tests/faults/chaos.h"
-#include "tests/faults/durable_server.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/daemon.h"
+#include "tests/testing/files.h"
 
 namespace planish::bench {
 namespace {

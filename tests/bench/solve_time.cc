@@ -63,7 +63,7 @@ nlohmann::json Measure(const Mesh& mesh, const Arguments& arguments, bool first)
   const double cpu_start = CpuSeconds();
   double cpu_start_solve = 0, cpu_solve = 0, cpu_flat = 0, cpu_map = 0;
   UnwrapControl control;
-  control.interrupter = &interrupter;
+  control.cancel = &interrupter;
   control.on_progress = [&](const UnwrapProgress& progress) {
     if (timer.Seconds() > arguments.time_limit) interrupter.Interrupt();
     if (progress.stage == UnwrapStage::kSolve) {

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "CLI/CLI.hpp"
+#include "client/files/mesh_file.h"
 #include "core/abf/target_angles.h"
-#include "core/io/mesh_file.h"
+#include "core/abf/topology.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "core/mesh/predicates.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/verify.h"
@@ -83,7 +83,7 @@ int Judge(const Flags& flags) {
     flat[f] = flat_surface[f] || Orientation(p[0], p[1], p[2]) == 0;
   }
   const Eigen::VectorXd measured = MeasuredAngles(mesh);
-  const auto topology = CheckDisc(mesh);
+  const auto topology = DiscTopology(mesh);
   const TargetAngles target = topology.ok() ? MakeTargetAngles(*topology, measured)
                                             : TargetAngles{measured, Eigen::VectorXd::Zero(measured.size())};
   Quality quality, of_area;

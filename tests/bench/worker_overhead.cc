@@ -10,14 +10,14 @@
 
 #include "core/base/heap.h"
 #include "core/base/timer.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "nlohmann/json.hpp"
 #include "server/link/in_process_link.h"
 #include "server/link/process_link.h"
 #include "server/worker/work.h"
 #include "server/worker/worker.h"
 #include "server/worker_main.h"
-#include "tests/server/testing/meshes.h"
+#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {

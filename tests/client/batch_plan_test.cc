@@ -4,11 +4,11 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 
 #include "client/cli/batch_digest.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/testing/files.h"
 
 namespace planish::cli {
 namespace {
@@ -20,18 +20,11 @@ using ::testing::Pair;
 
 class BatchPlanTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    root_ = fs::path(testing::TempDir()) /
-            ("planish_plan_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
-    fs::remove_all(root_);
-    fs::create_directories(root_);
-    arguments_.output = (root_ / "out").string();
-  }
-  void TearDown() override { fs::remove_all(root_); }
+  void SetUp() override { arguments_.output = (root_ / "out").string(); }
 
   std::string File(const std::string& name, const std::string& bytes = "x") const {
     fs::create_directories((root_ / name).parent_path());
-    std::ofstream(root_ / name, std::ios::binary) << bytes;
+    PutFile(root_ / name, bytes);
     return (root_ / name).string();
   }
 
@@ -61,7 +54,8 @@ class BatchPlanTest : public ::testing::Test {
     return "";
   }
 
-  fs::path root_;
+  const TempDir temporary_;
+  const fs::path root_ = temporary_.Path();
   Arguments arguments_;
 };
 

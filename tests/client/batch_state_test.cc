@@ -2,13 +2,13 @@
 #include "client/cli/batch_state.h"
 
 #include <filesystem>
-#include <fstream>
 #include <thread>
 #include <vector>
 
 #include "client/cli/batch_digest.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"
+#include "tests/testing/files.h"
 
 namespace planish::cli {
 namespace {
@@ -17,18 +17,9 @@ namespace fs = std::filesystem;
 
 class BatchStateTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    directory_ = (fs::path(testing::TempDir()) /
-                  ("planish_state_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name())))
-                     .string();
-    fs::remove_all(directory_);
-    fs::create_directories(directory_);
-  }
-  void TearDown() override { fs::remove_all(directory_); }
-
-  std::string Write(const std::string& name, const std::string& bytes, std::ios::openmode mode = {}) const {
+  std::string Write(const std::string& name, const std::string& bytes, bool append = false) const {
     const std::string path = directory_ + "/" + name;
-    std::ofstream(path, std::ios::binary | std::ios::out | mode) << bytes;
+    PutFile(path, bytes, append);
     return path;
   }
 
@@ -47,7 +38,8 @@ class BatchStateTest : public ::testing::Test {
     return record;
   }
 
-  std::string directory_;
+  const TempDir temporary_;
+  const std::string directory_ = temporary_.Path();
 };
 
 TEST_F(BatchStateTest, RecordsGoThereAndBack) {

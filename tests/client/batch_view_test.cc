@@ -138,7 +138,7 @@ std::vector<BatchRow> Rows() {
 }
 
 TEST(BatchBarsTest, LeavesOnlyWhatEnded) {
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStderr();
   {
     BatchBars bars({"props/lamp.obj", "b.obj", "c.obj"});
     for (std::size_t file = 0; file < 3; ++file) bars.Begin(file);
@@ -150,7 +150,7 @@ TEST(BatchBarsTest, LeavesOnlyWhatEnded) {
     for (std::size_t file = 0; file < 3; ++file) bars.End(file, Rows()[file]);
     bars.Finish();
   }
-  const std::vector<std::string> shown = Shown(testing::internal::GetCapturedStderr());
+  const std::vector<std::string> shown = Shown(::testing::internal::GetCapturedStderr());
   ASSERT_EQ(shown.size(), 2u) << "of what was done before only the totals tell";
   EXPECT_THAT(shown[0], HasSubstr("props/lamp.obj  23,062 triangles, 12 charts, 0.82 s"));
   EXPECT_THAT(shown[1], HasSubstr("c.obj  23,062 triangles, 12 charts, 0.82 s; not usable: 1 triangle is flipped"));

@@ -37,12 +37,14 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
                                         "--texture-size=2048",
                                         "--padding=0",
                                         "--tiles=3",
+                                        "--effort=best",
                                         "--tolerance=1e-7",
                                         "--max-newton-iterations=7",
                                         "--threads=3",
                                         "--json",
                                         "--progress=plain",
-                                        "--label=mine",
+                                        "--label=build=12",
+                                        "--label=note=a=b",
                                         "--timeout=2.5"});
   ASSERT_TRUE(parsed.arguments) << parsed.err;
   const Arguments& arguments = *parsed.arguments;
@@ -62,6 +64,7 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.options.texture_size, 2048);
   EXPECT_EQ(arguments.options.padding, 0);
   EXPECT_EQ(arguments.options.tiles, 3);
+  EXPECT_EQ(arguments.options.effort, Effort::kBest);
   EXPECT_TRUE(arguments.options.pack);
   EXPECT_TRUE(arguments.seams.uv && arguments.seams.materials && arguments.seams.groups);
   EXPECT_THAT(arguments.seams.edge_files, ::testing::ElementsAre("a.txt", "b.txt"));
@@ -70,7 +73,7 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.options.threads, 3);
   EXPECT_TRUE(arguments.json);
   EXPECT_EQ(arguments.progress, ProgressMode::kPlain);
-  EXPECT_EQ(arguments.label, "mine");
+  EXPECT_EQ(arguments.labels, (std::map<std::string, std::string>{{"build", "12"}, {"note", "a=b"}}));
   EXPECT_EQ(arguments.timeout_seconds, 2.5);
 }
 
@@ -188,9 +191,11 @@ TEST(ArgumentsTest, Estimate) {
 TEST(ArgumentsTest, JobsStopAndLabels) {
   EXPECT_EQ(Parse({"jobs", "stop", "abc", "--server=h:1"}).arguments->command, Command::kJobsStop);
   EXPECT_EQ(Parse({"jobs", "stop", "abc", "--server=h:1"}).arguments->job, "jobs/abc");
-  const ParsedArguments list = Parse({"jobs", "list", "--label=night/", "--state=EXPIRED", "--server=h:1"});
+  const ParsedArguments list =
+      Parse({"jobs", "list", "--label=file=night/*", "--filter=labels:build", "--state=EXPIRED", "--server=h:1"});
   ASSERT_TRUE(list.arguments) << list.err;
-  EXPECT_EQ(list.arguments->label, "night/");
+  EXPECT_EQ(list.arguments->labels.at("file"), "night/*");
+  EXPECT_EQ(list.arguments->filter, "labels:build");
   EXPECT_EQ(list.arguments->state, JobState::kExpired);
 }
 
@@ -306,6 +311,8 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"pack", "in.obj", "-o", "x.obj", "--texture-size=32", "--padding=32"}, "leaves no room"},
       {{"inspect", "in.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "x.obj", "--pack=off", "--padding=4"}, "--pack=off"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--pack=off", "--effort=best"}, "--pack=off"},
+      {{"pack", "in.obj", "-o", "x.obj", "--effort=0.3"}, "fast"},
       {{"jobs", "list"}, "--server"},
       {{"jobs", "watch", "x", "--mesh", "in.obj", "--server=h:1"}, "-o"},
   };

@@ -15,9 +15,11 @@ namespace {
 
 using testing::Bytes;
 using ::testing::ElementsAre;
+using testing::ErrorOf;
 using testing::FakeServer;
 using testing::FakeStream;
 using ::testing::HasSubstr;
+using testing::kUv;
 using testing::MakeStatus;
 using testing::ProgressEvent;
 using testing::StateEvent;
@@ -27,9 +29,8 @@ constexpr int kUnavailable = 14;
 using Status = google::rpc::Status;
 
 // Two triangles; vertices 0 and 3 are isolated, so 1, 2, 4, 5 travel as 0, 1, 2, 3.
-const std::vector<float> kPositions = {9, 9, 9, 0, 0, 0, 1, 0, 0, 8, 8, 8, 1, 1, 0, 0, 1, 0};
-const std::vector<std::uint32_t> kTriangles = {1, 2, 4, 1, 4, 5};
-const std::vector<float> kUv = {0, 0, 1, 0, 1, 1, 0, 0, 1, 1, 0, 1};
+const std::vector<float> kWithIsolated = {9, 9, 9, 0, 0, 0, 1, 0, 0, 8, 8, 8, 1, 1, 0, 0, 1, 0};
+const std::vector<std::uint32_t> kTrianglesOfIt = {1, 2, 4, 1, 4, 5};
 
 ClientOptions Impatient() {
   ClientOptions options;
@@ -42,18 +43,6 @@ class ClientTest : public ::testing::Test {
  protected:
   Client NewClient() { return Client(server_.target(), Impatient()); }
 
-  // Runs `call`, which must throw.
-  template <typename Function>
-  static Error ErrorOf(const Function& call) {
-    try {
-      call();
-    } catch (const Error& error) {
-      return error;
-    }
-    ADD_FAILURE() << "nothing was thrown";
-    return Error(ErrorCode::kUnknown, "", "");
-  }
-
   FakeServer server_;
 };
 
@@ -63,7 +52,7 @@ TEST_F(ClientTest, UnwrapBringsUvAndReport) {
     seen = request;
     stream.Send(StateEvent(1, v1::JOB_STATE_QUEUED));
     stream.Send(ProgressEvent(2, 1, 1e-3));
-    stream.Send(SuccessEvent(3, request.draco(), Bytes(kUv)));
+    stream.Send(SuccessEvent(3, request.spec().draco(), Bytes(kUv)));
     stream.SendUv(0, Bytes(kUv).substr(0, 10));
     stream.SendUv(10, Bytes(kUv).substr(10));
     return Status();
@@ -72,12 +61,12 @@ TEST_F(ClientTest, UnwrapBringsUvAndReport) {
   options.solver = Solver::kMinres;
   options.tolerance = 1e-7;
   CallOptions call;
-  call.label = "square";
+  call.labels = {{"file", "square"}};
   std::vector<std::int64_t> sequences;
   Callbacks callbacks;
   callbacks.on_event = [&](const Event& event) { sequences.push_back(event.sequence); };
 
-  const UnwrapResult result = NewClient().Unwrap({kPositions, kTriangles}, options, callbacks, call);
+  const UnwrapResult result = NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, options, callbacks, call);
 
   EXPECT_EQ(result.job, "jobs/1");
   EXPECT_EQ(result.uv.precision, Precision::kFloat);
@@ -89,9 +78,9 @@ TEST_F(ClientTest, UnwrapBringsUvAndReport) {
   EXPECT_GT(result.report.seconds.upload, 0);
   EXPECT_GE(result.report.seconds.total, result.report.seconds.upload + result.report.seconds.download);
   EXPECT_THAT(sequences, ElementsAre(1, 2, 3));
-  EXPECT_EQ(seen.options().solver(), v1::SOLVER_MINRES);
-  EXPECT_EQ(seen.options().tolerance(), 1e-7);
-  EXPECT_EQ(seen.label(), "square");
+  EXPECT_EQ(seen.spec().options().solver(), v1::SOLVER_MINRES);
+  EXPECT_EQ(seen.spec().options().tolerance(), 1e-7);
+  EXPECT_EQ(seen.spec().labels().at("file"), "square");
   EXPECT_EQ(seen.request_id().size(), 36u);
   EXPECT_FALSE(seen.detached());
 }
@@ -100,7 +89,7 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   v1::UnwrapRequest seen;
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
     seen = request;
-    v1::JobEvent success = SuccessEvent(1, request.draco(), Bytes(kUv));
+    v1::JobEvent success = SuccessEvent(1, request.spec().draco(), Bytes(kUv));
     v1::Report& report = *success.mutable_job()->mutable_report();
     report.mutable_charts(0)->set_stretch_l2(1.25);
     report.mutable_charts(0)->set_chart(3);
@@ -110,7 +99,8 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
     report.mutable_atlas()->set_pack(v1::PACK_ON);
     report.mutable_atlas()->set_tiles(3);
     report.mutable_atlas()->set_texels_per_unit(12.5);
-    *success.mutable_job()->mutable_options() = request.options();
+    report.mutable_atlas()->set_effort(v1::EFFORT_BEST);
+    *success.mutable_job()->mutable_options() = request.spec().options();
     stream.Send(success);
     stream.SendUv(0, Bytes(kUv));
     return Status();
@@ -122,6 +112,7 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   options.texture_size = 512;
   options.padding = 0;
   options.tiles = 4;
+  options.effort = Effort::kFast;
   options.pack = false;
   Job echo;
   Callbacks callbacks;
@@ -130,21 +121,23 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   const std::vector<std::int32_t> corners = {0};          // faces the edge 2-4
   const std::vector<std::int32_t> uncut = {5, 1};
   const UnwrapResult result = NewClient().Unwrap(
-      MeshView(kPositions, kTriangles).WithSeams(edges).WithSeamCorners(corners).WithUncutCorners(uncut), options,
-      callbacks);
+      MeshView(kWithIsolated, kTrianglesOfIt).WithSeams(edges).WithSeamCorners(corners).WithUncutCorners(uncut),
+      options, callbacks);
 
-  EXPECT_THAT(seen.seam_corners(), ElementsAre(1, 3, 0));
-  EXPECT_THAT(seen.uncut_corners(), ElementsAre(5, 1));
-  EXPECT_EQ(seen.options().seams(), v1::SEAMS_KEEP);
-  EXPECT_EQ(seen.options().hard_edge_degrees(), 30);
-  EXPECT_EQ(seen.options().max_stretch(), 2);
-  EXPECT_EQ(seen.options().texture_size(), 512);
-  EXPECT_TRUE(seen.options().has_padding());
-  EXPECT_EQ(seen.options().padding(), 0);
-  EXPECT_EQ(seen.options().tiles(), 4);
-  EXPECT_EQ(seen.options().pack(), v1::PACK_OFF);
+  EXPECT_THAT(seen.spec().seam_corners(), ElementsAre(1, 3, 0));
+  EXPECT_THAT(seen.spec().uncut_corners(), ElementsAre(5, 1));
+  EXPECT_EQ(seen.spec().options().seams(), v1::SEAMS_KEEP);
+  EXPECT_EQ(seen.spec().options().hard_edge_degrees(), 30);
+  EXPECT_EQ(seen.spec().options().max_stretch(), 2);
+  EXPECT_EQ(seen.spec().options().texture_size(), 512);
+  EXPECT_TRUE(seen.spec().options().has_padding());
+  EXPECT_EQ(seen.spec().options().padding(), 0);
+  EXPECT_EQ(seen.spec().options().tiles(), 4);
+  EXPECT_EQ(seen.spec().options().effort(), v1::EFFORT_FAST);
+  EXPECT_EQ(seen.spec().options().pack(), v1::PACK_OFF);
   EXPECT_EQ(echo.options.seams, Seams::kKeep);
   EXPECT_EQ(echo.options.padding, 0);
+  EXPECT_EQ(echo.options.effort, Effort::kFast);
   EXPECT_FALSE(echo.options.pack);
   EXPECT_EQ(result.report.charts.at(0).stretch_l2, 1.25);
   EXPECT_EQ(result.report.charts.at(0).chart, 3);
@@ -152,6 +145,7 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   EXPECT_EQ(result.report.chart_totals.residual.Worst(), 0.5);
   EXPECT_EQ(result.report.atlas.tiles, 3);
   EXPECT_EQ(result.report.atlas.texels_per_unit, 12.5);
+  EXPECT_EQ(result.report.atlas.effort, Effort::kBest);
   EXPECT_FALSE(result.IsUsable()) << "two charts did not converge, be they described or not";
 }
 
@@ -162,16 +156,16 @@ TEST_F(ClientTest, DefaultsAreTheServers) {
     return Status();
   };
   const std::vector<std::int32_t> edge = {1, 4};
-  const Job job = NewClient().CreateJob(MeshView(kPositions, kTriangles).WithSeams(edge));
-  EXPECT_EQ(seen.options().seams(), v1::SEAMS_AUTO);
-  EXPECT_FALSE(seen.options().has_padding());
-  EXPECT_EQ(seen.options().pack(), v1::PACK_ON);
-  EXPECT_THAT(seen.seam_corners(), ElementsAre(1));
+  const Job job = NewClient().CreateJob(MeshView(kWithIsolated, kTrianglesOfIt).WithSeams(edge));
+  EXPECT_EQ(seen.spec().options().seams(), v1::SEAMS_AUTO);
+  EXPECT_FALSE(seen.spec().options().has_padding());
+  EXPECT_EQ(seen.spec().options().pack(), v1::PACK_ON);
+  EXPECT_THAT(seen.spec().seam_corners(), ElementsAre(1));
   EXPECT_EQ(job.options.seams, Seams::kAuto) << "what a server leaves open is auto";
 }
 
 TEST_F(ClientTest, SeamsThatAreNoneAreRefusedBeforeTheyTravel) {
-  const MeshView mesh(kPositions, kTriangles);
+  const MeshView mesh(kWithIsolated, kTrianglesOfIt);
   const std::vector<std::uint32_t> diagonal = {1, 4, 2, 5};
   Error error = ErrorOf([&] { NewClient().Unwrap(mesh.WithSeams(diagonal)); });
   EXPECT_EQ(error.reason(), "OPTIONS_INVALID");
@@ -192,7 +186,7 @@ TEST_F(ClientTest, SeamsThatAreNoneAreRefusedBeforeTheyTravel) {
 TEST_F(ClientTest, DoubleUvAndDoublePositions) {
   const std::vector<double> uv = {0, 0, 1.0 / 3, 0, 1, 0.1};
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    stream.Send(SuccessEvent(1, request.draco(), Bytes(uv), v1::PRECISION_DOUBLE));
+    stream.Send(SuccessEvent(1, request.spec().draco(), Bytes(uv), v1::PRECISION_DOUBLE));
     stream.SendUv(0, Bytes(uv));
     return Status();
   };
@@ -213,7 +207,7 @@ TEST_F(ClientTest, FailedJobThrowsInTheCallersIds) {
     stream.Send(failed);
     return Status();
   };
-  const Error error = ErrorOf([&] { NewClient().Unwrap({kPositions, kTriangles}); });
+  const Error error = ErrorOf([&] { NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}); });
   EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
   EXPECT_EQ(error.reason(), "MESH_EDGE_NON_MANIFOLD");
   EXPECT_STREQ(error.what(), "edges 1-5, 2-4 meet at face 1 of 2 faces");
@@ -226,19 +220,19 @@ TEST_F(ClientTest, FailedJobThrowsInTheCallersIds) {
 
 TEST_F(ClientTest, BadMeshesAreRefusedBeforeTheyTravel) {
   const std::vector<std::uint32_t> beyond = {1, 2, 6};
-  Error error = ErrorOf([&] { NewClient().Unwrap({kPositions, beyond}); });
+  Error error = ErrorOf([&] { NewClient().Unwrap({kWithIsolated, beyond}); });
   EXPECT_EQ(error.reason(), "MESH_INDEX_OUT_OF_RANGE");
   EXPECT_EQ(error.metadata().at("faces"), "0");
   const std::vector<std::int32_t> negative = {1, 2, -1};
-  EXPECT_EQ(ErrorOf([&] { NewClient().Unwrap({kPositions, negative}); }).reason(), "MESH_INDEX_OUT_OF_RANGE");
-  EXPECT_EQ(ErrorOf([&] { NewClient().Unwrap({kPositions, std::vector<std::uint32_t>()}); }).reason(), "MESH_EMPTY");
+  EXPECT_EQ(ErrorOf([&] { NewClient().Unwrap({kWithIsolated, negative}); }).reason(), "MESH_INDEX_OUT_OF_RANGE");
+  EXPECT_EQ(ErrorOf([&] { NewClient().Unwrap({kWithIsolated, std::vector<std::uint32_t>()}); }).reason(), "MESH_EMPTY");
 }
 
 TEST_F(ClientTest, RefusedCallThrowsItsErrorInfo) {
   server_.on_unwrap = [&](const v1::UnwrapRequest&, FakeStream&) {
     return MakeStatus(8, "the mesh is too large", "MESH_TOO_LARGE", {{"max_mesh_bytes", "10"}});
   };
-  const Error error = ErrorOf([&] { NewClient().Unwrap({kPositions, kTriangles}); });
+  const Error error = ErrorOf([&] { NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}); });
   EXPECT_EQ(error.code(), ErrorCode::kResourceExhausted);
   EXPECT_EQ(error.reason(), "MESH_TOO_LARGE");
   EXPECT_EQ(error.metadata().at("max_mesh_bytes"), "10");
@@ -250,17 +244,17 @@ TEST_F(ClientTest, WaitsForRoomInTheQueue) {
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
     request_ids.push_back(request.request_id());
     if (request_ids.size() < 3) return MakeStatus(8, "the queue is full", "QUEUE_FULL", {}, 0.02);
-    stream.Send(SuccessEvent(1, request.draco(), Bytes(kUv)));
+    stream.Send(SuccessEvent(1, request.spec().draco(), Bytes(kUv)));
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
-  EXPECT_EQ(NewClient().Unwrap({kPositions, kTriangles}).uv.floats, kUv);
+  EXPECT_EQ(NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}).uv.floats, kUv);
   EXPECT_THAT(request_ids, ElementsAre(request_ids[0], request_ids[0], request_ids[0]));
 
   request_ids.clear();
   ClientOptions options = Impatient();
   options.queue_full_wait_seconds = 0;
-  const Error error = ErrorOf([&] { Client(server_.target(), options).Unwrap({kPositions, kTriangles}); });
+  const Error error = ErrorOf([&] { Client(server_.target(), options).Unwrap({kWithIsolated, kTrianglesOfIt}); });
   EXPECT_EQ(error.reason(), "QUEUE_FULL");
   EXPECT_NEAR(error.retry_after_seconds(), 0.02, 1e-6);
 }
@@ -269,7 +263,7 @@ TEST_F(ClientTest, ReattachesWhereTheStreamBroke) {
   std::string draco;
   std::vector<v1::WatchJobRequest> watches;
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    draco = request.draco();
+    draco = request.spec().draco();
     stream.Send(StateEvent(1, v1::JOB_STATE_QUEUED));
     stream.Send(StateEvent(2, v1::JOB_STATE_RUNNING));
     return MakeStatus(kUnavailable, "Socket closed");
@@ -295,7 +289,7 @@ TEST_F(ClientTest, ReattachesWhereTheStreamBroke) {
   Callbacks callbacks;
   callbacks.on_event = [&](const Event& event) { sequences.push_back(event.sequence); };
   callbacks.on_reconnect = [&](const Error&, double) { ++reconnects; };
-  const UnwrapResult result = NewClient().Unwrap({kPositions, kTriangles}, {}, callbacks);
+  const UnwrapResult result = NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks);
   EXPECT_EQ(result.uv.floats, kUv);
   EXPECT_THAT(sequences, ElementsAre(1, 2, 3, 4));
   EXPECT_EQ(reconnects, 3);
@@ -319,7 +313,10 @@ TEST_F(ClientTest, GivesUpReattachingAfterSomeTime) {
     ++watches;
     return MakeStatus(kUnavailable, "Socket closed");
   };
-  const Error error = ErrorOf([&] { NewClient().Unwrap({kPositions, kTriangles}); });
+  // With sanitizers on a busy machine a call takes a third of a second.
+  ClientOptions options = Impatient();
+  options.reattach_seconds = 3;
+  const Error error = ErrorOf([&] { Client(server_.target(), options).Unwrap({kWithIsolated, kTrianglesOfIt}); });
   EXPECT_EQ(error.reason(), "CONNECTION_LOST");
   EXPECT_EQ(error.job(), "jobs/1");
   EXPECT_GE(watches, 5) << "it doubles its pauses from 0.01 s on";
@@ -332,7 +329,7 @@ TEST_F(ClientTest, SubmitsAnewWhenTheJobWentWithTheStream) {
     request_ids.push_back(request.request_id());
     stream.Send(StateEvent(1, v1::JOB_STATE_QUEUED));
     if (request_ids.size() < 3) return MakeStatus(kUnavailable, "Socket closed");
-    stream.Send(SuccessEvent(2, request.draco(), Bytes(kUv)));
+    stream.Send(SuccessEvent(2, request.spec().draco(), Bytes(kUv)));
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
@@ -342,7 +339,7 @@ TEST_F(ClientTest, SubmitsAnewWhenTheJobWentWithTheStream) {
     stream.Send(StateEvent(2, v1::JOB_STATE_CANCELLED));                       // the server noticed our absence
     return Status();
   };
-  EXPECT_EQ(NewClient().Unwrap({kPositions, kTriangles}).uv.floats, kUv);
+  EXPECT_EQ(NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}).uv.floats, kUv);
   ASSERT_EQ(request_ids.size(), 3u);
   EXPECT_NE(request_ids[0], request_ids[1]);
   EXPECT_NE(request_ids[1], request_ids[2]);
@@ -352,7 +349,7 @@ TEST_F(ClientTest, UvOfAnotherMeshOrWithDamageAreRefused) {
   std::string damage;
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
     const bool other_mesh = damage == "mesh";
-    v1::JobEvent success = SuccessEvent(1, other_mesh ? "another" : request.draco(), Bytes(kUv));
+    v1::JobEvent success = SuccessEvent(1, other_mesh ? "another" : request.spec().draco(), Bytes(kUv));
     std::string bytes = Bytes(kUv);
     if (damage == "bytes") bytes[5] = static_cast<char>(bytes[5] ^ 1);
     if (damage == "corners") success.mutable_job()->mutable_uv()->set_corner_count(7);
@@ -367,7 +364,7 @@ TEST_F(ClientTest, UvOfAnotherMeshOrWithDamageAreRefused) {
   for (const auto& [what, reason] : std::map<std::string, std::string>{
            {"mesh", "MESH_MISMATCH"}, {"bytes", "UV_CORRUPT"}, {"corners", "UV_CORRUPT"}, {"gap", "UV_CORRUPT"}}) {
     damage = what;
-    EXPECT_EQ(ErrorOf([&] { NewClient().Unwrap({kPositions, kTriangles}); }).reason(), reason) << what;
+    EXPECT_EQ(ErrorOf([&] { NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}); }).reason(), reason) << what;
   }
 }
 
@@ -388,6 +385,7 @@ class ClientCancelTest : public ClientTest {
       return Status();
     };
   }
+  ~ClientCancelTest() override { server_.Stop(); }
 
   // A call that is cancelled may end before the server has noticed.
   bool ServerNoticesCancel() const {
@@ -410,7 +408,7 @@ TEST_F(ClientCancelTest, CancelFromAnotherThreadCancelsOnTheServer) {
     if (error.code() == ErrorCode::kCancelled) ++failed;
     on_library_thread = std::this_thread::get_id() != here;
   };
-  Call call = client.StartUnwrap({kPositions, kTriangles}, {}, callbacks);
+  Call call = client.StartUnwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks);
   started_.get_future().wait();
   EXPECT_FALSE(call.WaitFor(0.01));
   std::thread([&] { call.Cancel(); }).join();
@@ -432,7 +430,7 @@ TEST_F(ClientCancelTest, StopTokenCancelsABlockingCall) {
     started_.get_future().wait();
     stop.request_stop();
   });
-  const Error error = ErrorOf([&] { NewClient().Unwrap({kPositions, kTriangles}, {}, {}, call); });
+  const Error error = ErrorOf([&] { NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, {}, {}, call); });
   stopper.join();
   EXPECT_EQ(error.code(), ErrorCode::kCancelled);
   EXPECT_TRUE(ServerNoticesCancel());
@@ -441,7 +439,7 @@ TEST_F(ClientCancelTest, StopTokenCancelsABlockingCall) {
 TEST_F(ClientCancelTest, DestructorCancels) {
   {
     Client client = NewClient();
-    const Call call = client.StartUnwrap({kPositions, kTriangles});
+    const Call call = client.StartUnwrap({kWithIsolated, kTrianglesOfIt});
     started_.get_future().wait();
   }
   EXPECT_TRUE(ServerNoticesCancel());
@@ -450,7 +448,7 @@ TEST_F(ClientCancelTest, DestructorCancels) {
 TEST_F(ClientCancelTest, DeadlineEndsTheCall) {
   CallOptions call;
   call.timeout_seconds = 0.1;
-  const Error error = ErrorOf([&] { NewClient().Unwrap({kPositions, kTriangles}, {}, {}, call); });
+  const Error error = ErrorOf([&] { NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, {}, {}, call); });
   EXPECT_EQ(error.code(), ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(error.job(), "jobs/1");
 }
@@ -458,16 +456,16 @@ TEST_F(ClientCancelTest, DeadlineEndsTheCall) {
 TEST_F(ClientCancelTest, ExceptionOfACallbackComesOut) {
   Callbacks callbacks;
   callbacks.on_event = [](const Event&) { throw std::logic_error("mine"); };
-  EXPECT_THROW(NewClient().Unwrap({kPositions, kTriangles}, {}, callbacks), std::logic_error);
+  EXPECT_THROW(NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks), std::logic_error);
   started_ = std::promise<void>();
   Client client = NewClient();
-  Call call = client.StartUnwrap({kPositions, kTriangles}, {}, callbacks);
+  Call call = client.StartUnwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks);
   EXPECT_THROW(call.Wait(), std::logic_error);
 }
 
 TEST_F(ClientTest, AsynchronousCallBringsItsResult) {
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    stream.Send(SuccessEvent(1, request.draco(), Bytes(kUv)));
+    stream.Send(SuccessEvent(1, request.spec().draco(), Bytes(kUv)));
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
@@ -476,7 +474,7 @@ TEST_F(ClientTest, AsynchronousCallBringsItsResult) {
   callbacks.on_done = [&](const UnwrapResult& result) { delivered.set_value(result.uv.floats); };
   Client client = NewClient();
   Client moved = std::move(client);
-  Call call = moved.StartUnwrap({kPositions, kTriangles}, {}, callbacks);
+  Call call = moved.StartUnwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks);
   EXPECT_EQ(call.Wait().uv.floats, kUv);
   EXPECT_EQ(delivered.get_future().get(), kUv);
 }
@@ -518,7 +516,7 @@ TEST(ClientUnreachable, RefusedConnectionFailsAtOnce) {
   const auto start = std::chrono::steady_clock::now();
   for (const char* target : {"127.0.0.1:1", "unix:/nonexistent/socket"}) {
     try {
-      Client(target).Unwrap({kPositions, kTriangles});
+      Client(target).Unwrap({kWithIsolated, kTrianglesOfIt});
       ADD_FAILURE();
     } catch (const Error& error) {
       EXPECT_EQ(error.reason(), "SERVER_UNREACHABLE");

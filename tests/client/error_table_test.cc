@@ -15,10 +15,10 @@ using testing::MakeStatus;
 using testing::StateEvent;
 using Status = google::rpc::Status;
 
-const std::vector<float> kPositions = {0, 0, 0, 1, 0, 0, 0, 1, 0};
-const std::vector<std::uint32_t> kTriangles = {0, 1, 2};
+const std::vector<float> kCorners = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+const std::vector<std::uint32_t> kOneTriangle = {0, 1, 2};
 
-struct Row {
+struct Refusal {
   std::string name;
   Status answer;  // of whatever call comes
   ErrorCode code;
@@ -28,7 +28,7 @@ struct Row {
   bool by_upload = false;
 };
 
-class ErrorTable : public ::testing::TestWithParam<Row> {
+class ErrorTable : public ::testing::TestWithParam<Refusal> {
  protected:
   ErrorTable() {
     const Status answer = GetParam().answer;
@@ -68,12 +68,12 @@ class MeshRefusals : public ErrorTable {};
 class JobRefusals : public ErrorTable {};
 
 TEST_P(MeshRefusals, AreTheErrorsOfTheLibrary) {
-  Expect([](Client& client) { client.Unwrap({kPositions, kTriangles}); });
-  Expect([](Client& client) { client.CreateJob({kPositions, kTriangles}); });
+  Expect([](Client& client) { client.Unwrap({kCorners, kOneTriangle}); });
+  Expect([](Client& client) { client.CreateJob({kCorners, kOneTriangle}); });
 }
 
 TEST_P(JobRefusals, AreTheErrorsOfTheLibrary) {
-  Expect([](Client& client) { client.AttachResult("jobs/1", {kPositions, kTriangles}); });
+  Expect([](Client& client) { client.AttachResult("jobs/1", {kCorners, kOneTriangle}); });
   if (GetParam().reason == "RESULT_EXPIRED") return;
   Expect([](Client& client) { client.WatchJob("jobs/1"); });
   Expect([](Client& client) { client.GetJob("jobs/1"); });
@@ -82,15 +82,15 @@ TEST_P(JobRefusals, AreTheErrorsOfTheLibrary) {
   Expect([](Client& client) { client.DeleteJob("jobs/1"); });
 }
 
-Row MakeRow(const std::string& name, ErrorCode code, const std::string& reason, const Error::Metadata& metadata,
-            double retry_after = 0, bool by_upload = false) {
+Refusal MakeRow(const std::string& name, ErrorCode code, const std::string& reason, const Error::Metadata& metadata,
+                double retry_after = 0, bool by_upload = false) {
   return {name,     MakeStatus(static_cast<int>(code), "no", reason, metadata, retry_after),
           code,     reason,
           metadata, retry_after,
           by_upload};
 }
 
-std::string NameOf(const ::testing::TestParamInfo<Row>& info) {
+std::string NameOf(const ::testing::TestParamInfo<Refusal>& info) {
   return info.param.name;
 }
 

@@ -4,6 +4,7 @@
 
 #include "core/base/sha256.h"
 #include "google/rpc/error_details.pb.h"
+#include "gtest/gtest.h"
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish::testing {
@@ -87,6 +88,25 @@ class FakeServer::Service : public v1::Planish::Service {
     Tell("GetJob", *context);
     return fake_->on_job ? ToGrpc(fake_->on_job("Get", request->name(), *job)) : kUnimplemented;
   }
+  grpc::Status BatchCreateJobs(grpc::ServerContext* context, const v1::BatchCreateJobsRequest* request,
+                               v1::BatchCreateJobsResponse* response) override {
+    Tell("BatchCreateJobs", *context);
+    return fake_->on_batch ? ToGrpc(fake_->on_batch(*request, *response)) : kUnimplemented;
+  }
+  grpc::Status FindMissingMeshes(grpc::ServerContext* context, const v1::FindMissingMeshesRequest* request,
+                                 v1::FindMissingMeshesResponse* response) override {
+    Tell("FindMissingMeshes", *context);
+    return fake_->on_find_missing ? ToGrpc(fake_->on_find_missing(*request, *response)) : kUnimplemented;
+  }
+  grpc::Status WaitJob(grpc::ServerContext* context, const v1::WaitJobRequest* request, v1::Job* job) override {
+    Tell("WaitJob", *context);
+    return fake_->on_wait ? ToGrpc(fake_->on_wait(*request, *job)) : kUnimplemented;
+  }
+  grpc::Status ReadResult(grpc::ServerContext* context, const v1::ReadResultRequest* request,
+                          v1::ReadResultResponse* response) override {
+    Tell("ReadResult", *context);
+    return fake_->on_read ? ToGrpc(fake_->on_read(*request, *response)) : kUnimplemented;
+  }
   grpc::Status StopJob(grpc::ServerContext* context, const v1::StopJobRequest* request, v1::Job* job) override {
     Tell("StopJob", *context);
     return fake_->on_job ? ToGrpc(fake_->on_job("Stop", request->name(), *job)) : kUnimplemented;
@@ -150,8 +170,13 @@ int FakeServer::port() const {
   return service_->port;
 }
 
-FakeServer::~FakeServer() {
+void FakeServer::Stop() {
   service_->server->Shutdown(std::chrono::system_clock::now());
+  service_->server->Wait();
+}
+
+FakeServer::~FakeServer() {
+  Stop();
 }
 
 google::rpc::Status MakeStatus(int code, const std::string& message, const std::string& reason,
@@ -172,6 +197,16 @@ google::rpc::Status MakeStatus(int code, const std::string& message, const std::
     status.add_details()->PackFrom(retry);
   }
   return status;
+}
+
+Error ErrorOf(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return error;
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return Error(ErrorCode::kUnknown, "", "");
 }
 
 v1::JobEvent StateEvent(std::int64_t sequence, v1::JobState state) {
@@ -208,7 +243,7 @@ v1::JobEvent SuccessEvent(std::int64_t sequence, const std::string& draco, const
   chart.set_method("abf");
   chart.set_solver(v1::SOLVER_DIRECT);
   chart.set_converged(true);
-  report.mutable_seconds()->set_solve(0.25);
+  report.mutable_times()->mutable_solve()->set_nanos(250'000'000);
   return event;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "google/rpc/status.pb.h"
+#include "planish/error.h"
 #include "planish/v1/planish.pb.h"
 
 namespace planish::testing {
@@ -36,6 +37,9 @@ class FakeServer {
   // On a free port, or the one of a server that is gone.
   explicit FakeServer(int port = 0);
   ~FakeServer();
+  // Ends all calls and waits for the functions below to return: one may still run, or only begin, when the client's
+  // call is over. For tests in which that may happen and what the functions use goes away before the server.
+  void Stop();
   const std::string& target() const { return target_; }
   int port() const;
 
@@ -48,6 +52,10 @@ class FakeServer {
   std::function<Status(const v1::ListJobsRequest&, v1::ListJobsResponse&)> on_list;
   std::function<Status(const std::string& method, const std::string& job, v1::Job&)>
       on_job;  // Get, Stop, Cancel, Delete
+  std::function<Status(const v1::BatchCreateJobsRequest&, v1::BatchCreateJobsResponse&)> on_batch;
+  std::function<Status(const v1::FindMissingMeshesRequest&, v1::FindMissingMeshesResponse&)> on_find_missing;
+  std::function<Status(const v1::WaitJobRequest&, v1::Job&)> on_wait;
+  std::function<Status(const v1::ReadResultRequest&, v1::ReadResultResponse&)> on_read;
   std::function<Status(const v1::CreateJobRequest&, v1::Job&)> on_create;
   std::function<Status(const v1::EstimateJobRequest&, v1::JobEstimate&)> on_estimate;
   std::function<Status(v1::Capabilities&)> on_capabilities;
@@ -71,6 +79,14 @@ v1::JobEvent ProgressEvent(std::int64_t sequence, int newton_iteration, double r
 // The last event of a job that succeeded on the mesh with `draco`.
 v1::JobEvent SuccessEvent(std::int64_t sequence, const std::string& draco, const std::string& uv_bytes,
                           v1::Precision precision = v1::PRECISION_FLOAT);
+
+// A square of two triangles, and its UV by corners.
+inline const std::vector<float> kPositions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+inline const std::vector<std::uint32_t> kTriangles = {0, 1, 2, 0, 2, 3};
+inline const std::vector<float> kUv = {0, 0, 1, 0, 1, 1, 0, 0, 1, 1, 0, 1};
+
+// The error that `call` throws; one that it throws is expected.
+Error ErrorOf(const std::function<void()>& call);
 
 // Numbers as they travel.
 template <typename Number>

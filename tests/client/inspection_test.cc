@@ -2,13 +2,13 @@
 #include "client/cli/inspection.h"
 
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <sstream>
 
 #include "client/cli/seam_edges.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/testing/files.h"
 
 namespace planish::cli {
 namespace {
@@ -24,8 +24,8 @@ class InspectionTest : public ::testing::Test {
  protected:
   MeshInput Input(const std::string& obj) {
     const std::string test = ::testing::UnitTest::GetInstance()->current_test_info()->name();
-    const std::string path = ::testing::TempDir() + "/" + test + ".obj";
-    std::ofstream(path) << obj;
+    const std::string path = directory_.Path(test + ".obj");
+    PutFile(path, obj);
     return MeshInput(path);
   }
 
@@ -35,6 +35,8 @@ class InspectionTest : public ::testing::Test {
     }
     throw std::out_of_range(name);
   }
+
+  const TempDir directory_;
 };
 
 constexpr char kDisc[] = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
@@ -138,21 +140,8 @@ TEST_F(InspectionTest, UvMaterialsAndGroups) {
 TEST(InspectionSharedMeshes, UvIslands) {
   const fs::path meshes = PLANISH_SHARED_MESHES;
   if (!fs::exists(meshes / "MANIFEST.tsv")) GTEST_SKIP() << "no shared meshes at " << meshes;
-  const auto cells = [](const std::string& line) {
-    std::vector<std::string> result;
-    std::istringstream stream(line);
-    for (std::string cell; std::getline(stream, cell, '\t');) result.push_back(cell);
-    return result;
-  };
-  std::ifstream manifest(meshes / "MANIFEST.tsv");
-  std::string line;
-  std::getline(manifest, line);
-  const std::vector<std::string> heading = cells(line);
   int compared = 0;
-  while (std::getline(manifest, line)) {
-    std::map<std::string, std::string> row;
-    const std::vector<std::string> values = cells(line);
-    for (std::size_t i = 0; i < std::min(heading.size(), values.size()); ++i) row[heading[i]] = values[i];
+  for (TableRow& row : ReadTable(meshes / "MANIFEST.tsv")) {
     // Files of which not every corner has UV have no count.
     if (fs::path(row["file"]).extension() != ".obj" || row["uv_charts"] == "0" || row["uv_charts"] == "-") continue;
     SCOPED_TRACE(row["file"]);

@@ -15,6 +15,7 @@ namespace {
 
 using testing::Bytes;
 using ::testing::ElementsAre;
+using testing::ErrorOf;
 using testing::FakeServer;
 using testing::FakeStream;
 using testing::FakeUpload;
@@ -26,9 +27,9 @@ using Status = google::rpc::Status;
 
 constexpr int kAborted = 10, kNotFound = 5, kOutOfRange = 11, kResourceExhausted = 8, kUnavailable = 14;
 
-const std::vector<float> kPositions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
-const std::vector<std::uint32_t> kTriangles = {0, 1, 2, 0, 2, 3};
-const std::vector<float> kUv = {0, 0, 1, 0, 1, 1, 0, 0, 1, 1, 0, 1};
+using testing::kPositions;
+using testing::kTriangles;
+using testing::kUv;
 
 ClientOptions Patient() {
   ClientOptions options;
@@ -38,17 +39,6 @@ ClientOptions Patient() {
   return options;
 }
 
-template <typename Function>
-Error ErrorOf(const Function& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error;
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return Error(ErrorCode::kUnknown, "", "");
-}
-
 // ---- a server that is killed and started again at the same address
 
 TEST(LostServer, UnwrapWaitsForTheServerAndGoesOnWithItsJob) {
@@ -56,7 +46,7 @@ TEST(LostServer, UnwrapWaitsForTheServerAndGoesOnWithItsJob) {
   std::string draco;
   std::promise<void> running;
   server->on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    draco = request.draco();
+    draco = request.spec().draco();
     stream.Send(StateEvent(1, v1::JOB_STATE_QUEUED));
     stream.Send(ProgressEvent(2, 1, 1e-3));
     running.set_value();
@@ -100,10 +90,10 @@ TEST(LostServer, BeforeTheFirstEventTheSameRequestIsMadeAgain) {
   std::vector<std::string> request_ids;
   server.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
     request_ids.push_back(request.request_id());
-    EXPECT_FALSE(request.draco().empty());
+    EXPECT_FALSE(request.spec().draco().empty());
     if (request_ids.size() == 1) return MakeStatus(kUnavailable, "Socket closed");
     if (request_ids.size() == 2) return MakeStatus(kUnavailable, "going down", "DRAINING", {}, 0.01);
-    stream.Send(SuccessEvent(1, request.draco(), Bytes(kUv)));
+    stream.Send(SuccessEvent(1, request.spec().draco(), Bytes(kUv)));
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
@@ -111,11 +101,32 @@ TEST(LostServer, BeforeTheFirstEventTheSameRequestIsMadeAgain) {
   EXPECT_THAT(request_ids, ElementsAre(request_ids[0], request_ids[0], request_ids[0]));
 }
 
+TEST(LostServer, MeshThatTheServerLostIsSentAgain) {
+  FakeServer server;
+  std::vector<std::string> request_ids;
+  server.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
+    request_ids.push_back(request.request_id());
+    EXPECT_FALSE(request.spec().draco().empty());
+    if (request_ids.size() == 1) {
+      v1::JobEvent lost = StateEvent(1, v1::JOB_STATE_FAILED);
+      *lost.mutable_job()->mutable_error() = MakeStatus(15, "the store was damaged", "MESH_LOST");
+      stream.Send(lost);
+      return Status();
+    }
+    stream.Send(SuccessEvent(1, request.spec().draco(), Bytes(kUv)));
+    stream.SendUv(0, Bytes(kUv));
+    return Status();
+  };
+  EXPECT_EQ(Client(server.target(), Patient()).Unwrap({kPositions, kTriangles}).uv.floats, kUv);
+  ASSERT_EQ(request_ids.size(), 2u);
+  EXPECT_NE(request_ids[0], request_ids[1]);
+}
+
 TEST(LostServer, DetachedJobsAreWatchedWithoutAttaching) {
   FakeServer server;
   std::string draco;
   server.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    draco = request.draco();
+    draco = request.spec().draco();
     EXPECT_TRUE(request.detached());
     stream.Send(StateEvent(1, v1::JOB_STATE_QUEUED));
     return MakeStatus(kUnavailable, "Socket closed");
@@ -139,7 +150,7 @@ TEST(LostServer, SafeCallsAreRepeated) {
   };
   server.on_job = [&](const std::string& method, const std::string&, v1::Job&) { return twice_broken(method); };
   server.on_list = [&](const v1::ListJobsRequest& request, v1::ListJobsResponse&) {
-    EXPECT_EQ(request.label_prefix(), "night/");
+    EXPECT_EQ(request.filter(), "labels:night");
     return twice_broken("List");
   };
   server.on_estimate = [&](const v1::EstimateJobRequest&, v1::JobEstimate&) { return twice_broken("Estimate"); };
@@ -150,7 +161,7 @@ TEST(LostServer, SafeCallsAreRepeated) {
   client.StopJob("jobs/1");
   client.CancelJob("jobs/1");
   client.DeleteJob("jobs/1");
-  client.ListJobs(0, {}, "night/");
+  client.ListJobs(0, "labels:night");
   client.Estimate(1000);
   client.GetCapabilities();
   client.CreateJob({kPositions, kTriangles});
@@ -204,7 +215,7 @@ TEST(StopCall, BringsWhatTheJobHas) {
     stream.Send(StateEvent(1, v1::JOB_STATE_RUNNING));
     started.set_value();
     while (stops == 0 && !stream.IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    v1::JobEvent success = SuccessEvent(2, request.draco(), Bytes(kUv));
+    v1::JobEvent success = SuccessEvent(2, request.spec().draco(), Bytes(kUv));
     success.mutable_job()->set_stop_requested(true);
     success.mutable_job()->mutable_report()->add_warnings()->set_reason("STOPPED");
     stream.Send(success);
@@ -231,7 +242,7 @@ TEST(StopCall, BeforeTheJobIsAcceptedAndOverALostStream) {
   std::atomic<int> stops = 0;
   std::string draco;
   server.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    draco = request.draco();
+    draco = request.spec().draco();
     called.set_value();
     stopped.get_future().wait();
     stream.Send(StateEvent(1, v1::JOB_STATE_QUEUED));
@@ -293,8 +304,8 @@ class UploadTest : public ::testing::Test {
       return Answer(upload);
     };
     server_.on_unwrap = [this](const v1::UnwrapRequest& request, FakeStream& stream) {
-      EXPECT_TRUE(request.draco().empty());
-      if (request.upload() != upload_.name()) return MakeStatus(kNotFound, "it expired", "UPLOAD_NOT_FOUND");
+      EXPECT_TRUE(request.spec().draco().empty());
+      if (request.spec().upload() != upload_.name()) return MakeStatus(kNotFound, "it expired", "UPLOAD_NOT_FOUND");
       EXPECT_EQ(Sha256(bytes_), upload_.sha256());
       stream.Send(SuccessEvent(1, bytes_, Bytes(kUv)));
       stream.SendUv(0, Bytes(kUv));
@@ -334,7 +345,7 @@ TEST_F(UploadTest, LargeMeshesTravelAhead) {
   EXPECT_EQ(sent.back(), upload_.total_bytes());
 
   server_.on_create = [this](const v1::CreateJobRequest& request, v1::Job& job) {
-    EXPECT_EQ(request.upload(), upload_.name());
+    EXPECT_EQ(request.spec().upload(), upload_.name());
     job.set_name("jobs/8");
     return Status();
   };
@@ -349,7 +360,7 @@ TEST_F(UploadTest, KnownBytesAreNotSent) {
     return Status();
   };
   server_.on_unwrap = [](const v1::UnwrapRequest& request, FakeStream&) {
-    EXPECT_EQ(request.upload(), "uploads/known");
+    EXPECT_EQ(request.spec().upload(), "uploads/known");
     return MakeStatus(3, "enough", "OPTIONS_INVALID");
   };
   EXPECT_EQ(ErrorOf([&] { Unwrap(); }).reason(), "OPTIONS_INVALID");

@@ -2,10 +2,10 @@
 #include "client/cli/mesh_input.h"
 
 #include <filesystem>
-#include <fstream>
 #include <functional>
 
 #include "gtest/gtest.h"
+#include "tests/testing/files.h"
 
 namespace planish::cli {
 namespace {
@@ -16,18 +16,12 @@ constexpr char kSquare[] =
     "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 2/1 3/2 4/3\nf 2 4 5\n";
 constexpr char kQuad[] = "v 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nvt 0.5 0.5\nusemtl a\nf 1/1 2/1 3/1 4/1\n";
 
-class MeshInputs : public testing::Test {
+class MeshInputs : public ::testing::Test {
  protected:
-  void SetUp() override {
-    directory_ = fs::path(testing::TempDir()) /
-                 ("planish_input_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
-    fs::remove_all(directory_);
-    fs::create_directories(directory_ / "out");
-  }
-  void TearDown() override { fs::remove_all(directory_); }
+  void SetUp() override { fs::create_directories(directory_ / "out"); }
   std::string File(const std::string& name, const std::string& bytes) const {
     fs::create_directories((directory_ / name).parent_path());
-    std::ofstream(directory_ / name, std::ios::binary) << bytes;
+    PutFile(directory_ / name, bytes);
     return (directory_ / name).string();
   }
   static std::string Reason(const std::function<void()>& action) {
@@ -39,7 +33,8 @@ class MeshInputs : public testing::Test {
     return "";
   }
 
-  fs::path directory_;
+  const TempDir temporary_;
+  const fs::path directory_ = temporary_.Path();
 };
 
 TEST_F(MeshInputs, TravelAsOneMesh) {

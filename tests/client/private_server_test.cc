@@ -7,12 +7,12 @@
 
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 
 #include "client/src/find_planishd.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -21,16 +21,10 @@ using ::testing::HasSubstr;
 
 class PrivateServerTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = ::testing::TempDir() + "planish-test-XXXXXX";
-    directory_ = mkdtemp(pattern.data());
-  }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
-
   PrivateServerOptions Script(const std::string& body) {
     PrivateServerOptions options;
-    options.executable = directory_ + "/planishd";
-    std::ofstream(options.executable) << "#!/bin/sh\n" << body;
+    options.executable = directory_.Path("planishd");
+    PutFile(options.executable, "#!/bin/sh\n" + body);
     chmod(options.executable.c_str(), 0755);
     return options;
   }
@@ -47,7 +41,7 @@ class PrivateServerTest : public ::testing::Test {
     return "";
   }
 
-  std::string directory_;
+  TempDir directory_;
 };
 
 TEST_F(PrivateServerTest, StartsAndEndsWithItsOwner) {
@@ -100,17 +94,17 @@ TEST_F(PrivateServerTest, SilenceIsNotWaitedForForever) {
 
 TEST_F(PrivateServerTest, MissingProgram) {
   PrivateServerOptions options;
-  options.executable = directory_ + "/nothing";
+  options.executable = directory_.Path("nothing");
   EXPECT_THAT(MessageOf(options), HasSubstr("nothing is not a program"));
 }
 
 TEST_F(PrivateServerTest, FoundBesideTheProgramThenByNameThenInPath) {
   const PrivateServerOptions options = Script("");
   const std::string path = getenv("PATH");
-  setenv("PATH", ("/nonexistent:" + directory_).c_str(), 1);
+  setenv("PATH", ("/nonexistent:" + directory_.Path()).c_str(), 1);
   EXPECT_EQ(FindPlanishd("/nonexistent"), options.executable);
   setenv("PLANISHD", "/nonexistent/planishd", 1);
-  EXPECT_EQ(FindPlanishd(directory_), options.executable);
+  EXPECT_EQ(FindPlanishd(directory_.Path()), options.executable);
   EXPECT_EQ(FindPlanishd("/nonexistent"), "") << "a wrong name is not papered over";
   setenv("PLANISHD", options.executable.c_str(), 1);
   EXPECT_EQ(FindPlanishd("/nonexistent"), options.executable);

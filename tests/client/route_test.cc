@@ -26,9 +26,9 @@ using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
 using Status = google::rpc::Status;
 
-const std::vector<float> kPositions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
-const std::vector<std::uint32_t> kTriangles = {0, 1, 2, 0, 2, 3};
-const std::vector<float> kUv = {0, 0, 1, 0, 1, 1, 0, 0, 1, 1, 0, 1};
+using testing::kPositions;
+using testing::kTriangles;
+using testing::kUv;
 
 TEST(Route, IsTheNameBeforeTheFirstDot) {
   EXPECT_EQ(RouteOf("jobs/planish-0.1a2b"), "planish-0");
@@ -111,7 +111,7 @@ TEST_F(RouteTest, ThereIsNoneWhereServersHaveNoNames) {
 TEST_F(RouteTest, ReattachingGoesToTheServerThatHasTheJob) {
   std::string draco;
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    draco = request.draco();
+    draco = request.spec().draco();
     stream.Send(Named(testing::StateEvent(1, v1::JOB_STATE_QUEUED)));
     return MakeStatus(14, "Socket closed");
   };
@@ -173,7 +173,7 @@ TEST_F(RouteTest, UploadsAndTheJobsMadeFromThem) {
     return Status();
   };
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
-    EXPECT_EQ(request.upload(), "uploads/b.7");
+    EXPECT_EQ(request.spec().upload(), "uploads/b.7");
     stream.Send(Named(testing::SuccessEvent(1, draco, Bytes(kUv))));
     stream.SendUv(0, Bytes(kUv));
     return Status();

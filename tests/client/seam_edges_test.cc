@@ -2,11 +2,11 @@
 #include "client/cli/seam_edges.h"
 
 #include <filesystem>
-#include <fstream>
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"
+#include "tests/testing/files.h"
 
 namespace planish::cli {
 namespace {
@@ -29,9 +29,8 @@ class PolygonEdgesTest : public ::testing::Test {
   }
 
   std::string Write(const std::string& text) {
-    const std::string test = ::testing::UnitTest::GetInstance()->current_test_info()->name();
-    const std::string path = ::testing::TempDir() + "/" + test + "_seam_edges.txt";
-    std::ofstream(path) << text;
+    const std::string path = directory_.Path("seam_edges.txt");
+    PutFile(path, text);
     return path;
   }
 
@@ -46,6 +45,7 @@ class PolygonEdgesTest : public ::testing::Test {
     return "";
   }
 
+  const TempDir directory_;
   MeshFile file_;
   Triangulation triangles_;
 };

@@ -4,7 +4,6 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <mutex>
 #include <string>
 #include <utility>
@@ -13,8 +12,8 @@
 #include "client/src/target_address.h"
 #include "planish/client.h"
 #include "planish/v1/planish.grpc.pb.h"
-#include "tests/server/testing/certificates.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/certificates.h"
+#include "tests/testing/files.h"
 
 namespace planish::testing {
 namespace {
@@ -71,7 +70,7 @@ class SecureClientTest : public ::testing::Test {
   }
 
   std::string Write(const std::string& name, const std::string& text) {
-    std::ofstream(dir_.Path(name)) << text;
+    PutFile(dir_.Path(name), text);
     return dir_.Path(name);
   }
 

@@ -7,7 +7,7 @@ namespace planish {
 namespace {
 
 // A square of two triangles; vertex 4 has none.
-constexpr std::uint32_t kTriangles[] = {0, 1, 2, 0, 2, 3};
+constexpr std::uint32_t kSquare[] = {0, 1, 2, 0, 2, 3};
 
 Uv FloatUv(std::vector<float> values) {
   Uv uv;
@@ -16,9 +16,9 @@ Uv FloatUv(std::vector<float> values) {
 }
 
 TEST(VertexSplit, KeepsVerticesWhereUvAgree) {
-  const VertexSplit split = SplitVertices(5, kTriangles, FloatUv({0, 0, 1, 0, 1, 1, -0.0f, 0, 1, 1, 0, 1}));
+  const VertexSplit split = SplitVertices(5, kSquare, FloatUv({0, 0, 1, 0, 1, 1, -0.0f, 0, 1, 1, 0, 1}));
   EXPECT_EQ(split.source_vertex, (std::vector<std::uint32_t>{0, 1, 2, 3, 4}));
-  EXPECT_EQ(split.triangles, std::vector<std::uint32_t>(std::begin(kTriangles), std::end(kTriangles)));
+  EXPECT_EQ(split.triangles, std::vector<std::uint32_t>(std::begin(kSquare), std::end(kSquare)));
   EXPECT_EQ(split.uv.floats, (std::vector<float>{0, 0, 1, 0, 1, 1, 0, 1, 0, 0}));
 }
 
@@ -26,7 +26,7 @@ TEST(VertexSplit, CopiesVerticesAtSeams) {
   Uv uv;
   uv.precision = Precision::kDouble;
   uv.doubles = {0, 0, 1, 0, 1, 1, 0, 0, 0.1, 0.2, 0, 1};
-  const VertexSplit split = SplitVertices(5, kTriangles, uv);
+  const VertexSplit split = SplitVertices(5, kSquare, uv);
   EXPECT_EQ(split.source_vertex, (std::vector<std::uint32_t>{0, 1, 2, 3, 4, 2}));
   EXPECT_EQ(split.triangles, (std::vector<std::uint32_t>{0, 1, 2, 0, 5, 3}));
   EXPECT_EQ(split.uv.doubles, (std::vector<double>{0, 0, 1, 0, 1, 1, 0, 1, 0, 0, 0.1, 0.2}));
@@ -36,7 +36,7 @@ TEST(VertexSplit, CopiesVerticesAtSeams) {
 TEST(VertexSplit, RefusesWhatDoesNotFit) {
   const auto reason = [](std::int64_t vertices, const Uv& uv) {
     try {
-      SplitVertices(vertices, kTriangles, uv);
+      SplitVertices(vertices, kSquare, uv);
     } catch (const Error& error) {
       return error.reason();
     }

@@ -290,7 +290,7 @@ TEST(AnyMesh, CanBeInterruptedInEveryStage) {
        {UnwrapStage::kCharts, UnwrapStage::kSolve, UnwrapStage::kLayout, UnwrapStage::kPack, UnwrapStage::kVerify}) {
     Interrupter interrupter;
     UnwrapControl control;
-    control.interrupter = &interrupter;
+    control.cancel = &interrupter;
     control.on_progress = [&](const UnwrapProgress& progress) {
       if (progress.stage == stage) interrupter.Interrupt();
     };
@@ -360,6 +360,32 @@ TEST(CheckOverlaps, SeesChartsInsideEachOther) {
   EXPECT_GT(pairs(TwoSquares({-1, -1}, 3)), 0);
   EXPECT_GT(pairs(TwoSquares({0.5, 0.5}, 1)), 0);
   EXPECT_EQ(pairs(TwoSquares({1, 0}, 1)), 0);  // side by side, touching
+}
+
+// Faces all round a hole of three corners: two ends of an edge of one face, and a vertex near its middle.
+TEST(CheckOverlaps, SeesAHoleThatIsTurnedInsideOut) {
+  const std::vector<Face> faces = {{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 6}, {6, 4, 1}, {1, 4, 5}, {1, 5, 2}};
+  std::map<std::pair<int, int>, std::int32_t> corner;  // that faces the edge
+  for (std::int32_t c = 0; c < 3 * std::ssize(faces); ++c) {
+    corner[{faces[c / 3][Next(c % 3)], faces[c / 3][Prev(c % 3)]}] = c;
+  }
+  std::vector<std::int32_t> opposite(3 * faces.size(), -1);
+  for (const auto& [edge, c] : corner) {
+    const auto other = corner.find({edge.second, edge.first});
+    if (other != corner.end()) opposite[c] = other->second;
+  }
+  const auto pairs = [&](double height) {
+    const std::vector<Vec2> at = {{0, 0}, {2, 0}, {1, 1}, {-1, 0}, {1, -1}, {3, 0}, {1, height}};
+    CornerUv uv;
+    for (const Face& face : faces) {
+      for (const std::int32_t v : face) uv.insert(uv.end(), {at[v].x(), at[v].y()});
+    }
+    const OrientationFaults orientation = CheckOrientations(uv);
+    EXPECT_EQ(orientation.flipped + orientation.degenerate, 0);
+    return CheckOverlaps(opposite, uv, orientation).pairs;
+  };
+  EXPECT_EQ(pairs(-1e-9), 0);
+  EXPECT_EQ(pairs(1e-9), 2);
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/mesh/disc_check.h"
+#include "core/abf/topology.h"
 #include "core/mesh/predicates.h"
 #include "core/unwrap/unwrap.h"
 #include "gtest/gtest.h"
@@ -14,7 +14,7 @@ namespace planish {
 namespace {
 
 std::vector<Vec2> Map(const Mesh& mesh) {
-  return MapByBarycentres(CheckDisc(mesh).value(), mesh.positions, {});
+  return MapByBarycentres(DiscTopology(mesh).value(), mesh.positions, {});
 }
 
 // No triangle is turned over; with an outline on a circle that is one to one.
@@ -62,7 +62,7 @@ TEST(Barycentric, IsOneToOneWhereAbfIsNot) {
 
 TEST(Barycentric, FacesWithoutAreaDoNoHarm) {
   Mesh mesh = testing::Plane(8, 8);
-  const Topology disc = CheckDisc(mesh).value();
+  const Topology disc = DiscTopology(mesh).value();
   mesh.positions[40] = mesh.positions[41];
   const std::vector<Vec2> map = MapByBarycentres(disc, mesh.positions, {});
   for (const Vec2& p : map) EXPECT_TRUE(p.allFinite());
@@ -73,9 +73,9 @@ TEST(Barycentric, NothingAfterAnInterrupt) {
   Interrupter interrupter;
   interrupter.Interrupt();
   Execution execution;
-  execution.interrupter = &interrupter;
+  execution.cancel = &interrupter;
   const Mesh mesh = testing::Plane(8, 8);
-  EXPECT_TRUE(MapByBarycentres(CheckDisc(mesh).value(), mesh.positions, execution).empty());
+  EXPECT_TRUE(MapByBarycentres(DiscTopology(mesh).value(), mesh.positions, execution).empty());
 }
 
 // Two turns of a winding ramp unroll onto each other; its borders are to be kept.

@@ -4,8 +4,8 @@
 #include <numbers>
 #include <set>
 
+#include "core/abf/topology.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "core/mesh/half_edges.h"
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"
@@ -26,9 +26,9 @@ Mesh BentStrip(int cells, double turn) {
   });
 }
 
-struct Disc {
-  explicit Disc(const Mesh& mesh)
-      : topology(CheckDisc(mesh).value()), target(MakeTargetAngles(topology, MeasuredAngles(mesh))) {}
+struct BoundedDisc {
+  explicit BoundedDisc(const Mesh& mesh)
+      : topology(DiscTopology(mesh).value()), target(MakeTargetAngles(topology, MeasuredAngles(mesh))) {}
   Flattening Flatten(FlattenOptions options = {}) const {
     options.boundary = BoundaryType::kConvex;
     return FlattenAngles(topology, target, options, {}).value();
@@ -49,7 +49,7 @@ UnwrapResult UnwrapConvex(const Mesh& mesh) {
 
 // Sum of the delivered UV angles at every boundary vertex, the largest one.
 double LargestBoundaryAngle(const Mesh& mesh, const CornerUv& uv) {
-  const Disc disc(mesh);
+  const BoundedDisc disc(mesh);
   Eigen::VectorXd x(disc.topology.num_corners());
   const auto at = [&](std::int32_t f, int k) { return Vec2(uv[2 * (3 * f + k)], uv[2 * (3 * f + k) + 1]); };
   for (std::int32_t c = 0; c < disc.topology.num_corners(); ++c) {
@@ -75,7 +75,7 @@ TEST(BoundaryControl, MakesEveryOutlineConvexAndInjective) {
     EXPECT_LE(summary.residual.Max(), 1e-9);
     EXPECT_EQ(result.quality.flipped + result.quality.degenerate, 0);
     const OrientationFaults orientation = CheckOrientations(result.uv);
-    EXPECT_EQ(CheckOverlaps(CheckDisc(mesh).value().opposite, result.uv, orientation).pairs, 0);
+    EXPECT_EQ(CheckOverlaps(DiscTopology(mesh).value().opposite, result.uv, orientation).pairs, 0);
     EXPECT_LT(LargestBoundaryAngle(mesh, result.uv), kPi + (result.precision == Precision::kDouble ? 1e-8 : 1e-3));
     for (const UnwrapWarning& warning : result.warnings) EXPECT_NE(warning.reason, "BOUNDARY_NOT_SETTLED");
   }
@@ -83,7 +83,7 @@ TEST(BoundaryControl, MakesEveryOutlineConvexAndInjective) {
 
 TEST(BoundaryControl, EndsWhereTheInequalitiesHoldAndTheirMultipliersHaveTheRightSign) {
   for (const Mesh& mesh : {testing::LShape(6), testing::Star(6), testing::Hills(14, 12, 2)}) {
-    const Disc disc(mesh);
+    const BoundedDisc disc(mesh);
     const Flattening result = disc.Flatten();
     ASSERT_TRUE(result.summary.converged) << result.summary.stop_message;
     const Eigen::VectorXd excess = disc.Excess(result.angles);
@@ -118,7 +118,7 @@ TEST(BoundaryControl, EndsWhereTheInequalitiesHoldAndTheirMultipliersHaveTheRigh
 
 TEST(BoundaryControl, LeavesConvexOutlinesAlone) {
   for (const Mesh& mesh : {testing::Plane(6, 5, 0.2), testing::PuncturedSphere(8, 1.5), testing::Cone(7, 1)}) {
-    const Disc disc(mesh);
+    const BoundedDisc disc(mesh);
     const Flattening free = FlattenAngles(disc.topology, disc.target, {}, {}).value();
     ASSERT_LE(disc.Excess(free.angles).maxCoeff(), 1e-9) << "the example must be convex by itself";
     const Flattening convex = disc.Flatten();
@@ -130,7 +130,7 @@ TEST(BoundaryControl, LeavesConvexOutlinesAlone) {
 }
 
 TEST(BoundaryControl, EverySolverFindsTheSameAngles) {
-  const Disc disc(testing::LShape(5));
+  const BoundedDisc disc(testing::LShape(5));
   const Flattening expected = disc.Flatten();
   EXPECT_EQ(expected.summary.boundary.type, BoundaryType::kConvex);
   for (const FlattenOptions& options : testing::EverySolver()) {
@@ -143,14 +143,14 @@ TEST(BoundaryControl, EverySolverFindsTheSameAngles) {
 }
 
 TEST(BoundaryControl, KeepsABarrierWhereAnglesWouldVanish) {
-  const Flattening result = Disc(testing::PuncturedSphere(10, 0.1)).Flatten();
+  const Flattening result = BoundedDisc(testing::PuncturedSphere(10, 0.1)).Flatten();
   EXPECT_TRUE(result.summary.converged) << result.summary.stop_message;
   EXPECT_EQ(result.summary.barrier, 0.01);
   EXPECT_TRUE(result.summary.boundary.settled);
 }
 
 TEST(BoundaryControl, SaysThatItRanOutOfIterations) {
-  const Disc disc(testing::LShape(8));
+  const BoundedDisc disc(testing::LShape(8));
   FlattenOptions options;
   for (const int limit : {1, 3}) {
     options.max_newton_iterations = limit;
@@ -163,7 +163,7 @@ TEST(BoundaryControl, SaysThatItRanOutOfIterations) {
 }
 
 TEST(BoundaryControl, CountsAndInterruptsOverAllSolves) {
-  const Disc disc(testing::LShape(8));
+  const BoundedDisc disc(testing::LShape(8));
   FlattenOptions options;
   options.boundary = BoundaryType::kConvex;
   int points = 0, newton = 0;
@@ -179,7 +179,7 @@ TEST(BoundaryControl, CountsAndInterruptsOverAllSolves) {
   for (const int at : {1, points / 2, points - 2}) {
     Interrupter interrupter;
     int seen = 0;
-    control.interrupter = &interrupter;
+    control.cancel = &interrupter;
     control.on_progress = [&](const FlattenProgress&) {
       if (seen++ == at) interrupter.Interrupt();
     };
@@ -190,7 +190,7 @@ TEST(BoundaryControl, CountsAndInterruptsOverAllSolves) {
 
 TEST(ActiveSet, FollowsTheBoundaryCounterClockwise) {
   const Mesh mesh = testing::LShape(3);
-  const Disc disc(mesh);
+  const BoundedDisc disc(mesh);
   const ActiveSet set(disc.topology, disc.target);
   ASSERT_EQ(set.num_vertices(), 24);
   double area = 0;
@@ -204,7 +204,7 @@ TEST(ActiveSet, FollowsTheBoundaryCounterClockwise) {
 
 TEST(ActiveSet, NeverAsksForAPolygonThatDoesNotExist) {
   for (const Mesh& mesh : {BentStrip(12, 3.0), testing::Plane(5, 4), testing::Cone(6, 1), testing::LShape(2)}) {
-    const Disc disc(mesh);
+    const BoundedDisc disc(mesh);
     ActiveSet set(disc.topology, disc.target);
     const std::int32_t n = set.num_vertices();
     Eigen::VectorXd pressures(n);
@@ -225,7 +225,7 @@ TEST(ActiveSet, NeverAsksForAPolygonThatDoesNotExist) {
 }
 
 TEST(ActiveSet, CarriesMultipliersOfVerticesThatStay) {
-  const Disc disc(testing::Cone(9, 1));
+  const BoundedDisc disc(testing::Cone(9, 1));
   ActiveSet set(disc.topology, disc.target);
   Eigen::VectorXd pressures = Eigen::VectorXd::Constant(9, -1);
   pressures[2] = pressures[5] = pressures[7] = 1;

@@ -1,6 +1,8 @@
 // Derivatives by finite differences, for the tests of those by formula.
 #pragma once
 
+#include <functional>
+
 #include "Eigen/Core"
 
 namespace planish::testing {
@@ -8,8 +10,8 @@ namespace planish::testing {
 inline constexpr double kDifferenceStep = 1e-6;
 
 // Central differences of a vector function, one column per variable.
-template <typename Function>
-Eigen::MatrixXd Differences(const Function& f, const Eigen::VectorXd& x) {
+inline Eigen::MatrixXd Differences(const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f,
+                                   const Eigen::VectorXd& x) {
   Eigen::MatrixXd result(f(x).size(), x.size());
   for (Eigen::Index i = 0; i < x.size(); ++i) {
     Eigen::VectorXd plus = x, minus = x;
@@ -18,6 +20,11 @@ Eigen::MatrixXd Differences(const Function& f, const Eigen::VectorXd& x) {
     result.col(i) = (f(plus) - f(minus)) / (2 * kDifferenceStep);
   }
   return result;
+}
+
+// The largest absolute difference of two entries. One function for all: Eigen's expressions are slow to compile.
+inline double Distance(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  return (a - b).cwiseAbs().maxCoeff();
 }
 
 }  // namespace planish::testing

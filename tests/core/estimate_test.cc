@@ -31,7 +31,8 @@ TEST(Estimate, GrowsWithTheMesh) {
 TEST(Estimate, IsAboveWhatWasMeasuredButNotFar) {
   const Estimate koala = EstimateUnwrap(99'994, 49'999, 840'000, WithSeams(SeamPolicy::kAuto));
   EXPECT_GT(koala.peak_bytes, 54'000'000);
-  EXPECT_LT(koala.peak_bytes, 120'000'000);
+  // 33 MB of these are for a fallback to Cholesky, 23 MB for the packer and for charts of few faces.
+  EXPECT_LT(koala.peak_bytes, 176'000'000);
   EXPECT_GT(koala.seconds, 0.6);
   EXPECT_LT(koala.seconds, 5.4);
   const Estimate foot = EstimateUnwrap(1'000'000, 501'000, 8'700'000, WithSeams(SeamPolicy::kNone));
@@ -46,7 +47,7 @@ TEST(Estimate, KnowsWhatCostsMore) {
   const Estimate plain = of({});
   UnwrapOptions direct;
   direct.flatten.solver = SolverType::kDirect;
-  EXPECT_GT(of(direct).peak_bytes, 1.5 * static_cast<double>(plain.peak_bytes));
+  EXPECT_GT(of(direct).peak_bytes, 1.2 * static_cast<double>(plain.peak_bytes));
   UnwrapOptions convex;
   convex.flatten.boundary = BoundaryType::kConvex;
   EXPECT_GT(of(convex).seconds, plain.seconds);

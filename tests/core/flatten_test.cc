@@ -1,13 +1,17 @@
 #include "core/abf/flatten.h"
 
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
 #include <numbers>
 
 #include "core/abf/layout.h"
+#include "core/abf/newton.h"
 #include "core/abf/objective.h"
+#include "core/abf/topology.h"
 #include "core/base/error.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "gtest/gtest.h"
 #include "tests/core/every_solver.h"
 #include "tests/core/shapes.h"
@@ -17,7 +21,7 @@ namespace {
 
 struct Disc {
   explicit Disc(const Mesh& mesh)
-      : topology(CheckDisc(mesh).value()), target(MakeTargetAngles(topology, MeasuredAngles(mesh))) {}
+      : topology(DiscTopology(mesh).value()), target(MakeTargetAngles(topology, MeasuredAngles(mesh))) {}
   Flattening Flatten(const FlattenOptions& options = {}) const {
     return FlattenAngles(topology, target, options, {}).value();
   }
@@ -203,6 +207,44 @@ TEST(Flatten, StopsAtTheIterationLimitAndSaysSo) {
       << result.summary.stop_message;
 }
 
+TEST(Flatten, ReportsThePreconditionerThatTheSizeChose) {
+  const Disc disc(testing::Hills(30, 30, 1.5));
+  FlattenOptions options;
+  options.tuning.step.multigrid_faces = disc.topology.num_faces();
+  EXPECT_EQ(disc.Flatten(options).summary.preconditioner, PreconditionerType::kAmg);
+  ++options.tuning.step.multigrid_faces;
+  const FlattenSummary below = disc.Flatten(options).summary;
+  EXPECT_EQ(below.preconditioner, PreconditionerType::kCholesky);
+  EXPECT_FALSE(below.preconditioner_changed) << "the size decided, nothing failed";
+}
+
+// What a sweep over FlattenTuning relies on: each part gets its own constants.
+TEST(Flatten, HandsTheTuningToEveryPart) {
+  const Disc hills(testing::Hills(30, 30, 1.5));
+  FlattenOptions multigrid;
+  multigrid.tuning.multigrid.max_levels = 1;
+  multigrid.tuning.multigrid.max_dense_rows = 20;
+  const FlattenSummary fallen_back = hills.Flatten(multigrid).summary;
+  EXPECT_TRUE(fallen_back.converged && fallen_back.preconditioner_changed) << fallen_back.stop_message;
+  EXPECT_NE(fallen_back.multigrid_failure.find("the coarsest level may have 20"), std::string::npos)
+      << fallen_back.multigrid_failure;
+
+  FlattenOptions linear;
+  linear.tuning.linear.energy_slack = -1;  // no solve is believed
+  EXPECT_EQ(hills.Flatten().summary.linear_failures, 0);
+  EXPECT_GT(hills.Flatten(linear).summary.linear_failures, 0);
+
+  FlattenOptions newton;
+  newton.tuning.newton.barrier.weakest = 0.02;
+  EXPECT_EQ(Disc(testing::PuncturedSphere(10, 0.01)).Flatten(newton).summary.barrier, 0.02);
+
+  FlattenOptions boundary;
+  boundary.boundary = BoundaryType::kConvex;
+  EXPECT_GT(hills.Flatten(boundary).summary.boundary.set_changes, 1);
+  boundary.tuning.boundary.max_set_changes = 1;
+  EXPECT_EQ(hills.Flatten(boundary).summary.boundary.set_changes, 1);
+}
+
 TEST(Flatten, OneNewtonStepIsAlreadyClose) {
   const Disc disc(testing::Hills(16, 16, 1));
   FlattenOptions one;
@@ -226,7 +268,7 @@ TEST(Flatten, CanBeInterruptedAtAnyProgressPoint) {
     Interrupter interrupter;
     int seen = 0;
     FlattenControl control;
-    control.interrupter = &interrupter;
+    control.cancel = &interrupter;
     control.on_progress = [&](const FlattenProgress&) {
       if (seen++ == at) interrupter.Interrupt();
     };
@@ -267,6 +309,86 @@ TEST(Layout, ClosesEveryTriangleEvenWhenTheScaleVaries) {
                   flattening.angles[c], 1e-6);
     }
   }
+}
+
+// Solves with what it is told to do to the results, number by number.
+class FaultySolver final : public LinearSolver {
+ public:
+  using Fault = std::function<void(int solve, LinearSummary* summary, Eigen::VectorXd* lambda)>;
+  explicit FaultySolver(Fault fault) : fault_(std::move(fault)) {}
+
+ private:
+  LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                          Eigen::VectorXd* lambda) const override {
+    const LinearSummary solved = real_->SolveSchur(system, preconditioner, rhs, options, lambda);
+    LinearSummary summary = solved;
+    fault_(solves_++, &summary, lambda);
+    return summary;
+  }
+  const std::unique_ptr<LinearSolver> real_ = MakeUzawaSolver();
+  const Fault fault_;
+  mutable int solves_ = 0;
+};
+
+struct FaultyRun {
+  explicit FaultyRun(FaultySolver::Fault fault) : disc(testing::Hills(12, 10, 1.5)) {
+    options.solver = SolverType::kUzawa;
+    options.system = SystemType::kReduced;
+    options.preconditioner = PreconditionerType::kCholesky;
+    options.hessian = HessianType::kConvex;
+    control.on_progress = [this](const FlattenProgress& progress) {
+      if (progress.linear_residual == 0) steps.push_back(progress.step_length);
+    };
+    Newton newton(disc.topology, disc.target, options, control);
+    newton.step_solver().set_solver(std::make_unique<FaultySolver>(std::move(fault)));
+    summary = newton.Run();
+  }
+  Disc disc;
+  FlattenOptions options;
+  FlattenControl control;
+  std::vector<double> steps;
+  absl::StatusOr<FlattenSummary> summary;
+};
+
+TEST(Newton, CountsLinearSolvesThatFailAndKeepsTheReason) {
+  const FaultyRun run([](int solve, LinearSummary* summary, Eigen::VectorXd*) {
+    if (solve == 1) {
+      summary->termination = LinearTermination::kIterationLimit;
+      summary->iterations = LinearSolveOptions().max_iterations;
+    }
+    if (solve == 2) summary->termination = LinearTermination::kIndefinite;
+  });
+  ASSERT_TRUE(run.summary.ok()) << run.summary.status();
+  EXPECT_TRUE(run.summary->converged);
+  EXPECT_GE(run.summary->linear_solves, 4);
+  EXPECT_EQ(run.summary->linear_failures, 2);
+  EXPECT_TRUE(run.summary->linear_failure.starts_with("Newton step 2: iteration limit after 100000 iterations"))
+      << run.summary->linear_failure;
+}
+
+TEST(Newton, CountsNothingWhereNothingFails) {
+  const FaultyRun run([](int, LinearSummary*, Eigen::VectorXd*) {});
+  ASSERT_TRUE(run.summary.ok()) << run.summary.status();
+  EXPECT_TRUE(run.summary->converged);
+  EXPECT_EQ(run.summary->linear_failures, 0);
+  EXPECT_EQ(run.summary->linear_failure, "");
+}
+
+// A solve that gives no step, after one that was taken whole: the length of that one must not be taken for its own.
+TEST(Newton, AFailedStepHasNoLength) {
+  const FaultyRun run([](int solve, LinearSummary*, Eigen::VectorXd* lambda) {
+    if (solve == 2) lambda->setConstant(std::numeric_limits<double>::quiet_NaN());
+  });
+  ASSERT_TRUE(run.summary.ok()) << run.summary.status();
+  EXPECT_TRUE(run.summary->converged) << "the step is computed again, exactly";
+  EXPECT_EQ(run.summary->linear_failures, 1);
+  ASSERT_GE(run.steps.size(), 5u);
+  EXPECT_EQ(run.steps[0], 0) << "before the first step";
+  EXPECT_EQ(run.steps[1], 1);
+  EXPECT_EQ(run.steps[2], 1);
+  EXPECT_EQ(run.steps[3], 0) << "the failed one";
+  EXPECT_EQ(run.steps[4], 1);
 }
 
 }  // namespace

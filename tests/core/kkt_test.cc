@@ -1,13 +1,13 @@
 // The wheel condition in its product forms, against finite differences, and the whole matrix of eq. 5.
-#include "core/abf/kkt.h"
+#include "tests/core/kkt.h"
 
 #include <cmath>
 #include <random>
 #include <string>
 
 #include "Eigen/Dense"
+#include "core/abf/topology.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "gtest/gtest.h"
 #include "tests/core/differences.h"
 #include "tests/core/shapes.h"
@@ -17,9 +17,9 @@ namespace {
 
 constexpr WheelForm kForms[] = {WheelForm::kLogarithm, WheelForm::kProduct, WheelForm::kDifference};
 
-struct Disc {
-  explicit Disc(const Mesh& mesh)
-      : topology(CheckDisc(mesh).value()), target(MakeTargetAngles(topology, MeasuredAngles(mesh))) {
+struct KktDisc {
+  explicit KktDisc(const Mesh& mesh)
+      : topology(DiscTopology(mesh).value()), target(MakeTargetAngles(topology, MeasuredAngles(mesh))) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> unit(-1, 1);
     x = target.angle;
@@ -52,15 +52,15 @@ struct Disc {
 class EveryWheelForm : public ::testing::TestWithParam<WheelForm> {};
 
 TEST_P(EveryWheelForm, JacobianIsTheDerivativeOfTheConstraints) {
-  const Disc disc(testing::Hills(7, 6));
+  const KktDisc disc(testing::Hills(7, 6));
   const Eigen::MatrixXd jacobian = ConstraintJacobian(disc.topology, disc.x, GetParam());
   const Eigen::MatrixXd expected =
-      testing::Differences([&](const auto& at) { return disc.Values(at, GetParam()); }, disc.x);
+      testing::Differences([&](const Eigen::VectorXd& at) { return disc.Values(at, GetParam()); }, disc.x);
   EXPECT_LT((jacobian - expected).cwiseAbs().maxCoeff(), 1e-8);
 }
 
 TEST_P(EveryWheelForm, GradientIsTheDerivativeOfTheLagrangian) {
-  const Disc disc(testing::Hills(7, 6));
+  const KktDisc disc(testing::Hills(7, 6));
   Eigen::VectorXd mu(disc.mu.triangle.size() + disc.mu.pair.size());
   mu << disc.mu.triangle, disc.mu.pair;
   const auto lagrangian = [&](const Eigen::VectorXd& at) {
@@ -71,10 +71,10 @@ TEST_P(EveryWheelForm, GradientIsTheDerivativeOfTheLagrangian) {
 }
 
 TEST_P(EveryWheelForm, HessianIsTheDerivativeOfTheGradient) {
-  const Disc disc(testing::Hills(7, 6));
+  const KktDisc disc(testing::Hills(7, 6));
   const Eigen::MatrixXd hessian = LagrangianHessianMatrix(disc.topology, disc.objective, disc.x, disc.mu, GetParam());
   const Eigen::MatrixXd expected =
-      testing::Differences([&](const auto& at) { return disc.Gradient(at, GetParam()); }, disc.x);
+      testing::Differences([&](const Eigen::VectorXd& at) { return disc.Gradient(at, GetParam()); }, disc.x);
   EXPECT_LT((hessian - expected).cwiseAbs().maxCoeff(), 2e-7);
   EXPECT_LT((hessian - hessian.transpose()).cwiseAbs().maxCoeff(), 1e-12);
 }
@@ -82,7 +82,7 @@ TEST_P(EveryWheelForm, HessianIsTheDerivativeOfTheGradient) {
 TEST_P(EveryWheelForm, NonzerosFollowFromTheValences) {
   for (const Mesh& mesh : {testing::Hills(7, 6), testing::PuncturedSphere(6, 0.8), testing::Cone(9, 1),
                            testing::Cone(3, 1), testing::Hills(2, 2)}) {
-    const Disc disc(mesh);
+    const KktDisc disc(mesh);
     const SparseMatrix kkt =
         KktMatrix(LagrangianHessianMatrix(disc.topology, disc.objective, disc.x, disc.mu, GetParam()),
                   ConstraintJacobian(disc.topology, disc.x, GetParam()));
@@ -92,7 +92,7 @@ TEST_P(EveryWheelForm, NonzerosFollowFromTheValences) {
 }
 
 TEST_P(EveryWheelForm, PlainNewtonFindsTheSameMap) {
-  const Disc disc(testing::Hills(16, 14, 1.5));
+  const KktDisc disc(testing::Hills(16, 14, 1.5));
   const Flattening expected = FlattenAngles(disc.topology, disc.target, {.tolerance = 1e-12}, {}).value();
   const KktSolution found = SolveByKkt(disc.topology, disc.target, {.form = GetParam()}).value();
   ASSERT_TRUE(found.converged) << found.residual.Max();
@@ -108,7 +108,7 @@ INSTANTIATE_TEST_SUITE_P(, EveryWheelForm, ::testing::ValuesIn(kForms), [](const
 });
 
 TEST(Kkt, MultipliersOfTheFormsAreMultiplesOfEachOther) {
-  const Disc disc(testing::Hills(9, 8, 1.2));
+  const KktDisc disc(testing::Hills(9, 8, 1.2));
   const KktSolution logarithm = SolveByKkt(disc.topology, disc.target, {.form = WheelForm::kLogarithm}).value();
   const KktSolution product = SolveByKkt(disc.topology, disc.target, {.form = WheelForm::kProduct}).value();
   const KktSolution difference = SolveByKkt(disc.topology, disc.target, {.form = WheelForm::kDifference}).value();
@@ -122,7 +122,7 @@ TEST(Kkt, MultipliersOfTheFormsAreMultiplesOfEachOther) {
 
 // Newton with a wrong Hessian converges too, but linearly.
 TEST(Kkt, NewtonOnTheProductFormIsQuadratic) {
-  const Disc disc(testing::Hills(12, 11, 1.5));
+  const KktDisc disc(testing::Hills(12, 11, 1.5));
   double before = 0;
   for (int steps = 1; steps <= 12; ++steps) {
     KktOptions options{.form = WheelForm::kProduct, .tolerance = 1e-12, .max_newton_iterations = steps};

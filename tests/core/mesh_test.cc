@@ -2,6 +2,7 @@
 #include <cmath>
 #include <random>
 
+#include "core/abf/topology.h"
 #include "core/base/error.h"
 #include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
@@ -9,7 +10,6 @@
 #include "core/mesh/disc_check.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
-#include "core/mesh/rows.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
@@ -20,19 +20,19 @@ namespace {
 using ::testing::HasSubstr;
 
 std::string Reason(const Mesh& mesh) {
-  return ErrorInfoOf(CheckDisc(mesh).status()).reason;
+  return ErrorInfoOf(CheckDisc(mesh)).reason;
 }
 std::string Metadata(const Mesh& mesh, const std::string& key) {
-  const ErrorInfo info = ErrorInfoOf(CheckDisc(mesh).status());
+  const ErrorInfo info = ErrorInfoOf(CheckDisc(mesh));
   const auto it = info.metadata.find(key);
   return it == info.metadata.end() ? "(none)" : it->second;
 }
 std::string Message(const Mesh& mesh) {
-  return std::string(CheckDisc(mesh).status().message());
+  return std::string(CheckDisc(mesh).message());
 }
 
 TEST(DiscCheck, DescribesADisc) {
-  const auto topology = CheckDisc(testing::Plane(4, 3));
+  const auto topology = DiscTopology(testing::Plane(4, 3));
   ASSERT_TRUE(topology.ok()) << topology.status();
   EXPECT_EQ(topology->num_faces(), 24);
   EXPECT_EQ(topology->num_interior, 6);
@@ -47,7 +47,7 @@ TEST(DiscCheck, DescribesADisc) {
 
 TEST(DiscCheck, AcceptsOneTriangleAndIgnoresIsolatedVertices) {
   const Mesh mesh = {{{5, 5, 5}, {0, 0, 0}, {1, 0, 0}, {NAN, 0, 0}, {0, 1, 0}}, {{1, 2, 4}}};
-  ASSERT_TRUE(CheckDisc(mesh).ok()) << CheckDisc(mesh).status();
+  ASSERT_TRUE(CheckDisc(mesh).ok()) << CheckDisc(mesh);
   EXPECT_EQ(CountIsolatedVertices(mesh), 2);
 }
 
@@ -122,7 +122,7 @@ TEST(DiscCheck, NamesComponentsLoopsAndHandles) {
 }
 
 TEST(Rows, ListEveryCornerRoundEveryInteriorVertex) {
-  const Topology topology = CheckDisc(testing::Plane(7, 5)).value();
+  const Topology topology = DiscTopology(testing::Plane(7, 5)).value();
   ASSERT_EQ(topology.num_rows, 24);
   ASSERT_EQ(topology.row_corner_begin.size(), 25u);
   const std::vector<std::int32_t> vertices = RowVertices(topology);
@@ -141,7 +141,7 @@ TEST(Rows, ListEveryCornerRoundEveryInteriorVertex) {
 }
 
 TEST(Rows, BoundaryVerticesMayFollow) {
-  Topology topology = CheckDisc(testing::Plane(3, 3)).value();
+  Topology topology = DiscTopology(testing::Plane(3, 3)).value();
   std::vector<std::int32_t> vertices = RowVertices(topology);
   vertices.push_back(0);
   vertices.push_back(2);

@@ -7,12 +7,12 @@
 
 #include "core/abf/lagrangian.h"
 #include "core/abf/reduced_system.h"
+#include "core/abf/topology.h"
 #include "core/abf/unfolding.h"
 #include "core/linalg/aggregation.h"
 #include "core/linalg/linear_solver.h"
 #include "core/linalg/patch_preconditioner.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
 
@@ -23,7 +23,7 @@ namespace {
 struct FirstStep {
   // Of every `weak`-th face the Hessian is 200 times less than it would be.
   explicit FirstStep(const Mesh& mesh, int weak = 0)
-      : topology(CheckDisc(mesh).value()),
+      : topology(DiscTopology(mesh).value()),
         target(MakeTargetAngles(topology, MeasuredAngles(mesh))),
         hessian(Weakened(2 * target.weight, weak)),
         cot(Cotangents(target.angle)),
@@ -68,6 +68,17 @@ Eigen::VectorXd RandomVector(Eigen::Index n, unsigned seed) {
   Eigen::VectorXd v(n);
   for (double& entry : v) entry = unit(random);
   return v;
+}
+
+void ExpectSymmetricAndPositive(const Preconditioner& preconditioner, Eigen::Index n) {
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    const Eigen::VectorXd r = RandomVector(n, seed), s = RandomVector(n, seed + 100);
+    Eigen::VectorXd kr, ks;
+    preconditioner.Apply(r, &kr);
+    preconditioner.Apply(s, &ks);
+    EXPECT_NEAR(s.dot(kr) / r.dot(ks), 1, 1e-3);
+    EXPECT_GT(r.dot(kr), 0);
+  }
 }
 
 class RoughSolves : public ::testing::TestWithParam<SolverType> {};
@@ -131,31 +142,19 @@ TEST(Multigrid, IsSymmetricAndPositive) {
   EXPECT_GE(multigrid.num_levels(), 2);
   EXPECT_LT(multigrid.operator_complexity(), 2.2);
   const Eigen::Index n = 2 * step.topology.num_interior;
-  for (unsigned seed = 0; seed < 4; ++seed) {
-    const Eigen::VectorXd r = RandomVector(n, seed), s = RandomVector(n, seed + 100);
-    Eigen::VectorXd kr, ks;
-    multigrid.Apply(r, &kr);
-    multigrid.Apply(s, &ks);
-    EXPECT_NEAR(s.dot(kr) / r.dot(ks), 1, 1e-3);
-    EXPECT_GT(r.dot(kr), 0);
-  }
+  ExpectSymmetricAndPositive(MultigridPreconditioner(&multigrid), n);
 }
 
 TEST(PatchPreconditioner, HelpsMultigridWhereFacesAreWeak) {
   const FirstStep step(testing::Hills(40, 40, 1.5), /*weak=*/100);
   Multigrid multigrid;
   ASSERT_TRUE(step.Build(&multigrid).ok());
-  const std::vector<std::int32_t> weak = WeakFaces(2 * step.target.weight, step.hessian);
+  std::vector<std::int32_t> weak;
+  Eigen::VectorXd convex = step.hessian;
+  Convexify(2 * step.target.weight, Convexification::kByFace, &convex, Alone(), &weak);
   ASSERT_EQ(weak.size(), static_cast<std::size_t>((step.topology.num_faces() + 99) / 100));
   EXPECT_EQ(weak[1], 100);
-  std::vector<std::int32_t> rows;
-  for (const std::int32_t f : weak) {
-    for (int k = 0; k < 3; ++k) {
-      if (const std::int32_t v = step.topology.corner_row[3 * f + k]; v >= 0) rows.push_back(v);
-    }
-  }
-  std::sort(rows.begin(), rows.end());
-  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  const std::vector<std::int32_t> rows = RowsOfFaces(step.topology, weak);
   PatchPreconditioner patched(std::make_unique<MultigridPreconditioner>(&multigrid));
   const auto iterations = [&] { return step.Iterations(patched); };
   const std::int64_t without = iterations();
@@ -163,14 +162,7 @@ TEST(PatchPreconditioner, HelpsMultigridWhereFacesAreWeak) {
   ASSERT_TRUE(patched.SetPatch(step.matrix, rows).ok());
   EXPECT_LT(iterations(), 0.7 * static_cast<double>(without));
   const Eigen::Index n = 2 * step.topology.num_interior;
-  for (unsigned seed = 0; seed < 4; ++seed) {
-    const Eigen::VectorXd r = RandomVector(n, seed), s = RandomVector(n, seed + 100);
-    Eigen::VectorXd kr, ks;
-    patched.Apply(r, &kr);
-    patched.Apply(s, &ks);
-    EXPECT_NEAR(s.dot(kr) / r.dot(ks), 1, 1e-3);
-    EXPECT_GT(r.dot(kr), 0);
-  }
+  ExpectSymmetricAndPositive(patched, n);
   // What is right already on the patch stays exactly so.
   Eigen::VectorXd x = Eigen::VectorXd::Zero(n), r, z;
   x[2 * rows[0]] = 1;
@@ -226,7 +218,7 @@ TEST(Multigrid, SimilaritiesAreNearNullVectors) {
 // More rows than one chunk of the smoother has, so that some couplings are Jacobi's.
 TEST(Multigrid, TheCycleIsTheSameBitsWithAnyTeam) {
   const FirstStep step(testing::Hills(190, 180, 1.5));
-  ASSERT_GT(step.topology.num_interior, 2 * LevelMatrix<2>::kChunk);
+  ASSERT_GT(step.topology.num_interior, 2 * MultigridTuning().chunk_rows);
   const Eigen::VectorXd r = RandomVector(2 * step.topology.num_interior, 7);
   Eigen::VectorXd alone, together;
   Multigrid one;
@@ -289,14 +281,70 @@ TEST(Multigrid, RefusesAnIndefiniteMatrix) {
             absl::StatusCode::kFailedPrecondition);
 }
 
+// Three chunks of the smoother, and each row coupled to the same row of the other two: 0.9 beside 1.2 on the diagonal.
+// Jacobi between the chunks enlarges what is alike in all three; the cycle was indefinite before rows were damped.
+TEST(Multigrid, IsPositiveWhereJacobiBetweenChunksDiverges) {
+  const MultigridTuning tuning;
+  const auto chunk_rows = static_cast<std::int32_t>(tuning.chunk_rows);
+  constexpr std::int32_t num_chunks = 3;
+  BlockMatrix<float> matrix;
+  for (std::int32_t i = 0; i < num_chunks * chunk_rows; ++i) {
+    const auto add = [&](std::int32_t column, float value) {
+      matrix.column.push_back(column);
+      matrix.value.insert(matrix.value.end(), {value, 0, 0, value});
+    };
+    for (std::int32_t chunk = 0; chunk < num_chunks; ++chunk) {
+      const std::int32_t j = chunk * chunk_rows + i % chunk_rows;
+      if (j != i) {
+        add(j, 0.9F);
+        continue;
+      }
+      if (i % chunk_rows > 0) add(i - 1, -0.1F);
+      add(i, 1.2F);
+      if (i % chunk_rows < chunk_rows - 1) add(i + 1, -0.1F);
+    }
+    matrix.row_begin.push_back(static_cast<std::int32_t>(matrix.column.size()));
+  }
+  LevelMatrix<2> level;
+  level.SetPattern(matrix.row_begin, matrix.column, tuning.chunk_rows, &Alone());
+  SetValues(matrix, &level, &Alone());
+  ASSERT_TRUE(level.InvertDiagonal(tuning.undamped_part, &Alone()).ok());
+  // D + 2 E - Out is positive: by rows, since the signs of Out are alike.
+  for (const std::int32_t i : {0, chunk_rows, 2 * chunk_rows + 5}) EXPECT_GT(1.2F + 2 * level.damping[2 * i], 2 * 0.9F);
+
+  Multigrid multigrid;
+  const absl::Status built =
+      multigrid.Build(matrix, std::vector<std::complex<double>>(matrix.num_rows()), matrix.num_rows());
+  ASSERT_TRUE(built.ok()) << built;
+  Eigen::VectorXd r(2 * matrix.num_rows()), z;
+  for (Eigen::Index i = 0; i < r.size(); ++i) r[i] = i / 2 % 2 == 0 ? 1 : -1;  // alike in all chunks, and rough
+  multigrid.Apply(r, &z);
+  EXPECT_GT(r.dot(z), 0);
+  ExpectSymmetricAndPositive(MultigridPreconditioner(&multigrid), r.size());
+}
+
+TEST(Multigrid, RefusesACoarsestLevelThatIsTooLargeForADenseMatrix) {
+  const FirstStep step(testing::Hills(40, 30));
+  MultigridTuning tuning;
+  tuning.max_levels = 1;  // one coarse level: coarsening ends too early
+  tuning.max_dense_rows = 20;
+  Multigrid multigrid(tuning);
+  const absl::Status built = step.Build(&multigrid);
+  EXPECT_EQ(built.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_NE(built.message().find("the coarsest level may have 20"), std::string::npos) << built;
+}
+
 TEST(Aggregate, CoversEveryCoupledRowWithSmallSets) {
   const FirstStep step(testing::Hills(40, 30));
   LevelMatrix<2> matrix;
-  matrix.SetPattern(step.matrix.row_begin, step.matrix.column, &Alone());
+  matrix.SetPattern(step.matrix.row_begin, step.matrix.column, MultigridTuning().chunk_rows, &Alone());
   SetValues(step.matrix, &matrix, &Alone());
-  for (const bool wide : {false, true}) {
-    SCOPED_TRACE(wide);
-    const Aggregates aggregates = Aggregate(matrix, StrongCouplings(matrix, 0.08, matrix.num_rows(), &Alone()), wide);
+  const MultigridTuning tuning;
+  for (const std::int64_t second_ring_neighbours : {std::int64_t{0}, tuning.second_ring_neighbours}) {
+    SCOPED_TRACE(second_ring_neighbours);
+    const bool wide = second_ring_neighbours > 0;
+    const Aggregates aggregates = Aggregate(
+        matrix, StrongCouplings(matrix, tuning.strength, matrix.num_rows(), &Alone()), second_ring_neighbours);
     std::vector<int> size(aggregates.count, 0);
     for (const std::int32_t a : aggregates.of_row) {
       ASSERT_GE(a, 0);

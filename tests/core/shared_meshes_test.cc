@@ -3,21 +3,20 @@
 #include <filesystem>
 #include <map>
 
+#include "core/abf/topology.h"
 #include "core/base/error.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
 #include "core/unwrap/unwrap.h"
 #include "gtest/gtest.h"
 #include "tests/core/disc_options.h"
 #include "tests/core/shapes.h"
-#include "tests/testing/table.h"
+#include "tests/core/uv_digest.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
 
 const std::filesystem::path kMeshes = PLANISH_SHARED_MESHES;
-
-using testing::ReadTable;
 
 class SharedMeshes : public ::testing::Test {
  protected:
@@ -59,6 +58,13 @@ TEST_F(SharedMeshes, EveryDiscComesBackFlat) {
   }
 }
 
+TEST_F(SharedMeshes, TheSameUvOnEveryCpu) {
+  testing::ExpectTheSameOnEveryCpu([] {
+    return testing::UvDigest(testing::ReadTriangleObj(kMeshes / "boot_g12_39906.obj"), {}) + " " +
+           testing::UvDigest(testing::ReadTriangleObj(kMeshes / "hand_cut_15749.obj"), {});
+  });
+}
+
 TEST_F(SharedMeshes, EveryDiscCanHaveAConvexOutline) {
   for (const auto& row : ReadTable(kMeshes / "MANIFEST.tsv")) {
     const std::string& file = row.at("file");
@@ -84,7 +90,7 @@ TEST_F(SharedMeshes, TheSolversAsInThePaperAgreeWithTheDirectOne) {
   for (const std::string file :
        {"hand_lowres_1602.obj", "lego_3072.obj", "bff_hemisphere_4000.obj", "goathead_cut_5279.obj"}) {
     const Mesh mesh = testing::ReadTriangleObj(kMeshes / file);
-    const Topology topology = CheckDisc(mesh).value();
+    const Topology topology = DiscTopology(mesh).value();
     const TargetAngles target = MakeTargetAngles(topology, MeasuredAngles(mesh));
     FlattenOptions direct;
     direct.solver = SolverType::kDirect;

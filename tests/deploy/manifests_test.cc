@@ -26,7 +26,7 @@ class Kubernetes : public ::testing::TestWithParam<std::string> {
  protected:
   void SetUp() override {
     if (RunShell("kubectl version --client 2>/dev/null").exit_code != 0) GTEST_SKIP() << "kubectl is not installed";
-    const Printed rendered =
+    const Outcome rendered =
         RunShell(absl::StrCat("kubectl kustomize ", PLANISH_SOURCE_TREE, "/deploy/kubernetes/overlays/", GetParam()));
     ASSERT_EQ(rendered.exit_code, 0);
     objects_ = ParseObjects(rendered.out);

@@ -79,7 +79,7 @@ TEST(ManPages, HaveEveryFlagOfEveryCommand) {
 TEST(ManPages, AreRightToMan) {
   if (RunShell("man --version >/dev/null 2>&1").exit_code != 0) GTEST_SKIP() << "man is not installed";
   for (const std::string page : {"planish.1", "planishd.8"}) {
-    const Printed shown =
+    const Outcome shown =
         RunShell("LC_ALL=C.UTF-8 MANWIDTH=100 man --warnings -l " + std::string(PLANISH_PAGES) + "/" + page + " 2>&1");
     EXPECT_EQ(shown.exit_code, 0) << page;
     EXPECT_THAT(shown.out, HasSubstr("SEE ALSO")) << page;

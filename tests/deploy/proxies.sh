@@ -33,6 +33,7 @@ fail() {
 given=" "
 port() {
   while :; do
+    : >port.txt  # what is read below must not be the one before
     "$bin/planishd" --listen=127.0.0.1:0 --isolation=thread >port.txt 2>&1 &
     probe=$!
     until grep -q "listens on 127" port.txt; do kill -0 $probe || fail "no port"; sleep 0.05; done

@@ -5,18 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "tests/testing/files.h"
+#include "tests/testing/process.h"
+
 namespace planish::deploy {
 
-// Of a file of the source tree, e.g. "deploy/compose.yaml". Fails the test if it cannot be read.
+// Of a file of the source tree, e.g. "deploy/compose.yaml".
 std::string ReadSource(const std::string& path);
-std::string ReadFile(const std::string& path);
-
-struct Printed {
-  int exit_code = -1;
-  std::string out;  // stdout alone
-};
-// By the shell.
-Printed RunShell(const std::string& command);
 
 // "--name" of every flag in the help of `program` (with subcommands, apart by blanks), those of its subcommands not.
 std::set<std::string> FlagsOf(const std::string& program);

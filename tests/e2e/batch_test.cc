@@ -24,12 +24,10 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-const std::vector<std::string> kSlowly = {"--solver=uzawa", "--system=full", "--preconditioner=none"};
-
 // The lines of --json.
-struct Lines {
-  explicit Lines(const std::string& out) {
-    for (const std::string& line : testing::Lines(out)) {
+struct BatchReport {
+  explicit BatchReport(const std::string& out) {
+    for (const std::string& line : Lines(out)) {
       const json one = json::parse(line);
       if (one.contains("summary")) {
         summary = one["summary"];
@@ -49,18 +47,18 @@ class BatchTest : public ::testing::Test {
  protected:
   BatchTest() {
     fs::create_directories(In("sub"));
-    fs::create_directories(directory_ / "sockets");
+    fs::create_directories(directory_.Path("sockets"));
   }
 
-  std::string In(const std::string& name) const { return directory_ / ("in/" + name); }
-  std::string Out(const std::string& name = "") const { return directory_ / ("out/" + name); }
-  void File(const std::string& name, const std::string& text) const { WriteTextFile(In(name), text); }
+  std::string In(const std::string& name) const { return directory_.Path("in/" + name); }
+  std::string Out(const std::string& name = "") const { return directory_.Path("out/" + name); }
+  void File(const std::string& name, const std::string& text) const { PutFile(In(name), text); }
   std::vector<std::string> Words(const std::vector<std::string>& more = {}) const {
     std::vector<std::string> words = {"unwrap", In(""), "-o", Out(), "--json"};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
-  std::map<std::string, std::string> Environment() const { return {{"XDG_RUNTIME_DIR", directory_ / "sockets"}}; }
+  std::map<std::string, std::string> Environment() const { return {{"XDG_RUNTIME_DIR", directory_.Path("sockets")}}; }
   Outcome Run(const std::vector<std::string>& more = {}) const { return Planish(Words(more), Environment()); }
   // Of everything in out/, but the memory, and what a killed writer leaves.
   std::map<std::string, std::string> Outputs() const {
@@ -72,16 +70,8 @@ class BatchTest : public ::testing::Test {
     return files;
   }
 
-  TempDirectory directory_;
+  TempDir directory_;
 };
-
-PrivateServerOptions ServerOptions(int workers, const std::vector<std::string>& more = {}) {
-  PrivateServerOptions options;
-  options.executable = PLANISHD_COMMAND;
-  options.workers = workers;
-  options.extra_arguments = more;
-  return options;
-}
 
 TEST_F(BatchTest, OneBadFileHurtsOnlyItself) {
   File("grid.obj", GridObj(12));
@@ -94,7 +84,7 @@ TEST_F(BatchTest, OneBadFileHurtsOnlyItself) {
   File("odd\xff\n.obj", GridObj(5));
   const Outcome run = Run({"--progress=json"});
   EXPECT_EQ(run.exit_code, 1) << run.err;
-  const Lines lines(run.out);
+  const BatchReport lines(run.out);
   ASSERT_EQ(lines.files.size(), 7u) << run.out;
   EXPECT_EQ(lines.Result("grid.obj"), "usable");
   EXPECT_EQ(lines.files.at("grid.obj")["input"]["triangles"], 288);
@@ -121,11 +111,11 @@ TEST_F(BatchTest, OneBadFileHurtsOnlyItself) {
     EXPECT_THAT(bytes, name.ends_with("ply") ? HasSubstr("property float s") : HasSubstr("\nvt "));
   }
   EXPECT_THAT(names, ::testing::ElementsAre("grid.obj", "odd\xff\n.obj", "sub/grid.ply", "sub/scan.obj"));
-  EXPECT_TRUE(fs::is_empty(directory_ / "sockets"));
+  EXPECT_TRUE(fs::is_empty(directory_.Path("sockets")));
 
   // As one file by itself.
-  ASSERT_EQ(Planish({"unwrap", In("grid.obj"), "-o", directory_ / "alone.obj"}).exit_code, 0);
-  EXPECT_EQ(ReadFile(directory_ / "alone.obj"), ReadFile(Out("grid.obj")));
+  ASSERT_EQ(Planish({"unwrap", In("grid.obj"), "-o", directory_.Path("alone.obj")}).exit_code, 0);
+  EXPECT_EQ(ReadFile(directory_.Path("alone.obj")), ReadFile(Out("grid.obj")));
 }
 
 TEST_F(BatchTest, WhatIsDoneAndCurrentIsNotDoneAgain) {
@@ -138,7 +128,7 @@ TEST_F(BatchTest, WhatIsDoneAndCurrentIsNotDoneAgain) {
   const auto done_again = [&](const std::vector<std::string>& more) {
     const Outcome run = Run(more);
     EXPECT_EQ(run.exit_code, 0) << run.err;
-    const Lines lines(run.out);
+    const BatchReport lines(run.out);
     std::set<std::string> again;
     for (const auto& [name, line] : lines.files) {
       EXPECT_EQ(line["result"], "usable");
@@ -155,7 +145,7 @@ TEST_F(BatchTest, WhatIsDoneAndCurrentIsNotDoneAgain) {
   fs::last_write_time(In("a.obj"), fs::file_time_type::clock::now());
   EXPECT_THAT(done_again({}), ::testing::IsEmpty()) << "content counts, not time";
   fs::remove(Out("a.obj"));
-  WriteTextFile(Out("b.obj"), "changed");
+  PutFile(Out("b.obj"), "changed");
   EXPECT_THAT(done_again({}), ::testing::ElementsAre("a.obj", "b.obj"));
   EXPECT_EQ(Outputs(), outputs);
   File("sub/c.obj", GridObj(8, 3));
@@ -175,10 +165,10 @@ TEST_F(BatchTest, KilledRunGoesOnWhereItWas) {
   // What is there is whole, and a line that was being written is forgotten.
   const auto before = Outputs();
   EXPECT_LT(before.size(), static_cast<std::size_t>(kFiles));
-  std::ofstream(Out(".planish-batch.json"), std::ios::app) << "{\"output\":\"grid7.obj\",\"sta";
+  PutFile(Out(".planish-batch.json"), "{\"output\":\"grid7.obj\",\"sta", true);
   Outcome run = Run();
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  const Lines lines(run.out);
+  const BatchReport lines(run.out);
   EXPECT_EQ(lines.summary["usable"], kFiles);
   EXPECT_GE(lines.summary["kept"].get<int>(), 1);
   EXPECT_LT(lines.summary["kept"].get<int>(), kFiles);
@@ -189,7 +179,7 @@ TEST_F(BatchTest, KilledRunGoesOnWhereItWas) {
   }
   run = Run();
   EXPECT_EQ(run.exit_code, 0);
-  EXPECT_EQ(Lines(run.out).summary["kept"], kFiles);
+  EXPECT_EQ(BatchReport(run.out).summary["kept"], kFiles);
 }
 
 TEST_F(BatchTest, CtrlCCancelsWhatIsInFlightAndKeepsTheRest) {
@@ -204,13 +194,13 @@ TEST_F(BatchTest, CtrlCCancelsWhatIsInFlightAndKeepsTheRest) {
   const Outcome outcome = command.Wait();
   EXPECT_EQ(outcome.exit_code, 130);
   EXPECT_THAT(outcome.err, HasSubstr("the same command goes on"));
-  const Lines lines(outcome.out);
+  const BatchReport lines(outcome.out);
   EXPECT_EQ(lines.Result("a.obj"), "usable");
   EXPECT_EQ(lines.Result("b.obj"), "cancelled");
   EXPECT_EQ(lines.summary["cancelled"].get<int>() + lines.summary["not_tried"].get<int>(), 3);
   EXPECT_EQ(lines.summary["exit_code"], 130);
   EXPECT_EQ(Outputs().size(), 1u);
-  EXPECT_TRUE(fs::is_empty(directory_ / "sockets"));
+  EXPECT_TRUE(fs::is_empty(directory_.Path("sockets")));
 }
 
 TEST_F(BatchTest, SecondCtrlCLeavesAtOnce) {
@@ -242,13 +232,13 @@ TEST_F(BatchTest, BadUsageIsRefusedBeforeAnythingRuns) {
   EXPECT_EQ(ReadFile(In("a.obj")), GridObj(4));
 
   fs::remove(In("a.stl"));
-  run = Planish({"unwrap", directory_ / "x.obj", directory_ / "y.obj", "-o", Out()});
+  run = Planish({"unwrap", directory_.Path("x.obj"), directory_.Path("y.obj"), "-o", Out()});
   EXPECT_EQ(run.exit_code, 2) << "nothing could be read";
   run = Run({"--hessian=exact", "--solver=direct"});
   EXPECT_EQ(run.exit_code, 2) << run.err;
-  run = Planish({"unwrap", In("a.obj"), directory_ / "y.obj", "-o", Out(), "--json"});
+  run = Planish({"unwrap", In("a.obj"), directory_.Path("y.obj"), "-o", Out(), "--json"});
   EXPECT_EQ(run.exit_code, 1) << "one could";
-  EXPECT_EQ(Lines(run.out).files.at("y.obj")["error"]["reason"], "FILE_UNREADABLE");
+  EXPECT_EQ(BatchReport(run.out).files.at("y.obj")["error"]["reason"], "FILE_UNREADABLE");
 }
 
 TEST_F(BatchTest, NoServer) {
@@ -267,15 +257,13 @@ TEST_F(BatchTest, NoServer) {
   Command command(Words(more), Environment());
   ASSERT_TRUE(command.WaitForErr(R"({"file":"a.obj","result":"usable"})", 60)) << command.Err();
   ASSERT_TRUE(command.WaitForErr("\"linear_iterations\":1", 60)) << command.Err();
-  pid_t server = 0;
-  const std::string pid = std::to_string(command.pid());
-  std::ifstream("/proc/" + pid + "/task/" + pid + "/children") >> server;
-  ASSERT_GT(server, 0);
-  kill(server, SIGKILL);
+  const std::vector<pid_t> servers = ChildrenOf(command.pid());
+  ASSERT_EQ(servers.size(), 1u);
+  kill(servers[0], SIGKILL);
   run = command.Wait();
   EXPECT_EQ(run.exit_code, 3) << run.err;
   EXPECT_LT(run.seconds, 60);
-  const Lines lines(run.out);
+  const BatchReport lines(run.out);
   EXPECT_EQ(lines.Result("a.obj"), "usable");
   EXPECT_EQ(lines.Result("b.obj"), "failed");
   EXPECT_EQ(Outputs().size(), 1u);
@@ -286,7 +274,7 @@ TEST_F(BatchTest, FullQueueIsNoError) {
   for (int i = 0; i < 10; ++i) File("grid" + std::to_string(i) + ".obj", GridObj(20, 0.1 * i));
   const Outcome run = Run({"--server=" + server.target()});
   EXPECT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(Lines(run.out).summary["usable"], 10);
+  EXPECT_EQ(BatchReport(run.out).summary["usable"], 10);
 }
 
 TEST_F(BatchTest, DetachedBatchIsFetchedByTheSameCommand) {
@@ -296,20 +284,20 @@ TEST_F(BatchTest, DetachedBatchIsFetchedByTheSameCommand) {
   const std::string address = "--server=" + server->target();
   Outcome run = Run({address, "--detach"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  Lines lines(run.out);
+  BatchReport lines(run.out);
   EXPECT_EQ(lines.summary["queued"], 6);
   EXPECT_TRUE(Outputs().empty());
   const std::string job = lines.files.at("grid3.obj")["job"];
 
   run = Run({address});
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  lines = Lines(run.out);
+  lines = BatchReport(run.out);
   EXPECT_EQ(lines.summary["usable"], 6);
   EXPECT_EQ(lines.summary["kept"], 0);
   EXPECT_EQ(lines.files.at("grid3.obj")["job"], job) << "that very job";
   EXPECT_EQ(Client(server->target()).ListJobs(0).size(), 6u);
-  ASSERT_EQ(Planish({"unwrap", In("grid3.obj"), "-o", directory_ / "alone.obj"}).exit_code, 0);
-  EXPECT_EQ(ReadFile(directory_ / "alone.obj"), ReadFile(Out("grid3.obj")));
+  ASSERT_EQ(Planish({"unwrap", In("grid3.obj"), "-o", directory_.Path("alone.obj")}).exit_code, 0);
+  EXPECT_EQ(ReadFile(directory_.Path("alone.obj")), ReadFile(Out("grid3.obj")));
 
   // Jobs that the server does not know any more are queued anew.
   ASSERT_EQ(Run({address, "--detach", "--padding=4"}).exit_code, 0);
@@ -319,7 +307,7 @@ TEST_F(BatchTest, DetachedBatchIsFetchedByTheSameCommand) {
   }
   run = Run({address, "--padding=4"});
   EXPECT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(Lines(run.out).summary["usable"], 6);
+  EXPECT_EQ(BatchReport(run.out).summary["usable"], 6);
 }
 
 TEST_F(BatchTest, JobWhoseAnswerWasLostIsNotQueuedTwice) {
@@ -328,14 +316,14 @@ TEST_F(BatchTest, JobWhoseAnswerWasLostIsNotQueuedTwice) {
   const std::string address = "--server=" + server.target(), state = Out(".planish-batch.json");
   Outcome run = Run({address, "--detach"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  const std::string job = Lines(run.out).files.at("grid.obj")["job"];
+  const std::string job = BatchReport(run.out).files.at("grid.obj")["job"];
   // As if the run had been killed before it could write down the answer.
   const std::string lines = ReadFile(state);
-  WriteTextFile(state, lines.substr(0, lines.find('\n') + 1));
+  PutFile(state, lines.substr(0, lines.find('\n') + 1));
   for (const std::vector<std::string>& words : {std::vector<std::string>{address, "--detach"}, {address}}) {
     run = Run(words);
     ASSERT_EQ(run.exit_code, 0) << run.err;
-    EXPECT_EQ(Lines(run.out).files.at("grid.obj")["job"], job);
+    EXPECT_EQ(BatchReport(run.out).files.at("grid.obj")["job"], job);
   }
   EXPECT_EQ(Client(server.target()).ListJobs(0).size(), 1u);
 }
@@ -355,7 +343,7 @@ TEST_F(BatchTest, OneAtlasForSeveralFiles) {
   ASSERT_EQ(shared.size(), 2u);
   run = Planish(words);
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(Lines(run.out).summary["usable"], 2);
+  EXPECT_EQ(BatchReport(run.out).summary["usable"], 2);
   EXPECT_NE(Outputs().at("a.obj"), shared.at("a.obj")) << "a tile for itself";
 }
 
@@ -367,7 +355,7 @@ TEST_F(BatchTest, FormatForAll) {
   std::vector<std::string> names;
   for (const auto& [name, bytes] : Outputs()) names.push_back(name);
   EXPECT_THAT(names, ::testing::IsSupersetOf({"a.gltf", "b.gltf"}));
-  EXPECT_EQ(Lines(Run({"--format=gltf"}).out).summary["kept"], 2);
+  EXPECT_EQ(BatchReport(Run({"--format=gltf"}).out).summary["kept"], 2);
 }
 
 }  // namespace

@@ -4,22 +4,22 @@
 #include "gtest/gtest.h"
 #include "nlohmann/json.hpp"
 #include "tests/e2e/command.h"
-#include "tests/testing/table.h"
+#include "tests/testing/files.h"
 
 namespace planish::testing {
 namespace {
 
 TEST(IslandsTest, BordersOfSharedMeshesAreKept) {
   const std::filesystem::path meshes = PLANISH_SHARED_MESHES;
-  const std::vector<Row> rows = ReadTable(meshes / "MANIFEST.tsv");
+  const std::vector<TableRow> rows = ReadTable(meshes / "MANIFEST.tsv");
   if (rows.empty()) GTEST_SKIP() << "no shared meshes at " << meshes;
   int count = 0;
-  const TempDirectory directory;
-  for (const Row& row : rows) {
+  const TempDir directory;
+  for (const TableRow& row : rows) {
     if (row.at("group") != "g") continue;
     const std::string& file = row.at("file");
     const Outcome run =
-        Planish({"unwrap", meshes / file, "-o", directory / file, "--seams=uv", "--json", "--progress=none"});
+        Planish({"unwrap", meshes / file, "-o", directory.Path(file), "--seams=uv", "--json", "--progress=none"});
     ASSERT_EQ(run.exit_code, 0) << file << "\n" << run.err;
     const nlohmann::json report = nlohmann::json::parse(run.out);
     EXPECT_EQ(report["chart_totals"]["charts"], std::stoi(row.at("uv_charts"))) << file;

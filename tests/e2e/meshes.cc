@@ -1,34 +1,16 @@
 #include "tests/e2e/meshes.h"
 
-#include <array>
 #include <cmath>
 #include <sstream>
 #include <vector>
 
+#include "tests/testing/meshes.h"
+
 namespace planish::testing {
 namespace {
 
-struct Grid {
-  std::vector<std::array<double, 3>> positions;
-  std::vector<std::array<int, 3>> faces;
-};
-
-Grid MakeGrid(int n, double phase) {
-  Grid grid;
-  for (int j = 0; j <= n; ++j) {
-    for (int i = 0; i <= n; ++i) {
-      const double x = static_cast<double>(i) / n, y = static_cast<double>(j) / n;
-      grid.positions.push_back({x, y, 0.3 * std::sin(5 * x + phase) * std::cos(4 * y)});
-    }
-  }
-  for (int j = 0; j < n; ++j) {
-    for (int i = 0; i < n; ++i) {
-      const int a = j * (n + 1) + i, b = a + 1, c = a + n + 1, d = c + 1;
-      grid.faces.push_back({a, b, d});
-      grid.faces.push_back({a, d, c});
-    }
-  }
-  return grid;
+Mesh WavySquare(int n, double phase = 0) {
+  return Grid(n, [=](double x, double y) { return Vec3(x, y, 0.3 * std::sin(5 * x + phase) * std::cos(4 * y)); });
 }
 
 template <typename Element>
@@ -41,7 +23,7 @@ void WriteRows(std::ostream& out, const std::string& prefix, const std::vector<E
 }  // namespace
 
 std::string GridObj(int n, double phase) {
-  const Grid grid = MakeGrid(n, phase);
+  const Mesh grid = WavySquare(n, phase);
   std::ostringstream out;
   WriteRows(out, "v ", grid.positions);
   WriteRows(out, "f ", grid.faces, 1);
@@ -49,7 +31,7 @@ std::string GridObj(int n, double phase) {
 }
 
 std::string GridOff(int n) {
-  const Grid grid = MakeGrid(n, 0);
+  const Mesh grid = WavySquare(n);
   std::ostringstream out;
   out << "OFF\n" << grid.positions.size() << " " << grid.faces.size() << " 0\n";
   WriteRows(out, "", grid.positions);
@@ -58,7 +40,7 @@ std::string GridOff(int n) {
 }
 
 std::string GridPly(int n) {
-  const Grid grid = MakeGrid(n, 0);
+  const Mesh grid = WavySquare(n);
   std::ostringstream out;
   out << "ply\nformat ascii 1.0\nelement vertex " << grid.positions.size()
       << "\nproperty float x\nproperty float y\nproperty float z\nelement face " << grid.faces.size()
@@ -69,7 +51,7 @@ std::string GridPly(int n) {
 }
 
 std::string GridStl(int n) {
-  const Grid grid = MakeGrid(n, 0);
+  const Mesh grid = WavySquare(n);
   std::ostringstream out;
   out << "solid grid\n";
   for (const auto& face : grid.faces) {

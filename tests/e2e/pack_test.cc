@@ -24,17 +24,17 @@ constexpr char kTwoIslands[] =
 class PackTest : public ::testing::Test {
  protected:
   std::string File(const std::string& name, const std::string& text) {
-    WriteTextFile(directory_ / name, text);
-    return directory_ / name;
+    PutFile(directory_.Path(name), text);
+    return directory_.Path(name);
   }
 
-  TempDirectory directory_;
+  TempDir directory_;
 };
 
 TEST_F(PackTest, NeedsNoServerAndSaysWhatItDid) {
-  const std::string output = directory_ / "out.obj";
+  const std::string output = directory_.Path("out.obj");
   const Outcome run = Planish({"pack", File("in.obj", kTwoIslands), "-o", output, "--json", "--padding=6",
-                               "--texture-size=512", "--preview", directory_ / "layout.svg"},
+                               "--texture-size=512", "--preview", directory_.Path("layout.svg")},
                               {{"PLANISHD", "/nonexistent"}, {"PLANISH_SERVER", "127.0.0.1:1"}});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   EXPECT_THAT(run.err, StartsWith("Packed 2 islands (1 mirrored) in "));
@@ -52,11 +52,11 @@ TEST_F(PackTest, NeedsNoServerAndSaysWhatItDid) {
   const std::string text = ReadFile(output);
   EXPECT_THAT(text, StartsWith("# mine\nv 0 0 0\n"));
   EXPECT_THAT(text, HasSubstr("\nf 1/1 2/2 3/3 4/4\nf 5/5 6/6 7/7 8/8\n"));
-  EXPECT_THAT(ReadFile(directory_ / "layout.svg"), HasSubstr(">2 charts, 4 triangles<"));
+  EXPECT_THAT(ReadFile(directory_.Path("layout.svg")), HasSubstr(">2 charts, 4 triangles<"));
 
   // What is packed packs to the same again, but for rounding: as many texels per unit.
   const Outcome again =
-      Planish({"pack", output, "-o", directory_ / "again.obj", "--json", "--padding=6", "--texture-size=512"});
+      Planish({"pack", output, "-o", directory_.Path("again.obj"), "--json", "--padding=6", "--texture-size=512"});
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_NEAR(json::parse(again.out)["atlas"]["texels_per_unit"].get<double>() /
                   report["atlas"]["texels_per_unit"].get<double>(),
@@ -68,12 +68,12 @@ TEST_F(PackTest, MaterialsHaveWeights) {
   text.insert(text.find("f 5/1"), "usemtl skin\n");
   const std::string input = File("in.obj", text);
   const auto texels = [&](const std::string& weight) {
-    const Outcome run = Planish({"pack", input, "-o", directory_ / "out.obj", "--json", "--weight=" + weight});
+    const Outcome run = Planish({"pack", input, "-o", directory_.Path("out.obj"), "--json", "--weight=" + weight});
     EXPECT_EQ(run.exit_code, 0) << run.err;
     return json::parse(run.out)["atlas"]["texels_per_unit"].get<double>();
   };
   EXPECT_LT(texels("skin=8"), 0.5 * texels("skin=1")) << "the other island makes room";
-  const Outcome unknown = Planish({"pack", input, "-o", directory_ / "out.obj", "--weight=skn=2"});
+  const Outcome unknown = Planish({"pack", input, "-o", directory_.Path("out.obj"), "--weight=skn=2"});
   EXPECT_EQ(unknown.exit_code, 1);
   EXPECT_THAT(unknown.err, HasSubstr("has no such material; it has a, skin"));
 }
@@ -81,9 +81,9 @@ TEST_F(PackTest, MaterialsHaveWeights) {
 TEST_F(PackTest, EveryFormatThatHoldsUv) {
   const std::string input = File("in.obj", kTwoIslands);
   for (const char* name : {"a.glb", "a.gltf", "a.ply", "a.off", "a.drc"}) {
-    const Outcome there = Planish({"pack", input, "-o", directory_ / name, "--density=keep"});
+    const Outcome there = Planish({"pack", input, "-o", directory_.Path(name), "--density=keep"});
     ASSERT_EQ(there.exit_code, 0) << name << there.err;
-    const Outcome back = Planish({"pack", directory_ / name, "-o", directory_ / "back.obj", "--json"});
+    const Outcome back = Planish({"pack", directory_.Path(name), "-o", directory_.Path("back.obj"), "--json"});
     ASSERT_EQ(back.exit_code, 0) << name << back.err;
     EXPECT_EQ(json::parse(back.out)["islands"], 2) << name;
     EXPECT_EQ(json::parse(back.out)["mirrored"], 1) << name;
@@ -91,25 +91,25 @@ TEST_F(PackTest, EveryFormatThatHoldsUv) {
 }
 
 TEST_F(PackTest, RefusesWhatHasNoUvWithItsPlace) {
-  const Outcome none = Planish({"pack", File("none.obj", GridObj(3)), "-o", directory_ / "x.obj", "--json"});
+  const Outcome none = Planish({"pack", File("none.obj", GridObj(3)), "-o", directory_.Path("x.obj"), "--json"});
   EXPECT_EQ(none.exit_code, 1);
   EXPECT_THAT(none.err, HasSubstr("none.obj has no UV"));
   EXPECT_EQ(json::parse(none.out)["error"]["reason"], "UV_MISSING");
 
   const std::string part = std::string(kTwoIslands) + "f 1 3 6\nf 2/1 3/1 6/1\nf 1 4 5\n";
-  const Outcome some = Planish({"pack", File("part.obj", part), "-o", directory_ / "x.obj"});
+  const Outcome some = Planish({"pack", File("part.obj", part), "-o", directory_.Path("x.obj")});
   EXPECT_EQ(some.exit_code, 1);
   EXPECT_THAT(some.err, HasSubstr("2 faces have no UV (2,4)"));
   EXPECT_THAT(some.err, HasSubstr("face 2 (part.obj:17), face 4 (part.obj:19)"));
 
   const std::string wild = "v 0 0 0\nv 1 0 0\nv 0 1 nan\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
-  const Outcome nan = Planish({"pack", File("nan.obj", wild), "-o", directory_ / "x.obj"});
+  const Outcome nan = Planish({"pack", File("nan.obj", wild), "-o", directory_.Path("x.obj")});
   EXPECT_EQ(nan.exit_code, 1);
   EXPECT_THAT(nan.err, HasSubstr("MESH_POSITION_NOT_FINITE"));
-  EXPECT_FALSE(std::filesystem::exists(directory_ / "x.obj"));
+  EXPECT_FALSE(std::filesystem::exists(directory_.Path("x.obj")));
 
-  EXPECT_EQ(Planish({"pack", directory_ / "missing.obj", "-o", directory_ / "x.obj"}).exit_code, 2);
-  const Outcome stl = Planish({"pack", File("in.obj", kTwoIslands), "-o", directory_ / "x.stl"});
+  EXPECT_EQ(Planish({"pack", directory_.Path("missing.obj"), "-o", directory_.Path("x.obj")}).exit_code, 2);
+  const Outcome stl = Planish({"pack", File("in.obj", kTwoIslands), "-o", directory_.Path("x.stl")});
   EXPECT_EQ(stl.exit_code, 2) << stl.err;
 }
 
@@ -122,7 +122,7 @@ TEST_F(PackTest, PaddingThatCannotBeKeptIsSaid) {
             " " + second + "/" + second + " " + third + "/" + third + "\n";
   }
   const Outcome run = Planish(
-      {"pack", File("soup.obj", soup), "-o", directory_ / "x.obj", "--texture-size=64", "--padding=16", "--json"});
+      {"pack", File("soup.obj", soup), "-o", directory_.Path("x.obj"), "--texture-size=64", "--padding=16", "--json"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const json report = json::parse(run.out);
   EXPECT_LT(report["atlas"]["padding_kept"].get<double>(), 16);
@@ -132,18 +132,19 @@ TEST_F(PackTest, PaddingThatCannotBeKeptIsSaid) {
 
 TEST_F(PackTest, UnwrapDrawsAPreview) {
   const std::string grid = File("grid.obj", GridObj(8));
-  const Outcome run = Planish({"unwrap", grid, "-o", directory_ / "a.obj", "--preview", directory_ / "a.png"});
+  const Outcome run = Planish({"unwrap", grid, "-o", directory_.Path("a.obj"), "--preview", directory_.Path("a.png")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_THAT(ReadFile(directory_ / "a.png"), StartsWith("\x89PNG"));
+  EXPECT_THAT(ReadFile(directory_.Path("a.png")), StartsWith("\x89PNG"));
   ASSERT_EQ(
-      Planish({"unwrap", grid, "-o", directory_ / "a.obj", "--pack=off", "--preview", directory_ / "a.svg"}).exit_code,
+      Planish({"unwrap", grid, "-o", directory_.Path("a.obj"), "--pack=off", "--preview", directory_.Path("a.svg")})
+          .exit_code,
       0);
-  EXPECT_THAT(ReadFile(directory_ / "a.svg"), HasSubstr(">1 chart, 128 triangles<"));
+  EXPECT_THAT(ReadFile(directory_.Path("a.svg")), HasSubstr(">1 chart, 128 triangles<"));
   const Outcome nowhere =
-      Planish({"unwrap", grid, "-o", directory_ / "b.obj", "--preview", directory_ / "missing/a.png"});
+      Planish({"unwrap", grid, "-o", directory_.Path("b.obj"), "--preview", directory_.Path("missing/a.png")});
   EXPECT_EQ(nowhere.exit_code, 2);
   EXPECT_THAT(nowhere.err, HasSubstr("FILE_UNWRITABLE"));
-  EXPECT_FALSE(std::filesystem::exists(directory_ / "b.obj")) << "it fails before the solve";
+  EXPECT_FALSE(std::filesystem::exists(directory_.Path("b.obj"))) << "it fails before the solve";
 }
 
 }  // namespace

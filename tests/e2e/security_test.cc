@@ -22,10 +22,6 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-int Shell(const std::string& command) {
-  return std::system((command + " >/dev/null 2>&1").c_str());
-}
-
 // A port that was free a moment ago.
 int FreePort() {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -42,24 +38,24 @@ int FreePort() {
 class SecurityTest : public ::testing::Test {
  protected:
   SecurityTest() {
-    if (Shell("command -v openssl") == 0) certificates_made_ = Shell(Script()) == 0;
+    if (RunShell("command -v openssl").exit_code == 0) certificates_made_ = RunShell(Script()).exit_code == 0;
   }
 
   void SetUp() override {
-    if (Shell("command -v openssl") != 0) GTEST_SKIP() << "openssl is not installed";
+    if (RunShell("command -v openssl").exit_code != 0) GTEST_SKIP() << "openssl is not installed";
     ASSERT_TRUE(certificates_made_);
   }
 
-  std::string Script() const { return std::string(PLANISH_CERTIFICATES) + " " + File("") + " localhost 127.0.0.1"; }
-  std::string File(const std::string& name) const { return directory_ / ("tls/" + name); }
+  std::string Script() const {
+    return PLANISH_SOURCE_TREE "/deploy/certificates.sh " + File("") + " localhost 127.0.0.1";
+  }
+  std::string File(const std::string& name) const { return directory_.Path("tls/" + name); }
   std::string Address() const { return "127.0.0.1:" + std::to_string(port_); }
 
   void Start(const std::vector<std::string>& flags) {
-    PrivateServerOptions options;
-    options.executable = PLANISHD_COMMAND;
-    options.extra_arguments = {"--listen=" + Address()};
-    options.extra_arguments.insert(options.extra_arguments.end(), flags.begin(), flags.end());
-    server_ = std::make_unique<PrivateServer>(options);
+    std::vector<std::string> more = {"--listen=" + Address()};
+    more.insert(more.end(), flags.begin(), flags.end());
+    server_ = std::make_unique<PrivateServer>(ServerOptions(1, more));
   }
 
   void StartSecure(std::vector<std::string> flags = {}) {
@@ -81,7 +77,7 @@ class SecurityTest : public ::testing::Test {
   std::string Ca() const { return "--tls-ca=" + File("ca.pem"); }
   std::string Token() const { return "--token-file=" + File("token"); }
 
-  TempDirectory directory_;
+  TempDir directory_;
   const int port_ = FreePort();
   bool certificates_made_ = false;
   std::unique_ptr<PrivateServer> server_;
@@ -91,11 +87,11 @@ TEST_F(SecurityTest, CertificatesAreMadeOnceAndForFewOnly) {
   const std::string token = ReadFile(File("token"));
   EXPECT_EQ(token.size(), 65u);
   const std::string certificate = ReadFile(File("server.pem"));
-  EXPECT_EQ(Shell(Script()), 0);
+  EXPECT_EQ(RunShell(Script()).exit_code, 0);
   EXPECT_EQ(ReadFile(File("token")), token);
   EXPECT_EQ(ReadFile(File("server.pem")), certificate);
   std::filesystem::remove(File("server.pem"));
-  EXPECT_EQ(Shell(Script()), 0);
+  EXPECT_EQ(RunShell(Script()).exit_code, 0);
   EXPECT_NE(ReadFile(File("server.pem")), certificate);
   EXPECT_EQ(ReadFile(File("token")), token);
   for (const auto& entry : std::filesystem::directory_iterator(File(""))) {
@@ -103,18 +99,19 @@ TEST_F(SecurityTest, CertificatesAreMadeOnceAndForFewOnly) {
     ASSERT_EQ(stat(entry.path().c_str(), &info), 0);
     // What the server reads is for the owner's group as well: a container's user is let into it.
     const std::string name = entry.path().filename();
-    const bool is_servers = name == "server.pem" || name == "server-key.pem" || name == "ca.pem" || name == "access.yaml";
+    const bool is_servers =
+        name == "server.pem" || name == "server-key.pem" || name == "ca.pem" || name == "access.yaml";
     EXPECT_EQ(info.st_mode & 0777, is_servers ? 0640u : 0600u) << entry.path();
   }
   EXPECT_THAT(ReadFile(File("access.yaml")), Not(HasSubstr(token.substr(0, 64))));
-  EXPECT_NE(Shell(std::string(PLANISH_CERTIFICATES) + " " + File("") + " 'a b'"), 0);
+  EXPECT_NE(RunShell(PLANISH_SOURCE_TREE "/deploy/certificates.sh " + File("") + " 'a b'").exit_code, 0);
 }
 
 TEST_F(SecurityTest, UnwrapsWithTokenOverTls) {
   StartSecure();
-  const std::string mesh = directory_ / "grid.obj";
-  WriteTextFile(mesh, GridObj(6));
-  const Outcome run = Run({"unwrap", mesh, "-o", directory_ / "out.obj", "--json", Ca(), Token()});
+  const std::string mesh = directory_.Path("grid.obj");
+  PutFile(mesh, GridObj(6));
+  const Outcome run = Run({"unwrap", mesh, "-o", directory_.Path("out.obj"), "--json", Ca(), Token()});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   EXPECT_EQ(json::parse(run.out)["state"], "SUCCEEDED");
   const Outcome list = Run(
@@ -183,17 +180,17 @@ TEST_F(SecurityTest, FilesThatChangeAreNoticed) {
   const std::string old_token = ReadFile(File("token")).substr(0, 64);
   std::filesystem::remove(File("token"));
   std::filesystem::remove(File("access.yaml"));
-  ASSERT_EQ(Shell(Script()), 0);
+  ASSERT_EQ(RunShell(Script()).exit_code, 0);
   for (const double end = Now() + 20; Now() < end && Version({Ca(), Token()}).exit_code != 0;) usleep(50'000);
   EXPECT_EQ(Version({Ca(), Token()}).exit_code, 0);
   EXPECT_EQ(Version({Ca()}, {{"PLANISH_TOKEN", old_token}}).exit_code, 2);
   // A new authority, and a server certificate by it.
   for (const char* name : {"ca.pem", "ca-key.pem", "server.pem"}) std::filesystem::remove(File(name));
-  ASSERT_EQ(Shell(Script()), 0);
+  ASSERT_EQ(RunShell(Script()).exit_code, 0);
   for (const double end = Now() + 20; Now() < end && Version({Ca(), Token()}).exit_code != 0;) usleep(50'000);
   EXPECT_EQ(Version({Ca(), Token()}).exit_code, 0);
   // What is wrong is logged and ignored.
-  WriteTextFile(File("access.yaml"), "tenants: 3\n");
+  PutFile(File("access.yaml"), "tenants: 3\n");
   for (const double end = Now() + 20; Now() < end && server_->log().find("stays as it was") == std::string::npos;) {
     usleep(50'000);
   }

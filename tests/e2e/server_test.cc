@@ -20,28 +20,24 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-const std::vector<std::string> kSlowly = {"--solver=uzawa", "--system=full", "--preconditioner=none"};
-
 class ServerTest : public ::testing::Test {
  protected:
-  ServerTest() : server_(Options()), client_(server_.target()) {}
-
-  static PrivateServerOptions Options() {
-    PrivateServerOptions options;
-    options.executable = PLANISHD_COMMAND;
-    options.workers = 2;
-    return options;
+  // One server for all; jobs of a killed command are given up after half a second.
+  static void SetUpTestSuite() {
+    server_ = std::make_unique<PrivateServer>(ServerOptions(2, {"--reattach-grace=0.5"}));
   }
+  static void TearDownTestSuite() { server_.reset(); }
+  ServerTest() : client_(server_->target()) {}
 
   std::string Grid(int n, double phase = 0) {
-    const std::string path = directory_ / ("grid" + std::to_string(n) + "_" + std::to_string(phase) + ".obj");
-    WriteTextFile(path, GridObj(n, phase));
+    const std::string path = directory_.Path("grid" + std::to_string(n) + "_" + std::to_string(phase) + ".obj");
+    PutFile(path, GridObj(n, phase));
     return path;
   }
 
   std::vector<std::string> With(std::vector<std::string> words, const std::vector<std::string>& more = {}) {
     words.insert(words.end(), more.begin(), more.end());
-    words.push_back("--server=" + server_.target());
+    words.push_back("--server=" + server_->target());
     return words;
   }
 
@@ -58,8 +54,8 @@ class ServerTest : public ::testing::Test {
     return at == std::string::npos ? "" : text.substr(at, text.find_first_of("\"\n ", at) - at);
   }
 
-  TempDirectory directory_;
-  PrivateServer server_;
+  TempDir directory_;
+  static inline std::unique_ptr<PrivateServer> server_;
   Client client_;
 };
 
@@ -68,7 +64,7 @@ TEST_F(ServerTest, TenAtOnceAllSucceedWithGapFreeProgress) {
   for (int i = 0; i < 10; ++i) {
     commands.push_back(
         std::make_unique<Command>(With({"unwrap", Grid(20 + i, 0.1 * i), "-o",
-                                        directory_ / (std::to_string(i) + ".obj"), "--json", "--progress=json"})));
+                                        directory_.Path(std::to_string(i) + ".obj"), "--json", "--progress=json"})));
   }
   std::vector<std::string> jobs;
   for (int i = 0; i < 10; ++i) {
@@ -98,7 +94,7 @@ TEST_F(ServerTest, CtrlCFreesTheWorkerWithinHalfASecond) {
   // The machine may be busy with other tests: the best of three counts.
   double best = 1e9;
   for (int attempt = 0; attempt < 3 && best > 0.5; ++attempt) {
-    Command command(With({"unwrap", Grid(250), "-o", directory_ / "out.obj", "--progress=json"}, kSlowly));
+    Command command(With({"unwrap", Grid(250), "-o", directory_.Path("out.obj"), "--progress=json"}, kSlowly));
     ASSERT_TRUE(command.WaitForErr("\"linear_iterations\":1", 30)) << command.Err();
     const auto interrupted = Job::Time::clock::now();
     command.Signal(SIGINT);
@@ -110,13 +106,13 @@ TEST_F(ServerTest, CtrlCFreesTheWorkerWithinHalfASecond) {
     best = std::min(best, std::chrono::duration<double>(*job.end_time - interrupted).count());
   }
   EXPECT_LT(best, 0.5);
-  EXPECT_EQ(Planish(With({"unwrap", Grid(5), "-o", directory_ / "next.obj"})).exit_code, 0);
+  EXPECT_EQ(Planish(With({"unwrap", Grid(5), "-o", directory_.Path("next.obj")})).exit_code, 0);
 }
 
 TEST_F(ServerTest, KilledCommandsJobIsCancelled) {
   std::string name;
   {
-    const Command command(With({"unwrap", Grid(250), "-o", directory_ / "out.obj", "--progress=json"}, kSlowly));
+    Command command(With({"unwrap", Grid(250), "-o", directory_.Path("out.obj"), "--progress=json"}, kSlowly));
     ASSERT_TRUE(command.WaitForErr("\"solve\"", 30)) << command.Err();
     name = JobIn(command.Err());
   }
@@ -125,7 +121,7 @@ TEST_F(ServerTest, KilledCommandsJobIsCancelled) {
 
 TEST_F(ServerTest, TimeoutCancelsTheJob) {
   const Outcome run =
-      Planish(With({"unwrap", Grid(250), "-o", directory_ / "out.obj", "--json", "--timeout=2"}, kSlowly));
+      Planish(With({"unwrap", Grid(250), "-o", directory_.Path("out.obj"), "--json", "--timeout=2"}, kSlowly));
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_LT(run.seconds, 20);
   const json report = json::parse(run.out);
@@ -135,19 +131,19 @@ TEST_F(ServerTest, TimeoutCancelsTheJob) {
 
 TEST_F(ServerTest, DetachAndFetchLater) {
   const std::string input = Grid(20);
-  Outcome run = Planish(With({"unwrap", input, "--detach", "--label=for later"}));
+  Outcome run = Planish(With({"unwrap", input, "--detach", "--label=note=for later"}));
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const std::string name = JobIn(run.out);
   EXPECT_EQ(run.out, name + "\n");
   EXPECT_THAT(run.err, HasSubstr("planish jobs watch " + name));
 
-  run = Planish(With({"jobs", "watch", name, "--mesh", input, "-o", directory_ / "later.obj", "--json"}));
+  run = Planish(With({"jobs", "watch", name, "--mesh", input, "-o", directory_.Path("later.obj"), "--json"}));
   ASSERT_EQ(run.exit_code, 0) << run.err;
   EXPECT_EQ(json::parse(run.out)["charts"][0]["converged"], true);
-  ASSERT_EQ(Planish(With({"unwrap", input, "-o", directory_ / "now.obj"})).exit_code, 0);
-  EXPECT_EQ(ReadFile(directory_ / "later.obj"), ReadFile(directory_ / "now.obj"));
+  ASSERT_EQ(Planish(With({"unwrap", input, "-o", directory_.Path("now.obj")})).exit_code, 0);
+  EXPECT_EQ(ReadFile(directory_.Path("later.obj")), ReadFile(directory_.Path("now.obj")));
 
-  run = Planish(With({"jobs", "watch", name, "--mesh", Grid(21), "-o", directory_ / "wrong.obj"}));
+  run = Planish(With({"jobs", "watch", name, "--mesh", Grid(21), "-o", directory_.Path("wrong.obj")}));
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_THAT(run.err, HasSubstr("MESH_MISMATCH"));
 
@@ -157,19 +153,21 @@ TEST_F(ServerTest, DetachAndFetchLater) {
 }
 
 TEST_F(ServerTest, JobsListShowCancelDelete) {
-  const std::string done = JobIn(Planish(With({"unwrap", Grid(10), "--detach", "--label=quick"})).out);
-  const std::string slow = JobIn(Planish(With({"unwrap", Grid(250), "--detach", "--label=slow"}, kSlowly)).out);
+  const std::string done = JobIn(Planish(With({"unwrap", Grid(10), "--detach", "--label=test=list quick"})).out);
+  const std::string slow =
+      JobIn(Planish(With({"unwrap", Grid(250), "--detach", "--label=test=list slow"}, kSlowly)).out);
   WaitFor(done, JobState::kSucceeded);
   WaitFor(slow, JobState::kRunning);
 
-  Outcome run = Planish(With({"jobs", "list"}));
+  Outcome run = Planish(With({"jobs", "list", "--label=test=list *"}));
   EXPECT_EQ(run.exit_code, 0);
   const std::vector<std::string> lines = Lines(run.out);
   ASSERT_EQ(lines.size(), 3u) << run.out;
   EXPECT_THAT(lines[0], StartsWith("JOB "));
   EXPECT_THAT(lines[1], ::testing::AllOf(StartsWith(slow + "  RUNNING"), HasSubstr("slow")));
   EXPECT_THAT(lines[2], ::testing::AllOf(StartsWith(done + "  SUCCEEDED"), HasSubstr("quick")));
-  const json list = json::parse(Planish(With({"jobs", "list", "--json", "--state=SUCCEEDED"})).out);
+  const json list =
+      json::parse(Planish(With({"jobs", "list", "--json", "--state=SUCCEEDED", "--label=test=list *"})).out);
   ASSERT_EQ(list["jobs"].size(), 1u);
   EXPECT_EQ(list["jobs"][0]["job"], done);
 
@@ -220,7 +218,7 @@ TEST_F(ServerTest, AdminDrainsAndWaitsForWhatRuns) {
   EXPECT_EQ(drained.exit_code, 0);
   EXPECT_THAT(drained.err, HasSubstr("Drained: no job is left."));
   EXPECT_EQ(Planish(With({"admin", "undrain"})).exit_code, 0);
-  EXPECT_EQ(Planish(With({"unwrap", Grid(4), "-o", directory_ / "out.obj"})).exit_code, 0);
+  EXPECT_EQ(Planish(With({"unwrap", Grid(4), "-o", directory_.Path("out.obj")})).exit_code, 0);
   const Outcome config = Planish(With({"admin", "config"}));
   EXPECT_THAT(config.out, HasSubstr("workers: 2  # flag\n"));
 }

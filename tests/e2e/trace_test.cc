@@ -1,4 +1,5 @@
 // W3C trace context from a command, or a program, to the server and back.
+#include <memory>
 #include <regex>
 
 #include "gmock/gmock.h"
@@ -18,35 +19,30 @@ const std::string kTraceparent = std::string("00-") + kTraceId + "-b7ad6b7169203
 
 class TraceTest : public ::testing::Test {
  protected:
-  TraceTest() : server_(Options()) {
-    WriteTextFile(grid_, GridObj(6));
-    WriteTextFile(closed_, kClosedObj);
-  }
-
-  static PrivateServerOptions Options() {
-    PrivateServerOptions options;
-    options.executable = PLANISHD_COMMAND;
-    options.workers = 1;
-    return options;
+  static void SetUpTestSuite() { server_ = std::make_unique<PrivateServer>(ServerOptions(1)); }
+  static void TearDownTestSuite() { server_.reset(); }
+  TraceTest() {
+    PutFile(grid_, GridObj(6));
+    PutFile(closed_, kClosedObj);
   }
 
   // What `planish unwrap` reports.
   json Report(const std::string& mesh, const std::string& traceparent, const std::vector<std::string>& more = {}) {
     std::vector<std::string> words = {
-        "unwrap", mesh, "-o", directory_ / "out.obj", "--json", "--server=" + server_.target()};
+        "unwrap", mesh, "-o", directory_.Path("out.obj"), "--json", "--server=" + server_->target()};
     words.insert(words.end(), more.begin(), more.end());
     return json::parse(Planish(words, {{"TRACEPARENT", traceparent}}).out);
   }
 
-  TempDirectory directory_;
-  const std::string grid_ = directory_ / "grid.obj", closed_ = directory_ / "closed.obj";
-  PrivateServer server_;
+  TempDir directory_;
+  const std::string grid_ = directory_.Path("grid.obj"), closed_ = directory_.Path("closed.obj");
+  static inline std::unique_ptr<PrivateServer> server_;
 };
 
 TEST_F(TraceTest, CommandsContinueTheEnvironments) {
   const json report = Report(grid_, kTraceparent);
   EXPECT_EQ(report["trace_id"], kTraceId);
-  Client client(server_.target());
+  Client client(server_->target());
   EXPECT_EQ(client.GetJob(report["job"]).trace_id, kTraceId);
   const json failure = Report(closed_, kTraceparent, {"--seams=none"});
   EXPECT_EQ(failure["state"], "FAILED");
@@ -63,7 +59,7 @@ TEST_F(TraceTest, WithoutAValidOneThereIsANewOne) {
 }
 
 TEST_F(TraceTest, ProgramsSayWhichOne) {
-  Client client(server_.target());
+  Client client(server_->target());
   const std::vector<float> positions = {0, 0, 0, 1, 0, 0, 0, 1, 0};
   const std::vector<std::uint32_t> triangles = {0, 1, 2};
   CallOptions call;

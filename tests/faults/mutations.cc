@@ -11,7 +11,7 @@
 #include <thread>
 #include <utility>
 
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "draco/compression/expert_encode.h"
 #include "draco/core/encoder_buffer.h"
 #include "draco/mesh/mesh.h"
@@ -22,12 +22,11 @@
 #include "planish/v1/planish.pb.h"
 #include "tests/faults/raw_call.h"
 #include "tests/fuzz/mutations.h"
-#include "tests/server/testing/meshes.h"
+#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using google::protobuf::Message;
 
 // Edgebreaker, rounded to 11 bits: what most Draco files in the world are.
@@ -74,22 +73,52 @@ v1::UnwrapOptions RandomOptions(std::mt19937& random) {
   if (sometimes()) options.set_hessian(static_cast<v1::Hessian>(random() % 4));
   if (sometimes()) options.set_precision(static_cast<v1::Precision>(random() % 4));
   if (sometimes()) options.set_pack(static_cast<v1::Pack>(random() % 3));
+  if (sometimes()) options.set_effort(static_cast<v1::Effort>(random() % 3));
   if (sometimes()) options.set_tolerance(1e-6);
   if (sometimes()) options.set_texture_size(256);
   if (sometimes()) options.set_threads(2);
   return options;
 }
 
+// A mesh as arrays; half of them damaged.
+v1::MeshArrays RandomArrays(std::mt19937& random) {
+  const Mesh mesh = Bump(1 + static_cast<int>(random() % 4));
+  v1::MeshArrays arrays;
+  for (const Vec3& position : mesh.positions) {
+    for (const double coordinate : position) {
+      const auto number = static_cast<float>(coordinate);
+      arrays.mutable_positions()->append(reinterpret_cast<const char*>(&number), sizeof number);
+    }
+  }
+  for (const Face& face : mesh.faces) {
+    arrays.mutable_triangles()->append(reinterpret_cast<const char*>(face.data()), sizeof face);
+  }
+  const std::uint32_t damage = random() % 6;
+  if (damage == 0) arrays.set_positions(fuzz::Mutated({arrays.positions()}, random));
+  if (damage <= 1) arrays.set_triangles(fuzz::Mutated({arrays.triangles()}, random));
+  if (damage == 2) arrays.mutable_positions()->resize(random() % arrays.positions().size());
+  return arrays;
+}
+
+v1::JobSpec RandomSpec(const std::string& draco, std::mt19937& random) {
+  v1::JobSpec spec;
+  spec.set_draco(draco);
+  if (random() % 4 == 0) *spec.mutable_arrays() = RandomArrays(random);
+  if (random() % 16 == 0) spec.set_mesh_sha256(std::string(random() % 2 == 0 ? 32 : 31, 'x'));
+  *spec.mutable_options() = RandomOptions(random);
+  if (random() % 4 == 0) (*spec.mutable_labels())["test"] = "mutation";
+  if (random() % 16 == 0) (*spec.mutable_labels())[random() % 2 == 0 ? "" : "No key"] = "mutation";
+  if (random() % 8 == 0) spec.mutable_scheduling()->mutable_timeout()->set_seconds(60);
+  if (random() % 8 == 0) spec.mutable_scheduling()->set_priority(v1::PRIORITY_LOW);
+  if (random() % 8 == 0) spec.add_seam_corners(static_cast<std::int32_t>(random() % 6));
+  return spec;
+}
+
 template <class Request>
 std::unique_ptr<Message> NewJobRequest(const std::string& draco, std::mt19937& random) {
   auto request = std::make_unique<Request>();
-  request->set_draco(draco);
-  *request->mutable_options() = RandomOptions(random);
-  if (random() % 4 == 0) request->set_label("mutation");
+  *request->mutable_spec() = RandomSpec(draco, random);
   if (random() % 4 == 0) request->set_request_id(std::to_string(random()));
-  if (random() % 8 == 0) request->mutable_scheduling()->mutable_timeout()->set_seconds(60);
-  if (random() % 8 == 0) request->mutable_scheduling()->set_priority(v1::PRIORITY_LOW);
-  if (random() % 8 == 0) request->add_seam_corners(static_cast<std::int32_t>(random() % 6));
   return request;
 }
 
@@ -121,9 +150,15 @@ void Scramble(Message* message, std::mt19937& random) {
   const FieldDescriptor* field = type->field(static_cast<int>(random() % static_cast<unsigned>(type->field_count())));
   const google::protobuf::Reflection* fields = message->GetReflection();
   if (field->is_repeated()) {
-    // Corners.
+    // Corners, and the requests of a batch.
     if (field->cpp_type() == FieldDescriptor::CPPTYPE_INT32) {
       fields->AddInt32(message, field, RandomNumber<std::int32_t>(random));
+    } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && !field->is_map()) {
+      const int count = fields->FieldSize(*message, field);
+      if (count > 0) {
+        const auto which = static_cast<int>(random() % static_cast<unsigned>(count));
+        Scramble(fields->MutableRepeatedMessage(message, field, which), random);
+      }
     }
     return;
   }
@@ -163,7 +198,7 @@ class Mutations {
         channel_(grpc::CreateChannel(server.target(), grpc::InsecureChannelCredentials())) {}
 
   MutationReport Run() {
-    const Clock::time_point start = Clock::now();
+    const double start = Now();
     Ask({"GetCapabilities", ""});  // connects
     report_.descriptors_before = server_.Descriptors();
     std::vector<std::thread> callers;
@@ -171,7 +206,7 @@ class Mutations {
     for (std::thread& caller : callers) caller.join();
     if (!server_.IsRunning()) Wrong("the server died");
     CheckTheEnds();
-    report_.seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    report_.seconds = Now() - start;
     return std::move(report_);
   }
 
@@ -200,9 +235,9 @@ class Mutations {
       std::mt19937 random(options_.seed + static_cast<std::uint32_t>(i));
       const Input input = MakeInput(random, last_job);
       const Asked asked = Ask(input);
-      const std::string job = JobOf(input, asked);
-      Note(input, asked, !job.empty());
-      if (!job.empty()) {
+      const std::vector<std::string> jobs = JobsOf(input, asked);
+      Note(input, asked, static_cast<int>(jobs.size()));
+      for (const std::string& job : jobs) {
         last_job = job;
         Follow(job);
       }
@@ -228,18 +263,21 @@ class Mutations {
 
   static std::unique_ptr<Message> MakeRequest(const std::string& draco, const std::string& last_job,
                                               std::mt19937& random, std::string* method) {
-    switch (random() % 12) {
+    switch (random() % 15) {
       case 0: {
         *method = "EstimateJob";
         auto request = std::make_unique<v1::EstimateJobRequest>();
-        request->set_draco(draco);
-        *request->mutable_options() = RandomOptions(random);
+        *request->mutable_spec() = RandomSpec(draco, random);
         return request;
       }
       case 1: {
         *method = "ListJobs";
         auto request = std::make_unique<v1::ListJobsRequest>();
         request->set_page_size(static_cast<std::int32_t>(1 + random() % 5));
+        request->set_view(static_cast<v1::JobView>(random() % 3));
+        const std::string filter =
+            R"(state != RUNNING AND labels.test = "mut*" AND create_time > 2026-01-01T00:00:00Z)";
+        if (random() % 2 == 0) request->set_filter(random() % 2 == 0 ? filter : fuzz::Mutated({filter}, random));
         return request;
       }
       case 2: {
@@ -247,6 +285,38 @@ class Mutations {
         auto request = std::make_unique<v1::CreateUploadRequest>();
         request->set_total_bytes(1 + static_cast<std::int64_t>(random() % 100));
         request->set_sha256(std::string(32, static_cast<char>(random())));
+        if (random() % 2 == 0) request->set_request_id(std::to_string(random() % 10));
+        return request;
+      }
+      case 12: {
+        *method = "BatchCreateJobs";
+        auto request = std::make_unique<v1::BatchCreateJobsRequest>();
+        for (std::uint32_t jobs = random() % 4; jobs > 0; --jobs) {
+          *request->add_requests()->mutable_spec() = RandomSpec(draco, random);
+        }
+        return request;
+      }
+      case 13: {
+        *method = "FindMissingMeshes";
+        auto request = std::make_unique<v1::FindMissingMeshesRequest>();
+        for (std::uint32_t meshes = random() % 4; meshes > 0; --meshes) {
+          request->add_sha256(std::string(random() % 8 == 0 ? 5 : 32, static_cast<char>(random())));
+        }
+        return request;
+      }
+      case 14: {
+        if (random() % 2 == 0) {
+          *method = "WaitJob";
+          auto request = std::make_unique<v1::WaitJobRequest>();
+          request->set_name(last_job);
+          request->mutable_timeout()->set_nanos(static_cast<std::int32_t>(random() % 100'000'000));
+          return request;
+        }
+        *method = "ReadResult";
+        auto request = std::make_unique<v1::ReadResultRequest>();
+        request->set_name(last_job);
+        request->set_offset(static_cast<std::int64_t>(random() % 1000));
+        request->set_limit(static_cast<std::int64_t>(random() % 1000));
         return request;
       }
       case 3: {
@@ -276,19 +346,25 @@ class Mutations {
     }
   }
 
-  // The job that a call created, empty if none.
-  static std::string JobOf(const Input& input, const Asked& asked) {
-    if (asked.messages.empty()) return "";
+  // The jobs that a call created.
+  static std::vector<std::string> JobsOf(const Input& input, const Asked& asked) {
+    if (asked.messages.empty()) return {};
+    const std::string& first = asked.messages.front();
     v1::Job job;
-    if (input.method == "CreateJob" && job.ParseFromString(asked.messages.front())) return job.name();
+    if (input.method == "CreateJob" && job.ParseFromString(first)) return {job.name()};
     v1::UnwrapResponse response;
-    if (input.method == "Unwrap" && response.ParseFromString(asked.messages.front())) {
-      return response.event().job().name();
+    if (input.method == "Unwrap" && response.ParseFromString(first)) return {response.event().job().name()};
+    std::vector<std::string> jobs;
+    v1::BatchCreateJobsResponse batch;
+    if (input.method == "BatchCreateJobs" && batch.ParseFromString(first)) {
+      for (const auto& result : batch.results()) {
+        if (result.has_job()) jobs.push_back(result.job().name());
+      }
     }
-    return "";
+    return jobs;
   }
 
-  void Note(const Input& input, const Asked& asked, bool accepted) {
+  void Note(const Input& input, const Asked& asked, int accepted) {
     const CallEnd& end = asked.end;
     const std::string what =
         input.method + " " + std::to_string(end.code) + (end.reason.empty() ? "" : " " + end.reason);
@@ -296,15 +372,14 @@ class Mutations {
                         end.code == grpc::StatusCode::UNKNOWN || end.code == grpc::StatusCode::DATA_LOSS;
     const bool is_internal = end.code == grpc::StatusCode::INTERNAL;
     // gRPC says INTERNAL for bytes that are no message; ours has a reason. How the call on a job ends, the job says.
-    if (!accepted && (is_bad || (is_internal && (input.is_message || !end.reason.empty())))) {
+    if (accepted == 0 && (is_bad || (is_internal && (input.is_message || !end.reason.empty())))) {
       Wrong("answer " + what + ": " + end.message);
     }
     if (end.code == grpc::StatusCode::UNAVAILABLE) alive_ = false;
     const std::lock_guard lock(mutex_);
     ++report_.sent;
-    if (accepted) {
-      ++report_.accepted;
-    } else {
+    report_.accepted += accepted;
+    if (accepted == 0) {
       ++report_.refused[what];
     }
   }

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/faults/durable_server.h"
+#include "tests/testing/daemon.h"
 
 namespace planish {
 

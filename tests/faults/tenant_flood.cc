@@ -9,14 +9,14 @@
 #include <utility>
 
 #include "absl/time/clock.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/lifecycle.h"
 #include "server/jobs/worker_pool.h"
 #include "server/link/process_link.h"
 #include "server/worker/needs.h"
-#include "tests/server/testing/meshes.h"
+#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {
@@ -98,7 +98,7 @@ class Flood {
 
   std::string Create(const Caller& caller) {
     JobRequest request;
-    request.draco = mesh_;
+    request.bytes = mesh_;
     request.scheduling.set_fresh(true);
     const auto accepted = manager_->Create(caller, std::move(request));
     if (!accepted.ok()) throw std::runtime_error(accepted.status().ToString());
@@ -169,7 +169,7 @@ class Flood {
   const TenantFloodOptions options_;
   const std::string mesh_;
   Book book_;
-  BlobStore blobs_{"", std::int64_t{1} << 40};
+  BlobStore blobs_{{}, std::int64_t{1} << 40};
   const std::unique_ptr<JobStore> store_;
   std::unique_ptr<JobManager> manager_;
   std::unique_ptr<WorkerPool> pool_;

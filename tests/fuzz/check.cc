@@ -7,7 +7,20 @@
 
 #include "core/base/error.h"
 
+// What libFuzzer calls.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  planish::fuzz::Targets().begin()->second({reinterpret_cast<const char*>(data), size});
+  return 0;
+}
+
 namespace planish::fuzz {
+
+std::map<std::string, Target>& Targets() {
+  static auto* targets = new std::map<std::string, Target>;
+  return *targets;
+}
 
 void Require(bool kept, std::string_view promise) {
   if (kept) return;

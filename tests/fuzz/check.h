@@ -4,14 +4,25 @@
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
+#include <map>
+#include <string>
 #include <string_view>
 
 #include "absl/status/status.h"
 
-// Tries one input; every promise that it finds broken ends the process.
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
+// FUZZ_TARGET(requests, bytes) { .. } defines and registers the target "requests", a function that tries one input,
+// `bytes`. Every promise that it finds broken ends the process. To be used within a namespace.
+#define FUZZ_TARGET(name, bytes)                                                                         \
+  static void Try(std::string_view bytes);                                                               \
+  [[maybe_unused]] static const bool registered = ::planish::fuzz::Targets().emplace(#name, Try).second; \
+  static void Try(std::string_view bytes)
 
 namespace planish::fuzz {
+
+using Target = void (*)(std::string_view bytes);
+
+// Of this program, by name. libFuzzer's programs have one each.
+std::map<std::string, Target>& Targets();
 
 // Unless `kept`, says on stderr which promise was broken and aborts: a finding, for libFuzzer as for a test.
 void Require(bool kept, std::string_view promise);
@@ -22,7 +33,7 @@ void RequireReason(const absl::Status& status, std::initializer_list<std::string
 // An input that is read as a list of small numbers and pieces. Past its end there are zeros and empty pieces.
 class Bytes {
  public:
-  Bytes(const std::uint8_t* data, std::size_t size) : rest_(reinterpret_cast<const char*>(data), size) {}
+  explicit Bytes(std::string_view bytes) : rest_(bytes) {}
 
   bool empty() const { return rest_.empty(); }
   int Byte();

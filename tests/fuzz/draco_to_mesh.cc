@@ -4,13 +4,13 @@
 #include <string>
 
 #include "core/base/error.h"
-#include "core/io/draco_codec.h"
-#include "core/io/draco_header.h"
-#include "core/mesh/disc_check.h"
+#include "core/draco/codec.h"
+#include "core/draco/header.h"
+#include "core/mesh/diagnosis.h"
 #include "tests/fuzz/check.h"
 #include "tests/fuzz/memory_budget.h"
 
-namespace planish::fuzz {
+namespace planish::fuzz::draco_to_mesh {
 namespace {
 
 constexpr DracoLimits kLimits = {.max_faces = 20'000, .max_vertices = 20'000};
@@ -36,9 +36,10 @@ void CheckMesh(const Mesh& mesh) {
     }
   }
   // NaN and infinity may come out of the decoder, and go no further.
-  const absl::Status elements = CheckElements(mesh);
-  Require(elements.ok() == finite, "the mesh check sees exactly the positions that are not finite");
-  if (!finite) RequireReason(elements, {"MESH_POSITION_NOT_FINITE"});
+  const auto diagnosis = Diagnose(mesh);
+  Require(diagnosis.ok(), "every mesh has a diagnosis");
+  Require((diagnosis->vertices_not_finite.count == 0) == finite, "it sees exactly the positions that are not finite");
+  if (!finite) RequireReason(diagnosis->Refusal(), {"MESH_POSITION_NOT_FINITE"});
 }
 
 void CheckRoundTrip(const Mesh& mesh) {
@@ -57,19 +58,15 @@ void CheckRoundTrip(const Mesh& mesh) {
 }
 
 }  // namespace
-}  // namespace planish::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace planish;
-  using namespace planish::fuzz;
+FUZZ_TARGET(draco_to_mesh, bytes) {
   const MemoryBudget budget(kMemory);
-  const std::string_view bytes(reinterpret_cast<const char*>(data), size);
   const auto counts = PeekDraco(bytes);
   const auto mesh = DecodeDraco(bytes, kLimits);
   if (!counts.ok()) {
     RequireReason(counts.status(), {"MESH_DECODE_FAILED"});
     Require(mesh.status() == counts.status(), "what is no Draco header is no mesh, for the same reason");
-    return 0;
+    return;
   }
   Require(counts->faces.value_or(0) >= 0 && counts->vertices.value_or(0) >= 0, "counts are not negative");
   CheckPrefix(bytes, *counts);
@@ -80,10 +77,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!mesh.ok()) {
     RequireReason(mesh.status(), {"MESH_DECODE_FAILED", "MESH_NOT_A_MESH", "MESH_EMPTY", "MESH_POSITION_INVALID",
                                   "MESH_INDEX_OUT_OF_RANGE", "MESH_TOO_LARGE", "OUT_OF_MEMORY"});
-    return 0;
+    return;
   }
   Require(counts->geometry == DracoGeometry::kMesh, "a mesh says that it is one");
   CheckMesh(*mesh);
   CheckRoundTrip(*mesh);
-  return 0;
 }
+
+}  // namespace planish::fuzz::draco_to_mesh

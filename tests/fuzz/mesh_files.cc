@@ -3,14 +3,14 @@
 #include <string>
 #include <vector>
 
+#include "client/files/gltf_mesh.h"
+#include "client/files/mesh_output.h"
+#include "client/files/readers.h"
 #include "core/base/error.h"
-#include "core/io/gltf_mesh.h"
-#include "core/io/mesh_output.h"
-#include "core/io/readers.h"
 #include "tests/fuzz/check.h"
 #include "tests/fuzz/memory_budget.h"
 
-namespace planish::fuzz {
+namespace planish::fuzz::mesh_files {
 namespace {
 
 // Readers promise memory in proportion to the bytes, and libFuzzer's inputs are small; but Draco may lie inside a glTF.
@@ -83,13 +83,10 @@ void CheckRoundTrip(MeshFile file) {
 }
 
 }  // namespace
-}  // namespace planish::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace planish;
-  using namespace planish::fuzz;
+FUZZ_TARGET(mesh_files, bytes) {
   const MemoryBudget budget(kMemory);
-  Bytes input(data, size);
+  Bytes input(bytes);
   MeshFile file;
   file.path = kPath;
   file.format = kFormats[input.Below(std::size(kFormats))];
@@ -97,12 +94,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   auto mesh = Read(file.format, file.bytes, &file.gltf);
   if (!mesh.ok()) {
     RequireReason(mesh.status(), {"FILE_MALFORMED", "FILE_UNSUPPORTED", "FILE_UNREADABLE", "OUT_OF_MEMORY"});
-    return 0;
+    return;
   }
   CheckMesh(*mesh);
   file.mesh = *std::move(mesh);
   // A .gltf is written with a buffer in a file of its own, which nobody can read back here.
   if (file.format == MeshFormat::kGltf) file.format = MeshFormat::kGlb;
   if (file.format != MeshFormat::kStl) CheckRoundTrip(std::move(file));
-  return 0;
 }
+
+}  // namespace planish::fuzz::mesh_files

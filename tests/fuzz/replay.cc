@@ -1,5 +1,5 @@
-// A target as a test: its corpus, and seeded mutations of it (PLANISH_FUZZ_MUTATIONS, default 2000). An input that ends
-// the process is left in the test's temporary folder as fuzz_TARGET.input, for a debugger or for libFuzzer.
+// Each target as tests: its corpus, and seeded mutations of it (PLANISH_FUZZ_MUTATIONS, default 2000). An input that
+// ends the process is left in the tests' temporary folder as fuzz_TARGET.input, for a debugger or for libFuzzer.
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -8,8 +8,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -18,6 +16,7 @@
 #include "gtest/gtest.h"
 #include "tests/fuzz/check.h"
 #include "tests/fuzz/mutations.h"
+#include "tests/testing/files.h"
 
 namespace planish::fuzz {
 namespace {
@@ -27,16 +26,13 @@ namespace fs = std::filesystem;
 constexpr rlim_t kMostAddresses = rlim_t{4} << 30;
 constexpr rlim_t kMostSeconds = 100;  // of CPU
 
-std::vector<std::string> Corpus() {
+std::vector<std::string> CorpusOf(const std::string& target) {
   std::vector<fs::path> paths;
-  for (const auto& entry : fs::directory_iterator(FUZZ_CORPUS)) paths.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(fs::path(PLANISH_FUZZ_CORPUS) / target))
+    paths.push_back(entry.path());
   std::sort(paths.begin(), paths.end());
   std::vector<std::string> corpus;
-  for (const fs::path& path : paths) {
-    std::ostringstream bytes;
-    bytes << std::ifstream(path, std::ios::binary).rdbuf();
-    corpus.push_back(bytes.str());
-  }
+  for (const fs::path& path : paths) corpus.push_back(ReadFile(path));
   return corpus;
 }
 
@@ -52,12 +48,12 @@ void SaveInput(int number) {
   raise(number);
 }
 
-class Replay : public ::testing::Test {
+class Replay : public ::testing::TestWithParam<std::string> {
  protected:
-  static void SetUpTestSuite() {
+  void SetUp() override {
     if (!kSanitized) Limit(RLIMIT_AS, kMostAddresses);
     Limit(RLIMIT_CPU, kMostSeconds);
-    input_path = ::testing::TempDir() + "fuzz_" FUZZ_TARGET ".input";
+    input_path = ::testing::TempDir() + "fuzz_" + GetParam() + ".input";
     struct sigaction once = {};
     once.sa_handler = SaveInput;
     once.sa_flags = SA_RESETHAND | SA_NODEFER;
@@ -66,7 +62,7 @@ class Replay : public ::testing::Test {
 
   void Try(const std::string& input) {
     present_input = &input;
-    LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(input.data()), input.size());
+    Targets().at(GetParam())(input);
     present_input = nullptr;
   }
 
@@ -79,21 +75,29 @@ class Replay : public ::testing::Test {
   }
 };
 
-TEST_F(Replay, Corpus) {
-  const std::vector<std::string> corpus = Corpus();
+TEST_P(Replay, Corpus) {
+  const std::vector<std::string> corpus = CorpusOf(GetParam());
   EXPECT_THAT(corpus, ::testing::SizeIs(::testing::Ge(10u)));
   for (const std::string& input : corpus) Try(input);
   Try("");
 }
 
-TEST_F(Replay, Mutations) {
+TEST_P(Replay, Mutations) {
   const char* const number = std::getenv("PLANISH_FUZZ_MUTATIONS");
   const int mutations = number == nullptr ? 2000 : std::atoi(number);
-  const std::vector<std::string> corpus = Corpus();
+  const std::vector<std::string> corpus = CorpusOf(GetParam());
   ASSERT_FALSE(corpus.empty());
   std::mt19937 random(5);
   for (int i = 0; i < mutations; ++i) Try(Mutated(corpus, random));
 }
+
+std::vector<std::string> TargetNames() {
+  std::vector<std::string> names;
+  for (const auto& [name, target] : Targets()) names.push_back(name);
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, Replay, ::testing::ValuesIn(TargetNames()), [](const auto& of) { return of.param; });
 
 }  // namespace
 }  // namespace planish::fuzz

@@ -13,7 +13,7 @@
 #include "tests/fuzz/check.h"
 #include "tests/fuzz/memory_budget.h"
 
-namespace planish::fuzz {
+namespace planish::fuzz::upload_state_machine {
 namespace {
 
 constexpr std::int64_t kMemory = std::int64_t{64} << 20;
@@ -56,7 +56,7 @@ struct ModelUpload {
 
 class Machine {
  public:
-  Machine() : blobs_("", kStoreBytes), store_(Options(), &blobs_) {
+  Machine() : blobs_({}, kStoreBytes), store_(Options(), &blobs_) {
     Require(store_.Open().ok(), "an empty store opens");
   }
 
@@ -88,7 +88,7 @@ class Machine {
     for (const auto& [name, upload] : uploads_) Get(name);
     std::int64_t bytes = 0;
     for (const std::string& sha256 : kept_)
-      bytes += static_cast<std::int64_t>((*blobs_.Find(Own(sha256)))->bytes().size());
+      bytes += (*blobs_.Find(Own(sha256)))->size();
     Require(blobs_.bytes() == bytes, "the store counts the bytes that it keeps");
   }
 
@@ -299,14 +299,13 @@ class Machine {
 };
 
 }  // namespace
-}  // namespace planish::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace planish::fuzz;
+FUZZ_TARGET(upload_state_machine, bytes) {
   const MemoryBudget budget(kMemory);
   Machine machine;
-  Bytes input(data, size);
+  Bytes input(bytes);
   for (int call = 0; call < kMaxCalls && !input.empty(); ++call) machine.Call(input);
   machine.CheckAll();
-  return 0;
 }
+
+}  // namespace planish::fuzz::upload_state_machine

@@ -16,7 +16,7 @@
 #include "tests/fuzz/check.h"
 #include "tests/fuzz/memory_budget.h"
 
-namespace planish::fuzz {
+namespace planish::fuzz::worker_messages {
 namespace {
 
 constexpr std::int64_t kMemory = std::int64_t{64} << 20;
@@ -170,15 +170,13 @@ void ToWorker(Bytes& input, const Gifts& gifts) {
 }
 
 }  // namespace
-}  // namespace planish::fuzz
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace planish::fuzz;
+FUZZ_TARGET(worker_messages, bytes) {
   const MemoryBudget budget(kMemory);
   const int before = NextDescriptor();
   {
     const Gifts gifts;
-    Bytes input(data, size);
+    Bytes input(bytes);
     if (input.Below(2) == 0) {
       ToServer(input, gifts);
     } else {
@@ -186,5 +184,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
   }
   Require(NextDescriptor() == before, "no descriptor leaks");
-  return 0;
 }
+
+}  // namespace planish::fuzz::worker_messages

@@ -1,24 +1,10 @@
 #include "tests/house/source_tree.h"
 
 #include <algorithm>
-#include <fstream>
-#include <sstream>
-#include <stdexcept>
 
 namespace planish::house {
-namespace {
 
 namespace fs = std::filesystem;
-
-std::string ReadText(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw std::runtime_error("cannot read " + path.string());
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
-}  // namespace
 
 fs::path Root() {
   return PLANISH_SOURCE_TREE;
@@ -28,7 +14,7 @@ std::set<std::string> TopLevel(const fs::path& root) {
   std::set<std::string> names;
   for (const fs::directory_entry& entry : fs::directory_iterator(root)) names.insert(entry.path().filename().string());
   names.erase(".git");
-  for (std::string ignored : Lines(ReadText(root / ".gitignore"))) {
+  for (std::string ignored : Lines(ReadFile(root / ".gitignore"))) {
     while (!ignored.empty() && ignored.back() == '/') ignored.pop_back();
     while (!ignored.empty() && ignored.front() == '/') ignored.erase(0, 1);
     names.erase(ignored);
@@ -43,18 +29,11 @@ std::vector<SourceFile> ReadSources(const fs::path& root, const std::set<std::st
       const fs::path& path = entry.path();
       if (!entry.is_regular_file()) continue;
       if (!extensions.contains(path.extension().string()) && !extensions.contains(path.filename().string())) continue;
-      files.push_back({path.lexically_relative(root).generic_string(), ReadText(path)});
+      files.push_back({path.lexically_relative(root).generic_string(), ReadFile(path)});
     }
   }
   std::sort(files.begin(), files.end(), [](const SourceFile& a, const SourceFile& b) { return a.path < b.path; });
   return files;
-}
-
-std::vector<std::string> Lines(const std::string& text) {
-  std::vector<std::string> lines;
-  std::istringstream in(text);
-  for (std::string line; std::getline(in, line);) lines.push_back(line);
-  return lines;
 }
 
 }  // namespace planish::house

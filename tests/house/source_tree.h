@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/testing/files.h"
+
 namespace planish::house {
 
 struct SourceFile {
@@ -22,7 +24,5 @@ std::set<std::string> TopLevel(const std::filesystem::path& root);
 // All files under proto, core, server, client, deploy and tests with one of these extensions (".cc"; for files that
 // have none to speak of, the whole name: "CMakeLists.txt"), in the order of their paths.
 std::vector<SourceFile> ReadSources(const std::filesystem::path& root, const std::set<std::string>& extensions);
-
-std::vector<std::string> Lines(const std::string& text);
 
 }  // namespace planish::house

@@ -81,10 +81,19 @@ function errorInfo(details) {
 // Of a job that failed.
 export const errorInfoOfJob = (job) => errorInfo(job.error.details);
 
-// Of a call that failed.
-export function errorInfoOfCall(error) {
+function detailsOfCall(error) {
   const [bytes] = error.metadata.get('grpc-status-details-bin');
-  if (!bytes) return undefined;
+  if (!bytes) return [];
   const status = rpcTypes.lookupType('google.rpc.Status').decode(bytes);
-  return errorInfo(status.details.map((any) => ({type_url: any.type_url ?? any.typeUrl, value: any.value})));
+  return status.details.map((any) => ({type_url: any.type_url ?? any.typeUrl, value: any.value}));
+}
+
+// Of a call that failed.
+export const errorInfoOfCall = (error) => errorInfo(detailsOfCall(error));
+
+// The fields that the google.rpc.BadRequest of a call that failed names.
+export function fieldsOfCall(error) {
+  const any = detailsOfCall(error).find(({type_url}) => type_url === 'type.googleapis.com/google.rpc.BadRequest');
+  if (!any) return [];
+  return rpcTypes.lookupType('google.rpc.BadRequest').decode(any.value).fieldViolations.map(({field}) => field);
 }

@@ -8,7 +8,7 @@ import path from 'node:path';
 import {after, before, test} from 'node:test';
 
 import {bump, cylinderPatch, decode, encode, tetrahedron} from './meshes.mjs';
-import {call, collect, errorInfoOfCall, errorInfoOfJob, freePort, startServer} from './server.mjs';
+import {call, collect, errorInfoOfCall, errorInfoOfJob, fieldsOfCall, freePort, startServer} from './server.mjs';
 
 const sha256 = (bytes) => createHash('sha256').update(bytes).digest('hex');
 const STATES = ['JOB_STATE_QUEUED', 'JOB_STATE_RUNNING', 'JOB_STATE_SUCCEEDED'];
@@ -85,7 +85,7 @@ function edgeDistortion({mesh, pairs}) {
 }
 
 async function unwrap(draco, more = {}) {
-  return checkStream(await collect(server.client, 'Unwrap', {draco, label: 'interop', ...more}));
+  return checkStream(await collect(server.client, 'Unwrap', {spec: {draco, labels: {test: 'interop'}, ...more}}));
 }
 
 test('health check', async () => {
@@ -106,7 +106,7 @@ test('a cylinder patch, encoded sequentially, unrolls without distortion', async
   const {jobs, progress, job, uv} = await unwrap(draco);
   const order = jobs.map(({state}) => STATES.indexOf(state));
   assert.deepEqual([...order].sort((a, b) => a - b), order, `states in order: ${jobs.map(({state}) => state)}`);
-  assert.equal(jobs[0].label, 'interop');
+  assert.deepEqual(jobs[0].labels, {test: 'interop'});
   assert.match(job.name, /^jobs\/.+/);
   assert.ok(progress.some(({stage}) => stage === 'STAGE_SOLVE'));
   assert.ok(edgeDistortion(await checkUv(job, uv, draco)) < 1e-4);
@@ -135,7 +135,8 @@ test('edgebreaker with quantization and normals: UV in the order of the decoded 
 test('create, watch, list and delete a job; same bytes as in one call', async () => {
   const draco = await encode(bump());
   const first = await unwrap(draco);
-  const {name} = await call(server.client, 'CreateJob', {draco, label: 'queued', scheduling: {fresh: true}});
+  const {name} = await call(server.client, 'CreateJob',
+                            {spec: {draco, labels: {test: 'queued'}, scheduling: {fresh: true}}});
   const watched = checkStream(await collect(server.client, 'WatchJob', {name, include_uv: true}));
   await checkUv(watched.job, watched.uv, draco);
   assert.ok(watched.uv.equals(first.uv), 'the same bytes for the same input');
@@ -145,10 +146,73 @@ test('create, watch, list and delete a job; same bytes as in one call', async ()
   assert.equal(rest.job.state, 'JOB_STATE_SUCCEEDED');
   assert.ok(rest.uv.equals(first.uv.subarray(800)), 'a watch resumes where the caller says');
 
-  const {jobs} = await call(server.client, 'ListJobs', {});
-  assert.ok(jobs.some((job) => job.name === name && job.label === 'queued'));
+  const {jobs} = await call(server.client, 'ListJobs', {filter: 'labels.test = "queued" AND state = SUCCEEDED'});
+  assert.deepEqual(jobs.map((job) => job.name), [name]);
   await call(server.client, 'DeleteJob', {name});
   await assert.rejects(call(server.client, 'GetJob', {name}), (error) => error.code === grpc.status.NOT_FOUND);
+});
+
+// A mesh as a language without a Draco encoder sends it.
+function arrays({positions, faces}) {
+  const bytes = (numbers) => Buffer.from(numbers.buffer, numbers.byteOffset, numbers.byteLength);
+  return {positions: bytes(new Float32Array(positions)), triangles: bytes(new Uint32Array(faces))};
+}
+
+test('plain arrays, by short calls only: the same bytes as by Draco', async () => {
+  const mesh = bump();
+  const spec = {arrays: arrays(mesh), labels: {test: 'arrays'}};
+  const {name} = await call(server.client, 'CreateJob', {spec, request_id: 'arrays'});
+  assert.equal((await call(server.client, 'CreateJob', {spec, request_id: 'arrays'})).name, name);
+  let job;
+  do {
+    job = await call(server.client, 'WaitJob', {name, timeout: {seconds: 5}, view: 'JOB_VIEW_BASIC'});
+  } while (['JOB_STATE_QUEUED', 'JOB_STATE_RUNNING'].includes(job.state));
+  assert.equal(job.state, 'JOB_STATE_SUCCEEDED', job.error?.message);
+  assert.equal(job.report, null);
+  const {positions, triangles} = spec.arrays;
+  assert.equal(job.uv.mesh_sha256.toString('hex'), sha256(Buffer.concat([positions, triangles])));
+  const pieces = [];
+  for (let offset = 0; offset < job.uv.total_bytes; offset += pieces.at(-1).length) {
+    const {uv, data} = await call(server.client, 'ReadResult', {name, offset, limit: 1000});
+    assert.equal(uv.total_bytes, job.uv.total_bytes);
+    pieces.push(data);
+  }
+  const {uv: byDraco} = await unwrap(await encode(mesh));
+  assert.ok(Buffer.concat(pieces).equals(byDraco));
+});
+
+test('arrays that are no mesh', async () => {
+  const {positions, triangles} = arrays(cylinderPatch());
+  const cut = {spec: {arrays: {positions: positions.subarray(1), triangles}}};
+  await assert.rejects(call(server.client, 'CreateJob', cut), (error) => {
+    assert.equal(error.code, grpc.status.INVALID_ARGUMENT);
+    assert.equal(errorInfoOfCall(error)?.reason, 'MESH_POSITION_INVALID');
+    assert.deepEqual(fieldsOfCall(error), ['spec.arrays.positions']);
+    return true;
+  });
+  const wrong = Buffer.from(triangles);
+  wrong.writeUInt32LE(1_000_000, 12 * 5);
+  const {job} = checkStream(await collect(server.client, 'Unwrap', {spec: {arrays: {positions, triangles: wrong}}}));
+  assert.equal(job.state, 'JOB_STATE_FAILED');
+  assert.equal(errorInfoOfJob(job).reason, 'MESH_INDEX_OUT_OF_RANGE');
+  assert.equal(errorInfoOfJob(job).metadata.faces, '5');
+});
+
+test('a batch: what the server has is not sent again', async () => {
+  const [known, other] = [await encode(bump()), await encode(cylinderPatch())];
+  const digests = [known, other].map((draco) => createHash('sha256').update(draco).digest());
+  await upload(known);
+  const {missing_sha256: missing} = await call(server.client, 'FindMissingMeshes', {sha256: digests});
+  assert.ok(!missing.some((digest) => digest.equals(digests[0])));
+  const specs = [{mesh_sha256: digests[0]}, {draco: other}, {draco: other, options: {padding: 65}}];
+  const requests = specs.map((spec) => ({spec}));
+  const {results} = await call(server.client, 'BatchCreateJobs', {requests});
+  assert.deepEqual(results.map(({result}) => result), ['job', 'job', 'error']);
+  assert.match(results[2].error.message, /padding/);
+  for (const {job} of results.slice(0, 2)) {
+    const ended = await call(server.client, 'WaitJob', {name: job.name, timeout: {seconds: 20}});
+    assert.equal(ended.state, 'JOB_STATE_SUCCEEDED', ended.error?.message);
+  }
 });
 
 test('a closed mesh without seams fails with a reason', async () => {
@@ -213,7 +277,7 @@ test('a mesh that was uploaded in pieces gives the same bytes as one sent inline
   const inline = await unwrap(draco);
   const {created, written} = await upload(draco);
   assert.equal(written.committed_bytes, draco.length);
-  const uploaded = checkStream(await collect(server.client, 'Unwrap', {upload: created.name}));
+  const uploaded = checkStream(await collect(server.client, 'Unwrap', {spec: {upload: created.name}}));
   await checkUv(uploaded.job, uploaded.uv, draco);
   assert.ok(uploaded.uv.equals(inline.uv));
   const again = await call(server.client, 'CreateUpload', {total_bytes: draco.length, sha256: created.sha256});
@@ -229,7 +293,7 @@ test('wrong digest', async () => {
 
 test('incomplete upload', async () => {
   const {name} = await call(server.client, 'CreateUpload', {total_bytes: 10, sha256: Buffer.alloc(32, 1)});
-  const metadata = await refused(call(server.client, 'CreateJob', {upload: name}), 'FAILED_PRECONDITION',
+  const metadata = await refused(call(server.client, 'CreateJob', {spec: {upload: name}}), 'FAILED_PRECONDITION',
                                  'UPLOAD_INCOMPLETE');
   assert.equal(metadata.committed_bytes, '0');
 });
@@ -264,7 +328,7 @@ async function withServer(flags, use) {
 
 test('more memory than there is', async () => {
   await withServer(['--memory-mb=1', '--workers=1'], async (client) => {
-    const metadata = await refused(call(client, 'CreateJob', {draco: await encode(bump())}),
+    const metadata = await refused(call(client, 'CreateJob', {spec: {draco: await encode(bump())}}),
                                    'RESOURCE_EXHAUSTED', 'MEMORY_LIMIT');
     assert.equal(metadata.limit, String(1 << 20));
     assert.ok(Number(metadata.bytes) > 1 << 20, metadata.bytes);
@@ -273,7 +337,7 @@ test('more memory than there is', async () => {
 
 test('expired result', async () => {
   await withServer(['--retain-hours=1e-6', '--workers=1'], async (client) => {
-    const request = {draco: await encode(cylinderPatch()), scheduling: {fresh: true}};
+    const request = {spec: {draco: await encode(cylinderPatch()), scheduling: {fresh: true}}};
     const {job} = checkStream(await collect(client, 'Unwrap', request));
     await collect(client, 'Unwrap', request);  // the last result always stays
     const name = job.name;
@@ -295,7 +359,7 @@ test('full queue', async () => {
     const fill = async () => {
       for (let i = 0; i < 50; ++i) {
         const scheduling = {fresh: true};
-        names.push((await call(client, 'CreateJob', {draco, options, scheduling})).name);
+        names.push((await call(client, 'CreateJob', {spec: {draco, options, scheduling}})).name);
       }
     };
     const metadata = await refused(fill(), 'RESOURCE_EXHAUSTED', 'QUEUE_FULL');
@@ -309,7 +373,7 @@ test('over a Unix socket', async () => {
   try {
     const local = await startServer(`unix:${folder}/s`);
     const draco = await encode(cylinderPatch());
-    const {job, uv} = checkStream(await collect(local.client, 'Unwrap', {draco}));
+    const {job, uv} = checkStream(await collect(local.client, 'Unwrap', {spec: {draco}}));
     await checkUv(job, uv, draco);
     assert.equal(await local.stop(), 0);
   } finally {

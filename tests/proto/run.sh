@@ -23,7 +23,7 @@ cp -r "$here/released" released
 "$buf" breaking proto --against released
 
 # And it would say so if something were broken.
-sed 's/^  JobState state = 3;/  JobState state = 93;/' "$proto/planish/v1/planish.proto" >proto/planish/v1/planish.proto
+sed 's/^  string filter = 3;/  string filter = 93;/' "$proto/planish/v1/planish.proto" >proto/planish/v1/planish.proto
 if cmp -s "$proto/planish/v1/planish.proto" proto/planish/v1/planish.proto ||
   "$buf" breaking proto --against released >broken.log; then
   echo "a field that got another number went unnoticed"

@@ -15,8 +15,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -66,7 +68,9 @@ struct ClientOptions {
 
 // What a call may bring along.
 struct CallOptions {
-  std::string label;           // helps people to tell jobs apart, e.g. a file name; at most 256 bytes
+  // Help people and programs to find jobs again, e.g. {"file", "hero.obj"}. At most 32; keys of 1 to 63 characters of
+  // a-z, 0-9, "-" and "_", the first one a letter; values of at most 256 bytes.
+  std::map<std::string, std::string> labels;
   bool detached = false;       // the job survives the loss of its caller
   double timeout_seconds = 0;  // for the whole call; 0: none. An attached job is cancelled when it passes
   Scheduling scheduling;       // of the job, wherever its callers are
@@ -77,6 +81,19 @@ struct CallOptions {
   // For blocking calls: a request to stop cancels the job on the server (Unwrap) or ends the watching (WatchJob,
   // AttachResult), and the call throws CANCELLED.
   std::stop_token stop;
+};
+
+// One of several jobs that are queued together.
+struct NewJob {
+  MeshView mesh;
+  UnwrapOptions options;
+  CallOptions call;  // labels, scheduling and request_id
+};
+
+// What became of it: exactly one of these is set.
+struct CreatedJob {
+  std::optional<Job> job;      // without report
+  std::optional<Error> error;  // what CreateJob would throw
 };
 
 // Called one at a time: from within a blocking call on the calling thread, else on a thread of the library. They
@@ -151,6 +168,12 @@ class Client {
   // Queues a job and returns as soon as the server has it; AttachResult brings the UV.
   Job CreateJob(const MeshView& mesh, const UnwrapOptions& options = {}, const CallOptions& call = {});
 
+  // Queues several jobs with few calls, and sends only meshes that the server does not have. One that is refused hurts
+  // no other. A full queue is an error (QUEUE_FULL) of those that it has no room for; only large meshes, which travel
+  // by themselves, wait for room as CreateJob does. In the order of `jobs`. Throws if the server cannot be asked: what
+  // it has accepted by then, the same request ids bring again.
+  std::vector<CreatedJob> CreateJobs(std::span<const NewJob> jobs);
+
   // Follows a job until it ended and brings its UV, checked against `mesh`, which must be the mesh it was created
   // with (MESH_MISMATCH otherwise). NOT_FOUND: JOB_NOT_FOUND, or RESULT_EXPIRED where the server kept the UV long
   // enough. Stopping does not touch the job.
@@ -163,9 +186,15 @@ class Client {
 
   // NOT_FOUND: no such job. `job` is a name, "jobs/...".
   Job GetJob(const std::string& job);
-  // Newest first, at most `limit` (0: all), only those in `state` if given and with labels that begin with
-  // `label_prefix`. Without report and progress.
-  std::vector<Job> ListJobs(int limit = 50, std::optional<JobState> state = {}, const std::string& label_prefix = "");
+  // The job when it has ended, or after so many seconds (0: however long it takes) as it is then: like WatchJob, but by
+  // calls that are over after some seconds each, for networks that cut streams.
+  Job WaitJob(const std::string& job, double timeout_seconds = 0);
+  // `size` bytes of the UV of a job that SUCCEEDED, from byte `offset` on, as planish.v1.UvDescription lays them out;
+  // fewer where the UV end. FAILED_PRECONDITION: JOB_NOT_FINISHED, NO_RESULT; NOT_FOUND: RESULT_EXPIRED; OUT_OF_RANGE.
+  std::string ReadResult(const std::string& job, std::int64_t offset, std::int64_t size);
+  // Newest first, at most `limit` (0: all), without reports. `filter` as in planish.v1.ListJobs, for instance
+  // "state = RUNNING AND labels.file = \"night/*\""; empty: all.
+  std::vector<Job> ListJobs(int limit = 50, const std::string& filter = "");
   // Asks a job to end soon with the best valid map so far (warning STOPPED). The job, QUEUED or STOPPING; one that
   // ended already is left as it is.
   Job StopJob(const std::string& job);

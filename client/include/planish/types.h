@@ -69,7 +69,8 @@ enum class Stage {
 enum class Seams {
   kNone,    // no edge is cut: the mesh must be a topological disc
   kKeep,    // the given seams and no others: the pieces must be discs
-  kNeeded,  // the given seams, and more only where a piece is no disc or has no map that keeps its borders (SEAMS_ADDED)
+  kNeeded,  // the given seams, and more only where a piece is no disc or has no map that keeps its borders
+            // (SEAMS_ADDED)
   kAuto,    // the given seams, and as many more as keep the stretch of every chart below max_stretch
 };
 enum class Solver { kAuto, kUzawa, kMinres, kDirect };
@@ -78,6 +79,11 @@ enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class Hessian { kConvex, kExact, kAuto };
 enum class Boundary { kFree, kConvex };
 enum class Precision { kAuto, kFloat, kDouble };
+enum class Effort {
+  kFast,    // packing costs about a quarter of the rest of the unwrap
+  kNormal,  // about half of the rest
+  kBest,    // a hundred times kNormal
+};
 
 // As the command line and the JSON report spell them: "SUCCEEDED", "solve", "uzawa", ...; "unknown" for a value
 // that only a newer server knows.
@@ -90,18 +96,20 @@ const char* ToString(Preconditioner preconditioner);
 const char* ToString(Hessian hessian);
 const char* ToString(Boundary boundary);
 const char* ToString(Precision precision);
+const char* ToString(Effort effort);
 
 // Whether a job in this state will never change again.
 bool IsTerminal(JobState state);
 
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
-  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
-  double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
-  bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
-  int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024
-  std::optional<int> padding;    // texels between charts, half as many at the rim, in [0, 64]; unset: 2
-  int tiles = 0;                 // at most so many: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
+  double max_stretch = 0;           // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
+  double hard_edge_degrees = 0;     // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
+  bool pack = true;                 // false: charts as they were solved, at the surface's scale, one over the other
+  int texture_size = 0;             // texels per side of a tile, in [16, 65536]; 0: 1024
+  std::optional<int> padding;       // texels between charts, half as many at the rim, in [0, 64]; unset: 2
+  int tiles = 0;                    // at most so many: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
+  Effort effort = Effort::kNormal;  // of packing
   Solver solver = Solver::kAuto;
   System system = System::kAuto;
   Preconditioner preconditioner = Preconditioner::kAuto;
@@ -199,6 +207,7 @@ struct Atlas {
   int padding = 0;
   int tiles = 1;               // that are used
   double texels_per_unit = 0;  // of length on the surface; 0 without packing
+  Effort effort = Effort::kNormal;
 };
 
 // Measured on the delivered UV with exact predicates.
@@ -213,6 +222,7 @@ struct Quality {
   double conformal_distortion_max = 1;
   double stretch_l2 = 1;
   double packing_efficiency = 0;
+  double seam_length = 0;  // of the seams on the surface, over the square root of its area
 };
 
 // Wall-clock seconds of each stage: upload (encode, send, accept), download and total as this client saw them, the
@@ -265,7 +275,7 @@ struct Job {
 
   std::string name;  // "jobs/..."
   JobState state = JobState::kUnspecified;
-  std::string label;
+  std::map<std::string, std::string> labels;  // as given by whoever created it
   UnwrapOptions options;
   std::optional<Time> create_time;
   std::optional<Time> start_time;
@@ -278,6 +288,7 @@ struct Job {
   Scheduling scheduling;
   int attempts = 0;                 // times a worker began with it; above 1 after a worker or the server died
   bool stop_requested = false;      // by StopJob, or its compute budget is used up
+  bool cancel_requested = false;    // by CancelJob, or its caller went away
   std::string result_of;            // the job whose work it shares (same mesh and options); empty: its own
   std::int64_t memory_bytes = 0;    // reserved while it runs
   std::optional<Time> expire_time;  // when SUCCEEDED: its UV are dropped then at the latest

@@ -3,12 +3,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <fstream>
-
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/access/access_source.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -157,7 +155,7 @@ class AccessSourceTest : public ::testing::Test {
  protected:
   std::string Write(const std::string& text, mode_t mode = 0600) {
     const std::string path = dir_.Path("access.yaml");
-    std::ofstream(path) << text;
+    PutFile(path, text);
     chmod(path.c_str(), mode);
     return path;
   }

@@ -1,14 +1,13 @@
 #include "server/config/settings.h"
 
 #include <filesystem>
-#include <fstream>
 
 #include "CLI/CLI.hpp"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/config/near_name.h"
 #include "server/config/settings_file.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -48,7 +47,7 @@ class SettingsTest : public ::testing::Test {
   };
 
   std::string Write(const std::string& text) {
-    std::ofstream(dir_.Path("f.yaml")) << text;
+    PutFile(dir_.Path("f.yaml"), text);
     return dir_.Path("f.yaml");
   }
 

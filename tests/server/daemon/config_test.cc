@@ -1,13 +1,20 @@
 // Configuration, logs, notifications and the operator's calls of the whole program.
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
 #include <future>
 #include <memory>
+#include <optional>
 #include <set>
 #include <sstream>
+#include <stdexcept>
 
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "gmock/gmock.h"
 #include "grpcpp/create_channel.h"
 #include "grpcpp/generic/generic_stub.h"
@@ -15,16 +22,64 @@
 #include "nlohmann/json.hpp"
 #include "planish/admin/v1/admin.grpc.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
-#include "tests/server/daemon/daemon.h"
-#include "tests/server/daemon/notify_socket.h"
-#include "tests/server/testing/meshes.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/daemon.h"
+#include "tests/testing/files.h"
+#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
+
+// The service manager's end of NOTIFY_SOCKET.
+class NotifySocket {
+ public:
+  // Puts its address, that of a socket file `path`, into the environment: processes that start from now on notify it.
+  explicit NotifySocket(const std::string& path);
+  ~NotifySocket();
+  NotifySocket(const NotifySocket&) = delete;
+  NotifySocket& operator=(const NotifySocket&) = delete;
+
+  // The next datagram; nothing if none comes within a minute.
+  std::optional<std::string> Next();
+
+  // Waits for one with this line.
+  bool WaitFor(const std::string& line);
+
+ private:
+  int socket_;
+};
+
+NotifySocket::NotifySocket(const std::string& path) : socket_(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+  sockaddr_un address = {};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof(address.sun_path) - 1);
+  if (bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0)
+    throw std::runtime_error("bind");
+  setenv("NOTIFY_SOCKET", path.c_str(), 1);
+}
+
+NotifySocket::~NotifySocket() {
+  unsetenv("NOTIFY_SOCKET");
+  close(socket_);
+}
+
+std::optional<std::string> NotifySocket::Next() {
+  constexpr int kPatienceMs = 60'000;
+  pollfd wait = {socket_, POLLIN, 0};
+  if (poll(&wait, 1, kPatienceMs) <= 0) return std::nullopt;
+  std::array<char, 4096> buffer;
+  const ssize_t length = recv(socket_, buffer.data(), buffer.size(), 0);
+  return std::string(buffer.data(), length > 0 ? static_cast<std::size_t>(length) : 0);
+}
+
+bool NotifySocket::WaitFor(const std::string& line) {
+  while (const std::optional<std::string> text = Next()) {
+    if (("\n" + *text + "\n").find("\n" + line + "\n") != std::string::npos) return true;
+  }
+  return false;
+}
 
 class ConfigTest : public ::testing::Test {
  protected:
@@ -33,7 +88,7 @@ class ConfigTest : public ::testing::Test {
   }
 
   std::string File() const { return dir_.Path("planishd.yaml"); }
-  void Write(const std::string& text) const { std::ofstream(File()) << text; }
+  void Write(const std::string& text) const { PutFile(File(), text); }
 
   // What a run that does not serve says, and its exit code.
   struct Said {
@@ -69,8 +124,8 @@ class ConfigTest : public ::testing::Test {
 
   grpc::Status CreateJob() {
     v1::CreateJobRequest request;
-    request.set_draco(*EncodeDraco(Bump(8)));
-    request.set_label("mine");
+    request.mutable_spec()->set_draco(*EncodeDraco(Bump(8)));
+    (*request.mutable_spec()->mutable_labels())["file"] = "mine";
     grpc::ClientContext context;
     v1::Job job;
     return planish_->CreateJob(&context, request, &job);
@@ -79,7 +134,7 @@ class ConfigTest : public ::testing::Test {
   // The same with a label that is no text: libraries of the server have something to say about it.
   grpc::StatusCode CreateJobWithBadBytes() {
     v1::CreateJobRequest request;
-    request.set_label("XXXX");
+    (*request.mutable_spec()->mutable_labels())["file"] = "XXXX";
     std::string bytes = request.SerializeAsString();
     bytes.replace(bytes.find("XXXX"), 4, "\xff\xfe\xff\xfe");
     const grpc::Slice slice(bytes);

@@ -2,13 +2,13 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include <fstream>
 #include <functional>
 #include <regex>
 #include <sstream>
 #include <stdexcept>
 
 #include "nlohmann/json.hpp"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -33,7 +33,6 @@ std::vector<std::string> ExpressionsOfRules(const std::string& path) {
 }
 
 std::vector<std::string> ExpressionsOfDashboard(const std::string& path) {
-  std::ifstream file(path);
   std::vector<std::string> expressions;
   const std::function<void(const json&)> look = [&](const json& node) {
     for (const auto& [key, value] : node.items()) {
@@ -41,7 +40,7 @@ std::vector<std::string> ExpressionsOfDashboard(const std::string& path) {
       if (value.is_structured()) look(value);
     }
   };
-  look(json::parse(file));
+  look(json::parse(ReadFile(path)));
   return expressions;
 }
 

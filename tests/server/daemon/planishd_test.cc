@@ -3,14 +3,14 @@
 #include <filesystem>
 #include <memory>
 
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "gmock/gmock.h"
 #include "grpcpp/create_channel.h"
 #include "gtest/gtest.h"
 #include "planish/v1/planish.grpc.pb.h"
-#include "tests/server/daemon/daemon.h"
-#include "tests/server/testing/meshes.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/daemon.h"
+#include "tests/testing/files.h"
+#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {
@@ -31,17 +31,17 @@ class PlanishdTest : public ::testing::Test {
 
   static v1::CreateJobRequest QuickJob() {
     v1::CreateJobRequest request;
-    request.set_draco(*EncodeDraco(Bump(8)));
+    request.mutable_spec()->set_draco(*EncodeDraco(Bump(8)));
     return request;
   }
 
   // Minutes of work.
   static v1::CreateJobRequest LongJob() {
     v1::CreateJobRequest request;
-    request.set_draco(*EncodeDraco(Bump(150)));
-    request.mutable_options()->set_solver(v1::SOLVER_MINRES);
-    request.mutable_options()->set_system(v1::SYSTEM_FULL);
-    request.mutable_options()->set_preconditioner(v1::PRECONDITIONER_NONE);
+    request.mutable_spec()->set_draco(*EncodeDraco(Bump(150)));
+    request.mutable_spec()->mutable_options()->set_solver(v1::SOLVER_MINRES);
+    request.mutable_spec()->mutable_options()->set_system(v1::SYSTEM_FULL);
+    request.mutable_spec()->mutable_options()->set_preconditioner(v1::PRECONDITIONER_NONE);
     return request;
   }
 
@@ -171,6 +171,39 @@ TEST_F(PlanishdTest, SecondSignalEndsTheGrace) {
   daemon->Signal(SIGTERM);
   EXPECT_EQ(running->WaitForEnd(), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(daemon->Wait(), 0);
+}
+
+// Issue 26: callers waited for ever, and the server said nothing.
+TEST_F(PlanishdTest, EndsWithTheLastWordsOfWorkersThatCannotStart) {
+  const std::string program = dir_.Path("worker");
+  PutFile(program, "#!/bin/sh\necho 'error while loading shared libraries: libfoo.so.1' >&2\nexit 127\n");
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const auto start = std::chrono::steady_clock::now();
+  const auto daemon = Start({"--workers=2", "--worker-program=" + program});
+  grpc::ClientContext context;
+  v1::WatchJobRequest request;
+  request.set_name(Create(QuickJob()));
+  const auto reader = stub_->WatchJob(&context, request);
+  v1::Job last;
+  for (v1::WatchJobResponse response; reader->Read(&response);) last = response.event().job();
+  EXPECT_EQ(last.state(), v1::JOB_STATE_FAILED);
+  EXPECT_THAT(last.error().message(), HasSubstr("libfoo.so.1"));
+  EXPECT_EQ(daemon->Wait(), 2);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
+  EXPECT_THAT(daemon->Output(), HasSubstr("no worker can be started: "));
+  EXPECT_THAT(daemon->Output(), HasSubstr("exited with code 127; it wrote: error while loading shared libraries"));
+}
+
+TEST_F(PlanishdTest, WorkersThatCannotStartCostNoDurableJob) {
+  const std::string data = "--data-dir=" + dir_.Path("data");
+  std::string name;
+  {
+    const auto daemon = Start({"--workers=1", "--worker-program=/bin/false", data});
+    name = Create(QuickJob());
+    EXPECT_EQ(daemon->Wait(), 2);
+  }
+  const auto daemon = Start({"--workers=1", data});
+  EXPECT_EQ(Watch(name)->WaitForEnd(), v1::JOB_STATE_SUCCEEDED);
 }
 
 TEST_F(PlanishdTest, EndsWithItsSupervisor) {

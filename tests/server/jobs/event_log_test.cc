@@ -12,13 +12,13 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-v1::JobEvent State(v1::JobState state) {
+v1::JobEvent StateEvent(v1::JobState state) {
   v1::JobEvent event;
   event.mutable_job()->set_state(state);
   return event;
 }
 
-v1::JobEvent Iteration(int i) {
+v1::JobEvent IterationEvent(int i) {
   v1::JobEvent event;
   event.mutable_progress()->set_newton_iteration(i);
   return event;
@@ -50,9 +50,9 @@ TEST(EventLog, NumbersFromOneWithoutGaps) {
   JobEventLog log(8);
   EXPECT_FALSE(log.ReadAfter(0).event.has_value());
   EXPECT_FALSE(log.ReadAfter(0).ended);
-  log.Append(State(v1::JOB_STATE_QUEUED));
-  log.Append(State(v1::JOB_STATE_RUNNING));
-  log.Append(Iteration(1));
+  log.Append(StateEvent(v1::JOB_STATE_QUEUED));
+  log.Append(StateEvent(v1::JOB_STATE_RUNNING));
+  log.Append(IterationEvent(1));
   const auto events = ReadAll(log, 0);
   EXPECT_THAT(Sequences(events), ElementsAre(1, 2, 3));
   EXPECT_THAT(Skipped(events), ElementsAre(0, 0, 0));
@@ -62,11 +62,11 @@ TEST(EventLog, NumbersFromOneWithoutGaps) {
 
 TEST(EventLog, DropsOldProgressNeverStates) {
   JobEventLog log(4);
-  log.Append(State(v1::JOB_STATE_QUEUED));
-  log.Append(State(v1::JOB_STATE_RUNNING));
-  for (int i = 1; i <= 10; ++i) log.Append(Iteration(i));
-  log.Append(State(v1::JOB_STATE_STOPPING));
-  log.AppendLast(State(v1::JOB_STATE_CANCELLED), nullptr);
+  log.Append(StateEvent(v1::JOB_STATE_QUEUED));
+  log.Append(StateEvent(v1::JOB_STATE_RUNNING));
+  for (int i = 1; i <= 10; ++i) log.Append(IterationEvent(i));
+  log.Append(StateEvent(v1::JOB_STATE_STOPPING));
+  log.AppendLast(StateEvent(v1::JOB_STATE_CANCELLED), nullptr);
 
   auto events = ReadAll(log, 0);
   EXPECT_THAT(Sequences(events), ElementsAre(1, 2, 13, 14));
@@ -78,8 +78,8 @@ TEST(EventLog, DropsOldProgressNeverStates) {
 
 TEST(EventLog, LateReaderSeesTheNewestProgress) {
   JobEventLog log(3);
-  log.Append(State(v1::JOB_STATE_QUEUED));
-  for (int i = 1; i <= 100; ++i) log.Append(Iteration(i));
+  log.Append(StateEvent(v1::JOB_STATE_QUEUED));
+  for (int i = 1; i <= 100; ++i) log.Append(IterationEvent(i));
   const auto events = ReadAll(log, 0);
   ASSERT_EQ(events.size(), 3u);
   EXPECT_THAT(Sequences(events), ElementsAre(1, 100, 101));
@@ -88,22 +88,22 @@ TEST(EventLog, LateReaderSeesTheNewestProgress) {
 
 TEST(EventLog, StatesAloneMayExceedTheCapacity) {
   JobEventLog log(1);
-  for (int i = 0; i < 4; ++i) log.Append(State(v1::JOB_STATE_QUEUED));
+  for (int i = 0; i < 4; ++i) log.Append(StateEvent(v1::JOB_STATE_QUEUED));
   EXPECT_THAT(Sequences(ReadAll(log, 0)), ElementsAre(1, 2, 3, 4));
 }
 
 TEST(EventLog, EndsOnceWithTheUv) {
   JobEventLog log(8);
   EXPECT_EQ(log.uv(), nullptr);
-  log.AppendLast(State(v1::JOB_STATE_SUCCEEDED), *Blob::Copy("uv"));
-  log.Append(Iteration(1));
-  log.AppendLast(State(v1::JOB_STATE_FAILED), nullptr);
+  log.AppendLast(StateEvent(v1::JOB_STATE_SUCCEEDED), StoredBlob::InMemory(*Blob::Copy("uv")));
+  log.Append(IterationEvent(1));
+  log.AppendLast(StateEvent(v1::JOB_STATE_FAILED), nullptr);
   EXPECT_THAT(Sequences(ReadAll(log, 0)), ElementsAre(1));
   EXPECT_FALSE(log.ReadAfter(0).ended);
   EXPECT_TRUE(log.ReadAfter(1).ended);
   EXPECT_TRUE(log.ReadAfter(99).ended);
   ASSERT_NE(log.uv(), nullptr);
-  EXPECT_EQ(log.uv()->bytes(), "uv");
+  EXPECT_EQ(log.uv()->ReadAll().value(), "uv");
 }
 
 TEST(EventLog, WakesSubscribersUntilTheyDrop) {
@@ -112,7 +112,7 @@ TEST(EventLog, WakesSubscribersUntilTheyDrop) {
   int second = 0;
   auto subscription = log.Subscribe([&] { ++first; });
   const auto other = log.Subscribe([&] { ++second; });
-  log.Append(Iteration(1));
+  log.Append(IterationEvent(1));
   EXPECT_EQ(first, 0);
   log.Notify();
   subscription.reset();
@@ -130,8 +130,8 @@ TEST(EventLog, SubscriberMayUseTheLogFromItsCallback) {
     while (auto event = log.ReadAfter(after).event) seen.push_back(after = event->sequence());
     inner = log.Subscribe([] {});
   });
-  log.Append(Iteration(1));
-  log.Append(Iteration(2));
+  log.Append(IterationEvent(1));
+  log.Append(IterationEvent(2));
   log.Notify();
   EXPECT_THAT(seen, ElementsAre(1, 2));
 }
@@ -154,8 +154,8 @@ TEST(EventLog, ReadersOnOtherThreadsSeeEverySequenceInOrder) {
       EXPECT_EQ(after, last);
     });
   }
-  for (int i = 1; i < kEvents; ++i) log.Append(Iteration(i));
-  log.AppendLast(State(v1::JOB_STATE_SUCCEEDED), nullptr);
+  for (int i = 1; i < kEvents; ++i) log.Append(IterationEvent(i));
+  log.AppendLast(StateEvent(v1::JOB_STATE_SUCCEEDED), nullptr);
   for (auto& reader : readers) reader.join();
 }
 

@@ -46,7 +46,7 @@ class JobLimitsTest : public JobManagerTest {
   }
 };
 
-TEST_F(JobLimitsTest, CrashedWorkIsTriedOnceMoreThenFails) {
+TEST_F(JobLimitsTest, CrashedWorkIsTriedTwiceMoreThenFails) {
   const std::string name = Create();
   Take();
   manager_->ReportProgress(name, attempt_, Iteration(3));
@@ -60,13 +60,27 @@ TEST_F(JobLimitsTest, CrashedWorkIsTriedOnceMoreThenFails) {
   manager_->ReportResult(name, first, Success("late"), *Blob::Copy("late"));
   EXPECT_EQ(State(name), v1::JOB_STATE_RUNNING) << "the first worker is no longer listened to";
   Lose(name);
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(Take(), name);
+  Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
   EXPECT_EQ(ErrorReason(name), "WORKER_CRASHED");
-  EXPECT_THAT(manager_->Get(caller_, name)->error().message(), HasSubstr("2 attempts"));
+  EXPECT_THAT(manager_->Get(caller_, name)->error().message(), HasSubstr("3 attempts"));
   google::rpc::ErrorInfo info;
   manager_->Get(caller_, name)->error().details(0).UnpackTo(&info);
-  EXPECT_EQ(info.metadata().at("attempts"), "2");
+  EXPECT_EQ(info.metadata().at("attempts"), "3");
   EXPECT_EQ(info.metadata().at("signal"), "SIGSEGV");
+}
+
+// The next attempt would need as much.
+TEST_F(JobLimitsTest, WorkThatDiesOfMemoryIsNotTriedAgain) {
+  const std::string name = Create();
+  Take();
+  manager_->ReportLost(name, attempt_, {"OUT_OF_MEMORY", "the worker was killed", {{"signal", "SIGKILL"}}});
+  EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(ErrorReason(name), "OUT_OF_MEMORY");
+  EXPECT_EQ(manager_->Get(caller_, name)->attempts(), 1);
+  EXPECT_EQ(manager_->Get(caller_, name)->error().code(), static_cast<int>(absl::StatusCode::kResourceExhausted));
 }
 
 TEST_F(JobLimitsTest, CrashedWorkComesBeforeWhatCameLater) {
@@ -86,6 +100,23 @@ TEST_F(JobLimitsTest, WorkerThatDiesOfACancellationCancels) {
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(manager_->ObeyBy(name, attempt_), absl::InfinitePast());
+}
+
+// Issue 26: limits of jobs that had ended stayed in memory until their time came.
+TEST_F(JobLimitsTest, JobsThatEndLeaveNoAlarms) {
+  std::vector<std::string> names;
+  for (int i = 0; i < 2; ++i) {
+    names.push_back(CreateWith([](JobRequest* request) {
+      *request->scheduling.mutable_timeout() = TimeUtil::SecondsToDuration(86'400);
+      *request->scheduling.mutable_compute_budget() = TimeUtil::SecondsToDuration(3'600);
+    }));
+  }
+  EXPECT_EQ(Take(), names[0]);
+  EXPECT_EQ(manager_->Stats().alarms, 3);
+  Succeed(names[0]);
+  EXPECT_EQ(manager_->Stats().alarms, 1);
+  manager_->Cancel(caller_, names[1]).IgnoreError();
+  EXPECT_EQ(manager_->Stats().alarms, 0);
 }
 
 TEST_F(JobLimitsTest, TimeoutEndsAJobThatWaits) {
@@ -233,7 +264,7 @@ TEST_F(JobLimitsTest, JobsWaitForMemory) {
   options_.workers = 2;
   Restart();
   const auto create = [this](const std::string& mesh) {
-    return CreateWith([&](JobRequest* request) { request->draco = mesh; });
+    return CreateWith([&](JobRequest* request) { request->bytes = mesh; });
   };
   const std::string first = create("31a");
   const std::string second = create("31b");
@@ -248,6 +279,15 @@ TEST_F(JobLimitsTest, JobsWaitForMemory) {
   EXPECT_EQ(taken, second);
 }
 
+TEST_F(JobLimitsTest, AWorkerMayTakeWhatIsReservedAndNoMore) {
+  EstimateByContent();
+  Restart();
+  CreateWith([](JobRequest* request) { request->bytes = "31a"; });
+  const std::optional<JobAssignment> assignment = TakeNext();
+  EXPECT_EQ(manager_->Stats().reserved_memory_bytes, 300);
+  EXPECT_EQ(assignment->request.memory_bytes(), 300);
+}
+
 TEST_F(JobLimitsTest, WhatCanNeverRunIsRefused) {
   EstimateByContent();
   options_.memory_bytes = 500;
@@ -255,7 +295,7 @@ TEST_F(JobLimitsTest, WhatCanNeverRunIsRefused) {
   Restart();
   const auto refusal = [this](const std::string& mesh) {
     JobRequest request = Request();
-    request.draco = mesh;
+    request.bytes = mesh;
     return manager_->Create(caller_, std::move(request)).status();
   };
   const ErrorInfo memory = ErrorInfoOf(refusal("61a"));
@@ -274,7 +314,7 @@ TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {
   Restart();
   const auto create = [this](const std::string& mesh) {
     JobRequest request = Request();
-    request.draco = mesh;
+    request.bytes = mesh;
     return manager_->Create(caller_, std::move(request)).status();
   };
   ASSERT_TRUE(create("18a").ok());
@@ -285,19 +325,19 @@ TEST_F(JobLimitsTest, RetryDelayIsWhenAPlaceGetsFree) {
   ASSERT_TRUE(ToRpcStatus(create("18c")).details(1).UnpackTo(&retry));
   EXPECT_EQ(retry.retry_delay().seconds(), 5) << "the first job takes 8 s, 3 of them are over";
 
-  v1::EstimateJobRequest request;
-  request.set_draco("24x");
-  const v1::JobEstimate estimate = *manager_->Estimate(caller_, request);
+  JobRequest request;
+  request.bytes = "24x";
+  const v1::JobEstimate estimate = *manager_->Estimate(caller_, request, 0, v1::MeshSize());
   EXPECT_EQ(estimate.memory_bytes(), 200);
-  EXPECT_EQ(estimate.run_seconds(), 4);
-  EXPECT_EQ(estimate.queue_seconds(), 13);
+  EXPECT_EQ(estimate.run_time().seconds(), 4);
+  EXPECT_EQ(estimate.queue_time().seconds(), 13);
   google::rpc::ErrorInfo info;
   ASSERT_TRUE(estimate.refusal().details(0).UnpackTo(&info));
   EXPECT_EQ(info.reason(), "QUEUE_FULL");
 }
 
 TEST_F(JobLimitsTest, EstimateNeedsAMesh) {
-  EXPECT_EQ(Reason(manager_->Estimate(caller_, v1::EstimateJobRequest()).status()), "MESH_MISSING");
+  EXPECT_EQ(Reason(manager_->Estimate(caller_, JobRequest(), 0, v1::MeshSize()).status()), "MESH_MISSING");
 }
 
 }  // namespace

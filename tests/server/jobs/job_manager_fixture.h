@@ -75,11 +75,14 @@ class JobManagerTest : public ::testing::Test {
   void Restart() {
     manager_.reset();
     store_ = *OpenJobStore(":memory:");
-    blobs_ = std::make_unique<BlobStore>("", store_bytes_);
+    blobs_ = std::make_unique<BlobStore>(BlobPlaces{}, store_bytes_);
     Resume();
   }
 
-  // A new server on the stores of the last one, which was killed.
+  // A new server on the stores of the last one, which died.
+  void Crash() { manager_ = *JobManager::Open(options_, store_.get(), blobs_.get()); }
+
+  // A new server on the stores of the last one, which ended in order.
   void Resume() {
     if (manager_ != nullptr) manager_->Suspend();
     manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());
@@ -87,7 +90,7 @@ class JobManagerTest : public ::testing::Test {
 
   JobRequest Request(const std::string& request_id = "", bool attached = false) {
     JobRequest request;
-    request.draco = request_id.empty() ? "mesh" + std::to_string(++meshes_) : "mesh of " + request_id;
+    request.bytes = request_id.empty() ? "mesh" + std::to_string(++meshes_) : "mesh of " + request_id;
     request.request_id = request_id;
     request.attached = attached;
     return request;
@@ -146,13 +149,11 @@ class JobManagerTest : public ::testing::Test {
     return events;
   }
 
-  absl::StatusOr<JobPage> List(int page_size, const std::string& token = "",
-                               v1::JobState state = v1::JOB_STATE_UNSPECIFIED, const std::string& label = "") {
+  absl::StatusOr<JobPage> List(int page_size, const std::string& token = "", const std::string& filter = "") {
     v1::ListJobsRequest request;
     request.set_page_size(page_size);
     request.set_page_token(token);
-    request.set_state(state);
-    request.set_label_prefix(label);
+    request.set_filter(filter);
     return manager_->List(caller_, request);
   }
 

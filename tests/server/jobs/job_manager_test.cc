@@ -11,7 +11,7 @@ using ::testing::SizeIs;
 
 TEST_F(JobManagerTest, ALifeInEvents) {
   JobRequest request = Request();
-  request.label = "spot.obj";
+  request.labels = {{"file", "spot.obj"}};
   request.options.set_tolerance(1e-6);
   const auto accepted = manager_->Create(caller_, std::move(request));
   ASSERT_TRUE(accepted.ok());
@@ -35,8 +35,8 @@ TEST_F(JobManagerTest, ALifeInEvents) {
 
   const v1::Job job = *manager_->Get(caller_, name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_EQ(job.label(), "spot.obj");
-  EXPECT_EQ(job.report().seconds().queue(), 2);
+  EXPECT_EQ(job.labels().at("file"), "spot.obj");
+  EXPECT_EQ(job.report().times().queue().seconds(), 2);
   EXPECT_EQ(job.end_time().seconds() - job.start_time().seconds(), 5);
   EXPECT_FALSE(job.has_progress());
   const auto events = Events(name);
@@ -47,7 +47,7 @@ TEST_F(JobManagerTest, ALifeInEvents) {
   EXPECT_EQ(events[3].job().state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_TRUE(events[3].job().has_report());
   for (std::size_t i = 0; i < events.size(); ++i) EXPECT_EQ(events[i].sequence(), static_cast<std::int64_t>(i) + 1);
-  EXPECT_EQ(Watch(name)->uv()->bytes(), "uvuvuv");
+  EXPECT_EQ(Watch(name)->uv()->ReadAll().value(), "uvuvuv");
   EXPECT_THAT(transitions_, ElementsAre("QUEUED", "RUNNING", "SUCCEEDED"));
 }
 
@@ -62,16 +62,29 @@ TEST_F(JobManagerTest, RefusesBadRequests) {
     return Reason(manager_->Create(caller_, std::move(request)).status());
   };
   JobRequest request = Request();
-  request.draco.clear();
+  request.bytes.clear();
   EXPECT_EQ(reason_of(request), "MESH_MISSING");
-  request.draco = "123456789";
+  request.bytes = "123456789";
   EXPECT_EQ(reason_of(request), "MESH_TOO_LARGE");
   request = Request();
   request.request_id = std::string(129, 'x');
   EXPECT_EQ(ErrorInfoOf(manager_->Create(caller_, request).status()).metadata.at("field"), "request_id");
   request = Request();
-  request.label = std::string(257, 'x');
-  EXPECT_EQ(ErrorInfoOf(manager_->Create(caller_, request).status()).metadata.at("field"), "label");
+  const auto field_of = [this](const std::map<std::string, std::string>& labels) {
+    JobRequest labelled = Request();
+    labelled.labels = labels;
+    const ErrorInfo info = ErrorInfoOf(manager_->Create(caller_, std::move(labelled)).status());
+    EXPECT_EQ(info.reason, "REQUEST_INVALID");
+    return info.metadata.at("field");
+  };
+  for (const std::string key : {"", "Key", "1st", "two words", "dotted.key"}) {
+    EXPECT_EQ(field_of({{key, "value"}}), "labels") << key;
+  }
+  EXPECT_EQ(field_of({{std::string(64, 'k'), "value"}}), "labels");
+  EXPECT_EQ(field_of({{"key", std::string(257, 'x')}}), "labels");
+  std::map<std::string, std::string> many;
+  for (int i = 0; i < 33; ++i) many["key" + std::to_string(i)] = "value";
+  EXPECT_EQ(field_of(many), "labels");
   request = Request();
   request.options.set_tolerance(7);
   EXPECT_EQ(reason_of(request), "OPTIONS_INVALID");
@@ -82,7 +95,7 @@ TEST_F(JobManagerTest, SeamsTravelBesideTheMeshAndCountAsPartOfIt) {
   options_.max_mesh_bytes = 16;
   Restart();
   JobRequest request = Request();
-  request.draco = "mesh";
+  request.bytes = "mesh";
   request.seam_corners = {5, 0};
   request.uncut_corners = {2};
   const auto accepted = manager_->Create(caller_, request);
@@ -240,7 +253,7 @@ TEST_F(JobManagerTest, WatchersKeepWhatWasDeleted) {
   const std::string name = CreateEnded("result");
   const auto events = Watch(name);
   ASSERT_TRUE(manager_->Delete(caller_, name).ok());
-  EXPECT_EQ(events->uv()->bytes(), "result");
+  EXPECT_EQ(events->uv()->ReadAll().value(), "result");
 }
 
 TEST_F(JobManagerTest, ListsNewestFirstInPages) {
@@ -264,11 +277,164 @@ TEST_F(JobManagerTest, ListsNewestFirstInPages) {
 TEST_F(JobManagerTest, ListsOneState) {
   const std::string ended = CreateEnded();
   Create();
-  const auto page = List(0, "", v1::JOB_STATE_SUCCEEDED);
+  const auto page = List(0, "", "state = SUCCEEDED");
   ASSERT_TRUE(page.ok());
   ASSERT_THAT(page->jobs, SizeIs(1));
   EXPECT_EQ(page->jobs[0].name(), ended);
   EXPECT_FALSE(page->jobs[0].has_report());
+}
+
+TEST_F(JobManagerTest, ListsByLabelsAndTimes) {
+  options_.limits.queue_capacity = 10;
+  Restart();
+  const auto create = [this](const std::map<std::string, std::string>& labels) {
+    JobRequest request = Request();
+    request.labels = labels;
+    now_ += absl::Seconds(1);
+    return manager_->Create(caller_, std::move(request))->job.name();
+  };
+  const absl::Time start = now_;
+  const std::string a = create({{"file", "night/a.obj"}, {"build", "12"}});
+  const std::string b = create({{"file", "night/b.obj"}, {"build", "13"}});
+  const std::string c = create({{"file", R"(a "quoted\name")"}});
+  const auto names = [this](const std::string& filter) {
+    std::vector<std::string> found;
+    const auto page = List(0, "", filter);
+    EXPECT_TRUE(page.ok()) << page.status();
+    for (const v1::Job& job : page->jobs) found.push_back(job.name());
+    return found;
+  };
+  const auto at = [start](int seconds) {
+    return absl::FormatTime(absl::RFC3339_full, start + absl::Seconds(seconds), absl::UTCTimeZone());
+  };
+  EXPECT_THAT(names(""), ElementsAre(c, b, a));
+  EXPECT_THAT(names(R"(labels.file = "night/*")"), ElementsAre(b, a));
+  EXPECT_THAT(names(R"(labels.file = "night/a.obj")"), ElementsAre(a));
+  EXPECT_THAT(names(R"(labels.file != "night/*")"), ElementsAre(c));
+  EXPECT_THAT(names(R"(labels.file = "a \"quoted\\name\"")"), ElementsAre(c));
+  EXPECT_THAT(names("labels.build = 12"), ElementsAre(a));
+  EXPECT_THAT(names("labels.build != 12"), ElementsAre(c, b)) << "without the label it is not 12 either";
+  EXPECT_THAT(names("labels:build AND labels.file = \"night/b*\""), ElementsAre(b));
+  EXPECT_THAT(names("create_time >= " + at(2)), ElementsAre(c, b));
+  EXPECT_THAT(names("create_time > " + at(2)), ElementsAre(c));
+  EXPECT_THAT(names("create_time < " + at(2) + " AND state = QUEUED"), ElementsAre(a));
+  EXPECT_THAT(names("create_time <= " + at(2) + " AND state != QUEUED"), IsEmpty());
+  ASSERT_TRUE(manager_->Cancel(caller_, a).ok());
+  ASSERT_TRUE(manager_->Delete(caller_, a).ok());
+  EXPECT_THAT(names("labels.build = 12"), IsEmpty()) << "labels go with their job";
+}
+
+TEST_F(JobManagerTest, RefusesFiltersThatItCannotRead) {
+  for (const std::string filter : {"state",
+                                   "state =",
+                                   "state = DONE",
+                                   "state > QUEUED",
+                                   "state = QUEUED state = RUNNING",
+                                   "state = QUEUED AND",
+                                   "state = QUEUED OR state = RUNNING",
+                                   "labels.Key = a",
+                                   "labels. = a",
+                                   "labels.key > a",
+                                   "labels:No",
+                                   "label = a",
+                                   "labels.key = \"a",
+                                   "labels.key = a b",
+                                   "create_time = 2026-01-31T08:00:00Z",
+                                   "create_time > now",
+                                   "tenant != a",
+                                   "tenant = a AND tenant = a",
+                                   "AND",
+                                   "= a"}) {
+    const absl::Status status = List(0, "", filter).status();
+    EXPECT_EQ(Reason(status), "REQUEST_INVALID") << filter;
+    EXPECT_EQ(ErrorInfoOf(status).metadata["field"], "filter") << filter;
+  }
+  EXPECT_EQ(Reason(List(0, "", "labels.a = " + std::string(1100, 'x')).status()), "REQUEST_INVALID");
+}
+
+TEST_F(JobManagerTest, FullListsHaveReportsAndEndEarly) {
+  options_.limits.queue_capacity = 10;
+  Restart();
+  for (int i = 0; i < 4; ++i) {
+    const std::string name = Create();
+    Take();
+    worker::v1::WorkResult result = Success("uv");
+    result.mutable_report()->add_charts()->set_stop_message(std::string(1'000'000, 'x'));
+    Report(name, result, "uv");
+  }
+  v1::ListJobsRequest request;
+  request.set_view(v1::JOB_VIEW_FULL);
+  int jobs = 0, pages = 0;
+  do {
+    const auto page = manager_->List(caller_, request);
+    ASSERT_TRUE(page.ok());
+    for (const v1::Job& job : page->jobs) EXPECT_EQ(job.report().charts_size(), 1);
+    EXPECT_LE(page->jobs.size(), 3u);
+    jobs += static_cast<int>(page->jobs.size());
+    ++pages;
+    request.set_page_token(page->next_page_token);
+  } while (!request.page_token().empty());
+  EXPECT_EQ(jobs, 4);
+  EXPECT_EQ(pages, 2);
+}
+
+TEST_F(JobManagerTest, ARequestedCancelShowsBeforeTheWorkerAnswers) {
+  const std::string name = Create();
+  Take();
+  EXPECT_FALSE(manager_->Get(caller_, name)->cancel_requested());
+  const v1::Job job = *manager_->Cancel(caller_, name);
+  EXPECT_EQ(job.state(), v1::JOB_STATE_STOPPING);
+  EXPECT_TRUE(job.cancel_requested());
+  EXPECT_FALSE(job.stop_requested());
+  EXPECT_TRUE(Events(name).back().job().cancel_requested());
+  Report(name, Cancelled());
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobManagerTest, ResultsAreOfJobsThatSucceeded) {
+  const auto reason = [this](const std::string& name) { return Reason(manager_->OpenResult(caller_, name).status()); };
+  EXPECT_EQ(reason("jobs/none"), "JOB_NOT_FOUND");
+  const std::string ended = CreateEnded("result");
+  const auto result = manager_->OpenResult(caller_, ended);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->description.total_bytes(), 6);
+  EXPECT_EQ(result->uv->ReadAll().value(), "result");
+  const std::string queued = Create();
+  EXPECT_EQ(reason(queued), "JOB_NOT_FINISHED");
+  ASSERT_TRUE(manager_->Cancel(caller_, queued).ok());
+  EXPECT_EQ(reason(queued), "NO_RESULT");
+}
+
+TEST_F(JobManagerTest, ArraysTravelAsOneBlobAndAreOtherWorkThanDracoOfTheSameBytes) {
+  v1::JobSpec spec;
+  spec.mutable_arrays()->set_positions(std::string(36, 'p'));
+  spec.mutable_arrays()->set_triangles(std::string(12, 't'));
+  JobRequest request = *TakeJobRequest(&spec);
+  EXPECT_EQ(request.array_vertices, 3);
+  ASSERT_TRUE(manager_->Create(caller_, request).ok());
+  const auto assignment = TakeNext();
+  EXPECT_EQ(assignment->request.array_vertices(), 3);
+  EXPECT_EQ(assignment->blobs.at(0)->bytes(), std::string(36, 'p') + std::string(12, 't'));
+
+  for (const std::optional<std::int64_t> vertices : {std::optional<std::int64_t>(), std::optional<std::int64_t>(2)}) {
+    request.array_vertices = vertices;
+    EXPECT_EQ(manager_->Create(caller_, request)->job.result_of(), "") << "the same bytes are another mesh";
+    const auto other = TakeNext();
+    EXPECT_EQ(other->request.has_array_vertices(), vertices.has_value());
+  }
+}
+
+TEST_F(JobManagerTest, ArraysComeInThrees) {
+  const auto refusal = [](std::size_t position_bytes, std::size_t triangle_bytes) {
+    v1::JobSpec spec;
+    spec.mutable_arrays()->set_positions(std::string(position_bytes, '\0'));
+    spec.mutable_arrays()->set_triangles(std::string(triangle_bytes, '\0'));
+    const ErrorInfo info = ErrorInfoOf(TakeJobRequest(&spec).status());
+    return info.reason + " " + info.metadata.at("field");
+  };
+  EXPECT_EQ(refusal(35, 12), "MESH_POSITION_INVALID arrays.positions");
+  EXPECT_EQ(refusal(36, 13), "MESH_INDEX_OUT_OF_RANGE arrays.triangles");
+  EXPECT_EQ(refusal(36, 0), "MESH_EMPTY arrays.triangles");
 }
 
 TEST_F(JobManagerTest, RefusesForeignPageTokens) {
@@ -276,7 +442,7 @@ TEST_F(JobManagerTest, RefusesForeignPageTokens) {
   Create();
   const std::string token = List(1)->next_page_token;
   EXPECT_FALSE(List(1, "garbage").ok());
-  EXPECT_FALSE(List(1, token, v1::JOB_STATE_QUEUED).ok());
+  EXPECT_FALSE(List(1, token, "state = QUEUED").ok());
   EXPECT_FALSE(List(-1).ok());
   Restart();
   EXPECT_EQ(Reason(List(1, token).status()), "REQUEST_INVALID");

@@ -4,7 +4,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/server/jobs/job_manager_fixture.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -56,7 +56,7 @@ TEST_F(JobRestartTest, SequencesAscendAndNoChangeOfStateIsLost) {
   EXPECT_THAT(states, ::testing::ElementsAre(v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING, v1::JOB_STATE_QUEUED,
                                              v1::JOB_STATE_RUNNING, v1::JOB_STATE_SUCCEEDED));
   EXPECT_TRUE(Events(name).back().job().has_report());
-  EXPECT_EQ(Watch(name)->uv()->bytes(), "uv");
+  EXPECT_EQ(Watch(name)->uv()->ReadAll().value(), "uv");
 }
 
 TEST_F(JobRestartTest, ManyEventsNeverShareASequenceWithLaterOnes) {
@@ -68,7 +68,7 @@ TEST_F(JobRestartTest, ManyEventsNeverShareASequenceWithLaterOnes) {
   EXPECT_GT(Events(name).back().sequence(), seen);
 }
 
-TEST_F(JobRestartTest, ServerThatDiesIsNotHeldAgainstTheJob) {
+TEST_F(JobRestartTest, ServerThatEndsInOrderIsNotHeldAgainstTheJob) {
   const std::string name = Create();
   for (int i = 0; i < 5; ++i) {
     EXPECT_EQ(Take(), name);
@@ -77,6 +77,79 @@ TEST_F(JobRestartTest, ServerThatDiesIsNotHeldAgainstTheJob) {
   Take();
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+}
+
+// Issue 26: a mesh that took the whole server down was run again after every restart, without end.
+TEST_F(JobRestartTest, JobThatTakesTheServerDownFailsAfterThreeAttempts) {
+  const std::string name = Create();
+  for (int attempt = 1; attempt <= 3; ++attempt) {
+    EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+    EXPECT_EQ(Take(), name);
+    EXPECT_EQ(manager_->Get(caller_, name)->attempts(), attempt);
+    Crash();
+  }
+  EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(ErrorReason(name), "SERVER_CRASHED");
+  google::rpc::ErrorInfo info;
+  manager_->Get(caller_, name)->error().details(0).UnpackTo(&info);
+  EXPECT_EQ(info.metadata().at("attempts"), "3");
+}
+
+TEST_F(JobRestartTest, WorkersAndServersThatDieCountTogether) {
+  const std::string name = Create();
+  Take();
+  Lose(name);
+  Take();
+  Crash();
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  Take();
+  Lose(name);
+  EXPECT_EQ(ErrorReason(name), "WORKER_CRASHED");
+}
+
+// Whoever ran beside it must not fail with it.
+TEST_F(JobRestartTest, TheLastAttemptAfterTheServerDiedRunsAlone) {
+  const std::string killer = Create();
+  now_ += absl::Seconds(1);
+  const std::string bystander = Create();
+  JobAssignment assignment;
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(Take(), killer);
+    EXPECT_EQ(Take(), bystander);
+    Crash();
+  }
+  EXPECT_EQ(Take(), killer);
+  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+  Crash();
+  EXPECT_EQ(ErrorReason(killer), "SERVER_CRASHED");
+  EXPECT_EQ(Take(), bystander);
+  const std::string later = Create();
+  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+  Succeed(bystander);
+  EXPECT_EQ(State(bystander), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(Take(), later);
+}
+
+// Issue 26: works_.at() threw, which aborted the server.
+TEST_F(JobRestartTest, CancelAndStopAfterSuspendAreForTheNextServer) {
+  const std::string running = Create();
+  Take();
+  const std::string queued = Create();
+  manager_->Suspend();
+  for (const std::string& name : {running, queued}) {
+    for (const absl::Status& status :
+         {manager_->Cancel(caller_, name).status(), manager_->Stop(caller_, name).status()}) {
+      EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable) << status;
+      EXPECT_EQ(Reason(status), "DRAINING");
+    }
+  }
+  manager_->FailAll(absl::InternalError("too late"));
+  manager_->CancelAll();
+  manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());
+  EXPECT_EQ(State(running), v1::JOB_STATE_QUEUED);
+  EXPECT_FALSE(manager_->Get(caller_, running)->stop_requested());
+  EXPECT_TRUE(manager_->Stop(caller_, running).ok());
+  EXPECT_TRUE(manager_->Cancel(caller_, queued).ok());
 }
 
 TEST_F(JobRestartTest, CancellationOutlivesTheServer) {
@@ -167,7 +240,7 @@ TEST_F(JobRestartTest, FilesOutliveTheProcess) {
     manager_.reset();
     store_.reset();
     store_ = *OpenJobStore(directory.Path("jobs.sqlite"));
-    blobs_ = std::make_unique<BlobStore>(directory.Path("blobs"), 1 << 20);
+    blobs_ = std::make_unique<BlobStore>(BlobPlaces{directory.Path("blobs")}, 1 << 20);
     ASSERT_TRUE(blobs_->Open().ok());
     manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());
   };
@@ -178,7 +251,7 @@ TEST_F(JobRestartTest, FilesOutliveTheProcess) {
   Create();
   const std::string token = List(1)->next_page_token;
   reopen();
-  EXPECT_EQ(Watch(token_list)->uv()->bytes(), "the result");
+  EXPECT_EQ(Watch(token_list)->uv()->ReadAll().value(), "the result");
   EXPECT_THAT(List(10, token)->jobs, SizeIs(2)) << "pages go on";
   const std::optional<JobAssignment> assignment = TakeNext();
   EXPECT_EQ(assignment->name, running);
@@ -224,11 +297,42 @@ TEST_F(JobRestartTest, AFullStoreGivesUpOldResultsFirstThenRefuses) {
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(State(old), v1::JOB_STATE_EXPIRED);
   JobRequest large = Request();
-  large.draco = std::string(101, 'm');
+  large.bytes = std::string(101, 'm');
   const absl::Status refused = manager_->Create(caller_, std::move(large)).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(Reason(refused), "STORAGE_FULL");
   EXPECT_EQ(ToRpcStatus(refused).details_size(), 2) << "with a retry delay";
+}
+
+TEST_F(JobRestartTest, ArraysAreArraysAfterARestartToo) {
+  options_.estimate = [](std::string_view draco, std::int64_t, const v1::MeshSize& size,
+                         const v1::UnwrapOptions&) -> absl::StatusOr<JobNeeds> {
+    EXPECT_EQ(draco, "") << "arrays are no Draco file";
+    return JobNeeds{size, 100 * size.triangles() + size.vertices(), 1};
+  };
+  Restart();
+  v1::JobSpec spec;
+  spec.mutable_arrays()->set_positions(std::string(36, 'p'));
+  spec.mutable_arrays()->set_triangles(std::string(24, 't'));
+  (*spec.mutable_labels())["file"] = "a.obj";
+  const std::string name = manager_->Create(caller_, *TakeJobRequest(&spec))->job.name();
+  EXPECT_EQ(manager_->Get(caller_, name)->memory_bytes(), 203);
+  for (const bool crashes : {false, true}) {
+    if (crashes) Take();
+    crashes ? Crash() : Resume();
+    EXPECT_EQ(manager_->Get(caller_, name)->memory_bytes(), 203);
+  }
+  EXPECT_THAT(List(0, "", "labels.file = a.obj")->jobs, SizeIs(1));
+  EXPECT_EQ(TakeNext()->request.array_vertices(), 3);
+}
+
+TEST_F(JobRestartTest, ACancelThatWasAskedForShowsAfterACrash) {
+  const std::string name = Create();
+  Take();
+  ASSERT_TRUE(manager_->Cancel(caller_, name).ok());
+  Crash();
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+  EXPECT_TRUE(manager_->Get(caller_, name)->cancel_requested());
 }
 
 TEST_F(JobRestartTest, ResultThatCannotBeKeptFailsTheJob) {

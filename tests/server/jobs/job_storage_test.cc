@@ -7,8 +7,9 @@
 #include "google/protobuf/util/time_util.h"
 #include "gtest/gtest.h"
 #include "server/jobs/sqlite.h"
+#include "server/link/duration.h"
 #include "tests/server/jobs/job_manager_fixture.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -21,9 +22,12 @@ class FullStore : public JobStore {
   explicit FullStore(JobStore* store) : store_(store) {}
 
   const std::string& id() const override { return store_->id(); }
-  absl::Status Put(const JobRecord& record, const v1::JobEvent* event) override {
+  absl::Status Write(const std::vector<JobWrite>& writes, Durability durability) override {
     if (full) return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", "no room");
-    return store_->Put(record, event);
+    for (const JobWrite& write : writes) {
+      if (before_write) before_write(*write.record);
+    }
+    return store_->Write(writes, durability);
   }
   absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) override { return store_->Find(name); }
   absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant, const std::string& id) override {
@@ -43,6 +47,7 @@ class FullStore : public JobStore {
   absl::StatusOr<bool> UsesBlob(const BlobId& id) override { return store_->UsesBlob(id); }
 
   bool full = false;
+  std::function<void(const JobRecord&)> before_write;
 
  private:
   JobStore* const store_;
@@ -72,31 +77,70 @@ TEST_F(JobStorageTest, WhatCannotBeWrittenIsNotAccepted) {
   EXPECT_EQ(State(Create("r1")), v1::JOB_STATE_QUEUED);
 }
 
+// Issue 26: SUCCEEDED could reach a watcher before it was durable.
+TEST_F(JobStorageTest, NobodyHearsOfAnEndBeforeItIsWritten) {
+  const std::string name = Create();
+  Take();
+  const auto log = Watch(name);
+  full_.before_write = [&](const JobRecord& record) {
+    if (record.job().state() != v1::JOB_STATE_SUCCEEDED) return;
+    const std::int64_t last = log->last_sequence();
+    EXPECT_EQ(log->ReadAfter(last - 1).event->job().state(), v1::JOB_STATE_RUNNING);
+    EXPECT_EQ(transitions_.back(), "RUNNING");
+  };
+  Succeed(name, "uv");
+  EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(transitions_.back(), "SUCCEEDED");
+}
+
 TEST_F(JobStorageTest, AnEndThatCannotBeWrittenIsWrittenLater) {
   const std::string name = Create();
   Take();
+  const auto log = Watch(name);
   full_.full = true;
   Succeed(name, "uv");
-  EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_EQ(Watch(name)->uv()->bytes(), "uv");
   manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_RUNNING) << "nobody hears of what a loss of power could take back";
+  EXPECT_FALSE(manager_->Get(caller_, name)->has_report());
+  EXPECT_EQ(log->uv(), nullptr);
+  EXPECT_EQ(Reason(manager_->Cancel(caller_, name).status()), "STORAGE_FULL") << "too late, and nobody knows yet";
   full_.full = false;
   manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_TRUE(manager_->Get(caller_, name)->has_report());
+  EXPECT_EQ(log->uv()->ReadAll().value(), "uv");
   Reopen();
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED) << "and it does not run again";
-  EXPECT_EQ(Watch(name)->uv()->bytes(), "uv");
+  EXPECT_EQ(Watch(name)->uv()->ReadAll().value(), "uv");
+}
+
+TEST_F(JobStorageTest, NoAttemptBeginsThatCannotBeWritten) {
+  const std::string name = Create();
+  full_.full = true;
+  JobAssignment assignment;
+  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(manager_->Get(caller_, name)->attempts(), 0);
+  full_.full = false;
+  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing) << "not at once";
+  now_ += options_.retry_delay;
+  manager_->Tick();
+  EXPECT_EQ(Take(), name);
+  EXPECT_EQ(manager_->Get(caller_, name)->attempts(), 1);
 }
 
 TEST_F(JobStorageTest, ChangesOfStateThatCannotBeWrittenAreMadeAllTheSame) {
   const std::string name = Create();
-  full_.full = true;
   Take();
   EXPECT_EQ(State(name), v1::JOB_STATE_RUNNING);
-  manager_->Cancel(caller_, name).IgnoreError();
+  full_.full = true;
+  EXPECT_EQ(Reason(manager_->Cancel(caller_, name).status()), "STORAGE_FULL") << "the caller is told";
+  EXPECT_EQ(State(name), v1::JOB_STATE_STOPPING);
   Report(name, Cancelled());
-  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(State(name), v1::JOB_STATE_STOPPING) << "the end has to wait";
   full_.full = false;
   manager_->Tick();
+  EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
   Reopen();
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
 }
@@ -114,12 +158,12 @@ TEST(SqliteJobStore, ADiskThatIsFullIsSaidAndHurtsNothing) {
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
   const rlimit small = {100'000, before.rlim_max};
   setrlimit(RLIMIT_FSIZE, &small);
-  record.mutable_job()->set_label(std::string(300'000, 'x'));
+  record.mutable_job()->set_traceparent(std::string(300'000, 'x'));
   const absl::Status status = store->Put(record, nullptr);
   setrlimit(RLIMIT_FSIZE, &before);
   std::signal(SIGXFSZ, handler);
   EXPECT_EQ(Reason(status), "STORAGE_FULL") << status;
-  EXPECT_EQ((*store->Find("jobs/1"))->job().label(), "");
+  EXPECT_EQ((*store->Find("jobs/1"))->job().traceparent(), "");
   EXPECT_TRUE(store->Put(record, nullptr).ok()) << "once there is room again";
 }
 
@@ -148,7 +192,7 @@ TEST_F(JobManagerTest, AClockThatJumpsEndsNoJobThatHasNoLimit) {
   now_ -= absl::Hours(5);
   Succeed(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_GE(manager_->Get(caller_, name)->report().seconds().queue(), 0);
+  EXPECT_GE(ToSeconds(manager_->Get(caller_, name)->report().times().queue()), 0);
 }
 
 TEST_F(JobManagerTest, AClockThatGoesBackPutsLimitsOffNotAway) {

@@ -5,10 +5,11 @@
 
 #include "absl/strings/escaping.h"
 #include "gmock/gmock.h"
+#include "google/protobuf/unknown_field_set.h"
 #include "gtest/gtest.h"
 #include "server/jobs/sqlite.h"
 #include "tests/server/jobs/job_manager_fixture.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -38,7 +39,7 @@ class JobTenantsTest : public JobManagerTest {
   void RestartWithBytes(std::int64_t bytes) {
     manager_.reset();
     store_ = *OpenJobStore(":memory:");
-    blobs_ = std::make_unique<BlobStore>("", bytes, options_.tenant_limits);
+    blobs_ = std::make_unique<BlobStore>(BlobPlaces{}, bytes, options_.tenant_limits);
     Resume();
   }
 
@@ -46,7 +47,7 @@ class JobTenantsTest : public JobManagerTest {
       const Caller& caller, const std::string& mesh = "",
       const std::function<void(JobRequest*)>& change = [](JobRequest*) {}) {
     JobRequest request = Request();
-    if (!mesh.empty()) request.draco = mesh;
+    if (!mesh.empty()) request.bytes = mesh;
     change(&request);
     const auto accepted = manager_->Create(caller, std::move(request));
     EXPECT_TRUE(accepted.ok()) << accepted.status();
@@ -140,7 +141,7 @@ TEST_F(JobTenantsTest, NothingIsSharedBetweenTenants) {
   EXPECT_EQ(manager_->Get(kBob, CreateAs(kBob, "the same mesh"))->result_of(), bobs);
   ASSERT_TRUE(manager_->Delete(kAnn, anns).ok());
   manager_->Tick();
-  EXPECT_EQ(manager_->Watch(kBob, bobs, false, true)->events->uv()->bytes(), "uv");
+  EXPECT_EQ(manager_->Watch(kBob, bobs, false, true)->events->uv()->ReadAll().value(), "uv");
 }
 
 TEST_F(JobTenantsTest, ListsAreOfOnesOwnTenant) {
@@ -149,7 +150,7 @@ TEST_F(JobTenantsTest, ListsAreOfOnesOwnTenant) {
   CreateAs(kBob);
   const auto names = [this](const Caller& caller, const std::string& tenant) {
     v1::ListJobsRequest request;
-    request.set_tenant(tenant);
+    if (!tenant.empty()) request.set_filter("tenant = " + tenant);
     return manager_->List(caller, request)->jobs;
   };
   ASSERT_THAT(names(kAnn, ""), SizeIs(1));
@@ -311,7 +312,7 @@ TEST_F(JobTenantsTest, AFullStoreOfOneTenantIsItsOwnMatter) {
   EXPECT_EQ(StateOf(next), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(StateOf(bobs), v1::JOB_STATE_SUCCEEDED);
   JobRequest large = Request();
-  large.draco = std::string(101, 'm');
+  large.bytes = std::string(101, 'm');
   const absl::Status refused = manager_->Create(kAnn, large).status();
   EXPECT_EQ(Reason(refused), "STORAGE_FULL");
   EXPECT_EQ(ToRpcStatus(refused).details_size(), 2) << "with a retry delay";
@@ -428,7 +429,7 @@ void PutOldRecord(Database* database, const JobRecord& record) {
   Statement put = *database->Prepare("INSERT INTO jobs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   const v1::Job& job = record.job();
   put.Bind(record.number()).BindText(job.name()).BindText(record.request_id()).Bind(job.state());
-  put.Bind(IsTerminal(job.state()) ? 1 : 0).Bind(job.end_time().seconds() * 1'000'000'000).BindText(job.label());
+  put.Bind(IsTerminal(job.state()) ? 1 : 0).Bind(job.end_time().seconds() * 1'000'000'000).BindText("a label of old");
   put.BindBlob("key" + std::to_string(record.number())).BindBlob(record.mesh_sha256()).BindBlob("");
   put.BindBlob(job.uv().uv_sha256()).Bind(job.uv().total_bytes()).BindBlob(record.SerializeAsString()).BindBlob("");
   ASSERT_TRUE(put.Run().ok());
@@ -445,7 +446,7 @@ TEST_F(JobTenantsTest, JobsOfOlderStoresBelongToTheDefaultTenant) {
   const std::string path = directory.Path("jobs.sqlite");
   {
     // The blobs of the default tenant are where all blobs were.
-    BlobStore blobs(directory.Path("blobs"), 1000);
+    BlobStore blobs({directory.Path("blobs")}, 1000);
     ASSERT_TRUE(blobs.Open().ok());
     ASSERT_TRUE(blobs.Put(kDefaultTenant, "mesh").ok());
     ASSERT_TRUE(blobs.Put(kDefaultTenant, "uv").ok());
@@ -459,6 +460,9 @@ TEST_F(JobTenantsTest, JobsOfOlderStoresBelongToTheDefaultTenant) {
     ended.mutable_job()->set_state(v1::JOB_STATE_SUCCEEDED);
     ended.mutable_job()->mutable_uv()->set_uv_sha256(Sha256("uv"));
     ended.mutable_job()->mutable_uv()->set_total_bytes(2);
+    ended.mutable_job()->mutable_create_time()->set_seconds(1000);
+    v1::Job* job = ended.mutable_job();
+    job->GetReflection()->MutableUnknownFields(job)->AddLengthDelimited(3, "a label as it was then");
     PutOldRecord(&database, ended);
     JobRecord running;
     running.set_number(2);
@@ -472,13 +476,19 @@ TEST_F(JobTenantsTest, JobsOfOlderStoresBelongToTheDefaultTenant) {
   for (int life = 0; life < 2; ++life) {
     manager_.reset();
     store_ = *OpenJobStore(path);
-    blobs_ = std::make_unique<BlobStore>(directory.Path("blobs"), 1000);
+    blobs_ = std::make_unique<BlobStore>(BlobPlaces{directory.Path("blobs")}, 1000);
     ASSERT_TRUE(blobs_->Open().ok());
     manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());
     EXPECT_EQ(store_->id(), "0123456789abcdef");
     const Caller old = {kDefaultTenant, "", kUser, ""};
     EXPECT_EQ(manager_->Get(old, "jobs/ended")->tenant(), kDefaultTenant);
-    EXPECT_EQ(manager_->Watch(old, "jobs/ended", false, true)->events->uv()->bytes(), "uv");
+    EXPECT_EQ(manager_->Watch(old, "jobs/ended", false, true)->events->uv()->ReadAll().value(), "uv");
+    const v1::Job ended = *manager_->Get(old, "jobs/ended");
+    EXPECT_TRUE(ended.GetReflection()->GetUnknownFields(ended).empty()) << "of no use to today's clients";
+    v1::ListJobsRequest list;
+    list.set_filter("create_time >= 1970-01-01T00:16:40Z AND create_time < 1970-01-01T00:16:41Z");
+    ASSERT_THAT(manager_->List(old, list)->jobs, SizeIs(1)) << "times of creation were filled in";
+    EXPECT_EQ(manager_->List(old, list)->jobs[0].name(), "jobs/ended");
     EXPECT_EQ(manager_->Get(old, "jobs/running")->state(), v1::JOB_STATE_QUEUED);
     EXPECT_EQ(Events("jobs/running")[0].job().tenant(), kDefaultTenant);
     EXPECT_EQ(Reason(manager_->Get(kAnn, "jobs/ended").status()), "JOB_NOT_FOUND");

@@ -19,7 +19,7 @@
 #include "server/link/in_process_link.h"
 #include "server/link/rpc_status.h"
 #include "server/link/worker_arguments.h"
-#include "tests/server/testing/fake_workers.h"
+#include "tests/testing/fake_workers.h"
 
 namespace planish {
 namespace {

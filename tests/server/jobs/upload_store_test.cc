@@ -17,7 +17,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/link/rpc_status.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -52,7 +52,7 @@ class UploadStoreTest : public ::testing::TestWithParam<bool> {
 
   void Start(std::int64_t max_blob_bytes = std::int64_t{1} << 30) {
     store_ = nullptr;
-    blobs_ = std::make_unique<BlobStore>(OnDisk() ? dir_.Path("blobs") : "", max_blob_bytes);
+    blobs_ = std::make_unique<BlobStore>(BlobPlaces{OnDisk() ? dir_.Path("blobs") : ""}, max_blob_bytes);
     ASSERT_TRUE(blobs_->Open().ok());
     store_ = std::make_unique<UploadStore>(options_, blobs_.get());
     ASSERT_TRUE(store_->Open().ok());
@@ -131,6 +131,50 @@ TEST_P(UploadStoreTest, PieceByPieceToABlob) {
   EXPECT_TRUE(store_->Delete(caller_, again->name()).ok());
   EXPECT_FALSE(store_->Uses(Own(bytes)));
   EXPECT_THAT(Files(), IsEmpty());
+}
+
+TEST_P(UploadStoreTest, ARequestIdStandsForItsUploadAcrossARestart) {
+  const std::string bytes = Noise(1000);
+  v1::CreateUploadRequest request;
+  request.set_total_bytes(1000);
+  request.set_sha256(Sha256(bytes));
+  request.set_request_id("once");
+  const std::string name = store_->Create(caller_, request)->name();
+  ASSERT_TRUE(WriteOnce(name, 0, std::string_view(bytes).substr(0, 400)).ok());
+  if (OnDisk()) Start();
+  const absl::StatusOr<v1::Upload> again = store_->Create(caller_, request);
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->name(), name);
+  EXPECT_EQ(again->committed_bytes(), 400) << "as it is";
+  ASSERT_TRUE(WriteOnce(name, 400, std::string_view(bytes).substr(400)).ok());
+  if (OnDisk()) Start();
+  EXPECT_EQ(store_->Create(caller_, request)->committed_bytes(), 1000);
+  EXPECT_EQ(store_->Create(caller_, request)->name(), name);
+
+  const Caller other = {"other", "", Rights::All(), ""};
+  EXPECT_NE(store_->Create(other, request)->name(), name) << "ids are each tenant's own";
+  request.set_request_id("twice");
+  EXPECT_NE(store_->Create(caller_, request)->name(), name);
+  request.set_sha256(Sha256("other bytes"));
+  const absl::Status reused = store_->Create(caller_, request).status();
+  EXPECT_EQ(reused.code(), absl::StatusCode::kAlreadyExists);
+  EXPECT_EQ(ReasonOf(reused), "REQUEST_ID_REUSED");
+
+  ASSERT_TRUE(store_->Delete(caller_, name).ok());
+  request.set_request_id("once");
+  const absl::StatusOr<v1::Upload> fresh = store_->Create(caller_, request);
+  ASSERT_TRUE(fresh.ok()) << "the upload that it stood for is gone";
+  EXPECT_EQ(fresh->committed_bytes(), 0);
+}
+
+TEST_P(UploadStoreTest, ARequestIdNamesTheServerToo) {
+  options_.new_id = [] { return std::string("east.1234"); };
+  Start();
+  v1::CreateUploadRequest request;
+  request.set_total_bytes(1000);
+  request.set_sha256(std::string(32, 'x'));
+  request.set_request_id("once");
+  EXPECT_THAT(store_->Create(caller_, request)->name(), ::testing::StartsWith("uploads/east."));
 }
 
 TEST_P(UploadStoreTest, BadRequestsNameTheField) {
@@ -464,7 +508,7 @@ TEST_P(UploadRestartTest, TenantsOutliveTheProcess) {
 
 TEST_P(UploadRestartTest, WhatWasThereBeforeTenantsIsTheDefaultTenants) {
   const std::string digest = absl::BytesToHexString(Sha256("mesh"));
-  std::ofstream(dir_.Path("uploads/farm-1.old-4-" + digest + ".part")) << "me";
+  PutFile(dir_.Path("uploads/farm-1.old-4-" + digest + ".part"), "me");
   Start();
   EXPECT_EQ(Committed("uploads/farm-1.old"), 2);
   EXPECT_TRUE(WriteOnce("uploads/farm-1.old", 2, "sh").ok());
@@ -490,7 +534,7 @@ TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {
   ASSERT_EQ(Files().size(), 1u);
   const std::string path = dir_.Path("uploads/" + Files()[0]);
   store_ = nullptr;
-  std::ofstream(path, std::ios::app | std::ios::binary) << bytes.back();
+  PutFile(path, bytes.substr(bytes.size() - 1), true);
   Start();
   EXPECT_EQ(Committed(name), 999) << "not complete, so not all bytes";
   EXPECT_TRUE(WriteOnce(name, 999, bytes.substr(999)).ok());
@@ -505,9 +549,9 @@ TEST_P(UploadRestartTest, DamageIsFoundAndRubbishGoes) {
   store_ = nullptr;
   std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).seekp(100).put('!');
   for (const char* rubbish : {"x.part", "a-5-ff.part", "a-b-c.done", "-1-2.part"}) {
-    std::ofstream(dir_.Path("uploads/") + rubbish) << "rubbish";
+    PutFile(dir_.Path("uploads/") + rubbish, "rubbish");
   }
-  std::ofstream(dir_.Path("uploads/keep")) << "not ours";
+  PutFile(dir_.Path("uploads/keep"), "not ours");
   Start();
   EXPECT_EQ(Files().size(), 2u) << "the upload, and what is not named like one";
   EXPECT_EQ(ReasonOf(WriteOnce(name, 500, bytes.substr(500))), "DIGEST_MISMATCH");

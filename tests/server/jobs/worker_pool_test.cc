@@ -11,7 +11,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/link/in_process_link.h"
-#include "tests/server/testing/fake_workers.h"
+#include "tests/testing/fake_workers.h"
 
 namespace planish {
 namespace {

@@ -5,10 +5,9 @@
 #include <openssl/x509.h>
 
 #include <cstdio>
-#include <fstream>
 
 #include "gtest/gtest.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -31,16 +30,16 @@ void WriteCertificate(const std::string& path, std::time_t end) {
 TEST(CertificateEnd, IsInTheFile) {
   TempDir dir;
   WriteCertificate(dir.Path("a.pem"), 1'900'000'000);
-  EXPECT_EQ(CertificateEnd(dir.Path("a.pem")), absl::FromUnixSeconds(1'900'000'000));
+  EXPECT_EQ(CertificateFileEnd(dir.Path("a.pem")), absl::FromUnixSeconds(1'900'000'000));
   WriteCertificate(dir.Path("b.pem"), 2'600'000'000);  // another form of time, after 2049
-  EXPECT_EQ(CertificateEnd(dir.Path("b.pem")), absl::FromUnixSeconds(2'600'000'000));
+  EXPECT_EQ(CertificateFileEnd(dir.Path("b.pem")), absl::FromUnixSeconds(2'600'000'000));
 }
 
 TEST(CertificateEnd, IsTheEpochWithoutOne) {
   TempDir dir;
-  EXPECT_EQ(CertificateEnd(dir.Path("none")), absl::UnixEpoch());
-  std::ofstream(dir.Path("text")) << "no certificate";
-  EXPECT_EQ(CertificateEnd(dir.Path("text")), absl::UnixEpoch());
+  EXPECT_EQ(CertificateFileEnd(dir.Path("none")), absl::UnixEpoch());
+  PutFile(dir.Path("text"), "no certificate");
+  EXPECT_EQ(CertificateFileEnd(dir.Path("text")), absl::UnixEpoch());
 }
 
 }  // namespace

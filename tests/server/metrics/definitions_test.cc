@@ -1,12 +1,11 @@
 #include "server/metrics/definitions.h"
 
-#include <fstream>
 #include <regex>
 #include <set>
-#include <sstream>
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -34,11 +33,9 @@ TEST(Definitions, NamesFollowPrometheus) {
 }
 
 TEST(Definitions, TableInReadmeIsTheHeaders) {
-  std::ifstream file(PLANISH_METRICS_README);
-  std::stringstream readme;
-  readme << file.rdbuf();
-  EXPECT_THAT(readme.str(), HasSubstr(MetricsTable())) << "server/metrics/README.md needs this table:\n"
-                                                       << MetricsTable();
+  EXPECT_THAT(ReadFile(PLANISH_SOURCE_TREE "/server/metrics/README.md"), HasSubstr(MetricsTable()))
+      << "server/metrics/README.md needs this table:\n"
+      << MetricsTable();
 }
 
 }  // namespace

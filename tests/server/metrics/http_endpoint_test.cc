@@ -1,7 +1,6 @@
 #include "server/metrics/http_endpoint.h"
 
 #include <arpa/inet.h>
-#include <httplib.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -12,6 +11,7 @@
 #include "absl/time/clock.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/testing/http_get.h"
 
 namespace planish {
 namespace {
@@ -62,31 +62,26 @@ class HttpEndpointTest : public ::testing::Test {
     return answer;
   }
 
+  std::string Server() const { return "http://127.0.0.1:" + std::to_string(port_); }
+  HttpReply Get(const std::string& path) const { return HttpGet(Server(), path); }
+
   std::unique_ptr<HttpEndpoint> endpoint_;
   int port_ = 0;
 };
 
 TEST_F(HttpEndpointTest, AnswersGetAndHead) {
-  httplib::Client client("127.0.0.1", port_);
-  const auto answer = client.Get("/metrics?name=x");
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 200);
-  EXPECT_EQ(answer->body, "planish 1\n");
-  EXPECT_EQ(answer->get_header_value("Cache-Control"), "no-store");
-  const auto sick = client.Get("/sick");
-  ASSERT_TRUE(sick);
-  EXPECT_EQ(sick->status, 503);
-  EXPECT_EQ(sick->body, "the store cannot be written\n");
-  const auto other = client.Get("/other");
-  ASSERT_TRUE(other);
-  EXPECT_EQ(other->status, 404);
-  const auto head = client.Head("/metrics");
-  ASSERT_TRUE(head);
-  EXPECT_EQ(head->status, 200);
-  EXPECT_EQ(head->body, "");
-  const auto large = client.Get("/large");
-  ASSERT_TRUE(large);
-  EXPECT_EQ(large->body.size(), 10 << 20);
+  const HttpReply answer = Get("/metrics?name=x");
+  EXPECT_EQ(answer.status, 200);
+  EXPECT_EQ(answer.body, "planish 1\n");
+  EXPECT_THAT(answer.headers, ::testing::Contains(::testing::Pair("Cache-Control", "no-store")));
+  const HttpReply sick = Get("/sick");
+  EXPECT_EQ(sick.status, 503);
+  EXPECT_EQ(sick.body, "the store cannot be written\n");
+  EXPECT_EQ(Get("/other").status, 404);
+  const HttpReply head = HttpHead(Server(), "/metrics");
+  EXPECT_EQ(head.status, 200);
+  EXPECT_EQ(head.body, "");
+  EXPECT_EQ(Get("/large").body.size(), 10 << 20);
 }
 
 TEST_F(HttpEndpointTest, RefusesWhatIsNoQuestion) {
@@ -103,9 +98,7 @@ TEST_F(HttpEndpointTest, EndlessHeadersEnd) {
   EXPECT_LT(absl::Now() - start, absl::Seconds(5));
   // Regular expressions look at this one.
   Raw("GET /metrics HTTP/1.1\r\nRange: bytes=" + std::string(8000, '1') + "-\r\n\r\n");
-  const auto answer = httplib::Client("127.0.0.1", port_).Get("/metrics");
-  ASSERT_TRUE(answer) << "it is still there";
-  EXPECT_EQ(answer->status, 200);
+  EXPECT_EQ(Get("/metrics").status, 200) << "it is still there";
 }
 
 // More silent and more half-deaf connections than threads: each costs half a second at most, and only those that wait
@@ -122,8 +115,7 @@ TEST_F(HttpEndpointTest, SlowCallersAreCutOff) {
   // On a busy machine half a second may be too little for anybody, now and then.
   bool answered = false;
   while (!answered && absl::Now() - start < absl::Seconds(30)) {
-    const auto answer = httplib::Client("127.0.0.1", port_).Get("/metrics");
-    answered = answer && answer->status == 200;
+    answered = Get("/metrics").status == 200;
   }
   EXPECT_TRUE(answered) << "two rounds of half a second, and it is its turn";
   for (const int socket : slow) close(socket);

@@ -1,27 +1,23 @@
 #include "server/monitoring.h"
 
-#include <httplib.h>
-
 #include <filesystem>
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/server/rpc/rpc_test_server.h"
+#include "tests/testing/http_get.h"
 
 namespace planish {
 namespace {
 
 using ::testing::HasSubstr;
 
-const std::string kServing("\x08\x01");
-const std::string kNotServing("\x08\x02");
 constexpr char kOfService[] = "\x0a\x12planish.v1.Planish";
 
 class MonitoringTest : public ::testing::Test {
  protected:
   MonitoringTest() : monitoring_("1.2.3"), server_(Succeed(1, "uv")) {
     EXPECT_TRUE(monitoring_.Listen(*ParseHttpAddress("127.0.0.1:0")).ok());
-    client_ = std::make_unique<httplib::Client>("http://" + *monitoring_.address());
   }
   ~MonitoringTest() override { monitoring_.Detach(); }
 
@@ -40,15 +36,14 @@ class MonitoringTest : public ::testing::Test {
 
   // "503 why"
   std::string Ask(const std::string& path) {
-    const auto answer = client_->Get(path);
-    return answer ? std::to_string(answer->status) + " " + answer->body : "no answer";
+    const HttpReply answer = HttpGet("http://" + *monitoring_.address(), path);
+    return std::to_string(answer.status) + " " + answer.body;
   }
 
   Monitoring monitoring_;
   RpcTestServer server_;
-  BlobStore blobs_{"", 1000};
+  BlobStore blobs_{{}, 1000};
   StreamCounter streams_;
-  std::unique_ptr<httplib::Client> client_;
 };
 
 TEST_F(MonitoringTest, IsLiveButNotReadyWhileItStarts) {
@@ -122,9 +117,9 @@ TEST_F(MonitoringTest, NotReadyWhereTheStoreCannotBeWritten) {
   watched.data_dir = dir.Path("gone");
   other.Attach(watched);
   other.Beat();
-  const auto answer = httplib::Client("http://" + *other.address()).Get("/readyz");
-  EXPECT_EQ(answer->status, 503);
-  EXPECT_THAT(answer->body, HasSubstr("gone: No such file or directory"));
+  const auto answer = HttpGet("http://" + *other.address(), "/readyz");
+  EXPECT_EQ(answer.status, 503);
+  EXPECT_THAT(answer.body, HasSubstr("gone: No such file or directory"));
 }
 
 TEST_F(MonitoringTest, NotLiveWhenCallsAreNotAnswered) {

@@ -11,7 +11,7 @@
 #include "server/metrics/process_stats.h"
 #include "server/metrics/readiness.h"
 #include "server/metrics/store_probe.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -35,7 +35,7 @@ worker::v1::WorkResult Delivered() {
   worker::v1::WorkResult result;
   v1::Report& report = *result.mutable_report();
   report.mutable_input()->set_triangles(20000);
-  report.mutable_seconds()->set_solve(0.3);
+  report.mutable_times()->mutable_solve()->set_nanos(300'000'000);
   report.mutable_chart_totals()->set_charts(5);
   report.mutable_chart_totals()->set_not_converged(1);
   report.mutable_chart_totals()->set_newton_iterations(30);
@@ -103,7 +103,7 @@ TEST(ServerMetrics, FailuresHaveReasons) {
 TEST(ServerMetrics, WorkersCannotSpoilTheNumbers) {
   ServerMetrics metrics("1");
   worker::v1::WorkResult result = Delivered();
-  result.mutable_report()->mutable_seconds()->set_solve(std::numeric_limits<double>::quiet_NaN());
+  result.mutable_report()->mutable_times()->mutable_solve()->set_seconds(-5);
   result.mutable_report()->mutable_chart_totals()->set_charts(-5);
   for (int i = 0; i < 1000; ++i) result.mutable_report()->add_warnings()->set_reason("MADE_UP_" + std::to_string(i));
   result.mutable_report()->add_warnings()->set_reason("\"} 1\nplanish_ready 1");

@@ -40,7 +40,7 @@ std::string Access(const std::string& more = "") {
 class CredentialsTest : public ::testing::Test {
  protected:
   // The server's answers to clients without TLS.
-  Outcome With(const std::vector<std::string>& authorization) {
+  CallOutcome With(const std::vector<std::string>& authorization) {
     TestClient client;
     client.authorization = authorization;
     return server_.Call(client);
@@ -68,7 +68,7 @@ class CredentialsTest : public ::testing::Test {
 TEST_F(CredentialsTest, Tokens) {
   server_.WriteAccess(Access());
   server_.Start();
-  const Outcome good = With({"Bearer good"});
+  const CallOutcome good = With({"Bearer good"});
   ASSERT_TRUE(good.status.ok()) << good.status.error_message();
   EXPECT_EQ(good.caller.tenant, "lighting");
   EXPECT_EQ(good.caller.credential, "token farm");
@@ -87,7 +87,7 @@ TEST_F(CredentialsTest, Tokens) {
       {{"Bearer old"}, "CREDENTIALS_EXPIRED"},
   };
   for (const auto& [authorization, reason] : refused) {
-    const Outcome outcome = With(authorization);
+    const CallOutcome outcome = With(authorization);
     EXPECT_EQ(outcome.status.error_code(), grpc::StatusCode::UNAUTHENTICATED) << reason;
     EXPECT_EQ(outcome.reason, reason);
     EXPECT_THAT(outcome.status.error_message(), Not(HasSubstr("good")));
@@ -96,7 +96,7 @@ TEST_F(CredentialsTest, Tokens) {
 
 TEST_F(CredentialsTest, WithoutAnAccessFileTcpServesEverybody) {
   server_.Start();
-  const Outcome outcome = With({"Bearer whatever"});
+  const CallOutcome outcome = With({"Bearer whatever"});
   ASSERT_TRUE(outcome.status.ok());
   EXPECT_EQ(outcome.caller.tenant, kDefaultTenant);
   EXPECT_EQ(outcome.caller.rights, Rights::All());
@@ -139,7 +139,7 @@ TEST_F(CredentialsTest, RightsAreAskedForBeforeAnythingIsDone) {
 
 TEST_F(CredentialsTest, OwnUserOnAUnixSocket) {
   server_.Start();
-  const Outcome outcome = server_.Call(server_.UnixChannel());
+  const CallOutcome outcome = server_.Call(server_.UnixChannel());
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
   EXPECT_EQ(outcome.caller.tenant, kDefaultTenant);
   EXPECT_EQ(outcome.caller.credential, "user " + std::to_string(geteuid()));
@@ -148,7 +148,7 @@ TEST_F(CredentialsTest, OwnUserOnAUnixSocket) {
 TEST_F(CredentialsTest, UsersOfTheAccessFile) {
   server_.WriteAccess(Access("      - user: " + std::to_string(geteuid()) + "\n        rights: [jobs, admin]\n"));
   server_.Start();
-  const Outcome user = server_.Call(server_.UnixChannel());
+  const CallOutcome user = server_.Call(server_.UnixChannel());
   ASSERT_TRUE(user.status.ok()) << user.status.error_message();
   EXPECT_EQ(user.caller.tenant, "lighting");
   EXPECT_TRUE(user.caller.rights.admin);
@@ -166,7 +166,7 @@ TEST_F(CredentialsTest, AnotherUserOnAUnixSocket) {
   chmod(server_.dir().Path("").c_str(), 0755);
   server_.Start();
   const auto channel = ChannelOf(kNobody);
-  const Outcome other = server_.Call(channel);
+  const CallOutcome other = server_.Call(channel);
   EXPECT_EQ(other.status.error_code(), grpc::StatusCode::UNAUTHENTICATED);
   EXPECT_EQ(other.reason, "CREDENTIALS_INVALID");
   EXPECT_THAT(other.status.error_message(), HasSubstr("not user 65534"));
@@ -179,7 +179,7 @@ TEST_F(CredentialsTest, AnotherUserWhoIsInTheAccessFile) {
   chmod(server_.dir().Path("").c_str(), 0755);
   server_.WriteAccess(Access("  fx:\n    credentials:\n      - user: 65534\n"));
   server_.Start();
-  const Outcome other = server_.Call(ChannelOf(kNobody));
+  const CallOutcome other = server_.Call(ChannelOf(kNobody));
   ASSERT_TRUE(other.status.ok()) << other.status.error_message();
   EXPECT_EQ(other.caller.tenant, "fx");
   EXPECT_EQ(server_.Call(server_.UnixChannel()).reason, "CREDENTIALS_MISSING") << "root is not in the file";

@@ -3,7 +3,6 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/server/rpc/rpc_test_server.h"
-#include "tests/server/testing/event_reader.h"
 
 namespace planish {
 namespace {
@@ -21,7 +20,7 @@ grpc::Status Call(RpcTestServer& server,
 
 v1::CreateJobRequest MeshRequest() {
   v1::CreateJobRequest request;
-  request.set_draco("mesh");
+  request.mutable_spec()->set_draco("mesh");
   return request;
 }
 
@@ -45,11 +44,11 @@ void FollowToTheEnd(RpcTestServer& server, const std::string& name) {
 TEST(JobsRpc, CreateAndGet) {
   RpcTestServer server(Succeed(3, "uv"));
   v1::CreateJobRequest request = MeshRequest();
-  request.set_label("spot");
+  (*request.mutable_spec()->mutable_labels())["file"] = "spot";
   request.set_request_id("r1");
   v1::Job job;
   ASSERT_TRUE(Call(server, &v1::Planish::Stub::CreateJob, request, &job).ok());
-  EXPECT_THAT(job.name(), testing::StartsWith("jobs/"));
+  EXPECT_THAT(job.name(), ::testing::StartsWith("jobs/"));
   EXPECT_EQ(job.state(), v1::JOB_STATE_QUEUED);
   FollowToTheEnd(server, job.name());
   v1::Job again;
@@ -57,7 +56,7 @@ TEST(JobsRpc, CreateAndGet) {
   EXPECT_EQ(again.name(), job.name());
   const v1::Job ended = Get(server, job.name());
   EXPECT_EQ(ended.state(), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_EQ(ended.label(), "spot");
+  EXPECT_EQ(ended.labels().at("file"), "spot");
   EXPECT_TRUE(ended.has_report());
 }
 
@@ -73,21 +72,23 @@ TEST(JobsRpc, BadRequestsNameTheField) {
   grpc::Status status = TryCreate(server, v1::CreateJobRequest());
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(InfoOf(status).reason(), "MESH_MISSING");
-  EXPECT_EQ(InfoOf(status).metadata().at("field"), "draco");
+  EXPECT_EQ(InfoOf(status).metadata().at("field"), "spec.mesh");
+  EXPECT_EQ(ViolationOf(status), "spec.mesh");
 
   v1::CreateJobRequest request = MeshRequest();
-  request.mutable_options()->set_tolerance(-1);
+  request.mutable_spec()->mutable_options()->set_tolerance(-1);
   status = TryCreate(server, request);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(InfoOf(status).metadata().at("field"), "tolerance");
+  EXPECT_EQ(InfoOf(status).metadata().at("field"), "spec.options.tolerance");
+  EXPECT_EQ(ViolationOf(status), "spec.options.tolerance");
 
-  request.set_draco(std::string((1 << 20) + 1, 'x'));
+  request.mutable_spec()->set_draco(std::string((1 << 20) + 1, 'x'));
   status = TryCreate(server, request);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(InfoOf(status).reason(), "MESH_TOO_LARGE");
   EXPECT_FALSE(HasRetryInfo(status));
 
-  request.set_draco(std::string(18 << 20, 'x'));
+  request.mutable_spec()->set_draco(std::string(18 << 20, 'x'));
   status = TryCreate(server, request);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << "gRPC's own answer";
   EXPECT_THAT(status.error_message(), HasSubstr("larger than max"));
@@ -99,7 +100,7 @@ TEST(JobsRpc, FullQueueAsksForARetry) {
   RpcTestServer server(WaitForCancel(), options);
   const auto create = [&server](const std::string& mesh) {
     v1::CreateJobRequest request = MeshRequest();
-    request.set_draco(mesh);
+    request.mutable_spec()->set_draco(mesh);
     return TryCreate(server, request);
   };
   ASSERT_TRUE(create("runs").ok());
@@ -212,8 +213,6 @@ TEST(JobsRpc, Capabilities) {
 
 TEST(JobsRpc, DrainingServerSaysSo) {
   RpcTestServer server(Succeed(1, "uv"));
-  const std::string kServing("\x08\x01");
-  const std::string kNotServing("\x08\x02");
   EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", ""), kServing);
   EXPECT_EQ(server.CallBytes("/grpc.health.v1.Health/Check", "\x0a\x12planish.v1.Planish"), kServing);
   server.rpc().SetReady(false);

@@ -6,13 +6,13 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/rpc/grpc_status.h"
 #include "server/rpc/service.h"
 #include "tests/server/rpc/rpc_test_server.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -51,7 +51,7 @@ TEST_F(RpcServerTest, SeveralAddressesAndAFreePort) {
   ASSERT_TRUE(server.ok()) << server.status();
   ASSERT_EQ((*server)->addresses().size(), 2u);
   EXPECT_THAT((*server)->addresses()[0], HasSubstr("127.0.0.1:"));
-  EXPECT_THAT((*server)->addresses()[0], testing::Not(EndsWith(":0")));
+  EXPECT_THAT((*server)->addresses()[0], ::testing::Not(EndsWith(":0")));
   EXPECT_EQ((*server)->addresses()[1], "unix:" + path);
   EXPECT_TRUE(std::filesystem::exists(path));
   (*server)->Shutdown(absl::Now());
@@ -80,7 +80,7 @@ TEST_F(RpcServerTest, StaleSocketGivesWay) {
 }
 
 TEST_F(RpcServerTest, OtherFilesStay) {
-  std::ofstream(dir_.Path("a")) << "precious";
+  PutFile(dir_.Path("a"), "precious");
   EXPECT_THAT(Start({"unix:" + dir_.Path("a")}).status().message(), HasSubstr("not a socket"));
   EXPECT_EQ(std::filesystem::file_size(dir_.Path("a")), 8u);
 }

@@ -1,5 +1,7 @@
 #include "tests/server/rpc/rpc_test_server.h"
 
+#include <condition_variable>
+#include <mutex>
 #include <utility>
 
 #include "grpc/grpc.h"
@@ -43,6 +45,39 @@ JobManagerOptions WithUploads(JobManagerOptions options, UploadStore* uploads) {
   options.is_blob_used = [uploads](const BlobId& id) { return uploads->Uses(id); };
   return options;
 }
+
+// Shared with the subscription: a wake-up may come after the reader has left.
+struct Bell {
+  std::mutex mutex;
+  std::condition_variable rung;
+  bool ring = false;
+};
+
+class Reader {
+ public:
+  explicit Reader(const JobEventLog& log)
+      : log_(log), subscription_(log.Subscribe([bell = bell_] {
+          const std::lock_guard lock(bell->mutex);
+          bell->ring = true;
+          bell->rung.notify_one();
+        })) {}
+
+  // The event after `after`; empty at the end.
+  std::optional<v1::JobEvent> WaitAfter(std::int64_t after) {
+    while (true) {
+      JobEventLog::Read read = log_.ReadAfter(after);
+      if (read.event.has_value() || read.ended) return read.event;
+      std::unique_lock lock(bell_->mutex);
+      bell_->rung.wait(lock, [this] { return bell_->ring; });
+      bell_->ring = false;
+    }
+  }
+
+ private:
+  const JobEventLog& log_;
+  const std::shared_ptr<Bell> bell_ = std::make_shared<Bell>();
+  const JobEventLog::Subscription subscription_;
+};
 
 }  // namespace
 
@@ -95,7 +130,7 @@ RpcTestServer::~RpcTestServer() {
 std::string RpcTestServer::Create() {
   grpc::ClientContext context;
   v1::CreateJobRequest request;
-  request.set_draco("mesh");
+  request.mutable_spec()->set_draco("mesh");
   v1::Job job;
   const grpc::Status status = stub_->CreateJob(&context, request, &job);
   return status.ok() ? job.name() : status.error_message();
@@ -145,6 +180,16 @@ google::rpc::ErrorInfo InfoOf(const grpc::Status& status) {
   return google::rpc::ErrorInfo();
 }
 
+std::string ViolationOf(const grpc::Status& status) {
+  google::rpc::Status rpc;
+  google::rpc::BadRequest bad;
+  if (!rpc.ParseFromString(status.error_details())) return "";
+  for (const auto& detail : rpc.details()) {
+    if (detail.UnpackTo(&bad) && bad.field_violations_size() == 1) return bad.field_violations(0).field();
+  }
+  return "";
+}
+
 bool HasRetryInfo(const grpc::Status& status) {
   google::rpc::Status rpc;
   google::rpc::RetryInfo retry;
@@ -153,6 +198,17 @@ bool HasRetryInfo(const grpc::Status& status) {
     if (detail.UnpackTo(&retry)) return true;
   }
   return false;
+}
+
+std::vector<v1::JobEvent> Follow(const JobEventLog& log) {
+  Reader reader(log);
+  std::vector<v1::JobEvent> events;
+  while (auto event = reader.WaitAfter(events.empty() ? 0 : events.back().sequence())) events.push_back(*event);
+  return events;
+}
+
+void WaitForEvent(const JobEventLog& log, std::int64_t sequence) {
+  Reader(log).WaitAfter(sequence - 1);
 }
 
 }  // namespace planish

@@ -9,20 +9,25 @@
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
-#include "server/jobs/blob_store.h"
+#include "server/blobs/blob_store.h"
+#include "server/jobs/event_log.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
 #include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
-#include "tests/server/testing/fake_workers.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/fake_workers.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 
 // Who makes all calls where an RpcTestServer is not told otherwise.
 inline const Caller kEverybody = {kDefaultTenant, "", Rights::All(), ""};
+
+// Answers of grpc.health.v1.Health, as bytes.
+inline const std::string kServing("\x08\x01");
+inline const std::string kNotServing("\x08\x02");
 
 class RpcTestServer {
  public:
@@ -45,7 +50,7 @@ class RpcTestServer {
 
  private:
   TempDir dir_;
-  BlobStore blobs_{"", std::int64_t{1} << 30};
+  BlobStore blobs_{{}, std::int64_t{1} << 30};
   UploadStore uploads_;
   std::unique_ptr<JobStore> store_;
   std::unique_ptr<JobManager> manager_;
@@ -74,6 +79,14 @@ Received ReceiveAll(grpc::ClientReader<v1::WatchJobResponse>* reader);
 
 // The details of an error: reason "" if there is no ErrorInfo of domain "planish".
 google::rpc::ErrorInfo InfoOf(const grpc::Status& status);
+// The field that an INVALID_ARGUMENT's google.rpc.BadRequest names; empty if there is none.
+std::string ViolationOf(const grpc::Status& status);
 bool HasRetryInfo(const grpc::Status& status);
+
+// Waits until the job ends; all its events.
+std::vector<v1::JobEvent> Follow(const JobEventLog& log);
+
+// Waits for the event with `sequence`, or a later one, or the end.
+void WaitForEvent(const JobEventLog& log, std::int64_t sequence);
 
 }  // namespace planish

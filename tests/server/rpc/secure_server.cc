@@ -5,7 +5,6 @@
 
 #include <chrono>
 #include <cstdio>
-#include <fstream>
 #include <utility>
 
 #include "absl/strings/escaping.h"
@@ -15,19 +14,9 @@
 #include "gtest/gtest.h"
 #include "server/rpc/service.h"
 #include "tests/server/rpc/rpc_test_server.h"
+#include "tests/testing/files.h"
 
 namespace planish {
-namespace {
-
-void Write(const std::string& path, const std::string& text) {
-  // In one step, as whoever renews a certificate should.
-  std::ofstream(path + ".new") << text;
-  chmod((path + ".new").c_str(), 0600);
-  ASSERT_EQ(std::rename((path + ".new").c_str(), path.c_str()), 0);
-}
-
-}  // namespace
-
 // Remembers whom the source under test took the last caller for.
 class SecureServer::Recorder : public CallerSource {
  public:
@@ -58,13 +47,13 @@ SecureServer::~SecureServer() {
 }
 
 void SecureServer::WriteAccess(const std::string& text) {
-  Write(dir_.Path("access.yaml"), text);
+  ReplaceFile(dir_.Path("access.yaml"), text);
 }
 
 void SecureServer::WriteTls(const IssuedCertificate& issued, const std::string& client_ca) {
-  Write(dir_.Path("cert.pem"), issued.certificate);
-  Write(dir_.Path("key.pem"), issued.key);
-  if (!client_ca.empty()) Write(dir_.Path("ca.pem"), client_ca);
+  ReplaceFile(dir_.Path("cert.pem"), issued.certificate);
+  ReplaceFile(dir_.Path("key.pem"), issued.key);
+  if (!client_ca.empty()) ReplaceFile(dir_.Path("ca.pem"), client_ca);
 }
 
 void SecureServer::Start(ClientAuth client_auth) {
@@ -112,13 +101,13 @@ std::shared_ptr<grpc::Channel> SecureServer::UnixChannel() const {
   return grpc::CreateCustomChannel("unix:" + unix_path(), grpc::InsecureChannelCredentials(), arguments);
 }
 
-Outcome SecureServer::Call(const std::shared_ptr<grpc::Channel>& channel,
-                           const std::vector<std::string>& authorization) const {
+CallOutcome SecureServer::Call(const std::shared_ptr<grpc::Channel>& channel,
+                               const std::vector<std::string>& authorization) const {
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
   for (const std::string& value : authorization) context.AddMetadata("authorization", value);
   v1::Capabilities answer;
-  Outcome outcome;
+  CallOutcome outcome;
   outcome.status = v1::Planish::NewStub(channel)->GetCapabilities(&context, v1::GetCapabilitiesRequest(), &answer);
   outcome.reason = InfoOf(outcome.status).reason();
   if (outcome.status.ok()) outcome.caller = callers_->last();

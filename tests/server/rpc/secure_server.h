@@ -15,8 +15,8 @@
 #include "server/rpc/caller_source.h"
 #include "server/rpc/rpc_server.h"
 #include "server/rpc/stream_counter.h"
-#include "tests/server/testing/certificates.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/certificates.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 
@@ -28,7 +28,7 @@ struct TestClient {
 };
 
 // What became of a call.
-struct Outcome {
+struct CallOutcome {
   grpc::Status status;
   std::string reason;       // of the ErrorInfo
   Caller caller;            // who the server took the client for
@@ -62,9 +62,10 @@ class SecureServer {
   std::shared_ptr<grpc::Channel> UnixChannel() const;
 
   // GetCapabilities, which anybody may call whom the server knows.
-  Outcome Call(const std::shared_ptr<grpc::Channel>& channel, const std::vector<std::string>& authorization = {}) const;
+  CallOutcome Call(const std::shared_ptr<grpc::Channel>& channel,
+                   const std::vector<std::string>& authorization = {}) const;
   // The same over TCP, on a connection of its own.
-  Outcome Call(const TestClient& client) const { return Call(TcpChannel(client), client.authorization); }
+  CallOutcome Call(const TestClient& client) const { return Call(TcpChannel(client), client.authorization); }
 
  private:
   class Recorder;

@@ -7,14 +7,13 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/server/rpc/rpc_test_server.h"
-#include "tests/server/testing/event_reader.h"
 
 namespace planish {
 namespace {
 
-v1::UnwrapRequest MeshRequest() {
+v1::UnwrapRequest UnwrapOfMesh() {
   v1::UnwrapRequest request;
-  request.set_draco("mesh");
+  request.mutable_spec()->set_draco("mesh");
   return request;
 }
 
@@ -39,10 +38,10 @@ Received Watch(RpcTestServer& server, const v1::WatchJobRequest& request) {
 }
 
 // A call to Unwrap under way whose first `events` events were read.
-class Caller {
+class UnwrapCaller {
  public:
-  Caller(RpcTestServer& server, const v1::UnwrapRequest& request, int events,
-         std::chrono::milliseconds deadline = std::chrono::minutes(1)) {
+  UnwrapCaller(RpcTestServer& server, const v1::UnwrapRequest& request, int events,
+               std::chrono::milliseconds deadline = std::chrono::minutes(1)) {
     context_.set_deadline(std::chrono::system_clock::now() + deadline);
     reader_ = server.stub().Unwrap(&context_, request);
     v1::UnwrapResponse response;
@@ -72,41 +71,42 @@ TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
     EXPECT_EQ(received.blobs.size(), 2u);
     EXPECT_EQ(received.blobs.at(0)->bytes(), "mesh");
     const std::string_view corners = received.blobs.at(1)->bytes();
-    EXPECT_EQ(corners.size(), 4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
+    EXPECT_EQ(corners.size(),
+              4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
     std::vector<std::int32_t>& numbers = seen.emplace_back(corners.size() / 4);
     std::memcpy(numbers.data(), corners.data(), corners.size());
     EXPECT_EQ(request.uncut_corners(), request.seam_corners() == 1 ? 1 : 0);
     SendSuccess(link, "uv");
     return true;
   });
-  v1::UnwrapRequest request = MeshRequest();
-  for (const int corner : {7, 0, 7}) request.add_seam_corners(corner);
+  v1::UnwrapRequest request = UnwrapOfMesh();
+  for (const int corner : {7, 0, 7}) request.mutable_spec()->add_seam_corners(corner);
   const Received received = Unwrap(server, request);
   EXPECT_TRUE(received.status.ok()) << received.status.error_message();
   EXPECT_EQ(received.LastJob().mesh_bytes(), 4 + 3 * 4);
 
   v1::CreateJobRequest create;
-  create.set_draco("mesh");
-  create.add_seam_corners(3);
-  create.add_uncut_corners(8);
+  create.mutable_spec()->set_draco("mesh");
+  create.mutable_spec()->add_seam_corners(3);
+  create.mutable_spec()->add_uncut_corners(8);
   grpc::ClientContext context;
   v1::Job job;
   ASSERT_TRUE(server.stub().CreateJob(&context, create, &job).ok());
   Watch(server, WatchRequest(job.name(), 0));
   EXPECT_THAT(seen, ::testing::ElementsAre(::testing::ElementsAre(7, 0, 7), ::testing::ElementsAre(3, 8)));
 
-  request.add_seam_corners(-1);
+  request.mutable_spec()->add_seam_corners(-1);
   const Received refused = Unwrap(server, request);
   EXPECT_EQ(refused.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(InfoOf(refused.status).reason(), "OPTIONS_INVALID");
-  EXPECT_EQ(InfoOf(refused.status).metadata().at("field"), "seam_corners");
+  EXPECT_EQ(InfoOf(refused.status).metadata().at("field"), "spec.seam_corners");
 }
 
 TEST(UnwrapRpc, EventsInOrderThenUvInChunks) {
   std::string uv((3 << 20) + 5, '\0');
   for (std::size_t i = 0; i < uv.size(); ++i) uv[i] = static_cast<char>(i * 7 + i / 1000);
   RpcTestServer server(Succeed(20, uv));
-  const Received received = Unwrap(server, MeshRequest());
+  const Received received = Unwrap(server, UnwrapOfMesh());
   EXPECT_TRUE(received.status.ok()) << received.status.error_message();
   ASSERT_EQ(received.events.size(), 23u);
   for (std::size_t i = 0; i < received.events.size(); ++i) {
@@ -127,7 +127,7 @@ TEST(UnwrapRpc, FailedJobEndsTheStreamWithOk) {
         FailureMessage(MakeError(absl::StatusCode::kInvalidArgument, "MESH_CLOSED", "no boundary", {{"loops", "0"}})));
     return true;
   });
-  const Received received = Unwrap(server, MeshRequest());
+  const Received received = Unwrap(server, UnwrapOfMesh());
   EXPECT_TRUE(received.status.ok());
   EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_FAILED);
   google::rpc::ErrorInfo info;
@@ -147,7 +147,7 @@ TEST(UnwrapRpc, CallerGoesAwayAndTheJobIsCancelled) {
   JobManagerOptions options;
   options.limits.reattach_grace = absl::Milliseconds(100);
   RpcTestServer server(WaitForCancel(), options);
-  Caller caller(server, MeshRequest(), 3);
+  UnwrapCaller caller(server, UnwrapOfMesh(), 3);
   caller.GoAway();
   EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
@@ -155,7 +155,7 @@ TEST(UnwrapRpc, CallerGoesAwayAndTheJobIsCancelled) {
 
 TEST(UnwrapRpc, DeadlinePassesAndTheJobIsCancelled) {
   RpcTestServer server(WaitForCancel());
-  Caller caller(server, MeshRequest(), 3, std::chrono::milliseconds(200));
+  UnwrapCaller caller(server, UnwrapOfMesh(), 3, std::chrono::milliseconds(200));
   EXPECT_EQ(EndState(server, caller.name()), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
 }
@@ -168,9 +168,9 @@ TEST(UnwrapRpc, DetachedJobRunsOn) {
     SendSuccess(link, "uv");
     return true;
   });
-  v1::UnwrapRequest request = MeshRequest();
+  v1::UnwrapRequest request = UnwrapOfMesh();
   request.set_detached(true);
-  Caller caller(server, request, 3);
+  UnwrapCaller caller(server, request, 3);
   caller.GoAway();
   EXPECT_EQ(caller.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
   gate.Open();
@@ -186,10 +186,10 @@ TEST(UnwrapRpc, RetryAttachesToTheSameJob) {
     SendSuccess(link, "uv");
     return true;
   });
-  v1::UnwrapRequest request = MeshRequest();
+  v1::UnwrapRequest request = UnwrapOfMesh();
   request.set_request_id("r1");
-  Caller lost(server, request, 3);
-  Caller retry(server, request, 3);
+  UnwrapCaller lost(server, request, 3);
+  UnwrapCaller retry(server, request, 3);
   EXPECT_EQ(retry.name(), lost.name());
   lost.GoAway();
   EXPECT_EQ(lost.Rest().status.error_code(), grpc::StatusCode::CANCELLED);
@@ -206,8 +206,8 @@ TEST(UnwrapRpc, TenCallersOnTwoWorkers) {
   std::vector<std::thread> callers;
   for (int i = 0; i < 10; ++i) {
     callers.emplace_back([&server] {
-      v1::UnwrapRequest request = MeshRequest();
-      request.mutable_scheduling()->set_fresh(true);
+      v1::UnwrapRequest request = UnwrapOfMesh();
+      request.mutable_spec()->mutable_scheduling()->set_fresh(true);
       const Received received = Unwrap(server, request);
       EXPECT_TRUE(received.status.ok());
       EXPECT_EQ(received.events.size(), 33u);
@@ -224,7 +224,7 @@ TEST(WatchRpc, AttachedWatchersKeepTheJobAlive) {
   JobManagerOptions options;
   options.limits.reattach_grace = absl::ZeroDuration();
   RpcTestServer server(WaitForCancel(), options);
-  Caller caller(server, MeshRequest(), 3);
+  UnwrapCaller caller(server, UnwrapOfMesh(), 3);
   v1::WatchJobRequest attach = WatchRequest(caller.name(), 0);
   attach.set_attach(true);
   grpc::ClientContext context;
@@ -292,7 +292,7 @@ TEST(WatchRpc, SlowReaderSkipsProgressAndHoldsUpNobody) {
   JobManagerOptions options;
   options.events_per_job = 16;
   RpcTestServer server(Succeed(kIterations, "uv"), options);
-  Caller slow(server, MeshRequest(), 1);
+  UnwrapCaller slow(server, UnwrapOfMesh(), 1);
   EXPECT_EQ(EndState(server, slow.name()), v1::JOB_STATE_SUCCEEDED) << "although nobody reads";
 
   const Received received = slow.Rest();
@@ -322,7 +322,7 @@ TEST(WatchRpc, CrowdsGetTheNewestProgressNowAndThen) {
       },
       JobManagerOptions(), UploadStoreOptions(), 10);
   grpc::ClientContext context;
-  const auto reader = server.stub().Unwrap(&context, MeshRequest());
+  const auto reader = server.stub().Unwrap(&context, UnwrapOfMesh());
   v1::UnwrapResponse response;
   int events = 0;
   while (reader->Read(&response) && response.event().progress().newton_iteration() < 100) ++events;
@@ -343,7 +343,7 @@ TEST(WatchRpc, StreamsEndWhenTheServerShutsDown) {
   std::thread watcher;
   {
     RpcTestServer server(WaitForCancel());
-    Caller caller(server, MeshRequest(), 3);
+    UnwrapCaller caller(server, UnwrapOfMesh(), 3);
     watcher =
         std::thread([&server, &received, name = caller.name()] { received = Watch(server, WatchRequest(name, 0)); });
     server.manager().Drain([] {});

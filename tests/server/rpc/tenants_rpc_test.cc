@@ -40,7 +40,7 @@ class TenantsRpcTest : public ::testing::Test {
 
   std::string CreateJob(const std::string& tenant) {
     v1::CreateJobRequest request;
-    request.set_draco("mesh");
+    request.mutable_spec()->set_draco("mesh");
     v1::Job job;
     EXPECT_TRUE(stub_.CreateJob(As(tenant).get(), request, &job).ok());
     EXPECT_EQ(job.tenant(), tenant);
@@ -57,6 +57,10 @@ class TenantsRpcTest : public ::testing::Test {
     v1::Job job;
     google::protobuf::Empty nothing;
     ask(v1::GetJobRequest(), [&](auto* context, auto& request) { return stub_.GetJob(context, request, &job); });
+    ask(v1::WaitJobRequest(), [&](auto* context, auto& request) { return stub_.WaitJob(context, request, &job); });
+    v1::ReadResultResponse piece;
+    ask(v1::ReadResultRequest(),
+        [&](auto* context, auto& request) { return stub_.ReadResult(context, request, &piece); });
     ask(v1::StopJobRequest(), [&](auto* context, auto& request) { return stub_.StopJob(context, request, &job); });
     ask(v1::CancelJobRequest(), [&](auto* context, auto& request) { return stub_.CancelJob(context, request, &job); });
     ask(v1::DeleteJobRequest(),
@@ -122,7 +126,7 @@ TEST_F(TenantsRpcTest, AForeignUploadIsNoneByteForByte) {
     google::protobuf::Empty nothing;
     note(stub_.DeleteUpload(As("bob").get(), erase, &nothing));
     v1::CreateJobRequest use;
-    use.set_upload(name);
+    use.mutable_spec()->set_upload(name);
     v1::Job job;
     note(stub_.CreateJob(As("bob").get(), use, &job));
     const auto context = As("bob");
@@ -146,7 +150,7 @@ TEST_F(TenantsRpcTest, AForeignUploadIsNoneByteForByte) {
 
 TEST_F(TenantsRpcTest, WhoMayOnlySubmitSeesAndEndsItsOwnUnwrap) {
   v1::UnwrapRequest request;
-  request.set_draco("mesh");
+  request.mutable_spec()->set_draco("mesh");
   const auto context = As("farm", "submit");
   const auto reader = stub_.Unwrap(context.get(), request);
   v1::UnwrapResponse response;

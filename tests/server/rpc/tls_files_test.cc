@@ -2,13 +2,11 @@
 
 #include <sys/stat.h>
 
-#include <fstream>
-
 #include "absl/time/clock.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
-#include "tests/server/testing/certificates.h"
-#include "tests/server/testing/temp_dir.h"
+#include "tests/testing/certificates.h"
+#include "tests/testing/files.h"
 
 namespace planish {
 namespace {
@@ -21,7 +19,7 @@ class TlsFilesTest : public ::testing::Test {
  protected:
   std::string Write(const std::string& name, const std::string& text, mode_t mode = 0600) {
     const std::string path = dir_.Path(name);
-    std::ofstream(path) << text;
+    PutFile(path, text);
     chmod(path.c_str(), mode);
     return path;
   }
@@ -74,8 +72,7 @@ TEST_F(TlsFilesTest, FilesThatAreNoneAreNamed) {
 
 TEST_F(TlsFilesTest, ACertificateOfAnotherKey) {
   const std::string other = Write("other.pem", IssueLocal(authority_).key);
-  EXPECT_EQ(ErrorOf({cert_, other, ""}),
-            "the certificate in " + cert_ + " does not belong to the key in " + other);
+  EXPECT_EQ(ErrorOf({cert_, other, ""}), "the certificate in " + cert_ + " does not belong to the key in " + other);
 }
 
 TEST_F(TlsFilesTest, DatesOfCertificates) {

@@ -86,7 +86,7 @@ class OpenCall {
 
 TEST_F(TlsTest, EncryptedAndPlaintextDoNotMix) {
   Start();
-  const Outcome outcome = server_.Call(Client());
+  const CallOutcome outcome = server_.Call(Client());
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
   EXPECT_EQ(outcome.server_name, "first");
   EXPECT_EQ(outcome.caller.tenant, kDefaultTenant);
@@ -145,11 +145,11 @@ TEST_F(TlsTest, RequiredCertificates) {
   expired.not_after = absl::Now() - absl::Hours(1);
   EXPECT_EQ(server_.Call(Client(clients_.Issue(expired))).status.error_code(), grpc::StatusCode::UNAVAILABLE);
 
-  const Outcome render = server_.Call(Client(ClientCertificate({"alias.studio", "Render-7.studio"})));
+  const CallOutcome render = server_.Call(Client(ClientCertificate({"alias.studio", "Render-7.studio"})));
   ASSERT_TRUE(render.status.ok()) << render.status.error_message();
   EXPECT_EQ(render.caller.tenant, "studio");
   EXPECT_EQ(render.caller.credential, "certificate render-7.studio");
-  const Outcome named = server_.Call(Client(ClientCertificate({}, "old name")));
+  const CallOutcome named = server_.Call(Client(ClientCertificate({}, "old name")));
   ASSERT_TRUE(named.status.ok()) << named.status.error_message();
   EXPECT_FALSE(named.caller.rights.submit);
   EXPECT_EQ(server_.Call(Client(ClientCertificate({"render-8.studio"}))).reason, "CREDENTIALS_INVALID");
@@ -176,7 +176,7 @@ TEST_F(TlsTest, RequestedCertificates) {
 
 TEST_F(TlsTest, WithoutAnAccessFileACertificateIsEnough) {
   Start(ClientAuth::kRequire);
-  const Outcome outcome = server_.Call(Client(ClientCertificate({"any.studio"})));
+  const CallOutcome outcome = server_.Call(Client(ClientCertificate({"any.studio"})));
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
   EXPECT_EQ(outcome.caller.tenant, kDefaultTenant);
   EXPECT_EQ(outcome.caller.credential, "certificate any.studio");

@@ -32,6 +32,7 @@ TEST(Options, NothingSetMeansTheCoresDefaults) {
   EXPECT_EQ(core->atlas.texture_size, 1024);
   EXPECT_EQ(core->atlas.padding, 2);
   EXPECT_EQ(core->atlas.tiles, 1);
+  EXPECT_EQ(core->atlas.effort, PackEffort::kNormal);
 }
 
 TEST(Options, SeamsAndAtlasArrive) {
@@ -42,6 +43,7 @@ TEST(Options, SeamsAndAtlasArrive) {
   options.set_texture_size(4096);
   options.set_padding(0);
   options.set_tiles(12);
+  options.set_effort(v1::EFFORT_BEST);
   options.set_pack(v1::PACK_OFF);
   const auto core = ToCore(options);
   ASSERT_TRUE(core.ok()) << core.status();
@@ -51,6 +53,7 @@ TEST(Options, SeamsAndAtlasArrive) {
   EXPECT_EQ(core->atlas.texture_size, 4096);
   EXPECT_EQ(core->atlas.padding, 0) << "0 is a padding, not a default";
   EXPECT_EQ(core->atlas.tiles, 12);
+  EXPECT_EQ(core->atlas.effort, PackEffort::kBest);
   EXPECT_FALSE(core->pack);
 }
 
@@ -96,6 +99,9 @@ TEST(Options, UnknownEnumeratorsNameTheirField) {
   options.set_pack(static_cast<v1::Pack>(99));
   EXPECT_EQ(BadField(options), "pack");
   options.clear_pack();
+  options.set_effort(static_cast<v1::Effort>(99));
+  EXPECT_EQ(BadField(options), "effort");
+  options.clear_effort();
   options.set_solver(static_cast<v1::Solver>(99));
   EXPECT_EQ(BadField(options), "solver");
   options.clear_solver();

@@ -7,7 +7,9 @@
 
 #include <cerrno>
 #include <condition_variable>
+#include <cstdlib>
 #include <deque>
+#include <filesystem>
 #include <map>
 #include <mutex>
 
@@ -15,14 +17,15 @@
 #include "absl/time/clock.h"
 #include "core/base/error.h"
 #include "core/base/sanitizers.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "gmock/gmock.h"
 #include "google/rpc/error_details.pb.h"
 #include "gtest/gtest.h"
 #include "server/jobs/worker_pool.h"
 #include "server/link/process_link.h"
 #include "server/worker/work.h"
-#include "tests/server/testing/meshes.h"
+#include "tests/testing/files.h"
+#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {
@@ -143,7 +146,7 @@ class TestSource : public JobSource {
   absl::Time obey_by_ = absl::InfiniteFuture();
 };
 
-JobAssignment JobOf(const Mesh& mesh, const std::string& failpoint = "") {
+JobAssignment AssignmentOf(const Mesh& mesh, const std::string& failpoint = "") {
   JobAssignment job;
   job.request.set_failpoint(failpoint);
   job.blobs = {*Blob::Copy(*EncodeDraco(mesh))};
@@ -234,12 +237,12 @@ class WorkerProcess : public ::testing::Test {
 
 TEST_F(WorkerProcess, GivesTheSameBytesAsThisProcessJobAfterJob) {
   for (const int n : {12, 5, 22, 40, 12}) {
-    JobAssignment job = JobOf(Bump(n));
+    JobAssignment job = AssignmentOf(Bump(n));
     job.request.set_max_threads(2);
     ExpectSuccess(job);
   }
   for (const v1::Solver solver : {v1::SOLVER_UZAWA, v1::SOLVER_MINRES, v1::SOLVER_DIRECT}) {
-    JobAssignment job = JobOf(Bump(30));
+    JobAssignment job = AssignmentOf(Bump(30));
     job.request.mutable_options()->set_solver(solver);
     job.request.mutable_options()->set_precision(v1::PRECISION_DOUBLE);
     ExpectSuccess(job);
@@ -249,33 +252,47 @@ TEST_F(WorkerProcess, GivesTheSameBytesAsThisProcessJobAfterJob) {
 }
 
 TEST_F(WorkerProcess, ReportsThePeakOfEachJob) {
-  const std::int64_t large = Run(JobOf(Bump(150))).result->report().peak_memory_bytes();
-  const std::int64_t small = Run(JobOf(Bump(4))).result->report().peak_memory_bytes();
+  const std::int64_t large = Run(AssignmentOf(Bump(150))).result->report().peak_memory_bytes();
+  const std::int64_t small = Run(AssignmentOf(Bump(4))).result->report().peak_memory_bytes();
   EXPECT_GT(large, small + 20 * kMiB);
 }
 
 TEST_F(WorkerProcess, MayDoNothingButItsWork) {
   if (kSanitized) GTEST_SKIP() << "no sandbox with sanitizers";
+  setenv("PLANISHD_TOKEN", "secret", 1);
   process_.sandbox = SandboxMode::kRequire;
-  const Ending ending = Run(JobOf(Bump(4), "solve=probe"));
+  const Ending ending = Run(AssignmentOf(Bump(4), "solve=probe"));
   ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
   const google::rpc::ErrorInfo info = InfoOf(*ending.result);
   EXPECT_EQ(info.reason(), "PROBE");
   EXPECT_THAT(info.metadata(),
               UnorderedElementsAre(Pair("open", "EPERM"), Pair("create", "EPERM"), Pair("socket", "EPERM"),
                                    Pair("unix_socket", "EPERM"), Pair("execve", "EPERM"), Pair("fork", "EPERM"),
+                                   Pair("fcntl", "EPERM"), Pair("environment", "0"),
                                    Pair("kill", "EPERM"), Pair("ptrace", "EPERM"), Pair("executable_memory", "EPERM"),
                                    Pair("thread", "allowed"), Pair("core_limit", "0"), Pair("descriptor_limit", "64"),
                                    Pair("no_new_privileges", "EPERM")));
+  unsetenv("PLANISHD_TOKEN");
   const std::lock_guard lock(mutex_);
   EXPECT_TRUE(idle_.sandboxed());
 }
 
+// Issue 26: workers inherited the server's whole environment, tokens included.
+TEST(WorkerEnvironment, HasWhatLibrariesNeedAndNoSecrets) {
+  for (const char* name : {"LD_LIBRARY_PATH", "OMP_NUM_THREADS", "LC_ALL", "GLIBC_TUNABLES", "ASAN_OPTIONS"}) {
+    EXPECT_TRUE(IsForWorkers(name)) << name;
+  }
+  for (const char* name : {"PLANISHD_TOKEN", "PLANISH_TOKEN", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD", "HOME", ""}) {
+    EXPECT_FALSE(IsForWorkers(name)) << name;
+  }
+}
+
 TEST_F(WorkerProcess, WithoutASandboxTheProbeFindsDoorsOpen) {
   process_.sandbox = SandboxMode::kOff;
-  const google::rpc::ErrorInfo info = InfoOf(*Run(JobOf(Bump(4), "start=probe")).result);
+  const google::rpc::ErrorInfo info = InfoOf(*Run(AssignmentOf(Bump(4), "start=probe")).result);
   EXPECT_EQ(info.metadata().at("open"), "allowed");
   EXPECT_EQ(info.metadata().at("execve"), "allowed");
+  EXPECT_EQ(info.metadata().at("fcntl"), "allowed");
   EXPECT_EQ(info.metadata().at("no_new_privileges"), "1");
   EXPECT_EQ(info.metadata().at("core_limit"), "0");
   const std::lock_guard lock(mutex_);
@@ -285,7 +302,7 @@ TEST_F(WorkerProcess, WithoutASandboxTheProbeFindsDoorsOpen) {
 
 TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
   if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
-  JobAssignment job = JobOf(Bump(120));  // 28,800 triangles, which take about 24 MiB
+  JobAssignment job = AssignmentOf(Bump(120));  // 28,800 triangles, which take about 24 MiB
   // Wherever it strikes: in the decoder, in the first stages, in the solver.
   for (const std::int64_t mib : {1, 2, 3, 5, 8}) {
     job.request.set_max_threads(mib == 1 ? 2 : 1);
@@ -301,17 +318,17 @@ TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
 
 TEST_F(WorkerProcess, MemoryThatRunsOutOnAnotherThreadHasTheSameName) {
   if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
-  JobAssignment job = JobOf(Bump(8), "solve=oom-thread");
+  JobAssignment job = AssignmentOf(Bump(8), "solve=oom-thread");
   job.request.set_memory_bytes(100 * kMiB);
   const Ending ending = Run(job);
   ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
   EXPECT_EQ(InfoOf(*ending.result).reason(), "OUT_OF_MEMORY");
-  ExpectSuccess(JobOf(Bump(8)));
+  ExpectSuccess(AssignmentOf(Bump(8)));
 }
 
 TEST_F(WorkerProcess, DeafToCancellationIsKilledWhenPatienceEnds) {
   source_.CancelAtFirstEvent(absl::Milliseconds(200));
-  const Ending ending = Run(JobOf(Bump(8), "decode=hang"));
+  const Ending ending = Run(AssignmentOf(Bump(8), "decode=hang"));
   ASSERT_TRUE(ending.loss.has_value());
   EXPECT_EQ(ending.loss->reason, "WORKER_HUNG");
   EXPECT_THAT(ending.loss->message, HasSubstr("told to"));
@@ -320,17 +337,17 @@ TEST_F(WorkerProcess, DeafToCancellationIsKilledWhenPatienceEnds) {
 
 TEST_F(WorkerProcess, CancelledJobCostsNoWorker) {
   source_.CancelAtFirstEvent(absl::Seconds(20));
-  const Ending ending = Run(JobOf(Bump(120)));
+  const Ending ending = Run(AssignmentOf(Bump(120)));
   ASSERT_TRUE(ending.result.has_value()) << ending.loss->message;
   EXPECT_EQ(ending.result->status().code(), static_cast<int>(absl::StatusCode::kCancelled));
   source_.CancelAtFirstEvent(absl::InfiniteDuration());
-  ExpectSuccess(JobOf(Bump(8)));
+  ExpectSuccess(AssignmentOf(Bump(8)));
   EXPECT_EQ(ends().size(), 0u);
 }
 
 TEST_F(WorkerProcess, RecycledAfterSomeJobs) {
   options_.recycle_after = 2;
-  for (int i = 0; i < 5; ++i) ExpectSuccess(JobOf(Bump(4)));
+  for (int i = 0; i < 5; ++i) ExpectSuccess(AssignmentOf(Bump(4)));
   EXPECT_EQ(ends()["recycled"], 2);
   const std::lock_guard lock(mutex_);
   EXPECT_EQ(starts_, 3);
@@ -338,8 +355,8 @@ TEST_F(WorkerProcess, RecycledAfterSomeJobs) {
 
 TEST_F(WorkerProcess, RecycledWhenItHasGrown) {
   options_.recycle_bytes = 1;
-  ExpectSuccess(JobOf(Bump(4)));
-  ExpectSuccess(JobOf(Bump(4)));
+  ExpectSuccess(AssignmentOf(Bump(4)));
+  ExpectSuccess(AssignmentOf(Bump(4)));
   EXPECT_GE(ends()["grown"], 1);
 }
 
@@ -360,6 +377,46 @@ TEST_F(WorkerProcess, ThatEndsAtOnceSaysHow) {
   StopPool();
   const std::lock_guard lock(mutex_);
   EXPECT_THAT(start_error_, HasSubstr("exited with code 1"));
+}
+
+// A worker's program that is a shell script.
+std::string Script(const TempDir& directory, const std::string& body) {
+  const std::string path = directory.Path("worker");
+  PutFile(path, "#!/bin/sh\n" + body);
+  std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+  return path;
+}
+
+// Issue 26: nobody learned why workers did not start, and callers waited for ever.
+TEST_F(WorkerProcess, LastWordsOfWorkersThatNeverGetReady) {
+  const TempDir directory;
+  process_.program = Script(directory, "echo 'worker: cannot load libdraco.so' >&2\nexit 127\n");
+  options_.retry_min = absl::Milliseconds(1);
+  options_.first_starts = 1;  // the pool ends at once
+  std::vector<std::string> said;
+  options_.on_none_ready = [&](const absl::Status& status) {
+    said.emplace_back(status.message());
+    source_.Stop();
+  };
+  StartPool();
+  StopPool();
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], ::testing::AllOf(HasSubstr("exited with code 127"), HasSubstr("cannot load libdraco.so")));
+}
+
+TEST_F(WorkerProcess, LastWordsOfWorkersThatHangAtTheStart) {
+  const TempDir directory;
+  process_.program = Script(directory, "echo 'I wait' >&2\nexec sleep 1000\n");
+  options_.first_limit = absl::Milliseconds(500);
+  std::vector<std::string> said;
+  options_.on_none_ready = [&](const absl::Status& status) {
+    said.emplace_back(status.message());
+    source_.Stop();
+  };
+  StartPool();
+  StopPool();
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said[0], ::testing::AllOf(HasSubstr("did not get ready"), HasSubstr("I wait")));
 }
 
 TEST_F(WorkerProcess, SpeaksWhereItIsTold) {
@@ -397,7 +454,7 @@ TEST_P(WorkerFault, CostsOneJob) {
   if (std::string(fault.reason) == "WORKER_HUNG") BeImpatient();
   const bool asan_catches = kSanitized && std::string(fault.action) == "segv";
   for (const std::string point : {"start", "decode", "solve", "encode", "result"}) {
-    JobAssignment job = JobOf(Bump(8), point + "=" + fault.action);
+    JobAssignment job = AssignmentOf(Bump(8), point + "=" + fault.action);
     job.request.set_memory_bytes(200 * kMiB);
     const Ending ending = Run(job);
     SCOPED_TRACE(point);
@@ -412,7 +469,7 @@ TEST_P(WorkerFault, CostsOneJob) {
         EXPECT_EQ(ending.loss->metadata.at(fault.key), fault.value) << ending.loss->message;
       }
     }
-    ExpectSuccess(JobOf(Bump(8)));
+    ExpectSuccess(AssignmentOf(Bump(8)));
   }
 }
 
@@ -431,7 +488,7 @@ TEST_F(WorkerProcess, HangsAreNamedByStage) {
   BeImpatient();
   for (const auto& [point, stage] :
        std::map<std::string, std::string>{{"start", "START"}, {"decode", "DECODE"}, {"encode", "ENCODE"}}) {
-    const Ending ending = Run(JobOf(Bump(8), point + "=hang"));
+    const Ending ending = Run(AssignmentOf(Bump(8), point + "=hang"));
     ASSERT_TRUE(ending.loss.has_value());
     EXPECT_EQ(ending.loss->metadata.at("stage"), stage);
     EXPECT_GE(std::stod(ending.loss->metadata.at("seconds")), 0.5);
@@ -442,10 +499,10 @@ TEST_F(WorkerProcess, HangsAreNamedByStage) {
 TEST_F(WorkerProcess, FaultsBetweenJobsCostNone) {
   options_.start_limit = absl::Seconds(kSanitized ? 20 : 3);
   for (const char* action : {"abort", "exit", "hang", "garbage", "mute"}) {
-    const Ending ending = Run(JobOf(Bump(8), std::string("idle=") + action));
+    const Ending ending = Run(AssignmentOf(Bump(8), std::string("idle=") + action));
     ASSERT_TRUE(ending.result.has_value()) << action;
     EXPECT_EQ(ending.result->status().code(), 0);
-    ExpectSuccess(JobOf(Bump(8)));
+    ExpectSuccess(AssignmentOf(Bump(8)));
   }
   EXPECT_EQ(ends()["crashed"], 4);
   EXPECT_EQ(ends()["hung"], 1);
@@ -453,7 +510,7 @@ TEST_F(WorkerProcess, FaultsBetweenJobsCostNone) {
 
 TEST_F(WorkerProcess, WithoutTheSwitchFailpointsAreIgnored) {
   process_.failpoints = false;
-  ExpectSuccess(JobOf(Bump(8), "solve=abort"));
+  ExpectSuccess(AssignmentOf(Bump(8), "solve=abort"));
 }
 
 }  // namespace

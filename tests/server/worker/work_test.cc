@@ -11,15 +11,16 @@
 
 #include "core/base/error.h"
 #include "core/base/sha256.h"
-#include "core/io/draco_codec.h"
+#include "core/draco/codec.h"
 #include "gmock/gmock.h"
 #include "google/rpc/error_details.pb.h"
 #include "gtest/gtest.h"
+#include "server/link/duration.h"
 #include "server/link/in_process_link.h"
 #include "server/worker/failpoints.h"
 #include "server/worker/report.h"
 #include "server/worker/worker.h"
-#include "tests/server/testing/meshes.h"
+#include "tests/testing/meshes.h"
 
 namespace planish {
 namespace {
@@ -79,6 +80,78 @@ std::string Reason(const worker::v1::WorkResult& result) {
   return info.reason();
 }
 
+// The same mesh as arrays.
+Job ArraysOf(const Mesh& mesh) {
+  std::string bytes;
+  for (const Vec3& position : mesh.positions) {
+    for (const double coordinate : position) {
+      const auto number = static_cast<float>(coordinate);
+      bytes.append(reinterpret_cast<const char*>(&number), sizeof number);
+    }
+  }
+  for (const Face& face : mesh.faces) bytes.append(reinterpret_cast<const char*>(face.data()), sizeof face);
+  Job job = JobOf(bytes);
+  job.request.set_array_vertices(mesh.num_vertices());
+  return job;
+}
+
+TEST(Work, ArraysAreUnwrappedAsTheSameMeshByDraco) {
+  Mesh odd = Bump(5);
+  odd.faces.push_back(odd.faces[3]);              // a second time
+  odd.faces.push_back({7, 7, 9});                 // without area
+  std::swap(odd.faces[10][0], odd.faces[10][1]);  // wound the other way round
+  odd.positions.emplace_back(9, 9, 9);            // without a face
+  for (const Mesh& mesh : {Bump(1), Bump(12), Tetrahedron(), odd}) {
+    for (const bool cut : {false, true}) {
+      Job arrays = ArraysOf(mesh), draco = JobOf(mesh);
+      for (Job* job : {&arrays, &draco}) {
+        if (cut) AddCorners({0}, {1}, job);
+        job->options().set_seams(v1::SEAMS_AUTO);
+      }
+      const WorkOutcome of_arrays = RunOutcome(arrays), of_draco = RunOutcome(draco);
+      ASSERT_EQ(of_draco.result.status().code(), 0) << of_draco.result.status().message();
+      ASSERT_EQ(of_arrays.result.status().code(), 0) << of_arrays.result.status().message();
+      EXPECT_EQ(of_arrays.uv->bytes(), of_draco.uv->bytes());
+      EXPECT_EQ(of_arrays.result.uv().mesh_sha256(), Sha256(arrays.blobs[0]->bytes()));
+      EXPECT_EQ(of_arrays.result.report().input().vertices(), mesh.num_vertices());
+      EXPECT_EQ(of_arrays.result.report().warnings_size(), of_draco.result.report().warnings_size());
+    }
+  }
+}
+
+TEST(Work, ArraysThatAreNoMeshSayWhere) {
+  const auto error = [](const Mesh& mesh) {
+    google::rpc::ErrorInfo info;
+    EXPECT_TRUE(RunOnce(ArraysOf(mesh)).status().details(0).UnpackTo(&info));
+    return info;
+  };
+  Mesh mesh = Bump(2);
+  mesh.faces[3][1] = 9;
+  google::rpc::ErrorInfo info = error(mesh);
+  EXPECT_EQ(info.reason(), "MESH_INDEX_OUT_OF_RANGE");
+  EXPECT_EQ(info.metadata().at("faces"), "3");
+  mesh.faces[3][1] = -1;  // 2^32 - 1 as it travels
+  EXPECT_EQ(error(mesh).reason(), "MESH_INDEX_OUT_OF_RANGE");
+
+  mesh = Bump(2);
+  mesh.positions[4].y() = std::numeric_limits<double>::quiet_NaN();
+  info = error(mesh);
+  EXPECT_EQ(info.reason(), "MESH_POSITION_NOT_FINITE");
+  EXPECT_EQ(info.metadata().at("vertices"), "4");
+
+  Job wrong = ArraysOf(Bump(2));
+  for (const std::int64_t vertices : {std::int64_t{-1}, std::int64_t{1'000}, std::int64_t{1} << 60}) {
+    wrong.request.set_array_vertices(vertices);
+    EXPECT_EQ(Reason(RunOnce(wrong)), "INTERNAL") << "the server announced other arrays";
+  }
+  wrong.request.set_array_vertices(static_cast<std::int64_t>(wrong.blobs[0]->bytes().size() / 12));
+  EXPECT_EQ(Reason(RunOnce(wrong)), "MESH_EMPTY");
+
+  Job large = ArraysOf(Bump(2));
+  large.request.set_max_triangles(7);
+  EXPECT_EQ(Reason(RunOnce(large)), "MESH_TOO_LARGE");
+}
+
 TEST(Work, UnwrapsADisc) {
   Job job = JobOf(Bump(12));
   job.options().set_seams(v1::SEAMS_NONE);
@@ -117,7 +190,7 @@ TEST(Work, UnwrapsADisc) {
   int newton_iterations = 0;
   for (std::size_t i = 1; i < progress.size(); ++i) {
     EXPECT_GE(progress[i].stage(), progress[i - 1].stage());
-    EXPECT_GE(progress[i].elapsed_seconds(), progress[i - 1].elapsed_seconds());
+    EXPECT_GE(ToSeconds(progress[i].elapsed()), ToSeconds(progress[i - 1].elapsed()));
     EXPECT_EQ(progress[i].tolerance(), 1e-9);
     if (progress[i].newton_iteration() == newton_iterations + 1) ++newton_iterations;
   }
@@ -335,7 +408,7 @@ TEST(Work, PointsComeInOrderAndMayEndTheJob) {
 v1::Progress At(double seconds, int newton_iteration, double linear_residual) {
   v1::Progress progress;
   progress.set_stage(v1::STAGE_SOLVE);
-  progress.set_elapsed_seconds(seconds);
+  *progress.mutable_elapsed() = ToDuration(seconds);
   progress.set_newton_iteration(newton_iteration);
   progress.set_linear_residual(linear_residual);
   return progress;

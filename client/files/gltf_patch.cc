@@ -1,0 +1,250 @@
+#include "client/files/gltf_patch.h"
+
+#include <algorithm>
+
+#include "client/files/gltf_mesh.h"
+
+namespace planish {
+namespace {
+
+// Of offsets in a file: no type that glTF knows needs more.
+constexpr std::size_t kAlignment = 8;
+
+void Pad(std::string* bytes, std::size_t remainder) {
+  while (bytes->size() % kAlignment != remainder) bytes->push_back('\0');
+}
+
+// The index `key` of `object`, or -1.
+std::int64_t IndexAt(const Json& object, const char* key) {
+  const auto found = object.find(key);
+  return found == object.end() || !found->is_number_integer() ? -1 : found->get<std::int64_t>();
+}
+
+void Count(std::int64_t index, std::vector<std::int64_t>* uses) {
+  if (index >= 0 && index < static_cast<std::int64_t>(uses->size())) ++(*uses)[static_cast<std::size_t>(index)];
+}
+
+// Extensions that are known to refer to no accessor and no view: materials, textures and lights are full of other
+// numbers.
+bool RefersToNoBytes(std::string_view extension) {
+  for (const std::string_view prefix :
+       {"KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "MSFT_texture_"}) {
+    if (extension.substr(0, prefix.size()) == prefix) return true;
+  }
+  // Counted by itself.
+  return extension == kDracoExtension;
+}
+
+Json& ArrayAt(Json& root, const char* key) {
+  if (!root.contains(key)) root[key] = Json::array();
+  return root[key];
+}
+
+}  // namespace
+
+GltfPatch::GltfPatch(const GltfDocument& document) : document_(document), json_(document.json) {
+  ArrayAt(json_, "accessors");
+  ArrayAt(json_, "bufferViews");
+  accessor_uses_.resize(json_["accessors"].size(), 0);
+  view_uses_.resize(json_["bufferViews"].size(), 0);
+  CountUses();
+}
+
+// Any whole number inside the extensions that we do not know may be an index of either kind.
+void GltfPatch::CountUnknownUses(const Json& value, std::vector<std::int64_t>* uses) {
+  if (value.is_number_integer()) {
+    Count(value.get<std::int64_t>(), uses);
+  } else if (value.is_structured()) {
+    for (const auto& [key, child] : value.items()) {
+      if (!RefersToNoBytes(key)) CountUnknownUses(child, uses);
+    }
+  }
+}
+
+void GltfPatch::CountUses() {
+  // Every "extensions" of the document; recursion ends, as the depth of the JSON was checked.
+  const auto extensions = [this](const auto& self, const Json& value) -> void {
+    if (!value.is_structured()) return;
+    for (const auto& [key, child] : value.items()) {
+      if (key == "extensions") {
+        CountUnknownUses(child, &accessor_uses_);
+        CountUnknownUses(child, &view_uses_);
+      } else {
+        self(self, child);
+      }
+    }
+  };
+  extensions(extensions, json_);
+
+  const auto each = [](const Json& object, const char* key, const auto& action) {
+    const auto array = object.find(key);
+    if (array == object.end() || !array->is_structured()) return;
+    for (const Json& value : *array) action(value);
+  };
+  const auto attribute = [this](const Json& index) {
+    if (index.is_number_integer()) Count(index.get<std::int64_t>(), &accessor_uses_);
+  };
+  each(json_, "meshes", [&](const Json& mesh) {
+    each(mesh, "primitives", [&](const Json& primitive) {
+      if (!primitive.is_object()) return;
+      Count(IndexAt(primitive, "indices"), &accessor_uses_);
+      each(primitive, "attributes", attribute);
+      each(primitive, "targets", [&](const Json& target) {
+        if (!target.is_object()) return;
+        for (const Json& index : target) attribute(index);
+      });
+      if (const Json* const draco = DracoJson(primitive)) Count(IndexAt(*draco, "bufferView"), &view_uses_);
+    });
+  });
+  each(json_, "animations", [&](const Json& animation) {
+    each(animation, "samplers", [&](const Json& sampler) {
+      if (!sampler.is_object()) return;
+      Count(IndexAt(sampler, "input"), &accessor_uses_);
+      Count(IndexAt(sampler, "output"), &accessor_uses_);
+    });
+  });
+  each(json_, "skins", [&](const Json& skin) {
+    if (skin.is_object()) Count(IndexAt(skin, "inverseBindMatrices"), &accessor_uses_);
+  });
+  each(json_, "images", [&](const Json& image) {
+    if (image.is_object()) Count(IndexAt(image, "bufferView"), &view_uses_);
+  });
+  each(json_, "accessors", [&](const Json& accessor) {
+    Count(IndexAt(accessor, "bufferView"), &view_uses_);
+    const Json* const sparse = GltfObject(accessor, "sparse");
+    if (sparse == nullptr) return;
+    for (const char* part : {"indices", "values"}) {
+      if (const Json* const object = GltfObject(*sparse, part)) Count(IndexAt(*object, "bufferView"), &view_uses_);
+    }
+  });
+}
+
+void GltfPatch::ReleaseView(const Json& user) {
+  const std::int64_t view = IndexAt(user, "bufferView");
+  if (view < 0 || view >= static_cast<std::int64_t>(view_uses_.size())) return;
+  if (--view_uses_[static_cast<std::size_t>(view)] > 0) return;
+  free_views_.push_back(view);
+  std::sort(free_views_.rbegin(), free_views_.rend());
+}
+
+std::int64_t GltfPatch::SlotFor(std::int64_t old, std::int64_t uses) {
+  Json& accessors = json_["accessors"];
+  if (old >= 0) {
+    std::int64_t& left = accessor_uses_[static_cast<std::size_t>(old)];
+    left -= uses;
+    if (left <= 0) {
+      Json& accessor = accessors[static_cast<std::size_t>(old)];
+      ReleaseView(accessor);
+      if (const Json* const sparse = GltfObject(accessor, "sparse")) {
+        for (const char* part : {"indices", "values"}) {
+          if (const Json* const object = GltfObject(*sparse, part)) ReleaseView(*object);
+        }
+      }
+      left = uses;
+      return old;
+    }
+  }
+  accessors.push_back(Json::object());
+  accessor_uses_.push_back(uses);
+  return static_cast<std::int64_t>(accessors.size()) - 1;
+}
+
+std::int64_t GltfPatch::ReplaceWithoutBytes(std::int64_t old, std::int64_t uses, const Json& shape) {
+  const std::int64_t slot = SlotFor(old, uses);
+  Json& accessors = json_["accessors"];
+  Json accessor = shape;
+  if (old >= 0) {
+    for (const char* kept : {"name", "extras"}) {
+      const Json& source = document_.json["accessors"][static_cast<std::size_t>(old)];
+      if (source.contains(kept)) accessor[kept] = source[kept];
+    }
+  }
+  accessors[static_cast<std::size_t>(slot)] = std::move(accessor);
+  return slot;
+}
+
+std::int64_t GltfPatch::Replace(std::int64_t old, std::int64_t uses, const Json& shape, std::string bytes,
+                                std::int64_t stride, std::int64_t target) {
+  const std::int64_t slot = ReplaceWithoutBytes(old, uses, shape);
+  const std::int64_t view = AddView(-1, std::move(bytes), stride, target);
+  json_["accessors"][static_cast<std::size_t>(slot)]["bufferView"] = view;
+  return slot;
+}
+
+std::int64_t GltfPatch::AddView(std::int64_t old_view, std::string bytes, std::int64_t stride, std::int64_t target) {
+  if (old_view >= 0) ReleaseView(Json{{"bufferView", old_view}});
+  Json& views = json_["bufferViews"];
+  std::int64_t view = static_cast<std::int64_t>(views.size());
+  if (free_views_.empty()) {
+    views.push_back(Json::object());
+    view_uses_.push_back(0);
+  } else {
+    view = free_views_.back();
+    free_views_.pop_back();
+  }
+  Json json = {{"buffer", 0}, {"byteOffset", 0}, {"byteLength", bytes.size()}};
+  if (stride > 0) json["byteStride"] = stride;
+  if (target > 0) json["target"] = target;
+  views[static_cast<std::size_t>(view)] = std::move(json);
+  view_uses_[static_cast<std::size_t>(view)] = 1;
+  new_views_[view] = std::move(bytes);
+  return view;
+}
+
+std::string GltfPatch::TakeBuffer() {
+  Json& views = json_["bufferViews"];
+  // What is in use of each old buffer, as stretches that no view straddles the end of: views may lie within each other.
+  struct Range {
+    std::int64_t begin, end;
+    std::size_t view;
+  };
+  std::vector<std::vector<Range>> ranges(document_.buffers.size());
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    if (new_views_.contains(static_cast<std::int64_t>(v))) continue;
+    Json& view = views[v];
+    const std::int64_t buffer = IndexAt(view, "buffer");
+    if (buffer < 0 || buffer >= static_cast<std::int64_t>(ranges.size())) continue;
+    const std::int64_t size = static_cast<std::int64_t>(document_.buffers[static_cast<std::size_t>(buffer)].size());
+    const std::int64_t begin = std::clamp<std::int64_t>(IndexAt(view, "byteOffset"), 0, size);
+    const std::int64_t length = std::clamp<std::int64_t>(IndexAt(view, "byteLength"), 0, size - begin);
+    ranges[static_cast<std::size_t>(buffer)].push_back({begin, begin + length, v});
+  }
+  std::string result;
+  for (std::size_t b = 0; b < ranges.size(); ++b) {
+    std::sort(ranges[b].begin(), ranges[b].end(),
+              [](const Range& x, const Range& y) { return x.begin != y.begin ? x.begin < y.begin : x.view < y.view; });
+    std::int64_t copied_to = -1;  // in the old buffer; -1: nothing yet
+    std::int64_t shift = 0;
+    for (const Range& range : ranges[b]) {
+      if (copied_to < 0 || range.begin > copied_to) {
+        Pad(&result, static_cast<std::size_t>(range.begin) % kAlignment);
+        shift = static_cast<std::int64_t>(result.size()) - range.begin;
+        copied_to = range.begin;
+      }
+      if (range.end > copied_to) {
+        result += document_.buffers[b].substr(static_cast<std::size_t>(copied_to),
+                                              static_cast<std::size_t>(range.end - copied_to));
+        copied_to = range.end;
+      }
+      Json& view = views[range.view];
+      view["buffer"] = 0;
+      view["byteOffset"] = range.begin + shift;
+      view["byteLength"] = range.end - range.begin;
+    }
+  }
+  for (const auto& [v, bytes] : new_views_) {
+    Pad(&result, 0);
+    views[static_cast<std::size_t>(v)]["byteOffset"] = result.size();
+    result += bytes;
+  }
+  // Of several buffers the first one's name and extras stand for all.
+  Json& buffers = ArrayAt(json_, "buffers");
+  if (buffers.empty()) buffers.push_back(Json::object());
+  Json buffer = buffers[0];
+  buffer.erase("uri");
+  buffer["byteLength"] = result.size();
+  buffers = Json::array({std::move(buffer)});
+  return result;
+}
+
+}  // namespace planish

@@ -1,0 +1,289 @@
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <set>
+
+#include "client/files/draco_uv.h"
+#include "client/files/gltf_document.h"
+#include "client/files/gltf_mesh.h"
+#include "client/files/gltf_patch.h"
+#include "client/files/writers.h"
+#include "core/base/corner_split.h"
+#include "core/base/status_macros.h"
+#include "core/mesh/predicates.h"
+
+namespace planish {
+namespace {
+
+constexpr std::int64_t kArrayBuffer = 34962;
+constexpr std::int64_t kElementArrayBuffer = 34963;
+constexpr std::int64_t kLargestUshortIndex = 65534;  // 65535 restarts strips
+
+std::int64_t AlignedToFour(std::int64_t size) {
+  return (size + 3) / 4 * 4;
+}
+
+std::string FloatBytes(const std::vector<double>& values) {
+  std::string bytes(values.size() * sizeof(float), '\0');
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const float value = static_cast<float>(values[i]);
+    std::memcpy(bytes.data() + i * sizeof(float), &value, sizeof(float));
+  }
+  return bytes;
+}
+
+class GltfUvWriter {
+ public:
+  GltfUvWriter(const GltfMesh& gltf, const std::vector<double>& uv, const OutputOptions& options)
+      : gltf_(gltf),
+        uv_(uv),
+        options_(options),
+        uv_name_("TEXCOORD_" + std::to_string(options.texcoord)),
+        patch_(gltf.document) {}
+
+  absl::StatusOr<WrittenMesh> Write() {
+    std::vector<std::vector<std::size_t>> users(gltf_.pools.size());
+    for (std::size_t i = 0; i < gltf_.primitives.size(); ++i) users[gltf_.primitives[i].pool].push_back(i);
+    for (std::size_t pool = 0; pool < users.size(); ++pool) {
+      PLANISH_RETURN_IF_ERROR(WritePool(gltf_.pools[pool], users[pool]));
+    }
+    const std::string buffer = patch_.TakeBuffer();
+    Json& json = patch_.json();
+    MoveImages(&json);
+    PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(gltf_.document, "buffers"));
+    const bool had_file = !buffers->empty() && (*buffers)[0].contains("uri") &&
+                          !IsDataUri((*buffers)[0]["uri"].get_ref<const std::string&>());
+    return GltfFiles(std::move(json), buffer, gltf_.document.indent, gltf_.document.other_chunks, had_file, options_);
+  }
+
+ private:
+  absl::Status WritePool(const GltfPool& pool, const std::vector<std::size_t>& users) {
+    std::vector<std::int32_t> corners;
+    std::vector<double> uv;
+    for (const std::size_t user : users) {
+      const GltfPrimitive& primitive = gltf_.primitives[user];
+      const std::int64_t begin = 3 * primitive.first_polygon;
+      const std::int64_t end = begin + 3 * primitive.num_polygons;
+      corners.insert(corners.end(), gltf_.corner_vertex.begin() + begin, gltf_.corner_vertex.begin() + end);
+      uv.insert(uv.end(), uv_.begin() + 2 * begin, uv_.begin() + 2 * end);
+    }
+    const CornerSplit split = SplitCorners(pool.num_vertices, corners, uv, pool.draco.has_value());
+    const bool grows = split.has_copies;
+
+    const Json before = PrimitiveJson(gltf_.document.json, gltf_.primitives[users[0]]);
+    const Json* const draco = DracoJson(before);
+    const Json* const in_draco = draco == nullptr ? nullptr : GltfObject(*draco, "attributes");
+    Json attributes = before["attributes"];
+    const std::int64_t old_uv = attributes.contains(uv_name_) ? attributes[uv_name_].get<std::int64_t>() : -1;
+    Json uv_shape = {{"componentType", 5126}, {"count", split.num_vertices()}, {"type", "VEC2"}};
+    const std::int64_t num_users = static_cast<std::int64_t>(users.size());
+    // TEXCOORD first, so that it takes over its old slot; then what has to grow with the vertices.
+    attributes[uv_name_] = pool.draco
+                               ? patch_.ReplaceWithoutBytes(old_uv, num_users, uv_shape)
+                               : patch_.Replace(old_uv, num_users, uv_shape, FloatBytes(split.uv), 0, kArrayBuffer);
+    for (auto& [name, index] : attributes.items()) {
+      if (name == uv_name_) continue;
+      const bool is_in_draco = in_draco != nullptr && in_draco->contains(name);
+      if (is_in_draco) {
+        index = WithoutBytes(index, split.num_vertices(), num_users);
+      } else if (grows) {
+        PLANISH_ASSIGN_OR_RETURN(index, Grown(index, split, num_users));
+      }
+    }
+    Json targets = before.contains("targets") ? before["targets"] : Json();
+    if (grows && targets.is_array()) {
+      for (Json& target : targets) {
+        for (auto& [name, index] : target.items()) {
+          PLANISH_ASSIGN_OR_RETURN(index, Grown(index, split, num_users));
+        }
+      }
+    }
+
+    std::size_t corner = 0;
+    for (const std::size_t user : users) {
+      const GltfPrimitive& primitive = gltf_.primitives[user];
+      Json& json = PrimitiveJson(patch_.json(), primitive);
+      json["attributes"] = attributes;
+      if (targets.is_array()) json["targets"] = targets;
+      const std::size_t count = 3 * static_cast<std::size_t>(primitive.num_polygons);
+      const std::vector<std::int32_t> indices(split.corner.begin() + static_cast<std::ptrdiff_t>(corner),
+                                              split.corner.begin() + static_cast<std::ptrdiff_t>(corner + count));
+      corner += count;
+      if (pool.draco) {
+        PLANISH_RETURN_IF_ERROR(WriteDracoPrimitive(split, indices, &json));
+      } else if (grows) {
+        WriteIndices(indices, split.num_vertices(), &json);
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  // Accessor `index` with a value for each vertex of the split.
+  absl::StatusOr<std::int64_t> Grown(const Json& index, const CornerSplit& split, std::int64_t uses) {
+    const std::int64_t old = index.get<std::int64_t>();
+    PLANISH_ASSIGN_OR_RETURN(const GltfAccessor accessor, OpenAccessor(gltf_.document, old));
+    const std::string values = accessor.DenseBytes();
+    const std::int64_t size = accessor.element_size;
+    const std::int64_t stride = AlignedToFour(size);
+    std::string bytes(static_cast<std::size_t>(stride * split.num_vertices()), '\0');
+    for (std::size_t v = 0; v < split.source.size(); ++v) {
+      std::memcpy(bytes.data() + static_cast<std::int64_t>(v) * stride, values.data() + split.source[v] * size,
+                  static_cast<std::size_t>(size));
+    }
+    return patch_.Replace(old, uses, Shape(old, split.num_vertices()), std::move(bytes), stride == size ? 0 : stride,
+                          kArrayBuffer);
+  }
+
+  std::int64_t WithoutBytes(const Json& index, std::int64_t count, std::int64_t uses) {
+    const std::int64_t old = index.get<std::int64_t>();
+    return patch_.ReplaceWithoutBytes(old, uses, Shape(old, count));
+  }
+
+  // What an accessor says about its values. Bounds stay, as copies add no new values.
+  Json Shape(std::int64_t old, std::int64_t count) const {
+    Json shape = gltf_.document.json["accessors"][static_cast<std::size_t>(old)];
+    for (const char* gone : {"bufferView", "byteOffset", "sparse"}) shape.erase(gone);
+    shape["count"] = count;
+    return shape;
+  }
+
+  // Strips and fans become lists: they cannot name two copies of a vertex.
+  void WriteIndices(const std::vector<std::int32_t>& indices, std::int64_t num_vertices, Json* primitive) {
+    std::int64_t old = -1;
+    GltfComponent component = GltfComponent::kUshort;
+    Json shape = Json::object();
+    if (primitive->contains("indices")) {
+      old = (*primitive)["indices"].get<std::int64_t>();
+      shape = Shape(old, 0);
+      component = static_cast<GltfComponent>(shape["componentType"].get<int>());
+      shape.erase("min");
+      shape.erase("max");
+    }
+    const std::int64_t largest = num_vertices - 1;
+    if (component == GltfComponent::kUbyte && largest > 254) component = GltfComponent::kUshort;
+    if (component == GltfComponent::kUshort && largest > kLargestUshortIndex) component = GltfComponent::kUint;
+    shape["componentType"] = static_cast<int>(component);
+    shape["count"] = indices.size();
+    shape["type"] = "SCALAR";
+    std::string bytes;
+    for (const std::int32_t index : indices) AppendIndex(index, component, &bytes);
+    (*primitive)["indices"] = patch_.Replace(old, 1, shape, std::move(bytes), 0, kElementArrayBuffer);
+    primitive->erase("mode");
+  }
+
+  absl::Status WriteDracoPrimitive(const CornerSplit& split, const std::vector<std::int32_t>& indices,
+                                   Json* primitive) {
+    Json& extension = (*primitive)["extensions"][kDracoExtension];
+    // Decoded again, for how values had been rounded.
+    PLANISH_ASSIGN_OR_RETURN(const std::string_view compressed,
+                             ViewBytes(gltf_.document, extension["bufferView"], kDracoExtension));
+    PLANISH_ASSIGN_OR_RETURN(DracoPoints points, DecodeDracoPoints(std::string(compressed), true));
+    ReplaceDracoUv(
+        split, indices,
+        extension["attributes"].contains(uv_name_) ? extension["attributes"][uv_name_].get<std::int64_t>() : -1,
+        &points);
+    extension["attributes"][uv_name_] = points.attributes.back().unique_id;
+    PLANISH_ASSIGN_OR_RETURN(std::string bytes, EncodeDracoPoints(points));
+    extension["bufferView"] = patch_.AddView(extension["bufferView"].get<std::int64_t>(), std::move(bytes), 0, 0);
+
+    const std::int64_t old = primitive->contains("indices") ? (*primitive)["indices"].get<std::int64_t>() : -1;
+    Json shape = old < 0 ? Json::object() : Shape(old, 0);
+    const bool is_large = split.num_vertices() - 1 > kLargestUshortIndex;
+    if (is_large || !shape.contains("componentType")) {
+      shape["componentType"] = static_cast<int>(is_large ? GltfComponent::kUint : GltfComponent::kUshort);
+    }
+    if (shape["componentType"] == 5121 && split.num_vertices() > 255) shape["componentType"] = 5123;
+    shape["count"] = indices.size();
+    shape["type"] = "SCALAR";
+    shape.erase("min");
+    shape.erase("max");
+    (*primitive)["indices"] = patch_.ReplaceWithoutBytes(old, 1, shape);
+    primitive->erase("mode");
+    RequireDraco();
+    return absl::OkStatus();
+  }
+
+  // Whatever stood there without compression is gone.
+  void RequireDraco() {
+    for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
+      Json& names = patch_.json()[list];
+      if (!names.is_array()) names = Json::array();
+      if (std::find(names.begin(), names.end(), kDracoExtension) == names.end()) names.push_back(kDracoExtension);
+    }
+  }
+
+  void MoveImages(Json* json) {
+    const auto images = json->find("images");
+    if (images == json->end() || !images->is_array() || options_.path == "-") return;
+    for (Json& image : *images) {
+      if (!image.is_object() || !image.contains("uri") || !image["uri"].is_string()) continue;
+      const std::string uri = image["uri"].get<std::string>();
+      if (!IsDataUri(uri)) image["uri"] = MovedUri(uri, gltf_.document.path, options_.path);
+    }
+  }
+
+  const GltfMesh& gltf_;
+  const std::vector<double>& uv_;
+  const OutputOptions& options_;
+  const std::string uv_name_;
+  GltfPatch patch_;
+};
+
+}  // namespace
+
+FlippedUv::FlippedUv(const std::vector<double>& corner_uv) : original_(corner_uv), values_(corner_uv) {
+  for (std::size_t i = 0; i < values_.size(); i += 2) {
+    values_[i] = static_cast<float>(values_[i]);
+    values_[i + 1] = static_cast<float>(1 - values_[i + 1]);
+  }
+}
+
+void FlippedUv::Check(const std::vector<std::int64_t>& corners, std::vector<std::string>* warnings) const {
+  const auto orientation = [&corners](const std::vector<double>& uv, std::size_t first) {
+    Vec2 p[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto c = static_cast<std::size_t>(corners[first + k]);
+      p[k] = Vec2(uv[2 * c], uv[2 * c + 1]);
+    }
+    return Orientation(p[0], p[1], p[2]);
+  };
+  std::int64_t changed = 0;
+  for (std::size_t i = 0; i + 2 < corners.size(); i += 3)
+    changed += orientation(original_, i) != -orientation(values_, i);
+  if (changed == 0) return;
+  warnings->push_back(std::to_string(changed) +
+                      " triangles are so thin in the map that they turn or flatten when v is rounded to a float that "
+                      "counts downwards, as glTF has it; write an OBJ or PLY to keep them");
+}
+
+absl::StatusOr<WrittenMesh> GltfFiles(Json json, const std::string& buffer, int indent, const std::string& other_chunks,
+                                      bool external_buffer, const OutputOptions& options) {
+  WrittenMesh written;
+  if (buffer.empty()) json.erase("buffers");
+  if (options.format == MeshFormat::kGlb) {
+    PLANISH_ASSIGN_OR_RETURN(std::string bytes, GlbBytes(json, buffer, other_chunks));
+    written.files.push_back({options.path, std::move(bytes)});
+    return written;
+  }
+  if (!buffer.empty() && external_buffer && options.path != "-") {
+    const std::filesystem::path path = std::filesystem::path(options.path).replace_extension(".bin");
+    json["buffers"][0]["uri"] = UriOfFileName(path.filename().string());
+    written.files.push_back({path.string(), buffer});
+  } else if (!buffer.empty()) {
+    json["buffers"][0]["uri"] = DataUri(buffer);
+  }
+  written.files.push_back({options.path, json.dump(indent, ' ', false, Json::error_handler_t::replace) + "\n"});
+  return written;
+}
+
+absl::StatusOr<WrittenMesh> WriteGltf(const GltfMesh& gltf, const std::vector<double>& corner_uv,
+                                      const OutputOptions& options) {
+  const FlippedUv uv(corner_uv);
+  PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, GltfUvWriter(gltf, uv.values(), options).Write());
+  std::vector<std::int64_t> corners(gltf.corner_vertex.size());
+  for (std::size_t i = 0; i < corners.size(); ++i) corners[i] = static_cast<std::int64_t>(i);
+  uv.Check(corners, &written.warnings);
+  return written;
+}
+
+}  // namespace planish

@@ -1,0 +1,106 @@
+#include "client/files/mesh_file.h"
+
+#include <filesystem>
+#include <new>
+#include <optional>
+#include <stdexcept>
+
+#include "absl/strings/ascii.h"
+#include "client/files/file_io.h"
+#include "client/files/gltf_mesh.h"
+#include "client/files/readers.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+absl::Status Parse(const ReadOptions& options, MeshFile* file) {
+  absl::StatusOr<PolygonMesh> mesh;
+  switch (file->format) {
+    case MeshFormat::kObj:
+      mesh = ReadObj(file->path, file->bytes);
+      break;
+    case MeshFormat::kPly:
+      mesh = ReadPly(file->path, file->bytes);
+      break;
+    case MeshFormat::kOff:
+      mesh = ReadOff(file->path, file->bytes);
+      break;
+    case MeshFormat::kStl:
+      mesh = ReadStl(file->path, file->bytes);
+      break;
+    case MeshFormat::kGltf:
+    case MeshFormat::kGlb:
+      mesh = ReadGltf(file->path, file->bytes, options.texcoord, &file->gltf);
+      break;
+    case MeshFormat::kDraco:
+      mesh = ReadDracoFile(file->path, file->bytes);
+      break;
+  }
+  if (!mesh.ok()) return mesh.status();
+  file->mesh = *std::move(mesh);
+  return absl::OkStatus();
+}
+
+// What readers.h promises; a violation is a bug there, which must not become a wild access here.
+absl::Status CheckPolygons(const PolygonMesh& mesh) {
+  const std::int64_t vertices = static_cast<std::int64_t>(mesh.positions.size());
+  bool sound = mesh.polygon_begin.front() == 0 &&
+               mesh.polygon_begin.back() == static_cast<std::int64_t>(mesh.corner_vertex.size());
+  for (std::int64_t polygon = 0; polygon < mesh.num_polygons(); ++polygon) {
+    sound &= mesh.polygon_begin[polygon + 1] - mesh.polygon_begin[polygon] >= 3;
+  }
+  for (const std::int32_t vertex : mesh.corner_vertex) sound &= vertex >= 0 && vertex < vertices;
+  return sound ? absl::OkStatus() : InternalError("a mesh file was read into polygons that are not valid");
+}
+
+absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path, const ReadOptions& options) {
+  MeshFile file;
+  file.path = path;
+  const std::optional<MeshFormat> format = FormatOfPath(path);
+  // What is not there is told first: the wrong name is the likelier mistake.
+  PLANISH_ASSIGN_OR_RETURN(file.bytes, format ? ReadWholeFile(path) : ReadFileStart(path, 0));
+  if (!format) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_FORMAT_UNKNOWN",
+                     path + ": unknown file format: the name must end in .obj, .ply, .off, .stl, .gltf, .glb or .drc",
+                     {{"path", path}});
+  }
+  file.format = *format;
+  PLANISH_RETURN_IF_ERROR(Parse(options, &file));
+  PLANISH_RETURN_IF_ERROR(CheckPolygons(file.mesh));
+  return file;
+}
+
+absl::Status OutOfMemory(const std::string& path) {
+  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", path + ": not enough memory to read the file",
+                   {{"path", path}});
+}
+
+}  // namespace
+
+std::optional<MeshFormat> FormatOfPath(const std::string& path) {
+  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  if (extension == ".obj") return MeshFormat::kObj;
+  if (extension == ".ply") return MeshFormat::kPly;
+  if (extension == ".off") return MeshFormat::kOff;
+  if (extension == ".stl") return MeshFormat::kStl;
+  if (extension == ".gltf") return MeshFormat::kGltf;
+  if (extension == ".glb") return MeshFormat::kGlb;
+  if (extension == ".drc") return MeshFormat::kDraco;
+  return std::nullopt;
+}
+
+absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options) {
+  try {
+    return ReadMeshFileOrThrow(path, options);
+  } catch (const std::bad_alloc&) {
+    return OutOfMemory(path);
+  } catch (const std::length_error&) {
+    return OutOfMemory(path);
+  } catch (const Json::exception& error) {
+    return InternalError(path + ": " + error.what());
+  }
+}
+
+}  // namespace planish

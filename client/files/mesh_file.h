@@ -1,0 +1,54 @@
+// Reading mesh files, and writing OBJ with UV (client/files/mesh_output.h: every format). Functions are thread-safe;
+// none depends on the locale.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/files/polygon_mesh.h"
+
+namespace planish {
+
+enum class MeshFormat { kObj, kPly, kOff, kStl, kGltf, kGlb, kDraco };
+
+// By the end of the name, in any case: .obj, .ply, .off, .stl, .gltf, .glb, .drc.
+std::optional<MeshFormat> FormatOfPath(const std::string& path);
+
+struct GltfMesh;  // client/files/gltf_mesh.h
+
+struct MeshFile {
+  std::string path;
+  MeshFormat format = MeshFormat::kObj;
+  std::string bytes;  // the file as read
+  PolygonMesh mesh;
+  std::shared_ptr<const GltfMesh> gltf;  // the file, taken apart; for kGltf and kGlb, null otherwise
+};
+
+struct ReadOptions {
+  int texcoord = 0;  // glTF: the file's UV are TEXCOORD_n
+};
+
+// Reads OBJ, PLY (ascii and binary), OFF (text), STL (ascii and binary; corners at exactly the same position become
+// one vertex), glTF 2.0 as .gltf and .glb (client/files/gltf_mesh.h; the buffers it refers to as well) and Draco data
+// (.drc). Polygons have three corners or more, indices are in range; positions may be NaN or infinite. Files that were
+// cut off are refused wherever the format lets one tell. NOT_FOUND / PERMISSION_DENIED / UNAVAILABLE (anything else the
+// system says): FILE_UNREADABLE. INVALID_ARGUMENT: FILE_FORMAT_UNKNOWN; FILE_UNSUPPORTED (compression or references
+// that we cannot follow); FILE_MALFORMED, message "path:line: what is wrong" and metadata "line" where the fault has a
+// line, "path: element: what is wrong" and metadata "element" for a fault in glTF ("meshes[3].primitives[0].indices"),
+// else "path: what is wrong". RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
+absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options = {});
+
+// The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh: its size must be twice that of
+// file.mesh.corner_vertex. `uv_is_float` chooses the shortest digits that read back to the same float, or double.
+// There is one vt per distinct (vertex, u, v), -0 counting as 0, in the order in which corners first use them.
+//
+// From an OBJ: the file's own bytes, except that the old vt lines are gone, the new ones stand in one block before the
+// first face, f corners refer to them, and other elements (l, p, surf) lose their references to vt.
+// From other formats: v, vt and f lines, "o" and "usemtl" where the file has groups and materials; positions have the
+// shortest digits that read back to the same float, or the same double where the file held more than a float.
+std::string WriteObjWithUv(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float);
+
+}  // namespace planish

@@ -1,0 +1,112 @@
+#include "client/files/mesh_output.h"
+
+#include <new>
+#include <stdexcept>
+
+#include "client/files/gltf_mesh.h"
+#include "client/files/writers.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+absl::Status Unsupported(const std::string& message) {
+  return MakeError(absl::StatusCode::kInvalidArgument, "OUTPUT_UNSUPPORTED", message);
+}
+
+bool IsGltf(MeshFormat format) {
+  return format == MeshFormat::kGltf || format == MeshFormat::kGlb;
+}
+
+absl::StatusOr<WrittenMesh> OneFile(const OutputOptions& options, absl::StatusOr<std::string> bytes) {
+  if (!bytes.ok()) return bytes.status();
+  WrittenMesh written;
+  written.files.push_back({options.path, *std::move(bytes)});
+  return written;
+}
+
+absl::StatusOr<WrittenMesh> Write(const MeshFile& file, const std::vector<double>& uv, const OutputOptions& options) {
+  const bool is_own = file.format == options.format;
+  switch (options.format) {
+    case MeshFormat::kObj:
+      return OneFile(options, WriteObjWithUv(file, uv, options.uv_is_float));
+    case MeshFormat::kPly:
+      return OneFile(options,
+                     is_own ? WritePly(file, uv, options.uv_is_float) : PlainPly(file.mesh, uv, options.uv_is_float));
+    case MeshFormat::kOff:
+      return OneFile(options,
+                     is_own ? WriteOff(file, uv, options.uv_is_float) : PlainOff(file.mesh, uv, options.uv_is_float));
+    case MeshFormat::kDraco:
+      return OneFile(options, is_own ? WriteDraco(file, uv) : PlainDraco(file.mesh, uv));
+    case MeshFormat::kGltf:
+    case MeshFormat::kGlb:
+      return IsGltf(file.format) ? WriteGltf(*file.gltf, uv, options) : PlainGltf(file.mesh, uv, options);
+    case MeshFormat::kStl:
+      break;
+  }
+  return InternalError("no writer for this format");
+}
+
+// A set that is asked for must follow those that are there.
+absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
+  if (!IsGltf(file.format)) return absl::OkStatus();
+  for (const GltfPrimitive& primitive : file.gltf->primitives) {
+    const Json& attributes = PrimitiveJson(file.gltf->document.json, primitive)["attributes"];
+    for (int n = 0; n < texcoord; ++n) {
+      const std::string name = "TEXCOORD_" + std::to_string(n);
+      if (attributes.contains(name)) continue;
+      return Unsupported(file.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
+                         std::to_string(primitive.primitive) + "] has no " + name + ", so that TEXCOORD_" +
+                         std::to_string(texcoord) +
+                         " would leave a gap, which glTF forbids; use --texcoord=" + std::to_string(n));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+bool IsFloatByNature(MeshFormat format) {
+  return IsGltf(format) || format == MeshFormat::kDraco;
+}
+
+absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
+  if (options.format == MeshFormat::kStl) {
+    return Unsupported(options.path +
+                       ": STL has no place for UV; give a name that ends in .obj, .ply, .off, .gltf, .glb or .drc");
+  }
+  if (options.texcoord < 0 || options.texcoord > 7) {
+    return Unsupported("--texcoord must be in [0, 7], not " + std::to_string(options.texcoord));
+  }
+  if (options.texcoord > 0 && !IsGltf(options.format)) {
+    return Unsupported("--texcoord is for glTF; " + options.path + " has one set of UV only");
+  }
+  return IsGltf(options.format) ? CheckTexcoord(file, options.texcoord) : absl::OkStatus();
+}
+
+absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vector<double>& corner_uv,
+                                            const OutputOptions& options) {
+  PLANISH_RETURN_IF_ERROR(CheckOutput(file, options));
+  if (!options.uv_is_float && IsFloatByNature(options.format)) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "UV_PRECISION",
+                     options.path +
+                         ": this format holds UV as float, and these need double; ask for float "
+                         "(--precision=float), or write .obj, .ply or .off");
+  }
+  if (corner_uv.size() != 2 * file.mesh.corner_vertex.size()) {
+    return InternalError("UV of " + std::to_string(corner_uv.size() / 2) + " corners for a mesh of " +
+                         std::to_string(file.mesh.corner_vertex.size()));
+  }
+  try {
+    return Write(file, corner_uv, options);
+  } catch (const std::bad_alloc&) {
+  } catch (const std::length_error&) {
+  } catch (const Json::exception& error) {
+    return InternalError(options.path + ": " + error.what());
+  }
+  return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+                   options.path + ": not enough memory to write the file", {{"path", options.path}});
+}
+
+}  // namespace planish

@@ -1,0 +1,59 @@
+// Writing a mesh file with UV, in its own format or another. Functions are thread-safe.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/files/mesh_file.h"
+
+namespace planish {
+
+struct OutputOptions {
+  MeshFormat format = MeshFormat::kObj;
+  std::string path;         // of the file to be: references to others are told from there; "-": stdout
+  bool uv_is_float = true;  // false: the UV need double
+  int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]
+};
+
+struct OutputFile {
+  std::string path;
+  std::string bytes;
+};
+
+struct WrittenMesh {
+  std::vector<OutputFile> files;      // the file of the given path last, the ones it refers to first
+  std::vector<std::string> warnings;  // sentences for people
+};
+
+// Whether the format has no place for UV in double. Then ask for UV in float before they are computed.
+bool IsFloatByNature(MeshFormat format);
+
+// What can be known before there are UV: INVALID_ARGUMENT with reason OUTPUT_UNSUPPORTED where the format cannot hold
+// UV (STL) or lacks TEXCOORD sets below options.texcoord.
+absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
+
+// The file with UV, (u, v) per corner of file.mesh with v upwards. In its own format everything else is kept:
+//
+//   OBJ     as WriteObjWithUv (mesh_file.h).
+//   PLY     encoding, elements, properties, comments. Where faces have a list "texcoord" it is rewritten; otherwise
+//           vertices get "s" and "t", in place of any UV they had, and those with several UV become several vertices:
+//           Blender reads UV in that form only, MeshLab and assimp in both. Copies of vertices stand behind the others.
+//   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; all else on their lines stays.
+//   glTF    everything; TEXCOORD_n of the primitives (replaced if there), whose vertices are split like those of PLY
+//   with
+//           all attributes and morph targets. Draco-compressed primitives are compressed again, without loss. One
+//           buffer; between .gltf and .glb both ways. References to images are rewritten to be valid from options.path.
+//   Draco   attributes and metadata; TEX_COORD is replaced. Points are split like the vertices of PLY. Sequential
+//           encoding: the order of faces and points stays.
+//
+// In another format it is the polygons (triangles for glTF and Draco) with positions, UV, and the names of materials
+// and groups where the format has them; normals, colours and the like stay behind.
+//
+// INVALID_ARGUMENT: as CheckOutput; and UV_PRECISION for UV in double where IsFloatByNature. RESOURCE_EXHAUSTED:
+// FILE_TOO_LARGE, OUT_OF_MEMORY.
+absl::StatusOr<WrittenMesh> WriteMeshWithUv(const MeshFile& file, const std::vector<double>& corner_uv,
+                                            const OutputOptions& options);
+
+}  // namespace planish

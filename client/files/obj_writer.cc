@@ -1,0 +1,244 @@
+#include <bit>
+#include <cassert>
+
+#include "client/files/mesh_file.h"
+#include "client/files/obj_scanner.h"
+#include "core/base/number.h"
+
+namespace planish {
+namespace {
+
+// The vt lines of a mesh and the one that each corner uses.
+class UvTable {
+ public:
+  UvTable(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float)
+      : is_float_(uv_is_float), first_of_vertex_(mesh.positions.size(), kNone) {
+    index_of_corner_.reserve(mesh.corner_vertex.size());
+    for (std::size_t corner = 0; corner < mesh.corner_vertex.size(); ++corner) {
+      const Vec2 uv(Rounded(corner_uv[2 * corner]), Rounded(corner_uv[2 * corner + 1]));
+      index_of_corner_.push_back(FindOrAdd(mesh.corner_vertex[corner], uv));
+    }
+  }
+
+  // 1-based, as OBJ counts.
+  std::int64_t IndexOfCorner(std::int64_t corner) const { return index_of_corner_[corner] + 1; }
+
+  std::string Lines(std::string_view line_end) const {
+    std::string text;
+    text.reserve(uv_.size() * 28);
+    for (const Vec2& uv : uv_) {
+      text += "vt ";
+      Append(uv.x(), &text);
+      text += ' ';
+      Append(uv.y(), &text);
+      text += line_end;
+    }
+    return text;
+  }
+
+ private:
+  static constexpr std::int64_t kNone = -1;
+
+  // Adding zero turns -0 into 0.
+  double Rounded(double value) const { return (is_float_ ? double{static_cast<float>(value)} : value) + 0.0; }
+
+  static bool SameBits(const Vec2& a, const Vec2& b) {
+    return std::bit_cast<std::uint64_t>(a.x()) == std::bit_cast<std::uint64_t>(b.x()) &&
+           std::bit_cast<std::uint64_t>(a.y()) == std::bit_cast<std::uint64_t>(b.y());
+  }
+
+  std::int64_t FindOrAdd(std::int32_t vertex, const Vec2& uv) {
+    std::int64_t* link = &first_of_vertex_[vertex];
+    while (*link != kNone) {
+      if (SameBits(uv_[*link], uv)) return *link;
+      link = &next_[*link];
+    }
+    const std::int64_t added = static_cast<std::int64_t>(uv_.size());
+    *link = added;
+    uv_.push_back(uv);
+    next_.push_back(kNone);
+    return added;
+  }
+
+  void Append(double value, std::string* text) const {
+    is_float_ ? AppendShortest(static_cast<float>(value), text) : AppendShortest(value, text);
+  }
+
+  bool is_float_;
+  // Linked lists: the UV of a vertex are few.
+  std::vector<std::int64_t> first_of_vertex_;
+  std::vector<std::int64_t> next_;
+  std::vector<Vec2> uv_;
+  std::vector<std::int64_t> index_of_corner_;
+};
+
+std::string_view Keyword(std::string_view text, const ObjStatement& statement) {
+  ObjTokens tokens(text, statement);
+  std::string_view keyword;
+  return tokens.Next(&keyword) ? keyword : std::string_view();
+}
+
+// How the first line of the text ends, with the ObjScanner's notion of a line.
+std::string_view LineEnd(std::string_view text) {
+  const std::size_t line_feed = text.find('\n');
+  if (line_feed == std::string_view::npos) return text.find('\r') == std::string_view::npos ? "\n" : "\r";
+  return line_feed > 0 && text[line_feed - 1] == '\r' ? "\r\n" : "\n";
+}
+
+// Offset at which the vt lines go: in place of the first old vt, else behind the last v or vn, both only if they come
+// before the first face, else right before that. So a reader in one pass knows every vt when a face names it.
+std::size_t UvOffset(std::string_view text) {
+  ObjScanner scanner(text);
+  ObjStatement statement;
+  std::size_t behind_vertices = std::string_view::npos;
+  while (scanner.Next(&statement)) {
+    const std::string_view keyword = Keyword(text, statement);
+    if (keyword == "vt") return statement.begin;
+    if (keyword == "v" || keyword == "vn") behind_vertices = statement.next;
+    if (keyword == "f") return behind_vertices == std::string_view::npos ? statement.begin : behind_vertices;
+  }
+  return text.size();
+}
+
+// Whether corners of this element other than f may refer to vt.
+bool MayReferToUv(std::string_view keyword) {
+  return keyword == "l" || keyword == "fo" || keyword == "p" || keyword == "surf";
+}
+
+class ObjWriter {
+ public:
+  ObjWriter(std::string_view text, const UvTable& uv) : text_(text), uv_(uv) {}
+
+  std::string Write() {
+    const std::size_t uv_offset = UvOffset(text_);
+    const std::string uv_lines = uv_.Lines(LineEnd(text_));
+    out_.reserve(text_.size() + uv_lines.size() + text_.size() / 4);
+
+    ObjScanner scanner(text_);
+    ObjStatement statement;
+    while (scanner.Next(&statement)) {
+      if (statement.begin == uv_offset) {
+        CopyUntil(statement.begin);
+        out_ += uv_lines;
+      }
+      const std::string_view keyword = Keyword(text_, statement);
+      if (keyword == "vt") {
+        CopyUntil(statement.begin);
+        copied_ = statement.next;
+      } else if (keyword == "f") {
+        RewriteCorners(statement, true);
+      } else if (MayReferToUv(keyword)) {
+        RewriteCorners(statement, false);
+      }
+    }
+    CopyUntil(text_.size());
+    return std::move(out_);
+  }
+
+ private:
+  void CopyUntil(std::size_t offset) {
+    out_ += text_.substr(copied_, offset - copied_);
+    copied_ = offset;
+  }
+
+  // Gives the corners of a face their new vt, those of any other element none.
+  void RewriteCorners(const ObjStatement& statement, bool is_face) {
+    ObjTokens tokens(text_, statement);
+    std::string_view token;
+    tokens.Next(&token);
+    while (tokens.Next(&token)) {
+      const ObjCorner corner = SplitObjCorner(token);
+      if (!is_face && corner.texture.empty()) continue;
+      CopyUntil(static_cast<std::size_t>(corner.vertex.data() - text_.data()) + corner.vertex.size());
+      if (is_face) {
+        out_ += '/';
+        AppendInt(uv_.IndexOfCorner(next_corner_++), &out_);
+      } else if (corner.after.size() > 1) {
+        out_ += '/';
+      }
+      const bool keep_after = is_face || corner.after.size() > 1;
+      const std::size_t token_end = static_cast<std::size_t>(token.data() - text_.data()) + token.size();
+      copied_ = keep_after ? token_end - corner.after.size() : token_end;
+    }
+  }
+
+  std::string_view text_;
+  const UvTable& uv_;
+  std::string out_;
+  std::size_t copied_ = 0;  // text_ before this offset is in out_, or dropped
+  std::int64_t next_corner_ = 0;
+};
+
+// The digits of the file, as far as one can know: float where the file held floats.
+void AppendPosition(const Vec3& position, std::string* text) {
+  for (const double value : {position.x(), position.y(), position.z()}) {
+    *text += ' ';
+    const float rounded = static_cast<float>(value);
+    const bool is_float = double{rounded} == value || value != value;
+    is_float ? AppendShortest(rounded, text) : AppendShortest(value, text);
+  }
+}
+
+// "o" and "usemtl" before the polygon where they change. OBJ cannot end a material: polygons without one
+// behind others have one that is called "none".
+class SectionLines {
+ public:
+  explicit SectionLines(const PolygonMesh& mesh) : mesh_(mesh) {}
+
+  void Append(std::int64_t polygon, std::string* text) {
+    AppendOne("o", mesh_.polygon_group, mesh_.group_names, polygon, &group_, text);
+    AppendOne("usemtl", mesh_.polygon_material, mesh_.material_names, polygon, &material_, text);
+  }
+
+ private:
+  static void AppendOne(const char* keyword, const std::vector<std::int32_t>& ids,
+                        const std::vector<std::string>& names, std::int64_t polygon, std::int32_t* current,
+                        std::string* text) {
+    if (ids.empty() || ids[polygon] == *current) return;
+    *current = ids[polygon];
+    *text += keyword;
+    // A line end in a name would begin another statement.
+    std::string name = *current < 0 ? "none" : names[*current];
+    for (char& c : name) c = static_cast<unsigned char>(c) < ' ' || c == '#' || c == '\\' ? '_' : c;
+    *text += " " + name + "\n";
+  }
+
+  const PolygonMesh& mesh_;
+  std::int32_t group_ = -1;
+  std::int32_t material_ = -1;
+};
+
+std::string WritePlainObj(const PolygonMesh& mesh, const UvTable& uv) {
+  std::string text;
+  text.reserve(mesh.positions.size() * 40 + mesh.corner_vertex.size() * 18);
+  for (const Vec3& position : mesh.positions) {
+    text += 'v';
+    AppendPosition(position, &text);
+    text += '\n';
+  }
+  text += uv.Lines("\n");
+  SectionLines sections(mesh);
+  for (std::int64_t polygon = 0; polygon < mesh.num_polygons(); ++polygon) {
+    sections.Append(polygon, &text);
+    text += 'f';
+    for (std::int64_t corner = mesh.polygon_begin[polygon]; corner < mesh.polygon_begin[polygon + 1]; ++corner) {
+      text += ' ';
+      AppendInt(std::int64_t{mesh.corner_vertex[corner]} + 1, &text);
+      text += '/';
+      AppendInt(uv.IndexOfCorner(corner), &text);
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string WriteObjWithUv(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float) {
+  assert(corner_uv.size() == 2 * file.mesh.corner_vertex.size());
+  const UvTable uv(file.mesh, corner_uv, uv_is_float);
+  if (file.format != MeshFormat::kObj) return WritePlainObj(file.mesh, uv);
+  return ObjWriter(file.bytes, uv).Write();
+}
+
+}  // namespace planish

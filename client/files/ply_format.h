@@ -1,0 +1,97 @@
+// PLY: the header, how its elements lie in the file, and their values. Used inside client/files only.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/files/text_cursor.h"
+
+namespace planish {
+
+enum class PlyEncoding { kAscii, kLittleEndian, kBigEndian };
+enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
+
+// Bytes of a value in a binary file.
+int PlyTypeSize(PlyType type);
+bool IsInteger(PlyType type);
+
+struct PlyProperty {
+  std::string name;
+  PlyType type = PlyType::kFloat32;
+  bool is_list = false;
+  PlyType count_type = PlyType::kUint8;  // of the list's length
+};
+
+struct PlyElement {
+  std::string name;
+  std::int64_t count = 0;
+  std::vector<PlyProperty> properties;
+};
+
+struct PlyHeader {
+  PlyEncoding encoding = PlyEncoding::kAscii;
+  std::vector<PlyElement> elements;  // in the order of their data
+  std::size_t data_offset = 0;       // of the first byte behind the header
+  std::int64_t data_line = 1;        // 1-based, for ascii
+};
+
+// Counts are checked against the bytes that follow: at least two characters per value in ascii, the sizes of the
+// scalars and list lengths in binary. Errors as in readers.h.
+absl::StatusOr<PlyHeader> ReadPlyHeader(const std::string& path, std::string_view bytes);
+
+// Indices of elements in the header, and of properties in their element.
+struct PlyLayout {
+  std::size_t vertex = 0;
+  std::size_t face = 0;
+  std::array<std::size_t, 3> xyz = {};
+  std::size_t indices = 0;  // the list of a face's vertices
+  // UV of the vertices: s and t, u and v, texture_u and texture_v, or texture_s and texture_t.
+  std::optional<std::array<std::size_t, 2>> vertex_uv;
+  // UV of a face's corners, u v u v ...: the list texcoord (MeshLab and its kin).
+  std::optional<std::size_t> face_uv;
+};
+
+// FILE_MALFORMED: no vertices or faces, or one of their necessary properties is missing or of the wrong type.
+absl::StatusOr<PlyLayout> FindPlyLayout(const std::string& path, const PlyHeader& header);
+
+// In ascii or binary alike. Errors as in readers.h.
+class PlyValues {
+ public:
+  // `path`, `bytes` (the whole file) and `header` must outlive the object.
+  PlyValues(const std::string& path, std::string_view bytes, const PlyHeader& header);
+
+  bool is_text() const { return encoding_ == PlyEncoding::kAscii; }
+  // Of the last value; 0 in binary files.
+  std::int64_t line() const { return is_text() ? cursor_.line() : 0; }
+
+  absl::Status ReadDouble(const ElementName& element, PlyType type, double* value);
+  absl::Status ReadInt(const ElementName& element, PlyType type, std::int64_t* value);
+  // Skips `count` values, whatever they are.
+  absl::Status Skip(const ElementName& element, PlyType type, std::int64_t count);
+  // Skips a property, a list with all its values, and appends it to `copy` as it is in the file: binary values, or
+  // ascii ones with a blank behind each.
+  absl::Status Copy(const ElementName& element, const PlyProperty& property, std::string* copy);
+  // Skips a property, whatever it is.
+  absl::Status SkipProperty(const ElementName& element, const PlyProperty& property);
+
+  absl::Status Fault(const std::string& message) const;
+
+ private:
+  absl::Status CutOff(const ElementName& element) const;
+  absl::Status ReadBits(const ElementName& element, int size, std::uint64_t* bits);
+  absl::Status ReadLength(const ElementName& element, const PlyProperty& property, std::int64_t* length);
+
+  const std::string& path_;
+  std::string_view bytes_;
+  PlyEncoding encoding_;
+  TextCursor cursor_;
+  std::size_t position_ = 0;  // binary only; the cursor has its own
+};
+
+}  // namespace planish

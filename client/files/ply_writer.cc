@@ -1,0 +1,296 @@
+#include <bit>
+
+#include "client/files/ply_format.h"
+#include "client/files/writers.h"
+#include "core/base/corner_split.h"
+#include "core/base/number.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+namespace {
+
+const char* NameOf(PlyType type) {
+  switch (type) {
+    case PlyType::kInt8:
+      return "char";
+    case PlyType::kUint8:
+      return "uchar";
+    case PlyType::kInt16:
+      return "short";
+    case PlyType::kUint16:
+      return "ushort";
+    case PlyType::kInt32:
+      return "int";
+    case PlyType::kUint32:
+      return "uint";
+    case PlyType::kFloat32:
+      return "float";
+    case PlyType::kFloat64:
+      return "double";
+  }
+  return "";
+}
+
+// Values on their way out, in ascii each with a blank behind it.
+class PlySink {
+ public:
+  explicit PlySink(PlyEncoding encoding) : encoding_(encoding) {}
+
+  void Real(double value, PlyType type) {
+    const float rounded = static_cast<float>(value);
+    if (encoding_ == PlyEncoding::kAscii) {
+      type == PlyType::kFloat32 ? AppendShortest(rounded, &bytes) : AppendShortest(value, &bytes);
+      bytes += ' ';
+    } else if (type == PlyType::kFloat32) {
+      Bits(std::bit_cast<std::uint32_t>(rounded), 4);
+    } else {
+      Bits(std::bit_cast<std::uint64_t>(value), 8);
+    }
+  }
+
+  void Integer(std::int64_t value, PlyType type) {
+    if (encoding_ == PlyEncoding::kAscii) {
+      AppendInt(value, &bytes);
+      bytes += ' ';
+    } else {
+      Bits(static_cast<std::uint64_t>(value), PlyTypeSize(type));
+    }
+  }
+
+  void EndElement() {
+    if (encoding_ != PlyEncoding::kAscii) return;
+    if (!bytes.empty() && bytes.back() == ' ') bytes.pop_back();
+    bytes += '\n';
+  }
+
+  std::string bytes;
+
+ private:
+  void Bits(std::uint64_t bits, int size) {
+    for (int i = 0; i < size; ++i) {
+      const int shift = 8 * (encoding_ == PlyEncoding::kBigEndian ? size - 1 - i : i);
+      bytes += static_cast<char>(bits >> shift & 0xFF);
+    }
+  }
+
+  PlyEncoding encoding_;
+};
+
+class PlyWriter {
+ public:
+  PlyWriter(const MeshFile& file, const PlyHeader& header, const PlyLayout& layout, const std::vector<double>& uv,
+            PlyType uv_type)
+      : file_(file),
+        header_(header),
+        layout_(layout),
+        uv_(uv),
+        uv_type_(uv_type),
+        values_(file.path, file.bytes, header),
+        sink_(header.encoding) {
+    // With UV in the faces the vertices stay as they are.
+    if (!layout_.face_uv) {
+      split_ = SplitCorners(static_cast<std::int64_t>(file.mesh.positions.size()), file.mesh.corner_vertex, uv);
+    }
+    const PlyType type = header.elements[layout.face].properties[layout.indices].type;
+    const std::int64_t largest = split_.num_vertices() - 1;
+    const int bits = 8 * PlyTypeSize(type) - (type == PlyType::kInt8 || type == PlyType::kInt16 ? 1 : 0);
+    index_type_ = bits >= 31 || largest < std::int64_t{1} << bits ? type : PlyType::kInt32;
+  }
+
+  absl::StatusOr<std::string> Write() {
+    WriteHeader();
+    for (std::size_t i = 0; i < header_.elements.size(); ++i) {
+      const PlyElement& element = header_.elements[i];
+      if (element.properties.empty()) continue;
+      if (i == layout_.vertex) {
+        PLANISH_RETURN_IF_ERROR(WriteVertices(element));
+      } else if (i == layout_.face) {
+        PLANISH_RETURN_IF_ERROR(WriteFaces(element));
+      } else {
+        for (std::int64_t k = 0; k < element.count; ++k) {
+          for (const PlyProperty& property : element.properties) {
+            PLANISH_RETURN_IF_ERROR(values_.Copy({element.name.c_str(), k}, property, &sink_.bytes));
+          }
+          sink_.EndElement();
+        }
+      }
+    }
+    return std::move(sink_.bytes);
+  }
+
+ private:
+  // UV that the new ones replace. Where faces have them, those of vertices go: two sets would contradict each other.
+  bool IsOldVertexUv(std::size_t property) const {
+    return layout_.vertex_uv && (property == (*layout_.vertex_uv)[0] || property == (*layout_.vertex_uv)[1]);
+  }
+
+  // The header's lines as they are, but for what changes. Line ends are those of its first line.
+  void WriteHeader() {
+    const std::string_view text = std::string_view(file_.bytes).substr(0, header_.data_offset);
+    const std::size_t first_end = text.find_first_of("\r\n");
+    const std::string line_end(text.substr(first_end, text.substr(first_end, 2) == "\r\n" ? 2 : 1));
+    std::size_t element = 0;
+    std::size_t property = 0;
+    bool inside = false;
+    for (std::size_t at = 0; at < text.size();) {
+      const std::size_t end = std::min(text.find_first_of("\r\n", at), text.size());
+      std::string line(text.substr(at, end - at));
+      at = end + (text.substr(end, 2) == "\r\n" ? 2 : 1);
+      const std::size_t word = line.find_first_not_of(" \t\v\f");
+      const std::string_view keyword = word == std::string::npos ? "" : std::string_view(line).substr(word);
+      const bool begins_element = keyword.starts_with("element");
+      if (begins_element || keyword.starts_with("end_header")) {
+        if (inside && element == layout_.vertex && !layout_.face_uv) AddUvProperties(line_end);
+        if (inside) ++element;
+        inside = begins_element;
+        property = 0;
+        if (begins_element && element == layout_.vertex && !layout_.face_uv) {
+          line = "element vertex " + std::to_string(split_.num_vertices());
+        }
+      } else if (keyword.starts_with("property")) {
+        const std::size_t here = property++;
+        if (element == layout_.vertex && IsOldVertexUv(here)) continue;
+        const PlyProperty& old = header_.elements[element].properties[here];
+        if (element == layout_.face && here == layout_.indices && index_type_ != old.type) {
+          line = std::string("property list ") + NameOf(old.count_type) + " " + NameOf(index_type_) + " " + old.name;
+        } else if (element == layout_.face && layout_.face_uv == here) {
+          line = std::string("property list ") + NameOf(FaceUvCountType()) + " " + NameOf(uv_type_) + " " + old.name;
+        }
+      }
+      sink_.bytes += line + line_end;
+    }
+  }
+
+  void AddUvProperties(const std::string& line_end) {
+    for (const char* name : {"s", "t"}) {
+      sink_.bytes += std::string("property ") + NameOf(uv_type_) + " " + name + line_end;
+    }
+  }
+
+  // A polygon of n corners has 2 n numbers, which a byte may not hold where it held n.
+  PlyType FaceUvCountType() const {
+    const PlyType old = header_.elements[layout_.face].properties[*layout_.face_uv].count_type;
+    std::int64_t largest = 0;
+    for (std::int64_t p = 0; p < file_.mesh.num_polygons(); ++p) {
+      largest = std::max(largest, 2 * (file_.mesh.polygon_begin[p + 1] - file_.mesh.polygon_begin[p]));
+    }
+    return largest < 128 || PlyTypeSize(old) == 4 ? old : PlyType::kInt32;
+  }
+
+  absl::Status WriteVertices(const PlyElement& element) {
+    // Bytes of each old vertex without its UV, for the copies.
+    std::vector<std::string> old(split_.source.empty() ? 0 : static_cast<std::size_t>(element.count));
+    std::string bytes;
+    std::string dropped;
+    for (std::int64_t i = 0; i < element.count; ++i) {
+      bytes.clear();
+      for (std::size_t p = 0; p < element.properties.size(); ++p) {
+        std::string* const target = IsOldVertexUv(p) ? &dropped : &bytes;
+        PLANISH_RETURN_IF_ERROR(values_.Copy({"vertex", i}, element.properties[p], target));
+      }
+      dropped.clear();
+      sink_.bytes += bytes;
+      if (layout_.face_uv) {
+        sink_.EndElement();
+        continue;
+      }
+      WriteVertexUv(static_cast<std::size_t>(i));
+      old[static_cast<std::size_t>(i)] = std::move(bytes);
+    }
+    for (std::size_t v = static_cast<std::size_t>(element.count); v < split_.source.size(); ++v) {
+      sink_.bytes += old[static_cast<std::size_t>(split_.source[v])];
+      WriteVertexUv(v);
+    }
+    return absl::OkStatus();
+  }
+
+  void WriteVertexUv(std::size_t vertex) {
+    sink_.Real(split_.uv[2 * vertex], uv_type_);
+    sink_.Real(split_.uv[2 * vertex + 1], uv_type_);
+    sink_.EndElement();
+  }
+
+  absl::Status WriteFaces(const PlyElement& element) {
+    std::string dropped;
+    for (std::int64_t i = 0; i < element.count; ++i) {
+      const auto begin = static_cast<std::size_t>(file_.mesh.polygon_begin[i]);
+      const auto end = static_cast<std::size_t>(file_.mesh.polygon_begin[i + 1]);
+      for (std::size_t p = 0; p < element.properties.size(); ++p) {
+        const PlyProperty& property = element.properties[p];
+        const bool is_indices = p == layout_.indices && !layout_.face_uv;
+        const bool is_uv = layout_.face_uv == p;
+        PLANISH_RETURN_IF_ERROR(values_.Copy({"face", i}, property, is_indices || is_uv ? &dropped : &sink_.bytes));
+        if (is_indices) {
+          sink_.Integer(static_cast<std::int64_t>(end - begin), property.count_type);
+          for (std::size_t c = begin; c < end; ++c) sink_.Integer(split_.corner[c], index_type_);
+        } else if (is_uv) {
+          sink_.Integer(static_cast<std::int64_t>(2 * (end - begin)), FaceUvCountType());
+          for (std::size_t c = 2 * begin; c < 2 * end; ++c) sink_.Real(uv_[c], uv_type_);
+        }
+        dropped.clear();
+      }
+      sink_.EndElement();
+    }
+    return absl::OkStatus();
+  }
+
+  const MeshFile& file_;
+  const PlyHeader& header_;
+  const PlyLayout& layout_;
+  const std::vector<double>& uv_;
+  const PlyType uv_type_;
+  PlyType index_type_ = PlyType::kInt32;
+  CornerSplit split_;
+  PlyValues values_;
+  PlySink sink_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::string> WritePly(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float) {
+  PLANISH_ASSIGN_OR_RETURN(const PlyHeader header, ReadPlyHeader(file.path, file.bytes));
+  PLANISH_ASSIGN_OR_RETURN(const PlyLayout layout, FindPlyLayout(file.path, header));
+  return PlyWriter(file, header, layout, corner_uv, uv_is_float ? PlyType::kFloat32 : PlyType::kFloat64).Write();
+}
+
+std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float) {
+  const CornerSplit split =
+      SplitCorners(static_cast<std::int64_t>(mesh.positions.size()), mesh.corner_vertex, corner_uv);
+  bool positions_are_float = true;
+  for (const Vec3& position : mesh.positions) {
+    for (const double value : {position.x(), position.y(), position.z()}) {
+      positions_are_float &= value != value || double{static_cast<float>(value)} == value;
+    }
+  }
+  std::int64_t most_corners = 0;
+  for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {
+    most_corners = std::max(most_corners, mesh.polygon_begin[p + 1] - mesh.polygon_begin[p]);
+  }
+  const PlyType position_type = positions_are_float ? PlyType::kFloat32 : PlyType::kFloat64;
+  const PlyType uv_type = uv_is_float ? PlyType::kFloat32 : PlyType::kFloat64;
+  const PlyType count_type = most_corners < 256 ? PlyType::kUint8 : PlyType::kInt32;
+
+  PlySink sink(PlyEncoding::kLittleEndian);
+  sink.bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(split.num_vertices()) + "\n";
+  for (const char* name : {"x", "y", "z"}) {
+    sink.bytes += std::string("property ") + NameOf(position_type) + " " + name + "\n";
+  }
+  for (const char* name : {"s", "t"}) sink.bytes += std::string("property ") + NameOf(uv_type) + " " + name + "\n";
+  sink.bytes += "element face " + std::to_string(mesh.num_polygons()) + "\nproperty list " + NameOf(count_type) +
+                " int vertex_indices\nend_header\n";
+  for (std::size_t v = 0; v < split.source.size(); ++v) {
+    const Vec3& position = mesh.positions[split.source[v]];
+    for (int axis = 0; axis < 3; ++axis) sink.Real(position[axis], position_type);
+    sink.Real(split.uv[2 * v], uv_type);
+    sink.Real(split.uv[2 * v + 1], uv_type);
+  }
+  for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {
+    sink.Integer(mesh.polygon_begin[p + 1] - mesh.polygon_begin[p], count_type);
+    for (std::int64_t c = mesh.polygon_begin[p]; c < mesh.polygon_begin[p + 1]; ++c) {
+      sink.Integer(split.corner[static_cast<std::size_t>(c)], PlyType::kInt32);
+    }
+  }
+  return std::move(sink.bytes);
+}
+
+}  // namespace planish

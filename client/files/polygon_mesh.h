@@ -1,0 +1,83 @@
+// What mesh files hold: polygons, with enough memory of the file to speak of its lines.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+// In place of the index of something that a mesh does not have.
+inline constexpr std::int32_t kNoId = -1;
+
+// Polygon p has the corners [polygon_begin[p], polygon_begin[p + 1]) of corner_vertex.
+struct PolygonMesh {
+  std::vector<Vec3> positions;
+  std::vector<std::int64_t> polygon_begin = {0};
+  std::vector<std::int32_t> corner_vertex;  // 0-based, in range
+
+  // The file's UV, v upwards whatever the format says. Per corner an id into `texcoords`, -1: none; empty: the file has
+  // no UV. Ids are equal exactly where the values are (0 and -0 alike), however often the file repeats a value: an edge
+  // whose two faces name the same ids at both ends is no seam of the file.
+  std::vector<std::int32_t> corner_texcoord;
+  std::vector<Vec2> texcoords;
+  // Per polygon an id into `material_names`, -1: none; empty: the file has no materials.
+  std::vector<std::int32_t> polygon_material;
+  std::vector<std::string> material_names;
+  // Likewise for objects and groups (OBJ "o" and "g" together; glTF meshes): polygons of the same one share an id.
+  std::vector<std::int32_t> polygon_group;
+  std::vector<std::string> group_names;
+
+  // 1-based line of each vertex and polygon in a text file; empty for binary files.
+  std::vector<std::int64_t> vertex_line;
+  std::vector<std::int64_t> polygon_line;
+
+  std::int64_t num_polygons() const { return static_cast<std::int64_t>(polygon_begin.size()) - 1; }
+};
+
+// A polygon mesh cut into the triangles that travel, with the way back.
+struct Triangulation {
+  Mesh mesh;                                     // vertices without a polygon are left out
+  std::vector<std::int32_t> source_vertex;       // per vertex of mesh: vertex of the polygon mesh
+  std::vector<std::int64_t> source_polygon;      // per face of mesh
+  std::vector<std::int64_t> corner_of_triangle;  // per corner 3 f + k: corner of the polygon mesh
+};
+
+// Each polygon into the triangles of client/files/ear_clipping.h, in the order of the polygons. Vertices keep their
+// order. Indices of `polygons` must be in range.
+Triangulation Triangulate(const PolygonMesh& polygons);
+
+// Numbers triples of doubles in the order of their first appearance. Equal means to the bit, except that 0 and -0 are
+// the same; a NaN equals itself.
+class ValueIndex {
+ public:
+  void Reserve(std::size_t count) { ids_.reserve(count); }
+  // The id of `value`: new ones get the number of ids so far. Fewer than 2^31 values.
+  std::int32_t Add(const Vec3& value);
+  std::int32_t size() const { return static_cast<std::int32_t>(ids_.size()); }
+
+ private:
+  using Key = std::array<std::uint64_t, 3>;
+  struct Hash {
+    std::size_t operator()(const Key& key) const;
+  };
+  std::unordered_map<Key, std::int32_t, Hash> ids_;
+};
+
+// PolygonMesh::texcoords: one entry per different value.
+class TexcoordTable {
+ public:
+  // The id of (u, v), v upwards.
+  std::int32_t Add(double u, double v);
+  std::vector<Vec2> TakeValues() { return std::move(values_); }
+
+ private:
+  ValueIndex ids_;
+  std::vector<Vec2> values_;
+};
+
+}  // namespace planish

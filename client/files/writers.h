@@ -1,0 +1,45 @@
+// One writer per format, for mesh_output.cc. UV are (u, v) per corner of the file's polygons, v upwards.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/files/gltf_mesh.h"
+#include "client/files/mesh_output.h"
+
+namespace planish {
+
+// Into the file's own bytes; file.format must be that of the writer.
+absl::StatusOr<std::string> WritePly(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float);
+absl::StatusOr<std::string> WriteOff(const MeshFile& file, const std::vector<double>& corner_uv, bool uv_is_float);
+absl::StatusOr<WrittenMesh> WriteGltf(const GltfMesh& gltf, const std::vector<double>& corner_uv,
+                                      const OutputOptions& options);
+absl::StatusOr<std::string> WriteDraco(const MeshFile& file, const std::vector<double>& corner_uv);
+
+// From polygons alone.
+std::string PlainPly(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
+std::string PlainOff(const PolygonMesh& mesh, const std::vector<double>& corner_uv, bool uv_is_float);
+absl::StatusOr<WrittenMesh> PlainGltf(const PolygonMesh& mesh, const std::vector<double>& corner_uv,
+                                      const OutputOptions& options);
+absl::StatusOr<std::string> PlainDraco(const PolygonMesh& mesh, const std::vector<double>& corner_uv);
+
+// glTF counts v downwards: 1 - v in float, and a warning where that rounding turns or flattens triangles.
+class FlippedUv {
+ public:
+  explicit FlippedUv(const std::vector<double>& corner_uv);
+  const std::vector<double>& values() const { return values_; }
+  // `corners` of triangles, three each. Appends a sentence to `warnings` if needed.
+  void Check(const std::vector<std::int64_t>& corners, std::vector<std::string>* warnings) const;
+
+ private:
+  const std::vector<double>& original_;
+  std::vector<double> values_;
+};
+
+// The file or files of a glTF document: .glb with `buffer` inside; .gltf with a data URI, or with a .bin beside it
+// where `external_buffer`.
+absl::StatusOr<WrittenMesh> GltfFiles(Json json, const std::string& buffer, int indent, const std::string& other_chunks,
+                                      bool external_buffer, const OutputOptions& options);
+
+}  // namespace planish

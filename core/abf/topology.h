@@ -1,0 +1,68 @@
+// The connectivity of a disc in flat arrays, for the solver and the layout, and how it is made from a chart.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/base/execution.h"
+#include "core/mesh/mesh.h"
+#include "core/mesh/tri_mesh_fwd.h"
+
+namespace planish {
+
+// Constant after construction.
+struct Topology {
+  std::int32_t num_vertices = 0;
+  std::int32_t num_interior = 0;
+  // Vertices under constraints, each with a pair of rows: first the interior ones, which have both conditions of the
+  // pair (vertex consistency and wheel), then the boundary vertices whose angles must add up to pi, which have the
+  // first only. None of the latter unless boundary control put them there.
+  std::int32_t num_rows = 0;
+  std::vector<Face> faces;
+  // Corner across the edge opposite corner c = 3 f + k, i.e. the corner of the neighbouring face that faces the edge
+  // (v_{k+1}, v_{k+2}); -1 on the boundary.
+  std::vector<std::int32_t> opposite;
+  // Per vertex: its number among the vertices under constraints, the interior ones in an order that keeps neighbours
+  // together (InSpatialOrder); -1 for none.
+  std::vector<std::int32_t> vertex_row;
+  // vertex_row of the vertex at each corner.
+  std::vector<std::int32_t> corner_row;
+  // The corners round each row, ascending: those of row i are [row_corner_begin[i], row_corner_begin[i + 1]) of
+  // row_corner.
+  std::vector<std::int32_t> row_corner_begin = {0};
+  std::vector<std::int32_t> row_corner;
+
+  // Whether a row (or corner_row, which may be -1) is that of an interior vertex, with a wheel condition.
+  bool has_wheel(std::int32_t row) const { return row >= 0 && row < num_interior; }
+
+  std::int32_t num_faces() const { return static_cast<std::int32_t>(faces.size()); }
+  std::int32_t num_corners() const { return 3 * num_faces(); }
+};
+
+// The topology of a disc. It has the vertices of `disc`; the interior ones have rows, in InSpatialOrder(). If
+// `face_order` is not null, faces are sorted by their lowest row, so that neighbours are close in memory, and face i is
+// face (*face_order)[i] of `disc`; otherwise faces keep their order. O(F). After a cancellation the result is
+// incomplete and must not be used.
+Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution = {});
+
+// The topology of a mesh that is a disc. Faces and vertices keep the mesh's numbers. Errors as CheckDisc()
+// (core/mesh/disc_check.h).
+absl::StatusOr<Topology> DiscTopology(const Mesh& mesh, const Execution& execution = {});
+
+// `vertices` in the order of a Hilbert curve through the box round them: vertices with near numbers are near in space.
+// The curve has 2^21 cells along the longest side; vertices of one cell keep their order. Positions must be finite; the
+// box may have no extent, or nearly all of a double's range. O(n). After a cancellation the result is incomplete and
+// must not be used.
+std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, const std::vector<std::int32_t>& vertices,
+                                         const Execution& execution = {});
+
+// Gives row i to vertices[i]: sets num_rows, vertex_row, corner_row, row_corner_begin and row_corner anew.
+// num_vertices, num_interior and faces must be set; the first num_interior of `vertices` must be the interior ones.
+// O(F).
+void AssignRows(const std::vector<std::int32_t>& vertices, Topology* topology);
+
+// The inverse of vertex_row: the vertex of every row.
+std::vector<std::int32_t> RowVertices(const Topology& topology);
+
+}  // namespace planish

@@ -1,0 +1,64 @@
+#include "core/base/number.h"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "absl/strings/charconv.h"
+
+namespace planish {
+namespace {
+
+// std::from_chars knows no leading '+'. "+-1" stays wrong.
+std::string_view WithoutPlus(std::string_view token) {
+  if (token.size() > 1 && token[0] == '+' && token[1] != '-') token.remove_prefix(1);
+  return token;
+}
+
+template <typename T>
+void AppendChars(T value, std::string* text) {
+  char buffer[32];
+  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value).ptr;
+  text->append(buffer, end);
+}
+
+}  // namespace
+
+bool ParseDouble(std::string_view token, double* value) {
+  token = WithoutPlus(token);
+  const char* const end = token.data() + token.size();
+  double parsed = 0;
+  const auto [stop, error] = std::from_chars(token.data(), end, parsed);
+  if (stop != end || token.empty()) return false;
+  if (error == std::errc::result_out_of_range) {
+    // Unlike std::from_chars, absl's says which end of the range it was: the largest double, or nearly zero.
+    absl::from_chars(token.data(), end, parsed);
+    if (std::abs(parsed) > 1) parsed = std::copysign(std::numeric_limits<double>::infinity(), parsed);
+  } else if (error != std::errc()) {
+    return false;
+  }
+  *value = parsed;
+  return true;
+}
+
+bool ParseInt(std::string_view token, std::int64_t* value) {
+  token = WithoutPlus(token);
+  const char* const end = token.data() + token.size();
+  std::int64_t parsed = 0;
+  const auto [stop, error] = std::from_chars(token.data(), end, parsed);
+  if (stop != end || error != std::errc()) return false;
+  *value = parsed;
+  return true;
+}
+
+void AppendShortest(float value, std::string* text) {
+  AppendChars(value, text);
+}
+void AppendShortest(double value, std::string* text) {
+  AppendChars(value, text);
+}
+void AppendInt(std::int64_t value, std::string* text) {
+  AppendChars(value, text);
+}
+
+}  // namespace planish

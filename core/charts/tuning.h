@@ -1,0 +1,50 @@
+// The constants that decide where charts end. Nobody has to set any; benches sweep them (tests/bench/chart_count.cc).
+#pragma once
+
+#include <numbers>
+
+namespace planish {
+
+// Chosen on spot, koala, boot_g12, human_neutral, box_animated and voxelsheets by the number of charts at equal L2
+// stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
+struct AtlasTuning {
+  // ---- Patches (charts/patches.h): the start, from which charts are merged.
+  double patch_deviation = 0.08;  // 1 - length of the mean normal: a spherical cap of 33 degrees from its middle
+  double patch_cosine = 0.7;      // least, between the mean normals of two patches that are joined
+
+  // ---- Merging (charts/merging.h).
+  // Weight of an edge of a joint: the cosine of the bend, but at least this, so that right angles are joined last.
+  double sharp_weight = 0.02;
+  // Least 4 pi area / perimeter^2 of a chart: 1 for a disc, 0.12 for a strip of 1 to 24; less only where the larger
+  // part has less already. With 0.07 boot_g12 has 52 charts instead of 66 and voxelnet_noisy_123676 883 instead of
+  // 1,007, for a quarter more of the time: longer charts run over themselves more often and are cut and solved again.
+  double compactness = 0.12;
+  // No vertex of an outline opens wider, radians: next to a saddle a disc with 2 pi and more there would run over
+  // itself when it is flattened.
+  double widest = 1.85 * std::numbers::pi;
+
+  // ---- Stretch estimates (charts/stretch_estimate.h).
+  double estimate_tolerance = 1e-2;  // of the residual, in the norm of the diagonal
+  int estimate_iterations = 200;     // at most, of conjugate gradients
+  double estimate_cotangent = 1e4;   // at most: of angles below 0.006 degrees an estimate need not resolve more
+  // What a small disc changes in a large one is solved for on so many faces of the large one for each of the small
+  // one's, those next to it, as long as the large one has grown by less than the second number since it was last
+  // solved for as a whole.
+  int estimate_reach = 8;
+  double estimate_growth = 1;
+
+  // ---- Smoothing of outlines (charts/smoothing.h).
+  int smoothing_sweeps = 40;          // at most
+  double smoothing_sharp_cost = 0.1;  // of an edge at which the surface bends by a right angle or more, per length
+
+  // ---- Cuts once maps are known (unwrap/refine.cc). Lengths in sides of the square that all charts would fill.
+  double stretch_slack = 1.01;  // of max_stretch: an estimate is not a map
+  double max_extent = 1.4;      // diameter of a chart; longer ones hardly fit
+  double whole_area = 0.6;      // of the surface: a chart with more of it may be longer
+  // For the packer: area of convex hulls saved by a cut, in mean areas of charts, for each of 0.05 of the stretch that
+  // is allowed: who allows more stretch wants fewer charts.
+  double hull_gain = 0.1;
+  double cut_width = 0.01;  // what a cut costs: this times its length
+};
+
+}  // namespace planish

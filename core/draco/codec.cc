@@ -1,0 +1,217 @@
+#include "core/draco/codec.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "core/base/status_macros.h"
+#include "core/draco/header.h"
+#include "core/draco/library.h"
+#include "draco/compression/expert_encode.h"
+#include "draco/mesh/mesh.h"
+
+namespace planish {
+namespace {
+
+using Point = std::array<float, 3>;
+
+absl::Status CheckCount(const std::string& element, std::int64_t count, std::int64_t limit) {
+  if (count <= limit) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+                   "the Draco mesh has " + std::to_string(count) + " " + element + ", more than the limit of " +
+                       std::to_string(limit),
+                   {{"element", element}, {"declared", std::to_string(count)}, {"limit", std::to_string(limit)}});
+}
+
+absl::Status CheckCounts(std::optional<std::int64_t> faces, std::optional<std::int64_t> vertices,
+                         const DracoLimits& limits) {
+  if (faces) PLANISH_RETURN_IF_ERROR(CheckCount("faces", *faces, limits.max_faces));
+  if (vertices) PLANISH_RETURN_IF_ERROR(CheckCount("vertices", *vertices, limits.max_vertices));
+  return absl::OkStatus();
+}
+
+absl::Status CheckEncodable(const Mesh& mesh) {
+  if (mesh.num_faces() == 0) return InvalidDraco("MESH_EMPTY", "the mesh has no faces");
+  if (mesh.num_faces() > std::numeric_limits<std::int32_t>::max() / 3) {
+    return InvalidDraco("MESH_TOO_LARGE", "the mesh has " + std::to_string(mesh.num_faces()) +
+                                              " triangles, Draco takes 715827882 at most");
+  }
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    for (const std::int32_t vertex : mesh.faces[f]) {
+      if (vertex < 0 || vertex >= mesh.num_vertices()) return IndexOutOfRange(f, vertex, mesh.num_vertices());
+    }
+  }
+  if (mesh.num_vertices() > 3 * mesh.num_faces()) {
+    return InvalidDraco("MESH_DECODE_FAILED",
+                        "the mesh has " + std::to_string(mesh.num_vertices()) + " vertices for " +
+                            std::to_string(mesh.num_faces()) +
+                            " triangles; a Draco decoder refuses more than three a triangle: leave "
+                            "out vertices without a face");
+  }
+  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
+    // NaN and infinity are told to the caller by the mesh check, which sees all of them.
+    const double largest = mesh.positions[v].array().isFinite().select(mesh.positions[v].array().abs(), 0.0).maxCoeff();
+    if (static_cast<double>(static_cast<float>(largest)) > std::numeric_limits<float>::max()) {
+      return InvalidDraco(
+          "MESH_POSITION_INVALID",
+          "vertex " + std::to_string(v) + " lies outside the range of float (3.4e38); scale the mesh down",
+          {{"vertices", std::to_string(v)}});
+    }
+  }
+  return absl::OkStatus();
+}
+
+void FillDraco(const Mesh& mesh, draco::Mesh* draco_mesh) {
+  draco::Mesh& result = *draco_mesh;
+  result.set_num_points(static_cast<std::uint32_t>(mesh.num_vertices()));
+  draco::GeometryAttribute position;
+  position.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(Point), 0);
+  const int id = result.AddAttribute(position, true, static_cast<std::uint32_t>(mesh.num_vertices()));
+  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
+    const Eigen::Vector3f rounded = mesh.positions[v].cast<float>();
+    result.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(v)), rounded.data());
+  }
+  result.SetNumFaces(mesh.faces.size());
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    draco::Mesh::Face face;
+    for (int k = 0; k < 3; ++k) face[k] = static_cast<std::uint32_t>(mesh.faces[f][k]);
+    result.SetFace(draco::FaceIndex(static_cast<std::uint32_t>(f)), face);
+  }
+}
+
+absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh) {
+  const int count = mesh.NumNamedAttributes(draco::GeometryAttribute::POSITION);
+  if (count != 1) {
+    return InvalidDraco("MESH_POSITION_INVALID",
+                        "the Draco mesh has " + std::to_string(count) + " POSITION attributes, it needs exactly one");
+  }
+  const draco::PointAttribute* position = mesh.GetNamedAttribute(draco::GeometryAttribute::POSITION);
+  if (position->num_components() != 3 || position->data_type() != draco::DT_FLOAT32) {
+    return InvalidDraco("MESH_POSITION_INVALID",
+                        "the POSITION attribute of the Draco mesh must have three components of type FLOAT32; it has " +
+                            std::to_string(position->num_components()) + " of Draco type " +
+                            std::to_string(position->data_type()));
+  }
+  if (!IsBacked(*position, mesh.num_points())) {
+    return InvalidDraco("MESH_POSITION_INVALID", "the Draco mesh has fewer positions than its points refer to");
+  }
+  return position;
+}
+
+Point PositionValue(const draco::PointAttribute& position, std::uint32_t value) {
+  Point point;
+  std::memcpy(point.data(), position.GetAddress(draco::AttributeValueIndex(value)), sizeof(point));
+  return point;
+}
+
+// The bytes of all attributes of a point except POSITION.
+std::string OtherValues(const draco::Mesh& mesh, std::uint32_t point) {
+  std::string values;
+  for (int id = 0; id < mesh.num_attributes(); ++id) {
+    const draco::PointAttribute& attribute = *mesh.attribute(id);
+    if (attribute.attribute_type() == draco::GeometryAttribute::POSITION) continue;
+    const draco::AttributeValueIndex value = attribute.mapped_index(draco::PointIndex(point));
+    if (!IsBacked(attribute, mesh.num_points()) || value.value() >= attribute.size()) continue;
+    values.append(reinterpret_cast<const char*>(attribute.GetAddress(value)),
+                  static_cast<std::size_t>(attribute.num_components()) * draco::DataTypeLength(attribute.data_type()));
+  }
+  return values;
+}
+
+// Joins vertices again that an encoder had to split because it knows points only (one position, one normal, one UV
+// each) and another attribute has several values there. Vertices at the same position (to the bit) are joined if all of
+// them differ in another attribute; alike ones were kept apart on purpose, at a cut of the surface.
+void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
+  const std::int64_t vertices = mesh->num_vertices();
+  std::vector<std::int32_t> order(vertices);
+  std::iota(order.begin(), order.end(), 0);
+  const auto same = [&](std::int32_t a, std::int32_t b) {
+    return std::memcmp(mesh->positions[a].data(), mesh->positions[b].data(), sizeof(Vec3)) == 0;
+  };
+  std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
+    const int difference = std::memcmp(mesh->positions[a].data(), mesh->positions[b].data(), sizeof(Vec3));
+    return difference != 0 ? difference < 0 : a < b;
+  });
+  std::vector<std::int32_t> joined_with(vertices);
+  std::iota(joined_with.begin(), joined_with.end(), 0);
+  for (std::int64_t begin = 0, end = 0; begin < vertices; begin = end) {
+    std::set<std::string> others;
+    for (end = begin; end < vertices && same(order[begin], order[end]); ++end) {
+      if (end > begin && others.empty()) others.insert(OtherValues(decoded, order[begin]));
+      if (end > begin) others.insert(OtherValues(decoded, order[end]));
+    }
+    if (static_cast<std::int64_t>(others.size()) != end - begin) continue;
+    for (std::int64_t i = begin; i < end; ++i) joined_with[order[i]] = order[begin];
+  }
+
+  std::vector<std::int32_t> new_vertex(vertices);
+  std::int32_t count = 0;
+  for (std::int32_t v = 0; v < vertices; ++v) {
+    if (joined_with[v] != v) continue;
+    mesh->positions[count] = mesh->positions[v];
+    new_vertex[v] = count++;
+  }
+  mesh->positions.resize(count);
+  for (Face& face : mesh->faces) {
+    for (std::int32_t& vertex : face) vertex = new_vertex[joined_with[vertex]];
+  }
+}
+
+absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& limits) {
+  PLANISH_ASSIGN_OR_RETURN(const draco::PointAttribute* position, PositionOf(decoded));
+  PLANISH_RETURN_IF_ERROR(CheckCounts(decoded.num_faces(), static_cast<std::int64_t>(position->size()), limits));
+  Mesh mesh;
+  mesh.faces.resize(decoded.num_faces());
+  for (std::uint32_t f = 0; f < decoded.num_faces(); ++f) {
+    PLANISH_ASSIGN_OR_RETURN(const draco::Mesh::Face face, CheckedFace(decoded, f));
+    for (int k = 0; k < 3; ++k) {
+      const std::uint32_t value = position->mapped_index(face[k]).value();
+      if (value >= position->size()) return IndexOutOfRange(f, value, static_cast<std::int64_t>(position->size()));
+      mesh.faces[f][k] = static_cast<std::int32_t>(value);
+    }
+  }
+  mesh.positions.resize(position->size());
+  for (std::uint32_t v = 0; v < position->size(); ++v) {
+    const Point point = PositionValue(*position, v);
+    mesh.positions[v] = Vec3(point[0], point[1], point[2]);
+  }
+  // With a mapping of its own POSITION already is as its sender had it, cuts included.
+  if (position->is_mapping_identity() && decoded.num_attributes() > 1 && position->size() == decoded.num_points()) {
+    JoinSplitPoints(decoded, &mesh);
+  }
+  return mesh;
+}
+
+absl::StatusOr<Mesh> CheckAndDecode(std::string_view bytes, const DracoLimits& limits) {
+  PLANISH_ASSIGN_OR_RETURN(const DracoCounts declared, PeekDraco(bytes));
+  if (declared.geometry == DracoGeometry::kMesh) {
+    PLANISH_RETURN_IF_ERROR(CheckCounts(declared.faces, declared.vertices, limits));
+  }
+  PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> decoded, OpenDraco(bytes));
+  return FromDraco(*decoded, limits);
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh) {
+  PLANISH_RETURN_IF_ERROR(CheckEncodable(mesh));
+  return CatchOutOfMemory("encode", [&] {
+    draco::Mesh source;
+    FillDraco(mesh, &source);
+    draco::ExpertEncoder encoder(source);
+    return EncodeInOrder(sizeof(Point), source, &encoder);
+  });
+}
+
+absl::StatusOr<Mesh> DecodeDraco(std::string_view bytes, const DracoLimits& limits) {
+  return CatchOutOfMemory("decode", [&] { return CheckAndDecode(bytes, limits); });
+}
+
+}  // namespace planish

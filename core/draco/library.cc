@@ -1,0 +1,81 @@
+#include "core/draco/library.h"
+
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "draco/compression/decode.h"
+#include "draco/core/decoder_buffer.h"
+#include "draco/core/encoder_buffer.h"
+
+namespace planish {
+
+absl::Status InvalidDraco(const std::string& reason, const std::string& message,
+                          const std::map<std::string, std::string>& metadata) {
+  return MakeError(absl::StatusCode::kInvalidArgument, reason, message, metadata);
+}
+
+absl::StatusOr<std::unique_ptr<draco::Mesh>> OpenDraco(std::string_view bytes, bool keep_quantized) {
+  draco::DecoderBuffer buffer;
+  buffer.Init(bytes.data(), bytes.size());
+  const auto type = draco::Decoder::GetEncodedGeometryType(&buffer);
+  if (!type.ok() || type.value() == draco::INVALID_GEOMETRY_TYPE) {
+    return InvalidDraco("MESH_DECODE_FAILED", "these " + std::to_string(bytes.size()) +
+                                                  " bytes are not Draco data: they need a Draco header at their start");
+  }
+  if (type.value() != draco::TRIANGULAR_MESH) {
+    return InvalidDraco("MESH_NOT_A_MESH", "the Draco data hold a point cloud; only triangle meshes can be unwrapped");
+  }
+  draco::Decoder decoder;
+  for (int t = 0; keep_quantized && t < draco::GeometryAttribute::NAMED_ATTRIBUTES_COUNT; ++t) {
+    decoder.SetSkipAttributeTransform(static_cast<draco::GeometryAttribute::Type>(t));
+  }
+  auto decoded = decoder.DecodeMeshFromBuffer(&buffer);
+  if (!decoded.ok()) {
+    const std::string detail = decoded.status().error_msg_string();
+    return InvalidDraco("MESH_DECODE_FAILED", "the Draco data are damaged or cut off (" + std::to_string(bytes.size()) +
+                                                  " bytes" + (detail.empty() ? "" : "; Draco says: " + detail) + ")");
+  }
+  if (decoded.value()->num_faces() == 0) return InvalidDraco("MESH_EMPTY", "the Draco mesh has no faces");
+  return std::move(decoded).value();
+}
+
+absl::StatusOr<draco::Mesh::Face> CheckedFace(const draco::Mesh& mesh, std::uint32_t f) {
+  const draco::Mesh::Face& face = mesh.face(draco::FaceIndex(f));
+  for (int k = 0; k < 3; ++k) {
+    if (face[k].value() >= mesh.num_points()) return IndexOutOfRange(f, face[k].value(), mesh.num_points());
+  }
+  return face;
+}
+
+bool IsBacked(const draco::PointAttribute& attribute, std::uint32_t num_points) {
+  const std::int64_t size = attribute.num_components() * draco::DataTypeLength(attribute.data_type());
+  if (attribute.buffer() == nullptr || size <= 0 || attribute.byte_stride() < size || attribute.byte_offset() < 0) {
+    return false;
+  }
+  const std::uint64_t end = static_cast<std::uint64_t>(attribute.byte_offset()) +
+                            static_cast<std::uint64_t>(attribute.byte_stride()) * attribute.size();
+  const std::size_t entries = attribute.is_mapping_identity() ? attribute.size() : attribute.indices_map_size();
+  return end <= attribute.buffer()->data_size() && entries >= num_points;
+}
+
+absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_t count) {
+  return InvalidDraco("MESH_INDEX_OUT_OF_RANGE",
+                      "face " + std::to_string(face) + " refers to vertex " + std::to_string(vertex) +
+                          ", but the mesh has " + std::to_string(count) + ", numbered from 0",
+                      {{"faces", std::to_string(face)}, {"vertices", std::to_string(vertex)}});
+}
+
+absl::StatusOr<std::string> EncodeInOrder(std::int64_t point_bytes, const draco::Mesh& mesh,
+                                          draco::ExpertEncoder* encoder) {
+  encoder->SetEncodingMethod(draco::MESH_SEQUENTIAL_ENCODING);
+  // Entropy-coded differences of indices: up to a third smaller in all, as fast, and still in order. But the decoder
+  // refuses data of fewer than 3 bytes a face, which the values of the points must then make up.
+  encoder->options().SetGlobalBool("compress_connectivity",
+                                   point_bytes * std::int64_t{mesh.num_points()} >= 3 * std::int64_t{mesh.num_faces()});
+  draco::EncoderBuffer buffer;
+  const draco::Status status = encoder->EncodeToBuffer(&buffer);
+  if (!status.ok()) return InternalError("Draco cannot encode the mesh: " + status.error_msg_string());
+  return std::string(buffer.data(), buffer.size());
+}
+
+}  // namespace planish

@@ -1,0 +1,58 @@
+// What the codecs of this folder share: how the Draco library is called, and its errors. Not for other folders.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <new>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "core/base/error.h"
+#include "draco/compression/expert_encode.h"
+#include "draco/mesh/mesh.h"
+
+namespace planish {
+
+// INVALID_ARGUMENT with `reason`.
+absl::Status InvalidDraco(const std::string& reason, const std::string& message,
+                          const std::map<std::string, std::string>& metadata = {});
+
+// Decodes a triangle mesh, of which nothing more is checked. With `keep_quantized`, quantized values stay integers and
+// carry how they were rounded. INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY. May throw what
+// CatchOutOfMemory() catches.
+absl::StatusOr<std::unique_ptr<draco::Mesh>> OpenDraco(std::string_view bytes, bool keep_quantized = false);
+
+// The points of face f. INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: there is no such point.
+absl::StatusOr<draco::Mesh::Face> CheckedFace(const draco::Mesh& mesh, std::uint32_t f);
+
+// Whether every value lies within the attribute's bytes and every point has an entry: a decoder fed with hostile bytes
+// promises neither. The entries themselves may still be out of range.
+bool IsBacked(const draco::PointAttribute& attribute, std::uint32_t num_points);
+
+// INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: "face F refers to vertex V, ...".
+absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_t count);
+
+// Encodes faces and points in their order. `point_bytes`: of all values of a point that are not rounded.
+absl::StatusOr<std::string> EncodeInOrder(std::int64_t point_bytes, const draco::Mesh& mesh,
+                                          draco::ExpertEncoder* encoder);
+
+// function(); RESOURCE_EXHAUSTED, OUT_OF_MEMORY, "not enough memory to <doing> the mesh", if memory ran out.
+template <typename Function>
+auto CatchOutOfMemory(const std::string& doing, const Function& function) -> decltype(function()) {
+  const auto error = [&] {
+    return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+                     "not enough memory to " + doing + " the mesh");
+  };
+  try {
+    return function();
+  } catch (const std::bad_alloc&) {
+    return error();
+  } catch (const std::length_error&) {  // a size that a damaged header declares
+    return error();
+  }
+}
+
+}  // namespace planish

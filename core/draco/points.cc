@@ -1,0 +1,238 @@
+#include "core/draco/points.h"
+
+#include <algorithm>
+#include <cstring>
+#include <set>
+
+#include "core/base/number.h"
+#include "core/base/status_macros.h"
+#include "core/draco/library.h"
+#include "draco/attributes/attribute_octahedron_transform.h"
+#include "draco/attributes/attribute_quantization_transform.h"
+#include "draco/compression/expert_encode.h"
+#include "draco/mesh/mesh.h"
+
+namespace planish {
+
+const int kDracoFloat32 = draco::DT_FLOAT32;
+
+int GlTypeOfDraco(int component) {
+  switch (component) {
+    case draco::DT_INT8:
+      return 5120;
+    case draco::DT_UINT8:
+      return 5121;
+    case draco::DT_INT16:
+      return 5122;
+    case draco::DT_UINT16:
+      return 5123;
+    case draco::DT_UINT32:
+      return 5125;
+    case draco::DT_FLOAT32:
+      return 5126;
+    default:
+      return 0;
+  }
+}
+
+namespace {
+
+DracoKind KindOf(draco::GeometryAttribute::Type type) {
+  switch (type) {
+    case draco::GeometryAttribute::POSITION:
+      return DracoKind::kPosition;
+    case draco::GeometryAttribute::NORMAL:
+      return DracoKind::kNormal;
+    case draco::GeometryAttribute::COLOR:
+      return DracoKind::kColor;
+    case draco::GeometryAttribute::TEX_COORD:
+      return DracoKind::kTexcoord;
+    default:
+      return DracoKind::kGeneric;
+  }
+}
+
+draco::GeometryAttribute::Type TypeOf(DracoKind kind) {
+  switch (kind) {
+    case DracoKind::kPosition:
+      return draco::GeometryAttribute::POSITION;
+    case DracoKind::kNormal:
+      return draco::GeometryAttribute::NORMAL;
+    case DracoKind::kColor:
+      return draco::GeometryAttribute::COLOR;
+    case DracoKind::kTexcoord:
+      return draco::GeometryAttribute::TEX_COORD;
+    case DracoKind::kGeneric:
+      break;
+  }
+  return draco::GeometryAttribute::GENERIC;
+}
+
+absl::StatusOr<DracoAttribute> CopyAttribute(const draco::PointAttribute& source, std::uint32_t num_points) {
+  DracoAttribute attribute;
+  attribute.kind = KindOf(source.attribute_type());
+  attribute.unique_id = source.unique_id();
+  attribute.component = source.data_type();
+  attribute.components = source.num_components();
+  attribute.normalized = source.normalized();
+  attribute.value_size = std::int64_t{source.num_components()} * draco::DataTypeLength(source.data_type());
+  const absl::Status damaged = InvalidDraco("MESH_DECODE_FAILED", "an attribute of the Draco mesh is damaged");
+  if (!IsBacked(source, num_points)) return damaged;
+  attribute.values.resize(static_cast<std::size_t>(attribute.value_size) * num_points);
+  for (std::uint32_t p = 0; p < num_points; ++p) {
+    const draco::AttributeValueIndex value = source.mapped_index(draco::PointIndex(p));
+    if (value.value() >= source.size()) return damaged;
+    std::memcpy(attribute.values.data() + attribute.value_size * p, source.GetAddress(value),
+                static_cast<std::size_t>(attribute.value_size));
+  }
+  return attribute;
+}
+
+void CopyQuantization(const draco::PointAttribute& raw, DracoAttribute* attribute) {
+  if (raw.GetAttributeTransformData() == nullptr || attribute->component != draco::DT_FLOAT32) return;
+  draco::AttributeQuantizationTransform quantization;
+  draco::AttributeOctahedronTransform octahedron;
+  if (quantization.InitFromAttribute(raw)) {
+    attribute->quantization_bits = quantization.quantization_bits();
+    attribute->origin = quantization.min_values();
+    attribute->range = quantization.range();
+    if (static_cast<int>(attribute->origin.size()) != attribute->components) attribute->quantization_bits = 0;
+  } else if (attribute->kind == DracoKind::kNormal && octahedron.InitFromAttribute(raw)) {
+    attribute->quantization_bits = octahedron.quantization_bits();
+  }
+}
+
+absl::StatusOr<DracoPoints> CheckAndDecode(const std::string& bytes, bool want_quantization) {
+  PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> decoded, OpenDraco(bytes));
+  DracoPoints points;
+  points.num_points = decoded->num_points();
+  points.faces.resize(decoded->num_faces());
+  for (std::uint32_t f = 0; f < decoded->num_faces(); ++f) {
+    PLANISH_ASSIGN_OR_RETURN(const draco::Mesh::Face face, CheckedFace(*decoded, f));
+    for (int k = 0; k < 3; ++k) points.faces[f][k] = static_cast<std::int32_t>(face[k].value());
+  }
+  for (int id = 0; id < decoded->num_attributes(); ++id) {
+    PLANISH_ASSIGN_OR_RETURN(DracoAttribute attribute, CopyAttribute(*decoded->attribute(id), decoded->num_points()));
+    points.attributes.push_back(std::move(attribute));
+  }
+  std::set<std::uint32_t> ids;
+  for (const DracoAttribute& attribute : points.attributes) ids.insert(attribute.unique_id);
+  for (std::size_t i = 0; ids.size() < points.attributes.size() && i < points.attributes.size(); ++i) {
+    points.attributes[i].unique_id = static_cast<std::uint32_t>(i);
+  }
+  if (decoded->GetMetadata() != nullptr) {
+    points.metadata = std::make_shared<const draco::GeometryMetadata>(*decoded->GetMetadata());
+  }
+  if (!want_quantization) return points;
+  PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> raw, OpenDraco(bytes, true));
+  for (int id = 0; id < std::min(raw->num_attributes(), decoded->num_attributes()); ++id) {
+    CopyQuantization(*raw->attribute(id), &points.attributes[static_cast<std::size_t>(id)]);
+  }
+  return points;
+}
+
+// As text with all digits: SetAttributeExplicitQuantization keeps six decimals of its floats, so that values would come
+// back changed.
+draco::Options QuantizationOptions(const DracoAttribute& attribute) {
+  draco::Options options;
+  options.SetInt("quantization_bits", attribute.quantization_bits);
+  if (attribute.origin.empty()) return options;
+  std::string origin;
+  for (const float value : attribute.origin) {
+    if (!origin.empty()) origin += ' ';
+    AppendShortest(value, &origin);
+  }
+  std::string range;
+  AppendShortest(attribute.range, &range);
+  options.SetString("quantization_origin", origin);
+  options.SetString("quantization_range", range);
+  return options;
+}
+
+absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<bool>& quantize) {
+  draco::Mesh mesh;
+  mesh.set_num_points(static_cast<std::uint32_t>(points.num_points));
+  std::int64_t point_bytes = 0;
+  for (const DracoAttribute& attribute : points.attributes) {
+    draco::GeometryAttribute shape;
+    shape.Init(TypeOf(attribute.kind), nullptr, static_cast<std::int8_t>(attribute.components),
+               static_cast<draco::DataType>(attribute.component), attribute.normalized, attribute.value_size, 0);
+    const int id = mesh.AddAttribute(shape, true, static_cast<std::uint32_t>(points.num_points));
+    for (std::int64_t p = 0; p < points.num_points; ++p) {
+      mesh.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(p)),
+                                            attribute.values.data() + p * attribute.value_size);
+    }
+    mesh.attribute(id)->set_unique_id(attribute.unique_id);
+    if (!quantize[static_cast<std::size_t>(id)]) point_bytes += attribute.value_size;
+  }
+  mesh.SetNumFaces(points.faces.size());
+  for (std::size_t f = 0; f < points.faces.size(); ++f) {
+    draco::Mesh::Face face;
+    for (int k = 0; k < 3; ++k) face[k] = static_cast<std::uint32_t>(points.faces[f][k]);
+    mesh.SetFace(draco::FaceIndex(static_cast<std::uint32_t>(f)), face);
+  }
+  if (points.metadata != nullptr) {
+    mesh.AddMetadata(
+        std::make_unique<draco::GeometryMetadata>(*static_cast<const draco::GeometryMetadata*>(points.metadata.get())));
+  }
+  draco::ExpertEncoder encoder(mesh);
+  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
+    const DracoAttribute& attribute = points.attributes[i];
+    if (!quantize[i]) continue;
+    encoder.options().SetAttributeOptions(static_cast<int>(i), QuantizationOptions(attribute));
+  }
+  return EncodeInOrder(point_bytes, mesh, &encoder);
+}
+
+absl::Status CheckEncodable(const DracoPoints& points) {
+  if (points.faces.empty()) return InvalidDraco("MESH_EMPTY", "the mesh has no faces");
+  for (const Face& face : points.faces) {
+    for (const std::int32_t point : face) {
+      if (point < 0 || point >= points.num_points) {
+        return InvalidDraco("MESH_INDEX_OUT_OF_RANGE", "a face refers to point " + std::to_string(point));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Which attributes of `points` come back from `bytes` as they are; nothing if the faces do not.
+std::vector<bool> KeptBy(const std::string& bytes, const DracoPoints& points) {
+  const absl::StatusOr<DracoPoints> again = CheckAndDecode(bytes, false);
+  if (!again.ok() || again->faces != points.faces || again->attributes.size() != points.attributes.size()) return {};
+  std::vector<bool> kept;
+  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
+    kept.push_back(again->attributes[i].values == points.attributes[i].values);
+  }
+  return kept;
+}
+
+absl::StatusOr<std::string> EncodeAndCompare(const DracoPoints& points) {
+  std::vector<bool> quantize;
+  for (const DracoAttribute& attribute : points.attributes) quantize.push_back(attribute.quantization_bits > 0);
+  // What was rounded must come back as it is; where it does not, it is not rounded the next time.
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    absl::StatusOr<std::string> bytes = Encode(points, quantize);
+    // What is not finite cannot be rounded; without rounding all but integers above 2^31 can be encoded.
+    const std::vector<bool> kept = bytes.ok() ? KeptBy(*bytes, points) : std::vector<bool>();
+    if (!kept.empty() && std::find(kept.begin(), kept.end(), false) == kept.end()) return bytes;
+    for (std::size_t i = 0; i < quantize.size(); ++i) {
+      quantize[i] = quantize[i] && attempt == 0 && !kept.empty() && kept[i];
+    }
+  }
+  return InvalidDraco("OUTPUT_UNSUPPORTED", "Draco cannot hold the values of this mesh: it does not give back the " +
+                                                std::to_string(points.num_points) + " points that it is given");
+}
+
+}  // namespace
+
+absl::StatusOr<DracoPoints> DecodeDracoPoints(const std::string& bytes, bool want_quantization) {
+  return CatchOutOfMemory("decode", [&] { return CheckAndDecode(bytes, want_quantization); });
+}
+
+absl::StatusOr<std::string> EncodeDracoPoints(const DracoPoints& points) {
+  PLANISH_RETURN_IF_ERROR(CheckEncodable(points));
+  return CatchOutOfMemory("encode", [&] { return EncodeAndCompare(points); });
+}
+
+}  // namespace planish

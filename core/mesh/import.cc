@@ -1,0 +1,249 @@
+#include "core/mesh/import.h"
+
+#include <algorithm>
+#include <cmath>
+#include <compare>
+#include <limits>
+#include <numeric>
+#include <span>
+
+#include "Eigen/Geometry"
+#include "core/mesh/angles.h"
+#include "core/mesh/half_edges.h"
+#include "core/mesh/tri_mesh.h"
+
+namespace planish {
+namespace {
+
+FaceKind KindOf(const Mesh& mesh, const Face& face) {
+  const auto& [a, b, c] = face;
+  for (const std::int32_t v : face) {
+    if (v < 0 || v >= mesh.num_vertices()) return FaceKind::kOutOfRange;
+  }
+  if (a == b || b == c || c == a) return FaceKind::kRepeatingAVertex;
+  const Vec3 &p = mesh.positions[a], &q = mesh.positions[b], &r = mesh.positions[c];
+  if (!p.allFinite() || !q.allFinite() || !r.allFinite()) return FaceKind::kNotFinite;
+  if (p == q && q == r) return FaceKind::kInOnePoint;
+  return IsDegenerateTriangle(p, q, r) ? FaceKind::kWithoutArea : FaceKind::kWithArea;
+}
+
+// How many earlier faces have the same three vertices.
+std::vector<std::int32_t> Layers(const std::vector<Face>& faces) {
+  std::vector<std::int32_t> order(faces.size()), layer(faces.size(), 0);
+  std::iota(order.begin(), order.end(), 0);
+  std::vector<Face> keys = faces;
+  for (Face& key : keys) std::sort(key.begin(), key.end());
+  std::stable_sort(order.begin(), order.end(), [&](std::int32_t f, std::int32_t g) { return keys[f] < keys[g]; });
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    if (keys[order[i]] == keys[order[i - 1]]) layer[order[i]] = layer[order[i - 1]] + 1;
+  }
+  return layer;
+}
+
+// Whether some face may be a copy. Of two faces at one edge the third vertices tell.
+bool MayHaveCopies(const std::vector<Face>& faces, const EdgeGroups& edges, const Execution& execution) {
+  return execution.Count(edges.num_edges(), [&](std::int64_t e) {
+    const std::span<const std::int32_t> at = edges.edge(static_cast<std::int32_t>(e));
+    return at.size() > 2 || (at.size() == 2 && faces[at[0] / 3][at[0] % 3] == faces[at[1] / 3][at[1] % 3]);
+  }) > 0;
+}
+
+// Of the face at half-edge c, of length 1 as long as the face has area; otherwise zero.
+Vec3 UnitNormal(const Mesh& mesh, std::int32_t c) {
+  const auto& [i, j, k] = mesh.faces[c / 3];
+  const Vec3 u = (mesh.positions[j] - mesh.positions[i]).stableNormalized();
+  const Vec3 v = (mesh.positions[k] - mesh.positions[i]).stableNormalized();
+  const Vec3 normal = u.cross(v).stableNormalized();
+  return normal.allFinite() && normal.squaredNorm() > 0.5 ? normal : Vec3(Vec3::Zero());
+}
+
+// Two half-edges of an edge of more than two faces that might be joined, one in either direction. Those that come
+// first are joined first.
+struct Pair {
+  std::int64_t bend;  // 0: flat, growing up to folded; beyond: one of the two has no area
+  bool is_reflex;     // the faces turn towards each other on the side of their normals
+  std::int32_t forth, back;
+
+  auto operator<=>(const Pair&) const = default;
+};
+
+// The pairs of half-edges that stay joined where more than two faces meet, those that bend least first (of equal
+// bends, as where two boxes touch along an edge, those that enclose a solid, then by number). So a sheet goes on
+// through an edge where others meet it, and boxes stay boxes. Bends are rounded, so that rigid motion and scale change
+// nothing. Faces without area have no direction and take what is left over.
+void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pairing) {
+  constexpr double kBendUnit = 1e-6;
+  constexpr std::int64_t kUnknownBend = 4'000'000;  // beyond 2 / kBendUnit
+  std::vector<Vec3> normal;
+  for (const std::int32_t c : at) normal.push_back(UnitNormal(mesh, c));
+  const std::int32_t from = Origin(mesh.faces, at[0]), to = Target(mesh.faces, at[0]);
+  const Vec3 along = (mesh.positions[to] - mesh.positions[from]).stableNormalized();
+  std::vector<Pair> pairs;
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    if (Origin(mesh.faces, at[i]) != from) continue;
+    for (std::size_t j = 0; j < at.size(); ++j) {
+      if (Origin(mesh.faces, at[j]) == from) continue;
+      const bool is_known = !normal[i].isZero(0) && !normal[j].isZero(0);
+      const double cosine = normal[i].dot(normal[j]), sine = normal[i].cross(normal[j]).dot(along);
+      pairs.push_back({is_known ? std::llround((1 - cosine) / kBendUnit) : kUnknownBend,
+                       is_known && std::llround(sine / kBendUnit) < 0, at[i], at[j]});
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  for (const Pair& pair : pairs) {
+    if (pairing->opposite[pair.forth] >= 0 || pairing->opposite[pair.back] >= 0) continue;
+    pairing->opposite[pair.forth] = pair.back;
+    pairing->opposite[pair.back] = pair.forth;
+  }
+}
+
+// The policy: which of the half-edges at one edge, all of one layer, are joined. Only half-edges that run along the
+// edge in opposite directions are: charts end where faces are wound against each other. For a diagnosis none of more
+// than two, for charts as many pairs as there are, unless there are too many to be a surface.
+void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, JoinFor purpose, Pairing* pairing) {
+  constexpr std::size_t kMost = 64;  // bounds the work, which grows with the square
+  if (at.size() < 2) return;
+  if (at.size() > 2) {
+    pairing->non_manifold.emplace_back(at.begin(), at.end());
+    if (purpose == JoinFor::kCharts && at.size() <= kMost) JoinFlattest(mesh, at, pairing);
+  } else if (Origin(mesh.faces, at[0]) != Target(mesh.faces, at[1])) {
+    pairing->inconsistent.push_back({at[0], at[1]});
+  } else {
+    pairing->opposite[at[0]] = at[1];
+    pairing->opposite[at[1]] = at[0];
+  }
+}
+
+}  // namespace
+
+Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution) {
+  Pairing pairing;
+  pairing.kind.resize(mesh.faces.size());
+  std::vector<char> is_joined(mesh.faces.size());
+  execution.For(mesh.num_faces(), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t f = begin; f < end; ++f) {
+      const FaceKind kind = pairing.kind[f] = KindOf(mesh, mesh.faces[f]);
+      is_joined[f] = kind == FaceKind::kWithArea || kind == FaceKind::kNotFinite ||
+                     (kind == FaceKind::kWithoutArea && purpose == JoinFor::kCharts);
+    }
+  });
+  pairing.opposite.assign(3 * mesh.faces.size(), -1);
+  const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, is_joined);
+  if (execution.IsCancelled()) return pairing;
+  const bool all_joined = std::find(is_joined.begin(), is_joined.end(), 0) == is_joined.end();
+  if (!all_joined || MayHaveCopies(mesh.faces, edges, execution)) pairing.layer = Layers(mesh.faces);
+  const auto layer = [&](std::int32_t c) { return pairing.layer.empty() ? 0 : pairing.layer[c / 3]; };
+  std::vector<std::int32_t> at;
+  for (std::int32_t e = 0; e < edges.num_edges() && !execution.IsCancelledAt(e); ++e) {
+    at.assign(edges.edge(e).begin(), edges.edge(e).end());
+    if (at.size() > 2) std::stable_sort(at.begin(), at.end(), [&](auto c, auto d) { return layer(c) < layer(d); });
+    for (std::size_t begin = 0, end; begin < at.size(); begin = end) {
+      end = begin + 1;
+      while (end < at.size() && layer(at[end]) == layer(at[begin])) ++end;
+      if (layer(at[begin]) == 0) {
+        ++pairing.edges;
+        pairing.boundary_edges += end - begin == 1;
+      }
+      JoinAtEdge(mesh, std::span(at).subspan(begin, end - begin), purpose, &pairing);
+    }
+  }
+  return pairing;
+}
+
+namespace {
+
+// The vertices of a mesh to be: one for each fan of corners.
+struct FanVertices {
+  std::vector<std::int32_t> of_corner, source;
+};
+
+FanVertices NumberFans(const std::vector<std::int32_t>& opposite,
+                       const std::function<std::int32_t(std::int32_t)>& source_vertex) {
+  FanVertices vertices;
+  vertices.of_corner.assign(opposite.size(), -1);
+  const FlatLinks links = {opposite};
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
+    if (vertices.of_corner[c] >= 0) continue;
+    const auto v = static_cast<std::int32_t>(vertices.source.size());
+    vertices.source.push_back(source_vertex(c));
+    ForEachInFan(links, c, [&](std::int32_t d) { vertices.of_corner[d] = v; });
+  }
+  return vertices;
+}
+
+// Numbers vertices anew, by their sources.
+void SortBySource(std::int64_t num_sources, FanVertices* vertices) {
+  const auto bucket = [&](std::int32_t source) { return source < 0 || source >= num_sources ? num_sources : source; };
+  std::vector<std::int32_t> next(num_sources + 2, 0), number(vertices->source.size()), sorted(number.size());
+  for (const std::int32_t source : vertices->source) ++next[bucket(source) + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  for (std::size_t v = 0; v < number.size(); ++v) {
+    number[v] = next[bucket(vertices->source[v])]++;
+    sorted[number[v]] = vertices->source[v];
+  }
+  for (std::int32_t& v : vertices->of_corner) v = number[v];
+  vertices->source = std::move(sorted);
+}
+
+// Sets all handles directly: add_face() would look for edges that are known here.
+TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& vertices,
+             const std::function<std::int32_t(std::int32_t)>& source_face, const std::vector<Vec3>& positions) {
+  const auto num_corners = static_cast<std::int32_t>(opposite.size());
+  std::vector<std::int32_t> half_edge(num_corners);
+  std::int32_t num_edges = 0;
+  for (std::int32_t c = 0; c < num_corners; ++c) {
+    const std::int32_t o = opposite[c];
+    half_edge[c] = o >= 0 && o < c ? half_edge[o] + 1 : 2 * num_edges++;
+  }
+  // It would write to stderr what callers see for themselves.
+  [[maybe_unused]] static const bool is_silent = (omerr().disable(), true);
+  TriMesh mesh;
+  mesh.resize(vertices.source.size(), num_edges, num_corners / 3);
+  for (std::int32_t v = 0; v < static_cast<std::int32_t>(vertices.source.size()); ++v) {
+    const std::int32_t source = vertices.source[v];
+    const bool exists = source >= 0 && source < static_cast<std::int64_t>(positions.size());
+    mesh.set_point(VertexHandle(v),
+                   exists ? positions[source] : Vec3(Vec3::Constant(std::numeric_limits<double>::quiet_NaN())));
+    mesh.data(VertexHandle(v)).source = source;
+  }
+  for (std::int32_t f = 0; f < num_corners / 3; ++f) {
+    mesh.set_halfedge_handle(FaceHandle(f), HalfedgeHandle(half_edge[3 * f]));
+    mesh.data(FaceHandle(f)).source = source_face(f);
+  }
+  for (std::int32_t c = 0; c < num_corners; ++c) {
+    const HalfedgeHandle h(half_edge[c]), next(half_edge[FlatLinks::Next(c)]);
+    const VertexHandle from(vertices.of_corner[FlatLinks::Next(c)]), to(vertices.of_corner[FlatLinks::Prev(c)]);
+    mesh.set_face_handle(h, FaceHandle(c / 3));
+    mesh.set_vertex_handle(h, to);
+    mesh.set_next_halfedge_handle(h, next);
+    if (!mesh.halfedge_handle(from).is_valid()) mesh.set_halfedge_handle(from, h);
+    if (opposite[c] >= 0) continue;
+    const HalfedgeHandle outside = mesh.opposite_halfedge_handle(h);
+    mesh.set_boundary(outside);
+    mesh.set_vertex_handle(outside, from);
+    mesh.set_halfedge_handle(to, outside);
+  }
+  for (std::int32_t c = 0; c < num_corners; ++c) {
+    if (opposite[c] >= 0) continue;
+    const HalfedgeHandle outside = mesh.opposite_halfedge_handle(HalfedgeHandle(half_edge[c]));
+    mesh.set_next_halfedge_handle(outside, mesh.halfedge_handle(mesh.to_vertex_handle(outside)));
+  }
+  return mesh;
+}
+
+}  // namespace
+
+TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
+                  const std::function<std::int32_t(std::int32_t)>& source_vertex,
+                  const std::function<std::int32_t(std::int32_t)>& source_face, const std::vector<Vec3>& positions) {
+  return Link(opposite, NumberFans(opposite, source_vertex), source_face, positions);
+}
+
+TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
+  FanVertices vertices = NumberFans(opposite, [&](std::int32_t c) { return mesh.faces[c / 3][c % 3]; });
+  SortBySource(mesh.num_vertices(), &vertices);
+  return Link(
+      opposite, vertices, [](std::int32_t f) { return f; }, mesh.positions);
+}
+
+}  // namespace planish

@@ -1,0 +1,70 @@
+// Any triangle soup to a manifold mesh. No face is refused: where faces cannot stay joined, their vertices are
+// duplicated, so that each vertex has one fan of faces.
+//
+//   TriMesh mesh = ImportMesh(soup, PairHalfEdges(soup, JoinFor::kCharts));
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/base/execution.h"
+#include "core/mesh/mesh.h"
+#include "core/mesh/tri_mesh_fwd.h"
+
+namespace planish {
+
+// The first that applies.
+enum class FaceKind : char {
+  kOutOfRange,        // refers to a vertex that does not exist
+  kRepeatingAVertex,  // names a vertex twice
+  kNotFinite,         // has a corner at NaN or infinity
+  kInOnePoint,        // its three vertices coincide
+  kWithoutArea,       // IsDegenerateTriangle() (core/mesh/angles.h)
+  kWithArea,
+};
+
+// What the pairing is for. Charts map faces without area as well, and go on through edges of more than two faces, where
+// pairs of faces stay joined. A diagnosis sets faces without area aside and cuts the surface along such edges.
+enum class JoinFor { kCharts, kDiagnosis };
+
+// Which half-edges import joins, and what it came across. Half-edges are numbered by the corner that faces them.
+struct Pairing {
+  std::vector<FaceKind> kind;  // per face
+  // Per face: how many earlier faces have the same three vertices, in any order. Empty: no face has such a copy.
+  std::vector<std::int32_t> layer;
+  // Per half-edge: the one it is joined to, or -1. Faces are joined within their layer only, so that double-sided
+  // surfaces come apart in two sheets; faces out of range, that repeat a vertex or lie in one point are not joined, nor
+  // are faces without area for JoinFor::kDiagnosis.
+  std::vector<std::int32_t> opposite;
+  // Edges, by their half-edges, that have more than two faces of one layer, and those whose two faces run along them
+  // the same way. By the vertices of the edges, ascending.
+  std::vector<std::vector<std::int32_t>> non_manifold;
+  std::vector<std::array<std::int32_t, 2>> inconsistent;
+  // Of layer 0: edges, and those with one face.
+  std::int64_t edges = 0, boundary_edges = 0;
+
+  bool is_copy(std::int64_t f) const { return !layer.empty() && layer[f] > 0; }
+};
+
+// Takes any mesh whatever of at most 2^31 / 3 faces. O(F) for bounded valence. Of no use after a cancellation.
+Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution = {});
+
+// The mesh with these half-edges joined (Pairing::opposite). Face f is face f of `mesh`; vertices are in the order of
+// those they come from. Vertices without a face are left out. O(F).
+TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite);
+
+// The same for faces that come from elsewhere: half-edges are numbered 3 f + k, source_vertex(c) is the number in
+// `positions` of the vertex at corner c, source_face(f) becomes the face's source. Vertices are numbered in the order
+// of their lowest corners.
+TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
+                  const std::function<std::int32_t(std::int32_t corner)>& source_vertex,
+                  const std::function<std::int32_t(std::int32_t face)>& source_face,
+                  const std::vector<Vec3>& positions);
+
+// The mesh, if it is a disc; otherwise the error of CheckDisc() (core/mesh/disc_check.h).
+absl::StatusOr<TriMesh> ImportDisc(const Mesh& mesh, const Execution& execution = {});
+
+}  // namespace planish

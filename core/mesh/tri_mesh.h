@@ -1,0 +1,99 @@
+// The mesh type from import to chart: OpenMesh's half-edge mesh with double positions.
+//
+// core/mesh/import.h makes one of any triangle soup, core/charts/gluing.h one of a chart's faces; core/abf/topology.h
+// turns a chart into the flat arrays of the solver. The header is heavy: include it in few sources.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+// A property's push_back() copies a point that nobody has set, as Eigen leaves points.
+#pragma GCC diagnostic push
+#if !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
+#include "OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh"
+// Specializes a template of the header above.
+#include "OpenMesh/Core/Geometry/EigenVectorT.hh"
+#pragma GCC diagnostic pop
+
+#include "core/mesh/half_edges.h"
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+// Elements carry where they come from: numbers of the mesh, or chart, that a mesh was made of; -1 for elements that
+// were added since. All of them are there from the start: adding a property changes a mesh, which no worker thread may
+// do to one that others read.
+struct TriMeshTraits : OpenMesh::DefaultTraits {
+  using Point = Vec3;
+  using Normal = Vec3;
+  VertexTraits {
+    std::int32_t source = -1;  // vertex; several have the same one where import has duplicated it
+  };
+  EdgeTraits {
+    bool is_uncut = false;  // no chart may end here (GivenSeams::uncut_corners)
+  };
+  FaceTraits {
+    std::int32_t source = -1;  // face
+  };
+};
+
+// Half-edge 0 of every edge is the one with the lower corner, so it has a face; edges are numbered in the order of
+// these corners. halfedge_handle(face) faces corner 0 of the face: it runs from vertex 1 to vertex 2. A vertex on the
+// boundary has one outgoing boundary half-edge, its halfedge_handle().
+using TriMesh = OpenMesh::TriMesh_ArrayKernelT<TriMeshTraits>;
+using OpenMesh::EdgeHandle;
+using OpenMesh::FaceHandle;
+using OpenMesh::HalfedgeHandle;
+using OpenMesh::VertexHandle;
+
+// The half-edges of a face, by the corner that each faces: 0, 1, 2.
+inline std::array<HalfedgeHandle, 3> HalfEdgesOf(const TriMesh& mesh, FaceHandle face) {
+  const HalfedgeHandle first = mesh.halfedge_handle(face);
+  return {first, mesh.next_halfedge_handle(first), mesh.prev_halfedge_handle(first)};
+}
+
+// The vertices of a face, by corners.
+inline std::array<VertexHandle, 3> VerticesOf(const TriMesh& mesh, FaceHandle face) {
+  const std::array<HalfedgeHandle, 3> h = HalfEdgesOf(mesh, face);
+  return {mesh.to_vertex_handle(h[1]), mesh.to_vertex_handle(h[2]), mesh.to_vertex_handle(h[0])};
+}
+
+// The half-edge that corner 3 f + k faces, f being a face of `mesh`.
+inline HalfedgeHandle HalfEdgeOf(const TriMesh& mesh, std::int32_t corner) {
+  return HalfEdgesOf(mesh, FaceHandle(corner / 3))[corner % 3];
+}
+
+// The other way round; h must have a face.
+inline std::int32_t CornerOf(const TriMesh& mesh, HalfedgeHandle h) {
+  const FaceHandle face = mesh.face_handle(h);
+  const HalfedgeHandle first = mesh.halfedge_handle(face);
+  return 3 * face.idx() + (h == first ? 0 : mesh.next_halfedge_handle(h) == first ? 2 : 1);
+}
+
+// The half-edges of a mesh for core/mesh/half_edges.h.
+struct MeshLinks {
+  using HalfEdge = HalfedgeHandle;
+  const TriMesh& mesh;
+
+  HalfedgeHandle Next(HalfedgeHandle h) const { return mesh.next_halfedge_handle(h); }
+  HalfedgeHandle Prev(HalfedgeHandle h) const { return mesh.prev_halfedge_handle(h); }
+  HalfedgeHandle Across(HalfedgeHandle h) const {
+    const HalfedgeHandle opposite = mesh.opposite_halfedge_handle(h);
+    return mesh.is_boundary(opposite) ? HalfedgeHandle() : opposite;
+  }
+  static bool IsValid(HalfedgeHandle h) { return h.is_valid(); }
+};
+
+// All of them, by their lowest half-edges; each half-edge has a face.
+inline Loops<HalfedgeHandle> BoundaryLoops(const TriMesh& mesh) {
+  std::vector<HalfedgeHandle> boundary;
+  for (const EdgeHandle e : mesh.edges()) {
+    if (mesh.is_boundary(e)) boundary.push_back(mesh.halfedge_handle(e, 0));
+  }
+  return BoundaryLoops(MeshLinks{mesh}, boundary, mesh.n_halfedges(), [](HalfedgeHandle h) { return h.idx(); });
+}
+
+}  // namespace planish

@@ -1,0 +1,60 @@
+// The numbers that the packer works by, in one place. tests/bench/pack_time.cc chose them where nothing else is said,
+// on the charts of the shared assets and of tests/testing/families.h: efficiency against work.
+#pragma once
+
+#include <cstdint>
+
+namespace planish {
+
+// Work is in nanoseconds of one core of 2022, counted in steps of the algorithms.
+struct PackTuning {
+  // What charts and their maps cost at least, from which PackEffort takes its share. Measured on atlases of 86 to 1,451
+  // charts, where it was 10,000 to 40,000 a face.
+  double rest_per_face = 10'000, rest_per_chart = 50'000;
+  double fast_share = 0.25, normal_share = 0.5, best_share = 50;  // of the rest
+  // PackEffort::kNormal has so much in any case, and so much for a chart.
+  double least_work = 20e6, least_per_chart = 50'000;
+
+  // Trials (trial.h). Cells along a chart of average size, and along a tile: more lay charts closer and cost more.
+  double cells_per_chart = 24;
+  int fewest_cells = 192, most_cells = 4096;
+  // Turns that a trial tries of each chart, as a power of two: as many as leave room for so many trials.
+  int least_angles = 2, most_angles = 16, typical_trials = 5;
+  // What a trial costs for a chart and a turn, and for each edge of its outline, about.
+  double trial_work = 6000, trial_work_per_edge = 150;
+  int least_trials = 3, most_trials = 8;
+  // How full of charts and padding the tiles are in the first trial; much more never fits.
+  double first_fill = 0.85;
+  // Factors between scales. The largest that fits is known well enough within the first; the bracket is wide, and worth
+  // more trials than what comes after, above the second. Without a bracket scales grow by the third and shrink by the
+  // fourth at most.
+  double known_within = 1.01, wide_bracket = 1.03, upwards = 1.04, farthest_change = 1.12;
+
+  // Tightening (tighten.h) begins with so much work for each chart, or not at all: it takes that to grow and to settle.
+  double tighten_per_chart = 500'000;
+  // Relative growth that is tried first, the least that is tried, and what is tried after that was too much, since
+  // other places may lead farther.
+  double first_step = 0.03, least_step = 0.003, step_again = 0.02;
+  // Moves of single charts in an attempt: many small attempts that fail early lead farther than a few thorough ones.
+  std::int64_t moves_at_once = 300, moves_at_once_per_chart = 3;
+  // Charts that find places from a random start within as many moves, at most.
+  std::int64_t most_to_shuffle = 40;
+  // Pixels along an average chart, and by how many of them charts may overlap, at first and on the finer image.
+  double pixels_per_chart = 20, coarse_slack = 1, fine_slack = 0.4;
+  int finest_side = 1200;  // pixels of a tile
+  // Steps in which charts come apart or count as jammed; the factor for the scale where they do not come apart.
+  int separating_steps = 60;
+  double back_off = 0.995;
+  // Shares of the work that the first growth and the settling at the end may take, and rounds of the latter.
+  double growing_share = 0.4, settling_share = 1;
+  int settling_rounds = 25;
+
+  // Other orders, where there are too many charts for tightening: sizes count for up to half of this share larger or
+  // smaller, scales grow by this factor, and less work than for so many trials is not worth beginning.
+  double order_spread = 0.3, order_step = 1.005, fewest_orders = 8;
+
+  // After a stop request, from so many charts on, what would take longer than some milliseconds ends at once.
+  std::size_t many_charts = 300;
+};
+
+}  // namespace planish

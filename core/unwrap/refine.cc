@@ -1,0 +1,217 @@
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "core/base/timer.h"
+#include "core/mesh/box_tree.h"
+#include "core/mesh/half_edges.h"
+#include "core/mesh/predicates.h"
+#include "core/pack/necks.h"
+#include "core/unwrap/steps.h"
+
+namespace planish {
+namespace {
+
+// The outline of the map, counter-clockwise.
+std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
+  std::vector<Vec2> outline;
+  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
+  for (const std::int32_t c : loops.loop(0)) {
+    outline.push_back(map.positions[Origin(chart.topology.faces, c)]);
+  }
+  return outline;
+}
+
+// Per face: the middle of all faces that it must not be parted from, itself included.
+std::vector<Vec2> Middles(const Surface& surface, const Chart& chart, const ChartMap& map) {
+  const Topology& topology = chart.topology;
+  std::vector<Vec2> middle(topology.num_faces());
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    const auto& [a, b, c] = topology.faces[f];
+    middle[f] = (map.positions[a] + map.positions[b] + map.positions[c]) / 3;
+  }
+  // The pieces of what must stay together.
+  std::int32_t count = 0;
+  const std::vector<std::int32_t> group = ConnectedPieces(
+      topology.num_faces(), &count, [](std::int32_t) { return true; },
+      [&](std::int32_t f, int k) {
+        const std::int32_t o = topology.opposite[3 * f + k];
+        return o >= 0 && surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
+      });
+  std::vector<Vec2> sum(count, Vec2::Zero());
+  std::vector<double> members(count, 0);
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    sum[group[f]] += middle[f];
+    ++members[group[f]];
+  }
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) middle[f] = sum[group[f]] / members[group[f]];
+  return middle;
+}
+
+// Pieces of faces between which no step from middle to middle crosses a chord, numbered by their lowest faces.
+std::vector<std::int32_t> Pieces(const Topology& topology, const std::vector<Vec2>& middle,
+                                 const std::vector<std::pair<Vec2, Vec2>>& chords, std::int32_t* count) {
+  std::vector<char> crossed(topology.num_corners(), 0);
+  for (const auto& [a, b] : chords) {
+    Box box;
+    box.Add(a);
+    box.Add(b);
+    for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+      const std::int32_t o = topology.opposite[c];
+      if (o < c) continue;
+      const Vec2 &p = middle[c / 3], &q = middle[o / 3];
+      Box step;
+      step.Add(p);
+      step.Add(q);
+      if (p != q && step.Meets(box) && SegmentsMeet(a, b, p, q)) crossed[c] = crossed[o] = 1;
+    }
+  }
+  return ConnectedPieces(
+      topology.num_faces(), count, [](std::int32_t) { return true; },
+      [&](std::int32_t f, int k) {
+        const std::int32_t c = 3 * f + k;
+        return topology.opposite[c] < 0 || crossed[c] ? -1 : topology.opposite[c] / 3;
+      });
+}
+
+double DoubleArea(const ChartMap& map, const Face& face) {
+  const auto& [a, b, c] = face;
+  const Vec2 u = map.positions[b] - map.positions[a], v = map.positions[c] - map.positions[a];
+  return std::abs(u.x() * v.y() - u.y() * v.x());
+}
+
+// All but the largest `most` pieces go to a neighbour, the one with the longest common border, smallest pieces first.
+void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std::int32_t count,
+                 std::vector<std::int32_t>* piece) {
+  const Topology& topology = chart.topology;
+  std::vector<double> area(count, 0);
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) area[(*piece)[f]] += DoubleArea(map, topology.faces[f]);
+  std::vector<std::int32_t> order(count);
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) { return area[a] < area[b]; });
+  for (std::size_t i = 0; i + most < order.size(); ++i) {
+    std::vector<double> border(count, 0);
+    for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+      const std::int32_t o = topology.opposite[c];
+      if ((*piece)[c / 3] != order[i] || o < 0 || (*piece)[o / 3] == order[i]) continue;
+      border[(*piece)[o / 3]] +=
+          (map.positions[Target(topology.faces, c)] - map.positions[Origin(topology.faces, c)]).norm();
+    }
+    const auto to = static_cast<std::int32_t>(std::max_element(border.begin(), border.end()) - border.begin());
+    std::replace(piece->begin(), piece->end(), order[i], to);
+  }
+}
+
+// Per face of the chart, in the order of chart.faces: its part, from 0 on; empty if the chart is to stay whole. Cuts
+// run across arms and necks of the map (core/pack/necks.h), from face to face, and never between faces that must be
+// glued; parts are connected.
+std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart, const ChartMap& map,
+                                      const NeckOptions& options) {
+  const std::vector<Vec2> outline = OutlineOf(chart, map);
+  std::vector<std::pair<Vec2, Vec2>> chords;
+  for (const auto& [i, j] : FindNecks(outline, options)) chords.emplace_back(outline[i], outline[j]);
+  if (chords.empty()) return {};
+  std::int32_t count = 0;
+  std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, map), chords, &count);
+  MergeCrumbs(chart, map, chords.size() + 1, count, &piece);
+  std::vector<std::int32_t> number(count, -1);
+  std::int32_t parts = 0;
+  for (std::int32_t& p : piece) {
+    if (number[p] < 0) number[p] = parts++;
+    p = number[p];
+  }
+  if (parts < 2) return {};
+  return piece;
+}
+
+// Whether the chart is to be cut in two, which helps if it has two faces.
+bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
+  const auto& [chart, flattening, map, faults, status] = mapped;
+  // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
+  // collapse where the chart goes.
+  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten.barrier > 0;
+  const SeamOptions& seams = job.options.seams;
+  const AtlasTuning& tuning = job.options.tuning;
+  // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
+  const bool is_sound =
+      status.ok() && map.flatten.converged &&
+      (map.flatten.barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
+  double area = 0;
+  for (const std::int32_t f : chart.faces) area += charts.surface->area[f];
+  const bool is_stretched =
+      seams.policy == SeamPolicy::kAuto && faults.stretch > tuning.stretch_slack * seams.max_stretch;
+  const bool is_long =
+      area < tuning.whole_area * charts.total_area && faults.extent > tuning.max_extent * std::sqrt(charts.total_area);
+  const bool is_awkward = seams.policy == SeamPolicy::kAuto && job.options.pack && is_long;
+  return !is_sound || faults.does_overlap || is_stretched || is_awkward;
+}
+
+// All that pack better in parts.
+std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const AtlasTuning& tuning, double max_stretch) {
+  const double mean_area = charts.total_area / charts.count();
+  const NeckOptions options = {tuning.hull_gain * (max_stretch - 1) / 0.05 * mean_area,
+                               tuning.cut_width * std::sqrt(charts.total_area)};
+  std::vector<Segmentation::Cut> cuts;
+  for (std::int32_t i = 0; i < charts.count(); ++i) {
+    const auto& [chart, flattening, map, faults, status] = charts.charts[i];
+    const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, options);
+    if (part.empty()) continue;
+    Segmentation::Cut cut = {i};
+    cut.part.resize(part.size());
+    const std::vector<std::int32_t>& faces = charts.segmentation->charts()[i];
+    for (std::size_t f = 0; f < part.size(); ++f) {
+      cut.part[std::lower_bound(faces.begin(), faces.end(), chart.faces[f]) - faces.begin()] = part[f];
+    }
+    cuts.push_back(std::move(cut));
+  }
+  return cuts;
+}
+
+// Cuts, and returns whether that made new charts; `todo` has then what is to be solved.
+absl::StatusOr<bool> Split(Job* job, const std::vector<Segmentation::Cut>& cuts, std::vector<std::int32_t>* todo,
+                           Charts* charts) {
+  if (cuts.empty()) return false;
+  Timer timer;
+  PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kCharts));
+  *todo = charts->segmentation->Split(cuts, job->execution);
+  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+  charts->charts.resize(charts->segmentation->charts().size());
+  for (const std::int32_t i : *todo) ExtractChart(i, job->execution, charts);
+  job->seconds.charts += timer.Restart();
+  return !todo->empty();
+}
+
+}  // namespace
+
+absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {
+  std::vector<Segmentation::Cut> cuts;
+  for (const std::int32_t i : *todo) {
+    const MappedChart& mapped = charts->charts[i];
+    if (!job->may_split() || mapped.chart.faces.size() < 2 || !IsToSplit(*job, *charts, mapped)) continue;
+    cuts.push_back({i, mapped.faults.face, mapped.faults.other_face});
+  }
+  const bool may_part =
+      job->options.seams.policy == SeamPolicy::kAuto && job->options.pack && !job->execution.IsStopRequested();
+  if (cuts.empty() && may_part && charts->count() > 1 && !std::exchange(charts->are_parted, true)) {
+    cuts = ChartsToPart(*charts, job->options.tuning, job->options.seams.max_stretch);
+  }
+  return Split(job, cuts, todo, charts);
+}
+
+absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::vector<std::int32_t>* todo,
+                                     Charts* charts) {
+  if (delivery.overlaps.pairs == 0 || !job->may_split() || job->execution.IsStopRequested()) return false;
+  std::vector<Segmentation::Cut> cuts;
+  for (std::int32_t i = 0; i < charts->count(); ++i) {
+    const auto& [chart, flattening, map, faults, status] = charts->charts[i];
+    if (chart.faces.size() < 2) continue;
+    const Overlaps found = OverlapsWithin(chart, map, delivery.uv, charts->ignored, job->execution);
+    if (found.faces.size() < 2) continue;
+    cuts.push_back({i, chart.faces[found.faces[0]], chart.faces[found.faces[1]]});
+  }
+  return Split(job, cuts, todo, charts);
+}
+
+}  // namespace planish

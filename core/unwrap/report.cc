@@ -1,0 +1,190 @@
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/base/status_macros.h"
+#include "core/base/timer.h"
+#include "core/mesh/angles.h"
+#include "core/mesh/disc_check.h"
+#include "core/mesh/half_edges.h"
+#include "core/unwrap/distortion.h"
+#include "core/unwrap/steps.h"
+#include "core/unwrap/warnings.h"
+
+namespace planish {
+namespace {
+
+void WarnOfPadding(const Job& job, const Charts& charts, const Atlas& atlas, std::vector<UnwrapWarning>* warnings) {
+  const int wanted = job.options.atlas.padding;
+  if (charts.count() < 2 || !job.options.pack || atlas.padding >= wanted) return;
+  warnings->push_back(
+      {"PADDING_NOT_KEPT",
+       absl::StrFormat("there is room for %.3g texels between charts, not for the %d asked for; give more texels or "
+                       "tiles",
+                       atlas.padding, wanted),
+       {{"padding", absl::StrFormat("%g", atlas.padding)}}});
+}
+
+void WarnOfPrecision(const Delivery& delivery, std::vector<UnwrapWarning>* warnings) {
+  if (delivery.lost <= 0) return;
+  const bool is_double = delivery.precision == Precision::kDouble;
+  warnings->push_back(
+      {"UV_PRECISION",
+       absl::StrCat("rounding to float flips or collapses ", Counted(delivery.lost, "triangle", "triangles"),
+                    ", the scale varies too much; ",
+                    is_double ? "the UV are delivered as double" : "float was asked for, double would keep them"),
+       FaceMetadata(delivery.lost, delivery.lost_faces)});
+}
+
+// Says so if rounding to float, which keeps every triangle, still costs energy worth mentioning.
+void WarnOfCoarseFloat(UnwrapResult* result) {
+  constexpr double kNegligible = 1e-9;   // energy per angle
+  constexpr double kWorthSaying = 1e-3;  // of the energy before rounding
+  double energy = 0, angles = 0;
+  for (const ChartReport& chart : result->charts) {
+    energy += chart.flatten.energy;
+    angles += 3.0 * static_cast<double>(chart.triangles);
+  }
+  const double solved = energy / angles, lost = result->quality.abf_energy - solved;
+  if (result->precision != Precision::kFloat || lost <= kNegligible || lost <= kWorthSaying * solved) return;
+  result->warnings.push_back(
+      {"UV_PRECISION",
+       absl::StrFormat("rounding to float adds %.2g %% to the ABF energy, the scale varies much; double would keep it",
+                       100 * lost / solved),
+       {{"abf_energy_lost", absl::StrFormat("%g", lost)}}});
+}
+
+// Charts that were not packed lie one over the other: each is looked at by itself.
+Overlaps FindOverlaps(const Job& job, const Charts& charts, const CornerUv& uv, const OrientationFaults& orientation) {
+  if (job.options.pack) {
+    return CheckOverlaps(charts.Opposite(job.mesh), uv, orientation, job.execution, charts.ignored);
+  }
+  Overlaps all;
+  for (const MappedChart& mapped : charts.charts) {
+    if (job.execution.IsCancelled()) break;
+    const Overlaps found = OverlapsWithin(mapped.chart, mapped.map, uv, charts.ignored, job.execution);
+    all.pairs += found.pairs;
+    all.limited |= found.limited;
+    for (const std::int32_t f : found.faces) {
+      if (all.faces.size() < kMaxNamed) all.faces.push_back(mapped.chart.faces[f]);
+    }
+  }
+  return all;
+}
+
+// Quality::seam_length: an edge of n faces counts for each of its n / 2 pairs that are apart in the UV.
+double SeamLength(const Mesh& mesh, const Charts& charts, const Execution& execution) {
+  if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
+  const std::vector<std::int32_t> opposite = charts.Opposite(mesh);
+  std::vector<char> has_chart;
+  for (const std::int32_t chart : charts.FaceChart(mesh)) has_chart.push_back(chart >= 0);
+  const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, has_chart);
+  double length = 0;
+  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+    const std::span<const std::int32_t> at = edges.edge(e);
+    const auto pairs = static_cast<std::int64_t>(at.size() / 2);
+    const std::int64_t joined = std::count_if(at.begin(), at.end(), [&](std::int32_t c) { return opposite[c] >= 0; });
+    const Vec3 along = mesh.positions[Target(mesh.faces, at[0])] - mesh.positions[Origin(mesh.faces, at[0])];
+    length += static_cast<double>(pairs - joined / 2) * along.norm();
+  }
+  return length / std::sqrt(charts.total_area);
+}
+
+// Target angles and weights of every corner of the mesh; those of faces without a chart are 0.
+TargetAngles Targets(const Job& job, const Charts& charts, const Eigen::VectorXd& measured) {
+  TargetAngles all = {Eigen::VectorXd::Zero(measured.size()), Eigen::VectorXd::Zero(measured.size())};
+  for (const MappedChart& mapped : charts.charts) {
+    const std::vector<std::int32_t>& faces = mapped.chart.faces;
+    Eigen::VectorXd own(3 * static_cast<Eigen::Index>(faces.size()));
+    for (std::size_t f = 0; f < faces.size(); ++f)
+      own.segment<3>(3 * f) = measured.segment<3>(3 * Eigen::Index{faces[f]});
+    const TargetAngles target = MakeTargetAngles(mapped.chart.topology, own, job.execution);
+    for (std::size_t f = 0; f < faces.size(); ++f) {
+      all.angle.segment<3>(3 * Eigen::Index{faces[f]}) = target.angle.segment<3>(3 * f);
+      all.weight.segment<3>(3 * Eigen::Index{faces[f]}) = target.weight.segment<3>(3 * f);
+    }
+  }
+  return all;
+}
+
+}  // namespace
+
+absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
+  Timer timer;
+  Delivery delivery;
+  delivery.stopped = job->execution.IsStopRequested();
+  PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kVerify));
+  delivery.orientation = CheckOrientations(uv, job->execution, charts.ignored);
+  delivery.precision = Precision::kDouble;
+  if (job->options.precision != Precision::kDouble) {
+    CornerUv rounded = RoundToFloat(uv, job->execution);
+    OrientationFaults after = CheckOrientations(rounded, job->execution, charts.ignored);
+    const OrientationFaults& exact = delivery.orientation;
+    delivery.lost = std::max<std::int64_t>(after.flipped + after.degenerate - exact.flipped - exact.degenerate, 0);
+    if (delivery.lost > 0) delivery.lost_faces = after.faces;
+    if (delivery.lost == 0 || job->options.precision == Precision::kFloat) {
+      delivery.precision = Precision::kFloat;
+      delivery.orientation = std::move(after);
+      uv = std::move(rounded);
+    }
+  }
+  delivery.uv = std::move(uv);
+  delivery.overlaps = FindOverlaps(*job, charts, delivery.uv, delivery.orientation);
+  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+  job->seconds.verify += timer.Restart();
+  return delivery;
+}
+
+absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery) {
+  Timer timer;
+  UnwrapResult result;
+  result.warnings = std::move(job->warnings);
+  if (const std::int64_t isolated = CountIsolatedVertices(job->mesh); isolated > 0) {
+    result.warnings.push_back({"ISOLATED_VERTICES",
+                               absl::StrCat(Counted(isolated, "vertex has", "vertices have"), " no face and no UV"),
+                               {{"count", absl::StrCat(isolated)}}});
+  }
+  WarnOfPadding(*job, charts, atlas, &result.warnings);
+  WarnOfPrecision(delivery, &result.warnings);
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(charts.least_angle.size()); ++f) {
+    if (charts.least_angle[f] > 0) result.widened.push_back(f);
+  }
+  WarnOfWidened(result.widened, delivery.precision, &result.warnings);
+  result.tiles = atlas.tiles;
+  if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;
+  result.uv = std::move(delivery.uv);
+  result.precision = delivery.precision;
+  const OrientationFaults& orientation = delivery.orientation;
+  const Overlaps& overlaps = delivery.overlaps;
+  result.face_chart = charts.FaceChart(job->mesh);
+  for (const auto& [chart, flattening, map, faults, status] : charts.charts) {
+    result.charts.push_back({chart.topology.num_faces(), map.flatten, map.is_barycentric,
+                             StretchOf(job->mesh, chart, result.uv, charts.ignored, job->execution)});
+  }
+  {
+    const Eigen::VectorXd measured = MeasuredAngles(job->mesh, job->execution);
+    MeasureDistortion(job->mesh, measured, Targets(*job, charts, measured), result.uv, charts.ignored, &result.quality,
+                      job->execution);
+  }
+  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+  result.quality.packing_efficiency /= result.tiles;
+  result.quality.seam_length = SeamLength(job->mesh, charts, job->execution);
+  result.quality.flipped = orientation.flipped;
+  result.quality.degenerate = orientation.degenerate;
+  result.quality.overlapping = overlaps.pairs;
+  // Faces without area count in the one energy and not in the other, and widened ones keep other angles.
+  if (charts.ignored.empty() && charts.least_angle.empty()) WarnOfCoarseFloat(&result);
+  if (delivery.stopped) WarnOfStop(result.charts, &result.warnings);
+  const SeamOptions& seams = job->options.seams;
+  WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? seams.max_stretch : 0, delivery.stopped,
+               &result.warnings);
+  WarnOfFaults(orientation, overlaps, &result.warnings);
+  result.seconds = job->seconds;
+  result.seconds.verify += timer.Restart();
+  return result;
+}
+
+}  // namespace planish

@@ -1,0 +1,130 @@
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "core/base/timer.h"
+#include "core/mesh/import.h"
+#include "core/mesh/tri_mesh.h"
+#include "core/unwrap/steps.h"
+#include "core/unwrap/warnings.h"
+#include "core/unwrap/widening.h"
+
+namespace planish {
+namespace {
+
+// With SeamPolicy::kKeep every piece must be a disc as it is.
+absl::Status CheckPieces(const Segmentation& segmentation) {
+  std::vector<std::int32_t> first_faces;
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(segmentation.charts().size()); ++i) {
+    if (segmentation.HasSlit(i)) first_faces.push_back(segmentation.charts()[i].front());
+  }
+  if (first_faces.empty()) return absl::OkStatus();
+  const std::size_t count = first_faces.size();
+  if (first_faces.size() > kMaxNamed) first_faces.resize(kMaxNamed);
+  return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
+                   absl::StrCat(count, count == 1 ? " piece" : " pieces",
+                                " between the given seams cannot lie flat without another seam (closed, with several "
+                                "boundary loops or with a handle): at face ",
+                                absl::StrJoin(first_faces, ", "), "; give more seams, or allow them to be added"),
+                   {{"count", absl::StrCat(count)}, {"faces", absl::StrJoin(first_faces, ",")}});
+}
+
+}  // namespace
+
+absl::Status Job::Enter(UnwrapStage stage) {
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  progress.stage = stage;
+  if (control.on_progress) control.on_progress(progress);
+  return absl::OkStatus();
+}
+
+std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
+  std::vector<std::int32_t> face_chart(mesh.faces.size(), -1);
+  for (std::int32_t i = 0; i < count(); ++i) {
+    for (const std::int32_t f : charts[i].chart.faces) face_chart[f] = i;
+  }
+  return face_chart;
+}
+
+std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
+  std::vector<std::int32_t> opposite(3 * mesh.faces.size(), -1);
+  for (const auto& [chart, flattening, map, faults, status] : charts) {
+    const std::vector<std::int32_t> own = OppositeWithClosedSlits(chart, map);
+    for (std::size_t c = 0; c < own.size(); ++c) {
+      if (own[c] >= 0) opposite[3 * chart.faces[c / 3] + c % 3] = 3 * chart.faces[own[c] / 3] + own[c] % 3;
+    }
+  }
+  return opposite;
+}
+
+namespace {
+
+// What places in the tiles that may be used are rounded to, in the units of the surface. Charts fill a part of the
+// tiles, and the last digit is worth most at the far end of a row of them: `last_digit` is that of numbers from 1/2
+// to 1.
+double Resolution(const UnwrapOptions& options, double area, double last_digit) {
+  constexpr double kFilled = 0.5;
+  const int tiles = options.pack ? options.atlas.tiles : 1;
+  const auto columns = static_cast<unsigned>(std::min(tiles, 10));
+  return last_digit * std::bit_ceil(columns) * std::sqrt(area / (kFilled * tiles));
+}
+
+}  // namespace
+
+absl::StatusOr<Charts> Segment(Job* job) {
+  Timer timer;
+  PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kCharts));
+  const SeamOptions& seams = job->options.seams;
+  Charts charts;
+  if (seams.policy == SeamPolicy::kNone) {
+    PLANISH_ASSIGN_OR_RETURN(const TriMesh disc, ImportDisc(job->mesh, job->execution));
+    charts.charts.resize(1);
+    charts.charts[0].chart = MakeChart(disc, {}, job->execution);
+    job->seconds.charts = timer.Restart();
+    return charts;
+  }
+  PLANISH_ASSIGN_OR_RETURN(
+      Surface surface,
+      MakeSurface(job->mesh, {seams.corners, seams.uncut_corners, seams.hard_edge_degrees}, job->execution));
+  std::vector<char> without_area(surface.num_faces());
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    charts.total_area += surface.area[f];
+    without_area[f] = !surface.takes_part[f] || surface.is_flat[f];
+  }
+  if (std::find(without_area.begin(), without_area.end(), 1) != without_area.end()) {
+    charts.ignored = std::move(without_area);
+  }
+  const double of_float = Resolution(job->options, charts.total_area, 0x1p-24);
+  const double of_solve = Resolution(job->options, charts.total_area, std::ldexp(1.0, -kDigitsOfSolve));
+  charts.resolution = job->options.precision == Precision::kDouble ? 0 : of_float;
+  charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
+  WarnOfSurface(surface, charts.ignored, &job->warnings);
+  charts.surface = std::make_unique<const Surface>(std::move(surface));
+  const bool by_stretch = seams.policy == SeamPolicy::kAuto;
+  charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
+                              seams.max_stretch, job->execution, job->options.tuning);
+  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+  if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
+  charts.charts.resize(charts.segmentation->charts().size());
+  for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
+  job->seconds.charts = timer.Restart();
+  return charts;
+}
+
+void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
+  const Gluing& gluing = charts->segmentation->gluing();
+  const std::vector<std::int32_t>& faces = charts->segmentation->charts()[i];
+  Chart& chart = charts->charts[i].chart;
+  std::vector<std::pair<std::int32_t, std::int32_t>> slits;
+  const TriMesh disc = ChartMesh(gluing, faces, &slits);
+  chart = MakeChart(disc, slits, execution.ForOneThread());
+  if (charts->least_angle.empty()) return;
+  for (const std::int32_t f : chart.faces) chart.least_angle.push_back(charts->least_angle[f]);
+}
+
+}  // namespace planish

@@ -1,0 +1,146 @@
+// The steps of an unwrap in their order, and what passes between them. Unwrap() calls one after the other; each
+// announces itself to the caller and measures its time.
+//
+//   Segment()               a mesh            -> Charts: a surface, cut into discs, each in the solver's arrays
+//   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
+//     MapWithFixedBorders() one of them       -> another map, where no seam may be added and the first is no use
+//   Refine()                all of them       -> the charts that were cut once more, for SolveCharts()
+//   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
+//   Deliver()               UV                -> Delivery: the same as delivered, and their faults
+//     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
+//     RefineDelivered()     charts, faults    -> the charts that rounding made overlap, cut, for SolveCharts()
+//   Report()                all of that       -> UnwrapResult
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/base/execution.h"
+#include "core/charts/segmentation.h"
+#include "core/charts/surface.h"
+#include "core/unwrap/chart.h"
+#include "core/unwrap/unwrap.h"
+#include "core/unwrap/verify.h"
+
+namespace planish {
+
+// One call of Unwrap(): what it was given, and what its caller is told.
+struct Job {
+  const Mesh& mesh;
+  const UnwrapOptions& options;
+  const UnwrapControl& control;
+  const Execution execution;
+  UnwrapProgress progress = {};
+  std::vector<UnwrapWarning> warnings = {};
+  UnwrapSeconds seconds = {};
+
+  // Announces a stage. CANCELLED after a cancellation.
+  absl::Status Enter(UnwrapStage stage);
+  bool may_split() const {
+    return options.seams.policy == SeamPolicy::kAuto || options.seams.policy == SeamPolicy::kNeeded;
+  }
+};
+
+struct MappedChart {
+  Chart chart;
+  Flattening flattening;  // from solve to layout
+  ChartMap map;
+  ChartFaults faults;   // of the map; not looked for where no seam may be added
+  absl::Status status;  // of solve and layout
+};
+
+struct Charts {
+  // Both null for SeamPolicy::kNone: the mesh is a disc, and its one chart is all that is left of it before the solve.
+  std::unique_ptr<const Surface> surface;
+  std::optional<Segmentation> segmentation;
+  std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
+  double total_area = 0;      // of the surface
+  // What places are rounded to, about, in the units of the surface: with float, if it may be delivered (otherwise 0),
+  // and with the last type that is tried, which faces are widened for.
+  double resolution = 0, grain = 0;
+  std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
+  int widenings = 0;                // calls of WidenCharts() that found something
+  std::deque<MappedChart> charts;   // no vector: charts are added to many that are large
+  bool are_parted = false;          // those that pack better in parts are (Refine)
+
+  std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
+  // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
+  std::vector<std::int32_t> FaceChart(const Mesh& mesh) const;
+  // Per half-edge of the mesh: the one it is joined to in its chart, closed slits included; -1 on outlines.
+  std::vector<std::int32_t> Opposite(const Mesh& mesh) const;
+};
+
+// Imports the mesh and cuts it into discs as SeamOptions::policy says. Errors: those of CheckDisc() for kNone, of
+// MakeSurface() otherwise; PIECE_NOT_A_DISC for kKeep; CANCELLED. Warnings: FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD,
+// ORIENTATION_INCONSISTENT.
+absl::StatusOr<Charts> Segment(Job* job);
+
+// Makes chart i of its faces in the segmentation.
+void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts);
+
+// Maps these charts, those of few faces each on a thread of its own. Errors as Unwrap(); where a chart may be split, a
+// failed solve is none: MappedChart::status has it.
+absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* charts);
+
+// ABF of one chart. `reports`: to the caller, on whose thread it runs.
+absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std::int32_t number, BoundaryType boundary,
+                                       const Execution& execution, bool reports);
+
+// Root mean square, of a map for which the given borders are kept.
+inline constexpr double kMostStretchForBorders = 100;
+
+// Where the map of a chart overlaps itself, needs a slit, or is stretched beyond use by a barrier: takes the first of a
+// list of other maps (fixed_borders.cc) that does not overlap and is stretched less.
+void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution);
+
+// Cuts those of the charts in `todo`, the last that were solved, whose maps are no use, or, once there are none, all
+// that pack better in parts (once for a job). Returns whether there were any; `todo` has then what
+// is to be solved.
+absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
+
+// Where the charts go.
+struct Atlas {
+  CornerUv uv;  // as packed, before rounding
+  int tiles = 1;
+  double scale = 1;    // UV length per length on the surface
+  double padding = 0;  // texels that are free between charts, PackOptions::padding unless there is no room
+};
+
+// Packs the charts (core/pack/pack.h). The one chart of SeamPolicy::kNone fills the unit square as far as it goes,
+// without padding: it has no neighbours, and scales that vary over many orders of magnitude outlast rounding best next
+// to 0. Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. Faces without a chart
+// (Surface::takes_part) get the UV of an edge they lie on, or else of a vertex. CANCELLED after a cancellation.
+absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts);
+
+// The UV in the type in which they are delivered, and their faults.
+struct Delivery {
+  CornerUv uv;
+  Precision precision = Precision::kFloat;  // kFloat or kDouble
+  std::int64_t lost = 0;  // triangles that rounding to float flips or collapses, or would: then `precision` is kDouble
+  std::vector<std::int32_t> lost_faces;  // the first few
+  OrientationFaults orientation;
+  Overlaps overlaps;
+  bool stopped = false;  // UnwrapControl::stop had come before they were judged; a later stop changes nothing
+};
+
+// Rounds the UV as UnwrapOptions::precision says and judges them. CANCELLED after a cancellation.
+absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv);
+
+// Widens the faces that are collapsed or turned over as delivered (widening.h); `todo` has then their charts. Returns
+// whether there were any that are thin, at most kMostWidenings times for a job.
+bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::vector<std::int32_t>* todo,
+                 Charts* charts);
+
+// Cuts the charts that overlap themselves as delivered, which those do whose outlines touch themselves when rounding
+// moves them. Like Refine().
+absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::vector<std::int32_t>* todo,
+                                     Charts* charts);
+
+// Measures what is delivered and reports, the job's warnings and seconds included. CANCELLED after a cancellation.
+absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery);
+
+}  // namespace planish

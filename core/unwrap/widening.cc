@@ -1,0 +1,163 @@
+#include "core/unwrap/widening.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "core/mesh/angles.h"
+#include "core/mesh/predicates.h"
+
+namespace planish {
+namespace {
+
+using Corners = std::array<Vec2, 3>;
+
+// Rounding moves a corner by 0.71 grains at most, and so changes an altitude by 1.42 at most.
+constexpr double kLeastAltitude = 1.5;  // grains
+constexpr double kAltitude = 3;         // grains: what is aimed at, as the map does not keep angles exactly
+constexpr double kGrowth = 4;           // of an angle that did not suffice
+constexpr double kMostGrowth = 1e3;     // over what should suffice
+constexpr double kMostAngle = 0.5;      // radians; with that a triangle is as thick as raising its angles makes it
+constexpr double kLeastPlace = 1e-30;   // nearer to 0 no place is told apart by its exponent
+// Grains: of an enlarged chart, some thousandths of the side of the texture for float.
+constexpr double kMostExtent = 1e5;
+// Radians. Of a thicker face that is turned over all the same the shape is not the reason.
+constexpr double kThin = 1e-4;
+
+double LongestEdge(const Corners& p) {
+  return std::sqrt(std::max({(p[1] - p[0]).squaredNorm(), (p[2] - p[1]).squaredNorm(), (p[0] - p[2]).squaredNorm()}));
+}
+
+double LongestEdge(const Mesh& mesh, std::int32_t f) {
+  const auto& [a, b, c] = mesh.faces[f];
+  const Vec3 &p = mesh.positions[a], &q = mesh.positions[b], &r = mesh.positions[c];
+  return std::sqrt(std::max({(q - p).squaredNorm(), (r - q).squaredNorm(), (p - r).squaredNorm()}));
+}
+
+double DoubleAreaOf(const Corners& p) {
+  const Vec2 u = p[1] - p[0], v = p[2] - p[0];
+  return u.x() * v.y() - u.y() * v.x();
+}
+
+// The angles of a triangle with the least of them raised to `least`, at the cost of the largest.
+void RaiseAngles(double least, Eigen::Ref<Eigen::Vector3d> angles) {
+  int largest = 0;
+  angles.maxCoeff(&largest);
+  angles = angles.cwiseMax(least);
+  angles[largest] = std::numbers::pi - angles[Next(largest)] - angles[Prev(largest)];
+}
+
+// A face that does not hold, or hardly, by its map.
+struct ThinFace {
+  std::int32_t face = 0;
+  double grain = 0, longest = 0, altitude = 0;
+  bool must_widen = true;  // false: only if it is a needle on the surface too
+};
+
+struct ThinFaces {
+  std::vector<ThinFace> faces;
+  Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity()), high = -low;  // of all corners of the chart
+
+  void AddCorners(const Corners& p) {
+    for (const Vec2& corner : p) {
+      low = low.cwiseMin(corner);
+      high = high.cwiseMax(corner);
+    }
+  }
+};
+
+// Enlarges a chart all of whose map is next to nothing: where a face of any shape is too small.
+bool Enlarge(const ThinFaces& thin, double factor, double grain, Chart* chart) {
+  if (!(factor > 1) || !((thin.high - thin.low).maxCoeff() * factor <= kMostExtent * grain)) return false;
+  chart->enlargement *= factor;
+  return true;
+}
+
+bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
+  if (thin.faces.empty()) return false;
+  std::vector<std::int32_t> sources;
+  for (const ThinFace& t : thin.faces) sources.push_back(chart->faces[t.face]);
+  const Eigen::VectorXd measured = MeasuredAngles(mesh, sources);
+  bool any = false;
+  double factor = 1, coarsest = 0;
+  std::vector<double> least_angle = chart->least_angle;
+  if (least_angle.empty()) least_angle.assign(chart->faces.size(), 0.0);
+  for (std::size_t i = 0; i < thin.faces.size(); ++i) {
+    const auto& [f, grain, longest, altitude, must_widen] = thin.faces[i];
+    const double kept = std::max(least_angle[f], measured.segment<3>(3 * static_cast<Eigen::Index>(i)).minCoeff());
+    if (!must_widen && kept > kThin) continue;
+    // A face with two angles of so much has half of that angle times its longest edge for an altitude.
+    const double wanted = 2 * kAltitude * grain / longest;
+    if (kept >= kMostAngle || (wanted <= kept && kept > kThin)) {
+      factor = std::max(factor, altitude > 0 ? kAltitude * grain / altitude : kGrowth);
+      coarsest = std::max(coarsest, grain);
+      continue;
+    }
+    const double next = std::min({kMostAngle, std::max(wanted, kGrowth * kept), kMostGrowth * wanted});
+    if (next <= kept) continue;
+    least_angle[f] = next;
+    any = true;
+  }
+  if (any) chart->least_angle = std::move(least_angle);
+  if (any || !Enlarge(thin, factor, coarsest, chart)) return any;
+  for (std::size_t i = 0; i < thin.faces.size(); ++i) {
+    double& least = least_angle[thin.faces[i].face];
+    least = std::max(least, measured.segment<3>(3 * static_cast<Eigen::Index>(i)).minCoeff());
+  }
+  chart->least_angle = std::move(least_angle);
+  return true;
+}
+
+}  // namespace
+
+Eigen::VectorXd AnglesToKeep(const Mesh& mesh, const Chart& chart, const Execution& execution) {
+  Eigen::VectorXd angles = MeasuredAngles(mesh, chart.faces, execution);
+  for (std::size_t f = 0; f < chart.least_angle.size(); ++f) {
+    if (chart.least_angle[f] > 0)
+      RaiseAngles(chart.least_angle[f], angles.segment<3>(3 * static_cast<Eigen::Index>(f)));
+  }
+  return angles;
+}
+
+bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::vector<char>& ignored, Chart* chart) {
+  ThinFaces thin;
+  for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
+    const auto& [a, b, c] = chart->topology.faces[f];
+    const Corners p = {map.positions[a], map.positions[b], map.positions[c]};
+    thin.AddCorners(p);
+    if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
+    // Where the map is shrunk, more so than the surface says, the shape of this face is not the reason.
+    const double longest = std::max(LongestEdge(p), LongestEdge(mesh, chart->faces[f]));
+    const double altitude = DoubleAreaOf(p) / LongestEdge(p);
+    if (altitude >= kLeastAltitude * grain && Orientation(p[0], p[1], p[2]) > 0) continue;
+    thin.faces.push_back({f, grain, longest, altitude});
+  }
+  return Widen(mesh, thin, chart);
+}
+
+bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
+                    const std::vector<char>& ignored, Chart* chart) {
+  const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
+  ThinFaces thin;
+  bool any_turned = false;
+  for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
+    const std::int32_t c = 3 * chart->faces[f];
+    const Corners p = {Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)};
+    thin.AddCorners(p);
+    if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
+    const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});
+    const double grain = std::ldexp(1.0, std::ilogb(farthest) + 1 - digits);
+    const bool is_turned = Orientation(p[0], p[1], p[2]) <= 0;
+    if (!is_turned && DoubleAreaOf(p) >= kLeastAltitude * grain * LongestEdge(p)) continue;
+    any_turned |= is_turned;
+    const double longest = std::max(LongestEdge(p), scale * LongestEdge(mesh, chart->faces[f]));
+    thin.faces.push_back({f, grain, longest, 0, is_turned});
+  }
+  // Needles beside a face that is widened would be squashed.
+  return any_turned && Widen(mesh, thin, chart);
+}
+
+}  // namespace planish

@@ -1,0 +1,116 @@
+#!/bin/sh
+# Says what became of a run of ctest, and fails if a test failed, if none passed or if one was skipped that may not be.
+# Ends with "N passed, N failed[, N skipped]". deploy/test.sh calls it.
+#
+#   deploy/test-report.sh REPORT LOG ALLOWED_SKIPS [sanitized]
+#
+# REPORT is ctest's JUnit file, which has the last try of each test. LOG is its LastTest.log, which has every try: a test
+# that failed and then passed (ctest --repeat) is named, and has failed if that first try printed a sanitizer's report.
+# ALLOWED_SKIPS is tests/allowed_skips.txt, which explains itself. `sanitized`: the programs were built with a sanitizer.
+set -eu
+report=$1 log=$2 allowed=$3 sanitized=${4:-}
+tab=$(printf '\t')
+
+fail() {
+  echo "test-report: $*" >&2
+  exit 1
+}
+[ -s "$report" ] || fail "no test ran: there is no $report"
+[ -s "$log" ] || fail "there is no $log"
+[ -r "$allowed" ] || fail "there is no $allowed"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# RESULT, a tab and NAME of every test. ctest has the status "notrun" for skipped tests, and for those that could not run
+# (no such program, a file missing), which have failed.
+awk '
+  function flush() { if (name != "") print result "\t" name; name = "" }
+  /^[[:space:]]*<testcase / {
+    flush()
+    match($0, / name="[^"]*"/)
+    name = substr($0, RSTART + 7, RLENGTH - 8)
+    gsub(/&lt;/, "<", name); gsub(/&gt;/, ">", name); gsub(/&quot;/, "\"", name); gsub(/&apos;/, "\047", name)
+    gsub(/&amp;/, "\\&", name)
+    result = / status="run"/ ? "passed" : / status="disabled"/ ? "skipped" : "failed"
+  }
+  /^[[:space:]]*<skipped message="SKIP_/ { result = "skipped" }
+  END { flush() }' "$report" >"$work/results"
+
+# `clean` or `finding`, a tab and NAME of every try that failed.
+awk '
+  /^[0-9]+\/[0-9]+ Test: / { name = $0; sub(/^[0-9]+\/[0-9]+ Test: /, "", name); kind = "clean"; over = 0 }
+  /ERROR: (Address|Leak|Thread)Sanitizer|WARNING: ThreadSanitizer|runtime error: / { kind = "finding" }
+  $0 == "<end of output>" { over = 1 }
+  over && /^Test Fail/ { print kind "\t" name; over = 0 }' "$log" >"$work/tries"
+
+# holds WHEN: as tests/allowed_skips.txt says.
+holds() {
+  case $1 in
+    any) ;;
+    sanitized) [ -n "$sanitized" ] ;;
+    root) [ "$(id -u)" -eq 0 ] ;;
+    user) [ "$(id -u)" -ne 0 ] ;;
+    no:*/*) [ ! -e "${1#no:}" ] ;;
+    no:?*) ! command -v "${1#no:}" >/dev/null ;;
+    *) return 2 ;;
+  esac
+}
+grep -v -e '^[[:space:]]*#' -e '^[[:space:]]*$' "$allowed" >"$work/allowed" || true
+while read -r pattern when reason; do
+  [ -n "$reason" ] || fail "$allowed: a line without a reason: $pattern $when"
+  code=0
+  holds "$when" || code=$?
+  [ "$code" -lt 2 ] || fail "$allowed: no such condition: $when"
+done <"$work/allowed"
+
+# Sets reason, unless no line allows the test $1 to be skipped here and now.
+find_reason() {
+  while read -r pattern when reason; do
+    # shellcheck disable=SC2254  # a pattern
+    case $1 in $pattern) if holds "$when"; then return 0; fi ;; esac
+  done <"$work/allowed"
+  return 1
+}
+
+passed=0 failed=0 skipped=0 unlisted=
+: >"$work/reasons"
+echo
+while IFS=$tab read -r result name; do
+  case $result in
+    passed)
+      if grep -qxF "finding$tab$name" "$work/tries"; then
+        failed=$((failed + 1))
+        echo "FAILED: $name passed when it was repeated, but the try before printed a sanitizer's report (see $log)"
+      else
+        passed=$((passed + 1))
+        ! grep -qxF "clean$tab$name" "$work/tries" || echo "REPEATED: $name failed, and passed when it was repeated"
+      fi
+      ;;
+    failed) failed=$((failed + 1)) ;;
+    skipped)
+      if find_reason "$name"; then
+        skipped=$((skipped + 1))
+        echo "$reason" >>"$work/reasons"
+      else
+        failed=$((failed + 1))
+        unlisted=yes
+        echo "FAILED: $name was skipped, and tests/allowed_skips.txt does not allow that here"
+      fi
+      ;;
+  esac
+done <"$work/results"
+if [ -n "$unlisted" ]; then
+  echo "$log has what a skipped test printed. Make it run: deploy/install-packages.sh has the packages that tests need."
+  echo "Or put it and the reason into tests/allowed_skips.txt."
+fi
+if [ "$skipped" -gt 0 ]; then
+  echo "Skipped, as tests/allowed_skips.txt allows:"
+  sort "$work/reasons" | uniq -c
+fi
+[ "$passed" -gt 0 ] || echo "No test passed."
+if [ "$skipped" -gt 0 ]; then
+  echo "$passed passed, $failed failed, $skipped skipped"
+else
+  echo "$passed passed, $failed failed"
+fi
+[ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]

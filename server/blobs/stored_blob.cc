@@ -1,0 +1,47 @@
+#include "server/blobs/stored_blob.h"
+
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+
+StoredBlobPtr StoredBlob::InMemory(BlobPtr bytes) {
+  const auto size = static_cast<std::int64_t>(bytes->bytes().size());
+  return StoredBlobPtr(new StoredBlob(std::move(bytes), nullptr, Descriptor(), size));
+}
+
+StoredBlobPtr StoredBlob::InFile(FileLayer* files, Descriptor file, std::int64_t size) {
+  return StoredBlobPtr(new StoredBlob(nullptr, files, std::move(file), size));
+}
+
+absl::Status StoredBlob::ReadFile(FileLayer* files, int fd, std::int64_t offset, std::int64_t length, char* bytes) {
+  while (length > 0) {
+    const ssize_t count = files->Read(fd, bytes, static_cast<std::size_t>(length), offset);
+    if (count < 0) return FileError("read", "a file of the store", static_cast<int>(-count));
+    if (count == 0) {
+      return MakeError(absl::StatusCode::kDataLoss, "BLOB_DAMAGED", "a file of the store is shorter than it was");
+    }
+    bytes += count;
+    offset += count;
+    length -= count;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status StoredBlob::Read(std::int64_t offset, std::int64_t length, std::string* bytes) const {
+  if (offset < 0 || length < 0 || offset > size_ - length) return InternalError("a read beyond the end of a blob");
+  if (memory_ != nullptr) {
+    bytes->assign(memory_->bytes().substr(static_cast<std::size_t>(offset), static_cast<std::size_t>(length)));
+    return absl::OkStatus();
+  }
+  bytes->resize(static_cast<std::size_t>(length));
+  return ReadFile(files_, file_.get(), offset, length, bytes->data());
+}
+
+absl::StatusOr<std::string> StoredBlob::ReadAll() const {
+  std::string bytes;
+  PLANISH_RETURN_IF_ERROR(Read(0, size_, &bytes));
+  return bytes;
+}
+
+}  // namespace planish

@@ -1,0 +1,41 @@
+// Which jobs a list is to have: planish.v1.ListJobsRequest.filter.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "planish/v1/job.pb.h"
+
+namespace planish {
+
+struct StateCondition {
+  v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
+  bool negated = false;
+};
+
+// There is a label `key`; its value is `value`, or begins with it. A job without the label meets what is negated.
+struct LabelCondition {
+  enum class Kind { kExists, kEquals, kBeginsWith };
+
+  std::string key;
+  Kind kind = Kind::kExists;
+  std::string value;
+  bool negated = false;
+};
+
+// All of it must be true of a job.
+struct JobFilter {
+  std::vector<StateCondition> states;
+  std::vector<LabelCondition> labels;
+  std::optional<absl::Time> from, before;  // create_time >= from, create_time < before
+  std::string tenant;                      // empty: any
+};
+
+// INVALID_ARGUMENT with REQUEST_INVALID, which says where the text cannot be read.
+absl::StatusOr<JobFilter> ParseJobFilter(std::string_view text);
+
+}  // namespace planish

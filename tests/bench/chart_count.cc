@@ -1,0 +1,79 @@
+// planish_chart_count [options] MESH...: unwraps meshes (LoadMesh()) at one or several stretch limits and prints, a
+// line each, the charts before and after they were cut again, total stretch, seam length over the square root of the
+// area, and the CPU seconds of charts and of all stages. What the constants of core/charts/tuning.h were chosen by.
+#include <cstdio>
+#include <ctime>
+#include <string>
+#include <vector>
+
+#include "CLI/CLI.hpp"
+#include "core/unwrap/unwrap.h"
+#include "tests/bench/bench_meshes.h"
+
+namespace planish::bench {
+namespace {
+
+int Main(int argc, char** argv) {
+  CLI::App app("Counts the charts of meshes");
+  std::vector<std::string> specs;
+  std::vector<double> limits = {UnwrapOptions().seams.max_stretch};
+  UnwrapOptions options;
+  bool no_pack = false;
+  app.add_option("--max-stretch", limits, "one or several, separated by commas")->delimiter(',');
+  app.add_flag("--no-pack", no_pack, "leaves out the packer, and the cuts that are made for it");
+  AtlasTuning& tuning = options.tuning;
+  app.add_option("--patch-deviation", tuning.patch_deviation);
+  app.add_option("--compactness", tuning.compactness);
+  app.add_option("--widest", tuning.widest, "radians");
+  app.add_option("--estimate-reach", tuning.estimate_reach);
+  app.add_option("--estimate-growth", tuning.estimate_growth);
+  app.add_option("--hull-gain", tuning.hull_gain);
+  app.add_option("meshes", specs)->required();
+  CLI11_PARSE(app, argc, argv);
+  options.pack = !no_pack;
+  std::printf("%-28s %8s %7s %7s %7s %7s %7s %7s %8s %8s\n", "mesh", "limit", "first", "charts", "L2", "seams",
+              "filled", "faults", "charts s", "CPU s");
+  for (const std::string& spec : specs) {
+    const auto mesh = LoadMesh(spec);
+    if (!mesh.ok()) {
+      std::fprintf(stderr, "%s\n", std::string(mesh.status().message()).c_str());
+      return 2;
+    }
+    for (const double limit : limits) {
+      options.seams.max_stretch = limit;
+      int first = 0;
+      UnwrapControl control;
+      const std::clock_t clock = std::clock();
+      std::clock_t since = clock, charts = 0;
+      UnwrapStage stage = UnwrapStage::kVerify;
+      control.on_progress = [&](const UnwrapProgress& progress) {
+        if (first == 0 && progress.stage == UnwrapStage::kSolve) first = progress.chart_count;
+        if (progress.stage == stage) return;
+        const std::clock_t now = std::clock();
+        if (stage == UnwrapStage::kCharts) charts += now - since;
+        stage = progress.stage;
+        since = now;
+      };
+      const auto result = Unwrap(*mesh, options, control);
+      const double seconds = static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC;
+      if (!result.ok()) {
+        std::printf("%-28s %8.3f %s\n", LabelOf(spec).c_str(), limit, std::string(result.status().message()).c_str());
+        continue;
+      }
+      const Quality& q = result->quality;
+      std::printf("%-28s %8.3f %7d %7zu %7.4f %7.2f %7.4f %7lld %8.3f %8.2f\n", LabelOf(spec).c_str(), limit, first,
+                  result->charts.size(), q.stretch_l2, q.seam_length, q.packing_efficiency,
+                  static_cast<long long>(q.overlapping + q.flipped + q.degenerate),
+                  static_cast<double>(charts) / CLOCKS_PER_SEC, seconds);
+      std::fflush(stdout);
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace planish::bench
+
+int main(int argc, char** argv) {
+  return planish::bench::Main(argc, argv);
+}

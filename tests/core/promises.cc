@@ -1,0 +1,104 @@
+#include "tests/core/promises.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "Eigen/Geometry"
+#include "core/base/error.h"
+#include "core/unwrap/distortion.h"
+#include "core/unwrap/verify.h"
+
+namespace planish::testing {
+namespace {
+
+// A face that is thicker, in UV, needs no widening: some units of the last place of a float, and what a solve in double
+// leaves of errors.
+constexpr double kThickForFloat = 1e-6, kThickForDouble = 1e-9;
+
+double LongestEdge(const Mesh& mesh, std::int32_t f) {
+  const Vec3 &a = mesh.positions[mesh.faces[f][0]], &b = mesh.positions[mesh.faces[f][1]],
+             &c = mesh.positions[mesh.faces[f][2]];
+  return std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+}
+
+double Altitude(const Mesh& mesh, std::int32_t f) {
+  const Vec3 &a = mesh.positions[mesh.faces[f][0]], &b = mesh.positions[mesh.faces[f][1]],
+             &c = mesh.positions[mesh.faces[f][2]];
+  const double longest = LongestEdge(mesh, f);
+  return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
+}
+
+// As far as a double can tell.
+bool HasNoArea(const Mesh& mesh, std::int32_t f) {
+  return Altitude(mesh, f) <= 1e-12 * LongestEdge(mesh, f);
+}
+
+// What a chart's stretch may be above the limit (UnwrapOptions): rounding to float, and charts of a few faces.
+constexpr double kSlack = 1.02;
+
+// Root mean square stretch of each chart, widened faces left out.
+std::vector<double> StretchOfCharts(const Mesh& mesh, const UnwrapResult& result) {
+  std::vector<MapSums> sums(result.charts.size());
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+    const bool is_widened = std::binary_search(result.widened.begin(), result.widened.end(), f);
+    if (result.face_chart[f] < 0 || is_widened || HasNoArea(mesh, f)) continue;
+    Vec2 p[3];
+    Vec3 q[3];
+    for (int k = 0; k < 3; ++k) {
+      p[k] = Uv(result.uv, 3 * f + k);
+      q[k] = mesh.positions[mesh.faces[f][k]];
+    }
+    sums[result.face_chart[f]].Add(p, q);
+  }
+  std::vector<double> stretch;
+  for (const MapSums& of_chart : sums) stretch.push_back(of_chart.StretchL2());
+  return stretch;
+}
+
+// Faces that promises leave out.
+std::vector<char> WithoutArea(const Mesh& mesh, const std::vector<std::int32_t>& face_chart) {
+  std::vector<char> ignored(mesh.faces.size());
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) ignored[f] = face_chart[f] < 0 || HasNoArea(mesh, f);
+  return ignored;
+}
+
+}  // namespace
+
+std::vector<std::string> BrokenPromises(const Mesh& mesh, const UnwrapOptions& options,
+                                        const absl::StatusOr<UnwrapResult>& result) {
+  if (!result.ok()) {
+    // A mesh without any area is refused.
+    if (ErrorInfoOf(result.status()).reason == "MESH_FACE_DEGENERATE") return {};
+    return {"refused: " + std::string(result.status().message())};
+  }
+  std::vector<std::string> broken;
+  const std::vector<char> ignored = WithoutArea(mesh, result->face_chart);
+  const OrientationFaults orientation = CheckOrientations(result->uv, {}, ignored);
+  if (orientation.flipped > 0) broken.push_back(std::to_string(orientation.flipped) + " triangles are flipped");
+  if (orientation.degenerate > 0) broken.push_back(std::to_string(orientation.degenerate) + " triangles have no area");
+  const std::vector<std::int32_t> nothing_glued(3 * mesh.faces.size(), -1);
+  const Overlaps overlaps = CheckOverlaps(nothing_glued, result->uv, orientation, {}, ignored);
+  if (overlaps.pairs > 0) broken.push_back(std::to_string(overlaps.pairs) + " pairs of triangles overlap");
+  if (result->quality.flipped + result->quality.degenerate + result->quality.overlapping <
+      orientation.flipped + orientation.degenerate + overlaps.pairs) {
+    broken.push_back("the report says less than that");
+  }
+  const std::vector<double> stretch = StretchOfCharts(mesh, *result);
+  const auto stretched =
+      std::count_if(stretch.begin(), stretch.end(), [&](double s) { return s > kSlack * options.seams.max_stretch; });
+  if (stretched > 0) {
+    broken.push_back(std::to_string(stretched) + " charts are stretched beyond the limit, by " +
+                     std::to_string(*std::max_element(stretch.begin(), stretch.end())));
+  }
+  const double thick = result->precision == Precision::kFloat ? kThickForFloat : kThickForDouble;
+  const double scale = result->texels_per_unit / options.atlas.texture_size;
+  const auto needless = std::count_if(result->widened.begin(), result->widened.end(),
+                                      [&](std::int32_t f) { return Altitude(mesh, f) * scale > thick; });
+  if (needless > 0) broken.push_back(std::to_string(needless) + " faces were widened that need not be");
+  const bool is_outside =
+      std::any_of(result->uv.begin(), result->uv.end(), [&](double x) { return !(x >= 0 && x <= 10); });
+  if (is_outside) broken.push_back("UV lie outside of the tiles");
+  return broken;
+}
+
+}  // namespace planish::testing

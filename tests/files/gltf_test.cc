@@ -1,0 +1,336 @@
+// glTF in and out: what is read, what is kept, what is refused.
+#include <cstring>
+#include <filesystem>
+#include <functional>
+
+#include "Eigen/Geometry"
+#include "client/files/gltf_mesh.h"
+#include "client/files/mesh_output.h"
+#include "gtest/gtest.h"
+#include "tests/files/gltf_fixture.h"
+#include "tests/files/sample_meshes.h"
+
+namespace planish {
+namespace {
+
+MeshFile ReadBytes(const std::string& name, const std::string& bytes, int texcoord = 0) {
+  PutFile(TemporaryPath(name), bytes);
+  absl::StatusOr<MeshFile> file = ReadMeshFile(TemporaryPath(name), {texcoord});
+  EXPECT_TRUE(file.ok()) << file.status();
+  return file.ok() ? *std::move(file) : MeshFile();
+}
+
+std::vector<double> TriangleUv(std::size_t corners) {
+  std::vector<double> uv;
+  for (std::size_t c = 0; c < corners; ++c) {
+    uv.push_back(static_cast<double>(c / 3) / 64 + (c % 3 == 1 ? 0x1p-8 : 0));
+    uv.push_back(c % 3 == 2 ? 0x1p-8 : 0);
+  }
+  return uv;
+}
+
+// One UV per vertex of the file: nothing has to be split.
+std::vector<double> SmoothUv(const PolygonMesh& mesh) {
+  std::vector<double> uv;
+  for (const std::int32_t vertex : mesh.corner_vertex) {
+    uv.push_back(mesh.positions[vertex].x() / 16);
+    uv.push_back((mesh.positions[vertex].y() + 2) / 16);
+  }
+  return uv;
+}
+
+MeshFile Written(const MeshFile& file, const std::vector<double>& uv, const std::string& name, int texcoord = 0) {
+  OutputOptions options;
+  options.path = TemporaryPath(name);
+  options.format = FormatOfPath(name).value();
+  options.texcoord = texcoord;
+  const auto written = WriteMeshWithUv(file, uv, options);
+  EXPECT_TRUE(written.ok()) << written.status();
+  if (!written.ok()) return MeshFile();
+  for (const OutputFile& output : written->files) PutFile(output.path, output.bytes);
+  absl::StatusOr<MeshFile> again = ReadMeshFile(options.path, {texcoord});
+  EXPECT_TRUE(again.ok()) << again.status();
+  return again.ok() ? *std::move(again) : MeshFile();
+}
+
+std::vector<double> UvOf(const PolygonMesh& mesh) {
+  std::vector<double> uv;
+  for (const std::int32_t id : mesh.corner_texcoord) {
+    uv.push_back(mesh.texcoords[id].x());
+    uv.push_back(mesh.texcoords[id].y());
+  }
+  return uv;
+}
+
+// The bytes of an attribute (or morph target) as each corner of a primitive sees them.
+std::vector<std::string> CornerBytes(const MeshFile& file, std::size_t primitive, const std::string& name,
+                                     bool of_target = false) {
+  const GltfMesh& gltf = *file.gltf;
+  const Json& json = PrimitiveJson(gltf.document.json, gltf.primitives[primitive]);
+  const Json& attributes = of_target ? json["targets"][0] : json["attributes"];
+  const GltfAccessor accessor = OpenAccessor(gltf.document, attributes[name].get<std::int64_t>()).value();
+  const std::string bytes = accessor.DenseBytes();
+  std::vector<std::string> result;
+  const std::int64_t begin = 3 * gltf.primitives[primitive].first_polygon;
+  for (std::int64_t c = begin; c < begin + 3 * gltf.primitives[primitive].num_polygons; ++c) {
+    result.push_back(bytes.substr(static_cast<std::size_t>(gltf.corner_vertex[c] * accessor.element_size),
+                                  static_cast<std::size_t>(accessor.element_size)));
+  }
+  return result;
+}
+
+TEST(GltfReader, ReadsEveryKindOfTriangles) {
+  const MeshFile file = ReadBytes("a.glb", SampleGltf().Glb());
+  const PolygonMesh& mesh = file.mesh;
+  // 4 + 4 of the grid, 4 of the strip, 2 without indices; 9 grid points (12 with the seam), 6, and 4 of 6 welded.
+  EXPECT_EQ(mesh.num_polygons(), 14);
+  EXPECT_EQ(mesh.positions.size(), 9u + 6u + 4u);
+  EXPECT_EQ(mesh.material_names, (std::vector<std::string>{"paint", "flat"}));
+  EXPECT_EQ(mesh.group_names, (std::vector<std::string>{"grid", "quantized"}));
+  EXPECT_EQ(mesh.polygon_material, (std::vector<std::int32_t>{0, 0, 0, 0, 1, 1, 1, 1, -1, -1, -1, -1, 1, 1}));
+  EXPECT_EQ(mesh.polygon_group, (std::vector<std::int32_t>{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1}));
+  EXPECT_EQ(mesh.positions.back(), Vec3(1, 1, 0));  // 32767 normalized
+  // The UV of the seam's two sides differ, and v points upwards here.
+  EXPECT_EQ(mesh.corner_vertex[1], mesh.corner_vertex[12]);
+  EXPECT_NE(mesh.corner_texcoord[1], mesh.corner_texcoord[12]);
+  EXPECT_EQ(mesh.texcoords[mesh.corner_texcoord[0]], Vec2(0, 1));
+  EXPECT_EQ(mesh.corner_texcoord[24], -1);
+  // All triangles of the strip look the same way.
+  const Triangulation triangles = Triangulate(mesh);
+  for (std::size_t f = 8; f < 12; ++f) {
+    const Face& face = triangles.mesh.faces[f];
+    const Vec3 a = triangles.mesh.positions[face[0]];
+    const Vec3 normal = (triangles.mesh.positions[face[1]] - a).cross(triangles.mesh.positions[face[2]] - a);
+    EXPECT_GT(normal.z(), 0) << f;
+  }
+}
+
+TEST(GltfWriter, SplitsVerticesWithAllTheirAttributes) {
+  const GltfFixture fixture = SampleGltf();
+  for (const char* name : {"out.glb", "out.gltf"}) {
+    const bool is_binary = FormatOfPath(name) == MeshFormat::kGlb;
+    const MeshFile file = ReadBytes(std::string("in_") + name, is_binary ? fixture.Glb() : fixture.Gltf());
+    const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+    const MeshFile again = Written(file, uv, name);
+    EXPECT_EQ(again.mesh.corner_vertex, file.mesh.corner_vertex);
+    EXPECT_EQ(again.mesh.positions, file.mesh.positions);
+    EXPECT_EQ(UvOf(again.mesh), uv);
+    for (const std::size_t primitive : {0, 1}) {
+      for (const char* attribute :
+           {"POSITION", "NORMAL", "TANGENT", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
+        EXPECT_EQ(CornerBytes(again, primitive, attribute), CornerBytes(file, primitive, attribute)) << attribute;
+      }
+      EXPECT_EQ(CornerBytes(again, primitive, "POSITION", true), CornerBytes(file, primitive, "POSITION", true));
+    }
+    EXPECT_EQ(CornerBytes(again, 3, "NORMAL"), CornerBytes(file, 3, "NORMAL"));
+    // Both primitives go on sharing their vertices.
+    const Json& primitives = again.gltf->document.json["meshes"][0]["primitives"];
+    EXPECT_EQ(primitives[0]["attributes"], primitives[1]["attributes"]);
+    EXPECT_FALSE(primitives[2].contains("mode")) << "a strip cannot hold the seams";
+  }
+}
+
+// The JSON without what a rewritten mesh must change.
+Json Rest(Json json) {
+  for (const char* key : {"meshes", "accessors", "bufferViews", "buffers"}) json.erase(key);
+  return json;
+}
+
+TEST(GltfWriter, KeepsWhatItDoesNotKnow) {
+  const GltfFixture fixture = SampleGltf();
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  const Json& before = file.gltf->document.json;
+  const Json& after = again.gltf->document.json;
+  EXPECT_EQ(Rest(after), Rest(before));
+  EXPECT_EQ(Rest(after).dump(), Rest(before).dump()) << "the order of members";
+  EXPECT_EQ(after["meshes"][0]["extras"], before["meshes"][0]["extras"]);
+  EXPECT_EQ(after["meshes"][0]["primitives"][0]["extras"], before["meshes"][0]["primitives"][0]["extras"]);
+  EXPECT_EQ(after["meshes"][0]["primitives"][3], before["meshes"][0]["primitives"][3]) << "the lines";
+  // Old accessors keep their numbers, and those that no triangle uses their bytes: skin, animation, lines.
+  const std::size_t lines = before["meshes"][0]["primitives"][3]["indices"];
+  for (std::size_t i = lines; i < before["accessors"].size(); ++i) {
+    if (i > lines && i <= lines + 2) continue;  // mesh 1
+    EXPECT_EQ(after["accessors"][i], before["accessors"][i]);
+    EXPECT_EQ(OpenAccessor(again.gltf->document, static_cast<std::int64_t>(i)).value().DenseBytes(),
+              OpenAccessor(file.gltf->document, static_cast<std::int64_t>(i)).value().DenseBytes());
+  }
+  EXPECT_EQ(ViewBytes(again.gltf->document, after["images"][0]["bufferView"], "image").value(),
+            ViewBytes(file.gltf->document, before["images"][0]["bufferView"], "image").value());
+  EXPECT_EQ(after["accessors"][0]["name"], "where");
+  EXPECT_EQ(after["accessors"][0]["max"], before["accessors"][0]["max"]);
+}
+
+TEST(GltfWriter, TouchesNothingElseWhereNothingIsSplit) {
+  const MeshFile file = ReadBytes("in.glb", SampleGltf().Glb());
+  const std::vector<double> uv = SmoothUv(file.mesh);
+  const MeshFile again = Written(file, uv, "out.glb", 0);
+  EXPECT_EQ(UvOf(again.mesh), uv);
+  const Json& before = file.gltf->document.json;
+  const Json& after = again.gltf->document.json;
+  const std::size_t uv_accessor = before["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"];
+  for (std::size_t i = 0; i < before["accessors"].size(); ++i) {
+    if (i == uv_accessor) continue;
+    EXPECT_EQ(after["accessors"][i], before["accessors"][i]) << i;
+  }
+  EXPECT_EQ(after["accessors"][uv_accessor]["componentType"], 5126);
+  EXPECT_EQ(after["meshes"][0]["primitives"][2]["mode"], 5) << "the strip stays one";
+  // Two primitives had no UV before.
+  EXPECT_EQ(after["accessors"].size(), before["accessors"].size() + 2);
+}
+
+TEST(GltfWriter, WritesTheSetThatIsAskedFor) {
+  GltfFixture fixture = SampleGltf();
+  fixture.json["meshes"].erase(1);
+  fixture.json["nodes"].erase(4);
+  fixture.json["scenes"][0]["nodes"] = {0, 1, 2};
+  fixture.json["meshes"][0]["primitives"].erase(2);
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+  const MeshFile again = Written(file, uv, "out.glb", 1);
+  EXPECT_EQ(UvOf(again.mesh), uv);
+  EXPECT_EQ(CornerBytes(again, 0, "TEXCOORD_0"), CornerBytes(file, 0, "TEXCOORD_0"));
+
+  OutputOptions options;
+  options.format = MeshFormat::kGlb;
+  options.texcoord = 2;
+  const absl::Status gap = CheckOutput(file, options);
+  EXPECT_EQ(Reason(gap), "OUTPUT_UNSUPPORTED");
+  EXPECT_NE(gap.message().find("--texcoord=1"), absl::string_view::npos) << gap;
+}
+
+// The second time the UV move to the end of the buffer, the third time nothing moves: no bytes are left behind.
+TEST(GltfWriter, DoesNotGrowWhenWrittenAgain) {
+  const MeshFile file = ReadBytes("in.glb", SampleGltf().Glb());
+  const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+  const MeshFile once = Written(file, uv, "once.glb");
+  const MeshFile twice = Written(once, uv, "twice.glb");
+  const MeshFile thrice = Written(twice, uv, "thrice.glb");
+  EXPECT_LE(twice.bytes.size(), once.bytes.size() + 16);
+  EXPECT_EQ(thrice.bytes == twice.bytes, true);
+}
+
+TEST(GltfWriter, KeepsBuffersAndImagesBesideTheFile) {
+  GltfFixture fixture = SampleGltf();
+  Json& json = fixture.json;
+  json["buffers"] = Json::array({{{"byteLength", fixture.buffer.size()}, {"uri", "da%20ta.bin"}}});
+  json["images"].push_back({{"uri", "tex/wood%20grain.png"}});
+  PutFile(TemporaryPath("da ta.bin"), fixture.buffer);
+  const MeshFile file = ReadBytes("beside.gltf", json.dump(1));
+  std::filesystem::create_directories(std::filesystem::path(TemporaryPath("x")).parent_path() / "sub dir");
+  const MeshFile again = Written(file, SmoothUv(file.mesh), "sub dir/out.gltf");
+  const Json& after = again.gltf->document.json;
+  EXPECT_EQ(after["buffers"][0]["uri"], "out.bin");
+  EXPECT_EQ(after["images"][1]["uri"], "../tex/wood%20grain.png");
+  EXPECT_EQ(again.bytes.substr(0, 5), "{\n \"a") << "indented as it was";
+}
+
+// What the points of a Draco primitive have of an attribute, per corner.
+std::vector<std::string> DracoCorners(const MeshFile& file, std::uint32_t unique_id) {
+  std::vector<std::string> result;
+  const DracoPoints& points = *file.gltf->pools[0].draco;
+  for (const DracoAttribute& attribute : points.attributes) {
+    if (attribute.unique_id != unique_id) continue;
+    for (const Face& face : points.faces) {
+      for (const std::int32_t point : face) {
+        result.push_back(attribute.values.substr(static_cast<std::size_t>(point * attribute.value_size),
+                                                 static_cast<std::size_t>(attribute.value_size)));
+      }
+    }
+  }
+  return result;
+}
+
+TEST(GltfWriter, CompressesWithDracoAgain) {
+  const MeshFile file = ReadBytes("in.glb", SampleDracoGltf().Glb());
+  EXPECT_EQ(file.mesh.num_polygons(), 10);
+  EXPECT_EQ(file.mesh.positions.size(), 9u + 4u) << "the seam is welded";
+  for (const bool seams : {false, true}) {
+    const std::vector<double> uv = seams ? TriangleUv(file.mesh.corner_vertex.size()) : SmoothUv(file.mesh);
+    const MeshFile again = Written(file, uv, "out.glb");
+    EXPECT_EQ(again.mesh.corner_vertex, file.mesh.corner_vertex);
+    EXPECT_EQ(again.mesh.positions, file.mesh.positions);
+    const std::vector<double> found = UvOf(again.mesh);
+    ASSERT_EQ(found.size(), uv.size());
+    for (std::size_t i = 0; i < uv.size(); ++i) EXPECT_NEAR(found[i], uv[i], 1e-7);
+    for (const std::uint32_t id : {7u, 9u}) EXPECT_EQ(DracoCorners(again, id), DracoCorners(file, id)) << id;
+    for (const char* beside : {"TANGENT", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
+      EXPECT_EQ(CornerBytes(again, 0, beside), CornerBytes(file, 0, beside)) << beside;
+    }
+    EXPECT_EQ(CornerBytes(again, 0, "POSITION", true), CornerBytes(file, 0, "POSITION", true));
+    const Json& primitive = again.gltf->document.json["meshes"][0]["primitives"][0];
+    const Json& extension = primitive["extensions"]["KHR_draco_mesh_compression"];
+    EXPECT_EQ(extension["attributes"]["POSITION"], 7);
+    EXPECT_EQ(extension["attributes"]["TEXCOORD_0"], 10);
+    const std::string_view bytes = ViewBytes(again.gltf->document, extension["bufferView"], "draco").value();
+    EXPECT_EQ(DecodeDracoPoints(std::string(bytes), true)->attributes[0].quantization_bits, 12)
+        << "rounded on the same grid again";
+    const std::size_t uv_accessor = primitive["attributes"]["TEXCOORD_0"];
+    EXPECT_FALSE(again.gltf->document.json["accessors"][uv_accessor].contains("bufferView"));
+    EXPECT_EQ(again.gltf->document.json["accessors"][uv_accessor]["count"], again.gltf->pools[0].num_vertices);
+  }
+}
+
+struct Damage {
+  const char* name;
+  std::function<void(Json*)> act;
+  const char* element;
+};
+
+TEST(GltfReader, NamesTheElementAtFault) {
+  const Damage damages[] = {
+      {"position index", [](Json* j) { (*j)["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = 99; },
+       "meshes[1].primitives[0].attributes.POSITION"},
+      {"negative", [](Json* j) { (*j)["meshes"][0]["primitives"][0]["indices"] = -1; },
+       "meshes[0].primitives[0].indices"},
+      {"count", [](Json* j) { (*j)["accessors"][0]["count"] = 13; }, "accessors[0]"},
+      {"huge count", [](Json* j) { (*j)["accessors"][0]["count"] = 9007199254740992; }, "accessors[0]"},
+      {"overflow", [](Json* j) { (*j)["accessors"][0]["count"] = 18446744073709551615u; }, "accessors[0].count"},
+      {"offset", [](Json* j) { (*j)["accessors"][0]["byteOffset"] = 4; }, "accessors[0]"},
+      {"component", [](Json* j) { (*j)["accessors"][1]["componentType"] = 5127; }, "accessors[1].componentType"},
+      {"type", [](Json* j) { (*j)["accessors"][1]["type"] = "VEC5"; }, "accessors[1].type"},
+      {"view", [](Json* j) { (*j)["bufferViews"][0]["byteLength"] = 1e9; }, "bufferViews[0].byteLength"},
+      {"stride", [](Json* j) { (*j)["bufferViews"][0]["byteStride"] = 8; }, "accessors[0]"},
+      {"fewer normals", [](Json* j) { (*j)["accessors"][1]["count"] = 3; },
+       "meshes[0].primitives[0].attributes.NORMAL"},
+      {"sparse order", [](Json* j) { (*j)["accessors"][8]["sparse"]["indices"]["byteOffset"] = 1; },
+       "accessors[8].sparse.indices"},
+      {"zeros", [](Json* j) { (*j)["accessors"][8]["count"] = 1e12; }, "accessors[8].count"},
+      {"mode", [](Json* j) { (*j)["meshes"][0]["primitives"][0]["mode"] = 7; }, "meshes[0].primitives[0].mode"},
+      {"material", [](Json* j) { (*j)["meshes"][0]["primitives"][0]["material"] = 2; },
+       "meshes[0].primitives[0].material"},
+      {"no list", [](Json* j) { (*j)["accessors"] = 3; }, "accessors"},
+      {"version", [](Json* j) { (*j)["asset"]["version"] = "1.0"; }, "asset.version"},
+  };
+  for (const Damage& damage : damages) {
+    GltfFixture fixture = SampleGltf();
+    damage.act(&fixture.json);
+    PutFile(TemporaryPath("bad.glb"), fixture.Glb());
+    const auto file = ReadMeshFile(TemporaryPath("bad.glb"));
+    EXPECT_EQ(Reason(file.status()), "FILE_MALFORMED") << damage.name;
+    EXPECT_NE(std::string(file.status().message()).find(std::string("bad.glb: ") + damage.element + ": "),
+              std::string::npos)
+        << damage.name << ": " << file.status();
+  }
+}
+
+TEST(GltfReader, RefusesWhatItCannotFollow) {
+  const auto reason = [](const std::function<void(Json*)>& act) {
+    GltfFixture fixture = SampleGltf();
+    fixture.json["buffers"] = Json::array({{{"byteLength", fixture.buffer.size()}, {"uri", "none.bin"}}});
+    act(&fixture.json);
+    PutFile(TemporaryPath("far.gltf"), fixture.json.dump());
+    return Reason(ReadMeshFile(TemporaryPath("far.gltf")).status());
+  };
+  EXPECT_EQ(reason([](Json*) {}), "FILE_UNREADABLE");
+  EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "https://example.com/a.bin"; }), "FILE_UNSUPPORTED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "/dev/zero"; }), "FILE_UNSUPPORTED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "../../../../../../../../dev/zero"; }), "FILE_UNREADABLE");
+  EXPECT_EQ(reason([](Json* j) { (*j)["extensionsRequired"].push_back("EXT_meshopt_compression"); }),
+            "FILE_UNSUPPORTED");
+  PutFile(TemporaryPath("deep.gltf"), std::string(100000, '['));
+  EXPECT_EQ(Reason(ReadMeshFile(TemporaryPath("deep.gltf")).status()), "FILE_MALFORMED");
+}
+
+}  // namespace
+}  // namespace planish
