@@ -11,7 +11,7 @@
 # Both are ON by default; the preset "plain" builds without either.
 #
 # A folder whose code waits for others (sockets, files, people) sets PLANISH_OPTIMIZE to -O1, which compiles in half the
-# time of the -O3 that numbers need.
+# time of the -O3 that numbers need. Nothing is optimized with CMAKE_BUILD_TYPE=Debug.
 
 # PCH_OF: both targets must be compiled with the same -O, -std and -f.
 function(planish_precompile target)
@@ -26,6 +26,23 @@ function(planish_precompile target)
   endif()
 endfunction()
 
+function(planish_sanitize target)
+  if(NOT PLANISH_SANITIZE)
+    return()
+  endif()
+  target_compile_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE} -fno-omit-frame-pointer)
+  target_link_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE})
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    # False in std::function and std::variant of libstdc++, where checks of sanitizers lie between.
+    target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
+    if(PLANISH_SANITIZE STREQUAL "thread")
+      # With __SANITIZE_THREAD__ defined, protobuf's headers give map fields two more members, which Debian's library, built
+      # without, knows nothing of. libstdc++ needs _GLIBCXX_TSAN, which it would define from it.
+      target_compile_options(${target} PUBLIC -U__SANITIZE_THREAD__ -D_GLIBCXX_TSAN=1)
+    endif()
+  endif()
+endfunction()
+
 function(planish_compile_options target)
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR})
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast)
@@ -33,7 +50,9 @@ function(planish_compile_options target)
     # GCC 12 sees overlapping copies in std::string concatenation where there are none (GCC bug 105651).
     target_compile_options(${target} PRIVATE -Wno-restrict)
   endif()
-  target_compile_options(${target} PRIVATE ${PLANISH_OPTIMIZE})
+  if(NOT CMAKE_BUILD_TYPE STREQUAL "Debug")
+    target_compile_options(${target} PRIVATE ${PLANISH_OPTIMIZE})
+  endif()
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     # GCC tidies up its memory no sooner than there is half a GB of it: a tenth of the time of a build.
     target_compile_options(${target} PRIVATE --param=ggc-min-heapsize=500000)
@@ -48,14 +67,7 @@ function(planish_compile_options target)
       target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
     endif()
   endif()
-  if(PLANISH_SANITIZE)
-    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-      # False in std::function and std::variant of libstdc++, where checks of sanitizers lie between.
-      target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
-    endif()
-    target_compile_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE} -fno-omit-frame-pointer)
-    target_link_options(${target} PUBLIC -fsanitize=${PLANISH_SANITIZE})
-  endif()
+  planish_sanitize(${target})
 endfunction()
 
 function(planish_library name)
