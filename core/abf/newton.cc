@@ -161,7 +161,12 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     // and Wright 2006, section 15.5). A second-order correction goes back to where the constraints hold: the least step
     // d with B d = -h(x + step).
     NewtonStep correction;
-    PLANISH_RETURN_IF_ERROR(Solve(Eigen::VectorXd::Zero(step.x.size()), trial.h, &correction).status());
+    // Of the trial only h is needed, and memory is at its peak here: its x becomes the gradient 0.
+    trial.sine.resize(0);
+    trial.x.setZero();
+    PLANISH_RETURN_IF_ERROR(Solve(trial.x, trial.h, &correction).status());
+    trial = {};
+    correction.mu = {};
     correction.x += step.x;
     found = correction.x.allFinite() && LargestStepLength(at_.x, correction.x, team_, tuning) == 1 &&
             lowers_merit(correction.x, 1);
