@@ -190,8 +190,9 @@ class SqlJobStore : public JobStore {
   }
 
   absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner) override {
+    // In one order everywhere, so that no two wait for each other.
     const auto works = [&owner](SqlConnection& sql) {
-      return sql.Run("SELECT DISTINCT work FROM jobs WHERE ended = 0 AND state != 1 AND owner = ?",
+      return sql.Run("SELECT DISTINCT work FROM jobs WHERE ended = 0 AND state != 1 AND owner = ? ORDER BY work",
                      {std::string_view(owner)});
     };
     return ForWorks(context, works,
@@ -223,11 +224,13 @@ class SqlJobStore : public JobStore {
     const auto works = [&](SqlConnection& sql) -> absl::StatusOr<SqlRows> {
       PLANISH_ASSIGN_OR_RETURN(now, LeaseUntil(&sql, absl::ZeroDuration()));
       if (!sole_owner.empty()) {
-        return sql.Run("SELECT DISTINCT work FROM jobs WHERE ended = 0 AND state != 1 AND owner != ? LIMIT ?",
-                       {std::string_view(sole_owner), most});
+        return sql.Run(
+            "SELECT DISTINCT work FROM jobs WHERE ended = 0 AND state != 1 AND owner != ? ORDER BY work LIMIT ?",
+            {std::string_view(sole_owner), most});
       }
-      return sql.Run("SELECT DISTINCT work FROM jobs WHERE ended = 0 AND state != 1 AND lease_until <= ? LIMIT ?",
-                     {now, most});
+      return sql.Run(
+          "SELECT DISTINCT work FROM jobs WHERE ended = 0 AND state != 1 AND lease_until <= ? ORDER BY work LIMIT ?",
+          {now, most});
     };
     return ForWorks(context, works, [&](JobTransaction& transaction, JobRow* row, JobChange* change) -> absl::Status {
       JobRecord& record = change->record;
