@@ -83,10 +83,6 @@ class Search {
       if (first == turns_) too_large_ = true;
       poses_[i] = {first % turns_, body.tile, static_cast<int>(std::lround(at.x())),
                    static_cast<int>(std::lround(at.y()))};
-      if (options.shuffle && !too_large_) {
-        while (!RandomPose(static_cast<std::int32_t>(i), &poses_[i])) {
-        }
-      }
       Clamp(static_cast<std::int32_t>(i), &poses_[i]);
       if (!too_large_) Draw(static_cast<std::int32_t>(i), kWeightUnit);
     }

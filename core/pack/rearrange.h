@@ -20,7 +20,6 @@ struct RearrangeOptions {
   double low = 0;                 // charts stay within [low, 1 - low]^2
   double slack = 0.5;             // pixels by which charts may overlap: places are whole numbers of pixels
   int swaps = 0;                  // pairs of charts of about the same size that change places first
-  bool shuffle = false;           // begins with the charts anywhere, instead of where they are
   std::uint64_t seed = 0;
 };
 

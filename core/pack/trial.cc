@@ -166,18 +166,15 @@ class Trial {
       work_ += kKeptWork;
       return *shapes_[Slot(i, turn)];
     }
-    // The same chart a right angle before.
+    // A turn by more than a right angle is always made of the one a right angle before: a silhouette made of the outline
+    // anew could lie elsewhere in its cells.
+    const int quarter = plan_.angles % 4 == 0 ? plan_.angles / 4 : plan_.angles;
     const Shape* before = nullptr;
-    const int quarter = plan_.angles / 4;
-    if (plan_.angles % 4 == 0 && turn >= quarter) {
-      if (keeps) {
-        before = shapes_[Slot(i, turn - quarter)].get();
-      } else if (passing_chart_ == i && passing_turn_ == turn - quarter) {
-        before = &passing_;
-      }
-    }
+    if (turn >= quarter && keeps) before = shapes_[Slot(i, turn - quarter)].get();
+    if (turn >= quarter && passing_chart_ == i && passing_turn_ == turn - quarter) before = &passing_;
     Shape shape;
-    if (before != nullptr) {
+    if (turn >= quarter) {
+      if (before == nullptr) before = &At(i, turn - quarter, level);
       shape.silhouette = QuarterTurn(before->silhouette);
       work_ += kQuarterWork + kCellWork * shape.silhouette.cells;
     } else {

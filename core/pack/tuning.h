@@ -56,8 +56,8 @@ struct PackTuning {
   double order_spread = 0.3, order_step = 1.005, fewest_orders = 8;
   // Their share of the work that is left where tightening follows. Changes in vain after which a new order is taken,
   // the chance that a change is one of a turn, and arrangements that tightening begins with.
-  double orders_share = 0.4;
-  int orders_in_vain = 40;
+  double orders_share = 0.35;
+  int orders_in_vain = 25;
   double turn_chance = 0.3, missing_chance = 0.2;
   int starts = 3;
 

@@ -28,7 +28,8 @@ Mesh MakeMesh(const std::string& name, std::int64_t triangles);
 //   PATH                   a mesh file
 //   PATH@LEVELS            the same after so many Loop subdivisions
 absl::StatusOr<Mesh> LoadMesh(const std::string& spec);
-// Its short name in tables: NAME, FAMILY_TRIANGLES_SEED, the file's name without extension, and _L1 and the like after subdivision.
+// Its short name in tables: NAME, FAMILY_TRIANGLES_SEED, the file's name without extension, and _L1 and the like after
+// subdivision.
 std::string LabelOf(const std::string& spec);
 
 // Loop subdivision with his rules for the boundary: four triangles for one, vertices smoothed. `mesh` must be manifold.
