@@ -57,6 +57,7 @@ Json ChartsJson(const std::vector<ChartReport>& charts) {
                     {"solver", ToString(chart.solver)},
                     {"system", ToString(chart.system)},
                     {"preconditioner", ToString(chart.preconditioner)},
+                    {"preconditioner_note", chart.preconditioner_note},
                     {"hessian", ToString(chart.hessian)},
                     {"converged", chart.converged},
                     {"newton_iterations", chart.newton_iterations},

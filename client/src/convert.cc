@@ -103,6 +103,7 @@ ChartReport FromProto(const v1::ChartReport& proto) {
   chart.solver = EnumFromProto<Solver>(proto.solver());
   chart.system = EnumFromProto<System>(proto.system());
   chart.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
+  chart.preconditioner_note = proto.preconditioner_note();
   chart.hessian = EnumFromProto<Hessian>(proto.hessian());
   chart.converged = proto.converged();
   chart.newton_iterations = proto.newton_iterations();

@@ -214,6 +214,7 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   summary_.linear_failures += before.linear_failures;
   if (!before.linear_failure.empty()) summary_.linear_failure = before.linear_failure;
   if (!before.multigrid_failure.empty()) summary_.multigrid_failure = before.multigrid_failure;
+  if (!before.preconditioner_note.empty()) summary_.preconditioner_note = before.preconditioner_note;
   summary_.convexified_iterations += before.convexified_iterations;
   summary_.indefinite_iterations += before.indefinite_iterations;
   if (options.hessian == HessianType::kAuto && before.indefinite_iterations > 0) summary_.hessian = HessianType::kExact;
@@ -329,6 +330,7 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   result.summary.linear_solves = summary_.linear_solves;
   result.summary.linear_failures = summary_.linear_failures;
   result.summary.linear_failure = summary_.linear_failure;
+  result.summary.preconditioner_note = summary_.preconditioner_note;
   absl::StrAppend(
       &result.summary.stop_message,
       absl::StrFormat(

@@ -105,6 +105,8 @@ struct FlattenSummary {
   PreconditionerType preconditioner = PreconditionerType::kNone;
   bool preconditioner_changed = false;  // multigrid failed on the way, and a Cholesky factorization took its place
   std::string multigrid_failure;        // why multigrid failed; empty if it did not
+  // What multigrid had to do without, and why (StepSolver::left_out); empty if it had everything in every step.
+  std::string preconditioner_note;
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
   bool stopped = false;  // FlattenControl::stop ended the solve early
@@ -115,8 +117,7 @@ struct FlattenSummary {
   // uses their steps only where the merit function falls along them. Solves that a stop cut short do not count.
   int linear_failures = 0;
   // The reason of the first failure, "Newton step 4: iteration limit after 100 iterations, residual 1.2e-03 of the
-  // right-hand side", or why the exact solves on the vertices of weak faces (linalg/patch_preconditioner.h) were left
-  // out; empty if there was neither.
+  // right-hand side"; empty if there was none.
   std::string linear_failure;
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps taken with the exact Hessian where it was not positive, by MINRES

@@ -103,20 +103,20 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
     cut_short_ = true;
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
-    NoteLinearFailure(Describe(solved));
+    if (summary_.linear_failure.empty()) {
+      summary_.linear_failure =
+          absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", Describe(solved));
+    }
   }
   return solved;
-}
-
-void Newton::NoteLinearFailure(const std::string& why) {
-  if (!summary_.linear_failure.empty()) return;
-  summary_.linear_failure = absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", why);
 }
 
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step, double* slope) {
   PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, weak_faces_, control_.cancel));
-  if (!steps_.patch_failure().empty()) NoteLinearFailure(steps_.patch_failure());
+  if (summary_.preconditioner_note.empty() && !steps_.left_out().empty()) {
+    summary_.preconditioner_note = absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", steps_.left_out());
+  }
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
   if (!step->x.allFinite()) return false;
   if (indefinite && solved.termination != LinearTermination::kConverged &&
@@ -161,7 +161,12 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     // and Wright 2006, section 15.5). A second-order correction goes back to where the constraints hold: the least step
     // d with B d = -h(x + step).
     NewtonStep correction;
-    PLANISH_RETURN_IF_ERROR(Solve(Eigen::VectorXd::Zero(step.x.size()), trial.h, &correction).status());
+    // Of the trial only h is needed, and memory is at its peak here: its x becomes the gradient 0.
+    trial.sine.resize(0);
+    trial.x.setZero();
+    PLANISH_RETURN_IF_ERROR(Solve(trial.x, trial.h, &correction).status());
+    trial = {};
+    correction.mu = {};
     correction.x += step.x;
     found = correction.x.allFinite() && LargestStepLength(at_.x, correction.x, team_, tuning) == 1 &&
             lowers_merit(correction.x, 1);

@@ -107,8 +107,6 @@ class Newton {
   void Report(double linear_residual, std::int64_t linear_iterations) const;
   // Writes summary_.stop_message: `why`, and the residuals.
   void DescribeEnd(const std::string& why);
-  // Sets summary_.linear_failure, unless an earlier failure is there already.
-  void NoteLinearFailure(const std::string& why);
 
   const Topology& topology_;
   const TargetAngles& target_;

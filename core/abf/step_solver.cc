@@ -129,29 +129,36 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   });
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   if (renew) {
+    if (std::all_of(z.begin(), z.end(), [](std::complex<double> place) { return place == 0.0; })) {
+      left_out_ = "coarse spaces hold the constants alone: unfolding the triangles overflows";
+    }
     PLANISH_RETURN_IF_ERROR(first ? multigrid_->Build(s, z, topology_.num_interior, team_, interrupter)
                                   : multigrid_->Refresh(s, z, interrupter));
     multigrid_closed_ = !first;
     uses_ = 0;
   }
   preconditioner_ = std::make_unique<MultigridPreconditioner>(multigrid_.get());
-  if (std::vector<std::int32_t> rows = WeakRows(); !rows.empty()) {
-    auto patched = std::make_unique<PatchPreconditioner>(std::move(preconditioner_));
-    const std::int64_t max_bytes = std::max(kLeastPatchBytes, kPatchBytesPerFace * topology_.num_faces());
-    if (const absl::Status set = patched->SetPatch(s, std::move(rows), max_bytes); !set.ok()) {
-      patch_failure_ = std::string(set.message());  // multigrid alone is as good as there is
-    }
-    preconditioner_ = std::move(patched);
-  }
+  SolveWeakRowsExactly(s);
   if (hessian_ != convex_) rounded_matrix_->Assemble(*hessian_, *cot_);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
 
-std::vector<std::int32_t> StepSolver::WeakRows() const {
+void StepSolver::SolveWeakRowsExactly(const BlockMatrix<float>& s) {
   std::vector<std::int32_t> rows = RowsOfFaces(topology_, weak_faces_);
-  if (static_cast<std::int64_t>(rows.size()) * tuning_.step.rows_per_weak_row > topology_.num_rows) return {};
-  return rows;
+  if (rows.empty()) return;
+  constexpr char kWithout[] = "no exact solves on the vertices of weak faces: ";
+  if (static_cast<std::int64_t>(rows.size()) * tuning_.step.rows_per_weak_row > topology_.num_rows) {
+    left_out_ = absl::StrFormat("%sthere are %d of %d, more than one in %d", kWithout, rows.size(), topology_.num_rows,
+                                tuning_.step.rows_per_weak_row);
+    return;
+  }
+  auto patched = std::make_unique<PatchPreconditioner>(std::move(preconditioner_));
+  const std::int64_t max_bytes = std::max(kLeastPatchBytes, kPatchBytesPerFace * topology_.num_faces());
+  if (const absl::Status set = patched->SetPatch(s, std::move(rows), max_bytes); !set.ok()) {
+    left_out_ = absl::StrCat(kWithout, set.message());  // multigrid alone is as good as there is
+  }
+  preconditioner_ = std::move(patched);
 }
 
 absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,

@@ -59,9 +59,9 @@ class StepSolver {
   PreconditionerType preconditioner() const { return preconditioner_type_; }
   // Why multigrid failed; empty if it has not.
   const std::string& multigrid_failure() const { return multigrid_failure_; }
-  // Why some Prepare() could not factorize the rows of weak faces, the latest reason; empty if none failed. Solves go
-  // on with multigrid alone then.
-  const std::string& patch_failure() const { return patch_failure_; }
+  // What multigrid had to do without in some Prepare(), and why, for the latest one; empty if it had everything:
+  // exact solves on the rows of weak faces (linalg/patch_preconditioner.h), or coarse spaces from an unfolding.
+  const std::string& left_out() const { return left_out_; }
 
   // For tests of failed solves: `solver` takes the place of all others, MINRES for indefinite systems included.
   void set_solver(std::unique_ptr<LinearSolver> solver) {
@@ -84,8 +84,9 @@ class StepSolver {
   // of the convex Hessian, unless the one in use is good enough; then `reduced_` gets S of the Hessian.
   absl::Status PrepareMultigrid(const Interrupter* interrupter);
   absl::Status PrepareExact();
-  // The rows of the vertices of weak faces, ascending; none if they are too many (StepTuning::rows_per_weak_row).
-  std::vector<std::int32_t> WeakRows() const;
+  // Adds exact solves on the rows of the vertices of weak faces to the preconditioner, unless there are none, or too
+  // many (StepTuning::rows_per_weak_row). `s` is the matrix that multigrid was made for.
+  void SolveWeakRowsExactly(const BlockMatrix<float>& s);
   // Replaces multigrid, which failed for the reason `why`, by a Cholesky factorization for good; or the error of
   // Solve().
   absl::Status TurnToCholesky(const std::string& why);
@@ -110,7 +111,7 @@ class StepSolver {
   const Eigen::VectorXd *hessian_ = nullptr, *convex_ = nullptr, *cot_ = nullptr;  // of Prepare()
   SparseCholesky factorization_;
   std::unique_ptr<Multigrid> multigrid_;
-  std::string multigrid_failure_, patch_failure_;
+  std::string multigrid_failure_, left_out_;
   // Whether the multigrid's numbers were made after the first step, from an unfolding that nearly closes up.
   bool multigrid_closed_ = false;
   std::unique_ptr<Preconditioner> preconditioner_;

@@ -70,6 +70,7 @@ v1::ChartReport ToProto(const ChartReport& chart) {
   proto.set_barrier(flatten.barrier);
   *proto.mutable_boundary() = ToProto(flatten.boundary);
   proto.set_stretch_l2(chart.stretch_l2);
+  proto.set_preconditioner_note(flatten.preconditioner_note);
   return proto;
 }
 

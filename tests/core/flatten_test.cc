@@ -218,6 +218,21 @@ TEST(Flatten, ReportsThePreconditionerThatTheSizeChose) {
   EXPECT_FALSE(below.preconditioner_changed) << "the size decided, nothing failed";
 }
 
+// Weak faces are those on steep sides of hills. Rows are never ten thousand times as many as their vertices.
+TEST(Flatten, SaysWhatMultigridDidWithout) {
+  const Disc hills(testing::Hills(30, 30, 16));
+  FlattenOptions options;
+  options.preconditioner = PreconditionerType::kAmg;
+  options.tuning.step.rows_per_weak_row = 1;
+  const FlattenSummary whole = hills.Flatten(options).summary;
+  EXPECT_EQ(whole.preconditioner_note, "");
+  options.tuning.step.rows_per_weak_row = 10000;
+  const FlattenSummary part = hills.Flatten(options).summary;
+  EXPECT_NE(part.preconditioner_note.find("no exact solves on the vertices of weak faces: there are "), std::string::npos)
+      << part.preconditioner_note;
+  EXPECT_EQ(part.linear_failures, 0);
+}
+
 // What a sweep over FlattenTuning relies on: each part gets its own constants.
 TEST(Flatten, HandsTheTuningToEveryPart) {
   const Disc hills(testing::Hills(30, 30, 1.5));

@@ -175,6 +175,7 @@ struct ChartReport {
   Solver solver = Solver::kAuto;
   System system = System::kAuto;
   Preconditioner preconditioner = Preconditioner::kAuto;
+  std::string preconditioner_note;  // what multigrid had to do without, and why; or empty
   Hessian hessian = Hessian::kConvex;
   bool converged = false;
   int newton_iterations = 0;

@@ -1,7 +1,9 @@
 #include "tests/server/blobs/power_loss.h"
 
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -14,7 +16,6 @@ namespace {
 
 std::mutex power_mutex;
 PowerLoss* present_loss = nullptr;  // guarded by power_mutex
-
 
 }  // namespace
 
@@ -49,20 +50,28 @@ void PowerLoss::Synced(int fd) {
   errno = error;
 }
 
+bool PowerLoss::Find(const std::filesystem::path& path, Inode* inode, bool* is_folder) {
+  struct statx status = {};
+  if (statx(AT_FDCWD, path.c_str(), 0, STATX_TYPE | STATX_INO | STATX_BTIME, &status) != 0) return false;
+  const std::int64_t birth = status.stx_btime.tv_sec * 1'000'000'000 + status.stx_btime.tv_nsec;
+  *inode = {makedev(status.stx_dev_major, status.stx_dev_minor), status.stx_ino, birth};
+  *is_folder = S_ISDIR(status.stx_mode);
+  return true;
+}
+
 void PowerLoss::Keep(const std::filesystem::path& path) {
-  struct stat status = {};
-  if (stat(path.c_str(), &status) != 0) return;  // removed already
-  if (!S_ISDIR(status.st_mode)) {
-    files_[{status.st_dev, status.st_ino}] = ReadFile(path);
+  Inode inode;
+  bool is_folder = false;
+  if (!Find(path, &inode, &is_folder)) return;  // removed already
+  if (!is_folder) {
+    files_[inode] = ReadFile(path);
     return;
   }
   std::map<std::string, Inode> names;
   for (const auto& entry : std::filesystem::directory_iterator(path)) {
-    struct stat inner = {};
-    if (stat(entry.path().c_str(), &inner) != 0) continue;
-    const Inode inode = {inner.st_dev, inner.st_ino};
+    if (!Find(entry.path(), &inode, &is_folder)) continue;
     names[entry.path().filename()] = inode;
-    if (S_ISDIR(inner.st_mode) || files_.contains(inode)) continue;
+    if (is_folder || files_.contains(inode)) continue;
     const std::string bytes = ReadFile(entry.path());
     unsynced_[inode] = bytes.substr(0, bytes.size() / 2);
   }

@@ -3,11 +3,12 @@
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <mutex>
 #include <string>
-#include <utility>
+#include <tuple>
 
 namespace planish {
 
@@ -34,7 +35,10 @@ class PowerLoss {
   static void Synced(int fd);
 
  private:
-  using Inode = std::pair<dev_t, ino_t>;
+  // Device, inode number and time of birth: numbers are used again once a file is removed.
+  using Inode = std::tuple<dev_t, ino_t, std::int64_t>;
+
+  static bool Find(const std::filesystem::path& path, Inode* inode, bool* is_folder);
 
   void Keep(const std::filesystem::path& path);
   void RescueFolder(const std::filesystem::path& folder, const std::filesystem::path& target) const;
