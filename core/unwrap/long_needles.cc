@@ -13,6 +13,7 @@ namespace {
 
 // Texels that the outline of a thin chart covers across, beside the padding.
 constexpr double kTexelsAcross = 2;
+constexpr int kMostRounds = 8;  // of the search
 
 struct FaceSize {
   double area = 0, longest = 0;
@@ -39,16 +40,20 @@ double AreaOf(const Mesh& mesh, const std::vector<char>& left_out) {
 }  // namespace
 
 std::vector<char> FindLongNeedles(const Mesh& mesh, const AtlasTuning& tuning) {
-  const double total = AreaOf(mesh, {});
-  const double longest = tuning.max_extent * std::sqrt(total);
   std::vector<char> needles;
-  std::int64_t count = 0;
-  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-    const FaceSize size = SizeOf(mesh, mesh.faces[f]);
-    if (size.longest <= longest || 2 * tuning.needle_aspect * size.area > size.longest * size.longest) continue;
-    if (needles.empty()) needles.resize(mesh.faces.size(), 0);
-    needles[f] = 1;
-    ++count;
+  std::int64_t count = 0, before = -1;
+  // Without the longest ones the texture is smaller, and others may be too long for it.
+  for (int round = 0; round < kMostRounds && count > before; ++round) {
+    before = count;
+    const double longest = tuning.max_extent * std::sqrt(AreaOf(mesh, needles));
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+      if (!needles.empty() && needles[f]) continue;
+      const FaceSize size = SizeOf(mesh, mesh.faces[f]);
+      if (size.longest <= longest || 2 * tuning.needle_aspect * size.area > size.longest * size.longest) continue;
+      if (needles.empty()) needles.resize(mesh.faces.size(), 0);
+      needles[f] = 1;
+      ++count;
+    }
   }
   if (static_cast<double>(count) > tuning.needle_faces * static_cast<double>(mesh.faces.size())) return {};
   return needles;
