@@ -42,10 +42,11 @@ double AreaOf(const Mesh& mesh, const std::vector<char>& left_out) {
 std::vector<char> FindLongNeedles(const Mesh& mesh, const AtlasTuning& tuning) {
   std::vector<char> needles;
   std::int64_t count = 0, before = -1;
-  // Without the longest ones the texture is smaller, and others may be too long for it.
+  // Without the longest ones the texture is smaller, and others are too long for it. Where there are any, none is drawn
+  // longer than ReduceLongNeedles() draws those.
   for (int round = 0; round < kMostRounds && count > before; ++round) {
     before = count;
-    const double longest = tuning.max_extent * std::sqrt(AreaOf(mesh, needles));
+    const double longest = (round == 0 ? tuning.max_extent : tuning.needle_length) * std::sqrt(AreaOf(mesh, needles));
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
       if (!needles.empty() && needles[f]) continue;
       const FaceSize size = SizeOf(mesh, mesh.faces[f]);

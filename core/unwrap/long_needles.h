@@ -14,8 +14,8 @@
 
 namespace planish {
 
-// Per face: 1 for needles (AtlasTuning::needle_aspect) that are longer than AtlasTuning::max_extent. Empty if there are
-// none, or not enough else.
+// Per face: 1 for needles (AtlasTuning::needle_aspect) that are longer than AtlasTuning::max_extent, and, if there are
+// any, for those longer than AtlasTuning::needle_length. Empty if there are none, or not enough else.
 std::vector<char> FindLongNeedles(const Mesh& mesh, const AtlasTuning& tuning);
 
 // Per face: how many times its length on the surface a needle is drawn, as much less than 1 as makes all their charts
