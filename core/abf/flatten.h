@@ -79,6 +79,8 @@ struct FlattenControl {
   // After a stop is requested: the largest violation of a constraint that is well enough, radians. On 15 discs, no
   // angles with violations below 0.05 had a flip in their layout; most discs are there after two steps.
   double flat_enough = 2e-2;
+  // Ends, not converged, where angles collapse, instead of going on with a barrier: for charts that can be cut.
+  bool gives_up = false;
   std::function<void(const FlattenProgress&)> on_progress;
   // Works on the solver's loops, and on nothing else meanwhile. Null: the calling thread works alone.
   ThreadTeam* team = nullptr;

@@ -350,7 +350,7 @@ absl::StatusOr<FlattenSummary> Newton::Run() {
   Start();
   if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
-  if (ending == Ending::kStuck) {
+  if (ending == Ending::kStuck && !control_.gives_up) {
     PLANISH_ASSIGN_OR_RETURN(ending, GoOnWithABarrier());
   }
   return Finish(ending);

@@ -43,15 +43,18 @@ void Cut(const Surface& surface, const GivenSeams& seams, std::vector<std::int32
     if (const std::int32_t d = (*opposite)[c]; d >= 0) (*opposite)[c] = (*opposite)[d] = -1;
   };
   for (const std::int32_t c : seams.corners) cut(c);
-  if (!(seams.hard_edge_degrees > 0)) return;
+  if (!(seams.hard_edge_degrees > 0) && seams.kind.empty()) return;
   std::vector<char> is_uncut(opposite->size(), 0);
   for (const std::int32_t c : seams.uncut_corners) {
     if ((*opposite)[c] >= 0) is_uncut[c] = is_uncut[(*opposite)[c]] = 1;
   }
-  const double cosine = portable::Cos(seams.hard_edge_degrees * std::numbers::pi / 180);
+  const bool has_hard = seams.hard_edge_degrees > 0;
+  const double cosine = has_hard ? portable::Cos(seams.hard_edge_degrees * std::numbers::pi / 180) : -2;
   for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite->size()); ++c) {
     const std::int32_t d = (*opposite)[c];
-    if (d > c && !is_uncut[c] && IsHard(surface, c / 3, d / 3, cosine)) cut(c);
+    if (d < c || is_uncut[c]) continue;
+    const bool parts_kinds = !seams.kind.empty() && seams.kind[c / 3] != seams.kind[d / 3];
+    if (parts_kinds || (has_hard && IsHard(surface, c / 3, d / 3, cosine))) cut(c);
   }
 }
 

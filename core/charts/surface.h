@@ -16,6 +16,7 @@ struct GivenSeams {
   // Edges that no other rule may make seams: diagonals of polygons.
   std::vector<std::int32_t> uncut_corners;
   double hard_edge_degrees = 0;  // edges whose faces' normals are further apart than this; 0: none
+  std::vector<char> kind = {};   // per face: edges between faces of different kinds; empty: none
 };
 
 // Constant after construction.

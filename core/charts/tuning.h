@@ -39,8 +39,20 @@ struct AtlasTuning {
 
   // ---- Cuts once maps are known (unwrap/refine.cc). Lengths in sides of the square that all charts would fill.
   double stretch_slack = 1.01;  // of max_stretch: an estimate is not a map
+  // Steps of Newton's method, at most: a chart that takes more is cut. Others take 5 to 8 of them, and up to 20 with a
+  // barrier on the way.
+  int newton_steps = 30;
   double max_extent = 1.4;      // diameter of a chart; longer ones hardly fit
   double whole_area = 0.6;      // of the surface: a chart with more of it may be longer
+
+  // ---- Faces longer than max_extent that no cut shortens (unwrap/long_needles.h). On a mesh of 19,704 faces of which
+  // 4,637 are such needles, the texture was used to 1e-4 when all was drawn to one scale.
+  double needle_aspect = 1e3;   // longest edge over altitude, at least
+  double needle_faces = 0.5;    // of all faces, at most: otherwise needles are what the mesh is made of
+  double needle_length = 0.5;   // at most, when drawn, in sides of the square that all other faces would fill
+  double needle_room = 0.1;     // of the texture that all charts of needles take, padding included, at most
+
+  // ---- Cuts once maps are known, for the packer (pack/necks.h).
   // For the packer: area of convex hulls saved by a cut, in mean areas of charts, for each of 0.05 of the stretch that
   // is allowed: who allows more stretch wants fewer charts.
   double hull_gain = 0.1;

@@ -25,7 +25,9 @@ struct Chart {
   // Per face: what the angles of its map are to be at least, radians (widening.h); 0: those on the surface are kept.
   // Empty: all 0.
   std::vector<double> least_angle;
-  double enlargement = 1;  // the lengths of its map are so many times those on the surface (widening.h)
+  // The lengths of its map are so many times those on the surface: more where its faces are too small as a whole
+  // (widening.h), less where they are too long (long_needles.h).
+  double enlargement = 1;
 
   bool is_widened(std::int32_t f) const { return !least_angle.empty() && least_angle[f] > 0; }
 };

@@ -26,11 +26,12 @@ constexpr double kBytesPerByte = 2;      // encoded bytes, while they are decode
 constexpr double kLooseVerticesPerPiece = 2.5;
 
 constexpr double kSecondsPerByte = 1e-8;
-constexpr double kSecondsPerPiece = 0.2e-3;  // charts and maps
+constexpr double kSecondsPerPiece = 0.1e-3;  // charts and maps
+constexpr double kPackSeconds = 15e-3;       // PackTuning::least_work, which few charts do not use up
 // Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 7e-6, kSolvePower = 0.05;
-constexpr double kMerge = 10e-6, kMergePower = 0.4;
+constexpr double kMerge = 20e-6, kMergePower = 0.2;
 constexpr double kNeeded = 50e-6;         // whole pieces and their cuts, several times over
 constexpr double kFactorization = 4;      // times kSolve
 constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
@@ -72,6 +73,7 @@ double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptio
   if (policy == SeamPolicy::kNeeded) seconds += kNeeded * faces;
   seconds += kSecondsPerPiece * pieces;
   if (options.pack) seconds *= 1 + PackShare(options.atlas.effort);
+  if (options.pack && options.atlas.effort != PackEffort::kFast) seconds += kPackSeconds;
   return seconds;
 }
 

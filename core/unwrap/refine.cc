@@ -10,9 +10,13 @@
 #include "core/mesh/predicates.h"
 #include "core/pack/necks.h"
 #include "core/unwrap/steps.h"
+#include "core/unwrap/widening.h"
 
 namespace planish {
 namespace {
+
+// Calls of WidenCharts() that charts may have which have been cut apart because of faces that did not hold.
+constexpr int kWideningsOfParts = 4;
 
 // The outline of the map, counter-clockwise.
 std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
@@ -128,7 +132,7 @@ std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart
 
 // Whether the chart is to be cut in two, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
-  const auto& [chart, flattening, map, faults, status] = mapped;
+  const auto& [chart, is_few, flattening, map, faults, status] = mapped;
   // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
   // collapse where the chart goes.
   if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten.barrier > 0;
@@ -148,6 +152,48 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) 
   return !is_sound || faults.does_overlap || is_stretched || is_awkward;
 }
 
+// Per face of the chart: whether it is flipped or collapsed as delivered.
+std::vector<char> TurnedFaces(const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored) {
+  std::vector<char> turned(chart.faces.size(), 0);
+  for (std::size_t f = 0; f < turned.size(); ++f) {
+    const std::int32_t c = 3 * chart.faces[f];
+    if (!ignored.empty() && ignored[chart.faces[f]] != 0) continue;
+    turned[f] = Orientation(Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)) <= 0;
+  }
+  return turned;
+}
+
+// Per face, in the order of the segmentation: a part for each of the marked ones, with what it must not be parted from,
+// and one for each connected piece of the others. Empty if that makes no two parts.
+std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, const std::vector<char>& marked) {
+  const Chart& chart = charts.charts[number].chart;
+  const Topology& topology = chart.topology;
+  const Surface& surface = *charts.surface;
+  std::int32_t groups = 0, parts = 0;
+  const std::vector<std::int32_t> group = ConnectedPieces(
+      topology.num_faces(), &groups, [](std::int32_t) { return true; },
+      [&](std::int32_t f, int k) {
+        const std::int32_t o = topology.opposite[3 * f + k];
+        return o >= 0 && surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
+      });
+  std::vector<char> is_alone(groups, 0);
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) is_alone[group[f]] |= marked[f];
+  const std::vector<std::int32_t> part = ConnectedPieces(
+      topology.num_faces(), &parts, [](std::int32_t) { return true; },
+      [&](std::int32_t f, int k) {
+        const std::int32_t o = topology.opposite[3 * f + k];
+        if (o < 0 || group[o / 3] == group[f]) return o < 0 ? -1 : o / 3;
+        return is_alone[group[f]] || is_alone[group[o / 3]] ? -1 : o / 3;
+      });
+  if (parts < 2 || std::find(is_alone.begin(), is_alone.end(), 1) == is_alone.end()) return {};
+  const std::vector<std::int32_t>& faces = charts.segmentation->charts()[number];
+  std::vector<std::int32_t> ordered(part.size());
+  for (std::size_t f = 0; f < part.size(); ++f) {
+    ordered[std::lower_bound(faces.begin(), faces.end(), chart.faces[f]) - faces.begin()] = part[f];
+  }
+  return ordered;
+}
+
 // All that pack better in parts.
 std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const AtlasTuning& tuning, double max_stretch) {
   const double mean_area = charts.total_area / charts.count();
@@ -155,7 +201,7 @@ std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const AtlasTun
                                tuning.cut_width * std::sqrt(charts.total_area)};
   std::vector<Segmentation::Cut> cuts;
   for (std::int32_t i = 0; i < charts.count(); ++i) {
-    const auto& [chart, flattening, map, faults, status] = charts.charts[i];
+    const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
     const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, options);
     if (part.empty()) continue;
     Segmentation::Cut cut = {i};
@@ -202,16 +248,27 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
 
 absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::vector<std::int32_t>* todo,
                                      Charts* charts) {
-  if (delivery.overlaps.pairs == 0 || !job->may_split() || job->execution.IsStopRequested()) return false;
+  const std::int64_t turned = delivery.orientation.flipped + delivery.orientation.degenerate;
+  if (delivery.overlaps.pairs + turned == 0 || !job->may_split() || job->execution.IsStopRequested()) return false;
   std::vector<Segmentation::Cut> cuts;
   for (std::int32_t i = 0; i < charts->count(); ++i) {
-    const auto& [chart, flattening, map, faults, status] = charts->charts[i];
+    const auto& [chart, is_few, flattening, map, faults, status] = charts->charts[i];
     if (chart.faces.size() < 2) continue;
+    Segmentation::Cut apart = {i};
+    if (turned > 0) apart.part = PartFrom(*charts, i, TurnedFaces(chart, delivery.uv, charts->ignored));
+    if (!apart.part.empty()) {
+      cuts.push_back(std::move(apart));
+      continue;
+    }
+    if (delivery.overlaps.pairs == 0) continue;
     const Overlaps found = OverlapsWithin(chart, map, delivery.uv, charts->ignored, job->execution);
     if (found.faces.size() < 2) continue;
     cuts.push_back({i, chart.faces[found.faces[0]], chart.faces[found.faces[1]]});
   }
-  return Split(job, cuts, todo, charts);
+  PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));
+  // What is new may be widened once more.
+  if (goes_on) charts->widenings = std::min(charts->widenings, kMostWidenings - kWideningsOfParts);
+  return goes_on;
 }
 
 }  // namespace planish

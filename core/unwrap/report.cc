@@ -160,7 +160,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   const OrientationFaults& orientation = delivery.orientation;
   const Overlaps& overlaps = delivery.overlaps;
   result.face_chart = charts.FaceChart(job->mesh);
-  for (const auto& [chart, flattening, map, faults, status] : charts.charts) {
+  for (const auto& [chart, is_few, flattening, map, faults, status] : charts.charts) {
     result.charts.push_back({chart.topology.num_faces(), map.flatten, map.is_barycentric,
                              StretchOf(job->mesh, chart, result.uv, charts.ignored, job->execution)});
   }

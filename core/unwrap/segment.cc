@@ -10,6 +10,7 @@
 #include "core/base/timer.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
+#include "core/unwrap/long_needles.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/warnings.h"
 #include "core/unwrap/widening.h"
@@ -53,7 +54,7 @@ std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
 
 std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
   std::vector<std::int32_t> opposite(3 * mesh.faces.size(), -1);
-  for (const auto& [chart, flattening, map, faults, status] : charts) {
+  for (const auto& [chart, is_few, flattening, map, faults, status] : charts) {
     const std::vector<std::int32_t> own = OppositeWithClosedSlits(chart, map);
     for (std::size_t c = 0; c < own.size(); ++c) {
       if (own[c] >= 0) opposite[3 * chart.faces[c / 3] + c % 3] = 3 * chart.faces[own[c] / 3] + own[c] % 3;
@@ -88,9 +89,12 @@ absl::StatusOr<Charts> Segment(Job* job) {
     job->seconds.charts = timer.Restart();
     return charts;
   }
+  const bool by_stretch = seams.policy == SeamPolicy::kAuto;
+  std::vector<char> needles;
+  if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->options.tuning);
   PLANISH_ASSIGN_OR_RETURN(
       Surface surface,
-      MakeSurface(job->mesh, {seams.corners, seams.uncut_corners, seams.hard_edge_degrees}, job->execution));
+      MakeSurface(job->mesh, {seams.corners, seams.uncut_corners, seams.hard_edge_degrees, needles}, job->execution));
   std::vector<char> without_area(surface.num_faces());
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
     charts.total_area += surface.area[f];
@@ -105,24 +109,47 @@ absl::StatusOr<Charts> Segment(Job* job) {
   charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
   WarnOfSurface(surface, charts.ignored, &job->warnings);
   charts.surface = std::make_unique<const Surface>(std::move(surface));
-  const bool by_stretch = seams.policy == SeamPolicy::kAuto;
   charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
                               seams.max_stretch, job->execution, job->options.tuning);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
+  if (!needles.empty()) {
+    charts.reduction =
+        ReduceLongNeedles(job->mesh, needles, charts.segmentation->charts(), job->options, &job->warnings);
+  }
   charts.charts.resize(charts.segmentation->charts().size());
   for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
   job->seconds.charts = timer.Restart();
   return charts;
 }
 
+namespace {
+
+constexpr std::size_t kFewFaces = 3;
+
+// Whether there is an edge inside of the chart at which it may be cut.
+bool CanBeParted(const Surface& surface, const Chart& chart) {
+  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+    if (chart.topology.opposite[c] < 0) continue;
+    if (!surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[c / 3] + c % 3))) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   const Gluing& gluing = charts->segmentation->gluing();
   const std::vector<std::int32_t>& faces = charts->segmentation->charts()[i];
+  charts->charts[i] = {};
   Chart& chart = charts->charts[i].chart;
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
   const TriMesh disc = ChartMesh(gluing, faces, &slits);
   chart = MakeChart(disc, slits, execution.ForOneThread());
+  charts->charts[i].is_few = chart.faces.size() < kFewFaces || !CanBeParted(*charts->surface, chart);
+  if (!charts->reduction.empty()) {
+    for (const std::int32_t f : chart.faces) chart.enlargement = std::min(chart.enlargement, charts->reduction[f]);
+  }
   if (charts->least_angle.empty()) return;
   for (const std::int32_t f : chart.faces) chart.least_angle.push_back(charts->least_angle[f]);
 }

@@ -51,6 +51,10 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedC
     }
   }
   if (!job->may_split() && !mapped->map.flatten.stopped) return absl::OkStatus();
+  if (IsCutAnyway(*job, *mapped) && !mapped->is_few && !execution.IsStopRequested()) {
+    mapped->faults.does_overlap = true;  // for all that is known
+    return absl::OkStatus();
+  }
   mapped->faults = FindFaults(job->mesh, mapped->chart, mapped->map, charts.ignored, charts.resolution, execution);
   // Where more seams are welcome they are better: of 200 maps that ran over themselves, all were stretched too far by a
   // convex outline, at ten times the cost of a split.
@@ -100,6 +104,11 @@ absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std:
   }
   FlattenOptions options = job->options.flatten;
   options.boundary = boundary;
+  // A chart that takes long is better cut, and solved in parts.
+  if (job->options.seams.policy == SeamPolicy::kAuto && !mapped.is_few) {
+    options.max_newton_iterations = std::min(options.max_newton_iterations, job->options.tuning.newton_steps);
+    control.gives_up = !execution.IsStopRequested();
+  }
   return FlattenChart(mapped.chart, AnglesToKeep(job->mesh, mapped.chart, execution), options, control, execution);
 }
 

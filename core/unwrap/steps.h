@@ -8,7 +8,7 @@
 //   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
 //   Deliver()               UV                -> Delivery: the same as delivered, and their faults
 //     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
-//     RefineDelivered()     charts, faults    -> the charts that rounding made overlap, cut, for SolveCharts()
+//     RefineDelivered()     charts, faults    -> the charts that rounding made overlap or turned, cut, for SolveCharts()
 //   Report()                all of that       -> UnwrapResult
 #pragma once
 
@@ -47,6 +47,7 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
+  bool is_few = true;      // of few faces, or those of one polygon: is solved to the end, since a cut may not help
   Flattening flattening;  // from solve to layout
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
@@ -63,6 +64,7 @@ struct Charts {
   // and with the last type that is tried, which faces are widened for.
   double resolution = 0, grain = 0;
   std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
+  std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
   int widenings = 0;                // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;   // no vector: charts are added to many that are large
   bool are_parted = false;          // those that pack better in parts are (Refine)
@@ -136,7 +138,8 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
                  Charts* charts);
 
 // Cuts the charts that overlap themselves as delivered, which those do whose outlines touch themselves when rounding
-// moves them. Like Refine().
+// moves them, and parts faces from them that are still flipped or collapsed, where widening has not helped. Like
+// Refine().
 absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::vector<std::int32_t>* todo,
                                      Charts* charts);
 

@@ -124,13 +124,14 @@ Eigen::VectorXd AnglesToKeep(const Mesh& mesh, const Chart& chart, const Executi
 
 bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::vector<char>& ignored, Chart* chart) {
   ThinFaces thin;
+  const double reduction = std::min(1.0, chart->enlargement);
   for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
     const auto& [a, b, c] = chart->topology.faces[f];
     const Corners p = {map.positions[a], map.positions[b], map.positions[c]};
     thin.AddCorners(p);
     if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
     // Where the map is shrunk, more so than the surface says, the shape of this face is not the reason.
-    const double longest = std::max(LongestEdge(p), LongestEdge(mesh, chart->faces[f]));
+    const double longest = std::max(LongestEdge(p), reduction * LongestEdge(mesh, chart->faces[f]));
     const double altitude = DoubleAreaOf(p) / LongestEdge(p);
     if (altitude >= kLeastAltitude * grain && Orientation(p[0], p[1], p[2]) > 0) continue;
     thin.faces.push_back({f, grain, longest, altitude});
@@ -143,6 +144,7 @@ bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precisio
   const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
   ThinFaces thin;
   bool any_turned = false;
+  const double reduction = std::min(1.0, chart->enlargement);
   for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
     const std::int32_t c = 3 * chart->faces[f];
     const Corners p = {Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)};
@@ -153,7 +155,7 @@ bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precisio
     const bool is_turned = Orientation(p[0], p[1], p[2]) <= 0;
     if (!is_turned && DoubleAreaOf(p) >= kLeastAltitude * grain * LongestEdge(p)) continue;
     any_turned |= is_turned;
-    const double longest = std::max(LongestEdge(p), scale * LongestEdge(mesh, chart->faces[f]));
+    const double longest = std::max(LongestEdge(p), scale * reduction * LongestEdge(mesh, chart->faces[f]));
     thin.faces.push_back({f, grain, longest, 0, is_turned});
   }
   // Needles beside a face that is widened would be squashed.

@@ -1,15 +1,20 @@
-// planish_hunt [--first=N] [--seeds=N] [--faces=N] [--out=DIR] [FAMILY...]: unwraps random members of families of
-// meshes (tests/testing/families.h) and says, a line each, which promises were broken: those of the result
+// planish_hunt [--first=N] [--seeds=N] [--faces=N] [--most-faces=N] [--out=DIR] [FAMILY...]: unwraps random members of
+// families of meshes (tests/testing/families.h) and says, a line each, which promises were broken: those of the result
 // (tests/core/promises.h), and those of the estimate (core/unwrap/estimate.h). Each unwrap is a process of its own that
-// can have no more memory than was estimated (--memory). Exit code 1 if any promise was broken.
+// can have no more memory than was estimated (--memory), and that is ended long after the seconds estimated. Exit code
+// 1 if any promise was broken. With --mesh=FILE (repeatable): of these OBJ files instead.
 #include <malloc.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
+#include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <new>
 #include <sstream>
@@ -21,6 +26,7 @@
 #include "core/unwrap/estimate.h"
 #include "core/unwrap/unwrap.h"
 #include "tests/core/promises.h"
+#include "tests/testing/dice.h"
 #include "tests/testing/families.h"
 
 namespace planish::bench {
@@ -30,12 +36,38 @@ constexpr std::int64_t kBytesPerFace = 8;  // of an encoded mesh, about
 constexpr double kMostSeconds = 3;         // times the estimate, at most
 constexpr double kLeastSeconds = 0.05;     // shorter jobs are not judged by their seconds
 constexpr double kNear = 1.0 / 3;          // of the estimate, and it was a near one
+// CPU seconds after which a process is ended: it hangs.
+constexpr double kHangs = 60, kHangsTimes = 60;
 
 void WriteObj(const std::string& path, const Mesh& mesh) {
   std::ofstream file(path);
   file.precision(17);
   for (const Vec3& p : mesh.positions) file << "v " << p.x() << ' ' << p.y() << ' ' << p.z() << '\n';
   for (const Face& f : mesh.faces) file << "f " << f[0] + 1 << ' ' << f[1] + 1 << ' ' << f[2] + 1 << '\n';
+}
+
+// Positions and faces; polygons become fans.
+Mesh ReadObj(const std::string& path) {
+  Mesh mesh;
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string word;
+    words >> word;
+    if (word == "v") {
+      Vec3 p = Vec3::Zero();
+      words >> p.x() >> p.y() >> p.z();
+      mesh.positions.push_back(p);
+    } else if (word == "f") {
+      std::vector<std::int32_t> corners;
+      while (words >> word) {
+        const auto v = static_cast<std::int32_t>(std::strtol(word.c_str(), nullptr, 10));
+        corners.push_back(v > 0 ? v - 1 : static_cast<std::int32_t>(mesh.num_vertices()) + v);
+      }
+      for (std::size_t k = 2; k < corners.size(); ++k) mesh.faces.push_back({corners[0], corners[k - 1], corners[k]});
+    }
+  }
+  return mesh;
 }
 
 // A line "VmHWM:   1234 kB" of /proc/self/status, in bytes.
@@ -57,11 +89,15 @@ struct Outcome {
   std::vector<std::string> broken;
   double seconds = 0, bytes = 0;  // of CPU and of memory
   std::int64_t charts = 0, widened = 0;
+  double efficiency = 0;
 };
 
 // Numbers on the first line, then a sentence for each broken promise.
-std::string UnwrapInThisProcess(const Mesh& given, const UnwrapOptions& options, std::int64_t most_bytes) {
+std::string UnwrapInThisProcess(const Mesh& given, const UnwrapOptions& options, std::int64_t most_bytes,
+                                double seconds_estimated) {
   const std::int64_t held = StatusBytes("VmRSS");
+  const rlimit cpu = {static_cast<rlim_t>(kHangs + kHangsTimes * seconds_estimated), RLIM_INFINITY};
+  setrlimit(RLIMIT_CPU, &cpu);
   const rlim_t limit = StatusBytes("VmData") + most_bytes;
   const rlimit limits = {limit, RLIM_INFINITY}, none = {RLIM_INFINITY, RLIM_INFINITY};
   setrlimit(RLIMIT_DATA, &limits);
@@ -74,16 +110,18 @@ std::string UnwrapInThisProcess(const Mesh& given, const UnwrapOptions& options,
     const std::int64_t bytes = StatusBytes("VmHWM") - held;
     setrlimit(RLIMIT_DATA, &none);
     text << seconds << ' ' << bytes << ' ' << (result.ok() ? result->charts.size() : 0) << ' '
-         << (result.ok() ? result->widened.size() : 0) << '\n';
+         << (result.ok() ? result->widened.size() : 0) << ' '
+         << (result.ok() ? result->quality.packing_efficiency : 0) << '\n';
     for (const std::string& sentence : testing::BrokenPromises(mesh, options, result)) text << sentence << '\n';
   } catch (const std::bad_alloc&) {
     setrlimit(RLIMIT_DATA, &none);
-    text << "0 0 0 0\nmore memory was needed than the " << most_bytes << " bytes that it may have\n";
+    text << "0 0 0 0 0\nmore memory was needed than the " << most_bytes << " bytes that it may have\n";
   }
   return text.str();
 }
 
-Outcome UnwrapApart(const Mesh& mesh, const UnwrapOptions& options, std::int64_t most_bytes) {
+Outcome UnwrapApart(const Mesh& mesh, const UnwrapOptions& options, std::int64_t most_bytes,
+                    double seconds_estimated) {
   int ends[2] = {};
   Outcome outcome;
   malloc_trim(0);
@@ -91,7 +129,7 @@ Outcome UnwrapApart(const Mesh& mesh, const UnwrapOptions& options, std::int64_t
   if (pipe(ends) != 0) return {{"there is no pipe"}};
   const pid_t child = fork();
   if (child == 0) {
-    const std::string text = UnwrapInThisProcess(mesh, options, most_bytes);
+    const std::string text = UnwrapInThisProcess(mesh, options, most_bytes, seconds_estimated);
     [[maybe_unused]] const ssize_t written = write(ends[1], text.data(), text.size());
     _exit(0);
   }
@@ -103,86 +141,133 @@ Outcome UnwrapApart(const Mesh& mesh, const UnwrapOptions& options, std::int64_t
   close(ends[0]);
   int status = 0;
   if (child < 0 || waitpid(child, &status, 0) != child || status != 0 || text.empty()) {
-    outcome.broken.push_back("the process died, status " + std::to_string(status));
+    const bool hung = WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU;
+    outcome.broken.push_back(hung ? "the process hung" : "the process died, status " + std::to_string(status));
     return outcome;
   }
   std::istringstream lines(text);
-  lines >> outcome.seconds >> outcome.bytes >> outcome.charts >> outcome.widened;
+  lines >> outcome.seconds >> outcome.bytes >> outcome.charts >> outcome.widened >> outcome.efficiency;
   lines.ignore();
   for (std::string line; std::getline(lines, line);) outcome.broken.push_back(line);
   return outcome;
 }
 
+// Of the mesh of this seed: as many sizes between one and ten times `least` as between ten and a hundred times.
+int SizeOf(std::uint64_t seed, int least, int most) {
+  if (most <= least) return least;
+  testing::Dice dice(seed + 77);
+  return static_cast<int>(least * std::pow(1.0 * most / least, dice.In(0, 1)));
+}
+
+// What was found so far.
+class Hunt {
+ public:
+  Hunt(const UnwrapOptions& options, double memory, const std::string& out)
+      : options_(options), memory_(memory), out_(out) {}
+
+  void Try(const std::string& name, const Mesh& mesh) {
+    const Estimate estimate =
+        EstimateUnwrap(mesh.num_faces(), mesh.num_vertices(), kBytesPerFace * mesh.num_faces(), options_);
+    Outcome outcome =
+        UnwrapApart(mesh, options_, static_cast<std::int64_t>(memory_ * static_cast<double>(estimate.peak_bytes)),
+                    estimate.seconds);
+    const double of_seconds = outcome.seconds / estimate.seconds;
+    const double of_bytes = outcome.bytes / static_cast<double>(estimate.peak_bytes);
+    if (of_seconds > kMostSeconds && outcome.seconds > kLeastSeconds) {
+      outcome.broken.push_back(std::to_string(outcome.seconds) + " s, " + std::to_string(of_seconds) +
+                               " times the estimate");
+    }
+    if (of_bytes > 1) {
+      outcome.broken.push_back(std::to_string(static_cast<std::int64_t>(outcome.bytes)) + " bytes, " +
+                               std::to_string(of_bytes) + " times the estimate");
+    }
+    near_seconds_ += of_seconds >= kNear;
+    near_bytes_ += of_bytes >= kNear;
+    most_seconds_ = std::max(most_seconds_, of_seconds);
+    most_bytes_ = std::max(most_bytes_, of_bytes);
+    slowest_ = std::max(slowest_, outcome.seconds);
+    ++of_family_;
+    triangles_ += mesh.num_faces();
+    charts_ += outcome.charts;
+    widened_ += outcome.widened;
+    efficiency_ += outcome.efficiency;
+    if (outcome.broken.empty()) return;
+    ++family_failed_;
+    std::printf("%s (%lld triangles):", name.c_str(), static_cast<long long>(mesh.num_faces()));
+    for (const std::string& sentence : outcome.broken) std::printf(" %s;", sentence.c_str());
+    std::printf("\n");
+    std::fflush(stdout);
+    if (!out_.empty()) WriteObj(out_ + "/" + name + ".obj", mesh);
+  }
+
+  // Prints the figures since the last call.
+  void EndFamily(const std::string& family) {
+    std::printf(
+        "%-16s %d of %d broke a promise; %lld triangles (%lld widened), %lld charts, efficiency %.2f; the slowest %.2f s; of the "
+        "estimates at most %.2f of seconds, %.2f of bytes; a third or more in %d and %d\n",
+        family.c_str(), family_failed_, of_family_, static_cast<long long>(triangles_),
+        static_cast<long long>(widened_), static_cast<long long>(charts_), efficiency_ / std::max(of_family_, 1), slowest_, most_seconds_, most_bytes_,
+        near_seconds_, near_bytes_);
+    std::fflush(stdout);
+    tried_ += of_family_;
+    failed_ += family_failed_;
+    of_family_ = family_failed_ = near_seconds_ = near_bytes_ = 0;
+    most_seconds_ = most_bytes_ = slowest_ = efficiency_ = 0;
+    triangles_ = charts_ = widened_ = 0;
+  }
+
+  int End() const {
+    std::printf("%d of %d broke a promise\n", failed_, tried_);
+    return failed_ > 0 ? 1 : 0;
+  }
+
+ private:
+  const UnwrapOptions& options_;
+  const double memory_;
+  const std::string& out_;
+  int tried_ = 0, failed_ = 0;
+  int of_family_ = 0, family_failed_ = 0, near_seconds_ = 0, near_bytes_ = 0;
+  double most_seconds_ = 0, most_bytes_ = 0, slowest_ = 0, efficiency_ = 0;
+  std::int64_t triangles_ = 0, charts_ = 0, widened_ = 0;
+};
+
 int Main(int argc, char** argv) {
   CLI::App app("Looks for meshes on which Unwrap() breaks a promise");
   std::uint64_t first = 1;
-  int seeds = 100, faces = 2000;
+  int seeds = 100, faces = 2000, most_faces = 0;
   bool as_float = false;
   double memory = 1;
   std::string out;
-  std::vector<std::string> families;
+  std::vector<std::string> families, files;
+  UnwrapOptions options;
   app.add_option("--first", first, "the first seed");
   app.add_option("--seeds", seeds, "so many of each family");
   app.add_option("--faces", faces, "about so many triangles each");
+  app.add_option("--most-faces", most_faces, "random sizes, from --faces to so many");
+  app.add_option("--max-stretch", options.seams.max_stretch);
   app.add_option("--out", out, "an existing folder, for the meshes on which promises were broken (OBJ)");
   app.add_flag("--float", as_float, "deliver float, even where only double keeps every triangle");
   app.add_option("--memory", memory, "a process may have so many times the memory that was estimated");
+  app.add_option("--mesh", files, "OBJ files instead of families");
   app.add_option("families", families);
   CLI11_PARSE(app, argc, argv);
-  if (families.empty()) families = testing::Families();
-  UnwrapOptions options;
   if (as_float) options.precision = Precision::kFloat;
-  int tried = 0, failed = 0;
-  for (const std::string& family : families) {
-    int of_family = 0, family_failed = 0, near_seconds = 0, near_bytes = 0;
-    double most_seconds = 0, most_bytes = 0, slowest = 0;
-    std::int64_t triangles = 0, charts = 0, widened = 0;
-    for (std::uint64_t seed = first; seed < first + static_cast<std::uint64_t>(seeds); ++seed) {
-      const Mesh mesh = testing::MakeFamily(family, seed, faces);
-      if (mesh.faces.empty()) continue;
-      const Estimate estimate =
-          EstimateUnwrap(mesh.num_faces(), mesh.num_vertices(), kBytesPerFace * mesh.num_faces(), options);
-      Outcome outcome =
-          UnwrapApart(mesh, options, static_cast<std::int64_t>(memory * static_cast<double>(estimate.peak_bytes)));
-      const double of_seconds = outcome.seconds / estimate.seconds;
-      const double of_bytes = outcome.bytes / static_cast<double>(estimate.peak_bytes);
-      if (of_seconds > kMostSeconds && outcome.seconds > kLeastSeconds) {
-        outcome.broken.push_back(std::to_string(outcome.seconds) + " s, " + std::to_string(of_seconds) +
-                                 " times the estimate");
-      }
-      if (of_bytes > 1) {
-        outcome.broken.push_back(std::to_string(static_cast<std::int64_t>(outcome.bytes)) + " bytes, " +
-                                 std::to_string(of_bytes) + " times the estimate");
-      }
-      near_seconds += of_seconds >= kNear;
-      near_bytes += of_bytes >= kNear;
-      most_seconds = std::max(most_seconds, of_seconds);
-      most_bytes = std::max(most_bytes, of_bytes);
-      slowest = std::max(slowest, outcome.seconds);
-      ++of_family;
-      triangles += mesh.num_faces();
-      charts += outcome.charts;
-      widened += outcome.widened;
-      if (outcome.broken.empty()) continue;
-      ++family_failed;
-      const std::string name = family + "-" + std::to_string(seed) + "-" + std::to_string(faces);
-      std::printf("%s (%lld triangles):", name.c_str(), static_cast<long long>(mesh.num_faces()));
-      for (const std::string& sentence : outcome.broken) std::printf(" %s;", sentence.c_str());
-      std::printf("\n");
-      std::fflush(stdout);
-      if (!out.empty()) WriteObj(out + "/" + name + ".obj", mesh);
-    }
-    std::printf(
-        "%-16s %d of %d broke a promise; %lld triangles (%lld widened), %lld charts; the slowest %.2f s; of the "
-        "estimates at most %.2f of seconds, %.2f of bytes; a third or more in %d and %d\n",
-        family.c_str(), family_failed, of_family, static_cast<long long>(triangles), static_cast<long long>(widened),
-        static_cast<long long>(charts), slowest, most_seconds, most_bytes, near_seconds, near_bytes);
-    std::fflush(stdout);
-    tried += of_family;
-    failed += family_failed;
+  Hunt hunt(options, memory, out);
+  for (const std::string& file : files) {
+    const Mesh mesh = ReadObj(file);
+    if (!mesh.faces.empty()) hunt.Try(std::filesystem::path(file).stem(), mesh);
+    hunt.EndFamily(std::filesystem::path(file).filename());
   }
-  std::printf("%d of %d broke a promise\n", failed, tried);
-  return failed > 0 ? 1 : 0;
+  if (families.empty() && files.empty()) families = testing::Families();
+  for (const std::string& family : families) {
+    for (std::uint64_t seed = first; seed < first + static_cast<std::uint64_t>(seeds); ++seed) {
+      const int wanted = SizeOf(seed, faces, most_faces);
+      const Mesh mesh = testing::MakeFamily(family, seed, wanted);
+      if (!mesh.faces.empty()) hunt.Try(family + "-" + std::to_string(seed) + "-" + std::to_string(wanted), mesh);
+    }
+    hunt.EndFamily(family);
+  }
+  return hunt.End();
 }
 
 }  // namespace

@@ -28,6 +28,11 @@ double Altitude(const Mesh& mesh, std::int32_t f) {
   return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
 }
 
+double LongestInUv(const UnwrapResult& result, std::int32_t f) {
+  const Vec2 a = Uv(result.uv, 3 * f), b = Uv(result.uv, 3 * f + 1), c = Uv(result.uv, 3 * f + 2);
+  return std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+}
+
 // As far as a double can tell.
 bool HasNoArea(const Mesh& mesh, std::int32_t f) {
   return Altitude(mesh, f) <= 1e-12 * LongestEdge(mesh, f);
@@ -91,9 +96,13 @@ std::vector<std::string> BrokenPromises(const Mesh& mesh, const UnwrapOptions& o
                      std::to_string(*std::max_element(stretch.begin(), stretch.end())));
   }
   const double thick = result->precision == Precision::kFloat ? kThickForFloat : kThickForDouble;
-  const double scale = result->texels_per_unit / options.atlas.texture_size;
+  const double atlas_scale = result->texels_per_unit / options.atlas.texture_size;
   const auto needless = std::count_if(result->widened.begin(), result->widened.end(),
-                                      [&](std::int32_t f) { return Altitude(mesh, f) * scale > thick; });
+                                      [&](std::int32_t f) {
+                                        const double scale =
+                                            std::min(atlas_scale, LongestInUv(*result, f) / LongestEdge(mesh, f));
+                                        return Altitude(mesh, f) * scale > thick;
+                                      });
   if (needless > 0) broken.push_back(std::to_string(needless) + " faces were widened that need not be");
   const bool is_outside =
       std::any_of(result->uv.begin(), result->uv.end(), [&](double x) { return !(x >= 0 && x <= 10); });

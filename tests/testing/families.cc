@@ -12,23 +12,17 @@
 
 #include "Eigen/Geometry"
 #include "tests/testing/dice.h"
+#include "tests/testing/hard_families.h"
 #include "tests/testing/isosurfaces.h"
 
 namespace planish::testing {
-namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-// ---- parts of assemblies
-
-// Joins meshes; nothing is welded.
 void Append(const Mesh& part, Mesh* mesh) {
   const auto first = static_cast<std::int32_t>(mesh->positions.size());
   mesh->positions.insert(mesh->positions.end(), part.positions.begin(), part.positions.end());
   for (const Face& face : part.faces) mesh->faces.push_back({first + face[0], first + face[1], first + face[2]});
 }
 
-// Vertices of equal positions become one.
 Mesh Weld(const Mesh& mesh) {
   Mesh welded;
   std::map<std::array<double, 3>, std::int32_t> ids;
@@ -42,6 +36,45 @@ Mesh Weld(const Mesh& mesh) {
   for (const Face& face : mesh.faces) welded.faces.push_back({id[face[0]], id[face[1]], id[face[2]]});
   return welded;
 }
+
+void CutByPlane(const Vec3& point, const Vec3& normal, Mesh* mesh) {
+  std::map<std::pair<std::int32_t, std::int32_t>, std::int32_t> ids;
+  std::vector<double> height;
+  for (const Vec3& p : mesh->positions) height.push_back(normal.dot(p - point));
+  std::vector<Face> faces;
+  const auto cut = [&](std::int32_t a, std::int32_t b) {
+    const auto [at, is_new] = ids.emplace(std::minmax(a, b), static_cast<std::int32_t>(mesh->positions.size()));
+    if (is_new) {
+      const double t = height[a] / (height[a] - height[b]);
+      const Vec3 p = mesh->positions[a] + t * (mesh->positions[b] - mesh->positions[a]);
+      mesh->positions.push_back(p);
+    }
+    return at->second;
+  };
+  for (const Face& face : mesh->faces) {
+    int alone = -1;
+    for (int k = 0; k < 3; ++k) {
+      const bool here = height[face[k]] < 0;
+      if (here != (height[face[Next(k)]] < 0) && here != (height[face[Prev(k)]] < 0)) alone = k;
+    }
+    if (alone < 0) {
+      faces.push_back(face);
+      continue;
+    }
+    const std::int32_t a = face[alone], b = face[Next(alone)], c = face[Prev(alone)];
+    const std::int32_t p = cut(a, b), q = cut(a, c);
+    faces.push_back({a, p, q});
+    faces.push_back({p, b, c});
+    faces.push_back({p, c, q});
+  }
+  mesh->faces = std::move(faces);
+}
+
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+// ---- parts of assemblies
 
 // A closed surface between two loops and their middles: loops of equal length, each from the last by triangles.
 Mesh Lathe(const std::vector<std::vector<Vec3>>& loops, bool has_caps) {
@@ -222,40 +255,6 @@ Mesh Quantized(Dice& dice, int faces) {
   return dice.OneIn(2) ? Weld(mesh) : mesh;
 }
 
-// Cuts every face that the plane through `point` crosses.
-void CutByPlane(const Vec3& point, const Vec3& normal, Mesh* mesh) {
-  std::map<std::pair<std::int32_t, std::int32_t>, std::int32_t> ids;
-  std::vector<double> height;
-  for (const Vec3& p : mesh->positions) height.push_back(normal.dot(p - point));
-  std::vector<Face> faces;
-  const auto cut = [&](std::int32_t a, std::int32_t b) {
-    const auto [at, is_new] = ids.emplace(std::minmax(a, b), static_cast<std::int32_t>(mesh->positions.size()));
-    if (is_new) {
-      const double t = height[a] / (height[a] - height[b]);
-      const Vec3 p = mesh->positions[a] + t * (mesh->positions[b] - mesh->positions[a]);
-      mesh->positions.push_back(p);
-    }
-    return at->second;
-  };
-  for (const Face& face : mesh->faces) {
-    int alone = -1;
-    for (int k = 0; k < 3; ++k) {
-      const bool here = height[face[k]] < 0;
-      if (here != (height[face[Next(k)]] < 0) && here != (height[face[Prev(k)]] < 0)) alone = k;
-    }
-    if (alone < 0) {
-      faces.push_back(face);
-      continue;
-    }
-    const std::int32_t a = face[alone], b = face[Next(alone)], c = face[Prev(alone)];
-    const std::int32_t p = cut(a, b), q = cut(a, c);
-    faces.push_back({a, p, q});
-    faces.push_back({p, b, c});
-    faces.push_back({p, c, q});
-  }
-  mesh->faces = std::move(faces);
-}
-
 Mesh Slivers(Dice& dice, int faces) {
   Mesh mesh = dice.OneIn(2) ? Plate(dice) : BevelledBox(dice);
   while (mesh.num_faces() < faces) {
@@ -354,8 +353,11 @@ Mesh WithoutRepeatedCorners(Mesh mesh) {
 }  // namespace
 
 std::vector<std::string> Families() {
-  return {"surface_nets", "sparse_nets", "dual_contouring", "marching_cubes", "assembly", "high_genus",
-          "quantized",    "slivers",     "skirts",          "pages",          "soup"};
+  std::vector<std::string> names = {"surface_nets", "sparse_nets", "dual_contouring", "marching_cubes",
+                                    "assembly",     "high_genus",  "quantized",       "slivers",
+                                    "skirts",       "pages",       "soup"};
+  for (std::string& name : HardFamilies()) names.push_back(std::move(name));
+  return names;
 }
 
 Mesh MakeFamily(const std::string& family, std::uint64_t seed, int faces) {
@@ -385,7 +387,7 @@ Mesh MakeFamily(const std::string& family, std::uint64_t seed, int faces) {
   if (family == "skirts") return WithoutRepeatedCorners(Skirts(dice, faces));
   if (family == "pages") return WithoutRepeatedCorners(Pages(dice, faces));
   if (family == "soup") return WithoutRepeatedCorners(Soup(dice, faces));
-  return {};
+  return WithoutRepeatedCorners(MakeHardFamily(family, seed, faces));
 }
 
 }  // namespace planish::testing

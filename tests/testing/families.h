@@ -16,14 +16,27 @@ std::vector<std::string> Families();
 // A member of about `faces` triangles (at least some dozen, at most a few times as many):
 //   surface_nets, sparse_nets, dual_contouring, marching_cubes   isosurfaces of random fields, some with noise
 //   assembly       bevelled boxes, tubes, gears and plates with holes: welded, touching, intersecting; some parts
-//   twice,
-//                  turned inside out, or with T-junctions
+//                  twice, turned inside out, or with T-junctions
 //   high_genus     a lattice of tubes
 //   quantized      a bumpy sphere, decimated and rounded to a coarse grid: needles, faces without area, folds
 //   slivers        a plate cut by planes that nearly meet its vertices, as boolean operations leave it
 //   skirts         photogrammetry tiles: height fields with vertical skirts
 //   pages          sheets that touch along common edges, like a book
 //   soup           triangles that share vertices at random
+// and those of tests/testing/hard_families.h:
+//   far_away       any of these but soup, a million units from the origin, in float or double
+//   scaled         the same, 1e-8 to 1e8 times as large, some squeezed along an axis
+//   damaged        faces missing, doubled, turned over; vertices joined, pulled together, without a face
+//   thin_sheet     a shell that is thinner than its noise
+//   one_sided      Moebius strips, Klein bottles and tori that run through each other
+//   decimated      edges collapsed at random: folds, needles, edges of many faces
+//   levels         terrain in tiles of different resolutions: T-junctions
+//   turned         cylinders and cones by fans of needles, some with a tip of almost no size
+//   ribbons        bands and wires up to a million times as long as wide
+//   crumbs         very many pieces of a few triangles each, of all sizes
+//   spikes         a sphere with vertices far out
+//   cut_up         isosurfaces and assemblies cut by planes that nearly go through vertices
+//   folded         planar sheets folded onto themselves, with needles
 Mesh MakeFamily(const std::string& family, std::uint64_t seed, int faces);
 
 }  // namespace planish::testing
