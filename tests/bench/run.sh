@@ -324,8 +324,8 @@ in the same round. \"Whole command\" has start, reading and writing as well.
 - planish: \`planish unwrap --threads=1\`, seconds of its report from charts to the verifier.
 - Meshes named NAME_TRIANGLES_SEED are made by \`tests/testing/families.h\`. \`assembly\` is parts as of hard-surface models: welded,
   touching, intersecting, some turned inside out or doubled.
-- $(blender_version): Smart UV Project at 66 degrees, then Pack Islands, seconds of these operators; 1/$size of the texture
-  stays free round each chart, by the exact margin method.
+$(command -v blender >/dev/null && echo "- $(blender_version): Smart UV Project at 66 degrees, then Pack Islands, seconds of these
+  operators; 1/$size of the texture stays free round each chart, by the exact margin method.")
 - xatlas$about: given up after ${LIMIT:-300} s; called as \`gltf-transform unwrap\` calls it, but with the padding, for which that has no
   flag, on the welded mesh without normals; seconds of xatlas alone. Where its atlas is not within 2 % of $size texels, its charts
   are packed again at that size, off the clock; charts keep their distance in texels of the size that comes out.
