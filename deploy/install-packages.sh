@@ -12,13 +12,13 @@ build="
   g++ cmake ninja-build
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
   libeigen3-dev libopenmesh-dev libdraco-dev
-  libpng-dev libsqlite3-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
+  libpng-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
   libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev"
 
 # What only the tests need. PROGRAM:PACKAGE: the package, unless there is such a program already, whoever made it. Blender,
 # Node.js and kubectl are used where they are installed; tests/allowed_skips.txt says why they are not here.
 test="
-  libgtest-dev libgmock-dev
+  libgtest-dev libgmock-dev postgresql-15
   haproxy:haproxy nginx:nginx promtool:prometheus zsh:zsh man:man-db openssl:openssl"
 
 # What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/files reads its files with
@@ -87,7 +87,9 @@ find_missing
 log=$(mktemp)
 policy=/usr/sbin/policy-rc.d
 mark="of planish's install-packages"
+cluster=/etc/postgresql-common/createcluster.d/planish.conf
 our_policy=''
+our_cluster=''
 before=''
 enabled_services() {
   find /etc/systemd/system/multi-user.target.wants -name '*.service' 2>/dev/null | sort
@@ -103,6 +105,7 @@ clean_up() {
     done
   fi
   [ -z "$our_policy" ] || $sudo rm -f "$policy"
+  [ -z "$our_cluster" ] || $sudo rm -f "$cluster"
   rm -f "$log"
 }
 trap clean_up EXIT
@@ -123,12 +126,19 @@ apt update
 
 # The tests want programs, not services. Packages ask policy-rc.d before they start one; ours forbids it. One that is there
 # already is somebody else's and stays as it is, unless an earlier run of this was killed and could not remove its own.
-# PostgreSQL would make a cluster besides: `create_main_cluster = false` in /etc/postgresql-common/createcluster.conf.
+# PostgreSQL would make a cluster besides; the tests make their own, in temporary folders.
 before=$(echo "before:"; enabled_services)
 if ! [ -e "$policy" ] || grep -qF "$mark" "$policy"; then
   our_policy=yes
   # shellcheck disable=SC2016  # for the inner shell
   $sudo sh -c 'printf "#!/bin/sh\n# %s\nexit 101\n" "$2" >"$1" && chmod 755 "$1"' sh "$policy" "$mark"
 fi
+case $missing in
+  *postgresql*)
+    our_cluster=yes
+    $sudo mkdir -p "${cluster%/*}"
+    echo "create_main_cluster = false" | $sudo tee "$cluster" >/dev/null
+    ;;
+esac
 # shellcheck disable=SC2086  # a list of words
 apt install -y --no-install-recommends $missing

@@ -13,7 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
 #include "server/config/choice.h"
-#include "server/jobs/ids.h"
+#include "server/store/ids.h"
 #include "server/memory_limit.h"
 
 namespace planish {

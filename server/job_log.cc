@@ -8,7 +8,7 @@
 #include "core/base/trace_context.h"
 #include "google/protobuf/util/time_util.h"
 #include "google/rpc/error_details.pb.h"
-#include "server/jobs/lifecycle.h"
+#include "server/store/lifecycle.h"
 
 namespace planish {
 namespace {

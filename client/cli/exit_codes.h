@@ -1,5 +1,7 @@
-// What the command's exit codes mean (DESIGN.md, section 6).
+// What the command's exit codes mean.
 #pragma once
+
+#include <string>
 
 #include "planish/error.h"
 
@@ -14,8 +16,9 @@ enum ExitCode : int {
 };
 
 inline ExitCode ExitCodeOf(const Error& error) {
-  if (error.reason().rfind("FILE_", 0) == 0 || error.reason() == "OPTIONS_INVALID" ||
-      error.reason() == "OUTPUT_UNSUPPORTED" || error.reason().rfind("BATCH_", 0) == 0) {
+  const std::string& reason = error.reason();
+  if (reason.rfind("FILE_", 0) == 0 || reason.rfind("BATCH_", 0) == 0 || reason == "OPTIONS_INVALID" ||
+      reason == "REQUEST_INVALID" || reason == "OUTPUT_UNSUPPORTED") {
     return kUsage;
   }
   if (error.code() == ErrorCode::kUnauthenticated || error.code() == ErrorCode::kPermissionDenied) return kUsage;

@@ -1,4 +1,4 @@
-// The JSON that planish prints (DESIGN.md, section 6).
+// The JSON that planish prints.
 #pragma once
 
 #include <string>

@@ -23,10 +23,12 @@ double ForcingTerm(double residual, double tolerance, const ForcingTuning& tunin
 // The forcing terms by the error and by what is left of each constraint, for solvers with a good preconditioner. What
 // the solve leaves of the constraints, to first order, is its residual. (Of the gradient it leaves nothing: x and the
 // multipliers of the triangles are recovered exactly.)
-std::vector<RoughTolerance> RoughForcing(const Residual& residual, double tolerance, const ForcingTuning& tuning) {
+std::vector<RoughTolerance> RoughForcing(const Residual& residual, double violations, double tolerance,
+                                         const ForcingTuning& tuning) {
   const double constraints = std::max({residual.triangle, residual.vertex, residual.wheel});
   return {{.energy = std::min(tuning.error_of_residual * residual.Max(), tuning.max_error),
-           .residual = tuning.constraints_left * constraints},
+           .residual = tuning.constraints_left * constraints,
+           .residual_sum = tuning.violations_left * violations},
           {.energy = tuning.max_last_error, .residual = tuning.tolerance_left * tolerance}};
 }
 
@@ -80,7 +82,8 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
     linear.relative_tolerance = tuning_.forcing.min_term;
   } else {
     linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance, tuning_.forcing);
-    linear.rough = RoughForcing(summary_.residual, options_.tolerance, tuning_.forcing);
+    linear.rough =
+        RoughForcing(summary_.residual, Sum(team_, h.pair.cwiseAbs()), options_.tolerance, tuning_.forcing);
   }
   linear.cancel = control_.cancel;
   const bool stopping = IsInterrupted(control_.stop);

@@ -12,8 +12,8 @@
 namespace planish {
 
 // Encodes positions (rounded to float) and faces losslessly: sequential, no quantization, so that decoding gives back
-// the same faces, corners and float bits in the same order (DESIGN.md, section 5); duplicate and degenerate faces,
-// NaN and infinities included. 12 bytes a vertex and about 2 to 8 a face, as entropy coding goes.
+// the same faces, corners and float bits in the same order; duplicate and degenerate faces, NaN and infinities
+// included. 12 bytes a vertex and about 2 to 8 a face, as entropy coding goes.
 // INVALID_ARGUMENT: no faces (MESH_EMPTY), an index out of range (MESH_INDEX_OUT_OF_RANGE), a finite position that does
 // not fit a float (MESH_POSITION_INVALID), more than 2^31 / 3 faces (MESH_TOO_LARGE), or more vertices than 3F
 // (MESH_DECODE_FAILED: the decoder refuses that; drop isolated vertices first). RESOURCE_EXHAUSTED: OUT_OF_MEMORY.

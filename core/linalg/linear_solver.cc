@@ -31,11 +31,16 @@ std::string Describe(const LinearSummary& summary) {
 }
 
 bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team) {
-  double allowed = -1;
+  double largest = -1, sum = -1;  // computed once, where they are asked for
   for (const RoughTolerance& tolerance : rough) {
-    if (energy <= tolerance.energy) allowed = std::max(allowed, tolerance.residual);
+    if (!(energy <= tolerance.energy)) continue;
+    if (largest < 0) largest = Largest(team, residual.cwiseAbs());
+    if (!(largest <= tolerance.residual)) continue;
+    if (std::isinf(tolerance.residual_sum)) return true;
+    if (sum < 0) sum = Sum(team, residual.cwiseAbs());
+    if (sum <= tolerance.residual_sum) return true;
   }
-  return allowed >= 0 && Largest(team, residual.cwiseAbs()) <= allowed;
+  return false;
 }
 
 void SaddlePointOperator::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
@@ -91,6 +96,8 @@ LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const 
     std::vector<RoughTolerance> promised = options.rough;
     for (RoughTolerance& tolerance : promised) {
       tolerance.residual = tuning.rough_slack * tolerance.residual + tuning.residual_floor * initial;
+      tolerance.residual_sum = tuning.rough_slack * tolerance.residual_sum +
+                               tuning.residual_floor * initial * static_cast<double>(rhs.size());
     }
     const double taken = Dot(team, *lambda, rhs) + Dot(team, *lambda, residual);
     real = std::isfinite(summary.true_residual) && IsMet(promised, summary.energy, residual, team) &&

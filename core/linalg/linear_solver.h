@@ -31,8 +31,9 @@ struct RoughTolerance {
   // In (0, 1), relative to lambda = 0: the error in the norm of M, which conjugate directions minimize (Uzawa), or the
   // residual in the norm of K^-1 (preconditioner.h), which MINRES minimizes. With K = M both are the same.
   double energy = 0;
-  // Largest entry of B A^-1 f - g - M lambda, in its own unit.
+  // Largest entry of B A^-1 f - g - M lambda, in its own unit, and the sum of the magnitudes of all.
   double residual = 0;
+  double residual_sum = std::numeric_limits<double>::infinity();
 };
 
 // The options of one call.
@@ -40,7 +41,7 @@ struct LinearSolveOptions {
   // Stop at |B A^-1 f - g - M lambda| <= relative_tolerance |B A^-1 f - g| (Euclidean norms; MINRES takes the norm of
   // the preconditioner while it iterates). In (0, 1).
   double relative_tolerance = 1e-10;
-  // If not empty, takes the place of relative_tolerance: stop when one of these is met in both parts. Only for
+  // If not empty, takes the place of relative_tolerance: stop when one of these is met in all parts. Only for
   // iterative solvers with a preconditioner near M^-1: Uzawa's estimate of its error assumes fast and even convergence.
   std::vector<RoughTolerance> rough;
   std::int64_t max_iterations = 100000;
@@ -55,7 +56,7 @@ struct LinearSolveOptions {
 // Iterations between two calls of on_progress. The interrupters are read in every iteration.
 constexpr std::int64_t kProgressInterval = 32;
 
-// Whether one of the tolerances is met in both parts, by `energy` and by the largest entry of `residual`.
+// Whether one of the tolerances is met in all parts, by `energy` and by the entries of `residual`.
 bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team);
 
 struct LinearSummary {

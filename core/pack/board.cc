@@ -8,7 +8,9 @@ namespace {
 
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
-// Rows in an order in which a place that does not fit is found out early: the longest first, then spread out.
+}  // namespace
+
+// The longest first, then spread out.
 std::vector<std::int32_t> RowOrder(const Silhouette& s) {
   std::vector<std::int32_t> order;
   order.reserve(s.height);
@@ -36,8 +38,6 @@ std::vector<std::int32_t> RowOrder(const Silhouette& s) {
   }
   return order;
 }
-
-}  // namespace
 
 Rim MakeRim(const Silhouette& s, int most) {
   Rim rim;
@@ -119,11 +119,17 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
   }
 }
 
-bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row_order, int y, std::uint64_t* places,
-                       int words, std::int64_t* work) const {
-  for (int w = 0; w < words; ++w) places[w] = kAll;
+template <int kWords>
+bool Board::FreePlacesOf(const Silhouette& s, const std::vector<std::int32_t>& row_order, int y, std::uint64_t* places,
+                         int words, std::int64_t* work) const {
+  const int count = kWords > 0 ? kWords : words;
+  std::uint64_t own[kWords > 0 ? kWords : 1];
+  std::uint64_t* const free = kWords > 0 ? own : places;
+  for (int w = 0; w < count; ++w) free[w] = kAll;
+  std::int64_t spans = 0;
+  std::uint64_t any = kAll;
   for (const std::int32_t r : row_order) {
-    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
+    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1] && any != 0; ++i) {
       const int length = s.spans[i].end - s.spans[i].begin;
       const int k = std::bit_width(static_cast<unsigned>(length)) - 1;
       const std::uint64_t* row = Row(k, y + r);
@@ -132,26 +138,44 @@ bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row
       const std::uint64_t* b = row + (shift_b >> 6);
       // A shift by 64 in two steps: 64 - 0 is out of range.
       const int right_a = shift_a & 63, left_a = 63 - right_a, right_b = shift_b & 63, left_b = 63 - right_b;
-      std::uint64_t any = 0;
-      *work += words;
-      for (int w = 0; w < words; ++w) {
+      any = 0;
+      ++spans;
+      for (int w = 0; w < count; ++w) {
         const std::uint64_t taken_a = a[w] >> right_a | a[w + 1] << 1 << left_a;
         const std::uint64_t taken_b = b[w] >> right_b | b[w + 1] << 1 << left_b;
-        places[w] &= ~(taken_a | taken_b);
-        any |= places[w];
+        free[w] &= ~(taken_a | taken_b);
+        any |= free[w];
       }
-      if (any == 0) return false;
     }
+    if (any == 0) break;
   }
+  *work += spans * (4 + 2 * count);
+  if (any == 0) return false;
+  if constexpr (kWords > 0) std::copy(own, own + kWords, places);
   return true;
 }
 
-int Board::FindSpot(const Silhouette& s, const Rim& rim, int first, int rows_beyond, Spot* best,
-                    std::int64_t* work) const {
+bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row_order, int y, std::uint64_t* places,
+                       int words, std::int64_t* work) const {
+  switch (words) {
+    case 1:
+      return FreePlacesOf<1>(s, row_order, y, places, words, work);
+    case 2:
+      return FreePlacesOf<2>(s, row_order, y, places, words, work);
+    case 3:
+      return FreePlacesOf<3>(s, row_order, y, places, words, work);
+    case 4:
+      return FreePlacesOf<4>(s, row_order, y, places, words, work);
+    default:
+      return FreePlacesOf<0>(s, row_order, y, places, words, work);
+  }
+}
+
+int Board::FindSpot(const Silhouette& s, const Rim& rim, const std::vector<std::int32_t>& row_order, int first,
+                    int last, int rows_beyond, Spot* best, std::int64_t* work) const {
   const int columns = size_ - s.width + 1, rows = size_ - s.height + 1;
   if (columns <= 0 || rows <= 0) return -1;
   const int words = (columns + 63) / 64;
-  const std::vector<std::int32_t> row_order = RowOrder(s);
   // The places of three rows on end, one word of nothing before and after each.
   const int width = words + 2;
   std::vector<std::uint64_t> window(static_cast<std::size_t>(3) * width, 0);
@@ -164,7 +188,7 @@ int Board::FindSpot(const Silhouette& s, const Rim& rim, int first, int rows_bey
   any[first % 3] = FreePlaces(s, row_order, first, places(first), words, work);
   int found = -1;
   if (!any[first % 3]) clear(first);
-  for (int y = first; y + s.height <= kMargin + side_ && (found < 0 || y - found <= rows_beyond); ++y) {
+  for (int y = first; y + s.height <= kMargin + side_ && (found < 0 ? y <= last : y - found <= rows_beyond); ++y) {
     any[(y + 1) % 3] =
         y + 1 + s.height <= kMargin + side_ && FreePlaces(s, row_order, y + 1, places(y + 1), words, work);
     if (!any[(y + 1) % 3]) clear(y + 1);

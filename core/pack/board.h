@@ -16,6 +16,9 @@ struct Rim {
   std::vector<Cell> cells;
 };
 
+// Rows in an order in which a place that does not fit is found out early.
+std::vector<std::int32_t> RowOrder(const Silhouette& silhouette);
+
 // At most `most` cells that touch the silhouette from outside, evenly along it.
 Rim MakeRim(const Silhouette& silhouette, int most);
 
@@ -41,12 +44,12 @@ class Board {
   // board by a factor of 2^shift. What lies beyond the board is left out.
   void Add(const Silhouette& silhouette, int x, int y, int shift = 0);
 
-  // From row `first` up to `rows_beyond` rows beyond the first row with a place: looks at the places where the
-  // silhouette fits but cannot move both ways along u, nor both ways along v. Replaces *best by the snuggest if that is
-  // snugger; of equals the one nearest to the corner (0, 0) counts. Returns the first row with a place, -1 if there is
-  // none. Adds the words it read to *work.
-  int FindSpot(const Silhouette& silhouette, const Rim& rim, int first, int rows_beyond, Spot* best,
-               std::int64_t* work) const;
+  // From row `first` up to `rows_beyond` rows beyond the first row with a place, which must not lie beyond `last`:
+  // looks at the places where the silhouette fits but cannot move both ways along u, nor both ways along v. Replaces
+  // *best by the snuggest if that is snugger; of equals the one nearest to the corner (0, 0) counts. Returns the first
+  // row with a place, -1 if there is none. Adds the words it read to *work.
+  int FindSpot(const Silhouette& silhouette, const Rim& rim, const std::vector<std::int32_t>& row_order, int first,
+               int last, int rows_beyond, Spot* best, std::int64_t* work) const;
 
  private:
   const std::uint64_t* Row(int level, int y) const {
@@ -55,6 +58,10 @@ class Board {
   // Places in row y, one bit each; returns whether there are any.
   bool FreePlaces(const Silhouette& silhouette, const std::vector<std::int32_t>& row_order, int y,
                   std::uint64_t* places, int words, std::int64_t* work) const;
+  // The same for a number of words that is known beforehand, or for any: 0.
+  template <int kWords>
+  bool FreePlacesOf(const Silhouette& silhouette, const std::vector<std::int32_t>& row_order, int y,
+                    std::uint64_t* places, int words, std::int64_t* work) const;
 
   int side_, size_, stride_;
   // Level k, row y, bit x: whether one of the cells x .. x + 2^k - 1 is taken. Two words more than a row needs.

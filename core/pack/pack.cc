@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numeric>
 #include <optional>
 
@@ -135,11 +136,12 @@ class Packer {
     if (!TryScales(least)) return false;
     if (HasNoTime()) return true;
     const double left = budget_ - static_cast<double>(work_);
-    if (left > tuning_.tighten_per_chart * static_cast<double>(charts_.size())) {
-      TightenAll(static_cast<std::int64_t>(left));
-    } else if (left > tuning_.fewest_orders * static_cast<double>(trial_work_)) {
-      TryOrders();
+    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.size());
+    if (left > tuning_.fewest_orders * static_cast<double>(trial_work_)) {
+      TryOrders(static_cast<double>(work_) + (tightens ? tuning_.orders_share : 1) * left);
     }
+    series_.reset();
+    if (tightens) TightenAll(std::llround(budget_ - static_cast<double>(work_)));
     return true;
   }
 
@@ -154,11 +156,14 @@ class Packer {
     while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < budget_)
       plan_.angles *= 2;
     plan_.gives_up = order_.size() > tuning_.many_charts;
+    plan_.thorough = order_.size() <= tuning_.many_charts;
+    series_ = std::make_unique<TrialSeries>(outlines_, grid_);
+    starts_.clear();
     double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(charts_.size());
     double scale = ScaleForFill(tuning_.first_fill);
     for (int trial = 1; scale > least && !execution_.IsCancelled() && !HasNoTime(); ++trial) {
-      const TrialResult result = TryToPlace(outlines_, Scales(scale), grid_, plan_, execution_, &poses);
+      const TrialResult result = series_->Run(Scales(scale), plan_, 0, execution_, &poses);
       work_ += result.work;
       trial_work_ = result.work;
       if (result.placed == order_.size()) {
@@ -186,30 +191,71 @@ class Packer {
     return good > 0;
   }
 
-  // Trials with the charts in other orders, as long as there is work left, each at a scale a little beyond that of the
-  // best so far.
-  void TryOrders() {
+  // Trials with the charts in other orders, until so much work is done, each at a scale a little beyond that of the
+  // best so far. An order is changed by one chart, and by the turn it must have, and stays changed if no more of the
+  // area finds no place; after some changes in vain, another order is taken.
+  void TryOrders(double until) {
+    const auto n = static_cast<std::int32_t>(order_.size());
+    std::uint64_t state = 1;
+    const auto random = [&] {                                       // in [0, 1)
+      state = state * 6364136223846793005u + 1442695040888963407u;  // Knuth's
+      return static_cast<double>(state >> 33) * 0x1p-31;
+    };
+    std::vector<double> key(n);
     TrialPlan plan = plan_;
-    std::vector<Pose> poses(charts_.size());
-    std::vector<double> key(charts_.size());
-    std::uint64_t random = 1;
-    while (static_cast<double>(work_) < budget_ && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
-      for (const std::int32_t i : order_) {
-        random = random * 6364136223846793005u + 1442695040888963407u;  // Knuth's
-        key[i] = size_[i] * (1 + tuning_.order_spread * (static_cast<double>(random >> 33) * 0x1p-31 - 0.5));
+    plan.turn.assign(n, -1);
+    std::vector<Pose> poses(n);
+    double scale = tuning_.order_step * scale_, missing = kHuge;
+    std::vector<double> scales = Scales(scale);
+    int in_vain = 0;
+    std::int32_t first_missing = 0;
+    while (static_cast<double>(work_) < until && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
+      TrialPlan other = plan;
+      if (in_vain >= tuning_.orders_in_vain) {
+        for (const std::int32_t i : order_) key[i] = size_[i] * (1 + tuning_.order_spread * (random() - 0.5));
+        std::sort(other.order.begin(), other.order.end(),
+                  [&](std::int32_t a, std::int32_t b) { return key[a] != key[b] ? key[a] > key[b] : a < b; });
+        other.turn.assign(n, -1);
+        missing = kHuge;
+        in_vain = 0;
+      } else if (missing < kHuge) {
+        // The first charts matter most, and the first that found no place should come earlier.
+        auto from = static_cast<std::int32_t>(n * random() * random());
+        auto to = std::clamp(from + static_cast<std::int32_t>((random() - 0.5) * (6 + 0.3 * n)), 0, n - 1);
+        if (random() < tuning_.missing_chance) {
+          from = first_missing;
+          to = static_cast<std::int32_t>(from * random());
+        }
+        const std::int32_t chart = other.order[from];
+        if (random() < tuning_.turn_chance) {
+          other.turn[chart] = other.turn[chart] < 0 ? static_cast<int>(random() * plan.angles) : -1;
+        } else {
+          other.order.erase(other.order.begin() + from);
+          other.order.insert(other.order.begin() + to, chart);
+        }
       }
-      std::sort(plan.order.begin(), plan.order.end(),
-                [&](std::int32_t a, std::int32_t b) { return key[a] != key[b] ? key[a] > key[b] : a < b; });
-      for (bool fits = true; fits && static_cast<double>(work_) < budget_;) {
-        const double scale = tuning_.order_step * scale_;
-        const TrialResult result = TryToPlace(outlines_, Scales(scale), grid_, plan, execution_, &poses);
-        work_ += result.work;
-        fits = result.placed == order_.size();
-        if (!fits) break;
-        scale_ = scale;
-        poses_ = poses;
-      }
+      const TrialResult result = series_->Run(scales, other, missing, execution_, &poses);
+      work_ += result.work;
+      ++in_vain;
+      if (result.missing > missing) continue;
+      if (result.missing < missing) in_vain = 0;
+      missing = result.missing;
+      first_missing = std::min(static_cast<std::int32_t>(result.placed), n - 1);
+      plan = std::move(other);
+      if (missing > 0) continue;
+      Remember();
+      scale_ = scale;
+      poses_ = poses;
+      scale *= tuning_.order_step;
+      scales = Scales(scale);
+      missing = kHuge;
     }
+  }
+
+  // Keeps what was found so far as a place to tighten from.
+  void Remember() {
+    starts_.push_back({poses_, scale_});
+    if (starts_.size() > static_cast<std::size_t>(tuning_.starts)) starts_.erase(starts_.begin());
   }
 
   // The area of all charts with half of the padding round them over that of the first `count`, about.
@@ -277,12 +323,16 @@ class Packer {
     options.tuning = tuning_;
     std::vector<double> relative = Scales(scale_);
     for (double& r : relative) r /= scale_;
-    Arrangement arrangement;
-    arrangement.scale = scale_;
-    for (const Pose& pose : poses_) {
-      arrangement.bodies.push_back({Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
+    std::vector<Arrangement> arrangements;
+    Remember();
+    for (const auto& [poses, scale] : starts_) {
+      arrangements.push_back({{}, scale});
+      for (const Pose& pose : poses) {
+        arrangements.back().bodies.push_back(
+            {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
+      }
     }
-    Tighten(outlines_, relative, options, execution_, &arrangement);
+    const Arrangement arrangement = Tighten(outlines_, relative, options, execution_, arrangements);
     scale_ = arrangement.scale;
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const Body& body = arrangement.bodies[i];
@@ -326,6 +376,12 @@ class Packer {
   std::int64_t work_ = 0;        // done
   std::int64_t trial_work_ = 0;  // of the last trial
   TrialPlan plan_;
+  std::unique_ptr<TrialSeries> series_;
+  struct Found {
+    std::vector<Pose> poses;
+    double scale;
+  };
+  std::vector<Found> starts_;  // the last few that fitted, each at a larger scale
 };
 
 }  // namespace

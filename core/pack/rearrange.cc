@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <numeric>
 
@@ -16,6 +17,7 @@ namespace {
 
 constexpr int kDepthUnit = 16;        // of a pixel
 constexpr int kBorder = 2;            // pixels round the tile that samples at the rim may fall on
+constexpr int kFineTurns = 4;         // between two of the turns that are tried at random places
 constexpr double kMostWeight = 1000;  // of a pair
 constexpr std::int64_t kWeightUnit = 16;
 // In nanoseconds: to turn a sample, to measure a pixel's depth, to draw a row.
@@ -65,24 +67,22 @@ class Search {
     pairs_.resize(n);
     overlaps_.assign(n, 0);
     turned_.resize(n);
+    samples_.resize(n);
+    angle_.resize(n);
+    turns_ = kFineTurns * options.angles;
     poses_.resize(n);
+    const std::vector<std::size_t> place = Swapped();
     for (std::size_t i = 0; i < n; ++i) {
-      const std::vector<Vec2> samples = Samples(static_cast<std::int32_t>(i));
-      turned_[i].resize(options.angles);
-      for (int a = 0; a < options.angles; ++a) {
-        turned_[i][a] =
-            Turn(static_cast<std::int32_t>(i), bodies[i].angle + 2 * std::numbers::pi * a / options.angles, samples);
-      }
-      const Vec2 at = (bodies[i].centre - Vec2::Constant(options.low)) / pixel_;
+      samples_[i] = Samples(static_cast<std::int32_t>(i));
+      angle_[i] = bodies[i].angle;
+      turned_[i].resize(turns_);
+      const Body& body = bodies[place[i]];
+      const Vec2 at = (body.centre - Vec2::Constant(options.low)) / pixel_;
       int first = 0;
-      while (first < options.angles && !FitsTile(turned_[i][first])) ++first;
-      if (first == options.angles) too_large_ = true;
-      poses_[i] = {first % options.angles, bodies[i].tile, static_cast<int>(std::lround(at.x())),
+      while (first < turns_ && !FitsTile(At(static_cast<std::int32_t>(i), first))) ++first;
+      if (first == turns_) too_large_ = true;
+      poses_[i] = {first % turns_, body.tile, static_cast<int>(std::lround(at.x())),
                    static_cast<int>(std::lround(at.y()))};
-      if (options.shuffle && !too_large_) {
-        while (!RandomPose(static_cast<std::int32_t>(i), &poses_[i])) {
-        }
-      }
       Clamp(static_cast<std::int32_t>(i), &poses_[i]);
       if (!too_large_) Draw(static_cast<std::int32_t>(i), kWeightUnit);
     }
@@ -109,12 +109,31 @@ class Search {
   void Export(std::vector<Body>* bodies) const {
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const CellPose& pose = poses_[i];
-      (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned].angle,
+      (*bodies)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned]->angle,
                       pose.tile};
     }
   }
 
  private:
+  // Whose place each chart has to begin with. Large charts change places more often than small ones.
+  std::vector<std::size_t> Swapped() {
+    const auto n = static_cast<int>(outlines_.size());
+    std::vector<std::size_t> place(n);
+    std::iota(place.begin(), place.end(), 0);
+    if (options_.swaps == 0 || n < 2) return place;
+    std::vector<double> area(n);
+    for (int i = 0; i < n; ++i) area[i] = outlines_[i].area * scales_[i] * scales_[i];
+    std::vector<int> order(n);
+    std::iota(order.begin(), order.end(), 0);
+    std::sort(order.begin(), order.end(), [&](int a, int b) { return area[a] != area[b] ? area[a] > area[b] : a < b; });
+    for (int k = 0; k < options_.swaps; ++k) {
+      const int a = std::min(random_.Below(n), random_.Below(n));
+      const int b = std::clamp(a + 1 + random_.Below(3), 0, n - 1);
+      std::swap(place[order[a]], place[order[b]]);
+    }
+    return place;
+  }
+
   // Along the outline and, farther apart, inside; in an order that meets every part of the chart early.
   std::vector<Vec2> Samples(std::int32_t i) {
     const Outline& outline = outlines_[i];
@@ -144,6 +163,14 @@ class Search {
     Random random(1);
     for (int k = static_cast<int>(samples.size()) - 1; k > 0; --k) std::swap(samples[k], samples[random.Below(k + 1)]);
     return samples;
+  }
+
+  Turned& At(std::int32_t i, int turn) const {
+    std::unique_ptr<Turned>& turned = turned_[i][turn];
+    if (turned == nullptr) {
+      turned = std::make_unique<Turned>(Turn(i, angle_[i] + 2 * std::numbers::pi * turn / turns_, samples_[i]));
+    }
+    return *turned;
   }
 
   Turned Turn(std::int32_t i, double angle, const std::vector<Vec2>& samples) const {
@@ -178,7 +205,7 @@ class Search {
   bool FitsTile(const Turned& turned) const { return (turned.high - turned.low).maxCoeff() <= options_.side + 1; }
 
   void Clamp(std::int32_t i, CellPose* pose) const {
-    const Turned& turned = turned_[i][pose->turned];
+    const Turned& turned = At(i, pose->turned);
     const auto [x0, x1] = Range(turned, 0);
     const auto [y0, y1] = Range(turned, 1);
     pose->x = std::clamp(pose->x, x0, x1);
@@ -232,7 +259,7 @@ class Search {
   void Draw(std::int32_t i, std::int64_t weight64) {
     const auto weight = static_cast<std::int16_t>(weight64);
     const CellPose& pose = poses_[i];
-    Turned& turned = turned_[i][pose.turned];
+    Turned& turned = At(i, pose.turned);
     if (turned.depth.empty()) MeasureDepth(i, &turned);
     const int left = turned.left + pose.x + kBorder, bottom = turned.bottom + pose.y + kBorder;
     const int first = std::max(0, -bottom), last = std::min(turned.height, stride_ - bottom);
@@ -247,7 +274,7 @@ class Search {
 
   // What lies under the samples; any number of `bound` or more if it is not below that.
   std::int64_t Cost(std::int32_t i, const CellPose& pose, std::int64_t bound) const {
-    const std::vector<std::int32_t>& samples = turned_[i][pose.turned].samples;
+    const std::vector<std::int32_t>& samples = At(i, pose.turned).samples;
     const std::int32_t* image =
         images_[pose.tile].data() + static_cast<std::ptrdiff_t>(pose.y + kBorder) * stride_ + pose.x + kBorder;
     std::int64_t cost = 0;
@@ -267,8 +294,8 @@ class Search {
 
   // Nothing if the turn that came up does not fit the tile.
   bool RandomPose(std::int32_t i, CellPose* pose) {
-    pose->turned = random_.Below(options_.angles);
-    const Turned& turned = turned_[i][pose->turned];
+    pose->turned = kFineTurns * random_.Below(options_.angles);
+    const Turned& turned = At(i, pose->turned);
     if (!FitsTile(turned)) return false;
     pose->tile = options_.tiles == 1 ? 0 : random_.Below(options_.tiles);
     const auto [x0, x1] = Range(turned, 0);
@@ -284,7 +311,7 @@ class Search {
       CellPose best = *pose;
       std::int64_t best_cost = *cost;
       const auto look = [&](CellPose other) {
-        if (!FitsTile(turned_[i][other.turned])) return;
+        if (!FitsTile(At(i, other.turned))) return;
         Clamp(i, &other);
         const std::int64_t value = Cost(i, other, best_cost);
         if (value < best_cost) {
@@ -297,8 +324,8 @@ class Search {
           if (dx != 0 || dy != 0) look({pose->turned, pose->tile, pose->x + step * dx, pose->y + step * dy});
         }
       }
-      look({(pose->turned + 1) % options_.angles, pose->tile, pose->x, pose->y});
-      look({(pose->turned + options_.angles - 1) % options_.angles, pose->tile, pose->x, pose->y});
+      look({(pose->turned + step) % turns_, pose->tile, pose->x, pose->y});
+      look({(pose->turned + turns_ - step) % turns_, pose->tile, pose->x, pose->y});
       if (best_cost < *cost) {
         *pose = best;
         *cost = best_cost;
@@ -312,8 +339,8 @@ class Search {
   std::int64_t Overlap(std::int32_t i, std::int32_t j) {
     const CellPose &p = poses_[i], &q = poses_[j];
     if (p.tile != q.tile) return 0;
-    const Turned& a = turned_[i][p.turned];
-    const Turned& b = turned_[j][q.turned];
+    const Turned& a = At(i, p.turned);
+    const Turned& b = At(j, q.turned);
     if (p.x + a.high.x() + 1 < q.x + b.left || p.x + a.low.x() - 1 > q.x + b.left + b.width) return 0;
     if (p.y + a.high.y() + 1 < q.y + b.bottom || p.y + a.low.y() - 1 > q.y + b.bottom + b.height) return 0;
     return DepthUnder(a, b, p.x - q.x, p.y - q.y);
@@ -330,6 +357,7 @@ class Search {
     std::int64_t most = 1;
     for (std::int32_t i = 0; i < n; ++i) {
       if (!overlaps_[i]) continue;
+      work_ += n;
       for (std::int32_t j = 0; j < n; ++j) {
         if (i == j || (overlaps_[j] && j < i)) continue;
         const std::int64_t overlap = Overlap(i, j) + Overlap(j, i);
@@ -371,7 +399,7 @@ class Search {
   // Returns whether the chart overlapped others and still does.
   bool Move(std::int32_t i) {
     overlaps_[i] = false;
-    const std::int64_t own = kWeightUnit * turned_[i][poses_[i].turned].own;
+    const std::int64_t own = kWeightUnit * At(i, poses_[i].turned).own;
     if (Cost(i, poses_[i], std::numeric_limits<std::int64_t>::max()) == own) return false;
     Lift(i);
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
@@ -421,7 +449,10 @@ class Search {
   };
   std::vector<std::vector<Pair>> pairs_;  // that weigh more than 1, per chart
   std::vector<char> overlaps_;            // when it was moved last
-  std::vector<std::vector<Turned>> turned_;
+  int turns_ = 0;                         // of each chart
+  std::vector<double> angle_;             // at turn 0
+  std::vector<std::vector<Vec2>> samples_;
+  mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned_;  // as far as needed
   std::vector<CellPose> poses_;
 };
 

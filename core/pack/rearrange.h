@@ -12,14 +12,14 @@ namespace planish {
 struct RearrangeOptions {
   int side = 128;  // pixels of a tile; what overlaps by less than half a pixel counts as apart
   int tiles = 1;
-  int angles = 16;                // turns that are tried, from the present one on
+  int angles = 16;                // turns that are tried at random places, from the present one on
   int tries = 100;                // random places a chart looks at when it moves
   std::int64_t moves = 1000;      // at most, of one chart
   std::int64_t work = INT64_MAX;  // at most, in about nanoseconds
   double distance = 0;            // between two charts, in the texture
   double low = 0;                 // charts stay within [low, 1 - low]^2
   double slack = 0.5;             // pixels by which charts may overlap: places are whole numbers of pixels
-  bool shuffle = false;           // begins with the charts anywhere, instead of where they are
+  int swaps = 0;                  // pairs of charts of about the same size that change places first
   std::uint64_t seed = 0;
 };
 

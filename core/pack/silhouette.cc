@@ -181,6 +181,35 @@ Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, do
   return Rasterize(outline, angle, scale, radius, [](const Vec2&) -> Vec2 { return Vec2::Zero(); });
 }
 
+Silhouette QuarterTurn(const Silhouette& s) {
+  Silhouette turned;
+  turned.width = s.height;
+  turned.height = s.width;
+  turned.cells = s.cells;
+  turned.centre = Vec2(s.height - s.centre.y(), s.centre.x());
+  // A row of the new grid is a column of the old one, read from the top.
+  std::vector<std::vector<Span>> rows(s.width);
+  for (int y = s.height - 1; y >= 0; --y) {
+    const std::int32_t at = s.height - 1 - y;
+    for (std::int32_t i = s.row_begin[y]; i < s.row_begin[y + 1]; ++i) {
+      for (std::int32_t x = s.spans[i].begin; x < s.spans[i].end; ++x) {
+        if (!rows[x].empty() && rows[x].back().end == at) {
+          ++rows[x].back().end;
+        } else {
+          rows[x].push_back({at, at + 1});
+        }
+      }
+    }
+  }
+  turned.row_begin.reserve(s.width + 1);
+  for (const std::vector<Span>& row : rows) {
+    turned.row_begin.push_back(static_cast<std::int32_t>(turned.spans.size()));
+    turned.spans.insert(turned.spans.end(), row.begin(), row.end());
+  }
+  turned.row_begin.push_back(static_cast<std::int32_t>(turned.spans.size()));
+  return turned;
+}
+
 FixedSilhouette MakeFixedSilhouette(const Outline& outline, double angle, double scale, double radius, const Vec2& at) {
   FixedSilhouette fixed;
   fixed.silhouette = Rasterize(outline, angle, scale, radius, [&](const Vec2& centre) -> Vec2 {

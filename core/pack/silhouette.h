@@ -28,7 +28,11 @@ struct Silhouette {
 // Two silhouettes with the same radius that share no cell keep their outlines 2 radius apart.
 Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius);
 
-// The same with the centre at `at` of some larger grid; the corner of cell (0, 0) is at whole numbers there.
+// The silhouette after a quarter turn counter-clockwise. Exact: the grid has the symmetry of the square.
+Silhouette QuarterTurn(const Silhouette& silhouette);
+
+// The same as MakeSilhouette with the centre at `at` of some larger grid; the corner of cell (0, 0) is at whole numbers
+// there.
 struct FixedSilhouette {
   Silhouette silhouette;
   int x, y;  // of the corner

@@ -12,39 +12,50 @@
 namespace planish {
 namespace {
 
-// Attempts that are made side by side, whatever the number of threads: the share of the step that each takes.
-constexpr std::array<double, 2> kLanes = {1, 0.4};
+// Attempts that are made side by side, whatever the number of threads.
+constexpr std::size_t kLanes = 2;
 
 class Tightener {
  public:
   Tightener(const std::vector<Outline>& outlines, const std::vector<double>& relative, const TightenOptions& options,
-            const Execution& execution, Arrangement* arrangement)
+            const Execution& execution, const std::vector<Arrangement>& starts)
       : outlines_(outlines),
         relative_(relative),
         options_(options),
         tuning_(options.tuning),
         execution_(execution),
-        arrangement_(*arrangement) {
+        starts_(starts),
+        arrangement_(starts.back()) {
     width_ = std::sqrt(options.tiles / static_cast<double>(outlines.size()));
     relax_.distance = options.distance;
     relax_.low = options.low;
     relax_.spacing = std::clamp(width_ / 40, 1.0 / 1024, 1.0 / 300);
     relax_.tolerance = 0.0015 * width_;
     for (std::size_t i = 0; i < outlines.size(); ++i) {
-      const double unit = relative[i] * arrangement->scale;
+      const double unit = relative[i] * arrangement_.scale;
       const double reach = 1.1 * (relax_.distance + 2 * relax_.spacing);
       const double spacing = std::max(std::min(relax_.spacing, outlines[i].radius * unit / 6), reach / 16);
       fields_.emplace_back(outlines[i], spacing / unit, reach / unit);
     }
   }
 
-  void Run() {
-    Relaxer relaxer = MakeRelaxer(arrangement_);
-    relaxer.Grow(30, std::llround(tuning_.growing_share * static_cast<double>(options_.work)));
-    std::vector<Arrangement> found = {{relaxer.bodies(), relaxer.scale()}};
-    Search(relaxer.work(), &found);
+  Arrangement Run() {
+    std::vector<Arrangement> found;
+    std::int64_t growing = 0;
+    const std::int64_t most = std::llround(tuning_.growing_share * static_cast<double>(options_.work));
+    // The largest first: what work it leaves is for the others.
+    for (auto start = starts_.rbegin(); start != starts_.rend() && (found.empty() || growing < most); ++start) {
+      Relaxer relaxer = MakeRelaxer(*start);
+      relaxer.Grow(30, most - growing);
+      growing += relaxer.work();
+      found.push_back({relaxer.bodies(), relaxer.scale()});
+    }
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Arrangement& a, const Arrangement& b) { return a.scale < b.scale; });
+    if (outlines_.size() <= tuning_.most_to_rearrange) Search(growing, &found);
     // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
     while (!found.empty() && !Settle(found.back(), arrangement_.scale)) found.pop_back();
+    return arrangement_;
   }
 
  private:
@@ -61,17 +72,24 @@ class Tightener {
     return scales;
   }
 
-  // Adds to *found, which is not empty, what is better. Settling costs about what growing did.
+  // Adds to *found, which is not empty, what is better. Settling costs about what growing did. One lane begins with the
+  // best arrangement so far each time. The other goes on with what its last attempt left, though charts overlap there,
+  // until that has led nowhere a few times: so it gets away from the best. In both, charts change places first.
   void Search(std::int64_t growing, std::vector<Arrangement>* found) {
     const auto n = static_cast<std::int64_t>(outlines_.size());
     const std::int64_t budget = options_.work - growing,
                        at_once = tuning_.moves_at_once + tuning_.moves_at_once_per_chart * n;
-    double step = tuning_.first_step;
+    std::array<double, kLanes> steps;
+    steps.fill(tuning_.first_step);
+    std::array<int, kLanes> failed = {};
+    std::array<Arrangement, kLanes> from;
+    from.fill(found->back());
     std::int64_t used = growing;
     for (std::uint64_t round = 0; used < budget && !execution_.IsCancelled() && !execution_.IsStopRequested();
          ++round) {
-      std::array<std::optional<Arrangement>, kLanes.size()> results;
-      std::array<std::int64_t, kLanes.size()> work = {};
+      std::array<std::optional<Arrangement>, kLanes> results;
+      std::array<std::int64_t, kLanes> work = {};
+      const double best = found->back().scale;
       const auto run = [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t lane = begin; lane < end; ++lane) {
           RearrangeOptions rearrange;
@@ -84,43 +102,50 @@ class Tightener {
           rearrange.slack = tuning_.coarse_slack;
           rearrange.distance = options_.distance;
           rearrange.low = options_.low;
-          rearrange.shuffle = lane == 1 && round % 2 == 0 && n <= tuning_.most_to_shuffle;
-          rearrange.seed = kLanes.size() * round + lane;
-          results[lane] =
-              Attempt(found->back(), found->back().scale * (1 + step * kLanes[lane]), rearrange, &work[lane]);
+          rearrange.swaps = failed[lane] == 0 ? 0 : 1 + (failed[lane] - 1) % tuning_.most_swaps;
+          rearrange.seed = kLanes * round + lane;
+          results[lane] = Attempt(best, best * (1 + steps[lane]), rearrange, &from[lane], &work[lane]);
         }
       };
       if (execution_.team != nullptr) {
-        execution_.team->For(kLanes.size(), 1, run);
+        execution_.team->For(kLanes, 1, run);
       } else {
-        run(0, kLanes.size());
+        run(0, kLanes);
       }
       bool better = false;
-      for (const std::optional<Arrangement>& result : results) {
-        if (!result || result->scale <= found->back().scale) continue;
-        found->push_back(*result);
-        better = true;
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        used += work[lane];
+        if (results[lane] && results[lane]->scale > found->back().scale) {
+          found->push_back(*results[lane]);
+          failed[lane] = 0;
+          better = true;
+        } else {
+          ++failed[lane];
+          steps[lane] =
+              steps[lane] > tuning_.least_step ? std::max(tuning_.least_step, steps[lane] * 0.6) : tuning_.step_again;
+        }
       }
-      for (const std::int64_t w : work) used += w;
-      if (!better) step = step > tuning_.least_step ? std::max(tuning_.least_step, step * 0.6) : tuning_.step_again;
+      if (better || failed[0] > 0) from[0] = found->back();
+      if (better || failed[1] % tuning_.failures == 0) from[1] = found->back();
+      if (better) failed.fill(0);
     }
   }
 
-  // Nothing if charts cannot be brought apart at this scale.
-  std::optional<Arrangement> Attempt(const Arrangement& from, double scale, const RearrangeOptions& coarse,
-                                     std::int64_t* work) const {
-    Arrangement arrangement{from.bodies, scale};
-    if (!Rearrange(outlines_, fields_, Scales(scale), coarse, execution_, &arrangement.bodies, work))
-      return std::nullopt;
-    if (std::optional<Arrangement> grown = SeparateAndGrow(arrangement, from.scale, coarse.work, work)) return grown;
+  // Nothing if charts cannot be brought apart at this scale, or one above least_scale. from->bodies, at any scale,
+  // become what is left.
+  std::optional<Arrangement> Attempt(double least_scale, double scale, const RearrangeOptions& coarse,
+                                     Arrangement* from, std::int64_t* work) const {
+    from->scale = scale;
+    if (!Rearrange(outlines_, fields_, Scales(scale), coarse, execution_, &from->bodies, work)) return std::nullopt;
+    if (std::optional<Arrangement> grown = SeparateAndGrow(*from, least_scale, coarse.work, work)) return grown;
     // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
     RearrangeOptions fine = coarse;
     fine.side = std::min(2 * coarse.side, tuning_.finest_side);
     fine.slack = tuning_.fine_slack;
-    fine.shuffle = false;
+    fine.swaps = 0;
     fine.moves = coarse.moves / 2;
-    if (!Rearrange(outlines_, fields_, Scales(scale), fine, execution_, &arrangement.bodies, work)) return std::nullopt;
-    return SeparateAndGrow(arrangement, from.scale, coarse.work, work);
+    if (!Rearrange(outlines_, fields_, Scales(scale), fine, execution_, &from->bodies, work)) return std::nullopt;
+    return SeparateAndGrow(*from, least_scale, coarse.work, work);
   }
 
   // At the scale of `arrangement`, or a smaller one above least_scale. Nothing if that fails; arrangement.bodies then
@@ -175,17 +200,18 @@ class Tightener {
   const TightenOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
-  Arrangement& arrangement_;
-  double width_;  // of an average chart
+  const std::vector<Arrangement>& starts_;
+  Arrangement arrangement_;  // the best that keeps the distances exactly
+  double width_;             // of an average chart
   RelaxOptions relax_;
   std::vector<DistanceField> fields_;
 };
 
 }  // namespace
 
-void Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
-             const TightenOptions& options, const Execution& execution, Arrangement* arrangement) {
-  Tightener(outlines, relative_scales, options, execution, arrangement).Run();
+Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
+                    const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts) {
+  return Tightener(outlines, relative_scales, options, execution, starts).Run();
 }
 
 }  // namespace planish

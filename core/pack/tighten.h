@@ -24,10 +24,11 @@ struct Arrangement {
   double scale = 1;  // charts are scaled by this times their relative scale
 };
 
-// Lets the charts grow until they are jammed (relax.h). Then scales up by some percent, lets charts find new places
-// until they are apart (rearrange.h), lets them grow again, and so on until the work is spent. *arrangement must keep
-// the distances; what comes out keeps them exactly (clearance.h) at the same scale or a larger one.
-void Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
-             const TightenOptions& options, const Execution& execution, Arrangement* arrangement);
+// Lets the charts grow until they are jammed (relax.h), from each of `starts`, and goes on from the best: scales up by
+// some percent, lets charts find new places until they are apart (rearrange.h), lets them grow again, and so on until
+// the work is spent. All of `starts` must keep the distances, each at a scale at least that of the one before; what
+// comes out keeps them exactly (clearance.h) at the scale of the last or a larger one.
+Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
+                    const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts);
 
 }  // namespace planish

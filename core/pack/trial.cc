@@ -15,19 +15,30 @@ namespace {
 constexpr int kRimCells = 24;
 // Up to so many cells along either side, a chart is tried upright and at a right angle only.
 constexpr int kCrumb = 6;
-// What a chart costs beside the board's words, in nanoseconds: a turn, and an edge of the outline in it.
-constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110;
+// What a chart costs beside the board's words, in nanoseconds: a silhouette and an edge of the outline in it; one that
+// is turned by a right angle and a cell in it; one that is there already.
+constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110, kQuarterWork = 1500, kCellWork = 2, kKeptWork = 300;
+
+constexpr int kRowsBeyond = 2;
 
 // A chart is looked for on the coarsest board on which it is at least half of so many cells long.
 constexpr int kCellsOfLarge = 64;
 constexpr int kLevels = 4;
+// So many silhouettes are kept at most, of about a kilobyte each.
+constexpr std::size_t kMostKept = 4096;
+
+// A chart at a turn, for the board of one level.
+struct Shape {
+  Silhouette silhouette;
+  Rim rim;
+  std::vector<std::int32_t> row_order;
+};
 
 // A place on one of the tiles, and where the search for the next chart of this size begins.
 struct Found {
   Spot spot;
   int tile = -1, first_row = 0;
-  double angle = 0;
-  Silhouette silhouette;
+  int turn = 0;
 };
 
 // Where the search for charts of one size begins, in rows of their board.
@@ -53,38 +64,86 @@ class Pyramid {
   std::vector<Board> boards_;
 };
 
+}  // namespace
+
+// What trials at the same scales and angles share.
+struct TrialSeries::Kept {
+  explicit Kept(const TrialGrid& grid) : empty(grid.side) {}
+
+  std::vector<double> scales;
+  int angles = 0;
+  std::vector<std::unique_ptr<Shape>> shapes;           // by chart and turn
+  std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot
+  Pyramid empty;
+};
+
+namespace {
+
 class Trial {
  public:
-  Trial(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
-        const TrialPlan& plan)
-      : outlines_(outlines), scales_(scales), grid_(grid), plan_(plan), tiles_(grid.tiles, Pyramid(grid.side)) {}
+  using Shapes = std::vector<std::unique_ptr<Shape>>;
+  using Fixed = std::vector<std::unique_ptr<FixedSilhouette>>;
 
-  TrialResult Run(const Execution& execution, std::vector<Pose>* poses) {
+  Trial(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
+        const TrialPlan& plan, const Pyramid& empty, Shapes* shapes, Fixed* fixed)
+      : outlines_(outlines),
+        scales_(scales),
+        grid_(grid),
+        plan_(plan),
+        tiles_(grid.tiles, empty),
+        shapes_(*shapes),
+        fixed_(*fixed) {}
+
+  TrialResult Run(double most_missing, const Execution& execution, std::vector<Pose>* poses) {
     TrialResult result;
+    bool all = true;
     for (const std::int32_t i : plan_.order) {
-      if (execution.IsCancelled() || (plan_.gives_up && execution.IsStopRequested())) break;
+      if (execution.IsCancelled() || (plan_.gives_up && execution.IsStopRequested())) {
+        result.missing = most_missing + 1;
+        break;
+      }
       const int level = LevelOf(i);
       const Found found = Find(i, level);
-      if (found.tile < 0) break;
-      const Vec2 centre = Vec2(found.spot.x - Board::kMargin, found.spot.y - Board::kMargin) + found.silhouette.centre;
-      (*poses)[i] = {found.angle, static_cast<double>(1 << level) * centre, found.tile};
-      if (level == 0) {
-        tiles_[found.tile].Add(found.silhouette, found.spot.x - Board::kMargin, found.spot.y - Board::kMargin);
-      } else {
-        Add(i, (*poses)[i]);
+      if (found.tile < 0) {
+        all = false;
+        // Points have no area, but must not be missing either.
+        result.missing += outlines_[i].area * scales_[i] * scales_[i] + 1e-30;
+        if (result.missing > most_missing) break;
+        continue;
       }
-      ++result.placed;
+      Put(i, level, found, &(*poses)[i]);
+      if (all) ++result.placed;
     }
     result.work = work_;
     return result;
   }
 
  private:
-  void Add(std::int32_t i, const Pose& pose) {
+  void Put(std::int32_t i, int level, const Found& found, Pose* pose) {
+    const Vec2 spot(found.spot.x - Board::kMargin, found.spot.y - Board::kMargin);
+    const Shape& shape = At(i, found.turn, level);
+    const double cells = 1 << level;
+    *pose = {Angle(i, found.turn), cells * (spot + shape.silhouette.centre), found.tile};
+    const int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
+    if (level == 0) {
+      tiles_[found.tile].Add(shape.silhouette, x, y);
+      return;
+    }
+    FixedSilhouette own;
+    FixedSilhouette* fixed = &own;
+    if (Slot(i, found.turn) < fixed_.size()) {
+      std::unique_ptr<FixedSilhouette>& kept = fixed_[Slot(i, found.turn)];
+      if (kept != nullptr) {
+        tiles_[found.tile].Add(kept->silhouette, x + kept->x, y + kept->y);
+        return;
+      }
+      kept = std::make_unique<FixedSilhouette>();
+      fixed = kept.get();
+    }
     work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-    const FixedSilhouette fixed =
-        MakeFixedSilhouette(outlines_[i], pose.angle, scales_[i] / grid_.cell, grid_.radius / grid_.cell, pose.centre);
-    tiles_[pose.tile].Add(fixed.silhouette, fixed.x, fixed.y);
+    *fixed = MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i] / grid_.cell, grid_.radius / grid_.cell,
+                                 cells * shape.silhouette.centre);
+    tiles_[found.tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y);
   }
 
   int LevelOf(std::int32_t i) const {
@@ -94,13 +153,45 @@ class Trial {
     return level;
   }
 
-  Silhouette At(std::int32_t i, double angle, int level) {
-    work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-    const double cell = grid_.cell * (1 << level);
-    return MakeSilhouette(outlines_[i], angle, scales_[i] / cell, grid_.radius / cell);
-  }
+  std::size_t Slot(std::int32_t i, int turn) const { return static_cast<std::size_t>(i) * plan_.angles + turn; }
+
   double Angle(std::int32_t i, int turn) const {
     return outlines_[i].upright + 2 * std::numbers::pi * turn / plan_.angles;
+  }
+
+  // Good until the next call, if it is not kept.
+  const Shape& At(std::int32_t i, int turn, int level) {
+    const bool keeps = Slot(i, turn) < shapes_.size();
+    if (keeps && shapes_[Slot(i, turn)] != nullptr) {
+      work_ += kKeptWork;
+      return *shapes_[Slot(i, turn)];
+    }
+    // A turn by more than a right angle is always made of the one a right angle before: a silhouette made of the outline
+    // anew could lie elsewhere in its cells.
+    const int quarter = plan_.angles % 4 == 0 ? plan_.angles / 4 : plan_.angles;
+    const Shape* before = nullptr;
+    if (turn >= quarter && keeps) before = shapes_[Slot(i, turn - quarter)].get();
+    if (turn >= quarter && passing_chart_ == i && passing_turn_ == turn - quarter) before = &passing_;
+    Shape shape;
+    if (turn >= quarter) {
+      if (before == nullptr) before = &At(i, turn - quarter, level);
+      shape.silhouette = QuarterTurn(before->silhouette);
+      work_ += kQuarterWork + kCellWork * shape.silhouette.cells;
+    } else {
+      work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
+      const double cell = grid_.cell * (1 << level);
+      shape.silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), scales_[i] / cell, grid_.radius / cell);
+    }
+    shape.rim = MakeRim(shape.silhouette, kRimCells);
+    shape.row_order = RowOrder(shape.silhouette);
+    if (keeps) {
+      shapes_[Slot(i, turn)] = std::make_unique<Shape>(std::move(shape));
+      return *shapes_[Slot(i, turn)];
+    }
+    passing_ = std::move(shape);
+    passing_chart_ = i;
+    passing_turn_ = turn;
+    return passing_;
   }
 
   // Of charts whose width and height are the same but for a factor of the square root of two.
@@ -115,6 +206,7 @@ class Trial {
   }
 
   Found Find(std::int32_t i, int level) {
+    if (plan_.thorough) return FindFrom(i, level, {});
     Start* const start = StartFor(outlines_[i], scales_[i], level);
     Found best = FindFrom(i, level, *start);
     // Charts of a size differ a little, so there may be room below.
@@ -125,21 +217,24 @@ class Trial {
 
   Found FindFrom(std::int32_t i, int level, const Start& start) {
     Found best;
-    int step = 1;
-    for (int turn = 0; turn < plan_.angles; turn += step) {
-      Silhouette silhouette = At(i, Angle(i, turn), level);
-      if (turn == 0 && std::max(silhouette.width, silhouette.height) <= kCrumb) step = std::max(1, plan_.angles / 4);
-      if (step > 1 && turn >= 2 * step) break;
-      const Rim rim = MakeRim(silhouette, kRimCells);
+    const int only = plan_.turn.empty() ? -1 : plan_.turn[i];
+    const int quarters = plan_.angles % 4 == 0 ? 4 : 1, quarter = plan_.angles / quarters;
+    bool is_crumb = false;
+    for (int k = 0; k < (only < 0 ? plan_.angles : 1) && !(is_crumb && k == 2); ++k) {
+      const int turn = only < 0 ? k / quarters + k % quarters * quarter : only;
+      const Shape& shape = At(i, turn, level);
+      if (k == 0) is_crumb = std::max(shape.silhouette.width, shape.silhouette.height) <= kCrumb;
       const int last = best.tile < 0 ? grid_.tiles - 1 : best.tile;
       for (int t = start.tile; t <= last; ++t) {
         Spot spot;
-        const int first = t == start.tile ? start.row - silhouette.height : 0;
-        const int row = tiles_[t].board(level).FindSpot(silhouette, rim, first, silhouette.height / 2, &spot, &work_);
+        const int height = shape.silhouette.height, first = t == start.tile ? start.row - height : 0;
+        const int last_row = best.tile == t ? best.first_row + height / kRowsBeyond : grid_.side;
+        const int row = tiles_[t].board(level).FindSpot(shape.silhouette, shape.rim, shape.row_order, first, last_row,
+                                                        height / 2, &spot, &work_);
         if (row < 0) continue;
         if (best.tile < 0 || t < best.tile || spot.snugness > best.spot.snugness) {
           const int first_row = best.tile == t ? std::min(best.first_row, row) : row;
-          best = {spot, t, first_row, Angle(i, turn), std::move(silhouette)};
+          best = {spot, t, first_row, turn};
         } else {
           best.first_row = std::min(best.first_row, row);
         }
@@ -156,15 +251,37 @@ class Trial {
   const TrialGrid& grid_;
   const TrialPlan& plan_;
   std::vector<Pyramid> tiles_;
+  Shapes& shapes_;
+  Fixed& fixed_;
+  Shape passing_;  // of a chart at a turn, as it was needed last
+  std::int32_t passing_chart_ = -1;
+  int passing_turn_ = 0;
   std::array<Start, kLevels * kSizes * kSizes> starts_;
   std::int64_t work_ = 0;
 };
 
 }  // namespace
 
-TrialResult TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
-                       const TrialPlan& plan, const Execution& execution, std::vector<Pose>* poses) {
-  return Trial(outlines, scales, grid, plan).Run(execution, poses);
+TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const TrialGrid& grid)
+    : outlines_(outlines), grid_(grid), kept_(std::make_unique<Kept>(grid)) {}
+
+TrialSeries::~TrialSeries() = default;
+
+TrialResult TrialSeries::Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
+                             const Execution& execution, std::vector<Pose>* poses) {
+  if (kept_->scales != scales || kept_->angles != plan.angles) {
+    kept_->scales = scales;
+    kept_->angles = plan.angles;
+    kept_->shapes.clear();
+    kept_->fixed.clear();
+    const std::size_t slots = outlines_.size() * static_cast<std::size_t>(plan.angles);
+    if (slots <= kMostKept) {
+      kept_->shapes.resize(slots);
+      kept_->fixed.resize(slots);
+    }
+  }
+  return Trial(outlines_, scales, grid_, plan, kept_->empty, &kept_->shapes, &kept_->fixed)
+      .Run(most_missing, execution, poses);
 }
 
 }  // namespace planish

@@ -1,7 +1,8 @@
-// One attempt to lay all charts on their tiles at a given scale, from the largest to the smallest.
+// Attempts to lay all charts on their tiles at a given scale, one after the other.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -18,9 +19,13 @@ struct TrialGrid {
 };
 
 struct TrialPlan {
-  std::vector<std::int32_t> order;  // of the charts, large to small
-  int angles = 8;                   // turns to try, evenly spread from the upright one on
+  std::vector<std::int32_t> order;  // of the charts, large to small about
+  std::vector<int> turn;            // of each chart, if it may have that one only; -1 otherwise. May be empty
+  int angles = 8;                   // turns to try, evenly spread from the upright one on; a multiple of 4, or below 4
   bool gives_up = false;            // after a stop request
+  // Every chart is looked for from the first row on. Otherwise from the row where the last chart of about its size
+  // went, since below there was no room for that one: all charts of a size together search each tile once.
+  bool thorough = false;
 };
 
 // Where a chart's centre lies.
@@ -32,14 +37,27 @@ struct Pose {
 
 struct TrialResult {
   std::size_t placed = 0;  // charts of TrialPlan::order that found a place before the first that did not
+  double missing = 0;      // area of the charts that found none, in the texture
   std::int64_t work = 0;   // nanoseconds, counted in steps of the algorithm
 };
 
-// A chart goes next to the lowest row with room for it, where it lies snuggest. The search begins at the row where the
-// last chart of about its size went, since below there was no room for that one: all charts of a size together search
-// each tile once. `scales` has what each chart is scaled by, in the texture. *poses gets those of the charts that were
-// placed.
-TrialResult TryToPlace(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
-                       const TrialPlan& plan, const Execution& execution, std::vector<Pose>* poses);
+class TrialSeries {
+ public:
+  TrialSeries(const std::vector<Outline>& outlines, const TrialGrid& grid);
+  ~TrialSeries();
+
+  // A chart goes next to the lowest row with room for it, where it lies snuggest. `scales` has what each chart is
+  // scaled by, in the texture. Ends as soon as more than most_missing of area has found no place. *poses gets those of
+  // the charts that were placed. Trials at the same scales and angles share silhouettes.
+  TrialResult Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
+                  const Execution& execution, std::vector<Pose>* poses);
+
+ private:
+  struct Kept;
+
+  const std::vector<Outline>& outlines_;
+  const TrialGrid grid_;
+  std::unique_ptr<Kept> kept_;
+};
 
 }  // namespace planish

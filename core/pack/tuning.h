@@ -10,7 +10,7 @@ namespace planish {
 struct PackTuning {
   // What charts and their maps cost at least, from which PackEffort takes its share. Measured on atlases of 86 to 1,451
   // charts, where it was 10,000 to 40,000 a face.
-  double rest_per_face = 10'000, rest_per_chart = 50'000;
+  double rest_per_face = 15'000, rest_per_chart = 50'000;
   double fast_share = 0.25, normal_share = 0.5, best_share = 50;  // of the rest
   // PackEffort::kNormal has so much in any case, and so much for a chart.
   double least_work = 20e6, least_per_chart = 50'000;
@@ -31,14 +31,16 @@ struct PackTuning {
   double known_within = 1.01, wide_bracket = 1.03, upwards = 1.04, farthest_change = 1.12;
 
   // Tightening (tighten.h) begins with so much work for each chart, or not at all: it takes that to grow and to settle.
-  double tighten_per_chart = 500'000;
+  double tighten_per_chart = 200'000;
   // Relative growth that is tried first, the least that is tried, and what is tried after that was too much, since
   // other places may lead farther.
   double first_step = 0.03, least_step = 0.003, step_again = 0.02;
   // Moves of single charts in an attempt: many small attempts that fail early lead farther than a few thorough ones.
   std::int64_t moves_at_once = 300, moves_at_once_per_chart = 3;
-  // Charts that find places from a random start within as many moves, at most.
-  std::int64_t most_to_shuffle = 40;
+  // Charts that are rearranged, at most: more cost much memory, and find places too seldom. They only grow.
+  std::size_t most_to_rearrange = 1000;
+  // Pairs of charts that change places before an attempt, at most, and attempts in vain from one another's remains.
+  int most_swaps = 3, failures = 8;
   // Pixels along an average chart, and by how many of them charts may overlap, at first and on the finer image.
   double pixels_per_chart = 20, coarse_slack = 1, fine_slack = 0.4;
   int finest_side = 1200;  // pixels of a tile
@@ -49,9 +51,15 @@ struct PackTuning {
   double growing_share = 0.4, settling_share = 1;
   int settling_rounds = 25;
 
-  // Other orders, where there are too many charts for tightening: sizes count for up to half of this share larger or
-  // smaller, scales grow by this factor, and less work than for so many trials is not worth beginning.
+  // Other orders: sizes count for up to half of this share larger or smaller, scales grow by this factor, and less work
+  // than for so many trials is not worth beginning.
   double order_spread = 0.3, order_step = 1.005, fewest_orders = 8;
+  // Their share of the work that is left where tightening follows. Changes in vain after which a new order is taken,
+  // the chance that a change is one of a turn, and arrangements that tightening begins with.
+  double orders_share = 0.35;
+  int orders_in_vain = 25;
+  double turn_chance = 0.3, missing_chance = 0.2;
+  int starts = 3;
 
   // After a stop request, from so many charts on, what would take longer than some milliseconds ends at once.
   std::size_t many_charts = 300;

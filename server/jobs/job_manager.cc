@@ -22,12 +22,6 @@ constexpr int kMaxPageSize = 1000;
 constexpr int kMaxFullPageSize = 50;
 constexpr std::size_t kFullPageBytes = std::size_t{2} << 20;
 
-absl::Status JobNotFound(const std::string& name) {
-  return MakeError(absl::StatusCode::kNotFound, "JOB_NOT_FOUND",
-                   absl::StrCat("there is no job '", name, "': it never was, or it was deleted or dropped"),
-                   {{"job", name}});
-}
-
 absl::Status ResultExpired(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
                    absl::StrCat("the UV of ", name, " were dropped: the server keeps results for some time only"),
@@ -138,48 +132,54 @@ absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest 
   PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(caller, request, work_key));
   if (known.has_value()) return *std::move(known);
 
-  JobRecord record = NewRecord(caller, request);
-  record.set_work_key(work_key);
-  record.set_seams_sha256(corners_sha256);
-  record.mutable_job()->set_memory_bytes(needs.memory_bytes);
-  v1::JobEvent event;
-  event.set_sequence(1);
-  *event.mutable_time() = record.job().create_time();
-  *event.mutable_job() = record.job();
-  if (absl::Status status = Write(record, &event); !status.ok()) {
-    return WithRetryDelay(std::move(status), options_.retry_delay);
-  }
-  for (const BlobId& id : put) unused_blobs_.erase(id);
-  totals_.last_number = record.number();
-  const std::string name = record.job().name();
-  Live& live = live_[name];
-  live.record = std::move(record);
-  live.events = std::make_shared<JobEventLog>(options_.events_per_job);
+  NewJob job;
+  job.record = NewRecord(caller, request);
+  job.record.set_work_key(work_key);
+  job.record.set_seams_sha256(corners_sha256);
+  job.record.mutable_job()->set_memory_bytes(needs.memory_bytes);
+  job.turn = QueueTime(options_.clock(), request.scheduling.priority());
+  job.blobs = Pending(caller.tenant, {request.mesh_sha256, corners_sha256});
   std::optional<KeptResult> result;
   if (!request.scheduling.fresh()) result = FindResult(work_key);
-  const bool runs = !result.has_value() && JoinWork(live, needs).running;
+  if (result.has_value()) job.result_of = result->record.job().name();
+  absl::StatusOr<AcceptedChange> written = store_->Accept(Context(), job);
+  if (!written.ok()) return WithRetryDelay(written.status(), options_.retry_delay);
+  if (!written->created) return InternalError("two jobs of one name");
+  Committed(job.blobs);
+  for (const BlobId& id : put) unused_blobs_.erase(id);
+
+  // First what it is accepted as, then what has become of it.
+  JobChange& change = written->change;
+  const std::string name = change.record.job().name();
+  Live& live = live_[name];
+  const bool has_result = IsTerminal(change.record.job().state());
+  const bool goes_on = change.events.size() > 1;
+  if (goes_on) {
+    live.record = change.record;
+    *live.record.mutable_job() = change.events.front().job();
+  } else {
+    live.record = std::move(change.record);
+  }
+  live.events = std::make_shared<JobEventLog>(options_.events_per_job);
+  if (!has_result) JoinWork(live, needs);
   Calls& calls = calls_[caller.tenant];
   ++calls.accepted;
-  if (result.has_value() || live.work != name) ++calls.shared;
-  AcceptedJob accepted = Answer(live, request.attached);
+  if (written->shares) ++calls.shared;
+  PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, Answer(live, request.attached));
+  v1::JobEvent event = std::move(change.events.front());
   *event.mutable_job() = accepted.job;
   live.events->Append(std::move(event));
   if (options_.observer != nullptr) {
-    const bool shares = !live.record.job().result_of().empty();
-    options_.observer->OnAccepted(live.record.job(), result.has_value() ? JobOrigin::kKeptResult
-                                                     : shares           ? JobOrigin::kSharedWork
-                                                                        : JobOrigin::kOwnWork);
+    options_.observer->OnAccepted(live.record.job(), has_result        ? JobOrigin::kKeptResult
+                                                     : written->shares ? JobOrigin::kSharedWork
+                                                                       : JobOrigin::kOwnWork);
   }
   if (options_.on_transition) options_.on_transition(live.record.job());
   StartClocks(live);
-  if (runs) Begin(live, &wakeups);
-  if (result.has_value()) {
-    const v1::Job& source = result->record.job();
-    v1::Job* job = live.record.mutable_job();
-    job->set_result_of(source.result_of().empty() ? source.name() : source.result_of());
-    *job->mutable_report() = source.report();
-    *job->mutable_uv() = source.uv();
-    Apply(JobAction::kSucceed, live, std::move(result->uv), &wakeups);
+  if (goes_on) {
+    change.events.erase(change.events.begin());
+    if (!has_result) StartBudget(live);
+    Adopt(live, std::move(change), has_result ? std::move(result->uv) : nullptr, &wakeups);
   }
   return accepted;
 }
@@ -218,7 +218,10 @@ absl::StatusOr<std::optional<AcceptedJob>> JobManager::FindKnown(const Caller& c
                                   ", which has another mesh or other options"),
                      metadata);
   }
-  if (const auto live = live_.find(name); live != live_.end()) return Answer(live->second, request.attached);
+  if (const auto live = live_.find(name); live != live_.end()) {
+    PLANISH_ASSIGN_OR_RETURN(AcceptedJob answer, Answer(live->second, request.attached));
+    return answer;
+  }
   AcceptedJob accepted;
   accepted.job = record->job();
   PLANISH_ASSIGN_OR_RETURN(accepted.events, LogOfEnded(*record));
@@ -227,7 +230,6 @@ absl::StatusOr<std::optional<AcceptedJob>> JobManager::FindKnown(const Caller& c
 
 JobRecord JobManager::NewRecord(const Caller& caller, const JobRequest& request) {
   JobRecord record;
-  record.set_number(totals_.last_number + 1);
   record.set_request_id(request.request_id);
   record.set_mesh_sha256(request.mesh_sha256);
   record.set_seam_corners(static_cast<std::int64_t>(request.seam_corners.size()));
@@ -250,16 +252,18 @@ JobRecord JobManager::NewRecord(const Caller& caller, const JobRequest& request)
   return record;
 }
 
-AcceptedJob JobManager::Answer(Live& live, bool attached) {
+absl::StatusOr<AcceptedJob> JobManager::Answer(Live& live, bool attached) {
+  if (!attached && live.record.attached()) {
+    absl::StatusOr<JobChange> change = store_->Detach(live.record.job().name());
+    if (!change.ok()) return NotWritten(change.status());
+    live.record = std::move(change->record);
+  }
   AcceptedJob accepted;
   accepted.job = Snapshot(live.record);
   accepted.events = live.events;
   if (attached) {
     ++live.attachments;
     accepted.attachment = JobAttachment(this, live.record.job().name());
-  } else if (live.record.attached()) {
-    live.record.set_attached(false);
-    Save(live.record, nullptr);
   }
   return accepted;
 }
@@ -268,7 +272,7 @@ v1::Job JobManager::Snapshot(const JobRecord& record) const {
   v1::Job job = record.job();
   const auto live = live_.find(job.name());
   if (live == live_.end()) return job;
-  const auto work = works_.find(live->second.work);
+  const auto work = works_.find(live->second.work());
   if (work == works_.end()) return job;
   if (job.state() == v1::JOB_STATE_QUEUED) {
     job.set_queue_position(queue_.Position(work->first, options_.steady_clock()));
@@ -409,16 +413,21 @@ absl::StatusOr<JobResult> JobManager::OpenResult(const Caller& caller, const std
   return JobResult{job.uv(), *std::move(uv)};
 }
 
-absl::Status JobManager::CheckWritten(const std::string& name) const {
+absl::Status JobManager::CheckOpen(const Live& live) const {
   if (suspended_) {
     return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
                                     "the server is shutting down; the job goes on when it is back"),
                           options_.retry_delay);
   }
-  if (!unsaved_.contains(name) && !unended_.contains(name)) return absl::OkStatus();
+  if (!unended_.contains(live.work())) return absl::OkStatus();
   return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
-                                  absl::StrCat("what becomes of ", name, " cannot be written for now")),
+                                  absl::StrCat("how ", live.record.job().name(), " ended cannot be written for now")),
                         options_.retry_delay);
+}
+
+absl::Status JobManager::NotWritten(const absl::Status& why) const {
+  if (options_.on_store_error) options_.on_store_error(why);
+  return WithRetryDelay(why, options_.retry_delay);
 }
 
 absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::string& name) {
@@ -426,8 +435,7 @@ absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::stri
   const std::lock_guard lock(mutex_);
   PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) {
-    if (!suspended_) EndEarly(live->second, EarlyEnd::kCancel, &wakeups);
-    PLANISH_RETURN_IF_ERROR(CheckWritten(name));
+    PLANISH_RETURN_IF_ERROR(EndEarly(live->second, EarlyEnd::kCancel, /*forget=*/false, &wakeups));
   }
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   return Snapshot(record);
@@ -438,8 +446,7 @@ absl::StatusOr<v1::Job> JobManager::Stop(const Caller& caller, const std::string
   const std::lock_guard lock(mutex_);
   PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
   if (const auto live = live_.find(name); live != live_.end()) {
-    if (!suspended_) StopLocked(live->second, &wakeups);
-    PLANISH_RETURN_IF_ERROR(CheckWritten(name));
+    PLANISH_RETURN_IF_ERROR(RequestStop(live->second, &wakeups));
   }
   PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
   return Snapshot(record);

@@ -25,16 +25,16 @@
 #include "server/access/tenant.h"
 #include "server/blobs/blob_store.h"
 #include "server/jobs/event_log.h"
-#include "server/jobs/ids.h"
 #include "server/jobs/job_observer.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_request.h"
 #include "server/jobs/job_source.h"
-#include "server/jobs/job_store.h"
-#include "server/jobs/lifecycle.h"
 #include "server/jobs/manager_stats.h"
 #include "server/jobs/work.h"
 #include "server/link/worker_link.h"
+#include "server/store/ids.h"
+#include "server/store/job_store.h"
+#include "server/store/lifecycle.h"
 
 namespace planish {
 
@@ -72,7 +72,7 @@ struct JobManagerOptions {
   // Hears of every change of state, in order, under the manager's lock, of an end after it was written: must be quick
   // and must not call back.
   std::function<void(const v1::Job&)> on_transition;
-  // Hears of records that could not be written and of meshes that could not be read, likewise. They are tried again by
+  // Hears of verbs of the store that failed and of meshes that could not be read, likewise. They are tried again by
   // Tick().
   std::function<void(const absl::Status&)> on_store_error;
   JobObserver* observer = nullptr;  // may be null; outlives the manager
@@ -163,7 +163,7 @@ class JobManager : public JobSource {
 
   // A queued job is CANCELLED at once. A running one is STOPPING, its worker is told, and whatever it delivers is
   // discarded. One that ended stays as it is. UNAVAILABLE with DRAINING after Suspend(): the next process will do it.
-  // RESOURCE_EXHAUSTED with STORAGE_FULL if it was done but could not be written yet; both with a retry delay.
+  // RESOURCE_EXHAUSTED with STORAGE_FULL if it cannot be written: then nothing has changed. Both with a retry delay.
   absl::StatusOr<v1::Job> Cancel(const Caller& caller, const std::string& name);
 
   // A running job is STOPPING and its worker is told, if every job that shares the work was stopped; a queued one will
@@ -246,23 +246,24 @@ class JobManager : public JobSource {
   // Sequence numbers that are reserved at a time: most jobs need one block, that is one write, only.
   static constexpr std::int64_t kSequenceBlock = 1024;
 
-  // How a job ends. It is RUNNING for everybody until that is written.
-  struct Ending {
-    JobRecord record;
-    v1::JobEvent event;
-    StoredBlobPtr uv;
-  };
-
   // What a job that has not ended has beside its record while this process lives.
   struct Live {
-    JobRecord record;
+    JobRecord record;  // as the store has it
     std::shared_ptr<JobEventLog> events;
-    std::string work;
     int attachments = 0;
     absl::Time orphaned = absl::InfiniteFuture();  // when the last caller went
-    bool timed_out = false;
-    std::vector<absl::Time> alarms;  // of its entries in alarms_
-    std::optional<Ending> ending;    // it has no work any more, and its end could not be written yet
+    std::vector<absl::Time> alarms;                // of its entries in alarms_
+
+    const std::string& work() const { return record.work(); }
+  };
+
+  // How an attempt ended. Its jobs are RUNNING for everybody until that is written.
+  struct Ending {
+    Work work;  // as it was
+    AttemptOutcome outcome;
+    StoredBlobPtr uv;
+    WorkerLoss loss;  // with AttemptOutcome::loss
+    absl::Duration duration;
   };
 
   struct Calls {
@@ -279,6 +280,8 @@ class JobManager : public JobSource {
   JobManager(JobManagerOptions options, JobStore* store, BlobStore* blobs);
   absl::Status Recover();
   absl::Status RecoverJob(JobRecord record, Wakeups* wakeups);
+  // For each verb of the store.
+  VerbContext Context() const;
   // `array_vertices` as in JobRequest; `size` counts where the mesh does not say.
   absl::StatusOr<JobNeeds> NeedsOf(std::string_view mesh, std::optional<std::int64_t> array_vertices,
                                    std::int64_t mesh_bytes, v1::MeshSize size, const v1::UnwrapOptions& options) const;
@@ -300,7 +303,6 @@ class JobManager : public JobSource {
   // NOT_FOUND or DATA_LOSS if one of them is lost.
   absl::StatusOr<std::vector<BlobPtr>> LoadBlobs(const std::string& tenant, const std::vector<std::string>& digests);
 
-  static absl::Status TimedOut(const v1::Job& job);
   static absl::Status MeshLost(const absl::Status& why);
 
   // All of these require mutex_.
@@ -310,7 +312,7 @@ class JobManager : public JobSource {
   absl::StatusOr<JobRecord> FindRecord(const std::string& name) const;
   // If the caller may see it, or `may_follow`, may submit, and the same credentials created it.
   absl::StatusOr<JobRecord> FindRecord(const Caller& caller, const std::string& name, bool may_follow = false) const;
-  AcceptedJob Answer(Live& live, bool attached);
+  absl::StatusOr<AcceptedJob> Answer(Live& live, bool attached);
   // The job that has the request id, if there is one.
   absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const Caller& caller, const JobRequest& request,
                                                        const std::string& work_key);
@@ -329,8 +331,8 @@ class JobManager : public JobSource {
   // The newest result of this work that is still kept.
   std::optional<KeptResult> FindResult(const std::string& work_key) const;
   Work* FindShared(const std::string& work_key);
-  // Joins the job to work at the same thing, or makes work of its own and queues it.
-  Work& JoinWork(Live& live, const JobNeeds& needs);
+  // Puts the job to its work, which is queued if nobody has it; a new one is made where there is none.
+  void JoinWork(Live& live, const JobNeeds& needs);
   void Enqueue(Work& work);
   void LeaveWork(Live& live);
   // Takes the work off the books.
@@ -339,49 +341,43 @@ class JobManager : public JobSource {
   // The work that a worker should have next; null: none, or it has to wait.
   Work* NextWork();
   JobAssignment Assign(const Work& work, std::vector<BlobPtr> blobs) const;
-  // Makes the jobs RUNNING in the store, then here. After an error nothing has changed.
-  absl::Status StartWork(Work& work, int attempt, Wakeups* wakeups);
-  // A job that joins work which runs already.
-  void Begin(Live& live, Wakeups* wakeups);
-  void NoteStart(JobRecord* record) const;
+  // Claims the work. After an error nothing has changed.
+  absl::Status StartWork(Work& work, Wakeups* wakeups);
   void StartBudget(Live& live);
   // No work starts for a while, because of `why`.
   void Postpone(const absl::Status& why);
-  void EndJob(Live& live, const worker::v1::WorkResult& result, StoredBlobPtr uv, Wakeups* wakeups);
+  // Writes how an attempt ended, and tells everybody; false if it could not be written, which Tick() tries again.
+  bool Finish(Ending ending, Wakeups* wakeups);
+  // Queues again what a lost worker leaves.
+  void Requeue(const Work& work, std::vector<std::string> jobs);
   void SendStopIfAllWant(Work& work);
 
   // ---- ends (job_manager_upkeep.cc)
-  enum class EarlyEnd { kCancel, kTimeout };
   // Sets the alarms of a job's own limits.
   void StartClocks(Live& live);
   void SetAlarm(Live& live, absl::Time time);
-  void EndEarly(Live& live, EarlyEnd why, Wakeups* wakeups);
-  void StopLocked(Live& live, Wakeups* wakeups);
-  void Fail(Live& live, const absl::Status& error, Wakeups* wakeups);
   void CheckClocks(const std::string& name, absl::Time now, Wakeups* wakeups);
-  // Advances the record, stores it and tells everybody; `live` is gone after the end, unless that could not be written.
-  // An illegal action is ignored: it comes from a worker that is late.
-  void Apply(JobAction action, Live& live, StoredBlobPtr uv, Wakeups* wakeups);
-  // Stores and tells what the record says now.
-  void Announce(Live& live, Wakeups* wakeups);
-  v1::JobEvent NextEvent(Live& live);
-  // Sees to it that the next event's sequence is one that no other process gives; true if the record changed.
-  static bool Reserve(Live& live);
-  // Writes with the record the small blobs that it refers to.
-  absl::Status Write(const JobRecord& record, const v1::JobEvent* event);
-  // Writes a record of a job that has not ended. If that fails Tick() tries again.
-  void Save(const JobRecord& record, const v1::JobEvent* event);
-  // UNAVAILABLE after Suspend(), RESOURCE_EXHAUSTED if the last change of a live job could not be written.
-  absl::Status CheckWritten(const std::string& name) const;
-  // Writes how the job ends; false if that failed.
-  bool WriteEnd(const Ending& ending);
-  // Tells everybody how the job ended, after that was written. `live` is gone.
-  void Conclude(Live& live, Ending ending, Wakeups* wakeups);
-  void WriteWhatIsLeft(Wakeups* wakeups);
+  // These three do as the verbs of the store with the same names, tell the worker, and everybody of what came of it.
+  // After an error, which has a retry delay, nothing has changed; otherwise `live` may be gone.
+  absl::Status EndEarly(Live& live, EarlyEnd why, bool forget, Wakeups* wakeups);
+  absl::Status RequestStop(Live& live, Wakeups* wakeups);
+  absl::Status Fail(Live& live, const absl::Status& error, bool forget, Wakeups* wakeups);
+  // Takes over what a verb made of the job, and tells everybody. `uv` are those of a job that SUCCEEDED. `live` is gone
+  // if the job ended.
+  void Adopt(Live& live, JobChange change, StoredBlobPtr uv, Wakeups* wakeups);
+  void Conclude(Live& live, v1::JobEvent event, StoredBlobPtr uv, Wakeups* wakeups);
+  // Small blobs of the tenant that wait to be committed with a record.
+  std::vector<BlobRow> Pending(const std::string& tenant, const std::vector<std::string>& digests) const;
+  void Committed(const std::vector<BlobRow>& blobs);
+  // UNAVAILABLE after Suspend(), RESOURCE_EXHAUSTED if the attempt at the job's work ended and that is not written.
+  absl::Status CheckOpen(const Live& live) const;
+  // Says so, and what to do about it.
+  absl::Status NotWritten(const absl::Status& why) const;
+  void FinishWhatIsLeft(Wakeups* wakeups);
   void Retain();
   // What is more than the tenant may keep.
   void RetainOf(const std::string& tenant);
-  bool Expire(JobRecord record);
+  bool Expire(const JobRecord& record);
   absl::Status Forget(const JobRecord& record);
   void ReleaseBlobs(const JobRecord& record);
   bool IsBlobUsed(const BlobId& id) const;
@@ -409,10 +405,9 @@ class JobManager : public JobSource {
   std::set<std::pair<absl::Time, std::string>> alarms_;
   // Logs of the jobs that ended last, the newest first: their watchers may come a moment late and want the progress.
   std::list<std::pair<std::string, std::shared_ptr<JobEventLog>>> ended_logs_;
-  std::set<std::string> unsaved_;  // live jobs whose record could not be written
-  std::set<std::string> unended_;  // live jobs with an `ending`
-  std::set<BlobId> unused_blobs_;  // may be unused: to be looked at
-  std::vector<BlobId> sweep_;      // likewise, a few at a time
+  std::map<std::string, Ending> unended_;  // by work: attempts that ended, which could not be written yet
+  std::set<BlobId> unused_blobs_;          // may be unused: to be looked at
+  std::vector<BlobId> sweep_;              // likewise, a few at a time
   JobTotals totals_;
   std::map<std::string, std::string> last_ended_;  // job of each tenant
   std::map<std::string, Calls> calls_;             // of each tenant, since the start

@@ -7,8 +7,8 @@
 #include "core/base/error.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/jobs/job_manager.h"
-#include "server/jobs/lifecycle.h"
 #include "server/link/rpc_status.h"
+#include "server/store/lifecycle.h"
 
 namespace planish {
 namespace {

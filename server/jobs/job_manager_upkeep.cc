@@ -21,6 +21,9 @@ constexpr absl::Duration kSweepInterval = absl::Minutes(10);
 // So many at a time: each takes a look into the store, under the lock.
 constexpr std::size_t kSweepSlice = 64;
 
+// Pieces of work that a transaction takes over from the server before.
+constexpr int kReapSlice = 100;
+
 absl::Duration ToDuration(const google::protobuf::Duration& duration) {
   return absl::Nanoseconds(TimeUtil::DurationToNanoseconds(duration));
 }
@@ -33,97 +36,36 @@ absl::Time ToTime(const google::protobuf::Timestamp& timestamp) {
 
 // ---- one place for every change
 
-void JobManager::Apply(JobAction action, Live& live, StoredBlobPtr uv, Wakeups* wakeups) {
-  if (live.ending.has_value()) return;
-  const absl::Time now = options_.clock();
-  v1::Job* job = live.record.mutable_job();
-  const v1::JobState before = job->state();
-  if (!Advance(action, now, job).ok()) return;
-  if (job->state() == v1::JOB_STATE_SUCCEEDED && options_.limits.retained_time < absl::InfiniteDuration()) {
-    *job->mutable_expire_time() = ToTimestamp(now + options_.limits.retained_time);
-  }
-  if (!IsTerminal(job->state())) return Announce(live, wakeups);
-
-  Ending ending;
-  ending.event = NextEvent(live);
-  ending.record = std::move(live.record);
-  ending.uv = std::move(uv);
-  if (WriteEnd(ending)) return Conclude(live, std::move(ending), wakeups);
-  // Nobody hears of an end that a loss of power could take back: as far as others see, the job goes on.
-  live.record = ending.record;
-  job = live.record.mutable_job();
-  job->set_state(before);
-  job->clear_report();
-  job->clear_uv();
-  job->clear_error();
-  job->clear_end_time();
-  job->clear_expire_time();
-  unended_.insert(job->name());
-  live.ending = std::move(ending);
+VerbContext JobManager::Context() const {
+  VerbContext context;
+  context.now = options_.clock();
+  context.retained_time = options_.limits.retained_time;
+  context.max_attempts = options_.max_attempts;
+  context.told = [this](const std::string& name) {
+    const auto live = live_.find(name);
+    return live == live_.end() ? 0 : live->second.events->last_sequence();
+  };
+  return context;
 }
 
-void JobManager::Announce(Live& live, Wakeups* wakeups) {
-  v1::JobEvent event = NextEvent(live);
-  if (options_.on_transition) options_.on_transition(live.record.job());
-  Save(live.record, &event);
-  live.events->Append(std::move(event));
+void JobManager::Adopt(Live& live, JobChange change, StoredBlobPtr uv, Wakeups* wakeups) {
+  live.record = std::move(change.record);
   wakeups->logs.push_back(live.events);
-}
-
-v1::JobEvent JobManager::NextEvent(Live& live) {
-  Reserve(live);
-  v1::JobEvent event;
-  event.set_sequence(live.events->last_sequence() + 1);
-  *event.mutable_time() = ToTimestamp(options_.clock());
-  *event.mutable_job() = Snapshot(live.record);
-  return event;
-}
-
-bool JobManager::Reserve(Live& live) {
-  if (live.events->last_sequence() < live.record.reserved_sequence()) return false;
-  live.record.set_reserved_sequence(live.events->last_sequence() + kSequenceBlock);
-  return true;
-}
-
-absl::Status JobManager::Write(const JobRecord& record, const v1::JobEvent* event) {
-  JobWrite write = {&record, event, {}};
-  for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256(), record.job().uv().uv_sha256()}) {
-    if (sha256.empty()) continue;
-    const BlobId id = {record.job().tenant(), sha256};
-    if (StoredBlobPtr pending = blobs_->Pending(id)) write.blobs.push_back({id, std::move(pending)});
+  for (v1::JobEvent& event : change.events) {
+    if (options_.on_transition) options_.on_transition(event.job());
+    if (IsTerminal(event.job().state())) return Conclude(live, std::move(event), std::move(uv), wakeups);
+    if (&event == &change.events.back()) *event.mutable_job() = Snapshot(live.record);
+    live.events->Append(std::move(event));
   }
-  PLANISH_RETURN_IF_ERROR(store_->Write({write}, Durability::kNow));
-  for (const BlobRow& blob : write.blobs) blobs_->Committed(blob.id);
-  return absl::OkStatus();
 }
 
-void JobManager::Save(const JobRecord& record, const v1::JobEvent* event) {
-  const absl::Status status = Write(record, event);
-  if (status.ok()) {
-    unsaved_.erase(record.job().name());
-    return;
-  }
-  unsaved_.insert(record.job().name());
-  if (options_.on_store_error) options_.on_store_error(status);
-}
-
-bool JobManager::WriteEnd(const Ending& ending) {
-  const absl::Status status = Write(ending.record, &ending.event);
-  if (!status.ok() && options_.on_store_error) options_.on_store_error(status);
-  return status.ok();
-}
-
-void JobManager::Conclude(Live& live, Ending ending, Wakeups* wakeups) {
-  const JobRecord& record = ending.record;
+void JobManager::Conclude(Live& live, v1::JobEvent event, StoredBlobPtr uv, Wakeups* wakeups) {
+  const JobRecord record = std::move(live.record);
   const std::string& name = record.job().name();
-  wakeups->logs.push_back(live.events);
-  if (options_.on_transition) options_.on_transition(record.job());
-  live.events->AppendLast(std::move(ending.event), std::move(ending.uv));
+  live.events->AppendLast(std::move(event), std::move(uv));
   ended_logs_.emplace_front(name, std::move(live.events));
   if (ended_logs_.size() > kEndedLogs) ended_logs_.pop_back();
   for (const absl::Time alarm : live.alarms) alarms_.erase({alarm, name});
-  unsaved_.erase(name);
-  unended_.erase(name);
   live_.erase(name);
   const std::string& tenant = record.job().tenant();
   ++totals_.tenants[tenant].ended;
@@ -136,27 +78,29 @@ void JobManager::Conclude(Live& live, Ending ending, Wakeups* wakeups) {
   CheckIdle(wakeups);
 }
 
-void JobManager::WriteWhatIsLeft(Wakeups* wakeups) {
-  for (const std::string& name : std::vector<std::string>(unended_.begin(), unended_.end())) {
-    Live& live = live_.at(name);
-    if (!WriteEnd(*live.ending)) return;  // the others fare no better
-    Ending ending = *std::move(live.ending);
-    Conclude(live, std::move(ending), wakeups);
+std::vector<BlobRow> JobManager::Pending(const std::string& tenant, const std::vector<std::string>& digests) const {
+  std::vector<BlobRow> rows;
+  for (const std::string& sha256 : digests) {
+    const BlobId id = {tenant, sha256};
+    if (StoredBlobPtr pending = sha256.empty() ? nullptr : blobs_->Pending(id))
+      rows.push_back({id, std::move(pending)});
   }
-  for (const std::string& name : std::vector<std::string>(unsaved_.begin(), unsaved_.end())) {
-    const JobRecord& record = live_.at(name).record;
-    if (!Write(record, nullptr).ok()) return;
-    unsaved_.erase(name);
+  return rows;
+}
+
+void JobManager::Committed(const std::vector<BlobRow>& blobs) {
+  for (const BlobRow& blob : blobs) blobs_->Committed(blob.id);
+}
+
+void JobManager::FinishWhatIsLeft(Wakeups* wakeups) {
+  while (!unended_.empty()) {
+    Ending ending = std::move(unended_.begin()->second);
+    unended_.erase(unended_.begin());
+    if (!Finish(std::move(ending), wakeups)) return;  // the others fare no better
   }
 }
 
 // ---- early ends
-
-absl::Status JobManager::TimedOut(const v1::Job& job) {
-  return MakeError(absl::StatusCode::kDeadlineExceeded, "DEADLINE_EXCEEDED",
-                   absl::StrCat("the job had not ended ", absl::FormatDuration(ToDuration(job.scheduling().timeout())),
-                                " after it was accepted (Scheduling.timeout)"));
-}
 
 void JobManager::StartClocks(Live& live) {
   const v1::Job& job = live.record.job();
@@ -173,61 +117,56 @@ void JobManager::CheckClocks(const std::string& name, absl::Time now, Wakeups* w
   const auto found = live_.find(name);
   if (found == live_.end()) return;
   Live& live = found->second;
-  if (live.ending.has_value()) return;
   const v1::Job& job = live.record.job();
   const v1::Scheduling& limits = job.scheduling();
   const bool left_alone = live.attachments == 0 && live.record.attached();
-  if (left_alone && now - live.orphaned >= options_.limits.reattach_grace) {
-    live.record.clear_request_id();
-    return EndEarly(live, EarlyEnd::kCancel, wakeups);
-  }
-  if (limits.has_timeout() && now - ToTime(job.create_time()) >= ToDuration(limits.timeout())) {
-    return EndEarly(live, EarlyEnd::kTimeout, wakeups);
-  }
   const bool runs = job.state() == v1::JOB_STATE_RUNNING;
-  if (runs && limits.has_compute_budget() && now - ToTime(job.start_time()) >= ToDuration(limits.compute_budget())) {
-    StopLocked(live, wakeups);
+  absl::Status status;
+  if (left_alone && now - live.orphaned >= options_.limits.reattach_grace) {
+    status = EndEarly(live, EarlyEnd::kCancel, /*forget=*/true, wakeups);
+  } else if (limits.has_timeout() && now - ToTime(job.create_time()) >= ToDuration(limits.timeout())) {
+    status = EndEarly(live, EarlyEnd::kTimeout, /*forget=*/false, wakeups);
+  } else if (runs && limits.has_compute_budget() &&
+             now - ToTime(job.start_time()) >= ToDuration(limits.compute_budget())) {
+    status = RequestStop(live, wakeups);
   }
+  if (!status.ok()) SetAlarm(live, now + options_.retry_delay);  // nothing changed: once more
 }
 
-void JobManager::EndEarly(Live& live, EarlyEnd why, Wakeups* wakeups) {
-  if (live.record.job().cancel_requested() || live.timed_out || live.ending.has_value()) return;
-  if (why == EarlyEnd::kCancel) {
-    live.record.mutable_job()->set_cancel_requested(true);
+absl::Status JobManager::EndEarly(Live& live, EarlyEnd why, bool forget, Wakeups* wakeups) {
+  PLANISH_RETURN_IF_ERROR(CheckOpen(live));
+  const std::string name = live.record.job().name();
+  if (live.record.job().cancel_requested() || live.record.timed_out()) return absl::OkStatus();
+  absl::StatusOr<JobChange> change = store_->EndEarly(Context(), name, why, forget);
+  if (!change.ok()) return NotWritten(change.status());
+  Work& work = works_.at(live.work());
+  if (IsTerminal(change->record.job().state())) {
+    LeaveWork(live);
   } else {
-    live.timed_out = true;
-  }
-  Work& work = works_.at(live.work);
-  if (work.running && work.jobs.size() == 1) {
     // The worker has to answer first.
     work.obey_by = options_.clock() + options_.obey_limit;
     work.SendCancel();
-    if (live.record.job().state() == v1::JOB_STATE_RUNNING) return Apply(JobAction::kCancel, live, nullptr, wakeups);
-    return Save(live.record, nullptr);
   }
-  LeaveWork(live);
-  if (why == EarlyEnd::kTimeout) return Fail(live, TimedOut(live.record.job()), wakeups);
-  const bool was_queued = live.record.job().state() == v1::JOB_STATE_QUEUED;
-  if (was_queued) return Apply(JobAction::kCancel, live, nullptr, wakeups);
-  if (live.record.job().state() == v1::JOB_STATE_RUNNING) Apply(JobAction::kCancel, live, nullptr, wakeups);
-  Apply(JobAction::kCancelled, live, nullptr, wakeups);
+  Adopt(live, *std::move(change), nullptr, wakeups);
+  return absl::OkStatus();
 }
 
-void JobManager::StopLocked(Live& live, Wakeups* wakeups) {
-  v1::Job* job = live.record.mutable_job();
-  if (job->stop_requested() || live.ending.has_value()) return;
-  job->set_stop_requested(true);
-  if (job->state() == v1::JOB_STATE_RUNNING) {
-    Apply(JobAction::kStop, live, nullptr, wakeups);
-  } else {
-    Announce(live, wakeups);
-  }
-  SendStopIfAllWant(works_.at(live.work));
+absl::Status JobManager::RequestStop(Live& live, Wakeups* wakeups) {
+  PLANISH_RETURN_IF_ERROR(CheckOpen(live));
+  if (live.record.job().stop_requested()) return absl::OkStatus();
+  absl::StatusOr<JobChange> change = store_->RequestStop(Context(), live.record.job().name());
+  if (!change.ok()) return NotWritten(change.status());
+  Adopt(live, *std::move(change), nullptr, wakeups);
+  SendStopIfAllWant(works_.at(live.work()));
+  return absl::OkStatus();
 }
 
-void JobManager::Fail(Live& live, const absl::Status& error, Wakeups* wakeups) {
-  *live.record.mutable_job()->mutable_error() = ToRpcStatus(error);
-  Apply(JobAction::kFail, live, nullptr, wakeups);
+absl::Status JobManager::Fail(Live& live, const absl::Status& error, bool forget, Wakeups* wakeups) {
+  absl::StatusOr<JobChange> change = store_->Fail(Context(), live.record.job().name(), ToRpcStatus(error), forget);
+  if (!change.ok()) return NotWritten(change.status());
+  if (works_.contains(live.work())) LeaveWork(live);
+  Adopt(live, *std::move(change), nullptr, wakeups);
+  return absl::OkStatus();
 }
 
 // ---- what is kept
@@ -252,7 +191,7 @@ void JobManager::Tick() {
     if (const auto live = live_.find(name); live != live_.end()) std::erase(live->second.alarms, time);
     CheckClocks(name, now, &wakeups);
   }
-  WriteWhatIsLeft(&wakeups);
+  FinishWhatIsLeft(&wakeups);
   if (next_start_ > absl::InfinitePast() && options_.steady_clock() >= next_start_) {
     next_start_ = absl::InfinitePast();
     work_or_stop_.notify_all();
@@ -287,23 +226,20 @@ void JobManager::RetainOf(const std::string& tenant) {
   }
 }
 
-bool JobManager::Expire(JobRecord record) {
-  v1::Job* job = record.mutable_job();
-  if (!Advance(JobAction::kExpire, options_.clock(), job).ok()) return false;
-  record.clear_request_id();  // a caller that asks again wants UV
-  if (const absl::Status status = store_->Write({{&record, nullptr, {}}}, Durability::kLater); !status.ok()) {
-    if (options_.on_store_error) options_.on_store_error(status);
-    return false;
-  }
-  if (options_.on_transition) options_.on_transition(*job);
-  totals_.tenants[job->tenant()].result_bytes -= job->uv().total_bytes();
-  ended_logs_.remove_if([&](const auto& ended) { return ended.first == job->name(); });
+bool JobManager::Expire(const JobRecord& record) {
+  const absl::StatusOr<JobChange> change = store_->Expire(Context(), record.job().name());
+  if (!change.ok() && options_.on_store_error) options_.on_store_error(change.status());
+  if (!change.ok() || change->record.job().state() != v1::JOB_STATE_EXPIRED) return false;
+  const v1::Job& job = change->record.job();
+  if (options_.on_transition) options_.on_transition(job);
+  totals_.tenants[job.tenant()].result_bytes -= job.uv().total_bytes();
+  ended_logs_.remove_if([&](const auto& ended) { return ended.first == job.name(); });
   ReleaseBlobs(record);
   return true;
 }
 
 absl::Status JobManager::Forget(const JobRecord& record) {
-  PLANISH_RETURN_IF_ERROR(store_->Delete(record.number()));
+  PLANISH_RETURN_IF_ERROR(store_->Delete(record.job().name()));
   const v1::Job& job = record.job();
   TenantTotals& totals = totals_.tenants[job.tenant()];
   --totals.ended;
@@ -338,6 +274,17 @@ void JobManager::CollectBlobs() {
 absl::Status JobManager::Recover() {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
+  // A server that ended in order has released what it ran. Whoever dies without that may have died of the job.
+  for (;;) {
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<JobChange> lost, store_->Reap(Context(), instance_, kReapSlice));
+    if (lost.empty()) break;
+    for (const JobChange& change : lost) {
+      const v1::Job& job = change.record.job();
+      if (IsTerminal(job.state())) last_ended_[job.tenant()] = job.name();
+      if (!options_.on_transition) continue;
+      for (const v1::JobEvent& event : change.events) options_.on_transition(event.job());
+    }
+  }
   PLANISH_ASSIGN_OR_RETURN(totals_, store_->Totals());
   PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, store_->Unfinished());
   for (JobRecord& record : records) PLANISH_RETURN_IF_ERROR(RecoverJob(std::move(record), &wakeups));
@@ -353,56 +300,24 @@ absl::Status JobManager::RecoverJob(JobRecord record, Wakeups* wakeups) {
   live.events = std::make_shared<JobEventLog>(options_.events_per_job);
   for (v1::JobEvent& event : events) live.events->Restore(std::move(event), record.reserved_sequence());
   live.record = std::move(record);
-  Reserve(live);
-  v1::Job* job = live.record.mutable_job();
+  const v1::Job& job = live.record.job();
   if (live.record.attached()) {
     live.orphaned = options_.clock();
     SetAlarm(live, live.orphaned + options_.limits.reattach_grace);
   }
-  // A server that ended in order has released what it ran. Whoever dies without that may have died of the job.
-  const bool was_lost = !live.record.owner().empty() && job->state() != v1::JOB_STATE_QUEUED;
-  if (was_lost) {
-    live.record.set_crashes(live.record.crashes() + 1);
-    live.record.set_server_crashes(live.record.server_crashes() + 1);
-  }
-  live.record.clear_owner();
-  if (live.record.job().cancel_requested()) {
-    if (job->state() != v1::JOB_STATE_STOPPING) Apply(JobAction::kCancel, live, nullptr, wakeups);
-    if (live_.contains(name)) Apply(JobAction::kCancelled, live, nullptr, wakeups);
-    return absl::OkStatus();
-  }
-  if (was_lost && live.record.crashes() >= options_.max_attempts) {
-    Fail(live,
-         MakeError(absl::StatusCode::kInternal, "SERVER_CRASHED",
-                   absl::StrCat("the server died while it ran the job (", job->attempts(), " attempts)"),
-                   {{"attempts", absl::StrCat(job->attempts())}}),
-         wakeups);
-    return absl::OkStatus();
-  }
   const absl::StatusOr<std::vector<BlobPtr>> blobs =
-      LoadBlobs(job->tenant(), {live.record.mesh_sha256(), live.record.seams_sha256()});
+      LoadBlobs(job.tenant(), {live.record.mesh_sha256(), live.record.seams_sha256()});
   if (absl::IsNotFound(blobs.status()) || absl::IsDataLoss(blobs.status())) {
-    live.record.clear_request_id();  // a caller that has the mesh sends it again, for a new job
-    Fail(live, MeshLost(blobs.status()), wakeups);
-    return absl::OkStatus();
+    // Its request id is free: a caller that has the mesh sends it again, for a new job.
+    return Fail(live, MeshLost(blobs.status()), /*forget=*/true, wakeups);
   }
   PLANISH_RETURN_IF_ERROR(blobs.status());
   std::optional<std::int64_t> array_vertices;
   if (live.record.has_array_vertices()) array_vertices = live.record.array_vertices();
   const absl::StatusOr<JobNeeds> needs =
-      NeedsOf(blobs->front()->bytes(), array_vertices, job->mesh_bytes(), v1::MeshSize(), job->options());
-  if (!needs.ok()) {
-    Fail(live, needs.status(), wakeups);  // the limits are lower than they were
-    return absl::OkStatus();
-  }
-  job->set_memory_bytes(needs->memory_bytes);
-  job->clear_result_of();
+      NeedsOf(blobs->front()->bytes(), array_vertices, job.mesh_bytes(), v1::MeshSize(), job.options());
+  if (!needs.ok()) return Fail(live, needs.status(), /*forget=*/false, wakeups);  // the limits are lower than they were
   JoinWork(live, *needs);
-  if (job->state() == v1::JOB_STATE_QUEUED) {
-    Save(live.record, nullptr);
-  } else {
-    Apply(JobAction::kRequeue, live, nullptr, wakeups);
-  }
   StartClocks(live);
   return absl::OkStatus();
 }
@@ -439,7 +354,9 @@ void JobManager::CancelAll() {
   if (suspended_) return;
   std::vector<std::string> names;
   for (const auto& [name, live] : live_) names.push_back(name);
-  for (const std::string& name : names) EndEarly(live_.at(name), EarlyEnd::kCancel, &wakeups);
+  for (const std::string& name : names) {
+    EndEarly(live_.at(name), EarlyEnd::kCancel, /*forget=*/false, &wakeups).IgnoreError();  // was told of
+  }
 }
 
 void JobManager::Suspend() {
@@ -450,20 +367,14 @@ void JobManager::Suspend() {
   const absl::Status status = WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
                                                        "the server is shutting down; the job goes on when it is back"),
                                              options_.retry_delay);
-  WriteWhatIsLeft(&wakeups);
-  std::vector<JobWrite> released;
+  // An end that cannot be written is lost, and the job runs again.
+  FinishWhatIsLeft(&wakeups);
+  unended_.clear();
+  const absl::Status released = store_->Release(Context(), instance_).status();
+  if (!released.ok() && options_.on_store_error) options_.on_store_error(released);
   for (auto& [name, live] : live_) {
-    // An end that cannot be written is lost, and the job runs again.
-    if (!live.record.owner().empty() && live.record.job().state() != v1::JOB_STATE_QUEUED) {
-      live.record.clear_owner();
-      released.push_back({&live.record, nullptr, {}});
-    }
     live.events->Interrupt(status);
     wakeups.logs.push_back(live.events);
-  }
-  if (!released.empty()) {
-    const absl::Status written = store_->Write(released, Durability::kNow);
-    if (!written.ok() && options_.on_store_error) options_.on_store_error(written);
   }
   for (auto& [name, work] : works_) {
     if (work.link != nullptr) work.link->Close();
@@ -482,11 +393,10 @@ void JobManager::FailAll(const absl::Status& error) {
   for (const auto& [name, live] : live_) names.push_back(name);
   for (const std::string& name : names) {
     Live& live = live_.at(name);
-    if (live.ending.has_value()) continue;
-    Work& work = works_.at(live.work);
-    if (work.running && work.link != nullptr) work.link->Close();
-    LeaveWork(live);
-    Fail(live, error, &wakeups);
+    if (const auto work = works_.find(live.work()); work != works_.end() && work->second.link != nullptr) {
+      work->second.link->Close();
+    }
+    Fail(live, error, /*forget=*/false, &wakeups).IgnoreError();  // was told of
   }
 }
 

@@ -26,15 +26,6 @@ bool IsOutOfMemory(const WorkerLoss& loss) {
   return loss.reason == "OUT_OF_MEMORY";
 }
 
-absl::Status LossError(const WorkerLoss& loss, int attempts) {
-  std::map<std::string, std::string> metadata = loss.metadata;
-  metadata["attempts"] = absl::StrCat(attempts);
-  const auto code = IsOutOfMemory(loss) ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal;
-  return MakeError(code, loss.reason,
-                   absl::StrCat(loss.message, attempts > 1 ? absl::StrCat(" (", attempts, " attempts)") : ""),
-                   metadata);
-}
-
 }  // namespace
 
 // ---- work and its jobs
@@ -67,24 +58,22 @@ Work* JobManager::FindShared(const std::string& work_key) {
   return work.cancelled || work.stopped ? nullptr : &work;
 }
 
-Work& JobManager::JoinWork(Live& live, const JobNeeds& needs) {
-  const std::string& name = live.record.job().name();
-  Work* shared = live.record.job().scheduling().fresh() ? nullptr : FindShared(live.record.work_key());
-  if (shared == nullptr) {
-    shared = &works_[name];
-    shared->name = name;
-    shared->key = live.record.work_key();
-    shared->tenant = live.record.job().tenant();
-    shared->mesh_bytes = live.record.job().mesh_bytes();
-    shared->needs = needs;
-    shared_[shared->key] = name;
-  } else {
-    live.record.mutable_job()->set_result_of(shared->name);
+void JobManager::JoinWork(Live& live, const JobNeeds& needs) {
+  const JobRecord& record = live.record;
+  if (unended_.contains(record.work())) return;  // it ends with that
+  const auto [found, is_new] = works_.try_emplace(record.work());
+  Work& work = found->second;
+  if (is_new) {
+    work.name = record.work();
+    work.key = record.work_key();
+    work.tenant = record.job().tenant();
+    work.mesh_bytes = record.job().mesh_bytes();
+    work.needs = needs;
+    work.attempt = record.attempt();
+    shared_[work.key] = work.name;
   }
-  live.work = shared->name;
-  shared->jobs.push_back(name);
-  if (!shared->running) Enqueue(*shared);
-  return *shared;
+  work.jobs.push_back(record.job().name());
+  if (!work.running) Enqueue(work);
 }
 
 void JobManager::Enqueue(Work& work) {
@@ -102,7 +91,7 @@ void JobManager::Enqueue(Work& work) {
 }
 
 void JobManager::LeaveWork(Live& live) {
-  Work& work = works_.at(live.work);
+  Work& work = works_.at(live.work());
   std::erase(work.jobs, live.record.job().name());
   if (work.jobs.empty()) {
     Remove(work.name);
@@ -181,18 +170,19 @@ Turn JobManager::TakeNext(absl::Duration patience, JobAssignment* assignment) {
     }
     loaded_for.clear();
     if (absl::IsNotFound(loaded.status()) || absl::IsDataLoss(loaded.status())) {
-      for (const std::string& name : Remove(work.name).jobs) {
-        Live& live = live_.at(name);
-        live.record.clear_request_id();  // a caller that has the mesh sends it again, for a new job
-        Fail(live, MeshLost(loaded.status()), &wakeups);
+      // Their request ids are free: a caller that has the mesh sends it again, for a new job.
+      absl::Status written;
+      for (const std::string& name : std::vector<std::string>(work.jobs)) {
+        if (written.ok()) written = Fail(live_.at(name), MeshLost(loaded.status()), /*forget=*/true, &wakeups);
       }
+      if (!written.ok()) Postpone(written);
       continue;
     }
     if (!loaded.ok()) {
       Postpone(loaded.status());
       continue;
     }
-    if (const absl::Status status = StartWork(work, work.attempt + 1, &wakeups); !status.ok()) {
+    if (const absl::Status status = StartWork(work, &wakeups); !status.ok()) {
       Postpone(status);
       continue;
     }
@@ -222,38 +212,21 @@ void JobManager::Postpone(const absl::Status& why) {
   if (options_.on_store_error) options_.on_store_error(why);
 }
 
-absl::Status JobManager::StartWork(Work& work, int attempt, Wakeups* wakeups) {
-  std::vector<JobRecord> before;
-  std::vector<v1::JobEvent> events;
-  before.reserve(work.jobs.size());
-  events.reserve(work.jobs.size());
-  std::vector<JobWrite> writes;
-  const absl::Time now = options_.clock();
-  for (const std::string& name : work.jobs) {
-    Live& live = live_.at(name);
-    before.push_back(live.record);
-    NoteStart(&live.record);
-    Advance(JobAction::kStart, now, live.record.mutable_job()).IgnoreError();  // they are all QUEUED
-    events.push_back(NextEvent(live));
-    writes.push_back({&live.record, &events.back(), {}});
-  }
-  if (absl::Status status = store_->Write(writes, Durability::kNow); !status.ok()) {
-    for (std::size_t i = 0; i < work.jobs.size(); ++i) live_.at(work.jobs[i]).record = std::move(before[i]);
-    return status;
-  }
+absl::Status JobManager::StartWork(Work& work, Wakeups* wakeups) {
+  // A process that has the store to itself needs no end of leases.
+  PLANISH_ASSIGN_OR_RETURN(std::vector<ClaimedWork> claimed,
+                           store_->Claim(Context(), {instance_, absl::InfiniteDuration(), 1, 0, work.name}));
+  if (claimed.empty()) return InternalError(absl::StrCat(work.name, " does not wait, as the store has it"));
   work.running = true;
-  work.attempt = attempt;
+  work.attempt = claimed[0].lease.attempt;
   work.start = options_.steady_clock();
   queue_.Start(work.name, work.start);
   reserved_memory_ += work.needs.memory_bytes;
   if (work.alone) ++alone_running_;
-  for (std::size_t i = 0; i < work.jobs.size(); ++i) {
-    Live& live = live_.at(work.jobs[i]);
-    unsaved_.erase(work.jobs[i]);
+  for (JobChange& change : claimed[0].jobs) {
+    Live& live = live_.at(change.record.job().name());
     StartBudget(live);
-    if (options_.on_transition) options_.on_transition(live.record.job());
-    live.events->Append(std::move(events[i]));
-    wakeups->logs.push_back(live.events);
+    Adopt(live, std::move(change), nullptr, wakeups);
   }
   return absl::OkStatus();
 }
@@ -280,21 +253,10 @@ JobAssignment JobManager::Assign(const Work& work, std::vector<BlobPtr> blobs) c
   return assignment;
 }
 
-void JobManager::NoteStart(JobRecord* record) const {
-  record->mutable_job()->set_attempts(record->job().attempts() + 1);
-  record->set_owner(instance_);
-}
-
 void JobManager::StartBudget(Live& live) {
   const v1::Scheduling& scheduling = live.record.job().scheduling();
   if (!scheduling.has_compute_budget()) return;
   SetAlarm(live, options_.clock() + absl::Nanoseconds(TimeUtil::DurationToNanoseconds(scheduling.compute_budget())));
-}
-
-void JobManager::Begin(Live& live, Wakeups* wakeups) {
-  NoteStart(&live.record);
-  StartBudget(live);
-  Apply(JobAction::kStart, live, nullptr, wakeups);
 }
 
 void JobManager::SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) {
@@ -323,7 +285,11 @@ void JobManager::ReportProgress(const std::string& name, int attempt, v1::Progre
     v1::JobEvent event;
     *event.mutable_time() = ToTimestamp(options_.clock());
     *event.mutable_progress() = progress;
-    if (Reserve(live)) Save(live.record, nullptr);
+    if (live.events->last_sequence() >= live.record.reserved_sequence()) {
+      absl::StatusOr<JobChange> change = store_->ReserveSequences(Context(), job, kSequenceBlock);
+      if (!change.ok()) continue;  // numbers that may be given twice are worse than news that do not come
+      live.record = std::move(change->record);
+    }
     live.events->Append(std::move(event));
     wakeups.logs.push_back(live.events);
   }
@@ -363,7 +329,14 @@ void JobManager::ReportResult(const std::string& name, int attempt, worker::v1::
     options_.observer->OnWorkEnded(live_.at(work.jobs.front()).record.job(), result,
                                    options_.steady_clock() - work.start);
   }
-  for (const std::string& job : work.jobs) EndJob(live_.at(job), result, kept, &wakeups);
+  Ending ending;
+  ending.work = work;
+  ending.outcome.status = std::move(*result.mutable_status());
+  ending.outcome.report = std::move(*result.mutable_report());
+  ending.outcome.uv = std::move(*result.mutable_uv());
+  ending.outcome.blobs = Pending(work.tenant, {ending.outcome.uv.uv_sha256()});
+  ending.uv = std::move(kept);
+  Finish(std::move(ending), &wakeups);
 }
 
 // Not under the lock: results may be large.
@@ -377,61 +350,60 @@ absl::StatusOr<StoredBlobPtr> JobManager::KeepUv(const std::string& tenant, cons
   return PutBlob(tenant, uv->bytes(), sha256);
 }
 
-void JobManager::EndJob(Live& live, const worker::v1::WorkResult& result, StoredBlobPtr uv, Wakeups* wakeups) {
-  const auto code = static_cast<absl::StatusCode>(result.status().code());
-  const bool ended_well = code == absl::StatusCode::kOk || code == absl::StatusCode::kCancelled;
-  if (live.timed_out) return Fail(live, TimedOut(live.record.job()), wakeups);
-  if (live.record.job().cancel_requested() && ended_well) return Apply(JobAction::kCancelled, live, nullptr, wakeups);
-  if (code == absl::StatusCode::kCancelled) {
-    return Fail(live, InternalError("the worker cancelled a job that nobody cancelled"), wakeups);
+bool JobManager::Finish(Ending ending, Wakeups* wakeups) {
+  const Work& work = ending.work;
+  absl::StatusOr<std::vector<JobChange>> changes =
+      store_->Finish(Context(), {work.name, work.attempt, instance_}, ending.outcome);
+  if (absl::IsAborted(changes.status())) return true;  // all of its jobs have ended otherwise
+  if (!changes.ok()) {
+    if (options_.on_store_error) options_.on_store_error(changes.status());
+    const std::string name = work.name;
+    unended_.insert_or_assign(name, std::move(ending));
+    return false;
   }
-  v1::Job* job = live.record.mutable_job();
-  if (code != absl::StatusCode::kOk) {
-    *job->mutable_error() = result.status();
-    return Apply(JobAction::kFail, live, nullptr, wakeups);
+  Committed(ending.outcome.blobs);
+  std::vector<std::string> again;
+  for (const JobChange& change : *changes) {
+    if (change.record.job().state() != v1::JOB_STATE_QUEUED) continue;
+    again.push_back(change.record.job().name());
+    live_.at(again.back()).record = change.record;
   }
-  *job->mutable_report() = result.report();
-  *job->mutable_report()->mutable_times()->mutable_queue() = job->start_time() - job->create_time();
-  *job->mutable_uv() = result.uv();
-  Apply(JobAction::kSucceed, live, std::move(uv), wakeups);
+  if (ending.outcome.loss.has_value() && options_.observer != nullptr) {
+    options_.observer->OnWorkLost(live_.at(work.jobs.front()).record.job(), ending.loss, static_cast<int>(again.size()),
+                                  ending.duration);
+  }
+  if (!again.empty()) Requeue(work, std::move(again));
+  for (JobChange& change : *changes) {
+    Live& live = live_.at(change.record.job().name());
+    const bool succeeded = change.record.job().state() == v1::JOB_STATE_SUCCEEDED;
+    Adopt(live, std::move(change), succeeded ? ending.uv : nullptr, wakeups);
+  }
+  return true;
+}
+
+void JobManager::Requeue(const Work& work, std::vector<std::string> jobs) {
+  Work& next = works_[work.name];
+  next.name = work.name;
+  next.key = work.key;
+  next.tenant = work.tenant;
+  next.jobs = std::move(jobs);
+  next.mesh_bytes = work.mesh_bytes;
+  next.needs = work.needs;
+  next.attempt = work.attempt;
+  shared_.try_emplace(next.key, next.name);
+  Enqueue(next);
 }
 
 void JobManager::ReportLost(const std::string& name, int attempt, WorkerLoss loss) {
   Wakeups wakeups;
   const std::lock_guard lock(mutex_);
   if (FindAttempt(name, attempt) == nullptr) return;
-  Work work = Remove(name);
-  const v1::Job first = live_.at(work.jobs.front()).record.job();
-  std::vector<std::string> again;
-  for (const std::string& job : work.jobs) {
-    Live& live = live_.at(job);
-    live.record.set_crashes(live.record.crashes() + 1);
-    if (live.timed_out) {
-      Fail(live, TimedOut(live.record.job()), &wakeups);
-    } else if (live.record.job().cancel_requested()) {
-      Apply(JobAction::kCancelled, live, nullptr, &wakeups);
-    } else if (live.record.crashes() >= options_.max_attempts || IsOutOfMemory(loss) || stopped_) {
-      Fail(live, LossError(loss, live.record.job().attempts()), &wakeups);
-    } else {
-      again.push_back(job);
-    }
-  }
-  if (options_.observer != nullptr) {
-    options_.observer->OnWorkLost(first, loss, static_cast<int>(again.size()), options_.steady_clock() - work.start);
-  }
-  if (again.empty()) return;
-  Work next;
-  next.name = work.name;
-  next.key = work.key;
-  next.tenant = work.tenant;
-  next.jobs = std::move(again);
-  next.mesh_bytes = work.mesh_bytes;
-  next.needs = work.needs;
-  next.attempt = work.attempt;
-  shared_.try_emplace(next.key, next.name);
-  Work& queued = works_[work.name] = std::move(next);
-  Enqueue(queued);
-  for (const std::string& job : queued.jobs) Apply(JobAction::kRequeue, live_.at(job), nullptr, &wakeups);
+  Ending ending;
+  ending.work = Remove(name);
+  ending.outcome.loss = {loss.reason, loss.message, loss.metadata, IsOutOfMemory(loss) || stopped_};
+  ending.loss = std::move(loss);
+  ending.duration = options_.steady_clock() - ending.work.start;
+  Finish(std::move(ending), &wakeups);
 }
 
 }  // namespace planish

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/sha256.h"
@@ -10,13 +9,13 @@
 #include "google/protobuf/io/coded_stream.h"
 #include "google/protobuf/io/zero_copy_stream_impl_lite.h"
 #include "server/link/rpc_status.h"
+#include "server/store/job_filter.h"
 
 namespace planish {
 namespace {
 
 constexpr std::size_t kMaxRequestId = 128;
 constexpr std::size_t kMaxLabels = 32;
-constexpr std::size_t kMaxLabelKey = 63;
 constexpr std::size_t kMaxLabelValue = 256;
 constexpr std::size_t kVertexBytes = 3 * sizeof(float);
 constexpr std::size_t kTriangleBytes = 3 * sizeof(std::uint32_t);
@@ -46,7 +45,7 @@ absl::Status CheckLabels(const std::map<std::string, std::string>& labels) {
   if (labels.size() > kMaxLabels) return wrong(absl::StrCat("labels: there are more than ", kMaxLabels));
   for (const auto& [key, value] : labels) {
     if (!IsLabelKey(key)) {
-      return wrong(absl::StrCat("labels: a key has 1 to ", kMaxLabelKey,
+      return wrong(absl::StrCat("labels: a key has 1 to ", kMostLabelKey,
                                 R"( characters of a-z, 0-9, "-" and "_", the first one a letter)"));
     }
     if (value.size() > kMaxLabelValue) {
@@ -97,13 +96,6 @@ std::string Deterministic(const v1::UnwrapOptions& options) {
 }
 
 }  // namespace
-
-bool IsLabelKey(std::string_view key) {
-  return !key.empty() && key.size() <= kMaxLabelKey && absl::ascii_islower(static_cast<unsigned char>(key.front())) &&
-         std::all_of(key.begin(), key.end(), [](unsigned char c) {
-           return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-' || c == '_';
-         });
-}
 
 absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec) {
   JobRequest job;

@@ -58,9 +58,6 @@ struct JobRequest {
 // Of a mesh that comes as arrays of so many bytes in all.
 v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices);
 
-// Whether `key` may be that of a label (planish.v1.JobSpec.labels).
-bool IsLabelKey(std::string_view key);
-
 // RESOURCE_EXHAUSTED with MESH_TOO_LARGE.
 absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit);
 

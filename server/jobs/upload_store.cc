@@ -19,7 +19,7 @@
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/access/fair_part.h"
-#include "server/jobs/lifecycle.h"
+#include "server/store/lifecycle.h"
 #include "server/link/rpc_status.h"
 
 namespace planish {

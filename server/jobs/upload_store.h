@@ -24,7 +24,7 @@
 #include "planish/v1/planish.pb.h"
 #include "server/access/caller.h"
 #include "server/blobs/blob_store.h"
-#include "server/jobs/ids.h"
+#include "server/store/ids.h"
 #include "server/jobs/upload_file.h"
 
 namespace planish {

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "client/files/mesh_file.h"
+#include "tests/testing/families.h"
 
 namespace planish::bench {
 namespace {
@@ -277,10 +278,30 @@ std::int64_t NumberAfter(const std::string& spec, char mark, std::string* before
   return number;
 }
 
+// FAMILY:TRIANGLES:SEED; without a family if `spec` is anything else.
+struct Member {
+  std::string family;
+  int triangles = 0;
+  std::uint64_t seed = 0;
+};
+
+Member MemberOf(const std::string& spec) {
+  std::string rest, family;
+  const std::int64_t seed = NumberAfter(spec, ':', &rest);
+  const std::int64_t triangles = seed < 0 ? -1 : NumberAfter(rest, ':', &family);
+  const std::vector<std::string> families = testing::Families();
+  if (triangles <= 0 || triangles > 10'000'000 || std::find(families.begin(), families.end(), family) == families.end())
+    return {};
+  return {family, static_cast<int>(triangles), static_cast<std::uint64_t>(seed)};
+}
+
 }  // namespace
 
 absl::StatusOr<Mesh> LoadMesh(const std::string& spec) {
   std::string name;
+  if (const Member member = MemberOf(spec); !member.family.empty()) {
+    return testing::MakeFamily(member.family, member.seed, member.triangles);
+  }
   if (const std::int64_t triangles = NumberAfter(spec, ':', &name); triangles >= 0) {
     const auto& names = MeshNames();
     if (std::find(names.begin(), names.end(), name) == names.end()) {
@@ -299,6 +320,9 @@ absl::StatusOr<Mesh> LoadMesh(const std::string& spec) {
 
 std::string LabelOf(const std::string& spec) {
   std::string name;
+  if (const Member member = MemberOf(spec); !member.family.empty()) {
+    return member.family + "_" + std::to_string(member.triangles) + "_" + std::to_string(member.seed);
+  }
   if (NumberAfter(spec, ':', &name) >= 0) return name;
   const std::int64_t levels = NumberAfter(spec, '@', &name);
   const std::string stem = std::filesystem::path(levels < 0 ? spec : name).stem().string();

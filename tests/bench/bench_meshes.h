@@ -23,11 +23,13 @@ const std::vector<std::string>& MeshNames();
 Mesh MakeMesh(const std::string& name, std::int64_t triangles);
 
 // What the measuring programs take for a mesh:
-//   NAME:TRIANGLES   one of the above
-//   PATH             a mesh file
-//   PATH@LEVELS      the same after so many Loop subdivisions
+//   NAME:TRIANGLES         one of the above
+//   FAMILY:TRIANGLES:SEED  about so many triangles (tests/testing/families.h)
+//   PATH                   a mesh file
+//   PATH@LEVELS            the same after so many Loop subdivisions
 absl::StatusOr<Mesh> LoadMesh(const std::string& spec);
-// Its short name in tables: NAME, the file's name without extension, and _L1 and the like after subdivision.
+// Its short name in tables: NAME, FAMILY_TRIANGLES_SEED, the file's name without extension, and _L1 and the like after
+// subdivision.
 std::string LabelOf(const std::string& spec);
 
 // Loop subdivision with his rules for the boundary: four triangles for one, vertices smoothed. `mesh` must be manifold.

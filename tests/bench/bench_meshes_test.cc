@@ -54,6 +54,10 @@ TEST(BenchMeshes, AreNamedOnTheCommandLine) {
   EXPECT_EQ(LabelOf("ear:300"), "ear");
   EXPECT_EQ(LabelOf("/a/b.c/spot.obj"), "spot");
   EXPECT_EQ(LabelOf("/a/b.c/spot.obj@2"), "spot_L2");
+  EXPECT_EQ(LabelOf("assembly:2000:3"), "assembly_2000_3");
+  EXPECT_EQ(LoadMesh("assembly:2000:3")->faces, LoadMesh("assembly:2000:3")->faces);
+  EXPECT_GT(LoadMesh("assembly:2000:3")->num_faces(), 500);
+  EXPECT_FALSE(LoadMesh("nose:300:1").ok());
   EXPECT_FALSE(LoadMesh("nose:300").ok());
   EXPECT_FALSE(LoadMesh("/nowhere.obj@1").ok());
 }

@@ -14,12 +14,15 @@
 #   --build DIR  where to build (default build/bench)
 #   --out DIR    where the results go (default tests/bench/results)
 #
-# MESH is a file, FILE@LEVELS for Loop subdivision, or NAME:TRIANGLES (bench_meshes.h), measured beside those chosen
-# here. atlas measures MESH instead of its own choice: six meshes of ../shared/meshes where that (optional) folder is,
-# else Spot and surfaces by formula; memory measures shared meshes beside its own. Packages: deploy/install-packages.sh build test bench; atlas gets xatlas through npm.
-# What others' programs measure is left out, and said so, where they are missing. In the environment: CORE, the core
-# that everything on one core runs on (default 0), ROUNDS of atlas (default 3), INPUTS of mutations (default 100,000), and
-# JOBS for the build (default 2).
+# MESH is a file, FILE@LEVELS for Loop subdivision, NAME:TRIANGLES or FAMILY:TRIANGLES:SEED (bench_meshes.h), measured
+# beside those chosen here. atlas measures MESH instead of its own choice: scans (of ../shared/meshes where that optional
+# folder is, else Spot and surfaces by formula), hard-surface parts, generated meshes of 50,000 to 2 million triangles, and
+# small ones; memory measures shared meshes beside its own. Packages: deploy/install-packages.sh build test bench.
+# What others' programs measure is left out, and said so, where they are missing. atlas gets xatlas through npm
+# (WebAssembly). XATLAS names a program to use instead, made of xatlas' source, best without threads: it is called with
+# MESH.obj MAP.obj PADDING SIZE and does what tests/bench/xatlas_unwrap.mjs does. In the environment, too: CORE, the core
+# that everything on one core runs on (default 0), ROUNDS of atlas (default 3), LIMIT, the seconds after which atlas gives
+# up on a tool (default 300), INPUTS of mutations (default 100,000), and JOBS for the build (default 2).
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -214,7 +217,7 @@ planish's own code on each tool's UV as delivered.$missing" |
 timed() {  # OUT COMMAND...
   local out=$1 code=0 LC_ALL=C TIMEFORMAT=%R
   shift
-  { time one_core "$@" >"$out" 2>"$work/errors"; } 2>"$work/seconds" || code=$?
+  { time one_core timeout "${LIMIT:-300}" "$@" >"$out" 2>"$work/errors"; } 2>"$work/seconds" || code=$?
   command_seconds=$(cat "$work/seconds")
   return "$code"
 }
@@ -232,19 +235,32 @@ install_xatlas() {
 
 atlas() {
   local rounds=${ROUNDS:-3} padding=2 size=1024 shared=$root/../shared/meshes modules name tools=(planish) missing="" about=""
-  local all=("$spot" "$spot@1" foot:20000 waves:24000)
+  local scans=("$spot" "$spot@1" foot:20000 waves:24000) parts=() all=()
   if [ -n "$quick" ]; then
-    rounds=1 all=(ear:1796 foot:5000)
-  elif [ -d "$shared" ]; then
-    all=()
-    for name in spot_23062 koala_99994 boot_g12_39906 human_neutral_20908 barramundi_uv_3864 corset_uv_18324; do
-      if [ -f "$shared/$name.obj" ]; then all+=("$shared/$name.obj"); else missing+=" $name was not there."; fi
-    done
+    rounds=1 all=(ear:1796 foot:5000 assembly:2000:1)
+  else
+    if [ -d "$shared" ]; then
+      scans=()
+      for name in spot_23062 koala_99994 boot_g12_39906 human_neutral_20908 barramundi_uv_3864 corset_uv_18324; do
+        if [ -f "$shared/$name.obj" ]; then scans+=("$shared/$name.obj"); else missing+=" $name was not there."; fi
+      done
+      for name in milk_truck box_animated; do
+        if [ -f "$shared/$name.glb" ]; then parts+=("$shared/$name.glb"); else missing+=" $name was not there."; fi
+      done
+    fi
+    parts+=(assembly:3000:1 assembly:6000:2 assembly:10000:3 assembly:15000:4 assembly:20000:5 assembly:30000:6
+      assembly:50000:7 assembly:80000:8)
+    all=("${scans[@]}" "${parts[@]}"
+      surface_nets:50000:1 dual_contouring:100000:2 sparse_nets:200000:3 marching_cubes:400000:4 surface_nets:800000:5
+      surface_nets:2000000:6
+      surface_nets:1000:7 high_genus:2000:1 quantized:3000:2 skirts:4000:3 slivers:5000:4)
   fi
   [ ${#meshes[@]} -eq 0 ] || all=("${meshes[@]}")
   if command -v blender >/dev/null; then tools+=(blender); else missing+=" Blender was not there."; fi
-  modules=$(install_xatlas)
-  if [ -n "$modules" ]; then
+  if [ -n "${XATLAS:-}" ]; then
+    tools+=(xatlas)
+    about=" (native, without threads)"
+  elif modules=$(install_xatlas) && [ -n "$modules" ]; then
     tools+=(xatlas)
     about=" ($(node -p "['@gltf-transform/cli', 'watlas'].map(p => p + ' ' +
       JSON.parse(require('fs').readFileSync('$modules/' + p + '/package.json')).version).join(', ')"))"
@@ -270,14 +286,21 @@ atlas() {
             timed "$result" blender -b --factory-startup -t 1 -P "$here/blender_unwrap.py" -- smart "$file" "$map" \
               "$(awk "BEGIN { print $padding / 2 / $size }")" || code=$?
             ;;
-          xatlas) timed "$result" node "$here/xatlas_unwrap.mjs" "$modules" "$file" "$map" "$padding" "$size" ||
-            code=$? ;;
+          xatlas)
+            if [ -n "${XATLAS:-}" ]; then
+              timed "$result" "$XATLAS" "$file" "$map" "$padding" "$size" || code=$?
+            else
+              timed "$result" node "$here/xatlas_unwrap.mjs" "$modules" "$file" "$map" "$padding" "$size" || code=$?
+            fi
+            ;;
         esac
         [ "$tool" = planish ] || report=$(sed -n 's/^RESULT \(.*\)/\1,/p' "$result")
         report+="\"mesh\":\"$label\",\"tool\":\"$tool\",\"round\":$round,\"command_seconds\":$command_seconds"
         if [ "$code" -ne 0 ] || [ ! -f "$map" ]; then
           cat "$work/errors" >&2
-          echo "{$report,\"triangles\":$triangles,\"ended\":\"failed\"}" >>"$runs"
+          local ended=failed
+          [ "$code" -ne 124 ] || ended="over ${LIMIT:-300}"
+          echo "{$report,\"triangles\":$triangles,\"ended\":\"$ended\"}" >>"$runs"
           continue
         fi
         # The same map in every round: judged once.
@@ -299,9 +322,11 @@ round runs every tool once, one after the other, on one core; medians of $rounds
 in the same round. \"Whole command\" has start, reading and writing as well.
 
 - planish: \`planish unwrap --threads=1\`, seconds of its report from charts to the verifier.
+- Meshes named NAME_TRIANGLES_SEED are made by \`tests/testing/families.h\`. \`assembly\` is parts as of hard-surface models: welded,
+  touching, intersecting, some turned inside out or doubled.
 - $(blender_version): Smart UV Project at 66 degrees, then Pack Islands, seconds of these operators; 1/$size of the texture
   stays free round each chart, by the exact margin method.
-- xatlas$about: called as \`gltf-transform unwrap\` calls it, but with the padding, for which that has no
+- xatlas$about: given up after ${LIMIT:-300} s; called as \`gltf-transform unwrap\` calls it, but with the padding, for which that has no
   flag, on the welded mesh without normals; seconds of xatlas alone. Where its atlas is not within 2 % of $size texels, its charts
   are packed again at that size, off the clock; charts keep their distance in texels of the size that comes out.
 

@@ -33,6 +33,7 @@ std::vector<TuningConstant> ConstantsOf(FlattenTuning* tuning) {
       {"newton.forcing.error_of_residual", &forcing.error_of_residual},
       {"newton.forcing.max_error", &forcing.max_error},
       {"newton.forcing.constraints_left", &forcing.constraints_left},
+      {"newton.forcing.violations_left", &forcing.violations_left},
       {"newton.forcing.max_last_error", &forcing.max_last_error},
       {"newton.forcing.tolerance_left", &forcing.tolerance_left},
       {"newton.forcing.of_residual", &forcing.of_residual},

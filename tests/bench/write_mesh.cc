@@ -6,7 +6,7 @@
 
 int main(int argc, char** argv) {
   if (argc != 3) {
-    std::fprintf(stderr, "usage: planish_write_mesh NAME:TRIANGLES|PATH|PATH@LEVELS OUT.obj\n");
+    std::fprintf(stderr, "usage: planish_write_mesh NAME:TRIANGLES|FAMILY:TRIANGLES:SEED|PATH|PATH@LEVELS OUT.obj\n");
     return 2;
   }
   const auto mesh = planish::bench::LoadMesh(argv[1]);

@@ -269,9 +269,14 @@ TEST(LinearSolver, RecomputesTheResidualAndBelievesNoSolver) {
   summary = fixture.Solve(FakeSolver(half_done), options);
   EXPECT_EQ(summary.termination, LinearTermination::kStagnated) << "a rough solve is checked as well";
   EXPECT_NEAR(summary.true_residual, 0.5, 1e-6);
-  // The same solution is good enough where so much may be left.
-  options.rough = {{.energy = 1e-2, .residual = 2}};
-  EXPECT_EQ(fixture.Solve(FakeSolver(half_done), options).termination, LinearTermination::kConverged);
+  // The same solution is good enough where so much may be left, in each entry and in all.
+  const double sum = (0.5 * fixture.rhs).lpNorm<1>();
+  for (const auto& [left, termination] :
+       {std::pair(std::numeric_limits<double>::infinity(), LinearTermination::kConverged),
+        std::pair(0.11 * sum, LinearTermination::kStagnated), std::pair(1.1 * sum, LinearTermination::kConverged)}) {
+    options.rough = {{.energy = 1e-2, .residual = 2, .residual_sum = left}};
+    EXPECT_EQ(fixture.Solve(FakeSolver(half_done), options).termination, termination) << left / sum;
+  }
 }
 
 TEST(LinearSolver, RecomputesTheEnergyThatWasTaken) {

@@ -170,6 +170,9 @@ TEST_F(ServerTest, JobsListShowCancelDelete) {
       json::parse(Planish(With({"jobs", "list", "--json", "--state=SUCCEEDED", "--label=test=list *"})).out);
   ASSERT_EQ(list["jobs"].size(), 1u);
   EXPECT_EQ(list["jobs"][0]["job"], done);
+  run = Planish(With({"jobs", "list", "--filter=colour = blue"}));
+  EXPECT_EQ(run.exit_code, 2) << "bad usage";
+  EXPECT_THAT(run.err, HasSubstr("colour"));
 
   run = Planish(With({"jobs", "show", done}));
   EXPECT_EQ(run.exit_code, 0);

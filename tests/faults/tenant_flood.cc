@@ -12,7 +12,7 @@
 #include "core/draco/codec.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/jobs/job_manager.h"
-#include "server/jobs/lifecycle.h"
+#include "server/store/lifecycle.h"
 #include "server/jobs/worker_pool.h"
 #include "server/link/process_link.h"
 #include "server/worker/needs.h"

@@ -7,7 +7,7 @@
 #include "core/base/sha256.h"
 #include "planish/v1/planish.pb.h"
 #include "server/access/caller.h"
-#include "server/jobs/job_filter.h"
+#include "server/store/job_filter.h"
 #include "server/jobs/job_request.h"
 #include "server/worker/mesh_arrays.h"
 #include "server/worker/needs.h"

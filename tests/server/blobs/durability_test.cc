@@ -8,7 +8,7 @@
 #include "core/base/sha256.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
-#include "server/jobs/sqlite.h"
+#include "server/store/sqlite.h"
 #include "server/jobs/upload_store.h"
 #include "tests/server/blobs/power_loss.h"
 #include "tests/server/jobs/job_manager_fixture.h"

@@ -7,7 +7,7 @@
 #include "gmock/gmock.h"
 #include "google/protobuf/unknown_field_set.h"
 #include "gtest/gtest.h"
-#include "server/jobs/sqlite.h"
+#include "server/store/sqlite.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/testing/files.h"
 

@@ -1,4 +1,4 @@
-#include "server/jobs/lifecycle.h"
+#include "server/store/lifecycle.h"
 
 #include <optional>
 

@@ -30,6 +30,8 @@ class Statement {
   // Columns of the present row, from 0.
   std::int64_t Int(int column) const;
   std::string Bytes(int column) const;
+  bool IsInt(int column) const;
+  int columns() const;
 
   // Ready to be bound again.
   void Reset();

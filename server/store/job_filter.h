@@ -1,6 +1,7 @@
 // Which jobs a list is to have: planish.v1.ListJobsRequest.filter.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -11,6 +12,12 @@
 #include "planish/v1/job.pb.h"
 
 namespace planish {
+
+// Characters of a label's key.
+inline constexpr std::size_t kMostLabelKey = 63;
+
+// Whether `key` may be that of a label (planish.v1.JobSpec.labels).
+bool IsLabelKey(std::string_view key);
 
 struct StateCondition {
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;

@@ -1,4 +1,4 @@
-#include "server/jobs/sqlite.h"
+#include "server/store/sqlite.h"
 
 #include <sqlite3.h>
 
@@ -59,6 +59,14 @@ std::string Statement::Bytes(int column) const {
   const void* data = sqlite3_column_blob(statement_.get(), column);
   const auto size = static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column));
   return data == nullptr ? std::string() : std::string(static_cast<const char*>(data), size);
+}
+
+bool Statement::IsInt(int column) const {
+  return sqlite3_column_type(statement_.get(), column) == SQLITE_INTEGER;
+}
+
+int Statement::columns() const {
+  return sqlite3_column_count(statement_.get());
 }
 
 void Statement::Reset() {

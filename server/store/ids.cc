@@ -1,4 +1,4 @@
-#include "server/jobs/ids.h"
+#include "server/store/ids.h"
 
 #include <algorithm>
 #include <cstdint>

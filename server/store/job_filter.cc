@@ -1,4 +1,4 @@
-#include "server/jobs/job_filter.h"
+#include "server/store/job_filter.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/job_request.h"
 
 namespace planish {
 namespace {
@@ -164,6 +163,13 @@ class Parser {
 };
 
 }  // namespace
+
+bool IsLabelKey(std::string_view key) {
+  return !key.empty() && key.size() <= kMostLabelKey && absl::ascii_islower(static_cast<unsigned char>(key.front())) &&
+         std::all_of(key.begin(), key.end(), [](unsigned char c) {
+           return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-' || c == '_';
+         });
+}
 
 absl::StatusOr<JobFilter> ParseJobFilter(std::string_view text) {
   return Parser(text).Parse();

@@ -1,0 +1,168 @@
+#include "server/store/job_questions.h"
+
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "server/store/job_transaction.h"
+
+namespace planish {
+namespace {
+
+// SELECT of whole jobs WHERE `condition`.
+std::string JobsWhere(const std::string& condition) {
+  return absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE ", condition);
+}
+
+// With a parameter for each condition, in the order of ListValues().
+std::string ListSql(const JobQuery& query) {
+  std::string sql =
+      absl::StrCat("SELECT ", query.with_reports ? kJobColumns : kLeanJobColumns, " FROM jobs WHERE number < ?");
+  if (!query.filter.tenant.empty()) absl::StrAppend(&sql, " AND tenant = ?");
+  if (query.filter.from.has_value()) absl::StrAppend(&sql, " AND create_time >= ?");
+  if (query.filter.before.has_value()) absl::StrAppend(&sql, " AND create_time < ?");
+  for (const StateCondition& condition : query.filter.states) {
+    absl::StrAppend(&sql, " AND state ", condition.negated ? "!=" : "=", " ?");
+  }
+  for (const LabelCondition& condition : query.filter.labels) {
+    absl::StrAppend(&sql, " AND ", condition.negated ? "NOT " : "",
+                    "EXISTS (SELECT 1 FROM labels WHERE job = number AND key = ?");
+    if (condition.kind == LabelCondition::Kind::kEquals) absl::StrAppend(&sql, " AND value = ?");
+    if (condition.kind == LabelCondition::Kind::kBeginsWith) {
+      absl::StrAppend(&sql, " AND substr(value, 1, length(?)) = ?");
+    }
+    absl::StrAppend(&sql, ")");
+  }
+  return absl::StrCat(sql, " ORDER BY number DESC LIMIT ?");
+}
+
+std::vector<SqlValue> ListValues(const JobQuery& query) {
+  constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+  std::vector<SqlValue> values = {query.before_number > 0 ? query.before_number : kMost};
+  if (!query.filter.tenant.empty()) values.emplace_back(std::string_view(query.filter.tenant));
+  if (query.filter.from.has_value()) values.emplace_back(absl::ToUnixNanos(*query.filter.from));
+  if (query.filter.before.has_value()) values.emplace_back(absl::ToUnixNanos(*query.filter.before));
+  for (const StateCondition& condition : query.filter.states) values.emplace_back(std::int64_t{condition.state});
+  for (const LabelCondition& condition : query.filter.labels) {
+    values.emplace_back(std::string_view(condition.key));
+    if (condition.kind == LabelCondition::Kind::kBeginsWith) values.emplace_back(std::string_view(condition.value));
+    if (condition.kind != LabelCondition::Kind::kExists) values.emplace_back(std::string_view(condition.value));
+  }
+  values.emplace_back(query.limit > 0 ? std::int64_t{query.limit} : kMost);
+  return values;
+}
+
+}  // namespace
+
+absl::StatusOr<SqlRows> JobQuestions::Ask(const std::string& sql, const std::vector<SqlValue>& values) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+  return connection->Run(sql, values);
+}
+
+absl::StatusOr<std::vector<JobRecord>> JobQuestions::All(const std::string& sql, const std::vector<SqlValue>& values) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Ask(sql, values));
+  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobRowsOf(rows));
+  std::vector<JobRecord> records;
+  records.reserve(jobs.size());
+  for (JobRow& job : jobs) records.push_back(std::move(job.record));
+  return records;
+}
+
+absl::StatusOr<std::optional<JobRecord>> JobQuestions::One(const std::string& sql,
+                                                           const std::vector<SqlValue>& values) {
+  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, All(sql, values));
+  if (records.empty()) return std::nullopt;
+  return std::move(records.front());
+}
+
+absl::StatusOr<std::optional<JobRecord>> JobQuestions::Find(const std::string& name) {
+  return One(JobsWhere("name = ?"), {std::string_view(name)});
+}
+
+absl::StatusOr<std::optional<JobRecord>> JobQuestions::FindByRequestId(const std::string& tenant,
+                                                                       const std::string& request_id) {
+  return One(JobsWhere("tenant = ? AND request_id = ?"), {std::string_view(tenant), std::string_view(request_id)});
+}
+
+absl::StatusOr<std::optional<JobRecord>> JobQuestions::FindResult(const std::string& work_key) {
+  static const std::string sql = JobsWhere("work_key = ? AND state = ? ORDER BY number DESC LIMIT 1");
+  return One(sql, {SqlBytes{work_key}, std::int64_t{v1::JOB_STATE_SUCCEEDED}});
+}
+
+absl::StatusOr<std::vector<JobRecord>> JobQuestions::List(const JobQuery& query) {
+  return All(ListSql(query), ListValues(query));
+}
+
+absl::StatusOr<std::vector<JobRecord>> JobQuestions::Unfinished() {
+  return All(JobsWhere("ended = 0 ORDER BY number"), {});
+}
+
+absl::StatusOr<std::optional<JobRecord>> JobQuestions::FirstEnded(const std::string& tenant, v1::JobState state) {
+  std::string condition = "ended = 1";
+  std::vector<SqlValue> values;
+  if (!tenant.empty()) {
+    condition += " AND tenant = ?";
+    values.emplace_back(std::string_view(tenant));
+  }
+  if (state != v1::JOB_STATE_UNSPECIFIED) {
+    condition += " AND state = ?";
+    values.emplace_back(std::int64_t{state});
+  }
+  return One(JobsWhere(condition + " ORDER BY end_time, number LIMIT 1"), values);
+}
+
+absl::StatusOr<JobTotals> JobQuestions::Totals() {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Ask("SELECT tenant, CAST(sum(ended) AS BIGINT), CAST(sum(CASE WHEN "
+                                                   "state = ? THEN uv_bytes ELSE 0 END) AS BIGINT) "
+                                                   "FROM jobs GROUP BY tenant",
+                                                   {std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
+  JobTotals totals;
+  for (std::size_t i = 0; i < rows.size(); ++i) totals.tenants[rows.Bytes(i, 0)] = {rows.Int(i, 1), rows.Int(i, 2)};
+  return totals;
+}
+
+absl::StatusOr<std::vector<v1::JobEvent>> JobQuestions::Events(std::int64_t number, std::int64_t after) {
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows rows,
+      Ask("SELECT event FROM events WHERE job = ? AND sequence > ? ORDER BY sequence", {number, after}));
+  return EventsOf(rows);
+}
+
+absl::StatusOr<bool> JobQuestions::UsesBlob(const BlobId& id) {
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows rows,
+      Ask("SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? AND tenant = ? UNION ALL "
+          "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? AND tenant = ? UNION ALL "
+          "SELECT 1 FROM jobs WHERE ended = 1 AND uv_sha256 = ? AND tenant = ? AND state = ? LIMIT 1",
+          {SqlBytes{id.sha256}, std::string_view(id.tenant), SqlBytes{id.sha256}, std::string_view(id.tenant),
+           SqlBytes{id.sha256}, std::string_view(id.tenant), std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
+  return !rows.empty();
+}
+
+absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> JobQuestions::List() {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
+                           Ask("SELECT tenant, sha256, CAST(length(bytes) AS BIGINT) FROM blobs", {}));
+  std::vector<std::pair<BlobId, std::int64_t>> blobs;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    blobs.push_back({{rows.Bytes(i, 0), rows.Bytes(i, 1)}, rows.Int(i, 2)});
+  }
+  return blobs;
+}
+
+absl::StatusOr<std::string> JobQuestions::Read(const BlobId& id) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Ask("SELECT bytes FROM blobs WHERE tenant = ? AND sha256 = ?",
+                                                   {std::string_view(id.tenant), SqlBytes{id.sha256}}));
+  if (!rows.empty()) return rows.Bytes(0, 0);
+  return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "the job store does not have the bytes any more");
+}
+
+absl::Status JobQuestions::Remove(const BlobId& id) {
+  return Transact(database_, Durability::kLater, [&id](SqlConnection& sql) {
+    return sql
+        .Run("DELETE FROM blobs WHERE tenant = ? AND sha256 = ?", {std::string_view(id.tenant), SqlBytes{id.sha256}})
+        .status();
+  });
+}
+
+}  // namespace planish

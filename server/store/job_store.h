@@ -1,0 +1,234 @@
+// Where jobs are, and the only ways to change them.
+//
+// Every function that changes something is a verb: one transaction, which reads what is there, decides, and writes the
+// records, their events and small blobs, or nothing at all. Any number of processes may use one store (PostgreSQL) at
+// the same time.
+//
+// Work. All jobs of a tenant that ask for the same are one piece of work (JobRecord.work), unless Scheduling.fresh. It
+// is queued, claimed, lost and finished as one; each of its jobs may be stopped or cancelled alone.
+//
+// Leases. Who claims work has a lease: (work, attempt, owner), where attempts count 1, 2, ... for each work. It lasts
+// until it is finished, released, or lost: when its time is over without a Renew(), somebody's Reap() takes it away.
+// Whatever is said under another lease than the present one changes nothing and is ABORTED with LEASE_LOST (fencing).
+//
+// Clocks. Times in records are `VerbContext::now` of whoever asks. Leases go by one clock for all (JobStoreOptions), so
+// that a machine whose clock jumps neither loses nor takes one.
+//
+// Answers that are lost. After UNAVAILABLE a verb may have been done. Each may be repeated: Accept() finds the job by
+// its name, Finish() says LEASE_LOST, what Claim() took is lost when its lease ends, and all others have no further
+// effect but for Report(), whose news are told twice.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "google/rpc/status.pb.h"
+#include "planish/store/v1/store.pb.h"
+#include "planish/v1/job.pb.h"
+#include "server/blobs/blob_store.h"
+#include "server/store/job_filter.h"
+#include "server/store/sql.h"
+
+namespace planish {
+
+using JobRecord = store::v1::JobRecord;
+
+// Of whoever asks.
+struct VerbContext {
+  absl::Time now;                                           // for the records
+  absl::Duration retained_time = absl::InfiniteDuration();  // Job.expire_time of those that succeed
+  int max_attempts = 3;                                     // that a job may lose with their worker or server
+  // The newest sequence number that this process gave to an event of the job which is not written (progress); events
+  // are numbered beyond it. Null: all events are written.
+  std::function<std::int64_t(const std::string& name)> told = nullptr;
+};
+
+// What a verb made of one job.
+struct JobChange {
+  JobRecord record;                  // as it is now
+  std::vector<v1::JobEvent> events;  // that were written, in order; those of an end have the report
+};
+
+struct Lease {
+  std::string work;
+  int attempt = 0;
+  std::string owner;
+};
+
+struct NewJob {
+  JobRecord record;            // QUEUED, with a new name; `number`, `work` and the lease are the store's
+  absl::Time turn;             // since when it counts as waiting
+  std::vector<BlobRow> blobs;  // small ones that it refers to
+  // Record of a job with the same work key whose result it gets if that is still kept; empty: none.
+  std::string result_of;
+};
+
+struct AcceptedChange {
+  bool created = false;  // false: `change.record` is a job that was there, with the same name or request id
+  bool shares = false;   // created, and has the work or the result of another job
+  JobChange change;      // QUEUED, and then RUNNING or SUCCEEDED if it joined running work or got a result
+};
+
+struct ClaimRequest {
+  std::string owner;              // not empty
+  absl::Duration lease;           // how long, unless renewed
+  int most = 1;                   // pieces of work
+  std::int64_t memory_bytes = 0;  // that the work may reserve in all; 0: any
+  std::string work;               // this one only, not whatever is next
+};
+
+struct ClaimedWork {
+  Lease lease;
+  std::vector<JobChange> jobs;  // all of its jobs, at least one, which are RUNNING now
+};
+
+// What is wanted of an attempt.
+enum class Wish {
+  kGoOn,
+  kStop,    // all of its jobs want the best map so far
+  kCancel,  // nobody wants the result
+  kGiveUp,  // the lease is lost: somebody else may be at it
+};
+
+// How an attempt ended.
+struct AttemptOutcome {
+  struct Loss {
+    std::string reason, message;                  // as of WorkerLoss
+    std::map<std::string, std::string> metadata;  // likewise
+    bool is_final = false;                        // another attempt would fare no better
+  };
+
+  google::rpc::Status status;  // what the worker says: OK, CANCELLED, or an error
+  v1::Report report;           // with OK
+  v1::UvDescription uv;        // likewise
+  std::optional<Loss> loss;    // the worker is gone, and said nothing
+  std::vector<BlobRow> blobs;  // small ones: the UV
+};
+
+enum class EarlyEnd { kCancel, kTimeout };
+
+struct JobQuery {
+  std::int64_t before_number = 0;  // only older records than this one; 0: all
+  JobFilter filter;                // only records that this is true of
+  bool with_reports = false;
+  int limit = 0;  // at most this many; 0: any
+};
+
+struct TenantTotals {
+  std::int64_t ended = 0;         // jobs in terminal states
+  std::int64_t result_bytes = 0;  // of the UV of those that SUCCEEDED
+};
+
+struct JobTotals {
+  std::map<std::string, TenantTotals> tenants;  // that have records
+};
+
+// Thread-safe. Errors of all functions, beside those that they name: RESOURCE_EXHAUSTED with STORAGE_FULL, UNAVAILABLE
+// with STORE_UNAVAILABLE, INTERNAL. A verb that fails changed nothing, except as said above. Jobs are named by
+// Job.name; where there is none, NOT_FOUND with JOB_NOT_FOUND.
+class JobStore {
+ public:
+  virtual ~JobStore() = default;
+
+  // Of this store, the same after a restart.
+  virtual const std::string& id() const = 0;
+
+  // ---- verbs of callers
+
+  // Adds the job, its blobs and its first events; or finds the one that has its name, or its request id (whose work key
+  // may differ: that is the caller's to refuse).
+  virtual absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) = 0;
+
+  // Ends a job that nobody works at, or whose work goes on for others: CANCELLED, or FAILED with DEADLINE_EXCEEDED. One
+  // whose worker has to answer first is STOPPING until Finish(). No effect on a job that ended, or was ended so before.
+  // `forget`: its request id is free again.
+  virtual absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why,
+                                             bool forget) = 0;
+  // Sets Job.stop_requested; RUNNING becomes STOPPING. No effect on a job that ended.
+  virtual absl::StatusOr<JobChange> RequestStop(const VerbContext& context, const std::string& name) = 0;
+  // FAILED with `error`, whoever works at it. No effect on a job that ended. `forget` as above.
+  virtual absl::StatusOr<JobChange> Fail(const VerbContext& context, const std::string& name,
+                                         const google::rpc::Status& error, bool forget) = 0;
+  // The job no longer belongs to its callers (JobRecord.attached).
+  virtual absl::StatusOr<JobChange> Detach(const std::string& name) = 0;
+
+  // ---- verbs of those who run work
+
+  // Takes work that waits, the longest first.
+  virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) = 0;
+  // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
+  virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
+  // Adds progress to the events of all jobs of the work, which get the same; durable later.
+  virtual absl::Status Report(const VerbContext& context, const Lease& lease,
+                              const std::vector<v1::Progress>& progress) = 0;
+  // Ends the attempt. Its jobs end, or are queued again after a loss.
+  virtual absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
+                                                        const AttemptOutcome& outcome) = 0;
+  // Gives up everything that the owner has: it is queued again in its old place, and the attempt is not held against
+  // it. Jobs that were to end anyway end.
+  virtual absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner) = 0;
+  // As many sequence numbers more may be given to events that are not written (JobRecord.reserved_sequence).
+  virtual absl::StatusOr<JobChange> ReserveSequences(const VerbContext& context, const std::string& name,
+                                                     std::int64_t count) = 0;
+
+  // ---- verbs of those who keep order
+
+  // Queues again, or fails after the last attempt (SERVER_CRASHED), up to `most` pieces of work whose lease is over.
+  // `sole_owner` not empty: its process has the store to itself, so leases of all others are over.
+  virtual absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner,
+                                                      int most) = 0;
+  // SUCCEEDED becomes EXPIRED, and its request id is free again; durable later. No effect on others.
+  virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
+  // A job that ended goes, with its events; durable later. FAILED_PRECONDITION with JOB_NOT_FINISHED.
+  virtual absl::Status Delete(const std::string& name) = 0;
+
+  // ---- questions
+
+  virtual absl::StatusOr<std::optional<JobRecord>> Find(const std::string& name) = 0;
+  virtual absl::StatusOr<std::optional<JobRecord>> FindByRequestId(const std::string& tenant,
+                                                                   const std::string& request_id) = 0;
+  // The newest that SUCCEEDED at this work.
+  virtual absl::StatusOr<std::optional<JobRecord>> FindResult(const std::string& work_key) = 0;
+  // Newest first.
+  virtual absl::StatusOr<std::vector<JobRecord>> List(const JobQuery& query) = 0;
+  // Those that have not ended, oldest first.
+  virtual absl::StatusOr<std::vector<JobRecord>> Unfinished() = 0;
+  // The record of the tenant (empty: of all) in one of the terminal states (UNSPECIFIED: any) that ended first.
+  virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) = 0;
+  // Reads all records.
+  virtual absl::StatusOr<JobTotals> Totals() = 0;
+  // Those with greater sequences than `after`, in order. The last one of a job that ended has no report: the record has
+  // it.
+  virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0) = 0;
+  // Whether a record needs this blob: a mesh of a job that has not ended, UV of one that SUCCEEDED.
+  virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
+
+  // Where verbs put small blobs, for BlobPlaces::rows; null: nowhere, as in memory. Lives as long as the store.
+  virtual BlobRows* rows() = 0;
+};
+
+struct JobStoreOptions {
+  // By which leases end. Null: the database's own clock where it has one (SqlDatabase::has_clock), else absl::Now.
+  std::function<absl::Time()> lease_clock;
+};
+
+// The store of any database that speaks SqlConnection's dialect.
+std::unique_ptr<JobStore> NewJobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options = {});
+
+// With OpenSqliteDatabase().
+absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const std::string& path);
+
+// Errors that several parts give: NOT_FOUND with JOB_NOT_FOUND; ABORTED with LEASE_LOST.
+absl::Status JobNotFound(const std::string& name);
+absl::Status LeaseLost(const Lease& lease);
+
+}  // namespace planish

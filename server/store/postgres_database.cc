@@ -1,0 +1,384 @@
+// PostgreSQL as a SqlDatabase: libpq, the schema, and a pool of connections.
+#include <endian.h>
+#include <libpq-fe.h>
+
+#include <algorithm>
+#include <array>
+#include <condition_variable>
+#include <cstring>
+#include <iterator>
+#include <mutex>
+#include <unordered_map>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "server/store/ids.h"
+#include "server/store/sql.h"
+
+namespace planish {
+namespace {
+
+// Steps from each version of the schema to the next; meta.version says how many were taken. Never change one that was
+// released: add another. The collation is that of bytes, as SQLite's: no index depends on the machine's locale.
+constexpr const char* kPostgresMigrations[] = {
+    R"sql(
+      CREATE SEQUENCE job_numbers;
+      CREATE TABLE jobs (
+        number BIGINT PRIMARY KEY,
+        name TEXT COLLATE "C" NOT NULL UNIQUE,
+        tenant TEXT COLLATE "C" NOT NULL,
+        request_id TEXT COLLATE "C",
+        state BIGINT NOT NULL,
+        ended BIGINT NOT NULL,
+        end_time BIGINT NOT NULL,
+        work_key BYTEA NOT NULL,
+        mesh_sha256 BYTEA NOT NULL,
+        seams_sha256 BYTEA NOT NULL,
+        uv_sha256 BYTEA NOT NULL,
+        uv_bytes BIGINT NOT NULL,
+        record BYTEA NOT NULL,
+        report BYTEA,
+        create_time BIGINT NOT NULL,
+        work TEXT COLLATE "C" NOT NULL,
+        owner TEXT COLLATE "C" NOT NULL,
+        attempt BIGINT NOT NULL,
+        lease_until BIGINT NOT NULL,
+        turn_time BIGINT NOT NULL,
+        memory_bytes BIGINT NOT NULL,
+        UNIQUE (tenant, request_id)
+      ) WITH (fillfactor = 80);
+      CREATE INDEX jobs_by_end ON jobs (end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_state ON jobs (state, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_tenant ON jobs (tenant, number);
+      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_work ON jobs (work_key, number);
+      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1;
+      CREATE INDEX jobs_by_live_work ON jobs (work) WHERE ended = 0;
+      CREATE INDEX jobs_by_turn ON jobs (turn_time, number) WHERE state = 1;
+      CREATE INDEX jobs_by_lease ON jobs (lease_until) WHERE ended = 0 AND state != 1;
+      CREATE TABLE events (
+        job BIGINT NOT NULL,
+        sequence BIGINT NOT NULL,
+        event BYTEA NOT NULL,
+        PRIMARY KEY (job, sequence)
+      );
+      CREATE TABLE blobs (
+        tenant TEXT COLLATE "C" NOT NULL,
+        sha256 BYTEA NOT NULL,
+        bytes BYTEA NOT NULL,
+        PRIMARY KEY (tenant, sha256)
+      );
+      ALTER TABLE blobs ALTER COLUMN bytes SET STORAGE EXTERNAL;
+      CREATE TABLE labels (
+        job BIGINT NOT NULL,
+        key TEXT COLLATE "C" NOT NULL,
+        value TEXT COLLATE "C" NOT NULL,
+        PRIMARY KEY (job, key)
+      );
+    )sql",
+};
+constexpr std::int64_t kPostgresVersion = std::size(kPostgresMigrations);
+
+// Of advisory locks: whoever migrates.
+constexpr std::int64_t kMigrationKey = 0x706c616e697368;
+
+// Statements that a connection keeps prepared; filters of lists make new ones without end.
+constexpr std::size_t kMostPrepared = 200;
+
+// Types of parameters (pg_type.dat), which libpq's headers do not have.
+constexpr Oid kInt8 = 20, kText = 25, kBytea = 17;
+
+struct ResultDeleter {
+  void operator()(PGresult* result) const { PQclear(result); }
+};
+using Result = std::unique_ptr<PGresult, ResultDeleter>;
+
+std::string PostgresWord(std::string_view word) {
+  if (word == "lock") return "FOR UPDATE";
+  if (word == "skip") return "FOR UPDATE SKIP LOCKED";
+  if (word == "next_number") return "nextval('job_numbers')";
+  if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
+  return "";
+}
+
+// `?` becomes $1, $2, ...
+std::string WithNumbers(const std::string& sql) {
+  std::string text;
+  int number = 0;
+  for (const char c : sql) c == '?' ? absl::StrAppend(&text, "$", ++number) : text.push_back(c);
+  return text;
+}
+
+// FNV-1a: the same in every process.
+std::int64_t HashOf(std::string_view key) {
+  std::uint64_t hash = 14695981039346656037u;
+  for (const char c : key) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211u;
+  return static_cast<std::int64_t>(hash);
+}
+
+std::string OneLine(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  while (text.ends_with(' ')) text.pop_back();
+  return text;
+}
+
+std::int64_t IntegerOf(const char* bytes, int size) {
+  std::uint64_t eight = 0;
+  std::uint32_t four = 0;
+  if (size == 8) std::memcpy(&eight, bytes, 8);
+  if (size == 4) std::memcpy(&four, bytes, 4);
+  return size == 4 ? static_cast<std::int32_t>(be32toh(four)) : static_cast<std::int64_t>(be64toh(eight));
+}
+
+class PostgresConnection : public SqlConnection {
+ public:
+  static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::string& url) {
+    // What the URL says goes before these. A server that is gone without a word is noticed within some seconds.
+    const std::array<const char*, 6> keys = {"connect_timeout", "tcp_user_timeout", "application_name",
+                                             "client_encoding", "dbname",           nullptr};
+    const std::array<const char*, 6> values = {"5", "10000", "planishd", "UTF8", url.c_str(), nullptr};
+    std::unique_ptr<PostgresConnection> connection(
+        new PostgresConnection(PQconnectdbParams(keys.data(), values.data(), /*expand_dbname=*/1)));
+    PGconn* raw = connection->connection_.get();
+    if (!connection->IsGood()) {
+      return StoreUnavailable(absl::StrCat("PostgreSQL cannot be reached: ", OneLine(PQerrorMessage(raw))));
+    }
+    PQsetNoticeProcessor(
+        raw, [](void*, const char*) {}, nullptr);
+    // Whoever hangs in the middle of a transaction holds locks that others wait for.
+    PLANISH_RETURN_IF_ERROR(
+        connection->Execute("SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000"));
+    return connection;
+  }
+
+  bool IsGood() const { return PQstatus(connection_.get()) == CONNECTION_OK; }
+  bool IsIdle() const { return PQtransactionStatus(connection_.get()) == PQTRANS_IDLE; }
+
+  // Several statements without parameters.
+  absl::Status Execute(const std::string& script) {
+    return Check(Result(PQexec(connection_.get(), script.c_str()))).status();
+  }
+
+  absl::Status Begin(Durability durability) override {
+    return Execute(durability == Durability::kNow ? "BEGIN" : "BEGIN; SET LOCAL synchronous_commit = off");
+  }
+
+  absl::Status Commit() override {
+    PLANISH_ASSIGN_OR_RETURN(const Result result, Check(Result(PQexec(connection_.get(), "COMMIT"))));
+    // A transaction in which something failed is rolled back, without an error.
+    if (std::string_view(PQcmdStatus(result.get())) == "COMMIT") return absl::OkStatus();
+    return InternalError("the job store: a transaction that failed cannot be committed");
+  }
+
+  void Rollback() override {
+    if (!IsIdle()) Execute("ROLLBACK").IgnoreError();
+  }
+
+  absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override {
+    const std::int64_t hash = HashOf(key);
+    if (wait) {
+      PLANISH_RETURN_IF_ERROR(Run("SELECT pg_advisory_xact_lock(?)", {hash}).status());
+      return true;
+    }
+    PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Run("SELECT CAST(pg_try_advisory_xact_lock(?) AS INTEGER)", {hash}));
+    return rows.Int(0, 0) != 0;
+  }
+
+  absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
+    PLANISH_ASSIGN_OR_RETURN(const std::string name, Prepare(sql, values));
+    std::vector<std::array<char, 8>> integers(values.size());
+    std::vector<const char*> pointers(values.size());
+    std::vector<int> sizes(values.size());
+    const std::vector<int> formats(values.size(), 1);
+    const auto put = [&](std::size_t i, std::string_view bytes) {
+      pointers[i] = bytes.data() == nullptr ? "" : bytes.data();  // a null pointer would be NULL
+      sizes[i] = static_cast<int>(bytes.size());
+    };
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (const auto* integer = std::get_if<std::int64_t>(&values[i])) {
+        const std::uint64_t bits = htobe64(static_cast<std::uint64_t>(*integer));
+        std::memcpy(integers[i].data(), &bits, 8);
+        put(i, {integers[i].data(), integers[i].size()});
+      } else if (const auto* text = std::get_if<std::string_view>(&values[i])) {
+        put(i, *text);
+      } else if (const auto* bytes = std::get_if<SqlBytes>(&values[i])) {
+        put(i, bytes->bytes);
+      }
+    }
+    PLANISH_ASSIGN_OR_RETURN(
+        const Result result,
+        Check(Result(PQexecPrepared(connection_.get(), name.c_str(), static_cast<int>(values.size()), pointers.data(),
+                                    sizes.data(), formats.data(), /*resultFormat=*/1))));
+    SqlRows rows;
+    const int columns = PQnfields(result.get());
+    for (int row = 0; row < PQntuples(result.get()); ++row) {
+      std::vector<SqlRows::Cell> cells(static_cast<std::size_t>(columns));
+      for (int column = 0; column < columns; ++column) {
+        const char* const bytes = PQgetvalue(result.get(), row, column);
+        const int size = PQgetlength(result.get(), row, column);
+        const Oid type = PQftype(result.get(), column);
+        SqlRows::Cell& cell = cells[static_cast<std::size_t>(column)];
+        if (type == kText || type == kBytea) {
+          cell.bytes.assign(bytes, static_cast<std::size_t>(size));
+        } else {
+          cell.integer = IntegerOf(bytes, size);
+        }
+      }
+      rows.Add(std::move(cells));
+    }
+    return rows;
+  }
+
+ private:
+  struct Closer {
+    void operator()(PGconn* connection) const { PQfinish(connection); }
+  };
+
+  explicit PostgresConnection(PGconn* connection) : connection_(connection) {}
+
+  // The name of the statement as this connection has it.
+  absl::StatusOr<std::string> Prepare(const std::string& sql, const std::vector<SqlValue>& values) {
+    if (const auto found = prepared_.find(sql); found != prepared_.end()) return found->second;
+    if (prepared_.size() >= kMostPrepared) {
+      PLANISH_RETURN_IF_ERROR(Execute("DEALLOCATE ALL"));
+      prepared_.clear();
+    }
+    std::vector<Oid> types(values.size(), kText);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (std::holds_alternative<std::int64_t>(values[i])) types[i] = kInt8;
+      if (std::holds_alternative<SqlBytes>(values[i])) types[i] = kBytea;
+    }
+    const std::string name = absl::StrCat("s", prepared_.size());
+    const std::string text = WithNumbers(ReplaceWords(sql, PostgresWord));
+    PLANISH_RETURN_IF_ERROR(Check(Result(PQprepare(connection_.get(), name.c_str(), text.c_str(),
+                                                   static_cast<int>(types.size()), types.data())))
+                                .status());
+    prepared_[sql] = name;
+    return name;
+  }
+
+  absl::StatusOr<Result> Check(Result result) const {
+    const ExecStatusType status = PQresultStatus(result.get());
+    if (status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) return result;
+    const char* const field = PQresultErrorField(result.get(), PG_DIAG_SQLSTATE);
+    const std::string_view state = field == nullptr ? "" : field;
+    const std::string message = OneLine(PQerrorMessage(connection_.get()));
+    if (state == "53100" || state == "53200") {  // disk_full, out_of_memory
+      return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", absl::StrCat("the job store: ", message));
+    }
+    // Of the connection (08), by the operator (57P), by other transactions (40), of locks and limits (53, 55, 57014,
+    // 25P03), of a server that takes no writes: a standby (25006).
+    const bool passes = !IsGood() || state.empty() || state.starts_with("08") || state.starts_with("57") ||
+                        state.starts_with("40") || state.starts_with("53") || state.starts_with("55") ||
+                        state == "25006" || state == "25P03";
+    return passes ? StoreUnavailable(message) : InternalError(absl::StrCat("the job store: ", message));
+  }
+
+  std::unique_ptr<PGconn, Closer> connection_;
+  std::unordered_map<std::string, std::string> prepared_;  // from statement to name
+};
+
+class PostgresDatabase : public SqlDatabase {
+ public:
+  PostgresDatabase(PostgresOptions options) : options_(std::move(options)) {}
+
+  absl::Status SetUp() {
+    PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresConnection> connection,
+                             PostgresConnection::Open(options_.url));
+    absl::Status status = connection->Begin(Durability::kNow);
+    if (status.ok()) status = Migrate(connection.get());
+    if (status.ok()) status = connection->Commit();
+    return status;
+  }
+
+  absl::StatusOr<Lease> Connect(Use) override {
+    std::unique_ptr<PostgresConnection> connection;
+    {
+      std::unique_lock lock(mutex_);
+      given_back_.wait(lock, [this] { return given_ < options_.connections; });
+      ++given_;
+      if (!idle_.empty()) {
+        connection = std::move(idle_.back());
+        idle_.pop_back();
+      }
+    }
+    if (connection == nullptr) {
+      absl::StatusOr<std::unique_ptr<PostgresConnection>> opened = PostgresConnection::Open(options_.url);
+      if (!opened.ok()) {
+        GiveBack(nullptr);
+        return opened.status();
+      }
+      connection = *std::move(opened);
+    }
+    return Lease(connection.release(), [this](SqlConnection* used) {
+      GiveBack(std::unique_ptr<PostgresConnection>(static_cast<PostgresConnection*>(used)));
+    });
+  }
+
+  const std::string& id() const override { return id_; }
+  bool has_clock() const override { return true; }
+  bool outlives_process() const override { return true; }
+
+ private:
+  // Within a transaction; one server at a time.
+  absl::Status Migrate(PostgresConnection* connection) {
+    PLANISH_RETURN_IF_ERROR(connection->Execute(absl::StrCat("SELECT pg_advisory_xact_lock(", kMigrationKey, ")")));
+    PLANISH_RETURN_IF_ERROR(
+        connection->Execute("CREATE TABLE IF NOT EXISTS meta (id TEXT NOT NULL, version BIGINT NOT NULL)"));
+    PLANISH_ASSIGN_OR_RETURN(SqlRows meta, connection->Run("SELECT id, version FROM meta", {}));
+    std::int64_t version = 0;
+    if (meta.empty()) {
+      id_ = RandomId();
+      PLANISH_RETURN_IF_ERROR(connection->Run("INSERT INTO meta VALUES (?, 0)", {std::string_view(id_)}).status());
+    } else {
+      id_ = meta.Bytes(0, 0);
+      version = meta.Int(0, 1);
+    }
+    if (version > kPostgresVersion) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_VERSION",
+                       absl::StrCat("the database was set up by a newer planish (its version is ", version,
+                                    ", this one knows ", kPostgresVersion, "): use that one, or another database"));
+    }
+    if (version == kPostgresVersion) return absl::OkStatus();
+    for (; version < kPostgresVersion; ++version) {
+      PLANISH_RETURN_IF_ERROR(connection->Execute(kPostgresMigrations[version]));
+    }
+    return connection->Run("UPDATE meta SET version = ?", {version}).status();
+  }
+
+  // Null, or one that broke, makes room for a new one. After one broke the others are likely to be broken as well.
+  void GiveBack(std::unique_ptr<PostgresConnection> connection) {
+    std::vector<std::unique_ptr<PostgresConnection>> closed;
+    const std::lock_guard lock(mutex_);
+    --given_;
+    if (connection != nullptr && connection->IsGood() && connection->IsIdle()) {
+      idle_.push_back(std::move(connection));
+    } else {
+      closed.swap(idle_);
+    }
+    given_back_.notify_one();
+  }
+
+  const PostgresOptions options_;
+  std::string id_;  // constant after SetUp()
+
+  std::mutex mutex_;
+  std::condition_variable given_back_;
+  // Guarded by mutex_.
+  std::vector<std::unique_ptr<PostgresConnection>> idle_;
+  int given_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(PostgresOptions options) {
+  auto database = std::make_unique<PostgresDatabase>(std::move(options));
+  PLANISH_RETURN_IF_ERROR(database->SetUp());
+  return database;
+}
+
+}  // namespace planish

@@ -1,0 +1,127 @@
+// Statements in the one dialect that SQLite and PostgreSQL share, and the databases that run them.
+//
+// A statement is written once: `?` is the next parameter; the words below stand for what the engines say differently.
+//   {lock}         after a SELECT within a transaction: nobody else changes these rows before it ends
+//   {skip}         likewise, and rows that somebody else has locked are left out
+//   {next_number}  a number for a new job, above all earlier ones
+//   {now}          the database's own time, nanoseconds since 1970 (PostgreSQL only: SqlDatabase::has_clock())
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace planish {
+
+// When a transaction outlives what.
+enum class Durability {
+  kNow,    // synced to the disk before Commit() returns: outlives a loss of power
+  kLater,  // outlives the process at once, and a loss of power after the next commit that is durable now
+};
+
+// Bytes rather than text.
+struct SqlBytes {
+  std::string_view bytes;
+};
+
+// A parameter; std::monostate is NULL. Text and bytes are only looked at during the call.
+using SqlValue = std::variant<std::monostate, std::int64_t, std::string_view, SqlBytes>;
+
+// What a statement returns: cells by row and column, both from 0. NULL reads as 0 and as "".
+class SqlRows {
+ public:
+  struct Cell {
+    std::int64_t integer = 0;
+    std::string bytes;
+  };
+
+  std::size_t size() const { return rows_.size(); }
+  bool empty() const { return rows_.empty(); }
+  std::int64_t Int(std::size_t row, std::size_t column) const { return rows_[row][column].integer; }
+  const std::string& Bytes(std::size_t row, std::size_t column) const { return rows_[row][column].bytes; }
+
+  void Add(std::vector<Cell> row) { rows_.push_back(std::move(row)); }
+
+ private:
+  std::vector<std::vector<Cell>> rows_;
+};
+
+// One connection. Not thread-safe. Errors of all functions:
+//   RESOURCE_EXHAUSTED with STORAGE_FULL      the disk is full
+//   UNAVAILABLE with STORE_UNAVAILABLE        the database is away, or gave up this transaction for another one; a
+//                                             Commit() that ends so may or may not have been done
+//   INTERNAL                                  a bug, or damage
+class SqlConnection {
+ public:
+  virtual ~SqlConnection() = default;
+
+  virtual absl::Status Begin(Durability durability) = 0;
+  virtual absl::Status Commit() = 0;
+  // Also after an error, whatever was begun.
+  virtual void Rollback() = 0;
+
+  // Runs one statement, within the transaction that was begun or as one of its own.
+  virtual absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) = 0;
+
+  // Until the end of the transaction nobody else passes Serialize() with the same key. False if somebody else has
+  // passed it and this one is not to wait.
+  virtual absl::StatusOr<bool> Serialize(std::string_view key, bool wait) = 0;
+};
+
+// Connections to one database. Thread-safe.
+class SqlDatabase {
+ public:
+  enum class Use { kRead, kWrite };
+
+  // Gives the connection back.
+  using Lease = std::unique_ptr<SqlConnection, std::function<void(SqlConnection*)>>;
+
+  virtual ~SqlDatabase() = default;
+
+  // Waits for a connection that nobody else uses. Errors as of SqlConnection.
+  virtual absl::StatusOr<Lease> Connect(Use use) = 0;
+
+  // Of the data, made with the schema, the same for ever.
+  virtual const std::string& id() const = 0;
+
+  // Whether {now} works: several machines then go by one clock.
+  virtual bool has_clock() const = 0;
+
+  // Whether rows outlive the process.
+  virtual bool outlives_process() const = 0;
+};
+
+// UNAVAILABLE with STORE_UNAVAILABLE.
+absl::Status StoreUnavailable(const std::string& why);
+
+// Runs `body` in a transaction: commits if it returns OK, otherwise leaves everything as it was.
+absl::Status Transact(SqlDatabase* database, Durability durability,
+                      const std::function<absl::Status(SqlConnection&)>& body);
+
+// `sql` with what `replace` says in place of each word in braces. For implementations.
+std::string ReplaceWords(std::string_view sql, const std::function<std::string(std::string_view word)>& replace);
+
+struct PostgresOptions {
+  std::string url;      // as libpq takes it: postgresql://USER@HOST:PORT/DATABASE?sslmode=verify-full, or KEY=VALUE ...
+  int connections = 8;  // at most, >= 1
+};
+
+// PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes
+// may use it. A connection that is lost is made anew; no transaction-mode pooler between. FAILED_PRECONDITION with
+// STORE_VERSION if the schema is of a newer version of planish.
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(PostgresOptions options);
+
+// SQLite at `path`, or ":memory:" for one that lives as long as the object. Sets up and migrates the schema of
+// JobStore. FAILED_PRECONDITION with STORE_VERSION if the file was written by a newer version of planish. One process
+// at a time; writers take turns.
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path);
+
+}  // namespace planish

@@ -1,0 +1,331 @@
+// SQLite as a SqlDatabase: the schema, its versions, and who may use which connection.
+#include <iterator>
+#include <mutex>
+#include <optional>
+#include <unordered_map>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "google/protobuf/util/time_util.h"
+#include "planish/store/v1/store.pb.h"
+#include "server/store/ids.h"
+#include "server/store/sql.h"
+#include "server/store/sqlite.h"
+
+namespace planish {
+namespace {
+
+// Steps from each version of the schema to the next; PRAGMA user_version says how many were taken. Never change one
+// that was released: add another.
+constexpr const char* kMigrations[] = {
+    R"sql(
+      CREATE TABLE meta (id TEXT NOT NULL);
+      CREATE TABLE jobs (
+        number INTEGER PRIMARY KEY,
+        name TEXT NOT NULL UNIQUE,
+        request_id TEXT UNIQUE,
+        state INTEGER NOT NULL,
+        ended INTEGER NOT NULL,
+        end_time INTEGER NOT NULL,
+        label TEXT NOT NULL,
+        work_key BLOB NOT NULL,
+        mesh_sha256 BLOB NOT NULL,
+        seams_sha256 BLOB NOT NULL,
+        uv_sha256 BLOB NOT NULL,
+        uv_bytes INTEGER NOT NULL,
+        record BLOB NOT NULL,
+        report BLOB
+      );
+      CREATE INDEX jobs_by_end ON jobs (ended, end_time, number);
+      CREATE INDEX jobs_by_state ON jobs (state, end_time, number);
+      CREATE INDEX jobs_by_work ON jobs (work_key);
+      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256);
+      CREATE TABLE events (
+        job INTEGER NOT NULL,
+        sequence INTEGER NOT NULL,
+        event BLOB NOT NULL,
+        PRIMARY KEY (job, sequence)
+      ) WITHOUT ROWID;
+    )sql",
+    // Tenants. Request ids are unique within each, which takes a new table: SQLite cannot drop a constraint.
+    R"sql(
+      CREATE TABLE tenants_jobs (
+        number INTEGER PRIMARY KEY,
+        name TEXT NOT NULL UNIQUE,
+        tenant TEXT NOT NULL,
+        request_id TEXT,
+        state INTEGER NOT NULL,
+        ended INTEGER NOT NULL,
+        end_time INTEGER NOT NULL,
+        label TEXT NOT NULL,
+        work_key BLOB NOT NULL,
+        mesh_sha256 BLOB NOT NULL,
+        seams_sha256 BLOB NOT NULL,
+        uv_sha256 BLOB NOT NULL,
+        uv_bytes INTEGER NOT NULL,
+        record BLOB NOT NULL,
+        report BLOB,
+        UNIQUE (tenant, request_id)
+      );
+      INSERT INTO tenants_jobs
+        SELECT number, name, 'default', request_id, state, ended, end_time, label, work_key, mesh_sha256, seams_sha256,
+               uv_sha256, uv_bytes, record, report FROM jobs;
+      DROP TABLE jobs;
+      ALTER TABLE tenants_jobs RENAME TO jobs;
+      CREATE INDEX jobs_by_end ON jobs (ended, end_time, number);
+      CREATE INDEX jobs_by_state ON jobs (state, end_time, number);
+      CREATE INDEX jobs_by_tenant ON jobs (tenant, number);
+      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, ended, end_time, number);
+      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number);
+      CREATE INDEX jobs_by_work ON jobs (work_key);
+      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256);
+    )sql",
+    // Small blobs, which are committed with the records that refer to them.
+    R"sql(
+      CREATE TABLE blobs (
+        tenant TEXT NOT NULL,
+        sha256 BLOB NOT NULL,
+        bytes BLOB NOT NULL,
+        UNIQUE (tenant, sha256)
+      );
+    )sql",
+    // Labels with keys, and what else lists are filtered by. The text that was a job's label before is given up.
+    R"sql(
+      ALTER TABLE jobs DROP COLUMN label;
+      ALTER TABLE jobs ADD COLUMN create_time INTEGER NOT NULL DEFAULT 0;
+      CREATE TABLE labels (
+        job INTEGER NOT NULL,
+        key TEXT NOT NULL,
+        value TEXT NOT NULL,
+        PRIMARY KEY (job, key)
+      ) WITHOUT ROWID;
+    )sql",
+    // Leases. Which work a job belongs to, who has it, and since when it waits.
+    R"sql(
+      ALTER TABLE jobs ADD COLUMN work TEXT NOT NULL DEFAULT '';
+      ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';
+      ALTER TABLE jobs ADD COLUMN attempt INTEGER NOT NULL DEFAULT 0;
+      ALTER TABLE jobs ADD COLUMN lease_until INTEGER NOT NULL DEFAULT 0;
+      ALTER TABLE jobs ADD COLUMN turn_time INTEGER NOT NULL DEFAULT 0;
+      ALTER TABLE jobs ADD COLUMN memory_bytes INTEGER NOT NULL DEFAULT 0;
+      CREATE INDEX jobs_by_live_work ON jobs (work) WHERE ended = 0;
+      DROP INDEX jobs_by_end;
+      DROP INDEX jobs_by_state;
+      DROP INDEX jobs_by_tenant_end;
+      DROP INDEX jobs_by_tenant_state;
+      CREATE INDEX jobs_by_end ON jobs (end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_state ON jobs (state, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number) WHERE ended = 1;
+      DROP INDEX jobs_by_uv;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1;
+    )sql",
+};
+constexpr std::int64_t kVersion = std::size(kMigrations);
+constexpr std::int64_t kWithoutCreateTimes = 3;  // the last version
+constexpr std::int64_t kWithoutLeases = 4;       // likewise
+
+// Pages of the log that are collected before they are copied into the database, which takes two more syncs.
+//
+// FULL: a commit syncs the log before it returns, so that what a caller is told outlives a loss of power. Writes that
+// may be lost with the power and are then made again (deletions) run with NORMAL: Begin().
+constexpr char kPragmas[] =
+    "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA wal_autocheckpoint = 4000; PRAGMA busy_timeout = "
+    "10000";
+
+// Statements that a connection keeps prepared; filters of lists make new ones without end.
+constexpr std::size_t kMostStatements = 200;
+
+std::string SqliteWord(std::string_view word) {
+  if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs)";
+  return "";  // a writer has the database to itself
+}
+
+class SqliteConnection : public SqlConnection {
+ public:
+  static absl::StatusOr<std::unique_ptr<SqliteConnection>> Open(const std::string& path) {
+    PLANISH_ASSIGN_OR_RETURN(Database database, Database::Open(path));
+    return std::unique_ptr<SqliteConnection>(new SqliteConnection(std::move(database)));
+  }
+
+  Database& database() { return database_; }
+
+  absl::Status Begin(Durability durability) override {
+    if (durability != durability_) {
+      PLANISH_RETURN_IF_ERROR(database_.Execute(durability == Durability::kNow ? "PRAGMA synchronous = FULL"
+                                                                               : "PRAGMA synchronous = NORMAL"));
+      durability_ = durability;
+    }
+    return Run("BEGIN IMMEDIATE", {}).status();
+  }
+
+  absl::Status Commit() override { return Run("COMMIT", {}).status(); }
+  // An error where nothing was begun, or where SQLite rolled back by itself, says nothing new.
+  void Rollback() override { Run("ROLLBACK", {}).status().IgnoreError(); }
+  absl::StatusOr<bool> Serialize(std::string_view, bool) override { return true; }
+
+  absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
+    auto found = statements_.find(sql);
+    if (found == statements_.end()) {
+      if (statements_.size() >= kMostStatements) statements_.clear();
+      PLANISH_ASSIGN_OR_RETURN(Statement prepared, database_.Prepare(ReplaceWords(sql, SqliteWord).c_str()));
+      found = statements_.emplace(sql, std::move(prepared)).first;
+    }
+    Statement& statement = found->second;
+    for (const SqlValue& value : values) {
+      if (const auto* integer = std::get_if<std::int64_t>(&value)) {
+        statement.Bind(*integer);
+      } else if (const auto* text = std::get_if<std::string_view>(&value)) {
+        statement.BindText(*text);
+      } else if (const auto* bytes = std::get_if<SqlBytes>(&value)) {
+        statement.BindBlob(bytes->bytes);
+      } else {
+        statement.BindNull();
+      }
+    }
+    SqlRows rows;
+    absl::StatusOr<bool> row = statement.Step();
+    for (; row.ok() && *row; row = statement.Step()) {
+      std::vector<SqlRows::Cell> cells(static_cast<std::size_t>(statement.columns()));
+      for (int i = 0; i < statement.columns(); ++i) {
+        SqlRows::Cell& cell = cells[static_cast<std::size_t>(i)];
+        if (statement.IsInt(i)) {
+          cell.integer = statement.Int(i);
+        } else {
+          cell.bytes = statement.Bytes(i);
+        }
+      }
+      rows.Add(std::move(cells));
+    }
+    statement.Reset();
+    PLANISH_RETURN_IF_ERROR(row.status());
+    return rows;
+  }
+
+ private:
+  explicit SqliteConnection(Database database) : database_(std::move(database)) {}
+
+  Database database_;
+  std::unordered_map<std::string, Statement> statements_;
+  Durability durability_ = Durability::kNow;  // of the present setting
+};
+
+absl::StatusOr<std::int64_t> SchemaVersion(SqliteConnection* connection) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, connection->Run("PRAGMA user_version", {}));
+  return rows.Int(0, 0);
+}
+
+// Of records from before there was a column for it.
+absl::Status FillInCreateTimes(SqliteConnection* connection) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, connection->Run("SELECT number, record FROM jobs", {}));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    store::v1::JobRecord record;
+    if (!record.ParseFromString(rows.Bytes(i, 1))) return InternalError("the job store: a row that cannot be read");
+    const std::int64_t time = google::protobuf::util::TimeUtil::TimestampToNanoseconds(record.job().create_time());
+    PLANISH_RETURN_IF_ERROR(
+        connection->Run("UPDATE jobs SET create_time = ? WHERE number = ?", {time, rows.Int(i, 0)}).status());
+  }
+  return absl::OkStatus();
+}
+
+// Jobs that had not ended shared their work by its key. Those that ran are taken over as any others whose server is
+// gone.
+absl::Status FillInLeases(SqliteConnection* connection) {
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows rows,
+      connection->Run("SELECT number, record, work_key FROM jobs WHERE ended = 0 ORDER BY number", {}));
+  std::unordered_map<std::string, std::string> works;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    store::v1::JobRecord record;
+    if (!record.ParseFromString(rows.Bytes(i, 1))) return InternalError("the job store: a row that cannot be read");
+    const std::string& name = record.job().name();
+    record.set_work(record.job().scheduling().fresh() ? name : works.emplace(rows.Bytes(i, 2), name).first->second);
+    PLANISH_ASSIGN_OR_RETURN(
+        const SqlRows last,
+        connection->Run("SELECT coalesce(max(sequence), 0) FROM events WHERE job = ?", {rows.Int(i, 0)}));
+    record.set_last_sequence(last.Int(0, 0));
+    const std::string bytes = record.SerializeAsString();
+    PLANISH_RETURN_IF_ERROR(
+        connection
+            ->Run("UPDATE jobs SET work = ?, owner = ?, turn_time = create_time, memory_bytes = ?, record = ? "
+                  "WHERE number = ?",
+                  {std::string_view(record.work()), std::string_view(record.owner()), record.job().memory_bytes(),
+                   SqlBytes{bytes}, rows.Int(i, 0)})
+            .status());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Migrate(const std::string& path, SqliteConnection* connection) {
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t found, SchemaVersion(connection));
+  if (found > kVersion) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_VERSION",
+                     absl::StrCat(path, " was written by a newer planish (its version is ", found, ", this one knows ",
+                                  kVersion, "): use that one, or another data directory"));
+  }
+  Database& database = connection->database();
+  for (std::int64_t version = found; version < kVersion; ++version) {
+    std::string step = absl::StrCat("BEGIN IMMEDIATE;", kMigrations[version]);
+    if (version == 0) absl::StrAppend(&step, "INSERT INTO meta VALUES ('", RandomId(), "');");
+    absl::StrAppend(&step, "PRAGMA user_version = ", version + 1);
+    absl::Status status = database.Execute(step.c_str());
+    if (status.ok() && version == kWithoutCreateTimes) status = FillInCreateTimes(connection);
+    if (status.ok() && version == kWithoutLeases) status = FillInLeases(connection);
+    if (status.ok()) status = connection->Commit();
+    if (!status.ok()) {
+      connection->Rollback();
+      return status;
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Two connections: SQLite has one writer at a time, and whoever reads a blob need not wait for it. One that lives in
+// memory has one only, as another could not see it.
+class SqliteDatabase : public SqlDatabase {
+ public:
+  static absl::StatusOr<std::unique_ptr<SqlDatabase>> Open(const std::string& path) {
+    std::unique_ptr<SqliteDatabase> database(new SqliteDatabase);
+    PLANISH_ASSIGN_OR_RETURN(database->writer_, SqliteConnection::Open(path));
+    PLANISH_RETURN_IF_ERROR(database->writer_->database().Execute(kPragmas));
+    PLANISH_RETURN_IF_ERROR(Migrate(path, database->writer_.get()));
+    if (path != ":memory:") {
+      PLANISH_ASSIGN_OR_RETURN(database->reader_, SqliteConnection::Open(path));
+      PLANISH_RETURN_IF_ERROR(database->reader_->database().Execute("PRAGMA busy_timeout = 10000"));
+    }
+    PLANISH_ASSIGN_OR_RETURN(const SqlRows id, database->writer_->Run("SELECT id FROM meta", {}));
+    if (id.empty()) return InternalError(absl::StrCat(path, " has no identity: it is no job store of planish"));
+    database->id_ = id.Bytes(0, 0);
+    return database;
+  }
+
+  absl::StatusOr<Lease> Connect(Use use) override {
+    const bool reads = use == Use::kRead && reader_ != nullptr;
+    std::mutex& mutex = reads ? reader_mutex_ : writer_mutex_;
+    mutex.lock();
+    return Lease(reads ? reader_.get() : writer_.get(), [&mutex](SqlConnection*) { mutex.unlock(); });
+  }
+
+  const std::string& id() const override { return id_; }
+  bool has_clock() const override { return false; }
+  bool outlives_process() const override { return reader_ != nullptr; }
+
+ private:
+  std::string id_;
+  std::mutex writer_mutex_, reader_mutex_;
+  std::unique_ptr<SqliteConnection> writer_;  // guarded by writer_mutex_ after Open()
+  std::unique_ptr<SqliteConnection> reader_;  // guarded by reader_mutex_, likewise; null in memory
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& path) {
+  return SqliteDatabase::Open(path);
+}
+
+}  // namespace planish

@@ -1,0 +1,90 @@
+// A database whose connection dies when a test says.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/error.h"
+#include "server/store/sql.h"
+
+namespace planish {
+
+// What goes wrong. Counts every statement, the beginning and the end of transactions among them.
+struct Fault {
+  int at = 0;                                          // this one, counted from 1, fails; 0: none
+  bool answers = true;                                 // false: what fails was done, only the answer is lost
+  bool full = false;                                   // every write is refused: STORAGE_FULL
+  int count = 0;                                       // so far
+  std::function<void(const std::string& sql)> before;  // each statement
+};
+
+class FailingConnection : public SqlConnection {
+ public:
+  FailingConnection(SqlConnection* connection, Fault* fault) : connection_(*connection), fault_(*fault) {}
+
+  absl::Status Begin(Durability durability) override {
+    if (fault_.full) return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", "no room");
+    return Try([&] { return connection_.Begin(durability); });
+  }
+  absl::Status Commit() override {
+    return Try([&] { return connection_.Commit(); });
+  }
+  // Also what the server does with the transactions of a connection that died.
+  void Rollback() override { connection_.Rollback(); }
+  absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
+    absl::StatusOr<SqlRows> rows = SqlRows();
+    if (fault_.before != nullptr) fault_.before(sql);
+    const absl::Status status = Try([&] {
+      rows = connection_.Run(sql, values);
+      return rows.status();
+    });
+    if (!status.ok()) return status;
+    return rows;
+  }
+  absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override { return connection_.Serialize(key, wait); }
+
+ private:
+  absl::Status Try(const std::function<absl::Status()>& body) {
+    const bool fails = ++fault_.count == fault_.at;
+    if (fails && fault_.answers) dead_ = true;
+    if (dead_) return StoreUnavailable("the connection died");
+    const absl::Status status = body();
+    if (!fails || !status.ok()) return status;
+    dead_ = true;
+    return StoreUnavailable("the connection died before the answer came");
+  }
+
+  SqlConnection& connection_;
+  Fault& fault_;
+  bool dead_ = false;
+};
+
+class FailingDatabase : public SqlDatabase {
+ public:
+  // `fault` outlives the object.
+  FailingDatabase(std::unique_ptr<SqlDatabase> database, Fault* fault)
+      : database_(std::move(database)), fault_(*fault) {}
+
+  absl::StatusOr<Lease> Connect(Use use) override {
+    absl::StatusOr<Lease> connection = database_->Connect(use);
+    if (!connection.ok() || use == Use::kRead) return connection;
+    // The deleter of the outer one holds the inner one.
+    auto inner = std::make_shared<Lease>(*std::move(connection));
+    return Lease(new FailingConnection(inner->get(), &fault_), [inner](SqlConnection* outer) {
+      delete outer;
+      inner->reset();
+    });
+  }
+  const std::string& id() const override { return database_->id(); }
+  bool has_clock() const override { return database_->has_clock(); }
+  bool outlives_process() const override { return database_->outlives_process(); }
+
+ private:
+  const std::unique_ptr<SqlDatabase> database_;
+  Fault& fault_;
+};
+
+}  // namespace planish

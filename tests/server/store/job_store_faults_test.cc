@@ -1,0 +1,222 @@
+// The second half of the conformance suite: restarts, connections that die, crowds.
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <thread>
+
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "server/store/job_store.h"
+#include "tests/server/store/job_store_fixture.h"
+
+namespace planish {
+namespace {
+
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+// ---- restarts, lost connections, crowds
+
+TEST_P(JobStoreTest, EverythingOutlivesARestart) {
+  if (GetParam() == Engine::kSqliteInMemory) return;
+  Add("1", "k");
+  Add("2", "k");
+  const Lease lease = Claim();
+  ASSERT_TRUE(store_->Report(context_, lease, {v1::Progress()}).ok());
+  const std::string id = store_->id();
+  const std::string before = Find("jobs/2").SerializeAsString();
+  other_.reset();
+  store_.reset();
+  store_ = Open();
+  EXPECT_EQ(store_->id(), id);
+  EXPECT_EQ(Find("jobs/2").SerializeAsString(), before);
+  EXPECT_EQ(History("jobs/2"), "1 QUEUED, 2 RUNNING, 3 progress");
+  EXPECT_THAT(*store_->Finish(context_, lease, Success()), SizeIs(2)) << "a lease is no matter of the process";
+}
+
+// Where the connection dies within a verb, the verb was done as a whole or not at all, and can be asked again.
+TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
+  struct Case {
+    std::string name;
+    std::function<void()> prepare;
+    std::function<absl::Status()> verb;
+    v1::JobState before, after;
+  };
+  Lease lease;
+  std::string work;
+  const auto add = [&] { Add(work); };
+  const auto run = [&] {
+    Add(work);
+    lease = Claim("a", "jobs/" + work);
+  };
+  const auto end = [&] {
+    run();
+    ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
+  };
+  const auto name = [&] { return "jobs/" + work; };
+  constexpr auto kNone = v1::JOB_STATE_UNSPECIFIED;
+  const std::vector<Case> cases = {
+      {"Accept", [] {}, [&] { return store_->Accept(context_, Job(work)).status(); }, kNone, v1::JOB_STATE_QUEUED},
+      {"Claim", add,
+       [&] {
+         return store_->Claim(context_, {"a", absl::Seconds(10), 1, 0, name()}).status();
+       },
+       v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING},
+      {"Renew", run, [&] { return store_->Renew({lease}, absl::Seconds(10)).status(); }, v1::JOB_STATE_RUNNING,
+       v1::JOB_STATE_RUNNING},
+      {"Report", run, [&] { return store_->Report(context_, lease, {v1::Progress()}); }, v1::JOB_STATE_RUNNING,
+       v1::JOB_STATE_RUNNING},
+      {"Finish", run, [&] { return store_->Finish(context_, lease, Success()).status(); }, v1::JOB_STATE_RUNNING,
+       v1::JOB_STATE_SUCCEEDED},
+      {"Release", run, [&] { return store_->Release(context_, "a").status(); }, v1::JOB_STATE_RUNNING,
+       v1::JOB_STATE_QUEUED},
+      {"Reap", run, [&] { return store_->Reap(context_, "b", 10).status(); }, v1::JOB_STATE_RUNNING,
+       v1::JOB_STATE_QUEUED},
+      {"EndEarly", run, [&] { return store_->EndEarly(context_, name(), EarlyEnd::kCancel, true).status(); },
+       v1::JOB_STATE_RUNNING, v1::JOB_STATE_STOPPING},
+      {"RequestStop", run, [&] { return store_->RequestStop(context_, name()).status(); }, v1::JOB_STATE_RUNNING,
+       v1::JOB_STATE_STOPPING},
+      {"Fail", run, [&] { return store_->Fail(context_, name(), ToRpcStatus(InternalError("x")), true).status(); },
+       v1::JOB_STATE_RUNNING, v1::JOB_STATE_FAILED},
+      {"Detach", add, [&] { return store_->Detach(name()).status(); }, v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
+      {"ReserveSequences", add, [&] { return store_->ReserveSequences(context_, name(), 10).status(); },
+       v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
+      {"Expire", end, [&] { return store_->Expire(context_, name()).status(); }, v1::JOB_STATE_SUCCEEDED,
+       v1::JOB_STATE_EXPIRED},
+      {"Delete", end, [&] { return store_->Delete(name()); }, v1::JOB_STATE_SUCCEEDED, kNone},
+  };
+  const auto snapshot = [&] {
+    const absl::StatusOr<std::optional<JobRecord>> record = store_->Find(name());
+    if (!record->has_value()) return std::make_pair(kNone, std::string());
+    return std::make_pair((*record)->job().state(), (*record)->SerializeAsString() + History(name()));
+  };
+  for (const Case& tried : cases) {
+    for (const bool answers : {true, false}) {
+      for (int at = 1;; ++at) {
+        work = tried.name + std::to_string(at) + (answers ? "" : "lost");
+        SCOPED_TRACE(work);
+        tried.prepare();
+        const auto before = snapshot();
+        EXPECT_EQ(before.first, tried.before);
+        fault_ = {};
+        fault_.at = at;
+        fault_.answers = answers;
+        const absl::Status status = tried.verb();
+        const bool reached = fault_.count >= at;
+        fault_ = {};
+        if (!reached) {
+          EXPECT_TRUE(status.ok()) << status;
+          EXPECT_EQ(snapshot().first, tried.after);
+          ASSERT_GE(at, 3) << "a transaction is begun and committed";
+          break;
+        }
+        EXPECT_EQ(ErrorReason(status), "STORE_UNAVAILABLE") << status;
+        const auto now = snapshot();
+        if (now != before) {
+          EXPECT_FALSE(answers) << "only a commit whose answer was lost was done";
+          EXPECT_EQ(now.first, tried.after);
+        }
+        const absl::Status again = tried.verb();
+        if (!again.ok()) {
+          EXPECT_NE(now, before) << "it was done";
+          EXPECT_THAT(ErrorReason(again), ::testing::AnyOf("LEASE_LOST", "JOB_NOT_FOUND"));
+        }
+        EXPECT_EQ(snapshot().first, tried.after);
+        // Whoever does not know that the claim was done.
+        store_->Release(context_, "a").IgnoreError();
+      }
+    }
+  }
+}
+
+// Two that run work, one that asks for more, one that cancels and one that keeps order: every job ends, none twice.
+TEST_P(JobStoreTest, ACrowdFinishesEveryJobOnce) {
+  constexpr int kJobs = 60;
+  std::atomic<bool> over = false;
+  std::atomic<int> lost = 0;
+  JobStore* const second = &Other();
+  const auto run = [&](JobStore* store, const std::string& owner) {
+    int turns = 0;
+    while (!over) {
+      const auto claimed = store->Claim(context_, {owner, absl::Seconds(10), 2, 0, ""});
+      if (!claimed.ok()) continue;
+      for (const ClaimedWork& work : *claimed) {
+        if (++turns % 7 == 0 && lost++ < 5) continue;  // it forgets that it has this
+        store->Report(context_, work.lease, {v1::Progress()}).IgnoreError();
+        store->Finish(context_, work.lease, Success()).status().IgnoreError();
+      }
+    }
+  };
+  std::thread runner([&] { run(store_.get(), "a"); });
+  std::thread other_runner([&] { run(second, "b"); });
+  std::thread asker([&] {
+    for (int i = 0; i < kJobs; ++i) {
+      const std::string name = std::to_string(i);
+      while (!second->Accept(context_, Job(name, "key" + std::to_string(i / 3))).ok()) {
+      }
+      if (i % 5 == 4)
+        second->EndEarly(context_, "jobs/" + std::to_string(i - 2), EarlyEnd::kCancel, false).IgnoreError();
+    }
+  });
+  asker.join();
+  for (int i = 0; i < 2000 && !store_->Unfinished()->empty(); ++i) {
+    // What was forgotten is nobody's any more; so is what is under way.
+    second->Reap(context_, "nobody", 10).status().IgnoreError();
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  over = true;
+  runner.join();
+  other_runner.join();
+  EXPECT_THAT(*store_->Unfinished(), IsEmpty());
+  for (int i = 0; i < kJobs; ++i) {
+    const JobRecord record = Find("jobs/" + std::to_string(i));
+    int ends = 0;
+    std::int64_t last = 0;
+    const std::vector<v1::JobEvent> events = *store_->Events(record.number());
+    for (const v1::JobEvent& event : events) {
+      EXPECT_EQ(event.sequence(), ++last) << record.job().name();
+      if (event.has_job() && IsTerminal(event.job().state())) ++ends;
+    }
+    EXPECT_EQ(ends, 1) << record.job().name() << ": " << History(record.job().name());
+  }
+}
+
+// ---- PostgreSQL alone
+
+class PostgresTest : public ::testing::Test {};
+
+TEST_F(PostgresTest, IsFoundAgainAfterItCrashed) {
+  PostgresServer server;
+  const std::string url = server.NewDatabase();
+  const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 2}));
+  NewJob job;
+  job.record.mutable_job()->set_name("jobs/1");
+  job.record.mutable_job()->set_tenant("ann");
+  job.record.mutable_job()->set_state(v1::JOB_STATE_QUEUED);
+  ASSERT_TRUE(store->Accept({absl::Now()}, job).ok());
+  server.Crash();
+  EXPECT_EQ(ErrorReason(store->Find("jobs/1").status()), "STORE_UNAVAILABLE");
+  EXPECT_EQ(ErrorReason(store->Find("jobs/1").status()), "STORE_UNAVAILABLE") << "still";
+  EXPECT_EQ(ErrorReason(OpenPostgresDatabase({url, 2}).status()), "STORE_UNAVAILABLE");
+  server.Start();
+  EXPECT_TRUE((*store->Find("jobs/1")).has_value()) << "what was acknowledged is durable";
+
+  // By the database's own clock.
+  ASSERT_THAT(*store->Claim({absl::Now()}, {"a", absl::Hours(1), 1, 0, ""}), SizeIs(1));
+  EXPECT_THAT(*store->Reap({absl::Now()}, "", 10), IsEmpty());
+  EXPECT_THAT(*store->Renew({{"jobs/1", 1, "a"}}, absl::ZeroDuration()), ::testing::ElementsAre(Wish::kGoOn));
+  EXPECT_THAT(*store->Reap({absl::Now()}, "", 10), SizeIs(1));
+
+  absl::StatusOr<std::unique_ptr<SqlDatabase>> database = OpenPostgresDatabase({url, 2});
+  ASSERT_TRUE((*(*database)->Connect(SqlDatabase::Use::kWrite))->Run("UPDATE meta SET version = 99", {}).ok());
+  EXPECT_EQ(ErrorReason(OpenPostgresDatabase({url, 2}).status()), "STORE_VERSION");
+}
+
+TEST_F(PostgresTest, AWrongAddressIsSaid) {
+  const absl::Status status = OpenPostgresDatabase({"postgresql://nobody@/x?host=/nonexistent", 2}).status();
+  EXPECT_EQ(ErrorReason(status), "STORE_UNAVAILABLE");
+  EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("PostgreSQL cannot be reached"));
+}
+
+}  // namespace
+}  // namespace planish

@@ -1,0 +1,425 @@
+// What every JobStore must do, whatever its engine: the conformance suite, with job_store_faults_test.cc.
+#include "server/store/job_store.h"
+
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/server/store/job_store_fixture.h"
+
+namespace planish {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+// ---- accepting
+
+TEST_P(JobStoreTest, AnAcceptedJobIsThere) {
+  NewJob job = Job("1");
+  job.record.set_request_id("r1");
+  (*job.record.mutable_job()->mutable_labels())["k"] = "v";
+  job.blobs.push_back({{"ann", "mesh of key of 1"}, StoredBlob::InMemory(*Blob::Copy(std::string("\0bytes", 6)))});
+  const AcceptedChange accepted = Accept(job);
+  EXPECT_TRUE(accepted.created);
+  EXPECT_FALSE(accepted.shares);
+  EXPECT_GT(accepted.change.record.number(), 0);
+  EXPECT_EQ(accepted.change.record.work(), "jobs/1");
+  EXPECT_THAT(accepted.change.events, SizeIs(1));
+  EXPECT_EQ(Find("jobs/1").SerializeAsString(), accepted.change.record.SerializeAsString());
+  EXPECT_EQ(History("jobs/1"), "1 QUEUED");
+  EXPECT_EQ((*store_->FindByRequestId("ann", "r1"))->job().name(), "jobs/1");
+  EXPECT_FALSE((*store_->FindByRequestId("bob", "r1")).has_value());
+  EXPECT_FALSE((*store_->Find("jobs/2")).has_value());
+  EXPECT_TRUE(*store_->UsesBlob({"ann", "mesh of key of 1"}));
+  EXPECT_FALSE(*store_->UsesBlob({"bob", "mesh of key of 1"}));
+  if (store_->rows() == nullptr) return;
+  EXPECT_EQ(store_->rows()->Read({"ann", "mesh of key of 1"}).value(), std::string("\0bytes", 6));
+  EXPECT_THAT(*store_->rows()->List(), SizeIs(1));
+  EXPECT_TRUE(store_->rows()->Remove({"ann", "mesh of key of 1"}).ok());
+  EXPECT_EQ(ErrorReason(store_->rows()->Read({"ann", "mesh of key of 1"}).status()), "BLOB_NOT_FOUND");
+}
+
+TEST_P(JobStoreTest, ARequestThatComesAgainIsTheSameJob) {
+  NewJob job = Job("1");
+  job.record.set_request_id("r1");
+  Accept(job);
+  EXPECT_FALSE(Accept(job).created) << "by its name";
+  NewJob again = Job("2");
+  again.record.set_request_id("r1");
+  const AcceptedChange known = Accept(again);
+  EXPECT_FALSE(known.created);
+  EXPECT_EQ(known.change.record.job().name(), "jobs/1");
+  EXPECT_THAT(known.change.events, IsEmpty());
+  again.record.mutable_job()->set_tenant("bob");
+  EXPECT_TRUE(Accept(again).created) << "request ids are each tenant's own";
+}
+
+TEST_P(JobStoreTest, EqualWorkIsDoneOnce) {
+  Add("1", "k");
+  const AcceptedChange queued = Accept(Job("2", "k"));
+  EXPECT_TRUE(queued.shares);
+  EXPECT_EQ(queued.change.record.work(), "jobs/1");
+  EXPECT_EQ(queued.change.record.job().result_of(), "jobs/1");
+  NewJob fresh = Job("fresh", "k");
+  fresh.record.mutable_job()->mutable_scheduling()->set_fresh(true);
+  EXPECT_FALSE(Accept(fresh).shares);
+  NewJob bobs = Job("bobs", "k");
+  bobs.record.mutable_job()->set_tenant("bob");
+  EXPECT_FALSE(Accept(bobs).shares) << "tenants share nothing";
+
+  const Lease lease = Claim("a", "jobs/1");
+  ASSERT_TRUE(store_->Delete("jobs/none").code() == absl::StatusCode::kNotFound);
+  ASSERT_TRUE(store_->Fail(context_, "jobs/fresh", ToRpcStatus(InternalError("x")), false).ok());
+  const AcceptedChange running = Accept(Job("3", "k"));
+  EXPECT_EQ(running.change.record.job().state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(running.change.record.job().attempts(), 1);
+  EXPECT_EQ(History("jobs/3"), "1 QUEUED, 2 RUNNING");
+  const std::vector<JobChange> ends = *store_->Finish(context_, lease, Success());
+  EXPECT_THAT(ends, SizeIs(3));
+  for (const char* name : {"jobs/1", "jobs/2", "jobs/3"}) EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED) << name;
+}
+
+TEST_P(JobStoreTest, AKeptResultIsGivenAtOnce) {
+  Add("1", "k");
+  ASSERT_TRUE(store_->Finish(context_, Claim(), Success()).ok());
+  NewJob job = Job("2", "k");
+  job.result_of = "jobs/1";
+  const AcceptedChange accepted = Accept(job);
+  EXPECT_TRUE(accepted.shares);
+  EXPECT_EQ(accepted.change.record.job().result_of(), "jobs/1");
+  EXPECT_EQ(History("jobs/2"), "1 QUEUED, 2 SUCCEEDED");
+  EXPECT_EQ(Find("jobs/2").job().report().input().triangles(), 7);
+  ASSERT_TRUE(store_->Expire(context_, "jobs/1").ok());
+  job = Job("3", "k");
+  job.result_of = "jobs/1";
+  EXPECT_EQ(Accept(job).change.record.job().state(), v1::JOB_STATE_QUEUED) << "it was dropped in the meantime";
+}
+
+TEST_P(JobStoreTest, NobodyJoinsWorkThatIsToEnd) {
+  Add("1", "k");
+  const Lease lease = Claim();
+  ASSERT_TRUE(store_->RequestStop(context_, "jobs/1").ok());
+  EXPECT_FALSE(Accept(Job("2", "k")).shares);
+  ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
+  ASSERT_TRUE(Claim().work == "jobs/2");
+  ASSERT_TRUE(store_->EndEarly(context_, "jobs/2", EarlyEnd::kCancel, false).ok());
+  EXPECT_FALSE(Accept(Job("3", "k")).shares);
+}
+
+// ---- claiming
+
+TEST_P(JobStoreTest, WorkIsClaimedInItsOrderAndOnce) {
+  for (const char* name : {"1", "2", "3"}) {
+    NewJob job = Job(name);
+    job.turn = absl::FromUnixSeconds(*name == '3' ? 10 : 20);
+    Accept(job);
+  }
+  EXPECT_EQ(Claim().work, "jobs/3");
+  ClaimRequest request = {"b", absl::Seconds(10), 5, 0, ""};
+  const std::vector<ClaimedWork> claimed = *Other().Claim(context_, request);
+  ASSERT_THAT(claimed, SizeIs(2));
+  EXPECT_EQ(claimed[0].lease.work, "jobs/1");
+  EXPECT_EQ(claimed[0].lease.attempt, 1);
+  EXPECT_EQ(claimed[1].jobs[0].record.owner(), "b");
+  EXPECT_THAT(*store_->Claim(context_, request), IsEmpty());
+  EXPECT_EQ(History("jobs/2"), "1 QUEUED, 2 RUNNING");
+  EXPECT_EQ(Find("jobs/2").job().attempts(), 1);
+}
+
+TEST_P(JobStoreTest, WhatNeedsMoreMemoryIsNotPassedBy) {
+  NewJob large = Job("large");
+  large.record.mutable_job()->set_memory_bytes(1000);
+  Add("1");
+  Accept(large);
+  Add("2");
+  ClaimRequest request = {"a", absl::Seconds(10), 5, 500, ""};
+  EXPECT_THAT(*store_->Claim(context_, request), SizeIs(1));
+  EXPECT_THAT(*store_->Claim(context_, request), IsEmpty()) << "the large one waits for room, and others for it";
+  request.memory_bytes = 1000;
+  EXPECT_EQ(store_->Claim(context_, request)->at(0).lease.work, "jobs/large");
+}
+
+// ---- leases
+
+TEST_P(JobStoreTest, AZombieChangesNothing) {
+  const std::string name = Add("1");
+  const Lease zombie = Claim("a");
+  lease_now_ += absl::Seconds(9);
+  EXPECT_THAT(*Other().Reap(context_, "", 10), IsEmpty()) << "the lease still holds";
+  EXPECT_THAT(*store_->Renew({zombie}, absl::Seconds(10)), ElementsAre(Wish::kGoOn));
+  lease_now_ += absl::Seconds(9);
+  EXPECT_THAT(*Other().Reap(context_, "", 10), IsEmpty()) << "it was renewed";
+  lease_now_ += absl::Seconds(1);
+  ASSERT_THAT(*Other().Reap(context_, "", 10), SizeIs(1));
+  EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(Find(name).crashes(), 1);
+  const std::string before = Find(name).SerializeAsString();
+  const auto try_all = [&] {
+    EXPECT_EQ(ErrorReason(store_->Finish(context_, zombie, Success()).status()), "LEASE_LOST");
+    EXPECT_EQ(ErrorReason(store_->Finish(context_, zombie, Lost()).status()), "LEASE_LOST");
+    EXPECT_EQ(ErrorReason(store_->Report(context_, zombie, {v1::Progress()})), "LEASE_LOST");
+    EXPECT_THAT(*store_->Renew({zombie}, absl::Seconds(10)), ElementsAre(Wish::kGiveUp));
+  };
+  try_all();
+  EXPECT_EQ(Find(name).SerializeAsString(), before);
+  const Lease next = Claim("b");
+  EXPECT_EQ(next.attempt, 2);
+  try_all();
+  EXPECT_THAT(*store_->Release(context_, "a"), IsEmpty());
+  const Lease same_owner_again = {next.work, 1, "b"};
+  EXPECT_EQ(ErrorReason(store_->Finish(context_, same_owner_again, Success()).status()), "LEASE_LOST");
+  EXPECT_TRUE(Other().Finish(context_, next, Success()).ok());
+  EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
+  try_all();
+  EXPECT_EQ(History(name), "1 QUEUED, 2 RUNNING, 3 QUEUED, 4 RUNNING, 5 SUCCEEDED");
+}
+
+TEST_P(JobStoreTest, WishesAreToldWithTheRenewal) {
+  Add("1", "k");
+  Add("2", "k");
+  const Lease lease = Claim();
+  const auto wish = [&] { return store_->Renew({lease}, absl::Seconds(10))->at(0); };
+  ASSERT_TRUE(Other().RequestStop(context_, "jobs/1").ok());
+  EXPECT_EQ(wish(), Wish::kGoOn) << "the other job wants all of it";
+  ASSERT_TRUE(store_->RequestStop(context_, "jobs/2").ok());
+  EXPECT_EQ(wish(), Wish::kStop);
+  EXPECT_EQ(store_->EndEarly(context_, "jobs/1", EarlyEnd::kCancel, false)->record.job().state(),
+            v1::JOB_STATE_CANCELLED)
+      << "the work goes on for the other";
+  EXPECT_EQ(wish(), Wish::kStop);
+  EXPECT_EQ(Other().EndEarly(context_, "jobs/2", EarlyEnd::kCancel, false)->record.job().state(),
+            v1::JOB_STATE_STOPPING);
+  EXPECT_EQ(wish(), Wish::kCancel);
+  AttemptOutcome obeyed;
+  obeyed.status = ToRpcStatus(absl::CancelledError("as told"));
+  ASSERT_TRUE(store_->Finish(context_, lease, obeyed).ok());
+  EXPECT_EQ(State("jobs/2"), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(wish(), Wish::kGiveUp);
+}
+
+TEST_P(JobStoreTest, AClockThatJumpsEndsNoLease) {
+  const std::string name = Add("1");
+  const Lease lease = Claim();
+  for (const absl::Duration jump : {absl::Hours(100'000), -absl::Hours(200'000), absl::Hours(100'000)}) {
+    context_.now += jump;  // that of some machine
+    EXPECT_THAT(*store_->Reap(context_, "", 10), IsEmpty());
+    EXPECT_TRUE(store_->Report(context_, lease, {v1::Progress()}).ok());
+  }
+  lease_now_ -= absl::Hours(1);  // that of all leases
+  EXPECT_THAT(*store_->Reap(context_, "", 10), IsEmpty());
+  EXPECT_EQ(Claim("b").work, "") << "never two owners";
+  lease_now_ += absl::Hours(2);
+  EXPECT_THAT(*store_->Reap(context_, "", 10), SizeIs(1));
+  EXPECT_EQ(Claim("b").attempt, 2);
+  EXPECT_EQ(ErrorReason(store_->Finish(context_, lease, Success()).status()), "LEASE_LOST");
+}
+
+TEST_P(JobStoreTest, AJobThatTakesItsOwnerDownFailsAfterThreeAttempts) {
+  Add("1");
+  for (int attempt = 1; attempt <= 3; ++attempt) {
+    EXPECT_EQ(Claim().attempt, attempt);
+    lease_now_ += absl::Seconds(10);
+    ASSERT_THAT(*store_->Reap(context_, "", 10), SizeIs(1));
+  }
+  EXPECT_EQ(ErrorOf("jobs/1"), "SERVER_CRASHED");
+  EXPECT_EQ(Find("jobs/1").server_crashes(), 3);
+}
+
+TEST_P(JobStoreTest, TheOnlyOwnerTakesAllOtherLeases) {
+  Add("1");
+  Add("2");
+  Claim("a");
+  Claim("b");
+  const std::vector<JobChange> reaped = *store_->Reap(context_, "b", 10);
+  ASSERT_THAT(reaped, SizeIs(1));
+  EXPECT_EQ(reaped[0].record.job().name(), "jobs/1");
+  EXPECT_EQ(State("jobs/2"), v1::JOB_STATE_RUNNING);
+}
+
+TEST_P(JobStoreTest, WhatIsReleasedIsNotHeldAgainstIt) {
+  Add("1");
+  Add("2");
+  Add("3");
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(Claim().work, "jobs/1");
+    EXPECT_EQ(Claim().work, "jobs/2");
+    if (i == 4) {
+      ASSERT_TRUE(store_->EndEarly(context_, "jobs/2", EarlyEnd::kCancel, false).ok());
+    }
+    EXPECT_THAT(*store_->Release(context_, "a"), SizeIs(2));
+  }
+  EXPECT_EQ(State("jobs/1"), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(Find("jobs/1").crashes(), 0);
+  EXPECT_EQ(State("jobs/2"), v1::JOB_STATE_CANCELLED) << "it was to end anyway";
+}
+
+// ---- how attempts end
+
+TEST_P(JobStoreTest, WhatTheWorkerSaysBecomesOfItsJobs) {
+  context_.retained_time = absl::Hours(1);
+  Add("ok");
+  ASSERT_TRUE(store_->Finish(context_, Claim(), Success()).ok());
+  EXPECT_EQ(Find("jobs/ok").job().uv().total_bytes(), 5);
+  EXPECT_TRUE(Find("jobs/ok").job().has_expire_time());
+  EXPECT_EQ(store_->Events(Find("jobs/ok").number())->back().job().has_report(), false) << "the record has it";
+  EXPECT_EQ((*store_->FindResult("key of ok"))->job().name(), "jobs/ok");
+
+  Add("bad");
+  AttemptOutcome error;
+  error.status = ToRpcStatus(MakeError(absl::StatusCode::kInvalidArgument, "MESH_EMPTY", "no triangle"));
+  ASSERT_TRUE(store_->Finish(context_, Claim(), error).ok());
+  EXPECT_EQ(ErrorOf("jobs/bad"), "MESH_EMPTY");
+
+  Add("odd");
+  error.status = ToRpcStatus(absl::CancelledError("why not"));
+  ASSERT_TRUE(store_->Finish(context_, Claim(), error).ok());
+  EXPECT_EQ(ErrorOf("jobs/odd"), "INTERNAL");
+
+  Add("late");
+  const Lease lease = Claim();
+  EXPECT_EQ(store_->EndEarly(context_, "jobs/late", EarlyEnd::kTimeout, true)->record.job().state(),
+            v1::JOB_STATE_STOPPING);
+  EXPECT_EQ(store_->Renew({lease}, absl::Seconds(1))->at(0), Wish::kCancel);
+  ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
+  EXPECT_EQ(ErrorOf("jobs/late"), "DEADLINE_EXCEEDED");
+}
+
+TEST_P(JobStoreTest, LostWorkersCostThreeAttempts) {
+  Add("1");
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(store_->Finish(context_, Claim(), Lost()).ok());
+  EXPECT_EQ(State("jobs/1"), v1::JOB_STATE_QUEUED);
+  ASSERT_TRUE(store_->Finish(context_, Claim(), Lost()).ok());
+  EXPECT_EQ(ErrorOf("jobs/1"), "WORKER_CRASHED");
+  EXPECT_THAT(Find("jobs/1").job().error().message(), ::testing::HasSubstr("3 attempts"));
+  Add("2");
+  ASSERT_TRUE(store_->Finish(context_, Claim(), Lost(/*is_final=*/true)).ok());
+  EXPECT_EQ(ErrorOf("jobs/2"), "WORKER_CRASHED");
+  Add("3");
+  const Lease lease = Claim();
+  ASSERT_TRUE(store_->EndEarly(context_, "jobs/3", EarlyEnd::kCancel, false).ok());
+  ASSERT_TRUE(store_->Finish(context_, lease, Lost()).ok());
+  EXPECT_EQ(State("jobs/3"), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_P(JobStoreTest, EarlyEndsOfWhatWaits) {
+  Add("1", "k");
+  Add("2", "k");
+  NewJob third = Job("3");
+  third.record.set_request_id("r3");
+  Accept(third);
+  EXPECT_EQ(store_->EndEarly(context_, "jobs/1", EarlyEnd::kCancel, false)->record.job().state(),
+            v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(Claim().work, "jobs/1") << "the work is still that of the other job";
+  store_->EndEarly(context_, "jobs/3", EarlyEnd::kTimeout, true).IgnoreError();
+  EXPECT_EQ(ErrorOf("jobs/3"), "DEADLINE_EXCEEDED");
+  EXPECT_TRUE(Accept(third).change.record.job().name() == "jobs/3") << "by its name";
+  third.record.mutable_job()->set_name("jobs/4");
+  EXPECT_TRUE(Accept(third).created) << "the request id is free again";
+  EXPECT_EQ(ErrorReason(store_->EndEarly(context_, "jobs/5", EarlyEnd::kCancel, false).status()), "JOB_NOT_FOUND");
+  EXPECT_THAT(store_->EndEarly(context_, "jobs/3", EarlyEnd::kCancel, false)->events, IsEmpty());
+  EXPECT_EQ(State("jobs/3"), v1::JOB_STATE_FAILED);
+}
+
+// ---- events
+
+TEST_P(JobStoreTest, EventsHaveNoGaps) {
+  Add("1", "k");
+  Add("2", "k");
+  const Lease lease = Claim();
+  ASSERT_TRUE(store_->Report(context_, lease, {v1::Progress(), v1::Progress()}).ok());
+  ASSERT_TRUE(Other().RequestStop(context_, "jobs/1").ok());
+  ASSERT_TRUE(store_->Report(context_, lease, {v1::Progress()}).ok());
+  ASSERT_TRUE(store_->Finish(context_, lease, Success()).ok());
+  EXPECT_EQ(History("jobs/1"), "1 QUEUED, 2 RUNNING, 3 progress, 4 progress, 5 STOPPING, 6 progress, 7 SUCCEEDED");
+  EXPECT_EQ(History("jobs/2"), "1 QUEUED, 2 RUNNING, 3 progress, 4 progress, 5 progress, 6 SUCCEEDED");
+  EXPECT_THAT(*Other().Events(Find("jobs/1").number(), 5), SizeIs(2));
+}
+
+TEST_P(JobStoreTest, WhatAProcessToldIsNotToldAgain) {
+  NewJob job = Job("1");
+  job.record.set_reserved_sequence(1024);
+  Accept(job);
+  Claim();
+  context_.told = [](const std::string&) { return std::int64_t{50}; };  // progress that was not written
+  ASSERT_TRUE(store_->RequestStop(context_, "jobs/1").ok());
+  ASSERT_TRUE(store_->ReserveSequences(context_, "jobs/1", 2000).ok());
+  context_.told = nullptr;
+  ASSERT_THAT(*store_->Reap(context_, "another", 10), SizeIs(1));
+  EXPECT_EQ(History("jobs/1"), "1 QUEUED, 2 RUNNING, 51 STOPPING, 2052 QUEUED");
+  EXPECT_GT(Find("jobs/1").reserved_sequence(), 2052);
+}
+
+// ---- what is kept
+
+TEST_P(JobStoreTest, RecordsAreKeptCountedAndDropped) {
+  for (const char* name : {"1", "2", "3"}) {
+    Add(name);
+    ASSERT_TRUE(store_->Finish(context_, Claim(), Success()).ok());
+    context_.now += absl::Seconds(1);
+  }
+  Add("4");
+  EXPECT_EQ((*store_->FirstEnded("ann", v1::JOB_STATE_SUCCEEDED))->job().name(), "jobs/1");
+  EXPECT_EQ((*store_->FirstEnded("", v1::JOB_STATE_UNSPECIFIED))->job().name(), "jobs/1");
+  EXPECT_FALSE((*store_->FirstEnded("bob", v1::JOB_STATE_UNSPECIFIED)).has_value());
+  EXPECT_EQ(store_->Totals()->tenants.at("ann").ended, 3);
+  EXPECT_EQ(store_->Totals()->tenants.at("ann").result_bytes, 15);
+  EXPECT_THAT(*store_->Unfinished(), SizeIs(1));
+  EXPECT_EQ(store_->Expire(context_, "jobs/1")->record.job().state(), v1::JOB_STATE_EXPIRED);
+  EXPECT_EQ(store_->Expire(context_, "jobs/4")->record.job().state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ((*store_->FirstEnded("ann", v1::JOB_STATE_SUCCEEDED))->job().name(), "jobs/2");
+  EXPECT_TRUE(*store_->UsesBlob({"ann", "uv"}));
+  EXPECT_FALSE(*store_->UsesBlob({"ann", "mesh of key of 1"}));
+  const std::int64_t number = Find("jobs/2").number();
+  EXPECT_EQ(ErrorReason(store_->Delete("jobs/4")), "JOB_NOT_FINISHED");
+  for (const char* name : {"jobs/2", "jobs/3"}) EXPECT_TRUE(store_->Delete(name).ok());
+  EXPECT_THAT(*store_->Events(number), IsEmpty());
+  EXPECT_FALSE(*store_->UsesBlob({"ann", "uv"}));
+  EXPECT_FALSE((*store_->FindResult("key of 3")).has_value());
+}
+
+TEST_P(JobStoreTest, ListsAreFilteredAndPaged) {
+  for (int i = 1; i <= 5; ++i) {
+    NewJob job = Job(std::to_string(i));
+    job.record.mutable_job()->mutable_create_time()->set_seconds(i);
+    (*job.record.mutable_job()->mutable_labels())["file"] = i < 4 ? "a%.obj" : "b.obj";
+    if (i == 5) job.record.mutable_job()->set_tenant("bob");
+    Accept(job);
+  }
+  const auto names = [&](const std::string& filter, int limit = 0, std::int64_t before = 0) {
+    std::string text;
+    JobQuery query;
+    query.filter = *ParseJobFilter(filter);
+    query.limit = limit;
+    query.before_number = before;
+    const absl::StatusOr<std::vector<JobRecord>> records = store_->List(query);
+    EXPECT_TRUE(records.ok()) << records.status();
+    for (const JobRecord& record : *records) text += record.job().name().substr(5);
+    return text;
+  };
+  EXPECT_EQ(names(""), "54321");
+  EXPECT_EQ(names("", 2), "54");
+  EXPECT_EQ(names("", 2, Find("jobs/4").number()), "32");
+  EXPECT_EQ(names("labels.file = b.obj"), "54");
+  EXPECT_EQ(names("labels.file = \"a%*\""), "321");
+  EXPECT_EQ(names("labels.file != b.obj AND create_time >= 1970-01-01T00:00:02Z"), "32");
+  EXPECT_EQ(names("state = RUNNING"), "");
+  // More different statements than a connection keeps.
+  for (int ones = 0; ones < 16; ++ones) {
+    for (int others = 0; others < 16; ++others) {
+      std::string filter = "state != RUNNING";
+      for (int i = 0; i < ones; ++i) filter += " AND state = QUEUED";
+      for (int i = 0; i < others; ++i) filter += " AND labels:file";
+      EXPECT_EQ(names(filter), "54321");
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Memory, JobStoreTest, ::testing::Values(Engine::kSqliteInMemory),
+                         [](const auto&) { return std::string("Sqlite"); });
+INSTANTIATE_TEST_SUITE_P(File, JobStoreTest, ::testing::Values(Engine::kSqlite),
+                         [](const auto&) { return std::string("Sqlite"); });
+INSTANTIATE_TEST_SUITE_P(Postgres, JobStoreTest, ::testing::Values(Engine::kPostgres),
+                         [](const auto&) { return std::string("15"); });
+
+}  // namespace
+}  // namespace planish

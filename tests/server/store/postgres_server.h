@@ -1,0 +1,35 @@
+// A PostgreSQL server of the test's own: Debian's package, a temporary folder, a Unix socket, no network.
+#pragma once
+
+#include <string>
+
+#include "tests/testing/files.h"
+
+namespace planish {
+
+class PostgresServer {
+ public:
+  // Sets up a cluster and starts it; as the user `postgres` if this process is root. Throws std::runtime_error if that
+  // cannot be.
+  PostgresServer();
+  // Stops it.
+  ~PostgresServer();
+  PostgresServer(const PostgresServer&) = delete;
+  PostgresServer& operator=(const PostgresServer&) = delete;
+
+  // Makes an empty database and returns its URL.
+  std::string NewDatabase();
+
+  // All its processes die at once; and come back.
+  void Crash();
+  void Start();
+
+ private:
+  // Runs a program of PostgreSQL as the user that may.
+  std::string Run(const std::string& program, const std::string& arguments) const;
+
+  const TempDir directory_;
+  int databases_ = 0;
+};
+
+}  // namespace planish
