@@ -1,6 +1,8 @@
 #include "core/linalg/multigrid.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -28,6 +30,17 @@ struct Multigrid::Impl {
   // Inverse of the coarsest matrix.
   Eigen::MatrixXf inverse;
 };
+
+namespace {
+
+// Dense matrices of so many block rows take some 400 bytes for each row of the finest level, which is within what
+// EstimateUnwrap() reserves; small ones are nothing.
+std::int64_t MostDenseRows(std::int64_t finest_rows, const MultigridTuning& tuning) {
+  const auto root = static_cast<std::int64_t>(std::sqrt(static_cast<double>(finest_rows)));
+  return std::min(tuning.max_dense_rows, std::max(2 * tuning.coarsest_rows, root));
+}
+
+}  // namespace
 
 absl::Status Multigrid::Impl::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                                     std::int32_t num_coupled, const Interrupter* interrupter) {
@@ -61,10 +74,11 @@ absl::Status Multigrid::Impl::Build(const BlockMatrix<float>& matrix, const std:
     theta *= tuning.strength_ratio;
     PLANISH_ASSIGN_OR_RETURN(more, coarsen(&coarse.back(), coarse.back().num_rows()));
   }
-  if (coarse.back().num_rows() > tuning.max_dense_rows) {
+  const std::int64_t most = MostDenseRows(finest.num_rows(), tuning);
+  if (coarse.back().num_rows() > most) {
     return absl::FailedPreconditionError(
         absl::StrFormat("multigrid: coarsening ended at %d rows on level %d; the coarsest level may have %d",
-                        coarse.back().num_rows(), coarse.size() + 1, tuning.max_dense_rows));
+                        coarse.back().num_rows(), coarse.size() + 1, most));
   }
   return FactorizeCoarsest();
 }
@@ -87,6 +101,7 @@ absl::Status Multigrid::Impl::Refresh(const BlockMatrix<float>& matrix, const st
 
 absl::Status Multigrid::Impl::FactorizeCoarsest() {
   const LevelMatrix<4>& a = coarse.back().a;
+  // Factorized in its place: these are the largest matrices of a small mesh.
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(4 * a.num_rows(), 4 * a.num_rows());
   for (std::int32_t i = 0; i < a.num_rows(); ++i) {
     for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
@@ -97,7 +112,7 @@ absl::Status Multigrid::Impl::FactorizeCoarsest() {
       }
     }
   }
-  const Eigen::LLT<Eigen::MatrixXd> factorization(dense);
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factorization(dense);
   if (factorization.info() != Eigen::Success) {
     return absl::FailedPreconditionError("multigrid: the coarsest matrix is not positive definite");
   }

@@ -59,7 +59,8 @@ struct MultigridTuning {
   // Coarse levels, at most.
   std::int64_t max_levels = 20;
   // Block rows of the coarsest level, at most. Where the rows are coupled so weakly, or levels are so few, that
-  // coarsening ends above this, Multigrid::Build() fails.
+  // coarsening ends above this, Multigrid::Build() fails; so it does above the square root of the rows of the finest
+  // level, since the dense matrix would take more memory than all other levels.
   std::int64_t max_dense_rows = 500;
   // omega times the largest eigenvalue of D^-1 A: the damping of the prolongation's smoother that is best for all
   // eigenvalues at once (Vanek, Mandel, Brezina 1996, section 3). Sweep: half of it costs half as many iterations again

@@ -13,6 +13,7 @@
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/warnings.h"
+#include "core/unwrap/widening.h"
 
 namespace planish {
 namespace {
@@ -152,6 +153,14 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(charts.least_angle.size()); ++f) {
     if (charts.least_angle[f] > 0) result.widened.push_back(f);
   }
+  // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
+  for (const MappedChart& mapped : charts.charts) {
+    if (job->options.seams.policy != SeamPolicy::kAuto) break;
+    const std::vector<std::int32_t> faces = HardlyHeld(delivery.uv, delivery.precision, charts.ignored, mapped.chart);
+    result.widened.insert(result.widened.end(), faces.begin(), faces.end());
+  }
+  std::sort(result.widened.begin(), result.widened.end());
+  result.widened.erase(std::unique(result.widened.begin(), result.widened.end()), result.widened.end());
   WarnOfWidened(result.widened, delivery.precision, &result.warnings);
   result.tiles = atlas.tiles;
   if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;

@@ -18,6 +18,7 @@ using Corners = std::array<Vec2, 3>;
 // Rounding moves a corner by 0.71 grains at most, and so changes an altitude by 1.42 at most.
 constexpr double kLeastAltitude = 1.5;  // grains
 constexpr double kAltitude = 3;         // grains: what is aimed at, as the map does not keep angles exactly
+constexpr double kHeldAltitude = 12;    // grains: rounding changes it by an eighth at most
 constexpr double kGrowth = 4;           // of an angle that did not suffice
 constexpr double kMostGrowth = 1e3;     // over what should suffice
 constexpr double kMostAngle = 0.5;      // radians; with that a triangle is as thick as raising its angles makes it
@@ -137,6 +138,20 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
     thin.faces.push_back({f, grain, longest, altitude});
   }
   return Widen(mesh, thin, chart);
+}
+
+std::vector<std::int32_t> HardlyHeld(const CornerUv& uv, Precision precision, const std::vector<char>& ignored,
+                                     const Chart& chart) {
+  std::vector<std::int32_t> faces;
+  const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
+  for (const std::int32_t f : chart.faces) {
+    if (!ignored.empty() && ignored[f] != 0) continue;
+    const Corners p = {Uv(uv, 3 * f), Uv(uv, 3 * f + 1), Uv(uv, 3 * f + 2)};
+    const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});
+    const double grain = std::ldexp(1.0, std::ilogb(farthest) + 1 - digits);
+    if (DoubleAreaOf(p) < kHeldAltitude * grain * LongestEdge(p)) faces.push_back(f);
+  }
+  return faces;
 }
 
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
