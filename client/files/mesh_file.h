@@ -42,7 +42,9 @@ struct ReadOptions {
 absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options = {});
 
 // The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh: its size must be twice that of
-// file.mesh.corner_vertex. `uv_is_float` chooses the shortest digits that read back to the same float, or double.
+// file.mesh.corner_vertex. `uv_is_float`: they are rounded to float. Their digits read back to the very same numbers, as
+// float and as double: with the fewer digits that are enough for a float, faces that only touch overlap for a reader of
+// doubles.
 // There is one vt per distinct (vertex, u, v), -0 counting as 0, in the order in which corners first use them.
 //
 // From an OBJ: the file's own bytes, except that the old vt lines are gone, the new ones stand in one block before the

@@ -60,9 +60,7 @@ class UvTable {
     return added;
   }
 
-  void Append(double value, std::string* text) const {
-    is_float_ ? AppendShortest(static_cast<float>(value), text) : AppendShortest(value, text);
-  }
+  void Append(double value, std::string* text) const { AppendShortest(Rounded(value), text); }
 
   bool is_float_;
   // Linked lists: the UV of a vertex are few.

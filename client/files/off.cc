@@ -133,6 +133,11 @@ void AppendReal(double value, bool is_float, std::string* text) {
   is_float ? AppendShortest(static_cast<float>(value), text) : AppendShortest(value, text);
 }
 
+// See WriteObjWithUv() for the digits.
+void AppendUv(double value, bool is_float, std::string* text) {
+  AppendReal(is_float ? double{static_cast<float>(value)} : value, /*is_float=*/false, text);
+}
+
 // Rewrites the text from left to right: what is not replaced is copied.
 class TextEditor {
  public:
@@ -225,8 +230,8 @@ class OffWriter {
 
   std::string Uv(std::size_t vertex) const {
     std::string text;
-    AppendReal(split_.uv[2 * vertex], uv_is_float_, &text);
-    AppendReal(split_.uv[2 * vertex + 1], uv_is_float_, &text);
+    AppendUv(split_.uv[2 * vertex], uv_is_float_, &text);
+    AppendUv(split_.uv[2 * vertex + 1], uv_is_float_, &text);
     return text;
   }
 
@@ -256,7 +261,7 @@ std::string PlainOff(const PolygonMesh& mesh, const std::vector<double>& corner_
     for (const double value : mesh.positions[split.source[v]]) {
       AppendReal(value, value != value || double{static_cast<float>(value)} == value, &line);
     }
-    for (const std::size_t k : {2 * v, 2 * v + 1}) AppendReal(split.uv[k], uv_is_float, &line);
+    for (const std::size_t k : {2 * v, 2 * v + 1}) AppendUv(split.uv[k], uv_is_float, &line);
     text += line.substr(1) + "\n";
   }
   for (std::int64_t p = 0; p < mesh.num_polygons(); ++p) {

@@ -14,6 +14,8 @@ namespace {
 // A face that is thicker, in UV, needs no widening: some units of the last place of a float, and what a solve in double
 // leaves of errors.
 constexpr double kThickForFloat = 1e-6, kThickForDouble = 1e-9;
+// Altitude over the longest edge: needles below that are widened as well where a neighbour that is widened turns them.
+constexpr double kNeedle = 1e-4;
 
 double LongestEdge(const Mesh& mesh, std::int32_t f) {
   const Vec3 &a = mesh.positions[mesh.faces[f][0]], &b = mesh.positions[mesh.faces[f][1]],
@@ -101,7 +103,8 @@ std::vector<std::string> BrokenPromises(const Mesh& mesh, const UnwrapOptions& o
                                       [&](std::int32_t f) {
                                         const double scale =
                                             std::min(atlas_scale, LongestInUv(*result, f) / LongestEdge(mesh, f));
-                                        return Altitude(mesh, f) * scale > thick;
+                                        return Altitude(mesh, f) * scale > thick &&
+                                               Altitude(mesh, f) > kNeedle * LongestEdge(mesh, f);
                                       });
   if (needless > 0) broken.push_back(std::to_string(needless) + " faces were widened that need not be");
   const bool is_outside =

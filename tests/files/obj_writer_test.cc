@@ -91,11 +91,13 @@ TEST(ObjWriter, OneUvPerVertexAndValue) {
             "f 1/1 2/2 3/3\nf 1/4 3/3 4/5\nf 1/1 2/2 3/3\n");
 }
 
-TEST(ObjWriter, ShortestDigitsOfFloatAndDouble) {
+// Whoever reads the digits as doubles gets the floats, too.
+TEST(ObjWriter, FewestDigitsOfTheDoublesThatFloatsAre) {
   const MeshFile file = ReadObjText("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
   const std::vector<double> uv = {0.1, 1.0 / 3, 0.1f, 1e-9, 1 - 0x1p-53, 1e-300};
   EXPECT_EQ(WriteObjWithUv(file, uv, true),
-            "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0.1 0.33333334\nvt 0.1 1e-09\nvt 1 0\nf 1/1 2/2 3/3\n");
+            "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0.10000000149011612 0.3333333432674408\n"
+            "vt 0.10000000149011612 9.999999717180685e-10\nvt 1 0\nf 1/1 2/2 3/3\n");
   EXPECT_EQ(WriteObjWithUv(file, uv, false),
             "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0.1 0.3333333333333333\nvt 0.10000000149011612 1e-09\n"
             "vt 0.9999999999999999 1e-300\nf 1/1 2/2 3/3\n");
