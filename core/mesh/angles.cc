@@ -60,8 +60,7 @@ void TriangleAngles<Vec2>(const Vec2 p[3], double angles[3]) {
 
 bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c) {
   const double twice_area = (b - a).cross(c - a).norm();
-  const double longest = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
-  return !(twice_area > 1e-14 * longest);
+  return !(twice_area > 1e-14 * LongestEdgeSquared(a, b, c));
 }
 
 namespace {

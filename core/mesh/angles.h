@@ -1,6 +1,7 @@
 // Angles of triangles on the surface.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -18,6 +19,12 @@ Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const Execution& execution = {}
 // Those of these faces alone: corner k of faces[i] at 3 i + k.
 Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const std::vector<std::int32_t>& faces,
                                const Execution& execution = {});
+
+// The square of the longest edge of a triangle, in the plane or in space.
+template <typename Point>
+double LongestEdgeSquared(const Point& a, const Point& b, const Point& c) {
+  return std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+}
 
 // Whether the three points span no area at working precision: 2 area <= 1e-14 times the longest edge squared.
 bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c);

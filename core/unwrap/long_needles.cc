@@ -5,7 +5,7 @@
 
 #include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
-#include "core/mesh/half_edges.h"
+#include "core/mesh/angles.h"
 #include "core/unwrap/warnings.h"
 
 namespace planish {
@@ -25,8 +25,7 @@ FaceSize SizeOf(const Mesh& mesh, const Face& face) {
     if (v < 0 || v >= mesh.num_vertices() || !mesh.positions[v].allFinite()) return {};
   }
   const Vec3 &p = mesh.positions[face[0]], &q = mesh.positions[face[1]], &r = mesh.positions[face[2]];
-  return {(q - p).cross(r - p).norm() / 2,
-          std::sqrt(std::max({(q - p).squaredNorm(), (r - q).squaredNorm(), (p - r).squaredNorm()}))};
+  return {(q - p).cross(r - p).norm() / 2, std::sqrt(LongestEdgeSquared(p, q, r))};
 }
 
 double AreaOf(const Mesh& mesh, const std::vector<char>& left_out) {

@@ -100,8 +100,7 @@ inline constexpr double kMostStretchForBorders = 100;
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution);
 
 // Cuts those of the charts in `todo`, the last that were solved, whose maps are no use, or, once there are none, all
-// that pack better in parts (once for a job). Returns whether there were any; `todo` has then what
-// is to be solved.
+// that pack better in parts (once for a job). Returns whether there were any; `todo` has then what is to be solved.
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
 
 // Where the charts go.

@@ -29,13 +29,12 @@ constexpr double kMostExtent = 1e5;
 constexpr double kThin = 1e-4;
 
 double LongestEdge(const Corners& p) {
-  return std::sqrt(std::max({(p[1] - p[0]).squaredNorm(), (p[2] - p[1]).squaredNorm(), (p[0] - p[2]).squaredNorm()}));
+  return std::sqrt(LongestEdgeSquared(p[0], p[1], p[2]));
 }
 
 double LongestEdge(const Mesh& mesh, std::int32_t f) {
   const auto& [a, b, c] = mesh.faces[f];
-  const Vec3 &p = mesh.positions[a], &q = mesh.positions[b], &r = mesh.positions[c];
-  return std::sqrt(std::max({(q - p).squaredNorm(), (r - q).squaredNorm(), (p - r).squaredNorm()}));
+  return std::sqrt(LongestEdgeSquared(mesh.positions[a], mesh.positions[b], mesh.positions[c]));
 }
 
 double DoubleAreaOf(const Corners& p) {

@@ -218,7 +218,8 @@ TEST(Flatten, ReportsThePreconditionerThatTheSizeChose) {
   EXPECT_FALSE(below.preconditioner_changed) << "the size decided, nothing failed";
 }
 
-// Weak faces are those on steep sides of hills. Rows are never ten thousand times as many as their vertices.
+// The steep sides of these hills have weak faces. The limit is one weak row in so many: all rows may be weak, then next
+// to none.
 TEST(Flatten, SaysWhatMultigridDidWithout) {
   const Disc hills(testing::Hills(30, 30, 16));
   FlattenOptions options;
