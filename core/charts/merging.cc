@@ -226,7 +226,6 @@ void Merging::TryJoint(const Joint& joint) {
 }
 
 void Merging::Run(const Execution& execution) {
-  GluePieces(disc_of_, &gluing_);
   const auto count = static_cast<std::int32_t>(discs_.size());
   for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
     if (disc_of_[f] < 0) continue;
@@ -299,9 +298,9 @@ void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing) {
   }
 }
 
-void MergePieces(std::int32_t count, double max_stretch, const AtlasTuning& tuning, const Execution& execution,
-                 Gluing* gluing, std::vector<std::int32_t>* piece) {
-  Merging(count, max_stretch, tuning, gluing, piece).Run(execution);
+void MergeDiscs(std::int32_t count, double max_stretch, const AtlasTuning& tuning, const Execution& execution,
+                Gluing* gluing, std::vector<std::int32_t>* disc) {
+  Merging(count, max_stretch, tuning, gluing, disc).Run(execution);
 }
 
 }  // namespace planish

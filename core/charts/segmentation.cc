@@ -111,9 +111,21 @@ Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch
     chart_ = MakePatches(surface, tuning, execution);
     if (execution.IsCancelled()) return;
     const std::int32_t count = chart_.empty() ? 0 : *std::max_element(chart_.begin(), chart_.end()) + 1;
-    MergePieces(count, max_stretch, tuning, execution, &gluing_, &chart_);
+    GluePieces(chart_, &gluing_);
+    MergeDiscs(count, max_stretch, tuning, execution, &gluing_, &chart_);
     SmoothOutlines(tuning_, execution, &gluing_, &chart_);
   }
+  CollectFaces();
+}
+
+Segmentation::Segmentation(const Surface& surface, const Segmentation& before, double max_stretch,
+                           const Execution& execution)
+    : surface_(surface), tuning_(before.tuning_), gluing_(surface), chart_(before.chart_) {
+  for (std::int32_t c = 0; c < 3 * surface.num_faces(); ++c) {
+    if (!before.gluing_.IsOutline(HalfEdgeOf(before.surface_.mesh, c))) gluing_.Glue(HalfEdgeOf(surface.mesh, c));
+  }
+  MergeDiscs(static_cast<std::int32_t>(before.faces_.size()), max_stretch, tuning_, execution, &gluing_, &chart_);
+  SmoothOutlines(tuning_, execution, &gluing_, &chart_);
   CollectFaces();
 }
 

@@ -23,6 +23,10 @@ class Segmentation {
   Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution,
                const AtlasTuning& tuning = {});
 
+  // Goes on from other charts of the same faces (kStretch), whose surface Rejoin() has made `surface` of: what was glued
+  // is glued, and charts are merged across new pairs of half-edges.
+  Segmentation(const Surface& surface, const Segmentation& before, double max_stretch, const Execution& execution);
+
   const Gluing& gluing() const { return gluing_; }
   // Per face: its chart; -1 for faces that take no part.
   const std::vector<std::int32_t>& chart() const { return chart_; }

@@ -31,34 +31,45 @@ void MeasureFaces(const Mesh& mesh, const std::vector<FaceKind>& kind, const Exe
   });
 }
 
-// Whether the normals of two neighbours are further apart than the angle of this cosine. Faces without area have none.
-bool IsHard(const Surface& surface, std::int32_t f, std::int32_t g, double cosine) {
-  if (surface.is_flat[f] || surface.is_flat[g]) return false;
-  return surface.area_normal[f].dot(surface.area_normal[g]) < cosine * surface.area[f] * surface.area[g];
-}
-
-// Parts half-edges at given seams and hard edges.
-void Cut(const Surface& surface, const GivenSeams& seams, std::vector<std::int32_t>* opposite) {
+// Parts half-edges at given seams and where two faces may not be neighbours. Keeps edges of more than two faces for
+// Rejoin(), without the half-edges that a given seam has parted.
+void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
+         std::vector<std::vector<std::int32_t>>* crowded_edges) {
+  std::vector<std::int32_t>& opposite = pairing->opposite;
+  std::vector<char> is_seam(pairing->non_manifold.empty() ? 0 : opposite.size(), 0);
   const auto cut = [&](std::int32_t c) {
-    if (const std::int32_t d = (*opposite)[c]; d >= 0) (*opposite)[c] = (*opposite)[d] = -1;
+    if (const std::int32_t d = opposite[c]; d >= 0) opposite[c] = opposite[d] = -1;
   };
-  for (const std::int32_t c : seams.corners) cut(c);
-  if (!(seams.hard_edge_degrees > 0) && seams.kind.empty()) return;
-  std::vector<char> is_uncut(opposite->size(), 0);
-  for (const std::int32_t c : seams.uncut_corners) {
-    if ((*opposite)[c] >= 0) is_uncut[c] = is_uncut[(*opposite)[c]] = 1;
+  for (const std::int32_t c : seams.corners) {
+    if (!is_seam.empty()) {
+      is_seam[c] = 1;
+      if (opposite[c] >= 0) is_seam[opposite[c]] = 1;
+    }
+    cut(c);
   }
-  const bool has_hard = seams.hard_edge_degrees > 0;
-  const double cosine = has_hard ? portable::Cos(seams.hard_edge_degrees * std::numbers::pi / 180) : -2;
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite->size()); ++c) {
-    const std::int32_t d = (*opposite)[c];
-    if (d < c || is_uncut[c]) continue;
-    const bool parts_kinds = !seams.kind.empty() && seams.kind[c / 3] != seams.kind[d / 3];
-    if (parts_kinds || (has_hard && IsHard(surface, c / 3, d / 3, cosine))) cut(c);
+  for (std::vector<std::int32_t>& at : pairing->non_manifold) {
+    std::erase_if(at, [&](std::int32_t c) { return is_seam[c] != 0; });
+    if (at.size() > 1) crowded_edges->push_back(std::move(at));
+  }
+  if (surface.hard_cosine < -1 && seams.kind.empty()) return;
+  std::vector<char> is_uncut(opposite.size(), 0);
+  for (const std::int32_t c : seams.uncut_corners) {
+    if (opposite[c] >= 0) is_uncut[c] = is_uncut[opposite[c]] = 1;
+  }
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
+    const std::int32_t d = opposite[c];
+    if (d >= c && !is_uncut[c] && !surface.MayJoin(c / 3, d / 3)) cut(c);
   }
 }
 
 }  // namespace
+
+// The normals of two neighbours may be further apart than the angle of a hard edge if one has no area.
+bool Surface::MayJoin(std::int32_t f, std::int32_t g) const {
+  if (!kind.empty() && kind[f] != kind[g]) return false;
+  if (hard_cosine < -1 || is_flat[f] || is_flat[g]) return true;
+  return area_normal[f].dot(area_normal[g]) >= hard_cosine * area[f] * area[g];
+}
 
 absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution) {
   Pairing pairing = PairHalfEdges(mesh, JoinFor::kCharts, execution);
@@ -69,7 +80,11 @@ absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, c
   surface.non_manifold_edges = static_cast<std::int64_t>(pairing.non_manifold.size());
   surface.clashing_edges = static_cast<std::int64_t>(pairing.inconsistent.size());
   MeasureFaces(mesh, pairing.kind, execution, &surface);
-  Cut(surface, seams, &pairing.opposite);
+  if (seams.hard_edge_degrees > 0) {
+    surface.hard_cosine = portable::Cos(seams.hard_edge_degrees * std::numbers::pi / 180);
+  }
+  surface.kind = seams.kind;
+  Cut(surface, seams, &pairing, &surface.crowded_edges);
   surface.mesh = ImportMesh(mesh, pairing.opposite);
   for (const std::int32_t c : seams.uncut_corners) {
     const EdgeHandle edge = surface.mesh.edge_handle(HalfEdgeOf(surface.mesh, c));
@@ -83,6 +98,38 @@ absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, c
   }
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   return surface;
+}
+
+Surface Rejoin(const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs) {
+  const TriMesh& mesh = surface.mesh;
+  const auto num_corners = static_cast<std::int32_t>(3 * mesh.n_faces());
+  std::vector<std::int32_t> opposite(num_corners, -1);
+  for (std::int32_t c = 0; c < num_corners; ++c) {
+    const HalfedgeHandle across = MeshLinks{mesh}.Across(HalfEdgeOf(mesh, c));
+    if (across.is_valid()) opposite[c] = CornerOf(mesh, across);
+  }
+  for (const auto& [c, d] : pairs) {
+    for (const std::int32_t e : {c, d}) {
+      if (opposite[e] >= 0) opposite[opposite[e]] = -1;
+    }
+    opposite[c] = d;
+    opposite[d] = c;
+  }
+  Surface rejoined = surface;
+  rejoined.mesh = LinkFaces(
+      opposite, [&](std::int32_t c) { return VerticesOf(mesh, FaceHandle(c / 3))[c % 3].idx(); },
+      [](std::int32_t f) { return f; }, mesh.property(mesh.points_property_handle()).data_vector());
+  for (const VertexHandle v : rejoined.mesh.vertices()) {
+    std::int32_t& source = rejoined.mesh.data(v).source;
+    source = mesh.data(VertexHandle(source)).source;
+  }
+  rejoined.angle.assign(rejoined.mesh.n_halfedges(), 0.0);
+  for (std::int32_t c = 0; c < num_corners; ++c) {
+    const HalfedgeHandle h = HalfEdgeOf(rejoined.mesh, c), before = HalfEdgeOf(mesh, c);
+    rejoined.angle[h.idx()] = surface.angle[before.idx()];
+    rejoined.mesh.data(rejoined.mesh.edge_handle(h)).is_uncut = surface.is_uncut(before);
+  }
+  return rejoined;
 }
 
 }  // namespace planish

@@ -1,6 +1,7 @@
 // A mesh as charts see it: which faces take part, where one may go from face to face, and what faces measure.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -37,6 +38,12 @@ struct Surface {
   std::vector<double> area;
   std::vector<Vec3> area_normal;
 
+  // Edges of more than two faces: the half-edges, by corner, that no given seam parts. Any two of different directions
+  // may be joined (MayJoin(), Rejoin()).
+  std::vector<std::vector<std::int32_t>> crowded_edges;
+  double hard_cosine = -2;  // of GivenSeams::hard_edge_degrees; -2: no edge is hard
+  std::vector<char> kind;   // GivenSeams::kind
+
   std::int64_t non_manifold_edges = 0;  // of more than two faces
   std::int64_t clashing_edges = 0;      // of two faces that run round in opposite senses
 
@@ -51,6 +58,8 @@ struct Surface {
     const double lengths = area[f] * area[g];
     return lengths > 0 ? area_normal[f].dot(area_normal[g]) / lengths : 1;
   }
+  // Whether the given seams let two faces be neighbours.
+  bool MayJoin(std::int32_t f, std::int32_t g) const;
   double length(HalfedgeHandle h) const {
     return (mesh.point(mesh.to_vertex_handle(h)) - mesh.point(mesh.from_vertex_handle(h))).norm();
   }
@@ -59,5 +68,9 @@ struct Surface {
 // Copies of a face form layers of their own (Pairing::layer). INVALID_ARGUMENT: Diagnosis::Refusal()
 // (core/mesh/diagnosis.h). CANCELLED after a cancellation. O(F).
 absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});
+
+// The same faces with other neighbours: each of these pairs of half-edges, by corner, is joined, and what one of them
+// was joined to is left without a neighbour. The two of a pair lie on one edge, in different directions. O(F).
+Surface Rejoin(const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs);
 
 }  // namespace planish

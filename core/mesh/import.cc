@@ -62,16 +62,19 @@ Vec3 UnitNormal(const Mesh& mesh, std::int32_t c) {
 struct Pair {
   std::int64_t bend;  // 0: flat, growing up to folded; beyond: one of the two has no area
   bool is_reflex;     // the faces turn towards each other on the side of their normals
+  int neighbours;     // of the two faces: 6 less the edges at which they are the only face
   std::int32_t forth, back;
 
   auto operator<=>(const Pair&) const = default;
 };
 
-// The pairs of half-edges that stay joined where more than two faces meet, those that bend least first (of equal
-// bends, as where two boxes touch along an edge, those that enclose a solid, then by number). So a sheet goes on
+// The pairs of half-edges that stay joined where more than two faces meet, those that bend least first. Of equal bends,
+// as where two boxes touch along an edge, those come first that enclose a solid, then those of faces with fewer
+// neighbours: a flap that lies on another face has no other place to go on to. The rest is by number. So a sheet goes on
 // through an edge where others meet it, and boxes stay boxes. Bends are rounded, so that rigid motion and scale change
-// nothing. Faces without area have no direction and take what is left over.
-void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pairing) {
+// nothing. Faces without area have no direction and take what is left over. `open_edges`: per face.
+void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, const std::vector<char>& open_edges,
+                  Pairing* pairing) {
   constexpr double kBendUnit = 1e-6;
   constexpr std::int64_t kUnknownBend = 4'000'000;  // beyond 2 / kBendUnit
   std::vector<Vec3> normal;
@@ -86,7 +89,8 @@ void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* p
       const bool is_known = !normal[i].isZero(0) && !normal[j].isZero(0);
       const double cosine = normal[i].dot(normal[j]), sine = normal[i].cross(normal[j]).dot(along);
       pairs.push_back({is_known ? std::llround((1 - cosine) / kBendUnit) : kUnknownBend,
-                       is_known && std::llround(sine / kBendUnit) < 0, at[i], at[j]});
+                       is_known && std::llround(sine / kBendUnit) < 0, 6 - open_edges[at[i] / 3] - open_edges[at[j] / 3],
+                       at[i], at[j]});
     }
   }
   std::sort(pairs.begin(), pairs.end());
@@ -98,19 +102,28 @@ void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* p
 }
 
 // The policy: which of the half-edges at one edge, all of one layer, are joined. Only half-edges that run along the
-// edge in opposite directions are: charts end where faces are wound against each other. For a diagnosis none of more
-// than two, for charts as many pairs as there are, unless there are too many to be a surface.
-void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, JoinFor purpose, Pairing* pairing) {
-  constexpr std::size_t kMost = 64;  // bounds the work, which grows with the square
+// edge in opposite directions are: charts end where faces are wound against each other. Edges of more than two are
+// left to JoinAtNonManifoldEdges().
+void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pairing) {
   if (at.size() < 2) return;
   if (at.size() > 2) {
     pairing->non_manifold.emplace_back(at.begin(), at.end());
-    if (purpose == JoinFor::kCharts && at.size() <= kMost) JoinFlattest(mesh, at, pairing);
   } else if (Origin(mesh.faces, at[0]) != Target(mesh.faces, at[1])) {
     pairing->inconsistent.push_back({at[0], at[1]});
   } else {
     pairing->opposite[at[0]] = at[1];
     pairing->opposite[at[1]] = at[0];
+  }
+}
+
+// Of more than two half-edges at an edge as many pairs as there are are joined, unless there are too many to be a
+// surface. `open_edges`: per face.
+void JoinAtNonManifoldEdges(const Mesh& mesh, const std::vector<char>& open_edges, const Execution& execution,
+                            Pairing* pairing) {
+  constexpr std::size_t kMost = 64;  // bounds the work, which grows with the square
+  for (std::int64_t e = 0; e < std::ssize(pairing->non_manifold) && !execution.IsCancelledAt(e); ++e) {
+    const std::vector<std::int32_t>& at = pairing->non_manifold[e];
+    if (at.size() <= kMost) JoinFlattest(mesh, at, open_edges, pairing);
   }
 }
 
@@ -134,6 +147,7 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
   if (!all_joined || MayHaveCopies(mesh.faces, edges, execution)) pairing.layer = Layers(mesh.faces);
   const auto layer = [&](std::int32_t c) { return pairing.layer.empty() ? 0 : pairing.layer[c / 3]; };
   std::vector<std::int32_t> at;
+  std::vector<char> open_edges(mesh.faces.size(), 0);
   for (std::int32_t e = 0; e < edges.num_edges() && !execution.IsCancelledAt(e); ++e) {
     at.assign(edges.edge(e).begin(), edges.edge(e).end());
     if (at.size() > 2) std::stable_sort(at.begin(), at.end(), [&](auto c, auto d) { return layer(c) < layer(d); });
@@ -144,9 +158,11 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
         ++pairing.edges;
         pairing.boundary_edges += end - begin == 1;
       }
-      JoinAtEdge(mesh, std::span(at).subspan(begin, end - begin), purpose, &pairing);
+      if (end - begin == 1) ++open_edges[at[begin] / 3];
+      JoinAtEdge(mesh, std::span(at).subspan(begin, end - begin), &pairing);
     }
   }
+  if (purpose == JoinFor::kCharts) JoinAtNonManifoldEdges(mesh, open_edges, execution, &pairing);
   return pairing;
 }
 

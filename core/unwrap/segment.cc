@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <utility>
@@ -8,6 +9,7 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
+#include "core/charts/rejoining.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
 #include "core/unwrap/long_needles.h"
@@ -75,6 +77,18 @@ double Resolution(const UnwrapOptions& options, double area, double last_digit) 
   return last_digit * std::bit_ceil(columns) * std::sqrt(area / (kFilled * tiles));
 }
 
+// Where charts end at edges of more than two faces, they go on in other charts there.
+void RejoinCharts(const Job& job, Charts* charts) {
+  if (job.execution.IsCancelled() || job.execution.IsStopRequested()) return;
+  const Segmentation& before = *charts->segmentation;
+  const std::vector<std::array<std::int32_t, 2>> pairs = PairsToRejoin(before.gluing(), before.chart());
+  if (pairs.empty()) return;
+  auto surface = std::make_unique<const Surface>(Rejoin(*charts->surface, pairs));
+  Segmentation after(*surface, before, job.options.seams.max_stretch, job.execution);
+  charts->segmentation.emplace(std::move(after));
+  charts->surface = std::move(surface);
+}
+
 }  // namespace
 
 absl::StatusOr<Charts> Segment(Job* job) {
@@ -111,6 +125,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   charts.surface = std::make_unique<const Surface>(std::move(surface));
   charts.segmentation.emplace(*charts.surface, by_stretch ? Segmentation::Kind::kStretch : Segmentation::Kind::kWhole,
                               seams.max_stretch, job->execution, job->options.tuning);
+  if (by_stretch) RejoinCharts(*job, &charts);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (seams.policy == SeamPolicy::kKeep) PLANISH_RETURN_IF_ERROR(CheckPieces(*charts.segmentation));
   if (!needles.empty()) {

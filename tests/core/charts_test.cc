@@ -2,10 +2,12 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <set>
 
 #include "Eigen/Geometry"
 #include "core/charts/merging.h"
+#include "core/charts/rejoining.h"
 #include "core/charts/segmentation.h"
 #include "core/charts/stretch_estimate.h"
 #include "core/charts/surface.h"
@@ -256,6 +258,51 @@ TEST(Surface, EndsWhereChartsMust) {
   const Surface surface = MakeSurface(fan, {}).value();
   EXPECT_EQ(surface.non_manifold_edges, 1);
   EXPECT_EQ(CountOpen(surface), 7) << "the flat pair stays joined";
+}
+
+// A cube of six squares of two triangles, with a third triangle on each that has the other diagonal. Import joins the
+// twelve triangles of the cube at its edges, and the six flaps among themselves.
+Mesh CubeWithFlaps() {
+  Mesh mesh;
+  for (int i = 0; i < 8; ++i) mesh.positions.emplace_back(i & 1, i >> 1 & 1, i >> 2);
+  const std::int32_t squares[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  for (const auto& [a, b, c, d] : squares) mesh.faces.insert(mesh.faces.end(), {{a, b, c}, {a, c, d}, {a, b, d}});
+  return mesh;
+}
+
+TEST(Rejoining, ChartsGoOnInOthersWhereMoreThanTwoFacesMeet) {
+  const Surface surface = MakeSurface(CubeWithFlaps(), {}).value();
+  ASSERT_FALSE(surface.crowded_edges.empty());
+  const Segmentation before(surface, Segmentation::Kind::kStretch, 1.05, {});
+  ExpectDiscs(surface, before);
+  const auto pairs = PairsToRejoin(before.gluing(), before.chart());
+  ASSERT_FALSE(pairs.empty());
+  const Surface rejoined = Rejoin(surface, pairs);
+  for (const auto& [c, d] : pairs) {
+    const HalfedgeHandle h = HalfEdgeOf(rejoined.mesh, c), g = HalfEdgeOf(rejoined.mesh, d);
+    EXPECT_EQ(rejoined.mesh.opposite_halfedge_handle(h), g);
+    EXPECT_EQ(rejoined.mesh.data(rejoined.mesh.from_vertex_handle(h)).source,
+              surface.mesh.data(surface.mesh.from_vertex_handle(HalfEdgeOf(surface.mesh, c))).source);
+    EXPECT_EQ(rejoined.angle[h.idx()], surface.angle[HalfEdgeOf(surface.mesh, c).idx()]);
+    EXPECT_NE(before.chart()[c / 3], before.chart()[d / 3]);
+  }
+  const Segmentation after(rejoined, before, 1.05, {});
+  ExpectDiscs(rejoined, after);
+  EXPECT_LT(after.charts().size(), before.charts().size());
+}
+
+TEST(Rejoining, RespectsGivenSeamsAndHardEdges) {
+  const Mesh mesh = CubeWithFlaps();
+  const auto pairs = [&](const GivenSeams& seams) {
+    const Surface surface = MakeSurface(mesh, seams).value();
+    const Segmentation segmentation(surface, Segmentation::Kind::kStretch, 1.05, {});
+    return PairsToRejoin(segmentation.gluing(), segmentation.chart());
+  };
+  std::vector<std::int32_t> all(3 * mesh.faces.size());
+  std::iota(all.begin(), all.end(), 0);
+  EXPECT_TRUE(pairs({all, {}, 0}).empty());
+  EXPECT_TRUE(pairs({{}, {}, 80}).empty()) << "all edges of a cube are hard";
+  EXPECT_FALSE(pairs({{}, {}, 100}).empty());
 }
 
 TEST(Surface, GivenSeamsAndHardEdgesEndChartsAndUncutEdgesDoNot) {

@@ -135,6 +135,25 @@ TEST(Import, BoxesThatTouchAlongAnEdgeStayBoxes) {
   }
 }
 
+// A flap lies on one of two faces at an edge, and has edges of its own where it is alone. It bends like the face that it
+// lies on, and goes on across the edge, since it has nowhere else to go.
+TEST(Import, OfEqualBendsThatOfTheFaceWithFewerNeighboursIsJoined) {
+  Mesh box = testing::Tetrahedron();
+  const Face& face = box.faces[0];
+  box.positions.push_back((box.positions[face[0]] + box.positions[face[1]] + box.positions[face[2]]) / 3);
+  const Face flap = {face[0], face[1], 4};
+  for (const bool is_first : {false, true}) {
+    Mesh mesh = box;
+    mesh.faces.insert(is_first ? mesh.faces.begin() : mesh.faces.end(), flap);
+    const Pairing pairing = PairHalfEdges(mesh, JoinFor::kCharts);
+    ASSERT_THAT(pairing.non_manifold, SizeIs(1));
+    const std::int32_t f = is_first ? 0 : 4, under = is_first ? 1 : 0;
+    EXPECT_GE(pairing.opposite[3 * f + 2], 0);
+    EXPECT_EQ(pairing.opposite[3 * under + 2], -1);
+    EXPECT_EQ(std::count(pairing.opposite.begin(), pairing.opposite.end(), -1), 3);
+  }
+}
+
 // Of a face without area nobody knows where it points: it takes what the others leave.
 TEST(Import, FacesWithoutAreaTakeWhatIsLeftOfAnEdge) {
   Mesh mesh = FacesRoundAnEdge({0, -0.001, -170});
