@@ -24,6 +24,7 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap props/ hero.glb -o done/            every mesh in there, a job and an output each
   planish unwrap big.obj --detach --server=farm:7741
   planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fill the texture
+  planish check hero.glb --require=no-overlap        judges its UV, whoever made them
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
   planish estimate scan.stl --server=farm:7741       memory, time, and whether it would be accepted
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
@@ -379,10 +380,9 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
       ->check(CLI::Validator(CLI::NonNegativeNumber).description(""))
       ->type_name("N");
   AddLabels(list, arguments, "Only jobs with this label; VALUE may end in *; may be repeated");
-  list.add_option(
-          "--filter", arguments.filter,
-          "Only jobs that this is true of, e.g. 'create_time >= \"2026-01-31T08:00:00Z\"'; see ListJobs in "
-          "API.md")
+  list.add_option("--filter", arguments.filter,
+                  "Only jobs that this is true of, e.g. 'create_time >= \"2026-01-31T08:00:00Z\"'; see ListJobs in "
+                  "API.md")
       ->type_name("TEXT");
   const Choices<JobState> states{{JobState::kQueued, JobState::kRunning, JobState::kStopping, JobState::kSucceeded,
                                   JobState::kFailed, JobState::kCancelled, JobState::kExpired}};
@@ -449,6 +449,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   app.get_formatter()->column_width(44);
   DefineUnwrap(app, arguments);
   DefinePack(app, arguments);
+  DefineCheck(app, arguments);
   DefineInspect(app, arguments);
   DefineEstimate(app, arguments);
   DefineJobs(app, arguments);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "client/cli/check_flags.h"
 #include "client/cli/seam_list.h"
 #include "client/cli/server_flags.h"
 #include "planish/types.h"
@@ -16,6 +17,7 @@ namespace planish::cli {
 enum class Command {
   kUnwrap,
   kPack,
+  kCheck,
   kInspect,
   kEstimate,
   kJobsList,
@@ -57,6 +59,7 @@ struct Arguments {
   SeamList seams;
   bool keep_density = false;                       // pack; texture_size, padding and tiles are those of `options`
   std::map<std::string, double> material_weights;  // pack: times the texels per length, in [0.01, 100]
+  CheckArguments check;
   bool detach = false;
   Scheduling scheduling;
   std::map<std::string, std::string> labels;  // jobs list: what those of a job must be; a value may end in "*"

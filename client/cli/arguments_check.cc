@@ -22,8 +22,8 @@ std::string CheckAtlas(const UnwrapOptions& options) {
     return std::string("--max-stretch is what --seams=auto cuts by; with the policy ") + ToString(options.seams) +
            " no seam is added for stretch (name auto beside the sources, as in --seams=auto,uv)";
   }
-  if (!options.pack && (options.texture_size != 0 || options.padding || options.tiles != 0 ||
-                        options.effort != Effort::kNormal)) {
+  if (!options.pack &&
+      (options.texture_size != 0 || options.padding || options.tiles != 0 || options.effort != Effort::kNormal)) {
     return "--pack=off leaves charts as they are, so --texture-size, --padding, --tiles and --effort have no effect";
   }
   return "";
@@ -79,7 +79,9 @@ std::string CheckTogether(Arguments& arguments) {
   if (arguments.command == Command::kUnwrap) {
     if (const std::string problem = CheckInputs(arguments); !problem.empty()) return problem;
   }
-  if (arguments.texcoord > 0 && !arguments.batch && !arguments.input.empty() && !IsGltf(arguments.input)) {
+  const bool judges_several = arguments.command == Command::kCheck && !arguments.more_inputs.empty();
+  if (arguments.texcoord > 0 && !judges_several && !arguments.batch && !arguments.input.empty() &&
+      !IsGltf(arguments.input)) {
     return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
            " is no glTF; other formats have one set of UV, number 0";
   }
@@ -140,6 +142,7 @@ std::string CheckTogether(Arguments& arguments) {
     case Command::kAdminStats:
     case Command::kAdminConfig:
       return arguments.server.empty() ? "admin is about a server: give --server=ADDR or set PLANISH_SERVER" : "";
+    case Command::kCheck:
     case Command::kInspect:
     case Command::kVersion:
       return "";

@@ -21,6 +21,8 @@ int Run(const Arguments& arguments) {
         return RunUnwrap(arguments, interrupts);
       case Command::kPack:
         return RunPack(arguments, interrupts);
+      case Command::kCheck:
+        return RunCheck(arguments, interrupts);
       case Command::kInspect:
         return RunInspect(arguments);
       case Command::kEstimate:

@@ -163,17 +163,18 @@ std::vector<std::string> MeshInput::MaterialNames() const {
   return result;
 }
 
+std::int64_t MeshInput::PolygonOf(std::int64_t triangle) const {
+  const Part& part = PartOf(parts_, &Part::first_face, triangle);
+  return part.first_polygon + part.triangulation.source_polygon[static_cast<std::size_t>(triangle - part.first_face)];
+}
+
 ids::Renumbering MeshInput::ToFile() const {
   const auto vertex = [this](std::int64_t id) -> std::int64_t {
     if (id >= mesh_.num_vertices()) return -1;
     const Part& part = PartOf(parts_, &Part::first_vertex, id);
     return part.first_file_vertex + part.triangulation.source_vertex[static_cast<std::size_t>(id - part.first_vertex)];
   };
-  const auto face = [this](std::int64_t id) -> std::int64_t {
-    if (id >= mesh_.num_faces()) return -1;
-    const Part& part = PartOf(parts_, &Part::first_face, id);
-    return part.first_polygon + part.triangulation.source_polygon[static_cast<std::size_t>(id - part.first_face)];
-  };
+  const auto face = [this](std::int64_t id) -> std::int64_t { return id >= mesh_.num_faces() ? -1 : PolygonOf(id); };
   return {vertex, face};
 }
 

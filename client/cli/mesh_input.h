@@ -46,6 +46,8 @@ class MeshInput {
   // The corners that face a diagonal of a polygon.
   std::vector<std::int32_t> DiagonalCorners() const;
 
+  // The polygon of a triangle of mesh(), as the files count them.
+  std::int64_t PolygonOf(std::int64_t triangle) const;
   // The error in the files' own ids, 0-based: faces (polygons) and vertices as the file counts them.
   Error InFileIds(const Error& error) const;
   Warning InFileIds(const Warning& warning) const;

@@ -1,9 +1,11 @@
 #include "client/files/mesh_file.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <new>
 #include <optional>
 #include <stdexcept>
+#include <string>
 
 #include "absl/strings/ascii.h"
 #include "client/files/file_io.h"
@@ -101,6 +103,20 @@ absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions
   } catch (const Json::exception& error) {
     return InternalError(path + ": " + error.what());
   }
+}
+
+std::vector<int> UvSets(const MeshFile& file) {
+  if (!file.gltf) return file.mesh.corner_texcoord.empty() ? std::vector<int>() : std::vector<int>{0};
+  constexpr int kMostSets = 64;
+  std::vector<int> sets;
+  for (int n = 0; n < kMostSets; ++n) {
+    const std::string name = "TEXCOORD_" + std::to_string(n);
+    const bool has_it = std::any_of(file.gltf->primitives.begin(), file.gltf->primitives.end(), [&](const auto& p) {
+      return PrimitiveJson(file.gltf->document.json, p)["attributes"].contains(name);
+    });
+    if (has_it) sets.push_back(n);
+  }
+  return sets;
 }
 
 }  // namespace planish

@@ -41,11 +41,15 @@ struct ReadOptions {
 // else "path: what is wrong". RESOURCE_EXHAUSTED: OUT_OF_MEMORY.
 absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions& options = {});
 
+// Which sets of UV the file has, ascending: the n of each TEXCOORD_n that some triangles of a glTF have; 0 for UV of
+// other formats. Empty: none.
+std::vector<int> UvSets(const MeshFile& file);
+
 // The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh: its size must be twice that of
-// file.mesh.corner_vertex. `uv_is_float`: they are rounded to float. Their digits read back to the very same numbers, as
-// float and as double: with the fewer digits that are enough for a float, faces that only touch overlap for a reader of
-// doubles.
-// There is one vt per distinct (vertex, u, v), -0 counting as 0, in the order in which corners first use them.
+// file.mesh.corner_vertex. `uv_is_float`: they are rounded to float. Their digits read back to the very same numbers,
+// as float and as double: with the fewer digits that are enough for a float, faces that only touch overlap for a reader
+// of doubles. There is one vt per distinct (vertex, u, v), -0 counting as 0, in the order in which corners first use
+// them.
 //
 // From an OBJ: the file's own bytes, except that the old vt lines are gone, the new ones stand in one block before the
 // first face, f corners refer to them, and other elements (l, p, surf) lose their references to vt.

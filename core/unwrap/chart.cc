@@ -209,7 +209,7 @@ struct ChartUv {
 double StretchOf(const Mesh& mesh, const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored,
                  const Execution& execution) {
   return SumOverFaces<MapSums>(
-             mesh, chart, [&](std::int32_t f, int k) { return Uv(uv, 3 * chart.faces[f] + k); }, execution,
+             mesh, chart, [&](std::int32_t f, int k) { return UvOf(uv, 3 * chart.faces[f] + k); }, execution,
              [&](std::int32_t f, const Vec2 p[3], const Vec3 q[3], MapSums* sum) {
                if (ignored.empty() || !ignored[chart.faces[f]]) sum->Add(p, q);
              })

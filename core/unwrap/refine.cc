@@ -158,7 +158,7 @@ std::vector<char> TurnedFaces(const Chart& chart, const CornerUv& uv, const std:
   for (std::size_t f = 0; f < turned.size(); ++f) {
     const std::int32_t c = 3 * chart.faces[f];
     if (!ignored.empty() && ignored[chart.faces[f]] != 0) continue;
-    turned[f] = Orientation(Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)) <= 0;
+    turned[f] = Orientation(UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)) <= 0;
   }
   return turned;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -28,7 +29,7 @@ OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& executi
              OrientationFaults chunk;
              for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
                if (!ignored.empty() && ignored[f]) continue;
-               const int orientation = Orientation(Uv(uv, 3 * f), Uv(uv, 3 * f + 1), Uv(uv, 3 * f + 2));
+               const int orientation = Orientation(UvOf(uv, 3 * f), UvOf(uv, 3 * f + 1), UvOf(uv, 3 * f + 2));
                if (orientation > 0) continue;
                ++(orientation < 0 ? chunk.flipped : chunk.degenerate);
                if (chunk.faces.size() < kMaxNamed) chunk.faces.push_back(f);
@@ -47,10 +48,10 @@ OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& executi
 namespace {
 
 Vec2 From(const CornerUv& uv, std::int32_t c) {
-  return Uv(uv, 3 * (c / 3) + Next(c % 3));
+  return UvOf(uv, 3 * (c / 3) + Next(c % 3));
 }
 Vec2 To(const CornerUv& uv, std::int32_t c) {
-  return Uv(uv, 3 * (c / 3) + Prev(c % 3));
+  return UvOf(uv, 3 * (c / 3) + Prev(c % 3));
 }
 
 struct Outlines : Loops<std::int32_t> {
@@ -215,7 +216,7 @@ class PairwiseCheck {
       for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
         Triangle& t = triangles_[f];
         for (int k = 0; k < 3; ++k) {
-          t[k] = Uv(uv, 3 * f + k);
+          t[k] = UvOf(uv, 3 * f + k);
           boxes[f].Add(t[k]);
         }
         const int sign = Orientation(t[0], t[1], t[2]);
@@ -227,18 +228,19 @@ class PairwiseCheck {
     tree_.emplace(std::move(boxes), execution_);
   }
 
-  Overlaps Run() const {
+  Overlaps Run(std::int64_t max_tests, std::vector<std::int32_t>* pairs) const {
     // Some faces at a time, so that counting can stop early with the same result for any team.
     constexpr std::int64_t kBlock = 64, kBlocks = 64;
     Overlaps all;
-    for (std::int64_t begin = 0; begin < num_faces_; begin += kBlock * kBlocks) {
+    Counts counts;
+    for (std::int64_t begin = 0; begin < num_faces_ && !all.limited; begin += kBlock * kBlocks) {
       const std::int64_t end = std::min<std::int64_t>(begin + kBlock * kBlocks, num_faces_);
-      std::atomic<std::int64_t> count = all.pairs;
-      std::array<std::vector<std::int32_t>, kBlocks> named;
+      const std::int64_t tests_before = counts.tests;
+      std::array<std::vector<std::int32_t>, kBlocks> found;
       const auto look = [&](std::int64_t first, std::int64_t last) {
         for (std::int64_t i = first; i < last; ++i) {
           const std::int64_t from = std::min(begin + i * kBlock, end);
-          Look(from, std::min(from + kBlock, end), &count, &named[i]);
+          Look(from, std::min(from + kBlock, end), max_tests, &counts, &found[i]);
         }
       };
       if (execution_.team != nullptr) {
@@ -246,20 +248,21 @@ class PairwiseCheck {
       } else {
         look(0, kBlocks);
       }
-      all.pairs = std::min(count.load(), kMaxOverlaps);
-      all.limited = all.pairs == kMaxOverlaps || execution_.IsCancelled();
+      all.limited = counts.pairs >= kMaxOverlaps || counts.tests >= max_tests || execution_.IsCancelled();
       if (all.limited) {
-        // Blocks were cut short, who knows where.
-        named = {};
-        std::atomic<std::int64_t> enough = kMaxOverlaps - static_cast<std::int64_t>(kMaxNamed / 2);
-        Look(begin, end, &enough, &named[0]);
+        // Blocks were cut short, who knows where: once more, one after the other.
+        found = {};
+        counts.pairs = all.pairs;
+        counts.tests = tests_before;
+        Look(begin, end, max_tests, &counts, &found[0]);
       }
-      for (const std::vector<std::int32_t>& faces : named) {
+      all.pairs = counts.pairs;
+      for (const std::vector<std::int32_t>& faces : found) {
         for (const std::int32_t f : faces) {
           if (all.faces.size() < kMaxNamed) all.faces.push_back(f);
         }
+        if (pairs != nullptr) pairs->insert(pairs->end(), faces.begin(), faces.end());
       }
-      if (all.limited) break;
     }
     return all;
   }
@@ -267,18 +270,29 @@ class PairwiseCheck {
  private:
   using Triangle = std::array<Vec2, 3>;  // counter-clockwise
 
-  // Counts the pairs of the faces in [begin, end), which go on from `count`, until kMaxOverlaps; names the first ones.
-  void Look(std::int64_t begin, std::int64_t end, std::atomic<std::int64_t>* count,
-            std::vector<std::int32_t>* named) const {
+  // So far.
+  struct Counts {
+    std::atomic<std::int64_t> pairs = 0, tests = 0;
+  };
+
+  // Finds the pairs of the faces in [begin, end) with later ones, until either count is at its limit.
+  void Look(std::int64_t begin, std::int64_t end, std::int64_t max_tests, Counts* counts,
+            std::vector<std::int32_t>* found) const {
     for (auto f = static_cast<std::int32_t>(begin); f < end && !execution_.IsCancelled(); ++f) {
+      if (counts->pairs >= kMaxOverlaps || counts->tests >= max_tests) return;
       const Box& box = tree_->boxes()[f];
       if (!box.Meets(box)) continue;
-      const bool go_on = tree_->ForEachMeeting(box, [&](std::int32_t g) {
+      std::int64_t tests = 0;
+      const std::int64_t tests_left = max_tests - counts->tests;
+      tree_->ForEachMeeting(box, [&](std::int32_t g) {
+        if (++tests >= tests_left) return false;
         if (g <= f || !InteriorsMeet(triangles_[f].data(), triangles_[g].data())) return true;
-        if (named->size() < kMaxNamed) named->insert(named->end(), {f, g});
-        return count->fetch_add(1, std::memory_order_relaxed) + 1 < kMaxOverlaps;
+        const std::int64_t before = counts->pairs.fetch_add(1, std::memory_order_relaxed);
+        if (before >= kMaxOverlaps) return false;
+        found->insert(found->end(), {f, g});
+        return before + 1 < kMaxOverlaps;
       });
-      if (!go_on || count->load(std::memory_order_relaxed) >= kMaxOverlaps) return;
+      counts->tests.fetch_add(tests, std::memory_order_relaxed);
     }
   }
 
@@ -290,6 +304,14 @@ class PairwiseCheck {
 
 }  // namespace
 
+Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs,
+                      const Execution& execution, const std::vector<char>& ignored) {
+  if (execution.IsCancelled()) return {0, true, {}};
+  const PairwiseCheck check(uv, ignored, execution);
+  if (execution.IsCancelled()) return {0, true, {}};
+  return check.Run(max_tests, pairs);
+}
+
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution,
                        const std::vector<char>& ignored) {
@@ -297,13 +319,10 @@ Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv
       orientation.flipped == 0 && orientation.degenerate == 0 &&
       (ignored.empty() || execution.Count(static_cast<std::int64_t>(ignored.size()), [&](std::int64_t f) {
         const auto c = static_cast<std::int32_t>(3 * f);
-        return ignored[f] && Orientation(Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)) <= 0;
+        return ignored[f] && Orientation(UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)) <= 0;
       }) == 0);
   if (all_upright && OutlinesAreApart(opposite, uv, execution)) return {};
-  if (execution.IsCancelled()) return {0, true, {}};
-  const PairwiseCheck check(uv, ignored, execution);
-  if (execution.IsCancelled()) return {0, true, {}};
-  return check.Run();
+  return FindOverlaps(uv, std::numeric_limits<std::int64_t>::max(), nullptr, execution, ignored);
 }
 
 }  // namespace planish

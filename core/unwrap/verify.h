@@ -13,7 +13,7 @@ namespace planish {
 // UV as delivered: u and v of corner 3 f + k at 2 (3 f + k). Floats are stored as doubles.
 using CornerUv = std::vector<double>;
 
-inline Vec2 Uv(const CornerUv& uv, std::int32_t corner) {
+inline Vec2 UvOf(const CornerUv& uv, std::int32_t corner) {
   return {uv[2 * corner], uv[2 * corner + 1]};
 }
 
@@ -40,13 +40,20 @@ struct Overlaps {
 };
 inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 
+// Exact, by looking at pairs of triangles whose boxes meet: O(F log F) where few do. Triangles may have either
+// orientation; those without area have no interior, and those marked in `ignored` (empty: none) do not count. `pairs`
+// gets the triangles of every pair that was counted, two by two. At most `max_tests` pairs of boxes are looked at, or
+// a few thousand triangles' pairs more; then `limited` is set. The same result whatever the team, but for an interrupt.
+Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs = nullptr,
+                      const Execution& execution = {}, const std::vector<char>& ignored = {});
+
 // Exact. `opposite` tells which corners face the same edge (-1: none, an outline; Topology::opposite), and with it
 // which faces make up a chart. Where every triangle keeps its orientation and outlines neither meet themselves nor each
 // other, a chart is injective: every point is covered as often as its outlines wind round it, once (they are simple
 // curves, one of which runs counter-clockwise round all the others, which run clockwise). Charts then overlap only if
 // one lies inside another, which their winding numbers tell. This takes O(b log b) for b outline edges; only otherwise
-// are pairs of triangles looked at. Triangles without area have no interior, and faces marked in `ignored` (empty:
-// none) count neither way.
+// does FindOverlaps() look at pairs of triangles, without a limit. Triangles without area have no interior, and faces
+// marked in `ignored` (empty: none) count neither way.
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution = {},
                        const std::vector<char>& ignored = {});

@@ -145,7 +145,7 @@ std::vector<std::int32_t> HardlyHeld(const CornerUv& uv, Precision precision, co
   const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
   for (const std::int32_t f : chart.faces) {
     if (!ignored.empty() && ignored[f] != 0) continue;
-    const Corners p = {Uv(uv, 3 * f), Uv(uv, 3 * f + 1), Uv(uv, 3 * f + 2)};
+    const Corners p = {UvOf(uv, 3 * f), UvOf(uv, 3 * f + 1), UvOf(uv, 3 * f + 2)};
     const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});
     const double grain = std::ldexp(1.0, std::ilogb(farthest) + 1 - digits);
     if (DoubleAreaOf(p) < kHeldAltitude * grain * LongestEdge(p)) faces.push_back(f);
@@ -161,7 +161,7 @@ bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precisio
   const double reduction = std::min(1.0, chart->enlargement);
   for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
     const std::int32_t c = 3 * chart->faces[f];
-    const Corners p = {Uv(uv, c), Uv(uv, c + 1), Uv(uv, c + 2)};
+    const Corners p = {UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)};
     thin.AddCorners(p);
     if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
     const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});

@@ -31,7 +31,7 @@ double Altitude(const Mesh& mesh, std::int32_t f) {
 }
 
 double LongestInUv(const UnwrapResult& result, std::int32_t f) {
-  const Vec2 a = Uv(result.uv, 3 * f), b = Uv(result.uv, 3 * f + 1), c = Uv(result.uv, 3 * f + 2);
+  const Vec2 a = UvOf(result.uv, 3 * f), b = UvOf(result.uv, 3 * f + 1), c = UvOf(result.uv, 3 * f + 2);
   return std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
 }
 
@@ -52,7 +52,7 @@ std::vector<double> StretchOfCharts(const Mesh& mesh, const UnwrapResult& result
     Vec2 p[3];
     Vec3 q[3];
     for (int k = 0; k < 3; ++k) {
-      p[k] = Uv(result.uv, 3 * f + k);
+      p[k] = UvOf(result.uv, 3 * f + k);
       q[k] = mesh.positions[mesh.faces[f][k]];
     }
     sums[result.face_chart[f]].Add(p, q);

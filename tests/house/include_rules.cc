@@ -50,11 +50,12 @@ const std::vector<Layer>& Layers() {
       {"client/pictures", {"core/base", "core/mesh", "client/files", "client/pictures"}},
       {"client/src", {"core/base", "core/mesh", "core/draco", "proto", "client/include/planish", "client/src"}},
       // The command stands on the public headers; of the library's inside it shares only helpers that know no server.
-      // `planish pack` solves nothing and asks no server, so the packer is its own.
+      // `planish pack` solves nothing and asks no server, so the packer is its own; nor does `planish check`,
+      // which has the judge of maps.
       {"client/cli",
-       {"core/base", "core/mesh", "core/pack", "client/files", "client/pictures", "client/include/planish",
-        "client/cli", "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h",
-        "client/src/request_id.h"}},
+       {"core/base", "core/mesh", "core/pack", "core/unwrap/chart_spacing.h", "core/unwrap/map_check.h",
+        "core/unwrap/verify.h", "client/files", "client/pictures", "client/include/planish", "client/cli",
+        "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h", "client/src/request_id.h"}},
       {"proto", {"proto"}},
       {"tests", {"core", "proto", "server", "client", "tests"}},
   };

@@ -1,0 +1,328 @@
+#include "client/cli/check_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <optional>
+
+#include "client/cli/numbers.h"
+
+namespace planish::cli {
+namespace {
+
+constexpr std::size_t kInText = 5, kInJson = 100;  // elements that are named
+// Texels that a distance may fall short of what was asked for: UV are floats.
+constexpr double kPaddingSlack = 0.01;
+
+// The chart of the largest stretch; nothing without charts.
+std::optional<std::size_t> MostStretched(const CheckedMap& map) {
+  const std::vector<ChartCheck>& charts = map.check.charts;
+  const auto worst = std::max_element(charts.begin(), charts.end(), [](const ChartCheck& a, const ChartCheck& b) {
+    return a.stretch_l2 < b.stretch_l2;
+  });
+  if (worst == charts.end()) return std::nullopt;
+  return static_cast<std::size_t>(worst - charts.begin());
+}
+
+std::string AtLeast(bool limited) {
+  return limited ? "at least " : "";
+}
+
+// Ids for people and programs: polygons of the file.
+class FileFaces {
+ public:
+  FileFaces(const MeshInput& input, const CheckedMap& map) : input_(input), map_(map) {}
+
+  std::int64_t Of(std::int32_t face) const {
+    return input_.PolygonOf(map_.triangle_of_face[static_cast<std::size_t>(face)]);
+  }
+
+  // The first `most` polygons of triangles of the file, each once.
+  std::vector<std::int64_t> Polygons(const std::vector<std::int32_t>& triangles, std::size_t most) const {
+    std::vector<std::int64_t> polygons;
+    for (const std::int32_t t : triangles) {
+      if (polygons.size() == most) break;
+      const std::int64_t polygon = input_.PolygonOf(t);
+      if (std::find(polygons.begin(), polygons.end(), polygon) == polygons.end()) polygons.push_back(polygon);
+    }
+    return polygons;
+  }
+
+  // Those with one of the bits of `faults`.
+  std::vector<std::int64_t> WithFault(std::uint8_t faults, std::size_t most) const {
+    std::vector<std::int32_t> triangles;
+    for (std::size_t f = 0; f < map_.check.faults.size() && triangles.size() < 4 * most; ++f) {
+      if (map_.check.faults[f] & faults) triangles.push_back(map_.triangle_of_face[f]);
+    }
+    return Polygons(triangles, most);
+  }
+
+  // " (face 3 (a.obj:12), face 9 (a.obj:40))", or the bare numbers where files have no lines.
+  std::string Named(const std::vector<std::int64_t>& polygons) const {
+    if (polygons.empty()) return "";
+    std::string ids;
+    for (const std::int64_t polygon : polygons) ids += (ids.empty() ? "" : ", ") + std::to_string(polygon);
+    const std::string places = input_.Places({{"faces", ids}});
+    return " (" + (places.empty() ? (polygons.size() == 1 ? "face " : "faces ") + ids : places) + ")";
+  }
+
+ private:
+  const MeshInput& input_;
+  const CheckedMap& map_;
+};
+
+std::vector<std::int32_t> MirroredCharts(const CheckedMap& map) {
+  std::vector<std::int32_t> charts;
+  for (std::size_t c = 0; c < map.check.charts.size(); ++c) {
+    if (map.check.charts[c].is_mirrored) charts.push_back(static_cast<std::int32_t>(c));
+  }
+  return charts;
+}
+
+// "2 charts" or "chart 3, which begins with face 17".
+std::string ChartName(const FileFaces& faces, const CheckedMap& map, std::int32_t chart) {
+  return "chart " + std::to_string(chart) + " (from face " +
+         std::to_string(faces.Of(map.first_face_of_chart[static_cast<std::size_t>(chart)])) + ")";
+}
+
+std::string MaterialName(const MeshInput& input, std::int32_t material) {
+  return material < 0 ? "" : input.MaterialNames()[static_cast<std::size_t>(material)];
+}
+
+std::string DensityText(const DensityCheck& density) {
+  return Significant(density.mean, 4) + " texels per unit; " + Significant(density.low, 4) + " to " +
+         Significant(density.high, 4) + " in nine tenths of the area";
+}
+
+void AddLine(const std::string& name, const std::string& value, std::string* text) {
+  constexpr std::size_t kColumn = 20;
+  *text += "  " + name + std::string(kColumn - std::min(kColumn - 1, name.size()), ' ') + value + "\n";
+}
+
+std::string SpacingText(const FileFaces& faces, const CheckedMap& map, double reach) {
+  const ChartSpacing& spacing = map.check.spacing;
+  if (map.topology.num_charts < 2) return "one chart";
+  if (spacing.nearest.a < 0) {
+    return spacing.limited ? "not known: too many outlines lie close together"
+                           : "more than " + Significant(reach, 4) + " texels";
+  }
+  return Significant(spacing.nearest.distance, 4) + " texels" + (spacing.limited ? " or less" : "") + ", between " +
+         ChartName(faces, map, spacing.nearest.a) + " and " + ChartName(faces, map, spacing.nearest.b);
+}
+
+}  // namespace
+
+std::vector<RequirementResult> CheckRequirements(const CheckArguments& wanted, const CheckedMap& map) {
+  std::vector<RequirementResult> results;
+  if (!map.has_uv()) {
+    results.push_back({"uv", false, "there are no UV"});
+    return results;
+  }
+  const MapCheck& check = map.check;
+  const auto require = [&](Requirement requirement, bool met, const std::string& message) {
+    if (wanted.required.contains(requirement)) results.push_back({ToString(requirement), met, met ? "" : message});
+  };
+  const auto missing = static_cast<std::int64_t>(map.without_uv.size() + map.not_finite.size());
+  require(Requirement::kUv, missing == 0,
+          Counted(missing, "triangle has", "triangles have") + " no UV, or UV at NaN or infinity");
+  // A search that ended early proves nothing.
+  require(Requirement::kNoOverlap, check.overlaps.pairs == 0 && !check.overlaps.limited,
+          check.overlaps.pairs == 0
+              ? "too many triangles lie close together to look at all pairs"
+              : AtLeast(check.overlaps.limited) +
+                    Counted(check.overlaps.pairs, "pair of triangles overlaps", "pairs of triangles overlap"));
+  require(Requirement::kNoFlip, check.flipped == 0,
+          Counted(check.flipped, "triangle is flipped", "triangles are flipped"));
+  require(Requirement::kNoMirror, check.mirrored_charts == 0,
+          Counted(check.mirrored_charts, "chart is mirrored", "charts are mirrored"));
+  require(Requirement::kNoDegenerate, check.degenerate == 0,
+          Counted(check.degenerate, "triangle has no area in the map", "triangles have no area in the map"));
+  require(Requirement::kInTile, check.outside == 0,
+          Counted(check.outside, "triangle is not inside a tile", "triangles are not inside a tile"));
+  if (wanted.max_stretch > 0) {
+    const std::size_t worst = MostStretched(map).value_or(0);
+    const double stretch = check.charts[worst].stretch_l2;
+    const auto above = std::count_if(check.charts.begin(), check.charts.end(), [&](const ChartCheck& chart) {
+      return !(chart.stretch_l2 <= wanted.max_stretch);
+    });
+    results.push_back({"max-stretch", above == 0,
+                       above == 0 ? ""
+                                  : Counted(above, "chart stretches", "charts stretch") + " by more than " +
+                                        Significant(wanted.max_stretch, 4) + "; the largest is " +
+                                        Significant(stretch, 5) + ", of chart " + std::to_string(worst)});
+  }
+  if (wanted.min_padding > 0) {
+    const auto too_near = std::count_if(check.spacing.near.begin(), check.spacing.near.end(), [&](const ChartPair& p) {
+      return p.distance < wanted.min_padding - kPaddingSlack;
+    });
+    const bool overlap = check.spacing.nearest.distance < wanted.min_padding - kPaddingSlack;
+    const bool met = too_near == 0 && !overlap && !check.spacing.limited;
+    std::string message = "there are too many outlines close together to look at all of them";
+    if (too_near > 0 || overlap) {
+      message = AtLeast(check.spacing.limited) +
+                Counted(std::max<std::int64_t>(too_near, 1), "pair of charts is", "pairs of charts are") +
+                " nearer than " + Significant(wanted.min_padding, 4) + " texels; the nearest are " +
+                Significant(check.spacing.nearest.distance, 4) + " texels apart";
+    }
+    results.push_back({"min-padding", met, met ? "" : message});
+  }
+  return results;
+}
+
+bool AreMet(const std::vector<RequirementResult>& results) {
+  return std::all_of(results.begin(), results.end(), [](const RequirementResult& result) { return result.met; });
+}
+
+std::string MapName(const std::string& path, int uv_set) {
+  return uv_set == 0 ? path : path + " TEXCOORD_" + std::to_string(uv_set);
+}
+
+std::string CheckText(const MeshInput& input, int uv_set, const std::vector<int>& uv_sets,
+                      const MapCheckOptions& options, const CheckedMap& map,
+                      const std::vector<RequirementResult>& results) {
+  const FileFaces faces(input, map);
+  const MapCheck& check = map.check;
+  std::string text = MapName(input.path(), uv_set) + ": " + Counted(map.triangles, "triangle", "triangles");
+  std::string others;
+  for (const int set : uv_sets) {
+    if (set != uv_set) others += (others.empty() ? "TEXCOORD_" : ", TEXCOORD_") + std::to_string(set);
+  }
+  if (!map.has_uv()) {
+    text += ", no UV\n";
+  } else {
+    text += ", " + Counted(map.topology.num_charts, "chart", "charts") + " in " +
+            Counted(check.tiles_used, "tile", "tiles") + " of " + WithCommas(options.texture_size) + " x " +
+            WithCommas(options.texture_size) + " texels\n";
+    const auto count = [&](const std::string& name, std::int64_t number, const std::string& more) {
+      AddLine(name, number == 0 ? "none" : WithCommas(number) + more, &text);
+    };
+    std::vector<std::int32_t> first_pair(check.overlaps.faces.begin(),
+                                         check.overlaps.faces.begin() + (check.overlaps.faces.empty() ? 0 : 2));
+    for (std::int32_t& f : first_pair) f = map.triangle_of_face[static_cast<std::size_t>(f)];
+    if (check.overlaps.limited) {
+      AddLine("overlapping pairs",
+              check.overlaps.pairs == 0 ? "not known: too many triangles lie close together"
+                                        : "at least " + WithCommas(check.overlaps.pairs),
+              &text);
+    } else {
+      count("overlapping pairs", check.overlaps.pairs, faces.Named(faces.Polygons(first_pair, kInText)));
+    }
+    count("flipped", check.flipped, faces.Named(faces.WithFault(kFlippedFace, kInText)));
+    const std::vector<std::int32_t> mirrored = MirroredCharts(map);
+    count("mirrored charts", check.mirrored_charts,
+          mirrored.empty() ? ""
+                           : ", with " + Counted(check.mirrored_triangles, "triangle", "triangles") + "; first " +
+                                 ChartName(faces, map, mirrored.front()));
+    count("degenerate", check.degenerate, faces.Named(faces.WithFault(kDegenerateFace, kInText)));
+    count("outside the tiles", check.outside, faces.Named(faces.WithFault(kOutsideFace, kInText)));
+    count("without UV", static_cast<std::int64_t>(map.without_uv.size()),
+          faces.Named(faces.Polygons(map.without_uv, kInText)));
+    if (!map.not_finite.empty()) {
+      count("not finite", static_cast<std::int64_t>(map.not_finite.size()),
+            faces.Named(faces.Polygons(map.not_finite, kInText)));
+    }
+    const std::size_t worst = MostStretched(map).value_or(0);
+    AddLine("L2 stretch",
+            Significant(check.stretch_l2, 5) + " overall; " + Significant(check.charts[worst].stretch_l2, 5) + " in " +
+                ChartName(faces, map, static_cast<std::int32_t>(worst)),
+            &text);
+    AddLine("angle error",
+            Fixed(check.angle_error_mean_deg, 2) + " degrees on average, " + Fixed(check.angle_error_max_deg, 1) +
+                " at most",
+            &text);
+    for (const DensityCheck& density : check.densities) {
+      const std::string material = MaterialName(input, density.material);
+      AddLine("texel density", DensityText(density) + (material.empty() ? "" : " [" + material + "]"), &text);
+    }
+    AddLine("chart distance", SpacingText(faces, map, std::max(kSpacingReach, options.min_padding)), &text);
+    AddLine("seam length", Significant(check.seam_length, 4) + " times the root of the surface's area", &text);
+    AddLine("packing efficiency", Fixed(100 * check.packing_efficiency, 1) + " %", &text);
+  }
+  if (!others.empty()) text += "  The file has " + others + " too; see --texcoord.\n";
+  for (const RequirementResult& result : results) {
+    if (!result.met) text += "  NOT MET: " + result.name + ": " + result.message + "\n";
+  }
+  return text;
+}
+
+Json CheckJson(const MeshInput& input, int uv_set, const std::vector<int>& uv_sets, const MapCheckOptions& options,
+               const CheckedMap& map, const std::vector<RequirementResult>& results) {
+  const FileFaces faces(input, map);
+  const MapCheck& check = map.check;
+  const auto counted = [](std::int64_t count, std::vector<std::int64_t> ids) {
+    return Json{{"count", count}, {"faces", std::move(ids)}};
+  };
+  const auto chart_ids = [&](const std::vector<std::int32_t>& charts) {
+    Json ids = Json::array();
+    for (const std::int32_t c : charts) {
+      if (ids.size() < kInJson) {
+        ids.push_back({{"chart", c}, {"first_face", faces.Of(map.first_face_of_chart[static_cast<std::size_t>(c)])}});
+      }
+    }
+    return ids;
+  };
+  Json json = {{"file", input.path()}, {"uv_set", uv_set}, {"uv_sets", uv_sets}, {"triangles", map.triangles}};
+  json["without_uv"] =
+      counted(static_cast<std::int64_t>(map.without_uv.size()), faces.Polygons(map.without_uv, kInJson));
+  json["not_finite"] =
+      counted(static_cast<std::int64_t>(map.not_finite.size()), faces.Polygons(map.not_finite, kInJson));
+  if (map.has_uv()) {
+    json["charts"] = map.topology.num_charts;
+    Json pairs = Json::array();
+    for (std::size_t i = 0; i + 1 < check.overlapping_pairs.size() && pairs.size() < kInJson; i += 2) {
+      pairs.push_back({faces.Of(check.overlapping_pairs[i]), faces.Of(check.overlapping_pairs[i + 1])});
+    }
+    json["overlapping"] = {{"pairs", check.overlaps.pairs},
+                           {"limited", check.overlaps.limited},
+                           {"triangles", check.overlapping},
+                           {"faces", std::move(pairs)}};
+    json["flipped"] = counted(check.flipped, faces.WithFault(kFlippedFace, kInJson));
+    json["mirrored"] = {{"charts", check.mirrored_charts},
+                        {"triangles", check.mirrored_triangles},
+                        {"first", chart_ids(MirroredCharts(map))}};
+    json["degenerate"] = counted(check.degenerate, faces.WithFault(kDegenerateFace, kInJson));
+    json["outside"] = counted(check.outside, faces.WithFault(kOutsideFace, kInJson));
+    const auto worst = static_cast<std::int32_t>(MostStretched(map).value_or(0));
+    json["stretch_l2"] = check.stretch_l2;
+    json["stretch_l2_max"] = check.charts[static_cast<std::size_t>(worst)].stretch_l2;
+    json["stretch_l2_max_chart"] = worst;
+    json["angle_error_mean_deg"] = check.angle_error_mean_deg;
+    json["angle_error_max_deg"] = check.angle_error_max_deg;
+    json["texel_density"] = Json::array();
+    for (const DensityCheck& density : check.densities) {
+      Json entry = {{"material", nullptr},
+                    {"triangles", density.triangles},
+                    {"mean", density.mean},
+                    {"low", density.low},
+                    {"high", density.high}};
+      if (density.material >= 0) entry["material"] = MaterialName(input, density.material);
+      json["texel_density"].push_back(std::move(entry));
+    }
+    const ChartSpacing& spacing = check.spacing;
+    json["chart_distance"] = {{"texels", nullptr}, {"charts", Json::array()}, {"limited", spacing.limited}};
+    if (spacing.nearest.a >= 0) {
+      json["chart_distance"]["texels"] = spacing.nearest.distance;
+      json["chart_distance"]["charts"] = chart_ids({spacing.nearest.a, spacing.nearest.b});
+    }
+    json["near_charts"] = Json::array();
+    for (const ChartPair& pair : spacing.near) {
+      if (json["near_charts"].size() == kInJson) break;
+      json["near_charts"].push_back({{"charts", {pair.a, pair.b}}, {"texels", pair.distance}});
+    }
+    json["seam_length"] = check.seam_length;
+    json["texture_size"] = options.texture_size;
+    json["tiles_used"] = check.tiles_used;
+    json["packing_efficiency"] = check.packing_efficiency;
+  }
+  json["requirements"] = Json::array();
+  for (const RequirementResult& result : results) {
+    Json entry = {{"name", result.name}, {"met", result.met}};
+    if (!result.met) entry["message"] = result.message;
+    json["requirements"].push_back(std::move(entry));
+  }
+  json["ok"] = AreMet(results);
+  return json;
+}
+
+}  // namespace planish::cli

@@ -1,0 +1,38 @@
+// How far charts of a map lie apart: exact distances between their outlines, nothing rasterized.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "core/base/execution.h"
+#include "core/mesh/mesh.h"
+
+namespace planish {
+
+// An edge of a chart's outline, in the plane of the map.
+struct OutlineSegment {
+  Vec2 a, b;
+  std::int32_t chart;
+};
+
+struct ChartPair {
+  std::int32_t a = -1, b = -1;  // charts, a < b
+  double distance = std::numeric_limits<double>::infinity();
+};
+
+struct ChartSpacing {
+  ChartPair nearest;            // of all; its distance is infinite where none are within `reach`
+  std::vector<ChartPair> near;  // nearer than `wanted`, ascending by charts; at most kMaxNearPairs
+  bool limited = false;         // the search ended early: there may be nearer charts, and more of them
+};
+inline constexpr std::size_t kMaxNearPairs = 1000;
+
+// Distances up to `reach`, and all pairs of charts nearer than `wanted` (0: none are listed), in the map's unit.
+// Charts are compared where `tile[chart]` is the same; a chart with tile -1 is compared with every other. Segments that
+// meet are at distance 0; a chart inside another one is as far from it as the outlines are. O(n log n) for n segments
+// that are not crowded within `reach`; the search ends after `max_tests` pairs of boxes.
+ChartSpacing FindChartSpacing(const std::vector<OutlineSegment>& segments, const std::vector<std::int32_t>& tile,
+                              double reach, double wanted, std::int64_t max_tests, const Execution& execution = {});
+
+}  // namespace planish

@@ -1,0 +1,309 @@
+#include "core/unwrap/map_check.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <set>
+#include <span>
+#include <utility>
+
+#include "Eigen/Geometry"
+#include "core/mesh/angles.h"
+#include "core/mesh/half_edges.h"
+#include "core/mesh/predicates.h"
+#include "core/unwrap/distortion.h"
+
+namespace planish {
+namespace {
+
+constexpr int kTilesInRow = 10;
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+
+// One face in the map and on the surface.
+struct FaceSizes {
+  int orientation = 0;
+  double uv_area = 0;  // with its sign
+  double surface_area = 0;
+
+  bool HasStretch() const { return orientation != 0 && uv_area != 0 && surface_area > 0; }
+};
+
+class MapJudge {
+ public:
+  MapJudge(const Mesh& mesh, const CornerUv& uv, const MapTopology& topology, const MapCheckOptions& options,
+           const Execution& execution)
+      : mesh_(mesh), uv_(uv), topology_(topology), options_(options), execution_(execution) {}
+
+  MapCheck Run() {
+    check_.faults.assign(mesh_.faces.size(), 0);
+    check_.charts.resize(topology_.num_charts);
+    MeasureFaces();
+    FindFlips();
+    FindTiles();
+    FindOverlapping();
+    MeasureStretch();
+    MeasureAngleErrors();
+    MeasureDensities();
+    MeasureSeams();
+    MeasureSpacing();
+    return std::move(check_);
+  }
+
+ private:
+  std::int64_t num_faces() const { return mesh_.num_faces(); }
+
+  std::array<Vec2, 3> InMap(std::int64_t f) const {
+    const auto c = static_cast<std::int32_t>(3 * f);
+    return {UvOf(uv_, c), UvOf(uv_, c + 1), UvOf(uv_, c + 2)};
+  }
+  std::array<Vec3, 3> OnSurface(std::int64_t f) const {
+    const Face& face = mesh_.faces[f];
+    return {mesh_.positions[face[0]], mesh_.positions[face[1]], mesh_.positions[face[2]]};
+  }
+
+  void MeasureFaces() {
+    sizes_.resize(mesh_.faces.size());
+    execution_.For(num_faces(), [&](std::int64_t begin, std::int64_t end) {
+      for (std::int64_t f = begin; f < end; ++f) {
+        const std::array<Vec2, 3> p = InMap(f);
+        const std::array<Vec3, 3> q = OnSurface(f);
+        const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
+        sizes_[f] = {Orientation(p[0], p[1], p[2]), (e1.x() * e2.y() - e1.y() * e2.x()) / 2,
+                     (q[1] - q[0]).cross(q[2] - q[0]).norm() / 2};
+      }
+    });
+  }
+
+  // A chart is mirrored as a whole if its area has a negative sum; what is turned against that is flipped.
+  void FindFlips() {
+    std::vector<double> area(check_.charts.size(), 0.0);
+    std::vector<std::int64_t> upright(check_.charts.size(), 0);
+    for (std::int64_t f = 0; f < num_faces(); ++f) {
+      const std::int32_t c = topology_.chart_of_face[f];
+      area[c] += sizes_[f].uv_area;
+      upright[c] += sizes_[f].orientation;
+      ChartCheck& chart = check_.charts[c];
+      ++chart.triangles;
+      chart.uv_area += std::abs(sizes_[f].uv_area);
+      chart.surface_area += sizes_[f].surface_area;
+    }
+    for (std::size_t c = 0; c < check_.charts.size(); ++c) {
+      // Where areas are too small to have a sign, faces are counted.
+      check_.charts[c].is_mirrored = area[c] < 0 || (area[c] == 0 && upright[c] < 0);
+      check_.mirrored_charts += check_.charts[c].is_mirrored;
+    }
+    for (std::int64_t f = 0; f < num_faces(); ++f) {
+      const bool is_mirrored = check_.charts[topology_.chart_of_face[f]].is_mirrored;
+      const int orientation = is_mirrored ? -sizes_[f].orientation : sizes_[f].orientation;
+      check_.uv_area += std::abs(sizes_[f].uv_area);
+      check_.surface_area += sizes_[f].surface_area;
+      if (orientation < 0) check_.faults[f] |= kFlippedFace, ++check_.flipped;
+      if (orientation == 0) check_.faults[f] |= kDegenerateFace, ++check_.degenerate;
+      if (orientation > 0 && is_mirrored) ++check_.mirrored_triangles;
+    }
+  }
+
+  // The tile whose closed square has all these points; -1: none of those allowed. On a border between two, that of the
+  // centre.
+  std::int32_t TileOf(const Eigen::AlignedBox2d& box) const {
+    const Vec2 low = box.center().array().floor();
+    if (!(low.x() >= 0 && low.x() < kTilesInRow && low.y() >= 0 && low.y() < options_.tiles)) return -1;
+    if (!Eigen::AlignedBox2d(low, low + Vec2::Ones()).contains(box)) return -1;
+    const int tile = static_cast<int>(low.x()) + kTilesInRow * static_cast<int>(low.y());
+    return tile < options_.tiles ? tile : -1;
+  }
+
+  void FindTiles() {
+    std::vector<Eigen::AlignedBox2d> boxes(check_.charts.size());
+    std::set<std::int32_t> used;
+    for (std::int64_t f = 0; f < num_faces(); ++f) {
+      Eigen::AlignedBox2d box;
+      for (const Vec2& p : InMap(f)) box.extend(p);
+      boxes[topology_.chart_of_face[f]].extend(box);
+      const std::int32_t tile = TileOf(box);
+      if (tile < 0) check_.faults[f] |= kOutsideFace, ++check_.outside;
+      if (tile >= 0) used.insert(tile);
+    }
+    for (std::size_t c = 0; c < boxes.size(); ++c) check_.charts[c].tile = TileOf(boxes[c]);
+    check_.tiles_used = std::max(1, static_cast<int>(used.size()));
+    check_.packing_efficiency = check_.uv_area / check_.tiles_used;
+  }
+
+  void FindOverlapping() {
+    check_.overlaps = FindOverlaps(uv_, kMaxOverlapTests, &check_.overlapping_pairs, execution_);
+    for (const std::int32_t f : check_.overlapping_pairs) {
+      check_.overlapping += (check_.faults[f] & kOverlappingFace) == 0;
+      check_.faults[f] |= kOverlappingFace;
+    }
+  }
+
+  // The root of area in the map over area on the surface, of everything.
+  double Scale() const { return check_.surface_area > 0 ? std::sqrt(check_.uv_area / check_.surface_area) : 0; }
+
+  void MeasureStretch() {
+    check_.face_stretch.assign(mesh_.faces.size(), std::numeric_limits<float>::infinity());
+    std::vector<MapSums> of_chart(check_.charts.size());
+    MapSums all;
+    const double scale = Scale();
+    for (std::int64_t f = 0; f < num_faces(); ++f) {
+      if (!sizes_[f].HasStretch()) continue;
+      const std::array<Vec2, 3> p = InMap(f);
+      const std::array<Vec3, 3> q = OnSurface(f);
+      MapSums own;
+      own.Add(p.data(), q.data());
+      all.Add(own);
+      of_chart[topology_.chart_of_face[f]].Add(own);
+      // From the mean of the squares of both singular values of the inverse map, and their product.
+      const double mean = own.stretch / own.surface_area, product = own.surface_area / own.uv_area;
+      const double larger = std::sqrt(mean + std::sqrt(std::max(0.0, (mean - product) * (mean + product))));
+      const double smaller = product / larger;
+      check_.face_stretch[f] = static_cast<float>(std::max(std::log2(larger * scale), -std::log2(smaller * scale)));
+    }
+    if (all.surface_area > 0) check_.stretch_l2 = std::sqrt(all.stretch / all.surface_area) * scale;
+    for (std::size_t c = 0; c < of_chart.size(); ++c) check_.charts[c].stretch_l2 = of_chart[c].StretchL2();
+  }
+
+  void MeasureAngleErrors() {
+    check_.face_angle_error.assign(mesh_.faces.size(), 0);
+    std::vector<double> sum(check_.charts.size(), 0.0), count(check_.charts.size(), 0.0);
+    double all = 0, angles = 0, largest = 0;
+    for (std::int64_t f = 0; f < num_faces(); ++f) {
+      if (sizes_[f].orientation == 0 || !(sizes_[f].surface_area > 0)) continue;
+      double in_map[3], on_surface[3];
+      TriangleAngles(InMap(f).data(), in_map);
+      TriangleAngles(OnSurface(f).data(), on_surface);
+      double worst = 0, total = 0;
+      for (int k = 0; k < 3; ++k) {
+        const double error = std::abs(in_map[k] - on_surface[k]) * kDegreesPerRadian;
+        worst = std::max(worst, error);
+        total += error;
+      }
+      check_.face_angle_error[f] = static_cast<float>(worst);
+      largest = std::max(largest, worst);
+      all += total;
+      angles += 3;
+      sum[topology_.chart_of_face[f]] += total;
+      count[topology_.chart_of_face[f]] += 3;
+    }
+    check_.angle_error_mean_deg = angles > 0 ? all / angles : 0;
+    check_.angle_error_max_deg = largest;
+    for (std::size_t c = 0; c < sum.size(); ++c) {
+      if (count[c] > 0) check_.charts[c].angle_error_mean_deg = sum[c] / count[c];
+    }
+  }
+
+  void MeasureDensities() {
+    struct Share {
+      double density, area;
+      bool operator<(const Share& other) const { return density < other.density; }
+    };
+    const std::vector<std::int32_t>& materials = options_.material_of_face;
+    std::vector<std::vector<Share>> shares(static_cast<std::size_t>(options_.num_materials) + 1);
+    std::vector<double> uv_area(shares.size(), 0.0);
+    for (std::int64_t f = 0; f < num_faces(); ++f) {
+      if (!sizes_[f].HasStretch()) continue;
+      const std::size_t m = materials.empty() ? 0 : static_cast<std::size_t>(materials[f] + 1);
+      const double area = std::abs(sizes_[f].uv_area);
+      shares[m].push_back({std::sqrt(area / sizes_[f].surface_area), sizes_[f].surface_area});
+      uv_area[m] += area;
+    }
+    for (std::size_t m = 0; m < shares.size(); ++m) {
+      if (shares[m].empty()) continue;
+      std::sort(shares[m].begin(), shares[m].end());
+      double total = 0;
+      for (const Share& share : shares[m]) total += share.area;
+      const auto below = [&](double part) {
+        double sum = 0;
+        for (const Share& share : shares[m]) {
+          sum += share.area;
+          if (sum >= part * total) return share.density;
+        }
+        return shares[m].back().density;
+      };
+      check_.densities.push_back({static_cast<std::int32_t>(m) - 1, static_cast<std::int64_t>(shares[m].size()),
+                                  std::sqrt(uv_area[m] / total) * options_.texture_size,
+                                  below(0.05) * options_.texture_size, below(0.95) * options_.texture_size});
+    }
+    for (ChartCheck& chart : check_.charts) {
+      if (chart.surface_area > 0) {
+        chart.texels_per_unit = std::sqrt(chart.uv_area / chart.surface_area) * options_.texture_size;
+      }
+    }
+  }
+
+  static std::vector<char> WithThreeCorners(const std::vector<Face>& faces) {
+    std::vector<char> has;
+    has.reserve(faces.size());
+    for (const Face& f : faces) has.push_back(f[0] != f[1] && f[1] != f[2] && f[2] != f[0]);
+    return has;
+  }
+
+  // As Quality::seam_length: an edge of n faces counts for each of its n / 2 pairs that are apart in the map.
+  void MeasureSeams() {
+    std::vector<Face> in_map(mesh_.faces.size());
+    for (std::size_t c = 0; c < 3 * in_map.size(); ++c) in_map[c / 3][c % 3] = topology_.place_of_corner[c];
+    std::vector<char> is_joined(3 * in_map.size(), 0);
+    {
+      const EdgeGroups edges = GroupHalfEdges(in_map, topology_.num_places, execution_, WithThreeCorners(in_map));
+      for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+        const std::span<const std::int32_t> at = edges.edge(e);
+        for (const std::int32_t c : at.first(at.size() - at.size() % 2)) is_joined[c] = 1;
+      }
+    }
+    const EdgeGroups edges =
+        GroupHalfEdges(mesh_.faces, mesh_.num_vertices(), execution_, WithThreeCorners(mesh_.faces));
+    double length = 0;
+    for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+      const std::span<const std::int32_t> at = edges.edge(e);
+      const auto pairs = static_cast<std::int64_t>(at.size() / 2);
+      const std::int64_t joined =
+          std::count_if(at.begin(), at.end(), [&](std::int32_t c) { return is_joined[c] != 0; });
+      const Vec3 along = mesh_.positions[Target(mesh_.faces, at[0])] - mesh_.positions[Origin(mesh_.faces, at[0])];
+      length += static_cast<double>(pairs - joined / 2) * along.norm();
+    }
+    if (check_.surface_area > 0) check_.seam_length = length / std::sqrt(check_.surface_area);
+  }
+
+  void MeasureSpacing() {
+    std::vector<OutlineSegment> segments;
+    for (std::int32_t c = 0; c < static_cast<std::int32_t>(3 * mesh_.faces.size()); ++c) {
+      if (topology_.is_outline[c] == 0) continue;
+      const std::array<Vec2, 3> p = InMap(c / 3);
+      segments.push_back({p[Next(c % 3)], p[Prev(c % 3)], topology_.chart_of_face[c / 3]});
+    }
+    std::vector<std::int32_t> tile;
+    for (const ChartCheck& chart : check_.charts) tile.push_back(chart.tile);
+    const double texel = 1.0 / options_.texture_size;
+    check_.spacing = FindChartSpacing(segments, tile, std::max(kSpacingReach, options_.min_padding) * texel,
+                                      options_.min_padding * texel, kMaxSpacingTests, execution_);
+    check_.spacing.nearest.distance /= texel;
+    for (ChartPair& pair : check_.spacing.near) pair.distance /= texel;
+    // A chart that lies on another one is not apart from it, however far from its outline.
+    for (std::size_t i = 0; i + 1 < check_.overlapping_pairs.size(); i += 2) {
+      const auto [a, b] = std::minmax(topology_.chart_of_face[check_.overlapping_pairs[i]],
+                                      topology_.chart_of_face[check_.overlapping_pairs[i + 1]]);
+      if (a == b) continue;
+      check_.spacing.nearest = {a, b, 0};
+      break;
+    }
+  }
+
+  const Mesh& mesh_;
+  const CornerUv& uv_;
+  const MapTopology& topology_;
+  const MapCheckOptions& options_;
+  const Execution& execution_;
+  std::vector<FaceSizes> sizes_;
+  MapCheck check_;
+};
+
+}  // namespace
+
+MapCheck CheckMap(const Mesh& mesh, const CornerUv& uv, const MapTopology& topology, const MapCheckOptions& options,
+                  const Execution& execution) {
+  return MapJudge(mesh, uv, topology, options, execution).Run();
+}
+
+}  // namespace planish
