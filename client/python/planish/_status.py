@@ -1,0 +1,54 @@
+"""What a server answers when it refuses a call, as exceptions of this package."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import errors
+from .rpc import error_details_pb2, status_pb2
+
+# The messages of google.rpc are compiled under a name of this package's own, so that they do not get in the way of other
+# packages that bring them. On the wire they keep the name that Google gave them.
+_PREFIX = "google.rpc."
+
+
+def error_of_status(status: Any) -> errors.Error:
+    """The exception for a google.rpc.Status, of a call or of a job that failed."""
+    reason, metadata, retry_after = "", {}, 0.0
+    for detail in status.details:
+        kind = detail.type_url.rsplit("/", 1)[-1]
+        if kind == _PREFIX + "ErrorInfo":
+            info = error_details_pb2.ErrorInfo.FromString(detail.value)
+            reason, metadata = info.reason, dict(info.metadata)
+        elif kind == _PREFIX + "RetryInfo":
+            delay = error_details_pb2.RetryInfo.FromString(detail.value).retry_delay
+            retry_after = delay.seconds + 1e-9 * delay.nanos
+    return errors.class_of(status.code)(
+        status.message, reason=reason, metadata=metadata, retry_after_seconds=retry_after
+    )
+
+
+def error_of_call(rpc_error: Any, target: str) -> errors.Error:
+    """The exception for a ``grpc.RpcError`` of either kind, blocking or asyncio."""
+    code = rpc_error.code()
+    message = rpc_error.details() or ""
+    for key, value in rpc_error.trailing_metadata() or ():
+        if key == "grpc-status-details-bin":
+            status = status_pb2.Status.FromString(value)
+            if status.details:
+                return error_of_status(status)
+    number = code.value[0]
+    if number == 14:
+        # gRPC wraps the cause: "failed to connect to all addresses; last error: UNKNOWN: ...: Connection refused".
+        cause = message.rsplit(": ", 1)[-1]
+        return errors.Unavailable(
+            f"cannot reach the planish server at {target}: {cause}", reason="SERVER_UNREACHABLE"
+        )
+    if number == 4:
+        message = "the time given to the call passed"
+    return errors.class_of(number)(message)
+
+
+def is_from_server(error: errors.Error) -> bool:
+    """Whether the server itself said it: then it has been reached. What the transport says has no reason of its own."""
+    return error.reason not in (error.code, "SERVER_UNREACHABLE")

@@ -1,0 +1,266 @@
+"""Meshes from numpy to the wire, and UV from corners to vertices."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any, Dict, Optional
+
+import numpy as np
+
+from .errors import ArrayError
+
+#: More triangles than this do not fit into one message.
+_MOST_TRIANGLES = (2**31 - 1) // 3
+
+
+@dataclass(frozen=True)
+class PackedMesh:
+    """A mesh as it travels. Made by :func:`pack_mesh`, which has checked everything in it."""
+
+    positions: bytes  # float32, little-endian, 12 bytes a vertex
+    triangles: bytes  # uint32, little-endian, 12 bytes a triangle
+    seam_corners: Any  # int32 array: the edges that they face are given seams
+    uncut_corners: Any  # int32 array: no seam is added at the edges that they face
+    indices: Any  # the triangles as an array, (F, 3)
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.triangles) // 12
+
+    @property
+    def byte_count(self) -> int:
+        """As the server counts it against its limit."""
+        corners = len(self.seam_corners) + len(self.uncut_corners)
+        return len(self.positions) + len(self.triangles) + 4 * corners
+
+    def sha256(self) -> bytes:
+        digest = hashlib.sha256(self.positions)
+        digest.update(self.triangles)
+        return digest.digest()
+
+
+def pack_mesh(
+    positions: Any,
+    triangles: Any,
+    *,
+    seam_edges: Any = None,
+    seam_corners: Any = None,
+    parts: Any = None,
+    uncut_corners: Any = None,
+) -> PackedMesh:
+    """Checks the arrays of a mesh and lays them out for the wire. Raises :class:`planish.ArrayError`, which names the argument.
+
+    The parameters are those of :meth:`planish.Client.unwrap`.
+    """
+    xyz = _positions(positions)
+    faces = _triangles(triangles, len(xyz))
+    given = [_corners("seam_corners", seam_corners, len(faces))]
+    if seam_edges is not None:
+        given.append(_corners_of_edges(seam_edges, faces))
+    if parts is not None:
+        given.append(_corners_between_parts(parts, faces))
+    return PackedMesh(
+        positions=xyz.tobytes(),
+        triangles=faces.tobytes(),
+        seam_corners=np.concatenate(given),
+        uncut_corners=_corners("uncut_corners", uncut_corners, len(faces)),
+        indices=faces,
+    )
+
+
+# Checks -----------------------------------------------------------------------------------------------------------------
+
+
+def _refused(argument: str, message: str, reason: str, metadata: Optional[Dict[str, str]] = None) -> ArrayError:
+    return ArrayError(f"{argument}{message}", argument=argument, reason=reason, metadata=metadata)
+
+
+def _as_array(argument: str, value: Any, kinds: str, wanted: str, reason: str) -> Any:
+    try:
+        array = np.asarray(value)
+    except Exception as error:  # of whatever library the value comes from
+        raise _refused(argument, f" cannot be read as an array: {error}", reason) from error
+    if array.dtype.kind not in kinds and not (array.size == 0 and array.dtype.kind == "f"):
+        raise _refused(argument, f" must be {wanted}, not {array.dtype}", reason)
+    return array
+
+
+def _check_shape(argument: str, array: Any, columns: Optional[int], reason: str) -> None:
+    if columns is None:
+        if array.ndim != 1:
+            raise _refused(argument, f" must have one dimension, not the shape {array.shape}", reason)
+    elif array.ndim != 2 or array.shape[1] != columns:
+        raise _refused(argument, f" must have the shape (N, {columns}), not {array.shape}", reason)
+
+
+def _positions(value: Any) -> Any:
+    reason = "MESH_POSITION_INVALID"
+    array = _as_array("positions", value, "fiu", "real numbers", reason)
+    _check_shape("positions", array, 3, reason)
+    with np.errstate(over="ignore"):
+        floats = np.ascontiguousarray(array, dtype="<f4")
+    finite = np.isfinite(floats)
+    if not finite.all():
+        v, k = (int(i) for i in np.argwhere(~finite)[0])
+        bad = np.flatnonzero(~finite.all(axis=1))
+        ids = ",".join(str(i) for i in bad[:16])
+        message = f"[{v}, {k}] is {array[v, k]}, which is no number of single precision"
+        if len(bad) > 1:
+            message += f"; {len(bad)} vertices have such"
+        raise _refused("positions", message, "MESH_POSITION_NOT_FINITE", {"vertices": ids})
+    return floats
+
+
+def _triangles(value: Any, vertices: int) -> Any:
+    array = _as_array("triangles", value, "iu", "integers", "MESH_INDEX_OUT_OF_RANGE")
+    if array.size == 0:
+        raise _refused("triangles", " is empty: there is nothing to flatten", "MESH_EMPTY")
+    _check_shape("triangles", array, 3, "MESH_INDEX_OUT_OF_RANGE")
+    if len(array) > _MOST_TRIANGLES:
+        raise _refused("triangles", f" has {len(array)} rows, the most is {_MOST_TRIANGLES}", "MESH_TOO_LARGE")
+    if int(array.min()) < 0 or int(array.max()) >= vertices:
+        bad = (array < 0) | (array >= vertices)
+        f, k = (int(i) for i in np.argwhere(bad)[0])
+        raise _refused(
+            "triangles",
+            f"[{f}, {k}] is {array[f, k]}, but there are {vertices} vertices, numbered from 0",
+            "MESH_INDEX_OUT_OF_RANGE",
+            {"faces": ",".join(str(i) for i in np.flatnonzero(bad.any(axis=1))[:16])},
+        )
+    return np.ascontiguousarray(array, dtype="<u4")
+
+
+def _corners(argument: str, value: Any, faces: int) -> Any:
+    if value is None:
+        return np.zeros(0, np.int32)
+    array = _as_array(argument, value, "iu", "integers", "OPTIONS_INVALID")
+    _check_shape(argument, array, None, "OPTIONS_INVALID")
+    bad = np.flatnonzero((array < 0) | (array >= 3 * faces))
+    if len(bad) > 0:
+        corner = int(array[bad[0]])
+        raise _refused(
+            argument,
+            f"[{bad[0]}] is {corner}, but {faces} triangles have the corners 0 to {3 * faces - 1}",
+            "OPTIONS_INVALID",
+            {"field": argument, "corner": str(corner)},
+        )
+    return array.astype(np.int32)
+
+
+# Seams ------------------------------------------------------------------------------------------------------------------
+
+
+def _edge_keys(faces: Any) -> Any:
+    """The edge that each corner faces, as one number: corner 3 f + k faces the edge between the other two corners of f."""
+    a = faces[:, [1, 2, 0]].reshape(-1).astype(np.uint64)
+    b = faces[:, [2, 0, 1]].reshape(-1).astype(np.uint64)
+    return (np.minimum(a, b) << np.uint64(32)) | np.maximum(a, b)
+
+
+def _corners_of_edges(seam_edges: Any, faces: Any) -> Any:
+    array = _as_array("seam_edges", seam_edges, "iu", "integers", "OPTIONS_INVALID")
+    if array.size == 0:
+        return np.zeros(0, np.int32)
+    _check_shape("seam_edges", array, 2, "OPTIONS_INVALID")
+    negative = np.flatnonzero((array < 0).any(axis=1) | (array >= 2**32).any(axis=1))
+    pairs = np.sort(np.where(array < 0, 0, array).astype(np.uint64), axis=1)
+    wanted = (pairs[:, 0] << np.uint64(32)) | (pairs[:, 1] & np.uint64(0xFFFFFFFF))
+    keys, corner = np.unique(_edge_keys(faces), return_index=True)
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    missing = np.union1d(np.flatnonzero(keys[at] != wanted), negative)
+    if len(missing) > 0:
+        a, b = (int(v) for v in array[missing[0]])
+        raise _refused(
+            "seam_edges",
+            f"[{missing[0]}]: no triangle has the edge from vertex {a} to vertex {b}",
+            "OPTIONS_INVALID",
+            {"field": "seam_edges", "edges": f"{a}-{b}"},
+        )
+    return corner[np.unique(at)].astype(np.int32)
+
+
+def _corners_between_parts(parts: Any, faces: Any) -> Any:
+    labels = _as_array("parts", parts, "iub", "integers", "OPTIONS_INVALID")
+    _check_shape("parts", labels, None, "OPTIONS_INVALID")
+    if len(labels) != len(faces):
+        raise _refused("parts", f" has {len(labels)} labels for {len(faces)} triangles", "OPTIONS_INVALID")
+    keys = _edge_keys(faces)
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.r_[True, np.diff(keys[order]) != 0])
+    of_corner = np.repeat(labels.astype(np.int64), 3)[order]
+    differs = np.minimum.reduceat(of_corner, starts) != np.maximum.reduceat(of_corner, starts)
+    return order[starts[differs]].astype(np.int32)
+
+
+# UV per vertex ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class VertexSplit:
+    """A mesh whose vertices have one UV each, as renderers and most file formats want them.
+
+    The vertices that came in keep their numbers; those with several UV, at seams, get a copy behind all of them for each
+    further one. An attribute is carried over by ``attribute[split.source_vertex]``.
+    """
+
+    source_vertex: Any  #: uint32 (V',): the vertex that came in; 0, 1, 2, ... to begin with
+    triangles: Any  #: uint32 (F, 3), in the order that came in
+    uv: Any  #: (V', 2), of the type that came in; (0, 0) for vertices without a triangle
+
+
+def split_vertices(vertex_count: int, triangles: Any, uv: Any) -> VertexSplit:
+    """UV per corner, (F, 3, 2) as :attr:`Result.uv`, to UV per vertex. Needs no server; raises :class:`planish.ArrayError`.
+
+    Corners of a vertex share a new vertex if their UV are equal (0 and -0 alike).
+    """
+    faces = _triangles(triangles, vertex_count)
+    corner_uv = _as_array("uv", uv, "f", "floating-point numbers", "OPTIONS_INVALID")
+    if corner_uv.shape != (len(faces), 3, 2):
+        raise _refused("uv", f" must have the shape {(len(faces), 3, 2)}, not {corner_uv.shape}", "OPTIONS_INVALID")
+    flat = corner_uv.reshape(-1, 2) + np.zeros(1, corner_uv.dtype)  # -0 becomes 0
+    vertex = faces.reshape(-1)
+    order = np.lexsort((flat[:, 1], flat[:, 0], vertex))
+    v, p = vertex[order], flat[order]
+    is_new = np.r_[True, (v[1:] != v[:-1]) | (p[1:] != p[:-1]).any(axis=1)]
+    group = np.cumsum(is_new) - 1  # of each corner in `order`: the pairs (vertex, UV)
+    first = order[is_new]  # the sort is stable: the first corner of each pair
+    owner = vertex[first]
+    # Among the pairs of one vertex, which follow each other, the one that comes first in the mesh keeps the vertex's number.
+    starts = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]])
+    keeps = first == np.repeat(np.minimum.reduceat(first, starts), np.diff(np.r_[starts, len(owner)]))
+    number = np.empty(len(first), np.int64)
+    number[keeps] = owner[keeps]
+    copies = np.flatnonzero(~keeps)
+    copies = copies[np.argsort(first[copies], kind="stable")]
+    number[copies] = vertex_count + np.arange(len(copies))
+    source = np.concatenate([np.arange(vertex_count), owner[copies]]).astype(np.uint32)
+    vertex_uv = np.zeros((len(source), 2), corner_uv.dtype)
+    vertex_uv[number] = flat[first]
+    new_triangles = np.empty(len(vertex), np.uint32)
+    new_triangles[order] = number[group]
+    return VertexSplit(source, new_triangles.reshape(-1, 3), vertex_uv)
+
+
+def chart_of_faces(split: VertexSplit) -> Any:
+    """The chart of each triangle, int64 (F,), numbered by first appearance: triangles that share a vertex of the split."""
+    faces = split.triangles.astype(np.int64)
+    label = np.arange(len(split.source_vertex))
+    while True:
+        low = label[faces].min(axis=1)
+        before = label.copy()
+        # Each vertex takes the lowest label of its triangles; the label's own vertex hands on what it has.
+        order = np.argsort(-low, kind="stable")
+        for k in range(3):
+            target = faces[order, k]
+            label[target] = np.minimum(label[target], low[order])
+            root = before[target]
+            label[root] = np.minimum(label[root], low[order])
+        label = label[label]
+        if np.array_equal(label, before):
+            break
+    of_face = label[faces[:, 0]]
+    _, index, inverse = np.unique(of_face, return_index=True, return_inverse=True)
+    rank = np.empty(len(index), np.int64)
+    rank[np.argsort(index)] = np.arange(len(index))
+    return rank[inverse]

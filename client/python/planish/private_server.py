@@ -1,0 +1,248 @@
+"""A ``planishd`` of one's own, for programs that must work without a server somewhere."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import select
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import weakref
+from typing import Any, List, Optional, Sequence
+
+from .errors import Unavailable
+
+# The server drains without grace when we let go; one that hangs is not waited for much longer than that.
+_STOP_SECONDS = 5.0
+# With room for a name in it a socket's path must stay below 108 bytes.
+_LONGEST_BASE = 60
+
+
+def _failed(message: str) -> Unavailable:
+    return Unavailable(message, reason="PRIVATE_SERVER_FAILED")
+
+
+def _is_program(path: str) -> bool:
+    return os.path.isfile(path) and os.access(path, os.X_OK)
+
+
+def find_planishd() -> Optional[str]:
+    """The ``planishd`` that :class:`PrivateServer` would start: $PLANISHD, else beside the running Python, else in PATH.
+
+    None if there is none; where $PLANISHD is set, nothing else is looked at.
+    """
+    named = os.environ.get("PLANISHD", "")
+    if named:
+        return named if _is_program(named) else None
+    beside = os.path.join(os.path.dirname(sys.executable or ""), "planishd")
+    if os.path.isabs(beside) and _is_program(beside):
+        return beside
+    return shutil.which("planishd")
+
+
+class PrivateServer:
+    """Runs ``planishd`` on a Unix socket that only this user can reach. It ends with :meth:`close`, and with this process
+    however that ends. A context manager. A forked child may use the server, but does not own it.
+
+    Raises :class:`planish.Unavailable` (PRIVATE_SERVER_FAILED) if ``planishd`` is not found, or dies or stays silent while it
+    starts; the message ends with what it wrote to stderr.
+    """
+
+    def __init__(
+        self,
+        *,
+        executable: Optional[str] = None,
+        workers: int = 1,
+        threads: Optional[int] = None,
+        start_timeout_seconds: float = 10.0,
+        extra_arguments: Sequence[str] = (),
+    ) -> None:
+        """`executable`: None: as :func:`find_planishd`. `workers`: jobs that run at a time. `threads`: that a job may use; None:
+        the cores of this machine, divided by `workers`. `extra_arguments`: flags of ``planishd``."""
+        self.executable = executable or find_planishd() or ""
+        if not self.executable:
+            named = os.environ.get("PLANISHD", "")
+            where = f": $PLANISHD is {named}, which is not a program" if named else " in $PLANISHD, beside Python or in PATH"
+            raise _failed(f"cannot find planishd{where}")
+        if not _is_program(self.executable):
+            raise _failed(f"{self.executable} is not a program")
+        self._owner = os.getpid()
+        self._directory = _new_directory()
+        self._log = tempfile.TemporaryFile()
+        self._process: Optional["subprocess.Popen[bytes]"] = None
+        # End of file here tells planishd that we are gone.
+        self._supervisor, theirs = socket.socketpair()
+        #: For :class:`planish.Client`.
+        self.target = f"unix:{self._directory}/socket"
+        arguments = [
+            self.executable,
+            f"--listen={self.target}",
+            f"--supervisor-fd={theirs.fileno()}",
+            f"--workers={workers}",
+            "--log-level=warn",
+        ]
+        if threads is not None:
+            arguments.append(f"--threads={threads}")
+        arguments.extend(extra_arguments)
+        _servers.add(self)
+        try:
+            with theirs:
+                self._process = self._start(arguments, theirs.fileno())
+            self._wait_until_ready(start_timeout_seconds)
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self, arguments: List[str], supervisor_fd: int) -> "subprocess.Popen[bytes]":
+        # Variables like PLANISHD_QUEUE configure the planishd of this machine, if there is one, and not private ones.
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("PLANISHD_")}
+        try:
+            return subprocess.Popen(
+                arguments,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=self._log,
+                pass_fds=[supervisor_fd],
+                env=environment,
+                start_new_session=True,  # Ctrl-C is for this process first
+            )
+        except OSError as error:
+            raise _failed(f"cannot start {self.executable}: {error.strerror}") from error
+
+    def _wait_until_ready(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        said = b""
+        while b"\n" not in said:
+            ready, _, _ = select.select([self._supervisor], [], [], max(0.0, end - time.monotonic()))
+            if not ready:
+                raise _failed(f"{self.executable} did not become ready in time{self._log_suffix()}")
+            piece = self._supervisor.recv(64)
+            if not piece:
+                raise _failed(f"{self.executable} {self._how_it_ended()} while it started{self._log_suffix()}")
+            said += piece
+        if not said.startswith(b"ready\n"):
+            raise _failed(f"{self.executable} said {said!r} instead of 'ready'")
+
+    def _how_it_ended(self) -> str:
+        assert self._process is not None
+        try:
+            code = self._process.wait(1)
+        except subprocess.TimeoutExpired:
+            return "let go of us"
+        return f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
+
+    def _log_suffix(self) -> str:
+        text = self.log().rstrip("\n")
+        return "\n" + text if text else ""
+
+    @property
+    def pid(self) -> int:
+        """Of planishd; 0 after :meth:`close`."""
+        return 0 if self._process is None else self._process.pid
+
+    @property
+    def is_running(self) -> bool:
+        """Whether planishd runs. A forked child cannot know and takes it that it does."""
+        if self._process is None:
+            return False
+        return os.getpid() != self._owner or self._process.poll() is None
+
+    def log(self) -> str:
+        """What it wrote to stderr so far."""
+        if self._log.closed:
+            return ""
+        size = os.fstat(self._log.fileno()).st_size
+        return os.pread(self._log.fileno(), size, 0).decode(errors="replace")
+
+    def close(self) -> None:
+        """Stops the server (its jobs are cancelled), waits for it and removes the socket. Does nothing in a forked child."""
+        if os.getpid() != self._owner:
+            return
+        _servers.discard(self)
+        self._supervisor.close()
+        process, self._process = self._process, None
+        if process is not None:
+            try:
+                process.wait(_STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self._log.close()
+        shutil.rmtree(self._directory, ignore_errors=True)
+
+    def __enter__(self) -> "PrivateServer":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def _new_directory() -> str:
+    """A directory that only this user can enter."""
+    for base in (os.environ.get("XDG_RUNTIME_DIR"), os.environ.get("TMPDIR"), "/tmp"):
+        if not base or not base.startswith("/") or len(base) > _LONGEST_BASE:
+            continue
+        try:
+            return tempfile.mkdtemp(prefix="planish-", dir=base)
+        except OSError:
+            continue
+    raise _failed("cannot make a directory for the server's socket in $XDG_RUNTIME_DIR, $TMPDIR or /tmp")
+
+
+# The server of this process ---------------------------------------------------------------------------------------------
+
+_servers: "weakref.WeakSet[PrivateServer]" = weakref.WeakSet()
+_lock = threading.Lock()
+_default: Optional[PrivateServer] = None
+
+
+def default_server() -> PrivateServer:
+    """The one private server of this process, for all who name none. Started by the first call, ended when Python ends. One
+    that was lost is replaced. Forked children share the server of their parent, if the parent had one by then.
+
+    It has a worker for each two cores, at most four: callers of several threads share it.
+    """
+    global _default
+    with _lock:
+        if _default is None or not _default.is_running:
+            if _default is not None:
+                _default.close()
+            _default = PrivateServer(workers=max(1, min(4, (os.cpu_count() or 1) // 2)))
+            _end_with_this_process()
+        return _default
+
+
+def close_default_server() -> None:
+    """Ends the private server of this process, if it has one. A later call starts another."""
+    global _default
+    with _lock:
+        server, _default = _default, None
+    if server is not None:
+        server.close()
+
+
+def _end_with_this_process() -> None:
+    # Processes of `multiprocessing` leave without the functions of atexit; they have a list of their own.
+    util = sys.modules.get("multiprocessing.util")
+    process = sys.modules.get("multiprocessing.process")
+    if util is not None and process is not None and process.parent_process() is not None:
+        util.Finalize(None, close_default_server, exitpriority=100)
+    else:
+        atexit.register(close_default_server)
+
+
+def _after_fork_in_child() -> None:
+    global _lock
+    _lock = threading.Lock()
+    # As long as somebody holds its end of the socket the server goes on: it must end with the parent.
+    for server in list(_servers):
+        server._supervisor.close()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork_in_child)
