@@ -137,7 +137,7 @@ absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest 
   job.record.set_work_key(work_key);
   job.record.set_seams_sha256(corners_sha256);
   job.record.mutable_job()->set_memory_bytes(needs.memory_bytes);
-  job.turn = QueueTime(options_.clock(), request.scheduling.priority());
+  job.run_time = absl::Seconds(needs.run_seconds);
   job.blobs = Pending(caller.tenant, {request.mesh_sha256, corners_sha256});
   std::optional<KeptResult> result;
   if (!request.scheduling.fresh()) result = FindResult(work_key);

@@ -8,9 +8,6 @@
 namespace planish {
 namespace {
 
-// What a class of priority is worth in time of waiting.
-constexpr absl::Duration kPriorityStep = absl::Minutes(10);
-
 // What a job costs its tenant at least: where nothing is known of what jobs take, each counts as much as any other.
 constexpr double kLeastSeconds = 0.01;
 
@@ -18,12 +15,6 @@ constexpr double kLeastSeconds = 0.01;
 constexpr double kLastPart = 0.1;
 
 }  // namespace
-
-absl::Time QueueTime(absl::Time create_time, v1::Priority priority) {
-  if (priority == v1::PRIORITY_HIGH) return create_time - kPriorityStep;
-  if (priority == v1::PRIORITY_LOW) return create_time + kPriorityStep;
-  return create_time;
-}
 
 // ---- limits and room
 

@@ -26,11 +26,9 @@
 #include "absl/time/time.h"
 #include "planish/v1/job.pb.h"
 #include "server/access/tenant.h"
+#include "server/store/fair_share.h"
 
 namespace planish {
-
-// When a job that came at `create_time` counts as having come (planish.v1.Priority).
-absl::Time QueueTime(absl::Time create_time, v1::Priority priority);
 
 struct JobQueueOptions {
   int workers = 1;                                 // pieces of work that run at a time
@@ -47,12 +45,6 @@ struct QueueEntry {
   std::int64_t number = 0;  // decides between equal times, the lower first
   std::int64_t bytes = 0;   // of the mesh
   double seconds = 0;       // that a worker is expected to take, before SetSecondsFactor(); 0: not known
-};
-
-enum class Room {
-  kYes,
-  kTenantFull,  // the tenant has as many as it may
-  kServerFull,  // all tenants together have, and this one an equal part of it (HasFairPart)
 };
 
 // Not thread-safe. `now` is that of a clock which nobody sets.

@@ -6,6 +6,7 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/store/job_transaction.h"
+#include "server/store/work_rows.h"
 
 namespace planish {
 namespace {
@@ -113,20 +114,25 @@ absl::StatusOr<std::optional<JobRecord>> JobQuestions::FirstEnded(const std::str
 }
 
 absl::StatusOr<JobTotals> JobQuestions::Totals() {
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Ask("SELECT tenant, CAST(sum(ended) AS BIGINT), CAST(sum(CASE WHEN "
-                                                   "state = ? THEN uv_bytes ELSE 0 END) AS BIGINT) "
-                                                   "FROM jobs GROUP BY tenant",
-                                                   {std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
+  PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+  PLANISH_ASSIGN_OR_RETURN(const FairAccounts accounts, ReadAccounts(connection.get(), /*all=*/true));
   JobTotals totals;
-  for (std::size_t i = 0; i < rows.size(); ++i) totals.tenants[rows.Bytes(i, 0)] = {rows.Int(i, 1), rows.Int(i, 2)};
+  for (const auto& [tenant, account] : accounts.tenants) {
+    totals.tenants[tenant] = {account.ended, account.result_bytes};
+  }
   return totals;
+}
+
+absl::StatusOr<FairAccounts> JobQuestions::Accounts() {
+  PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+  return ReadAccounts(connection.get());
 }
 
 absl::StatusOr<std::vector<v1::JobEvent>> JobQuestions::Events(std::int64_t number, std::int64_t after) {
   PLANISH_ASSIGN_OR_RETURN(
       const SqlRows rows,
-      Ask("SELECT event FROM events WHERE job = ? AND sequence > ? ORDER BY sequence", {number, after}));
-  return EventsOf(rows);
+      Ask("SELECT kind, event FROM events WHERE job = ? AND sequence > ? ORDER BY sequence", {number, after}));
+  return EventsOf(rows, after);
 }
 
 absl::StatusOr<bool> JobQuestions::UsesBlob(const BlobId& id) {

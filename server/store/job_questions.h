@@ -27,6 +27,7 @@ class JobQuestions : public BlobRows {
   absl::StatusOr<std::vector<JobRecord>> Unfinished();
   absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state);
   absl::StatusOr<JobTotals> Totals();
+  absl::StatusOr<FairAccounts> Accounts();
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after);
   absl::StatusOr<bool> UsesBlob(const BlobId& id);
 

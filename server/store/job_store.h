@@ -11,6 +11,15 @@
 // until it is finished, released, or lost: when its time is over without a Renew(), somebody's Reap() takes it away.
 // Whatever is said under another lease than the present one changes nothing and is ABORTED with LEASE_LOST (fencing).
 //
+// Whose turn it is. Claim() decides between tenants by what each had of the workers (fair_share.h), within a tenant by
+// age and priority.
+//
+// Limits of time. What a job may take and how long it waits for callers that are gone stands in its record; whoever
+// calls EndOverdue() sees to it, by VerbContext::now.
+//
+// News. Whoever subscribes hears of changes by all processes, soon, and not of each for sure: look at the store every
+// few seconds as well.
+//
 // Clocks. Times in records are `VerbContext::now` of whoever asks. Leases go by one clock for all (JobStoreOptions), so
 // that a machine whose clock jumps neither loses nor takes one.
 //
@@ -35,6 +44,7 @@
 #include "planish/store/v1/store.pb.h"
 #include "planish/v1/job.pb.h"
 #include "server/blobs/blob_store.h"
+#include "server/store/fair_share.h"
 #include "server/store/job_filter.h"
 #include "server/store/sql.h"
 
@@ -66,7 +76,8 @@ struct Lease {
 
 struct NewJob {
   JobRecord record;            // QUEUED, with a new name; `number`, `work` and the lease are the store's
-  absl::Time turn;             // since when it counts as waiting
+  absl::Duration run_time;     // that its work is expected to take; 0: not known
+  std::optional<QueueLimits> limits;  // for work that nobody shares; empty: none
   std::vector<BlobRow> blobs;  // small ones that it refers to
   // Record of a job with the same work key whose result it gets if that is still kept; empty: none.
   std::string result_of;
@@ -75,6 +86,7 @@ struct NewJob {
 struct AcceptedChange {
   bool created = false;  // false: `change.record` is a job that was there, with the same name or request id
   bool shares = false;   // created, and has the work or the result of another job
+  Room room = Room::kYes;  // any other: there was no room, nothing has changed, and `change` is empty
   JobChange change;      // QUEUED, and then RUNNING or SUCCEEDED if it joined running work or got a result
 };
 
@@ -82,12 +94,15 @@ struct ClaimRequest {
   std::string owner;              // not empty
   absl::Duration lease;           // how long, unless renewed
   int most = 1;                   // pieces of work
-  std::int64_t memory_bytes = 0;  // that the work may reserve in all; 0: any
-  std::string work;               // this one only, not whatever is next
+  std::int64_t memory_bytes = 0;  // that all work of this owner may reserve together; 0: any
+  std::string work;               // this one only, whosever turn it is, and not whatever is next
+  TenantLimitsSource tenant_limits = nullptr;  // null: the defaults for everybody
+  double seconds_factor = 1;                   // what work takes over what was expected of it, lately
 };
 
 struct ClaimedWork {
   Lease lease;
+  absl::Duration run_time;      // NewJob::run_time
   std::vector<JobChange> jobs;  // all of its jobs, at least one, which are RUNNING now
 };
 
@@ -107,11 +122,18 @@ struct AttemptOutcome {
     bool is_final = false;                        // another attempt would fare no better
   };
 
-  google::rpc::Status status;  // what the worker says: OK, CANCELLED, or an error
+  std::vector<v1::Progress> progress;  // that was not reported before
+  google::rpc::Status status;          // what the worker says: OK, CANCELLED, or an error
   v1::Report report;           // with OK
   v1::UvDescription uv;        // likewise
   std::optional<Loss> loss;    // the worker is gone, and said nothing
   std::vector<BlobRow> blobs;  // small ones: the UV
+};
+
+struct StoreNews {
+  bool work = false;              // there may be work to claim
+  bool everything = false;        // any job may have changed: the connection was lost in the meantime
+  std::vector<std::string> jobs;  // names of those with new events
 };
 
 enum class EarlyEnd { kCancel, kTimeout };
@@ -145,7 +167,8 @@ class JobStore {
   // ---- verbs of callers
 
   // Adds the job, its blobs and its first events; or finds the one that has its name, or its request id (whose work key
-  // may differ: that is the caller's to refuse).
+  // may differ: that is the caller's to refuse). Transactions of several processes at the same moment may exceed
+  // NewJob::limits by one each.
   virtual absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) = 0;
 
   // Ends a job that nobody works at, or whose work goes on for others: CANCELLED, or FAILED with DEADLINE_EXCEEDED. One
@@ -160,10 +183,14 @@ class JobStore {
                                          const google::rpc::Status& error, bool forget) = 0;
   // The job no longer belongs to its callers (JobRecord.attached).
   virtual absl::StatusOr<JobChange> Detach(const std::string& name) = 0;
+  // JobRecord.callers_until of those jobs that have not ended and belong to callers; durable later.
+  virtual absl::Status SetCallersUntil(const std::vector<std::string>& names, absl::Time until) = 0;
 
   // ---- verbs of those who run work
 
-  // Takes work that waits, the longest first.
+  // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps those
+  // behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was lost
+  // with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside it.
   virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) = 0;
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
   virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
@@ -186,6 +213,10 @@ class JobStore {
   // `sole_owner` not empty: its process has the store to itself, so leases of all others are over.
   virtual absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner,
                                                       int most) = 0;
+  // Up to `most` pieces of work with jobs whose time is over: those without callers are cancelled, and their request ids
+  // are free again; those beyond Scheduling.timeout end with DEADLINE_EXCEEDED; those beyond their compute budget are
+  // stopped. As EndEarly() and RequestStop(); the changes of all.
+  virtual absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) = 0;
   // SUCCEEDED becomes EXPIRED, and its request id is free again; durable later. No effect on others.
   virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
   // A job that ended goes, with its events; durable later. FAILED_PRECONDITION with JOB_NOT_FINISHED.
@@ -204,13 +235,20 @@ class JobStore {
   virtual absl::StatusOr<std::vector<JobRecord>> Unfinished() = 0;
   // The record of the tenant (empty: of all) in one of the terminal states (UNSPECIFIED: any) that ended first.
   virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) = 0;
-  // Reads all records.
   virtual absl::StatusOr<JobTotals> Totals() = 0;
+  // What waits and runs.
+  virtual absl::StatusOr<FairAccounts> Accounts() = 0;
   // Those with greater sequences than `after`, in order. The last one of a job that ended has no report: the record has
   // it.
   virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0) = 0;
   // Whether a record needs this blob: a mesh of a job that has not ended, UV of one that SUCCEEDED.
   virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
+
+  // Calls `listener` after changes of jobs and of what may be claimed, by any process, on any thread: it must be quick,
+  // and must not call back. Until the subscription is dropped.
+  using Listener = std::function<void(const StoreNews& news)>;
+  using Subscription = std::shared_ptr<const Listener>;
+  [[nodiscard]] virtual Subscription Subscribe(Listener listener) = 0;
 
   // Where verbs put small blobs, for BlobPlaces::rows; null: nowhere, as in memory. Lives as long as the store.
   virtual BlobRows* rows() = 0;

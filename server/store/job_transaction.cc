@@ -1,6 +1,7 @@
 #include "server/store/job_transaction.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -42,11 +43,60 @@ SqlValue RequestId(const JobRecord& record) {
   return std::string_view(record.request_id());
 }
 
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+
+// What a row of events holds (work_schema.h).
+enum EventKind : std::int64_t { kOneEvent = 0, kWithState = 1, kProgressOnly = 2 };
+
+absl::Time TimeOf(const google::protobuf::Timestamp& timestamp) {
+  return absl::FromUnixNanos(TimeUtil::TimestampToNanoseconds(timestamp));
+}
+
+absl::Duration DurationOf(const google::protobuf::Duration& duration) {
+  return absl::Nanoseconds(TimeUtil::DurationToNanoseconds(duration));
+}
+
+std::int64_t DueColumn(const JobRecord& record) {
+  const absl::Time due = LimitTimesOf(record).First();
+  return due == absl::InfiniteFuture() ? kNever : absl::ToUnixNanos(due);
+}
+
+JobStanding StandingOf(const JobRecord& record, int max_attempts) {
+  const v1::Job& job = record.job();
+  const absl::Time turn = QueueTime(TimeOf(job.create_time()), job.scheduling().priority());
+  return {IsTerminal(job.state()),
+          IsLeased(record),
+          IsEndWanted(record),
+          job.stop_requested(),
+          record.server_crashes() > 0 && record.crashes() + 1 >= max_attempts,
+          record.number(),
+          absl::ToUnixNanos(turn)};
+}
+
+// What is wanted of an attempt at work with these jobs.
+Wish WishOf(const std::vector<JobRow>& jobs) {
+  bool cancel = true, stop = true;
+  for (const JobRow& job : jobs) {
+    if (job.standing.ended) continue;
+    cancel = cancel && job.standing.end_wanted;
+    stop = stop && job.standing.stop_requested;
+  }
+  return cancel ? Wish::kCancel : stop ? Wish::kStop : Wish::kGoOn;
+}
+
+double ShareIn(const WorkRow& work) {
+  return static_cast<double>(work.share) / 1e6;
+}
+
 absl::Status TimedOut(const v1::Job& job) {
-  const absl::Duration timeout = absl::Nanoseconds(TimeUtil::DurationToNanoseconds(job.scheduling().timeout()));
+  const absl::Duration timeout = DurationOf(job.scheduling().timeout());
   return MakeError(absl::StatusCode::kDeadlineExceeded, "DEADLINE_EXCEEDED",
                    absl::StrCat("the job had not ended ", absl::FormatDuration(timeout),
                                 " after it was accepted (Scheduling.timeout)"));
+}
+
+std::int64_t ResultBytes(const JobRecord& record) {
+  return record.job().state() == v1::JOB_STATE_SUCCEEDED ? record.job().uv().total_bytes() : 0;
 }
 
 }  // namespace
@@ -63,19 +113,52 @@ absl::StatusOr<std::vector<JobRow>> JobRowsOf(const SqlRows& rows) {
     record.DiscardUnknownFields();
     record.set_number(rows.Int(i, 0));
     jobs[i].had_request_id = !record.request_id().empty();
-    jobs[i].lease_until = rows.Int(i, 1);
+    jobs[i].due = rows.Int(i, 1);
+    jobs[i].result_bytes = ResultBytes(record);
+    jobs[i].standing.ended = IsTerminal(record.job().state());
   }
   return jobs;
 }
 
-absl::StatusOr<std::vector<v1::JobEvent>> EventsOf(const SqlRows& rows) {
-  std::vector<v1::JobEvent> events(rows.size());
+absl::StatusOr<std::vector<v1::JobEvent>> EventsOf(const SqlRows& rows, std::int64_t after) {
+  std::vector<v1::JobEvent> events;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (!events[i].ParseFromString(rows.Bytes(i, 0))) return BadRow();
-    events[i].DiscardUnknownFields();
-    if (events[i].has_job()) FillInTenant(events[i].mutable_job());
+    store::v1::EventBatch batch;
+    const bool parsed = rows.Int(i, 0) == kOneEvent ? batch.add_events()->ParseFromString(rows.Bytes(i, 1))
+                                                    : batch.ParseFromString(rows.Bytes(i, 1));
+    if (!parsed) return BadRow();
+    for (v1::JobEvent& event : *batch.mutable_events()) {
+      if (event.sequence() <= after) continue;
+      event.DiscardUnknownFields();
+      if (event.has_job()) FillInTenant(event.mutable_job());
+      events.push_back(std::move(event));
+    }
   }
   return events;
+}
+
+JobLimitTimes LimitTimesOf(const JobRecord& record) {
+  const v1::Job& job = record.job();
+  JobLimitTimes times;
+  if (IsTerminal(job.state()) || IsEndWanted(record)) return times;
+  if (record.attached() && record.has_callers_until()) times.callers = TimeOf(record.callers_until());
+  const v1::Scheduling& limits = job.scheduling();
+  if (limits.has_timeout()) times.timeout = TimeOf(job.create_time()) + DurationOf(limits.timeout());
+  if (limits.has_compute_budget() && job.state() == v1::JOB_STATE_RUNNING && !job.stop_requested()) {
+    times.budget = TimeOf(job.start_time()) + DurationOf(limits.compute_budget());
+  }
+  return times;
+}
+
+std::int64_t LockedWork::Size() const {
+  return std::count_if(jobs.begin(), jobs.end(), [](const JobRow& job) { return !job.standing.ended; });
+}
+
+absl::StatusOr<std::int64_t> JobTransaction::LeaseNow() {
+  if (!now_.has_value()) {
+    PLANISH_ASSIGN_OR_RETURN(now_, clock_(&sql_));
+  }
+  return *now_;
 }
 
 absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
@@ -86,14 +169,26 @@ absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
   return std::move(jobs.front());
 }
 
-absl::StatusOr<std::vector<JobRow>> JobTransaction::LockWork(const std::string& work, bool wait) {
-  // Locks of rows would not do: what waited for one does not see the job that joined the work in the meantime.
-  PLANISH_ASSIGN_OR_RETURN(const bool locked, sql_.Serialize(work, wait));
-  if (!locked) return std::vector<JobRow>();
+absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::string& work, bool wait) {
+  static const std::string waits = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {lock}");
+  static const std::string skips = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {skip}");
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(wait ? waits : skips, {std::string_view(work)}));
+  if (rows.empty()) return std::nullopt;
+  PLANISH_ASSIGN_OR_RETURN(LockedWork locked, LoadJobs(std::move(WorkRowsOf(rows).front())));
+  return locked;
+}
+
+// The lock of the work's row is that of its jobs, too: whoever changes one or adds one takes it first.
+absl::StatusOr<LockedWork> JobTransaction::LoadJobs(WorkRow row) {
+  LockedWork locked;
+  locked.before = row;
+  locked.row = std::move(row);
   static const std::string sql =
-      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE work = ? AND ended = 0 ORDER BY number {lock}");
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(work)}));
-  return JobRowsOf(rows);
+      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE work = ? AND ended = 0 ORDER BY number");
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(locked.row.name)}));
+  PLANISH_ASSIGN_OR_RETURN(locked.jobs, JobRowsOf(rows));
+  for (JobRow& job : locked.jobs) job.standing = StandingOf(job.record, context_.max_attempts);
+  return locked;
 }
 
 absl::StatusOr<JobTransaction::Locked> JobTransaction::LockJob(const std::string& name) {
@@ -101,17 +196,86 @@ absl::StatusOr<JobTransaction::Locked> JobTransaction::LockJob(const std::string
                            sql_.Run("SELECT work FROM jobs WHERE name = ?", {std::string_view(name)}));
   if (work.empty()) return JobNotFound(name);
   Locked locked;
-  PLANISH_ASSIGN_OR_RETURN(locked.rows, LockWork(work.Bytes(0, 0)));
-  for (std::size_t i = 0; i < locked.rows.size(); ++i) {
-    if (locked.rows[i].record.job().name() == name) locked.place = i;
+  PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> found, LockWork(work.Bytes(0, 0)));
+  if (found.has_value()) locked.work = *std::move(found);
+  for (std::size_t i = 0; i < locked.work.jobs.size(); ++i) {
+    if (locked.work.jobs[i].record.job().name() == name) locked.place = i;
   }
   if (locked.place.has_value()) return locked;
   PLANISH_ASSIGN_OR_RETURN(JobRow row, Find(name));
-  locked.rows.assign(1, std::move(row));
+  locked.work.jobs.clear();
+  locked.work.jobs.push_back(std::move(row));
   return locked;
 }
 
-absl::StatusOr<bool> JobTransaction::Insert(JobRow* row, absl::Time turn) {
+absl::Status JobTransaction::Settle(LockedWork* work) {
+  WorkRow& row = work->row;
+  const WorkRow& before = work->before;
+  bool leased = false;
+  std::int64_t turn_time = kNever, number = kNever;
+  row.alone = false;
+  for (const JobRow& job : work->jobs) {
+    if (job.standing.ended) continue;
+    leased = leased || job.standing.leased;
+    row.alone = row.alone || job.standing.alone;
+    turn_time = std::min(turn_time, job.standing.turn_time);
+    number = std::min(number, job.standing.number);
+  }
+  const bool gone = number == kNever;
+  row.running = leased && !gone;
+  if (!gone) {
+    row.turn_time = turn_time;
+    row.number = number;
+  }
+  row.wish = WishOf(work->jobs);
+  TenantAccount& account = accounts_.of(row.tenant);
+  if (before.running && !row.running) {
+    PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, LeaseNow());
+    account.running -= 1;
+    account.started -= before.start_time / 1'000'000;
+    account.charged -= before.charge;
+    account.received += SettledFor(absl::Nanoseconds(now - before.start_time), ShareIn(before));
+    row.owner.clear();
+    row.lease_until = 0;
+  } else if (!before.running && row.running) {
+    account.running += 1;
+    account.started += row.start_time / 1'000'000;
+    account.charged += row.charge;
+  }
+  const int waited = before.running ? 0 : 1;
+  const int waits = row.running || gone ? 0 : 1;
+  account.waiting += waits - waited;
+  account.waiting_bytes += (waits - waited) * row.mesh_bytes;
+  if (before.running != row.running || gone) news_.work = true;
+  if (gone) {
+    accounts_.NoteEndOfWork();
+    return DeleteWork(&sql_, row.name);
+  }
+  return row == before ? absl::OkStatus() : UpdateWork(&sql_, row);
+}
+
+absl::Status JobTransaction::AddWork(const JobRow& job, absl::Duration run_time) {
+  const v1::Job& described = job.record.job();
+  WorkRow work;
+  work.name = job.record.work();
+  work.tenant = described.tenant();
+  work.number = job.record.number();
+  work.turn_time = job.standing.turn_time;
+  work.memory_bytes = described.memory_bytes();
+  work.mesh_bytes = described.mesh_bytes();
+  work.run_time = absl::ToInt64Nanoseconds(run_time);
+  TenantAccount& account = accounts_.of(work.tenant);
+  account.waiting += 1;
+  account.waiting_bytes += work.mesh_bytes;
+  news_.work = true;
+  return InsertWork(&sql_, work);
+}
+
+absl::Status JobTransaction::Flush() {
+  return accounts_.Write(&sql_);
+}
+
+absl::StatusOr<bool> JobTransaction::Insert(JobRow* row) {
   JobRecord& record = row->record;
   const v1::Job& job = record.job();
   const std::string bytes = BytesWithoutReport(&record, record.mutable_job());
@@ -119,8 +283,8 @@ absl::StatusOr<bool> JobTransaction::Insert(JobRow* row, absl::Time turn) {
   static const std::string insert =
       "INSERT INTO jobs (number, name, tenant, request_id, state, ended, end_time, work_key, mesh_sha256, "
       "seams_sha256, "
-      "uv_sha256, uv_bytes, record, report, create_time, work, owner, attempt, lease_until, turn_time, memory_bytes) "
-      "VALUES ({next_number}, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
+      "uv_sha256, uv_bytes, record, report, create_time, work, due) "
+      "VALUES ({next_number}, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
       "ON CONFLICT DO NOTHING RETURNING number";
   PLANISH_ASSIGN_OR_RETURN(const SqlRows number, sql_.Run(insert, {std::string_view(job.name()),
                                                                    std::string_view(job.tenant()),
@@ -137,13 +301,12 @@ absl::StatusOr<bool> JobTransaction::Insert(JobRow* row, absl::Time turn) {
                                                                    SqlBytes{report},
                                                                    TimeUtil::TimestampToNanoseconds(job.create_time()),
                                                                    std::string_view(record.work()),
-                                                                   std::string_view(record.owner()),
-                                                                   record.attempt(),
-                                                                   row->lease_until,
-                                                                   absl::ToUnixNanos(turn),
-                                                                   job.memory_bytes()}));
+                                                                   DueColumn(record)}));
   if (number.empty()) return false;
   record.set_number(number.Int(0, 0));
+  Account(*row, record);
+  row->standing = StandingOf(record, context_.max_attempts);
+  news_.jobs.push_back(job.name());
   for (const auto& [key, value] : job.labels()) {
     PLANISH_RETURN_IF_ERROR(sql_.Run("INSERT INTO labels VALUES (?, ?, ?)",
                                      {record.number(), std::string_view(key), std::string_view(value)})
@@ -152,28 +315,43 @@ absl::StatusOr<bool> JobTransaction::Insert(JobRow* row, absl::Time turn) {
   return true;
 }
 
-absl::Status JobTransaction::Save(const JobRow& row, JobRecord* record) {
-  // Each column that a statement names costs the indexes that it is in, changed or not: so there are four.
-  static const std::string changed = "UPDATE jobs SET state = ?, record = ?, owner = ?, attempt = ?, lease_until = ?";
-  static const std::string forgotten = ", request_id = NULL";
-  static const std::string ended = ", ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = ?, report = ?";
-  static const std::string where = " WHERE number = ?";
-  static const std::string statements[] = {changed + where, changed + forgotten + where, changed + ended + where,
-                                           changed + forgotten + ended + where};
+absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
+  // Each column that a statement names costs the indexes that it is in, changed or not: so there are several.
+  static const std::vector<std::string> statements = [] {
+    std::vector<std::string> all;
+    for (int i = 0; i < 8; ++i) {
+      all.push_back(absl::StrCat("UPDATE jobs SET state = ?, record = ?", (i & 1) != 0 ? ", request_id = NULL" : "",
+                                 (i & 2) != 0 ? ", ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = ?, report = ?" : "",
+                                 (i & 4) != 0 ? ", due = ?" : "", " WHERE number = ?"));
+    }
+    return all;
+  }();
   const v1::Job& job = record->job();
   const std::string bytes = BytesWithoutReport(record, record->mutable_job());
   std::string report;
-  std::vector<SqlValue> values = {std::int64_t{job.state()}, SqlBytes{bytes}, std::string_view(record->owner()),
-                                  std::int64_t{record->attempt()}, row.lease_until};
-  const bool forgets = row.had_request_id && record->request_id().empty();
+  std::vector<SqlValue> values = {std::int64_t{job.state()}, SqlBytes{bytes}};
+  const bool forgets = row->had_request_id && record->request_id().empty();
   const bool ends = IsTerminal(job.state());
+  const std::int64_t due = DueColumn(*record);
   if (ends) {
     report = job.report().SerializeAsString();
     values.insert(values.end(), {TimeUtil::TimestampToNanoseconds(job.end_time()), SqlBytes{job.uv().uv_sha256()},
                                  job.uv().total_bytes(), SqlBytes{report}});
   }
+  if (due != row->due) values.emplace_back(due);
   values.emplace_back(record->number());
-  return sql_.Run(statements[(forgets ? 1 : 0) + (ends ? 2 : 0)], values).status();
+  const std::size_t which = (forgets ? 1u : 0u) + (ends ? 2u : 0u) + (due != row->due ? 4u : 0u);
+  PLANISH_RETURN_IF_ERROR(sql_.Run(statements[which], values).status());
+  Account(*row, *record);
+  row->standing = StandingOf(*record, context_.max_attempts);
+  news_.jobs.push_back(job.name());
+  return absl::OkStatus();
+}
+
+void JobTransaction::Account(const JobRow& row, const JobRecord& record) {
+  TenantAccount& account = accounts_.of(record.job().tenant());
+  account.ended += (IsTerminal(record.job().state()) ? 1 : 0) - (row.standing.ended ? 1 : 0);
+  account.result_bytes += ResultBytes(record) - row.result_bytes;
 }
 
 absl::Status JobTransaction::PutBlobs(const std::vector<BlobRow>& blobs) {
@@ -189,10 +367,10 @@ absl::Status JobTransaction::PutBlobs(const std::vector<BlobRow>& blobs) {
 absl::Status JobTransaction::AddEvent(JobChange* change, v1::JobEvent event, bool taken_over) {
   JobRecord& record = change->record;
   std::int64_t last = record.last_sequence();
-  if (context_->told != nullptr) last = std::max(last, context_->told(record.job().name()));
+  if (context_.told != nullptr) last = std::max(last, context_.told(record.job().name()));
   if (taken_over) last = std::max(last, record.reserved_sequence());
   event.set_sequence(last + 1);
-  *event.mutable_time() = ToTimestamp(context_->now);
+  *event.mutable_time() = ToTimestamp(context_.now);
   record.set_last_sequence(last + 1);
   if (record.reserved_sequence() > 0 && last + 1 >= record.reserved_sequence()) {
     record.set_reserved_sequence(last + 1 + kSequenceBlock);
@@ -202,13 +380,20 @@ absl::Status JobTransaction::AddEvent(JobChange* change, v1::JobEvent event, boo
 }
 
 absl::Status JobTransaction::WriteEvents(JobChange* change) {
-  static const std::string insert = "INSERT INTO events VALUES (?, ?, ?)";
+  if (change->events.empty()) return absl::OkStatus();
+  EventKind kind = kProgressOnly;
+  store::v1::EventBatch batch;
   for (v1::JobEvent& event : change->events) {
-    const std::string bytes =
-        event.has_job() ? BytesWithoutReport(&event, event.mutable_job()) : event.SerializeAsString();
-    PLANISH_RETURN_IF_ERROR(sql_.Run(insert, {change->record.number(), event.sequence(), SqlBytes{bytes}}).status());
+    if (event.has_job()) kind = kWithState;
+    v1::Report* const report = event.has_job() ? event.mutable_job()->release_report() : nullptr;
+    *batch.add_events() = event;
+    if (report != nullptr) event.mutable_job()->set_allocated_report(report);
   }
-  return absl::OkStatus();
+  const std::string bytes = batch.SerializeAsString();
+  return sql_
+      .Run("INSERT INTO events (job, sequence, event, kind) VALUES (?, ?, ?, ?)",
+           {change->record.number(), change->events.back().sequence(), SqlBytes{bytes}, std::int64_t{kind}})
+      .status();
 }
 
 absl::Status JobTransaction::Announce(JobChange* change, bool taken_over) {
@@ -219,9 +404,9 @@ absl::Status JobTransaction::Announce(JobChange* change, bool taken_over) {
 
 absl::Status JobTransaction::Act(JobAction action, JobChange* change, bool taken_over) {
   v1::Job* job = change->record.mutable_job();
-  PLANISH_RETURN_IF_ERROR(Advance(action, context_->now, job));
-  if (job->state() == v1::JOB_STATE_SUCCEEDED && context_->retained_time < absl::InfiniteDuration()) {
-    *job->mutable_expire_time() = ToTimestamp(context_->now + context_->retained_time);
+  PLANISH_RETURN_IF_ERROR(Advance(action, context_.now, job));
+  if (job->state() == v1::JOB_STATE_SUCCEEDED && context_.retained_time < absl::InfiniteDuration()) {
+    *job->mutable_expire_time() = ToTimestamp(context_.now + context_.retained_time);
   }
   if (IsTerminal(job->state())) change->record.clear_owner();
   return Announce(change, taken_over);
@@ -245,10 +430,34 @@ absl::StatusOr<bool> JobTransaction::EndIfWanted(JobChange* change, bool taken_o
   return true;
 }
 
-absl::Status JobTransaction::Requeue(JobRow* row, JobChange* change, bool taken_over) {
+absl::Status JobTransaction::Requeue(JobChange* change, bool taken_over) {
   change->record.clear_owner();
-  row->lease_until = 0;
   return Act(JobAction::kRequeue, change, taken_over);
+}
+
+absl::Status JobTransaction::EndEarly(const LockedWork& work, EarlyEnd why, bool forget, JobChange* change) {
+  JobRecord& record = change->record;
+  if (IsEndWanted(record)) return absl::OkStatus();
+  if (forget) record.clear_request_id();
+  if (why == EarlyEnd::kCancel) {
+    record.mutable_job()->set_cancel_requested(true);
+  } else {
+    record.set_timed_out(true);
+  }
+  // The worker has to answer first, if it works for nobody else.
+  if (IsLeased(record) && work.Size() == 1) {
+    const bool runs = record.job().state() == v1::JOB_STATE_RUNNING;
+    return runs ? Act(JobAction::kCancel, change) : absl::OkStatus();
+  }
+  return EndIfWanted(change).status();
+}
+
+absl::Status JobTransaction::Stop(JobChange* change) {
+  v1::Job* job = change->record.mutable_job();
+  if (job->stop_requested()) return absl::OkStatus();
+  job->set_stop_requested(true);
+  if (job->state() == v1::JOB_STATE_RUNNING) return Act(JobAction::kStop, change);
+  return Announce(change);
 }
 
 absl::Status JobTransaction::Start(const Lease& lease, JobChange* change) {

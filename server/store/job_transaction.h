@@ -1,7 +1,9 @@
 // What the verbs of SqlJobStore are made of: rows that are read, changed and written within one transaction.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,57 +16,107 @@
 #include "server/store/job_store.h"
 #include "server/store/lifecycle.h"
 #include "server/store/sql.h"
+#include "server/store/work_rows.h"
 
 namespace planish {
 
-// What a record does not hold of a job's row.
+// What a job does to its work, whatever becomes of its record in memory.
+struct JobStanding {
+  bool ended = false;
+  bool leased = false;      // RUNNING or STOPPING
+  bool end_wanted = false;  // cancelled, or out of time
+  bool stop_requested = false;
+  bool alone = false;  // lost with a server before, and has one attempt left
+  std::int64_t number = 0;
+  std::int64_t turn_time = 0;
+};
+
+// A job's row as it was read; `record` may be moved from.
 struct JobRow {
   JobRecord record;
-  std::int64_t lease_until = 0;  // nanoseconds since 1970
-  bool had_request_id = false;   // when it was read
+  JobStanding standing;         // of the record as it was read or saved last
+  bool had_request_id = false;  // when it was read
+  std::int64_t due = 0;         // likewise
+  std::int64_t result_bytes = 0;  // likewise: TenantAccount::result_bytes
+};
+
+// Work that nobody else changes before the transaction ends, and all of its jobs that have not ended, in the order they
+// came.
+struct LockedWork {
+  WorkRow before;  // as it is in the database
+  WorkRow row;
+  std::vector<JobRow> jobs;
+
+  // Of its jobs that have not ended.
+  std::int64_t Size() const;
 };
 
 // What a SELECT of jobs returns for JobRowsOf(); NULL in place of `report` leaves that out.
-inline constexpr char kJobColumns[] = "number, lease_until, record, report";
-inline constexpr char kLeanJobColumns[] = "number, lease_until, record, NULL";
+inline constexpr char kJobColumns[] = "number, due, record, report";
+inline constexpr char kLeanJobColumns[] = "number, due, record, NULL";
 
 absl::StatusOr<std::vector<JobRow>> JobRowsOf(const SqlRows& rows);
-absl::StatusOr<std::vector<v1::JobEvent>> EventsOf(const SqlRows& rows);
+// Of rows with kind and event, those with greater sequences than `after`.
+absl::StatusOr<std::vector<v1::JobEvent>> EventsOf(const SqlRows& rows, std::int64_t after);
 
 // Whether an attempt at the job's work is under way.
 inline bool IsLeased(const JobRecord& record) {
   return record.job().state() == v1::JOB_STATE_RUNNING || record.job().state() == v1::JOB_STATE_STOPPING;
 }
 
+// Whether the job is to end without a result.
+inline bool IsEndWanted(const JobRecord& record) {
+  return record.timed_out() || record.job().cancel_requested();
+}
+
+// Nanoseconds since 1970 by the clock of leases, which the connection may be asked for.
+using LeaseClock = std::function<absl::StatusOr<std::int64_t>(SqlConnection*)>;
+
 // Not thread-safe; lives as long as the transaction. Errors as of SqlConnection.
 class JobTransaction {
  public:
-  // Both outlive the object. `context` may be null for what makes no events.
-  JobTransaction(SqlConnection* connection, const VerbContext* context) : sql_(*connection), context_(context) {}
+  // All outlive the object.
+  JobTransaction(SqlConnection* connection, const VerbContext* context, const LeaseClock* clock)
+      : sql_(*connection), context_(*context), clock_(*clock) {}
 
   SqlConnection& sql() { return sql_; }
+  const VerbContext& context() const { return context_; }
+  AccountChanges& accounts() { return accounts_; }
+  // What becomes known when the transaction is committed.
+  StoreNews& news() { return news_; }
+
+  // By the clock of leases, once for the whole transaction.
+  absl::StatusOr<std::int64_t> LeaseNow();
 
   // The job, which ended or whose work is not locked; NOT_FOUND with JOB_NOT_FOUND.
   absl::StatusOr<JobRow> Find(const std::string& name);
 
-  // All jobs of the work that have not ended, in the order they came; until the end of the transaction nobody else
-  // changes them or adds one. Without `wait` none if somebody else has locked the work.
-  absl::StatusOr<std::vector<JobRow>> LockWork(const std::string& work, bool wait = true);
+  // Empty: the work has ended, or, without `wait`, somebody else has locked it.
+  absl::StatusOr<std::optional<LockedWork>> LockWork(const std::string& work, bool wait = true);
+  // Likewise, of work whose row is locked.
+  absl::StatusOr<LockedWork> LoadJobs(WorkRow row);
 
   // LockWork() of the job's work, and where the job is in it; no place: it ended, and is the only row.
   struct Locked {
-    std::vector<JobRow> rows;
+    LockedWork work;
     std::optional<std::size_t> place;
 
-    JobRow& row() { return rows[place.value_or(0)]; }
+    JobRow& row() { return work.jobs[place.value_or(0)]; }
   };
   absl::StatusOr<Locked> LockJob(const std::string& name);
 
+  // Writes what has become of the work when all its jobs are saved: it waits, runs, or is gone. Its lease is what
+  // `work->row` says, as long as one of its jobs is leased.
+  absl::Status Settle(LockedWork* work);
+  // Work that a job just inserted brings.
+  absl::Status AddWork(const JobRow& job, absl::Duration run_time);
+  // Everything that comes last.
+  absl::Status Flush();
+
   // Adds a job with its labels and gives it its number; false if its name or request id is taken.
-  absl::StatusOr<bool> Insert(JobRow* row, absl::Time turn);
-  // Writes the record, and otherwise `row`, of a job that is there. Its end and the loss of its request id are for
-  // good.
-  absl::Status Save(const JobRow& row, JobRecord* record);
+  absl::StatusOr<bool> Insert(JobRow* row);
+  // Writes the record of a job that is there. Its end and the loss of its request id are for good.
+  absl::Status Save(JobRow* row, JobRecord* record);
   absl::Status PutBlobs(const std::vector<BlobRow>& blobs);
 
   // Changes the record by Advance() and adds the event to it, or one that says what the record says now. INTERNAL where
@@ -82,13 +134,32 @@ class JobTransaction {
   // A job that was to end anyway ends, CANCELLED or FAILED with DEADLINE_EXCEEDED: whether it was one.
   absl::StatusOr<bool> EndIfWanted(JobChange* change, bool taken_over = false);
   // An attempt is over without a result: nobody has the job's work any more.
-  absl::Status Requeue(JobRow* row, JobChange* change, bool taken_over = false);
+  absl::Status Requeue(JobChange* change, bool taken_over = false);
+  // JobStore::EndEarly and RequestStop of a job of locked work.
+  absl::Status EndEarly(const LockedWork& work, EarlyEnd why, bool forget, JobChange* change);
+  absl::Status Stop(JobChange* change);
   // An attempt at the job's work begins.
   absl::Status Start(const Lease& lease, JobChange* change);
 
  private:
+  void Account(const JobRow& row, const JobRecord& record);
+
   SqlConnection& sql_;
-  const VerbContext* const context_;
+  const VerbContext& context_;
+  const LeaseClock& clock_;
+  std::optional<std::int64_t> now_;
+  AccountChanges accounts_;
+  StoreNews news_;
 };
+
+// When the job is to be ended or stopped; the infinite future: never.
+struct JobLimitTimes {
+  absl::Time callers = absl::InfiniteFuture();  // nobody waits for it any more
+  absl::Time timeout = absl::InfiniteFuture();  // Scheduling.timeout
+  absl::Time budget = absl::InfiniteFuture();   // Scheduling.compute_budget
+
+  absl::Time First() const { return std::min({callers, timeout, budget}); }
+};
+JobLimitTimes LimitTimesOf(const JobRecord& record);
 
 }  // namespace planish

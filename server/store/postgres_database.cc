@@ -14,7 +14,9 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/store/ids.h"
+#include "server/store/postgres_channel.h"
 #include "server/store/sql.h"
+#include "server/store/work_schema.h"
 
 namespace planish {
 namespace {
@@ -80,6 +82,15 @@ constexpr const char* kPostgresMigrations[] = {
         PRIMARY KEY (job, key)
       );
     )sql",
+    kWorkMigration,
+    // Collations as above; room for rows that are written again and again.
+    R"sql(
+      ALTER TABLE works ALTER COLUMN name TYPE TEXT COLLATE "C", ALTER COLUMN tenant TYPE TEXT COLLATE "C",
+        ALTER COLUMN owner TYPE TEXT COLLATE "C";
+      ALTER TABLE tenants ALTER COLUMN tenant TYPE TEXT COLLATE "C";
+      ALTER TABLE works SET (fillfactor = 70);
+      ALTER TABLE tenants SET (fillfactor = 50);
+    )sql",
 };
 constexpr std::int64_t kPostgresVersion = std::size(kPostgresMigrations);
 
@@ -101,6 +112,7 @@ std::string PostgresWord(std::string_view word) {
   if (word == "lock") return "FOR UPDATE";
   if (word == "skip") return "FOR UPDATE SKIP LOCKED";
   if (word == "next_number") return "nextval('job_numbers')";
+  if (word == "slot") return "(pg_backend_pid() % 16)";
   if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
   return "";
 }
@@ -319,6 +331,12 @@ class PostgresDatabase : public SqlDatabase {
     });
   }
 
+  void Publish(std::string_view message) override {
+    if (channel_ != nullptr) channel_->Publish(message);
+  }
+  void Listen(std::function<void(std::string_view message)> listener) override {
+    channel_ = std::make_unique<PostgresChannel>(options_.url, std::move(listener));
+  }
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return true; }
   bool outlives_process() const override { return true; }
@@ -364,7 +382,8 @@ class PostgresDatabase : public SqlDatabase {
   }
 
   const PostgresOptions options_;
-  std::string id_;  // constant after SetUp()
+  std::string id_;                            // constant after SetUp()
+  std::unique_ptr<PostgresChannel> channel_;  // constant after Listen()
 
   std::mutex mutex_;
   std::condition_variable given_back_;

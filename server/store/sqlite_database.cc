@@ -12,6 +12,7 @@
 #include "server/store/ids.h"
 #include "server/store/sql.h"
 #include "server/store/sqlite.h"
+#include "server/store/work_schema.h"
 
 namespace planish {
 namespace {
@@ -125,6 +126,7 @@ constexpr const char* kMigrations[] = {
       DROP INDEX jobs_by_uv;
       CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1;
     )sql",
+    kWorkMigration,
 };
 constexpr std::int64_t kVersion = std::size(kMigrations);
 constexpr std::int64_t kWithoutCreateTimes = 3;  // the last version
@@ -143,6 +145,7 @@ constexpr std::size_t kMostStatements = 200;
 
 std::string SqliteWord(std::string_view word) {
   if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs)";
+  if (word == "slot") return "0";
   return "";  // a writer has the database to itself
 }
 
@@ -311,6 +314,8 @@ class SqliteDatabase : public SqlDatabase {
     return Lease(reads ? reader_.get() : writer_.get(), [&mutex](SqlConnection*) { mutex.unlock(); });
   }
 
+  void Publish(std::string_view) override {}
+  void Listen(std::function<void(std::string_view)>) override {}
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return false; }
   bool outlives_process() const override { return reader_ != nullptr; }

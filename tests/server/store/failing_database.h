@@ -78,6 +78,10 @@ class FailingDatabase : public SqlDatabase {
       inner->reset();
     });
   }
+  void Publish(std::string_view message) override { database_->Publish(message); }
+  void Listen(std::function<void(std::string_view message)> listener) override {
+    database_->Listen(std::move(listener));
+  }
   const std::string& id() const override { return database_->id(); }
   bool has_clock() const override { return database_->has_clock(); }
   bool outlives_process() const override { return database_->outlives_process(); }

@@ -45,6 +45,21 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
   Lease lease;
   std::string work;
   const auto add = [&] { Add(work); };
+  int first = 900;
+  const auto add_first = [&] {  // before all that wait
+    NewJob job = Job(work);
+    job.record.mutable_job()->mutable_create_time()->set_seconds(--first);
+    Accept(job);
+  };
+  const auto add_attached = [&] {
+    NewJob job = Job(work);
+    job.record.set_attached(true);
+    Accept(job);
+  };
+  const auto add_overdue = [&] {
+    add_attached();
+    ASSERT_TRUE(store_->SetCallersUntil({"jobs/" + work}, context_.now).ok());
+  };
   const auto run = [&] {
     Add(work);
     lease = Claim("a", "jobs/" + work);
@@ -81,6 +96,15 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
       {"Detach", add, [&] { return store_->Detach(name()).status(); }, v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
       {"ReserveSequences", add, [&] { return store_->ReserveSequences(context_, name(), 10).status(); },
        v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
+      {"ClaimNext", add_first,
+       [&] {
+         return store_->Claim(context_, {"a", absl::Seconds(10), 1, 0, ""}).status();
+       },
+       v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING},
+      {"SetCallersUntil", add_attached, [&] { return store_->SetCallersUntil({name()}, context_.now); },
+       v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
+      {"EndOverdue", add_overdue, [&] { return store_->EndOverdue(context_, 10).status(); }, v1::JOB_STATE_QUEUED,
+       v1::JOB_STATE_CANCELLED},
       {"Expire", end, [&] { return store_->Expire(context_, name()).status(); }, v1::JOB_STATE_SUCCEEDED,
        v1::JOB_STATE_EXPIRED},
       {"Delete", end, [&] { return store_->Delete(name()); }, v1::JOB_STATE_SUCCEEDED, kNone},

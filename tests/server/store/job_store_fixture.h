@@ -69,7 +69,14 @@ class JobStoreTest : public ::testing::TestWithParam<Engine> {
     described->set_memory_bytes(100);
     job.record.set_work_key(key.empty() ? "key of " + name : key);
     job.record.set_mesh_sha256("mesh of " + job.record.work_key());
-    job.turn = absl::FromUnixSeconds(1000);
+    described->mutable_create_time()->set_seconds(1000);
+    return job;
+  }
+
+  static NewJob JobOf(const std::string& tenant, const std::string& name) {
+    NewJob job = Job(name);
+    job.record.mutable_job()->set_tenant(tenant);
+    job.run_time = absl::Seconds(10);
     return job;
   }
 
@@ -84,7 +91,7 @@ class JobStoreTest : public ::testing::TestWithParam<Engine> {
 
   // The lease of whatever is next; a work "" if there is nothing.
   Lease Claim(const std::string& owner = "a", const std::string& work = "") {
-    ClaimRequest request = {owner, absl::Seconds(10), 1, 0, work};
+    ClaimRequest request = {owner, absl::Seconds(10), 1, 0, work, nullptr};
     absl::StatusOr<std::vector<ClaimedWork>> claimed = store_->Claim(context_, request);
     EXPECT_TRUE(claimed.ok()) << claimed.status();
     return claimed.ok() && !claimed->empty() ? claimed->front().lease : Lease();

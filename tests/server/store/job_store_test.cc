@@ -111,7 +111,7 @@ TEST_P(JobStoreTest, NobodyJoinsWorkThatIsToEnd) {
 TEST_P(JobStoreTest, WorkIsClaimedInItsOrderAndOnce) {
   for (const char* name : {"1", "2", "3"}) {
     NewJob job = Job(name);
-    job.turn = absl::FromUnixSeconds(*name == '3' ? 10 : 20);
+    job.record.mutable_job()->mutable_create_time()->set_seconds(*name == '3' ? 10 : 20);
     Accept(job);
   }
   EXPECT_EQ(Claim().work, "jobs/3");
@@ -124,19 +124,6 @@ TEST_P(JobStoreTest, WorkIsClaimedInItsOrderAndOnce) {
   EXPECT_THAT(*store_->Claim(context_, request), IsEmpty());
   EXPECT_EQ(History("jobs/2"), "1 QUEUED, 2 RUNNING");
   EXPECT_EQ(Find("jobs/2").job().attempts(), 1);
-}
-
-TEST_P(JobStoreTest, WhatNeedsMoreMemoryIsNotPassedBy) {
-  NewJob large = Job("large");
-  large.record.mutable_job()->set_memory_bytes(1000);
-  Add("1");
-  Accept(large);
-  Add("2");
-  ClaimRequest request = {"a", absl::Seconds(10), 5, 500, ""};
-  EXPECT_THAT(*store_->Claim(context_, request), SizeIs(1));
-  EXPECT_THAT(*store_->Claim(context_, request), IsEmpty()) << "the large one waits for room, and others for it";
-  request.memory_bytes = 1000;
-  EXPECT_EQ(store_->Claim(context_, request)->at(0).lease.work, "jobs/large");
 }
 
 // ---- leases

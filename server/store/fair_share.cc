@@ -1,0 +1,93 @@
+#include "server/store/fair_share.h"
+
+#include <algorithm>
+
+#include "server/access/fair_part.h"
+
+namespace planish {
+namespace {
+
+// What a class of priority is worth in time of waiting.
+constexpr absl::Duration kPriorityStep = absl::Minutes(10);
+
+// What work costs its tenant at least: where nothing is known of what it takes, each piece counts as much as any other.
+constexpr absl::Duration kLeastCost = absl::Milliseconds(10);
+
+std::int64_t OverShare(double nanoseconds, double share) {
+  return static_cast<std::int64_t>(nanoseconds / share);
+}
+
+// What the work that runs took so far.
+double Elapsed(const TenantAccount& account, absl::Time now) {
+  const double milliseconds =
+      static_cast<double>(account.running) * static_cast<double>(absl::ToUnixMillis(now)) -
+      static_cast<double>(account.started);
+  return std::max(milliseconds, 0.0) * 1e6;
+}
+
+}  // namespace
+
+absl::Time QueueTime(absl::Time create_time, v1::Priority priority) {
+  if (priority == v1::PRIORITY_HIGH) return create_time - kPriorityStep;
+  if (priority == v1::PRIORITY_LOW) return create_time + kPriorityStep;
+  return create_time;
+}
+
+TenantAccount& TenantAccount::operator+=(const TenantAccount& other) {
+  waiting += other.waiting;
+  waiting_bytes += other.waiting_bytes;
+  running += other.running;
+  started += other.started;
+  charged += other.charged;
+  received += other.received;
+  ended += other.ended;
+  result_bytes += other.result_bytes;
+  return *this;
+}
+
+std::int64_t ReceivedBy(const TenantAccount& account, double share, absl::Time now) {
+  return account.received + OverShare(Elapsed(account, now), share);
+}
+
+std::int64_t StartOf(const TenantAccount& account, double share, absl::Time now) {
+  return account.received + std::max(OverShare(Elapsed(account, now), share), account.charged);
+}
+
+std::int64_t ChargeFor(absl::Duration run_time, double share) {
+  return OverShare(absl::ToDoubleNanoseconds(std::max(run_time, kLeastCost)), share);
+}
+
+std::int64_t SettledFor(absl::Duration elapsed, double share) {
+  return ChargeFor(elapsed, share);
+}
+
+double ShareOf(const TenantLimits& limits) {
+  return limits.share > 0 ? limits.share : 1;
+}
+
+bool MayRunMore(const TenantLimits& limits, std::int64_t running) {
+  return limits.running < 0 || running < limits.running;
+}
+
+Room RoomFor(const FairAccounts& accounts, const QueueLimits& limits, const std::string& tenant, std::int64_t bytes) {
+  TenantAccount all, own;
+  std::int64_t among = 0;  // tenants that have something waiting, and this one
+  for (const auto& [name, account] : accounts.tenants) {
+    all += account;
+    if (name == tenant) own = account;
+    among += account.waiting > 0 ? 1 : 0;
+  }
+  among += own.waiting > 0 ? 0 : 1;
+  const std::int64_t idle = std::max<std::int64_t>(limits.workers - all.running, 0);
+  // What others have waiting takes idle workers first.
+  const std::int64_t idle_for_own = std::max<std::int64_t>(idle - (all.waiting - own.waiting), 0);
+  if (own.waiting >= limits.tenant_jobs + idle_for_own) return Room::kTenantFull;
+  const std::int64_t total = std::max<std::int64_t>(limits.total_jobs, among) + idle;
+  if (!HasFairPart(own.waiting, all.waiting, 1, total, among)) return Room::kServerFull;
+  if (own.waiting > 0 && !HasFairPart(own.waiting_bytes, all.waiting_bytes, bytes, limits.total_bytes, among)) {
+    return Room::kServerFull;
+  }
+  return Room::kYes;
+}
+
+}  // namespace planish

@@ -1,0 +1,114 @@
+#include "server/store/work_rows.h"
+
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+
+namespace planish {
+
+std::vector<WorkRow> WorkRowsOf(const SqlRows& rows) {
+  std::vector<WorkRow> works(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    WorkRow& work = works[i];
+    std::size_t column = 0;
+    const auto text = [&] { return rows.Bytes(i, column++); };
+    const auto integer = [&] { return rows.Int(i, column++); };
+    work.name = text();
+    work.tenant = text();
+    work.number = integer();
+    work.running = integer() != 0;
+    work.turn_time = integer();
+    work.memory_bytes = integer();
+    work.mesh_bytes = integer();
+    work.run_time = integer();
+    work.alone = integer() != 0;
+    work.wish = static_cast<Wish>(integer());
+    work.owner = text();
+    work.attempt = static_cast<int>(integer());
+    work.lease_until = integer();
+    work.start_time = integer();
+    work.charge = integer();
+    work.share = integer();
+  }
+  return works;
+}
+
+absl::Status InsertWork(SqlConnection* sql, const WorkRow& work) {
+  static const std::string statement =
+      absl::StrCat("INSERT INTO works (", kWorkColumns, ") VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  return sql
+      ->Run(statement, {std::string_view(work.name), std::string_view(work.tenant), work.number, work.running ? 1 : 0,
+                        work.turn_time, work.memory_bytes, work.mesh_bytes, work.run_time, work.alone ? 1 : 0,
+                        static_cast<std::int64_t>(work.wish), std::string_view(work.owner), work.attempt,
+                        work.lease_until, work.start_time, work.charge, work.share})
+      .status();
+}
+
+absl::Status UpdateWork(SqlConnection* sql, const WorkRow& work) {
+  return sql
+      ->Run(
+          "UPDATE works SET number = ?, running = ?, turn_time = ?, alone = ?, wish = ?, owner = ?, attempt = ?, "
+          "lease_until = ?, start_time = ?, charge = ?, share = ? WHERE name = ?",
+          {work.number, work.running ? 1 : 0, work.turn_time, work.alone ? 1 : 0, static_cast<std::int64_t>(work.wish),
+           std::string_view(work.owner), work.attempt, work.lease_until, work.start_time, work.charge, work.share,
+           std::string_view(work.name)})
+      .status();
+}
+
+absl::Status DeleteWork(SqlConnection* sql, const std::string& name) {
+  return sql->Run("DELETE FROM works WHERE name = ?", {std::string_view(name)}).status();
+}
+
+absl::Status AccountChanges::Write(SqlConnection* sql) const {
+  for (const auto& [tenant, change] : changes_) {
+    if (change == TenantAccount()) continue;
+    PLANISH_RETURN_IF_ERROR(
+        sql->Run("INSERT INTO tenants (tenant, slot, waiting, waiting_bytes, running, started, charged, received, "
+                 "ended, result_bytes) VALUES (?, {slot}, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (tenant, slot) DO UPDATE "
+                 "SET waiting = tenants.waiting + excluded.waiting, "
+                 "waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
+                 "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
+                 "charged = tenants.charged + excluded.charged, received = tenants.received + excluded.received, "
+                 "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes",
+                 {std::string_view(tenant), change.waiting, change.waiting_bytes, change.running, change.started,
+                  change.charged, change.received, change.ended, change.result_bytes})
+            .status());
+  }
+  if (virtual_time_ > 0) {
+    PLANISH_RETURN_IF_ERROR(
+        sql->Run("INSERT INTO tenants VALUES ('', {slot}, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE "
+                 "SET received = CASE WHEN excluded.received > tenants.received THEN excluded.received "
+                 "ELSE tenants.received END",
+                 {virtual_time_})
+            .status());
+  }
+  if (!work_ended_) return absl::OkStatus();
+  return sql
+      ->Run("UPDATE tenants SET received = 0 WHERE (tenant, slot) IN (SELECT tenant, slot FROM tenants "
+            "WHERE received != 0 AND NOT EXISTS (SELECT 1 FROM works) {skip})",
+            {})
+      .status();
+}
+
+absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all) {
+  static const std::string sums =
+      "SELECT tenant, CAST(sum(waiting) AS BIGINT), CAST(sum(waiting_bytes) AS BIGINT), CAST(sum(running) AS BIGINT), "
+      "CAST(sum(started) AS BIGINT), CAST(sum(charged) AS BIGINT), CAST(sum(received) AS BIGINT), "
+      "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), max(received) FROM tenants GROUP BY tenant";
+  static const std::string busy = absl::StrCat(sums, " HAVING sum(waiting) > 0 OR sum(running) > 0 OR tenant = ''");
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql->Run(all ? sums : busy, {}));
+  FairAccounts accounts;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const std::string& tenant = rows.Bytes(i, 0);
+    if (tenant.empty()) {
+      accounts.virtual_time = rows.Int(i, 9);
+      continue;
+    }
+    accounts.tenants[tenant] = {rows.Int(i, 1), rows.Int(i, 2), rows.Int(i, 3), rows.Int(i, 4),
+                                rows.Int(i, 5), rows.Int(i, 6), rows.Int(i, 7), rows.Int(i, 8)};
+  }
+  return accounts;
+}
+
+}  // namespace planish
