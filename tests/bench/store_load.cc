@@ -55,17 +55,17 @@ struct Flags {
   double sleeping_seconds = 15;  // that each of the two measurements of "machines" takes
 };
 
-std::unique_ptr<JobStore> OpenStore(const Flags& flags, int connections) {
-  absl::StatusOr<std::unique_ptr<SqlDatabase>> database = OpenPostgresDatabase({flags.url, connections});
-  if (!database.ok()) throw std::runtime_error(std::string(database.status().message()));
-  return NewJobStore(*std::move(database));
-}
-
 // A value, or the end of the program.
 template <typename T>
 T Get(absl::StatusOr<T> result) {
   if (!result.ok()) throw std::runtime_error(std::string(result.status().message()));
   return *std::move(result);
+}
+
+std::unique_ptr<JobStore> OpenStore(const Flags& flags, int connections) {
+  std::unique_ptr<JobStore> store = NewJobStore(Get(OpenPostgresDatabase({flags.url, connections})));
+  Get(store->Find(""));  // makes the first connection: not all machines at once
+  return store;
 }
 
 VerbContext Now() {
