@@ -3,8 +3,10 @@
 // starts a PostgreSQL for it. The database must be empty. Nothing is unwrapped: workers end at once what they claim.
 //
 //   "fill"     jobs a second while as many jobs as are to wait are accepted
-//   "store"    machines claim in batches, finish, renew; fronts accept as many as end; old jobs are deleted; from time to
-//              time a job of a tenant that has nothing waits for its claim
+//   "saturated"  machines claim in batches, finish, renew; fronts accept as many as end; old jobs are deleted; from time
+//              to time a job of a tenant that has nothing waits for its claim
+//   "steady"   the same with workers that take their time, so that the database has 0.6 of bare SQL's work (--load):
+//              latencies of claims are those of this one
 //   "bare"     the same rows by three transactions a job: INSERT, UPDATE, UPDATE, an event with each, and a DELETE of both
 //   "machines" jobs a second of one machine and of many whose workers sleep
 #include <libpq-fe.h>
@@ -50,6 +52,7 @@ struct Flags {
   int fronts = 16;         // threads that accept
   int jobs = 20'000;       // that are finished in one round
   int rounds = 3;
+  double load = 0.6;       // of what bare SQL takes: the jobs a second that the workers of "steady" can end
   double worker_seconds = 3;
   int sleeping_machines = 50;
   double sleeping_seconds = 15;  // that each of the two measurements of "machines" takes
@@ -213,7 +216,12 @@ struct Round {
 };
 
 void Machine(JobStore* store, const std::string& owner, int slots, double sleep, Round* round) {
-  std::vector<std::pair<Clock::time_point, Lease>> running;
+  std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner)));
+  std::uniform_real_distribution<double> jitter(0.5, 1.5);
+  const auto after = [&](double seconds) {
+    return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  };
+  std::vector<std::pair<Clock::time_point, Lease>> running;  // and when each ends
   Clock::time_point renewed = Clock::now();
   while (!round->over) {
     if (static_cast<int>(running.size()) < slots) {
@@ -225,7 +233,7 @@ void Machine(JobStore* store, const std::string& owner, int slots, double sleep,
       const std::vector<ClaimedWork> claimed = Get(store->Claim(Now(), request));
       round->claims.Add(Since(start));
       for (const ClaimedWork& work : claimed) {
-        running.emplace_back(Clock::now(), work.lease);
+        running.emplace_back(after(sleep * jitter(random)), work.lease);
         if (work.jobs[0].record.job().tenant() != "lone") continue;
         const std::lock_guard lock(round->mutex);
         const auto found = round->lone.find(work.jobs[0].record.job().name());
@@ -234,7 +242,7 @@ void Machine(JobStore* store, const std::string& owner, int slots, double sleep,
     }
     bool ended = false;
     for (std::size_t i = 0; i < running.size() && !round->over;) {
-      if (Since(running[i].first) < sleep) {
+      if (Clock::now() < running[i].first) {
         ++i;
         continue;
       }
@@ -247,7 +255,7 @@ void Machine(JobStore* store, const std::string& owner, int slots, double sleep,
     }
     if (Since(renewed) > 5 && !running.empty()) {
       std::vector<Lease> leases;
-      for (const auto& [begun, lease] : running) leases.push_back(lease);
+      for (const auto& [end, lease] : running) leases.push_back(lease);
       Get(store->Renew(leases, absl::Seconds(30)));
       renewed = Clock::now();
     }
@@ -256,15 +264,18 @@ void Machine(JobStore* store, const std::string& owner, int slots, double sleep,
   Get(store->Release(Now(), owner));
 }
 
-nlohmann::json Store(const Flags& flags) {
+// Workers take `sleep` seconds a job, more or less.
+nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, int jobs) {
   Round round;
   std::vector<std::unique_ptr<JobStore>> stores;
   for (int i = 0; i < flags.machines; ++i) stores.push_back(OpenStore(flags, 1));
   const std::unique_ptr<JobStore> front = OpenStore(flags, flags.fronts + 2);
-  const Clock::time_point start = Clock::now();
   Crowd crowd;
   for (int i = 0; i < flags.machines; ++i) {
-    crowd.Add([&, i] { Machine(stores[std::size_t(i)].get(), absl::StrCat("machine", i), flags.slots, 0, &round); });
+    crowd.Add([&, i] {
+      std::this_thread::sleep_for(std::chrono::duration<double>(sleep * i / flags.machines));  // not all at once
+      Machine(stores[std::size_t(i)].get(), absl::StrCat("machine", i), flags.slots, sleep, &round);
+    });
   }
   for (int i = 0; i < flags.fronts; ++i) {
     crowd.Add([&] {
@@ -304,12 +315,17 @@ nlohmann::json Store(const Flags& flags) {
       ++deleted;
     }
   });
-  while (round.finished < flags.jobs) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  // From when all machines are at it.
+  std::this_thread::sleep_for(std::chrono::duration<double>(2 * sleep));
+  const int before = round.finished;
+  const Clock::time_point start = Clock::now();
+  while (round.finished < before + jobs) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   const double seconds = Since(start);
-  const int finished = round.finished;
+  const int finished = round.finished - before;
   round.over = true;
   crowd.Join();
-  return {{"bench", "store"},
+  return {{"bench", name},
+          {"worker_seconds", sleep},
           {"machines", flags.machines},
           {"slots", flags.slots},
           {"waiting", flags.waiting},
@@ -429,6 +445,9 @@ int Main(int argc, char** argv) {
   app.add_option("--waiting", flags.waiting, "jobs that wait")->check(CLI::NonNegativeNumber)->capture_default_str();
   app.add_option("--jobs", flags.jobs, "that end in a round")->check(CLI::PositiveNumber)->capture_default_str();
   app.add_option("--rounds", flags.rounds)->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--load", flags.load, "of bare SQL's jobs a second, what the workers of \"steady\" can end")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
   app.add_option("--sleeping-machines", flags.sleeping_machines, "of \"machines\"; 0: leave it out")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
@@ -439,8 +458,11 @@ int Main(int argc, char** argv) {
   };
   Fill(flags, flags.waiting);
   for (int i = 0; i < flags.rounds; ++i) {
-    print(Bare(flags));
-    print(Store(flags));
+    const nlohmann::json bare = Bare(flags);
+    print(bare);
+    print(Store(flags, "saturated", 0, flags.jobs));
+    const double offered = flags.load * bare["jobs_per_second"].get<double>();
+    print(Store(flags, "steady", flags.machines * flags.slots / offered, flags.jobs));
   }
   if (flags.sleeping_machines > 0) print(Machines(flags));
   return 0;
