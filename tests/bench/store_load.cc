@@ -1,0 +1,481 @@
+// planish_store_load URL [flags]: how many jobs a second one PostgreSQL takes from Accept() to Finish(), beside bare SQL
+// that writes the same rows in as many transactions; one JSON object per measurement on stdout. `tests/bench/run.sh farm`
+// starts a PostgreSQL for it. The database must be empty. Nothing is unwrapped: workers end at once what they claim.
+//
+//   "fill"     jobs a second while as many jobs as are to wait are accepted
+//   "saturated"  machines claim in batches, finish, renew; fronts accept as many as end; old jobs are deleted; from time
+//              to time a job of a tenant that has nothing waits for its claim
+//   "steady"   the same with workers that take their time, so that the database has 0.6 of bare SQL's work (--load):
+//              latencies of claims are those of this one
+//   "bare"     the same rows by three transactions a job: INSERT, UPDATE, UPDATE, an event with each, and a DELETE of both
+//   "machines" jobs a second of one machine and of many whose workers sleep
+#include <libpq-fe.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "CLI/CLI.hpp"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "nlohmann/json.hpp"
+#include "server/store/lifecycle.h"
+#include "server/store/ids.h"
+#include "server/store/job_store.h"
+
+namespace planish::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double Since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+struct Flags {
+  std::string url;
+  int machines = 200;
+  int slots = 16;          // workers of a machine
+  int waiting = 100'000;   // jobs that wait all the time
+  int tenants = 20;
+  int fronts = 16;         // threads that accept
+  int jobs = 20'000;       // that are finished in one round
+  int rounds = 3;
+  double load = 0.6;       // of what bare SQL takes: the jobs a second that the workers of "steady" can end
+  double worker_seconds = 3;
+  int sleeping_machines = 50;
+  double sleeping_seconds = 15;  // that each of the two measurements of "machines" takes
+};
+
+// A value, or the end of the program.
+template <typename T>
+T Get(absl::StatusOr<T> result) {
+  if (!result.ok()) throw std::runtime_error(std::string(result.status().message()));
+  return *std::move(result);
+}
+
+std::unique_ptr<JobStore> OpenStore(const Flags& flags, int connections) {
+  std::unique_ptr<JobStore> store = NewJobStore(Get(OpenPostgresDatabase({flags.url, connections})));
+  Get(store->Find(""));  // makes the first connection: not all machines at once
+  return store;
+}
+
+VerbContext Now() {
+  VerbContext context;
+  context.now = absl::Now();
+  return context;
+}
+
+// About what a real record has.
+NewJob MakeJob(const std::string& tenant) {
+  NewJob job;
+  v1::Job* const described = job.record.mutable_job();
+  described->set_name("jobs/" + RandomId());
+  described->set_state(v1::JOB_STATE_QUEUED);
+  described->set_tenant(tenant);
+  described->set_memory_bytes(100 << 20);
+  described->set_mesh_bytes(100'000);
+  (*described->mutable_labels())["asset"] = "crate";
+  job.record.set_request_id(RandomId());
+  job.record.set_work_key("key of " + described->name());
+  job.record.set_mesh_sha256(described->name().substr(0, 32));
+  job.record.set_reserved_sequence(1024);
+  job.turn = absl::Now();
+  *described->mutable_create_time() = ToTimestamp(job.turn);
+  return job;
+}
+
+AttemptOutcome Success() {
+  AttemptOutcome outcome;
+  v1::Report* const report = &outcome.report;
+  report->mutable_input()->set_triangles(20'000);
+  for (int i = 0; i < 20; ++i) report->add_charts()->set_stop_message("converged after 3 Newton steps, and so on");
+  outcome.uv.set_uv_sha256(std::string(32, 'u'));
+  outcome.uv.set_total_bytes(480'000);
+  return outcome;
+}
+
+class Latencies {
+ public:
+  void Add(double seconds) {
+    const std::lock_guard lock(mutex_);
+    seconds_.push_back(seconds);
+  }
+  double At(double part) {
+    const std::lock_guard lock(mutex_);
+    if (seconds_.empty()) return 0;
+    std::sort(seconds_.begin(), seconds_.end());
+    return seconds_[std::min(seconds_.size() - 1, static_cast<std::size_t>(part * double(seconds_.size())))];
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<double> seconds_;
+};
+
+// Threads whose first error ends the program.
+class Crowd {
+ public:
+  ~Crowd() { Join(); }
+  void Add(std::function<void()> body) {
+    threads_.emplace_back([body = std::move(body)] {
+      try {
+        body();
+      } catch (const std::exception& error) {
+        std::fprintf(stderr, "planish_store_load: %s\n", error.what());
+        std::_Exit(1);
+      }
+    });
+  }
+  void Join() {
+    for (std::thread& thread : threads_) thread.join();
+    threads_.clear();
+  }
+
+ private:
+  std::vector<std::thread> threads_;
+};
+
+// libpq by itself: bare SQL, and questions about the database.
+class Connection {
+ public:
+  explicit Connection(const std::string& url) : connection_(PQconnectdb(url.c_str()), PQfinish) {
+    if (PQstatus(connection_.get()) != CONNECTION_OK) throw std::runtime_error(PQerrorMessage(connection_.get()));
+  }
+
+  std::string Run(const std::string& sql) { return Check(PQexec(connection_.get(), sql.c_str())); }
+
+  void Prepare(const std::string& name, const std::string& sql) {
+    Check(PQprepare(connection_.get(), name.c_str(), sql.c_str(), 0, nullptr));
+  }
+
+  std::string Run(const std::string& name, const std::vector<std::string>& values) {
+    std::vector<const char*> pointers;
+    for (const std::string& value : values) pointers.push_back(value.c_str());
+    return Check(PQexecPrepared(connection_.get(), name.c_str(), static_cast<int>(values.size()), pointers.data(),
+                                nullptr, nullptr, 0));
+  }
+
+ private:
+  std::string Check(PGresult* raw) {
+    const std::unique_ptr<PGresult, decltype(&PQclear)> result(raw, PQclear);
+    const ExecStatusType status = PQresultStatus(raw);
+    if (status != PGRES_COMMAND_OK && status != PGRES_TUPLES_OK) {
+      throw std::runtime_error(PQerrorMessage(connection_.get()));
+    }
+    return status == PGRES_TUPLES_OK && PQntuples(raw) > 0 ? PQgetvalue(raw, 0, 0) : "";
+  }
+
+  std::unique_ptr<PGconn, decltype(&PQfinish)> connection_;
+};
+
+std::int64_t DatabaseBytes(const Flags& flags) {
+  return std::stoll(Connection(flags.url).Run("SELECT pg_database_size(current_database())"));
+}
+
+std::string Tenant(int number) {
+  return absl::StrCat("tenant", number);
+}
+
+void Fill(const Flags& flags, int jobs) {
+  const Clock::time_point start = Clock::now();
+  std::atomic<int> left = jobs;
+  {
+    Crowd crowd;
+    const std::shared_ptr<JobStore> store = OpenStore(flags, flags.fronts);
+    for (int i = 0; i < flags.fronts; ++i) {
+      crowd.Add([&left, &flags, store] {
+        for (int n; (n = --left) >= 0;) Get(store->Accept(Now(), MakeJob(Tenant(n % flags.tenants))));
+      });
+    }
+  }
+  const double seconds = Since(start);
+  std::printf("%s\n", nlohmann::json({{"bench", "fill"}, {"jobs", jobs}, {"jobs_per_second", jobs / seconds}}).dump().c_str());
+  std::fflush(stdout);
+}
+
+// What a machine does until `done` jobs have ended in all, or for ever: claims what its free workers may take, and ends
+// it after `sleep`.
+struct Round {
+  std::atomic<int> finished = 0, accepted = 0;
+  std::atomic<bool> over = false;
+  Latencies claims, finishes, lone_starts;
+  std::mutex mutex;
+  std::map<std::string, Clock::time_point> lone;  // jobs of the tenant that has no others
+};
+
+void Machine(JobStore* store, const std::string& owner, int slots, double sleep, Round* round) {
+  std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner)));
+  std::uniform_real_distribution<double> jitter(0.5, 1.5);
+  const auto after = [&](double seconds) {
+    return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  };
+  std::vector<std::pair<Clock::time_point, Lease>> running;  // and when each ends
+  Clock::time_point renewed = Clock::now();
+  while (!round->over) {
+    if (static_cast<int>(running.size()) < slots) {
+      ClaimRequest request;
+      request.owner = owner;
+      request.lease = absl::Seconds(30);
+      request.most = slots - static_cast<int>(running.size());
+      const Clock::time_point start = Clock::now();
+      const std::vector<ClaimedWork> claimed = Get(store->Claim(Now(), request));
+      round->claims.Add(Since(start));
+      for (const ClaimedWork& work : claimed) {
+        running.emplace_back(after(sleep * jitter(random)), work.lease);
+        if (work.jobs[0].record.job().tenant() != "lone") continue;
+        const std::lock_guard lock(round->mutex);
+        const auto found = round->lone.find(work.jobs[0].record.job().name());
+        if (found != round->lone.end()) round->lone_starts.Add(Since(found->second));  // not one of an earlier round
+      }
+    }
+    bool ended = false;
+    for (std::size_t i = 0; i < running.size() && !round->over;) {
+      if (Clock::now() < running[i].first) {
+        ++i;
+        continue;
+      }
+      const Clock::time_point start = Clock::now();
+      Get(store->Finish(Now(), running[i].second, Success()));
+      round->finishes.Add(Since(start));
+      ++round->finished;
+      running.erase(running.begin() + static_cast<std::ptrdiff_t>(i));
+      ended = true;
+    }
+    if (Since(renewed) > 5 && !running.empty()) {
+      std::vector<Lease> leases;
+      for (const auto& [end, lease] : running) leases.push_back(lease);
+      Get(store->Renew(leases, absl::Seconds(30)));
+      renewed = Clock::now();
+    }
+    if (!ended) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  Get(store->Release(Now(), owner));
+}
+
+// Workers take `sleep` seconds a job, more or less.
+nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, int jobs) {
+  Round round;
+  std::vector<std::unique_ptr<JobStore>> stores;
+  for (int i = 0; i < flags.machines; ++i) stores.push_back(OpenStore(flags, 1));
+  const std::unique_ptr<JobStore> front = OpenStore(flags, flags.fronts + 2);
+  Crowd crowd;
+  for (int i = 0; i < flags.machines; ++i) {
+    crowd.Add([&, i] {
+      std::this_thread::sleep_for(std::chrono::duration<double>(sleep * i / flags.machines));  // not all at once
+      Machine(stores[std::size_t(i)].get(), absl::StrCat("machine", i), flags.slots, sleep, &round);
+    });
+  }
+  for (int i = 0; i < flags.fronts; ++i) {
+    crowd.Add([&] {
+      while (!round.over) {
+        if (round.accepted >= round.finished) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(2));
+          continue;
+        }
+        const int n = ++round.accepted;
+        Get(front->Accept(Now(), MakeJob(Tenant(n % flags.tenants))));
+      }
+    });
+  }
+  crowd.Add([&] {
+    while (!round.over) {
+      const NewJob job = MakeJob("lone");
+      {
+        const std::lock_guard lock(round.mutex);
+        round.lone[job.record.job().name()] = Clock::now();
+      }
+      Get(front->Accept(Now(), job));
+      std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    }
+  });
+  // Retention: as many jobs go as end.
+  std::atomic<int> deleted = 0;
+  crowd.Add([&] {
+    while (!round.over) {
+      if (deleted >= round.finished) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        continue;
+      }
+      const std::optional<JobRecord> oldest = Get(front->FirstEnded("", v1::JOB_STATE_UNSPECIFIED));
+      if (!oldest.has_value()) continue;
+      const absl::Status status = front->Delete(oldest->job().name());
+      if (!status.ok()) throw std::runtime_error(std::string(status.message()));
+      ++deleted;
+    }
+  });
+  // From when all machines are at it.
+  std::this_thread::sleep_for(std::chrono::duration<double>(2 * sleep));
+  const int before = round.finished;
+  const Clock::time_point start = Clock::now();
+  while (round.finished < before + jobs) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  const double seconds = Since(start);
+  const int finished = round.finished - before;
+  round.over = true;
+  crowd.Join();
+  return {{"bench", name},
+          {"worker_seconds", sleep},
+          {"machines", flags.machines},
+          {"slots", flags.slots},
+          {"waiting", flags.waiting},
+          {"jobs", finished},
+          {"jobs_per_second", finished / seconds},
+          {"claim_p50_seconds", round.claims.At(0.5)},
+          {"claim_p99_seconds", round.claims.At(0.99)},
+          {"finish_p99_seconds", round.finishes.At(0.99)},
+          {"lone_start_max_seconds", round.lone_starts.At(1)},
+          {"database_bytes", DatabaseBytes(flags)}};
+}
+
+// The rows of a job as the store has them, by as many transactions and no more than it takes.
+nlohmann::json Bare(const Flags& flags) {
+  const NewJob example = MakeJob("tenant0");
+  const std::string record = example.record.SerializeAsString();
+  const std::string report = Success().report.SerializeAsString();
+  const auto hex = [](const std::string& bytes) {
+    static constexpr char kDigits[] = "0123456789abcdef";
+    std::string text = "\\x";
+    for (const unsigned char c : bytes) {
+      text.push_back(kDigits[c >> 4]);
+      text.push_back(kDigits[c & 15]);
+    }
+    return text;
+  };
+  Connection setup(flags.url);
+  setup.Run("DROP TABLE IF EXISTS bare_jobs, bare_events, bare_labels");
+  setup.Run("CREATE TABLE bare_jobs (LIKE jobs INCLUDING ALL)");
+  setup.Run("CREATE TABLE bare_events (LIKE events INCLUDING ALL)");
+  setup.Run("CREATE TABLE bare_labels (LIKE labels INCLUDING ALL)");
+  setup.Run("INSERT INTO bare_jobs SELECT * FROM jobs WHERE ended = 0");
+  setup.Run("ANALYZE bare_jobs");
+  std::atomic<int> left = flags.jobs;
+  const Clock::time_point start = Clock::now();
+  Crowd crowd;
+  for (int i = 0; i < flags.fronts; ++i) {
+    crowd.Add([&] {
+      Connection sql(flags.url);
+      sql.Prepare("insert",
+                  "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, "
+                  "mesh_sha256, seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, owner, attempt, "
+                  "lease_until, turn_time, memory_bytes) VALUES (nextval('job_numbers'), $1, 'tenant0', $2, 1, 0, 0, "
+                  "$3, $3, '', '', 0, $4, '', 1, $1, '', 0, 0, 1, 1) RETURNING number");
+      sql.Prepare("event", "INSERT INTO bare_events VALUES ($1, $2, $3)");
+      sql.Prepare("label", "INSERT INTO bare_labels VALUES ($1, 'asset', 'crate')");
+      sql.Prepare("start", "UPDATE bare_jobs SET state = 2, record = $2, owner = 'a', attempt = 1, lease_until = 9 "
+                           "WHERE number = $1");
+      sql.Prepare("finish", "UPDATE bare_jobs SET state = 4, record = $2, owner = '', lease_until = 0, ended = 1, "
+                            "end_time = 5, uv_sha256 = 'u', uv_bytes = 1, report = $3 WHERE number = $1");
+      for (const char* table : {"jobs", "events", "labels"}) {
+        sql.Prepare(absl::StrCat("delete ", table), absl::StrCat("DELETE FROM bare_", table, " WHERE ",
+                                                                 std::string_view(table) == "jobs" ? "number" : "job",
+                                                                 " = $1"));
+      }
+      const std::string bytes = hex(record), report_bytes = hex(report);
+      while (--left >= 0) {
+        const std::string name = "jobs/" + RandomId();
+        sql.Run("BEGIN");
+        const std::string number = sql.Run("insert", {name, RandomId(), hex(name), bytes});
+        sql.Run("label", {number});
+        sql.Run("event", {number, "1", bytes});
+        sql.Run("COMMIT");
+        sql.Run("BEGIN");
+        sql.Run("start", {number, bytes});
+        sql.Run("event", {number, "2", bytes});
+        sql.Run("COMMIT");
+        sql.Run("BEGIN");
+        sql.Run("finish", {number, bytes, report_bytes});
+        sql.Run("event", {number, "3", bytes});
+        sql.Run("COMMIT");
+        sql.Run("BEGIN; SET LOCAL synchronous_commit = off");
+        for (const char* table : {"events", "labels", "jobs"}) sql.Run(absl::StrCat("delete ", table), {number});
+        sql.Run("COMMIT");
+      }
+    });
+  }
+  crowd.Join();
+  const double seconds = Since(start);
+  return {{"bench", "bare"}, {"jobs", flags.jobs}, {"jobs_per_second", flags.jobs / seconds}};
+}
+
+nlohmann::json Machines(const Flags& flags) {
+  std::map<int, double> rate;
+  for (const int machines : {1, flags.sleeping_machines}) {
+    Round round;
+    std::vector<std::unique_ptr<JobStore>> stores;
+    for (int i = 0; i < machines; ++i) stores.push_back(OpenStore(flags, 1));
+    Crowd crowd;
+    for (int i = 0; i < machines; ++i) {
+      crowd.Add([&, i] {
+        Machine(stores[std::size_t(i)].get(), absl::StrCat("sleeper", i), flags.slots, flags.worker_seconds, &round);
+      });
+    }
+    // Whole sleeps, of which the first ends after the first.
+    const auto at = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                       std::chrono::duration<double>(flags.sleeping_seconds));
+    std::this_thread::sleep_until(at);
+    rate[machines] = round.finished / flags.sleeping_seconds;
+    round.over = true;
+    crowd.Join();
+  }
+  return {{"bench", "machines"},
+          {"worker_seconds", flags.worker_seconds},
+          {"machines", flags.sleeping_machines},
+          {"one", rate[1]},
+          {"many", rate[flags.sleeping_machines]},
+          {"ratio", rate[flags.sleeping_machines] / rate[1]}};
+}
+
+int Main(int argc, char** argv) {
+  Flags flags;
+  CLI::App app("How many jobs a second a PostgreSQL takes, beside bare SQL");
+  app.add_option("url", flags.url, "an empty database")->required();
+  app.add_option("--machines", flags.machines)->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--slots", flags.slots, "workers of each")->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--waiting", flags.waiting, "jobs that wait")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--jobs", flags.jobs, "that end in a round")->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--rounds", flags.rounds)->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--load", flags.load, "of bare SQL's jobs a second, what the workers of \"steady\" can end")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  app.add_option("--sleeping-machines", flags.sleeping_machines, "of \"machines\"; 0: leave it out")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  const auto print = [](const nlohmann::json& result) {
+    std::printf("%s\n", result.dump().c_str());
+    std::fflush(stdout);
+  };
+  Fill(flags, flags.waiting);
+  for (int i = 0; i < flags.rounds; ++i) {
+    const nlohmann::json bare = Bare(flags);
+    print(bare);
+    print(Store(flags, "saturated", 0, flags.jobs));
+    const double offered = flags.load * bare["jobs_per_second"].get<double>();
+    print(Store(flags, "steady", flags.machines * flags.slots / offered, flags.jobs));
+  }
+  if (flags.sleeping_machines > 0) print(Machines(flags));
+  return 0;
+}
+
+}  // namespace
+}  // namespace planish::bench
+
+int main(int argc, char** argv) {
+  try {
+    return planish::bench::Main(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "planish_store_load: %s\n", error.what());
+    return 1;
+  }
+}
