@@ -13,7 +13,7 @@ build="
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
   libeigen3-dev libopenmesh-dev libdraco-dev
   libpng-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
-  libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev"
+  libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev libcurl4-openssl-dev libexpat1-dev"
 
 # What only the tests need. PROGRAM:PACKAGE: the package, unless there is such a program already, whoever made it. Blender,
 # Node.js and kubectl are used where they are installed; tests/allowed_skips.txt says why they are not here.

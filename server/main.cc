@@ -29,7 +29,8 @@
 #include "server/flags.h"
 #include "server/front_door.h"
 #include "server/job_log.h"
-#include "server/blobs/blob_store.h"
+#include "server/blobs/blob_catalog.h"
+#include "server/blobs/directory_blobs.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
@@ -150,7 +151,7 @@ void UpdateCapabilities(const JobLimits& limits, v1::Capabilities* capabilities)
 struct Stores {
   std::optional<DataDirectory> directory;
   std::unique_ptr<JobStore> jobs;
-  std::unique_ptr<BlobStore> blobs;
+  std::unique_ptr<BlobCatalog> blobs;
   std::unique_ptr<UploadStore> uploads;
 };
 
@@ -162,9 +163,11 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSo
   const bool durable = stores.directory.has_value();
   PLANISH_ASSIGN_OR_RETURN(stores.jobs, OpenJobStore(durable ? stores.directory->jobs() : ":memory:"));
   BlobPlaces places;
-  if (durable) places.directory = stores.directory->blobs();
+  if (durable) {
+    PLANISH_ASSIGN_OR_RETURN(places.store, DirectoryBlobStore::Make({.directory = stores.directory->blobs()}));
+  }
   places.rows = stores.jobs->rows();
-  stores.blobs = std::make_unique<BlobStore>(std::move(places), flags.store_mb * kMiB, limits);
+  stores.blobs = std::make_unique<BlobCatalog>(std::move(places), flags.store_mb * kMiB, limits);
   stores.blobs->SetOnDamage([](const absl::Status& status) { LogError(status.message()); });
   PLANISH_RETURN_IF_ERROR(stores.blobs->Open());
   stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores.directory), stores.blobs.get());

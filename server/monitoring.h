@@ -15,7 +15,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "server/blobs/blob_store.h"
+#include "server/blobs/blob_catalog.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
@@ -32,7 +32,7 @@ namespace planish {
 struct WatchedServer {
   const JobManager* jobs = nullptr;
   const UploadStore* uploads = nullptr;
-  const BlobStore* blobs = nullptr;
+  const BlobCatalog* blobs = nullptr;
   const StreamCounter* streams = nullptr;
   RpcServer* rpc = nullptr;
   std::string data_dir;  // "": there is none

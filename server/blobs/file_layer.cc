@@ -54,6 +54,10 @@ int FileLayer::Remove(const std::string& path) {
   return unlink(path.c_str()) == 0 ? 0 : -errno;
 }
 
+int FileLayer::Touch(const std::string& path) {
+  return utimensat(AT_FDCWD, path.c_str(), nullptr, 0) == 0 ? 0 : -errno;
+}
+
 int FileLayer::MakeFolder(const std::string& path, bool* made) {
   const bool is_new = mkdir(path.c_str(), 0700) == 0;
   if (!is_new && errno != EEXIST) return -errno;
@@ -79,6 +83,7 @@ absl::Status FileError(const std::string& what, const std::string& path, int err
     case EAGAIN:
       return MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", message);
     case ENOENT:
+    case ESTALE:
       return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", message);
     case EIO:
       return MakeError(absl::StatusCode::kDataLoss, "BLOB_DAMAGED", message);

@@ -26,6 +26,8 @@ class FileLayer {
   virtual int Sync(int fd);
   virtual int Rename(const std::string& from, const std::string& to);
   virtual int Remove(const std::string& path);
+  // The file was modified now, by the clock of its file system.
+  virtual int Touch(const std::string& path);
   // 0 if the folder is there already, which `made` (may be null) tells.
   virtual int MakeFolder(const std::string& path, bool* made);
 
@@ -35,7 +37,7 @@ class FileLayer {
 
 // What a failed call means. `error` is an errno, positive. RESOURCE_EXHAUSTED with STORAGE_FULL (the disk or a quota is
 // full), RESOURCE_EXHAUSTED with OUT_OF_MEMORY (no descriptors or no memory: it passes), NOT_FOUND with BLOB_NOT_FOUND
-// (there is no such file), DATA_LOSS with BLOB_DAMAGED (the device cannot read it), INTERNAL.
+// (there is no such file, or another machine removed it), DATA_LOSS with BLOB_DAMAGED (the device cannot read it), INTERNAL.
 absl::Status FileError(const std::string& what, const std::string& path, int error);
 
 // Makes the names in `folder` durable. Errors of FileError().

@@ -16,37 +16,40 @@ namespace planish {
 class StoredBlob;
 using StoredBlobPtr = std::shared_ptr<const StoredBlob>;
 
-// Bytes in memory, or in a file that is read where it is asked for: never mapped, since a read of a file that somebody
-// cuts short is an error, and an access to its mapping a signal that ends the process. Whoever holds one keeps the
-// blob in its store. Thread-safe.
+// Bytes that are read where they are, piece by piece. Files are never mapped: a read of a file that somebody cuts short
+// is an error, and an access to its mapping a signal that ends the process. Thread-safe.
 class StoredBlob {
  public:
   static StoredBlobPtr InMemory(BlobPtr bytes);
-  // `files` outlives the blob; `size` is that of the file, whose bytes were verified.
+  // `files` outlives the blob; `size` is that of the file.
   static StoredBlobPtr InFile(FileLayer* files, Descriptor file, std::int64_t size);
+
+  virtual ~StoredBlob() = default;
+  StoredBlob(const StoredBlob&) = delete;
+  StoredBlob& operator=(const StoredBlob&) = delete;
 
   std::int64_t size() const { return size_; }
 
   // Replaces *bytes by those from `offset` on, `length` of them, all of which must be there. DATA_LOSS with
-  // BLOB_DAMAGED if the file has become shorter or cannot be read; other errors of FileError().
+  // BLOB_DAMAGED if there are fewer by now or they cannot be read; otherwise errors of BlobStore (blob_store.h).
   absl::Status Read(std::int64_t offset, std::int64_t length, std::string* bytes) const;
 
   // All of them. Errors of Read().
   absl::StatusOr<std::string> ReadAll() const;
 
-  // Null for a file.
-  const BlobPtr& memory() const { return memory_; }
+  // The bytes if they are in memory, otherwise null.
+  virtual const BlobPtr& memory() const;
 
   // Reads a part of a file into `bytes`. Errors of Read().
   static absl::Status ReadFile(FileLayer* files, int fd, std::int64_t offset, std::int64_t length, char* bytes);
 
- private:
-  StoredBlob(BlobPtr memory, FileLayer* files, Descriptor file, std::int64_t size)
-      : memory_(std::move(memory)), files_(files), file_(std::move(file)), size_(size) {}
+ protected:
+  explicit StoredBlob(std::int64_t size) : size_(size) {}
 
-  const BlobPtr memory_;
-  FileLayer* const files_;
-  const Descriptor file_;
+  // Replaces *bytes. The range is within the blob and not empty.
+  virtual absl::Status ReadRange(std::int64_t offset, std::int64_t length, std::string* bytes) const = 0;
+
+ private:
   const std::int64_t size_;
 };
 

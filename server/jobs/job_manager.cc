@@ -52,13 +52,13 @@ JobManager::Wakeups::~Wakeups() {
 }
 
 absl::StatusOr<std::unique_ptr<JobManager>> JobManager::Open(JobManagerOptions options, JobStore* store,
-                                                             BlobStore* blobs) {
+                                                             BlobCatalog* blobs) {
   std::unique_ptr<JobManager> manager(new JobManager(std::move(options), store, blobs));
   PLANISH_RETURN_IF_ERROR(manager->Recover());
   return manager;
 }
 
-JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobStore* blobs)
+JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobCatalog* blobs)
     : options_(std::move(options)),
       instance_(options_.new_id()),
       blobs_(blobs),
@@ -384,7 +384,7 @@ absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::LogOfEnded(const 
 }
 
 StoredBlobPtr JobManager::OpenUvOf(const Caller& caller, const std::string& name) {
-  if (!blobs_->has_files()) return nullptr;
+  if (!blobs_->is_durable()) return nullptr;
   BlobId id;
   {
     const std::lock_guard lock(mutex_);

@@ -23,7 +23,7 @@
 #include "planish/worker/v1/worker.pb.h"
 #include "server/access/caller.h"
 #include "server/access/tenant.h"
-#include "server/blobs/blob_store.h"
+#include "server/blobs/blob_catalog.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_observer.h"
 #include "server/jobs/job_queue.h"
@@ -132,7 +132,7 @@ class JobManager : public JobSource {
  public:
   // Goes on where the process before left off: jobs that ran are queued again. INTERNAL, STORAGE_FULL if `store` cannot
   // be read. Both stores must outlive the manager and belong to it alone but for blobs that others hold.
-  static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store, BlobStore* blobs);
+  static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store, BlobCatalog* blobs);
 
   // ---- for callers
 
@@ -277,7 +277,7 @@ class JobManager : public JobSource {
     ~Wakeups();
   };
 
-  JobManager(JobManagerOptions options, JobStore* store, BlobStore* blobs);
+  JobManager(JobManagerOptions options, JobStore* store, BlobCatalog* blobs);
   absl::Status Recover();
   absl::Status RecoverJob(JobRecord record, Wakeups* wakeups);
   // For each verb of the store.
@@ -388,7 +388,7 @@ class JobManager : public JobSource {
   // Constant after construction, but for what SetLimits() changes: that is guarded by mutex_.
   JobManagerOptions options_;
   const std::string instance_;  // owner of leases
-  BlobStore* const blobs_;
+  BlobCatalog* const blobs_;
 
   mutable std::mutex mutex_;
   std::condition_variable work_or_stop_;

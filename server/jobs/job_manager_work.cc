@@ -39,7 +39,7 @@ std::optional<JobManager::KeptResult> JobManager::FindResult(const std::string& 
 }
 
 StoredBlobPtr JobManager::OpenKeptResult(const std::string& work_key) {
-  if (!blobs_->has_files()) return nullptr;
+  if (!blobs_->is_durable()) return nullptr;
   BlobId id;
   {
     const std::lock_guard lock(mutex_);

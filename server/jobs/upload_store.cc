@@ -82,7 +82,7 @@ absl::Status UploadWriter::Append(std::int64_t offset, std::string_view data) {
 
 // ---- the store
 
-UploadStore::UploadStore(UploadStoreOptions options, BlobStore* blobs) : options_(std::move(options)), blobs_(blobs) {}
+UploadStore::UploadStore(UploadStoreOptions options, BlobCatalog* blobs) : options_(std::move(options)), blobs_(blobs) {}
 
 absl::Status UploadStore::Open() {
   if (options_.directory.empty()) return absl::OkStatus();

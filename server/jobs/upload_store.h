@@ -23,14 +23,14 @@
 #include "absl/time/time.h"
 #include "planish/v1/planish.pb.h"
 #include "server/access/caller.h"
-#include "server/blobs/blob_store.h"
+#include "server/blobs/blob_catalog.h"
 #include "server/store/ids.h"
 #include "server/jobs/upload_file.h"
 
 namespace planish {
 
 struct UploadStoreOptions {
-  // Exists and belongs to this store alone, on the file system of the BlobStore's: uploads outlive the process. Empty:
+  // Exists and belongs to this store alone, on the file system of the BlobCatalog's: uploads outlive the process. Empty:
   // in memory.
   std::string directory;
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
@@ -95,7 +95,7 @@ struct UploadGauges {
 class UploadStore {
  public:
   // `blobs`, which complete uploads go into, must outlive the store, and is open before Open().
-  UploadStore(UploadStoreOptions options, BlobStore* blobs);
+  UploadStore(UploadStoreOptions options, BlobCatalog* blobs);
 
   // What to call, without a lock, where a complete upload finds the store full: whether it made room for so many bytes
   // of this tenant's. Before any other call.
@@ -184,7 +184,7 @@ class UploadStore {
   v1::Upload ToProto(const Entry& entry) const;
 
   UploadStoreOptions options_;  // constant after construction, but for max_bytes, which mutex_ guards
-  BlobStore* const blobs_;
+  BlobCatalog* const blobs_;
   MakeRoom make_room_;  // null: there is none to be made
 
   // Never held while calling blobs_, which asks Uses() under its own lock.

@@ -43,7 +43,7 @@
 #include "google/rpc/status.pb.h"
 #include "planish/store/v1/store.pb.h"
 #include "planish/v1/job.pb.h"
-#include "server/blobs/blob_store.h"
+#include "server/blobs/blob_catalog.h"
 #include "server/store/fair_share.h"
 #include "server/store/job_filter.h"
 #include "server/store/sql.h"

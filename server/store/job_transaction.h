@@ -12,7 +12,7 @@
 #include "absl/status/statusor.h"
 #include "google/rpc/status.pb.h"
 #include "planish/v1/job.pb.h"
-#include "server/blobs/blob_store.h"
+#include "server/blobs/blob_catalog.h"
 #include "server/store/job_store.h"
 #include "server/store/lifecycle.h"
 #include "server/store/sql.h"

@@ -169,7 +169,7 @@ class Flood {
   const TenantFloodOptions options_;
   const std::string mesh_;
   Book book_;
-  BlobStore blobs_{{}, std::int64_t{1} << 40};
+  BlobCatalog blobs_{{}, std::int64_t{1} << 40};
   const std::unique_ptr<JobStore> store_;
   std::unique_ptr<JobManager> manager_;
   std::unique_ptr<WorkerPool> pool_;

@@ -293,7 +293,7 @@ class Machine {
   int last_writer_ = 0;
   std::map<std::string, ModelUpload> uploads_;
   std::set<std::string> kept_;  // digests of the meshes in blobs_
-  BlobStore blobs_;
+  BlobCatalog blobs_;
   UploadStore store_;
   std::array<std::optional<Writer>, kWriters> writers_;
 };

@@ -82,6 +82,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^yaml-cpp/.*)"), "yaml-cpp", {"server", "tests"}},
       {std::regex(R"(^seccomp\.h$)"), "libseccomp", {"server/worker"}},
       {std::regex(R"(^(sqlite3|libpq-fe|libpq/.*)\.h$)"), "SQLite and libpq", {"server/store"}},
+      {std::regex(R"(^(curl/.*|expat\.h)$)"), "libcurl and Expat", {"server/blobs"}},
       {std::regex(R"(^(httplib\.h|prometheus/.*)$)"),
        "HTTP and Prometheus",
        {"server/metrics", "client/cli/health_command.cc", "tests"}},

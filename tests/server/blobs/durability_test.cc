@@ -10,6 +10,7 @@
 #include "gtest/gtest.h"
 #include "server/store/sqlite.h"
 #include "server/jobs/upload_store.h"
+#include "tests/server/blobs/blobs_in.h"
 #include "tests/server/blobs/power_loss.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/testing/files.h"
@@ -56,10 +57,9 @@ class DurabilityTest : public JobManagerTest {
   void OpenStores() {
     store_ = *OpenJobStore(root_ / "jobs.sqlite");
     BlobPlaces places;
-    places.directory = root_ / "blobs";
+    places.store = BlobsIn(root_ / "blobs", &files_);
     places.rows = store_->rows();
-    places.files = &files_;
-    blobs_ = std::make_unique<BlobStore>(std::move(places), std::int64_t{1} << 30);
+    blobs_ = std::make_unique<BlobCatalog>(std::move(places), std::int64_t{1} << 30);
     blobs_->SetOnDamage([this](const absl::Status& status) { damage_.emplace_back(status.message()); });
     ASSERT_TRUE(blobs_->Open().ok());
     UploadStoreOptions uploads;
@@ -236,7 +236,7 @@ TEST_F(DurabilityTest, GoodBytesReplaceDamagedOnes) {
   PutFile(PathOf(bytes), bytes.substr(0, 10));
   options_.is_blob_used = nullptr;
   CloseStores();
-  BlobStore blobs({root_ / "blobs"}, std::int64_t{1} << 30);
+  BlobCatalog blobs({BlobsIn(root_ / "blobs")}, std::int64_t{1} << 30);
   ASSERT_TRUE(blobs.Open().ok());
   EXPECT_EQ(blobs.bytes(), 10);
   EXPECT_EQ((*blobs.Put(kDefaultTenant, bytes))->ReadAll().value(), bytes);

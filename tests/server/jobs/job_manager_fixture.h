@@ -75,7 +75,7 @@ class JobManagerTest : public ::testing::Test {
   void Restart() {
     manager_.reset();
     store_ = *OpenJobStore(":memory:");
-    blobs_ = std::make_unique<BlobStore>(BlobPlaces{}, store_bytes_);
+    blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{}, store_bytes_);
     Resume();
   }
 
@@ -166,7 +166,7 @@ class JobManagerTest : public ::testing::Test {
   std::vector<std::string> transitions_;
   JobManagerOptions options_;
   std::unique_ptr<JobStore> store_;
-  std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<BlobCatalog> blobs_;
   std::unique_ptr<JobManager> manager_;
 };
 

@@ -3,6 +3,7 @@
 
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/server/blobs/blobs_in.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/testing/files.h"
 
@@ -240,7 +241,7 @@ TEST_F(JobRestartTest, FilesOutliveTheProcess) {
     manager_.reset();
     store_.reset();
     store_ = *OpenJobStore(directory.Path("jobs.sqlite"));
-    blobs_ = std::make_unique<BlobStore>(BlobPlaces{directory.Path("blobs")}, 1 << 20);
+    blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{BlobsIn(directory.Path("blobs"))}, 1 << 20);
     ASSERT_TRUE(blobs_->Open().ok());
     manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());
   };

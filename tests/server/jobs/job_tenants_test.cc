@@ -8,6 +8,7 @@
 #include "google/protobuf/unknown_field_set.h"
 #include "gtest/gtest.h"
 #include "server/store/sqlite.h"
+#include "tests/server/blobs/blobs_in.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/testing/files.h"
 
@@ -39,7 +40,7 @@ class JobTenantsTest : public JobManagerTest {
   void RestartWithBytes(std::int64_t bytes) {
     manager_.reset();
     store_ = *OpenJobStore(":memory:");
-    blobs_ = std::make_unique<BlobStore>(BlobPlaces{}, bytes, options_.tenant_limits);
+    blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{}, bytes, options_.tenant_limits);
     Resume();
   }
 
@@ -446,7 +447,7 @@ TEST_F(JobTenantsTest, JobsOfOlderStoresBelongToTheDefaultTenant) {
   const std::string path = directory.Path("jobs.sqlite");
   {
     // The blobs of the default tenant are where all blobs were.
-    BlobStore blobs({directory.Path("blobs")}, 1000);
+    BlobCatalog blobs({BlobsIn(directory.Path("blobs"))}, 1000);
     ASSERT_TRUE(blobs.Open().ok());
     ASSERT_TRUE(blobs.Put(kDefaultTenant, "mesh").ok());
     ASSERT_TRUE(blobs.Put(kDefaultTenant, "uv").ok());
@@ -476,7 +477,7 @@ TEST_F(JobTenantsTest, JobsOfOlderStoresBelongToTheDefaultTenant) {
   for (int life = 0; life < 2; ++life) {
     manager_.reset();
     store_ = *OpenJobStore(path);
-    blobs_ = std::make_unique<BlobStore>(BlobPlaces{directory.Path("blobs")}, 1000);
+    blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{BlobsIn(directory.Path("blobs"))}, 1000);
     ASSERT_TRUE(blobs_->Open().ok());
     manager_ = *JobManager::Open(options_, store_.get(), blobs_.get());
     EXPECT_EQ(store_->id(), "0123456789abcdef");

@@ -17,6 +17,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/link/rpc_status.h"
+#include "tests/server/blobs/blobs_in.h"
 #include "tests/testing/files.h"
 
 namespace planish {
@@ -52,7 +53,7 @@ class UploadStoreTest : public ::testing::TestWithParam<bool> {
 
   void Start(std::int64_t max_blob_bytes = std::int64_t{1} << 30) {
     store_ = nullptr;
-    blobs_ = std::make_unique<BlobStore>(BlobPlaces{OnDisk() ? dir_.Path("blobs") : ""}, max_blob_bytes);
+    blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{BlobsIn(OnDisk() ? dir_.Path("blobs") : "")}, max_blob_bytes);
     ASSERT_TRUE(blobs_->Open().ok());
     store_ = std::make_unique<UploadStore>(options_, blobs_.get());
     ASSERT_TRUE(store_->Open().ok());
@@ -89,7 +90,7 @@ class UploadStoreTest : public ::testing::TestWithParam<bool> {
   absl::Time now_ = absl::UnixEpoch() + absl::Hours(24);
   int ids_ = 0;
   UploadStoreOptions options_;
-  std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<BlobCatalog> blobs_;
   std::unique_ptr<UploadStore> store_;
 };
 

@@ -42,7 +42,7 @@ class MonitoringTest : public ::testing::Test {
 
   Monitoring monitoring_;
   RpcTestServer server_;
-  BlobStore blobs_{{}, 1000};
+  BlobCatalog blobs_{{}, 1000};
   StreamCounter streams_;
 };
 

@@ -9,7 +9,7 @@
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
-#include "server/blobs/blob_store.h"
+#include "server/blobs/blob_catalog.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
@@ -50,7 +50,7 @@ class RpcTestServer {
 
  private:
   TempDir dir_;
-  BlobStore blobs_{{}, std::int64_t{1} << 30};
+  BlobCatalog blobs_{{}, std::int64_t{1} << 30};
   UploadStore uploads_;
   std::unique_ptr<JobStore> store_;
   std::unique_ptr<JobManager> manager_;

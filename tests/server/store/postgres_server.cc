@@ -3,10 +3,9 @@
 #include <pwd.h>
 #include <unistd.h>
 
-#include <filesystem>
+#include <csignal>
 #include <stdexcept>
-
-#include "tests/testing/process.h"
+#include <vector>
 
 namespace planish {
 namespace {
@@ -14,9 +13,15 @@ namespace {
 constexpr char kPrograms[] = "/usr/lib/postgresql/15/bin/";
 
 // Of a cluster that lives for some seconds. It does not sync: its processes die, the machine does not.
-constexpr char kSettings[] =
-    "-c fsync=off -c listen_addresses= "
-    "-c max_connections=50 -c shared_buffers=16MB -c autovacuum=off -c logging_collector=off";
+const std::vector<std::string> kSettings = {"fsync=off",          "listen_addresses=", "max_connections=50",
+                                            "shared_buffers=16MB", "autovacuum=off",    "logging_collector=off"};
+
+// Before a command: it runs as a user that PostgreSQL accepts.
+std::vector<std::string> AsItsUser(std::vector<std::string> options = {}) {
+  if (geteuid() == 0) options.insert(options.end(), {"--reuid=postgres", "--regid=postgres", "--clear-groups"});
+  if (!options.empty()) options.insert(options.begin(), "/usr/bin/setpriv");
+  return options;
+}
 
 }  // namespace
 
@@ -32,10 +37,7 @@ PostgresServer::PostgresServer() {
 }
 
 PostgresServer::~PostgresServer() {
-  try {
-    Run("pg_ctl", "-D " + directory_.Path("data") + " -m immediate -w stop");
-  } catch (const std::exception&) {  // it crashed, and was not started again
-  }
+  Crash();
 }
 
 std::string PostgresServer::NewDatabase() {
@@ -45,16 +47,27 @@ std::string PostgresServer::NewDatabase() {
 }
 
 void PostgresServer::Crash() {
-  Run("pg_ctl", "-D " + directory_.Path("data") + " -m immediate -w stop");
+  if (process_ == nullptr) return;
+  process_->Signal(SIGQUIT);
+  process_->Wait();
+  process_ = nullptr;
 }
 
 void PostgresServer::Start() {
-  Run("pg_ctl", "-D " + directory_.Path("data") + " -l " + directory_.Path("log") + " -w -t 60 -o \"-k " +
-                    directory_.Path() + " " + kSettings + "\" start");
+  std::vector<std::string> command = AsItsUser({"--pdeathsig=QUIT"});
+  command.insert(command.end(), {std::string(kPrograms) + "postgres", "-D", directory_.Path("data"), "-k",
+                                 directory_.Path()});
+  for (const std::string& setting : kSettings) command.insert(command.end(), {"-c", setting});
+  process_ = std::make_unique<Process>(command);
+  // Up to a minute, as pg_ctl would.
+  const std::string ready = std::string(kPrograms) + "pg_isready -q -h " + directory_.Path();
+  const Outcome outcome = RunShell("for i in $(seq 1200); do " + ready + " && exit 0; sleep 0.05; done; exit 1");
+  if (outcome.exit_code != 0) throw std::runtime_error("PostgreSQL does not start: " + process_->Err());
 }
 
 std::string PostgresServer::Run(const std::string& program, const std::string& arguments) const {
-  const std::string as = geteuid() == 0 ? "setpriv --reuid=postgres --regid=postgres --clear-groups " : "";
+  std::string as;
+  for (const std::string& word : AsItsUser()) as += word + " ";
   const Outcome outcome = RunShell("cd / && " + as + kPrograms + program + " " + arguments + " </dev/null 2>&1");
   if (outcome.exit_code != 0) throw std::runtime_error(program + ": " + outcome.out + outcome.err);
   return outcome.out;

@@ -1,9 +1,11 @@
 // A PostgreSQL server of the test's own: Debian's package, a temporary folder, a Unix socket, no network.
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include "tests/testing/files.h"
+#include "tests/testing/process.h"
 
 namespace planish {
 
@@ -12,7 +14,7 @@ class PostgresServer {
   // Sets up a cluster and starts it; as the user `postgres` if this process is root. Throws std::runtime_error if that
   // cannot be.
   PostgresServer();
-  // Stops it.
+  // Stops it. The server also ends with the thread that made the object, should the test program crash.
   ~PostgresServer();
   PostgresServer(const PostgresServer&) = delete;
   PostgresServer& operator=(const PostgresServer&) = delete;
@@ -29,6 +31,7 @@ class PostgresServer {
   std::string Run(const std::string& program, const std::string& arguments) const;
 
   const TempDir directory_;
+  std::unique_ptr<Process> process_;  // null after Crash()
   int databases_ = 0;
 };
 

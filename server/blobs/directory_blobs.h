@@ -1,0 +1,71 @@
+// Blobs as files in a directory.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/blobs/blob_store.h"
+#include "server/blobs/file_layer.h"
+
+namespace planish {
+
+struct DirectoryBlobsOptions {
+  std::string directory;  // exists
+  // Whether several processes use the directory, on one machine or on many (NFS). Otherwise it belongs to this one
+  // alone, and whatever is half-written is removed at once.
+  bool shared = false;
+  FileLayer* files = FileLayer::System();  // not null, outlives the store
+};
+
+// A blob is the file of its digest in a folder of the digest's first byte; each tenant but the default one has a folder
+// of its own for these. A file is written under another name, synced, renamed, and its folder synced. Renaming, syncing
+// the folder and removing are done under a lock for the folders of the same first byte. Where the directory is shared,
+// that is a lock on one byte of the file `lock` beside the folders, which NFS and the kernel enforce between machines
+// and processes, and which ends with the process that has it.
+class DirectoryBlobStore : public BlobStore {
+ public:
+  // Finds what earlier processes left and makes it durable: they may have ended before they synced a folder.
+  static absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> Make(DirectoryBlobsOptions options);
+
+  absl::StatusOr<bool> Renew(const BlobId& id) override;
+  absl::StatusOr<bool> Has(const BlobId& id) override;
+  absl::Status List(const std::function<void(const BlobEntry&)>& visit) override;
+  absl::StatusOr<bool> Remove(const BlobId& id, absl::Duration min_age) override;
+  bool is_shared() const override { return options_.shared; }
+
+ protected:
+  absl::StatusOr<Found> OpenUnverified(const BlobId& id) override;
+  absl::StatusOr<std::string> PutNew(const BlobId& id, std::string_view bytes) override;
+  absl::StatusOr<std::string> PutNewFile(const BlobId& id, const std::string& path) override;
+  absl::Status Drop(const BlobId& id, const std::string& version) override;
+
+ private:
+  static constexpr int kShards = 256;
+
+  // Nobody else has the shard of a blob as long as this lives.
+  class ShardLock;
+
+  explicit DirectoryBlobStore(DirectoryBlobsOptions options) : options_(std::move(options)) {}
+
+  absl::Status SetUp();
+  std::string FolderOf(const BlobId& id) const;
+  std::string PathOf(const BlobId& id) const;
+  // By the clock of the file system if the directory is shared, which machines agree on.
+  absl::StatusOr<absl::Time> Now() const;
+  absl::Status WriteFile(const std::string& path, std::string_view bytes);
+  // The file `path`, which was synced, becomes the blob. After an error it is where it was.
+  absl::StatusOr<std::string> Install(const BlobId& id, const std::string& path);
+
+  const DirectoryBlobsOptions options_;
+  Descriptor lock_file_;                     // constant after SetUp(); none unless shared
+  std::array<std::mutex, kShards> shards_;  // each between the threads of this process
+};
+
+}  // namespace planish
