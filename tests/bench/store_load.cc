@@ -7,7 +7,7 @@
 //              to time a job of a tenant that has nothing waits for its claim
 //   "steady"   the same with workers that take their time, so that the database has 0.6 of bare SQL's work (--load):
 //              latencies of claims are those of this one
-//   "bare"     the same rows by three transactions a job: INSERT, UPDATE, UPDATE, an event with each, and a DELETE of both
+//   "bare"     rows of the same size by four transactions a job: INSERT, UPDATE, UPDATE, an event with each, and DELETE
 //   "machines" jobs a second of one machine and of many whose workers sleep
 #include <libpq-fe.h>
 
@@ -91,8 +91,8 @@ NewJob MakeJob(const std::string& tenant) {
   job.record.set_work_key("key of " + described->name());
   job.record.set_mesh_sha256(described->name().substr(0, 32));
   job.record.set_reserved_sequence(1024);
-  job.turn = absl::Now();
-  *described->mutable_create_time() = ToTimestamp(job.turn);
+  job.run_time = absl::Seconds(3);
+  *described->mutable_create_time() = ToTimestamp(absl::Now());
   return job;
 }
 
@@ -354,10 +354,21 @@ nlohmann::json Bare(const Flags& flags) {
   };
   Connection setup(flags.url);
   setup.Run("DROP TABLE IF EXISTS bare_jobs, bare_events, bare_labels");
-  setup.Run("CREATE TABLE bare_jobs (LIKE jobs INCLUDING ALL)");
-  setup.Run("CREATE TABLE bare_events (LIKE events INCLUDING ALL)");
-  setup.Run("CREATE TABLE bare_labels (LIKE labels INCLUDING ALL)");
-  setup.Run("INSERT INTO bare_jobs SELECT * FROM jobs WHERE ended = 0");
+  setup.Run(
+      "CREATE TABLE bare_jobs (number BIGSERIAL PRIMARY KEY, name TEXT NOT NULL UNIQUE, tenant TEXT NOT NULL, "
+      "request_id TEXT, state BIGINT NOT NULL, end_time BIGINT NOT NULL, work_key BYTEA NOT NULL, record BYTEA NOT NULL, "
+      "report BYTEA, owner TEXT NOT NULL, attempt BIGINT NOT NULL, lease_until BIGINT NOT NULL, turn_time BIGINT NOT NULL, "
+      "UNIQUE (tenant, request_id)) WITH (fillfactor = 80)");
+  setup.Run("CREATE INDEX ON bare_jobs (turn_time, number) WHERE state = 1");
+  setup.Run("CREATE INDEX ON bare_jobs (lease_until) WHERE state = 2");
+  setup.Run("CREATE INDEX ON bare_jobs (tenant, end_time, number) WHERE state = 4");
+  setup.Run("CREATE INDEX ON bare_jobs (work_key)");
+  setup.Run("CREATE TABLE bare_events (job BIGINT, sequence BIGINT, event BYTEA NOT NULL, PRIMARY KEY (job, sequence))");
+  setup.Run("CREATE TABLE bare_labels (job BIGINT, key TEXT, value TEXT NOT NULL, PRIMARY KEY (job, key))");
+  setup.Run(absl::StrCat(
+      "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, attempt, lease_until, "
+      "turn_time) SELECT 'jobs/' || i, 'tenant0', i, 1, 0, decode(md5(i::text), 'hex'), '",
+      hex(record), "', '', 0, 0, i FROM generate_series(1, ", flags.waiting, ") AS i"));
   setup.Run("ANALYZE bare_jobs");
   std::atomic<int> left = flags.jobs;
   const Clock::time_point start = Clock::now();
@@ -366,16 +377,14 @@ nlohmann::json Bare(const Flags& flags) {
     crowd.Add([&] {
       Connection sql(flags.url);
       sql.Prepare("insert",
-                  "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, "
-                  "mesh_sha256, seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, owner, attempt, "
-                  "lease_until, turn_time, memory_bytes) VALUES (nextval('job_numbers'), $1, 'tenant0', $2, 1, 0, 0, "
-                  "$3, $3, '', '', 0, $4, '', 1, $1, '', 0, 0, 1, 1) RETURNING number");
+                  "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, attempt, "
+                  "lease_until, turn_time) VALUES ($1, 'tenant0', $2, 1, 0, $3, $4, '', 0, 0, 1) RETURNING number");
       sql.Prepare("event", "INSERT INTO bare_events VALUES ($1, $2, $3)");
       sql.Prepare("label", "INSERT INTO bare_labels VALUES ($1, 'asset', 'crate')");
       sql.Prepare("start", "UPDATE bare_jobs SET state = 2, record = $2, owner = 'a', attempt = 1, lease_until = 9 "
                            "WHERE number = $1");
-      sql.Prepare("finish", "UPDATE bare_jobs SET state = 4, record = $2, owner = '', lease_until = 0, ended = 1, "
-                            "end_time = 5, uv_sha256 = 'u', uv_bytes = 1, report = $3 WHERE number = $1");
+      sql.Prepare("finish", "UPDATE bare_jobs SET state = 4, record = $2, owner = '', lease_until = 0, "
+                            "end_time = 5, report = $3 WHERE number = $1");
       for (const char* table : {"jobs", "events", "labels"}) {
         sql.Prepare(absl::StrCat("delete ", table), absl::StrCat("DELETE FROM bare_", table, " WHERE ",
                                                                  std::string_view(table) == "jobs" ? "number" : "job",
