@@ -286,31 +286,22 @@ absl::StatusOr<bool> JobTransaction::Insert(JobRow* row) {
       "uv_sha256, uv_bytes, record, report, create_time, work, due) "
       "VALUES ({next_number}, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
       "ON CONFLICT DO NOTHING RETURNING number";
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows number, sql_.Run(insert, {std::string_view(job.name()),
-                                                                   std::string_view(job.tenant()),
-                                                                   RequestId(record),
-                                                                   job.state(),
-                                                                   IsTerminal(job.state()) ? 1 : 0,
-                                                                   TimeUtil::TimestampToNanoseconds(job.end_time()),
-                                                                   SqlBytes{record.work_key()},
-                                                                   SqlBytes{record.mesh_sha256()},
-                                                                   SqlBytes{record.seams_sha256()},
-                                                                   SqlBytes{job.uv().uv_sha256()},
-                                                                   job.uv().total_bytes(),
-                                                                   SqlBytes{bytes},
-                                                                   SqlBytes{report},
-                                                                   TimeUtil::TimestampToNanoseconds(job.create_time()),
-                                                                   std::string_view(record.work()),
-                                                                   DueColumn(record)}));
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows number,
+      sql_.Run(insert, {std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record), job.state(),
+                        IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()),
+                        SqlBytes{record.work_key()}, SqlBytes{record.mesh_sha256()}, SqlBytes{record.seams_sha256()},
+                        SqlBytes{job.uv().uv_sha256()}, job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report},
+                        TimeUtil::TimestampToNanoseconds(job.create_time()), std::string_view(record.work()),
+                        DueColumn(record)}));
   if (number.empty()) return false;
   record.set_number(number.Int(0, 0));
   Account(*row, record);
   row->standing = StandingOf(record, context_.max_attempts);
   news_.jobs.push_back(job.name());
   for (const auto& [key, value] : job.labels()) {
-    PLANISH_RETURN_IF_ERROR(sql_.Run("INSERT INTO labels VALUES (?, ?, ?)",
-                                     {record.number(), std::string_view(key), std::string_view(value)})
-                                .status());
+    PLANISH_RETURN_IF_ERROR(sql_.RunLater("INSERT INTO labels VALUES (?, ?, ?)",
+                                          {record.number(), std::string_view(key), std::string_view(value)}));
   }
   return true;
 }
@@ -320,9 +311,10 @@ absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
   static const std::vector<std::string> statements = [] {
     std::vector<std::string> all;
     for (int i = 0; i < 8; ++i) {
-      all.push_back(absl::StrCat("UPDATE jobs SET state = ?, record = ?", (i & 1) != 0 ? ", request_id = NULL" : "",
-                                 (i & 2) != 0 ? ", ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = ?, report = ?" : "",
-                                 (i & 4) != 0 ? ", due = ?" : "", " WHERE number = ?"));
+      all.push_back(
+          absl::StrCat("UPDATE jobs SET state = ?, record = ?", (i & 1) != 0 ? ", request_id = NULL" : "",
+                       (i & 2) != 0 ? ", ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = ?, report = ?" : "",
+                       (i & 4) != 0 ? ", due = ?" : "", " WHERE number = ?"));
     }
     return all;
   }();
@@ -341,7 +333,7 @@ absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
   if (due != row->due) values.emplace_back(due);
   values.emplace_back(record->number());
   const std::size_t which = (forgets ? 1u : 0u) + (ends ? 2u : 0u) + (due != row->due ? 4u : 0u);
-  PLANISH_RETURN_IF_ERROR(sql_.Run(statements[which], values).status());
+  PLANISH_RETURN_IF_ERROR(sql_.RunLater(statements[which], values));
   Account(*row, *record);
   row->standing = StandingOf(*record, context_.max_attempts);
   news_.jobs.push_back(job.name());
@@ -356,10 +348,9 @@ void JobTransaction::Account(const JobRow& row, const JobRecord& record) {
 
 absl::Status JobTransaction::PutBlobs(const std::vector<BlobRow>& blobs) {
   for (const BlobRow& blob : blobs) {
-    PLANISH_RETURN_IF_ERROR(
-        sql_.Run("INSERT INTO blobs VALUES (?, ?, ?) ON CONFLICT (tenant, sha256) DO UPDATE SET bytes = excluded.bytes",
-                 {std::string_view(blob.id.tenant), SqlBytes{blob.id.sha256}, SqlBytes{blob.bytes->memory()->bytes()}})
-            .status());
+    PLANISH_RETURN_IF_ERROR(sql_.RunLater(
+        "INSERT INTO blobs VALUES (?, ?, ?) ON CONFLICT (tenant, sha256) DO UPDATE SET bytes = excluded.bytes",
+        {std::string_view(blob.id.tenant), SqlBytes{blob.id.sha256}, SqlBytes{blob.bytes->memory()->bytes()}}));
   }
   return absl::OkStatus();
 }
@@ -390,10 +381,9 @@ absl::Status JobTransaction::WriteEvents(JobChange* change) {
     if (report != nullptr) event.mutable_job()->set_allocated_report(report);
   }
   const std::string bytes = batch.SerializeAsString();
-  return sql_
-      .Run("INSERT INTO events (job, sequence, event, kind) VALUES (?, ?, ?, ?)",
-           {change->record.number(), change->events.back().sequence(), SqlBytes{bytes}, std::int64_t{kind}})
-      .status();
+  return sql_.RunLater(
+      "INSERT INTO events (job, sequence, event, kind) VALUES (?, ?, ?, ?)",
+      {change->record.number(), change->events.back().sequence(), SqlBytes{bytes}, std::int64_t{kind}});
 }
 
 absl::Status JobTransaction::Announce(JobChange* change, bool taken_over) {

@@ -172,59 +172,53 @@ class PostgresConnection : public SqlConnection {
 
   // Several statements without parameters.
   absl::Status Execute(const std::string& script) {
+    if (!waiting_.empty()) {
+      Statement last = std::move(waiting_.back());
+      waiting_.pop_back();
+      PLANISH_RETURN_IF_ERROR(Send(std::move(last)).status());
+    }
     return Check(Result(PQexec(connection_.get(), script.c_str()))).status();
   }
 
   absl::Status Begin(Durability durability) override {
-    return Execute(durability == Durability::kNow ? "BEGIN" : "BEGIN; SET LOCAL synchronous_commit = off");
+    in_transaction_ = true;
+    waiting_.push_back({"BEGIN", {}});
+    if (durability == Durability::kLater) waiting_.push_back({"SET LOCAL synchronous_commit = off", {}});
+    return absl::OkStatus();
   }
 
   absl::Status Commit() override {
-    PLANISH_ASSIGN_OR_RETURN(const Result result, Check(Result(PQexec(connection_.get(), "COMMIT"))));
+    in_transaction_ = false;
+    PLANISH_ASSIGN_OR_RETURN(const Result result, Send({"COMMIT", {}}));
     // A transaction in which something failed is rolled back, without an error.
     if (std::string_view(PQcmdStatus(result.get())) == "COMMIT") return absl::OkStatus();
     return InternalError("the job store: a transaction that failed cannot be committed");
   }
 
   void Rollback() override {
+    in_transaction_ = false;
+    waiting_.clear();
     if (!IsIdle()) Execute("ROLLBACK").IgnoreError();
   }
 
   absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override {
     const std::int64_t hash = HashOf(key);
     if (wait) {
-      PLANISH_RETURN_IF_ERROR(Run("SELECT pg_advisory_xact_lock(?)", {hash}).status());
+      PLANISH_RETURN_IF_ERROR(RunLater("SELECT pg_advisory_xact_lock(?)", {hash}));
       return true;
     }
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Run("SELECT CAST(pg_try_advisory_xact_lock(?) AS INTEGER)", {hash}));
     return rows.Int(0, 0) != 0;
   }
 
+  absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values) override {
+    if (!in_transaction_) return Run(sql, values).status();
+    waiting_.push_back({sql, Encoded(values)});
+    return absl::OkStatus();
+  }
+
   absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
-    PLANISH_ASSIGN_OR_RETURN(const std::string name, Prepare(sql, values));
-    std::vector<std::array<char, 8>> integers(values.size());
-    std::vector<const char*> pointers(values.size());
-    std::vector<int> sizes(values.size());
-    const std::vector<int> formats(values.size(), 1);
-    const auto put = [&](std::size_t i, std::string_view bytes) {
-      pointers[i] = bytes.data() == nullptr ? "" : bytes.data();  // a null pointer would be NULL
-      sizes[i] = static_cast<int>(bytes.size());
-    };
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      if (const auto* integer = std::get_if<std::int64_t>(&values[i])) {
-        const std::uint64_t bits = htobe64(static_cast<std::uint64_t>(*integer));
-        std::memcpy(integers[i].data(), &bits, 8);
-        put(i, {integers[i].data(), integers[i].size()});
-      } else if (const auto* text = std::get_if<std::string_view>(&values[i])) {
-        put(i, *text);
-      } else if (const auto* bytes = std::get_if<SqlBytes>(&values[i])) {
-        put(i, bytes->bytes);
-      }
-    }
-    PLANISH_ASSIGN_OR_RETURN(
-        const Result result,
-        Check(Result(PQexecPrepared(connection_.get(), name.c_str(), static_cast<int>(values.size()), pointers.data(),
-                                    sizes.data(), formats.data(), /*resultFormat=*/1))));
+    PLANISH_ASSIGN_OR_RETURN(const Result result, Send({sql, Encoded(values)}));
     SqlRows rows;
     const int columns = PQnfields(result.get());
     for (int row = 0; row < PQntuples(result.get()); ++row) {
@@ -252,25 +246,104 @@ class PostgresConnection : public SqlConnection {
 
   explicit PostgresConnection(PGconn* connection) : connection_(connection) {}
 
-  // The name of the statement as this connection has it.
-  absl::StatusOr<std::string> Prepare(const std::string& sql, const std::vector<SqlValue>& values) {
-    if (const auto found = prepared_.find(sql); found != prepared_.end()) return found->second;
-    if (prepared_.size() >= kMostPrepared) {
+  // A value as it travels.
+  struct Parameter {
+    Oid type = kText;
+    bool is_null = false;
+    std::string bytes;
+  };
+  struct Statement {
+    std::string sql;
+    std::vector<Parameter> parameters;
+  };
+
+  static std::vector<Parameter> Encoded(const std::vector<SqlValue>& values) {
+    std::vector<Parameter> parameters(values.size());
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      Parameter& parameter = parameters[i];
+      if (const auto* integer = std::get_if<std::int64_t>(&values[i])) {
+        parameter.type = kInt8;
+        const std::uint64_t bits = htobe64(static_cast<std::uint64_t>(*integer));
+        parameter.bytes.resize(sizeof bits);
+        std::memcpy(parameter.bytes.data(), &bits, sizeof bits);
+      } else if (const auto* text = std::get_if<std::string_view>(&values[i])) {
+        parameter.bytes = *text;
+      } else if (const auto* bytes = std::get_if<SqlBytes>(&values[i])) {
+        parameter.type = kBytea;
+        parameter.bytes = bytes->bytes;
+      } else {
+        parameter.is_null = true;
+      }
+    }
+    return parameters;
+  }
+
+  // Runs what waits, and then `last`, in one go (libpq's pipeline mode). Returns the result of `last`, or the first
+  // error of all.
+  absl::StatusOr<Result> Send(Statement last) {
+    std::vector<Statement> batch = std::exchange(waiting_, {});
+    batch.push_back(std::move(last));
+    PGconn* const raw = connection_.get();
+    if (prepared_.size() + batch.size() > kMostPrepared) {
       PLANISH_RETURN_IF_ERROR(Execute("DEALLOCATE ALL"));
       prepared_.clear();
     }
-    std::vector<Oid> types(values.size(), kText);
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      if (std::holds_alternative<std::int64_t>(values[i])) types[i] = kInt8;
-      if (std::holds_alternative<SqlBytes>(values[i])) types[i] = kBytea;
+    if (PQenterPipelineMode(raw) == 0) return StoreUnavailable(OneLine(PQerrorMessage(raw)));
+    std::vector<std::string> fresh;  // statements that are prepared in this batch
+    bool sent = true;
+    int results = 0;
+    for (const Statement& statement : batch) {
+      if (statement.parameters.empty()) {
+        // Those without parameters are rare, or short.
+        sent = sent && PQsendQueryParams(raw, WithNumbers(ReplaceWords(statement.sql, PostgresWord)).c_str(), 0,
+                                         nullptr, nullptr, nullptr, nullptr, /*resultFormat=*/1) != 0;
+        ++results;
+        continue;
+      }
+      std::string& name = prepared_[statement.sql];
+      if (name.empty()) {
+        name = absl::StrCat("s", ++last_name_);
+        fresh.push_back(statement.sql);
+        std::vector<Oid> types;
+        for (const Parameter& parameter : statement.parameters) types.push_back(parameter.type);
+        const std::string text = WithNumbers(ReplaceWords(statement.sql, PostgresWord));
+        sent =
+            sent && PQsendPrepare(raw, name.c_str(), text.c_str(), static_cast<int>(types.size()), types.data()) != 0;
+        ++results;
+      }
+      std::vector<const char*> pointers;
+      std::vector<int> sizes;
+      for (const Parameter& parameter : statement.parameters) {
+        pointers.push_back(parameter.is_null ? nullptr : parameter.bytes.c_str());
+        sizes.push_back(static_cast<int>(parameter.bytes.size()));
+      }
+      const std::vector<int> formats(pointers.size(), 1);
+      sent = sent && PQsendQueryPrepared(raw, name.c_str(), static_cast<int>(pointers.size()), pointers.data(),
+                                         sizes.data(), formats.data(), /*resultFormat=*/1) != 0;
+      ++results;
     }
-    const std::string name = absl::StrCat("s", prepared_.size());
-    const std::string text = WithNumbers(ReplaceWords(sql, PostgresWord));
-    PLANISH_RETURN_IF_ERROR(Check(Result(PQprepare(connection_.get(), name.c_str(), text.c_str(),
-                                                   static_cast<int>(types.size()), types.data())))
-                                .status());
-    prepared_[sql] = name;
-    return name;
+    sent = sent && PQpipelineSync(raw) != 0;
+    absl::StatusOr<Result> outcome = sent ? Collect(results) : StoreUnavailable(OneLine(PQerrorMessage(raw)));
+    // Whatever comes now ends the batch; a connection that was lost is thrown away.
+    while (PGresult* rest = PQgetResult(raw)) PQclear(rest);
+    if (PQexitPipelineMode(raw) == 0 && outcome.ok()) outcome = StoreUnavailable(OneLine(PQerrorMessage(raw)));
+    if (!outcome.ok()) {
+      for (const std::string& sql : fresh) prepared_.erase(sql);  // they may not have been prepared
+    }
+    return outcome;
+  }
+
+  // Reads as many results: the last one, or the first error.
+  absl::StatusOr<Result> Collect(int results) {
+    absl::StatusOr<Result> outcome = Result();
+    for (int i = 0; i < results; ++i) {
+      Result result;
+      // A null pointer ends the results of each statement.
+      while (PGresult* part = PQgetResult(connection_.get())) result.reset(part);
+      if (!outcome.ok()) continue;  // those behind an error were not run
+      outcome = Check(std::move(result));
+    }
+    return outcome;
   }
 
   absl::StatusOr<Result> Check(Result result) const {
@@ -278,7 +351,8 @@ class PostgresConnection : public SqlConnection {
     if (status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) return result;
     const char* const field = PQresultErrorField(result.get(), PG_DIAG_SQLSTATE);
     const std::string_view state = field == nullptr ? "" : field;
-    const std::string message = OneLine(PQerrorMessage(connection_.get()));
+    const char* const own = result == nullptr ? "" : PQresultErrorMessage(result.get());
+    const std::string message = OneLine(*own != 0 ? own : PQerrorMessage(connection_.get()));
     if (state == "53100" || state == "53200") {  // disk_full, out_of_memory
       return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", absl::StrCat("the job store: ", message));
     }
@@ -291,7 +365,10 @@ class PostgresConnection : public SqlConnection {
   }
 
   std::unique_ptr<PGconn, Closer> connection_;
+  bool in_transaction_ = false;     // between Begin() and its end, even if the server does not know yet
+  std::vector<Statement> waiting_;  // of RunLater()
   std::unordered_map<std::string, std::string> prepared_;  // from statement to name
+  std::int64_t last_name_ = 0;
 };
 
 class PostgresDatabase : public SqlDatabase {

@@ -72,6 +72,12 @@ class SqlConnection {
   // Runs one statement, within the transaction that was begun or as one of its own.
   virtual absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) = 0;
 
+  // As Run(), for a statement whose rows nobody wants. It may be sent together with those that follow: its error may be
+  // that of the next Run(), Serialize() or Commit(). Without a transaction it runs at once. Values are copied.
+  virtual absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values) {
+    return Run(sql, values).status();
+  }
+
   // Until the end of the transaction nobody else passes Serialize() with the same key. False if somebody else has
   // passed it and this one is not to wait.
   virtual absl::StatusOr<bool> Serialize(std::string_view key, bool wait) = 0;

@@ -101,9 +101,12 @@ class SqlJobStore : public JobStore {
   // ---- workers
 
   absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) override {
+    // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets the
+    // last claims has the work waiting again, and what their owners say under the old leases changes nothing.
+    const Durability durability = database_->has_clock() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
-    const absl::Status status =
-        Change(context, Durability::kNow, [&](JobTransaction& transaction) { return ClaimIn(&transaction, request, &claimed); });
+    const absl::Status status = Change(
+        context, durability, [&](JobTransaction& transaction) { return ClaimIn(&transaction, request, &claimed); });
     PLANISH_RETURN_IF_ERROR(status);
     return claimed;
   }
@@ -249,7 +252,7 @@ class SqlJobStore : public JobStore {
       const std::int64_t number = rows.Int(0, 0);
       for (const char* statement : {"DELETE FROM events WHERE job = ?", "DELETE FROM labels WHERE job = ?",
                                     "DELETE FROM jobs WHERE number = ?"}) {
-        PLANISH_RETURN_IF_ERROR(sql.Run(statement, {number}).status());
+        PLANISH_RETURN_IF_ERROR(sql.RunLater(statement, {number}));
       }
       TenantAccount& account = transaction.accounts().of(rows.Bytes(0, 2));
       account.ended -= 1;

@@ -37,58 +37,52 @@ std::vector<WorkRow> WorkRowsOf(const SqlRows& rows) {
 absl::Status InsertWork(SqlConnection* sql, const WorkRow& work) {
   static const std::string statement =
       absl::StrCat("INSERT INTO works (", kWorkColumns, ") VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-  return sql
-      ->Run(statement, {std::string_view(work.name), std::string_view(work.tenant), work.number, work.running ? 1 : 0,
-                        work.turn_time, work.memory_bytes, work.mesh_bytes, work.run_time, work.alone ? 1 : 0,
-                        static_cast<std::int64_t>(work.wish), std::string_view(work.owner), work.attempt,
-                        work.lease_until, work.start_time, work.charge, work.share})
-      .status();
+  return sql->RunLater(
+      statement,
+      {std::string_view(work.name), std::string_view(work.tenant), work.number, work.running ? 1 : 0, work.turn_time,
+       work.memory_bytes, work.mesh_bytes, work.run_time, work.alone ? 1 : 0, static_cast<std::int64_t>(work.wish),
+       std::string_view(work.owner), work.attempt, work.lease_until, work.start_time, work.charge, work.share});
 }
 
 absl::Status UpdateWork(SqlConnection* sql, const WorkRow& work) {
-  return sql
-      ->Run(
-          "UPDATE works SET number = ?, running = ?, turn_time = ?, alone = ?, wish = ?, owner = ?, attempt = ?, "
-          "lease_until = ?, start_time = ?, charge = ?, share = ? WHERE name = ?",
-          {work.number, work.running ? 1 : 0, work.turn_time, work.alone ? 1 : 0, static_cast<std::int64_t>(work.wish),
-           std::string_view(work.owner), work.attempt, work.lease_until, work.start_time, work.charge, work.share,
-           std::string_view(work.name)})
-      .status();
+  return sql->RunLater(
+      "UPDATE works SET number = ?, running = ?, turn_time = ?, alone = ?, wish = ?, owner = ?, attempt = ?, "
+      "lease_until = ?, start_time = ?, charge = ?, share = ? WHERE name = ?",
+      {work.number, work.running ? 1 : 0, work.turn_time, work.alone ? 1 : 0, static_cast<std::int64_t>(work.wish),
+       std::string_view(work.owner), work.attempt, work.lease_until, work.start_time, work.charge, work.share,
+       std::string_view(work.name)});
 }
 
 absl::Status DeleteWork(SqlConnection* sql, const std::string& name) {
-  return sql->Run("DELETE FROM works WHERE name = ?", {std::string_view(name)}).status();
+  return sql->RunLater("DELETE FROM works WHERE name = ?", {std::string_view(name)});
 }
 
 absl::Status AccountChanges::Write(SqlConnection* sql) const {
   for (const auto& [tenant, change] : changes_) {
     if (change == TenantAccount()) continue;
-    PLANISH_RETURN_IF_ERROR(
-        sql->Run("INSERT INTO tenants (tenant, slot, waiting, waiting_bytes, running, started, charged, received, "
-                 "ended, result_bytes) VALUES (?, {slot}, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (tenant, slot) DO UPDATE "
-                 "SET waiting = tenants.waiting + excluded.waiting, "
-                 "waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
-                 "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
-                 "charged = tenants.charged + excluded.charged, received = tenants.received + excluded.received, "
-                 "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes",
-                 {std::string_view(tenant), change.waiting, change.waiting_bytes, change.running, change.started,
-                  change.charged, change.received, change.ended, change.result_bytes})
-            .status());
+    PLANISH_RETURN_IF_ERROR(sql->RunLater(
+        "INSERT INTO tenants (tenant, slot, waiting, waiting_bytes, running, started, charged, received, "
+        "ended, result_bytes) VALUES (?, {slot}, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (tenant, slot) DO UPDATE "
+        "SET waiting = tenants.waiting + excluded.waiting, "
+        "waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
+        "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
+        "charged = tenants.charged + excluded.charged, received = tenants.received + excluded.received, "
+        "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes",
+        {std::string_view(tenant), change.waiting, change.waiting_bytes, change.running, change.started, change.charged,
+         change.received, change.ended, change.result_bytes}));
   }
   if (virtual_time_ > 0) {
-    PLANISH_RETURN_IF_ERROR(
-        sql->Run("INSERT INTO tenants VALUES ('', {slot}, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE "
-                 "SET received = CASE WHEN excluded.received > tenants.received THEN excluded.received "
-                 "ELSE tenants.received END",
-                 {virtual_time_})
-            .status());
+    PLANISH_RETURN_IF_ERROR(sql->RunLater(
+        "INSERT INTO tenants VALUES ('', {slot}, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE "
+        "SET received = CASE WHEN excluded.received > tenants.received THEN excluded.received "
+        "ELSE tenants.received END",
+        {virtual_time_}));
   }
   if (!work_ended_) return absl::OkStatus();
-  return sql
-      ->Run("UPDATE tenants SET received = 0 WHERE (tenant, slot) IN (SELECT tenant, slot FROM tenants "
-            "WHERE received != 0 AND NOT EXISTS (SELECT 1 FROM works) {skip})",
-            {})
-      .status();
+  return sql->RunLater(
+      "UPDATE tenants SET received = 0 WHERE (tenant, slot) IN (SELECT tenant, slot FROM tenants "
+      "WHERE received != 0 AND NOT EXISTS (SELECT 1 FROM works) {skip})",
+      {});
 }
 
 absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all) {

@@ -44,6 +44,10 @@ class FailingConnection : public SqlConnection {
     if (!status.ok()) return status;
     return rows;
   }
+  absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values) override {
+    if (fault_.before != nullptr) fault_.before(sql);
+    return Try([&] { return connection_.RunLater(sql, values); });
+  }
   absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override { return connection_.Serialize(key, wait); }
 
  private:
