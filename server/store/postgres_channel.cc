@@ -5,8 +5,10 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstdlib>
 #include <utility>
 #include <vector>
 
@@ -15,9 +17,14 @@
 namespace planish {
 namespace {
 
-constexpr int kRetryMilliseconds = 1000;
-constexpr int kLookMilliseconds = 60'000;  // at the connection, where nothing comes
-constexpr int kGatherMilliseconds = 5;     // what comes meanwhile travels together
+constexpr std::chrono::seconds kRetry(1);
+constexpr std::chrono::seconds kLook(60);        // at the connection, where nothing comes
+constexpr std::chrono::milliseconds kGather(5);  // what comes meanwhile travels together
+
+// A message wakes all who listen. So that they are not woken more often the more there are, each sends at most one in
+// this time for each of them: of 200 processes all hear 200 messages a second.
+constexpr std::chrono::milliseconds kSpacing(5);
+constexpr std::chrono::seconds kCount(30);  // after which they are counted again
 
 // PostgreSQL takes payloads below 8,000 bytes.
 constexpr std::size_t kMostBytes = 7900;
@@ -33,13 +40,24 @@ class PostgresChannel::Link {
     connection_.reset(PQconnectdbParams(keys.data(), values.data(), /*expand_dbname=*/1));
     PQsetNoticeProcessor(
         connection_.get(), [](void*, const char*) {}, nullptr);
-    listens_ = Execute("LISTEN planish", nullptr);
+    listens_ = Query("LISTEN planish", nullptr) != nullptr;
   }
 
   bool listens() const { return listens_; }
   int socket() const { return PQsocket(connection_.get()); }
 
-  bool Notify(const std::string& message) { return Execute("SELECT pg_notify('planish', $1)", message.c_str()); }
+  bool Notify(const std::string& message) {
+    return Query("SELECT pg_notify('planish', $1)", message.c_str()) != nullptr;
+  }
+
+  // Processes that listen; at least this one.
+  int CountListeners() {
+    const Result result = Query(
+        "SELECT count(*) FROM pg_stat_activity WHERE application_name = 'planishd news' AND datname = "
+        "current_database()",
+        nullptr);
+    return result == nullptr ? 1 : std::max(1, std::atoi(PQgetvalue(result.get(), 0, 0)));
+  }
 
   // False if the connection is lost.
   bool Receive(const Listener& listener) {
@@ -56,12 +74,18 @@ class PostgresChannel::Link {
     void operator()(PGconn* connection) const { PQfinish(connection); }
   };
 
-  bool Execute(const char* sql, const char* parameter) {
-    const std::unique_ptr<PGresult, decltype(&PQclear)> result(
-        PQexecParams(connection_.get(), sql, parameter == nullptr ? 0 : 1, nullptr, &parameter, nullptr, nullptr, 0),
-        PQclear);
+  struct Clearer {
+    void operator()(PGresult* result) const { PQclear(result); }
+  };
+  using Result = std::unique_ptr<PGresult, Clearer>;
+
+  // Null: it failed.
+  Result Query(const char* sql, const char* parameter) {
+    Result result(
+        PQexecParams(connection_.get(), sql, parameter == nullptr ? 0 : 1, nullptr, &parameter, nullptr, nullptr, 0));
     const ExecStatusType status = PQresultStatus(result.get());
-    return status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK;
+    if (status != PGRES_COMMAND_OK && status != PGRES_TUPLES_OK) result.reset();
+    return result;
   }
 
   std::unique_ptr<PGconn, Closer> connection_;
@@ -88,6 +112,7 @@ void PostgresChannel::Publish(std::string_view lines) {
   {
     const std::lock_guard lock(mutex_);
     wakes = pending_.empty();
+    if (wakes) pending_since_ = Clock::now();
     for (const absl::string_view line :
          absl::StrSplit(absl::string_view(lines.data(), lines.size()), '\n', absl::SkipEmpty())) {
       pending_.emplace(line);
@@ -96,13 +121,20 @@ void PostgresChannel::Publish(std::string_view lines) {
   if (wakes) eventfd_write(wake_, 1);
 }
 
-bool PostgresChannel::Wait(int socket, int milliseconds) {
+bool PostgresChannel::Wait(int socket, Clock::duration time) {
   std::array<pollfd, 2> files = {{{wake_, POLLIN, 0}, {socket, POLLIN, 0}}};
-  poll(files.data(), files.size(), milliseconds);  // poll() leaves out negative ones
+  const auto milliseconds = std::chrono::ceil<std::chrono::milliseconds>(std::max(time, Clock::duration::zero()));
+  poll(files.data(), files.size(), static_cast<int>(milliseconds.count()));  // poll() leaves out negative ones
   eventfd_t count = 0;
   eventfd_read(wake_, &count);
   const std::lock_guard lock(mutex_);
   return ending_;
+}
+
+std::optional<PostgresChannel::Clock::time_point> PostgresChannel::PendingSince() {
+  const std::lock_guard lock(mutex_);
+  if (pending_.empty()) return std::nullopt;
+  return pending_since_;
 }
 
 bool PostgresChannel::Send(Link* link) {
@@ -125,13 +157,30 @@ bool PostgresChannel::Send(Link* link) {
 
 void PostgresChannel::Run() {
   for (bool first = true;; first = false) {
-    if (!first && Wait(-1, kRetryMilliseconds)) return;
+    if (!first && Wait(-1, kRetry)) return;
     Link link(url_);
     if (!link.listens()) continue;
-    listener_("*\n");  // before, nobody listened
-    while (Send(&link) && link.Receive(listener_)) {
-      if (Wait(link.socket(), kLookMilliseconds)) return;
-      if (Wait(-1, kGatherMilliseconds)) return;
+    listener_("*\n");                 // before, nobody listened
+    Clock::time_point free, counted;  // when the next message may go, and when listeners were counted
+    int listeners = 1;
+    while (link.Receive(listener_)) {
+      const Clock::time_point now = Clock::now();
+      const std::optional<Clock::time_point> since = PendingSince();
+      Clock::duration patience = kLook;
+      if (since.has_value()) {
+        const Clock::time_point due = std::max(*since + kGather, free);
+        patience = due - now;
+        if (due <= now) {
+          if (now - counted > kCount) {
+            listeners = link.CountListeners();
+            counted = now;
+          }
+          if (!Send(&link)) break;
+          free = Clock::now() + listeners * kSpacing;
+          continue;
+        }
+      }
+      if (Wait(link.socket(), patience)) return;
     }
   }
 }

@@ -1,9 +1,11 @@
 // Messages between the processes that use one PostgreSQL: LISTEN and NOTIFY.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -12,7 +14,8 @@
 namespace planish {
 
 // Has a connection and a thread of its own. Messages are sent apart from transactions, since PostgreSQL lets only one
-// transaction with a NOTIFY commit at a time, and those of some milliseconds together. Thread-safe.
+// transaction with a NOTIFY commit at a time. Those of some milliseconds travel together, of more where many processes
+// listen. Thread-safe.
 class PostgresChannel {
  public:
   using Listener = std::function<void(std::string_view message)>;
@@ -28,12 +31,15 @@ class PostgresChannel {
   void Publish(std::string_view lines);
 
  private:
+  using Clock = std::chrono::steady_clock;
   class Link;
 
   void Run();
   // Whether the channel ends. Waits for a message from elsewhere (`socket`, -1: none), for one to send, or for the end,
-  // at most `milliseconds`.
-  bool Wait(int socket, int milliseconds);
+  // at most `time`.
+  bool Wait(int socket, Clock::duration time);
+  // When the oldest line that waits was given; empty: none waits.
+  std::optional<Clock::time_point> PendingSince();
   // False if the connection is lost.
   bool Send(Link* link);
 
@@ -44,6 +50,7 @@ class PostgresChannel {
   std::mutex mutex_;
   // Guarded by mutex_.
   std::set<std::string> pending_;
+  Clock::time_point pending_since_;
   bool ending_ = false;
 
   std::thread thread_;
