@@ -18,7 +18,8 @@ std::string ReportPeers(const Runs& runs, const std::string& columns);
 std::string ReportAtlas(const Runs& runs, const std::string& columns);
 std::string ReportMemory(const Runs& runs, const std::string& columns);
 std::string ReportService(const Runs& runs, const std::string& columns);
-std::string ReportTuning(const Runs& runs);  // has no plot
+std::string ReportTuning(const Runs& runs);
+std::string ReportFarm(const Runs& runs);  // has no plot
 
 // The runs whose `field` is `value`.
 Runs Where(const Runs& runs, const std::string& field, const nlohmann::json& value);

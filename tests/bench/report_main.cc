@@ -15,9 +15,9 @@ namespace {
 int Main(int argc, char** argv) {
   const std::string which = argc == 4 ? argv[1] : "";
   if (which != "paper" && which != "scale" && which != "peers" && which != "atlas" && which != "memory" &&
-      which != "service" && which != "tuning") {
+      which != "service" && which != "tuning" && which != "farm") {
     std::fprintf(stderr,
-                 "usage: planish_bench_report paper|scale|peers|atlas|memory|service|tuning RUNS.jsonl COLUMNS < "
+                 "usage: planish_bench_report paper|scale|peers|atlas|memory|service|tuning|farm RUNS.jsonl COLUMNS < "
                  "heading > TABLE.md\n");
     return 2;
   }
@@ -33,6 +33,7 @@ int Main(int argc, char** argv) {
                              : which == "atlas"  ? ReportAtlas(runs, argv[3])
                              : which == "memory" ? ReportMemory(runs, argv[3])
                              : which == "tuning" ? ReportTuning(runs)
+                             : which == "farm"   ? ReportFarm(runs)
                                                  : ReportService(runs, argv[3]);
   std::cout << heading << "\n" << tables;
   return 0;

@@ -7,6 +7,7 @@
 #   tests/bench/run.sh atlas [MESH...]  whole atlases, beside Blender's Smart UV Project and xatlas, in turn, on one core
 #   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
 #   tests/bench/run.sh tuning           each constant of the solver, linear algebra and boundary control halved and doubled
+#   tests/bench/run.sh farm             jobs a second that one PostgreSQL takes, 200 machines and 100,000 waiting jobs
 #   tests/bench/run.sh service          what a server costs beside the work, 1,000 watchers, 500 jobs and 50 kills
 #   tests/bench/run.sh mutations        100,000 damaged meshes and messages against a server (--quick: 2,000)
 #
@@ -47,12 +48,12 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | memory | tuning | service | mutations) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, mutations)" ;;
+  paper | scale | peers | atlas | memory | tuning | service | farm | mutations) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, farm, mutations)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
 case $bench in
-  memory | tuning | service | mutations) ;;
+  memory | tuning | service | farm | mutations) ;;
   *) command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench" ;;
 esac
 
@@ -61,6 +62,7 @@ esac
 targets=(planish_bench)
 [ "$bench" != atlas ] && [ "$bench" != service ] || targets+=(planish planishd)
 [ "$bench" != tuning ] || targets=(planish_tuning_sweep planish_bench_report)
+[ "$bench" != farm ] || targets=(planish_store_load planish_bench_report)
 [ "$bench" != mutations ] || targets=(faults_test)
 cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
@@ -347,6 +349,61 @@ service() {
   fi
   heading "A server beside its work" "All on one machine, over loopback, workers of one thread. Ratios are of one run." |
     "$bin/planish_bench_report" service "$runs" "$work/service" >"$out/service.md"
+}
+
+# A program of PostgreSQL; as the user postgres where this one is root, whom it refuses.
+postgres() {
+  local as=()
+  [ "$(id -u)" -ne 0 ] || as=(setpriv --reuid=postgres --regid=postgres --clear-groups)
+  (cd / && "${as[@]}" /usr/lib/postgresql/15/bin/"$@" </dev/null)
+}
+
+# Of a PostgreSQL in a folder that listens on a Unix socket there: with fsync, as a farm has it.
+start_postgres() {  # FOLDER SETTING...
+  local folder=$1 settings=()
+  shift
+  for setting in listen_addresses= max_connections=700 shared_buffers=512MB max_wal_size=4GB "$@"; do
+    settings+=("-c $setting")
+  done
+  postgres pg_ctl -D "$folder/data" -l "$folder/log" -w -t 60 -o "-k $folder ${settings[*]}" start >/dev/null
+  running+=("$folder")
+}
+
+stop_postgres() {
+  local folder
+  for folder in "${running[@]}"; do postgres pg_ctl -D "$folder/data" -m fast -w stop >/dev/null || true; done
+  running=()
+}
+
+farm() {
+  local running=() primary standby flags=()
+  [ -z "$quick" ] || flags=(--machines 10 --waiting 1000 --jobs 500 --rounds 1 --sleeping-machines 4)
+  primary=$(mktemp -d) standby=$(mktemp -d)
+  trap stop_postgres EXIT
+  [ "$(id -u)" -ne 0 ] || chown postgres "$primary" "$standby"
+  postgres initdb -D "$primary/data" -U planish --auth=trust --no-locale -E UTF8 >/dev/null
+  start_postgres "$primary"
+  load() {  # DATABASE STANDBY FLAG...
+    local database=$1 how=$2
+    shift 2
+    postgres psql -h "$primary" -U planish -d postgres -qc "CREATE DATABASE $database"
+    "$bin/planish_store_load" "postgresql://planish@/$database?host=$primary" "${flags[@]}" "$@" |
+      record "\"standby\":\"$how\""
+  }
+  echo "one PostgreSQL" >&2
+  load alone none
+  postgres pg_basebackup -h "$primary" -U planish -D "$standby/data" -R -C -S standby >/dev/null
+  start_postgres "$standby"
+  postgres psql -h "$primary" -U planish -d postgres -qc "ALTER SYSTEM SET synchronous_standby_names = '*'" \
+    -c "SELECT pg_reload_conf()" >/dev/null
+  echo "with a synchronous standby" >&2
+  load mirrored synchronous --sleeping-machines 0
+  stop_postgres
+  trap - EXIT
+  rm -rf "$primary" "$standby"
+  heading "A farm's store" "One PostgreSQL 15 with fsync, its clients and, in the second half, a synchronous standby on this
+machine's $(nproc) cores. Machines are threads with a connection and a listener each (\`tests/bench/store_load.cc\`); nothing is unwrapped." |
+    "$bin/planish_bench_report" farm "$runs" "$work/farm" >"$out/farm.md"
 }
 
 memory() {

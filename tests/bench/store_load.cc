@@ -1,9 +1,11 @@
-// planish_store_load URL [flags]: how many jobs a second one PostgreSQL takes from Accept() to Finish(), beside bare SQL
-// that writes the same rows in as many transactions; one JSON object per measurement on stdout. `tests/bench/run.sh farm`
-// starts a PostgreSQL for it. The database must be empty. Nothing is unwrapped: workers end at once what they claim.
+// planish_store_load URL [flags]: how many jobs a second one PostgreSQL takes from Accept() to Finish(), beside bare
+// SQL that writes the same rows in as many transactions; one JSON object per measurement on stdout. `tests/bench/run.sh
+// farm` starts a PostgreSQL for it. The database must be empty. Nothing is unwrapped: workers end at once what they
+// claim.
 //
 //   "fill"     jobs a second while as many jobs as are to wait are accepted
-//   "saturated"  machines claim in batches, finish, renew; fronts accept as many as end; old jobs are deleted; from time
+//   "saturated"  machines claim in batches, finish, renew; fronts accept as many as end; old jobs are deleted; from
+//   time
 //              to time a job of a tenant that has nothing waits for its claim
 //   "steady"   the same with workers that take their time, so that the database has 0.6 of bare SQL's work (--load):
 //              latencies of claims are those of this one
@@ -30,9 +32,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "nlohmann/json.hpp"
-#include "server/store/lifecycle.h"
 #include "server/store/ids.h"
 #include "server/store/job_store.h"
+#include "server/store/lifecycle.h"
 
 namespace planish::bench {
 namespace {
@@ -46,13 +48,13 @@ double Since(Clock::time_point start) {
 struct Flags {
   std::string url;
   int machines = 200;
-  int slots = 16;          // workers of a machine
-  int waiting = 100'000;   // jobs that wait all the time
+  int slots = 16;         // workers of a machine
+  int waiting = 100'000;  // jobs that wait all the time
   int tenants = 20;
-  int fronts = 16;         // threads that accept
-  int jobs = 20'000;       // that are finished in one round
+  int fronts = 16;    // threads that accept
+  int jobs = 20'000;  // that are finished in one round
   int rounds = 3;
-  double load = 0.6;       // of what bare SQL takes: the jobs a second that the workers of "steady" can end
+  double load = 0.6;  // of what bare SQL takes: the jobs a second that the workers of "steady" can end
   double worker_seconds = 3;
   int sleeping_machines = 50;
   double sleeping_seconds = 15;  // that each of the two measurements of "machines" takes
@@ -201,7 +203,8 @@ void Fill(const Flags& flags, int jobs) {
     }
   }
   const double seconds = Since(start);
-  std::printf("%s\n", nlohmann::json({{"bench", "fill"}, {"jobs", jobs}, {"jobs_per_second", jobs / seconds}}).dump().c_str());
+  std::printf("%s\n",
+              nlohmann::json({{"bench", "fill"}, {"jobs", jobs}, {"jobs_per_second", jobs / seconds}}).dump().c_str());
   std::fflush(stdout);
 }
 
@@ -353,22 +356,27 @@ nlohmann::json Bare(const Flags& flags) {
     return text;
   };
   Connection setup(flags.url);
+  setup.Run("SET client_min_messages = warning");
   setup.Run("DROP TABLE IF EXISTS bare_jobs, bare_events, bare_labels");
   setup.Run(
       "CREATE TABLE bare_jobs (number BIGSERIAL PRIMARY KEY, name TEXT NOT NULL UNIQUE, tenant TEXT NOT NULL, "
-      "request_id TEXT, state BIGINT NOT NULL, end_time BIGINT NOT NULL, work_key BYTEA NOT NULL, record BYTEA NOT NULL, "
-      "report BYTEA, owner TEXT NOT NULL, attempt BIGINT NOT NULL, lease_until BIGINT NOT NULL, turn_time BIGINT NOT NULL, "
+      "request_id TEXT, state BIGINT NOT NULL, end_time BIGINT NOT NULL, work_key BYTEA NOT NULL, record BYTEA NOT "
+      "NULL, "
+      "report BYTEA, owner TEXT NOT NULL, attempt BIGINT NOT NULL, lease_until BIGINT NOT NULL, turn_time BIGINT NOT "
+      "NULL, "
       "UNIQUE (tenant, request_id)) WITH (fillfactor = 80)");
   setup.Run("CREATE INDEX ON bare_jobs (turn_time, number) WHERE state = 1");
   setup.Run("CREATE INDEX ON bare_jobs (lease_until) WHERE state = 2");
   setup.Run("CREATE INDEX ON bare_jobs (tenant, end_time, number) WHERE state = 4");
   setup.Run("CREATE INDEX ON bare_jobs (work_key)");
-  setup.Run("CREATE TABLE bare_events (job BIGINT, sequence BIGINT, event BYTEA NOT NULL, PRIMARY KEY (job, sequence))");
+  setup.Run(
+      "CREATE TABLE bare_events (job BIGINT, sequence BIGINT, event BYTEA NOT NULL, PRIMARY KEY (job, sequence))");
   setup.Run("CREATE TABLE bare_labels (job BIGINT, key TEXT, value TEXT NOT NULL, PRIMARY KEY (job, key))");
-  setup.Run(absl::StrCat(
-      "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, attempt, lease_until, "
-      "turn_time) SELECT 'jobs/' || i, 'tenant0', i, 1, 0, decode(md5(i::text), 'hex'), '",
-      hex(record), "', '', 0, 0, i FROM generate_series(1, ", flags.waiting, ") AS i"));
+  setup.Run(
+      absl::StrCat("INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, "
+                   "attempt, lease_until, "
+                   "turn_time) SELECT 'jobs/' || i, 'tenant0', i, 1, 0, decode(md5(i::text), 'hex'), '",
+                   hex(record), "', '', 0, 0, i FROM generate_series(1, ", flags.waiting, ") AS i"));
   setup.Run("ANALYZE bare_jobs");
   std::atomic<int> left = flags.jobs;
   const Clock::time_point start = Clock::now();
@@ -381,14 +389,16 @@ nlohmann::json Bare(const Flags& flags) {
                   "lease_until, turn_time) VALUES ($1, 'tenant0', $2, 1, 0, $3, $4, '', 0, 0, 1) RETURNING number");
       sql.Prepare("event", "INSERT INTO bare_events VALUES ($1, $2, $3)");
       sql.Prepare("label", "INSERT INTO bare_labels VALUES ($1, 'asset', 'crate')");
-      sql.Prepare("start", "UPDATE bare_jobs SET state = 2, record = $2, owner = 'a', attempt = 1, lease_until = 9 "
-                           "WHERE number = $1");
-      sql.Prepare("finish", "UPDATE bare_jobs SET state = 4, record = $2, owner = '', lease_until = 0, "
-                            "end_time = 5, report = $3 WHERE number = $1");
+      sql.Prepare("start",
+                  "UPDATE bare_jobs SET state = 2, record = $2, owner = 'a', attempt = 1, lease_until = 9 "
+                  "WHERE number = $1");
+      sql.Prepare("finish",
+                  "UPDATE bare_jobs SET state = 4, record = $2, owner = '', lease_until = 0, "
+                  "end_time = 5, report = $3 WHERE number = $1");
       for (const char* table : {"jobs", "events", "labels"}) {
-        sql.Prepare(absl::StrCat("delete ", table), absl::StrCat("DELETE FROM bare_", table, " WHERE ",
-                                                                 std::string_view(table) == "jobs" ? "number" : "job",
-                                                                 " = $1"));
+        sql.Prepare(absl::StrCat("delete ", table),
+                    absl::StrCat("DELETE FROM bare_", table, " WHERE ",
+                                 std::string_view(table) == "jobs" ? "number" : "job", " = $1"));
       }
       const std::string bytes = hex(record), report_bytes = hex(report);
       while (--left >= 0) {
@@ -430,8 +440,8 @@ nlohmann::json Machines(const Flags& flags) {
       });
     }
     // Whole sleeps, of which the first ends after the first.
-    const auto at = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                       std::chrono::duration<double>(flags.sleeping_seconds));
+    const auto at = Clock::now() +
+                    std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(flags.sleeping_seconds));
     std::this_thread::sleep_until(at);
     rate[machines] = round.finished / flags.sleeping_seconds;
     round.over = true;
@@ -448,6 +458,7 @@ nlohmann::json Machines(const Flags& flags) {
 int Main(int argc, char** argv) {
   Flags flags;
   CLI::App app("How many jobs a second a PostgreSQL takes, beside bare SQL");
+  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   app.add_option("url", flags.url, "an empty database")->required();
   app.add_option("--machines", flags.machines)->check(CLI::PositiveNumber)->capture_default_str();
   app.add_option("--slots", flags.slots, "workers of each")->check(CLI::PositiveNumber)->capture_default_str();
