@@ -146,7 +146,8 @@ absl::StatusOr<Charts> Segment(Job* job) {
     charts.reduction =
         ReduceLongNeedles(job->mesh, needles, charts.segmentation->charts(), job->options, &job->warnings);
   }
-  // No chart is cut for the sake of float where faces make it double.
+  // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
+  // it overlap: the faces are widened until float holds them, or the UV are double.
   if (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float)) charts.resolution = 0;
   charts.charts.resize(charts.segmentation->charts().size());
   for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
