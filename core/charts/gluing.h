@@ -55,7 +55,8 @@ class Gluing {
 
 // The mesh of a chart, these faces (ascending) of one of the discs: face i comes from faces[i]. Its vertices are
 // numbered in the order of their lowest corners. `slits`, unless null, gets the corners that face the same edge of the
-// surface from either side of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the faces.
+// surface from either side of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the
+// faces.
 TriMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
                   std::vector<std::pair<std::int32_t, std::int32_t>>* slits = nullptr);
 

@@ -8,6 +8,7 @@
 #include <queue>
 #include <utility>
 
+#include "core/charts/joints.h"
 #include "core/charts/stretch_estimate.h"
 
 namespace planish {
@@ -67,10 +68,6 @@ class Merging {
   bool IsWhole(const Disc& large, const Disc& small) const {
     return large.faces.size() <= static_cast<std::size_t>(tuning_.estimate_reach) * small.faces.size();
   }
-  std::int32_t Neighbour(HalfedgeHandle h) const {
-    const std::int32_t f = surface_.face_across(h);
-    return f < 0 ? -1 : disc_of_[f];
-  }
 
   const double max_stretch_;
   const AtlasTuning& tuning_;
@@ -86,16 +83,6 @@ class Merging {
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> failed_;
 };
 
-// The first of these faces' half-edges that is on an outline.
-HalfedgeHandle FirstOnOutline(const Gluing& gluing, const std::vector<std::int32_t>& faces) {
-  for (const std::int32_t f : faces) {
-    for (const HalfedgeHandle h : HalfEdgesOf(gluing.mesh(), FaceHandle(f))) {
-      if (gluing.IsOutline(h)) return h;
-    }
-  }
-  return HalfedgeHandle();
-}
-
 // Length, less where the surface bends.
 double Merging::EdgeWeight(HalfedgeHandle h) const {
   return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
@@ -105,44 +92,20 @@ double Merging::EdgeWeight(HalfedgeHandle h) const {
 void Merging::WalkOutline(std::int32_t d) {
   Disc& disc = discs_[d];
   if (!disc.outline.is_valid() || !gluing_.IsOutline(disc.outline)) disc.outline = FirstOnOutline(gluing_, disc.faces);
-  walk_.clear();
+  walk_ = OutlineFrom(gluing_, disc.outline);
   disc.perimeter = 0;
-  HalfedgeHandle h = disc.outline;
-  do {
-    walk_.push_back(h);
-    disc.perimeter += surface_.length(h);
-    h = gluing_.After(h);
-  } while (h != disc.outline);
+  for (const HalfedgeHandle h : walk_) disc.perimeter += surface_.length(h);
   disc.outline_edges = static_cast<std::int32_t>(walk_.size());
 }
 
 void Merging::PushJoints(std::int32_t d, bool all) {
   WalkOutline(d);
-  const auto n = static_cast<std::int32_t>(walk_.size());
-  const auto joins = [&](std::int32_t i) {
-    const std::int32_t other = Neighbour(walk_[i]);
-    return other >= 0 && other != d;
-  };
-  // Whether half-edge i + 1 of the walk goes on with the same joint as half-edge i.
-  const auto goes_on = [&](std::int32_t i) {
-    const HalfedgeHandle h = walk_[i], next = walk_[i + 1 == n ? 0 : i + 1];
-    return joins(i) && Neighbour(next) == Neighbour(h) &&
-           gluing_.After(mesh_.opposite_halfedge_handle(next)) == mesh_.opposite_halfedge_handle(h);
-  };
-  std::int32_t begin = 0;
-  while (begin < n && goes_on(begin == 0 ? n - 1 : begin - 1)) ++begin;
-  if (begin == n) return;  // two discs that make a sphere
-  for (std::int32_t done = 0; done < n;) {
-    const std::int32_t start = (begin + done) % n;
-    std::int32_t edges = 1;
-    while (edges < n && goes_on((start + edges - 1) % n)) ++edges;
-    done += edges;
-    if (!joins(start)) continue;
-    const std::int32_t other = Neighbour(walk_[start]);
+  const std::size_t n = walk_.size();
+  for (const auto& [start, edges, other] : StretchesAlong(gluing_, disc_of_, d, walk_)) {
     if (!all && other < d) continue;
     if (discs_[d].outline_edges + discs_[other].outline_edges - 2 * edges < 3) continue;
     double weight = 0, length = 0;
-    for (std::int32_t i = 0; i < edges; ++i) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(edges); ++i) {
       weight += EdgeWeight(walk_[(start + i) % n]);
       length += surface_.length(walk_[(start + i) % n]);
     }
@@ -182,22 +145,8 @@ StretchEstimate::Sums Merging::Estimate(Disc* large, const Disc& small) {
 
 void Merging::TryJoint(const Joint& joint) {
   if (HasFailed(joint)) return;
-  // What is next to the joint on the outlines, before it is glued.
-  std::vector<HalfedgeHandle> glued;
-  HalfedgeHandle h = joint.first;
-  const HalfedgeHandle before = gluing_.Before(h);
-  for (std::int32_t i = 0; i < joint.edges; ++i, h = gluing_.After(h)) glued.push_back(h);
-  const HalfedgeHandle before_across = gluing_.Before(mesh_.opposite_halfedge_handle(glued.back()));
-  for (const HalfedgeHandle g : glued) gluing_.Glue(g);
-  for (const HalfedgeHandle e : {before, before_across}) {
-    if (gluing_.IsOutline(e)) gluing_.Zip(e, &glued);
-  }
-  const auto undo = [&] {
-    for (const HalfedgeHandle g : glued) gluing_.Unglue(g);
-  };
-  for (const HalfedgeHandle e : {before, before_across}) {
-    if (gluing_.IsOutline(e) && gluing_.OutlineAngle(e) > tuning_.widest) return undo();
-  }
+  const Seamed seamed = GlueStretch(joint.first, joint.edges, tuning_.widest, &gluing_);
+  if (!seamed.is_glued) return;
   std::int32_t to = joint.disc, from = joint.other;
   if (discs_[to].faces.size() < discs_[from].faces.size()) std::swap(to, from);
   Disc &large = discs_[to], &small = discs_[from];
@@ -209,14 +158,14 @@ void Merging::TryJoint(const Joint& joint) {
       std::sqrt((of_large * of_large * large.sums.area + of_small * of_small * small.sums.area) / area);
   if (!(sums.Stretch() <= std::max(max_stretch_, parts))) {
     failed_[{std::min(to, from), std::max(to, from)}] = faces;
-    return undo();
+    return seamed.Undo(&gluing_);
   }
   estimate_.Keep();
   if (IsWhole(large, small)) large.estimated = faces;
   for (const std::int32_t f : small.faces) disc_of_[f] = to;
   large.faces.insert(large.faces.end(), small.faces.begin(), small.faces.end());
   large.sums = sums;
-  for (const HalfedgeHandle e : {before, before_across}) {
+  for (const HalfedgeHandle e : seamed.ends) {
     if (gluing_.IsOutline(e)) large.outline = e;
   }
   ++large.version;

@@ -1,4 +1,5 @@
-// Patches to charts: each becomes a disc, and neighbours are glued together as long as the result can lie flat with little stretch.
+// Patches to charts: each becomes a disc, and neighbours are glued together as long as the result can lie flat with
+// little stretch.
 #pragma once
 
 #include <cstdint>

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <queue>
 #include <utility>
@@ -210,6 +211,59 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
   CollectFaces();
   std::sort(changed.begin(), changed.end());
   return changed;
+}
+
+std::vector<Segmentation::Joint> Segmentation::Joints() const {
+  std::vector<Joint> joints;
+  std::vector<std::vector<HalfedgeHandle>> outlines;
+  for (const std::vector<std::int32_t>& faces : faces_) {
+    outlines.push_back(faces.empty() ? std::vector<HalfedgeHandle>()
+                                     : OutlineFrom(gluing_, FirstOnOutline(gluing_, faces)));
+  }
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(faces_.size()); ++i) {
+    if (faces_[i].empty()) continue;
+    for (const auto& [begin, edges, other] : StretchesAlong(gluing_, chart_, i, outlines[i])) {
+      if (other < i || std::ssize(outlines[i]) + std::ssize(outlines[other]) - 2 * edges < 3) continue;
+      Joint joint = {i, other, {}};
+      for (std::int32_t k = 0; k < edges; ++k) {
+        joint.stretch.push_back(outlines[i][static_cast<std::size_t>(begin + k) % outlines[i].size()]);
+      }
+      joints.push_back(std::move(joint));
+    }
+  }
+  return joints;
+}
+
+std::optional<Segmentation::Joined> Segmentation::Join(const Joint& joint) {
+  Joined joined = {joint.chart, joint.other, Seamed(), {}, {}};
+  joined.seamed =
+      GlueStretch(joint.stretch.front(), static_cast<std::int32_t>(joint.stretch.size()), tuning_.widest, &gluing_);
+  if (!joined.seamed.is_glued) return std::nullopt;
+  joined.faces = std::move(faces_[joint.chart]);
+  joined.other_faces = std::exchange(faces_[joint.other], {});
+  std::vector<std::int32_t>& all = faces_[joint.chart] = {};
+  std::merge(joined.faces.begin(), joined.faces.end(), joined.other_faces.begin(), joined.other_faces.end(),
+             std::back_inserter(all));
+  for (const std::int32_t f : joined.other_faces) chart_[f] = joint.chart;
+  return joined;
+}
+
+void Segmentation::Part(const Joined& joined) {
+  joined.seamed.Undo(&gluing_);
+  faces_[joined.chart] = joined.faces;
+  faces_[joined.other] = joined.other_faces;
+  for (const std::int32_t f : joined.other_faces) chart_[f] = joined.other;
+}
+
+std::vector<std::int32_t> Segmentation::DropEmpty() {
+  std::vector<std::int32_t> number(faces_.size(), -1);
+  std::int32_t count = 0;
+  for (std::size_t i = 0; i < faces_.size(); ++i) {
+    if (!faces_[i].empty()) number[i] = count++;
+  }
+  for (std::int32_t& i : chart_) i = i < 0 ? i : number[i];
+  CollectFaces();
+  return number;
 }
 
 }  // namespace planish

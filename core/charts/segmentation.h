@@ -7,6 +7,7 @@
 
 #include "core/base/execution.h"
 #include "core/charts/gluing.h"
+#include "core/charts/joints.h"
 #include "core/charts/surface.h"
 #include "core/charts/tuning.h"
 
@@ -23,8 +24,8 @@ class Segmentation {
   Segmentation(const Surface& surface, Kind kind, double max_stretch, const Execution& execution,
                const AtlasTuning& tuning = {});
 
-  // Goes on from other charts of the same faces (kStretch), whose surface Rejoin() has made `surface` of: what was glued
-  // is glued, and charts are merged across new pairs of half-edges.
+  // Goes on from other charts of the same faces (kStretch), whose surface Rejoin() has made `surface` of: what was
+  // glued is glued, and charts are merged across new pairs of half-edges.
   Segmentation(const Surface& surface, const Segmentation& before, double max_stretch, const Execution& execution);
 
   const Gluing& gluing() const { return gluing_; }
@@ -47,6 +48,29 @@ class Segmentation {
   // Cuts each of these charts in parts. One part keeps its number, the others get new ones; all of those numbers are
   // returned, ascending. Charts of one face, or polygon, stay.
   std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, const Execution& execution);
+
+  // Two charts that border on each other along a connected stretch of their outlines: half-edges of `chart`, in the
+  // order of its outline.
+  struct Joint {
+    std::int32_t chart, other;
+    std::vector<HalfedgeHandle> stretch;
+  };
+  // All joints at which two charts could become one disc, by `chart`, which is the lower number of the two.
+  std::vector<Joint> Joints() const;
+
+  // What Join() has done.
+  struct Joined {
+    std::int32_t chart, other;
+    Seamed seamed;
+    std::vector<std::int32_t> faces, other_faces;  // before
+  };
+  // Makes one chart of two, which keeps the number `chart`; `other` is empty then. Nothing if a vertex of the outline
+  // would open wider than AtlasTuning::widest. The joint is one of Joints(), and the two charts have not changed since.
+  std::optional<Joined> Join(const Joint& joint);
+  // Takes the last Join() of these two charts back.
+  void Part(const Joined& joined);
+  // Closes the gaps that empty charts leave: per number, the new one, -1 for empty charts. The order stays.
+  std::vector<std::int32_t> DropEmpty();
 
  private:
   void CollectFaces();

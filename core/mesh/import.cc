@@ -70,9 +70,9 @@ struct Pair {
 
 // The pairs of half-edges that stay joined where more than two faces meet, those that bend least first. Of equal bends,
 // as where two boxes touch along an edge, those come first that enclose a solid, then those of faces with fewer
-// neighbours: a flap that lies on another face has no other place to go on to. The rest is by number. So a sheet goes on
-// through an edge where others meet it, and boxes stay boxes. Bends are rounded, so that rigid motion and scale change
-// nothing. Faces without area have no direction and take what is left over. `open_edges`: per face.
+// neighbours: a flap that lies on another face has no other place to go on to. The rest is by number. So a sheet goes
+// on through an edge where others meet it, and boxes stay boxes. Bends are rounded, so that rigid motion and scale
+// change nothing. Faces without area have no direction and take what is left over. `open_edges`: per face.
 void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, const std::vector<char>& open_edges,
                   Pairing* pairing) {
   constexpr double kBendUnit = 1e-6;
@@ -89,8 +89,8 @@ void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, const std:
       const bool is_known = !normal[i].isZero(0) && !normal[j].isZero(0);
       const double cosine = normal[i].dot(normal[j]), sine = normal[i].cross(normal[j]).dot(along);
       pairs.push_back({is_known ? std::llround((1 - cosine) / kBendUnit) : kUnknownBend,
-                       is_known && std::llround(sine / kBendUnit) < 0, 6 - open_edges[at[i] / 3] - open_edges[at[j] / 3],
-                       at[i], at[j]});
+                       is_known && std::llround(sine / kBendUnit) < 0,
+                       6 - open_edges[at[i] / 3] - open_edges[at[j] / 3], at[i], at[j]});
     }
   }
   std::sort(pairs.begin(), pairs.end());

@@ -10,11 +10,6 @@
 #include "core/pack/pack.h"
 
 namespace planish {
-namespace {
-
-double Cross(const Vec2& a, const Vec2& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
 
 // The chain of Andrew: O(n log n).
 std::vector<Vec2> ConvexHull(std::vector<Vec2> points) {
@@ -34,6 +29,12 @@ std::vector<Vec2> ConvexHull(std::vector<Vec2> points) {
     hull.pop_back();
   }
   return hull;
+}
+
+namespace {
+
+double Cross(const Vec2& a, const Vec2& b) {
+  return a.x() * b.y() - a.y() * b.x();
 }
 
 double UprightAngle(const std::vector<Vec2>& hull) {

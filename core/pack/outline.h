@@ -24,6 +24,9 @@ struct Outline {
   double upright = 0;  // turn that makes the rectangle of least area upright, longer along u
 };
 
+// Counter-clockwise, without points on its sides: one or two points if all lie on a line.
+std::vector<Vec2> ConvexHull(std::vector<Vec2> points);
+
 // Charts without faces are their points.
 Outline MakeOutline(const PackChart& chart);
 

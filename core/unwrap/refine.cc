@@ -130,28 +130,6 @@ std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart
   return piece;
 }
 
-// Whether the chart is to be cut in two, which helps if it has two faces.
-bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
-  const auto& [chart, is_few, flattening, map, faults, status] = mapped;
-  // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
-  // collapse where the chart goes.
-  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten.barrier > 0;
-  const SeamOptions& seams = job.options.seams;
-  const AtlasTuning& tuning = job.options.tuning;
-  // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
-  const bool is_sound =
-      status.ok() && map.flatten.converged &&
-      (map.flatten.barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
-  double area = 0;
-  for (const std::int32_t f : chart.faces) area += charts.surface->area[f];
-  const bool is_stretched =
-      seams.policy == SeamPolicy::kAuto && faults.stretch > tuning.stretch_slack * seams.max_stretch;
-  const bool is_long =
-      area < tuning.whole_area * charts.total_area && faults.extent > tuning.max_extent * std::sqrt(charts.total_area);
-  const bool is_awkward = seams.policy == SeamPolicy::kAuto && job.options.pack && is_long;
-  return !is_sound || faults.does_overlap || is_stretched || is_awkward;
-}
-
 // Per face of the chart: whether it is flipped or collapsed as delivered.
 std::vector<char> TurnedFaces(const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored) {
   std::vector<char> turned(chart.faces.size(), 0);
@@ -195,10 +173,7 @@ std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, co
 }
 
 // All that pack better in parts.
-std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const AtlasTuning& tuning, double max_stretch) {
-  const double mean_area = charts.total_area / charts.count();
-  const NeckOptions options = {tuning.hull_gain * (max_stretch - 1) / 0.05 * mean_area,
-                               tuning.cut_width * std::sqrt(charts.total_area)};
+std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const NeckOptions& options) {
   std::vector<Segmentation::Cut> cuts;
   for (std::int32_t i = 0; i < charts.count(); ++i) {
     const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
@@ -231,6 +206,35 @@ absl::StatusOr<bool> Split(Job* job, const std::vector<Segmentation::Cut>& cuts,
 
 }  // namespace
 
+bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
+  const auto& [chart, is_few, flattening, map, faults, status] = mapped;
+  // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
+  // collapse where the chart goes.
+  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten.barrier > 0;
+  const SeamOptions& seams = job.options.seams;
+  const AtlasTuning& tuning = job.options.tuning;
+  // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
+  const bool is_sound =
+      status.ok() && map.flatten.converged &&
+      (map.flatten.barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
+  double area = 0;
+  for (const std::int32_t f : chart.faces) area += charts.surface->area[f];
+  const bool is_stretched =
+      seams.policy == SeamPolicy::kAuto && faults.stretch > tuning.stretch_slack * seams.max_stretch;
+  const bool is_long =
+      area < tuning.whole_area * charts.total_area && faults.extent > tuning.max_extent * std::sqrt(charts.total_area);
+  const bool is_awkward = seams.policy == SeamPolicy::kAuto && job.options.pack && is_long;
+  return !is_sound || faults.does_overlap || is_stretched || is_awkward;
+}
+
+NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
+  const AtlasTuning& tuning = options.tuning;
+  std::int32_t count = 0;
+  for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
+  return {tuning.hull_gain * (options.seams.max_stretch - 1) / 0.05 * charts.total_area / count,
+          tuning.cut_width * std::sqrt(charts.total_area)};
+}
+
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {
   std::vector<Segmentation::Cut> cuts;
   for (const std::int32_t i : *todo) {
@@ -241,7 +245,7 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
   const bool may_part =
       job->options.seams.policy == SeamPolicy::kAuto && job->options.pack && !job->execution.IsStopRequested();
   if (cuts.empty() && may_part && charts->count() > 1 && !std::exchange(charts->are_parted, true)) {
-    cuts = ChartsToPart(*charts, job->options.tuning, job->options.seams.max_stretch);
+    cuts = ChartsToPart(*charts, NecksOf(*charts, job->options));
   }
   return Split(job, cuts, todo, charts);
 }

@@ -10,6 +10,7 @@
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/charts/rejoining.h"
+#include "core/mesh/angles.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
 #include "core/unwrap/long_needles.h"
@@ -77,6 +78,19 @@ double Resolution(const UnwrapOptions& options, double area, double last_digit) 
   return last_digit * std::bit_ceil(columns) * std::sqrt(area / (kFilled * tiles));
 }
 
+// Whether a face is thinner in the map than half of what places are rounded to, so that this type cannot hold it.
+bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
+  const Surface& surface = *charts.surface;
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    if (!surface.takes_part[f] || surface.is_flat[f]) continue;
+    const auto& [a, b, c] = mesh.faces[f];
+    const double longest = std::sqrt(LongestEdgeSquared(mesh.positions[a], mesh.positions[b], mesh.positions[c]));
+    const double reduction = charts.reduction.empty() ? 1 : charts.reduction[f];
+    if (2 * surface.area[f] * reduction < resolution / 2 * longest) return true;
+  }
+  return false;
+}
+
 // Where charts end at edges of more than two faces, they go on in other charts there.
 void RejoinCharts(const Job& job, Charts* charts) {
   if (job.execution.IsCancelled() || job.execution.IsStopRequested()) return;
@@ -132,6 +146,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
     charts.reduction =
         ReduceLongNeedles(job->mesh, needles, charts.segmentation->charts(), job->options, &job->warnings);
   }
+  // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
+  // it overlap: the faces are widened until float holds them, or the UV are double.
+  if (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float)) charts.resolution = 0;
   charts.charts.resize(charts.segmentation->charts().size());
   for (std::int32_t i = 0; i < charts.count(); ++i) ExtractChart(i, job->execution, &charts);
   job->seconds.charts = timer.Restart();

@@ -5,10 +5,12 @@
 //   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
 //     MapWithFixedBorders() one of them       -> another map, where no seam may be added and the first is no use
 //   Refine()                all of them       -> the charts that were cut once more, for SolveCharts()
+//   JoinCharts()            all of them       -> fewer charts, solved
 //   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
 //   Deliver()               UV                -> Delivery: the same as delivered, and their faults
 //     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
-//     RefineDelivered()     charts, faults    -> the charts that rounding made overlap or turned, cut, for SolveCharts()
+//     RefineDelivered()     charts, faults    -> the charts that rounding made overlap or turned, cut, for
+//     SolveCharts()
 //   Report()                all of that       -> UnwrapResult
 #pragma once
 
@@ -22,6 +24,7 @@
 #include "core/base/execution.h"
 #include "core/charts/segmentation.h"
 #include "core/charts/surface.h"
+#include "core/pack/necks.h"
 #include "core/unwrap/chart.h"
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"
@@ -47,7 +50,7 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
-  bool is_few = true;      // of few faces, or those of one polygon: is solved to the end, since a cut may not help
+  bool is_few = true;     // of few faces, or those of one polygon: is solved to the end, since a cut may not help
   Flattening flattening;  // from solve to layout
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
@@ -68,6 +71,7 @@ struct Charts {
   int widenings = 0;                // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;   // no vector: charts are added to many that are large
   bool are_parted = false;          // those that pack better in parts are (Refine)
+  bool are_joined = false;          // those that do as well together are (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
@@ -102,6 +106,18 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
 // Cuts those of the charts in `todo`, the last that were solved, whose maps are no use, or, once there are none, all
 // that pack better in parts (once for a job). Returns whether there were any; `todo` has then what is to be solved.
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
+
+// Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
+bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
+
+// What a cut at a neck must gain for the packer.
+NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
+
+// Makes one chart of two wherever its map is sound and the packer loses less than a cut there would have to gain:
+// charts that cuts have left small find a place elsewhere. With SeamPolicy::kAuto; charts that are stretched across or
+// drawn larger or smaller than others stay. Work is bounded by a share of the faces (AtlasTuning). None after a stop
+// request. CANCELLED after a cancellation.
+absl::Status JoinCharts(Job* job, Charts* charts);
 
 // Where the charts go.
 struct Atlas {

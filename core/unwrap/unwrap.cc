@@ -20,6 +20,7 @@ absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* ch
     PLANISH_RETURN_IF_ERROR(SolveCharts(job, todo, charts));
     PLANISH_ASSIGN_OR_RETURN(goes_on, Refine(job, &todo, charts));
   }
+  if (!std::exchange(charts->are_joined, true)) PLANISH_RETURN_IF_ERROR(JoinCharts(job, charts));
   for (const MappedChart& mapped : charts->charts) PLANISH_RETURN_IF_ERROR(mapped.status);
   return absl::OkStatus();
 }

@@ -260,12 +260,48 @@ TEST(Surface, EndsWhereChartsMust) {
   EXPECT_EQ(CountOpen(surface), 7) << "the flat pair stays joined";
 }
 
+TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
+  const Surface surface = MakeSurface(testing::Torus(16, 12), {}).value();
+  Segmentation segmentation(surface, Segmentation::Kind::kStretch, 1.02, {});
+  const auto chart = segmentation.chart();
+  const std::vector<Segmentation::Joint> joints = segmentation.Joints();
+  ASSERT_FALSE(joints.empty());
+  for (const auto& [one, other, stretch] : joints) {
+    EXPECT_LT(one, other);
+    for (const HalfedgeHandle h : stretch) {
+      EXPECT_EQ(chart[surface.mesh.face_handle(h).idx()], one);
+      EXPECT_EQ(chart[surface.face_across(h)], other);
+    }
+  }
+  int joined = 0;
+  for (const Segmentation::Joint& joint : joints) {
+    const auto done = segmentation.Join(joint);
+    if (!done) continue;
+    ++joined;
+    EXPECT_TRUE(segmentation.charts()[joint.other].empty());
+    ExpectDisc(surface, segmentation.gluing(), segmentation.charts()[joint.chart]);
+    segmentation.Part(*done);
+    ExpectDiscs(surface, segmentation);
+    EXPECT_EQ(segmentation.chart(), chart);
+  }
+  EXPECT_GT(joined, 0);
+  const auto is_kept = [&](const Segmentation::Joint& joint) { return segmentation.Join(joint).has_value(); };
+  ASSERT_TRUE(std::any_of(joints.begin(), joints.end(), is_kept));
+  const std::size_t before = segmentation.charts().size();
+  const std::vector<std::int32_t> number = segmentation.DropEmpty();
+  ASSERT_EQ(number.size(), before);
+  EXPECT_EQ(segmentation.charts().size(), before - 1);
+  EXPECT_EQ(std::count(number.begin(), number.end(), -1), 1);
+  ExpectDiscs(surface, segmentation);
+}
+
 // A cube of six squares of two triangles, with a third triangle on each that has the other diagonal. Import joins the
 // twelve triangles of the cube at its edges, and the six flaps among themselves.
 Mesh CubeWithFlaps() {
   Mesh mesh;
   for (int i = 0; i < 8; ++i) mesh.positions.emplace_back(i & 1, i >> 1 & 1, i >> 2);
-  const std::int32_t squares[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  const std::int32_t squares[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                      {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
   for (const auto& [a, b, c, d] : squares) mesh.faces.insert(mesh.faces.end(), {{a, b, c}, {a, c, d}, {a, b, d}});
   return mesh;
 }

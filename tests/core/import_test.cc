@@ -135,8 +135,8 @@ TEST(Import, BoxesThatTouchAlongAnEdgeStayBoxes) {
   }
 }
 
-// A flap lies on one of two faces at an edge, and has edges of its own where it is alone. It bends like the face that it
-// lies on, and goes on across the edge, since it has nowhere else to go.
+// A flap lies on one of two faces at an edge, and has edges of its own where it is alone. It bends like the face that
+// it lies on, and goes on across the edge, since it has nowhere else to go.
 TEST(Import, OfEqualBendsThatOfTheFaceWithFewerNeighboursIsJoined) {
   Mesh box = testing::Tetrahedron();
   const Face& face = box.faces[0];

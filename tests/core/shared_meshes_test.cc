@@ -117,6 +117,33 @@ TEST_F(SharedMeshes, TheSphereThroughAThreeEdgeHoleConverges) {
   EXPECT_EQ(result->warnings.at(0).reason, "BARRIER_KEPT");
 }
 
+// Discs are glued in an order that does not depend on the limit, but what is cut again does.
+TEST_F(SharedMeshes, MoreStretchDoesNotMeanMoreCharts) {
+  for (const char* const file : {"wuson_3732.obj", "spider_1368.obj", "featuretype_needles_3476.obj"}) {
+    const Mesh mesh = testing::ReadTriangleObj(kMeshes / file);
+    double before = static_cast<double>(mesh.num_faces());
+    for (const double limit : {1.05, 1.1, 1.25, 1.5, 2.0}) {
+      UnwrapOptions options;
+      options.seams.max_stretch = limit;
+      const auto result = Unwrap(mesh, options, {});
+      ASSERT_TRUE(result.ok()) << result.status();
+      const auto charts = static_cast<double>(result->charts.size());
+      EXPECT_LE(charts, 1.05 * before) << file << " at " << limit;
+      before = charts;
+    }
+  }
+}
+
+// 4,612 of its 19,704 faces are needles much longer than the texture, and too thin for float. Charts of them overlap
+// when they are rounded to float, but only until the needles are widened: no reason to cut them into charts of a few.
+TEST_F(SharedMeshes, NeedlesStayInChartsOfMany) {
+  const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "twin_needles_19704.obj"), {}, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_LE(result->charts.size(), 200u);
+  EXPECT_GT(result->quality.packing_efficiency, 0.28);
+  EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0);
+}
+
 TEST_F(SharedMeshes, WhatIsNoDiscIsRefusedWithTheFault) {
   const std::map<std::string, std::string> expected = {
       {"sphere_1280.obj", "MESH_CLOSED"},

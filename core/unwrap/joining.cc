@@ -1,0 +1,272 @@
+// Joining: after charts were cut, some of them do as well together, often with others than before.
+//
+// Whether two charts are worth a try is seen from their maps: one is turned and moved so that the outlines meet where
+// they are to be glued. Then both are solved as one, and stay one if that map is sound.
+#include <algorithm>
+#include <cmath>
+#include <compare>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "core/base/timer.h"
+#include "core/pack/outline.h"
+#include "core/unwrap/steps.h"
+
+namespace planish {
+namespace {
+
+double AreaWithin(const std::vector<Vec2>& polygon) {
+  double doubled = 0;
+  for (std::size_t i = 2; i < polygon.size(); ++i) {
+    const Vec2 u = polygon[i - 1] - polygon[0], v = polygon[i] - polygon[0];
+    doubled += u.x() * v.y() - u.y() * v.x();
+  }
+  return doubled / 2;
+}
+
+// What joining needs to know of a chart.
+struct Shape {
+  std::vector<Vec2> hull;
+  double hull_area = 0, area = 0, perimeter = 0;  // the last two on the surface
+  int version = 0;                                // grows whenever two charts have become this one
+  bool may_join = false;
+
+  double Compactness() const { return 4 * std::numbers::pi * area / (perimeter * perimeter); }
+};
+
+// Moves one map next to another: a turn by the unit number `turn` in the complex plane, then an offset.
+struct Motion {
+  Vec2 turn = Vec2(1, 0), offset = Vec2::Zero();
+  double misfit = 0;  // root mean square distance
+
+  Vec2 operator()(const Vec2& p) const {
+    return Vec2(turn.x() * p.x() - turn.y() * p.y(), turn.y() * p.x() + turn.x() * p.y()) + offset;
+  }
+};
+
+// Takes `from` to `to` as nearly as a turn can, which one may not be found if all points of either coincide.
+std::optional<Motion> Fit(const std::vector<Vec2>& from, const std::vector<Vec2>& to) {
+  const auto n = static_cast<double>(from.size());
+  Vec2 centre_from = Vec2::Zero(), centre_to = Vec2::Zero();
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    centre_from += from[i] / n;
+    centre_to += to[i] / n;
+  }
+  Vec2 turn = Vec2::Zero();
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const Vec2 p = from[i] - centre_from, q = to[i] - centre_to;
+    turn += Vec2(p.dot(q), p.x() * q.y() - p.y() * q.x());
+  }
+  const double length = turn.norm();
+  if (!(length > 0) || !std::isfinite(length)) return std::nullopt;
+  Motion motion;
+  motion.turn = turn / length;
+  motion.offset = centre_to - motion(centre_from);
+  double squares = 0;
+  for (std::size_t i = 0; i < from.size(); ++i) squares += (motion(from[i]) - to[i]).squaredNorm();
+  motion.misfit = std::sqrt(squares / n);
+  return motion;
+}
+
+// Two charts that are worth a try. The smallest are tried first, since work is counted in faces.
+struct Promising {
+  std::size_t faces;   // of both
+  std::size_t number;  // of the joint
+
+  auto operator<=>(const Promising&) const = default;
+};
+
+class Joining {
+ public:
+  Joining(Job* job, Charts* charts)
+      : job_(*job),
+        charts_(*charts),
+        segmentation_(*charts->segmentation),
+        surface_(*charts->surface),
+        tuning_(job->options.tuning),
+        local_(surface_.num_faces(), -1),
+        shapes_(charts->count()) {
+    for (std::int32_t i = 0; i < charts_.count(); ++i) Measure(i);
+    left_ = tuning_.join_faces * surface_.num_faces();
+  }
+
+  absl::Status Run() {
+    for (int round = 0; round < tuning_.join_rounds; ++round) {
+      PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Round());
+      if (!goes_on) break;
+    }
+    const std::vector<std::int32_t> number = segmentation_.DropEmpty();
+    std::int32_t count = 0;
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(number.size()); ++i) {
+      if (number[i] < 0) continue;
+      if (number[i] != i) charts_.charts[number[i]] = std::move(charts_.charts[i]);
+      ++count;
+    }
+    charts_.charts.resize(count);
+    return absl::OkStatus();
+  }
+
+ private:
+  // A pair that is being tried, and the two charts as they were.
+  struct Attempt {
+    Segmentation::Joined joined;
+    MappedChart chart, other;
+  };
+
+  void Measure(std::int32_t i) {
+    const MappedChart& mapped = charts_.charts[i];
+    const std::vector<std::int32_t>& faces = segmentation_.charts()[i];
+    Shape& shape = shapes_[i];
+    shape.hull = ConvexHull(mapped.map.positions);
+    shape.hull_area = AreaWithin(shape.hull);
+    shape.area = shape.perimeter = 0;
+    for (std::int32_t f = 0; f < mapped.chart.topology.num_faces(); ++f) local_[mapped.chart.faces[f]] = f;
+    for (const std::int32_t f : faces) shape.area += surface_.area[f];
+    for (const HalfedgeHandle h : OutlineFrom(segmentation_.gluing(), FirstOnOutline(segmentation_.gluing(), faces))) {
+      shape.perimeter += surface_.length(h);
+    }
+    shape.may_join = mapped.status.ok() && mapped.chart.enlargement == 1 && !IsWidened(mapped.chart) &&
+                     !IsToSplit(job_, charts_, mapped);
+  }
+
+  static bool IsWidened(const Chart& chart) {
+    return std::any_of(chart.least_angle.begin(), chart.least_angle.end(), [](double angle) { return angle > 0; });
+  }
+
+  // Where a half-edge of the chart's outline begins, or ends, in its map.
+  Vec2 PlaceAt(std::int32_t chart, HalfedgeHandle h, bool ends) const {
+    const std::int32_t c = CornerOf(surface_.mesh, h), k = ends ? Prev(c % 3) : Next(c % 3);
+    const MappedChart& mapped = charts_.charts[chart];
+    return mapped.map.positions[mapped.chart.topology.faces[local_[c / 3]][k]];
+  }
+
+  std::optional<Promising> Consider(const Segmentation::Joint& joint, std::size_t number) const {
+    const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
+    if (!one.may_join || !other.may_join) return std::nullopt;
+    const auto failed = failed_.find({joint.chart, joint.other});
+    if (failed != failed_.end() && failed->second == std::pair(one.version, other.version)) return std::nullopt;
+    double length = 0, mapped_length = 0;
+    for (const HalfedgeHandle h : joint.stretch) length += surface_.length(h);
+    const double area = one.area + other.area, perimeter = one.perimeter + other.perimeter - 2 * length;
+    const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
+    const Shape& larger = one.area < other.area ? other : one;
+    if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
+    std::vector<Vec2> from, to;
+    for (const HalfedgeHandle h : joint.stretch) {
+      const HalfedgeHandle across = surface_.mesh.opposite_halfedge_handle(h);
+      from.insert(from.end(), {PlaceAt(joint.other, across, true), PlaceAt(joint.other, across, false)});
+      to.insert(to.end(), {PlaceAt(joint.chart, h, false), PlaceAt(joint.chart, h, true)});
+      mapped_length += (to[to.size() - 1] - to[to.size() - 2]).norm();
+    }
+    const std::optional<Motion> motion = Fit(from, to);
+    if (!motion || !(motion->misfit <= tuning_.join_misfit * mapped_length)) return std::nullopt;
+    std::vector<Vec2> points = one.hull;
+    for (const Vec2& p : other.hull) points.push_back((*motion)(p));
+    const double hull = AreaWithin(ConvexHull(std::move(points)));
+    if (hull < area) return std::nullopt;  // they would overlap
+    const std::size_t faces = segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
+    if (job_.options.pack && hull - one.hull_area - other.hull_area > MostCost(length)) return std::nullopt;
+    return Promising{faces, number};
+  }
+
+  // Of convex hulls, for the packer.
+  double MostCost(double length) const { return tuning_.join_gain * (necks_.least_gain + necks_.width * length); }
+
+  absl::StatusOr<bool> Round() {
+    if (job_.execution.IsStopRequested()) return false;
+    Timer timer;
+    PLANISH_RETURN_IF_ERROR(job_.Enter(UnwrapStage::kCharts));
+    necks_ = NecksOf(charts_, job_.options);
+    const std::vector<Segmentation::Joint> joints = segmentation_.Joints();
+    std::vector<Promising> candidates;
+    for (std::size_t i = 0; i < joints.size() && !job_.execution.IsCancelledAt(static_cast<std::int64_t>(i)); ++i) {
+      if (const std::optional<Promising> candidate = Consider(joints[i], i)) candidates.push_back(*candidate);
+    }
+    std::sort(candidates.begin(), candidates.end());
+    std::vector<Attempt> attempts;
+    std::vector<char> taken(shapes_.size(), 0);
+    for (const Promising& candidate : candidates) {
+      const Segmentation::Joint& joint = joints[candidate.number];
+      if (taken[joint.chart] || taken[joint.other] || static_cast<double>(candidate.faces) > left_) continue;
+      std::optional<Segmentation::Joined> joined = segmentation_.Join(joint);
+      if (!joined) {
+        NoteFailed(joint.chart, joint.other);
+        continue;
+      }
+      taken[joint.chart] = taken[joint.other] = 1;
+      left_ -= static_cast<double>(candidate.faces);
+      attempts.push_back({*std::move(joined), std::exchange(charts_.charts[joint.chart], {}),
+                          std::exchange(charts_.charts[joint.other], {})});
+    }
+    std::vector<std::int32_t> todo;
+    for (const Attempt& attempt : attempts) {
+      ExtractChart(attempt.joined.chart, job_.execution, &charts_);
+      todo.push_back(attempt.joined.chart);
+    }
+    job_.seconds.charts += timer.Restart();
+    PLANISH_RETURN_IF_ERROR(SolveCharts(&job_, todo, &charts_));
+    bool has_joined = false;
+    for (Attempt& attempt : attempts) has_joined |= Settle(&attempt);
+    return has_joined;
+  }
+
+  // Keeps the joined chart if its map is sound; otherwise puts the two charts back.
+  bool Settle(Attempt* attempt) {
+    const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
+    const MappedChart& mapped = charts_.charts[i];
+    if (mapped.status.ok() && !mapped.map.flatten.stopped && !IsWidened(mapped.chart) &&
+        !IsToSplit(job_, charts_, mapped) && PacksWell(*attempt)) {
+      const int version = std::max(shapes_[i].version, shapes_[j].version) + 1;
+      Measure(i);
+      shapes_[i].version = version;
+      shapes_[j] = {};
+      return true;
+    }
+    if (!charts_.least_angle.empty()) {
+      for (const std::int32_t f : mapped.chart.faces) charts_.least_angle[f] = 0;
+    }
+    segmentation_.Part(attempt->joined);
+    charts_.charts[i] = std::move(attempt->chart);
+    charts_.charts[j] = std::move(attempt->other);
+    Measure(i);
+    Measure(j);
+    NoteFailed(i, j);
+    return false;
+  }
+
+  bool PacksWell(const Attempt& attempt) const {
+    if (!job_.options.pack) return true;
+    const std::int32_t i = attempt.joined.chart, j = attempt.joined.other;
+    double length = 0;
+    for (const HalfedgeHandle h : attempt.joined.seamed.glued) length += surface_.length(h);
+    return AreaWithin(ConvexHull(charts_.charts[i].map.positions)) - shapes_[i].hull_area - shapes_[j].hull_area <=
+           MostCost(length);
+  }
+
+  void NoteFailed(std::int32_t i, std::int32_t j) { failed_[{i, j}] = {shapes_[i].version, shapes_[j].version}; }
+
+  Job& job_;
+  Charts& charts_;
+  Segmentation& segmentation_;
+  const Surface& surface_;
+  const AtlasTuning& tuning_;
+  std::vector<std::int32_t> local_;  // per face: its number in its chart
+  std::vector<Shape> shapes_;        // per chart
+  NeckOptions necks_;
+  double left_ = 0;  // faces that may be solved again
+  // Charts that could not be joined, by their numbers, with their versions then.
+  std::map<std::pair<std::int32_t, std::int32_t>, std::pair<int, int>> failed_;
+};
+
+}  // namespace
+
+absl::Status JoinCharts(Job* job, Charts* charts) {
+  if (job->options.seams.policy != SeamPolicy::kAuto || charts->count() < 2) return absl::OkStatus();
+  if (job->execution.IsStopRequested()) return absl::OkStatus();
+  return Joining(job, charts).Run();
+}
+
+}  // namespace planish
