@@ -19,11 +19,11 @@
 namespace planish::cli {
 namespace {
 
-constexpr double kSteps = 65535;          // of positions and UV along their extent
-constexpr double kStretchOctaves = 4;     // that the page tells apart (client/report/src/data.ts)
+constexpr double kSteps = 65535;                 // of positions and UV along their extent
+constexpr double kStretchOctaves = 4;            // that the page tells apart (client/report/src/data.ts)
 constexpr int kTopByte = 254, kNoStretch = 255;  // of a byte
 constexpr std::uint8_t kMirroredFace = 16;
-constexpr std::size_t kMaxFindingFaces = 2000;
+constexpr std::size_t kMaxFindingFaces = 2000, kMaxNamedPairs = 20;
 
 void AppendVarint(std::uint64_t value, std::string* bytes) {
   for (; value >= 128; value >>= 7) bytes->push_back(static_cast<char>(value | 128));
@@ -157,8 +157,9 @@ class MapWriter {
       polygons.Add(PolygonOf(f));
       materials.Add(map_.material_of_face.empty() ? -1 : map_.material_of_face[f]);
       const double octaves = check_.face_stretch[f];
-      stretch.push_back(static_cast<char>(
-          std::isfinite(octaves) ? std::lround(kTopByte * std::clamp(octaves / kStretchOctaves, 0.0, 1.0)) : kNoStretch));
+      stretch.push_back(static_cast<char>(std::isfinite(octaves)
+                                              ? std::lround(kTopByte * std::clamp(octaves / kStretchOctaves, 0.0, 1.0))
+                                              : kNoStretch));
       const double error = std::clamp(check_.face_angle_error[f] / 180.0, 0.0, 1.0);
       angles.push_back(static_cast<char>(std::lround(kTopByte * std::sqrt(error))));
       const bool is_mirrored = check_.charts[static_cast<std::size_t>(chart)].is_mirrored;
@@ -234,8 +235,11 @@ class MapWriter {
         Counted(check_.outside, "triangle is not inside a tile", "triangles are not inside a tile"), kOutsideFace);
     add(check_.mirrored_charts, "mirrored", Counted(check_.mirrored_charts, "chart is mirrored", "charts are mirrored"),
         kMirroredFace);
+    std::size_t named = 0;
     for (const ChartPair& pair : check_.spacing.near) {
-      if (findings.size() >= 30) break;
+      // Charts that lie on each other are told as overlaps.
+      if (pair.distance == 0 && check_.overlaps.pairs > 0) continue;
+      if (++named > kMaxNamedPairs) break;
       findings.push_back({{"kind", "near"},
                           {"text", "charts " + std::to_string(pair.a) + " and " + std::to_string(pair.b) + " are " +
                                        Significant(pair.distance, 3) + " texels apart"},
@@ -321,6 +325,10 @@ std::string ReportPage(const std::vector<ReportedMap>& maps, const std::optional
                               "newton_iterations", "stretch_l2"}) {
         if (chart.contains(key)) solve[key] = chart[key];
       }
+      double worst = 0;
+      for (const Json& residual : chart.value("residual", Json::object()))
+        worst = std::max(worst, residual.get<double>());
+      solve["residual"] = worst;
       chart = std::move(solve);
     }
     ShowWarnings(maps.back(), &kept, &page["maps"].back()["findings"]);

@@ -43,6 +43,7 @@ export interface ChartSolve {
   converged: boolean;
   newton_iterations: number;
   stretch_l2: number;
+  residual: number; // the largest when it ended
 }
 
 export interface Unwrap {

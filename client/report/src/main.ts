@@ -43,11 +43,9 @@ function frame(title: string, summary: string, maps: string[]): string {
           </div>
           <button id="reset" title="See everything (R)">Reset</button>
           <button id="help" title="Keys" aria-label="Keys">?</button>
-          <span class="space"></span>
-          <div id="legend"></div>
         </div>
         <div class="views"><canvas tabindex="0" aria-label="The surface on the left, its layout on the right"></canvas>
-          <div id="labels"></div><div id="tip" hidden></div><div id="keys" hidden>${escape(HELP).replace('\n', '<br>')}</div></div>
+          <div id="labels"></div><div id="rings"></div><div id="legend"></div><div id="tip" hidden></div><div id="keys" hidden>${escape(HELP).replace('\n', '<br>')}</div></div>
       </section>
       <aside id="side"></aside>
     </main>`;
@@ -159,6 +157,18 @@ async function start(): Promise<void> {
     }
     viewer.redraw();
   };
+  // Rings round the triangle in every view, as it may be smaller than a pixel.
+  viewer.onDraw = () => {
+    const rings: string[] = [], face = state.hovered?.face ?? -1;
+    for (const map of state.shown) {
+      if (face < 0 || (map !== state.hovered!.map && !sameSurface)) continue;
+      for (const isLayout of [false, true]) {
+        const at = viewer.screenOf(map, face, isLayout);
+        if (at?.isInside) rings.push(`<i class="ring" style="left:${at.x.toFixed(1)}px;top:${at.y.toFixed(1)}px"></i>`);
+      }
+    }
+    element('#rings').innerHTML = rings.join('');
+  };
   const place = (x: number, y: number): void => {
     const tip = element('#tip'), box = element('.views').getBoundingClientRect();
     tip.style.left = `${Math.max(4, Math.min(x + 14, box.width - tip.offsetWidth - 6))}px`;
@@ -226,6 +236,7 @@ async function start(): Promise<void> {
         const box = canvas.getBoundingClientRect();
         return viewer.pick(x - box.left, y - box.top);
       },
+      isIdle: () => viewer.isIdle,
       maps,
     },
   });

@@ -186,7 +186,7 @@ export class Panels {
     const unwrap = this.page.unwrap!;
     const residuals = residualPlot(unwrap);
     const seconds = unwrap.seconds;
-    return `${residuals ? `<h3>Largest residual after each Newton step</h3>${residuals}<p class="note">A line per chart; dashed: the tolerance.</p>` : ''}
+    return `${residuals ? `<h3>Largest residual after each Newton step</h3>${residuals}<p>Lines: the steps that the server told, all of them where there is one chart. Rings: where each chart ended. Dashed: the tolerance.</p>` : ''}
       ${seconds ? `<h3>Time by stage, ${(seconds.total ?? 0).toFixed(2)} s in all</h3>${stagePlot(seconds)}` : ''}`;
   }
 }

@@ -7,14 +7,16 @@ export function escape(text: string): string {
   return text.replace(/[&<>"]/g, (c) => ({ '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;' })[c]!);
 }
 
-// The largest residual after each Newton step, a line per chart, on a log axis.
+// The largest residual after each Newton step, on a log axis: a line for the steps of a chart that the server told, and a
+// ring where each chart ended.
 export function residualPlot(unwrap: Unwrap): string {
   const series = new Map<number, [number, number][]>();
   for (const [chart, step, residual] of unwrap.newton ?? []) {
     if (residual > 0) series.set(chart, [...(series.get(chart) ?? []), [step, residual]]);
   }
-  if (series.size === 0) return '';
-  const all = [...series.values()].flat();
+  const ends = (unwrap.charts ?? []).filter((c) => c.residual > 0);
+  const all = [...[...series.values()].flat(), ...ends.map((c): [number, number] => [c.newton_iterations, c.residual])];
+  if (all.length === 0) return '';
   const steps = Math.max(1, ...all.map(([step]) => step));
   const values = all.map(([, residual]) => Math.log10(residual));
   const tolerance = unwrap.tolerance && unwrap.tolerance > 0 ? Math.log10(unwrap.tolerance) : null;
@@ -36,8 +38,11 @@ export function residualPlot(unwrap: Unwrap): string {
     points.sort((a, b) => a[0] - b[0]);
     const path = points.map(([s, r], i) => `${i === 0 ? 'M' : 'L'}${x(s).toFixed(1)} ${y(Math.log10(r)).toFixed(1)}`).join('');
     svg += `<path class="line" d="${path}"><title>chart ${chart} of the solver</title></path>`;
-    const [s, r] = points.at(-1)!;
-    svg += `<circle class="end" cx="${x(s).toFixed(1)}" cy="${y(Math.log10(r)).toFixed(1)}" r="2"/>`;
+    for (const [s, r] of points) svg += `<circle class="step" cx="${x(s).toFixed(1)}" cy="${y(Math.log10(r)).toFixed(1)}" r="1.6"/>`;
+  }
+  for (const chart of ends) {
+    const at = `cx="${x(chart.newton_iterations).toFixed(1)}" cy="${y(Math.log10(chart.residual)).toFixed(1)}"`;
+    svg += `<circle class="${chart.converged ? 'end' : 'end bad'}" ${at} r="3"><title>${chart.triangles.toLocaleString('en')} triangles, ${chart.newton_iterations} steps${chart.converged ? '' : ', not converged'}</title></circle>`;
   }
   return svg + '</svg>';
 }

@@ -33,6 +33,7 @@ export class Viewer {
   readonly models: MapModel[];
   onHover: (hit: Hit | null, x: number, y: number) => void = () => {};
   onClick: (hit: Hit | null) => void = () => {};
+  onDraw: () => void = () => {};
 
   private readonly renderer: THREE.WebGLRenderer;
   private readonly camera = new THREE.PerspectiveCamera(FIELD, 1, 0.01, 100);
@@ -43,6 +44,7 @@ export class Viewer {
   private readonly grid: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
   private readonly gridScene = new THREE.Scene();
   private readonly sphere: THREE.Sphere;
+  private readonly samples: THREE.Vector3[] = []; // places of the surfaces
   private panes: Pane[] = [];
   private shown: number[];
   private needsFrame = false;
@@ -93,12 +95,12 @@ export class Viewer {
 
   // Of the places themselves: boxes have the corners that a surface lacks.
   private tightSphere(): THREE.Sphere {
-    const box = new THREE.Box3();
     for (const model of this.models) {
       const { info } = model.data;
-      const step = Math.max(1, Math.floor(info.triangles / 50000));
-      for (let f = 0; f < info.triangles; f += step) box.expandByPoint(model.place(3 * f));
+      const step = Math.max(1, Math.floor(info.triangles / 20000));
+      for (let f = 0; f < info.triangles; f += step) this.samples.push(model.place(3 * f));
     }
+    const box = new THREE.Box3().setFromPoints(this.samples);
     const sphere = box.getBoundingSphere(new THREE.Sphere());
     sphere.radius = Math.max(sphere.radius, 1e-30);
     return sphere;
@@ -128,8 +130,7 @@ export class Viewer {
 
   reset(isAnimated = true): void {
     const direction = new THREE.Vector3(0.62, 0.34, 0.9).normalize();
-    const distance = (this.sphere.radius / Math.sin((FIELD * Math.PI) / 360)) * 1.04;
-    const position = this.sphere.center.clone().addScaledVector(direction, distance);
+    const position = this.sphere.center.clone().addScaledVector(direction, this.fittingDistance(direction));
     const uv = this.uvHome();
     if (isAnimated) return this.fly(position, this.sphere.center, uv.centre, uv.half);
     this.camera.position.copy(position);
@@ -138,6 +139,19 @@ export class Viewer {
     this.uvView.half = uv.half;
     this.controls.update();
     this.redraw();
+  }
+
+  // From the middle of everything, so that all of it is seen in a square.
+  private fittingDistance(direction: THREE.Vector3): number {
+    const right = new THREE.Vector3(0, 1, 0).cross(direction).normalize(), up = direction.clone().cross(right);
+    const slope = Math.tan((FIELD * Math.PI) / 360) * 0.94;
+    let distance = 0;
+    for (const p of this.samples) {
+      const offset = p.clone().sub(this.sphere.center);
+      const aside = Math.max(Math.abs(offset.dot(right)), Math.abs(offset.dot(up)));
+      distance = Math.max(distance, offset.dot(direction) + aside / slope);
+    }
+    return Math.max(distance, 0.1 * this.sphere.radius);
   }
 
   private uvHome(): { centre: THREE.Vector2; half: number } {
@@ -199,6 +213,11 @@ export class Viewer {
     this.uvView.half *= factor;
     this.controls.update();
     this.redraw();
+  }
+
+  // Nothing moves, and what was asked for is drawn.
+  get isIdle(): boolean {
+    return !this.needsFrame && !this.flight;
   }
 
   redraw(): void {
@@ -275,6 +294,7 @@ export class Viewer {
       this.renderer.render(pane.isLayout ? model.layout : model.surface, camera);
     }
     this.renderer.setScissorTest(false);
+    this.onDraw();
   }
 
   private drawGrid(pane: Pane, model: MapModel, pixels: THREE.Vector2): void {
@@ -318,7 +338,7 @@ export class Viewer {
   }
 
   // Where the middle of a triangle is on the canvas, in CSS pixels.
-  screenOf(map: number, face: number, isLayout: boolean): { x: number; y: number } | null {
+  screenOf(map: number, face: number, isLayout: boolean): { x: number; y: number; isInside: boolean } | null {
     const pane = this.panes.find((p) => p.map === map && p.isLayout === isLayout);
     if (!pane) return null;
     const model = this.models[map]!, centre = new THREE.Vector3();
@@ -333,7 +353,8 @@ export class Viewer {
     const camera = this.aim(pane);
     camera.updateMatrixWorld();
     centre.divideScalar(3).project(camera);
-    return { x: pane.x + ((centre.x + 1) / 2) * pane.width, y: pane.y + ((1 - centre.y) / 2) * pane.height };
+    const isInside = Math.abs(centre.x) <= 1 && Math.abs(centre.y) <= 1;
+    return { x: pane.x + ((centre.x + 1) / 2) * pane.width, y: pane.y + ((1 - centre.y) / 2) * pane.height, isInside };
   }
 
   private listen(): void {
