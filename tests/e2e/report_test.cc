@@ -39,19 +39,19 @@ class ReportTest : public ::testing::Test {
 };
 
 TEST_F(ReportTest, WritesAPageAndAsksNoServer) {
-  const Outcome run = Report({File("</script>.obj", kTriangle), "-o", directory_.Path("page.html")});
+  const Outcome run = Report({File("<script>.obj", kTriangle), "-o", directory_.Path("page.html")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const std::string page = ReadFile(directory_.Path("page.html"));
   EXPECT_THAT(page, StartsWith("<!doctype html>"));
   const json data = Page(page);
   ASSERT_EQ(data["maps"].size(), 1);
-  EXPECT_EQ(data["maps"][0]["name"], "</script>.obj");
+  EXPECT_EQ(data["maps"][0]["name"], "<script>.obj");
   EXPECT_EQ(data["maps"][0]["triangles"], 1);
   EXPECT_EQ(data["maps"][0]["places"], 3);
   EXPECT_FALSE(data.contains("unwrap"));
   EXPECT_THAT(Script(page, "planish-map-0"), Not(""));
   EXPECT_LT(page.size(), 1'000'000u);
-  const Outcome to_stdout = Report({directory_.Path("</script>.obj"), "-o", "-"});
+  const Outcome to_stdout = Report({directory_.Path("<script>.obj"), "-o", "-"});
   EXPECT_EQ(to_stdout.out, page);
 }
 

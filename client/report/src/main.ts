@@ -1,6 +1,5 @@
 // The page of `planish report`.
 import { angleOf, FAULTS, readPage, STRETCH_RANGE, stretchOf, type Finding } from './data';
-import { MapModel } from './model';
 import { Panels } from './panels';
 import { escape } from './plots';
 import { MODES, type Mode } from './shaders';
@@ -64,14 +63,14 @@ async function start(): Promise<void> {
   );
   const element = <T extends HTMLElement>(selector: string): T => app.querySelector<T>(selector)!;
   const canvas = element<HTMLCanvasElement>('canvas');
-  const models = maps.map((data) => new MapModel(data));
   let viewer: Viewer;
   try {
-    viewer = new Viewer(canvas, models);
+    viewer = new Viewer(canvas, maps);
   } catch {
     element('.views').innerHTML = '<p class="loading">This browser has no WebGL 2, which the views need.</p>';
     return;
   }
+  const { models } = viewer;
   const state: State = {
     mode: 'checker', wireframe: false, seams: true, padding: true, shown: page.maps.map((_, i) => i),
     isDark: matchMedia('(prefers-color-scheme: dark)').matches, selected: null, hovered: null,
@@ -87,7 +86,7 @@ async function start(): Promise<void> {
     viewer.setColors(color('--stage'), color('--tile'), color('--ink'));
     viewer.setMode(state.mode, state.isDark, state.seams);
     models.forEach((model, i) => {
-      model.setWireframe(state.wireframe);
+      model.setWireframe(state.wireframe); // after setMode(), which decides on seams
       model.setPadding(state.padding);
       model.setRanges(stretchTop, angleTop);
       model.setSelected(state.selected?.map === i ? state.selected.chart : -1);

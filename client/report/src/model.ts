@@ -2,7 +2,7 @@
 import * as THREE from 'three';
 import { FAULTS, type Finding, type MapData } from './data';
 import {
-  FACE_FRAGMENT, FACE_VERTEX, LINE_FRAGMENT, LINE_VERTEX, PICK_FRAGMENT, TEXTURE_WIDTH, type Mode, MODES,
+  FACE_FRAGMENT, FACE_VERTEX, LINE_FRAGMENT, LINE_VERTEX, PICK_FRAGMENT, TEXTURE_WIDTH, WIRE_VERTEX, type Mode, MODES,
 } from './shaders';
 
 type Numbers = Uint8Array | Uint16Array | Uint32Array;
@@ -77,6 +77,51 @@ function packedNormals(data: MapData): Uint16Array {
   return packed;
 }
 
+function integers(values: Numbers, components: number): THREE.BufferAttribute {
+  const attribute = new THREE.BufferAttribute(values, components);
+  attribute.gpuType = THREE.IntType;
+  return attribute;
+}
+
+// Triangles over places, each with a provoking vertex of its own: the flat values of a triangle come from that vertex. A
+// place serves one of its triangles; where all three of a triangle are taken, one is there once more.
+function drawable(data: MapData, places: Uint16Array, firstProvokes: boolean): THREE.BufferGeometry {
+  const { indices, uv, info } = data, n = info.triangles;
+  const taken = new Uint8Array(info.places);
+  let copies = 0;
+  const provoking = new Uint8Array(n); // 3: a copy of the last
+  for (let f = 0; f < n; ++f) {
+    let k = 0;
+    while (k < 3 && taken[indices[3 * f + k]!]) ++k;
+    provoking[f] = k;
+    if (k < 3) taken[indices[3 * f + k]!] = 1;
+    else ++copies;
+  }
+  const size = info.places + copies;
+  const place = new Uint16Array(4 * size), texcoord = new Uint16Array(2 * size), face = new Uint32Array(size);
+  place.set(places);
+  texcoord.set(uv);
+  const index = new Uint32Array(3 * n);
+  for (let f = 0, next = info.places; f < n; ++f) {
+    const k = provoking[f]! % 3, corner = provoking[f] === 3 ? 2 : k;
+    let vertex = indices[3 * f + corner]!;
+    if (provoking[f] === 3) {
+      place.copyWithin(4 * next, 4 * vertex, 4 * vertex + 4);
+      texcoord.copyWithin(2 * next, 2 * vertex, 2 * vertex + 2);
+      vertex = next++;
+    }
+    face[vertex] = f;
+    const others = [indices[3 * f + ((corner + 1) % 3)]!, indices[3 * f + ((corner + 2) % 3)]!];
+    index.set(firstProvokes ? [vertex, ...others] : [...others, vertex], 3 * f);
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setIndex(new THREE.BufferAttribute(index, 1));
+  geometry.setAttribute('aPlace', integers(place, 4));
+  geometry.setAttribute('aUv', integers(texcoord, 2));
+  geometry.setAttribute('aFace', integers(face, 1));
+  return geometry;
+}
+
 // The map of the whole page is drawn by one set of uniforms: modes and marks are the same in both views.
 export class MapModel {
   readonly surface = new THREE.Scene();
@@ -91,8 +136,11 @@ export class MapModel {
   private readonly lines: { surface: THREE.RawShaderMaterial; outline: THREE.RawShaderMaterial; padding: THREE.RawShaderMaterial };
   private readonly paddingMesh: THREE.Mesh;
   private readonly surfaceLines: THREE.Mesh;
+  private readonly geometry: THREE.BufferGeometry;
+  private wires: THREE.LineSegments[] = []; // made when they are first asked for
 
-  constructor(readonly data: MapData) {
+  // firstProvokes: which vertex of a triangle its flat values come from, the first or the last.
+  constructor(readonly data: MapData, firstProvokes: boolean) {
     const { info } = data;
     const size = new THREE.Vector3(1, 1, 1).multiplyScalar(info.size);
     this.box = new THREE.Box3(new THREE.Vector3(...info.low), new THREE.Vector3(...info.low).add(size));
@@ -124,7 +172,6 @@ export class MapModel {
     const materials = new THREE.DataTexture(colors, info.materials.length + 1, 1);
     materials.needsUpdate = true;
     this.uniforms = {
-      tIndex: { value: dataTexture(data.indices, 1, THREE.RedIntegerFormat, THREE.UnsignedIntType, 'R32UI') },
       tPlace: { value: dataTexture(places, 4, THREE.RGBAIntegerFormat, THREE.UnsignedShortType, 'RGBA16UI') },
       tUv: { value: dataTexture(data.uv, 2, THREE.RGIntegerFormat, THREE.UnsignedShortType, 'RG16UI') },
       tFace: { value: this.faceTexture },
@@ -137,18 +184,16 @@ export class MapModel {
       uMode: { value: 0 },
       uHover: { value: -1 },
       uSelected: { value: -1 },
-      uWire: { value: false },
       uMarks: { value: true },
       uChecker: { value: 48 },
       uStretchTop: { value: 1 },
       uAngleTop: { value: 20 },
       uLight: { value: 0.9 },
     };
+    this.geometry = drawable(data, places, firstProvokes);
     for (const [scene, isLayout, isPick] of [
       [this.surface, false, false], [this.layout, true, false], [this.surfacePick, false, true], [this.layoutPick, true, true],
     ] as const) {
-      const geometry = new THREE.BufferGeometry();
-      geometry.setDrawRange(0, 3 * info.triangles);
       const material = new THREE.RawShaderMaterial({
         glslVersion: THREE.GLSL3,
         uniforms: this.uniforms,
@@ -160,7 +205,7 @@ export class MapModel {
         depthWrite: !isLayout,
         blending: THREE.NoBlending,
       });
-      const mesh = new THREE.Mesh(geometry, material);
+      const mesh = new THREE.Mesh(this.geometry, material);
       mesh.frustumCulled = false;
       scene.add(mesh);
     }
@@ -233,7 +278,43 @@ export class MapModel {
     this.uniforms.uAngleTop!.value = angle;
   }
   setWireframe(isOn: boolean): void {
-    this.uniforms.uWire!.value = isOn;
+    if (isOn && this.wires.length === 0) this.makeWires();
+    for (const wires of this.wires) wires.visible = isOn;
+    if (isOn) this.surfaceLines.visible = true; // which are edges too
+  }
+
+  // An edge between two triangles runs one way in the one and the other way in the other: it is drawn once. Edges of one
+  // triangle are outlines, which are drawn anyway.
+  private makeWires(): void {
+    const { indices, info } = this.data;
+    const edges = new Uint32Array(6 * info.triangles);
+    let size = 0;
+    for (let c = 0; c < 3 * info.triangles; ++c) {
+      const a = indices[c]!, b = indices[c % 3 === 2 ? c - 2 : c + 1]!;
+      if (a >= b) continue;
+      edges[size++] = a;
+      edges[size++] = b;
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setIndex(new THREE.BufferAttribute(edges.slice(0, size), 1));
+    for (const name of ['aPlace', 'aUv']) geometry.setAttribute(name, this.geometry.getAttribute(name));
+    for (const [scene, isLayout] of [[this.surface, false], [this.layout, true]] as const) {
+      const material = new THREE.RawShaderMaterial({
+        glslVersion: THREE.GLSL3,
+        uniforms: { ...this.uniforms, uColor: { value: new THREE.Vector4(0.03, 0.03, 0.06, 0.42) } },
+        vertexShader: WIRE_VERTEX,
+        fragmentShader: LINE_FRAGMENT,
+        defines: isLayout ? { LAYOUT: '' } : {},
+        transparent: true,
+        depthTest: !isLayout,
+        depthWrite: false,
+      });
+      const wires = new THREE.LineSegments(geometry, material);
+      wires.frustumCulled = false;
+      wires.renderOrder = 0.5;
+      scene.add(wires);
+      this.wires.push(wires);
+    }
   }
   setChecker(cells: number): void {
     this.uniforms.uChecker!.value = cells;

@@ -1,15 +1,14 @@
-// How surface, layout and seams are drawn. Nothing is copied into vertex buffers: shaders fetch the corners of a triangle
-// by its number from textures of the data as it came, so every view, mode and pick shares one copy.
+// How surface, layout and seams are drawn. Both views share one indexed buffer of quantized places. What belongs to a
+// triangle (its number, and by that its chart and values) is that of its provoking vertex, which no other triangle
+// provokes by (model.ts).
 
 export const TEXTURE_WIDTH = 4096;
 
-// Of both programs: places on the surface and in the map.
+// Of all programs: places on the surface and in the map.
 const FETCH = /* glsl */ `
 precision highp float;
 precision highp int;
 precision highp usampler2D;
-uniform usampler2D tPlace;   // x, y, z, normal
-uniform usampler2D tUv;
 uniform vec3 uLow;
 uniform float uSize;
 uniform vec2 uUvLow;
@@ -17,11 +16,13 @@ uniform float uUvSize;
 uniform mat4 projectionMatrix, modelViewMatrix;
 ivec2 texel(int i) { return ivec2(i % ${TEXTURE_WIDTH}, i / ${TEXTURE_WIDTH}); }
 vec3 surfaceOf(uvec4 place) { return uLow + uSize * vec3(place.xyz) / 65535.0; }
-vec2 mapOf(int place) { return uUvLow + uUvSize * vec2(texelFetch(tUv, texel(place), 0).xy) / 65535.0; }
+vec2 mapOf(uvec2 uv) { return uUvLow + uUvSize * vec2(uv) / 65535.0; }
 `;
 
 export const FACE_VERTEX = /* glsl */ `${FETCH}
-uniform usampler2D tIndex;
+in uvec4 aPlace;             // x, y, z, normal
+in uvec2 aUv;
+in uint aFace;               // that this vertex provokes
 uniform usampler2D tFace;    // stretch, angle, faults, marked
 uniform usampler2D tChart;   // chart, material + 1
 flat out int vFace;
@@ -30,7 +31,6 @@ flat out uvec2 vGroup;
 out vec3 vEye;
 out vec3 vNormal;
 out vec2 vUv;
-out vec3 vCorner;
 vec3 unpackNormal(uint code) {
   vec2 p = vec2(float(code & 255u), float(code >> 8)) / 127.5 - 1.0;
   vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));
@@ -38,19 +38,15 @@ vec3 unpackNormal(uint code) {
   return normalize(n);
 }
 void main() {
-  int corner = gl_VertexID % 3;
-  vFace = gl_VertexID / 3;
-  int place = int(texelFetch(tIndex, texel(gl_VertexID), 0).x);
-  uvec4 data = texelFetch(tPlace, texel(place), 0);
+  vFace = int(aFace);
   vValues = texelFetch(tFace, texel(vFace), 0);
   vGroup = texelFetch(tChart, texel(vFace), 0).xy;
-  vUv = mapOf(place);
-  vCorner = vec3(corner == 0, corner == 1, corner == 2);
-  vNormal = mat3(modelViewMatrix) * unpackNormal(data.w);
+  vUv = mapOf(aUv);
+  vNormal = mat3(modelViewMatrix) * unpackNormal(aPlace.w);
 #ifdef LAYOUT
   vec4 eye = modelViewMatrix * vec4(vUv, 0.0, 1.0);
 #else
-  vec4 eye = modelViewMatrix * vec4(surfaceOf(data), 1.0);
+  vec4 eye = modelViewMatrix * vec4(surfaceOf(aPlace), 1.0);
 #endif
   vEye = eye.xyz;
   gl_Position = projectionMatrix * eye;
@@ -87,7 +83,7 @@ precision highp int;
 precision highp usampler2D;
 uniform sampler2D tMaterial;
 uniform int uMode, uHover, uSelected, uMaterials;
-uniform bool uWire, uMarks, uPerspective;
+uniform bool uMarks;
 uniform float uChecker, uStretchTop, uAngleTop, uLight;
 flat in int vFace;
 flat in uvec4 vValues;
@@ -95,7 +91,6 @@ flat in uvec2 vGroup;
 in vec3 vEye;
 in vec3 vNormal;
 in vec2 vUv;
-in vec3 vCorner;
 out vec4 color;
 ${SCALES}
 // Hues by the golden angle, lightness in three steps.
@@ -136,27 +131,22 @@ void main() {
 #endif
   if (uMarks && vValues.w != 0u) c = mix(c, vec3(0.90, 0.10, 0.42), 0.85);
   if (uSelected >= 0) c = int(vGroup.x) == uSelected ? mix(c, vec3(1.0), 0.12) : mix(c, vec3(uLight), 0.72);
-  if (uWire) {
-    vec3 w = fwidth(vCorner);
-    vec3 a = smoothstep(vec3(0.0), w * 1.1, vCorner);
-    float strength = clamp(0.45 / max(max(w.x, w.y), w.z), 0.0, 0.55);
-    c = mix(c, c * 0.18, (1.0 - min(min(a.x, a.y), a.z)) * strength);
-  }
   if (vFace == uHover) c = mix(vec3(1.0, 0.72, 0.0), c, 0.15);
   color = vec4(c, 1.0);
 }`;
 
 // A segment as a rectangle of a fixed width on the screen, or in the map.
 export const LINE_VERTEX = /* glsl */ `${FETCH}
-in uvec2 ends;
+in uvec2 ends;               // places
+uniform usampler2D tPlace, tUv;
 uniform vec2 uViewport;      // pixels
 uniform float uWidth;        // pixels; LAYOUT with uWidthInMap: of the map
 uniform bool uWidthInMap;
 void main() {
   int a = int(ends.x), b = int(ends.y);
 #ifdef LAYOUT
-  vec4 p = projectionMatrix * modelViewMatrix * vec4(mapOf(a), 0.0, 1.0);
-  vec4 q = projectionMatrix * modelViewMatrix * vec4(mapOf(b), 0.0, 1.0);
+  vec4 p = projectionMatrix * modelViewMatrix * vec4(mapOf(texelFetch(tUv, texel(a), 0).xy), 0.0, 1.0);
+  vec4 q = projectionMatrix * modelViewMatrix * vec4(mapOf(texelFetch(tUv, texel(b), 0).xy), 0.0, 1.0);
 #else
   vec4 p = projectionMatrix * modelViewMatrix * vec4(surfaceOf(texelFetch(tPlace, texel(a), 0)), 1.0);
   vec4 q = projectionMatrix * modelViewMatrix * vec4(surfaceOf(texelFetch(tPlace, texel(b), 0)), 1.0);
@@ -173,6 +163,19 @@ void main() {
   at.z -= 0.0006 * at.w;
 #endif
   gl_Position = at;
+}`;
+
+// Edges of all triangles, a pixel wide.
+export const WIRE_VERTEX = /* glsl */ `${FETCH}
+in uvec4 aPlace;
+in uvec2 aUv;
+void main() {
+#ifdef LAYOUT
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(mapOf(aUv), 0.0, 1.0);
+#else
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(surfaceOf(aPlace), 1.0);
+  gl_Position.z -= 0.0004 * gl_Position.w;
+#endif
 }`;
 
 export const LINE_FRAGMENT = /* glsl */ `

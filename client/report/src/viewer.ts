@@ -2,12 +2,18 @@
 // surfaces have the same camera, and all layouts.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+import type { MapData } from './data';
 import { MapModel } from './model';
 import { GRID_FRAGMENT, GRID_VERTEX, type Mode } from './shaders';
 
 export interface Hit {
   map: number;
   face: number;
+}
+
+interface ProvokingVertex {
+  FIRST_VERTEX_CONVENTION_WEBGL: number;
+  provokingVertexWEBGL(mode: number): void;
 }
 
 interface Pane {
@@ -53,11 +59,14 @@ export class Viewer {
   private flight: { start: number; from: THREE.Vector3[]; to: THREE.Vector3[]; uvFrom: number[]; uvTo: number[] } | null = null;
   frames = 0;
 
-  constructor(private readonly canvas: HTMLCanvasElement, models: MapModel[]) {
-    this.models = models;
-    this.shown = models.map((_, i) => i);
+  constructor(private readonly canvas: HTMLCanvasElement, maps: MapData[]) {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: 'high-performance' });
     this.renderer.autoClear = false;
+    // Some graphics interfaces are slow with the last vertex, which is what WebGL means unless told otherwise.
+    const provoking = this.renderer.getContext().getExtension('WEBGL_provoking_vertex') as ProvokingVertex | null;
+    provoking?.provokingVertexWEBGL(provoking.FIRST_VERTEX_CONVENTION_WEBGL);
+    this.models = maps.map((data) => new MapModel(data, provoking !== null));
+    this.shown = maps.map((_, i) => i);
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace; // the shaders write what is to be seen
     this.sphere = this.tightSphere();
