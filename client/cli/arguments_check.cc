@@ -47,7 +47,7 @@ std::string CheckBatch(const Arguments& arguments) {
   if (arguments.output.empty()) return "where should the results go? A batch needs -o DIRECTORY/";
   if (arguments.output == "-") return "-o - takes one mesh; a batch needs -o DIRECTORY/";
   if (!arguments.picture.empty() || !arguments.preview.empty() || !arguments.report.empty()) {
-    return "--picture, --preview and --report show one mesh; in a batch there is no telling which";
+    return "--picture, --preview and --report draw one mesh; in a batch there is no telling which";
   }
   if (!arguments.seams.edge_files.empty()) {
     return "--seams=edges:FILE lists the vertices of one mesh; a batch cannot use it";
