@@ -98,7 +98,11 @@ export class Viewer {
     this.gridScene.add(this.grid);
     this.listen();
     this.reset(false);
-    new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
+    new ResizeObserver(() => {
+      const { clientWidth, clientHeight } = canvas.parentElement!;
+      const size = this.renderer.getSize(new THREE.Vector2());
+      if (size.x !== clientWidth || size.y !== clientHeight) this.resize();
+    }).observe(canvas.parentElement!);
     this.resize();
   }
 
@@ -259,8 +263,9 @@ export class Viewer {
         this.panes.push({ map, isLayout: true, x: 0, y: y + h / 2, width, height: h / 2 });
       }
     });
-    this.draw();
-    this.redraw();
+    // At once, as the canvas is empty now; but the first frame waits for the rest of the page.
+    if (this.frames > 0) this.draw();
+    else this.redraw();
   }
 
   private aim(pane: Pane): THREE.Camera {
