@@ -11,6 +11,7 @@
 #include "CLI/CLI.hpp"
 #include "client/cli/arguments_check.h"
 #include "client/cli/exit_codes.h"
+#include "client/cli/report_flags.h"
 #include "client/cli/scheduling_flags.h"
 #include "planish/client.h"
 
@@ -25,6 +26,7 @@ constexpr char kExamples[] = R"(Examples:
   planish unwrap big.obj --detach --server=farm:7741
   planish pack hero.obj -o packed.obj --padding=8    its UV islands, moved and scaled to fill the texture
   planish check hero.glb --require=no-overlap        judges its UV, whoever made them
+  planish report before.glb after.glb -o compare.html  a page that shows both maps, opened from disk
   planish inspect scan.stl                           what is wrong with it, and what unwrap would do
   planish estimate scan.stl --server=farm:7741       memory, time, and whether it would be accepted
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
@@ -175,6 +177,12 @@ void AddPreview(CLI::App& app, Arguments& arguments) {
       ->type_name("PNG|SVG");
 }
 
+void AddReport(CLI::App& app, Arguments& arguments) {
+  app.add_option("--report", arguments.report,
+                 "Write a page that shows the map: surface, layout, charts, warnings, how it was solved; see report")
+      ->type_name("HTML");
+}
+
 void AddTimeout(CLI::App& app, Arguments& arguments, const std::string& description) {
   app.add_option("--timeout", arguments.timeout_seconds, description)
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
@@ -245,6 +253,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   AddBatch(unwrap, arguments);
   AddPicture(unwrap, arguments);
   AddPreview(unwrap, arguments);
+  AddReport(unwrap, arguments);
   AddServer(unwrap, arguments, "without it a private server is started");
   AddJson(unwrap, arguments);
   AddProgress(unwrap, arguments);
@@ -450,6 +459,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
   DefineUnwrap(app, arguments);
   DefinePack(app, arguments);
   DefineCheck(app, arguments);
+  DefineReport(app, arguments);
   DefineInspect(app, arguments);
   DefineEstimate(app, arguments);
   DefineJobs(app, arguments);

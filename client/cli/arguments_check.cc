@@ -46,8 +46,8 @@ bool IsDirectory(const std::string& path) {
 std::string CheckBatch(const Arguments& arguments) {
   if (arguments.output.empty()) return "where should the results go? A batch needs -o DIRECTORY/";
   if (arguments.output == "-") return "-o - takes one mesh; a batch needs -o DIRECTORY/";
-  if (!arguments.picture.empty() || !arguments.preview.empty()) {
-    return "--picture and --preview draw one mesh; in a batch there is no telling which";
+  if (!arguments.picture.empty() || !arguments.preview.empty() || !arguments.report.empty()) {
+    return "--picture, --preview and --report draw one mesh; in a batch there is no telling which";
   }
   if (!arguments.seams.edge_files.empty()) {
     return "--seams=edges:FILE lists the vertices of one mesh; a batch cannot use it";
@@ -104,7 +104,7 @@ std::string CheckTogether(Arguments& arguments) {
       if (arguments.detach && !arguments.more_inputs.empty()) {
         return "--detach with --one-atlas takes one file: jobs watch could not write the UV of several";
       }
-      if (arguments.detach && !(arguments.preview.empty() && arguments.picture.empty())) {
+      if (arguments.detach && !(arguments.preview.empty() && arguments.picture.empty() && arguments.report.empty())) {
         return "--detach does not wait for UV, so there is nothing to draw; jobs watch JOB --mesh IN -o OUT takes "
                "--preview too";
       }
@@ -142,6 +142,11 @@ std::string CheckTogether(Arguments& arguments) {
     case Command::kAdminStats:
     case Command::kAdminConfig:
       return arguments.server.empty() ? "admin is about a server: give --server=ADDR or set PLANISH_SERVER" : "";
+    case Command::kReport:
+      if (arguments.output.empty())
+        return "where should the page go? planish report " + arguments.input + " -o report.html";
+      if (arguments.more_inputs.size() > 1) return "report compares two files at most";
+      return "";
     case Command::kCheck:
     case Command::kInspect:
     case Command::kVersion:

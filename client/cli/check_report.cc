@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <functional>
 #include <optional>
+#include <utility>
 
 #include "client/cli/numbers.h"
 
@@ -95,11 +96,6 @@ std::string DensityText(const DensityCheck& density) {
          Significant(density.high, 4) + " in nine tenths of the area";
 }
 
-void AddLine(const std::string& name, const std::string& value, std::string* text) {
-  constexpr std::size_t kColumn = 20;
-  *text += "  " + name + std::string(kColumn - std::min(kColumn - 1, name.size()), ' ') + value + "\n";
-}
-
 std::string SpacingText(const FileFaces& faces, const CheckedMap& map, double reach) {
   const ChartSpacing& spacing = map.check.spacing;
   if (map.topology.num_charts < 2) return "one chart";
@@ -178,11 +174,59 @@ std::string MapName(const std::string& path, int uv_set) {
   return uv_set == 0 ? path : path + " TEXCOORD_" + std::to_string(uv_set);
 }
 
+std::vector<std::pair<std::string, std::string>> CheckLines(const MeshInput& input, const MapCheckOptions& options,
+                                                            const CheckedMap& map) {
+  std::vector<std::pair<std::string, std::string>> all;
+  if (!map.has_uv()) return all;
+  const FileFaces faces(input, map);
+  const MapCheck& check = map.check;
+  const auto add = [&](const std::string& name, const std::string& value) { all.emplace_back(name, value); };
+  const auto count = [&](const std::string& name, std::int64_t number, const std::string& more) {
+    add(name, number == 0 ? "none" : WithCommas(number) + more);
+  };
+  std::vector<std::int32_t> first_pair(check.overlaps.faces.begin(),
+                                       check.overlaps.faces.begin() + (check.overlaps.faces.empty() ? 0 : 2));
+  for (std::int32_t& f : first_pair) f = map.triangle_of_face[static_cast<std::size_t>(f)];
+  if (check.overlaps.limited) {
+    add("overlapping pairs", check.overlaps.pairs == 0 ? "not known: too many triangles lie close together"
+                                                       : "at least " + WithCommas(check.overlaps.pairs));
+  } else {
+    count("overlapping pairs", check.overlaps.pairs, faces.Named(faces.Polygons(first_pair, kInText)));
+  }
+  count("flipped", check.flipped, faces.Named(faces.WithFault(kFlippedFace, kInText)));
+  const std::vector<std::int32_t> mirrored = MirroredCharts(map);
+  count("mirrored charts", check.mirrored_charts,
+        mirrored.empty() ? ""
+                         : ", with " + Counted(check.mirrored_triangles, "triangle", "triangles") + "; first " +
+                               ChartName(faces, map, mirrored.front()));
+  count("degenerate", check.degenerate, faces.Named(faces.WithFault(kDegenerateFace, kInText)));
+  count("outside the tiles", check.outside, faces.Named(faces.WithFault(kOutsideFace, kInText)));
+  count("without UV", static_cast<std::int64_t>(map.without_uv.size()),
+        faces.Named(faces.Polygons(map.without_uv, kInText)));
+  if (!map.not_finite.empty()) {
+    count("not finite", static_cast<std::int64_t>(map.not_finite.size()),
+          faces.Named(faces.Polygons(map.not_finite, kInText)));
+  }
+  const std::size_t worst = MostStretched(map).value_or(0);
+  add("L2 stretch", Significant(check.stretch_l2, 5) + " overall; " + Significant(check.charts[worst].stretch_l2, 5) +
+                        " in " + ChartName(faces, map, static_cast<std::int32_t>(worst)));
+  add("angle error", Fixed(check.angle_error_mean_deg, 2) + " degrees on average, " +
+                         Fixed(check.angle_error_max_deg, 1) + " at most");
+  for (const DensityCheck& density : check.densities) {
+    const std::string material = MaterialName(input, density.material);
+    add("texel density", DensityText(density) + (material.empty() ? "" : " [" + material + "]"));
+  }
+  add("chart distance", SpacingText(faces, map, std::max(kSpacingReach, options.min_padding)));
+  add("seam length", Significant(check.seam_length, 4) + " times the root of the surface's area");
+  add("packing efficiency", Fixed(100 * check.packing_efficiency, 1) + " %");
+  return all;
+}
+
 std::string CheckText(const MeshInput& input, int uv_set, const std::vector<int>& uv_sets,
                       const MapCheckOptions& options, const CheckedMap& map,
                       const std::vector<RequirementResult>& results) {
-  const FileFaces faces(input, map);
   const MapCheck& check = map.check;
+  constexpr std::size_t kColumn = 20;  // where values begin
   std::string text = MapName(input.path(), uv_set) + ": " + Counted(map.triangles, "triangle", "triangles");
   std::string others;
   for (const int set : uv_sets) {
@@ -194,50 +238,9 @@ std::string CheckText(const MeshInput& input, int uv_set, const std::vector<int>
     text += ", " + Counted(map.topology.num_charts, "chart", "charts") + " in " +
             Counted(check.tiles_used, "tile", "tiles") + " of " + WithCommas(options.texture_size) + " x " +
             WithCommas(options.texture_size) + " texels\n";
-    const auto count = [&](const std::string& name, std::int64_t number, const std::string& more) {
-      AddLine(name, number == 0 ? "none" : WithCommas(number) + more, &text);
-    };
-    std::vector<std::int32_t> first_pair(check.overlaps.faces.begin(),
-                                         check.overlaps.faces.begin() + (check.overlaps.faces.empty() ? 0 : 2));
-    for (std::int32_t& f : first_pair) f = map.triangle_of_face[static_cast<std::size_t>(f)];
-    if (check.overlaps.limited) {
-      AddLine("overlapping pairs",
-              check.overlaps.pairs == 0 ? "not known: too many triangles lie close together"
-                                        : "at least " + WithCommas(check.overlaps.pairs),
-              &text);
-    } else {
-      count("overlapping pairs", check.overlaps.pairs, faces.Named(faces.Polygons(first_pair, kInText)));
+    for (const auto& [name, value] : CheckLines(input, options, map)) {
+      text += "  " + name + std::string(name.size() < kColumn ? kColumn - name.size() : 1, ' ') + value + "\n";
     }
-    count("flipped", check.flipped, faces.Named(faces.WithFault(kFlippedFace, kInText)));
-    const std::vector<std::int32_t> mirrored = MirroredCharts(map);
-    count("mirrored charts", check.mirrored_charts,
-          mirrored.empty() ? ""
-                           : ", with " + Counted(check.mirrored_triangles, "triangle", "triangles") + "; first " +
-                                 ChartName(faces, map, mirrored.front()));
-    count("degenerate", check.degenerate, faces.Named(faces.WithFault(kDegenerateFace, kInText)));
-    count("outside the tiles", check.outside, faces.Named(faces.WithFault(kOutsideFace, kInText)));
-    count("without UV", static_cast<std::int64_t>(map.without_uv.size()),
-          faces.Named(faces.Polygons(map.without_uv, kInText)));
-    if (!map.not_finite.empty()) {
-      count("not finite", static_cast<std::int64_t>(map.not_finite.size()),
-            faces.Named(faces.Polygons(map.not_finite, kInText)));
-    }
-    const std::size_t worst = MostStretched(map).value_or(0);
-    AddLine("L2 stretch",
-            Significant(check.stretch_l2, 5) + " overall; " + Significant(check.charts[worst].stretch_l2, 5) + " in " +
-                ChartName(faces, map, static_cast<std::int32_t>(worst)),
-            &text);
-    AddLine("angle error",
-            Fixed(check.angle_error_mean_deg, 2) + " degrees on average, " + Fixed(check.angle_error_max_deg, 1) +
-                " at most",
-            &text);
-    for (const DensityCheck& density : check.densities) {
-      const std::string material = MaterialName(input, density.material);
-      AddLine("texel density", DensityText(density) + (material.empty() ? "" : " [" + material + "]"), &text);
-    }
-    AddLine("chart distance", SpacingText(faces, map, std::max(kSpacingReach, options.min_padding)), &text);
-    AddLine("seam length", Significant(check.seam_length, 4) + " times the root of the surface's area", &text);
-    AddLine("packing efficiency", Fixed(100 * check.packing_efficiency, 1) + " %", &text);
   }
   if (!others.empty()) text += "  The file has " + others + " too; see --texcoord.\n";
   for (const RequirementResult& result : results) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/cli/check_flags.h"
@@ -25,6 +26,9 @@ bool AreMet(const std::vector<RequirementResult>& results);
 // Names a map: "hero.glb", or "hero.glb TEXCOORD_1" where `uv_set` is not 0.
 std::string MapName(const std::string& path, int uv_set);
 
+// What the map is like, as names and values; nothing without UV.
+std::vector<std::pair<std::string, std::string>> CheckLines(const MeshInput& input, const MapCheckOptions& options,
+                                                            const CheckedMap& map);
 // For people: some twenty lines, whatever the map. `uv_sets` are those that the file has.
 std::string CheckText(const MeshInput& input, int uv_set, const std::vector<int>& uv_sets,
                       const MapCheckOptions& options, const CheckedMap& map,

@@ -7,10 +7,11 @@
 namespace planish::cli {
 
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
-int RunBatch(const Arguments& arguments, Interrupts& interrupts);  // unwrap of several files
-int RunPack(const Arguments& arguments, Interrupts& interrupts);   // asks no server
-int RunCheck(const Arguments& arguments, Interrupts& interrupts);  // asks no server
-int RunInspect(const Arguments& arguments);                        // asks no server
+int RunBatch(const Arguments& arguments, Interrupts& interrupts);   // unwrap of several files
+int RunPack(const Arguments& arguments, Interrupts& interrupts);    // asks no server
+int RunCheck(const Arguments& arguments, Interrupts& interrupts);   // asks no server
+int RunReport(const Arguments& arguments, Interrupts& interrupts);  // asks no server
+int RunInspect(const Arguments& arguments);                         // asks no server
 int RunEstimate(const Arguments& arguments, Interrupts& interrupts);
 int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts);
 int RunJobs(const Arguments& arguments, Interrupts& interrupts);   // list, show, stop, cancel, delete

@@ -23,6 +23,8 @@ int Run(const Arguments& arguments) {
         return RunPack(arguments, interrupts);
       case Command::kCheck:
         return RunCheck(arguments, interrupts);
+      case Command::kReport:
+        return RunReport(arguments, interrupts);
       case Command::kInspect:
         return RunInspect(arguments);
       case Command::kEstimate:

@@ -163,6 +163,16 @@ std::vector<std::string> MeshInput::MaterialNames() const {
   return result;
 }
 
+std::vector<std::array<double, 3>> MeshInput::MaterialColors() const {
+  std::vector<std::array<double, 3>> result;
+  for (const Part& part : parts_) {
+    std::vector<std::array<double, 3>> colors = planish::MaterialColors(part.file);
+    colors.resize(part.file.mesh.material_names.size(), {0.72, 0.72, 0.74});
+    result.insert(result.end(), colors.begin(), colors.end());
+  }
+  return result;
+}
+
 std::int64_t MeshInput::PolygonOf(std::int64_t triangle) const {
   const Part& part = PartOf(parts_, &Part::first_face, triangle);
   return part.first_polygon + part.triangulation.source_polygon[static_cast<std::size_t>(triangle - part.first_face)];

@@ -1,6 +1,7 @@
 // The mesh files a command works on, and the way from what the server says to their lines.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -40,6 +41,9 @@ class MeshInput {
   std::vector<std::int32_t> FaceMaterials() const;
   // By these ids; the names of different files may be the same.
   std::vector<std::string> MaterialNames() const;
+
+  // By these ids, red, green and blue from 0 to 1; grey where a file has none.
+  std::vector<std::array<double, 3>> MaterialColors() const;
 
   // What `list` takes from the files, in the order of view() (seam_edges.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;

@@ -5,12 +5,15 @@
 #include <memory>
 #include <optional>
 #include <stop_token>
+#include <utility>
 #include <vector>
 
 #include "client/cli/commands.h"
 #include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
 #include "client/cli/progress.h"
+#include "client/cli/report_command.h"
+#include "client/cli/report_page.h"
 #include "client/cli/server_choice.h"
 #include "client/cli/summary.h"
 #include "client/cli/terminal.h"
@@ -32,12 +35,24 @@ class ResultCommand {
     if (arguments_.input.empty()) return;
     if (!arguments_.picture.empty()) CheckOutput(arguments_.picture);
     if (!arguments_.preview.empty()) CheckOutput(arguments_.preview);
+    if (!arguments_.report.empty()) CheckOutput(arguments_.report);
     std::vector<std::string> paths = {arguments_.input};
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
     files_.emplace(paths, arguments_.seams, arguments_.output, arguments_.texcoord);
   }
 
   const UnwrapFiles& files() const { return *files_; }
+
+  // Those of `view`, and what the report needs to know.
+  Callbacks CallbacksFor(ProgressView& view) {
+    Callbacks callbacks = view.AsCallbacks();
+    callbacks.on_event = [this, told = std::move(callbacks.on_event)](const Event& event) {
+      newton_.OnEvent(event);
+      told(event);
+    };
+    return callbacks;
+  }
+
   double Seconds() const { return timer_.Seconds(); }
 
   // Seconds of --timeout that are left for the server; 0: no limit.
@@ -57,6 +72,7 @@ class ResultCommand {
       WriteOutput(arguments.preview, input.Preview(result.uv, arguments.preview, result.report.atlas.pack));
     }
     result.report.seconds.total = timer_.Seconds();
+    if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, newton_, arguments));
     std::cerr << Summary(result.report, arguments.output, StderrTerminal());
     if (arguments.json) {
       std::cout << ToText(ReportJson(result, result.report, arguments.output == "-" ? "" : arguments.output))
@@ -97,6 +113,7 @@ class ResultCommand {
   const Arguments& arguments_;
   Timer timer_;
   std::optional<UnwrapFiles> files_;
+  NewtonLog newton_;
 };
 
 int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, const CallOptions& call) {
@@ -141,7 +158,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
 
     view = NewProgressView(arguments.progress, file_name);
     Call call = server.client().StartUnwrap(command.files().view(), command.files().Options(arguments.options),
-                                            view->AsCallbacks(), call_options);
+                                            command.CallbacksFor(*view), call_options);
     interrupts.SetCancel([&] {
       view->OnNotice(kCancelling);
       call.Cancel();

@@ -1,6 +1,7 @@
 #include "client/files/mesh_file.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <new>
 #include <optional>
@@ -117,6 +118,28 @@ std::vector<int> UvSets(const MeshFile& file) {
     if (has_it) sets.push_back(n);
   }
   return sets;
+}
+
+std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file) {
+  std::vector<std::array<double, 3>> colors;
+  if (!file.gltf) return colors;
+  const auto to_srgb = [](double x) {
+    return x <= 0.0031308 ? 12.92 * std::max(x, 0.0) : 1.055 * std::pow(std::min(x, 1.0), 1 / 2.4) - 0.055;
+  };
+  for (std::size_t i = 0; i < file.mesh.material_names.size(); ++i) {
+    std::array<double, 3> color = {1, 1, 1};  // the standard's, where a file says nothing
+    const Json& material = file.gltf->document.json["materials"][i];
+    const Json* const surface = GltfObject(material, "pbrMetallicRoughness");
+    const auto factor = surface != nullptr ? surface->find("baseColorFactor") : material.end();
+    if (surface != nullptr && factor != surface->end() && factor->is_array() && factor->size() == 4) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        if ((*factor)[k].is_number()) color[k] = (*factor)[k].get<double>();
+      }
+    }
+    for (double& x : color) x = to_srgb(x);
+    colors.push_back(color);
+  }
+  return colors;
 }
 
 }  // namespace planish

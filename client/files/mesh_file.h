@@ -2,6 +2,7 @@
 // none depends on the locale.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,6 +45,10 @@ absl::StatusOr<MeshFile> ReadMeshFile(const std::string& path, const ReadOptions
 // Which sets of UV the file has, ascending: the n of each TEXCOORD_n that some triangles of a glTF have; 0 for UV of
 // other formats. Empty: none.
 std::vector<int> UvSets(const MeshFile& file);
+
+// Red, green and blue of each of mesh.material_names, from 0 to 1 as screens show them (sRGB): the base colour factor
+// of a glTF. Empty: the format has none.
+std::vector<std::array<double, 3>> MaterialColors(const MeshFile& file);
 
 // The text of an OBJ with UV. `corner_uv` has (u, v) per polygon corner of file.mesh: its size must be twice that of
 // file.mesh.corner_vertex. `uv_is_float`: they are rounded to float. Their digits read back to the very same numbers,

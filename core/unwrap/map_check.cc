@@ -41,6 +41,7 @@ class MapJudge {
     check_.charts.resize(topology_.num_charts);
     MeasureFaces();
     FindFlips();
+    JoinEdges();
     FindTiles();
     FindOverlapping();
     MeasureStretch();
@@ -131,7 +132,28 @@ class MapJudge {
     check_.packing_efficiency = check_.uv_area / check_.tiles_used;
   }
 
+  void JoinEdges() {
+    std::vector<Face> in_map(mesh_.faces.size());
+    for (std::size_t c = 0; c < 3 * in_map.size(); ++c) in_map[c / 3][c % 3] = topology_.place_of_corner[c];
+    is_joined_.assign(3 * in_map.size(), 0);
+    opposite_.assign(3 * in_map.size(), -1);
+    const EdgeGroups edges = GroupHalfEdges(in_map, topology_.num_places, execution_, WithThreeCorners(in_map));
+    for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+      const std::span<const std::int32_t> at = edges.edge(e);
+      for (const std::int32_t c : at.first(at.size() - at.size() % 2)) is_joined_[c] = 1;
+      if (at.size() != 2 || Origin(in_map, at[0]) != Target(in_map, at[1])) continue;
+      opposite_[at[0]] = at[1];
+      opposite_[at[1]] = at[0];
+    }
+  }
+
   void FindOverlapping() {
+    // A map that is as it should be needs no look at pairs; a mirrored chart does.
+    OrientationFaults orientation;
+    orientation.flipped = check_.flipped + check_.mirrored_triangles;
+    orientation.degenerate = check_.degenerate;
+    constexpr std::int64_t kTestsPerFace = 30;  // beyond that pairs are no slower
+    if (OutlinesProveNoOverlap(opposite_, uv_, orientation, kTestsPerFace * num_faces(), execution_)) return;
     check_.overlaps = FindOverlaps(uv_, kMaxOverlapTests, &check_.overlapping_pairs, execution_);
     for (const std::int32_t f : check_.overlapping_pairs) {
       check_.overlapping += (check_.faults[f] & kOverlappingFace) == 0;
@@ -242,16 +264,6 @@ class MapJudge {
 
   // As Quality::seam_length: an edge of n faces counts for each of its n / 2 pairs that are apart in the map.
   void MeasureSeams() {
-    std::vector<Face> in_map(mesh_.faces.size());
-    for (std::size_t c = 0; c < 3 * in_map.size(); ++c) in_map[c / 3][c % 3] = topology_.place_of_corner[c];
-    std::vector<char> is_joined(3 * in_map.size(), 0);
-    {
-      const EdgeGroups edges = GroupHalfEdges(in_map, topology_.num_places, execution_, WithThreeCorners(in_map));
-      for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-        const std::span<const std::int32_t> at = edges.edge(e);
-        for (const std::int32_t c : at.first(at.size() - at.size() % 2)) is_joined[c] = 1;
-      }
-    }
     const EdgeGroups edges =
         GroupHalfEdges(mesh_.faces, mesh_.num_vertices(), execution_, WithThreeCorners(mesh_.faces));
     double length = 0;
@@ -259,7 +271,7 @@ class MapJudge {
       const std::span<const std::int32_t> at = edges.edge(e);
       const auto pairs = static_cast<std::int64_t>(at.size() / 2);
       const std::int64_t joined =
-          std::count_if(at.begin(), at.end(), [&](std::int32_t c) { return is_joined[c] != 0; });
+          std::count_if(at.begin(), at.end(), [&](std::int32_t c) { return is_joined_[c] != 0; });
       const Vec3 along = mesh_.positions[Target(mesh_.faces, at[0])] - mesh_.positions[Origin(mesh_.faces, at[0])];
       length += static_cast<double>(pairs - joined / 2) * along.norm();
     }
@@ -296,6 +308,8 @@ class MapJudge {
   const MapCheckOptions& options_;
   const Execution& execution_;
   std::vector<FaceSizes> sizes_;
+  std::vector<char> is_joined_;         // per half-edge: the map goes on behind it
+  std::vector<std::int32_t> opposite_;  // where it does so in one face, wound alike; -1 elsewhere
   MapCheck check_;
 };
 

@@ -109,7 +109,8 @@ BoxTree TreeOf(const Outlines& outlines, const CornerUv& uv, const Execution& ex
   return BoxTree(std::move(boxes), execution);
 }
 
-bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree, const Execution& execution) {
+bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree, std::atomic<std::int64_t>* tests_left,
+               const Execution& execution) {
   const auto n = static_cast<std::int32_t>(outlines.half_edge.size());
   const auto follower = [&](std::int32_t i) {
     const std::int32_t loop = outlines.loop_of[i];
@@ -117,8 +118,11 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
   };
   const std::vector<char> parts = execution.Collect<char>(n, [&](std::int64_t begin, std::int64_t end) -> char {
     for (auto i = static_cast<std::int32_t>(begin); i < end && !execution.IsCancelledAt(i); ++i) {
+      std::int64_t tests = 0;
+      const std::int64_t left = *tests_left;
       const Vec2 from = From(uv, outlines.half_edge[i]), to = To(uv, outlines.half_edge[i]);
       const bool clear = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
+        if (++tests > left) return false;
         if (j <= i) return true;
         const Vec2 other_from = From(uv, outlines.half_edge[j]), other_to = To(uv, outlines.half_edge[j]);
         const bool follows = follower(i) == j, precedes = follower(j) == i;
@@ -127,6 +131,7 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
         const Vec2 &a = follows ? from : other_from, &b = follows ? to : other_to, &c = follows ? other_to : to;
         return !(Orientation(a, b, c) == 0 && (b - a).dot(c - b) <= 0);
       });
+      tests_left->fetch_sub(tests, std::memory_order_relaxed);
       if (!clear) return 1;
     }
     return 0;
@@ -163,9 +168,11 @@ bool HolesAreOpen(const Outlines& outlines, const std::vector<std::int32_t>& cha
   return true;
 }
 
-// Whether the outlines of other charts wind round some point of each chart's outline.
+// Whether the outlines of other charts wind round some point of each chart's outline; true as well after too many
+// tests.
 bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop,
-                       std::int32_t num_charts, const CornerUv& uv, const BoxTree& tree, const Execution& execution) {
+                       std::int32_t num_charts, const CornerUv& uv, const BoxTree& tree,
+                       std::atomic<std::int64_t>* tests_left, const Execution& execution) {
   Box all;
   for (const Box& box : tree.boxes()) all.Add(box);
   std::vector<char> done(num_charts, 0);
@@ -180,30 +187,34 @@ bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>
     ray.Add(Vec2(all.high.x(), p.y()));
     int winding = 0;
     tree.ForEachMeeting(ray, [&](std::int32_t j) {
+      if (--*tests_left < 0) return false;
       if (chart_of_loop[outlines.loop_of[j]] == chart) return true;
       const Vec2 from = From(uv, outlines.half_edge[j]), to = To(uv, outlines.half_edge[j]);
       if (from.y() <= p.y() && to.y() > p.y() && Orientation(from, to, p) > 0) ++winding;
       if (from.y() > p.y() && to.y() <= p.y() && Orientation(from, to, p) < 0) --winding;
       return true;
     });
-    if (winding != 0) return true;
+    if (winding != 0 || *tests_left < 0) return true;
   }
   return false;
 }
 
 // Whether no outline of a chart meets itself or another one, no edge inside a chart is torn (its ends have the same
 // (u, v) from both sides), and no chart lies inside the area of another. Exact. For maps whose triangles all have
-// positive orientation. False as well after a cancellation.
-bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv& uv, const Execution& execution) {
+// positive orientation. False as well after a cancellation or too many tests.
+bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv& uv, std::int64_t max_tests,
+                      const Execution& execution) {
+  std::atomic<std::int64_t> tests_left = max_tests;
   const Outlines outlines = Trace(opposite, uv, execution);
   if (outlines.is_torn || outlines.half_edge.empty() || execution.IsCancelled()) return false;
   const BoxTree tree = TreeOf(outlines, uv, execution);
-  if (!DoNotMeet(outlines, uv, tree, execution)) return false;
+  if (!DoNotMeet(outlines, uv, tree, &tests_left, execution)) return false;
   if (outlines.count() == 1) return true;  // one loop
   std::int32_t num_charts = 0;
   const std::vector<std::int32_t> chart_of_loop = ChartsOf(opposite, outlines, &num_charts);
   if (!HolesAreOpen(outlines, chart_of_loop, num_charts, uv)) return false;
-  return !LiesInsideAnother(outlines, chart_of_loop, num_charts, uv, tree, execution) && !execution.IsCancelled();
+  return !LiesInsideAnother(outlines, chart_of_loop, num_charts, uv, tree, &tests_left, execution) &&
+         !execution.IsCancelled();
 }
 
 // Every triangle against all later ones.
@@ -312,17 +323,24 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
   return check.Run(max_tests, pairs);
 }
 
-Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
-                       const OrientationFaults& orientation, const Execution& execution,
-                       const std::vector<char>& ignored) {
+bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
+                            const OrientationFaults& orientation, std::int64_t max_tests, const Execution& execution,
+                            const std::vector<char>& ignored) {
   const bool all_upright =
       orientation.flipped == 0 && orientation.degenerate == 0 &&
       (ignored.empty() || execution.Count(static_cast<std::int64_t>(ignored.size()), [&](std::int64_t f) {
         const auto c = static_cast<std::int32_t>(3 * f);
         return ignored[f] && Orientation(UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)) <= 0;
       }) == 0);
-  if (all_upright && OutlinesAreApart(opposite, uv, execution)) return {};
-  return FindOverlaps(uv, std::numeric_limits<std::int64_t>::max(), nullptr, execution, ignored);
+  return all_upright && OutlinesAreApart(opposite, uv, max_tests, execution);
+}
+
+Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
+                       const OrientationFaults& orientation, const Execution& execution,
+                       const std::vector<char>& ignored) {
+  constexpr std::int64_t kNoLimit = std::numeric_limits<std::int64_t>::max();
+  if (OutlinesProveNoOverlap(opposite, uv, orientation, kNoLimit, execution, ignored)) return {};
+  return FindOverlaps(uv, kNoLimit, nullptr, execution, ignored);
 }
 
 }  // namespace planish

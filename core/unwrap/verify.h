@@ -47,6 +47,12 @@ inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs = nullptr,
                       const Execution& execution = {}, const std::vector<char>& ignored = {});
 
+// Whether outlines alone prove that no two triangles overlap, as CheckOverlaps() says. False where they do not, and
+// where more than `max_tests` pairs of boxes would have to be looked at.
+bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
+                            const OrientationFaults& orientation, std::int64_t max_tests,
+                            const Execution& execution = {}, const std::vector<char>& ignored = {});
+
 // Exact. `opposite` tells which corners face the same edge (-1: none, an outline; Topology::opposite), and with it
 // which faces make up a chart. Where every triangle keeps its orientation and outlines neither meet themselves nor each
 // other, a chart is injective: every point is covered as often as its outlines wind round it, once (they are simple

@@ -1,0 +1,371 @@
+#include "client/cli/report_page.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "Eigen/Geometry"
+#include "absl/strings/escaping.h"
+#include "client/cli/check_report.h"
+#include "client/cli/numbers.h"
+#include "client/cli/report_template.h"
+
+namespace planish::cli {
+namespace {
+
+constexpr double kSteps = 65535;                 // of positions and UV along their extent
+constexpr double kStretchOctaves = 4;            // that the page tells apart (client/report/src/data.ts)
+constexpr int kTopByte = 254, kNoStretch = 255;  // of a byte
+constexpr std::uint8_t kMirroredFace = 16;
+constexpr std::size_t kMaxFindingFaces = 2000, kMaxNamedPairs = 20;
+
+void AppendVarint(std::uint64_t value, std::string* bytes) {
+  for (; value >= 128; value >>= 7) bytes->push_back(static_cast<char>(value | 128));
+  bytes->push_back(static_cast<char>(value));
+}
+
+// Differences of numbers that follow each other, small ones in a byte.
+class Differences {
+ public:
+  void Add(std::int64_t value) {
+    const std::int64_t difference = value - last_;
+    last_ = value;
+    AppendVarint(difference < 0 ? 2 * static_cast<std::uint64_t>(-(difference + 1)) + 1
+                                : 2 * static_cast<std::uint64_t>(difference),
+                 &bytes_);
+  }
+  std::string Take() { return std::move(bytes_); }
+
+ private:
+  std::int64_t last_ = 0;
+  std::string bytes_;
+};
+
+// Component after component of `count` values: the low bytes of the differences, then the high ones.
+std::string Planes(std::size_t count, int components, const std::function<double(std::size_t, int)>& at) {
+  std::string bytes(2 * count * static_cast<std::size_t>(components), '\0');
+  for (int k = 0; k < components; ++k) {
+    char* const low = bytes.data() + 2 * static_cast<std::size_t>(k) * count;
+    std::uint16_t last = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto value = static_cast<std::uint16_t>(std::lround(kSteps * std::clamp(at(i, k), 0.0, 1.0)));
+      const auto difference = static_cast<std::int16_t>(static_cast<std::uint16_t>(value - last));
+      last = value;
+      const auto code = static_cast<std::uint16_t>((difference << 1) ^ (difference >> 15));
+      low[i] = static_cast<char>(code & 255);
+      low[count + i] = static_cast<char>(code >> 8);
+    }
+  }
+  return bytes;
+}
+
+std::string Deflated(const std::string& bytes) {
+  uLongf size = compressBound(bytes.size());
+  std::string result(size, '\0');
+  if (compress2(reinterpret_cast<Bytef*>(result.data()), &size, reinterpret_cast<const Bytef*>(bytes.data()),
+                bytes.size(), 6) != Z_OK) {
+    throw Error(ErrorCode::kInternal, "OUT_OF_MEMORY", "the report's data cannot be compressed");
+  }
+  result.resize(size);
+  return result;
+}
+
+// JSON inside a <script>: nothing in it looks like the end of that.
+std::string ForScript(const Json& json) {
+  std::string text = ToLine(json);
+  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos; at += 6) text.replace(at, 1, "\\u003c");
+  return text;
+}
+
+// One map as data: bytes of sections, and a JSON that tells what they are.
+class MapWriter {
+ public:
+  explicit MapWriter(const ReportedMap& reported)
+      : reported_(reported), map_(reported.map), check_(reported.map.check) {}
+
+  // Appends the bytes of all sections to `bytes`.
+  Json Write(std::string* bytes) {
+    AddGeometry();
+    AddFaces();
+    sections_.emplace_back("charts", ToLine(Charts()));
+    Json json = {{"name", reported_.name},
+                 {"triangles", map_.mesh.num_faces()},
+                 {"places", corner_of_place_.size()},
+                 {"textureSize", reported_.options.texture_size},
+                 {"padding", reported_.padding},
+                 {"tiles", Tiles()},
+                 {"low", {low_.x(), low_.y(), low_.z()}},
+                 {"size", size_},
+                 {"uvLow", {uv_low_.x(), uv_low_.y()}},
+                 {"uvSize", uv_size_},
+                 {"materials", Materials()},
+                 {"numbers", CheckLines(reported_.input, reported_.options, map_)},
+                 {"findings", Findings()},
+                 {"sections", Json::object()}};
+    for (const auto& [name, section] : sections_) {
+      json["sections"][name] = section.size();
+      *bytes += section;
+    }
+    return json;
+  }
+
+ private:
+  std::size_t num_faces() const { return map_.mesh.faces.size(); }
+  std::int64_t PolygonOf(std::size_t face) const { return reported_.input.PolygonOf(map_.triangle_of_face[face]); }
+
+  // Places are numbered as faces use them first, so that most of their numbers need not be told.
+  void AddGeometry() {
+    std::vector<std::int32_t> number(static_cast<std::size_t>(map_.topology.num_places), -1);
+    std::string indices;
+    Eigen::AlignedBox3d box;
+    Eigen::AlignedBox2d uv_box;
+    for (std::size_t c = 0; c < 3 * num_faces(); ++c) {
+      std::int32_t& n = number[static_cast<std::size_t>(map_.topology.place_of_corner[c])];
+      const auto next = static_cast<std::int32_t>(corner_of_place_.size());
+      AppendVarint(static_cast<std::uint64_t>(n < 0 ? 0 : next - n), &indices);
+      if (n >= 0) continue;
+      n = next;
+      corner_of_place_.push_back(c);
+      box.extend(PositionOf(c));
+      uv_box.extend(UvAt(c));
+    }
+    low_ = box.min();
+    size_ = std::max(box.sizes().maxCoeff(), std::numeric_limits<double>::min());
+    uv_low_ = uv_box.min();
+    uv_size_ = std::max(uv_box.sizes().maxCoeff(), std::numeric_limits<double>::min());
+    sections_.emplace_back("indices", std::move(indices));
+    sections_.emplace_back("positions", Planes(corner_of_place_.size(), 3, [&](std::size_t i, int k) {
+                             return (PositionOf(corner_of_place_[i])[k] - low_[k]) / size_;
+                           }));
+    sections_.emplace_back("uv", Planes(corner_of_place_.size(), 2, [&](std::size_t i, int k) {
+                             return (UvAt(corner_of_place_[i])[k] - uv_low_[k]) / uv_size_;
+                           }));
+  }
+
+  void AddFaces() {
+    Differences charts, polygons, materials, outline;
+    std::string stretch, angles, faults;
+    for (std::size_t f = 0; f < num_faces(); ++f) {
+      const std::int32_t chart = map_.topology.chart_of_face[f];
+      charts.Add(chart);
+      polygons.Add(PolygonOf(f));
+      materials.Add(map_.material_of_face.empty() ? -1 : map_.material_of_face[f]);
+      const double octaves = check_.face_stretch[f];
+      stretch.push_back(static_cast<char>(std::isfinite(octaves)
+                                              ? std::lround(kTopByte * std::clamp(octaves / kStretchOctaves, 0.0, 1.0))
+                                              : kNoStretch));
+      const double error = std::clamp(check_.face_angle_error[f] / 180.0, 0.0, 1.0);
+      angles.push_back(static_cast<char>(std::lround(kTopByte * std::sqrt(error))));
+      const bool is_mirrored = check_.charts[static_cast<std::size_t>(chart)].is_mirrored;
+      faults.push_back(static_cast<char>(check_.faults[f] | (is_mirrored ? kMirroredFace : 0)));
+    }
+    for (std::size_t c = 0; c < map_.topology.is_outline.size(); ++c) {
+      if (map_.topology.is_outline[c]) outline.Add(static_cast<std::int64_t>(c));
+    }
+    sections_.emplace_back("chart", charts.Take());
+    sections_.emplace_back("stretch", std::move(stretch));
+    sections_.emplace_back("angle", std::move(angles));
+    sections_.emplace_back("faults", std::move(faults));
+    sections_.emplace_back("polygon", polygons.Take());
+    sections_.emplace_back("material", materials.Take());
+    sections_.emplace_back("outline", outline.Take());
+  }
+
+  const Vec3& PositionOf(std::size_t c) const {
+    return map_.mesh.positions[static_cast<std::size_t>(map_.mesh.faces[c / 3][c % 3])];
+  }
+  Vec2 UvAt(std::size_t c) const { return {map_.uv[2 * c], map_.uv[2 * c + 1]}; }
+
+  Json Tiles() const {
+    std::set<std::int32_t> tiles;
+    for (const ChartCheck& chart : check_.charts) {
+      if (chart.tile >= 0) tiles.insert(chart.tile);
+    }
+    return tiles;
+  }
+
+  // A list for each of their numbers.
+  Json Charts() const {
+    Json charts = Json::object();
+    for (std::size_t c = 0; c < check_.charts.size(); ++c) {
+      const ChartCheck& chart = check_.charts[c];
+      charts["triangles"].push_back(chart.triangles);
+      charts["stretch"].push_back(Rounded(chart.stretch_l2, 8));
+      charts["angle"].push_back(Rounded(chart.angle_error_mean_deg, 4));
+      charts["density"].push_back(Rounded(chart.texels_per_unit, 4));
+      charts["mirrored"].push_back(chart.is_mirrored ? 1 : 0);
+    }
+    return charts;
+  }
+
+  static Json Rounded(double value, int digits) { return Json::parse(Significant(value, digits)); }
+
+  Json Materials() const {
+    Json materials = Json::array();
+    const std::vector<std::string> names = reported_.input.MaterialNames();
+    const std::vector<std::array<double, 3>> colors = reported_.input.MaterialColors();
+    for (std::size_t i = 0; i < names.size(); ++i) materials.push_back({{"name", names[i]}, {"color", colors[i]}});
+    return materials;
+  }
+
+  // Most serious first.
+  Json Findings() const {
+    Json findings = Json::array();
+    const auto add = [&](std::int64_t count, const char* kind, const std::string& text, std::uint8_t fault) {
+      if (count > 0) findings.push_back({{"kind", kind}, {"text", text}, {"fault", fault}});
+    };
+    add(check_.overlapping, "overlap",
+        (check_.overlaps.limited ? "at least " : "") +
+            Counted(check_.overlaps.pairs, "pair of triangles overlaps", "pairs of triangles overlap"),
+        kOverlappingFace);
+    add(check_.flipped, "flipped",
+        Counted(check_.flipped, "triangle is turned against the rest of its chart",
+                "triangles are turned against the rest of their chart"),
+        kFlippedFace);
+    add(check_.degenerate, "degenerate",
+        Counted(check_.degenerate, "triangle has no area in the map", "triangles have no area in the map"),
+        kDegenerateFace);
+    add(check_.outside, "outside",
+        Counted(check_.outside, "triangle is not inside a tile", "triangles are not inside a tile"), kOutsideFace);
+    add(check_.mirrored_charts, "mirrored", Counted(check_.mirrored_charts, "chart is mirrored", "charts are mirrored"),
+        kMirroredFace);
+    std::size_t named = 0;
+    for (const ChartPair& pair : check_.spacing.near) {
+      // Charts that lie on each other are told as overlaps.
+      if (pair.distance == 0 && check_.overlaps.pairs > 0) continue;
+      if (++named > kMaxNamedPairs) break;
+      findings.push_back({{"kind", "near"},
+                          {"text", "charts " + std::to_string(pair.a) + " and " + std::to_string(pair.b) + " are " +
+                                       Significant(pair.distance, 3) + " texels apart"},
+                          {"chart", pair.a}});
+    }
+    const auto missing = static_cast<std::int64_t>(map_.without_uv.size() + map_.not_finite.size());
+    if (missing > 0) {
+      findings.push_back(
+          {{"kind", "missing"},
+           {"text", Counted(missing, "triangle has no UV and is not shown", "triangles have no UV and are not shown")},
+           {"faces", Json::array()}});
+    }
+    return findings;
+  }
+
+  const ReportedMap& reported_;
+  const CheckedMap& map_;
+  const MapCheck& check_;
+  std::vector<std::size_t> corner_of_place_;  // the first that has it
+  Vec3 low_ = Vec3::Zero();
+  Vec2 uv_low_ = Vec2::Zero();
+  double size_ = 1, uv_size_ = 1;
+  std::vector<std::pair<std::string, std::string>> sections_;
+};
+
+// Whole numbers in a text such as "3,17".
+std::set<std::int64_t> NumbersIn(const std::string& text) {
+  std::set<std::int64_t> numbers;
+  std::int64_t number = -1;
+  for (const char c : text + ",") {
+    if (c >= '0' && c <= '9') {
+      number = std::max<std::int64_t>(number, 0) * 10 + (c - '0');
+    } else if (number >= 0) {
+      numbers.insert(std::exchange(number, -1));
+    }
+  }
+  return numbers;
+}
+
+// Warnings of the unwrap that name faces can be shown, as findings of the map; the others stay in `unwrap`.
+void ShowWarnings(const ReportedMap& reported, Json* unwrap, Json* findings) {
+  Json others = Json::array();
+  for (const Json& warning : unwrap->value("warnings", Json::array())) {
+    const Json metadata = warning.value("metadata", Json::object());
+    const std::string named = metadata.value("faces", metadata.value("face", std::string()));
+    const std::set<std::int64_t> polygons = NumbersIn(named);
+    Json faces = Json::array();
+    for (std::size_t f = 0; f < reported.map.mesh.faces.size() && !polygons.empty(); ++f) {
+      if (faces.size() < kMaxFindingFaces &&
+          polygons.contains(reported.input.PolygonOf(reported.map.triangle_of_face[f]))) {
+        faces.push_back(f);
+      }
+    }
+    if (faces.empty()) {
+      others.push_back(warning);
+    } else {
+      findings->push_back(
+          {{"kind", warning.value("reason", "")}, {"text", warning.value("message", "")}, {"faces", faces}});
+    }
+  }
+  (*unwrap)["warnings"] = others;
+}
+
+}  // namespace
+
+std::string ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap) {
+  Json page = {{"version", Version()}, {"maps", Json::array()}};
+  std::string blobs;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    std::string bytes;
+    page["maps"].push_back(MapWriter(maps[i]).Write(&bytes));
+    blobs += "<script type=\"text/plain\" id=\"planish-map-" + std::to_string(i) + "\">" +
+             absl::Base64Escape(Deflated(bytes)) + "</script>\n";
+  }
+  if (unwrap) {
+    Json kept = Json::object();
+    for (const char* key : {"charts", "seconds", "warnings", "newton", "tolerance"}) {
+      if (unwrap->contains(key)) kept[key] = unwrap->at(key);
+    }
+    for (Json& chart : kept["charts"]) {
+      Json solve = Json::object();
+      for (const char* key : {"chart", "triangles", "method", "solver", "preconditioner", "converged",
+                              "newton_iterations", "stretch_l2"}) {
+        if (chart.contains(key)) solve[key] = chart[key];
+      }
+      double worst = 0;
+      for (const Json& residual : chart.value("residual", Json::object()))
+        worst = std::max(worst, residual.get<double>());
+      solve["residual"] = worst;
+      chart = std::move(solve);
+    }
+    ShowWarnings(maps.back(), &kept, &page["maps"].back()["findings"]);
+    page["unwrap"] = std::move(kept);
+  }
+  const std::string_view text = ReportTemplate();
+  constexpr std::string_view kPlace = "<!--PLANISH_DATA-->";
+  const std::size_t place = text.find(kPlace);
+  if (place == std::string_view::npos)
+    throw Error(ErrorCode::kInternal, "INTERNAL", "the report's template is damaged");
+  return std::string(text.substr(0, place)) + "<script type=\"application/json\" id=\"planish-page\">" +
+         ForScript(page) + "</script>\n" + blobs + std::string(text.substr(place + kPlace.size()));
+}
+
+void NewtonLog::OnEvent(const Event& event) {
+  if (!event.progress || event.progress->stage != Stage::kSolve) return;
+  const Progress& progress = *event.progress;
+  const double residual = progress.residual.Worst();
+  if (!(residual > 0) || !std::isfinite(residual)) return;
+  tolerance_ = progress.tolerance;
+  std::vector<Step>& steps = steps_[progress.chart];
+  // A chart that is solved anew, or told once more, begins again.
+  while (!steps.empty() && steps.back().iteration >= progress.newton_iteration) steps.pop_back();
+  steps.push_back({progress.newton_iteration, residual});
+}
+
+Json NewtonLog::ToJson() const {
+  constexpr std::size_t kMostCharts = 200;
+  std::vector<std::pair<std::size_t, int>> order;
+  for (const auto& [chart, steps] : steps_) order.emplace_back(steps.size(), chart);
+  std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  order.resize(std::min(order.size(), kMostCharts));
+  Json json = Json::array();
+  for (const auto& [count, chart] : order) {
+    for (const Step& step : steps_.at(chart)) json.push_back({chart, step.iteration, step.residual});
+  }
+  return json;
+}
+
+}  // namespace planish::cli

@@ -1,0 +1,187 @@
+// The data of the page, as client/cli/report_page.cc writes it.
+
+export interface ChartInfo {
+  triangles: number;
+  stretch: number;
+  angle: number; // mean error, degrees
+  density: number; // texels per unit of length
+  mirrored: boolean;
+}
+
+export interface Finding {
+  kind: string;
+  text: string;
+  fault?: number; // bit of Faces.faults: what it is about
+  chart?: number;
+  faces?: number[]; // triangles
+}
+
+export interface MapInfo {
+  name: string;
+  triangles: number;
+  places: number;
+  textureSize: number;
+  padding: number; // texels
+  tiles: number[]; // that hold something
+  low: [number, number, number]; // of the surface's box
+  size: number; // its longest side
+  uvLow: [number, number];
+  uvSize: number; // of a square round the map
+  charts: ChartInfo[]; // from the section "charts"
+  materials: { name: string; color: [number, number, number] }[];
+  numbers: [string, string][]; // what `planish check` says, line by line
+  findings: Finding[];
+  sections: Record<string, number>; // bytes of each section, in their order
+}
+
+export interface ChartSolve {
+  chart: number;
+  triangles: number;
+  method: string;
+  solver: string;
+  preconditioner: string;
+  converged: boolean;
+  newton_iterations: number;
+  stretch_l2: number;
+  residual: number; // the largest when it ended
+}
+
+export interface Unwrap {
+  charts?: ChartSolve[];
+  seconds?: Record<string, number>;
+  warnings?: { reason: string; message: string; metadata?: Record<string, string> }[];
+  newton?: [number, number, number][]; // chart, Newton step, largest residual
+  tolerance?: number;
+}
+
+export interface PageInfo {
+  version: string;
+  maps: MapInfo[];
+  unwrap?: Unwrap; // how the last map was made
+}
+
+export interface MapData {
+  info: MapInfo;
+  indices: Uint32Array; // 3 places a triangle
+  positions: Uint16Array; // 3 a place, in 65535ths of the size
+  uv: Uint16Array; // 2 a place
+  chart: Uint32Array; // per triangle
+  stretch: Uint8Array; // 0 to 254: log2 from 0 to 4; 255: no area
+  angle: Uint8Array; // 0 to 254: the root of the error over 180 degrees
+  faults: Uint8Array;
+  polygon: Uint32Array; // of the file
+  material: Int32Array; // -1: none
+  outline: Uint32Array; // half-edges: corner c faces the edge
+}
+
+export const STRETCH_RANGE = 4;
+export const FAULTS = { flipped: 1, degenerate: 2, overlapping: 4, outside: 8, mirrored: 16 } as const;
+
+export function stretchOf(byte: number): number {
+  return 2 ** ((byte / 254) * STRETCH_RANGE);
+}
+export function angleOf(byte: number): number {
+  return 180 * (byte / 254) ** 2;
+}
+
+class Reader {
+  private at = 0;
+  constructor(private readonly bytes: Uint8Array) {}
+
+  varint(): number {
+    let value = 0;
+    for (let scale = 1; ; scale *= 128) {
+      const byte = this.bytes[this.at++]!;
+      value += (byte & 127) * scale;
+      if (byte < 128) return value;
+    }
+  }
+  signed(): number {
+    const value = this.varint();
+    return value % 2 === 0 ? value / 2 : -(value + 1) / 2;
+  }
+}
+
+// Interleaved numbers of 16 bits from planes: for each component the low bytes of the differences, then the high ones.
+function fromPlanes(bytes: Uint8Array, count: number, components: number): Uint16Array {
+  const values = new Uint16Array(count * components);
+  for (let k = 0; k < components; ++k) {
+    const low = bytes.subarray(2 * k * count, (2 * k + 1) * count);
+    const high = bytes.subarray((2 * k + 1) * count, (2 * k + 2) * count);
+    let last = 0;
+    for (let i = 0; i < count; ++i) {
+      const code = low[i]! | (high[i]! << 8);
+      last = (last + ((code >>> 1) ^ -(code & 1))) & 65535;
+      values[i * components + k] = last;
+    }
+  }
+  return values;
+}
+
+function decode(info: MapInfo, bytes: Uint8Array): MapData {
+  const section: Record<string, Uint8Array> = {};
+  let at = 0;
+  for (const [name, size] of Object.entries(info.sections)) {
+    section[name] = bytes.subarray(at, at + size);
+    at += size;
+  }
+  const lists = JSON.parse(new TextDecoder().decode(section.charts)) as Record<keyof ChartInfo, number[]>;
+  info.charts = lists.triangles.map((triangles, i) => ({
+    triangles,
+    stretch: lists.stretch[i]!,
+    angle: lists.angle[i]!,
+    density: lists.density[i]!,
+    mirrored: lists.mirrored[i] === 1,
+  }));
+  const n = info.triangles;
+  const indices = new Uint32Array(3 * n);
+  const codes = new Reader(section.indices!);
+  for (let i = 0, next = 0; i < indices.length; ++i) {
+    const back = codes.varint();
+    indices[i] = next - back;
+    if (back === 0) ++next;
+  }
+  const running = <T extends Uint32Array | Int32Array>(name: string, into: T): T => {
+    const reader = new Reader(section[name]!);
+    for (let i = 0, last = 0; i < into.length; ++i) into[i] = last += reader.signed();
+    return into;
+  };
+  return {
+    info,
+    indices,
+    positions: fromPlanes(section.positions!, info.places, 3),
+    uv: fromPlanes(section.uv!, info.places, 2),
+    chart: running('chart', new Uint32Array(n)),
+    stretch: section.stretch!,
+    angle: section.angle!,
+    faults: section.faults!,
+    polygon: running('polygon', new Uint32Array(n)),
+    material: running('material', new Int32Array(n)),
+    outline: running('outline', new Uint32Array(countVarints(section.outline!))),
+  };
+}
+
+function countVarints(bytes: Uint8Array): number {
+  let count = 0;
+  for (const byte of bytes) count += byte < 128 ? 1 : 0;
+  return count;
+}
+
+async function inflate(base64: string): Promise<Uint8Array> {
+  const text = atob(base64);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+export async function readPage(): Promise<{ page: PageInfo; maps: MapData[] }> {
+  const page = JSON.parse(document.getElementById('planish-page')!.textContent!) as PageInfo;
+  const maps: MapData[] = [];
+  for (const [i, info] of page.maps.entries()) {
+    const element = document.getElementById(`planish-map-${i}`)!;
+    maps.push(decode(info, await inflate(element.textContent!.trim())));
+    element.remove(); // its text is of no more use, and may be large
+  }
+  return { page, maps };
+}

@@ -1,0 +1,50 @@
+// Builds template.html: the whole page in one file, with a place for the data (client/cli/report_page.cc).
+import { readFileSync, writeFileSync } from 'node:fs';
+import { defineConfig } from 'vite';
+
+// The scripts and styles of the page inside the page, so that it asks for nothing. A closing tag inside a script would
+// end it early.
+function oneFile() {
+  return {
+    name: 'one-file',
+    enforce: 'post',
+    generateBundle(_, bundle) {
+      const page = Object.values(bundle).find((file) => file.fileName.endsWith('.html'));
+      let html = page.source;
+      for (const [name, file] of Object.entries(bundle)) {
+        if (file === page) continue;
+        if (file.type === 'chunk') {
+          const code = file.code.replaceAll('</script', '<\\/script').trim();
+          html = html.replace(new RegExp(`\\s*<script[^>]*src="[^"]*${file.fileName}"[^>]*></script>`), '');
+          html = html.replace('</body>', () => `<script type="module">${code}</script>\n</body>`);
+        } else {
+          html = html.replace(new RegExp(`\\s*<link[^>]*href="[^"]*${file.fileName}"[^>]*>`), () => `\n<style>${file.source.trim()}</style>`);
+        }
+        delete bundle[name];
+      }
+      page.source = html;
+    },
+  };
+}
+
+const out = process.env.PLANISH_REPORT_OUT ?? '.';
+
+export default defineConfig({
+  base: './',
+  build: {
+    target: 'es2022',
+    outDir: 'dist',
+    assetsInlineLimit: 0,
+    modulePreload: false,
+    reportCompressedSize: false,
+  },
+  plugins: [
+    oneFile(),
+    {
+      name: 'template',
+      closeBundle() {
+        writeFileSync(`${out}/template.html`, readFileSync('dist/index.html'));
+      },
+    },
+  ],
+});

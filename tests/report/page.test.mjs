@@ -1,0 +1,305 @@
+// Pages of `planish report` in a browser, opened from disk.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { mkdtempSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { chromium } from 'playwright-core';
+import { spoiled, threeMaterials } from './meshes.mjs';
+
+const directory = mkdtempSync(join(tmpdir(), 'planish-report-'));
+const at = (name) => join(directory, name);
+const planish = (...args) => execFileSync(process.env.PLANISH, args, { stdio: ['ignore', 'pipe', 'pipe'] });
+let browser;
+
+before(async () => {
+  browser = await chromium.launch({
+    executablePath: process.env.CHROMIUM,
+    // Drawn without a graphics card; as root there is no sandbox.
+    args: ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
+  });
+});
+after(async () => {
+  await browser?.close();
+  rmSync(directory, { recursive: true });
+});
+
+// A page that is open, with all it asked for and complained of.
+class Report {
+  static async open(file, options = {}) {
+    const report = new Report();
+    report.page = await browser.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: 'light', ...options });
+    report.requests = [];
+    report.complaints = [];
+    report.page.on('request', (request) => report.requests.push(request.url()));
+    report.page.on('console', (message) => {
+      if (['error', 'warning'].includes(message.type())) report.complaints.push(message.text());
+    });
+    report.page.on('pageerror', (error) => report.complaints.push(String(error)));
+    await report.page.goto(`file://${file}`);
+    await report.settle();
+    return report;
+  }
+
+  // Nothing but the file itself was asked for, and nothing went wrong.
+  async close() {
+    assert.equal(this.requests.length, 1, this.requests.join('\n'));
+    assert.match(this.requests[0], /^file:/);
+    // Software drawing makes chromium speak of slow reads.
+    assert.deepEqual(this.complaints.filter((text) => !/GPU stall due to ReadPixels/.test(text)), []);
+    await this.page.close();
+  }
+
+  async settle() {
+    // waitForFunction() makes code from text, which the page's policy forbids.
+    await this.page.evaluate(() => new Promise((done) => {
+      const look = () => {
+        const isIdle = window.planishReport?.isIdle() ?? false;
+        requestAnimationFrame(isIdle ? () => requestAnimationFrame(done) : look);
+      };
+      look();
+    }));
+  }
+  state() {
+    return this.page.evaluate(() => window.planishReport.state());
+  }
+  async box() {
+    return this.page.locator('canvas').boundingBox();
+  }
+  // The view of the surface, or of the layout, as an image.
+  async pixels(isLayout, rows = 1, row = 0) {
+    await this.settle();
+    const box = await this.box(), height = box.height / rows;
+    const size = Math.min(box.width / 2, height);
+    const left = isLayout ? box.x + box.width - size : box.x;
+    const width = isLayout ? size : box.width - size;
+    const clip = { x: left + 4, y: box.y + row * height + 4, width: width - 8, height: height - 8 };
+    return (await this.page.screenshot({ clip })).toString('base64');
+  }
+  // The pointer on a triangle; gives the place.
+  async hover(map, face, isLayout) {
+    const place = await this.page.evaluate(([m, f, l]) => window.planishReport.screenOf(m, f, l), [map, face, isLayout]);
+    await this.page.mouse.move(place.x, place.y);
+    await this.settle();
+    return place;
+  }
+  async leave() {
+    await this.page.mouse.move(200, 12);
+    await this.settle();
+  }
+}
+
+// A triangle of the surface that is seen.
+async function seenFace(report) {
+  const box = await report.box();
+  const hit = await report.page.evaluate(([x, y, w, h]) => {
+    for (let i = 0; i < 400; ++i) {
+      const found = window.planishReport.pick(x + w * (0.1 + 0.018 * (i % 20)), y + h * (0.3 + 0.02 * Math.floor(i / 20)));
+      // Its middle must be seen too.
+      const middle = found && window.planishReport.screenOf(found.map, found.face, false);
+      if (middle && window.planishReport.pick(middle.x, middle.y)?.face === found.face) return found;
+    }
+    return null;
+  }, [box.x, box.y, box.width, box.height]);
+  assert.notEqual(hit, null);
+  return hit;
+}
+
+test('the page of spot shows, links and selects', async () => {
+  planish('unwrap', join(process.env.PLANISH_TEST_DATA, 'spot_seam.obj'), '-o', at('spot.obj'), `--report=${at('spot.html')}`);
+  assert.ok(statSync(at('spot.html')).size <= 25 * 23062 + 1e6);
+  const report = await Report.open(at('spot.html'));
+  const { page } = report;
+
+  // Every mode has its own pixels, and the same mode the same ones.
+  const seen = new Map();
+  for (const mode of ['checker', 'charts', 'stretch', 'angle', 'seams', 'colour']) {
+    await page.click(`[data-mode=${mode}]`);
+    const pixels = await report.pixels(false);
+    assert.equal(await report.pixels(false), pixels, mode);
+    assert.equal(seen.get(pixels), undefined, `${mode} looks like ${seen.get(pixels)}`);
+    seen.set(pixels, mode);
+    assert.equal((await report.state()).mode, mode);
+  }
+  const still = await report.pixels(false);
+  await page.click('[data-toggle=wireframe]');
+  assert.notEqual(await report.pixels(false), still);
+  await page.click('[data-toggle=wireframe]');
+  assert.equal(await report.pixels(false), still);
+
+  // Dragging turns the surface and leaves the layout; the wheel zooms; Reset takes both back.
+  const layout = await report.pixels(true), box = await report.box();
+  await page.mouse.move(box.x + 200, box.y + 300);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 290, box.y + 320, { steps: 4 });
+  await page.mouse.up();
+  await report.leave();
+  const turned = await report.pixels(false);
+  assert.notEqual(turned, still);
+  assert.equal(await report.pixels(true), layout);
+  await page.mouse.move(box.x + 200, box.y + 300);
+  await page.mouse.wheel(0, -300);
+  await report.leave();
+  assert.notEqual(await report.pixels(false), turned);
+  await page.click('#reset');
+  await report.leave();
+  assert.equal(await report.pixels(false), still);
+  await page.mouse.move(box.x + box.width - 150, box.y + 300);
+  await page.mouse.wheel(0, -300);
+  await report.leave();
+  assert.notEqual(await report.pixels(true), layout);
+  assert.equal(await report.pixels(false), still);
+  await page.click('#reset');
+  await report.leave();
+
+  // Hovering on either side shows the triangle on the other one.
+  const face = await seenFace(report);
+  const chart = await page.evaluate((f) => window.planishReport.maps[0].chart[f], face.face);
+  await report.hover(0, face.face, true);
+  assert.deepEqual((await report.state()).hovered, face);
+  assert.notEqual(await report.pixels(false), still);
+  await report.leave();
+  assert.equal((await report.state()).hovered, null);
+  assert.equal(await report.pixels(false), still);
+  const resting = await report.pixels(true);
+  const place = await report.hover(0, face.face, false);
+  assert.equal((await report.state()).hovered.face, face.face);
+  assert.notEqual(await report.pixels(true), resting);
+  assert.match(await page.textContent('#tip'), new RegExp(`face ${face.face} · chart ${chart}`));
+
+  // The chart that is clicked is the chart that is selected, in the table too.
+  await page.mouse.click(place.x, place.y);
+  assert.deepEqual((await report.state()).selected, { map: 0, chart });
+  assert.equal(await page.locator('tr.selected').count(), 1);
+  assert.equal(await page.getAttribute('tr.selected', 'data-chart'), String(chart));
+  await page.keyboard.press('Escape');
+  assert.equal((await report.state()).selected, null);
+  const others = await page.locator('tr[data-chart]').count();
+  await page.locator('tr[data-chart]').nth(others - 1).click();
+  assert.equal((await report.state()).selected.chart, others - 1);
+  assert.equal(await page.getAttribute('tr.selected', 'data-chart'), String(others - 1));
+
+  // How it was solved.
+  assert.match(await page.textContent('tbody tr td:last-child'), /uzawa|minres|direct/);
+  await page.click('[data-tab=solve]');
+  assert.ok((await page.locator('.plot .end').count()) >= 1);
+  assert.ok((await page.locator('.bar').count()) >= 5);
+  await report.close();
+});
+
+test('one chart has all of its Newton steps', async () => {
+  const json = JSON.parse(planish(
+    'unwrap', join(process.env.PLANISH_TEST_DATA, 'spot_seam.obj'), '-o', at('disc.obj'), '--seams=none', '--json',
+    `--report=${at('disc.html')}`).toString());
+  const report = await Report.open(at('disc.html'));
+  await report.page.click('[data-tab=solve]');
+  assert.equal(await report.page.locator('.plot .line').count(), 1);
+  assert.ok((await report.page.locator('.plot .step').count()) >= json.charts[0].newton_iterations);
+  await report.close();
+});
+
+test('a glTF with three materials has its colours, positions and UV', async () => {
+  const mesh = threeMaterials();
+  writeFileSync(at('three.gltf'), mesh.json);
+  planish('report', at('three.gltf'), '-o', at('three.html'));
+  const report = await Report.open(at('three.html'), { colorScheme: 'dark' });
+  const { page } = report;
+  assert.equal((await report.state()).isDark, true);
+  const dark = await report.pixels(true);
+  await page.keyboard.press('t');
+  assert.equal((await report.state()).isDark, false);
+  assert.notEqual(await report.pixels(true), dark);
+
+  const map = await page.evaluate(() => {
+    const { info, indices, positions, uv, material } = window.planishReport.maps[0];
+    return { info, indices: [...indices], positions: [...positions], uv: [...uv], material: [...material] };
+  });
+  assert.deepEqual(map.material, [0, 0, 1, 1, 2, 2]);
+  assert.deepEqual(map.info.materials.map((m) => m.name), ['red', 'green', 'blue']);
+  assert.equal(map.info.charts.length, 3);
+  const corners = [0, 1, 2].flatMap((i) => [0, 1, 2, 0, 2, 3].map((v) => 4 * i + v));
+  corners.forEach((vertex, corner) => {
+    const place = map.indices[corner];
+    for (let k = 0; k < 3; ++k) {
+      const value = map.info.low[k] + (map.info.size * map.positions[3 * place + k]) / 65535;
+      assert.ok(Math.abs(value - mesh.positions[3 * vertex + k]) <= map.info.size / 65535, `position of corner ${corner}`);
+    }
+    const u = map.info.uvLow[0] + (map.info.uvSize * map.uv[2 * place]) / 65535;
+    const v = map.info.uvLow[1] + (map.info.uvSize * map.uv[2 * place + 1]) / 65535;
+    assert.ok(Math.abs(u - mesh.uv[2 * vertex]) <= 1 / 65535, `u of corner ${corner}`);
+    assert.ok(Math.abs(1 - v - mesh.uv[2 * vertex + 1]) <= 1 / 65535, `v of corner ${corner}`);
+  });
+
+  // The middle of each square in the layout has the colour of its material most of all.
+  await page.keyboard.press('6');
+  assert.equal((await report.state()).mode, 'colour');
+  for (let i = 0; i < 3; ++i) {
+    const { x, y } = await page.evaluate((f) => window.planishReport.screenOf(0, f, true), 2 * i);
+    const png = await page.screenshot({ clip: { x: x - 2, y: y - 2, width: 4, height: 4 } });
+    const color = await page.evaluate(async (data) => {
+      const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
+      const image = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
+      const context = new OffscreenCanvas(4, 4).getContext('2d');
+      context.drawImage(image, 0, 0);
+      return [...context.getImageData(1, 1, 1, 1).data];
+    }, png.toString('base64'));
+    assert.equal(color.indexOf(Math.max(...color.slice(0, 3))), i, color.join());
+  }
+  await report.close();
+});
+
+test('warnings lead to their triangles', async () => {
+  writeFileSync(at('spoiled.obj'), spoiled());
+  planish('report', at('spoiled.obj'), '-o', at('spoiled.html'));
+  const report = await Report.open(at('spoiled.html'));
+  const { page } = report;
+  await page.click('[data-tab=warnings]');
+  const kinds = await page.locator('.findings li b').allTextContents();
+  assert.deepEqual(kinds.slice(0, 3), ['overlap', 'flipped', 'mirrored']);
+  assert.equal(await page.textContent('#warning-count'), String(kinds.length));
+  const still = await report.pixels(false), layout = await report.pixels(true);
+  await page.click('.findings li >> nth=1');
+  await report.leave();
+  assert.notEqual(await report.pixels(false), still);
+  assert.notEqual(await report.pixels(true), layout);
+  // The flight ended at the flipped triangle: it is what is seen in the middle.
+  const flipped = await page.evaluate(() => window.planishReport.maps[0].faults.findIndex((f) => (f & 1) !== 0));
+  const box = await report.box(), size = Math.min(box.width / 2, box.height);
+  const place = await page.evaluate((f) => window.planishReport.screenOf(0, f, true), flipped);
+  assert.ok(Math.hypot(place.x - (box.x + box.width - size / 2), place.y - (box.y + box.height / 2)) < size / 3);
+  await report.hover(0, flipped, false);
+  assert.match(await page.textContent('#tip'), /flipped/);
+  await report.close();
+});
+
+test('before and after have the same camera', async () => {
+  writeFileSync(at('in.gltf'), threeMaterials().json);
+  planish('unwrap', at('in.gltf'), '-o', at('out.gltf'), `--report=${at('both.html')}`);
+  const report = await Report.open(at('both.html'));
+  const { page } = report;
+  assert.deepEqual((await report.state()).shown, [0, 1]);
+  assert.deepEqual(await page.locator('#labels span').allTextContents(), ['before', 'after']);
+  assert.notEqual(await report.pixels(true, 2, 0), await report.pixels(true, 2, 1));
+  const places = () => page.evaluate(() => [0, 1].map((map) => window.planishReport.screenOf(map, 0, false)));
+  let [first, second] = await places();
+  const box = await report.box();
+  assert.ok(Math.abs(first.x - second.x) < 0.5 && Math.abs(second.y - first.y - box.height / 2) < 2);
+  await page.keyboard.press('ArrowLeft');
+  await report.settle();
+  const x = first.x;
+  [first, second] = await places();
+  assert.ok(Math.abs(first.x - x) > 1);
+  assert.ok(Math.abs(first.x - second.x) < 0.5);
+
+  // A triangle is the same one in both.
+  const resting = await report.pixels(false, 2, 1);
+  await report.hover(0, 3, false);
+  assert.notEqual(await report.pixels(false, 2, 1), resting);
+  await report.leave();
+  await page.keyboard.press('b');
+  assert.deepEqual((await report.state()).shown, [0]);
+  await page.click('[data-show="1"]');
+  assert.deepEqual((await report.state()).shown, [1]);
+  await report.close();
+});
