@@ -42,8 +42,15 @@ def _ignore(name: str, instead: str = "") -> None:
 # Options ----------------------------------------------------------------------------------------------------------------
 
 
+class _Options:
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in getattr(type(self), "__dataclass_fields__"):  # a typing error, as with the binding
+            raise AttributeError(f"{type(self).__name__} has no option {name!r}")
+        object.__setattr__(self, name, value)
+
+
 @dataclass
-class ChartOptions:
+class ChartOptions(_Options):
     """How xatlas cuts charts. planish cuts for stretch alone: of these only max_stretch has an effect."""
 
     max_chart_area: float = 0.0
@@ -62,7 +69,7 @@ class ChartOptions:
 
 
 @dataclass
-class PackOptions:
+class PackOptions(_Options):
     """How charts are packed: `padding`, `resolution`, `bilinear` and `bruteForce` have an effect."""
 
     max_chart_size: int = 0
