@@ -19,7 +19,7 @@ import grpc.aio
 from . import errors
 from ._bridge import AioStub, BlockingStub, Bridge
 from ._connection import Connection
-from ._status import error_of_call
+from ._status import error_of_call, is_unreachable
 from .v1 import planish_pb2_grpc
 
 Metadata = Sequence[Tuple[str, str]]
@@ -69,8 +69,8 @@ class Transport:
         raise NotImplementedError
 
     def _error(self, error: Any) -> errors.Error:
-        own = error_of_call(error, self.connection.target)
-        self.reached = self.reached or own.reason != "SERVER_UNREACHABLE"
+        own = error_of_call(error, self.connection, self.reached)
+        self.reached = self.reached or not is_unreachable(own)
         return own
 
 

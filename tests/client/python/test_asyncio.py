@@ -74,8 +74,11 @@ class Asyncio(unittest.IsolatedAsyncioTestCase):
                 await task
             (job,) = await client.list_jobs(filter="labels.test = cancel")
             self.assertEqual((await client.wait_job(job.name, 60)).state, "CANCELLED")
+            accepted = asyncio.Event()
+            task = client.start_unwrap(*LONG, on_event=lambda _: accepted.set(), labels={"test": "late"}, **LONG_OPTIONS)
+            await asyncio.wait_for(accepted.wait(), 60)
             with self.assertRaises(asyncio.TimeoutError):
-                await asyncio.wait_for(client.unwrap(*LONG, labels={"test": "late"}, **LONG_OPTIONS), 0.3)
+                await asyncio.wait_for(task, 0.01)
             (job,) = await client.list_jobs(filter="labels.test = late")
             self.assertEqual((await client.wait_job(job.name, 60)).state, "CANCELLED")
 

@@ -170,6 +170,10 @@ class OwnServer(unittest.TestCase):
             self.assertEqual(os.stat(directory).st_mode & 0o777, 0o700)
         self.assertFalse(server.is_running)
         self.assertFalse(os.path.exists(directory))
+        server = planish.PrivateServer()
+        directory = os.path.dirname(server.target[len("unix:") :])
+        del server
+        self.assertEqual((support.children(), os.path.exists(directory)), ([], False))
         with planish.PrivateServer() as server:
             client = planish.Client(server.target, retry=planish.RetryPolicy(reattach_seconds=0.2))
             self.assertTrue(client.unwrap(*support.cube()).is_usable)
