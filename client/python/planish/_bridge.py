@@ -128,10 +128,17 @@ class Bridge:
         self._writer = _Writer(self._stdin)
         pickle.dump(connection, self._stdin)
         self._stdin.flush()
-        threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
+        self._reader.start()
 
     def begin(
-        self, kind: int, method: str, request: Any, timeout: Optional[float], metadata: Any, taker: Callable[[int, bytes], None]
+        self,
+        kind: int,
+        method: str,
+        request: Any,
+        timeout: Optional[float],
+        metadata: Any,
+        taker: Callable[[int, bytes], None],
     ) -> int:
         """`taker` gets kind and content of each frame, on a thread of its own."""
         with self._lock:
@@ -157,18 +164,20 @@ class Bridge:
             self._stdin.close()
         except OSError:
             pass
+        self._reader.join()
         self._process.wait()
 
     def _read(self, file: IO[bytes]) -> None:
-        while True:
-            frame = _read_frame(file)
-            if frame is None:
-                self._lose()
-                return
-            number, kind, content = frame
-            taker = self._takers.pop(number, None) if kind == _END else self._takers.get(number)
-            if taker is not None:
-                taker(kind, content)
+        with file:
+            while True:
+                frame = _read_frame(file)
+                if frame is None:
+                    break
+                number, kind, content = frame
+                taker = self._takers.pop(number, None) if kind == _END else self._takers.get(number)
+                if taker is not None:
+                    taker(kind, content)
+        self._lose()
 
     def _lose(self) -> None:
         """The helper is gone, and all calls with it."""
@@ -222,7 +231,9 @@ class _RpcError(grpc.RpcError):  # type: ignore[misc]
 
 
 class _BlockingCall(_Answers):
-    def __init__(self, bridge: Bridge, kind: int, method: str, request: Any, timeout: Optional[float], metadata: Any) -> None:
+    def __init__(
+        self, bridge: Bridge, kind: int, method: str, request: Any, timeout: Optional[float], metadata: Any
+    ) -> None:
         super().__init__(method)
         self._bridge = bridge
         self._frames: "queue.SimpleQueue[Tuple[int, bytes]]" = queue.SimpleQueue()
@@ -270,7 +281,9 @@ class BlockingStub:
 
 
 class _AioCall(_Answers):
-    def __init__(self, bridge: Bridge, kind: int, method: str, request: Any, timeout: Optional[float], metadata: Any) -> None:
+    def __init__(
+        self, bridge: Bridge, kind: int, method: str, request: Any, timeout: Optional[float], metadata: Any
+    ) -> None:
         super().__init__(method)
         self._bridge = bridge
         self._frames: "asyncio.Queue[Tuple[int, bytes]]" = asyncio.Queue()
