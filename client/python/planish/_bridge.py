@@ -105,9 +105,11 @@ def serve() -> None:
 
 
 class Bridge:
-    """To one server. Thread-safe. The helper starts with the first call, and ends when this does."""
+    """To one server. Thread-safe. The helper ends when this does."""
 
     def __init__(self, connection: Connection) -> None:
+        #: The helper is gone: another bridge is needed.
+        self.is_lost = False
         code = f"import sys; sys.path[:] = {sys.path!r}; from planish._bridge import serve; serve()"
         executable = os.fsdecode(spawn.get_executable())
         try:
@@ -182,6 +184,7 @@ class Bridge:
     def _lose(self) -> None:
         """The helper is gone, and all calls with it."""
         end = pickle.dumps((grpc.StatusCode.UNAVAILABLE.value[0], "the process that makes the calls has ended", []))
+        self.is_lost = True
         with self._lock:
             takers, self._takers = self._takers, {}
         for taker in takers.values():

@@ -95,6 +95,10 @@ def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any
     return channel, planish_pb2_grpc.PlanishStub(channel)  # type: ignore[no-untyped-call]
 
 
+def _is_lost(channel: Any) -> bool:
+    return isinstance(channel, Bridge) and channel.is_lost
+
+
 def _after_fork_in_child() -> None:
     global _was_forked
     _was_forked = _was_forked or _has_channel
@@ -121,7 +125,7 @@ class BlockingTransport(Transport):
 
     def _method(self, name: str) -> Any:
         with self._lock:
-            if self._stub is None:
+            if self._stub is None or _is_lost(self._channel):
                 self._channel, self._stub = _connect(self.connection, grpc, BlockingStub)
             return getattr(self._stub, name)
 
@@ -192,7 +196,7 @@ class AioTransport(Transport):
     def _method(self, name: str) -> Any:
         loop = asyncio.get_running_loop()
         known = self._stubs.get(id(loop))
-        if known is None or known[0] is not loop:
+        if known is None or known[0] is not loop or _is_lost(known[1]):
             for key in [key for key, (old, _, _) in self._stubs.items() if old.is_closed()]:
                 del self._stubs[key]
             known = self._stubs[id(loop)] = (loop, *_connect(self.connection, grpc.aio, AioStub))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, List, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Any, List, Optional, Set, Tuple
 
 import numpy as np
 
@@ -22,7 +22,10 @@ from .client import default_client
 from .job import UnwrapOptions
 from .mesh import VertexSplit, chart_of_faces, split_vertices
 
-Mesh = Tuple[Any, Any, Any]
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Mesh = Tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], npt.NDArray[np.float32]]
 
 
 class OptionIgnored(UserWarning):
@@ -130,11 +133,11 @@ def _array(name: str, value: Any, dtype: Any, columns: int, rows: Optional[int] 
 # The atlas --------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chart:
     """One chart of a mesh."""
 
-    faces: Any  #: uint32 (N,): ids of its triangles
+    faces: npt.NDArray[np.uint32]  #: (N,): ids of its triangles
     atlas_index: int = 0
     material: int = 0
 
@@ -223,8 +226,8 @@ class Atlas:
     def __len__(self) -> int:
         return self.mesh_count
 
-    def get_mesh_vertex_assignment(self, mesh_index: int) -> Tuple[Any, Any]:
-        """The atlas and the chart of each vertex, uint32 (V',) each. Charts are numbered over all meshes."""
+    def get_mesh_vertex_assignment(self, mesh_index: int) -> Tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
+        """The atlas and the chart of each vertex, (V',) each. Charts are numbered over all meshes."""
         split, before = self._mesh(mesh_index), sum(self.get_mesh_chart_count(i) for i in range(mesh_index))
         chart = np.zeros(len(split.source_vertex), np.uint32)
         chart[split.triangles.reshape(-1)] = np.repeat(self._face_charts(mesh_index) + before, 3)

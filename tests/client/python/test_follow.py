@@ -371,7 +371,15 @@ class Asyncio(InAnEventLoop, Rest, unittest.TestCase):
 
 
 class BlockingByAHelper(ByAHelper, Streams, unittest.TestCase):
-    pass
+    def test_helper_that_is_lost(self):
+        with planish.Client(self.target, **self.options) as client:
+            client.capabilities()
+            helper = client._transport._channel._process
+            helper.kill()
+            helper.wait()
+            self.assertEqual(client.capabilities().workers, 0)  # by another one
+            self.assertIsNot(client._transport._channel._process, helper)
+        self.assertIsNotNone(helper.returncode)
 
 
 class AsyncioByAHelper(ByAHelper, InAnEventLoop, Streams, unittest.TestCase):
