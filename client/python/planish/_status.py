@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import errors
-from ._connection import Connection
+from ._connection import Connection, is_unix
 from .rpc import error_details_pb2, status_pb2
 
 # The messages of google.rpc are compiled under a name of this package's own, so that they do not get in the way of other
@@ -47,6 +47,11 @@ def error_of_call(rpc_error: Any, connection: Connection, reached: bool) -> erro
     number = code.value[0]
     if number == 14:
         return _unreachable(message, connection, reached)
+    if number == 1:
+        # Nobody here waits for a call that was cancelled here: a server that shuts down ends its calls so.
+        return errors.Unavailable(
+            f"the planish server at {connection.target} ended the call", reason="CONNECTION_LOST"
+        )
     if number == 4:
         message = "the time given to the call passed"
     return errors.class_of(number)(message)
@@ -60,7 +65,7 @@ def _unreachable(message: str, connection: Connection, reached: bool) -> errors.
         reason = "TLS_FAILED"
         if "wrong version number" in message:
             cause = "it does not speak TLS"
-    elif not connection.uses_tls and not reached and cause == "Socket closed":
+    elif cause == "Socket closed" and not reached and not connection.uses_tls and not is_unix(connection.target):
         reason, cause = "TLS_FAILED", "it closed the connection at once, as servers do that speak TLS only"
     return errors.Unavailable(f"cannot reach the planish server at {connection.target}: {cause}", reason=reason)
 

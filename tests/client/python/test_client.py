@@ -76,6 +76,8 @@ class Unwrap(WithServer):
 
     def test_uv_are_those_of_the_command(self):
         positions, triangles = support.ball()
+        positions = np.insert(positions, [0, 40, 40], [9.0, 9.0, 9.0], axis=0)  # vertices without a triangle
+        triangles = triangles + 1 + 2 * (triangles >= 40)
         with tempfile.TemporaryDirectory() as directory:
             ins, out = os.path.join(directory, "in.obj"), os.path.join(directory, "out.obj")
             support.write_obj(ins, positions, triangles)

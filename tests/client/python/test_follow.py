@@ -204,7 +204,11 @@ class Rest(Streams):
         def ended_early(request, context):
             return iter(())
 
-        self.run_script(("Unwrap", gone), ("Unwrap", ended_early), ("Unwrap", whole))
+        def shut_down(request, context):
+            refuse(context, grpc.StatusCode.CANCELLED)
+            yield
+
+        self.run_script(("Unwrap", gone), ("Unwrap", ended_early), ("Unwrap", shut_down), ("Unwrap", whole))
         self.assertEqual(len({request.request_id for request in self.requests()}), 1)
         self.assertNotEqual(self.requests()[0].request_id, "")
 
