@@ -17,7 +17,7 @@ import support
 
 # A mesh whose solve takes long enough to be interrupted, and its options.
 LONG = support.ball(60)
-LONG_OPTIONS = {"max_stretch": 1.002, "effort": "best"}
+LONG_OPTIONS = {"max_stretch": 1.002, "effort": "best", "scheduling": planish.Scheduling(fresh=True)}
 
 
 class WithServer(unittest.TestCase):
@@ -160,13 +160,22 @@ class Unwrap(WithServer):
 
 class Calls(WithServer):
     def test_cancel_and_stop(self):
-        call = self.client.start_unwrap(*LONG, **LONG_OPTIONS)
-        with self.assertRaises(TimeoutError):
-            call.result(0.0)
-        call.cancel()
-        with self.assertRaises(planish.Cancelled):
-            call.result(60)
-        self.assertTrue(call.done())
+        for moment in ("at once", "accepted", "at work"):
+            events = []
+            call = self.client.start_unwrap(
+                *LONG, on_event=events.append, labels={"moment": moment}, **LONG_OPTIONS
+            )
+            with self.assertRaises(TimeoutError):
+                call.result(0.0)
+            while moment == "accepted" and not call.job or moment == "at work" and not any(e.progress for e in events):
+                self.assertFalse(call.wait(0.001))
+            call.cancel()
+            with self.assertRaises(planish.Cancelled):
+                call.result(60)
+            self.assertTrue(call.done())
+            jobs = self.client.list_jobs(filter=f'labels.moment = "{moment}"')
+            self.assertLessEqual(0 if moment == "at once" else 1, len(jobs))
+            self.assertLessEqual({self.client.wait_job(job.name, 60).state for job in jobs}, {"CANCELLED"})
         solving = threading.Event()
         call = self.client.start_unwrap(
             *LONG, on_progress=lambda p: solving.set() if p.stage == "pack" else None, **LONG_OPTIONS
@@ -194,7 +203,7 @@ class Calls(WithServer):
 
     def test_interrupt_while_blocked(self):
         # Nothing arrives while the job waits behind others: the signal must get through all the same.
-        blockers = [self.client.start_unwrap(*LONG, padding=i, **LONG_OPTIONS) for i in (1, 3)]
+        blockers = [self.client.start_unwrap(*LONG, **LONG_OPTIONS) for _ in range(2)]
         code = """if True:
             import planish, support, sys
             def on_event(event):

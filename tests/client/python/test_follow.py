@@ -2,6 +2,8 @@
 
 import asyncio
 import hashlib
+import signal
+import threading
 import unittest
 import unittest.mock
 from concurrent.futures import ThreadPoolExecutor
@@ -102,7 +104,7 @@ def unary(method):
     return lambda self, request, context: self.next(method, request, context)
 
 
-for each in ("CreateJob", "BatchCreateJobs", "GetJob", "DeleteJob", "ListJobs", "ReadResult"):
+for each in ("CancelJob", "CreateJob", "BatchCreateJobs", "GetJob", "DeleteJob", "ListJobs", "ReadResult"):
     setattr(Servicer, each, unary(each))
 
 
@@ -238,6 +240,31 @@ class Rest(Streams):
         with self.assertRaises(planish.Unavailable) as raised:
             self.run_script(*[("Unwrap", broken_after_first_event), ("WatchJob", unknown)] * 4)
         self.assertEqual(raised.exception.reason, "CONNECTION_LOST")
+
+    def test_leaving_before_the_job_has_a_name(self):
+        # The server may have the job all the same: it is found by its request id.
+        def silent(request, context):
+            gone = threading.Event()
+            context.add_callback(gone.set)
+            gone.wait(60)
+            yield from ()
+
+        def interrupt(*_):
+            raise KeyboardInterrupt
+
+        self.addCleanup(signal.signal, signal.SIGALRM, signal.signal(signal.SIGALRM, interrupt))
+        while not self.servicer.calls:  # on a busy machine the signal may come before the call
+            signal.setitimer(signal.ITIMER_REAL, 0.2)
+            self.servicer.script = [
+                ("Unwrap", silent),
+                ("CreateJob", lambda *_: job_pb2.Job(name="jobs/1")),
+                ("CancelJob", lambda *_: job_pb2.Job(name="jobs/1")),
+            ]
+            with self.assertRaises(KeyboardInterrupt):
+                self.call("unwrap", *MESH)
+        unwrap, create, cancel = self.requests()
+        self.assertEqual((create.request_id, create.spec), (unwrap.request_id, unwrap.spec))
+        self.assertEqual(cancel.name, "jobs/1")
 
     def test_full_queue(self):
         def full(request, context):
