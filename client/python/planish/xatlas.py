@@ -186,10 +186,8 @@ class Atlas:
         if pack.resolution:
             self._size = int(pack.resolution)
         if not any(len(faces) for _, faces in self._inputs):
-            self._meshes, self._charts, self._chart_count = [], [], 0
-            for vertices, faces in self._inputs:
-                self._meshes.append(VertexSplit(np.zeros(0, np.uint32), faces, np.zeros((0, 2), np.float32)))
-                self._charts.append(np.zeros(0, np.int64))
+            self._meshes = [_no_faces(faces) for _, faces in self._inputs]
+            self._charts, self._chart_count = [None] * len(self._meshes), 0
             return
         first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in self._inputs])
         positions = np.concatenate([vertices for vertices, _ in self._inputs])
@@ -198,13 +196,12 @@ class Atlas:
         )
         result = default_client().unwrap(positions, triangles, options=options)
         report = result.report
-        self._meshes, self._charts = [], []
+        self._meshes, self._charts = [], [None] * len(self._inputs)
         first_face = 0
         for vertices, faces in self._inputs:
             uv = result.uv[first_face : first_face + len(faces)].astype(np.float32, copy=False)
             first_face += len(faces)
             self._meshes.append(_compact(split_vertices(len(vertices), faces, uv)) if len(faces) else _no_faces(faces))
-            self._charts.append(None)
         self._chart_count = report.chart_totals.charts
         self._utilization = report.quality.packing_efficiency
         self._texels_per_unit = report.atlas.texels_per_unit

@@ -184,6 +184,9 @@ class AtlasScripts(XatlasTest):
             atlas.add_uv_mesh(positions[:, :2], triangles)
         atlas.generate()  # of nothing
         self.assertEqual((len(atlas), atlas.chart_count), (0, 0))
+        atlas.add_mesh(positions, triangles[:0])
+        atlas.generate()
+        self.assertEqual((len(atlas), atlas.chart_count, atlas.get_mesh_chart_count(0)), (1, 0, 0))
         atlas.add_mesh(positions * np.nan, triangles)
         with self.assertRaises(planish.ArrayError):
             atlas.generate()
