@@ -1,9 +1,9 @@
 """The client for asyncio: many calls at a time, a server that is killed under them, tasks that are cancelled."""
 
 import asyncio
-import unittest
-
 import numpy as np
+import tempfile
+import unittest
 
 import planish
 import support
@@ -42,7 +42,7 @@ class Asyncio(unittest.IsolatedAsyncioTestCase):
         np.testing.assert_array_equal(one.uv, blocking.uv)
 
     async def test_server_killed_under_them(self):
-        with support.tempfile.TemporaryDirectory() as data:
+        with tempfile.TemporaryDirectory() as data:
             server = self.start(f"--data-dir={data}", "--queue=100", "--reattach-grace=30")
             done, retries = [], []
 

@@ -2,6 +2,10 @@
 
 import multiprocessing
 import os
+import shutil
+import subprocess
+import sys
+import tempfile
 import unittest
 
 import planish
@@ -128,8 +132,8 @@ class OwnServer(unittest.TestCase):
         """
         for end in ("exit", "kill", "fork"):
             ours, theirs = os.pipe()
-            child = support.subprocess.Popen(
-                [support.sys.executable, "-c", code, end], stdin=ours, stdout=support.subprocess.PIPE, text=True
+            child = subprocess.Popen(
+                [sys.executable, "-c", code, end], stdin=ours, stdout=subprocess.PIPE, text=True
             )
             os.close(ours)
             pid, target = child.communicate(timeout=60)[0].split()
@@ -139,6 +143,7 @@ class OwnServer(unittest.TestCase):
                     while True:  # it ends by itself, a moment later
                         with planish.Client(target, retry=planish.RetryPolicy(retry_seconds=0)) as client:
                             client.capabilities()
+                shutil.rmtree(os.path.dirname(target[len("unix:") :]))  # nobody was left to do that
             else:
                 self.assertFalse(os.path.exists(f"/proc/{pid}/exe"))
                 self.assertFalse(os.path.exists(os.path.dirname(target[len("unix:") :])))
@@ -146,7 +151,7 @@ class OwnServer(unittest.TestCase):
 
     def test_pool_leaves_nothing_behind(self):
         # Children that have no server to inherit start their own, and end it.
-        with support.tempfile.TemporaryDirectory(prefix="planish-") as base:
+        with tempfile.TemporaryDirectory(prefix="planish-") as base:
             environment = {**os.environ, "TMPDIR": base, "XDG_RUNTIME_DIR": ""}
             code = """if True:
                 import multiprocessing, test_processes
