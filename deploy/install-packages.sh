@@ -19,6 +19,7 @@ build="
 # Node.js and kubectl are used where they are installed; tests/allowed_skips.txt says why they are not here.
 test="
   libgtest-dev libgmock-dev postgresql-15
+  python3-grpcio python3-protobuf python3-numpy python3-setuptools python3-wheel
   haproxy:haproxy nginx:nginx promtool:prometheus zsh:zsh man:man-db openssl:openssl"
 
 # What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/files reads its files with

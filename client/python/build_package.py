@@ -8,7 +8,6 @@
 OUT/dist/*.tar.gz of it, by setuptools.
 """
 
-import os
 import pathlib
 import shutil
 import subprocess
@@ -58,16 +57,18 @@ def make_tree(out: pathlib.Path, version: str, protoc: str, plugin: str, protos:
 
 
 def make_wheel(out: pathlib.Path) -> None:
-    from setuptools import build_meta
-
     dist = (out / "dist").absolute()
     shutil.rmtree(dist, ignore_errors=True)
     dist.mkdir(parents=True)
-    os.chdir(out / "tree")
-    print("made", dist / build_meta.build_sdist(str(dist)))
-    print("made", dist / build_meta.build_wheel(str(dist)))
-    shutil.rmtree("build", ignore_errors=True)
-    shutil.rmtree("planish.egg-info", ignore_errors=True)
+    tree = out / "tree"
+    code = "import sys; from setuptools import build_meta as b; d = sys.argv[1]; b.build_sdist(d); b.build_wheel(d)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(dist)], cwd=tree, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    if done.returncode != 0:  # setuptools says much where all is well
+        sys.exit(done.stdout)
+    for leftover in ("build", "planish.egg-info"):
+        shutil.rmtree(tree / leftover, ignore_errors=True)
 
 
 if __name__ == "__main__":

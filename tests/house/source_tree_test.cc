@@ -16,7 +16,7 @@ using ::testing::UnorderedElementsAre;
 
 constexpr std::size_t kMaxLines = 600;
 
-const std::set<std::string> kCode = {".cc", ".h", ".proto", ".cmake", ".sh", ".mjs", "CMakeLists.txt"};
+const std::set<std::string> kCode = {".cc", ".h", ".proto", ".cmake", ".sh", ".mjs", ".py", "CMakeLists.txt"};
 
 TEST(SourceTree, TopLevelIsFixed) {
   EXPECT_THAT(TopLevel(Root()),

@@ -8,6 +8,12 @@
 :class:`Client` blocks, :class:`AsyncClient` is for asyncio, :func:`parametrize` and :class:`Atlas` stand in the place of xatlas's.
 """
 
+import os as _os
+
+# gRPC's own support for forks makes a fork wait for calls that are under way, and may hang. This package does without (see
+# _bridge.py); the variable counts when gRPC is imported first.
+_os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "0")
+
 from ._connection import ConnectionOptions
 from ._follow import Callbacks
 from ._request import NewJob

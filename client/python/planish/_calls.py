@@ -130,12 +130,21 @@ class Calls:
     async def cancel_job(self, name: str) -> Job:
         return from_proto(Job, await self.repeated("CancelJob", planish_pb2.CancelJobRequest(name=name), name))
 
-    async def cancel_while_leaving(self, name: str) -> None:
-        """A last word. Whether it gets through does not matter to a caller that leaves for another reason."""
+    async def cancel_while_leaving(self, name: str, unwrap: Any) -> None:
+        """A last word. Whether it gets through does not matter to a caller that leaves for another reason.
+
+        `name` may be empty, if the server has not told it yet. Then the job is found by `unwrap`, the request for it, unless that
+        is None: nothing was sent.
+        """
+        trace = Trace()
         try:
-            metadata = self.metadata(Trace(), name)
-            request = planish_pb2.CancelJobRequest(name=name)
-            await self.transport.unary("CancelJob", request, LAST_WORD_SECONDS, metadata)
+            if not name and unwrap is not None:
+                again = planish_pb2.CreateJobRequest(spec=unwrap.spec, request_id=unwrap.request_id)
+                created = await self.transport.unary("CreateJob", again, LAST_WORD_SECONDS, self.metadata(trace))
+                name = created.name
+            if name:
+                request = planish_pb2.CancelJobRequest(name=name)
+                await self.transport.unary("CancelJob", request, LAST_WORD_SECONDS, self.metadata(trace, name))
         except Error:
             pass  # the server cancels the job of a caller that is gone by itself, only later
 

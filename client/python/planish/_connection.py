@@ -102,18 +102,18 @@ class Connection:
         self._options = options
         self._connect_timeout_seconds = connect_timeout_seconds
         files = (options.tls_ca_file, options.tls_cert_file, options.tls_key_file, options.tls_server_name)
-        self._uses_tls = not is_unix(target) and (bool(options.tls) or any(files))
+        self.uses_tls = not is_unix(target) and (bool(options.tls) or any(files))
         if bool(options.tls_cert_file) != bool(options.tls_key_file):
             raise _invalid("a client certificate takes two files: the certificate and its key")
         self._pem: Tuple[Optional[bytes], Optional[bytes], Optional[bytes]] = (None, None, None)
-        if self._uses_tls:
+        if self.uses_tls:
             self._pem = (
                 _read_pem("the CA", options.tls_ca_file),
                 _read_pem("the client's key", options.tls_key_file),
                 _read_pem("the client certificate", options.tls_cert_file),
             )
         has_token = bool(options.token or options.token_file)
-        if has_token and not (self._uses_tls or options.token_over_plaintext or is_within_this_machine(target)):
+        if has_token and not (self.uses_tls or options.token_over_plaintext or is_within_this_machine(target)):
             raise _invalid(f"the token would travel to {target} unencrypted, for everybody on the way to read: use TLS")
         self._token()
 
@@ -135,7 +135,7 @@ class Connection:
         ]
         if is_within_this_machine(self.target):
             arguments.append(("grpc.enable_http_proxy", 0))
-        if not self._uses_tls:
+        if not self.uses_tls:
             return module.insecure_channel(self.target, options=arguments)
         if self._options.tls_server_name:
             arguments.append(("grpc.ssl_target_name_override", self._options.tls_server_name))

@@ -45,39 +45,35 @@ class Callbacks:
 
 
 class Control:
-    """What other threads may do to a call that runs."""
+    """What other threads may do to an unwrap that runs."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._stream: Optional[Stream] = None
-        self.job = ""
+        self._job = ""
         self.cancelled = threading.Event()
         self.stopped = threading.Event()
 
-    def set_job(self, name: str) -> None:
+    @property
+    def job(self) -> str:
         with self._lock:
-            self.job = name
+            return self._job
 
-    def set_stream(self, stream: Optional[Stream]) -> None:
+    @job.setter
+    def job(self, name: str) -> None:
         with self._lock:
-            self._stream = stream
-            is_late = self.cancelled.is_set() and not self.job
-        if is_late and stream is not None:
-            stream.cancel()
+            self._job = name
 
     def cancel(self) -> str:
-        """The job to be cancelled on the server; empty if there is none yet: then the call itself ends."""
+        """The job to be cancelled on the server; empty if there is none yet: the call does that as soon as there is."""
         with self._lock:
             self.cancelled.set()
-            if not self.job and self._stream is not None:
-                self._stream.cancel()
-            return self.job
+            return self._job
 
     def stop(self) -> str:
-        """The job to be stopped on the server; empty if there is none yet: then it will be when there is one."""
+        """Likewise, the job to be stopped."""
         with self._lock:
             self.stopped.set()
-            return self.job
+            return self._job
 
 
 class Follower:
@@ -109,6 +105,7 @@ class Follower:
         self._lost_stream = False  # of the present job
         self._lost_jobs = 0
         self._abandons = False  # a callback raised
+        self._sent = False  # the server may have `unwrap`
         self.job: Any = job_pb2.Job()
         self.uv = bytearray()
         self.first_event: Optional[float] = None
@@ -123,9 +120,9 @@ class Follower:
             is_own = isinstance(error, Error) and not self._abandons
             if is_own and not error.job:  # type: ignore[attr-defined]
                 error.job = self._name  # type: ignore[attr-defined]
-            if not is_own and self._name and self._unwrap is not None and not self._unwrap.detached:
+            if not is_own and self._unwrap is not None and not self._unwrap.detached:
                 # Ctrl-C, a task that was cancelled, or a callback that raised.
-                await self._calls.cancel_while_leaving(self._name)
+                await self._calls.cancel_while_leaving(self._name, self._unwrap if self._sent else None)
             raise
 
     def _is_complete(self) -> bool:
@@ -139,7 +136,6 @@ class Follower:
         if self._control.cancelled.is_set() and (self._unwrap is None or not self._name):
             raise self._cancelled()
         stream = self._open()
-        self._control.set_stream(stream)
         try:
             if self._lost_stream and self._name:
                 await self._repeat_wishes()  # they may have been lost with the connection
@@ -157,13 +153,13 @@ class Follower:
                 else:
                     self._take_uv(message.uv)
         finally:
-            self._control.set_stream(None)
             stream.cancel()  # does nothing to a stream that has ended
         await self._on_stream_end()
 
     def _open(self) -> Stream:
         transport, left = self._calls.transport, self._deadline.left()
         if self._unwrap is not None and not self._name:
+            self._sent = True
             return transport.stream("Unwrap", self._unwrap, left, self._calls.metadata(self._trace))
         request = planish_pb2.WatchJobRequest(
             name=self._name,
@@ -195,7 +191,7 @@ class Follower:
         if self._name:
             return
         self._name = name
-        self._control.set_job(name)
+        self._control.job = name
         await self._repeat_wishes()  # what came before there was a job to ask it of
 
     async def _repeat_wishes(self) -> None:
@@ -260,7 +256,7 @@ class Follower:
                 reason="CONNECTION_LOST",
             )
         self._name, self._sequence, self._lost_stream = "", 0, False
-        self._control.set_job("")
+        self._control.job = ""
         self.job, self.uv = job_pb2.Job(), bytearray()
         self._unwrap.request_id = new_request_id()  # the old one stands for the job that is gone
 

@@ -15,7 +15,7 @@ from .v1 import job_pb2, planish_pb2
 _OPTION_NAMES = frozenset(each.name for each in dataclasses.fields(UnwrapOptions))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NewJob:
     """A mesh and what is to be done with it."""
 

@@ -5,11 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from . import errors
+from ._connection import Connection, is_unix
 from .rpc import error_details_pb2, status_pb2
 
 # The messages of google.rpc are compiled under a name of this package's own, so that they do not get in the way of other
 # packages that bring them. On the wire they keep the name that Google gave them.
 _PREFIX = "google.rpc."
+
+# What gRPC says where a handshake of TLS failed.
+_WORDS_OF_TLS = ("SSL", "certificate", "Peer name")
+
+#: Reasons of errors that no server has said.
+_UNREACHABLE = ("SERVER_UNREACHABLE", "TLS_FAILED")
 
 
 def error_of_status(status: Any) -> errors.Error:
@@ -28,8 +35,8 @@ def error_of_status(status: Any) -> errors.Error:
     )
 
 
-def error_of_call(rpc_error: Any, target: str) -> errors.Error:
-    """The exception for a ``grpc.RpcError`` of either kind, blocking or asyncio."""
+def error_of_call(rpc_error: Any, connection: Connection, reached: bool) -> errors.Error:
+    """The exception for a ``grpc.RpcError`` of either kind, blocking or asyncio. `reached`: the server has answered before."""
     code = rpc_error.code()
     message = rpc_error.details() or ""
     for key, value in rpc_error.trailing_metadata() or ():
@@ -39,16 +46,35 @@ def error_of_call(rpc_error: Any, target: str) -> errors.Error:
                 return error_of_status(status)
     number = code.value[0]
     if number == 14:
-        # gRPC wraps the cause: "failed to connect to all addresses; last error: UNKNOWN: ...: Connection refused".
-        cause = message.rsplit(": ", 1)[-1]
+        return _unreachable(message, connection, reached)
+    if number == 1:
+        # Nobody here waits for a call that was cancelled here: a server that shuts down ends its calls so.
         return errors.Unavailable(
-            f"cannot reach the planish server at {target}: {cause}", reason="SERVER_UNREACHABLE"
+            f"the planish server at {connection.target} ended the call", reason="CONNECTION_LOST"
         )
     if number == 4:
         message = "the time given to the call passed"
     return errors.class_of(number)(message)
 
 
+def _unreachable(message: str, connection: Connection, reached: bool) -> errors.Error:
+    # gRPC wraps the cause: "failed to connect to all addresses; last error: UNKNOWN: ...: Connection refused".
+    cause = message.rsplit(": ", 1)[-1]
+    reason = "SERVER_UNREACHABLE"
+    if connection.uses_tls and any(word in message for word in _WORDS_OF_TLS):
+        reason = "TLS_FAILED"
+        if "wrong version number" in message:
+            cause = "it does not speak TLS"
+    elif cause == "Socket closed" and not reached and not connection.uses_tls and not is_unix(connection.target):
+        reason, cause = "TLS_FAILED", "it closed the connection at once, as servers do that speak TLS only"
+    return errors.Unavailable(f"cannot reach the planish server at {connection.target}: {cause}", reason=reason)
+
+
 def is_from_server(error: errors.Error) -> bool:
     """Whether the server itself said it: then it has been reached. What the transport says has no reason of its own."""
-    return error.reason not in (error.code, "SERVER_UNREACHABLE")
+    return error.reason not in (error.code, *_UNREACHABLE)
+
+
+def is_unreachable(error: errors.Error) -> bool:
+    """Whether no connection stood."""
+    return error.reason in _UNREACHABLE

@@ -17,8 +17,9 @@ import grpc
 import grpc.aio
 
 from . import errors
+from ._bridge import AioStub, BlockingStub, Bridge
 from ._connection import Connection
-from ._status import error_of_call
+from ._status import error_of_call, is_unreachable
 from .v1 import planish_pb2_grpc
 
 Metadata = Sequence[Tuple[str, str]]
@@ -68,9 +69,45 @@ class Transport:
         raise NotImplementedError
 
     def _error(self, error: Any) -> errors.Error:
-        own = error_of_call(error, self.connection.target)
-        self.reached = self.reached or own.reason != "SERVER_UNREACHABLE"
+        own = error_of_call(error, self.connection, self.reached)
+        self.reached = self.reached or not is_unreachable(own)
         return own
+
+
+# Forks ------------------------------------------------------------------------------------------------------------------
+
+_transports: "weakref.WeakSet[Any]" = weakref.WeakSet()
+# This process has a channel, or was forked from one that had: gRPC does not survive that.
+_has_channel = False
+_was_forked = False
+# Closing what a parent left would wait for threads that are not here.
+_left_by_parent: List[Any] = []
+
+
+def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any, Any]:
+    """A channel and the stub on it; of a process of their own where gRPC cannot be used in this one."""
+    global _has_channel
+    if _was_forked:
+        bridge = Bridge(connection)
+        return bridge, bridge_stub(bridge)
+    _has_channel = True
+    channel = connection.channel(module)
+    return channel, planish_pb2_grpc.PlanishStub(channel)  # type: ignore[no-untyped-call]
+
+
+def _is_lost(channel: Any) -> bool:
+    return isinstance(channel, Bridge) and channel.is_lost
+
+
+def _after_fork_in_child() -> None:
+    global _was_forked
+    _was_forked = _was_forked or _has_channel
+    for transport in list(_transports):
+        transport.after_fork_in_child()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork_in_child)
 
 
 # Blocking ---------------------------------------------------------------------------------------------------------------
@@ -79,20 +116,17 @@ class Transport:
 class BlockingTransport(Transport):
     """Thread-safe. A forked child gets a channel of its own: the parent's cannot be used there."""
 
-    _all: "weakref.WeakSet[BlockingTransport]" = weakref.WeakSet()
-
     def __init__(self, connection: Connection) -> None:
         super().__init__(connection)
         self._lock = threading.Lock()
         self._channel: Any = None
         self._stub: Any = None
-        BlockingTransport._all.add(self)
+        _transports.add(self)
 
     def _method(self, name: str) -> Any:
         with self._lock:
-            if self._stub is None:
-                self._channel = self.connection.channel(grpc)
-                self._stub = planish_pb2_grpc.PlanishStub(self._channel)  # type: ignore[no-untyped-call]
+            if self._stub is None or _is_lost(self._channel):
+                self._channel, self._stub = _connect(self.connection, grpc, BlockingStub)
             return getattr(self._stub, name)
 
     def close(self) -> None:
@@ -102,11 +136,9 @@ class BlockingTransport(Transport):
         if channel is not None:
             channel.close()
 
-    def _after_fork_in_child(self) -> None:
-        # Threads that held the lock or served the channel are not here. Closing the channel would wait for them.
+    def after_fork_in_child(self) -> None:
+        _left_by_parent.append((self._channel, self._stub))
         self._lock = threading.Lock()
-        if self._channel is not None:
-            _left_by_parent.append(self._channel)
         self._channel = self._stub = None
 
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
@@ -146,54 +178,37 @@ class _BlockingStream(Stream):
         self._call.cancel()
 
 
-_left_by_parent: List[Any] = []
-
-
-def _after_fork_in_child() -> None:
-    for transport in list(BlockingTransport._all):
-        transport._after_fork_in_child()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork_in_child)
-
-
 # In an event loop -------------------------------------------------------------------------------------------------------
 
 
 class AioTransport(Transport):
-    """For one event loop at a time: the one of its first call, until it is closed."""
-
-    # Threads of gRPC serve the event loops of a process, and a fork does not copy threads.
-    _process: Optional[int] = None
+    """With a channel for each event loop that uses it. Likewise, a forked child gets one of its own."""
 
     def __init__(self, connection: Connection) -> None:
         super().__init__(connection)
         self._stubs: Dict[int, Tuple[Any, Any, Any]] = {}
+        _transports.add(self)
+
+    def after_fork_in_child(self) -> None:
+        _left_by_parent.append(self._stubs)
+        self._stubs = {}
 
     def _method(self, name: str) -> Any:
-        if AioTransport._process not in (None, os.getpid()):
-            raise errors.FailedPrecondition(
-                "this process was forked from one that had used AsyncClient, which gRPC does not support: "
-                "make processes by 'spawn', or use Client in them",
-                reason="FORKED",
-            )
-        AioTransport._process = os.getpid()
         loop = asyncio.get_running_loop()
         known = self._stubs.get(id(loop))
-        if known is None or known[0] is not loop:
+        if known is None or known[0] is not loop or _is_lost(known[1]):
             for key in [key for key, (old, _, _) in self._stubs.items() if old.is_closed()]:
                 del self._stubs[key]
-            channel = self.connection.channel(grpc.aio)
-            stub = planish_pb2_grpc.PlanishStub(channel)  # type: ignore[no-untyped-call]
-            known = self._stubs[id(loop)] = (loop, channel, stub)
+            known = self._stubs[id(loop)] = (loop, *_connect(self.connection, grpc.aio, AioStub))
         return getattr(known[2], name)
 
     async def close(self) -> None:
         """Ends what is under way in this event loop; a later call connects again."""
         known = self._stubs.pop(id(asyncio.get_running_loop()), None)
         if known is not None:
-            await known[1].close()
+            closing = known[1].close()
+            if closing is not None:
+                await closing
 
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
         try:

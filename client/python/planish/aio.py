@@ -22,9 +22,8 @@ from .result import Result
 class AsyncClient:
     """:class:`planish.Client` for asyncio, with the same parameters and errors. An asynchronous context manager.
 
-    Cancelling the task of an unwrap cancels its job on the server. Callbacks are called in the event loop. Not thread-safe: for
-    one event loop at a time. gRPC supports no fork of a process that has used it: a forked child gets
-    :class:`planish.FailedPrecondition` (FORKED) and may use :class:`planish.Client`.
+    Cancelling the task of an unwrap cancels its job on the server. Callbacks are called in the event loop. Not thread-safe, but
+    several event loops may use it one after the other, and a forked child may use it in a loop of its own.
     """
 
     def __init__(

@@ -13,6 +13,8 @@ class Error(Exception):
 
     ================================  ==================================================================
     ``SERVER_UNREACHABLE``            no connection (:class:`Unavailable`)
+    ``TLS_FAILED``                    no connection, because of a certificate, or one side speaks TLS alone
+                                      (:class:`Unavailable`)
     ``CONNECTION_LOST``               the connection broke and re-attaching failed (:class:`Unavailable`)
     ``PRIVATE_SERVER_FAILED``         ``planishd`` was not found or did not start (:class:`Unavailable`)
     ``DEADLINE_EXCEEDED``             the ``timeout`` of the call passed (:class:`DeadlineExceeded`)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Any, Dict, Optional
+from typing import TYPE_CHECKING, Any, Dict, Optional
 
 import numpy as np
 
 from .errors import ArrayError
 
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
 #: More triangles than this do not fit into one message.
 _MOST_TRIANGLES = (2**31 - 1) // 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PackedMesh:
     """A mesh as it travels. Made by :func:`pack_mesh`, which has checked everything in it."""
 
@@ -196,7 +199,7 @@ def _corners_between_parts(parts: Any, faces: Any) -> Any:
 # UV per vertex ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VertexSplit:
     """A mesh whose vertices have one UV each, as renderers and most file formats want them.
 
@@ -204,9 +207,9 @@ class VertexSplit:
     further one. An attribute is carried over by ``attribute[split.source_vertex]``.
     """
 
-    source_vertex: Any  #: uint32 (V',): the vertex that came in; 0, 1, 2, ... to begin with
-    triangles: Any  #: uint32 (F, 3), in the order that came in
-    uv: Any  #: (V', 2), of the type that came in; (0, 0) for vertices without a triangle
+    source_vertex: npt.NDArray[np.uint32]  #: (V',): the vertex that came in; 0, 1, 2, ... to begin with
+    triangles: npt.NDArray[np.uint32]  #: (F, 3), in the order that came in
+    uv: npt.NDArray[Any]  #: (V', 2), of the type that came in; (0, 0) for vertices without a triangle
 
 
 def split_vertices(vertex_count: int, triangles: Any, uv: Any) -> VertexSplit:
@@ -242,8 +245,8 @@ def split_vertices(vertex_count: int, triangles: Any, uv: Any) -> VertexSplit:
     return VertexSplit(source, new_triangles.reshape(-1, 3), vertex_uv)
 
 
-def chart_of_faces(split: VertexSplit) -> Any:
-    """The chart of each triangle, int64 (F,), numbered by first appearance: triangles that share a vertex of the split."""
+def chart_of_faces(split: VertexSplit) -> npt.NDArray[np.int64]:
+    """The chart of each triangle, (F,), numbered by first appearance: triangles that share a vertex of the split."""
     faces = split.triangles.astype(np.int64)
     label = np.arange(len(split.source_vertex))
     while True:

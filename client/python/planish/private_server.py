@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 import select
 import shutil
@@ -13,7 +12,7 @@ import tempfile
 import threading
 import time
 import weakref
-from typing import Any, List, Optional, Sequence
+from typing import Any, Callable, List, Optional, Sequence
 
 from .errors import Unavailable
 
@@ -45,9 +44,88 @@ def find_planishd() -> Optional[str]:
     return shutil.which("planishd")
 
 
+class _Running:
+    """What there is to be cleaned up."""
+
+    def __init__(self, executable: str) -> None:
+        self.executable = executable
+        self.owner = os.getpid()
+        self.directory = _new_directory()
+        self.log = tempfile.TemporaryFile()
+        self.process: Optional["subprocess.Popen[bytes]"] = None
+        # End of file here tells planishd that we are gone.
+        self.supervisor, self.theirs = socket.socketpair()
+        _running.add(self)
+
+    def start(self, arguments: List[str]) -> None:
+        # Variables like PLANISHD_QUEUE configure the planishd of this machine, if there is one, and not private ones.
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("PLANISHD_")}
+        flags = [f"--listen=unix:{self.directory}/socket", f"--supervisor-fd={self.theirs.fileno()}", "--log-level=warn"]
+        try:
+            with self.theirs:
+                self.process = subprocess.Popen(
+                    [self.executable, *flags, *arguments],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=self.log,
+                    pass_fds=[self.theirs.fileno()],
+                    env=environment,
+                    start_new_session=True,  # Ctrl-C is for this process first
+                )
+        except OSError as error:
+            raise _failed(f"cannot start {self.executable}: {error.strerror}") from error
+
+    def wait_until_ready(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        said = b""
+        while b"\n" not in said:
+            ready, _, _ = select.select([self.supervisor], [], [], max(0.0, end - time.monotonic()))
+            if not ready:
+                raise _failed(f"{self.executable} did not become ready in time{self._log_suffix()}")
+            piece = self.supervisor.recv(64)
+            if not piece:
+                raise _failed(f"{self.executable} {self._how_it_ended()} while it started{self._log_suffix()}")
+            said += piece
+        if not said.startswith(b"ready\n"):
+            raise _failed(f"{self.executable} said {said!r} instead of 'ready'")
+
+    def _how_it_ended(self) -> str:
+        assert self.process is not None
+        try:
+            code = self.process.wait(1)
+        except subprocess.TimeoutExpired:
+            return "let go of us"
+        return f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
+
+    def _log_suffix(self) -> str:
+        text = self.read_log().rstrip("\n")
+        return "\n" + text if text else ""
+
+    def read_log(self) -> str:
+        if self.log.closed:
+            return ""
+        size = os.fstat(self.log.fileno()).st_size
+        return os.pread(self.log.fileno(), size, 0).decode(errors="replace")
+
+    def stop(self) -> None:
+        if os.getpid() != self.owner:
+            return
+        _running.discard(self)
+        self.supervisor.close()
+        process, self.process = self.process, None
+        if process is not None:
+            try:
+                process.wait(_STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self.log.close()
+        shutil.rmtree(self.directory, ignore_errors=True)
+
+
 class PrivateServer:
-    """Runs ``planishd`` on a Unix socket that only this user can reach. It ends with :meth:`close`, and with this process
-    however that ends. A context manager. A forked child may use the server, but does not own it.
+    """Runs ``planishd`` on a Unix socket that only this user can reach. It ends with :meth:`close`, with this object, and with
+    this process however that ends. A context manager. A forked child may use the server, but does not own it.
 
     Raises :class:`planish.Unavailable` (PRIVATE_SERVER_FAILED) if ``planishd`` is not found, or dies or stays silent while it
     starts; the message ends with what it wrote to stderr.
@@ -71,109 +149,45 @@ class PrivateServer:
             raise _failed(f"cannot find planishd{where}")
         if not _is_program(self.executable):
             raise _failed(f"{self.executable} is not a program")
-        self._owner = os.getpid()
-        self._directory = _new_directory()
-        self._log = tempfile.TemporaryFile()
-        self._process: Optional["subprocess.Popen[bytes]"] = None
-        # End of file here tells planishd that we are gone.
-        self._supervisor, theirs = socket.socketpair()
-        #: For :class:`planish.Client`.
-        self.target = f"unix:{self._directory}/socket"
-        arguments = [
-            self.executable,
-            f"--listen={self.target}",
-            f"--supervisor-fd={theirs.fileno()}",
-            f"--workers={workers}",
-            "--log-level=warn",
-        ]
+        self._running = _Running(self.executable)
+        # Runs when this object goes, and when Python ends.
+        self._finalizer = weakref.finalize(self, self._running.stop)
+        _end_with_this_process(self._finalizer)
+        arguments = [f"--workers={workers}"]
         if threads is not None:
             arguments.append(f"--threads={threads}")
-        arguments.extend(extra_arguments)
-        _servers.add(self)
         try:
-            with theirs:
-                self._process = self._start(arguments, theirs.fileno())
-            self._wait_until_ready(start_timeout_seconds)
+            self._running.start([*arguments, *extra_arguments])
+            self._running.wait_until_ready(start_timeout_seconds)
         except BaseException:
             self.close()
             raise
 
-    def _start(self, arguments: List[str], supervisor_fd: int) -> "subprocess.Popen[bytes]":
-        # Variables like PLANISHD_QUEUE configure the planishd of this machine, if there is one, and not private ones.
-        environment = {key: value for key, value in os.environ.items() if not key.startswith("PLANISHD_")}
-        try:
-            return subprocess.Popen(
-                arguments,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=self._log,
-                pass_fds=[supervisor_fd],
-                env=environment,
-                start_new_session=True,  # Ctrl-C is for this process first
-            )
-        except OSError as error:
-            raise _failed(f"cannot start {self.executable}: {error.strerror}") from error
-
-    def _wait_until_ready(self, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        said = b""
-        while b"\n" not in said:
-            ready, _, _ = select.select([self._supervisor], [], [], max(0.0, end - time.monotonic()))
-            if not ready:
-                raise _failed(f"{self.executable} did not become ready in time{self._log_suffix()}")
-            piece = self._supervisor.recv(64)
-            if not piece:
-                raise _failed(f"{self.executable} {self._how_it_ended()} while it started{self._log_suffix()}")
-            said += piece
-        if not said.startswith(b"ready\n"):
-            raise _failed(f"{self.executable} said {said!r} instead of 'ready'")
-
-    def _how_it_ended(self) -> str:
-        assert self._process is not None
-        try:
-            code = self._process.wait(1)
-        except subprocess.TimeoutExpired:
-            return "let go of us"
-        return f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
-
-    def _log_suffix(self) -> str:
-        text = self.log().rstrip("\n")
-        return "\n" + text if text else ""
+    @property
+    def target(self) -> str:
+        """For :class:`planish.Client`."""
+        return f"unix:{self._running.directory}/socket"
 
     @property
     def pid(self) -> int:
         """Of planishd; 0 after :meth:`close`."""
-        return 0 if self._process is None else self._process.pid
+        process = self._running.process
+        return 0 if process is None else process.pid
 
     @property
     def is_running(self) -> bool:
         """Whether planishd runs. A forked child cannot know and takes it that it does."""
-        if self._process is None:
-            return False
-        return os.getpid() != self._owner or self._process.poll() is None
+        process = self._running.process
+        return process is not None and (os.getpid() != self._running.owner or process.poll() is None)
 
     def log(self) -> str:
         """What it wrote to stderr so far."""
-        if self._log.closed:
-            return ""
-        size = os.fstat(self._log.fileno()).st_size
-        return os.pread(self._log.fileno(), size, 0).decode(errors="replace")
+        return self._running.read_log()
 
     def close(self) -> None:
         """Stops the server (its jobs are cancelled), waits for it and removes the socket. Does nothing in a forked child."""
-        if os.getpid() != self._owner:
-            return
-        _servers.discard(self)
-        self._supervisor.close()
-        process, self._process = self._process, None
-        if process is not None:
-            try:
-                process.wait(_STOP_SECONDS)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-        self._log.close()
-        shutil.rmtree(self._directory, ignore_errors=True)
+        if os.getpid() == self._running.owner:
+            self._finalizer()
 
     def __enter__(self) -> "PrivateServer":
         return self
@@ -194,9 +208,19 @@ def _new_directory() -> str:
     raise _failed("cannot make a directory for the server's socket in $XDG_RUNTIME_DIR, $TMPDIR or /tmp")
 
 
+_running: "weakref.WeakSet[_Running]" = weakref.WeakSet()
+
+
+def _end_with_this_process(finalizer: Callable[[], Any]) -> None:
+    # Processes of `multiprocessing` leave without what Python runs at its end; they have a list of their own.
+    util = sys.modules.get("multiprocessing.util")
+    process = sys.modules.get("multiprocessing.process")
+    if util is not None and process is not None and process.parent_process() is not None:
+        util.Finalize(None, finalizer, exitpriority=100)
+
+
 # The server of this process ---------------------------------------------------------------------------------------------
 
-_servers: "weakref.WeakSet[PrivateServer]" = weakref.WeakSet()
 _lock = threading.Lock()
 _default: Optional[PrivateServer] = None
 
@@ -213,7 +237,6 @@ def default_server() -> PrivateServer:
             if _default is not None:
                 _default.close()
             _default = PrivateServer(workers=max(1, min(4, (os.cpu_count() or 1) // 2)))
-            _end_with_this_process()
         return _default
 
 
@@ -226,22 +249,12 @@ def close_default_server() -> None:
         server.close()
 
 
-def _end_with_this_process() -> None:
-    # Processes of `multiprocessing` leave without the functions of atexit; they have a list of their own.
-    util = sys.modules.get("multiprocessing.util")
-    process = sys.modules.get("multiprocessing.process")
-    if util is not None and process is not None and process.parent_process() is not None:
-        util.Finalize(None, close_default_server, exitpriority=100)
-    else:
-        atexit.register(close_default_server)
-
-
 def _after_fork_in_child() -> None:
     global _lock
     _lock = threading.Lock()
     # As long as somebody holds its end of the socket the server goes on: it must end with the parent.
-    for server in list(_servers):
-        server._supervisor.close()
+    for running in list(_running):
+        running.supervisor.close()
 
 
 if hasattr(os, "register_at_fork"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
-from typing import Any, List, Optional
+from typing import TYPE_CHECKING, Any, List, Optional
 
 import numpy as np
 
@@ -13,13 +13,16 @@ from .job import ChartReport, JobWarning, Report
 from .mesh import PackedMesh, VertexSplit, chart_of_faces, split_vertices
 from .v1 import job_pb2
 
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Result:
     """UV and what is known about them."""
 
     #: (F, 3, 2): (u, v) of each corner of each triangle, in the order that came in. float32 or float64, as delivered.
-    uv: Any
+    uv: npt.NDArray[Any]
     #: Stage times, quality, charts, warnings.
     report: Report
     #: Name of the job, "jobs/...".
@@ -55,8 +58,8 @@ class Result:
             raise FailedPrecondition("the mesh was not given to attach(), so there are no triangles to split", reason="NO_MESH")
         return split_vertices(self._vertex_count, self._triangles, self.uv)
 
-    def face_charts(self) -> Any:
-        """The chart of each triangle, int64 (F,), numbered by first appearance. Not for results without packing."""
+    def face_charts(self) -> npt.NDArray[np.int64]:
+        """The chart of each triangle, (F,), numbered by first appearance. Not for results without packing."""
         return chart_of_faces(self.per_vertex())
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, List, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Any, List, Optional, Set, Tuple
 
 import numpy as np
 
@@ -22,7 +22,10 @@ from .client import default_client
 from .job import UnwrapOptions
 from .mesh import VertexSplit, chart_of_faces, split_vertices
 
-Mesh = Tuple[Any, Any, Any]
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Mesh = Tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], npt.NDArray[np.float32]]
 
 
 class OptionIgnored(UserWarning):
@@ -42,8 +45,15 @@ def _ignore(name: str, instead: str = "") -> None:
 # Options ----------------------------------------------------------------------------------------------------------------
 
 
+class _Options:
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in getattr(type(self), "__dataclass_fields__"):  # a typing error, as with the binding
+            raise AttributeError(f"{type(self).__name__} has no option {name!r}")
+        object.__setattr__(self, name, value)
+
+
 @dataclass
-class ChartOptions:
+class ChartOptions(_Options):
     """How xatlas cuts charts. planish cuts for stretch alone: of these only max_stretch has an effect."""
 
     max_chart_area: float = 0.0
@@ -62,7 +72,7 @@ class ChartOptions:
 
 
 @dataclass
-class PackOptions:
+class PackOptions(_Options):
     """How charts are packed: `padding`, `resolution`, `bilinear` and `bruteForce` have an effect."""
 
     max_chart_size: int = 0
@@ -123,11 +133,11 @@ def _array(name: str, value: Any, dtype: Any, columns: int, rows: Optional[int] 
 # The atlas --------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chart:
     """One chart of a mesh."""
 
-    faces: Any  #: uint32 (N,): ids of its triangles
+    faces: npt.NDArray[np.uint32]  #: (N,): ids of its triangles
     atlas_index: int = 0
     material: int = 0
 
@@ -176,10 +186,8 @@ class Atlas:
         if pack.resolution:
             self._size = int(pack.resolution)
         if not any(len(faces) for _, faces in self._inputs):
-            self._meshes, self._charts, self._chart_count = [], [], 0
-            for vertices, faces in self._inputs:
-                self._meshes.append(VertexSplit(np.zeros(0, np.uint32), faces, np.zeros((0, 2), np.float32)))
-                self._charts.append(np.zeros(0, np.int64))
+            self._meshes = [_no_faces(faces) for _, faces in self._inputs]
+            self._charts, self._chart_count = [None] * len(self._meshes), 0
             return
         first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in self._inputs])
         positions = np.concatenate([vertices for vertices, _ in self._inputs])
@@ -188,13 +196,12 @@ class Atlas:
         )
         result = default_client().unwrap(positions, triangles, options=options)
         report = result.report
-        self._meshes, self._charts = [], []
+        self._meshes, self._charts = [], [None] * len(self._inputs)
         first_face = 0
         for vertices, faces in self._inputs:
             uv = result.uv[first_face : first_face + len(faces)].astype(np.float32, copy=False)
             first_face += len(faces)
             self._meshes.append(_compact(split_vertices(len(vertices), faces, uv)) if len(faces) else _no_faces(faces))
-            self._charts.append(None)
         self._chart_count = report.chart_totals.charts
         self._utilization = report.quality.packing_efficiency
         self._texels_per_unit = report.atlas.texels_per_unit
@@ -216,8 +223,8 @@ class Atlas:
     def __len__(self) -> int:
         return self.mesh_count
 
-    def get_mesh_vertex_assignment(self, mesh_index: int) -> Tuple[Any, Any]:
-        """The atlas and the chart of each vertex, uint32 (V',) each. Charts are numbered over all meshes."""
+    def get_mesh_vertex_assignment(self, mesh_index: int) -> Tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
+        """The atlas and the chart of each vertex, (V',) each. Charts are numbered over all meshes."""
         split, before = self._mesh(mesh_index), sum(self.get_mesh_chart_count(i) for i in range(mesh_index))
         chart = np.zeros(len(split.source_vertex), np.uint32)
         chart[split.triangles.reshape(-1)] = np.repeat(self._face_charts(mesh_index) + before, 3)
