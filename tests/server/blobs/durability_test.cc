@@ -169,6 +169,22 @@ TEST_P(AfterPowerLoss, CompleteUploadsAreComplete) {
 INSTANTIATE_TEST_SUITE_P(OfBlobs, AfterPowerLoss, ::testing::Values(100, kLarge),
                          [](const auto& size) { return size.param == kLarge ? "InFiles" : "InRows"; });
 
+// A directory that several servers use is as durable as one server's own.
+TEST_F(DurabilityTest, BlobsOfASharedDirectoryOutliveALossOfPower) {
+  const std::string bytes = Bytes(kLarge, 's');
+  const BlobId id = {"ann", Sha256(bytes)}, file_id = {"ann", Sha256(Bytes(kLarge, 'f'))};
+  {
+    const auto store = *DirectoryBlobStore::Make({.directory = root_ / "blobs", .shared = true});
+    ASSERT_TRUE(store->Put(id, bytes).ok());
+    PutFile(root_ / "blobs" / "upload", Bytes(kLarge, 'f'));
+    ASSERT_TRUE(store->PutFile(file_id, root_ / "blobs" / "upload").ok());
+  }
+  LosePower();
+  const auto store = *DirectoryBlobStore::Make({.directory = root_ / "blobs", .shared = true});
+  EXPECT_TRUE((*store->Load(id))->bytes() == bytes);
+  EXPECT_TRUE((*store->Load(file_id))->bytes() == Bytes(kLarge, 'f'));
+}
+
 // At most three syncs a job more than before, when there were none.
 TEST_F(DurabilityTest, AJobTakesThreeSyncs) {
   constexpr int kJobs = 20;
