@@ -31,7 +31,7 @@ namespace planish {
 // The parts of a server that serves, and limits as ServerGauges has them.
 struct WatchedServer {
   const JobManager* jobs = nullptr;
-  const UploadStore* uploads = nullptr;
+  UploadStore* uploads = nullptr;
   const BlobCatalog* blobs = nullptr;
   const StreamCounter* streams = nullptr;
   RpcServer* rpc = nullptr;

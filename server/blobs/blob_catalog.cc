@@ -111,6 +111,11 @@ absl::Status BlobCatalog::PutFile(const BlobId& id, const std::string& path) {
   return absl::OkStatus();
 }
 
+absl::Status BlobCatalog::PutDurably(const BlobId& id, std::string_view bytes) {
+  if (!is_durable()) return Put(id.tenant, bytes, id.sha256).status();
+  return Store(id, static_cast<std::int64_t>(bytes.size()), [&] { return places_.store->Put(id, bytes); });
+}
+
 absl::Status BlobCatalog::Store(const BlobId& id, std::int64_t size, const std::function<absl::Status()>& put) {
   Reservation room(this, id.tenant);
   std::int64_t number = 0;
@@ -276,11 +281,11 @@ bool BlobCatalog::Has(const BlobId& id) const {
   {
     const std::lock_guard lock(mutex_);
     const auto entry = entries_.find(id);
-    if (entry != entries_.end()) return entry->second.place != Place::kPending;
+    const bool is_known = entry != entries_.end();
+    if (is_known && entry->second.place == Place::kPending) return false;
+    if (!is_shared() || (is_known && entry->second.place == Place::kRow)) return is_known;
   }
-  if (!is_shared()) return false;
-  const absl::StatusOr<bool> has = places_.store->Has(id);
-  return has.ok() && *has;
+  return places_.store->Renew(id).value_or(false);
 }
 
 // ---- room

@@ -85,14 +85,18 @@ class BlobCatalog {
   // and removes it from where it is. After an error it is where it was.
   absl::Status PutFile(const BlobId& id, const std::string& path);
 
+  // Keeps `bytes`, durably, in the store even if they are few: for those who commit no record with them.
+  absl::Status PutDurably(const BlobId& id, std::string_view bytes);
+
   // The blob, open for reading.
   absl::StatusOr<StoredBlobPtr> Find(const BlobId& id);
 
   // All its bytes in sealed memory, verified once more if they come from the store: for workers.
   absl::StatusOr<BlobPtr> Load(const BlobId& id);
 
-  // Whether there is the blob and would be after a restart (in memory: whether there is). False too if a shared store
-  // does not answer: whoever has the bytes may send them again.
+  // Whether there is the blob and would be after a restart (in memory: whether there is). In a shared store the blob is
+  // young from then on, as BlobStore::Renew() says. False too if a shared store does not answer: whoever has the bytes
+  // may send them again.
   bool Has(const BlobId& id) const;
 
   // The blob if it waits to be committed with a record, otherwise null.

@@ -399,10 +399,10 @@ absl::Status S3Client::List(const std::string& prefix, const std::function<void(
   std::string after;
   for (bool is_more = true; is_more;) {
     Request request;
-    // Sorted, as the signature wants them.
-    request.url = absl::StrCat(options_.endpoint, "/", options_.bucket, "?list-type=2&max-keys=", options_.list_page,
-                               "&prefix=", Escaped(before + prefix),
-                               after.empty() ? "" : "&start-after=" + Escaped(after));
+    // The first version of this call, which every server has. Sorted, as the signature wants the parameters.
+    request.url = absl::StrCat(options_.endpoint, "/", options_.bucket, "?",
+                               after.empty() ? "" : "marker=" + Escaped(after) + "&", "max-keys=", options_.list_page,
+                               "&prefix=", Escaped(before + prefix));
     PLANISH_ASSIGN_OR_RETURN(const Response response, Send(request));
     const std::time_t date = curl_getdate(response.date.c_str(), nullptr);
     if (date < 0) return InternalError("the S3 server does not say what time it is");

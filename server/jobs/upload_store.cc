@@ -1,41 +1,27 @@
 #include "server/jobs/upload_store.h"
 
-#include <dirent.h>
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
+#include <optional>
 #include <set>
-#include <vector>
 
 #include "absl/strings/escaping.h"
-#include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/access/fair_part.h"
-#include "server/store/lifecycle.h"
+#include "server/jobs/local_uploads.h"
 #include "server/link/rpc_status.h"
+#include "server/store/lifecycle.h"
 
 namespace planish {
 namespace {
-
-constexpr char kPart[] = ".part", kDone[] = ".done";
 
 constexpr std::size_t kMaxUploadRequestId = 128;
 // Of the SHA-256 that a request id becomes: too many to meet another one by accident.
 constexpr std::size_t kRequestIdBytes = 16;
 
-absl::Status UploadNotFound(const std::string& name) {
-  return MakeError(absl::StatusCode::kNotFound, "UPLOAD_NOT_FOUND",
-                   absl::StrCat("there is no upload '", name, "': it never was, or it expired or was deleted"),
-                   {{"upload", name}});
-}
+constexpr std::string_view kUploads = "uploads/";
 
 absl::Status Busy(const std::string& name) {
   return MakeError(absl::StatusCode::kAborted, "UPLOAD_BUSY", absl::StrCat("another call writes to ", name),
@@ -50,13 +36,19 @@ bool IsStorageFull(const absl::Status& status) {
   return ErrorInfoOf(status).reason == "STORAGE_FULL";
 }
 
-// What may go well a moment later: no room, no descriptors, no memory.
+// What may go well a moment later: no room, no descriptors, no memory, a store that is away.
 bool MayPass(const absl::Status& status) {
-  return absl::IsResourceExhausted(status);
+  return absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
 }
 
-std::string NameOf(const std::string& id) {
-  return "uploads/" + id;
+// Empty if the name is no upload's.
+std::string IdOf(const std::string& name) {
+  return name.starts_with(kUploads) ? name.substr(kUploads.size()) : "";
+}
+
+std::unique_ptr<UploadPlace> PlaceOf(const UploadStoreOptions& options) {
+  if (options.place != nullptr) return nullptr;
+  return std::make_unique<LocalUploads>(LocalUploadsOptions{options.directory, options.clock, options.files});
 }
 
 }  // namespace
@@ -67,6 +59,7 @@ UploadWriter& UploadWriter::operator=(UploadWriter&& other) noexcept {
   if (this == &other) return *this;
   if (store_ != nullptr) store_->Release(*this);
   store_ = std::exchange(other.store_, nullptr);
+  id_ = std::move(other.id_);
   name_ = std::move(other.name_);
   token_ = other.token_;
   return *this;
@@ -82,73 +75,15 @@ absl::Status UploadWriter::Append(std::int64_t offset, std::string_view data) {
 
 // ---- the store
 
-UploadStore::UploadStore(UploadStoreOptions options, BlobCatalog* blobs) : options_(std::move(options)), blobs_(blobs) {}
+UploadStore::UploadStore(UploadStoreOptions options, BlobCatalog* blobs)
+    : options_(std::move(options)),
+      max_bytes_(options_.max_bytes),
+      own_place_(PlaceOf(options_)),
+      place_(options_.place != nullptr ? options_.place : own_place_.get()),
+      blobs_(blobs) {}
 
 absl::Status UploadStore::Open() {
-  if (options_.directory.empty()) return absl::OkStatus();
-  DIR* directory = opendir(options_.directory.c_str());
-  if (directory == nullptr) {
-    return InternalError(absl::StrCat("cannot read ", options_.directory, ": ", std::strerror(errno)));
-  }
-  std::vector<std::string> file_names;
-  while (const dirent* file = readdir(directory)) file_names.emplace_back(file->d_name);
-  closedir(directory);
-  // Marks of complete uploads come first: what a crash left of the way there must go.
-  std::stable_partition(file_names.begin(), file_names.end(),
-                        [](const std::string& file_name) { return absl::EndsWith(file_name, kDone); });
-  for (const std::string& file_name : file_names) {
-    if (!absl::EndsWith(file_name, kPart) && !absl::EndsWith(file_name, kDone)) continue;
-    PLANISH_RETURN_IF_ERROR(Recover(file_name));
-  }
-  return absl::OkStatus();
-}
-
-// ID-TOTAL-SHA256@TENANT.part or .done; before there were tenants, without "@TENANT". An id may have dashes. The id is
-// empty if it is no such name.
-UploadStore::Entry UploadStore::ParseFileName(const std::string& file_name) {
-  Entry entry;
-  std::string name = file_name.substr(0, file_name.rfind('.'));
-  const std::size_t at = name.rfind('@');
-  entry.tenant = at == std::string::npos ? kDefaultTenant : name.substr(at + 1);
-  name.resize(std::min(at, name.size()));
-  const std::size_t digest = name.rfind('-');
-  if (digest == std::string::npos || digest == 0) return entry;
-  const std::size_t total = name.rfind('-', digest - 1);
-  if (total == std::string::npos || !absl::SimpleAtoi(name.substr(total + 1, digest - total - 1), &entry.total_bytes)) {
-    return entry;
-  }
-  entry.sha256 = absl::HexStringToBytes(name.substr(digest + 1));
-  entry.id = name.substr(0, total);
-  return entry;
-}
-
-// The file's name says all that must be known beside its bytes, so the two can never disagree after a crash.
-absl::Status UploadStore::Recover(const std::string& file_name) {
-  const std::string path = absl::StrCat(options_.directory, "/", file_name);
-  const bool complete = absl::EndsWith(file_name, kDone);
-  Entry entry = ParseFileName(file_name);
-  struct stat status = {};
-  if (stat(path.c_str(), &status) != 0) entry.id.clear();
-  entry.complete = complete;
-  entry.used = options_.clock();
-  entry.committed_bytes = complete ? entry.total_bytes : static_cast<std::int64_t>(status.st_size);
-  const bool is_ours = !entry.id.empty() && !entry.tenant.empty() && entry.sha256.size() == kSha256Bytes;
-  if (!is_ours || entries_.contains(NameOf(entry.id)) || entry.committed_bytes > entry.total_bytes ||
-      (complete && !blobs_->Has(entry.Blob()))) {
-    unlink(path.c_str());
-    return absl::OkStatus();
-  }
-  if (!complete && entry.committed_bytes == entry.total_bytes) {
-    // The process ended before it could make the upload complete. The client's next message will: it sends the last
-    // byte.
-    --entry.committed_bytes;
-    if (truncate(path.c_str(), entry.committed_bytes) != 0) {
-      return InternalError(absl::StrCat("cannot cut ", path, ": ", std::strerror(errno)));
-    }
-  }
-  if (!complete) entry.file = std::make_shared<UploadFile>(path, entry.committed_bytes);
-  entries_[NameOf(entry.id)] = std::move(entry);
-  return absl::OkStatus();
+  return place_->Open([this](const BlobId& id) { return blobs_->Has(id); });
 }
 
 absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::CreateUploadRequest& request) {
@@ -164,64 +99,40 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::C
   if (request.request_id().size() > kMaxUploadRequestId) {
     return FieldInvalid("request_id", absl::StrCat("request_id is longer than ", kMaxUploadRequestId, " bytes"));
   }
-  std::string name;
-  {
-    const std::lock_guard lock(mutex_);
-    Entry entry;
-    entry.tenant = caller.tenant;
-    entry.total_bytes = total;
-    entry.sha256 = request.sha256();
-    entry.used = options_.clock();
-    entry.id = NewId(caller, request.request_id());
-    if (!request.request_id().empty()) {
-      PLANISH_ASSIGN_OR_RETURN(const std::optional<v1::Upload> known, FindKnown(entry));
-      if (known.has_value()) return *known;
+  UploadState fresh;
+  fresh.id = NewId(caller, request.request_id());
+  fresh.tenant = caller.tenant;
+  fresh.total_bytes = total;
+  fresh.sha256 = request.sha256();
+  if (!request.request_id().empty()) {
+    const absl::StatusOr<std::optional<UploadState>> known = place_->Find(fresh.id);
+    if (!known.ok()) return Later(known.status());
+    if (known->has_value()) return Known(**known, request);
+  }
+  // Whoever holds a blob keeps it from being collected until the upload stands for it. One of an earlier process may be
+  // damaged: then it is asked for again.
+  StoredBlobPtr held;
+  if (blobs_->Has(fresh.Blob())) held = blobs_->Find(fresh.Blob()).value_or(nullptr);
+  fresh.complete = held != nullptr;
+  if (fresh.complete) fresh.committed_bytes = total;
+  for (;;) {
+    const absl::StatusOr<UploadPlace::Added> added =
+        place_->Add(fresh, [&](const std::vector<UploadState>& others) { return CheckRoom(fresh, others); });
+    if (!added.ok()) return Later(added.status());
+    if (!added->created && !request.request_id().empty()) return Known(added->state, request);
+    if (!added->created) {
+      fresh.id = NewId(caller, "");
+      continue;
     }
-    while (entries_.contains(NameOf(entry.id))) entry.id = NewId(caller, "");
-    name = NameOf(entry.id);
-    // It counts as complete until we know better, so that a mesh that is here already never lacks room.
-    entry.complete = true;
-    entry.begins = true;
-    entries_[name] = std::move(entry);
-  }
-  // The entry keeps a blob that is there from being collected, so this answer stays true.
-  const BlobId id = {caller.tenant, request.sha256()};
-  // A blob of an earlier process may be damaged: then it is asked for again.
-  const bool is_here = blobs_->Has(id) && blobs_->Find(id).ok();
-  if (is_here) {
-    std::unique_lock lock(mutex_);
-    PLANISH_ASSIGN_OR_RETURN(const Entry* known, Find(name));
-    const Entry complete = *known;
-    lock.unlock();
-    const absl::Status marked = MarkComplete(complete);
-    if (!marked.ok()) {
-      lock.lock();
-      Forget(name);
-      return marked;
+    if (fresh.complete) {
+      {
+        const std::lock_guard lock(mutex_);
+        ++gauges_.complete_at_once;
+      }
+      PLANISH_RETURN_IF_ERROR(ForgetOldest(added->state));
     }
+    return ToProto(added->state);
   }
-
-  const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(Entry * entry, Find(name));
-  entry->begins = false;
-  if (is_here) {
-    ++complete_at_once_;
-    Completed(entry);
-    return ToProto(*entry);
-  }
-  entry->complete = false;
-  absl::Status room = CheckRoom(*entry);
-  if (room.ok() && !options_.directory.empty()) {
-    // So that the upload outlives the process from the first moment on.
-    const Descriptor file(open(PathOf(*entry, kPart).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
-    if (file.get() < 0) room = WithRetryDelay(WriteError(errno, "cannot begin an upload"), options_.retry_delay);
-  }
-  if (!room.ok()) {
-    entries_.erase(name);
-    return room;
-  }
-  entry->file = std::make_shared<UploadFile>(options_.directory.empty() ? "" : PathOf(*entry, kPart));
-  return ToProto(*entry);
 }
 
 // A request id makes the id, so that the two belong together for as long as the upload exists, restarts included.
@@ -234,201 +145,207 @@ std::string UploadStore::NewId(const Caller& caller, const std::string& request_
   return id.substr(0, begin) + absl::BytesToHexString(digest);
 }
 
-absl::StatusOr<std::optional<v1::Upload>> UploadStore::FindKnown(const Entry& fresh) {
-  const std::string name = NameOf(fresh.id);
-  const auto found = entries_.find(name);
-  if (found == entries_.end()) return std::nullopt;
-  Entry& entry = found->second;
-  if (entry.total_bytes != fresh.total_bytes || entry.sha256 != fresh.sha256) {
+absl::StatusOr<v1::Upload> UploadStore::Known(const UploadState& state, const v1::CreateUploadRequest& request) {
+  const std::string name = UploadName(state.id);
+  if (state.total_bytes != request.total_bytes() || state.sha256 != request.sha256()) {
     return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED",
                      absl::StrCat("the request_id belongs to ", name, ", which is of other bytes"), {{"upload", name}});
   }
-  if (entry.begins) return Busy(name);
-  entry.used = fresh.used;
-  return ToProto(entry);
+  UploadState used;
+  const absl::StatusOr<bool> is_there =
+      place_->Change(state.id, [&](UploadState* changed, absl::Time now) {
+        changed->used = now;
+        used = *changed;
+        return absl::OkStatus();
+      });
+  if (!is_there.ok()) return Later(is_there.status());
+  // Somebody deleted it just now: the caller's next attempt makes another one.
+  if (!*is_there) return Busy(name);
+  return ToProto(used);
 }
 
-absl::Status UploadStore::CheckRoom(const Entry& newest) const {
+absl::Status UploadStore::CheckRoom(const UploadState& newest, const std::vector<UploadState>& others) const {
+  if (newest.complete) return absl::OkStatus();
   struct Taken {
     std::int64_t count = 0, bytes = 0;
   } all, own;
   std::set<std::string> tenants = {newest.tenant};
-  for (const auto& [name, entry] : entries_) {
-    if (entry.complete || &entry == &newest) continue;
-    tenants.insert(entry.tenant);
+  for (const UploadState& other : others) {
+    if (other.complete) continue;
+    tenants.insert(other.tenant);
     ++all.count;
-    all.bytes += entry.total_bytes;
-    if (entry.tenant != newest.tenant) continue;
+    all.bytes += other.total_bytes;
+    if (other.tenant != newest.tenant) continue;
     ++own.count;
-    own.bytes += entry.total_bytes;
+    own.bytes += other.total_bytes;
   }
   if (own.count == 0) return absl::OkStatus();
   const auto among = static_cast<std::int64_t>(tenants.size());
+  const std::int64_t max_bytes = max_bytes_;
   if (!HasFairPart(own.count, all.count, 1, options_.max_uploads, among)) {
-    return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
-                                    absl::StrCat("too many uploads are under way already; ", own.count,
-                                                 " are yours, and the server takes ", options_.max_uploads, " in all"),
-                                    {{"upload_capacity", absl::StrCat(options_.max_uploads)}}),
-                          options_.retry_delay);
+    return MakeError(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
+                     absl::StrCat("too many uploads are under way already; ", own.count,
+                                  " are yours, and the server takes ", options_.max_uploads, " in all"),
+                     {{"upload_capacity", absl::StrCat(options_.max_uploads)}});
   }
-  if (!HasFairPart(own.bytes, all.bytes, newest.total_bytes, options_.max_bytes, among)) {
-    return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
-                                    absl::StrCat("the uploads under way need all of the ", options_.max_bytes,
-                                                 " bytes there are for them"),
-                                    {{"limit", absl::StrCat(options_.max_bytes)}}),
-                          options_.retry_delay);
+  if (!HasFairPart(own.bytes, all.bytes, newest.total_bytes, max_bytes, among)) {
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+        absl::StrCat("the uploads under way need all of the ", max_bytes, " bytes there are for them"),
+        {{"limit", absl::StrCat(max_bytes)}});
   }
   return absl::OkStatus();
 }
 
-absl::StatusOr<v1::Upload> UploadStore::Get(const Caller& caller, const std::string& name) const {
-  const std::lock_guard lock(mutex_);
-  const Entry* entry = Find(caller, name);
-  if (entry == nullptr) return UploadNotFound(name);
-  return ToProto(*entry);
+absl::StatusOr<UploadState> UploadStore::Find(const Caller& caller, const std::string& name) {
+  absl::StatusOr<std::optional<UploadState>> found = place_->Find(IdOf(name));
+  if (!found.ok()) return Later(found.status());
+  if (!found->has_value() || (*found)->tenant != caller.tenant) return UploadNotFound(name);
+  return **std::move(found);
+}
+
+absl::StatusOr<v1::Upload> UploadStore::Get(const Caller& caller, const std::string& name) {
+  PLANISH_ASSIGN_OR_RETURN(const UploadState state, Find(caller, name));
+  return ToProto(state);
 }
 
 absl::Status UploadStore::Delete(const Caller& caller, const std::string& name) {
-  const std::lock_guard lock(mutex_);
-  if (Find(caller, name) == nullptr) return UploadNotFound(name);
-  Forget(name);
-  return absl::OkStatus();
+  PLANISH_ASSIGN_OR_RETURN(const UploadState state, Find(caller, name));
+  return Later(place_->Erase(state, /*if_unused=*/false));
 }
 
 absl::StatusOr<UploadWriter> UploadStore::Write(const Caller& caller, const std::string& name) {
-  const std::lock_guard lock(mutex_);
-  if (Find(caller, name) == nullptr) return UploadNotFound(name);
-  Entry* entry = &entries_.at(name);
-  const absl::Time now = options_.clock();
-  // A connection may be lost long before this side notices; its client must not wait for that.
-  const bool gives_way = !entry->appending && now - entry->used >= options_.writer_limit;
-  if (entry->writer != 0 && !gives_way) return Busy(name);
-  entry->writer = ++last_writer_;
-  entry->used = now;
-  return UploadWriter(this, name, entry->writer);
+  std::int64_t token = 0;
+  const absl::StatusOr<bool> is_there =
+      place_->Change(IdOf(name), [&](UploadState* state, absl::Time now) -> absl::Status {
+        if (state->tenant != caller.tenant) return UploadNotFound(name);
+        // A connection may be lost long before this side notices; its client must not wait for that.
+        const bool gives_way = !state->appending && now - state->used >= options_.writer_limit;
+        if (state->writer != 0 && !gives_way) return Busy(name);
+        token = state->writer = ++state->last_writer;
+        state->used = now;
+        return absl::OkStatus();
+      });
+  if (!is_there.ok()) return Later(is_there.status());
+  if (!*is_there) return UploadNotFound(name);
+  return UploadWriter(this, IdOf(name), token);
 }
 
 absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset, std::string_view data) {
-  Entry entry;  // as it was before
-  {
-    const std::lock_guard lock(mutex_);
-    PLANISH_ASSIGN_OR_RETURN(Entry * current, Find(writer.name_));
-    if (current->writer != writer.token_) return Busy(writer.name_);
-    if (offset < 0) return FieldInvalid("offset", "offset is negative");
-    const auto size = static_cast<std::int64_t>(data.size());
-    const std::int64_t committed = current->committed_bytes;
-    if (offset > committed || size > current->total_bytes - offset) {
-      return MakeError(absl::StatusCode::kOutOfRange, "UPLOAD_OFFSET_MISMATCH",
-                       absl::StrCat(size, " bytes at ", offset, " do not go on where ", committed, " of ",
-                                    current->total_bytes, " bytes end"),
-                       {{"upload", writer.name_}, {"committed_bytes", absl::StrCat(committed)}});
-    }
-    current->used = options_.clock();
-    if (committed - offset >= size) return absl::OkStatus();  // nothing new
-    data.remove_prefix(static_cast<std::size_t>(committed - offset));
-    current->appending = true;
-    entry = *current;
-  }
-  UploadFile* file = entry.file.get();
-  absl::Status status = file->Append(data);
-  const bool is_last = status.ok() && file->size() == entry.total_bytes;
-  if (is_last) {
-    do {
-      status = TakeOver(entry, file);
-    } while (IsStorageFull(status) && make_room_ != nullptr && make_room_(entry.tenant, entry.total_bytes));
-    // The mesh is not ours to keep yet: the last piece must come again, when there may be room.
-    if (MayPass(status)) {
-      if (absl::Status undone = file->UndoAppend(); !undone.ok()) status = std::move(undone);
-    }
-  }
+  const auto size = static_cast<std::int64_t>(data.size());
+  UploadState before;
+  bool has_all = false;
+  absl::StatusOr<bool> is_there =
+      place_->Change(writer.id_, [&](UploadState* state, absl::Time now) -> absl::Status {
+        if (state->writer != writer.token_) return Busy(writer.name_);
+        if (offset < 0) return FieldInvalid("offset", "offset is negative");
+        const std::int64_t committed = state->committed_bytes;
+        if (offset > committed || size > state->total_bytes - offset) {
+          return UploadOffsetMismatch(*state, committed,
+                                      absl::StrCat(size, " bytes at ", offset, " do not go on where ", committed,
+                                                   " of ", state->total_bytes, " bytes end"));
+        }
+        state->used = now;
+        has_all = committed - offset >= size;
+        state->appending = !has_all && place_->knows_writers();
+        before = *state;
+        return absl::OkStatus();
+      });
+  if (!is_there.ok()) return Later(is_there.status());
+  if (!*is_there) return UploadNotFound(writer.name_);
+  if (has_all) return absl::OkStatus();
+  data.remove_prefix(static_cast<std::size_t>(before.committed_bytes - offset));
 
-  // Before anybody hears that it is complete.
-  const absl::Status marked = is_last && status.ok() ? MarkComplete(entry) : absl::OkStatus();
-
-  const std::lock_guard lock(mutex_);
-  const absl::StatusOr<Entry*> current = Find(writer.name_);
-  if (!current.ok()) {
-    if (!file->path().empty()) {
-      unlink(file->path().c_str());
-      unlink(PathOf(entry, kDone).c_str());
-    }
-    return current.status();
+  const absl::StatusOr<UploadPiece> piece = TakeIn(before, data);
+  const absl::Status& status = piece.status();
+  const bool is_lost = absl::IsOutOfRange(status);
+  is_there = place_->Change(
+      writer.id_,
+      [&](UploadState* state, absl::Time now) -> absl::Status {
+        if (state->writer != writer.token_) return Busy(writer.name_);
+        state->appending = false;
+        state->used = now;
+        if (is_lost) state->committed_bytes = std::stoll(ErrorInfoOf(status).metadata.at("committed_bytes"));
+        if (piece.ok()) state->committed_bytes += static_cast<std::int64_t>(data.size());
+        state->complete = state->committed_bytes == state->total_bytes;
+        return absl::OkStatus();
+      },
+      piece.ok() ? &*piece : nullptr);
+  if (!is_there.ok()) {
+    // Another writer took over, or the place is away: the piece does not count.
+    const bool is_fenced = absl::IsAborted(is_there.status()) && !place_->knows_writers();
+    if (piece.ok() && is_fenced) place_->Undo(before, *piece).IgnoreError();
+    return Later(is_there.status());
   }
-  received_bytes_ += std::max<std::int64_t>(file->size() - entry.committed_bytes, 0);
-  (*current)->appending = false;
-  (*current)->used = options_.clock();
-  (*current)->committed_bytes = file->size();
-  if (MayPass(status)) return WithRetryDelay(std::move(status), options_.retry_delay);
+  if (!*is_there) {  // deleted meanwhile
+    place_->Erase(before, /*if_unused=*/false).IgnoreError();
+    return UploadNotFound(writer.name_);
+  }
+  if (MayPass(status)) return Later(status);
   if (!status.ok()) {
-    Forget(writer.name_);
+    // Wrong bytes void the upload, and so does a file of which nobody knows what is in it.
+    const bool is_void = absl::IsInvalidArgument(status) || (place_->knows_writers() && !is_lost);
+    if (is_void) PLANISH_RETURN_IF_ERROR(place_->Erase(before, /*if_unused=*/false));
     return status;
   }
-  if (is_last) Completed(*current);
-  return marked;
-}
-
-absl::Status UploadStore::TakeOver(const Entry& entry, UploadFile* file) {
-  PLANISH_ASSIGN_OR_RETURN(const std::string digest, file->Digest());
-  if (digest != entry.sha256) {
-    return MakeError(absl::StatusCode::kInvalidArgument, "DIGEST_MISMATCH",
-                     absl::StrCat("the bytes of ", NameOf(entry.id), " have the SHA-256 ",
-                                  absl::BytesToHexString(digest), " instead of ", absl::BytesToHexString(entry.sha256)),
-                     {{"upload", NameOf(entry.id)}, {"field", "data"}});
+  {
+    const std::lock_guard lock(mutex_);
+    gauges_.received_bytes += static_cast<std::int64_t>(data.size());
   }
-  if (!file->path().empty()) return blobs_->PutFile(entry.Blob(), file->path());
-  PLANISH_ASSIGN_OR_RETURN(const BlobPtr bytes, file->Map());
-  return blobs_->Put(entry.tenant, bytes->bytes(), entry.sha256).status();
+  before.committed_bytes += static_cast<std::int64_t>(data.size());
+  return before.committed_bytes == before.total_bytes ? ForgetOldest(before) : absl::OkStatus();
 }
 
-absl::Status UploadStore::MarkComplete(const Entry& entry) {
-  if (options_.directory.empty()) return absl::OkStatus();
-  Descriptor mark;
-  FileLayer* const files = options_.files;
-  const std::string path = PathOf(entry, kDone);
+absl::StatusOr<UploadPiece> UploadStore::TakeIn(const UploadState& state, std::string_view data) {
+  PLANISH_ASSIGN_OR_RETURN(UploadPiece piece, place_->Write(state, data));
+  if (piece.offset + piece.bytes < state.total_bytes) return piece;
   absl::Status status;
-  if (const int error = files->Open(path, O_WRONLY | O_CREAT, &mark); error != 0) {
-    status = FileError("create", path, -error);
-  } else {
-    status = SyncFolder(files, options_.directory);
-  }
-  // The upload is complete all the same; without its mark it would be unknown after a restart.
-  if (status.ok()) return status;
-  return WithRetryDelay(std::move(status), options_.retry_delay);
+  do {
+    status = place_->Finish(state, piece, blobs_);
+  } while (IsStorageFull(status) && make_room_ != nullptr && make_room_(state.tenant, state.total_bytes));
+  if (status.ok()) return piece;
+  // The mesh is not ours to keep yet: the last piece must come again, when there may be room.
+  PLANISH_RETURN_IF_ERROR(place_->Undo(state, piece));
+  return status;
 }
 
 void UploadStore::Release(const UploadWriter& writer) {
-  const std::lock_guard lock(mutex_);
-  const auto found = entries_.find(writer.name_);
-  if (found == entries_.end() || found->second.writer != writer.token_) return;
-  found->second.writer = 0;
-  if (found->second.file != nullptr) found->second.file->Rest();
+  // A place that is away takes the writer for silent some seconds later.
+  place_
+      ->Change(writer.id_,
+               [&](UploadState* state, absl::Time) {
+                 if (state->writer == writer.token_) state->writer = 0;
+                 return absl::OkStatus();
+               })
+      .status()
+      .IgnoreError();
 }
 
 absl::StatusOr<UploadedMesh> UploadStore::Use(const Caller& caller, const std::string& name) {
-  UploadedMesh mesh;
-  {
-    const std::lock_guard lock(mutex_);
-    if (Find(caller, name) == nullptr) return UploadNotFound(name);
-    Entry* entry = &entries_.at(name);
-    if (!entry->complete) {
-      return MakeError(absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
-                       absl::StrCat(name, " has ", entry->committed_bytes, " of ", entry->total_bytes, " bytes"),
-                       {{"upload", name}, {"committed_bytes", absl::StrCat(entry->committed_bytes)}});
-    }
-    entry->used = options_.clock();
-    mesh.sha256 = entry->sha256;
-  }
-  absl::StatusOr<BlobPtr> blob = blobs_->Load({caller.tenant, mesh.sha256});
-  if (absl::IsNotFound(blob.status()) || absl::IsDataLoss(blob.status())) {
+  UploadState used;
+  const absl::StatusOr<bool> is_there =
+      place_->Change(IdOf(name), [&](UploadState* state, absl::Time now) -> absl::Status {
+        if (state->tenant != caller.tenant) return UploadNotFound(name);
+        if (!state->complete) {
+          return MakeError(
+              absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
+              absl::StrCat(name, " has ", state->committed_bytes, " of ", state->total_bytes, " bytes"),
+              {{"upload", name}, {"committed_bytes", absl::StrCat(state->committed_bytes)}});
+        }
+        state->used = now;
+        used = *state;
+        return absl::OkStatus();
+      });
+  if (!is_there.ok()) return Later(is_there.status());
+  if (!*is_there) return UploadNotFound(name);
+  absl::StatusOr<BlobPtr> blob = blobs_->Load(used.Blob());
+  if (IsLost(blob.status())) {
     // The store lost the bytes or found them damaged: whoever has them sends them again.
-    const std::lock_guard lock(mutex_);
-    if (Find(caller, name) != nullptr) Forget(name);
+    PLANISH_RETURN_IF_ERROR(Later(place_->Erase(used, /*if_unused=*/false)));
     return UploadNotFound(name);
   }
-  if (MayPass(blob.status())) return WithRetryDelay(blob.status(), options_.retry_delay);
-  PLANISH_RETURN_IF_ERROR(blob.status());
-  mesh.mesh = *std::move(blob);
-  return mesh;
+  if (!blob.ok()) return Later(blob.status());
+  return UploadedMesh{*std::move(blob), used.sha256};
 }
 
 absl::StatusOr<std::vector<std::string>> UploadStore::FindMissing(const Caller& caller,
@@ -446,98 +363,73 @@ absl::StatusOr<std::vector<std::string>> UploadStore::FindMissing(const Caller& 
 absl::StatusOr<UploadedMesh> UploadStore::FindMesh(const Caller& caller, const std::string& sha256) const {
   if (sha256.size() != kSha256Bytes) return FieldInvalid("mesh_sha256", "mesh_sha256 must have 32 bytes");
   absl::StatusOr<BlobPtr> mesh = blobs_->Load({caller.tenant, sha256});
-  if (absl::IsNotFound(mesh.status()) || absl::IsDataLoss(mesh.status())) {
+  if (IsLost(mesh.status())) {
     return MakeError(absl::StatusCode::kNotFound, "MESH_NOT_FOUND",
                      absl::StrCat("the server does not have the mesh ", absl::BytesToHexString(sha256), ": send it"),
                      {{"mesh_sha256", absl::BytesToHexString(sha256)}});
   }
-  if (MayPass(mesh.status())) return WithRetryDelay(mesh.status(), options_.retry_delay);
-  PLANISH_RETURN_IF_ERROR(mesh.status());
+  if (!mesh.ok()) return Later(mesh.status());
   return UploadedMesh{*std::move(mesh), sha256};
 }
 
 void UploadStore::SetMaxBytes(std::int64_t max_bytes) {
-  const std::lock_guard lock(mutex_);
-  options_.max_bytes = max_bytes;
+  max_bytes_ = max_bytes;
 }
 
 void UploadStore::Tick(absl::Time now) {
-  const std::lock_guard lock(mutex_);
-  std::vector<std::string> idle;
-  for (const auto& [name, entry] : entries_) {
-    if (!entry.appending && now - entry.used >= options_.idle_limit) idle.push_back(name);
+  const absl::StatusOr<std::vector<UploadState>> states = place_->List();
+  if (!states.ok()) return;  // the next one will do it
+  for (const UploadState& state : *states) {
+    if (state.appending || now - state.used < options_.idle_limit) continue;
+    place_->Erase(state, /*if_unused=*/true).IgnoreError();
   }
-  for (const std::string& name : idle) Forget(name);
 }
 
-bool UploadStore::Uses(const BlobId& id) const {
-  const std::lock_guard lock(mutex_);
-  return std::any_of(entries_.begin(), entries_.end(), [&](const auto& each) { return each.second.Blob() == id; });
+bool UploadStore::Uses(const BlobId& id) {
+  return place_->Uses(id).value_or(true);
 }
 
-UploadGauges UploadStore::Gauges() const {
-  UploadGauges gauges;
+UploadGauges UploadStore::Gauges() {
+  const absl::StatusOr<std::vector<UploadState>> states = place_->List();
   const std::lock_guard lock(mutex_);
-  for (const auto& [name, entry] : entries_) {
-    if (entry.complete) continue;
-    ++gauges.open;
-    gauges.announced_bytes += entry.total_bytes;
+  if (!states.ok()) return gauges_;
+  gauges_.open = 0;
+  gauges_.announced_bytes = 0;
+  for (const UploadState& state : *states) {
+    if (state.complete) continue;
+    ++gauges_.open;
+    gauges_.announced_bytes += state.total_bytes;
   }
-  gauges.received_bytes = received_bytes_;
-  gauges.complete_at_once = complete_at_once_;
-  return gauges;
+  return gauges_;
 }
 
-// ---- under the lock
-
-absl::StatusOr<UploadStore::Entry*> UploadStore::Find(const std::string& name) {
-  const auto found = entries_.find(name);
-  if (found == entries_.end()) return UploadNotFound(name);
-  return &found->second;
-}
-
-const UploadStore::Entry* UploadStore::Find(const Caller& caller, const std::string& name) const {
-  const auto found = entries_.find(name);
-  if (found == entries_.end() || found->second.tenant != caller.tenant || found->second.begins) return nullptr;
-  return &found->second;
-}
-
-void UploadStore::Completed(Entry* entry) {
-  entry->complete = true;
-  entry->committed_bytes = entry->total_bytes;
-  entry->file = nullptr;
-  const std::string* oldest = nullptr;
+absl::Status UploadStore::ForgetOldest(const UploadState& newest) {
+  const absl::StatusOr<std::vector<UploadState>> states = place_->List();
+  if (!states.ok()) return Later(states.status());
+  const UploadState* oldest = nullptr;
   int count = 0;
-  for (const auto& [name, each] : entries_) {
-    if (!each.complete || each.tenant != entry->tenant) continue;
+  for (const UploadState& each : *states) {
+    if (!each.complete || each.tenant != newest.tenant) continue;
     ++count;
-    if (&each != entry && (oldest == nullptr || each.used < entries_.at(*oldest).used)) oldest = &name;
+    if (each.id != newest.id && (oldest == nullptr || each.used < oldest->used)) oldest = &each;
   }
-  if (count > options_.max_complete && oldest != nullptr) Forget(std::string(*oldest));
+  if (count <= options_.max_complete || oldest == nullptr) return absl::OkStatus();
+  return Later(place_->Erase(*oldest, /*if_unused=*/true));
 }
 
-void UploadStore::Forget(const std::string& name) {
-  const Entry& entry = entries_.at(name);
-  if (!options_.directory.empty()) {
-    unlink(PathOf(entry, kPart).c_str());
-    unlink(PathOf(entry, kDone).c_str());
-  }
-  entries_.erase(name);
-}
-
-v1::Upload UploadStore::ToProto(const Entry& entry) const {
+v1::Upload UploadStore::ToProto(const UploadState& state) const {
   v1::Upload upload;
-  upload.set_name(NameOf(entry.id));
-  upload.set_total_bytes(entry.total_bytes);
-  upload.set_sha256(entry.sha256);
-  upload.set_committed_bytes(entry.committed_bytes);
-  *upload.mutable_expire_time() = ToTimestamp(entry.used + options_.idle_limit);
+  upload.set_name(UploadName(state.id));
+  upload.set_total_bytes(state.total_bytes);
+  upload.set_sha256(state.sha256);
+  upload.set_committed_bytes(state.committed_bytes);
+  *upload.mutable_expire_time() = ToTimestamp(state.used + options_.idle_limit);
   return upload;
 }
 
-std::string UploadStore::PathOf(const Entry& entry, const char* suffix) const {
-  return absl::StrCat(options_.directory, "/", entry.id, "-", entry.total_bytes, "-",
-                      absl::BytesToHexString(entry.sha256), "@", entry.tenant, suffix);
+// Tells the caller when to come back if the error may have passed by then.
+absl::Status UploadStore::Later(absl::Status status) const {
+  return MayPass(status) ? WithRetryDelay(std::move(status), options_.retry_delay) : status;
 }
 
 }  // namespace planish

@@ -4,16 +4,18 @@
 //                 │  │                                                         │
 //                 │  └─ the digest is wrong, Delete, or idle too long ─> gone <┘ Delete, or idle too long
 //                 └─ a writer at a time; what it wrote stays when it goes
+//
+// Uploads are in an UploadPlace. Several stores, of several servers, may share one: a writer that is cut off at one goes
+// on at another one. A writer has a fencing token; what it says after another one took over changes nothing.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -25,13 +27,15 @@
 #include "server/access/caller.h"
 #include "server/blobs/blob_catalog.h"
 #include "server/store/ids.h"
-#include "server/jobs/upload_file.h"
+#include "server/store/upload_place.h"
 
 namespace planish {
 
 struct UploadStoreOptions {
-  // Exists and belongs to this store alone, on the file system of the BlobCatalog's: uploads outlive the process. Empty:
-  // in memory.
+  // Where uploads are; outlives the store. Null: in `directory`.
+  UploadPlace* place = nullptr;
+  // Exists and belongs to this store alone, on the file system of the blobs' directory: uploads outlive the process.
+  // Empty: in memory.
   std::string directory;
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
   // Uploads under way, and bytes they announced, of all tenants; where others have taken it all a tenant still gets an
@@ -40,11 +44,13 @@ struct UploadStoreOptions {
   std::int64_t max_bytes = std::int64_t{4} << 30;
   int max_complete = 1024;                     // of a tenant; beyond these its one not used for longest is forgotten
   absl::Duration idle_limit = absl::Hours(1);  // from the last use until an upload is forgotten
-  absl::Duration writer_limit = absl::Seconds(5);  // a writer silent for so long gives way to a new one
+  // A writer that is silent for so long gives way to a new one. Where servers share the place one may be cut off within
+  // an append, which counts as silence there: an append that takes longer may lose the upload to another caller.
+  absl::Duration writer_limit = absl::Seconds(5);
   absl::Duration retry_delay = absl::Seconds(2);   // advice with QUEUE_FULL and STORAGE_FULL
-  std::function<absl::Time()> clock = absl::Now;
+  std::function<absl::Time()> clock = absl::Now;   // of `directory`
   std::function<std::string()> new_id = RandomId;
-  FileLayer* files = FileLayer::System();  // for marks of complete uploads
+  FileLayer* files = FileLayer::System();  // for marks of complete uploads in `directory`
 };
 
 class UploadStore;
@@ -62,17 +68,17 @@ class UploadWriter {
   // Takes in the part of `data`, which begins at byte `offset`, that the upload does not have yet: all of it or, after
   // an error, nothing. May take long (files, digests). With its last byte the upload becomes complete.
   // OUT_OF_RANGE with UPLOAD_OFFSET_MISMATCH ("committed_bytes"), ABORTED with UPLOAD_BUSY if another writer took over,
-  // NOT_FOUND with UPLOAD_NOT_FOUND if the upload was deleted, RESOURCE_EXHAUSTED with STORAGE_FULL and a retry delay,
-  // INVALID_ARGUMENT with DIGEST_MISMATCH, after which the upload is gone.
+  // NOT_FOUND with UPLOAD_NOT_FOUND if the upload was deleted, RESOURCE_EXHAUSTED with STORAGE_FULL and UNAVAILABLE with
+  // STORE_UNAVAILABLE, both with a retry delay, INVALID_ARGUMENT with DIGEST_MISMATCH, after which the upload is gone.
   absl::Status Append(std::int64_t offset, std::string_view data);
 
  private:
   friend class UploadStore;
-  UploadWriter(UploadStore* store, std::string name, std::int64_t token)
-      : store_(store), name_(std::move(name)), token_(token) {}
+  UploadWriter(UploadStore* store, std::string id, std::int64_t token)
+      : store_(store), id_(std::move(id)), name_(UploadName(id_)), token_(token) {}
 
   UploadStore* store_ = nullptr;
-  std::string name_;
+  std::string id_, name_;
   std::int64_t token_ = 0;
 };
 
@@ -81,16 +87,17 @@ struct UploadedMesh {
   std::string sha256;
 };
 
-// What UploadStore::Gauges() says of this moment.
+// What UploadStore::Gauges() says.
 struct UploadGauges {
+  // Now, or when the place last answered.
   int open = 0;                      // under way
   std::int64_t announced_bytes = 0;  // by these
-  // Since the store was made.
+  // At this store, since it was made.
   std::int64_t received_bytes = 0;    // that were not there yet
   std::int64_t complete_at_once = 0;  // uploads of bytes that the server had
 };
 
-// Thread-safe. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND, and so are other tenants' uploads, word for word.
+// Thread-safe. A place that several servers share may be away: UNAVAILABLE with STORE_UNAVAILABLE. Unknown names are NOT_FOUND with UPLOAD_NOT_FOUND, and so are other tenants' uploads, word for word.
 // (The right all-jobs changes nothing: there is nothing to see in an upload, and its bytes are its tenant's.)
 class UploadStore {
  public:
@@ -102,17 +109,17 @@ class UploadStore {
   using MakeRoom = std::function<bool(const std::string& tenant, std::int64_t bytes)>;
   void SetMakeRoom(MakeRoom make_room) { make_room_ = std::move(make_room); }
 
-  // Finds the uploads that an earlier process left.
+  // Finds the uploads that an earlier process left. Before any other call.
   absl::Status Open();
 
   // The upload of the same request id, if the tenant has one (ALREADY_EXISTS with REQUEST_ID_REUSED if that is of other
-  // bytes, ABORTED with UPLOAD_BUSY while it is being made), or a new one.
+  // bytes), or a new one.
   // INVALID_ARGUMENT with REQUEST_INVALID; RESOURCE_EXHAUSTED with MESH_TOO_LARGE, or with a retry delay QUEUE_FULL
   // (too many uploads) or STORAGE_FULL (too many bytes). Complete at once if `blobs` has these bytes of the
   // same tenant.
   absl::StatusOr<v1::Upload> Create(const Caller& caller, const v1::CreateUploadRequest& request);
 
-  absl::StatusOr<v1::Upload> Get(const Caller& caller, const std::string& name) const;
+  absl::StatusOr<v1::Upload> Get(const Caller& caller, const std::string& name);
 
   absl::Status Delete(const Caller& caller, const std::string& name);
 
@@ -133,66 +140,42 @@ class UploadStore {
   // UploadStoreOptions::max_bytes from now on; uploads under way go on.
   void SetMaxBytes(std::int64_t max_bytes);
 
-  // Forgets the uploads that were idle too long at `now`.
+  // Forgets the uploads that were idle too long at `now`. Any number of servers may do so.
   void Tick(absl::Time now);
 
-  // Whether an upload stands for, or is to become, this blob.
-  bool Uses(const BlobId& id) const;
+  // Whether an upload stands for, or is to become, this blob. True too if the place does not answer.
+  bool Uses(const BlobId& id);
 
-  UploadGauges Gauges() const;
+  UploadGauges Gauges();
 
  private:
   friend class UploadWriter;
 
-  struct Entry {
-    std::string id;
-    std::string tenant;
-    std::int64_t total_bytes = 0;
-    std::string sha256;
-    std::int64_t committed_bytes = 0;
-    bool complete = false;
-    bool begins = false;  // Create() is at it, without the lock: nobody else knows of it
-    absl::Time used;
-    std::int64_t writer = 0;           // token of the writer at it, 0: none
-    bool appending = false;            // the writer is at the file, without the lock
-    std::shared_ptr<UploadFile> file;  // until complete
-
-    BlobId Blob() const { return {tenant, sha256}; }
-  };
-
   absl::Status Append(const UploadWriter& writer, std::int64_t offset, std::string_view data);
-  // Without the lock. Gives `file`, which has all bytes of `entry`, to the blob store.
-  absl::Status TakeOver(const Entry& entry, UploadFile* file);
-  // Without the lock. Makes a complete upload outlive the process and a loss of power, as its blob does already.
-  absl::Status MarkComplete(const Entry& entry);
   void Release(const UploadWriter& writer);
-  // `suffix`: of uploads under way, or of complete ones.
-  std::string PathOf(const Entry& entry, const char* suffix) const;
-  static Entry ParseFileName(const std::string& file_name);
-  absl::Status Recover(const std::string& file_name);
 
-  // These require mutex_.
-  absl::StatusOr<Entry*> Find(const std::string& name);
-  // The upload of `fresh`, the beginning of a new one, if there is one already by its name.
-  absl::StatusOr<std::optional<v1::Upload>> FindKnown(const Entry& fresh);
   std::string NewId(const Caller& caller, const std::string& request_id) const;
-  const Entry* Find(const Caller& caller, const std::string& name) const;
+  // The state of an upload of the caller's tenant.
+  absl::StatusOr<UploadState> Find(const Caller& caller, const std::string& name);
+  absl::StatusOr<v1::Upload> Known(const UploadState& state, const v1::CreateUploadRequest& request);
   // For `newest`, an upload under way like others.
-  absl::Status CheckRoom(const Entry& newest) const;
-  void Completed(Entry* entry);
-  void Forget(const std::string& name);
-  v1::Upload ToProto(const Entry& entry) const;
+  absl::Status CheckRoom(const UploadState& newest, const std::vector<UploadState>& others) const;
+  // Writes and, with the last byte, makes the upload's blob; after an error everything is as it was.
+  absl::StatusOr<UploadPiece> TakeIn(const UploadState& state, std::string_view data);
+  // Forgets a complete upload if the tenant has too many of them beside `newest`.
+  absl::Status ForgetOldest(const UploadState& newest);
+  v1::Upload ToProto(const UploadState& state) const;
+  absl::Status Later(absl::Status status) const;
 
-  UploadStoreOptions options_;  // constant after construction, but for max_bytes, which mutex_ guards
+  const UploadStoreOptions options_;
+  std::atomic<std::int64_t> max_bytes_;
+  const std::unique_ptr<UploadPlace> own_place_;
+  UploadPlace* const place_;
   BlobCatalog* const blobs_;
   MakeRoom make_room_;  // null: there is none to be made
 
-  // Never held while calling blobs_, which asks Uses() under its own lock.
-  mutable std::mutex mutex_;
-  // Guarded by mutex_; by name.
-  std::unordered_map<std::string, Entry> entries_;
-  std::int64_t last_writer_ = 0;
-  std::int64_t received_bytes_ = 0, complete_at_once_ = 0;
+  std::mutex mutex_;
+  UploadGauges gauges_;  // guarded by mutex_
 };
 
 }  // namespace planish

@@ -169,6 +169,29 @@ TEST_P(AfterPowerLoss, CompleteUploadsAreComplete) {
 INSTANTIATE_TEST_SUITE_P(OfBlobs, AfterPowerLoss, ::testing::Values(100, kLarge),
                          [](const auto& size) { return size.param == kLarge ? "InFiles" : "InRows"; });
 
+// A directory that several servers use is as durable as one server's own.
+TEST_F(DurabilityTest, BlobsOfASharedDirectoryOutliveALossOfPower) {
+  const std::string bytes = Bytes(kLarge, 's'), file = Bytes(kLarge, 'f');
+  const BlobId id = {"ann", Sha256(bytes)}, file_id = {"ann", Sha256(file)};
+  const auto open = [this] {
+    return DirectoryBlobStore::Make({.directory = root_ / "shared", .shared = true}).value();
+  };
+  ASSERT_TRUE(MakeDurableFolder(FileLayer::System(), root_ / "shared").ok());
+  {
+    const auto store = open();
+    ASSERT_TRUE(store->Put(id, bytes).ok());
+    PutFile(root_ / "upload", file);
+    ASSERT_TRUE(store->PutFile(file_id, root_ / "upload").ok());
+  }
+  LosePower();
+  const auto store = open();
+  for (const auto& [kept, expected] : {std::pair(id, bytes), std::pair(file_id, file)}) {
+    const absl::StatusOr<BlobPtr> loaded = store->Load(kept);
+    ASSERT_TRUE(loaded.ok()) << loaded.status();
+    EXPECT_TRUE((*loaded)->bytes() == expected);
+  }
+}
+
 // At most three syncs a job more than before, when there were none.
 TEST_F(DurabilityTest, AJobTakesThreeSyncs) {
   constexpr int kJobs = 20;

@@ -154,7 +154,7 @@ TEST_F(SentSignatureTest, Delete) {
 TEST_F(SentSignatureTest, List) {
   const SignedRequest request = Check([&](S3Client& client) { return client.List("a/", [](const S3Object&) {}); });
   EXPECT_EQ(request.path, "/a-bucket");
-  EXPECT_EQ(request.query, "list-type=2&max-keys=1000&prefix=with%20space%2Fand%2Bplus%2Fa%2F");
+  EXPECT_EQ(request.query, "max-keys=1000&prefix=with%20space%2Fand%2Bplus%2Fa%2F");
 }
 
 }  // namespace
