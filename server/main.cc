@@ -385,7 +385,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   pool_options.on_none_ready = [&no_workers, &events](const absl::Status& last) { no_workers.Set(last, &events); };
   monitoring.Hook(&pool_options);
   auto pool =
-      std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
+      std::make_unique<WorkerPool>(manager.source(), NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
   auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());

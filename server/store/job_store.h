@@ -54,12 +54,11 @@ using JobRecord = store::v1::JobRecord;
 
 // Of whoever asks.
 struct VerbContext {
-  absl::Time now;                                           // for the records
+  absl::Time now;                                           // for the records, unless there is a clock
   absl::Duration retained_time = absl::InfiniteDuration();  // Job.expire_time of those that succeed
   int max_attempts = 3;                                     // that a job may lose with their worker or server
-  // The newest sequence number that this process gave to an event of the job which is not written (progress); events
-  // are numbered beyond it. Null: all events are written.
-  std::function<std::int64_t(const std::string& name)> told = nullptr;
+  // Gives `now` once the transaction has begun, so that those that wait for each other have times in their order.
+  std::function<absl::Time()> clock = nullptr;
 };
 
 // What a verb made of one job.
@@ -74,8 +73,46 @@ struct Lease {
   std::string owner;
 };
 
+// What is wanted of an attempt.
+enum class Wish {
+  kGoOn,
+  kStop,    // all of its jobs want the best map so far
+  kCancel,  // nobody wants the result
+  kGiveUp,  // the lease is lost: somebody else may be at it
+};
+
+// A piece of work that has not ended. Times in nanoseconds since 1970.
+struct WorkRow {
+  std::string name, tenant;
+  std::int64_t number = 0;  // lowest of its jobs
+  bool running = false;     // there is a lease, which may be over
+  std::int64_t turn_time = 0;
+  std::int64_t memory_bytes = 0;
+  std::int64_t mesh_bytes = 0;
+  std::int64_t run_time = 0;  // expected; a duration
+  bool alone = false;         // nothing else may run on the same owner
+  Wish wish = Wish::kGoOn;
+  // While it runs, but for the attempt, which stays.
+  std::string owner;
+  int attempt = 0;
+  std::int64_t lease_until = 0;
+  std::int64_t start_time = 0;
+  std::int64_t charge = 0;         // TenantAccount::charged
+  std::int64_t share = 1'000'000;  // the tenant's when it was claimed, millionths
+
+  bool operator==(const WorkRow&) const = default;
+};
+
+// What waits and runs.
+struct QueueState {
+  FairAccounts accounts;
+  std::vector<WorkRow> works;  // in no order
+  absl::Time now;              // by the clock of leases
+};
+
 struct NewJob {
-  JobRecord record;            // QUEUED, with a new name; `number`, `work` and the lease are the store's
+  // QUEUED, with a new name; `number`, `work` and the lease are the store's, and so is Job.create_time unless it is set.
+  JobRecord record;
   absl::Duration run_time;     // that its work is expected to take; 0: not known
   std::optional<QueueLimits> limits;  // for work that nobody shares; empty: none
   std::vector<BlobRow> blobs;  // small ones that it refers to
@@ -103,15 +140,9 @@ struct ClaimRequest {
 struct ClaimedWork {
   Lease lease;
   absl::Duration run_time;      // NewJob::run_time
+  std::int64_t memory_bytes = 0;
+  Wish wish = Wish::kGoOn;
   std::vector<JobChange> jobs;  // all of its jobs, at least one, which are RUNNING now
-};
-
-// What is wanted of an attempt.
-enum class Wish {
-  kGoOn,
-  kStop,    // all of its jobs want the best map so far
-  kCancel,  // nobody wants the result
-  kGiveUp,  // the lease is lost: somebody else may be at it
 };
 
 // How an attempt ended.
@@ -132,8 +163,10 @@ struct AttemptOutcome {
 
 struct StoreNews {
   bool work = false;              // there may be work to claim
-  bool everything = false;        // any job may have changed: the connection was lost in the meantime
-  std::vector<std::string> jobs;  // names of those with new events
+  bool everything = false;         // anything may have changed: messages were lost
+  bool local = false;              // a verb of this very object did it
+  std::vector<std::string> jobs;   // names of those with new events
+  std::vector<std::string> works;  // names of running work of which something else is wanted than before, also its end
 };
 
 enum class EarlyEnd { kCancel, kTimeout };
@@ -163,6 +196,9 @@ class JobStore {
 
   // Of this store, the same after a restart.
   virtual const std::string& id() const = 0;
+
+  // Whether other processes may use it at the same time.
+  virtual bool is_shared() const = 0;
 
   // ---- verbs of callers
 
@@ -194,19 +230,17 @@ class JobStore {
   virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) = 0;
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
   virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
-  // Adds progress to the events of all jobs of the work, which get the same; durable later.
-  virtual absl::Status Report(const VerbContext& context, const Lease& lease,
+  // Adds progress to the events of all jobs of the work, which get the same; durable later. Of the progress of long
+  // work some thousand events are kept, the newest.
+  virtual absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
                               const std::vector<v1::Progress>& progress) = 0;
   // Ends the attempt. Its jobs end, or are queued again after a loss.
   virtual absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
                                                         const AttemptOutcome& outcome) = 0;
   // Gives up everything that the owner has: it is queued again in its old place, and the attempt is not held against
-  // it. Jobs that were to end anyway end.
-  virtual absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner) = 0;
-  // As many sequence numbers more may be given to events that are not written (JobRecord.reserved_sequence).
-  virtual absl::StatusOr<JobChange> ReserveSequences(const VerbContext& context, const std::string& name,
-                                                     std::int64_t count) = 0;
-
+  // it. Jobs that were to end anyway end. `work` not empty: this one only.
+  virtual absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
+                                                         const std::string& work = {}) = 0;
   // ---- verbs of those who keep order
 
   // Queues again, or fails after the last attempt (SERVER_CRASHED), up to `most` pieces of work whose lease is over.
@@ -236,8 +270,14 @@ class JobStore {
   // The record of the tenant (empty: of all) in one of the terminal states (UNSPECIFIED: any) that ended first.
   virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) = 0;
   virtual absl::StatusOr<JobTotals> Totals() = 0;
-  // What waits and runs.
   virtual absl::StatusOr<FairAccounts> Accounts() = 0;
+  virtual absl::StatusOr<QueueState> Queue() = 0;
+  // Whether a job of the tenant that has not ended does this work.
+  virtual absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key) = 0;
+  // The tenant's job that ended last.
+  virtual absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant) = 0;
+  // The newest that was reported of a job that has not ended.
+  virtual absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number) = 0;
   // Those with greater sequences than `after`, in order. The last one of a job that ended has no report: the record has
   // it.
   virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0) = 0;

@@ -103,6 +103,9 @@ class SqlDatabase {
   // Whether {now} works: several machines then go by one clock.
   virtual bool has_clock() const = 0;
 
+  // Whether other processes may use it at the same time.
+  virtual bool is_shared() const = 0;
+
   // Whether rows outlive the process.
   virtual bool outlives_process() const = 0;
 };

@@ -43,6 +43,7 @@ class SqlJobStore : public JobStore {
   }
 
   const std::string& id() const override { return database_->id(); }
+  bool is_shared() const override { return database_->is_shared(); }
 
   // ---- callers
 
@@ -131,13 +132,22 @@ class SqlJobStore : public JobStore {
     return wishes;
   }
 
-  absl::Status Report(const VerbContext& context, const Lease& lease,
-                      const std::vector<v1::Progress>& progress) override {
-    return ChangeWork(context, lease, Durability::kLater,
-                      [&](JobTransaction& transaction, const LockedWork&, JobChange* change) {
-                        return AddProgress(&transaction, progress, change);
-                      })
-        .status();
+  absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
+                                                const std::vector<v1::Progress>& progress) override {
+    // A loss of power may take back what was told. So numbers are reserved, and that has to be durable.
+    bool reserves = false;
+    const auto report = [&](Durability durability) {
+      return ChangeWork(context, lease, durability,
+                        [&](JobTransaction& transaction, const LockedWork&, JobChange* change) -> absl::Status {
+                          const std::int64_t reserved = change->record.reserved_sequence();
+                          PLANISH_RETURN_IF_ERROR(AddProgress(&transaction, progress, change));
+                          reserves = change->record.reserved_sequence() != reserved;
+                          if (reserves && durability == Durability::kLater) return absl::AbortedError("not durable");
+                          return absl::OkStatus();
+                        });
+    };
+    absl::StatusOr<std::vector<JobChange>> changes = report(Durability::kLater);
+    return reserves && !changes.ok() ? report(Durability::kNow) : std::move(changes);
   }
 
   absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
@@ -152,27 +162,20 @@ class SqlJobStore : public JobStore {
         outcome.blobs);
   }
 
-  absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner) override {
+  absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
+                                                 const std::string& work) override {
     // In one order everywhere, as above.
-    const auto works = [&owner](JobTransaction& transaction) {
-      return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner = ? ORDER BY name",
-                                   {std::string_view(owner)});
+    const auto works = [&](JobTransaction& transaction) {
+      return transaction.sql().Run(
+          "SELECT name FROM works WHERE running = 1 AND owner = ? AND (? = '' OR name = ?) ORDER BY name",
+          {std::string_view(owner), std::string_view(work), std::string_view(work)});
     };
     return ForWorks(context, works,
-                    [&owner](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
-                      if (!work.before.running || work.before.owner != owner) return absl::OkStatus();
+                    [&owner](JobTransaction& transaction, const LockedWork& held, JobChange* change) -> absl::Status {
+                      if (!held.before.running || held.before.owner != owner) return absl::OkStatus();
                       PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change));
                       return ended ? absl::OkStatus() : transaction.Requeue(change);
                     });
-  }
-
-  absl::StatusOr<JobChange> ReserveSequences(const VerbContext& context, const std::string& name,
-                                             std::int64_t count) override {
-    return ChangeJob(context, name, [&](JobTransaction&, const LockedWork&, JobChange* change) {
-      const std::int64_t told = context.told != nullptr ? context.told(name) : 0;
-      change->record.set_reserved_sequence(std::max(told, change->record.last_sequence()) + count);
-      return absl::OkStatus();
-    });
   }
 
   // ---- order
@@ -197,18 +200,19 @@ class SqlJobStore : public JobStore {
                     [&](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
       JobRecord& record = change->record;
       if (!is_over(work.before) || !IsLeased(record)) return absl::OkStatus();
+      JobTransaction::SkipReserved(&record);
       // One without an owner was released by an earlier version of planish.
       const bool was_lost = !record.owner().empty();
       if (was_lost) {
         record.set_crashes(record.crashes() + 1);
         record.set_server_crashes(record.server_crashes() + 1);
       }
-      PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change, /*taken_over=*/true));
+      PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change));
       if (ended) return absl::OkStatus();
       if (was_lost && record.crashes() >= context.max_attempts) {
-        return transaction.Fail(ServerCrashed(record.job().attempts()), change, /*taken_over=*/true);
+        return transaction.Fail(ServerCrashed(record.job().attempts()), change);
       }
-      return transaction.Requeue(change, /*taken_over=*/true);
+      return transaction.Requeue(change);
     });
   }
 
@@ -275,6 +279,16 @@ class SqlJobStore : public JobStore {
   }
   absl::StatusOr<JobTotals> Totals() override { return questions_.Totals(); }
   absl::StatusOr<FairAccounts> Accounts() override { return questions_.Accounts(); }
+  absl::StatusOr<QueueState> Queue() override { return questions_.Queue(clock_); }
+  absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key) override {
+    return questions_.IsUnderWay(tenant, work_key);
+  }
+  absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant) override {
+    return questions_.LastEnded(tenant);
+  }
+  absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number) override {
+    return questions_.LastProgress(number);
+  }
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after) override {
     return questions_.Events(number, after);
   }
@@ -297,19 +311,22 @@ class SqlJobStore : public JobStore {
                       const std::function<absl::Status(JobTransaction&)>& body) {
     StoreNews news;
     const absl::Status status = Transact(database_.get(), durability, [&](SqlConnection& sql) -> absl::Status {
-      JobTransaction transaction(&sql, &context, &clock_);
+      VerbContext present = context;
+      if (context.clock != nullptr) present.now = context.clock();
+      JobTransaction transaction(&sql, &present, &clock_);
       PLANISH_RETURN_IF_ERROR(body(transaction));
       PLANISH_RETURN_IF_ERROR(transaction.Flush());
       news = std::move(transaction.news());
       return absl::OkStatus();
     });
     // After an error the transaction may still have been done; listeners look by themselves every few seconds.
-    if (status.ok()) Tell(news);
+    if (status.ok()) Tell(std::move(news));
     return status;
   }
 
-  void Tell(const StoreNews& news) {
-    if (!news.work && news.jobs.empty()) return;
+  void Tell(StoreNews news) {
+    if (!news.work && news.jobs.empty() && news.works.empty()) return;
+    news.local = true;
     listeners_.Call(news);
     database_->Publish(EncodeNews(news));
   }

@@ -45,7 +45,8 @@ class Listeners {
   std::vector<std::weak_ptr<const Listener>> listeners_;  // guarded by mutex_
 };
 
-// News as lines of text for SqlDatabase::Publish: "w" for work, "*" for everything, and names of jobs.
+// News as lines of text for SqlDatabase::Publish: "w" for work, "*" for everything, names of jobs, and after "=" names
+// of work.
 std::string EncodeNews(const StoreNews& news);
 StoreNews DecodeNews(std::string_view message);
 

@@ -76,7 +76,7 @@ class Flood {
     WorkerPoolOptions pool;
     pool.workers = options.workers;
     pool_ = std::make_unique<WorkerPool>(
-        manager_.get(), [] { return StartProcessWorker({}); }, std::move(pool));
+        manager_->source(), [] { return StartProcessWorker({}); }, std::move(pool));
   }
 
   ~Flood() {

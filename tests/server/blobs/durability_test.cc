@@ -296,7 +296,7 @@ TEST_F(DurabilityTest, JobsWaitWhileThereAreNoDescriptors) {
   JobAssignment assignment;
   for (const int error : {EMFILE, ENOMEM}) {
     files_.open_error = error;
-    EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+    EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
     EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
     now_ += options_.retry_delay;
     manager_->Tick();

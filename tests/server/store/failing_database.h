@@ -84,6 +84,7 @@ class FailingDatabase : public SqlDatabase {
   }
   const std::string& id() const override { return database_->id(); }
   bool has_clock() const override { return database_->has_clock(); }
+  bool is_shared() const override { return database_->is_shared(); }
   bool outlives_process() const override { return database_->outlives_process(); }
 
  private:
