@@ -33,9 +33,10 @@ struct ForcingTuning {
   double max_error = 1e-2;
   double constraints_left = 0.1, violations_left = 0.5;
   // A solve that may be the last is good enough with this error, once it leaves of each constraint at most
-  // `tolerance_left` times the tolerance.
+  // `tolerance_left` times the tolerance (planish_solve_time, 17 discs of 2,000 to 1,000,000 triangles: 275 iterations
+  // with 0.3, 267 with 0.6, 53 steps with both).
   double max_last_error = 0.1;
-  double tolerance_left = 0.3;
+  double tolerance_left = 0.6;
 
   // The other solvers, by the relative Euclidean norm of the linear residual: at most `of_residual` (1/rad) times the
   // residual, and at most `max_term`.

@@ -318,8 +318,43 @@ absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd meas
   return FlattenAngles(chart.topology, target, options, control);
 }
 
+namespace {
+
+// A triangle by itself, by its edges. Its angles do not tell as much: where two of them are `a` radians, their rounding
+// moves a corner along the longest edge by the part eps / a of the edge, which is far more than the altitude of a needle.
+std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
+  const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
+  int first = 0;  // of the longest edge
+  double longest = -1;
+  for (int k = 0; k < 3; ++k) {
+    const double length = (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm();
+    if (length <= longest) continue;
+    longest = length;
+    first = k;
+  }
+  const Vec3& origin = mesh.positions[corners[first]];
+  const Vec3 along = (mesh.positions[corners[Next(first)]] - origin) / longest;
+  const Vec3 apex = mesh.positions[corners[Prev(first)]] - origin;
+  std::vector<Vec2> positions(3);
+  const std::array<std::int32_t, 3>& vertices = chart.topology.faces[0];
+  positions[vertices[first]] = Vec2::Zero();
+  positions[vertices[Next(first)]] = Vec2(longest, 0);
+  positions[vertices[Prev(first)]] = Vec2(apex.dot(along), along.cross(apex).norm());
+  return positions;
+}
+
+// Whether all angles of the only face are those of the surface.
+bool IsTriangleAsMeasured(const Chart& chart) {
+  return chart.faces.size() == 1 && (chart.least_angle.empty() || chart.least_angle[0] == 0);
+}
+
+}  // namespace
+
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution) {
+  if (IsTriangleAsMeasured(chart)) {
+    return PlaceChart(mesh, chart, std::move(flattening.summary), LayOutTriangle(mesh, chart), execution);
+  }
   Layout layout = LayOut(chart.topology, flattening.angles, execution);
   return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(layout.positions), execution);
 }

@@ -266,6 +266,21 @@ TEST(AnyMesh, FacesWithoutAreaGetUvAndNoPromise) {
   EXPECT_EQ(ErrorInfoOf(Unwrap(nothing, {}, {}).status()).reason, "MESH_FACE_DEGENERATE");
 }
 
+// Found by the hunt: "decimated", seed 60034. The angles of such a needle do not say where its third corner is.
+TEST(AnyMesh, ANeedleByItselfKeepsItsShape) {
+  Mesh mesh = testing::Hills(6, 6);
+  const auto first = static_cast<std::int32_t>(mesh.positions.size());
+  const Vec3 at(3, 1, 0.2), along = Vec3(3, 1, 2) / 50, across = Vec3(1, -3, 0).normalized();
+  for (const Vec3& p : {at, Vec3(at + along), Vec3(at - 0.044 * along + 2.3e-12 * across)}) mesh.positions.push_back(p);
+  mesh.faces.push_back({first, first + 1, first + 2});
+  UnwrapOptions options;
+  options.precision = Precision::kDouble;
+  const auto result = Unwrap(mesh, options, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_TRUE(result->widened.empty());
+  EXPECT_LT(result->charts[result->face_chart.back()].stretch_l2, 1.01);
+}
+
 TEST(AnyMesh, WithoutPackingChartsKeepTheSurfacesScale) {
   UnwrapOptions options;
   options.pack = false;
