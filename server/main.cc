@@ -25,11 +25,11 @@
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
 #include "server/admin.h"
+#include "server/blobs/blob_store.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
 #include "server/front_door.h"
 #include "server/job_log.h"
-#include "server/blobs/blob_store.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
@@ -384,8 +384,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   NoWorkers no_workers;
   pool_options.on_none_ready = [&no_workers, &events](const absl::Status& last) { no_workers.Set(last, &events); };
   monitoring.Hook(&pool_options);
-  auto pool =
-      std::make_unique<WorkerPool>(manager.source(), NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
+  auto pool = std::make_unique<WorkerPool>(manager.source(), NewWorkers(flags, worker_output->write_fd()),
+                                           std::move(pool_options));
   auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());

@@ -17,9 +17,9 @@
 
 namespace planish {
 
-// A bounded ring of a job's events in the order of the sequences that the store gave them. The event with a terminal state
-// is the last one. When it is full the oldest progress event goes; changes of state stay, there are only a handful. The writer never
-// waits for a reader.
+// A bounded ring of a job's events in the order of the sequences that the store gave them. The event with a terminal
+// state is the last one. When it is full the oldest progress event goes; changes of state stay, there are only a
+// handful. The writer never waits for a reader.
 //
 // Thread-safe.
 class JobEventLog {

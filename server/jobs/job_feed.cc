@@ -54,9 +54,8 @@ std::shared_ptr<JobEventLog> JobFeed::Find(const std::string& name) {
 absl::StatusOr<std::shared_ptr<const JobEventLog>> JobFeed::Open(const JobRecord& record) {
   // One that ended changes no more.
   const bool has_ended = IsTerminal(record.job().state());
-  const std::shared_ptr<JobEventLog> log =
-      has_ended ? std::make_shared<JobEventLog>(context_.options.events_per_job)
-                : Register(record.job().name(), record.number());
+  const std::shared_ptr<JobEventLog> log = has_ended ? std::make_shared<JobEventLog>(context_.options.events_per_job)
+                                                     : Register(record.job().name(), record.number());
   if (has_ended || log->last_sequence() < record.last_sequence()) {
     PLANISH_RETURN_IF_ERROR(Read(record.job().name(), record.number(), log.get()));
     log->Notify();

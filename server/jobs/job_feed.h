@@ -56,9 +56,9 @@ class JobFeed {
 
   std::mutex mutex_;
   // Guarded by mutex_.
-  std::map<std::string, Entry> logs_;  // of jobs that had not ended, by name
-  std::size_t next_clearing_ = 64;     // entries from which on those that nobody reads are looked for
-  std::set<std::string> changed_;      // of these, those that others changed
+  std::map<std::string, Entry> logs_;            // of jobs that had not ended, by name
+  std::size_t next_clearing_ = 64;               // entries from which on those that nobody reads are looked for
+  std::set<std::string> changed_;                // of these, those that others changed
   absl::Time next_look_ = absl::InfinitePast();  // at all of them, by the steady clock: news may be lost
   absl::Status interrupted_;
 

@@ -87,8 +87,8 @@ absl::Status JobManager::Recover() {
 absl::Status JobManager::RecoverJob(const JobRecord& record) {
   const v1::Job& job = record.job();
   const auto fail = [&](const absl::Status& error, bool forget) -> absl::Status {
-    PLANISH_ASSIGN_OR_RETURN(
-        const JobChange change, context_.store.Fail(context_.Verb(), job.name(), ToRpcStatus(error), forget));
+    PLANISH_ASSIGN_OR_RETURN(const JobChange change,
+                             context_.store.Fail(context_.Verb(), job.name(), ToRpcStatus(error), forget));
     feed_.Tell({change});
     return absl::OkStatus();
   };
@@ -100,10 +100,9 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
   PLANISH_RETURN_IF_ERROR(blobs.status());
   std::optional<std::int64_t> array_vertices;
   if (record.has_array_vertices()) array_vertices = record.array_vertices();
-  const absl::Status needs = admission_
-                                 .NeedsOf(blobs->front()->bytes(), array_vertices, job.mesh_bytes(), v1::MeshSize(),
-                                          job.options())
-                                 .status();
+  const absl::Status needs =
+      admission_.NeedsOf(blobs->front()->bytes(), array_vertices, job.mesh_bytes(), v1::MeshSize(), job.options())
+          .status();
   return needs.ok() ? absl::OkStatus() : fail(needs, /*forget=*/false);
 }
 
@@ -232,9 +231,8 @@ absl::StatusOr<v1::Job> JobManager::Change(const Caller& caller, const std::stri
 }
 
 absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::string& name) {
-  return Change(caller, name, [&] {
-    return context_.store.EndEarly(context_.Verb(), name, EarlyEnd::kCancel, /*forget=*/false);
-  });
+  return Change(caller, name,
+                [&] { return context_.store.EndEarly(context_.Verb(), name, EarlyEnd::kCancel, /*forget=*/false); });
 }
 
 absl::StatusOr<v1::Job> JobManager::Stop(const Caller& caller, const std::string& name) {
@@ -354,17 +352,20 @@ void JobManager::Tick() {
 
 // ---- shutdown
 
+bool JobManager::IsIdle() const {
+  if (context_.store.is_shared()) return runner_.running() == 0;
+  const absl::StatusOr<FairAccounts> accounts = context_.store.Accounts();
+  return accounts.ok() && std::all_of(accounts->tenants.begin(), accounts->tenants.end(), [](const auto& each) {
+           return each.second.waiting == 0 && each.second.running == 0;
+         });
+}
+
 void JobManager::CheckIdle() {
   {
     const std::lock_guard lock(mutex_);
     if (on_idle_ == nullptr) return;
   }
-  const absl::StatusOr<FairAccounts> accounts = context_.store.Accounts();
-  if (!accounts.ok()) return;
-  const bool is_idle = std::all_of(accounts->tenants.begin(), accounts->tenants.end(), [](const auto& each) {
-    return each.second.waiting == 0 && each.second.running == 0;
-  });
-  if (!is_idle) return;
+  if (!IsIdle()) return;
   std::function<void()> on_idle;
   {
     const std::lock_guard lock(mutex_);
@@ -381,6 +382,7 @@ void JobManager::Drain(std::function<void()> on_idle) {
     const std::lock_guard lock(mutex_);
     on_idle_ = std::move(on_idle);
   }
+  if (context_.store.is_shared()) runner_.Stop();
   CheckIdle();
 }
 
@@ -394,7 +396,7 @@ absl::Status JobManager::Undrain() {
 }
 
 void JobManager::CancelAll() {
-  if (suspended_) return;
+  if (suspended_ || context_.store.is_shared()) return;
   const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
   if (!jobs.ok()) return context_.TellError(jobs.status());
   for (const JobRecord& record : *jobs) {
@@ -406,7 +408,7 @@ void JobManager::CancelAll() {
 
 void JobManager::FailAll(const absl::Status& error) {
   draining_ = ending_ = true;
-  if (suspended_) return;
+  if (suspended_ || context_.store.is_shared()) return;
   const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
   if (!jobs.ok()) return context_.TellError(jobs.status());
   for (const JobRecord& record : *jobs) {

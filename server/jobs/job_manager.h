@@ -42,12 +42,12 @@ struct JobPage {
 };
 
 // Thread-safe. All functions but SetLimits() and Limits() may ask the store, and wait for it. Errors carry an ErrorInfo
-// (core/base/error.h); unknown names are NOT_FOUND with JOB_NOT_FOUND, and so are jobs that the caller may not see, word
-// for word.
+// (core/base/error.h); unknown names are NOT_FOUND with JOB_NOT_FOUND, and so are jobs that the caller may not see,
+// word for word.
 class JobManager {
  public:
-  // Goes on where the process before left off: where nobody else uses `store`, jobs that ran are queued again. INTERNAL,
-  // STORAGE_FULL if `store` cannot be read. Both stores must outlive the manager.
+  // Goes on where the process before left off: where nobody else uses `store`, jobs that ran are queued again.
+  // INTERNAL, STORAGE_FULL if `store` cannot be read. Both stores must outlive the manager.
   static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store, BlobStore* blobs);
 
   // ---- for callers
@@ -123,7 +123,8 @@ class JobManager {
   // written, looks at some blobs whether anybody needs them. Call it a few times a second, from one thread.
   void Tick();
 
-  // ---- for the server's shutdown, in this order
+  // ---- for the server's shutdown, in this order. Where others use the store, they have the jobs that wait: this
+  // process takes no more of them, is idle when it runs none, and CancelAll() and FailAll() have no effect.
 
   // Refuses new jobs from now on; those that wait may still start. Calls `on_idle` once, when no job waits or runs, in
   // Tick() at the latest. With a null one Undrain() takes it back; with any other the server is about to end.
@@ -158,6 +159,7 @@ class JobManager {
   void Adopt(const std::vector<JobChange>& changes);
   void EndOverdue();
   void Reap();
+  bool IsIdle() const;
   void CheckIdle();
   absl::Status Draining() const;
 

@@ -43,13 +43,13 @@ struct JobManagerOptions {
   std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
   TenantLimitsSource tenant_limits;                       // null: the defaults for everybody
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
-  std::int64_t max_triangles = std::int64_t{1} << 40;  // as declared and as decoded
-  std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
-  std::size_t events_per_job = 256;                    // JobEventLog capacity
-  absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
-  int max_attempts = 3;                                // that a job may lose with their worker or server, >= 1
-  absl::Duration retry_delay = absl::Seconds(1);       // advice with refusals where nothing better is known
-  absl::Duration lease = absl::Seconds(15);            // of work that runs; renewed five times as often
+  std::int64_t max_triangles = std::int64_t{1} << 40;        // as declared and as decoded
+  std::int64_t memory_bytes = std::int64_t{1} << 60;         // that running jobs may reserve together
+  std::size_t events_per_job = 256;                          // JobEventLog capacity
+  absl::Duration obey_limit = absl::Seconds(5);              // from a cancellation to the worker's end
+  int max_attempts = 3;                                      // that a job may lose with their worker or server, >= 1
+  absl::Duration retry_delay = absl::Seconds(1);             // advice with refusals where nothing better is known
+  absl::Duration lease = absl::Seconds(15);                  // of work that runs; renewed five times as often
   absl::Duration report_interval = absl::Milliseconds(200);  // of one job's progress to the store; 0: at once
   absl::Duration forecast_age = absl::Milliseconds(100);     // what is said of the queue may be as old
   OptionsValidator validate_options;                         // null: everything goes
@@ -84,9 +84,7 @@ class JobContext {
   }
 
   // For each verb of the store.
-  VerbContext Verb() const {
-    return {options.clock(), Limits().retained_time, options.max_attempts, options.clock};
-  }
+  VerbContext Verb() const { return {options.clock(), Limits().retained_time, options.max_attempts, options.clock}; }
 
   void TellError(const absl::Status& status) const {
     if (options.on_store_error) options.on_store_error(status);

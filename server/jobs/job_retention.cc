@@ -159,8 +159,7 @@ void JobRetention::Retain() {
       const std::lock_guard lock(mutex_);
       if (now < next_expiry_) break;
     }
-    const absl::StatusOr<std::optional<JobRecord>> oldest =
-        context_.store.FirstEnded("", v1::JOB_STATE_SUCCEEDED);
+    const absl::StatusOr<std::optional<JobRecord>> oldest = context_.store.FirstEnded("", v1::JOB_STATE_SUCCEEDED);
     if (!oldest.ok()) break;
     const absl::Time next =
         (oldest->has_value() ? absl::FromUnixNanos(google::protobuf::util::TimeUtil::TimestampToNanoseconds(

@@ -88,8 +88,8 @@ class JobRetention {
   // Guarded by mutex_.
   std::map<BlobId, int> held_;
   std::set<BlobId> collecting_;
-  std::set<BlobId> unused_;    // may be unused: to be looked at
-  std::vector<BlobId> sweep_;  // likewise, a few at a time
+  std::set<BlobId> unused_;                        // may be unused: to be looked at
+  std::vector<BlobId> sweep_;                      // likewise, a few at a time
   absl::Time next_sweep_ = absl::InfinitePast();   // over all blobs
   absl::Time next_expiry_ = absl::InfinitePast();  // no result is too old before
 };

@@ -84,13 +84,10 @@ void JobRunner::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr&
 Turn JobRunner::TakeNext(absl::Duration patience, JobAssignment* assignment) {
   const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
   std::unique_lock lock(mutex_);
-  const auto may_claim = [this] {
-    return may_claim_ && !claiming_ && context_.options.steady_clock() >= next_start_;
-  };
+  const auto may_claim = [this] { return may_claim_ && !claiming_ && context_.options.steady_clock() >= next_start_; };
   for (;;) {
     ++waiting_;
-    const bool woken =
-        changed_.wait_until(lock, until, [&] { return stopped_ || !ready_.empty() || may_claim(); });
+    const bool woken = changed_.wait_until(lock, until, [&] { return stopped_ || !ready_.empty() || may_claim(); });
     if (woken && !stopped_ && ready_.empty()) Claim(&lock);
     --waiting_;
     if (!woken) return Turn::kNothing;
@@ -426,7 +423,7 @@ void JobRunner::ReportLost(const std::string& name, int attempt, WorkerLoss loss
   bool stopped = false;
   {
     const std::lock_guard lock(mutex_);
-    stopped = stopped_;
+    stopped = stopped_ && !context_.store.is_shared();  // no other worker will try it
   }
   ending->outcome.loss = {loss.reason, loss.message, loss.metadata, IsOutOfMemory(loss) || stopped};
   ending->loss = std::move(loss);

@@ -78,8 +78,8 @@ class JobRunner : public JobSource {
 
  private:
   struct Attempt {
-    ClaimedWork work;    // as claimed
-    absl::Time start;    // by the steady clock
+    ClaimedWork work;  // as claimed
+    absl::Time start;  // by the steady clock
     std::shared_ptr<WorkerLink> link;
     Wish wish = Wish::kGoOn;
     Wish told = Wish::kGoOn;  // to the worker
@@ -138,10 +138,10 @@ class JobRunner : public JobSource {
   std::deque<ClaimedWork> ready_;            // claimed, and nobody has it yet
   int waiting_ = 0;                          // threads in TakeNext()
   bool claiming_ = false;
-  bool missed_ = false;                               // news of wishes came while work was being claimed
-  bool may_claim_ = true;                             // there may be work that nobody looked at
-  absl::Time next_start_ = absl::InfinitePast();      // by the steady clock, as what follows
-  absl::Time next_look_ = absl::InfinitePast();       // for work: news may be lost
+  bool missed_ = false;                           // news of wishes came while work was being claimed
+  bool may_claim_ = true;                         // there may be work that nobody looked at
+  absl::Time next_start_ = absl::InfinitePast();  // by the steady clock, as what follows
+  absl::Time next_look_ = absl::InfinitePast();   // for work: news may be lost
   absl::Time next_renewal_ = absl::InfinitePast();
   bool stopped_ = false;
 

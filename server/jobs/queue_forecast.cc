@@ -133,8 +133,7 @@ double QueueForecast::SecondsUntilTurn(const std::string& tenant) const {
     }
   }
   const double seconds = (running_seconds + own_seconds + others.seconds) / workers_;
-  return own.limits.running > 0 ? std::max(seconds, (own_running_seconds + own_seconds) / own.limits.running)
-                                : seconds;
+  return own.limits.running > 0 ? std::max(seconds, (own_running_seconds + own_seconds) / own.limits.running) : seconds;
 }
 
 std::optional<double> QueueForecast::SecondsUntilRoom(const std::string& tenant, Room why) const {

@@ -12,9 +12,8 @@
 
 namespace planish {
 
-// Of one moment, and what was added to it. Assumes that nobody else comes, that work takes as long as expected, and, for places, that limits of
-// running work are not met. Not thread-safe; all functions are linear in the queue's
-// length.
+// Of one moment, and what was added to it. Assumes that nobody else comes, that work takes as long as expected, and,
+// for places, that limits of running work are not met. Not thread-safe; all functions are linear in the queue's length.
 class QueueForecast {
  public:
   // `limits` null: the defaults for everybody. `workers` of all that run work. `factor`: what work takes over what was
@@ -41,8 +40,8 @@ class QueueForecast {
     TenantAccount account;
     TenantLimits limits;
     double share = 1;
-    double start = 0;                         // seconds; what is added next begins so
-    std::vector<const WorkRow*> waiting;      // in their order
+    double start = 0;                     // seconds; what is added next begins so
+    std::vector<const WorkRow*> waiting;  // in their order
     std::vector<const WorkRow*> running;
   };
 

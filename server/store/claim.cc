@@ -115,7 +115,8 @@ class Claimer {
   }
 
   absl::StatusOr<std::optional<WorkRow>> Head(const std::string& sql, const std::string& tenant) {
-    const std::int64_t most = request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
+    const std::int64_t most =
+        request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(tenant), most}));
     if (rows.empty()) return std::nullopt;
     return std::move(WorkRowsOf(rows).front());
@@ -129,9 +130,9 @@ class Claimer {
       PLANISH_ASSIGN_OR_RETURN(const bool is_alone,
                                sql_.Serialize(absl::StrCat("running of ", tenant), /*wait=*/false));
       if (!is_alone) return false;
-      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
-                               sql_.Run("SELECT CAST(coalesce(sum(running), 0) AS BIGINT) FROM tenants WHERE tenant = ?",
-                                        {std::string_view(tenant)}));
+      PLANISH_ASSIGN_OR_RETURN(
+          const SqlRows rows, sql_.Run("SELECT CAST(coalesce(sum(running), 0) AS BIGINT) FROM tenants WHERE tenant = ?",
+                                       {std::string_view(tenant)}));
       accounts_.tenants[tenant].running = rows.Int(0, 0);
       counted_.insert(tenant);
     }
@@ -146,9 +147,8 @@ class Claimer {
     WorkRow& row = work.row;
     ++row.attempt;
     row.owner = request_.owner;
-    row.lease_until = request_.lease == absl::InfiniteDuration()
-                          ? std::numeric_limits<std::int64_t>::max()
-                          : now_ + absl::ToInt64Nanoseconds(request_.lease);
+    row.lease_until = request_.lease == absl::InfiniteDuration() ? std::numeric_limits<std::int64_t>::max()
+                                                                 : now_ + absl::ToInt64Nanoseconds(request_.lease);
     row.start_time = now_;
     row.share = std::llround(share * 1e6);
     row.charge = ChargeFor(absl::Nanoseconds(row.run_time) * request_.seconds_factor, share);

@@ -19,9 +19,8 @@ std::int64_t OverShare(double nanoseconds, double share) {
 
 // What the work that runs took so far.
 double Elapsed(const TenantAccount& account, absl::Time now) {
-  const double milliseconds =
-      static_cast<double>(account.running) * static_cast<double>(absl::ToUnixMillis(now)) -
-      static_cast<double>(account.started);
+  const double milliseconds = static_cast<double>(account.running) * static_cast<double>(absl::ToUnixMillis(now)) -
+                              static_cast<double>(account.started);
   return std::max(milliseconds, 0.0) * 1e6;
 }
 

@@ -10,8 +10,9 @@
 //                work
 // The next work is that of the tenant with the least Start(t) of those that have work waiting and may run one more. A
 // tenant that had nothing waiting begins at max(Start(t), v), and so does one that its own limit of running work kept
-// back: neither earns it anything, and what it took while others waited is remembered. Since v <= Received(t) < Start(t) for whoever got the last worker, a tenant that comes
-// is ahead of one that has been served all the time, however much work that one has waiting.
+// back: neither earns it anything, and what it took while others waited is remembered. Since v <= Received(t) <
+// Start(t) for whoever got the last worker, a tenant that comes is ahead of one that has been served all the time,
+// however much work that one has waiting.
 //
 // Within a tenant: by age and priority (QueueTime).
 #pragma once
@@ -64,11 +65,11 @@ bool MayRunMore(const TenantLimits& limits, std::int64_t running);
 
 // How much may wait.
 struct QueueLimits {
-  int tenant_jobs = 64;                            // pieces of work of one tenant
-  int total_jobs = 1024;                           // of all tenants
+  int tenant_jobs = 64;                              // pieces of work of one tenant
+  int total_jobs = 1024;                             // of all tenants
   std::int64_t total_bytes = std::int64_t{1} << 30;  // of the meshes that wait
-  double share = 1;                                // of the tenant
-  int workers = 0;  // that take work at once if they are idle: as many more may wait
+  double share = 1;                                  // of the tenant
+  int workers = 0;                                   // that take work at once if they are idle: as many more may wait
 };
 
 enum class Room {

@@ -111,35 +111,36 @@ struct QueueState {
 };
 
 struct NewJob {
-  // QUEUED, with a new name; `number`, `work` and the lease are the store's, and so is Job.create_time unless it is set.
+  // QUEUED, with a new name; `number`, `work` and the lease are the store's, and so is Job.create_time unless it is
+  // set.
   JobRecord record;
-  absl::Duration run_time;     // that its work is expected to take; 0: not known
+  absl::Duration run_time;            // that its work is expected to take; 0: not known
   std::optional<QueueLimits> limits;  // for work that nobody shares; empty: none
-  std::vector<BlobRow> blobs;  // small ones that it refers to
+  std::vector<BlobRow> blobs;         // small ones that it refers to
   // Record of a job with the same work key whose result it gets if that is still kept; empty: none.
   std::string result_of;
 };
 
 struct AcceptedChange {
-  bool created = false;  // false: `change.record` is a job that was there, with the same name or request id
-  bool shares = false;   // created, and has the work or the result of another job
+  bool created = false;    // false: `change.record` is a job that was there, with the same name or request id
+  bool shares = false;     // created, and has the work or the result of another job
   Room room = Room::kYes;  // any other: there was no room, nothing has changed, and `change` is empty
-  JobChange change;      // QUEUED, and then RUNNING or SUCCEEDED if it joined running work or got a result
+  JobChange change;        // QUEUED, and then RUNNING or SUCCEEDED if it joined running work or got a result
 };
 
 struct ClaimRequest {
-  std::string owner;              // not empty
-  absl::Duration lease;           // how long, unless renewed
-  int most = 1;                   // pieces of work
-  std::int64_t memory_bytes = 0;  // that all work of this owner may reserve together; 0: any
-  std::string work;               // this one only, whosever turn it is, and not whatever is next
+  std::string owner;                           // not empty
+  absl::Duration lease;                        // how long, unless renewed
+  int most = 1;                                // pieces of work
+  std::int64_t memory_bytes = 0;               // that all work of this owner may reserve together; 0: any
+  std::string work;                            // this one only, whosever turn it is, and not whatever is next
   TenantLimitsSource tenant_limits = nullptr;  // null: the defaults for everybody
   double seconds_factor = 1;                   // what work takes over what was expected of it, lately
 };
 
 struct ClaimedWork {
   Lease lease;
-  absl::Duration run_time;      // NewJob::run_time
+  absl::Duration run_time;  // NewJob::run_time
   std::int64_t memory_bytes = 0;
   Wish wish = Wish::kGoOn;
   std::vector<JobChange> jobs;  // all of its jobs, at least one, which are RUNNING now
@@ -155,14 +156,14 @@ struct AttemptOutcome {
 
   std::vector<v1::Progress> progress;  // that was not reported before
   google::rpc::Status status;          // what the worker says: OK, CANCELLED, or an error
-  v1::Report report;           // with OK
-  v1::UvDescription uv;        // likewise
-  std::optional<Loss> loss;    // the worker is gone, and said nothing
-  std::vector<BlobRow> blobs;  // small ones: the UV
+  v1::Report report;                   // with OK
+  v1::UvDescription uv;                // likewise
+  std::optional<Loss> loss;            // the worker is gone, and said nothing
+  std::vector<BlobRow> blobs;          // small ones: the UV
 };
 
 struct StoreNews {
-  bool work = false;              // there may be work to claim
+  bool work = false;               // there may be work to claim
   bool everything = false;         // anything may have changed: messages were lost
   bool local = false;              // a verb of this very object did it
   std::vector<std::string> jobs;   // names of those with new events
@@ -224,16 +225,17 @@ class JobStore {
 
   // ---- verbs of those who run work
 
-  // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps those
-  // behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was lost
-  // with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside it.
+  // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps
+  // those behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was
+  // lost with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside
+  // it.
   virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) = 0;
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
   virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
   // Adds progress to the events of all jobs of the work, which get the same; durable later. Of the progress of long
   // work some thousand events are kept, the newest.
   virtual absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
-                              const std::vector<v1::Progress>& progress) = 0;
+                                                        const std::vector<v1::Progress>& progress) = 0;
   // Ends the attempt. Its jobs end, or are queued again after a loss.
   virtual absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
                                                         const AttemptOutcome& outcome) = 0;
@@ -247,9 +249,9 @@ class JobStore {
   // `sole_owner` not empty: its process has the store to itself, so leases of all others are over.
   virtual absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner,
                                                       int most) = 0;
-  // Up to `most` pieces of work with jobs whose time is over: those without callers are cancelled, and their request ids
-  // are free again; those beyond Scheduling.timeout end with DEADLINE_EXCEEDED; those beyond their compute budget are
-  // stopped. As EndEarly() and RequestStop(); the changes of all.
+  // Up to `most` pieces of work with jobs whose time is over: those without callers are cancelled, and their request
+  // ids are free again; those beyond Scheduling.timeout end with DEADLINE_EXCEEDED; those beyond their compute budget
+  // are stopped. As EndEarly() and RequestStop(); the changes of all.
   virtual absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) = 0;
   // SUCCEEDED becomes EXPIRED, and its request id is free again; durable later. No effect on others.
   virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
@@ -285,9 +287,9 @@ class JobStore {
   virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
 
   // Calls `listener` after changes of jobs and of what may be claimed, by any process, on any thread: it must be quick,
-  // and must not call back. Until the subscription is dropped.
+  // and must not call back. Never again once the subscription is dropped.
   using Listener = std::function<void(const StoreNews& news)>;
-  using Subscription = std::shared_ptr<const Listener>;
+  using Subscription = std::shared_ptr<void>;
   [[nodiscard]] virtual Subscription Subscribe(Listener listener) = 0;
 
   // Where verbs put small blobs, for BlobPlaces::rows; null: nowhere, as in memory. Lives as long as the store.

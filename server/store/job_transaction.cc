@@ -309,22 +309,14 @@ absl::StatusOr<bool> JobTransaction::Insert(JobRow* row) {
       "uv_sha256, uv_bytes, record, report, create_time, work, due) "
       "VALUES ({next_number}, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
       "ON CONFLICT DO NOTHING RETURNING number";
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows number, sql_.Run(insert, {std::string_view(job.name()),
-                                                                   std::string_view(job.tenant()),
-                                                                   RequestId(record),
-                                                                   job.state(),
-                                                                   IsTerminal(job.state()) ? 1 : 0,
-                                                                   TimeUtil::TimestampToNanoseconds(job.end_time()),
-                                                                   SqlBytes{record.work_key()},
-                                                                   SqlBytes{record.mesh_sha256()},
-                                                                   SqlBytes{record.seams_sha256()},
-                                                                   SqlBytes{job.uv().uv_sha256()},
-                                                                   job.uv().total_bytes(),
-                                                                   SqlBytes{bytes},
-                                                                   SqlBytes{report},
-                                                                   TimeUtil::TimestampToNanoseconds(job.create_time()),
-                                                                   std::string_view(record.work()),
-                                                                   DueColumn(record)}));
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows number,
+      sql_.Run(insert, {std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record), job.state(),
+                        IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()),
+                        SqlBytes{record.work_key()}, SqlBytes{record.mesh_sha256()}, SqlBytes{record.seams_sha256()},
+                        SqlBytes{job.uv().uv_sha256()}, job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report},
+                        TimeUtil::TimestampToNanoseconds(job.create_time()), std::string_view(record.work()),
+                        DueColumn(record)}));
   if (number.empty()) return false;
   record.set_number(number.Int(0, 0));
   Account(*row, record);
@@ -343,9 +335,10 @@ absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
   static const std::vector<std::string> statements = [] {
     std::vector<std::string> all;
     for (int i = 0; i < 8; ++i) {
-      all.push_back(absl::StrCat("UPDATE jobs SET state = ?, record = ?", (i & 1) != 0 ? ", request_id = NULL" : "",
-                                 (i & 2) != 0 ? ", ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = ?, report = ?" : "",
-                                 (i & 4) != 0 ? ", due = ?" : "", " WHERE number = ?"));
+      all.push_back(
+          absl::StrCat("UPDATE jobs SET state = ?, record = ?", (i & 1) != 0 ? ", request_id = NULL" : "",
+                       (i & 2) != 0 ? ", ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = ?, report = ?" : "",
+                       (i & 4) != 0 ? ", due = ?" : "", " WHERE number = ?"));
     }
     return all;
   }();

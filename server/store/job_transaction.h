@@ -34,9 +34,9 @@ struct JobStanding {
 // A job's row as it was read; `record` may be moved from.
 struct JobRow {
   JobRecord record;
-  JobStanding standing;         // of the record as it was read or saved last
-  bool had_request_id = false;  // when it was read
-  std::int64_t due = 0;         // likewise
+  JobStanding standing;           // of the record as it was read or saved last
+  bool had_request_id = false;    // when it was read
+  std::int64_t due = 0;           // likewise
   std::int64_t result_bytes = 0;  // likewise: TenantAccount::result_bytes
 };
 

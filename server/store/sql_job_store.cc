@@ -49,8 +49,8 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) override {
     AcceptedChange accepted;
-    const absl::Status status =
-        Change(context, Durability::kNow, [&](JobTransaction& transaction) { return AcceptIn(&transaction, job, &accepted); });
+    const absl::Status status = Change(
+        context, Durability::kNow, [&](JobTransaction& transaction) { return AcceptIn(&transaction, job, &accepted); });
     PLANISH_RETURN_IF_ERROR(status);
     return accepted;
   }
@@ -103,8 +103,9 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) override {
     std::vector<ClaimedWork> claimed;
-    const absl::Status status =
-        Change(context, Durability::kNow, [&](JobTransaction& transaction) { return ClaimIn(&transaction, request, &claimed); });
+    const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) {
+      return ClaimIn(&transaction, request, &claimed);
+    });
     PLANISH_RETURN_IF_ERROR(status);
     return claimed;
   }
@@ -114,7 +115,8 @@ class SqlJobStore : public JobStore {
     // In one order everywhere, so that no two wait for each other.
     std::vector<std::size_t> order(leases.size());
     std::iota(order.begin(), order.end(), 0);
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
     const absl::Status status = Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t until, LeaseUntil(&transaction, lease));
       for (const std::size_t i : order) {
@@ -198,22 +200,22 @@ class SqlJobStore : public JobStore {
     };
     return ForWorks(context, works,
                     [&](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
-      JobRecord& record = change->record;
-      if (!is_over(work.before) || !IsLeased(record)) return absl::OkStatus();
-      JobTransaction::SkipReserved(&record);
-      // One without an owner was released by an earlier version of planish.
-      const bool was_lost = !record.owner().empty();
-      if (was_lost) {
-        record.set_crashes(record.crashes() + 1);
-        record.set_server_crashes(record.server_crashes() + 1);
-      }
-      PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change));
-      if (ended) return absl::OkStatus();
-      if (was_lost && record.crashes() >= context.max_attempts) {
-        return transaction.Fail(ServerCrashed(record.job().attempts()), change);
-      }
-      return transaction.Requeue(change);
-    });
+                      JobRecord& record = change->record;
+                      if (!is_over(work.before) || !IsLeased(record)) return absl::OkStatus();
+                      JobTransaction::SkipReserved(&record);
+                      // One without an owner was released by an earlier version of planish.
+                      const bool was_lost = !record.owner().empty();
+                      if (was_lost) {
+                        record.set_crashes(record.crashes() + 1);
+                        record.set_server_crashes(record.server_crashes() + 1);
+                      }
+                      PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change));
+                      if (ended) return absl::OkStatus();
+                      if (was_lost && record.crashes() >= context.max_attempts) {
+                        return transaction.Fail(ServerCrashed(record.job().attempts()), change);
+                      }
+                      return transaction.Requeue(change);
+                    });
   }
 
   absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) override {
@@ -360,8 +362,8 @@ class SqlJobStore : public JobStore {
     const absl::Status status = Change(context, durability, [&](JobTransaction& transaction) -> absl::Status {
       changes.clear();
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction.LockWork(lease.work));
-      const bool holds = work.has_value() && work->row.running && work->row.owner == lease.owner &&
-                         work->row.attempt == lease.attempt;
+      const bool holds =
+          work.has_value() && work->row.running && work->row.owner == lease.owner && work->row.attempt == lease.attempt;
       if (!holds) return LeaseLost(lease);
       PLANISH_RETURN_IF_ERROR(transaction.PutBlobs(blobs));
       return ForJobs(&transaction, &*work, body, &changes);
@@ -371,10 +373,17 @@ class SqlJobStore : public JobStore {
   }
 
   // All jobs of all `works`, in one transaction; those that the body leaves without an event are not among the changes.
-  absl::StatusOr<std::vector<JobChange>> ForWorks(
-      const VerbContext& context, const std::function<absl::StatusOr<SqlRows>(JobTransaction&)>& works,
-      const OnJob& body) {
+  absl::StatusOr<std::vector<JobChange>> ForWorks(const VerbContext& context,
+                                                  const std::function<absl::StatusOr<SqlRows>(JobTransaction&)>& works,
+                                                  const OnJob& body) {
     std::vector<JobChange> changes;
+    {
+      // Mostly there is nothing to do, which takes no transaction.
+      PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+      JobTransaction look(connection.get(), &context, &clock_);
+      PLANISH_ASSIGN_OR_RETURN(const SqlRows names, works(look));
+      if (names.empty()) return changes;
+    }
     const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) -> absl::Status {
       changes.clear();
       PLANISH_ASSIGN_OR_RETURN(const SqlRows names, works(transaction));

@@ -42,7 +42,8 @@ class AccountChanges {
   bool work_ended_ = false;
 };
 
-// Of all tenants that have something waiting or running or received something, and where `all`, of all that have records.
+// Of all tenants that have something waiting or running or received something, and where `all`, of all that have
+// records.
 absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all = false);
 
 }  // namespace planish

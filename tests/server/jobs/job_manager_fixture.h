@@ -130,7 +130,8 @@ class JobManagerTest : public ::testing::Test {
   }
   void Succeed(const std::string& name, const std::string& uv = "uv") { Report(name, Success(uv), uv); }
   void Lose(const std::string& name) {
-    manager_->source()->ReportLost(name, attempt_, {"WORKER_CRASHED", "the worker was killed", {{"signal", "SIGSEGV"}}});
+    manager_->source()->ReportLost(name, attempt_,
+                                   {"WORKER_CRASHED", "the worker was killed", {{"signal", "SIGSEGV"}}});
   }
 
   // Creates a job and brings it to its end.

@@ -268,7 +268,8 @@ TEST_F(JobTenantsTest, RunningJobsOfATenant) {
   EXPECT_EQ(Take(), first);
   EXPECT_EQ(Take(), bobs);
   JobAssignment none;
-  EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &none), Turn::kNothing) << "a worker is free, but not for ann";
+  EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &none), Turn::kNothing)
+      << "a worker is free, but not for ann";
   Succeed(first);
   EXPECT_EQ(Take(), second);
 }
@@ -296,7 +297,8 @@ TEST_F(JobTenantsTest, AJobThatWaitsForMemoryIsOvertakenOnlyUntilOthersHadAsMuch
     while (manager_->source()->TakeNext(absl::ZeroDuration(), &next) == Turn::kWork)
       running.emplace_back(next.name, next.attempt);
     now_ += absl::Seconds(10);
-    for (const auto& [name, attempt] : running) manager_->source()->ReportResult(name, attempt, Success("uv"), *Blob::Copy("uv"));
+    for (const auto& [name, attempt] : running)
+      manager_->source()->ReportResult(name, attempt, Success("uv"), *Blob::Copy("uv"));
     running.clear();
   }
   EXPECT_LE(rounds, 3);
