@@ -1,6 +1,7 @@
 // A database whose connection dies when a test says.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <string>
@@ -48,7 +49,7 @@ class FailingConnection : public SqlConnection {
 
  private:
   absl::Status Try(const std::function<absl::Status()>& body) {
-    const bool fails = ++fault_.count == fault_.at;
+    const bool fails = std::atomic_ref(fault_.count).fetch_add(1) + 1 == fault_.at;  // crowds have several connections
     if (fails && fault_.answers) dead_ = true;
     if (dead_) return StoreUnavailable("the connection died");
     const absl::Status status = body();
