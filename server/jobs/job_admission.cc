@@ -117,8 +117,14 @@ absl::Status JobAdmission::QueueFull(const std::string& tenant, Room room) const
 }
 
 absl::Status JobAdmission::CheckRoom(const std::string& tenant, std::int64_t mesh_bytes) const {
+  const QueueLimits limits = LimitsOf(tenant);
+  // Mostly there was room a moment ago.
+  PLANISH_ASSIGN_OR_RETURN(const Room before, AskForecast<Room>([&](QueueForecast* forecast) {
+                             return RoomFor(forecast->accounts(), limits, tenant, mesh_bytes);
+                           }));
+  if (before == Room::kYes) return absl::OkStatus();
   PLANISH_ASSIGN_OR_RETURN(const FairAccounts accounts, context_.store.Accounts());
-  const Room room = RoomFor(accounts, LimitsOf(tenant), tenant, mesh_bytes);
+  const Room room = RoomFor(accounts, limits, tenant, mesh_bytes);
   return room == Room::kYes ? absl::OkStatus() : QueueFull(tenant, room);
 }
 
@@ -243,7 +249,7 @@ absl::StatusOr<AcceptedJob> JobAdmission::AnswerKnown(const Caller& caller, cons
 absl::StatusOr<AcceptedJob> JobAdmission::AnswerNew(const JobRequest& request, AcceptedChange accepted,
                                                     std::shared_ptr<JobEventLog> events, const StoredBlobPtr& uv) {
   JobChange& change = accepted.change;
-  const std::string& name = change.record.job().name();
+  const std::string name = change.record.job().name();
   const bool has_result = IsTerminal(change.record.job().state());
   // First what it is accepted as, then what has become of it.
   v1::Job* const first = change.events.front().mutable_job();
@@ -262,8 +268,10 @@ absl::StatusOr<AcceptedJob> JobAdmission::AnswerNew(const JobRequest& request, A
   feed_.NoteNumber(name, change.record.number());
   answer.events = std::move(events);
   if (request.attached && !has_result) answer.attachment = callers_.Attach(name, /*known=*/true);
-  feed_.Tell({change}, uv);
-  retention_.NoteEnds({change});
+  std::vector<JobChange> changes;
+  changes.push_back(std::move(change));
+  feed_.Tell(changes, uv);
+  if (has_result) retention_.NoteEnds(changes);
   return answer;
 }
 

@@ -28,16 +28,15 @@ QueueForecast::QueueForecast(QueueState state, const TenantLimitsSource& limits,
   for (const WorkRow& work : state_.works) {
     Tenant& tenant = tenants_.try_emplace(work.tenant, NewTenant(work.tenant, limits)).first->second;
     (work.running ? tenant.running : tenant.waiting).push_back(&work);
+    names_.insert(work.name);
     if (work.running) ++running_;
   }
   for (auto& [name, tenant] : tenants_) std::sort(tenant.waiting.begin(), tenant.waiting.end(), IsBefore);
 }
 
 void QueueForecast::Add(const WorkRow& work) {
+  if (!names_.insert(work.name).second) return;
   Tenant& tenant = tenants_.try_emplace(work.tenant, NewTenant(work.tenant, limits_)).first->second;
-  for (const WorkRow* known : tenant.waiting) {
-    if (known->name == work.name) return;
-  }
   const WorkRow* const added = &added_.emplace_back(work);
   tenant.waiting.insert(std::upper_bound(tenant.waiting.begin(), tenant.waiting.end(), added, IsBefore), added);
 }

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "server/access/tenant.h"
@@ -22,6 +23,9 @@ class QueueForecast {
 
   QueueForecast(QueueForecast&&) = default;
   QueueForecast& operator=(QueueForecast&&) = default;
+
+  // As they were, without what was added.
+  const FairAccounts& accounts() const { return state_.accounts; }
 
   // Counts work that has come since. No effect if it is known.
   void Add(const WorkRow& work);
@@ -70,6 +74,7 @@ class QueueForecast {
 
   QueueState state_;
   std::list<WorkRow> added_;
+  std::unordered_set<std::string> names_;  // of the work in both
   TenantLimitsSource limits_;
   int workers_ = 1;
   double factor_ = 1;
