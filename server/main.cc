@@ -25,6 +25,7 @@
 #include "grpc/grpc.h"
 #include "grpc/support/log.h"
 #include "server/admin.h"
+#include "server/blobs/blob_catalog.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
 #include "server/front_door.h"
@@ -387,8 +388,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   NoWorkers no_workers;
   pool_options.on_none_ready = [&no_workers, &events](const absl::Status& last) { no_workers.Set(last, &events); };
   monitoring.Hook(&pool_options);
-  auto pool =
-      std::make_unique<WorkerPool>(&manager, NewWorkers(flags, worker_output->write_fd()), std::move(pool_options));
+  auto pool = std::make_unique<WorkerPool>(manager.source(), NewWorkers(flags, worker_output->write_fd()),
+                                           std::move(pool_options));
   auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());

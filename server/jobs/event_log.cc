@@ -3,31 +3,21 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/store/lifecycle.h"
+
 namespace planish {
 
-void JobEventLog::Restore(v1::JobEvent event, std::int64_t reserved) {
+void JobEventLog::Restore(v1::JobEvent event, StoredBlobPtr uv) {
   const std::lock_guard lock(mutex_);
-  last_sequence_ = std::max(event.sequence(), reserved);
-  Hold(std::move(event));
+  if (!ended_ && event.sequence() > last_sequence_) Hold(std::move(event), std::move(uv));
 }
 
-std::int64_t JobEventLog::Append(v1::JobEvent event) {
+bool JobEventLog::Append(v1::JobEvent event, StoredBlobPtr uv) {
   const std::lock_guard lock(mutex_);
-  return ended_ ? 0 : AppendLocked(std::move(event));
-}
-
-std::int64_t JobEventLog::AppendLast(v1::JobEvent event, StoredBlobPtr uv) {
-  const std::lock_guard lock(mutex_);
-  if (ended_) return 0;
-  ended_ = true;
-  uv_ = std::move(uv);
-  return AppendLocked(std::move(event));
-}
-
-void JobEventLog::End(StoredBlobPtr uv) {
-  const std::lock_guard lock(mutex_);
-  ended_ = true;
-  uv_ = std::move(uv);
+  if (ended_ || event.sequence() <= last_sequence_) return true;
+  if (event.sequence() != last_sequence_ + 1) return false;
+  Hold(std::move(event), std::move(uv));
+  return true;
 }
 
 void JobEventLog::Interrupt(const absl::Status& status) {
@@ -37,13 +27,12 @@ void JobEventLog::Interrupt(const absl::Status& status) {
   status_ = status;
 }
 
-std::int64_t JobEventLog::AppendLocked(v1::JobEvent event) {
-  event.set_sequence(++last_sequence_);
-  Hold(std::move(event));
-  return last_sequence_;
-}
-
-void JobEventLog::Hold(v1::JobEvent event) {
+void JobEventLog::Hold(v1::JobEvent event, StoredBlobPtr uv) {
+  last_sequence_ = event.sequence();
+  if (event.has_job() && IsTerminal(event.job().state())) {
+    ended_ = true;
+    uv_ = std::move(uv);
+  }
   events_.push_back(std::move(event));
   if (events_.size() <= capacity_) return;
   const auto oldest =
@@ -81,6 +70,11 @@ JobEventLog::Read JobEventLog::ReadAfter(std::int64_t after) const {
 std::int64_t JobEventLog::last_sequence() const {
   const std::lock_guard lock(mutex_);
   return last_sequence_;
+}
+
+bool JobEventLog::ended() const {
+  const std::lock_guard lock(mutex_);
+  return ended_;
 }
 
 StoredBlobPtr JobEventLog::uv() const {

@@ -17,12 +17,11 @@
 
 namespace planish {
 
-// A bounded ring of events with ascending numbers: 1, 2, 3, ... unless the log was taken over from another process.
-// When it is full the oldest progress event goes; changes of state stay, there are only a handful. The writer never
-// waits for a reader.
+// A bounded ring of a job's events in the order of the sequences that the store gave them. The event with a terminal
+// state is the last one. When it is full the oldest progress event goes; changes of state stay, there are only a
+// handful. The writer never waits for a reader.
 //
-// Thread-safe. Append and Notify are separate so that a writer can append under its own lock and wake readers,
-// who may call back into it, after it let go.
+// Thread-safe.
 class JobEventLog {
  public:
   // A live subscription; dropping it ends it.
@@ -37,18 +36,12 @@ class JobEventLog {
   // `capacity`: events held at most, unless changes of state alone are more.
   explicit JobEventLog(std::size_t capacity) : capacity_(capacity) {}
 
-  // Takes over an event that has its sequence, above all others. Later ones are numbered from `reserved` + 1 on at the
-  // least.
-  void Restore(v1::JobEvent event, std::int64_t reserved);
+  // Takes over an event of the store, which has its sequence, if it is newer than all there are: whoever calls has all
+  // between. `uv` with the final one: the job's result or null.
+  void Restore(v1::JobEvent event, StoredBlobPtr uv = nullptr);
 
-  // Adds an event and returns its sequence. Ignored, and 0, after the end.
-  std::int64_t Append(v1::JobEvent event);
-
-  // Adds the final event; `uv` is the job's result or null.
-  std::int64_t AppendLast(v1::JobEvent event, StoredBlobPtr uv);
-
-  // The end after a Restore() of the final event.
-  void End(StoredBlobPtr uv);
+  // Takes over an event if it is the next one. False, and nothing has changed, if one before it is missing.
+  bool Append(v1::JobEvent event, StoredBlobPtr uv = nullptr);
 
   // Ends the log though not the job: readers get `status`, which must not be OK, after what there is.
   void Interrupt(const absl::Status& status);
@@ -63,6 +56,8 @@ class JobEventLog {
   // Of the newest event; 0: none.
   std::int64_t last_sequence() const;
 
+  bool ended() const;
+
   // Null before the last event, and for a job that did not succeed.
   StoredBlobPtr uv() const;
 
@@ -71,9 +66,8 @@ class JobEventLog {
   [[nodiscard]] Subscription Subscribe(std::function<void()> wake) const;
 
  private:
-  // Both require mutex_.
-  std::int64_t AppendLocked(v1::JobEvent event);
-  void Hold(v1::JobEvent event);
+  // Requires mutex_.
+  void Hold(v1::JobEvent event, StoredBlobPtr uv);
 
   const std::size_t capacity_;
 

@@ -1,16 +1,17 @@
 #include "server/jobs/job_manager.h"
 
 #include <algorithm>
+#include <chrono>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
-#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/jobs/page_token.h"
-#include "server/link/duration.h"
 #include "server/link/rpc_status.h"
+#include "server/store/lifecycle.h"
 
 namespace planish {
 namespace {
@@ -21,6 +22,9 @@ constexpr int kMaxPageSize = 1000;
 // ends. Clients take messages of 4 MiB unless they ask for more.
 constexpr int kMaxFullPageSize = 50;
 constexpr std::size_t kFullPageBytes = std::size_t{2} << 20;
+
+// Pieces of work that a transaction ends or takes over.
+constexpr int kSlice = 100;
 
 absl::Status ResultExpired(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
@@ -35,21 +39,11 @@ absl::Status JobNotFinished(const v1::Job& job, const std::string& advice) {
 
 }  // namespace
 
-JobAttachment& JobAttachment::operator=(JobAttachment&& other) noexcept {
-  Release();
-  manager_ = std::exchange(other.manager_, nullptr);
-  name_ = std::move(other.name_);
-  return *this;
+absl::Time SteadyNow() {
+  return absl::UnixEpoch() + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
 }
 
-void JobAttachment::Release(bool for_good) {
-  if (JobManager* manager = std::exchange(manager_, nullptr); manager != nullptr) manager->Abandon(name_, for_good);
-}
-
-JobManager::Wakeups::~Wakeups() {
-  for (const auto& log : logs) log->Notify();
-  if (on_idle) on_idle();
-}
+// ---- beginning
 
 absl::StatusOr<std::unique_ptr<JobManager>> JobManager::Open(JobManagerOptions options, JobStore* store,
                                                              BlobCatalog* blobs) {
@@ -59,248 +53,96 @@ absl::StatusOr<std::unique_ptr<JobManager>> JobManager::Open(JobManagerOptions o
 }
 
 JobManager::JobManager(JobManagerOptions options, JobStore* store, BlobCatalog* blobs)
-    : options_(std::move(options)),
-      instance_(options_.new_id()),
-      blobs_(blobs),
-      store_(store),
-      queue_({options_.workers, options_.limits.queue_capacity, options_.queue_total, options_.max_queued_bytes,
-              options_.tenant_limits}) {}
+    : context_(std::move(options), store, blobs),
+      feed_(&context_),
+      callers_(&context_),
+      retention_(&context_),
+      runner_(&context_, &feed_, &retention_, context_.options.new_id()),
+      admission_(&context_, &feed_, &callers_, &retention_, [this] { return runner_.seconds_factor(); }) {
+  context_.on_due = [this] { EndOverdue(); };
+  context_.on_end = [this] { CheckIdle(); };
+}
 
-absl::StatusOr<JobNeeds> JobManager::NeedsOf(std::string_view mesh, std::optional<std::int64_t> array_vertices,
-                                             std::int64_t mesh_bytes, v1::MeshSize size,
-                                             const v1::UnwrapOptions& options) const {
-  if (array_vertices.has_value()) {
-    size = SizeOfArrays(mesh.size(), *array_vertices);
-    mesh = {};  // no Draco file
+absl::Status JobManager::Recover() {
+  if (context_.store.is_shared()) return absl::OkStatus();  // leases end by themselves
+  // A server that ended in order has released what it ran. Whoever dies without that may have died of the job.
+  for (;;) {
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<JobChange> lost,
+                             context_.store.Reap(context_.Verb(), runner_.owner(), kSlice));
+    if (lost.empty()) break;
+    feed_.Tell(lost);
   }
-  JobNeeds needs;
-  if (options_.estimate != nullptr) {
-    PLANISH_ASSIGN_OR_RETURN(needs, options_.estimate(mesh, mesh_bytes, size, options));
+  PLANISH_ASSIGN_OR_RETURN(const std::vector<JobRecord> records, context_.store.Unfinished());
+  std::vector<std::string> attached;
+  for (const JobRecord& record : records) {
+    PLANISH_RETURN_IF_ERROR(RecoverJob(record));
+    if (record.attached()) attached.push_back(record.job().name());
   }
-  if (needs.size.triangles() > options_.max_triangles) {
-    return MakeError(
-        absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
-        absl::StrCat("the mesh says that it has ", needs.size.triangles(), " triangles; this server takes at most ",
-                     options_.max_triangles),
-        {{"triangles", absl::StrCat(needs.size.triangles())}, {"limit", absl::StrCat(options_.max_triangles)}});
+  const absl::Time until = context_.options.clock() + context_.Limits().reattach_grace;
+  if (!attached.empty()) PLANISH_RETURN_IF_ERROR(context_.store.SetCallersUntil(attached, until));
+  retention_.Open();
+  return absl::OkStatus();
+}
+
+absl::Status JobManager::RecoverJob(const JobRecord& record) {
+  const v1::Job& job = record.job();
+  const auto fail = [&](const absl::Status& error, bool forget) -> absl::Status {
+    PLANISH_ASSIGN_OR_RETURN(const JobChange change,
+                             context_.store.Fail(context_.Verb(), job.name(), ToRpcStatus(error), forget));
+    feed_.Tell({change});
+    return absl::OkStatus();
+  };
+  const absl::StatusOr<std::vector<BlobPtr>> blobs = runner_.LoadBlobs(record);
+  // Its request id is free: a caller that has the mesh sends it again, for a new job.
+  if (absl::IsNotFound(blobs.status()) || absl::IsDataLoss(blobs.status())) {
+    return fail(JobRunner::MeshLost(blobs.status()), /*forget=*/true);
   }
-  if (needs.memory_bytes > options_.memory_bytes) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "MEMORY_LIMIT",
-                     absl::StrCat("a mesh of ", needs.size.triangles(), " triangles may need ", needs.memory_bytes,
-                                  " bytes of memory; this server has ", options_.memory_bytes, " for all its jobs"),
-                     {{"bytes", absl::StrCat(needs.memory_bytes)}, {"limit", absl::StrCat(options_.memory_bytes)}});
-  }
-  return needs;
+  PLANISH_RETURN_IF_ERROR(blobs.status());
+  std::optional<std::int64_t> array_vertices;
+  if (record.has_array_vertices()) array_vertices = record.array_vertices();
+  const absl::Status needs =
+      admission_.NeedsOf(blobs->front()->bytes(), array_vertices, job.mesh_bytes(), v1::MeshSize(), job.options())
+          .status();
+  return needs.ok() ? absl::OkStatus() : fail(needs, /*forget=*/false);
+}
+
+// ---- callers
+
+absl::Status JobManager::Draining() const {
+  if (!draining_) return absl::OkStatus();
+  const char* const why = ending_ ? "the server is shutting down and takes no new jobs"
+                                  : "an operator drains the server: it takes no new jobs for now";
+  return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING", why), context_.options.retry_delay);
 }
 
 absl::StatusOr<AcceptedJob> JobManager::Create(const Caller& caller, JobRequest request) {
-  absl::StatusOr<AcceptedJob> accepted = Accept(caller, std::move(request));
-  if (accepted.ok()) return accepted;
-  const std::lock_guard lock(mutex_);
-  ++calls_[caller.tenant].refused;
-  ++refused_by_reason_[ErrorInfoOf(accepted.status()).reason];
-  return accepted;
+  return admission_.Create(caller, std::move(request), Draining());
 }
 
-absl::StatusOr<AcceptedJob> JobManager::Accept(const Caller& caller, JobRequest request) {
-  PLANISH_RETURN_IF_ERROR(ValidateJobRequest(request, options_.max_mesh_bytes, options_.validate_options));
-  PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs, NeedsOf(request.Mesh(), request.array_vertices, request.MeshBytes(),
-                                                         v1::MeshSize(), request.options));
-  if (request.mesh_sha256.empty()) request.mesh_sha256 = Sha256(request.Mesh());
-  const std::string corners = PackCorners(request);
-  const std::string corners_sha256 = corners.empty() ? std::string() : Sha256(corners);
-  const std::string work_key = WorkKey(caller.tenant, request, request.mesh_sha256, corners_sha256);
-  {
-    const std::lock_guard lock(mutex_);
-    PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(caller, request, work_key));
-    if (known.has_value()) return *std::move(known);
-  }
-  // Outside the lock: the mesh may be large and the disk slow. Held until the record refers to them.
-  const absl::StatusOr<StoredBlobPtr> mesh = PutBlob(caller.tenant, request.Mesh(), request.mesh_sha256);
-  const absl::StatusOr<StoredBlobPtr> seams =
-      corners.empty() ? StoredBlobPtr() : PutBlob(caller.tenant, corners, corners_sha256);
-  for (const auto& blob : {mesh, seams}) {
-    if (!blob.ok()) return WithRetryDelay(blob.status(), options_.retry_delay);
-  }
-  const StoredBlobPtr kept_uv = request.scheduling.fresh() ? nullptr : OpenKeptResult(work_key);
-
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  // Until a record needs them.
-  const std::set<BlobId> put = {{caller.tenant, request.mesh_sha256}, {caller.tenant, corners_sha256}};
-  unused_blobs_.insert(put.begin(), put.end());
-  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, Screen(caller, request, work_key));
-  if (known.has_value()) return *std::move(known);
-
-  NewJob job;
-  job.record = NewRecord(caller, request);
-  job.record.set_work_key(work_key);
-  job.record.set_seams_sha256(corners_sha256);
-  job.record.mutable_job()->set_memory_bytes(needs.memory_bytes);
-  job.run_time = absl::Seconds(needs.run_seconds);
-  job.blobs = Pending(caller.tenant, {request.mesh_sha256, corners_sha256});
-  std::optional<KeptResult> result;
-  if (!request.scheduling.fresh()) result = FindResult(work_key);
-  if (result.has_value()) job.result_of = result->record.job().name();
-  absl::StatusOr<AcceptedChange> written = store_->Accept(Context(), job);
-  if (!written.ok()) return WithRetryDelay(written.status(), options_.retry_delay);
-  if (!written->created) return InternalError("two jobs of one name");
-  Committed(job.blobs);
-  for (const BlobId& id : put) unused_blobs_.erase(id);
-
-  // First what it is accepted as, then what has become of it.
-  JobChange& change = written->change;
-  const std::string name = change.record.job().name();
-  Live& live = live_[name];
-  const bool has_result = IsTerminal(change.record.job().state());
-  const bool goes_on = change.events.size() > 1;
-  if (goes_on) {
-    live.record = change.record;
-    *live.record.mutable_job() = change.events.front().job();
-  } else {
-    live.record = std::move(change.record);
-  }
-  live.events = std::make_shared<JobEventLog>(options_.events_per_job);
-  if (!has_result) JoinWork(live, needs);
-  Calls& calls = calls_[caller.tenant];
-  ++calls.accepted;
-  if (written->shares) ++calls.shared;
-  PLANISH_ASSIGN_OR_RETURN(AcceptedJob accepted, Answer(live, request.attached));
-  v1::JobEvent event = std::move(change.events.front());
-  *event.mutable_job() = accepted.job;
-  live.events->Append(std::move(event));
-  if (options_.observer != nullptr) {
-    options_.observer->OnAccepted(live.record.job(), has_result        ? JobOrigin::kKeptResult
-                                                     : written->shares ? JobOrigin::kSharedWork
-                                                                       : JobOrigin::kOwnWork);
-  }
-  if (options_.on_transition) options_.on_transition(live.record.job());
-  StartClocks(live);
-  if (goes_on) {
-    change.events.erase(change.events.begin());
-    if (!has_result) StartBudget(live);
-    Adopt(live, std::move(change), has_result ? std::move(result->uv) : nullptr, &wakeups);
-  }
-  return accepted;
-}
-
-absl::StatusOr<std::optional<AcceptedJob>> JobManager::Screen(const Caller& caller, const JobRequest& request,
-                                                              const std::string& work_key) {
-  PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(caller, request, work_key));
-  if (known.has_value()) return known;
-  if (draining_ || suspended_) {
-    const char* const why = ending_ ? "the server is shutting down and takes no new jobs"
-                                    : "an operator drains the server: it takes no new jobs for now";
-    return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING", why), options_.retry_delay);
-  }
-  absl::Status room = CheckRoom(caller.tenant, request.MeshBytes());
-  if (room.ok()) return std::nullopt;
-  // Only now: a result is read whole to be found.
-  const bool shares =
-      !request.scheduling.fresh() && (FindShared(work_key) != nullptr || FindResult(work_key).has_value());
-  if (!shares) return room;
-  return std::nullopt;
-}
-
-absl::StatusOr<std::optional<AcceptedJob>> JobManager::FindKnown(const Caller& caller, const JobRequest& request,
-                                                                 const std::string& work_key) {
-  if (request.request_id.empty()) return std::nullopt;
-  PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> record,
-                           store_->FindByRequestId(caller.tenant, request.request_id));
-  if (!record.has_value()) return std::nullopt;
-  const std::string& name = record->job().name();
-  if (record->work_key() != work_key) {
-    const bool may_see = caller.MaySee(caller.tenant);
-    std::map<std::string, std::string> metadata;
-    if (may_see) metadata["job"] = name;
-    return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED",
-                     absl::StrCat("the request_id belongs to ", may_see ? name : "a job",
-                                  ", which has another mesh or other options"),
-                     metadata);
-  }
-  if (const auto live = live_.find(name); live != live_.end()) {
-    PLANISH_ASSIGN_OR_RETURN(AcceptedJob answer, Answer(live->second, request.attached));
-    return answer;
-  }
-  AcceptedJob accepted;
-  accepted.job = record->job();
-  PLANISH_ASSIGN_OR_RETURN(accepted.events, LogOfEnded(*record));
-  return accepted;
-}
-
-JobRecord JobManager::NewRecord(const Caller& caller, const JobRequest& request) {
-  JobRecord record;
-  record.set_request_id(request.request_id);
-  record.set_mesh_sha256(request.mesh_sha256);
-  record.set_seam_corners(static_cast<std::int64_t>(request.seam_corners.size()));
-  record.set_uncut_corners(static_cast<std::int64_t>(request.uncut_corners.size()));
-  if (request.array_vertices.has_value()) record.set_array_vertices(*request.array_vertices);
-  record.set_attached(request.attached);
-  record.set_reserved_sequence(kSequenceBlock);
-  record.set_failpoint(request.failpoint);
-  record.set_credential(caller.credential);
-  v1::Job* job = record.mutable_job();
-  job->set_name("jobs/" + options_.new_id());
-  job->set_state(v1::JOB_STATE_QUEUED);
-  job->set_tenant(caller.tenant);
-  job->set_traceparent(caller.traceparent);
-  job->mutable_labels()->insert(request.labels.begin(), request.labels.end());
-  *job->mutable_options() = request.options;
-  *job->mutable_scheduling() = request.scheduling;
-  *job->mutable_create_time() = ToTimestamp(options_.clock());
-  job->set_mesh_bytes(request.MeshBytes());
-  return record;
-}
-
-absl::StatusOr<AcceptedJob> JobManager::Answer(Live& live, bool attached) {
-  if (!attached && live.record.attached()) {
-    absl::StatusOr<JobChange> change = store_->Detach(live.record.job().name());
-    if (!change.ok()) return NotWritten(change.status());
-    live.record = std::move(change->record);
-  }
-  AcceptedJob accepted;
-  accepted.job = Snapshot(live.record);
-  accepted.events = live.events;
-  if (attached) {
-    ++live.attachments;
-    accepted.attachment = JobAttachment(this, live.record.job().name());
-  }
-  return accepted;
-}
-
-v1::Job JobManager::Snapshot(const JobRecord& record) const {
+absl::StatusOr<v1::Job> JobManager::Snapshot(const JobRecord& record) const {
   v1::Job job = record.job();
-  const auto live = live_.find(job.name());
-  if (live == live_.end()) return job;
-  const auto work = works_.find(live->second.work());
-  if (work == works_.end()) return job;
   if (job.state() == v1::JOB_STATE_QUEUED) {
-    job.set_queue_position(queue_.Position(work->first, options_.steady_clock()));
-  } else if (work->second.progress.has_value()) {
-    *job.mutable_progress() = *work->second.progress;
+    PLANISH_ASSIGN_OR_RETURN(const int position, admission_.PositionOf(record));
+    job.set_queue_position(position);
+  } else if (!IsTerminal(job.state())) {
+    PLANISH_ASSIGN_OR_RETURN(std::optional<v1::Progress> progress, context_.store.LastProgress(record.number()));
+    if (progress.has_value()) *job.mutable_progress() = *std::move(progress);
   }
   return job;
 }
 
-absl::StatusOr<JobRecord> JobManager::FindRecord(const std::string& name) const {
-  if (const auto live = live_.find(name); live != live_.end()) return live->second.record;
-  PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> record, store_->Find(name));
+absl::StatusOr<JobRecord> JobManager::Find(const Caller& caller, const std::string& name, bool may_follow) const {
+  PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> record, context_.store.Find(name));
   if (!record.has_value()) return JobNotFound(name);
+  const std::string& tenant = record->job().tenant();
+  const bool follows =
+      may_follow && caller.rights.submit && tenant == caller.tenant && record->credential() == caller.credential;
+  if (!caller.MaySee(tenant) && !follows) return JobNotFound(name);
   return *std::move(record);
 }
 
-absl::StatusOr<JobRecord> JobManager::FindRecord(const Caller& caller, const std::string& name, bool may_follow) const {
-  PLANISH_ASSIGN_OR_RETURN(JobRecord record, FindRecord(name));
-  const std::string& tenant = record.job().tenant();
-  const bool follows =
-      may_follow && caller.rights.submit && tenant == caller.tenant && record.credential() == caller.credential;
-  if (!caller.MaySee(tenant) && !follows) return JobNotFound(name);
-  return record;
-}
-
 absl::StatusOr<v1::Job> JobManager::Get(const Caller& caller, const std::string& name, bool may_follow) const {
-  const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, may_follow));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, Find(caller, name, may_follow));
   return Snapshot(record);
 }
 
@@ -315,7 +157,7 @@ absl::StatusOr<JobPage> JobManager::List(const Caller& caller, const v1::ListJob
   const std::string tenant = caller.rights.all_jobs ? asked_for : caller.tenant;
   query.filter.tenant = tenant;
   query.with_reports = request.view() == v1::JOB_VIEW_FULL;
-  const PageList list = {store_->id(), tenant, request.filter()};
+  const PageList list = {context_.store.id(), tenant, request.filter()};
   PLANISH_ASSIGN_OR_RETURN(query.before_number, DecodePageToken(request.page_token(), list));
   const int most = query.with_reports ? kMaxFullPageSize : kMaxPageSize;
   const int limit = std::min(request.page_size() == 0 ? kDefaultPageSize : request.page_size(), most);
@@ -324,13 +166,13 @@ absl::StatusOr<JobPage> JobManager::List(const Caller& caller, const v1::ListJob
   const bool asks_for_others = !asked_for.empty() && asked_for != tenant;
   if (asks_for_others || (!caller.rights.all_jobs && !caller.MaySee(tenant))) return JobPage();
 
-  const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRecord> records, store_->List(query));
+  PLANISH_ASSIGN_OR_RETURN(const std::vector<JobRecord> records, context_.store.List(query));
   JobPage page;
   std::size_t bytes = 0;
   for (const JobRecord& record : records) {
-    page.jobs.push_back(Snapshot(record));
-    bytes += page.jobs.back().ByteSizeLong();
+    PLANISH_ASSIGN_OR_RETURN(const v1::Job job, Snapshot(record));
+    page.jobs.push_back(job);
+    bytes += job.ByteSizeLong();
     const bool is_full = static_cast<int>(page.jobs.size()) == limit || (query.with_reports && bytes > kFullPageBytes);
     if (is_full && &record != &records.back()) {
       page.next_page_token = EncodePageToken(list, record.number());
@@ -342,64 +184,20 @@ absl::StatusOr<JobPage> JobManager::List(const Caller& caller, const v1::ListJob
 
 absl::StatusOr<WatchedJob> JobManager::Watch(const Caller& caller, const std::string& name, bool attach,
                                              bool include_uv) {
-  const StoredBlobPtr uv = OpenUvOf(caller, name);
-  const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, /*may_follow=*/true));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, Find(caller, name, /*may_follow=*/true));
   WatchedJob watched;
-  if (const auto live = live_.find(name); live != live_.end()) {
-    watched.events = live->second.events;
-    if (attach && live->second.record.attached()) {
-      ++live->second.attachments;
-      watched.attachment = JobAttachment(this, name);
-    }
-    return watched;
+  PLANISH_ASSIGN_OR_RETURN(watched.events, feed_.Open(record));
+  const v1::JobState state = record.job().state();
+  if (!IsTerminal(state) && attach && record.attached()) {
+    watched.attachment = callers_.Attach(name, /*known=*/false);
   }
-  PLANISH_ASSIGN_OR_RETURN(watched.events, LogOfEnded(record));
-  const bool had_uv = record.job().state() == v1::JOB_STATE_SUCCEEDED || record.job().state() == v1::JOB_STATE_EXPIRED;
+  const bool had_uv = state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_EXPIRED;
   if (include_uv && had_uv && watched.events->uv() == nullptr) return ResultExpired(name);
   return watched;
 }
 
-absl::StatusOr<std::shared_ptr<const JobEventLog>> JobManager::LogOfEnded(const JobRecord& record) {
-  const v1::Job& job = record.job();
-  const auto recent = std::find_if(ended_logs_.begin(), ended_logs_.end(),
-                                   [&](const auto& ended) { return ended.first == job.name(); });
-  if (recent != ended_logs_.end() && job.state() != v1::JOB_STATE_EXPIRED) return recent->second;
-
-  PLANISH_ASSIGN_OR_RETURN(std::vector<v1::JobEvent> events, store_->Events(record.number()));
-  auto log = std::make_shared<JobEventLog>(options_.events_per_job);
-  for (v1::JobEvent& event : events) {
-    if (&event == &events.back()) *event.mutable_job() = job;
-    log->Restore(std::move(event), 0);
-  }
-  StoredBlobPtr uv;
-  if (job.state() == v1::JOB_STATE_SUCCEEDED) {
-    absl::StatusOr<StoredBlobPtr> found = blobs_->Find({job.tenant(), job.uv().uv_sha256()});
-    if (found.ok()) uv = *std::move(found);
-    // It is there, and cannot be opened for now.
-    if (absl::IsResourceExhausted(found.status())) return WithRetryDelay(found.status(), options_.retry_delay);
-  }
-  log->End(std::move(uv));
-  return log;
-}
-
-StoredBlobPtr JobManager::OpenUvOf(const Caller& caller, const std::string& name) {
-  if (!blobs_->is_durable()) return nullptr;
-  BlobId id;
-  {
-    const std::lock_guard lock(mutex_);
-    const absl::StatusOr<JobRecord> record = FindRecord(caller, name, /*may_follow=*/true);
-    if (!record.ok() || record->job().state() != v1::JOB_STATE_SUCCEEDED) return nullptr;
-    id = {record->job().tenant(), record->job().uv().uv_sha256()};
-  }
-  absl::StatusOr<StoredBlobPtr> uv = blobs_->Find(id);
-  return uv.ok() ? *std::move(uv) : nullptr;
-}
-
 absl::StatusOr<JobResult> JobManager::OpenResult(const Caller& caller, const std::string& name) {
-  const StoredBlobPtr opened = OpenUvOf(caller, name);
-  const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name, /*may_follow=*/true));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, Find(caller, name, /*may_follow=*/true));
   const v1::Job& job = record.job();
   if (!IsTerminal(job.state())) return JobNotFinished(job, "wait for it");
   if (job.state() == v1::JOB_STATE_EXPIRED) return ResultExpired(name);
@@ -407,95 +205,233 @@ absl::StatusOr<JobResult> JobManager::OpenResult(const Caller& caller, const std
     return MakeError(absl::StatusCode::kFailedPrecondition, "NO_RESULT",
                      absl::StrCat(name, " is ", StateName(job.state()), ": there are no UV"), {{"job", name}});
   }
-  absl::StatusOr<StoredBlobPtr> uv = blobs_->Find({job.tenant(), job.uv().uv_sha256()});
-  if (absl::IsResourceExhausted(uv.status())) return WithRetryDelay(uv.status(), options_.retry_delay);
+  absl::StatusOr<StoredBlobPtr> uv = context_.blobs.Find({job.tenant(), job.uv().uv_sha256()});
+  if (absl::IsResourceExhausted(uv.status())) return WithRetryDelay(uv.status(), context_.options.retry_delay);
   if (!uv.ok()) return ResultExpired(name);
   return JobResult{job.uv(), *std::move(uv)};
 }
 
-absl::Status JobManager::CheckOpen(const Live& live) const {
+absl::StatusOr<v1::Job> JobManager::Change(const Caller& caller, const std::string& name,
+                                           const std::function<absl::StatusOr<JobChange>()>& verb) {
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, Find(caller, name, /*may_follow=*/true));
+  if (IsTerminal(record.job().state())) return Snapshot(record);
   if (suspended_) {
     return WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
                                     "the server is shutting down; the job goes on when it is back"),
-                          options_.retry_delay);
+                          context_.options.retry_delay);
   }
-  if (!unended_.contains(live.work())) return absl::OkStatus();
-  return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
-                                  absl::StrCat("how ", live.record.job().name(), " ended cannot be written for now")),
-                        options_.retry_delay);
-}
-
-absl::Status JobManager::NotWritten(const absl::Status& why) const {
-  if (options_.on_store_error) options_.on_store_error(why);
-  return WithRetryDelay(why, options_.retry_delay);
+  PLANISH_RETURN_IF_ERROR(runner_.CheckWritten(record.work(), name));
+  const absl::StatusOr<JobChange> change = verb();
+  if (!change.ok()) {
+    context_.TellError(change.status());
+    return WithRetryDelay(change.status(), context_.options.retry_delay);
+  }
+  Adopt({*change});
+  return Snapshot(change->record);
 }
 
 absl::StatusOr<v1::Job> JobManager::Cancel(const Caller& caller, const std::string& name) {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
-  if (const auto live = live_.find(name); live != live_.end()) {
-    PLANISH_RETURN_IF_ERROR(EndEarly(live->second, EarlyEnd::kCancel, /*forget=*/false, &wakeups));
-  }
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
-  return Snapshot(record);
+  return Change(caller, name,
+                [&] { return context_.store.EndEarly(context_.Verb(), name, EarlyEnd::kCancel, /*forget=*/false); });
 }
 
 absl::StatusOr<v1::Job> JobManager::Stop(const Caller& caller, const std::string& name) {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  PLANISH_RETURN_IF_ERROR(FindRecord(caller, name, /*may_follow=*/true).status());
-  if (const auto live = live_.find(name); live != live_.end()) {
-    PLANISH_RETURN_IF_ERROR(RequestStop(live->second, &wakeups));
-  }
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(name));
-  return Snapshot(record);
-}
-
-void JobManager::Abandon(const std::string& name, bool for_good) {
-  Wakeups wakeups;
-  const std::lock_guard lock(mutex_);
-  const auto found = live_.find(name);
-  if (found == live_.end()) return;
-  Live& live = found->second;
-  if (--live.attachments > 0 || !live.record.attached() || suspended_) return;
-  live.orphaned = for_good ? absl::InfinitePast() : options_.clock();
-  const absl::Time now = options_.clock();
-  if (!for_good) SetAlarm(live, now + options_.limits.reattach_grace);
-  CheckClocks(name, now, &wakeups);
+  return Change(caller, name, [&] { return context_.store.RequestStop(context_.Verb(), name); });
 }
 
 absl::Status JobManager::Delete(const Caller& caller, const std::string& name) {
-  const std::lock_guard lock(mutex_);
-  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, FindRecord(caller, name));
+  PLANISH_ASSIGN_OR_RETURN(const JobRecord record, Find(caller, name));
   if (!IsTerminal(record.job().state())) return JobNotFinished(record.job(), "cancel it first");
-  return Forget(record);
+  return retention_.Forget(record);
 }
 
 absl::StatusOr<v1::JobEstimate> JobManager::Estimate(const Caller& caller, const JobRequest& request,
                                                      std::int64_t mesh_bytes, const v1::MeshSize& size) const {
-  if (request.Mesh().empty() && size.triangles() <= 0) {
-    return MakeError(absl::StatusCode::kInvalidArgument, "MESH_MISSING",
-                     "neither the mesh nor its number of triangles is given", {{"field", "mesh"}});
+  return admission_.Estimate(caller, request, mesh_bytes, size);
+}
+
+int JobManager::QueueCapacity(const Caller& caller) const {
+  return admission_.LimitsOf(caller.tenant).tenant_jobs;
+}
+
+// ---- operators
+
+void JobManager::SetLimits(const JobLimits& limits) {
+  context_.SetLimits(limits);
+  retention_.NoteLimits();
+}
+
+bool JobManager::MakeRoom(const std::string& tenant, std::int64_t bytes) {
+  return !suspended_ && retention_.MakeRoom(tenant, bytes);
+}
+
+ManagerStats JobManager::Stats() const {
+  const JobManagerOptions& options = context_.options;
+  const absl::Time now = options.clock();
+  ManagerStats stats;
+  stats.draining = draining_;
+  stats.workers = options.workers;
+  stats.queue_total = options.queue_total;
+  stats.memory_bytes = options.memory_bytes;
+  stats.stored_bytes = context_.blobs.bytes();
+  stats.store_bytes = context_.blobs.max_bytes();
+  std::map<std::string, TenantStats> tenants;
+  admission_.AddCalls(&tenants, &stats.refused_by_reason);
+  if (const absl::StatusOr<QueueState> queue = context_.store.Queue(); queue.ok()) {
+    for (const WorkRow& work : queue->works) {
+      if (!work.running) ++stats.queued_work;
+      if (!work.running || work.owner != runner_.owner()) continue;
+      ++stats.running_work;
+      stats.reserved_memory_bytes += work.memory_bytes;
+    }
   }
-  PLANISH_RETURN_IF_ERROR(CheckOptions(request.options, options_.validate_options));
-  if (mesh_bytes <= 0) mesh_bytes = request.MeshBytes();
-  v1::JobEstimate estimate;
-  absl::StatusOr<JobNeeds> needs = NeedsOf(request.Mesh(), request.array_vertices, mesh_bytes, size, request.options);
-  if (!needs.ok() && needs.status().code() == absl::StatusCode::kInvalidArgument) return needs.status();
-  if (!needs.ok()) {
-    *estimate.mutable_refusal() = ToRpcStatus(needs.status());
-    return estimate;
+  if (const absl::StatusOr<JobTotals> totals = context_.store.Totals(); totals.ok()) {
+    for (const auto& [tenant, each] : totals->tenants) tenants[tenant].ended_kept = each.ended;
   }
-  *estimate.mutable_size() = needs->size;
-  estimate.set_memory_bytes(needs->memory_bytes);
-  const std::lock_guard lock(mutex_);
-  *estimate.mutable_run_time() = ToDuration(needs->run_seconds * seconds_factor_);
-  *estimate.mutable_queue_time() = ToDuration(queue_.SecondsUntilTurn(caller.tenant, options_.steady_clock()));
-  absl::Status room = CheckRoom(caller.tenant, mesh_bytes);
-  if (mesh_bytes > options_.max_mesh_bytes) room = MeshTooLarge(mesh_bytes, options_.max_mesh_bytes);
-  if (!room.ok()) *estimate.mutable_refusal() = ToRpcStatus(room);
-  return estimate;
+  if (const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished(); jobs.ok()) {
+    for (const JobRecord& record : *jobs) stats.Add(record.job(), now, &tenants[record.job().tenant()]);
+  }
+  for (auto& [name, tenant] : tenants) {
+    tenant.tenant = name;
+    tenant.stored_bytes = context_.blobs.bytes(name);
+    stats.tenants.push_back(std::move(tenant));
+  }
+  return stats;
+}
+
+void ManagerStats::Add(const v1::Job& job, absl::Time now, TenantStats* tenant) {
+  if (job.state() != v1::JOB_STATE_QUEUED) {
+    ++running;
+    ++tenant->running;
+    return;
+  }
+  ++queued;
+  ++tenant->queued;
+  const v1::Priority asked = job.scheduling().priority();
+  WaitingJobs& waiting = tenant->waiting[asked == v1::PRIORITY_UNSPECIFIED ? v1::PRIORITY_NORMAL : asked];
+  ++waiting.jobs;
+  const absl::Time created =
+      absl::FromUnixNanos(google::protobuf::util::TimeUtil::TimestampToNanoseconds(job.create_time()));
+  waiting.longest = std::max(waiting.longest, now - created);
+  oldest_wait = std::max(oldest_wait, waiting.longest);
+}
+
+// ---- upkeep
+
+void JobManager::Adopt(const std::vector<JobChange>& changes) {
+  feed_.Tell(changes);
+  runner_.ObeyWishes();
+  retention_.NoteEnds(changes);
+  CheckIdle();
+}
+
+void JobManager::EndOverdue() {
+  if (suspended_) return;
+  const absl::StatusOr<std::vector<JobChange>> changes = context_.store.EndOverdue(context_.Verb(), kSlice);
+  if (!changes.ok()) return context_.TellError(changes.status());
+  if (!changes->empty()) Adopt(*changes);
+}
+
+void JobManager::Reap() {
+  const absl::StatusOr<std::vector<JobChange>> changes = context_.store.Reap(context_.Verb(), "", kSlice);
+  if (!changes.ok()) return context_.TellError(changes.status());
+  if (!changes->empty()) Adopt(*changes);
+}
+
+void JobManager::Tick() {
+  if (suspended_) return;
+  runner_.Tick();  // first, so that its own leases are not over
+  callers_.Renew();
+  EndOverdue();
+  Reap();
+  feed_.Refresh();
+  retention_.Retain();
+  retention_.CollectBlobs();
+  CheckIdle();
+}
+
+// ---- shutdown
+
+bool JobManager::IsIdle() const {
+  if (context_.store.is_shared()) return runner_.running() == 0;
+  const absl::StatusOr<FairAccounts> accounts = context_.store.Accounts();
+  return accounts.ok() && std::all_of(accounts->tenants.begin(), accounts->tenants.end(), [](const auto& each) {
+           return each.second.waiting == 0 && each.second.running == 0;
+         });
+}
+
+void JobManager::CheckIdle() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (on_idle_ == nullptr) return;
+  }
+  if (!IsIdle()) return;
+  std::function<void()> on_idle;
+  {
+    const std::lock_guard lock(mutex_);
+    on_idle.swap(on_idle_);
+  }
+  if (on_idle) on_idle();
+}
+
+void JobManager::Drain(std::function<void()> on_idle) {
+  draining_ = true;
+  if (on_idle == nullptr) return;
+  ending_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    on_idle_ = std::move(on_idle);
+  }
+  if (context_.store.is_shared()) runner_.Stop();
+  CheckIdle();
+}
+
+absl::Status JobManager::Undrain() {
+  if (ending_ || suspended_) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "SHUTTING_DOWN",
+                     "the server is about to end: that cannot be taken back");
+  }
+  draining_ = false;
+  return absl::OkStatus();
+}
+
+void JobManager::CancelAll() {
+  if (suspended_ || context_.store.is_shared()) return;
+  const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
+  if (!jobs.ok()) return context_.TellError(jobs.status());
+  for (const JobRecord& record : *jobs) {
+    const absl::StatusOr<JobChange> change =
+        context_.store.EndEarly(context_.Verb(), record.job().name(), EarlyEnd::kCancel, /*forget=*/false);
+    change.ok() ? Adopt({*change}) : context_.TellError(change.status());
+  }
+}
+
+void JobManager::FailAll(const absl::Status& error) {
+  draining_ = ending_ = true;
+  if (suspended_ || context_.store.is_shared()) return;
+  const absl::StatusOr<std::vector<JobRecord>> jobs = context_.store.Unfinished();
+  if (!jobs.ok()) return context_.TellError(jobs.status());
+  for (const JobRecord& record : *jobs) {
+    const absl::StatusOr<JobChange> change =
+        context_.store.Fail(context_.Verb(), record.job().name(), ToRpcStatus(error), /*forget=*/false);
+    change.ok() ? Adopt({*change}) : context_.TellError(change.status());
+  }
+}
+
+void JobManager::Suspend() {
+  draining_ = ending_ = suspended_ = true;
+  runner_.Stop();
+  callers_.Suspend();
+  runner_.GiveBack();
+  feed_.Interrupt(WithRetryDelay(MakeError(absl::StatusCode::kUnavailable, "DRAINING",
+                                           "the server is shutting down; the job goes on when it is back"),
+                                 context_.options.retry_delay));
+  std::function<void()> on_idle;
+  {
+    const std::lock_guard lock(mutex_);
+    on_idle.swap(on_idle_);
+  }
+  if (on_idle) on_idle();
 }
 
 }  // namespace planish

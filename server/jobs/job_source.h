@@ -28,7 +28,7 @@ enum class Turn {
   kOver,     // there will be no more
 };
 
-// What WorkerPool needs of JobManager. Thread-safe.
+// What WorkerPool needs of JobRunner. Thread-safe.
 class JobSource {
  public:
   virtual ~JobSource() = default;

@@ -37,7 +37,6 @@ struct ManagerStats {
   int queued_work = 0;   // pieces of work: what queue_total bounds
   int running_work = 0;  // that workers have
   int queue_total = 0;
-  int alarms = 0;        // limits of time of jobs that have not ended
   std::int64_t reserved_memory_bytes = 0;
   std::int64_t memory_bytes = 0;
   std::int64_t stored_bytes = 0;
@@ -45,6 +44,9 @@ struct ManagerStats {
   absl::Duration oldest_wait;    // 0 if none waits
   std::map<std::string, std::int64_t> refused_by_reason;
   std::vector<TenantStats> tenants;  // with jobs, bytes or calls; by name
+
+  // Counts a job that has not ended, `tenant` being that of its tenant.
+  void Add(const v1::Job& job, absl::Time now, TenantStats* tenant);
 };
 
 }  // namespace planish

@@ -68,6 +68,9 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedCh
   JobChange& change = accepted->change;
   change.record = job.record;
   change.record.set_work(asked.name());
+  if (!asked.has_create_time()) {
+    *change.record.mutable_job()->mutable_create_time() = ToTimestamp(transaction->context().now);
+  }
   JobRow row;
   std::optional<JobRecord> result;
   std::optional<LockedWork> others;
@@ -96,24 +99,28 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedCh
     change.events.front().mutable_job()->set_result_of(work.name);
     if (work.running) PLANISH_RETURN_IF_ERROR(transaction->Start({work.name, work.attempt, work.owner}, &change));
   }
-  // A job that is there needs no room.
-  if (!accepted->shares && job.limits.has_value()) {
-    PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> known, Known(&sql, job.record));
-    if (known.has_value()) {
-      *accepted = {false, false, Room::kYes, {*std::move(known), {}}};
-      return absl::OkStatus();
-    }
-    PLANISH_ASSIGN_OR_RETURN(const FairAccounts accounts, ReadAccounts(&sql));
-    const Room room = RoomFor(accounts, *job.limits, asked.tenant(), asked.mesh_bytes());
+  std::optional<FairAccounts> accounts;
+  if (!accepted->shares) {
+    PLANISH_ASSIGN_OR_RETURN(accounts, ReadAccounts(&sql));
+  }
+  if (accounts.has_value() && job.limits.has_value()) {
+    const Room room = RoomFor(*accounts, *job.limits, asked.tenant(), asked.mesh_bytes());
     if (room != Room::kYes) {
-      *accepted = {false, false, room, {}};
+      // A job that is there needs none.
+      PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> known, Known(&sql, job.record));
+      *accepted = known.has_value() ? AcceptedChange{false, false, Room::kYes, {*std::move(known), {}}}
+                                    : AcceptedChange{false, false, room, {}};
       return absl::OkStatus();
     }
   }
   row.record = std::move(change.record);
   PLANISH_ASSIGN_OR_RETURN(accepted->created, transaction->Insert(&row));
   if (accepted->created) {
-    if (!accepted->shares) PLANISH_RETURN_IF_ERROR(transaction->AddWork(row, job.run_time));
+    if (accounts.has_value()) {
+      const double share = job.limits.has_value() ? job.limits->share : 1;
+      PLANISH_RETURN_IF_ERROR(transaction->LiftIn(*accounts, asked.tenant(), share));
+      PLANISH_RETURN_IF_ERROR(transaction->AddWork(row, job.run_time));
+    }
     change.record = std::move(row.record);
     if (others.has_value()) {
       others->jobs.push_back(std::move(row));

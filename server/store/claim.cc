@@ -86,7 +86,7 @@ class Claimer {
     for (const auto& [tenant, account] : accounts_.tenants) {
       const TenantLimits limits = LimitsOf(tenant);
       if (account.waiting <= 0 || passed_by_.contains(tenant) || !MayRunMore(limits, account.running)) continue;
-      const std::int64_t start = std::max(StartOf(account, ShareOf(limits), Now()), accounts_.virtual_time);
+      const std::int64_t start = StartOf(account, ShareOf(limits), Now());
       if (start > least) continue;
       if (start < least) equal.clear();
       least = start;
@@ -115,7 +115,8 @@ class Claimer {
   }
 
   absl::StatusOr<std::optional<WorkRow>> Head(const std::string& sql, const std::string& tenant) {
-    const std::int64_t most = request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
+    const std::int64_t most =
+        request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(tenant), most}));
     if (rows.empty()) return std::nullopt;
     return std::move(WorkRowsOf(rows).front());
@@ -129,9 +130,9 @@ class Claimer {
       PLANISH_ASSIGN_OR_RETURN(const bool is_alone,
                                sql_.Serialize(absl::StrCat("running of ", tenant), /*wait=*/false));
       if (!is_alone) return false;
-      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
-                               sql_.Run("SELECT CAST(coalesce(sum(running), 0) AS BIGINT) FROM tenants WHERE tenant = ?",
-                                        {std::string_view(tenant)}));
+      PLANISH_ASSIGN_OR_RETURN(
+          const SqlRows rows, sql_.Run("SELECT CAST(coalesce(sum(running), 0) AS BIGINT) FROM tenants WHERE tenant = ?",
+                                       {std::string_view(tenant)}));
       accounts_.tenants[tenant].running = rows.Int(0, 0);
       counted_.insert(tenant);
     }
@@ -141,19 +142,20 @@ class Claimer {
   // Starts all jobs of work that is locked and waits.
   absl::Status Take(LockedWork work) {
     const std::string tenant = work.row.tenant;
-    const double share = ShareOf(LimitsOf(tenant));
+    const TenantLimits limits = LimitsOf(tenant);
+    const double share = ShareOf(limits);
     WorkRow& row = work.row;
     ++row.attempt;
     row.owner = request_.owner;
-    row.lease_until = request_.lease == absl::InfiniteDuration()
-                          ? std::numeric_limits<std::int64_t>::max()
-                          : now_ + absl::ToInt64Nanoseconds(request_.lease);
+    row.lease_until = request_.lease == absl::InfiniteDuration() ? std::numeric_limits<std::int64_t>::max()
+                                                                 : now_ + absl::ToInt64Nanoseconds(request_.lease);
     row.start_time = now_;
     row.share = std::llround(share * 1e6);
     row.charge = ChargeFor(absl::Nanoseconds(row.run_time) * request_.seconds_factor, share);
     ClaimedWork taken;
     taken.lease = {row.name, row.attempt, row.owner};
     taken.run_time = absl::Nanoseconds(row.run_time);
+    taken.memory_bytes = row.memory_bytes;
     for (JobRow& job : work.jobs) {
       JobChange change = {std::move(job.record), {}};
       PLANISH_RETURN_IF_ERROR(transaction_.Start(taken.lease, &change));
@@ -162,10 +164,13 @@ class Claimer {
       taken.jobs.push_back(std::move(change));
     }
     PLANISH_RETURN_IF_ERROR(transaction_.Settle(&work));
+    taken.wish = row.wish;
 
     // As it is from now on for this transaction, too.
     TenantAccount& account = accounts_.tenants[tenant];
-    const std::int64_t lift = std::max<std::int64_t>(accounts_.virtual_time - StartOf(account, share, Now()), 0);
+    // Until one of its attempts ended its own limit may have kept it back.
+    const bool was_held_back = limits.running >= 0 && account.running + 1 >= limits.running;
+    const std::int64_t lift = was_held_back ? LiftOf(accounts_, tenant, share, Now()) : 0;
     account.received += lift;
     transaction_.accounts().of(tenant).received += lift;
     accounts_.virtual_time = std::max(accounts_.virtual_time, ReceivedBy(account, share, Now()));

@@ -19,9 +19,8 @@ std::int64_t OverShare(double nanoseconds, double share) {
 
 // What the work that runs took so far.
 double Elapsed(const TenantAccount& account, absl::Time now) {
-  const double milliseconds =
-      static_cast<double>(account.running) * static_cast<double>(absl::ToUnixMillis(now)) -
-      static_cast<double>(account.started);
+  const double milliseconds = static_cast<double>(account.running) * static_cast<double>(absl::ToUnixMillis(now)) -
+                              static_cast<double>(account.started);
   return std::max(milliseconds, 0.0) * 1e6;
 }
 
@@ -50,7 +49,8 @@ std::int64_t ReceivedBy(const TenantAccount& account, double share, absl::Time n
 }
 
 std::int64_t StartOf(const TenantAccount& account, double share, absl::Time now) {
-  return account.received + std::max(OverShare(Elapsed(account, now), share), account.charged);
+  const double least = static_cast<double>(account.running) * absl::ToDoubleNanoseconds(kLeastCost);
+  return account.received + std::max(OverShare(Elapsed(account, now) + least, share), account.charged);
 }
 
 std::int64_t ChargeFor(absl::Duration run_time, double share) {
@@ -59,6 +59,12 @@ std::int64_t ChargeFor(absl::Duration run_time, double share) {
 
 std::int64_t SettledFor(absl::Duration elapsed, double share) {
   return ChargeFor(elapsed, share);
+}
+
+std::int64_t LiftOf(const FairAccounts& accounts, const std::string& tenant, double share, absl::Time now) {
+  const auto found = accounts.tenants.find(tenant);
+  const TenantAccount account = found == accounts.tenants.end() ? TenantAccount() : found->second;
+  return std::max<std::int64_t>(accounts.virtual_time - StartOf(account, share, now), 0);
 }
 
 double ShareOf(const TenantLimits& limits) {

@@ -4,13 +4,15 @@
 // Jin, Chase, Kaur: "Interposed Proportional Sharing for a Storage Service Utility", SIGMETRICS 2004). There, costs are
 // known; here they are expected at first and put right as attempts end:
 //   Received(t)  worker time that tenant t had, over its share; work that runs counts with what it took so far
-//   Start(t)     the same, but work that runs counts with what it is expected to take, if that is more
+//   Start(t)     the same, but all work that runs counts with what it is expected to take, if that is more, and with a
+//                little more than it took in any case
 //   v            Received(t), as it was then, of the tenant whose work was claimed last; never decreases while there is
 //                work
-// The next work is that of the tenant with the least max(Start(t), v) of those that have work waiting and may run one
-// more. When its work is claimed, a tenant that is behind v is lifted to it: neither its absence nor its own limit of
-// running work earns it anything. Since v <= Received(t) < Start(t) for whoever got the last worker, a tenant that comes
-// is ahead of one that has been served all the time, however much work that one has waiting.
+// The next work is that of the tenant with the least Start(t) of those that have work waiting and may run one more. A
+// tenant that had nothing waiting begins at max(Start(t), v), and so does one that its own limit of running work kept
+// back: neither earns it anything, and what it took while others waited is remembered. Since v <= Received(t) <
+// Start(t) for whoever got the last worker, a tenant that comes is ahead of one that has been served all the time,
+// however much work that one has waiting.
 //
 // Within a tenant: by age and priority (QueueTime).
 #pragma once
@@ -55,15 +57,19 @@ std::int64_t ChargeFor(absl::Duration run_time, double share);
 // What an attempt that took `elapsed` adds to TenantAccount::received.
 std::int64_t SettledFor(absl::Duration elapsed, double share);
 
+// What to add to `received` of a tenant that begins at v.
+std::int64_t LiftOf(const FairAccounts& accounts, const std::string& tenant, double share, absl::Time now);
+
 double ShareOf(const TenantLimits& limits);
 bool MayRunMore(const TenantLimits& limits, std::int64_t running);
 
 // How much may wait.
 struct QueueLimits {
-  int tenant_jobs = 64;                            // pieces of work of one tenant
-  int total_jobs = 1024;                           // of all tenants
+  int tenant_jobs = 64;                              // pieces of work of one tenant
+  int total_jobs = 1024;                             // of all tenants
   std::int64_t total_bytes = std::int64_t{1} << 30;  // of the meshes that wait
-  int workers = 0;  // that take work at once if they are idle: as many more may wait
+  double share = 1;                                  // of the tenant
+  int workers = 0;                                   // that take work at once if they are idle: as many more may wait
 };
 
 enum class Room {

@@ -128,6 +128,39 @@ absl::StatusOr<FairAccounts> JobQuestions::Accounts() {
   return ReadAccounts(connection.get());
 }
 
+absl::StatusOr<QueueState> JobQuestions::Queue(const LeaseClock& clock) {
+  static const std::string all = absl::StrCat("SELECT ", kWorkColumns, " FROM works");
+  PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+  QueueState state;
+  PLANISH_ASSIGN_OR_RETURN(state.accounts, ReadAccounts(connection.get()));
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows works, connection->Run(all, {}));
+  state.works = WorkRowsOf(works);
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, clock(connection.get()));
+  state.now = absl::FromUnixNanos(now);
+  return state;
+}
+
+absl::StatusOr<bool> JobQuestions::IsUnderWay(const std::string& tenant, const std::string& work_key) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
+                           Ask("SELECT 1 FROM jobs WHERE work_key = ? AND tenant = ? AND ended = 0 LIMIT 1",
+                               {SqlBytes{work_key}, std::string_view(tenant)}));
+  return !rows.empty();
+}
+
+absl::StatusOr<std::optional<JobRecord>> JobQuestions::LastEnded(const std::string& tenant) {
+  static const std::string sql = JobsWhere("ended = 1 AND tenant = ? ORDER BY end_time DESC, number DESC LIMIT 1");
+  return One(sql, {std::string_view(tenant)});
+}
+
+absl::StatusOr<std::optional<v1::Progress>> JobQuestions::LastProgress(std::int64_t number) {
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows rows,
+      Ask("SELECT kind, event FROM events WHERE job = ? AND kind = 2 ORDER BY sequence DESC LIMIT 1", {number}));
+  PLANISH_ASSIGN_OR_RETURN(const std::vector<v1::JobEvent> events, EventsOf(rows, 0));
+  if (events.empty()) return std::nullopt;
+  return events.back().progress();
+}
+
 absl::StatusOr<std::vector<v1::JobEvent>> JobQuestions::Events(std::int64_t number, std::int64_t after) {
   PLANISH_ASSIGN_OR_RETURN(
       const SqlRows rows,

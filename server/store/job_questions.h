@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "server/blobs/blob_catalog.h"
 #include "server/store/job_store.h"
+#include "server/store/job_transaction.h"
 #include "server/store/sql.h"
 
 namespace planish {
@@ -28,6 +29,10 @@ class JobQuestions : public BlobRows {
   absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state);
   absl::StatusOr<JobTotals> Totals();
   absl::StatusOr<FairAccounts> Accounts();
+  absl::StatusOr<QueueState> Queue(const LeaseClock& clock);
+  absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key);
+  absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant);
+  absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number);
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after);
   absl::StatusOr<bool> UsesBlob(const BlobId& id);
 

@@ -54,12 +54,11 @@ using JobRecord = store::v1::JobRecord;
 
 // Of whoever asks.
 struct VerbContext {
-  absl::Time now;                                           // for the records
+  absl::Time now;                                           // for the records, unless there is a clock
   absl::Duration retained_time = absl::InfiniteDuration();  // Job.expire_time of those that succeed
   int max_attempts = 3;                                     // that a job may lose with their worker or server
-  // The newest sequence number that this process gave to an event of the job which is not written (progress); events
-  // are numbered beyond it. Null: all events are written.
-  std::function<std::int64_t(const std::string& name)> told = nullptr;
+  // Gives `now` once the transaction has begun, so that those that wait for each other have times in their order.
+  std::function<absl::Time()> clock = nullptr;
 };
 
 // What a verb made of one job.
@@ -74,44 +73,77 @@ struct Lease {
   std::string owner;
 };
 
-struct NewJob {
-  JobRecord record;            // QUEUED, with a new name; `number`, `work` and the lease are the store's
-  absl::Duration run_time;     // that its work is expected to take; 0: not known
-  std::optional<QueueLimits> limits;  // for work that nobody shares; empty: none
-  std::vector<BlobRow> blobs;  // small ones that it refers to
-  // Record of a job with the same work key whose result it gets if that is still kept; empty: none.
-  std::string result_of;
-};
-
-struct AcceptedChange {
-  bool created = false;  // false: `change.record` is a job that was there, with the same name or request id
-  bool shares = false;   // created, and has the work or the result of another job
-  Room room = Room::kYes;  // any other: there was no room, nothing has changed, and `change` is empty
-  JobChange change;      // QUEUED, and then RUNNING or SUCCEEDED if it joined running work or got a result
-};
-
-struct ClaimRequest {
-  std::string owner;              // not empty
-  absl::Duration lease;           // how long, unless renewed
-  int most = 1;                   // pieces of work
-  std::int64_t memory_bytes = 0;  // that all work of this owner may reserve together; 0: any
-  std::string work;               // this one only, whosever turn it is, and not whatever is next
-  TenantLimitsSource tenant_limits = nullptr;  // null: the defaults for everybody
-  double seconds_factor = 1;                   // what work takes over what was expected of it, lately
-};
-
-struct ClaimedWork {
-  Lease lease;
-  absl::Duration run_time;      // NewJob::run_time
-  std::vector<JobChange> jobs;  // all of its jobs, at least one, which are RUNNING now
-};
-
 // What is wanted of an attempt.
 enum class Wish {
   kGoOn,
   kStop,    // all of its jobs want the best map so far
   kCancel,  // nobody wants the result
   kGiveUp,  // the lease is lost: somebody else may be at it
+};
+
+// A piece of work that has not ended. Times in nanoseconds since 1970.
+struct WorkRow {
+  std::string name, tenant;
+  std::int64_t number = 0;  // lowest of its jobs
+  bool running = false;     // there is a lease, which may be over
+  std::int64_t turn_time = 0;
+  std::int64_t memory_bytes = 0;
+  std::int64_t mesh_bytes = 0;
+  std::int64_t run_time = 0;  // expected; a duration
+  bool alone = false;         // nothing else may run on the same owner
+  Wish wish = Wish::kGoOn;
+  // While it runs, but for the attempt, which stays.
+  std::string owner;
+  int attempt = 0;
+  std::int64_t lease_until = 0;
+  std::int64_t start_time = 0;
+  std::int64_t charge = 0;         // TenantAccount::charged
+  std::int64_t share = 1'000'000;  // the tenant's when it was claimed, millionths
+
+  bool operator==(const WorkRow&) const = default;
+};
+
+// What waits and runs.
+struct QueueState {
+  FairAccounts accounts;
+  std::vector<WorkRow> works;  // in no order
+  absl::Time now;              // by the clock of leases
+};
+
+struct NewJob {
+  // QUEUED, with a new name; `number`, `work` and the lease are the store's, and so is Job.create_time unless it is
+  // set.
+  JobRecord record;
+  absl::Duration run_time;            // that its work is expected to take; 0: not known
+  std::optional<QueueLimits> limits;  // for work that nobody shares; empty: none
+  std::vector<BlobRow> blobs;         // small ones that it refers to
+  // Record of a job with the same work key whose result it gets if that is still kept; empty: none.
+  std::string result_of;
+};
+
+struct AcceptedChange {
+  bool created = false;    // false: `change.record` is a job that was there, with the same name or request id
+  bool shares = false;     // created, and has the work or the result of another job
+  Room room = Room::kYes;  // any other: there was no room, nothing has changed, and `change` is empty
+  JobChange change;        // QUEUED, and then RUNNING or SUCCEEDED if it joined running work or got a result
+};
+
+struct ClaimRequest {
+  std::string owner;                           // not empty
+  absl::Duration lease;                        // how long, unless renewed
+  int most = 1;                                // pieces of work
+  std::int64_t memory_bytes = 0;               // that all work of this owner may reserve together; 0: any
+  std::string work;                            // this one only, whosever turn it is, and not whatever is next
+  TenantLimitsSource tenant_limits = nullptr;  // null: the defaults for everybody
+  double seconds_factor = 1;                   // what work takes over what was expected of it, lately
+};
+
+struct ClaimedWork {
+  Lease lease;
+  absl::Duration run_time;  // NewJob::run_time
+  std::int64_t memory_bytes = 0;
+  Wish wish = Wish::kGoOn;
+  std::vector<JobChange> jobs;  // all of its jobs, at least one, which are RUNNING now
 };
 
 // How an attempt ended.
@@ -124,16 +156,18 @@ struct AttemptOutcome {
 
   std::vector<v1::Progress> progress;  // that was not reported before
   google::rpc::Status status;          // what the worker says: OK, CANCELLED, or an error
-  v1::Report report;           // with OK
-  v1::UvDescription uv;        // likewise
-  std::optional<Loss> loss;    // the worker is gone, and said nothing
-  std::vector<BlobRow> blobs;  // small ones: the UV
+  v1::Report report;                   // with OK
+  v1::UvDescription uv;                // likewise
+  std::optional<Loss> loss;            // the worker is gone, and said nothing
+  std::vector<BlobRow> blobs;          // small ones: the UV
 };
 
 struct StoreNews {
-  bool work = false;              // there may be work to claim
-  bool everything = false;        // any job may have changed: the connection was lost in the meantime
-  std::vector<std::string> jobs;  // names of those with new events
+  bool work = false;               // there may be work to claim
+  bool everything = false;         // anything may have changed: messages were lost
+  bool local = false;              // a verb of this very object did it
+  std::vector<std::string> jobs;   // names of those with new events
+  std::vector<std::string> works;  // names of running work of which something else is wanted than before, also its end
 };
 
 enum class EarlyEnd { kCancel, kTimeout };
@@ -164,6 +198,9 @@ class JobStore {
   // Of this store, the same after a restart.
   virtual const std::string& id() const = 0;
 
+  // Whether other processes may use it at the same time.
+  virtual bool is_shared() const = 0;
+
   // ---- verbs of callers
 
   // Adds the job, its blobs and its first events; or finds the one that has its name, or its request id (whose work key
@@ -188,34 +225,33 @@ class JobStore {
 
   // ---- verbs of those who run work
 
-  // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps those
-  // behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was lost
-  // with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside it.
+  // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps
+  // those behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was
+  // lost with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside
+  // it.
   virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) = 0;
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
   virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
-  // Adds progress to the events of all jobs of the work, which get the same; durable later.
-  virtual absl::Status Report(const VerbContext& context, const Lease& lease,
-                              const std::vector<v1::Progress>& progress) = 0;
+  // Adds progress to the events of all jobs of the work, which get the same; durable later. Of the progress of long
+  // work some thousand events are kept, the newest.
+  virtual absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
+                                                        const std::vector<v1::Progress>& progress) = 0;
   // Ends the attempt. Its jobs end, or are queued again after a loss.
   virtual absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
                                                         const AttemptOutcome& outcome) = 0;
   // Gives up everything that the owner has: it is queued again in its old place, and the attempt is not held against
-  // it. Jobs that were to end anyway end.
-  virtual absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner) = 0;
-  // As many sequence numbers more may be given to events that are not written (JobRecord.reserved_sequence).
-  virtual absl::StatusOr<JobChange> ReserveSequences(const VerbContext& context, const std::string& name,
-                                                     std::int64_t count) = 0;
-
+  // it. Jobs that were to end anyway end. `work` not empty: this one only.
+  virtual absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
+                                                         const std::string& work = {}) = 0;
   // ---- verbs of those who keep order
 
   // Queues again, or fails after the last attempt (SERVER_CRASHED), up to `most` pieces of work whose lease is over.
   // `sole_owner` not empty: its process has the store to itself, so leases of all others are over.
   virtual absl::StatusOr<std::vector<JobChange>> Reap(const VerbContext& context, const std::string& sole_owner,
                                                       int most) = 0;
-  // Up to `most` pieces of work with jobs whose time is over: those without callers are cancelled, and their request ids
-  // are free again; those beyond Scheduling.timeout end with DEADLINE_EXCEEDED; those beyond their compute budget are
-  // stopped. As EndEarly() and RequestStop(); the changes of all.
+  // Up to `most` pieces of work with jobs whose time is over: those without callers are cancelled, and their request
+  // ids are free again; those beyond Scheduling.timeout end with DEADLINE_EXCEEDED; those beyond their compute budget
+  // are stopped. As EndEarly() and RequestStop(); the changes of all.
   virtual absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) = 0;
   // SUCCEEDED becomes EXPIRED, and its request id is free again; durable later. No effect on others.
   virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
@@ -236,8 +272,14 @@ class JobStore {
   // The record of the tenant (empty: of all) in one of the terminal states (UNSPECIFIED: any) that ended first.
   virtual absl::StatusOr<std::optional<JobRecord>> FirstEnded(const std::string& tenant, v1::JobState state) = 0;
   virtual absl::StatusOr<JobTotals> Totals() = 0;
-  // What waits and runs.
   virtual absl::StatusOr<FairAccounts> Accounts() = 0;
+  virtual absl::StatusOr<QueueState> Queue() = 0;
+  // Whether a job of the tenant that has not ended does this work.
+  virtual absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key) = 0;
+  // The tenant's job that ended last.
+  virtual absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant) = 0;
+  // The newest that was reported of a job that has not ended.
+  virtual absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number) = 0;
   // Those with greater sequences than `after`, in order. The last one of a job that ended has no report: the record has
   // it.
   virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0) = 0;
@@ -245,9 +287,9 @@ class JobStore {
   virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
 
   // Calls `listener` after changes of jobs and of what may be claimed, by any process, on any thread: it must be quick,
-  // and must not call back. Until the subscription is dropped.
+  // and must not call back. Never again once the subscription is dropped.
   using Listener = std::function<void(const StoreNews& news)>;
-  using Subscription = std::shared_ptr<const Listener>;
+  using Subscription = std::shared_ptr<void>;
   [[nodiscard]] virtual Subscription Subscribe(Listener listener) = 0;
 
   // Where verbs put small blobs, for BlobPlaces::rows; null: nowhere, as in memory. Lives as long as the store.

@@ -16,8 +16,11 @@ namespace {
 
 using google::protobuf::util::TimeUtil;
 
-// Sequence numbers that are reserved at a time: most jobs need one block, that is one write, only.
+// Sequence numbers that are reserved at a time.
 constexpr std::int64_t kSequenceBlock = 1024;
+
+// Of a job's progress at least so many events are kept, and after each of that many the others go.
+constexpr std::int64_t kKeptProgress = 2048;
 
 absl::Status BadRow() {
   return InternalError("the job store: a row that cannot be read");
@@ -234,7 +237,10 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
     account.running -= 1;
     account.started -= before.start_time / 1'000'000;
     account.charged -= before.charge;
-    account.received += SettledFor(absl::Nanoseconds(now - before.start_time), ShareIn(before));
+    // Of what an earlier version started that is not known.
+    if (before.start_time > 0) {
+      account.received += SettledFor(absl::Nanoseconds(now - before.start_time), ShareIn(before));
+    }
     row.owner.clear();
     row.lease_until = 0;
   } else if (!before.running && row.running) {
@@ -244,14 +250,31 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
   }
   const int waited = before.running ? 0 : 1;
   const int waits = row.running || gone ? 0 : 1;
+  // What was lost or given back begins anew, as if it had just come.
+  if (waits > waited) PLANISH_RETURN_IF_ERROR(Lift(row.tenant, ShareIn(before)));
   account.waiting += waits - waited;
   account.waiting_bytes += (waits - waited) * row.mesh_bytes;
-  if (before.running != row.running || gone) news_.work = true;
+  if (!row.running && (before.running || gone)) news_.work = true;
+  if (before.running && (!row.running || row.wish != before.wish)) news_.works.push_back(row.name);
   if (gone) {
     accounts_.NoteEndOfWork();
     return DeleteWork(&sql_, row.name);
   }
   return row == before ? absl::OkStatus() : UpdateWork(&sql_, row);
+}
+
+absl::Status JobTransaction::Lift(const std::string& tenant, double share) {
+  PLANISH_ASSIGN_OR_RETURN(const FairAccounts accounts, ReadAccounts(&sql_));
+  return LiftIn(accounts, tenant, share);
+}
+
+absl::Status JobTransaction::LiftIn(const FairAccounts& accounts, const std::string& tenant, double share) {
+  const auto found = accounts.tenants.find(tenant);
+  TenantAccount& change = accounts_.of(tenant);
+  if ((found != accounts.tenants.end() && found->second.waiting > 0) || change.waiting > 0) return absl::OkStatus();
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, LeaseNow());
+  change.received += LiftOf(accounts, tenant, share, absl::FromUnixNanos(now));
+  return absl::OkStatus();
 }
 
 absl::Status JobTransaction::AddWork(const JobRow& job, absl::Duration run_time) {
@@ -355,19 +378,19 @@ absl::Status JobTransaction::PutBlobs(const std::vector<BlobRow>& blobs) {
   return absl::OkStatus();
 }
 
-absl::Status JobTransaction::AddEvent(JobChange* change, v1::JobEvent event, bool taken_over) {
+absl::Status JobTransaction::AddEvent(JobChange* change, v1::JobEvent event) {
   JobRecord& record = change->record;
-  std::int64_t last = record.last_sequence();
-  if (context_.told != nullptr) last = std::max(last, context_.told(record.job().name()));
-  if (taken_over) last = std::max(last, record.reserved_sequence());
+  const std::int64_t last = record.last_sequence();
+  record.set_last_sequence(last + 1);
+  if (last + 1 > record.reserved_sequence()) record.set_reserved_sequence(last + 1 + kSequenceBlock);
   event.set_sequence(last + 1);
   *event.mutable_time() = ToTimestamp(context_.now);
-  record.set_last_sequence(last + 1);
-  if (record.reserved_sequence() > 0 && last + 1 >= record.reserved_sequence()) {
-    record.set_reserved_sequence(last + 1 + kSequenceBlock);
-  }
   change->events.push_back(std::move(event));
   return absl::OkStatus();
+}
+
+void JobTransaction::SkipReserved(JobRecord* record) {
+  record->set_last_sequence(std::max(record->last_sequence(), record->reserved_sequence()));
 }
 
 absl::Status JobTransaction::WriteEvents(JobChange* change) {
@@ -381,48 +404,54 @@ absl::Status JobTransaction::WriteEvents(JobChange* change) {
     if (report != nullptr) event.mutable_job()->set_allocated_report(report);
   }
   const std::string bytes = batch.SerializeAsString();
+  const std::int64_t last = change->events.back().sequence();
+  if (last / kKeptProgress != (change->events.front().sequence() - 1) / kKeptProgress && last > kKeptProgress) {
+    PLANISH_RETURN_IF_ERROR(sql_.Run("DELETE FROM events WHERE job = ? AND sequence <= ? AND kind = ?",
+                                     {change->record.number(), last - kKeptProgress, std::int64_t{kProgressOnly}})
+                                .status());
+  }
   return sql_.RunLater(
       "INSERT INTO events (job, sequence, event, kind) VALUES (?, ?, ?, ?)",
       {change->record.number(), change->events.back().sequence(), SqlBytes{bytes}, std::int64_t{kind}});
 }
 
-absl::Status JobTransaction::Announce(JobChange* change, bool taken_over) {
+absl::Status JobTransaction::Announce(JobChange* change) {
   v1::JobEvent event;
   *event.mutable_job() = change->record.job();
-  return AddEvent(change, std::move(event), taken_over);
+  return AddEvent(change, std::move(event));
 }
 
-absl::Status JobTransaction::Act(JobAction action, JobChange* change, bool taken_over) {
+absl::Status JobTransaction::Act(JobAction action, JobChange* change) {
   v1::Job* job = change->record.mutable_job();
   PLANISH_RETURN_IF_ERROR(Advance(action, context_.now, job));
   if (job->state() == v1::JOB_STATE_SUCCEEDED && context_.retained_time < absl::InfiniteDuration()) {
     *job->mutable_expire_time() = ToTimestamp(context_.now + context_.retained_time);
   }
   if (IsTerminal(job->state())) change->record.clear_owner();
-  return Announce(change, taken_over);
+  return Announce(change);
 }
 
-absl::Status JobTransaction::Fail(const google::rpc::Status& error, JobChange* change, bool taken_over) {
+absl::Status JobTransaction::Fail(const google::rpc::Status& error, JobChange* change) {
   *change->record.mutable_job()->mutable_error() = error;
-  return Act(JobAction::kFail, change, taken_over);
+  return Act(JobAction::kFail, change);
 }
 
-absl::StatusOr<bool> JobTransaction::EndIfWanted(JobChange* change, bool taken_over) {
+absl::StatusOr<bool> JobTransaction::EndIfWanted(JobChange* change) {
   const v1::Job& job = change->record.job();
   if (change->record.timed_out()) {
-    PLANISH_RETURN_IF_ERROR(Fail(ToRpcStatus(TimedOut(job)), change, taken_over));
+    PLANISH_RETURN_IF_ERROR(Fail(ToRpcStatus(TimedOut(job)), change));
     return true;
   }
   if (!job.cancel_requested()) return false;
-  if (job.state() == v1::JOB_STATE_RUNNING) PLANISH_RETURN_IF_ERROR(Act(JobAction::kCancel, change, taken_over));
+  if (job.state() == v1::JOB_STATE_RUNNING) PLANISH_RETURN_IF_ERROR(Act(JobAction::kCancel, change));
   const JobAction last = job.state() == v1::JOB_STATE_QUEUED ? JobAction::kCancel : JobAction::kCancelled;
-  PLANISH_RETURN_IF_ERROR(Act(last, change, taken_over));
+  PLANISH_RETURN_IF_ERROR(Act(last, change));
   return true;
 }
 
-absl::Status JobTransaction::Requeue(JobChange* change, bool taken_over) {
+absl::Status JobTransaction::Requeue(JobChange* change) {
   change->record.clear_owner();
-  return Act(JobAction::kRequeue, change, taken_over);
+  return Act(JobAction::kRequeue, change);
 }
 
 absl::Status JobTransaction::EndEarly(const LockedWork& work, EarlyEnd why, bool forget, JobChange* change) {

@@ -34,9 +34,9 @@ struct JobStanding {
 // A job's row as it was read; `record` may be moved from.
 struct JobRow {
   JobRecord record;
-  JobStanding standing;         // of the record as it was read or saved last
-  bool had_request_id = false;  // when it was read
-  std::int64_t due = 0;         // likewise
+  JobStanding standing;           // of the record as it was read or saved last
+  bool had_request_id = false;    // when it was read
+  std::int64_t due = 0;           // likewise
   std::int64_t result_bytes = 0;  // likewise: TenantAccount::result_bytes
 };
 
@@ -108,6 +108,8 @@ class JobTransaction {
   // Writes what has become of the work when all its jobs are saved: it waits, runs, or is gone. Its lease is what
   // `work->row` says, as long as one of its jobs is leased.
   absl::Status Settle(LockedWork* work);
+  // The tenant, which has nothing waiting, is about to: it begins at the virtual time. No effect if it has.
+  absl::Status LiftIn(const FairAccounts& accounts, const std::string& tenant, double share);
   // Work that a job just inserted brings.
   absl::Status AddWork(const JobRow& job, absl::Duration run_time);
   // Everything that comes last.
@@ -120,21 +122,22 @@ class JobTransaction {
   absl::Status PutBlobs(const std::vector<BlobRow>& blobs);
 
   // Changes the record by Advance() and adds the event to it, or one that says what the record says now. INTERNAL where
-  // the state does not allow it. Neither writes the row. `taken_over`: from a process that may have told of events
-  // which are not written.
-  absl::Status Act(JobAction action, JobChange* change, bool taken_over = false);
-  absl::Status Announce(JobChange* change, bool taken_over = false);
+  // the state does not allow it. Neither writes the row.
+  absl::Status Act(JobAction action, JobChange* change);
+  absl::Status Announce(JobChange* change);
   // Writes `event` with the job's next sequence.
-  absl::Status AddEvent(JobChange* change, v1::JobEvent event, bool taken_over = false);
+  absl::Status AddEvent(JobChange* change, v1::JobEvent event);
+  // After a loss of power: whatever was told of the job under a number that was reserved is behind it.
+  static void SkipReserved(JobRecord* record);
   // Writes the events that the change has; only after Insert() is there a number to write them under.
   absl::Status WriteEvents(JobChange* change);
 
   // FAILED with `error`.
-  absl::Status Fail(const google::rpc::Status& error, JobChange* change, bool taken_over = false);
+  absl::Status Fail(const google::rpc::Status& error, JobChange* change);
   // A job that was to end anyway ends, CANCELLED or FAILED with DEADLINE_EXCEEDED: whether it was one.
-  absl::StatusOr<bool> EndIfWanted(JobChange* change, bool taken_over = false);
+  absl::StatusOr<bool> EndIfWanted(JobChange* change);
   // An attempt is over without a result: nobody has the job's work any more.
-  absl::Status Requeue(JobChange* change, bool taken_over = false);
+  absl::Status Requeue(JobChange* change);
   // JobStore::EndEarly and RequestStop of a job of locked work.
   absl::Status EndEarly(const LockedWork& work, EarlyEnd why, bool forget, JobChange* change);
   absl::Status Stop(JobChange* change);
@@ -142,6 +145,8 @@ class JobTransaction {
   absl::Status Start(const Lease& lease, JobChange* change);
 
  private:
+  // LiftIn() as the accounts are.
+  absl::Status Lift(const std::string& tenant, double share);
   void Account(const JobRow& row, const JobRecord& record);
 
   SqlConnection& sql_;

@@ -416,6 +416,7 @@ class PostgresDatabase : public SqlDatabase {
   }
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return true; }
+  bool is_shared() const override { return true; }
   bool outlives_process() const override { return true; }
 
  private:

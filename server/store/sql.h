@@ -4,8 +4,8 @@
 //   {lock}         after a SELECT within a transaction: nobody else changes these rows before it ends
 //   {skip}         likewise, and rows that somebody else has locked are left out
 //   {next_number}  a number for a new job, above all earlier ones
-//   {slot}         a small number that connections which write at the same time seldom share: for rows that all of them add to
-//   {now}          the database's own time, nanoseconds since 1970 (PostgreSQL only: SqlDatabase::has_clock())
+//   {slot}         a small number that connections which write at the same time seldom share: for rows that all of them
+//   add to {now}          the database's own time, nanoseconds since 1970 (PostgreSQL only: SqlDatabase::has_clock())
 #pragma once
 
 #include <cstdint>
@@ -99,8 +99,8 @@ class SqlDatabase {
   // Tells all other processes that listen, soon and coalesced; each message is lines of text, and some may be lost. No
   // effect where there can be no other process.
   virtual void Publish(std::string_view message) = 0;
-  // Calls `listener` with what other processes publish, on a thread of its own, until the object goes; with the line "*"
-  // after something may have been lost. At most once.
+  // Calls `listener` with what other processes publish, on a thread of its own, until the object goes; with the line
+  // "*" after something may have been lost. At most once.
   virtual void Listen(std::function<void(std::string_view message)> listener) = 0;
 
   // Of the data, made with the schema, the same for ever.
@@ -108,6 +108,9 @@ class SqlDatabase {
 
   // Whether {now} works: several machines then go by one clock.
   virtual bool has_clock() const = 0;
+
+  // Whether other processes may use it at the same time.
+  virtual bool is_shared() const = 0;
 
   // Whether rows outlive the process.
   virtual bool outlives_process() const = 0;

@@ -43,13 +43,14 @@ class SqlJobStore : public JobStore {
   }
 
   const std::string& id() const override { return database_->id(); }
+  bool is_shared() const override { return database_->is_shared(); }
 
   // ---- callers
 
   absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) override {
     AcceptedChange accepted;
-    const absl::Status status =
-        Change(context, Durability::kNow, [&](JobTransaction& transaction) { return AcceptIn(&transaction, job, &accepted); });
+    const absl::Status status = Change(
+        context, Durability::kNow, [&](JobTransaction& transaction) { return AcceptIn(&transaction, job, &accepted); });
     PLANISH_RETURN_IF_ERROR(status);
     return accepted;
   }
@@ -101,9 +102,9 @@ class SqlJobStore : public JobStore {
   // ---- workers
 
   absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) override {
-    // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets the
-    // last claims has the work waiting again, and what their owners say under the old leases changes nothing.
-    const Durability durability = database_->has_clock() ? Durability::kLater : Durability::kNow;
+    // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets
+    // the last claims has the work waiting again, and what their owners say under the old leases changes nothing.
+    const Durability durability = database_->is_shared() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
     const absl::Status status = Change(
         context, durability, [&](JobTransaction& transaction) { return ClaimIn(&transaction, request, &claimed); });
@@ -116,7 +117,8 @@ class SqlJobStore : public JobStore {
     // In one order everywhere, so that no two wait for each other.
     std::vector<std::size_t> order(leases.size());
     std::iota(order.begin(), order.end(), 0);
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
     const absl::Status status = Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t until, LeaseUntil(&transaction, lease));
       for (const std::size_t i : order) {
@@ -134,13 +136,22 @@ class SqlJobStore : public JobStore {
     return wishes;
   }
 
-  absl::Status Report(const VerbContext& context, const Lease& lease,
-                      const std::vector<v1::Progress>& progress) override {
-    return ChangeWork(context, lease, Durability::kLater,
-                      [&](JobTransaction& transaction, const LockedWork&, JobChange* change) {
-                        return AddProgress(&transaction, progress, change);
-                      })
-        .status();
+  absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
+                                                const std::vector<v1::Progress>& progress) override {
+    // A loss of power may take back what was told. So numbers are reserved, and that has to be durable.
+    bool reserves = false;
+    const auto report = [&](Durability durability) {
+      return ChangeWork(context, lease, durability,
+                        [&](JobTransaction& transaction, const LockedWork&, JobChange* change) -> absl::Status {
+                          const std::int64_t reserved = change->record.reserved_sequence();
+                          PLANISH_RETURN_IF_ERROR(AddProgress(&transaction, progress, change));
+                          reserves = change->record.reserved_sequence() != reserved;
+                          if (reserves && durability == Durability::kLater) return absl::AbortedError("not durable");
+                          return absl::OkStatus();
+                        });
+    };
+    absl::StatusOr<std::vector<JobChange>> changes = report(Durability::kLater);
+    return reserves && !changes.ok() ? report(Durability::kNow) : std::move(changes);
   }
 
   absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
@@ -155,27 +166,20 @@ class SqlJobStore : public JobStore {
         outcome.blobs);
   }
 
-  absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner) override {
+  absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
+                                                 const std::string& work) override {
     // In one order everywhere, as above.
-    const auto works = [&owner](JobTransaction& transaction) {
-      return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner = ? ORDER BY name",
-                                   {std::string_view(owner)});
+    const auto works = [&](JobTransaction& transaction) {
+      return transaction.sql().Run(
+          "SELECT name FROM works WHERE running = 1 AND owner = ? AND (? = '' OR name = ?) ORDER BY name",
+          {std::string_view(owner), std::string_view(work), std::string_view(work)});
     };
     return ForWorks(context, works,
-                    [&owner](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
-                      if (!work.before.running || work.before.owner != owner) return absl::OkStatus();
+                    [&owner](JobTransaction& transaction, const LockedWork& held, JobChange* change) -> absl::Status {
+                      if (!held.before.running || held.before.owner != owner) return absl::OkStatus();
                       PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change));
                       return ended ? absl::OkStatus() : transaction.Requeue(change);
                     });
-  }
-
-  absl::StatusOr<JobChange> ReserveSequences(const VerbContext& context, const std::string& name,
-                                             std::int64_t count) override {
-    return ChangeJob(context, name, [&](JobTransaction&, const LockedWork&, JobChange* change) {
-      const std::int64_t told = context.told != nullptr ? context.told(name) : 0;
-      change->record.set_reserved_sequence(std::max(told, change->record.last_sequence()) + count);
-      return absl::OkStatus();
-    });
   }
 
   // ---- order
@@ -198,21 +202,22 @@ class SqlJobStore : public JobStore {
     };
     return ForWorks(context, works,
                     [&](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
-      JobRecord& record = change->record;
-      if (!is_over(work.before) || !IsLeased(record)) return absl::OkStatus();
-      // One without an owner was released by an earlier version of planish.
-      const bool was_lost = !record.owner().empty();
-      if (was_lost) {
-        record.set_crashes(record.crashes() + 1);
-        record.set_server_crashes(record.server_crashes() + 1);
-      }
-      PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change, /*taken_over=*/true));
-      if (ended) return absl::OkStatus();
-      if (was_lost && record.crashes() >= context.max_attempts) {
-        return transaction.Fail(ServerCrashed(record.job().attempts()), change, /*taken_over=*/true);
-      }
-      return transaction.Requeue(change, /*taken_over=*/true);
-    });
+                      JobRecord& record = change->record;
+                      if (!is_over(work.before) || !IsLeased(record)) return absl::OkStatus();
+                      JobTransaction::SkipReserved(&record);
+                      // One without an owner was released by an earlier version of planish.
+                      const bool was_lost = !record.owner().empty();
+                      if (was_lost) {
+                        record.set_crashes(record.crashes() + 1);
+                        record.set_server_crashes(record.server_crashes() + 1);
+                      }
+                      PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction.EndIfWanted(change));
+                      if (ended) return absl::OkStatus();
+                      if (was_lost && record.crashes() >= context.max_attempts) {
+                        return transaction.Fail(ServerCrashed(record.job().attempts()), change);
+                      }
+                      return transaction.Requeue(change);
+                    });
   }
 
   absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) override {
@@ -278,6 +283,16 @@ class SqlJobStore : public JobStore {
   }
   absl::StatusOr<JobTotals> Totals() override { return questions_.Totals(); }
   absl::StatusOr<FairAccounts> Accounts() override { return questions_.Accounts(); }
+  absl::StatusOr<QueueState> Queue() override { return questions_.Queue(clock_); }
+  absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key) override {
+    return questions_.IsUnderWay(tenant, work_key);
+  }
+  absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant) override {
+    return questions_.LastEnded(tenant);
+  }
+  absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number) override {
+    return questions_.LastProgress(number);
+  }
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after) override {
     return questions_.Events(number, after);
   }
@@ -300,19 +315,22 @@ class SqlJobStore : public JobStore {
                       const std::function<absl::Status(JobTransaction&)>& body) {
     StoreNews news;
     const absl::Status status = Transact(database_.get(), durability, [&](SqlConnection& sql) -> absl::Status {
-      JobTransaction transaction(&sql, &context, &clock_);
+      VerbContext present = context;
+      if (context.clock != nullptr) present.now = context.clock();
+      JobTransaction transaction(&sql, &present, &clock_);
       PLANISH_RETURN_IF_ERROR(body(transaction));
       PLANISH_RETURN_IF_ERROR(transaction.Flush());
       news = std::move(transaction.news());
       return absl::OkStatus();
     });
     // After an error the transaction may still have been done; listeners look by themselves every few seconds.
-    if (status.ok()) Tell(news);
+    if (status.ok()) Tell(std::move(news));
     return status;
   }
 
-  void Tell(const StoreNews& news) {
-    if (!news.work && news.jobs.empty()) return;
+  void Tell(StoreNews news) {
+    if (!news.work && news.jobs.empty() && news.works.empty()) return;
+    news.local = true;
     listeners_.Call(news);
     database_->Publish(EncodeNews(news));
   }
@@ -346,8 +364,8 @@ class SqlJobStore : public JobStore {
     const absl::Status status = Change(context, durability, [&](JobTransaction& transaction) -> absl::Status {
       changes.clear();
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction.LockWork(lease.work));
-      const bool holds = work.has_value() && work->row.running && work->row.owner == lease.owner &&
-                         work->row.attempt == lease.attempt;
+      const bool holds =
+          work.has_value() && work->row.running && work->row.owner == lease.owner && work->row.attempt == lease.attempt;
       if (!holds) return LeaseLost(lease);
       PLANISH_RETURN_IF_ERROR(transaction.PutBlobs(blobs));
       return ForJobs(&transaction, &*work, body, &changes);
@@ -357,10 +375,17 @@ class SqlJobStore : public JobStore {
   }
 
   // All jobs of all `works`, in one transaction; those that the body leaves without an event are not among the changes.
-  absl::StatusOr<std::vector<JobChange>> ForWorks(
-      const VerbContext& context, const std::function<absl::StatusOr<SqlRows>(JobTransaction&)>& works,
-      const OnJob& body) {
+  absl::StatusOr<std::vector<JobChange>> ForWorks(const VerbContext& context,
+                                                  const std::function<absl::StatusOr<SqlRows>(JobTransaction&)>& works,
+                                                  const OnJob& body) {
     std::vector<JobChange> changes;
+    {
+      // Mostly there is nothing to do, which takes no transaction.
+      PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+      JobTransaction look(connection.get(), &context, &clock_);
+      PLANISH_ASSIGN_OR_RETURN(const SqlRows names, works(look));
+      if (names.empty()) return changes;
+    }
     const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) -> absl::Status {
       changes.clear();
       PLANISH_ASSIGN_OR_RETURN(const SqlRows names, works(transaction));

@@ -318,6 +318,7 @@ class SqliteDatabase : public SqlDatabase {
   void Listen(std::function<void(std::string_view)>) override {}
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return false; }
+  bool is_shared() const override { return false; }
   bool outlives_process() const override { return reader_ != nullptr; }
 
  private:

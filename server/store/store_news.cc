@@ -1,5 +1,6 @@
 #include "server/store/store_news.h"
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_split.h"
 
 namespace planish {
@@ -9,6 +10,7 @@ std::string EncodeNews(const StoreNews& news) {
   if (news.work) text += "w\n";
   if (news.everything) text += "*\n";
   for (const std::string& job : news.jobs) text += job + "\n";
+  for (const std::string& work : news.works) text += "=" + work + "\n";
   return text;
 }
 
@@ -19,6 +21,8 @@ StoreNews DecodeNews(std::string_view message) {
       news.work = true;
     } else if (line == "*") {
       news.everything = news.work = true;
+    } else if (absl::StartsWith(line, "=")) {
+      news.works.emplace_back(line.substr(1));
     } else if (!line.empty()) {
       news.jobs.emplace_back(line);
     }

@@ -13,39 +13,52 @@
 
 namespace planish {
 
-// Functions to call, each as long as somebody holds its subscription. Thread-safe.
+// Functions to call, each as long as somebody holds its subscription. Thread-safe; a function must not drop its own
+// subscription.
 template <class Message>
 class Listeners {
  public:
   using Listener = std::function<void(const Message&)>;
-  using Subscription = std::shared_ptr<const Listener>;
 
-  [[nodiscard]] Subscription Add(Listener listener) {
-    auto subscription = std::make_shared<const Listener>(std::move(listener));
+  // Dropping the subscription waits for a call that is under way.
+  [[nodiscard]] std::shared_ptr<void> Add(Listener listener) {
+    auto entry = std::make_shared<Entry>();
+    entry->listener = std::move(listener);
     const std::lock_guard lock(mutex_);
-    std::erase_if(listeners_, [](const auto& each) { return each.expired(); });
-    listeners_.push_back(subscription);
-    return subscription;
+    std::erase_if(entries_, [](const auto& each) { return each.expired(); });
+    entries_.push_back(entry);
+    return std::shared_ptr<void>(entry.get(), [entry](void*) {
+      const std::lock_guard ended(entry->mutex);
+      entry->listener = nullptr;
+    });
   }
 
-  // On this thread. A listener whose subscription is dropped meanwhile may still be called once.
+  // On this thread.
   void Call(const Message& message) const {
-    std::vector<Subscription> live;
+    std::vector<std::shared_ptr<Entry>> entries;
     {
       const std::lock_guard lock(mutex_);
-      for (const auto& listener : listeners_) live.push_back(listener.lock());
+      for (const auto& entry : entries_) entries.push_back(entry.lock());
     }
-    for (const Subscription& listener : live) {
-      if (listener != nullptr) (*listener)(message);
+    for (const std::shared_ptr<Entry>& entry : entries) {
+      if (entry == nullptr) continue;
+      const std::lock_guard lock(entry->mutex);
+      if (entry->listener != nullptr) entry->listener(message);
     }
   }
 
  private:
+  struct Entry {
+    std::mutex mutex;
+    Listener listener;  // guarded by mutex
+  };
+
   mutable std::mutex mutex_;
-  std::vector<std::weak_ptr<const Listener>> listeners_;  // guarded by mutex_
+  std::vector<std::weak_ptr<Entry>> entries_;  // guarded by mutex_
 };
 
-// News as lines of text for SqlDatabase::Publish: "w" for work, "*" for everything, and names of jobs.
+// News as lines of text for SqlDatabase::Publish: "w" for work, "*" for everything, names of jobs, and after "=" names
+// of work.
 std::string EncodeNews(const StoreNews& news);
 StoreNews DecodeNews(std::string_view message);
 

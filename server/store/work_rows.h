@@ -15,28 +15,6 @@
 
 namespace planish {
 
-// A piece of work that has not ended. Times in nanoseconds since 1970.
-struct WorkRow {
-  std::string name, tenant;
-  std::int64_t number = 0;  // lowest of its jobs
-  bool running = false;     // there is a lease, which may be over
-  std::int64_t turn_time = 0;
-  std::int64_t memory_bytes = 0;
-  std::int64_t mesh_bytes = 0;
-  std::int64_t run_time = 0;  // expected; a duration
-  bool alone = false;         // nothing else may run on the same owner
-  Wish wish = Wish::kGoOn;
-  // While it runs, but for the attempt, which stays.
-  std::string owner;
-  int attempt = 0;
-  std::int64_t lease_until = 0;
-  std::int64_t start_time = 0;
-  std::int64_t charge = 0;         // TenantAccount::charged
-  std::int64_t share = 1'000'000;  // the tenant's when it was claimed, millionths
-
-  bool operator==(const WorkRow&) const = default;
-};
-
 inline constexpr char kWorkColumns[] =
     "name, tenant, number, running, turn_time, memory_bytes, mesh_bytes, run_time, alone, wish, owner, attempt, "
     "lease_until, start_time, charge, share";
@@ -64,7 +42,8 @@ class AccountChanges {
   bool work_ended_ = false;
 };
 
-// Of all tenants that have something waiting or running, and where `all`, of all that have records.
+// Of all tenants that have something waiting or running or received something, and where `all`, of all that have
+// records.
 absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all = false);
 
 }  // namespace planish

@@ -29,7 +29,7 @@ inline constexpr char kWorkMigration[] = R"sql(
   );
   INSERT INTO works
     SELECT work, min(tenant), min(number), max(CASE WHEN state = 1 THEN 0 ELSE 1 END), min(turn_time),
-           max(memory_bytes), 0, 0, 0, 0, max(owner), max(attempt), max(lease_until), max(turn_time), 0, 1000000
+           max(memory_bytes), 0, 0, 0, 0, max(owner), max(attempt), max(lease_until), 0, 0, 1000000
     FROM jobs WHERE ended = 0 GROUP BY work;
   CREATE INDEX works_by_turn ON works (tenant, turn_time, number) WHERE running = 0;
   CREATE INDEX works_by_owner ON works (owner) WHERE running = 1;
@@ -51,7 +51,7 @@ inline constexpr char kWorkMigration[] = R"sql(
     SELECT tenant, 0, 0, 0, 0, 0, 0, 0, sum(ended), sum(CASE WHEN state = 4 THEN uv_bytes ELSE 0 END)
     FROM jobs GROUP BY tenant;
   INSERT INTO tenants
-    SELECT tenant, 1, sum(1 - running), 0, sum(running), sum(running * (start_time / 1000000)), 0, 0, 0, 0
+    SELECT tenant, 1, sum(1 - running), 0, sum(running), 0, 0, 0, 0, 0
     FROM works GROUP BY tenant;
   ALTER TABLE jobs ADD COLUMN due BIGINT NOT NULL DEFAULT 9223372036854775807;
   CREATE INDEX jobs_by_due ON jobs (due) WHERE ended = 0;

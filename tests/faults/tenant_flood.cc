@@ -12,9 +12,9 @@
 #include "core/draco/codec.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/jobs/job_manager.h"
-#include "server/store/lifecycle.h"
 #include "server/jobs/worker_pool.h"
 #include "server/link/process_link.h"
+#include "server/store/lifecycle.h"
 #include "server/worker/needs.h"
 #include "tests/testing/meshes.h"
 
@@ -76,7 +76,7 @@ class Flood {
     WorkerPoolOptions pool;
     pool.workers = options.workers;
     pool_ = std::make_unique<WorkerPool>(
-        manager_.get(), [] { return StartProcessWorker({}); }, std::move(pool));
+        manager_->source(), [] { return StartProcessWorker({}); }, std::move(pool));
   }
 
   ~Flood() {

@@ -8,8 +8,8 @@
 #include "core/base/sha256.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
-#include "server/store/sqlite.h"
 #include "server/jobs/upload_store.h"
+#include "server/store/sqlite.h"
 #include "tests/server/blobs/blobs_in.h"
 #include "tests/server/blobs/power_loss.h"
 #include "tests/server/jobs/job_manager_fixture.h"
@@ -319,7 +319,7 @@ TEST_F(DurabilityTest, JobsWaitWhileThereAreNoDescriptors) {
   JobAssignment assignment;
   for (const int error : {EMFILE, ENOMEM}) {
     files_.open_error = error;
-    EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+    EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
     EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
     now_ += options_.retry_delay;
     manager_->Tick();

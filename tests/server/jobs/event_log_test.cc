@@ -24,6 +24,12 @@ v1::JobEvent IterationEvent(int i) {
   return event;
 }
 
+// With the next sequence.
+void Add(JobEventLog* log, v1::JobEvent event, StoredBlobPtr uv = nullptr) {
+  event.set_sequence(log->last_sequence() + 1);
+  EXPECT_TRUE(log->Append(std::move(event), std::move(uv)));
+}
+
 // Everything there is to read after `after`.
 std::vector<v1::JobEvent> ReadAll(const JobEventLog& log, std::int64_t after) {
   std::vector<v1::JobEvent> events;
@@ -46,13 +52,13 @@ std::vector<std::int64_t> Skipped(const std::vector<v1::JobEvent>& events) {
   return skipped;
 }
 
-TEST(EventLog, NumbersFromOneWithoutGaps) {
+TEST(EventLog, HasWhatWasAppended) {
   JobEventLog log(8);
   EXPECT_FALSE(log.ReadAfter(0).event.has_value());
   EXPECT_FALSE(log.ReadAfter(0).ended);
-  log.Append(StateEvent(v1::JOB_STATE_QUEUED));
-  log.Append(StateEvent(v1::JOB_STATE_RUNNING));
-  log.Append(IterationEvent(1));
+  Add(&log, StateEvent(v1::JOB_STATE_QUEUED));
+  Add(&log, StateEvent(v1::JOB_STATE_RUNNING));
+  Add(&log, IterationEvent(1));
   const auto events = ReadAll(log, 0);
   EXPECT_THAT(Sequences(events), ElementsAre(1, 2, 3));
   EXPECT_THAT(Skipped(events), ElementsAre(0, 0, 0));
@@ -60,13 +66,33 @@ TEST(EventLog, NumbersFromOneWithoutGaps) {
   EXPECT_THAT(ReadAll(log, 3), IsEmpty());
 }
 
+TEST(EventLog, TakesEventsInTheirOrderAndOnce) {
+  JobEventLog log(8);
+  v1::JobEvent event = IterationEvent(1);
+  const auto append = [&](std::int64_t sequence) {
+    event.set_sequence(sequence);
+    return log.Append(event);
+  };
+  EXPECT_TRUE(append(1));
+  EXPECT_FALSE(append(3)) << "2 is missing";
+  EXPECT_TRUE(append(1)) << "it is there";
+  EXPECT_TRUE(append(2));
+  EXPECT_TRUE(append(3));
+  event.set_sequence(1000);
+  log.Restore(event);
+  event.set_sequence(3);
+  log.Restore(event);
+  EXPECT_THAT(Sequences(ReadAll(log, 0)), ElementsAre(1, 2, 3, 1000));
+  EXPECT_EQ(ReadAll(log, 3)[0].skipped(), 996) << "where the store has a jump";
+}
+
 TEST(EventLog, DropsOldProgressNeverStates) {
   JobEventLog log(4);
-  log.Append(StateEvent(v1::JOB_STATE_QUEUED));
-  log.Append(StateEvent(v1::JOB_STATE_RUNNING));
-  for (int i = 1; i <= 10; ++i) log.Append(IterationEvent(i));
-  log.Append(StateEvent(v1::JOB_STATE_STOPPING));
-  log.AppendLast(StateEvent(v1::JOB_STATE_CANCELLED), nullptr);
+  Add(&log, StateEvent(v1::JOB_STATE_QUEUED));
+  Add(&log, StateEvent(v1::JOB_STATE_RUNNING));
+  for (int i = 1; i <= 10; ++i) Add(&log, IterationEvent(i));
+  Add(&log, StateEvent(v1::JOB_STATE_STOPPING));
+  Add(&log, StateEvent(v1::JOB_STATE_CANCELLED));
 
   auto events = ReadAll(log, 0);
   EXPECT_THAT(Sequences(events), ElementsAre(1, 2, 13, 14));
@@ -78,8 +104,8 @@ TEST(EventLog, DropsOldProgressNeverStates) {
 
 TEST(EventLog, LateReaderSeesTheNewestProgress) {
   JobEventLog log(3);
-  log.Append(StateEvent(v1::JOB_STATE_QUEUED));
-  for (int i = 1; i <= 100; ++i) log.Append(IterationEvent(i));
+  Add(&log, StateEvent(v1::JOB_STATE_QUEUED));
+  for (int i = 1; i <= 100; ++i) Add(&log, IterationEvent(i));
   const auto events = ReadAll(log, 0);
   ASSERT_EQ(events.size(), 3u);
   EXPECT_THAT(Sequences(events), ElementsAre(1, 100, 101));
@@ -88,16 +114,16 @@ TEST(EventLog, LateReaderSeesTheNewestProgress) {
 
 TEST(EventLog, StatesAloneMayExceedTheCapacity) {
   JobEventLog log(1);
-  for (int i = 0; i < 4; ++i) log.Append(StateEvent(v1::JOB_STATE_QUEUED));
+  for (int i = 0; i < 4; ++i) Add(&log, StateEvent(v1::JOB_STATE_QUEUED));
   EXPECT_THAT(Sequences(ReadAll(log, 0)), ElementsAre(1, 2, 3, 4));
 }
 
 TEST(EventLog, EndsOnceWithTheUv) {
   JobEventLog log(8);
   EXPECT_EQ(log.uv(), nullptr);
-  log.AppendLast(StateEvent(v1::JOB_STATE_SUCCEEDED), StoredBlob::InMemory(*Blob::Copy("uv")));
-  log.Append(IterationEvent(1));
-  log.AppendLast(StateEvent(v1::JOB_STATE_FAILED), nullptr);
+  Add(&log, StateEvent(v1::JOB_STATE_SUCCEEDED), StoredBlob::InMemory(*Blob::Copy("uv")));
+  Add(&log, IterationEvent(1));
+  Add(&log, StateEvent(v1::JOB_STATE_FAILED));
   EXPECT_THAT(Sequences(ReadAll(log, 0)), ElementsAre(1));
   EXPECT_FALSE(log.ReadAfter(0).ended);
   EXPECT_TRUE(log.ReadAfter(1).ended);
@@ -112,7 +138,7 @@ TEST(EventLog, WakesSubscribersUntilTheyDrop) {
   int second = 0;
   auto subscription = log.Subscribe([&] { ++first; });
   const auto other = log.Subscribe([&] { ++second; });
-  log.Append(IterationEvent(1));
+  Add(&log, IterationEvent(1));
   EXPECT_EQ(first, 0);
   log.Notify();
   subscription.reset();
@@ -130,8 +156,8 @@ TEST(EventLog, SubscriberMayUseTheLogFromItsCallback) {
     while (auto event = log.ReadAfter(after).event) seen.push_back(after = event->sequence());
     inner = log.Subscribe([] {});
   });
-  log.Append(IterationEvent(1));
-  log.Append(IterationEvent(2));
+  Add(&log, IterationEvent(1));
+  Add(&log, IterationEvent(2));
   log.Notify();
   EXPECT_THAT(seen, ElementsAre(1, 2));
 }
@@ -154,8 +180,8 @@ TEST(EventLog, ReadersOnOtherThreadsSeeEverySequenceInOrder) {
       EXPECT_EQ(after, last);
     });
   }
-  for (int i = 1; i < kEvents; ++i) log.Append(IterationEvent(i));
-  log.AppendLast(StateEvent(v1::JOB_STATE_SUCCEEDED), nullptr);
+  for (int i = 1; i < kEvents; ++i) Add(&log, IterationEvent(i));
+  Add(&log, StateEvent(v1::JOB_STATE_SUCCEEDED));
   for (auto& reader : readers) reader.join();
 }
 

@@ -49,7 +49,7 @@ class JobLimitsTest : public JobManagerTest {
 TEST_F(JobLimitsTest, CrashedWorkIsTriedTwiceMoreThenFails) {
   const std::string name = Create();
   Take();
-  manager_->ReportProgress(name, attempt_, Iteration(3));
+  manager_->source()->ReportProgress(name, attempt_, Iteration(3));
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
   EXPECT_FALSE(manager_->Get(caller_, name)->has_progress());
@@ -57,7 +57,7 @@ TEST_F(JobLimitsTest, CrashedWorkIsTriedTwiceMoreThenFails) {
   EXPECT_EQ(Take(), name);
   EXPECT_NE(attempt_, first);
   EXPECT_EQ(manager_->Get(caller_, name)->attempts(), 2);
-  manager_->ReportResult(name, first, Success("late"), *Blob::Copy("late"));
+  manager_->source()->ReportResult(name, first, Success("late"), *Blob::Copy("late"));
   EXPECT_EQ(State(name), v1::JOB_STATE_RUNNING) << "the first worker is no longer listened to";
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
@@ -76,7 +76,7 @@ TEST_F(JobLimitsTest, CrashedWorkIsTriedTwiceMoreThenFails) {
 TEST_F(JobLimitsTest, WorkThatDiesOfMemoryIsNotTriedAgain) {
   const std::string name = Create();
   Take();
-  manager_->ReportLost(name, attempt_, {"OUT_OF_MEMORY", "the worker was killed", {{"signal", "SIGKILL"}}});
+  manager_->source()->ReportLost(name, attempt_, {"OUT_OF_MEMORY", "the worker was killed", {{"signal", "SIGKILL"}}});
   EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
   EXPECT_EQ(ErrorReason(name), "OUT_OF_MEMORY");
   EXPECT_EQ(manager_->Get(caller_, name)->attempts(), 1);
@@ -96,14 +96,13 @@ TEST_F(JobLimitsTest, WorkerThatDiesOfACancellationCancels) {
   const std::string name = Create();
   Take();
   manager_->Cancel(caller_, name).IgnoreError();
-  EXPECT_EQ(manager_->ObeyBy(name, attempt_), now_ + options_.obey_limit);
+  EXPECT_EQ(manager_->source()->ObeyBy(name, attempt_), now_ + options_.obey_limit);
   Lose(name);
   EXPECT_EQ(State(name), v1::JOB_STATE_CANCELLED);
-  EXPECT_EQ(manager_->ObeyBy(name, attempt_), absl::InfinitePast());
+  EXPECT_EQ(manager_->source()->ObeyBy(name, attempt_), absl::InfinitePast());
 }
 
-// Issue 26: limits of jobs that had ended stayed in memory until their time came.
-TEST_F(JobLimitsTest, JobsThatEndLeaveNoAlarms) {
+TEST_F(JobLimitsTest, LimitsOfJobsThatEndedMeanNothing) {
   std::vector<std::string> names;
   for (int i = 0; i < 2; ++i) {
     names.push_back(CreateWith([](JobRequest* request) {
@@ -112,11 +111,12 @@ TEST_F(JobLimitsTest, JobsThatEndLeaveNoAlarms) {
     }));
   }
   EXPECT_EQ(Take(), names[0]);
-  EXPECT_EQ(manager_->Stats().alarms, 3);
   Succeed(names[0]);
-  EXPECT_EQ(manager_->Stats().alarms, 1);
   manager_->Cancel(caller_, names[1]).IgnoreError();
-  EXPECT_EQ(manager_->Stats().alarms, 0);
+  Pass(absl::Hours(48));
+  EXPECT_TRUE(store_->EndOverdue({.now = now_}, 10)->empty());
+  EXPECT_EQ(State(names[0]), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(State(names[1]), v1::JOB_STATE_CANCELLED);
 }
 
 TEST_F(JobLimitsTest, TimeoutEndsAJobThatWaits) {
@@ -134,7 +134,7 @@ TEST_F(JobLimitsTest, TimeoutCancelsAJobThatRuns) {
       CreateWith([](JobRequest* request) { *request->scheduling.mutable_timeout() = TimeUtil::SecondsToDuration(10); });
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   Pass(absl::Seconds(10));
   EXPECT_EQ(State(name), v1::JOB_STATE_STOPPING);
   ASSERT_THAT(link->sent, SizeIs(1));
@@ -147,7 +147,7 @@ TEST_F(JobLimitsTest, StopKeepsWhatTheWorkerDelivers) {
   const std::string name = Create();
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   EXPECT_EQ(manager_->Stop(caller_, name)->state(), v1::JOB_STATE_STOPPING);
   EXPECT_TRUE(manager_->Stop(caller_, name)->stop_requested());
   ASSERT_THAT(link->sent, SizeIs(1));
@@ -162,7 +162,7 @@ TEST_F(JobLimitsTest, StopOfAQueuedJobWaitsForItsTurn) {
   EXPECT_EQ(manager_->Stop(caller_, name)->state(), v1::JOB_STATE_QUEUED);
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_stop());
 }
@@ -171,7 +171,7 @@ TEST_F(JobLimitsTest, CancelAfterStop) {
   const std::string name = Create();
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   manager_->Stop(caller_, name).IgnoreError();
   EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_STOPPING);
   EXPECT_TRUE(link->sent.back().has_cancel());

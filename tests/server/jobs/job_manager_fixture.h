@@ -13,6 +13,7 @@
 #include "gtest/gtest.h"
 #include "server/jobs/job_manager.h"
 #include "server/link/rpc_status.h"
+#include "server/store/lifecycle.h"
 
 namespace planish {
 
@@ -67,6 +68,8 @@ class JobManagerTest : public ::testing::Test {
     options_.on_transition = [this](const v1::Job& job) { transitions_.push_back(StateName(job.state())); };
     options_.limits.queue_capacity = 2;
     options_.retry_delay = absl::Seconds(3);
+    options_.report_interval = absl::ZeroDuration();
+    options_.forecast_age = absl::ZeroDuration();
     options_.limits.reattach_grace = absl::ZeroDuration();
     Restart();
   }
@@ -74,9 +77,16 @@ class JobManagerTest : public ::testing::Test {
   // A new server with nothing in its stores.
   void Restart() {
     manager_.reset();
-    store_ = *OpenJobStore(":memory:");
+    store_ = OpenStore(*OpenSqliteDatabase(":memory:"));
     blobs_ = std::make_unique<BlobCatalog>(BlobPlaces{}, store_bytes_);
     Resume();
+  }
+
+  // Its clock is that of the test.
+  std::unique_ptr<JobStore> OpenStore(std::unique_ptr<SqlDatabase> database) {
+    JobStoreOptions options;
+    options.lease_clock = [this] { return now_; };
+    return NewJobStore(std::move(database), options);
   }
 
   // A new server on the stores of the last one, which died.
@@ -105,7 +115,7 @@ class JobManagerTest : public ::testing::Test {
   // Waits for work; nothing if there will be none.
   std::optional<JobAssignment> TakeNext() {
     JobAssignment assignment;
-    const Turn turn = manager_->TakeNext(absl::Hours(1), &assignment);
+    const Turn turn = manager_->source()->TakeNext(absl::Hours(1), &assignment);
     return turn == Turn::kWork ? std::optional(std::move(assignment)) : std::nullopt;
   }
 
@@ -116,11 +126,12 @@ class JobManagerTest : public ::testing::Test {
     return assignment->name;
   }
   void Report(const std::string& name, const worker::v1::WorkResult& result, const std::string& uv = "") {
-    manager_->ReportResult(name, attempt_, result, *Blob::Copy(uv));
+    manager_->source()->ReportResult(name, attempt_, result, *Blob::Copy(uv));
   }
   void Succeed(const std::string& name, const std::string& uv = "uv") { Report(name, Success(uv), uv); }
   void Lose(const std::string& name) {
-    manager_->ReportLost(name, attempt_, {"WORKER_CRASHED", "the worker was killed", {{"signal", "SIGSEGV"}}});
+    manager_->source()->ReportLost(name, attempt_,
+                                   {"WORKER_CRASHED", "the worker was killed", {{"signal", "SIGSEGV"}}});
   }
 
   // Creates a job and brings it to its end.

@@ -28,7 +28,7 @@ TEST_F(JobManagerTest, ALifeInEvents) {
   EXPECT_EQ(assignment->blobs[0]->bytes(), "mesh1");
   attempt_ = assignment->attempt;
   EXPECT_EQ(assignment->request.options().tolerance(), 1e-6);
-  manager_->ReportProgress(name, attempt_, Iteration(1));
+  manager_->source()->ReportProgress(name, attempt_, Iteration(1));
   EXPECT_EQ(manager_->Get(caller_, name)->progress().newton_iteration(), 1);
   now_ += absl::Seconds(5);
   Succeed(name, "uvuvuv");
@@ -176,7 +176,7 @@ TEST_F(JobManagerTest, CancelWhileRunningTellsTheWorkerOnce) {
   const std::string name = Create();
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_STOPPING);
   EXPECT_EQ(manager_->Cancel(caller_, name)->state(), v1::JOB_STATE_STOPPING);
   ASSERT_THAT(link->sent, SizeIs(1));
@@ -191,7 +191,7 @@ TEST_F(JobManagerTest, CancelBeforeTheWorkerIsKnownReachesIt) {
   Take();
   manager_->Cancel(caller_, name).IgnoreError();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_cancel());
 }
@@ -218,7 +218,7 @@ TEST_F(JobManagerTest, WorkersFailure) {
   EXPECT_EQ(job.error().message(), "no boundary");
   Succeed(name);
   Lose(name);
-  manager_->ReportProgress(name, attempt_, v1::Progress());
+  manager_->source()->ReportProgress(name, attempt_, v1::Progress());
   EXPECT_EQ(State(name), v1::JOB_STATE_FAILED) << "what a worker says after the end changes nothing";
   EXPECT_THAT(Events(name), SizeIs(3));
 }
@@ -539,7 +539,7 @@ TEST_F(JobManagerTest, EndOfGraceCancelsEverything) {
   const std::string running = Create();
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(running, attempt_, link);
+  manager_->source()->SetLink(running, attempt_, link);
   const std::string queued = Create();
   int idle = 0;
   manager_->Drain([&idle] { ++idle; });

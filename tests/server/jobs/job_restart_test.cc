@@ -20,7 +20,7 @@ class JobRestartTest : public JobManagerTest {
 TEST_F(JobRestartTest, WhatRanIsQueuedAgainInItsOldPlace) {
   const std::string running = Create();
   Take();
-  manager_->ReportProgress(running, attempt_, Iteration(7));
+  manager_->source()->ReportProgress(running, attempt_, Iteration(7));
   now_ += absl::Seconds(1);
   const std::string queued = Create();
   Resume();
@@ -39,7 +39,7 @@ TEST_F(JobRestartTest, WhatRanIsQueuedAgainInItsOldPlace) {
 TEST_F(JobRestartTest, SequencesAscendAndNoChangeOfStateIsLost) {
   const std::string name = Create();
   Take();
-  for (int i = 1; i <= 3; ++i) manager_->ReportProgress(name, attempt_, Iteration(i));
+  for (int i = 1; i <= 3; ++i) manager_->source()->ReportProgress(name, attempt_, Iteration(i));
   const std::int64_t seen = Events(name).back().sequence();
   EXPECT_EQ(seen, 5);
   Resume();
@@ -53,7 +53,9 @@ TEST_F(JobRestartTest, SequencesAscendAndNoChangeOfStateIsLost) {
   Succeed(name);
   Resume();
   std::vector<v1::JobState> states;
-  for (const v1::JobEvent& event : Events(name)) states.push_back(event.job().state());
+  for (const v1::JobEvent& event : Events(name)) {
+    if (event.has_job()) states.push_back(event.job().state());
+  }
   EXPECT_THAT(states, ::testing::ElementsAre(v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING, v1::JOB_STATE_QUEUED,
                                              v1::JOB_STATE_RUNNING, v1::JOB_STATE_SUCCEEDED));
   EXPECT_TRUE(Events(name).back().job().has_report());
@@ -63,7 +65,7 @@ TEST_F(JobRestartTest, SequencesAscendAndNoChangeOfStateIsLost) {
 TEST_F(JobRestartTest, ManyEventsNeverShareASequenceWithLaterOnes) {
   const std::string name = Create();
   Take();
-  for (int i = 0; i < 5000; ++i) manager_->ReportProgress(name, attempt_, Iteration(i));
+  for (int i = 0; i < 5000; ++i) manager_->source()->ReportProgress(name, attempt_, Iteration(i));
   const std::int64_t seen = Events(name).back().sequence();
   Resume();
   EXPECT_GT(Events(name).back().sequence(), seen);
@@ -120,12 +122,12 @@ TEST_F(JobRestartTest, TheLastAttemptAfterTheServerDiedRunsAlone) {
     Crash();
   }
   EXPECT_EQ(Take(), killer);
-  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+  EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
   Crash();
   EXPECT_EQ(ErrorReason(killer), "SERVER_CRASHED");
   EXPECT_EQ(Take(), bystander);
   const std::string later = Create();
-  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+  EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
   Succeed(bystander);
   EXPECT_EQ(State(bystander), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(Take(), later);
@@ -169,7 +171,7 @@ TEST_F(JobRestartTest, StopOutlivesTheServer) {
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   ASSERT_THAT(link->sent, SizeIs(1));
   EXPECT_TRUE(link->sent[0].has_stop());
 }
@@ -220,7 +222,7 @@ TEST_F(JobRestartTest, SuspendTellsWatchersToComeBack) {
   const std::string name = Create();
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   const auto log = Watch(name);
   manager_->Suspend();
   EXPECT_TRUE(link->closed);

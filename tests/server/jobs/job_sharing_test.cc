@@ -34,7 +34,7 @@ TEST_F(JobSharingTest, OneResultForAll) {
   EXPECT_EQ(State(second), v1::JOB_STATE_RUNNING);
   const std::string third = CreateSame();
   EXPECT_EQ(State(third), v1::JOB_STATE_RUNNING);
-  manager_->ReportProgress(first, attempt_, Iteration(1));
+  manager_->source()->ReportProgress(first, attempt_, Iteration(1));
   Succeed(first, "result");
   for (const std::string& name : {first, second, third}) {
     EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
@@ -78,7 +78,7 @@ TEST_F(JobSharingTest, CancellingOneLeavesTheOthers) {
   const std::string second = CreateSame();
   EXPECT_EQ(Take(), first);
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(first, attempt_, link);
+  manager_->source()->SetLink(first, attempt_, link);
   EXPECT_EQ(manager_->Cancel(caller_, first)->state(), v1::JOB_STATE_CANCELLED);
   EXPECT_THAT(link->sent, SizeIs(0));
   Succeed(first);
@@ -102,7 +102,7 @@ TEST_F(JobSharingTest, WorkStopsWhenAllWantItTo) {
   const std::string second = CreateSame();
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(first, attempt_, link);
+  manager_->source()->SetLink(first, attempt_, link);
   EXPECT_EQ(manager_->Stop(caller_, first)->state(), v1::JOB_STATE_STOPPING);
   EXPECT_THAT(link->sent, SizeIs(0));
   manager_->Cancel(caller_, second).IgnoreError();

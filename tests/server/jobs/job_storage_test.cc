@@ -21,7 +21,7 @@ class JobStorageTest : public JobManagerTest {
  protected:
   JobStorageTest() {
     manager_.reset();
-    store_ = NewJobStore(std::make_unique<FailingDatabase>(*OpenSqliteDatabase(":memory:"), &fault_));
+    store_ = OpenStore(std::make_unique<FailingDatabase>(*OpenSqliteDatabase(":memory:"), &fault_));
     Resume();
   }
 
@@ -83,11 +83,11 @@ TEST_F(JobStorageTest, NoAttemptBeginsThatCannotBeWritten) {
   const std::string name = Create();
   fault_.full = true;
   JobAssignment assignment;
-  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
+  EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing);
   EXPECT_EQ(State(name), v1::JOB_STATE_QUEUED);
   EXPECT_EQ(manager_->Get(caller_, name)->attempts(), 0);
   fault_.full = false;
-  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing) << "not at once";
+  EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &assignment), Turn::kNothing) << "not at once";
   now_ += options_.retry_delay;
   manager_->Tick();
   EXPECT_EQ(Take(), name);
@@ -98,7 +98,7 @@ TEST_F(JobStorageTest, WhatCannotBeWrittenIsNotDone) {
   const std::string name = Create();
   Take();
   const auto link = std::make_shared<NotingLink>();
-  manager_->SetLink(name, attempt_, link);
+  manager_->source()->SetLink(name, attempt_, link);
   fault_.full = true;
   for (const absl::Status& status :
        {manager_->Stop(caller_, name).status(), manager_->Cancel(caller_, name).status()}) {

@@ -269,7 +269,8 @@ TEST_F(JobTenantsTest, RunningJobsOfATenant) {
   EXPECT_EQ(Take(), first);
   EXPECT_EQ(Take(), bobs);
   JobAssignment none;
-  EXPECT_EQ(manager_->TakeNext(absl::ZeroDuration(), &none), Turn::kNothing) << "a worker is free, but not for ann";
+  EXPECT_EQ(manager_->source()->TakeNext(absl::ZeroDuration(), &none), Turn::kNothing)
+      << "a worker is free, but not for ann";
   Succeed(first);
   EXPECT_EQ(Take(), second);
 }
@@ -294,10 +295,11 @@ TEST_F(JobTenantsTest, AJobThatWaitsForMemoryIsOvertakenOnlyUntilOthersHadAsMuch
     // Bob always has jobs waiting that would fit.
     for (int i = 0; i < 3; ++i) CreateAs(kBob, "b" + std::to_string(3 * rounds + i));
     JobAssignment next;
-    while (manager_->TakeNext(absl::ZeroDuration(), &next) == Turn::kWork)
+    while (manager_->source()->TakeNext(absl::ZeroDuration(), &next) == Turn::kWork)
       running.emplace_back(next.name, next.attempt);
     now_ += absl::Seconds(10);
-    for (const auto& [name, attempt] : running) manager_->ReportResult(name, attempt, Success("uv"), *Blob::Copy("uv"));
+    for (const auto& [name, attempt] : running)
+      manager_->source()->ReportResult(name, attempt, Success("uv"), *Blob::Copy("uv"));
     running.clear();
   }
   EXPECT_LE(rounds, 3);

@@ -86,7 +86,8 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
     : uploads_(std::move(upload_options), &blobs_),
       store_(*OpenJobStore(":memory:")),
       manager_(*JobManager::Open(WithUploads(options, &uploads_), store_.get(), &blobs_)),
-      pool_(std::make_unique<WorkerPool>(manager_.get(), ScriptedWorkers(std::move(script)), Workers(options.workers))),
+      pool_(std::make_unique<WorkerPool>(manager_->source(), ScriptedWorkers(std::move(script)),
+                                         Workers(options.workers))),
       callers_(std::move(callers)) {
   // Never taken back: the last grpc_shutdown() joins gRPC's own threads, one of which may sit in a poll for 10 s.
   static const bool kept = (grpc_init(), true);

@@ -1,6 +1,7 @@
 // A database whose connection dies when a test says.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <string>
@@ -52,7 +53,7 @@ class FailingConnection : public SqlConnection {
 
  private:
   absl::Status Try(const std::function<absl::Status()>& body) {
-    const bool fails = ++fault_.count == fault_.at;
+    const bool fails = std::atomic_ref(fault_.count).fetch_add(1) + 1 == fault_.at;  // crowds have several connections
     if (fails && fault_.answers) dead_ = true;
     if (dead_) return StoreUnavailable("the connection died");
     const absl::Status status = body();
@@ -88,6 +89,7 @@ class FailingDatabase : public SqlDatabase {
   }
   const std::string& id() const override { return database_->id(); }
   bool has_clock() const override { return database_->has_clock(); }
+  bool is_shared() const override { return database_->is_shared(); }
   bool outlives_process() const override { return database_->outlives_process(); }
 
  private:

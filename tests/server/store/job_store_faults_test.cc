@@ -79,7 +79,7 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
        v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING},
       {"Renew", run, [&] { return store_->Renew({lease}, absl::Seconds(10)).status(); }, v1::JOB_STATE_RUNNING,
        v1::JOB_STATE_RUNNING},
-      {"Report", run, [&] { return store_->Report(context_, lease, {v1::Progress()}); }, v1::JOB_STATE_RUNNING,
+      {"Report", run, [&] { return store_->Report(context_, lease, {v1::Progress()}).status(); }, v1::JOB_STATE_RUNNING,
        v1::JOB_STATE_RUNNING},
       {"Finish", run, [&] { return store_->Finish(context_, lease, Success()).status(); }, v1::JOB_STATE_RUNNING,
        v1::JOB_STATE_SUCCEEDED},
@@ -94,8 +94,6 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
       {"Fail", run, [&] { return store_->Fail(context_, name(), ToRpcStatus(InternalError("x")), true).status(); },
        v1::JOB_STATE_RUNNING, v1::JOB_STATE_FAILED},
       {"Detach", add, [&] { return store_->Detach(name()).status(); }, v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
-      {"ReserveSequences", add, [&] { return store_->ReserveSequences(context_, name(), 10).status(); },
-       v1::JOB_STATE_QUEUED, v1::JOB_STATE_QUEUED},
       {"ClaimNext", add_first,
        [&] {
          return store_->Claim(context_, {"a", absl::Seconds(10), 1, 0, ""}).status();
@@ -166,7 +164,7 @@ TEST_P(JobStoreTest, ACrowdFinishesEveryJobOnce) {
       if (!claimed.ok()) continue;
       for (const ClaimedWork& work : *claimed) {
         if (++turns % 7 == 0 && lost++ < 5) continue;  // it forgets that it has this
-        store->Report(context_, work.lease, {v1::Progress()}).IgnoreError();
+        store->Report(context_, work.lease, {v1::Progress()}).status().IgnoreError();
         store->Finish(context_, work.lease, Success()).status().IgnoreError();
       }
     }
@@ -198,7 +196,8 @@ TEST_P(JobStoreTest, ACrowdFinishesEveryJobOnce) {
     std::int64_t last = 0;
     const std::vector<v1::JobEvent> events = *store_->Events(record.number());
     for (const v1::JobEvent& event : events) {
-      EXPECT_EQ(event.sequence(), ++last) << record.job().name();
+      EXPECT_GT(event.sequence(), last) << record.job().name();
+      last = event.sequence();
       if (event.has_job() && IsTerminal(event.job().state())) ++ends;
     }
     EXPECT_EQ(ends, 1) << record.job().name() << ": " << History(record.job().name());

@@ -1,0 +1,95 @@
+// How requests become jobs.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planish/v1/planish.pb.h"
+#include "server/access/caller.h"
+#include "server/jobs/job_callers.h"
+#include "server/jobs/job_feed.h"
+#include "server/jobs/job_options.h"
+#include "server/jobs/job_retention.h"
+#include "server/jobs/manager_stats.h"
+#include "server/jobs/queue_forecast.h"
+
+namespace planish {
+
+struct AcceptedJob {
+  v1::Job job;
+  std::shared_ptr<const JobEventLog> events;
+  JobAttachment attachment;  // empty unless JobRequest::attached
+};
+
+// Thread-safe. No lock is held while the store is asked.
+class JobAdmission {
+ public:
+  // All outlive the object. `seconds_factor`: what work takes over what was expected of it, lately.
+  JobAdmission(JobContext* context, JobFeed* feed, JobCallers* callers, JobRetention* retention,
+               std::function<double()> seconds_factor);
+
+  // JobManager::Create. `refusal`: why no new jobs are taken; OK: they are.
+  absl::StatusOr<AcceptedJob> Create(const Caller& caller, JobRequest request, const absl::Status& refusal);
+  // JobManager::Estimate.
+  absl::StatusOr<v1::JobEstimate> Estimate(const Caller& caller, const JobRequest& request, std::int64_t mesh_bytes,
+                                           const v1::MeshSize& size) const;
+
+  // `array_vertices` as in JobRequest; `size` counts where the mesh does not say.
+  absl::StatusOr<JobNeeds> NeedsOf(std::string_view mesh, std::optional<std::int64_t> array_vertices,
+                                   std::int64_t mesh_bytes, v1::MeshSize size, const v1::UnwrapOptions& options) const;
+  // What a tenant may have waiting.
+  QueueLimits LimitsOf(const std::string& tenant) const;
+  // The place in the queue of a job that waits.
+  absl::StatusOr<int> PositionOf(const JobRecord& record) const;
+  // Adds the calls since the start: TenantStats, and ManagerStats::refused_by_reason.
+  void AddCalls(std::map<std::string, TenantStats>* tenants, std::map<std::string, std::int64_t>* refused) const;
+
+ private:
+  struct Calls {
+    std::int64_t accepted = 0, refused = 0, shared = 0;
+  };
+  struct KeptResult {
+    std::string name;
+    StoredBlobPtr uv;
+  };
+
+  absl::StatusOr<AcceptedJob> Accept(const Caller& caller, JobRequest request, const absl::Status& refusal);
+  // The job that has the request id, if there is one.
+  absl::StatusOr<std::optional<AcceptedJob>> FindKnown(const Caller& caller, const JobRequest& request,
+                                                       const std::string& work_key);
+  absl::StatusOr<AcceptedJob> AnswerKnown(const Caller& caller, const JobRequest& request, const std::string& work_key,
+                                          JobRecord record);
+  absl::StatusOr<AcceptedJob> AnswerNew(const JobRequest& request, AcceptedChange accepted,
+                                        std::shared_ptr<JobEventLog> events, const StoredBlobPtr& uv);
+  // The newest result of this work that is still kept.
+  std::optional<KeptResult> FindResult(const std::string& work_key) const;
+  JobRecord NewRecord(const Caller& caller, const JobRequest& request) const;
+  // Asks a forecast that is young enough.
+  template <class Answer>
+  absl::StatusOr<Answer> AskForecast(const std::function<Answer(QueueForecast*)>& question) const;
+  absl::Status CheckRoom(const std::string& tenant, std::int64_t mesh_bytes) const;
+  absl::Status QueueFull(const std::string& tenant, Room room) const;
+
+  JobContext& context_;
+  JobFeed& feed_;
+  JobCallers& callers_;
+  JobRetention& retention_;
+  const std::function<double()> seconds_factor_;
+
+  mutable std::mutex mutex_;
+  // Guarded by mutex_.
+  std::map<std::string, Calls> calls_;  // of each tenant, since the start
+  std::map<std::string, std::int64_t> refused_by_reason_;
+  mutable std::optional<QueueForecast> forecast_;
+  mutable absl::Time forecast_time_ = absl::InfinitePast();  // by the steady clock
+};
+
+}  // namespace planish

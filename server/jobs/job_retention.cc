@@ -1,0 +1,227 @@
+#include "server/jobs/job_retention.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "core/base/error.h"
+#include "core/base/status_macros.h"
+#include "google/protobuf/util/time_util.h"
+#include "server/store/lifecycle.h"
+
+namespace planish {
+namespace {
+
+// Blobs that somebody else stopped using are found by a look at all of them, every so often.
+constexpr absl::Duration kSweepInterval = absl::Minutes(10);
+// So many at a time: each takes a look into the store.
+constexpr std::size_t kSweepSlice = 64;
+
+}  // namespace
+
+BlobHold& BlobHold::operator=(BlobHold&& other) noexcept {
+  Release();
+  retention_ = std::exchange(other.retention_, nullptr);
+  id_ = std::move(other.id_);
+  return *this;
+}
+
+void BlobHold::Release() {
+  if (JobRetention* retention = std::exchange(retention_, nullptr); retention != nullptr) retention->Unhold(id_);
+}
+
+// ---- blobs
+
+void JobRetention::Open() {
+  {
+    const std::lock_guard lock(mutex_);
+    next_sweep_ = context_.options.clock() + kSweepInterval;
+  }
+  context_.blobs.Collect([this](const BlobId& id) { return IsUsed(id); });
+}
+
+BlobHold JobRetention::Hold(const BlobId& id) {
+  std::unique_lock lock(mutex_);
+  collected_.wait(lock, [&] { return !collecting_.contains(id); });
+  ++held_[id];
+  return BlobHold(this, id);
+}
+
+void JobRetention::Unhold(const BlobId& id) {
+  const std::lock_guard lock(mutex_);
+  if (--held_[id] == 0) held_.erase(id);
+  unused_.insert(id);
+}
+
+absl::StatusOr<StoredBlobPtr> JobRetention::Put(const std::string& tenant, std::string_view bytes,
+                                                const std::string& sha256) {
+  for (;;) {
+    absl::StatusOr<StoredBlobPtr> blob = context_.blobs.Put(tenant, bytes, sha256);
+    if (blob.ok() || ErrorInfoOf(blob.status()).reason != "STORAGE_FULL") return blob;
+    // What is new goes before what was fetched long ago.
+    if (!MakeRoom(tenant, static_cast<std::int64_t>(bytes.size()))) return blob;
+  }
+}
+
+std::vector<BlobRow> JobRetention::Pending(const std::string& tenant, const std::vector<std::string>& digests) const {
+  std::vector<BlobRow> rows;
+  for (const std::string& sha256 : digests) {
+    const BlobId id = {tenant, sha256};
+    if (StoredBlobPtr pending = sha256.empty() ? nullptr : context_.blobs.Pending(id)) {
+      rows.push_back({id, std::move(pending)});
+    }
+  }
+  return rows;
+}
+
+void JobRetention::Committed(const std::vector<BlobRow>& blobs) const {
+  for (const BlobRow& blob : blobs) context_.blobs.Committed(blob.id);
+}
+
+bool JobRetention::IsUsed(const BlobId& id) const {
+  const auto& is_used = context_.options.is_blob_used;
+  if (is_used != nullptr && is_used(id)) return true;
+  const absl::StatusOr<bool> used = context_.store.UsesBlob(id);
+  return !used.ok() || *used;
+}
+
+bool JobRetention::Collect(const BlobId& id) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (held_.contains(id)) return true;  // whoever holds it notes it afterwards
+    collecting_.insert(id);
+  }
+  const bool done = IsUsed(id) || context_.blobs.Remove(id);
+  {
+    const std::lock_guard lock(mutex_);
+    collecting_.erase(id);
+  }
+  collected_.notify_all();
+  return done;
+}
+
+void JobRetention::CollectBlobs() {
+  const absl::Time now = context_.options.clock();
+  bool sweeps = false;
+  {
+    const std::lock_guard lock(mutex_);
+    sweeps = now >= next_sweep_;
+    if (sweeps) next_sweep_ = now + kSweepInterval;
+  }
+  std::vector<BlobId> all;
+  if (sweeps) all = context_.blobs.Ids();
+  std::set<BlobId> unused;
+  {
+    const std::lock_guard lock(mutex_);
+    if (sweeps) sweep_ = std::move(all);
+    for (std::size_t i = 0; i < kSweepSlice && !sweep_.empty(); ++i) {
+      unused_.insert(std::move(sweep_.back()));
+      sweep_.pop_back();
+    }
+    unused.swap(unused_);
+  }
+  std::erase_if(unused, [this](const BlobId& id) { return Collect(id); });
+  const std::lock_guard lock(mutex_);
+  unused_.merge(unused);
+}
+
+void JobRetention::NoteUnused(const JobRecord& record) {
+  const std::lock_guard lock(mutex_);
+  for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256(), record.job().uv().uv_sha256()}) {
+    if (!sha256.empty()) unused_.insert({record.job().tenant(), sha256});
+  }
+}
+
+// ---- records
+
+void JobRetention::NoteEnds(const std::vector<JobChange>& changes) {
+  bool any = false;
+  for (const JobChange& change : changes) {
+    if (!IsTerminal(change.record.job().state())) continue;
+    NoteUnused(change.record);
+    any = true;
+  }
+  if (any) Retain();
+}
+
+void JobRetention::NoteLimits() {
+  const std::lock_guard lock(mutex_);
+  next_expiry_ = absl::InfinitePast();
+}
+
+void JobRetention::Retain() {
+  // Whoever is at it sees to this, too, or Tick() does.
+  const std::unique_lock turn(retaining_, std::try_to_lock);
+  if (!turn.owns_lock()) return;
+  const absl::Duration retained_time = context_.Limits().retained_time;
+  const absl::Time now = context_.options.clock();
+  for (;;) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (now < next_expiry_) break;
+    }
+    const absl::StatusOr<std::optional<JobRecord>> oldest = context_.store.FirstEnded("", v1::JOB_STATE_SUCCEEDED);
+    if (!oldest.ok()) break;
+    const absl::Time next =
+        (oldest->has_value() ? absl::FromUnixNanos(google::protobuf::util::TimeUtil::TimestampToNanoseconds(
+                                   (*oldest)->job().end_time()))
+                             : now) +
+        retained_time;
+    {
+      const std::lock_guard lock(mutex_);
+      next_expiry_ = next;
+    }
+    if (!oldest->has_value() || now < next || !Expire(**oldest)) break;
+  }
+  const absl::StatusOr<JobTotals> totals = context_.store.Totals();
+  if (!totals.ok()) return context_.TellError(totals.status());
+  for (const auto& [tenant, each] : totals->tenants) RetainOf(tenant, each);
+}
+
+void JobRetention::RetainOf(const std::string& tenant, const TenantTotals& totals) {
+  const JobLimits limits = context_.Limits();
+  std::int64_t bytes = totals.result_bytes, ended = totals.ended;
+  while (bytes > limits.retained_bytes) {
+    const absl::StatusOr<std::optional<JobRecord>> oldest = context_.store.FirstEnded(tenant, v1::JOB_STATE_SUCCEEDED);
+    const absl::StatusOr<std::optional<JobRecord>> last = context_.store.LastEnded(tenant);
+    if (!oldest.ok() || !last.ok() || !oldest->has_value() || !last->has_value()) break;
+    if ((*oldest)->job().name() == (*last)->job().name() || !Expire(**oldest)) break;
+    bytes -= (*oldest)->job().uv().total_bytes();
+  }
+  for (; ended > std::max(limits.retained_jobs, 1); --ended) {
+    const absl::StatusOr<std::optional<JobRecord>> oldest =
+        context_.store.FirstEnded(tenant, v1::JOB_STATE_UNSPECIFIED);
+    if (!oldest.ok() || !oldest->has_value()) break;
+    const absl::Status forgotten = Forget(**oldest);
+    if (!forgotten.ok() && !absl::IsNotFound(forgotten)) break;  // not found: another process was faster
+  }
+}
+
+bool JobRetention::Expire(const JobRecord& record) {
+  const absl::StatusOr<JobChange> change = context_.store.Expire(context_.Verb(), record.job().name());
+  if (!change.ok() && !absl::IsNotFound(change.status())) context_.TellError(change.status());
+  if (!change.ok() || change->record.job().state() != v1::JOB_STATE_EXPIRED) return absl::IsNotFound(change.status());
+  if (context_.options.on_transition) context_.options.on_transition(change->record.job());
+  NoteUnused(record);
+  return true;
+}
+
+absl::Status JobRetention::Forget(const JobRecord& record) {
+  PLANISH_RETURN_IF_ERROR(context_.store.Delete(record.job().name()));
+  NoteUnused(record);
+  return absl::OkStatus();
+}
+
+bool JobRetention::MakeRoom(const std::string& tenant, std::int64_t bytes) {
+  const std::string gives_way = context_.blobs.WhoGivesWay(tenant, bytes);
+  const std::int64_t before = context_.blobs.bytes();
+  bool gave = false;
+  for (const std::string& whose : {gives_way, tenant}) {
+    const absl::StatusOr<std::optional<JobRecord>> oldest = context_.store.FirstEnded(whose, v1::JOB_STATE_SUCCEEDED);
+    gave = oldest.ok() && oldest->has_value() && Expire(**oldest);
+    if (gave) break;
+  }
+  CollectBlobs();
+  return gave || context_.blobs.bytes() < before;
+}
+
+}  // namespace planish

@@ -1,0 +1,491 @@
+#include "server/jobs/job_runner.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/error.h"
+#include "core/base/sha256.h"
+#include "core/base/status_macros.h"
+#include "server/link/rpc_status.h"
+#include "server/store/lifecycle.h"
+
+namespace planish {
+namespace {
+
+// How much a new measurement of the seconds factor counts, and how far off an estimate may be believed to be.
+constexpr double kLearningRate = 0.2;
+constexpr double kMostFactor = 100;
+
+// Between two looks for work where no news came.
+constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
+// Renewals in the time that a lease lasts.
+constexpr int kRenewals = 5;
+// Progress that is written at once, and of what cannot be written, the newest that is kept.
+constexpr std::size_t kManyProgress = 256;
+constexpr std::size_t kMostProgress = 4096;
+
+// Another attempt would need as much.
+bool IsOutOfMemory(const WorkerLoss& loss) {
+  return loss.reason == "OUT_OF_MEMORY";
+}
+
+// Of one of the jobs that share the work.
+const JobRecord& FirstOf(const ClaimedWork& work) {
+  return work.jobs.front().record;
+}
+
+}  // namespace
+
+JobRunner::JobRunner(JobContext* context, JobFeed* feed, JobRetention* retention, std::string owner)
+    : context_(*context), feed_(*feed), retention_(*retention), owner_(std::move(owner)) {
+  subscription_ = context_.store.Subscribe([this](const StoreNews& news) {
+    const std::lock_guard lock(mutex_);
+    if (news.everything) {
+      for (auto& [name, attempt] : attempts_) attempt.look = true;
+    }
+    missed_ = missed_ || (claiming_ && !news.works.empty());
+    for (const std::string& work : news.works) {
+      if (const auto found = attempts_.find(work); found != attempts_.end()) found->second.look = true;
+    }
+    if (!news.work) return;
+    may_claim_ = true;
+    changed_.notify_all();
+  });
+}
+
+JobRunner::Attempt* JobRunner::Find(const std::string& name, int attempt) {
+  const auto found = attempts_.find(name);
+  if (found == attempts_.end() || found->second.work.lease.attempt != attempt || found->second.ended) return nullptr;
+  return &found->second;
+}
+
+int JobRunner::running() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<int>(attempts_.size());
+}
+
+absl::Status JobRunner::CheckWritten(const std::string& work, const std::string& job) const {
+  const std::lock_guard lock(mutex_);
+  if (!unwritten_.contains(work)) return absl::OkStatus();
+  return WithRetryDelay(MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+                                  absl::StrCat("how ", job, " ended cannot be written for now")),
+                        context_.options.retry_delay);
+}
+
+void JobRunner::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& uv) {
+  feed_.Tell(changes, uv);
+  retention_.NoteEnds(changes);
+}
+
+// ---- beginnings
+
+Turn JobRunner::TakeNext(absl::Duration patience, JobAssignment* assignment) {
+  const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
+  std::unique_lock lock(mutex_);
+  const auto may_claim = [this] { return may_claim_ && !claiming_ && context_.options.steady_clock() >= next_start_; };
+  for (;;) {
+    ++waiting_;
+    const bool woken = changed_.wait_until(lock, until, [&] { return stopped_ || !ready_.empty() || may_claim(); });
+    if (woken && !stopped_ && ready_.empty()) Claim(&lock);
+    --waiting_;
+    if (!woken) return Turn::kNothing;
+    if (stopped_) return Turn::kOver;
+    if (ready_.empty()) continue;
+    const ClaimedWork work = std::move(ready_.front());
+    ready_.pop_front();
+    lock.unlock();
+    if (Prepare(work, assignment)) return Turn::kWork;
+    lock.lock();
+  }
+}
+
+void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
+  claiming_ = true;
+  may_claim_ = missed_ = false;
+  ClaimRequest request;
+  request.owner = owner_;
+  request.lease = context_.options.lease;
+  request.most = std::min(waiting_, context_.options.workers - static_cast<int>(attempts_.size()));
+  request.most = std::max(request.most, 1);
+  request.memory_bytes = context_.options.memory_bytes;
+  request.tenant_limits = context_.options.tenant_limits;
+  request.seconds_factor = seconds_factor_;
+  lock->unlock();
+  const absl::StatusOr<std::vector<ClaimedWork>> claimed = context_.store.Claim(context_.Verb(), request);
+  if (claimed.ok()) {
+    for (const ClaimedWork& work : *claimed) feed_.Tell(work.jobs);
+  } else {
+    Postpone(claimed.status());
+  }
+  lock->lock();
+  claiming_ = false;
+  if (claimed.ok()) {
+    const absl::Time now = context_.options.steady_clock();
+    for (const ClaimedWork& work : *claimed) {
+      Attempt& attempt = attempts_[work.lease.work];
+      attempt = Attempt();
+      attempt.work = work;
+      attempt.start = attempt.reported = now;
+      attempt.wish = work.wish;
+      attempt.look = missed_;
+      ready_.push_back(work);
+    }
+    if (static_cast<int>(claimed->size()) == request.most) may_claim_ = true;
+  } else {
+    may_claim_ = true;
+  }
+  changed_.notify_all();
+}
+
+absl::Status JobRunner::MeshLost(const absl::Status& why) {
+  return MakeError(absl::StatusCode::kDataLoss, "MESH_LOST",
+                   absl::StrCat("the server's store has lost the mesh, send it again: ", why.message()));
+}
+
+bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
+  const JobRecord& record = FirstOf(work);
+  absl::StatusOr<std::vector<BlobPtr>> blobs = LoadBlobs(record);
+  if (!blobs.ok()) {
+    absl::Status status = blobs.status();
+    if (absl::IsNotFound(status) || absl::IsDataLoss(status)) {
+      // Their request ids are free: a caller that has the mesh sends it again, for a new job.
+      const google::rpc::Status error = ToRpcStatus(MeshLost(status));
+      status = absl::OkStatus();
+      for (const JobChange& job : work.jobs) {
+        absl::StatusOr<JobChange> change =
+            context_.store.Fail(context_.Verb(), job.record.job().name(), error, /*forget=*/true);
+        if (change.ok()) {
+          Tell({*std::move(change)});
+        } else {
+          status = change.status();
+        }
+      }
+    }
+    if (!status.ok()) Postpone(status);
+    // Whatever is left of it waits again.
+    const absl::StatusOr<std::vector<JobChange>> released =
+        context_.store.Release(context_.Verb(), owner_, work.lease.work);
+    if (released.ok()) {
+      Tell(*released);
+    } else {
+      context_.TellError(released.status());  // its lease ends by itself
+    }
+    Forget(work.lease.work);
+    return false;
+  }
+  const v1::Job& job = record.job();
+  *assignment = JobAssignment();
+  assignment->name = work.lease.work;
+  assignment->attempt = work.lease.attempt;
+  assignment->blobs = *std::move(blobs);
+  worker::v1::WorkRequest& request = assignment->request;
+  request.set_job(work.lease.work);
+  *request.mutable_options() = job.options();
+  request.set_max_threads(context_.options.threads);
+  request.set_seam_corners(record.seam_corners());
+  request.set_uncut_corners(record.uncut_corners());
+  if (record.has_array_vertices()) request.set_array_vertices(record.array_vertices());
+  // What was reserved is all there is: the jobs beside it have the rest.
+  request.set_expected_bytes(work.memory_bytes);
+  request.set_memory_bytes(work.memory_bytes);
+  request.set_max_triangles(context_.options.max_triangles);
+  request.set_failpoint(record.failpoint());
+  request.set_traceparent(job.traceparent());
+  return true;
+}
+
+absl::StatusOr<std::vector<BlobPtr>> JobRunner::LoadBlobs(const JobRecord& record) {
+  std::vector<BlobPtr> blobs;
+  for (const std::string& sha256 : {record.mesh_sha256(), record.seams_sha256()}) {
+    if (sha256.empty()) continue;
+    PLANISH_ASSIGN_OR_RETURN(BlobPtr blob, context_.blobs.Load({record.job().tenant(), sha256}));
+    blobs.push_back(std::move(blob));
+  }
+  return blobs;
+}
+
+void JobRunner::Postpone(const absl::Status& why) {
+  context_.TellError(why);
+  const std::lock_guard lock(mutex_);
+  next_start_ = context_.options.steady_clock() + context_.options.retry_delay;
+}
+
+void JobRunner::Forget(const std::string& work) {
+  const std::lock_guard lock(mutex_);
+  attempts_.erase(work);
+}
+
+// ---- wishes and leases
+
+void JobRunner::SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) {
+  const std::lock_guard lock(mutex_);
+  Attempt* found = Find(name, attempt);
+  if (found == nullptr) return;
+  found->link = std::move(link);
+  TellWish(found);
+}
+
+absl::Time JobRunner::ObeyBy(const std::string& name, int attempt) {
+  const std::lock_guard lock(mutex_);
+  const Attempt* found = Find(name, attempt);
+  return found == nullptr ? absl::InfinitePast() : found->obey_by;
+}
+
+void JobRunner::TellWish(Attempt* attempt) {
+  if (attempt->wish == attempt->told || attempt->link == nullptr) return;
+  worker::v1::ToWorker message;
+  if (attempt->wish == Wish::kCancel) {
+    message.mutable_cancel();
+  } else if (attempt->wish == Wish::kStop) {
+    message.mutable_stop();
+  } else {
+    return;
+  }
+  attempt->told = attempt->wish;
+  attempt->link->Send(std::move(message));
+}
+
+void JobRunner::ObeyWishes() {
+  std::vector<Lease> leases;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto& [name, attempt] : attempts_) {
+      if (attempt.look && !attempt.ended) leases.push_back(attempt.work.lease);
+      attempt.look = false;
+    }
+  }
+  if (!leases.empty()) Renew(leases);
+}
+
+void JobRunner::Renew(const std::vector<Lease>& leases) {
+  const absl::StatusOr<std::vector<Wish>> wishes = context_.store.Renew(leases, context_.options.lease);
+  if (!wishes.ok()) context_.TellError(wishes.status());
+  const std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < leases.size(); ++i) {
+    Attempt* const attempt = Find(leases[i].work, leases[i].attempt);
+    if (attempt == nullptr) continue;
+    if (!wishes.ok()) {
+      attempt->look = true;
+      continue;
+    }
+    const Wish wish = (*wishes)[i];
+    if (wish == Wish::kGiveUp) {
+      // Nobody wants the result any more, or somebody else is at it.
+      if (attempt->link != nullptr) attempt->link->Close();
+      attempts_.erase(leases[i].work);
+      continue;
+    }
+    if (wish == Wish::kCancel && attempt->wish != Wish::kCancel) {
+      attempt->obey_by = context_.options.clock() + context_.options.obey_limit;
+    }
+    attempt->wish = wish;
+    TellWish(attempt);
+  }
+}
+
+void JobRunner::Tick() {
+  std::vector<Lease> leases;
+  std::vector<std::string> reports;
+  std::vector<Ending> endings;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::Time now = context_.options.steady_clock();
+    for (auto& [name, attempt] : attempts_) {
+      if (now >= next_renewal_) leases.push_back(attempt.work.lease);
+      const bool due = now - attempt.reported >= context_.options.report_interval;
+      if (due && !attempt.progress.empty()) reports.push_back(name);
+    }
+    if (now >= next_renewal_) next_renewal_ = now + context_.options.lease / kRenewals;
+    for (auto& [name, ending] : unwritten_) endings.push_back(std::move(ending));
+    unwritten_.clear();
+    if (now >= next_look_) {
+      next_look_ = now + kWorkLookInterval;
+      may_claim_ = true;
+    }
+    if (may_claim_ && now >= next_start_) changed_.notify_all();
+  }
+  for (Ending& ending : endings) End(std::move(ending));
+  if (!leases.empty()) Renew(leases);
+  ObeyWishes();
+  for (const std::string& work : reports) WriteProgress(work);
+}
+
+// ---- progress
+
+void JobRunner::ReportProgress(const std::string& name, int attempt, v1::Progress progress) {
+  {
+    const std::lock_guard lock(mutex_);
+    Attempt* found = Find(name, attempt);
+    if (found == nullptr) return;
+    if (found->progress.size() >= kMostProgress) found->progress.erase(found->progress.begin());
+    found->progress.push_back(std::move(progress));
+    const bool is_due = context_.options.steady_clock() - found->reported >= context_.options.report_interval;
+    if (!is_due && found->progress.size() < kManyProgress) return;
+  }
+  WriteProgress(name);
+}
+
+void JobRunner::WriteProgress(const std::string& work) {
+  Lease lease;
+  std::vector<v1::Progress> progress;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = attempts_.find(work);
+    if (found == attempts_.end()) return;
+    Attempt& attempt = found->second;
+    if (attempt.reporting || attempt.ended || attempt.progress.empty()) return;
+    attempt.reporting = true;
+    attempt.reported = context_.options.steady_clock();
+    progress.swap(attempt.progress);
+    lease = attempt.work.lease;
+  }
+  const absl::StatusOr<std::vector<JobChange>> changes = context_.store.Report(context_.Verb(), lease, progress);
+  if (changes.ok()) {
+    feed_.Tell(*changes);
+  } else if (!absl::IsAborted(changes.status())) {
+    context_.TellError(changes.status());
+  }
+  const std::lock_guard lock(mutex_);
+  changed_.notify_all();
+  const auto found = attempts_.find(work);
+  if (found == attempts_.end() || found->second.work.lease.attempt != lease.attempt) return;
+  Attempt& attempt = found->second;
+  attempt.reporting = false;
+  if (absl::IsAborted(changes.status())) attempt.look = true;
+  if (changes.ok() || absl::IsAborted(changes.status())) return;
+  attempt.progress.insert(attempt.progress.begin(), progress.begin(), progress.end());
+  while (attempt.progress.size() > kMostProgress) attempt.progress.erase(attempt.progress.begin());
+}
+
+// ---- ends
+
+std::optional<JobRunner::Ending> JobRunner::BeginEnd(const std::string& name, int attempt) {
+  std::unique_lock lock(mutex_);
+  // Progress goes first.
+  changed_.wait(lock, [&] {
+    const Attempt* found = Find(name, attempt);
+    return found == nullptr || !found->reporting;
+  });
+  Attempt* found = Find(name, attempt);
+  if (found == nullptr) return std::nullopt;
+  found->ended = true;
+  Ending ending;
+  ending.work = found->work;
+  ending.outcome.progress = std::move(found->progress);
+  ending.duration = context_.options.steady_clock() - found->start;
+  return ending;
+}
+
+void JobRunner::ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) {
+  std::optional<Ending> ending = BeginEnd(name, attempt);
+  if (!ending.has_value()) return;
+  const v1::Job& job = FirstOf(ending->work).job();
+  if (result.status().code() == 0) {
+    ending->hold = retention_.Hold({job.tenant(), result.uv().uv_sha256()});
+    absl::StatusOr<StoredBlobPtr> kept = KeepUv(job.tenant(), result.uv(), uv);
+    uv = nullptr;  // the store has them
+    if (kept.ok()) {
+      ending->uv = *std::move(kept);
+    } else {
+      *result.mutable_status() = ToRpcStatus(kept.status());
+    }
+  }
+  const double expected = absl::ToDoubleSeconds(ending->work.run_time);
+  if (result.status().code() == 0 && expected > 0) {
+    const double ratio = std::clamp(absl::ToDoubleSeconds(ending->duration) / expected, 1 / kMostFactor, kMostFactor);
+    seconds_factor_ = seconds_factor_ + kLearningRate * (ratio - seconds_factor_);
+  }
+  if (context_.options.observer != nullptr) {
+    context_.options.observer->OnWorkEnded(job, result, ending->duration);
+  }
+  ending->outcome.status = std::move(*result.mutable_status());
+  ending->outcome.report = std::move(*result.mutable_report());
+  ending->outcome.uv = std::move(*result.mutable_uv());
+  ending->outcome.blobs = retention_.Pending(job.tenant(), {ending->outcome.uv.uv_sha256()});
+  End(*std::move(ending));
+}
+
+absl::StatusOr<StoredBlobPtr> JobRunner::KeepUv(const std::string& tenant, const v1::UvDescription& description,
+                                                const BlobPtr& uv) {
+  if (uv == nullptr || description.total_bytes() != static_cast<std::int64_t>(uv->bytes().size())) {
+    return InternalError("the worker sent UV of another length than it says");
+  }
+  const std::string sha256 = Sha256(uv->bytes());
+  if (sha256 != description.uv_sha256()) return InternalError("the worker sent other UV than it says");
+  return retention_.Put(tenant, uv->bytes(), sha256);
+}
+
+void JobRunner::ReportLost(const std::string& name, int attempt, WorkerLoss loss) {
+  std::optional<Ending> ending = BeginEnd(name, attempt);
+  if (!ending.has_value()) return;
+  bool stopped = false;
+  {
+    const std::lock_guard lock(mutex_);
+    stopped = stopped_ && !context_.store.is_shared();  // no other worker will try it
+  }
+  ending->outcome.loss = {loss.reason, loss.message, loss.metadata, IsOutOfMemory(loss) || stopped};
+  ending->loss = std::move(loss);
+  End(*std::move(ending));
+}
+
+void JobRunner::End(Ending ending) {
+  const std::string work = ending.work.lease.work;
+  const absl::StatusOr<std::vector<JobChange>> changes =
+      context_.store.Finish(context_.Verb(), ending.work.lease, ending.outcome);
+  if (!changes.ok() && !absl::IsAborted(changes.status())) {
+    context_.TellError(changes.status());
+    const std::lock_guard lock(mutex_);
+    unwritten_.insert_or_assign(work, std::move(ending));
+    return;
+  }
+  Forget(work);
+  if (!changes.ok()) return;  // all of its jobs have ended otherwise, or somebody else is at it
+  retention_.Committed(ending.outcome.blobs);
+  if (ending.outcome.loss.has_value() && context_.options.observer != nullptr) {
+    const auto again = std::count_if(changes->begin(), changes->end(), [](const JobChange& change) {
+      return change.record.job().state() == v1::JOB_STATE_QUEUED;
+    });
+    context_.options.observer->OnWorkLost(FirstOf(ending.work).job(), ending.loss, static_cast<int>(again),
+                                          ending.duration);
+  }
+  ending.hold.Release();
+  Tell(*changes, ending.uv);
+  if (context_.on_end) context_.on_end();
+}
+
+void JobRunner::Stop() {
+  std::unique_lock lock(mutex_);
+  stopped_ = true;
+  changed_.notify_all();
+  changed_.wait(lock, [this] { return !claiming_; });
+}
+
+void JobRunner::CloseLinks() {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [name, attempt] : attempts_) {
+    if (attempt.link != nullptr) attempt.link->Close();
+  }
+}
+
+void JobRunner::GiveBack() {
+  std::vector<Ending> endings;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto& [name, ending] : unwritten_) endings.push_back(std::move(ending));
+    unwritten_.clear();
+  }
+  // An end that cannot be written is lost, and the job runs again.
+  for (Ending& ending : endings) End(std::move(ending));
+  const absl::Status released = context_.store.Release(context_.Verb(), owner_).status();
+  if (!released.ok()) context_.TellError(released);
+  CloseLinks();
+  const std::lock_guard lock(mutex_);
+  attempts_.clear();
+  unwritten_.clear();
+  ready_.clear();
+  changed_.notify_all();
+}
+
+}  // namespace planish

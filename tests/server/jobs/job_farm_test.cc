@@ -1,0 +1,166 @@
+// Several servers on one PostgreSQL: what one accepts another runs, and a third shows.
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "core/base/sha256.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "server/jobs/job_manager.h"
+#include "server/link/rpc_status.h"
+#include "server/store/lifecycle.h"
+#include "tests/server/jobs/job_manager_fixture.h"
+#include "tests/server/store/postgres_server.h"
+
+namespace planish {
+namespace {
+
+class JobFarmTest : public ::testing::Test {
+ protected:
+  // A server; its workers are the test's.
+  struct Server {
+    std::unique_ptr<JobStore> store;
+    std::unique_ptr<JobManager> manager;
+  };
+
+  static void TearDownTestSuite() { postgres_.reset(); }
+
+  JobFarmTest() {
+    if (postgres_ == nullptr) postgres_ = std::make_unique<PostgresServer>();
+    url_ = postgres_->NewDatabase();
+    options_.report_interval = absl::ZeroDuration();
+  }
+
+  Server Start() {
+    Server server;
+    server.store = NewJobStore(*OpenPostgresDatabase({url_, 4}));
+    server.manager = *JobManager::Open(options_, server.store.get(), &blobs_);
+    return server;
+  }
+
+  std::string Create(Server* server, const std::string& mesh, bool attached = false) {
+    JobRequest request;
+    request.bytes = mesh;
+    request.attached = attached;
+    absl::StatusOr<AcceptedJob> accepted = server->manager->Create(caller_, std::move(request));
+    EXPECT_TRUE(accepted.ok()) << accepted.status();
+    if (!accepted.ok()) return "";
+    attachment_ = std::move(accepted->attachment);
+    return accepted->job.name();
+  }
+
+  JobAssignment Take(Server* server) {
+    JobAssignment assignment;
+    EXPECT_EQ(server->manager->source()->TakeNext(absl::Seconds(30), &assignment), Turn::kWork);
+    return assignment;
+  }
+
+  void Succeed(Server* server, const JobAssignment& work) {
+    server->manager->source()->ReportResult(work.name, work.attempt, planish::Success("uv"), *Blob::Copy("uv"));
+  }
+
+  // Upkeep of the server until the condition holds.
+  static bool TickUntil(Server* server, const std::function<bool()>& condition) {
+    const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    while (!condition()) {
+      if (std::chrono::steady_clock::now() > limit) return false;
+      server->manager->Tick();
+    }
+    return true;
+  }
+
+  v1::JobState State(Server* server, const std::string& name) { return server->manager->Get(caller_, name)->state(); }
+
+  static inline std::unique_ptr<PostgresServer> postgres_;
+  const Caller caller_ = {kDefaultTenant, "", Rights::All(), ""};
+  std::string url_;
+  JobManagerOptions options_;
+  BlobCatalog blobs_{{}, 1 << 20};
+  JobAttachment attachment_;
+};
+
+TEST_F(JobFarmTest, WhatOneServerAcceptsAnotherRunsAndAThirdShows) {
+  Server front = Start(), worker = Start(), other = Start();
+  const std::string name = Create(&front, "mesh");
+  const auto log = other.manager->Watch(caller_, name, false, true)->events;
+  const JobAssignment work = Take(&worker);
+  EXPECT_EQ(work.name, name);
+  EXPECT_EQ(work.blobs.at(0)->bytes(), "mesh");
+  for (int i = 1; i <= 3; ++i) worker.manager->source()->ReportProgress(name, work.attempt, Iteration(i));
+  EXPECT_TRUE(TickUntil(&other, [&] { return log->last_sequence() == 5; })) << log->last_sequence();
+  EXPECT_EQ(front.manager->Get(caller_, name)->progress().newton_iteration(), 3);
+  Succeed(&worker, work);
+  EXPECT_TRUE(TickUntil(&other, [&] { return log->ended(); }));
+  std::int64_t last = 0;
+  while (const auto event = log->ReadAfter(last).event) {
+    EXPECT_EQ(event->sequence(), last + 1) << "no gap";
+    last = event->sequence();
+  }
+  EXPECT_EQ(last, 6);
+  EXPECT_EQ(log->uv()->ReadAll().value(), "uv");
+  EXPECT_EQ(State(&front, name), v1::JOB_STATE_SUCCEEDED);
+}
+
+TEST_F(JobFarmTest, ACancelReachesTheWorkerWhereverItIsAskedFor) {
+  Server front = Start(), worker = Start();
+  const std::string name = Create(&front, "mesh");
+  const JobAssignment work = Take(&worker);
+  const auto link = std::make_shared<NotingLink>();
+  worker.manager->source()->SetLink(name, work.attempt, link);
+  EXPECT_EQ(front.manager->Stop(caller_, name)->state(), v1::JOB_STATE_STOPPING);
+  EXPECT_TRUE(TickUntil(&worker, [&] { return link->sent.size() == 1; }));
+  EXPECT_TRUE(front.manager->Cancel(caller_, name).ok());
+  EXPECT_TRUE(TickUntil(&worker, [&] { return link->sent.size() == 2; }));
+  EXPECT_TRUE(link->sent[0].has_stop());
+  EXPECT_TRUE(link->sent[1].has_cancel());
+  worker.manager->source()->ReportResult(name, work.attempt, Cancelled(), nullptr);
+  EXPECT_EQ(State(&front, name), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobFarmTest, AServerThatDiesLosesNoJobAndOneThatStopsGivesItsJobsBack) {
+  options_.lease = absl::Milliseconds(300);
+  Server front = Start(), dying = Start(), leaving = Start(), worker = Start();
+  const std::string first = Create(&front, "mesh 1");
+  const std::string second = Create(&front, "mesh 2");
+  const JobAssignment lost = Take(&dying);
+  EXPECT_EQ(lost.name, first);
+  EXPECT_EQ(Take(&leaving).name, second);
+  dying.manager.reset();
+  leaving.manager->Suspend();
+  const JobAssignment again = Take(&worker);
+  EXPECT_EQ(again.name, second);
+  EXPECT_EQ(again.attempt, 2);
+  Succeed(&worker, again);
+  EXPECT_TRUE(TickUntil(&worker, [&] { return State(&front, first) == v1::JOB_STATE_QUEUED; }));
+  EXPECT_EQ((*front.store->Find(second))->crashes(), 0) << "what was given back is not held against it";
+  EXPECT_EQ((*front.store->Find(first))->crashes(), 1);
+  const JobAssignment retried = Take(&worker);
+  EXPECT_EQ(retried.attempt, 2);
+  Succeed(&worker, retried);
+  EXPECT_EQ(State(&front, first), v1::JOB_STATE_SUCCEEDED);
+}
+
+TEST_F(JobFarmTest, CallersAreThoseOfTheFarm) {
+  options_.limits.reattach_grace = absl::ZeroDuration();
+  Server front = Start(), other = Start();
+  const std::string name = Create(&front, "mesh", /*attached=*/true);
+  other.manager->Tick();
+  EXPECT_EQ(State(&other, name), v1::JOB_STATE_QUEUED) << "its caller is at another server";
+  attachment_.Release();
+  EXPECT_EQ(State(&other, name), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobFarmTest, AServerThatDrainsTakesNoMore) {
+  Server front = Start(), worker = Start();
+  Create(&front, "mesh");
+  int idle = 0;
+  worker.manager->Drain([&idle] { ++idle; });
+  EXPECT_EQ(idle, 1) << "what waits is for others";
+  JobAssignment none;
+  EXPECT_EQ(worker.manager->source()->TakeNext(absl::ZeroDuration(), &none), Turn::kOver);
+}
+
+}  // namespace
+}  // namespace planish
