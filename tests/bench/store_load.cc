@@ -9,10 +9,10 @@
 //              to time a job of a tenant that has nothing waits for its claim
 //   "steady"   the same with workers that take their time, so that the database has 0.6 of bare SQL's work (--load):
 //              latencies of claims are those of this one
-//   "bare"     rows of the same size by four transactions a job: INSERT, UPDATE, UPDATE, an event with each, and DELETE
+//   "bare"     rows of the same size by four transactions a job: INSERT, UPDATE, UPDATE, an event with each, and
+//   DELETE;
+//              statements travel together as those of the store do
 //   "machines" jobs a second of one machine and of many whose workers sleep
-#include <libpq-fe.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -149,41 +149,29 @@ class Crowd {
   std::vector<std::thread> threads_;
 };
 
-// libpq by itself: bare SQL, and questions about the database.
+// SQL by itself.
 class Connection {
  public:
-  explicit Connection(const std::string& url) : connection_(PQconnectdb(url.c_str()), PQfinish) {
-    if (PQstatus(connection_.get()) != CONNECTION_OK) throw std::runtime_error(PQerrorMessage(connection_.get()));
-  }
+  explicit Connection(const std::string& url)
+      : database_(Get(OpenPostgresDatabase({url, 1}))), sql_(Get(database_->Connect(SqlDatabase::Use::kWrite))) {}
 
-  std::string Run(const std::string& sql) { return Check(PQexec(connection_.get(), sql.c_str())); }
-
-  void Prepare(const std::string& name, const std::string& sql) {
-    Check(PQprepare(connection_.get(), name.c_str(), sql.c_str(), 0, nullptr));
-  }
-
-  std::string Run(const std::string& name, const std::vector<std::string>& values) {
-    std::vector<const char*> pointers;
-    for (const std::string& value : values) pointers.push_back(value.c_str());
-    return Check(PQexecPrepared(connection_.get(), name.c_str(), static_cast<int>(values.size()), pointers.data(),
-                                nullptr, nullptr, 0));
-  }
+  SqlRows Run(const std::string& sql, const std::vector<SqlValue>& values = {}) { return Get(sql_->Run(sql, values)); }
+  // Without waiting for it.
+  void Send(const std::string& sql, const std::vector<SqlValue>& values) { Check(sql_->RunLater(sql, values)); }
+  void Begin(Durability durability) { Check(sql_->Begin(durability)); }
+  void Commit() { Check(sql_->Commit()); }
 
  private:
-  std::string Check(PGresult* raw) {
-    const std::unique_ptr<PGresult, decltype(&PQclear)> result(raw, PQclear);
-    const ExecStatusType status = PQresultStatus(raw);
-    if (status != PGRES_COMMAND_OK && status != PGRES_TUPLES_OK) {
-      throw std::runtime_error(PQerrorMessage(connection_.get()));
-    }
-    return status == PGRES_TUPLES_OK && PQntuples(raw) > 0 ? PQgetvalue(raw, 0, 0) : "";
+  static void Check(const absl::Status& status) {
+    if (!status.ok()) throw std::runtime_error(std::string(status.message()));
   }
 
-  std::unique_ptr<PGconn, decltype(&PQfinish)> connection_;
+  std::unique_ptr<SqlDatabase> database_;
+  SqlDatabase::Lease sql_;
 };
 
 std::int64_t DatabaseBytes(const Flags& flags) {
-  return std::stoll(Connection(flags.url).Run("SELECT pg_database_size(current_database())"));
+  return Connection(flags.url).Run("SELECT pg_database_size(current_database())").Int(0, 0);
 }
 
 std::string Tenant(int number) {
@@ -346,15 +334,6 @@ nlohmann::json Bare(const Flags& flags) {
   const NewJob example = MakeJob("tenant0");
   const std::string record = example.record.SerializeAsString();
   const std::string report = Success().report.SerializeAsString();
-  const auto hex = [](const std::string& bytes) {
-    static constexpr char kDigits[] = "0123456789abcdef";
-    std::string text = "\\x";
-    for (const unsigned char c : bytes) {
-      text.push_back(kDigits[c >> 4]);
-      text.push_back(kDigits[c & 15]);
-    }
-    return text;
-  };
   Connection setup(flags.url);
   setup.Run("SET client_min_messages = warning");
   setup.Run("DROP TABLE IF EXISTS bare_jobs, bare_events, bare_labels");
@@ -373,10 +352,12 @@ nlohmann::json Bare(const Flags& flags) {
       "CREATE TABLE bare_events (job BIGINT, sequence BIGINT, event BYTEA NOT NULL, PRIMARY KEY (job, sequence))");
   setup.Run("CREATE TABLE bare_labels (job BIGINT, key TEXT, value TEXT NOT NULL, PRIMARY KEY (job, key))");
   setup.Run(
-      absl::StrCat("INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, "
-                   "attempt, lease_until, "
-                   "turn_time) SELECT 'jobs/' || i, 'tenant0', i, 1, 0, decode(md5(i::text), 'hex'), '",
-                   hex(record), "', '', 0, 0, i FROM generate_series(1, ", flags.waiting, ") AS i"));
+      "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, attempt, "
+      "lease_until, "
+      "turn_time) SELECT 'jobs/' || i, 'tenant0', CAST(i AS TEXT), 1, 0, decode(md5(CAST(i AS TEXT)), 'hex'), ?, '', "
+      "0, "
+      "0, i FROM generate_series(1, ?) AS i",
+      {SqlBytes{record}, flags.waiting});
   setup.Run("ANALYZE bare_jobs");
   std::atomic<int> left = flags.jobs;
   const Clock::time_point start = Clock::now();
@@ -384,41 +365,38 @@ nlohmann::json Bare(const Flags& flags) {
   for (int i = 0; i < flags.fronts; ++i) {
     crowd.Add([&] {
       Connection sql(flags.url);
-      sql.Prepare("insert",
-                  "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, attempt, "
-                  "lease_until, turn_time) VALUES ($1, 'tenant0', $2, 1, 0, $3, $4, '', 0, 0, 1) RETURNING number");
-      sql.Prepare("event", "INSERT INTO bare_events VALUES ($1, $2, $3)");
-      sql.Prepare("label", "INSERT INTO bare_labels VALUES ($1, 'asset', 'crate')");
-      sql.Prepare("start",
-                  "UPDATE bare_jobs SET state = 2, record = $2, owner = 'a', attempt = 1, lease_until = 9 "
-                  "WHERE number = $1");
-      sql.Prepare("finish",
-                  "UPDATE bare_jobs SET state = 4, record = $2, owner = '', lease_until = 0, "
-                  "end_time = 5, report = $3 WHERE number = $1");
-      for (const char* table : {"jobs", "events", "labels"}) {
-        sql.Prepare(absl::StrCat("delete ", table),
-                    absl::StrCat("DELETE FROM bare_", table, " WHERE ",
-                                 std::string_view(table) == "jobs" ? "number" : "job", " = $1"));
-      }
-      const std::string bytes = hex(record), report_bytes = hex(report);
+      const std::string event = "INSERT INTO bare_events VALUES (?, ?, ?)";
       while (--left >= 0) {
-        const std::string name = "jobs/" + RandomId();
-        sql.Run("BEGIN");
-        const std::string number = sql.Run("insert", {name, RandomId(), hex(name), bytes});
-        sql.Run("label", {number});
-        sql.Run("event", {number, "1", bytes});
-        sql.Run("COMMIT");
-        sql.Run("BEGIN");
-        sql.Run("start", {number, bytes});
-        sql.Run("event", {number, "2", bytes});
-        sql.Run("COMMIT");
-        sql.Run("BEGIN");
-        sql.Run("finish", {number, bytes, report_bytes});
-        sql.Run("event", {number, "3", bytes});
-        sql.Run("COMMIT");
-        sql.Run("BEGIN; SET LOCAL synchronous_commit = off");
-        for (const char* table : {"events", "labels", "jobs"}) sql.Run(absl::StrCat("delete ", table), {number});
-        sql.Run("COMMIT");
+        const std::string name = "jobs/" + RandomId(), request_id = RandomId();
+        sql.Begin(Durability::kNow);
+        const std::int64_t number =
+            sql.Run(
+                   "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, "
+                   "attempt, "
+                   "lease_until, turn_time) VALUES (?, 'tenant0', ?, 1, 0, ?, ?, '', 0, 0, 1) RETURNING number",
+                   {std::string_view(name), std::string_view(request_id), SqlBytes{name}, SqlBytes{record}})
+                .Int(0, 0);
+        sql.Send("INSERT INTO bare_labels VALUES (?, 'asset', 'crate')", {number});
+        sql.Send(event, {number, 1, SqlBytes{record}});
+        sql.Commit();
+        sql.Begin(Durability::kNow);
+        sql.Send(
+            "UPDATE bare_jobs SET state = 2, record = ?, owner = 'a', attempt = 1, lease_until = 9 WHERE number = ?",
+            {SqlBytes{record}, number});
+        sql.Send(event, {number, 2, SqlBytes{record}});
+        sql.Commit();
+        sql.Begin(Durability::kNow);
+        sql.Send(
+            "UPDATE bare_jobs SET state = 4, record = ?, owner = '', lease_until = 0, end_time = 5, report = ? "
+            "WHERE number = ?",
+            {SqlBytes{record}, SqlBytes{report}, number});
+        sql.Send(event, {number, 3, SqlBytes{record}});
+        sql.Commit();
+        sql.Begin(Durability::kLater);
+        sql.Send("DELETE FROM bare_events WHERE job = ?", {number});
+        sql.Send("DELETE FROM bare_labels WHERE job = ?", {number});
+        sql.Send("DELETE FROM bare_jobs WHERE number = ?", {number});
+        sql.Commit();
       }
     });
   }
