@@ -172,7 +172,7 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
     } else {
       context_.TellError(released.status());  // its lease ends by itself
     }
-    Forget(work.lease.work);
+    Forget(work.lease);
     return false;
   }
   const v1::Job& job = record.job();
@@ -212,9 +212,11 @@ void JobRunner::Postpone(const absl::Status& why) {
   next_start_ = context_.options.steady_clock() + context_.options.retry_delay;
 }
 
-void JobRunner::Forget(const std::string& work) {
+void JobRunner::Forget(const Lease& lease) {
   const std::lock_guard lock(mutex_);
-  attempts_.erase(work);
+  const auto found = attempts_.find(lease.work);
+  // The work may have been claimed again since its end was written.
+  if (found != attempts_.end() && found->second.work.lease.attempt == lease.attempt) attempts_.erase(found);
 }
 
 // ---- wishes and leases
@@ -440,7 +442,7 @@ void JobRunner::End(Ending ending) {
     unwritten_.insert_or_assign(work, std::move(ending));
     return;
   }
-  Forget(work);
+  Forget(ending.work.lease);
   if (!changes.ok()) return;  // all of its jobs have ended otherwise, or somebody else is at it
   retention_.Committed(ending.outcome.blobs);
   if (ending.outcome.loss.has_value() && context_.options.observer != nullptr) {

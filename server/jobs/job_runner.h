@@ -110,7 +110,7 @@ class JobRunner : public JobSource {
   // No work starts for a while, because of `why`.
   void Postpone(const absl::Status& why);
   // The attempt is no longer this process's.
-  void Forget(const std::string& work);
+  void Forget(const Lease& lease);
   // Tells the worker what is wanted. Requires mutex_.
   void TellWish(Attempt* attempt);
   void Renew(const std::vector<Lease>& leases);
