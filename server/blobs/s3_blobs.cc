@@ -82,9 +82,15 @@ absl::StatusOr<bool> S3BlobStore::Renew(const BlobId& id) {
   if (copies.empty()) return false;
   if (copies.front().age < options_.renew_age) return true;
   PLANISH_ASSIGN_OR_RETURN(const std::string name, NewCopyName());
-  const absl::Status copied = client_->Copy(copies.front().key, KeysOf(id) + name);
-  if (absl::IsNotFound(copied)) return false;  // it was removed meanwhile
-  PLANISH_RETURN_IF_ERROR(copied);
+  const std::string& source = copies.front().key;
+  const absl::Status copied = client_->Copy(source, KeysOf(id) + name);
+  if (!copied.ok()) {
+    // What was removed meanwhile cannot be copied. Some servers do not say that it is not there, but answer with 500.
+    PLANISH_ASSIGN_OR_RETURN(const std::vector<S3Object> left, CopiesOf(id));
+    const bool is_gone =
+        std::none_of(left.begin(), left.end(), [&](const S3Object& copy) { return copy.key == source; });
+    return is_gone ? absl::StatusOr<bool>(false) : copied;
+  }
   // Copies that nobody reads any more would pile up while the blob is in use.
   for (const S3Object& copy : copies) {
     if (copy.age >= kReferenceTime) client_->Delete(copy.key).IgnoreError();  // or else the next time
