@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -65,7 +66,10 @@ class JobManagerTest : public ::testing::Test {
     options_.clock = [this] { return now_; };
     options_.steady_clock = [this] { return now_ - absl::Hours(100'000); };  // never to be mixed with the other one
     options_.new_id = [this] { return "id" + std::to_string(++ids_); };
-    options_.on_transition = [this](const v1::Job& job) { transitions_.push_back(StateName(job.state())); };
+    options_.on_transition = [this](const v1::Job& job) {
+      const std::lock_guard lock(transitions_mutex_);
+      transitions_.push_back(StateName(job.state()));
+    };
     options_.limits.queue_capacity = 2;
     options_.retry_delay = absl::Seconds(3);
     options_.report_interval = absl::ZeroDuration();
@@ -174,7 +178,8 @@ class JobManagerTest : public ::testing::Test {
   int meshes_ = 0;
   int attempt_ = 0;
   std::int64_t store_bytes_ = 1 << 20;
-  std::vector<std::string> transitions_;
+  std::mutex transitions_mutex_;
+  std::vector<std::string> transitions_;  // read them when no other thread changes jobs
   JobManagerOptions options_;
   std::unique_ptr<JobStore> store_;
   std::unique_ptr<BlobCatalog> blobs_;

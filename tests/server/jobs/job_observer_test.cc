@@ -88,7 +88,6 @@ TEST_F(JobManagerTest, EachLossCountsWhereTheWorkIsTakenAgainAtOnce) {
   constexpr int kJobs = 40;
   Losses losses;
   options_.observer = &losses;
-  options_.on_transition = nullptr;  // that of the fixture is for one thread
   options_.workers = 2;
   Restart();
   std::vector<std::thread> runners;
