@@ -1,7 +1,4 @@
 // What those hear and see who watch a JobManager.
-#include <atomic>
-#include <thread>
-
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/server/jobs/job_manager_fixture.h"
@@ -74,43 +71,6 @@ TEST_F(JobObserverTest, LossesSayHowManyJobsGoOn) {
   EXPECT_THAT(notes_.heard,
               ElementsAre("lost " + first + " WORKER_CRASHED 2 2s", "lost " + first + " WORKER_CRASHED 2 0",
                           "lost " + first + " WORKER_CRASHED 0 0"));
-}
-
-// Threads that run work take it again the moment that its loss is written.
-TEST_F(JobManagerTest, EachLossCountsWhereTheWorkIsTakenAgainAtOnce) {
-  class Losses : public JobObserver {
-   public:
-    void OnAccepted(const v1::Job&, JobOrigin) override {}
-    void OnWorkEnded(const v1::Job&, const worker::v1::WorkResult&, absl::Duration) override {}
-    void OnWorkLost(const v1::Job&, const WorkerLoss&, int, absl::Duration) override { ++count; }
-    std::atomic<int> count = 0;
-  };
-  constexpr int kJobs = 40;
-  Losses losses;
-  options_.observer = &losses;
-  options_.workers = 2;
-  Restart();
-  std::vector<std::thread> runners;
-  for (int i = 0; i < 2; ++i) {
-    runners.emplace_back([this] {
-      JobAssignment assignment;
-      while (manager_->source()->TakeNext(absl::Hours(1), &assignment) == Turn::kWork) {
-        manager_->source()->ReportLost(assignment.name, assignment.attempt, {"WORKER_CRASHED", "killed", {}});
-      }
-    });
-  }
-  // One at a time: the other thread waits for work.
-  const absl::Time give_up = absl::Now() + absl::Seconds(20);
-  for (int i = 1; i <= kJobs; ++i) {
-    const std::string name = Create();
-    while (State(name) != v1::JOB_STATE_FAILED && absl::Now() < give_up) std::this_thread::yield();
-    EXPECT_EQ(State(name), v1::JOB_STATE_FAILED);
-  }
-  while (losses.count < 3 * kJobs && absl::Now() < give_up) std::this_thread::yield();
-  EXPECT_EQ(losses.count, 3 * kJobs);
-  manager_->StopWorkers();
-  for (std::thread& runner : runners) runner.join();
-  manager_.reset();
 }
 
 }  // namespace
