@@ -26,12 +26,10 @@
 #include "grpc/support/log.h"
 #include "server/admin.h"
 #include "server/blobs/blob_catalog.h"
-#include "server/data_directory.h"
+#include "server/farm.h"
 #include "server/flags.h"
 #include "server/front_door.h"
 #include "server/job_log.h"
-#include "server/blobs/blob_catalog.h"
-#include "server/blobs/directory_blobs.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
@@ -46,7 +44,7 @@
 #include "server/service_manager.h"
 #include "server/shutdown_events.h"
 #include "server/store/ids.h"
-#include "server/store/job_store.h"
+#include "server/stores.h"
 #include "server/upkeep.h"
 #include "server/worker/needs.h"
 #include "server/worker/options.h"
@@ -57,7 +55,6 @@ namespace planish {
 namespace {
 
 constexpr int kCannotServe = 2;
-constexpr std::int64_t kMiB = std::int64_t{1} << 20;
 
 // Large enough that messages cost nothing, small enough that a broken connection does not either.
 constexpr std::int64_t kUploadChunkBytes = kMiB;
@@ -67,6 +64,7 @@ constexpr std::int64_t kInlineMeshBytes = 4 * kMiB;
 constexpr absl::Duration kSilenceLimit = absl::Minutes(30);
 
 constexpr absl::Duration kUpkeepInterval = absl::Milliseconds(100);
+constexpr absl::Duration kTidyInterval = absl::Seconds(1);
 constexpr absl::Duration kFileWatchInterval = absl::Milliseconds(250);
 
 // How long workers may take to obey, and readers to take in the last events, before they are cut off.
@@ -105,7 +103,6 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
   options.memory_bytes = flags.memory_mb * kMiB;
-  options.new_id = IdsOf(flags.instance);
   options.validate_options = ValidateOptions;
   options.estimate = [](std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                         const v1::UnwrapOptions& unwrap) -> absl::StatusOr<JobNeeds> {
@@ -117,63 +114,26 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   return options;
 }
 
-UploadStoreOptions UploadOptions(const ServerFlags& flags, const std::optional<DataDirectory>& directory) {
-  UploadStoreOptions options;
-  if (directory.has_value()) options.directory = directory->uploads();
-  options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
-  options.max_bytes = flags.max_uploads_mb * kMiB;
-  options.new_id = IdsOf(flags.instance);
-  return options;
-}
-
 v1::Capabilities Capabilities(const ServerFlags& flags) {
   v1::Capabilities capabilities;
   capabilities.set_version(PLANISH_VERSION);
   capabilities.set_max_mesh_bytes(flags.max_mesh_mb * kMiB);
   capabilities.set_max_triangles(flags.max_triangles);
-  capabilities.set_memory_bytes(flags.memory_mb * kMiB);
   capabilities.set_upload_chunk_bytes(kUploadChunkBytes);
   capabilities.set_inline_mesh_bytes(kInlineMeshBytes);
-  capabilities.set_workers(flags.workers);
   capabilities.set_threads(flags.threads);
-  capabilities.set_durable(!flags.data_dir.empty());
+  capabilities.set_durable(flags.store.is_durable());
   capabilities.set_isolated_workers(flags.isolated);
   for (const v1::Seams seams : SeamPolicies()) capabilities.add_seams(seams);
   for (const v1::SolverCombination& combination : SolverCombinations()) *capabilities.add_solvers() = combination;
   return capabilities;
 }
 
-void UpdateCapabilities(const JobLimits& limits, v1::Capabilities* capabilities) {
+void UpdateCapabilities(const JobLimits& limits, const JobCapacity& capacity, v1::Capabilities* capabilities) {
+  capabilities->set_workers(capacity.workers);
+  capabilities->set_memory_bytes(capacity.memory_bytes);
   *capabilities->mutable_reattach_grace() =
       google::protobuf::util::TimeUtil::NanosecondsToDuration(absl::ToInt64Nanoseconds(limits.reattach_grace));
-}
-
-// What is kept, in files or in memory. In the order of dependence.
-struct Stores {
-  std::optional<DataDirectory> directory;
-  std::unique_ptr<JobStore> jobs;
-  std::unique_ptr<BlobCatalog> blobs;
-  std::unique_ptr<UploadStore> uploads;
-};
-
-absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits) {
-  Stores stores;
-  if (!flags.data_dir.empty()) {
-    PLANISH_ASSIGN_OR_RETURN(stores.directory, DataDirectory::Take(flags.data_dir));
-  }
-  const bool durable = stores.directory.has_value();
-  PLANISH_ASSIGN_OR_RETURN(stores.jobs, OpenJobStore(durable ? stores.directory->jobs() : ":memory:"));
-  BlobPlaces places;
-  if (durable) {
-    PLANISH_ASSIGN_OR_RETURN(places.store, DirectoryBlobStore::Make({.directory = stores.directory->blobs()}));
-  }
-  places.rows = stores.jobs->rows();
-  stores.blobs = std::make_unique<BlobCatalog>(std::move(places), flags.store_mb * kMiB, limits);
-  stores.blobs->SetOnDamage([](const absl::Status& status) { LogError(status.message()); });
-  PLANISH_RETURN_IF_ERROR(stores.blobs->Open());
-  stores.uploads = std::make_unique<UploadStore>(UploadOptions(flags, stores.directory), stores.blobs.get());
-  PLANISH_RETURN_IF_ERROR(stores.uploads->Open());
-  return stores;
 }
 
 // `stderr_fd`: WorkerProcessOptions.
@@ -285,13 +245,28 @@ WatchedServer Watched(const ServerFlags& flags, const Stores& stores, const JobM
   server.blobs = stores.blobs.get();
   server.streams = streams;
   server.rpc = rpc;
-  server.data_dir = flags.data_dir;
+  server.data_dir = flags.store.data_dir;
   server.workers = flags.workers;
   server.memory_limit_bytes = flags.memory_mb * kMiB;
   server.store_limit_bytes = flags.store_mb * kMiB;
   server.uploads_limit_bytes = flags.max_uploads_mb * kMiB;
   server.certificate_file = flags.security.tls.certificate;
   return server;
+}
+
+// This server, as others see it.
+ServerEntry Self(const ServerFlags& flags) {
+  return {RandomId(), AnswersCallers(flags.store.role), flags.workers, flags.memory_mb * kMiB, PLANISH_VERSION};
+}
+
+// What it does, for the log. `rpc` may be null.
+std::string Describe(const ServerFlags& flags, const RpcServer* rpc) {
+  std::vector<std::string> parts;
+  if (rpc != nullptr) parts.push_back("listens on " + absl::StrJoin(rpc->addresses(), ", "));
+  if (flags.workers > 0) {
+    parts.push_back(absl::StrCat("runs jobs with ", flags.workers, " workers of up to ", flags.threads, " threads"));
+  }
+  return absl::StrJoin(parts, " and ");
 }
 
 // Each job kept or waiting may hold descriptors, and each connection does.
@@ -324,7 +299,9 @@ void AddReloadHooks(FrontDoor* door, JobManager* manager, UploadStore* uploads, 
   add({"queue", "retain-jobs", "retain-mb", "retain-hours", "reattach-grace"},
       [manager](const ServerFlags& flags) { manager->SetLimits(Limits(flags)); });
   add({"uploads-mb"}, [uploads](const ServerFlags& flags) { uploads->SetMaxBytes(flags.max_uploads_mb * kMiB); });
-  add({"recycle-after"}, [pool](const ServerFlags& flags) { pool->SetRecycleAfter(flags.recycle_after); });
+  add({"recycle-after"}, [pool](const ServerFlags& flags) {
+    if (pool != nullptr) pool->SetRecycleAfter(flags.recycle_after);
+  });
   // Files, whose names stay; they are read again whenever they change as well.
   reloader->AddHook({}, [door](const ServerFlags&) { return door->PrepareReload(); });
   add({"grace"}, [grace_seconds](const ServerFlags& flags) { *grace_seconds = flags.grace_seconds; });
@@ -354,7 +331,13 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   JobManagerOptions options = ManagerOptions(flags);
   options.tenant_limits = (*door)->limits();
   monitoring.Hook(&options);
-  options.is_blob_used = [uploads = stores->uploads.get()](const BlobId& id) { return uploads->Uses(id); };
+  options.is_blob_used = [&stores = *stores](const BlobId& id) { return stores.IsBlobUsed(id); };
+  std::optional<Farm> farm;
+  if (stores->registry != nullptr) {
+    farm.emplace(stores->registry.get(), Self(flags));
+    if (const absl::Status status = farm->Tick(); !status.ok()) return Refuse(flags, status);
+    options.capacity = [&farm] { return farm->Capacity(); };
+  }
   const absl::StatusOr<std::unique_ptr<JobManager>> opened =
       JobManager::Open(std::move(options), stores->jobs.get(), stores->blobs.get());
   if (!opened.ok()) return Refuse(flags, opened.status());
@@ -367,7 +350,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   service_options.failpoints = flags.failpoints;
   service_options.update_capabilities = [&manager](const Caller& caller, v1::Capabilities* capabilities) {
     capabilities->set_queue_capacity(manager.QueueCapacity(caller));
-    UpdateCapabilities(manager.Limits(), capabilities);
+    UpdateCapabilities(manager.Limits(), manager.Capacity(), capabilities);
   };
   const std::unique_ptr<grpc::Service> service =
       NewPlanishService(&manager, stores->uploads.get(), &(*door)->callers(), std::move(service_options), &streams);
@@ -379,8 +362,13 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   rpc_options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   rpc_options.on_call = monitoring.Calls();
   (*door)->Configure(&rpc_options);
-  absl::StatusOr<std::unique_ptr<RpcServer>> rpc = RpcServer::Start(rpc_options, {service.get(), admin_service.get()});
-  if (!rpc.ok()) return Refuse(flags, rpc.status());
+  std::unique_ptr<RpcServer> rpc;  // null: a worker of a farm answers nobody
+  if (AnswersCallers(flags.store.role)) {
+    absl::StatusOr<std::unique_ptr<RpcServer>> started =
+        RpcServer::Start(rpc_options, {service.get(), admin_service.get()});
+    if (!started.ok()) return Refuse(flags, started.status());
+    rpc = *std::move(started);
+  }
   auto worker_output = std::make_unique<OutputLines>([](const std::string& line) {
     LogWarn(line, {{"source", "worker"}});
   });
@@ -388,52 +376,64 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   NoWorkers no_workers;
   pool_options.on_none_ready = [&no_workers, &events](const absl::Status& last) { no_workers.Set(last, &events); };
   monitoring.Hook(&pool_options);
-  auto pool = std::make_unique<WorkerPool>(manager.source(), NewWorkers(flags, worker_output->write_fd()),
-                                           std::move(pool_options));
+  std::unique_ptr<WorkerPool> pool;  // null: a front of a farm runs nothing
+  if (RunsJobs(flags.store.role)) {
+    pool = std::make_unique<WorkerPool>(manager.source(), NewWorkers(flags, worker_output->write_fd()),
+                                        std::move(pool_options));
+  }
   auto upkeep = std::make_unique<Upkeep>(kUpkeepInterval, [&manager, &monitoring, uploads = stores->uploads.get()] {
     manager.Tick();
     uploads->Tick(absl::Now());
     monitoring.Beat();
   });
-  monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc->get()));
+  std::optional<Upkeep> tidying, announcing;
+  if (farm.has_value()) {
+    tidying.emplace(kTidyInterval, [&manager] { manager.Tidy(); });
+    announcing.emplace(Farm::kInterval, [&farm] {
+      if (const absl::Status status = farm->Tick(); !status.ok()) LogError(status.message());
+    });
+  }
+  monitoring.Attach(Watched(flags, *stores, &manager, &streams, rpc.get()));
 
   double grace_seconds = flags.grace_seconds;
   AddReloadHooks(door->get(), &manager, stores->uploads.get(), pool.get(), &grace_seconds, &reloader);
 
-  const std::string listens = absl::StrCat("listens on ", absl::StrJoin((*rpc)->addresses(), ", "), " with ",
-                                           flags.workers, " workers of up to ", flags.threads, " threads");
-  LogInfo("planishd " PLANISH_VERSION " " + listens);
+  const std::string does = Describe(flags, rpc.get());
+  LogInfo("planishd " PLANISH_VERSION " " + does);
   if (const auto address = monitoring.address()) LogInfo("metrics and probes at http://" + *address);
   const Upkeep file_watch(kFileWatchInterval, [door = door->get()] { door->Tick(); });
   events.TellReady();
-  service_manager.Ready(listens);
+  service_manager.Ready(does);
 
   Wake wake = events.Wait(absl::InfiniteDuration());
   for (; wake == Wake::kReload; wake = events.Wait(absl::InfiniteDuration())) {
     service_manager.Reloading();
     reloader.Reload(ReadConfig(arguments, ReadEnvironment(kEnvironmentPrefix)));
-    service_manager.Ready(listens);
+    service_manager.Ready(does);
   }
   const bool failed = wake == Wake::kFailed;
   if (failed) {
     LogError(no_workers.status().message());
-    // They wait for the next server or, without a data directory, will never run.
-    if (flags.data_dir.empty()) manager.FailAll(no_workers.status());
+    // They wait for another server or, where the store ends with this one, will never run.
+    if (!flags.store.is_durable()) manager.FailAll(no_workers.status());
   }
   const absl::Duration grace = wake == Wake::kSignal ? absl::Seconds(grace_seconds) : absl::ZeroDuration();
   LogInfo(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   monitoring.SetEnding();
-  const bool workers_done = EndJobs(grace, !flags.data_dir.empty(), &manager, &events);
+  const bool workers_done = EndJobs(grace, flags.store.is_durable(), &manager, &events);
   streams.WaitForNone(absl::Now() + kFlushLimit);
   monitoring.Detach();
-  (*rpc)->Shutdown(absl::Now() + kLastCallsLimit);
+  if (rpc != nullptr) rpc->Shutdown(absl::Now() + kLastCallsLimit);
   manager.StopWorkers();
   // A worker that is deaf cannot be joined; its job has failed, so nothing is lost with it.
   if (!workers_done) std::_Exit(EXIT_SUCCESS);
   pool.reset();
   worker_output.reset();
   upkeep.reset();
+  tidying.reset();
+  announcing.reset();
+  if (farm.has_value()) farm->Leave().IgnoreError();  // its row ends by itself
   LogInfo("bye");
   // gRPC's threads may outlive the logger.
   gpr_set_log_function(nullptr);

@@ -137,12 +137,8 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::C
 
 // A request id makes the id, so that the two belong together for as long as the upload exists, restarts included.
 std::string UploadStore::NewId(const Caller& caller, const std::string& request_id) const {
-  std::string id = options_.new_id();
-  if (request_id.empty()) return id;
-  // What is before the dot names the server (IdsOf()).
-  const std::size_t begin = id.rfind('.') == std::string::npos ? 0 : id.rfind('.') + 1;
-  const std::string digest = Sha256(absl::StrCat(caller.tenant, "/", request_id)).substr(0, kRequestIdBytes);
-  return id.substr(0, begin) + absl::BytesToHexString(digest);
+  if (request_id.empty()) return options_.new_id();
+  return absl::BytesToHexString(Sha256(absl::StrCat(caller.tenant, "/", request_id)).substr(0, kRequestIdBytes));
 }
 
 absl::StatusOr<v1::Upload> UploadStore::Known(const UploadState& state, const v1::CreateUploadRequest& request) {

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <unordered_map>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
@@ -144,6 +145,34 @@ std::int64_t IntegerOf(const char* bytes, int size) {
   if (size == 8) std::memcpy(&eight, bytes, 8);
   if (size == 4) std::memcpy(&four, bytes, 4);
   return size == 4 ? static_cast<std::int32_t>(be32toh(four)) : static_cast<std::int64_t>(be64toh(eight));
+}
+
+// What a libpq URL says, as KEY='VALUE' ..., and the password.
+absl::StatusOr<std::string> ConnectionString(const PostgresOptions& options) {
+  struct Free {
+    void operator()(PQconninfoOption* entries) const { PQconninfoFree(entries); }
+  };
+  char* error = nullptr;
+  const std::unique_ptr<PQconninfoOption, Free> entries(PQconninfoParse(options.url.c_str(), &error));
+  const std::unique_ptr<char, decltype(&PQfreemem)> message(error, &PQfreemem);
+  if (entries == nullptr) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--store: ", message == nullptr ? "out of memory" : OneLine(message.get())));
+  }
+  std::string text;
+  const auto add = [&text](const std::string& key, const std::string& value) {
+    absl::StrAppend(&text, text.empty() ? "" : " ", key, "='");
+    for (const char c : value) {
+      if (c == '\'' || c == '\\') text.push_back('\\');
+      text.push_back(c);
+    }
+    text.push_back('\'');
+  };
+  for (const PQconninfoOption* entry = entries.get(); entry->keyword != nullptr; ++entry) {
+    if (entry->val != nullptr) add(entry->keyword, entry->val);
+  }
+  if (!options.password.empty()) add("password", options.password);
+  return text;
 }
 
 class PostgresConnection : public SqlConnection {
@@ -472,7 +501,18 @@ class PostgresDatabase : public SqlDatabase {
 
 }  // namespace
 
+absl::Status CheckPostgresUrl(const std::string& url) {
+  PostgresOptions options;
+  options.url = url;
+  PLANISH_ASSIGN_OR_RETURN(const std::string text, ConnectionString(options));
+  if (!absl::StrContains(absl::StrCat(" ", text), " password='")) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "--store: the URL holds a password, which everybody on this machine could read: put it into a file, and name that "
+      "with --store-password-file");
+}
+
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(PostgresOptions options) {
+  PLANISH_ASSIGN_OR_RETURN(options.url, ConnectionString(options));
   auto database = std::make_unique<PostgresDatabase>(std::move(options));
   PLANISH_RETURN_IF_ERROR(database->SetUp());
   return database;

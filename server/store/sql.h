@@ -128,8 +128,12 @@ std::string ReplaceWords(std::string_view sql, const std::function<std::string(s
 
 struct PostgresOptions {
   std::string url;      // as libpq takes it: postgresql://USER@HOST:PORT/DATABASE?sslmode=verify-full, or KEY=VALUE ...
-  int connections = 8;  // at most, >= 1
+  std::string password = {};  // beside what the URL says; empty: none
+  int connections = 8;   // at most, >= 1
 };
+
+// INVALID_ARGUMENT, in words, if libpq cannot read `url`, or it holds a password: others see command lines.
+absl::Status CheckPostgresUrl(const std::string& url);
 
 // PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes
 // may use it. A connection that is lost is made anew; no transaction-mode pooler between. FAILED_PRECONDITION with
