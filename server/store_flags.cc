@@ -7,12 +7,25 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/config/choice.h"
-#include "server/store/sql.h"
 
 namespace planish {
 namespace {
 
 constexpr std::string_view kS3 = "s3://";
+
+// postgresql://USER:PASSWORD@..., or a parameter `password`.
+bool HoldsPassword(const std::string& url) {
+  if (const std::size_t scheme = url.find("://"); scheme != std::string::npos) {
+    const std::size_t begin = scheme + 3;
+    const std::string authority = url.substr(begin, url.find('/', begin) - begin);
+    const std::size_t at = authority.rfind('@');
+    if (at != std::string::npos && authority.find(':') < at) return true;
+  }
+  for (const char* const key : {" password=", "?password=", "&password="}) {
+    if ((" " + url).find(key) != std::string::npos) return true;
+  }
+  return false;
+}
 
 }  // namespace
 
@@ -72,7 +85,11 @@ absl::Status CheckStore(const StoreFlags& flags) {
   if (!flags.data_dir.empty()) {
     return absl::InvalidArgumentError("--data-dir and --store exclude each other: jobs are in one or the other");
   }
-  PLANISH_RETURN_IF_ERROR(CheckPostgresUrl(flags.url));
+  if (HoldsPassword(flags.url)) {
+    return absl::InvalidArgumentError(
+        "--store: the URL holds a password, which everybody on this machine could read: put it into a file, and name "
+        "that with --store-password-file");
+  }
   if (flags.blobs == "postgresql" || flags.blobs.starts_with('/')) return absl::OkStatus();
   if (flags.blobs.starts_with(kS3)) return ParseS3Place(flags.blobs).status();
   return absl::InvalidArgumentError(

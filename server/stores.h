@@ -1,6 +1,7 @@
 // What planishd keeps, and where: jobs, blobs and uploads, embedded or shared with other servers.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -15,22 +16,34 @@
 
 namespace planish {
 
+// What servers share. In the order of dependence.
+struct FarmStores {
+  std::unique_ptr<JobStore> jobs;
+  std::unique_ptr<ServerRegistry> registry;
+  std::shared_ptr<BlobStore> blobs;
+  std::unique_ptr<SqlUploads> uploads;
+};
+
+// Opens and sets up what the flags name. UNAVAILABLE with a message for people if something cannot be reached;
+// INVALID_ARGUMENT if a file that a flag names cannot be read, or a flag makes no sense.
+using FarmOpener = std::function<absl::StatusOr<FarmStores>(const ServerFlags& flags)>;
+
 // In the order of dependence.
 struct Stores {
-  std::optional<DataDirectory> directory;    // of an embedded store that outlives the process
-  std::unique_ptr<JobStore> jobs;
-  std::unique_ptr<ServerRegistry> registry;  // of a farm; else null
-  std::shared_ptr<BlobStore> shared_blobs;   // likewise
-  std::unique_ptr<SqlUploads> shared_uploads;
+  FarmStores farm;                         // all null without --store
+  std::optional<DataDirectory> directory;  // of an embedded store that outlives the process
+  std::unique_ptr<JobStore> own_jobs;      // null in a farm
   std::unique_ptr<BlobCatalog> blobs;
   std::unique_ptr<UploadStore> uploads;
 
+  JobStore* jobs() const { return farm.jobs != nullptr ? farm.jobs.get() : own_jobs.get(); }
   // Whether an upload needs the blob, or is made of it; true too if that cannot be asked.
   bool IsBlobUsed(const BlobId& id) const;
 };
 
-// Opens and sets up what the flags name. UNAVAILABLE with a message for people if something cannot be reached or is
-// another process's; INVALID_ARGUMENT if a file that a flag names cannot be read.
-absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits);
+// Opens and sets up what the flags name; `open_farm` if they name --store. Errors of FarmOpener; UNAVAILABLE too if
+// another process has the data directory.
+absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits,
+                                  const FarmOpener& open_farm);
 
 }  // namespace planish

@@ -10,7 +10,6 @@
 #include <mutex>
 #include <unordered_map>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
@@ -500,16 +499,6 @@ class PostgresDatabase : public SqlDatabase {
 };
 
 }  // namespace
-
-absl::Status CheckPostgresUrl(const std::string& url) {
-  PostgresOptions options;
-  options.url = url;
-  PLANISH_ASSIGN_OR_RETURN(const std::string text, ConnectionString(options));
-  if (!absl::StrContains(absl::StrCat(" ", text), " password='")) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "--store: the URL holds a password, which everybody on this machine could read: put it into a file, and name that "
-      "with --store-password-file");
-}
 
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(PostgresOptions options) {
   PLANISH_ASSIGN_OR_RETURN(options.url, ConnectionString(options));

@@ -132,12 +132,9 @@ struct PostgresOptions {
   int connections = 8;   // at most, >= 1
 };
 
-// INVALID_ARGUMENT, in words, if libpq cannot read `url`, or it holds a password: others see command lines.
-absl::Status CheckPostgresUrl(const std::string& url);
-
 // PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes
-// may use it. A connection that is lost is made anew; no transaction-mode pooler between. FAILED_PRECONDITION with
-// STORE_VERSION if the schema is of a newer version of planish.
+// may use it. A connection that is lost is made anew; no transaction-mode pooler between. INVALID_ARGUMENT if libpq
+// cannot read the URL; FAILED_PRECONDITION with STORE_VERSION if the schema is of a newer version of planish.
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(PostgresOptions options);
 
 // SQLite at `path`, or ":memory:" for one that lives as long as the object. Sets up and migrates the schema of
