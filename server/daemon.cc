@@ -108,6 +108,7 @@ JobManagerOptions ManagerOptions(const ServerFlags& flags) {
   options.max_mesh_bytes = flags.max_mesh_mb * kMiB;
   options.max_triangles = flags.max_triangles;
   options.memory_bytes = flags.memory_mb * kMiB;
+  options.lease = absl::Seconds(flags.store.lease_seconds);
   options.validate_options = ValidateOptions;
   options.estimate = [](std::string_view draco, std::int64_t mesh_bytes, const v1::MeshSize& size,
                         const v1::UnwrapOptions& unwrap) -> absl::StatusOr<JobNeeds> {

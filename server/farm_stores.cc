@@ -30,8 +30,8 @@ absl::StatusOr<std::shared_ptr<BlobStore>> OpenSharedBlobs(const StoreFlags& fla
   if (flags.blobs.starts_with('/')) return DirectoryBlobStore::Make({.directory = flags.blobs, .shared = true});
   PLANISH_ASSIGN_OR_RETURN(const S3Place place, ParseS3Place(flags.blobs));
   S3BlobsOptions options;
-  options.s3.endpoint = flags.s3_endpoint.empty() ? absl::StrCat("https://s3.", flags.s3_region, ".amazonaws.com")
-                                                  : flags.s3_endpoint;
+  options.s3.endpoint =
+      flags.s3_endpoint.empty() ? absl::StrCat("https://s3.", flags.s3_region, ".amazonaws.com") : flags.s3_endpoint;
   options.s3.region = flags.s3_region;
   options.s3.bucket = place.bucket;
   options.s3.prefix = place.prefix;

@@ -30,7 +30,8 @@ bool HoldsPassword(const std::string& url) {
 }  // namespace
 
 void DefineStore(CLI::App* app, StoreFlags* flags) {
-  AddChoice<Role>(app, "--role", &flags->role, {{"all", Role::kAll}, {"front", Role::kFront}, {"worker", Role::kWorker}},
+  AddChoice<Role>(app, "--role", &flags->role,
+                  {{"all", Role::kAll}, {"front", Role::kFront}, {"worker", Role::kWorker}},
                   "What this server does: answers callers and runs jobs, or one of the two for a farm (--store). A "
                   "worker listens nowhere but at --metrics-listen; settings of the other role have no effect");
   app->add_option("--data-dir", flags->data_dir,
@@ -48,12 +49,17 @@ void DefineStore(CLI::App* app, StoreFlags* flags) {
                   "that all of them mount")
       ->capture_default_str()
       ->type_name("PLACE");
+  app->add_option("--lease", flags->lease_seconds,
+                  "Seconds after which the jobs of a server that says nothing any more go to another one")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 3600.0));
   app->add_option("--s3-endpoint", flags->s3_endpoint, "https://HOST[:PORT] of the S3 server [that of AWS]")
       ->type_name("URL");
   app->add_option("--s3-region", flags->s3_region, "Region of the bucket")->capture_default_str()->type_name("NAME");
-  app->add_option("--s3-credentials", flags->s3_credentials,
-                  "File with aws_access_key_id and aws_secret_access_key, as the AWS command line has it [the variables "
-                  "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN]")
+  app->add_option(
+         "--s3-credentials", flags->s3_credentials,
+         "File with aws_access_key_id and aws_secret_access_key, as the AWS command line has it [the variables "
+         "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN]")
       ->type_name("FILE");
   app->add_option("--s3-ca", flags->s3_ca, "Who signs the S3 server's certificate, PEM [as the system has it]")
       ->type_name("FILE");
@@ -74,7 +80,7 @@ absl::StatusOr<S3Place> ParseS3Place(const std::string& blobs) {
 
 absl::Status CheckStore(const StoreFlags& flags) {
   if (!flags.is_farm()) {
-    const char* const needs_store = flags.role != Role::kAll      ? "--role"
+    const char* const needs_store = flags.role != Role::kAll       ? "--role"
                                     : !flags.password_file.empty() ? "--store-password-file"
                                     : flags.blobs != "postgresql"  ? "--blobs"
                                                                    : "";

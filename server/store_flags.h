@@ -15,19 +15,24 @@ enum class Role {
   kWorker,  // runs jobs
 };
 
-constexpr bool AnswersCallers(Role role) { return role != Role::kWorker; }
-constexpr bool RunsJobs(Role role) { return role != Role::kFront; }
+constexpr bool AnswersCallers(Role role) {
+  return role != Role::kWorker;
+}
+constexpr bool RunsJobs(Role role) {
+  return role != Role::kFront;
+}
 
 struct StoreFlags {
   Role role = Role::kAll;
-  std::string data_dir;             // of an embedded store; empty: in memory, which ends with the process
-  std::string url;                  // of PostgreSQL; empty: an embedded store
-  std::string password_file;        // empty: none
-  std::string blobs = "postgresql"; // "postgresql", "s3://BUCKET[/PREFIX]", or a directory; of a farm
-  std::string s3_endpoint;          // empty: that of AWS
+  std::string data_dir;              // of an embedded store; empty: in memory, which ends with the process
+  std::string url;                   // of PostgreSQL; empty: an embedded store
+  std::string password_file;         // empty: none
+  std::string blobs = "postgresql";  // "postgresql", "s3://BUCKET[/PREFIX]", or a directory; of a farm
+  std::string s3_endpoint;           // empty: that of AWS
   std::string s3_region = "us-east-1";
-  std::string s3_credentials;       // empty: from the environment
-  std::string s3_ca;                // empty: those of the system
+  std::string s3_credentials;  // empty: from the environment
+  std::string s3_ca;           // empty: those of the system
+  double lease_seconds = 15;   // of work that runs, > 0
 
   // Whether other servers use the same store.
   bool is_farm() const { return !url.empty(); }

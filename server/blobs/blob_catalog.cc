@@ -59,8 +59,7 @@ absl::Status BlobCatalog::Refresh() {
     begin = next_number_;
   }
   std::map<BlobId, std::int64_t> stored, rows;
-  PLANISH_RETURN_IF_ERROR(
-      places_.store->List([&stored](const BlobEntry& entry) { stored[entry.id] = entry.bytes; }));
+  PLANISH_RETURN_IF_ERROR(places_.store->List([&stored](const BlobEntry& entry) { stored[entry.id] = entry.bytes; }));
   if (places_.rows != nullptr) {
     PLANISH_ASSIGN_OR_RETURN(const auto list, places_.rows->List());
     rows.insert(list.begin(), list.end());
@@ -127,8 +126,7 @@ absl::Status BlobCatalog::PutFile(const BlobId& id, const std::string& path) {
   if (fstat(file.get(), &status) != 0) return FileError("measure", path, errno);
   if (is_durable()) return Store(id, status.st_size, [&] { return places_.store->PutFile(id, path); });
   std::string bytes(static_cast<std::size_t>(status.st_size), '\0');
-  PLANISH_RETURN_IF_ERROR(
-      StoredBlob::ReadFile(FileLayer::System(), file.get(), 0, status.st_size, bytes.data()));
+  PLANISH_RETURN_IF_ERROR(StoredBlob::ReadFile(FileLayer::System(), file.get(), 0, status.st_size, bytes.data()));
   PLANISH_RETURN_IF_ERROR(Put(id.tenant, bytes, id.sha256).status());
   FileLayer::System()->Remove(path);
   return absl::OkStatus();
@@ -357,8 +355,7 @@ bool BlobCatalog::Remove(const BlobId& id) {
   bool is_kept = false;
   Place kept_in = Place::kStore;
   if (removed.place == Place::kStore) {
-    const absl::StatusOr<bool> gone =
-        places_.store->Remove(id, is_shared() ? places_.min_age : absl::ZeroDuration());
+    const absl::StatusOr<bool> gone = places_.store->Remove(id, is_shared() ? places_.min_age : absl::ZeroDuration());
     is_kept = is_shared() && !(gone.ok() && *gone);
   }
   if (removed.place != Place::kMemory && places_.rows != nullptr) {

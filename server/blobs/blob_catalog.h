@@ -43,8 +43,8 @@ class BlobRows {
   virtual absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> List() = 0;
   // NOT_FOUND with BLOB_NOT_FOUND. Thread-safe.
   virtual absl::StatusOr<std::string> Read(const BlobId& id) = 0;
-  // Removes the row unless a record needs the blob, whoever wrote that; whether there is no such row any more. Only for a
-  // thread that may call JobStore.
+  // Removes the row unless a record needs the blob, whoever wrote that; whether there is no such row any more. Only for
+  // a thread that may call JobStore.
   virtual absl::StatusOr<bool> Remove(const BlobId& id) = 0;
 };
 
@@ -85,8 +85,8 @@ class BlobCatalog {
   // not empty).
   absl::StatusOr<StoredBlobPtr> Put(const std::string& tenant, std::string_view bytes, std::string sha256 = {});
 
-  // Takes over the complete file `path` (for a directory: on the same file system), whose digest the caller has checked,
-  // and removes it from where it is. After an error it is where it was.
+  // Takes over the complete file `path` (for a directory: on the same file system), whose digest the caller has
+  // checked, and removes it from where it is. After an error it is where it was.
   absl::Status PutFile(const BlobId& id, const std::string& path);
 
   // Keeps `bytes`, durably, in the store even if they are few: for those who commit no record with them.

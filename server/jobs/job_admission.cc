@@ -78,7 +78,8 @@ absl::StatusOr<Answer> JobAdmission::AskForecast(const std::function<Answer(Queu
     if (forecast_.has_value() && now - forecast_time_ < context_.options.forecast_age) return question(&*forecast_);
   }
   PLANISH_ASSIGN_OR_RETURN(QueueState state, context_.store.Queue());
-  QueueForecast forecast(std::move(state), context_.options.tenant_limits, context_.Capacity().workers, seconds_factor_());
+  QueueForecast forecast(std::move(state), context_.options.tenant_limits, context_.Capacity().workers,
+                         seconds_factor_());
   const std::lock_guard lock(mutex_);
   forecast_ = std::move(forecast);
   forecast_time_ = now;

@@ -48,7 +48,8 @@ class JobManager {
  public:
   // Goes on where the process before left off: where nobody else uses `store`, jobs that ran are queued again.
   // INTERNAL, STORAGE_FULL if `store` cannot be read. Both stores must outlive the manager.
-  static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store, BlobCatalog* blobs);
+  static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store,
+                                                          BlobCatalog* blobs);
 
   // ---- for callers
 

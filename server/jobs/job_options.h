@@ -49,7 +49,7 @@ struct JobManagerOptions {
   std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
   // Of all servers that share the store; null: this one's `workers` and `memory_bytes`. Must be quick and thread-safe.
   std::function<JobCapacity()> capacity;
-  TenantLimitsSource tenant_limits;                       // null: the defaults for everybody
+  TenantLimitsSource tenant_limits;  // null: the defaults for everybody
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
   std::int64_t max_triangles = std::int64_t{1} << 40;        // as declared and as decoded
   std::int64_t memory_bytes = std::int64_t{1} << 60;         // that running jobs may reserve together

@@ -148,12 +148,11 @@ absl::StatusOr<v1::Upload> UploadStore::Known(const UploadState& state, const v1
                      absl::StrCat("the request_id belongs to ", name, ", which is of other bytes"), {{"upload", name}});
   }
   UploadState used;
-  const absl::StatusOr<bool> is_there =
-      place_->Change(state.id, [&](UploadState* changed, absl::Time now) {
-        changed->used = now;
-        used = *changed;
-        return absl::OkStatus();
-      });
+  const absl::StatusOr<bool> is_there = place_->Change(state.id, [&](UploadState* changed, absl::Time now) {
+    changed->used = now;
+    used = *changed;
+    return absl::OkStatus();
+  });
   if (!is_there.ok()) return Later(is_there.status());
   // Somebody deleted it just now: the caller's next attempt makes another one.
   if (!*is_there) return Busy(name);
@@ -185,10 +184,9 @@ absl::Status UploadStore::CheckRoom(const UploadState& newest, const std::vector
                      {{"upload_capacity", absl::StrCat(options_.max_uploads)}});
   }
   if (!HasFairPart(own.bytes, all.bytes, newest.total_bytes, max_bytes, among)) {
-    return MakeError(
-        absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
-        absl::StrCat("the uploads under way need all of the ", max_bytes, " bytes there are for them"),
-        {{"limit", absl::StrCat(max_bytes)}});
+    return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+                     absl::StrCat("the uploads under way need all of the ", max_bytes, " bytes there are for them"),
+                     {{"limit", absl::StrCat(max_bytes)}});
   }
   return absl::OkStatus();
 }
@@ -231,22 +229,21 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
   const auto size = static_cast<std::int64_t>(data.size());
   UploadState before;
   bool has_all = false;
-  absl::StatusOr<bool> is_there =
-      place_->Change(writer.id_, [&](UploadState* state, absl::Time now) -> absl::Status {
-        if (state->writer != writer.token_) return Busy(writer.name_);
-        if (offset < 0) return FieldInvalid("offset", "offset is negative");
-        const std::int64_t committed = state->committed_bytes;
-        if (offset > committed || size > state->total_bytes - offset) {
-          return UploadOffsetMismatch(*state, committed,
-                                      absl::StrCat(size, " bytes at ", offset, " do not go on where ", committed,
-                                                   " of ", state->total_bytes, " bytes end"));
-        }
-        state->used = now;
-        has_all = committed - offset >= size;
-        state->appending = !has_all && place_->knows_writers();
-        before = *state;
-        return absl::OkStatus();
-      });
+  absl::StatusOr<bool> is_there = place_->Change(writer.id_, [&](UploadState* state, absl::Time now) -> absl::Status {
+    if (state->writer != writer.token_) return Busy(writer.name_);
+    if (offset < 0) return FieldInvalid("offset", "offset is negative");
+    const std::int64_t committed = state->committed_bytes;
+    if (offset > committed || size > state->total_bytes - offset) {
+      return UploadOffsetMismatch(*state, committed,
+                                  absl::StrCat(size, " bytes at ", offset, " do not go on where ", committed, " of ",
+                                               state->total_bytes, " bytes end"));
+    }
+    state->used = now;
+    has_all = committed - offset >= size;
+    state->appending = !has_all && place_->knows_writers();
+    before = *state;
+    return absl::OkStatus();
+  });
   if (!is_there.ok()) return Later(is_there.status());
   if (!*is_there) return UploadNotFound(writer.name_);
   if (has_all) return absl::OkStatus();
@@ -323,10 +320,9 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const Caller& caller, const std::s
       place_->Change(IdOf(name), [&](UploadState* state, absl::Time now) -> absl::Status {
         if (state->tenant != caller.tenant) return UploadNotFound(name);
         if (!state->complete) {
-          return MakeError(
-              absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
-              absl::StrCat(name, " has ", state->committed_bytes, " of ", state->total_bytes, " bytes"),
-              {{"upload", name}, {"committed_bytes", absl::StrCat(state->committed_bytes)}});
+          return MakeError(absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
+                           absl::StrCat(name, " has ", state->committed_bytes, " of ", state->total_bytes, " bytes"),
+                           {{"upload", name}, {"committed_bytes", absl::StrCat(state->committed_bytes)}});
         }
         state->used = now;
         used = *state;

@@ -21,7 +21,8 @@ constexpr std::string_view kServers = R"sql(
 
 absl::StatusOr<std::unique_ptr<ServerRegistry>> ServerRegistry::Make(SqlDatabase* database) {
   if (!database->has_clock()) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_UNFIT", "only PostgreSQL is shared by several servers");
+    return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_UNFIT",
+                     "only PostgreSQL is shared by several servers");
   }
   PLANISH_RETURN_IF_ERROR(SetUpTables(database, "servers", {kServers}));
   return std::unique_ptr<ServerRegistry>(new ServerRegistry(database));
@@ -36,8 +37,7 @@ absl::Status ServerRegistry::Announce(const ServerEntry& server, absl::Duration 
                      {std::string_view(server.name), std::int64_t{server.answers}, std::int64_t{server.workers},
                       server.memory_bytes, std::string_view(server.version), absl::ToInt64Nanoseconds(time)}));
     // Two that forget the same rows at the same time need not wait for each other.
-    return sql.RunLater(
-        "DELETE FROM servers WHERE name IN (SELECT name FROM servers WHERE until < {now} {skip})", {});
+    return sql.RunLater("DELETE FROM servers WHERE name IN (SELECT name FROM servers WHERE until < {now} {skip})", {});
   });
 }
 
@@ -55,8 +55,8 @@ absl::StatusOr<std::vector<ServerEntry>> ServerRegistry::List() {
                                            {}));
   std::vector<ServerEntry> servers;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    servers.push_back({rows.Bytes(i, 0), rows.Int(i, 1) != 0, static_cast<int>(rows.Int(i, 2)), rows.Int(i, 3),
-                       rows.Bytes(i, 4)});
+    servers.push_back(
+        {rows.Bytes(i, 0), rows.Int(i, 1) != 0, static_cast<int>(rows.Int(i, 2)), rows.Int(i, 3), rows.Bytes(i, 4)});
   }
   return servers;
 }

@@ -128,8 +128,8 @@ std::string ReplaceWords(std::string_view sql, const std::function<std::string(s
 
 struct PostgresOptions {
   std::string url;      // as libpq takes it: postgresql://USER@HOST:PORT/DATABASE?sslmode=verify-full, or KEY=VALUE ...
+  int connections = 8;  // at most, >= 1
   std::string password = {};  // beside what the URL says; empty: none
-  int connections = 8;   // at most, >= 1
 };
 
 // PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes

@@ -29,7 +29,6 @@ _MOST_IN_BATCH = 100
 _MOST_BATCH_BYTES = 4 << 20
 
 _TRACEPARENT = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})[0-9a-f]{16}-([0-9a-f]{2})")
-_ROUTE = re.compile(r"[a-z]+/([a-z0-9-]{1,63})\.")
 
 
 class Trace:
@@ -54,17 +53,14 @@ class Calls:
         self.transport = transport
         self.policy = policy
 
-    def metadata(self, trace: Trace, resource: str = "") -> List[Tuple[str, str]]:
-        """Of a call about a resource, "jobs/...": servers that have names are found by those of their jobs."""
-        route = _ROUTE.match(resource)
-        own = [("planish-route", route.group(1))] if route else []
-        return [("traceparent", trace.traceparent()), *own, *self.transport.connection.metadata()]
+    def metadata(self, trace: Trace) -> List[Tuple[str, str]]:
+        """Of a call."""
+        return [("traceparent", trace.traceparent()), *self.transport.connection.metadata()]
 
     async def repeated(
         self,
         method: str,
         request: Any,
-        resource: str = "",
         *,
         trace: Optional[Trace] = None,
         deadline: Optional[Deadline] = None,
@@ -82,7 +78,7 @@ class Calls:
             while True:
                 attempt += 1
                 on_attempt(attempt)
-                metadata = self.metadata(trace, resource)
+                metadata = self.metadata(trace)
                 try:
                     return await self.transport.unary(method, request, deadline.left(seconds), metadata)
                 except Error as error:
@@ -101,7 +97,7 @@ class Calls:
     # Jobs that exist
 
     async def get_job(self, name: str) -> Job:
-        return from_proto(Job, await self.repeated("GetJob", planish_pb2.GetJobRequest(name=name), name))
+        return from_proto(Job, await self.repeated("GetJob", planish_pb2.GetJobRequest(name=name)))
 
     async def wait_job(self, name: str, timeout: Optional[float]) -> Job:
         deadline = Deadline(timeout)
@@ -109,7 +105,7 @@ class Calls:
             left = deadline.left(_LONGEST_WAIT_SECONDS) or 0.0
             request = planish_pb2.WaitJobRequest(name=name)
             request.timeout.FromNanoseconds(int(left * 1e9))
-            job = from_proto(Job, await self.repeated("WaitJob", request, name, seconds=left + _UNARY_SECONDS))
+            job = from_proto(Job, await self.repeated("WaitJob", request, seconds=left + _UNARY_SECONDS))
             if job.is_terminal or left < _LONGEST_WAIT_SECONDS:
                 return job
 
@@ -125,10 +121,10 @@ class Calls:
             request.page_token = page.next_page_token
 
     async def stop_job(self, name: str) -> Job:
-        return from_proto(Job, await self.repeated("StopJob", planish_pb2.StopJobRequest(name=name), name))
+        return from_proto(Job, await self.repeated("StopJob", planish_pb2.StopJobRequest(name=name)))
 
     async def cancel_job(self, name: str) -> Job:
-        return from_proto(Job, await self.repeated("CancelJob", planish_pb2.CancelJobRequest(name=name), name))
+        return from_proto(Job, await self.repeated("CancelJob", planish_pb2.CancelJobRequest(name=name)))
 
     async def cancel_while_leaving(self, name: str, unwrap: Any) -> None:
         """A last word. Whether it gets through does not matter to a caller that leaves for another reason.
@@ -144,7 +140,7 @@ class Calls:
                 name = created.name
             if name:
                 request = planish_pb2.CancelJobRequest(name=name)
-                await self.transport.unary("CancelJob", request, LAST_WORD_SECONDS, self.metadata(trace, name))
+                await self.transport.unary("CancelJob", request, LAST_WORD_SECONDS, self.metadata(trace))
         except Error:
             pass  # the server cancels the job of a caller that is gone by itself, only later
 
@@ -156,7 +152,7 @@ class Calls:
             attempts = attempt
 
         try:
-            await self.repeated("DeleteJob", planish_pb2.DeleteJobRequest(name=name), name, on_attempt=count)
+            await self.repeated("DeleteJob", planish_pb2.DeleteJobRequest(name=name), on_attempt=count)
         except errors.NotFound:
             if attempts == 1:
                 raise
@@ -166,7 +162,7 @@ class Calls:
         data = bytearray()
         while len(data) < size:
             request = planish_pb2.ReadResultRequest(name=name, offset=offset + len(data), limit=size - len(data))
-            piece = (await self.repeated("ReadResult", request, name)).data
+            piece = (await self.repeated("ReadResult", request)).data
             if not piece:
                 break
             data += piece

@@ -168,7 +168,7 @@ class Follower:
             uv_offset=len(self.uv),
             attach=self._unwrap is not None and not self._unwrap.detached,
         )
-        return transport.stream("WatchJob", request, left, self._calls.metadata(self._trace, self._name))
+        return transport.stream("WatchJob", request, left, self._calls.metadata(self._trace))
 
     async def _take_event(self, event: Any) -> None:
         if event.sequence <= self._sequence:

@@ -515,19 +515,6 @@ TEST_P(UploadRestartTest, WhatWasThereBeforeTenantsIsTheDefaultTenants) {
   EXPECT_TRUE(WriteOnce("uploads/farm-1.old", 2, "sh").ok());
 }
 
-// Dashes part the fields of a file's name, and may be in an id as well.
-TEST_P(UploadRestartTest, IdsWithTheNameOfAServer) {
-  options_.new_id = IdsOf("planish-eu-0");
-  Start();
-  const std::string name = CreateFor("some bytes"), done = CreateFor("other bytes");
-  EXPECT_THAT(name, ::testing::MatchesRegex("uploads/planish-eu-0\\.[0-9a-f]{16}"));
-  ASSERT_TRUE(WriteOnce(name, 0, "some").ok());
-  ASSERT_TRUE(WriteOnce(done, 0, "other bytes").ok());
-  Start();
-  EXPECT_EQ(Committed(name), 4);
-  EXPECT_EQ(store_->Use(caller_, done)->mesh->bytes(), "other bytes");
-}
-
 TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {
   const std::string bytes = Noise(1000);
   const std::string name = CreateFor(bytes);
