@@ -17,7 +17,7 @@ import grpc
 import grpc.aio
 
 from . import errors
-from ._bridge import AioStub, BlockingStub, Bridge
+from ._bridge import SERVICE, AioStub, BlockingStub, Bridge
 from ._connection import Connection
 from ._status import error_of_call, is_unreachable
 from .v1 import planish_pb2_grpc
@@ -95,6 +95,11 @@ def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any
     return channel, planish_pb2_grpc.PlanishStub(channel)  # type: ignore[no-untyped-call]
 
 
+def _outgoing(method: str, request: Any) -> Any:
+    """What the stub takes: of a call with many messages, this one."""
+    return iter([request]) if SERVICE.methods_by_name[method].client_streaming else request
+
+
 def _is_lost(channel: Any) -> bool:
     return isinstance(channel, Bridge) and channel.is_lost
 
@@ -143,7 +148,7 @@ class BlockingTransport(Transport):
 
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
         try:
-            answer = self._method(method)(request, timeout=timeout, metadata=metadata)
+            answer = self._method(method)(_outgoing(method, request), timeout=timeout, metadata=metadata)
         except grpc.RpcError as error:
             raise self._error(error) from None
         self.reached = True
@@ -212,7 +217,7 @@ class AioTransport(Transport):
 
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
         try:
-            answer = await self._method(method)(request, timeout=timeout, metadata=metadata)
+            answer = await self._method(method)(_outgoing(method, request), timeout=timeout, metadata=metadata)
         except grpc.aio.AioRpcError as error:
             raise self._error(error) from None
         self.reached = True
