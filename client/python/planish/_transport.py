@@ -64,6 +64,10 @@ class Transport:
     def stream(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Stream:
         raise NotImplementedError
 
+    async def close(self) -> None:
+        """Calls under way end; a later one connects again."""
+        raise NotImplementedError
+
     async def sleep(self, seconds: float, wake: Optional[threading.Event] = None) -> None:
         """Waits. A blocking wait ends early when `wake` is set."""
         raise NotImplementedError
@@ -134,8 +138,7 @@ class BlockingTransport(Transport):
                 self._channel, self._stub = _connect(self.connection, grpc, BlockingStub)
             return getattr(self._stub, name)
 
-    def close(self) -> None:
-        """Calls under way end; a later one connects again."""
+    async def close(self) -> None:
         with self._lock:
             channel, self._channel, self._stub = self._channel, None, None
         if channel is not None:

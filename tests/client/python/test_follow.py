@@ -454,11 +454,11 @@ class BlockingByAHelper(ByAHelper, Streams, unittest.TestCase):
     def test_helper_that_is_lost(self):
         with planish.Client(self.target, **self.options) as client:
             client.capabilities()
-            helper = client._transport._channel._process
+            helper = client._calls.transport._channel._process
             helper.kill()
             helper.wait()
             self.assertEqual(client.capabilities().workers, 0)  # by another one
-            self.assertIsNot(client._transport._channel._process, helper)
+            self.assertIsNot(client._calls.transport._channel._process, helper)
         self.assertIsNotNone(helper.returncode)
 
 
