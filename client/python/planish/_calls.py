@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import secrets
@@ -9,6 +10,7 @@ import threading
 from typing import Any, Callable, List, Optional, Sequence, Tuple, Union
 
 from . import errors
+from ._connection import is_unix
 from ._request import NewJob, new_request_id, spec_message
 from ._retry import Deadline, Patience, RetryPolicy
 from ._status import error_of_status
@@ -191,28 +193,59 @@ class Calls:
             policy, deadline, lost_seconds=policy.reattach_seconds, room_seconds=policy.queue_full_wait_seconds
         )
 
-    async def check_size(self, mesh: PackedMesh) -> None:
-        """Refuses a mesh that is too large for the server before it is sent."""
+    async def send_ahead(self, mesh: PackedMesh, trace: Trace, deadline: Deadline) -> str:
+        """Uploads a mesh that is better not sent in one message: the name of the upload, or nothing. Refuses one that is too
+        large for the server."""
         if mesh.byte_count <= _SMALL_MESH_BYTES:
-            return
-        limit = (await self.capabilities()).max_mesh_bytes
+            return ""
+        server = await self.capabilities()
+        limit = server.max_mesh_bytes
         if 0 < limit < mesh.byte_count:
             raise errors.ResourceExhausted(
                 f"the mesh has {mesh.byte_count} bytes as sent; this server takes at most {limit}",
                 reason="MESH_TOO_LARGE",
                 metadata={"bytes": str(mesh.byte_count), "limit": str(limit)},
             )
+        if is_unix(self.transport.connection.target) or not 0 < server.inline_mesh_bytes < mesh.byte_count:
+            return ""  # no network, which could break, or little to be sent again
+        if mesh.vertex_count > 3 * mesh.triangle_count:
+            return ""  # Draco has no such meshes
+        try:
+            return await self._upload(mesh.draco(), server.upload_chunk_bytes, trace, deadline)
+        except errors.NotFound:
+            return ""  # a server that was restarted has forgotten what had arrived
+
+    async def _upload(self, data: bytes, chunk: int, trace: Trace, deadline: Deadline) -> str:
+        begin = planish_pb2.CreateUploadRequest(
+            total_bytes=len(data), sha256=hashlib.sha256(data).digest(), request_id=new_request_id()
+        )
+        patience = self.patience_for_new_job(deadline)
+        upload = await self.repeated("CreateUpload", begin, trace=trace, deadline=deadline, patience=patience)
+        while upload.committed_bytes < len(data):
+            at = upload.committed_bytes
+            piece = planish_pb2.WriteUploadRequest(name=upload.name, offset=at, data=data[at : at + chunk])
+            # A piece that is repeated although it arrived is skipped by the server.
+            patience = self.patience_for_new_job(deadline)
+            upload = await self.repeated(
+                "WriteUpload", piece, upload.name, trace=trace, deadline=deadline, seconds=None, patience=patience
+            )
+            if upload.committed_bytes <= at:
+                raise errors.Internal(f"the server took no byte of {upload.name} from byte {at} on")
+        return str(upload.name)
 
     async def create_job(self, job: NewJob, timeout: Optional[float]) -> Job:
         return await self._create(job, job.pack(), Deadline(timeout))
 
     async def _create(self, job: NewJob, mesh: PackedMesh, deadline: Deadline) -> Job:
-        await self.check_size(mesh)
+        trace = Trace()
+        upload = await self.send_ahead(mesh, trace, deadline)
         request = planish_pb2.CreateJobRequest(
-            spec=spec_message(job, mesh), request_id=job.request_id or new_request_id()
+            spec=spec_message(job, mesh, upload), request_id=job.request_id or new_request_id()
         )
         patience = self.patience_for_new_job(deadline)
-        created = await self.repeated("CreateJob", request, deadline=deadline, seconds=None, patience=patience)
+        created = await self.repeated(
+            "CreateJob", request, trace=trace, deadline=deadline, seconds=None, patience=patience
+        )
         return from_proto(Job, created)
 
     async def create_jobs(self, jobs: Sequence[NewJob]) -> List[Union[Job, Error]]:
