@@ -8,6 +8,7 @@
 #include "core/base/status_macros.h"
 #include "server/blobs/directory_blobs.h"
 #include "server/blobs/s3_blobs.h"
+#include "server/log/log.h"
 #include "server/store/sql.h"
 #include "server/store/sql_blobs.h"
 
@@ -40,6 +41,29 @@ absl::StatusOr<std::shared_ptr<BlobStore>> OpenSharedBlobs(const StoreFlags& fla
   return S3BlobStore::Make(std::move(options));
 }
 
+// Warns where a promoted standby may lack what callers were told.
+absl::Status CheckStandby(SqlDatabase* database) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database->Connect(SqlDatabase::Use::kRead));
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows rows,
+      connection->Run(
+          "SELECT (SELECT count(*) FROM pg_stat_replication), current_setting('synchronous_standby_names'), "
+          "current_setting('synchronous_commit')",
+          {}));
+  const std::string& commit = rows.Bytes(0, 2);
+  if (commit == "off") {
+    LogWarn(
+        "PostgreSQL's synchronous_commit is off: a crash of the database takes back jobs that were accepted and "
+        "results "
+        "that were told. Set it to on");
+  } else if (rows.Int(0, 0) > 0 && (rows.Bytes(0, 1).empty() || commit == "local")) {
+    LogWarn(
+        "PostgreSQL's standby is asynchronous: if it is promoted, jobs that were accepted last and results that were "
+        "told last are lost. Set synchronous_standby_names (deploy/FARM.md)");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags) {
@@ -54,6 +78,7 @@ absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags) {
   PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<SqlDatabase> opened, OpenPostgresDatabase(std::move(options)));
   SqlDatabase* const database = opened.get();
   stores.jobs = NewJobStore(std::move(opened));
+  PLANISH_RETURN_IF_ERROR(CheckStandby(database));
   PLANISH_ASSIGN_OR_RETURN(stores.registry, ServerRegistry::Make(database));
   PLANISH_ASSIGN_OR_RETURN(stores.blobs, OpenSharedBlobs(flags.store, database));
   PLANISH_ASSIGN_OR_RETURN(stores.uploads, SqlUploads::Make(database, stores.blobs.get()));

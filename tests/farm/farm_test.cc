@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/base/sanitizers.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/client.h"
 #include "tests/server/store/postgres_server.h"
@@ -21,6 +22,8 @@
 
 namespace planish {
 namespace {
+
+using ::testing::HasSubstr;
 
 constexpr char kHaproxy[] = "/usr/sbin/haproxy";
 
@@ -98,7 +101,7 @@ class FarmTest : public ::testing::Test {
   }
 
   TempDir dir_;
-  const std::string url_;
+  std::string url_;
   const Arrays quick_{40}, slow_{150};
   std::map<std::string, std::unique_ptr<Daemon>> daemons_;
   std::unique_ptr<Process> proxy_;
@@ -277,6 +280,50 @@ TEST_F(FarmTest, AServerThatEndsInOrderLeavesItsJobToAnother) {
   EXPECT_TRUE(heard.in_order());
   EXPECT_EQ(heard.skipped(), 0);
   EXPECT_EQ(heard.ends(), 1);
+}
+
+// A standby takes over; the old primary, which would still take writes, is not used when it is back.
+TEST_F(FarmTest, AStandbyThatIsPromotedGoesOn) {
+  PostgresServer standby(*postgres_);
+  const std::string database = url_.substr(0, url_.find('?'));
+  url_ = database + "?host=" + postgres_->host() + "," + standby.host() + "&target_session_attrs=read-write";
+  StartFront("a");
+  StartWorker("w");
+  Client client = ClientOf("a");
+  Heard heard;
+  Call call = client.StartUnwrap(slow_.View(), Slowly(), heard.Listen());
+  ASSERT_TRUE(WaitUntil([&] { return heard.count() > 3; }));
+  EXPECT_THAT(daemons_["a"]->Output(), HasSubstr("asynchronous")) << "it warns of what may be lost";
+  usleep(500'000);  // the standby has it all by then
+  postgres_->Crash();
+  standby.Promote();
+  const double promoted = Now();
+  ASSERT_TRUE(WaitUntil([&] { return heard.Silence(promoted) < 1e9; }));
+  postgres_->Start();
+  CallOptions fresh;
+  fresh.scheduling.fresh = true;
+  for (int i = 0; i < 5; ++i)
+    EXPECT_EQ(client.Unwrap(quick_.View(), {}, {}, fresh).uv.AsDouble().size(), 2 * quick_.triangles.size());
+  call.Stop();
+  call.Wait();
+  EXPECT_EQ(heard.ends(), 1);
+  // All of it is at the new one.
+  url_ = database + "?host=" + standby.host();
+  StartFront("b");
+  EXPECT_EQ(ClientOf("b").ListJobs().size(), 6u);
+  url_ = database + "?host=" + postgres_->host();
+  StartFront("c");
+  EXPECT_LE(ClientOf("c").ListJobs().size(), 1u);
+}
+
+// What deploy/FARM.md says of backups: a copy by pg_dump is a farm with all results.
+TEST_F(FarmTest, ABackupIsAFarm) {
+  StartWorker("w");
+  StartFront("a");
+  const UnwrapResult result = ClientOf("a").Unwrap(quick_.View());
+  url_ = postgres_->Copy(url_);
+  StartFront("b");
+  EXPECT_EQ(ClientOf("b").AttachResult(result.job, quick_.View()).uv.AsDouble(), result.uv.AsDouble());
 }
 
 }  // namespace
