@@ -85,6 +85,7 @@ class AddOn(unittest.TestCase):
         for each in list(bpy.data.objects):
             bpy.data.objects.remove(each)
         PREFERENCES.where, PREFERENCES.address = "PRIVATE", ""
+        PREFERENCES.tls_ca_file = PREFERENCES.token_file = PREFERENCES.token = ""
         PREFERENCES.planishd, PREFERENCES.command = support.PLANISHD, support.PLANISH
         PREFERENCES.engine = "AUTO"
 
@@ -303,6 +304,30 @@ class AddOn(unittest.TestCase):
         PREFERENCES.engine, PREFERENCES.planishd = "PACKAGE", "/nowhere/planishd"
         with self.assertRaisesRegex(RuntimeError, "/nowhere/planishd is not a program"):
             unwrap()
+
+    def test_tls_and_token(self):
+        self.cube()
+        directory = tempfile.TemporaryDirectory()
+        self.addCleanup(directory.cleanup)
+        script = support.SOURCE_TREE / "deploy/certificates.sh"
+        subprocess.run([script, directory.name], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        path = lambda name: os.path.join(directory.name, name)
+        server = support.Server(
+            f"--tls-cert={path('server.pem')}",
+            f"--tls-key={path('server-key.pem')}",
+            f"--access-file={path('access.yaml')}",
+            target=f"127.0.0.1:{support.free_port()}",
+        )
+        self.addCleanup(server.close)
+        PREFERENCES.where, PREFERENCES.address, PREFERENCES.tls_ca_file = "SERVER", server.target, path("ca.pem")
+        for PREFERENCES.engine in ENGINES:
+            PREFERENCES.token_file = path("token")
+            self.assertEqual(unwrap(), {"FINISHED"})
+            PREFERENCES.token_file, PREFERENCES.token = "", pathlib.Path(path("token")).read_text().strip()
+            self.assertEqual(unwrap(), {"FINISHED"})
+            PREFERENCES.token = "wrong"
+            with self.assertRaisesRegex(RuntimeError, "does not know these credentials"):
+                unwrap()
 
     def test_without_grpcio_the_command_is_used(self):
         self.cube()
