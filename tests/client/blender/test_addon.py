@@ -309,15 +309,7 @@ class AddOn(unittest.TestCase):
         self.cube()
         directory = tempfile.TemporaryDirectory()
         self.addCleanup(directory.cleanup)
-        script = support.SOURCE_TREE / "deploy/certificates.sh"
-        subprocess.run([script, directory.name], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        path = lambda name: os.path.join(directory.name, name)
-        server = support.Server(
-            f"--tls-cert={path('server.pem')}",
-            f"--tls-key={path('server-key.pem')}",
-            f"--access-file={path('access.yaml')}",
-            target=f"127.0.0.1:{support.free_port()}",
-        )
+        server, path = support.secure_server(directory.name)
         self.addCleanup(server.close)
         PREFERENCES.where, PREFERENCES.address, PREFERENCES.tls_ca_file = "SERVER", server.target, path("ca.pem")
         for PREFERENCES.engine in ENGINES:
