@@ -347,6 +347,8 @@ class AddOn(unittest.TestCase):
                 batch.wait(0.1)
             self.assertEqual({outcome.reason for _, outcome in batch.outcomes}, {"CANCELLED"})
             self.assertEqual(len(batch.outcomes), engines.MOST_AT_A_TIME)
+        engines.close()
+        self.assertEqual([name for name in os.listdir(os.environ["TMPDIR"]) if name.startswith("planish-")], [])
 
 
 class Words(unittest.TestCase):
