@@ -159,10 +159,11 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         return True
 
     def _end(self, context):
-        if self._batch.cancelled:
+        batch, self._batch = self._batch, None  # Blender may keep the operator, for the redo panel
+        if batch.cancelled:
             self.report({"INFO"}, "Unwrap with planish: cancelled")
             return {"CANCELLED"}
-        good = [(sheet, outcome) for sheet, outcome in self._batch.outcomes if isinstance(outcome, engines.Outcome)]
+        good = [(sheet, outcome) for sheet, outcome in batch.outcomes if isinstance(outcome, engines.Outcome)]
         for sheet, outcome in good:
             self._take(sheet, outcome)
         if good:
@@ -171,7 +172,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
             efficiency = np.mean([outcome.efficiency for _, outcome in good])
             self.report({"INFO"}, f"{charts} chart{'s' if charts != 1 else ''}, stretch {stretch:.3f}, {efficiency:.0%} of the texture used")
         selects = False
-        for sheet, error in self._batch.outcomes:
+        for sheet, error in batch.outcomes:
             if not isinstance(error, engines.Failed):
                 continue
             selected = sheet.select(error.faces, error.edges, error.vertices)

@@ -9,5 +9,7 @@ command -v blender >/dev/null || {
 }
 directory=$(mktemp -d)
 trap 'rm -rf "$directory"' EXIT
-export BLENDER_USER_SCRIPTS="$directory/scripts" BLENDER_USER_CONFIG="$directory/config"
+mkdir "$directory/tmp"
+export BLENDER_USER_SCRIPTS="$directory/scripts" BLENDER_USER_CONFIG="$directory/config" TMPDIR="$directory/tmp"
+unset XDG_RUNTIME_DIR
 blender --background --factory-startup --python-exit-code 1 --python "$1"

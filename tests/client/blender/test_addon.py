@@ -85,6 +85,7 @@ class AddOn(unittest.TestCase):
         for each in list(bpy.data.objects):
             bpy.data.objects.remove(each)
         PREFERENCES.where, PREFERENCES.address = "PRIVATE", ""
+        PREFERENCES.tls_ca_file = PREFERENCES.token_file = PREFERENCES.token = ""
         PREFERENCES.planishd, PREFERENCES.command = support.PLANISHD, support.PLANISH
         PREFERENCES.engine = "AUTO"
 
@@ -304,6 +305,22 @@ class AddOn(unittest.TestCase):
         with self.assertRaisesRegex(RuntimeError, "/nowhere/planishd is not a program"):
             unwrap()
 
+    def test_tls_and_token(self):
+        self.cube()
+        directory = tempfile.TemporaryDirectory()
+        self.addCleanup(directory.cleanup)
+        server, path = support.secure_server(directory.name)
+        self.addCleanup(server.close)
+        PREFERENCES.where, PREFERENCES.address, PREFERENCES.tls_ca_file = "SERVER", server.target, path("ca.pem")
+        for PREFERENCES.engine in ENGINES:
+            PREFERENCES.token_file = path("token")
+            self.assertEqual(unwrap(), {"FINISHED"})
+            PREFERENCES.token_file, PREFERENCES.token = "", pathlib.Path(path("token")).read_text().strip()
+            self.assertEqual(unwrap(), {"FINISHED"})
+            PREFERENCES.token = "wrong"
+            with self.assertRaisesRegex(RuntimeError, "does not know these credentials"):
+                unwrap()
+
     def test_without_grpcio_the_command_is_used(self):
         self.cube()
         hidden = {name: sys.modules.pop(name) for name in list(sys.modules) if name.partition(".")[0] in ("planish", "grpc")}
@@ -330,6 +347,8 @@ class AddOn(unittest.TestCase):
                 batch.wait(0.1)
             self.assertEqual({outcome.reason for _, outcome in batch.outcomes}, {"CANCELLED"})
             self.assertEqual(len(batch.outcomes), engines.MOST_AT_A_TIME)
+        engines.close()
+        self.assertEqual([name for name in os.listdir(os.environ["TMPDIR"]) if name.startswith("planish-")], [])
 
 
 class Words(unittest.TestCase):

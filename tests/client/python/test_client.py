@@ -332,15 +332,7 @@ class Jobs(WithServer):
 class Identity(unittest.TestCase):
     def test_tls_and_token(self):
         with tempfile.TemporaryDirectory() as directory:
-            script = support.SOURCE_TREE / "deploy/certificates.sh"
-            subprocess.run([script, directory], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            path = lambda name: os.path.join(directory, name)
-            server = support.Server(
-                f"--tls-cert={path('server.pem')}",
-                f"--tls-key={path('server-key.pem')}",
-                f"--access-file={path('access.yaml')}",
-                target=f"127.0.0.1:{support.free_port()}",
-            )
+            server, path = support.secure_server(directory)
             self.addCleanup(server.close)
             good = planish.ConnectionOptions(tls_ca_file=path("ca.pem"), token_file=path("token"))
             with planish.Client(server.target, connection=good) as client:
