@@ -57,7 +57,7 @@ part ~ /:$/ && /^  [^ ]/ {
   names = substr(rest, 1, RLENGTH)
   rest = substr(rest, RLENGTH + 1)
   # Texts begin in column 31, after one blank where the option just fits.
-  if (rest !~ /  +[^ ]/ && substr($0, 30, 2) ~ /^ [^ ]/) {
+  if (rest !~ /  +[^ ]/ && substr($0, 30, 2) ~ /^ [A-Z]/) {
     spec = substr($0, 1, 29)
     sub(/^  [^ ]+/, "", spec)
     text = substr($0, 31)

@@ -98,7 +98,7 @@ TEST(Settings, TheSampleHasEveryKey) {
   std::set<std::string> keys;
   std::ostringstream uncommented;
   std::istringstream lines(text);
-  const std::regex setting(R"(^#([a-z][a-z-]*): .*)");
+  const std::regex setting(R"(^#([a-z][a-z0-9-]*): .*)");
   for (std::string line; std::getline(lines, line);) {
     std::smatch match;
     if (!std::regex_match(line, match, setting)) continue;

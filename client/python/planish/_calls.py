@@ -227,7 +227,7 @@ class Calls:
             # A piece that is repeated although it arrived is skipped by the server.
             patience = self.patience_for_new_job(deadline)
             upload = await self.repeated(
-                "WriteUpload", piece, upload.name, trace=trace, deadline=deadline, seconds=None, patience=patience
+                "WriteUpload", piece, trace=trace, deadline=deadline, seconds=None, patience=patience
             )
             if upload.committed_bytes <= at:
                 raise errors.Internal(f"the server took no byte of {upload.name} from byte {at} on")

@@ -168,16 +168,6 @@ TEST_P(UploadStoreTest, ARequestIdStandsForItsUploadAcrossARestart) {
   EXPECT_EQ(fresh->committed_bytes(), 0);
 }
 
-TEST_P(UploadStoreTest, ARequestIdNamesTheServerToo) {
-  options_.new_id = [] { return std::string("east.1234"); };
-  Start();
-  v1::CreateUploadRequest request;
-  request.set_total_bytes(1000);
-  request.set_sha256(std::string(32, 'x'));
-  request.set_request_id("once");
-  EXPECT_THAT(store_->Create(caller_, request)->name(), ::testing::StartsWith("uploads/east."));
-}
-
 TEST_P(UploadStoreTest, BadRequestsNameTheField) {
   const std::string digest = Sha256("x");
   for (const std::int64_t bytes : {std::int64_t{0}, std::int64_t{-1}}) {
