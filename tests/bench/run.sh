@@ -8,6 +8,7 @@
 #   tests/bench/run.sh memory [MESH...] peak memory and seconds of jobs, beside the estimates made of their counts
 #   tests/bench/run.sh tuning           each constant of the solver, linear algebra and boundary control halved and doubled
 #   tests/bench/run.sh farm             jobs a second that one PostgreSQL takes, 200 machines and 100,000 waiting jobs
+#   tests/bench/run.sh chaos            1,000 jobs through a farm whose fronts, workers and database are killed (SEED, JOBS)
 #   tests/bench/run.sh service          what a server costs beside the work, 1,000 watchers, 500 jobs and 50 kills
 #   tests/bench/run.sh mutations        100,000 damaged meshes and messages against a server (--quick: 2,000)
 #
@@ -48,12 +49,12 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | memory | tuning | service | farm | mutations) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, farm, mutations)" ;;
+  paper | scale | peers | atlas | memory | tuning | service | farm | chaos | mutations) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, farm, chaos, mutations)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
 case $bench in
-  memory | tuning | service | farm | mutations) ;;
+  memory | tuning | service | farm | chaos | mutations) ;;
   *) command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench" ;;
 esac
 
@@ -63,6 +64,7 @@ targets=(planish_bench)
 [ "$bench" != atlas ] && [ "$bench" != service ] || targets+=(planish planishd)
 [ "$bench" != tuning ] || targets=(planish_tuning_sweep planish_bench_report)
 [ "$bench" != farm ] || targets=(planish_store_load planish_bench_report)
+[ "$bench" != chaos ] || targets=(planish_farm_chaos)
 [ "$bench" != mutations ] || targets=(faults_test)
 cmake --build "$build" -j "${JOBS:-2}" --target "${targets[@]}" >&2
 bin=$build/bin
@@ -442,6 +444,18 @@ tuning() {
 others at their defaults, on discs by formula (\`tests/bench/tuning_sweep.cc\`). Fractions like 0.95 are varied by their distance from 1,
 factors like 1.5 by their excess over 1. One thread." |
     "$bin/planish_bench_report" tuning "$runs" "$work/tuning" >"$out/tuning.md"
+}
+
+chaos() {
+  [ -z "$quick" ] || export JOBS=100
+  {
+    heading "A farm that dies" "Two fronts behind HAProxy, three workers, PostgreSQL with a synchronous standby, eight callers who know only the
+proxy (\`tests/farm/chaos.cc\`). Every job ended well, once, in order for its caller, and nothing of them was left in the tables."
+    echo
+    echo '```'
+    "$bin/planish_farm_chaos" | tee "$work/log" | grep ' jobs in ' || { cat "$work/log" >&2; exit 1; }
+    echo '```'
+  } >"$out/chaos.md"
 }
 
 mutations() {

@@ -13,7 +13,7 @@ namespace {
 constexpr char kPrograms[] = "/usr/lib/postgresql/15/bin/";
 
 // Of a cluster that lives for some seconds. It does not sync: its processes die, the machine does not.
-const std::vector<std::string> kSettings = {"fsync=off",           "listen_addresses=", "max_connections=50",
+const std::vector<std::string> kSettings = {"fsync=off",           "listen_addresses=", "max_connections=100",
                                             "shared_buffers=16MB", "autovacuum=off",    "logging_collector=off"};
 
 // Before a command: it runs as a user that PostgreSQL accepts.
@@ -55,6 +55,12 @@ std::string PostgresServer::NewDatabase() {
   const std::string name = "test" + std::to_string(++databases_);
   Run("psql", "-h " + directory_.Path() + " -U planish -d postgres -qc 'CREATE DATABASE " + name + "'");
   return "postgresql://planish@/" + name + "?host=" + directory_.Path();
+}
+
+void PostgresServer::SetSynchronous() {
+  const std::string psql = "-h " + host() + " -U planish -d postgres -qc ";
+  Run("psql", psql + "\"ALTER SYSTEM SET synchronous_standby_names = '*'\"");
+  Run("psql", psql + "'SELECT pg_reload_conf()'");
 }
 
 void PostgresServer::Promote() {

@@ -25,6 +25,8 @@ class PostgresServer {
 
   // For libpq: the folder of the socket.
   std::string host() const { return directory_.Path(); }
+  // Commits wait for the standby from now on.
+  void SetSynchronous();
   // Makes a standby the primary.
   void Promote();
   // A copy of the database as a backup by pg_dump has it; its URL.
