@@ -20,13 +20,15 @@
 #include "server/store/ids.h"
 #include "server/store/postgres_channel.h"
 #include "server/store/sql.h"
+#include "server/store/sql_schema.h"
 #include "server/store/work_schema.h"
 
 namespace planish {
 namespace {
 
-// Steps from each version of the schema to the next; meta.version says how many were taken. Never change one that was
-// released: add another. The collation is that of bytes, as SQLite's: no index depends on the machine's locale.
+// Steps from each version of the schema to the next, by the rule of sql_schema.h; meta.version says how many were
+// taken. The first ones, which drop columns, are from before the first release. The collation is that of bytes, as
+// SQLite's: no index depends on the machine's locale.
 constexpr const char* kPostgresMigrations[] = {
     R"sql(
       CREATE SEQUENCE job_numbers;
@@ -530,12 +532,8 @@ class PostgresDatabase : public SqlDatabase {
       id_ = meta.Bytes(0, 0);
       version = meta.Int(0, 1);
     }
-    if (version > kPostgresVersion) {
-      return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_VERSION",
-                       absl::StrCat("the database was set up by a newer planish (its version is ", version,
-                                    ", this one knows ", kPostgresVersion, "): use that one, or another database"));
-    }
-    if (version == kPostgresVersion) return absl::OkStatus();
+    PLANISH_RETURN_IF_ERROR(CheckStepsAhead("jobs", version, kPostgresVersion));
+    if (version >= kPostgresVersion) return absl::OkStatus();
     for (; version < kPostgresVersion; ++version) {
       PLANISH_RETURN_IF_ERROR(connection->Execute(kPostgresMigrations[version]));
     }

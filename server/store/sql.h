@@ -136,7 +136,7 @@ struct PostgresOptions {
 // may use it. A connection that is lost is made anew; no transaction-mode pooler between. Of several hosts in the URL
 // (target_session_attrs=read-write) the primary is used that was promoted last, as far as this process has seen.
 // INVALID_ARGUMENT if libpq cannot read the URL; FAILED_PRECONDITION with STORE_VERSION if the schema is of a newer
-// version of planish.
+// version of planish than the next one (sql_schema.h).
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const PostgresOptions& options);
 
 // SQLite at `path`, or ":memory:" for one that lives as long as the object. Sets up and migrates the schema of

@@ -16,15 +16,11 @@ absl::Status TakeSteps(SqlConnection& sql, std::string_view group, const std::ve
   PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run("SELECT version FROM table_groups WHERE name = ?", {group}));
   const std::int64_t version = rows.empty() ? 0 : rows.Int(0, 0);
   const auto known = static_cast<std::int64_t>(steps.size());
-  if (version > known) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_VERSION",
-                     absl::StrCat("the database was set up by a newer planish (its version of ", std::string(group),
-                                  " is ", version, ", this one knows ", known, "): use that one, or another database"));
-  }
+  PLANISH_RETURN_IF_ERROR(CheckStepsAhead(group, version, known));
   for (std::int64_t i = version; i < known; ++i) {
     PLANISH_RETURN_IF_ERROR(sql.Run(std::string(steps[static_cast<std::size_t>(i)]), {}).status());
   }
-  if (version == known) return absl::OkStatus();
+  if (version >= known) return absl::OkStatus();
   return sql
       .Run("INSERT INTO table_groups VALUES (?, ?) ON CONFLICT (name) DO UPDATE SET version = excluded.version",
            {group, known})
@@ -32,6 +28,15 @@ absl::Status TakeSteps(SqlConnection& sql, std::string_view group, const std::ve
 }
 
 }  // namespace
+
+absl::Status CheckStepsAhead(std::string_view what, std::int64_t found, std::int64_t known) {
+  if (found <= known + 1) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_VERSION",
+                   absl::StrCat("the database was set up by a newer planish (its version of ", std::string(what),
+                                " is ", found, ", this one works with up to ", known + 1,
+                                "): use that one, or another database. Servers of one release and the next may run "
+                                "side by side; upgrade them release by release"));
+}
 
 absl::Status SetUpTables(SqlDatabase* database, std::string_view group, const std::vector<std::string_view>& steps) {
   return Transact(database, Durability::kNow, [&](SqlConnection& sql) { return TakeSteps(sql, group, steps); });

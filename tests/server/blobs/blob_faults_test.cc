@@ -92,10 +92,17 @@ TEST_F(PostgresBlobs, TheServerDiesAndComesBack) {
   EXPECT_TRUE(store_->Put(AnnsBlob("new"), "new").ok());
 }
 
-TEST_F(PostgresBlobs, ADatabaseOfANewerVersionIsLeftAlone) {
-  ASSERT_TRUE((*database_->Connect(SqlDatabase::Use::kWrite))
-                  ->Run("UPDATE table_groups SET version = version + 1 WHERE name = 'blobs'", {})
-                  .ok());
+TEST_F(PostgresBlobs, ADatabaseOfTheNextVersionIsSharedAndANewerOneIsLeftAlone) {
+  const auto age = [this] {
+    return (*database_->Connect(SqlDatabase::Use::kWrite))
+        ->Run("UPDATE table_groups SET version = version + 1 WHERE name = 'blobs'", {})
+        .status();
+  };
+  ASSERT_TRUE(age().ok());
+  const auto next = SqlBlobStore::Make(database_.get());
+  ASSERT_TRUE(next.ok()) << next.status();
+  EXPECT_TRUE((*next)->Put(AnnsBlob("shared"), "shared").ok());
+  ASSERT_TRUE(age().ok());
   EXPECT_EQ(BlobReason(SqlBlobStore::Make(database_.get()).status()), "STORE_VERSION");
 }
 

@@ -4,6 +4,7 @@
 #include <functional>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/store/job_store.h"
@@ -229,10 +230,58 @@ TEST_F(PostgresTest, IsFoundAgainAfterItCrashed) {
   EXPECT_THAT(*store->Reap({absl::Now()}, "", 10), IsEmpty());
   EXPECT_THAT(*store->Renew({{"jobs/1", 1, "a"}}, absl::ZeroDuration()), ::testing::ElementsAre(Wish::kGoOn));
   EXPECT_THAT(*store->Reap({absl::Now()}, "", 10), SizeIs(1));
+}
 
-  absl::StatusOr<std::unique_ptr<SqlDatabase>> database = OpenPostgresDatabase({url, 2});
-  ASSERT_TRUE((*(*database)->Connect(SqlDatabase::Use::kWrite))->Run("UPDATE meta SET version = 99", {}).ok());
-  EXPECT_EQ(ErrorReason(OpenPostgresDatabase({url, 2}).status()), "STORE_VERSION");
+// A job of `store`, from its acceptance to its end.
+void RunAJob(JobStore* store, std::int64_t number) {
+  const std::string name = absl::StrCat("jobs/", number);
+  NewJob job;
+  job.record.mutable_job()->set_name(name);
+  job.record.mutable_job()->set_tenant("ann");
+  job.record.mutable_job()->set_state(v1::JOB_STATE_QUEUED);
+  ASSERT_TRUE(store->Accept({absl::Now()}, job).ok());
+  const auto leases = store->Claim({absl::Now()}, {"a", absl::Hours(1), 1, 0, ""});
+  ASSERT_TRUE(leases.ok()) << leases.status();
+  ASSERT_THAT(*leases, SizeIs(1));
+  const Lease& lease = leases->front().lease;
+  EXPECT_THAT(*store->Renew({lease}, absl::Hours(1)), ::testing::ElementsAre(Wish::kGoOn));
+  ASSERT_TRUE(store->Report({absl::Now()}, lease, {v1::Progress()}).ok());
+  AttemptOutcome outcome;
+  outcome.status.set_code(static_cast<int>(absl::StatusCode::kInvalidArgument));
+  const auto ended = store->Finish({absl::Now()}, lease, outcome);
+  ASSERT_TRUE(ended.ok()) << ended.status();
+  EXPECT_EQ((**store->Find(name)).job().state(), v1::JOB_STATE_FAILED);
+}
+
+// What the next version may do to the schema while this one runs (sql_schema.h).
+TEST_F(PostgresTest, ServersOfTheNextVersionMigrateWhileThoseOfThisOneRun) {
+  PostgresServer server;
+  const std::string url = server.NewDatabase();
+  const std::unique_ptr<JobStore> running = NewJobStore(*OpenPostgresDatabase({url, 2}));
+  RunAJob(running.get(), 1);
+
+  const std::unique_ptr<SqlDatabase> next = *OpenPostgresDatabase({url, 2});
+  const auto run = [&next](const std::string& sql) {
+    const auto rows = (*next->Connect(SqlDatabase::Use::kWrite))->Run(sql, {});
+    EXPECT_TRUE(rows.ok()) << sql << ": " << rows.status();
+    return rows.ok() && !rows->empty() ? rows->Int(0, 0) : 0;
+  };
+  for (const std::string table : {"jobs", "events", "labels", "works", "tenants", "blobs"}) {
+    run("ALTER TABLE " + table + " ADD COLUMN of_next BIGINT NOT NULL DEFAULT 7");
+    run("CREATE INDEX of_next_" + table + " ON " + table + " (of_next)");
+  }
+  run("CREATE TABLE of_next (number BIGINT PRIMARY KEY)");
+  run("UPDATE meta SET version = version + 1");
+  const std::int64_t version = run("SELECT version FROM meta");
+  RunAJob(running.get(), 2);
+  const std::unique_ptr<JobStore> started = NewJobStore(*OpenPostgresDatabase({url, 2}));
+  RunAJob(started.get(), 3);
+  EXPECT_EQ(run("SELECT version FROM meta"), version) << "a server of the older version takes nothing back";
+
+  run("UPDATE meta SET version = version + 1");
+  const absl::Status refused = OpenPostgresDatabase({url, 2}).status();
+  EXPECT_EQ(ErrorReason(refused), "STORE_VERSION");
+  EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("upgrade them release by release"));
 }
 
 TEST_F(PostgresTest, AWrongAddressIsSaid) {
