@@ -116,8 +116,7 @@ TEST(GltfWriter, SplitsVerticesWithAllTheirAttributes) {
     EXPECT_EQ(again.mesh.positions, file.mesh.positions);
     EXPECT_EQ(UvOf(again.mesh), uv);
     for (const std::size_t primitive : {0, 1}) {
-      for (const char* attribute :
-           {"POSITION", "NORMAL", "TANGENT", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
+      for (const char* attribute : {"POSITION", "NORMAL", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
         EXPECT_EQ(CornerBytes(again, primitive, attribute), CornerBytes(file, primitive, attribute)) << attribute;
       }
       EXPECT_EQ(CornerBytes(again, primitive, "POSITION", true), CornerBytes(file, primitive, "POSITION", true));
@@ -169,14 +168,15 @@ TEST(GltfWriter, TouchesNothingElseWhereNothingIsSplit) {
   const Json& before = file.gltf->document.json;
   const Json& after = again.gltf->document.json;
   const std::size_t uv_accessor = before["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"];
+  const std::size_t tangents = before["meshes"][0]["primitives"][0]["attributes"]["TANGENT"];
   for (std::size_t i = 0; i < before["accessors"].size(); ++i) {
-    if (i == uv_accessor) continue;
+    if (i == uv_accessor || i == tangents) continue;
     EXPECT_EQ(after["accessors"][i], before["accessors"][i]) << i;
   }
   EXPECT_EQ(after["accessors"][uv_accessor]["componentType"], 5126);
   EXPECT_EQ(after["meshes"][0]["primitives"][2]["mode"], 5) << "the strip stays one";
-  // Two primitives had no UV before.
-  EXPECT_EQ(after["accessors"].size(), before["accessors"].size() + 2);
+  // Two primitives had no UV before; one takes the place of the tangents.
+  EXPECT_EQ(after["accessors"].size(), before["accessors"].size() + 1);
 }
 
 TEST(GltfWriter, WritesTheSetThatIsAskedFor) {
@@ -196,7 +196,7 @@ TEST(GltfWriter, WritesTheSetThatIsAskedFor) {
   options.texcoord = 2;
   const absl::Status gap = CheckOutput(file, options);
   EXPECT_EQ(Reason(gap), "OUTPUT_UNSUPPORTED");
-  EXPECT_NE(gap.message().find("--texcoord=1"), absl::string_view::npos) << gap;
+  EXPECT_NE(gap.message().find("--output-texcoord=1"), absl::string_view::npos) << gap;
 }
 
 // The second time the UV move to the end of the buffer, the third time nothing moves: no bytes are left behind.
@@ -223,6 +223,70 @@ TEST(GltfWriter, KeepsBuffersAndImagesBesideTheFile) {
   EXPECT_EQ(after["buffers"][0]["uri"], "out.bin");
   EXPECT_EQ(after["images"][1]["uri"], "../tex/wood%20grain.png");
   EXPECT_EQ(again.bytes.substr(0, 5), "{\n \"a") << "indented as it was";
+}
+
+// What is said about a file that gets new UV.
+std::vector<OutputWarning> WarningsOf(const MeshFile& file, int texcoord) {
+  OutputOptions options;
+  options.path = TemporaryPath("out.glb");
+  options.format = MeshFormat::kGlb;
+  options.texcoord = texcoord;
+  const auto written = WriteMeshWithUv(file, TriangleUv(file.mesh.corner_vertex.size()), options);
+  EXPECT_TRUE(written.ok()) << written.status();
+  return written.ok() ? written->warnings : std::vector<OutputWarning>();
+}
+
+bool HasAttribute(const MeshFile& file, std::size_t primitive, const char* name) {
+  return PrimitiveJson(file.gltf->document.json, file.gltf->primitives[primitive])["attributes"].contains(name);
+}
+
+TEST(GltfWriter, NamesTexturesThatReadTheReplacedUvAndDropsTheirTangents) {
+  const MeshFile file = ReadBytes("in.glb", SampleGltf().Glb());
+  ASSERT_TRUE(HasAttribute(file, 0, "TANGENT"));
+  const std::vector<OutputWarning> warnings = WarningsOf(file, 0);
+  ASSERT_EQ(warnings.size(), 2u);
+  EXPECT_EQ(warnings[0].reason, "TEXTURE_UV_REPLACED");
+  EXPECT_NE(warnings[0].message.find("material paint reads baseColorTexture (image 0) with TEXCOORD_0"),
+            std::string::npos)
+      << warnings[0].message;
+  EXPECT_EQ(warnings[1].reason, "TANGENTS_DROPPED");
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  EXPECT_FALSE(HasAttribute(again, 0, "TANGENT"));
+  EXPECT_TRUE(HasAttribute(again, 0, "NORMAL"));
+}
+
+TEST(GltfWriter, KeepsTangentsOfANormalMapWithUvOfItsOwn) {
+  GltfFixture fixture = SampleGltf();
+  for (Json& material : fixture.json["materials"]) material["normalTexture"] = {{"index", 0}, {"texCoord", 1}};
+  Json& color = fixture.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+  color["extensions"]["KHR_texture_transform"]["texCoord"] = 1;
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  EXPECT_TRUE(WarningsOf(file, 0).empty());
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  EXPECT_EQ(CornerBytes(again, 0, "TANGENT"), CornerBytes(file, 0, "TANGENT"));
+}
+
+TEST(GltfWriter, ASecondSetLeavesTheFirstAsItWas) {
+  GltfFixture fixture = SampleGltf();
+  // What has no UV does not take part.
+  for (Json& mesh : fixture.json["meshes"]) {
+    for (Json& primitive : mesh["primitives"]) {
+      if (!primitive["attributes"].contains("TEXCOORD_0")) primitive["mode"] = 0;
+    }
+  }
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  EXPECT_TRUE(WarningsOf(file, 1).empty());
+  const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+  const MeshFile again = Written(file, uv, "out.glb", 1);
+  EXPECT_EQ(UvOf(again.mesh), uv);
+  for (const char* kept : {"TEXCOORD_0", "TANGENT"}) EXPECT_EQ(CornerBytes(again, 0, kept), CornerBytes(file, 0, kept));
+}
+
+TEST(GltfWriter, DropsTangentsBesideDraco) {
+  GltfFixture fixture = SampleDracoGltf();
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  EXPECT_FALSE(HasAttribute(again, 0, "TANGENT"));
 }
 
 // What the points of a Draco primitive have of an attribute, per corner.
@@ -254,7 +318,7 @@ TEST(GltfWriter, CompressesWithDracoAgain) {
     ASSERT_EQ(found.size(), uv.size());
     for (std::size_t i = 0; i < uv.size(); ++i) EXPECT_NEAR(found[i], uv[i], 1e-7);
     for (const std::uint32_t id : {7u, 9u}) EXPECT_EQ(DracoCorners(again, id), DracoCorners(file, id)) << id;
-    for (const char* beside : {"TANGENT", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
+    for (const char* beside : {"COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
       EXPECT_EQ(CornerBytes(again, 0, beside), CornerBytes(file, 0, beside)) << beside;
     }
     EXPECT_EQ(CornerBytes(again, 0, "POSITION", true), CornerBytes(file, 0, "POSITION", true));
