@@ -1,4 +1,6 @@
 // glTF in and out: what is read, what is kept, what is refused.
+#include <meshoptimizer.h>
+
 #include <cstring>
 #include <filesystem>
 #include <functional>
@@ -378,6 +380,92 @@ TEST(GltfReader, NamesTheElementAtFault) {
   }
 }
 
+// The bytes of `fixture` as gltfpack would compress them, behind a buffer that stands in for the old ones.
+GltfFixture Meshopted(const GltfFixture& fixture) {
+  GltfFixture result = fixture;
+  result.buffer.clear();
+  for (Json& view : result.json["bufferViews"]) {
+    const auto offset = view.value("byteOffset", std::size_t{0}), length = view["byteLength"].get<std::size_t>();
+    const std::string bytes = fixture.buffer.substr(offset, length);
+    const bool is_index = view.value("target", 0) == 34963 && length % 2 == 0;
+    const std::size_t stride = is_index ? 2 : 4, count = length / stride;
+    std::vector<unsigned char> packed;
+    if (is_index) {
+      std::vector<unsigned int> indices(count);
+      for (std::size_t i = 0; i < count; ++i) {
+        std::uint16_t index = 0;
+        std::memcpy(&index, bytes.data() + 2 * i, 2);
+        indices[i] = index;
+      }
+      packed.resize(meshopt_encodeIndexSequenceBound(count, 65536));
+      packed.resize(meshopt_encodeIndexSequence(packed.data(), packed.size(), indices.data(), count));
+    } else if (length % 4 == 0) {
+      packed.resize(meshopt_encodeVertexBufferBound(count, stride));
+      packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), bytes.data(), count, stride));
+    }
+    result.buffer.resize((result.buffer.size() + 3) / 4 * 4, '\0');
+    if (packed.empty()) {
+      view["byteOffset"] = result.buffer.size();
+      result.buffer += bytes;
+      continue;
+    }
+    view["buffer"] = 1;
+    view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                     {"byteOffset", result.buffer.size()},
+                                                     {"byteLength", packed.size()},
+                                                     {"byteStride", stride},
+                                                     {"count", count},
+                                                     {"mode", is_index ? "INDICES" : "ATTRIBUTES"}};
+    result.buffer.append(packed.begin(), packed.end());
+  }
+  result.json["buffers"][0]["byteLength"] = result.buffer.size();
+  result.json["buffers"][1] = {{"byteLength", fixture.buffer.size()},
+                               {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}};
+  for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
+    result.json[list].push_back("EXT_meshopt_compression");
+  }
+  return result;
+}
+
+TEST(GltfReader, ReadsMeshoptCompression) {
+  const MeshFile file = ReadBytes("plain.glb", SampleGltf().Glb());
+  const MeshFile packed = ReadBytes("packed.glb", Meshopted(SampleGltf()).Glb());
+  EXPECT_EQ(packed.mesh.corner_vertex, file.mesh.corner_vertex);
+  EXPECT_EQ(packed.mesh.positions, file.mesh.positions);
+  EXPECT_EQ(packed.mesh.corner_texcoord, file.mesh.corner_texcoord);
+  EXPECT_EQ(packed.mesh.texcoords, file.mesh.texcoords);
+  // It is written without that compression, and is whole all the same.
+  const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+  const MeshFile again = Written(packed, uv, "out.glb");
+  EXPECT_EQ(again.bytes.find("meshopt"), std::string::npos);
+  EXPECT_EQ(UvOf(again.mesh), uv);
+  for (const char* kept : {"POSITION", "COLOR_0", "WEIGHTS_0"}) {
+    EXPECT_EQ(CornerBytes(again, 0, kept), CornerBytes(file, 0, kept)) << kept;
+  }
+}
+
+TEST(GltfReader, RefusesDamagedMeshoptCompression) {
+  const auto reason = [](const std::function<void(Json*)>& act) {
+    GltfFixture fixture = Meshopted(SampleGltf());
+    for (Json& view : fixture.json["bufferViews"]) {
+      if (!view.contains("extensions")) continue;
+      act(&view["extensions"]["EXT_meshopt_compression"]);
+      break;
+    }
+    PutFile(TemporaryPath("bad.glb"), fixture.Glb());
+    return Reason(ReadMeshFile(TemporaryPath("bad.glb")).status());
+  };
+  EXPECT_EQ(reason([](Json*) {}), "");
+  EXPECT_EQ(reason([](Json* j) { (*j)["mode"] = "OTHER"; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["filter"] = "OTHER"; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["filter"] = "QUATERNION"; }), "FILE_MALFORMED") << "stride 4";
+  EXPECT_EQ(reason([](Json* j) { (*j)["byteStride"] = 3; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["byteLength"] = 1; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["byteOffset"] = std::int64_t{1} << 40; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["count"] = std::int64_t{1} << 40; }), "FILE_MALFORMED") << "no bombs";
+  EXPECT_EQ(reason([](Json* j) { (*j)["buffer"] = 1; }), "FILE_MALFORMED") << "a fallback has no bytes";
+}
+
 TEST(GltfReader, RefusesWhatItCannotFollow) {
   const auto reason = [](const std::function<void(Json*)>& act) {
     GltfFixture fixture = SampleGltf();
@@ -390,7 +478,7 @@ TEST(GltfReader, RefusesWhatItCannotFollow) {
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "https://example.com/a.bin"; }), "FILE_UNSUPPORTED");
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "/dev/zero"; }), "FILE_UNSUPPORTED");
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "../../../../../../../../dev/zero"; }), "FILE_UNREADABLE");
-  EXPECT_EQ(reason([](Json* j) { (*j)["extensionsRequired"].push_back("EXT_meshopt_compression"); }),
+  EXPECT_EQ(reason([](Json* j) { (*j)["extensionsRequired"].push_back("KHR_meshopt_compression"); }),
             "FILE_UNSUPPORTED");
   PutFile(TemporaryPath("deep.gltf"), std::string(100000, '['));
   EXPECT_EQ(Reason(ReadMeshFile(TemporaryPath("deep.gltf")).status()), "FILE_MALFORMED");
