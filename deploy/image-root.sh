@@ -11,7 +11,7 @@ mkdir -p "$root/usr/lib" "$root/usr/lib64" "$root/usr/local/bin" "$root/var/lib/
 ln -s usr/lib "$root/lib"
 ln -s usr/lib64 "$root/lib64"
 chmod 1777 "$root/tmp"
-cp "$prefix/bin/planish" "$prefix/bin/planishd" "$root/usr/local/bin/"
+cp "$prefix/bin/planish" "$prefix/bin/planishd" "$prefix/bin/planishd-farm" "$root/usr/local/bin/"
 
 libraries=$(ldd "$root"/usr/local/bin/* | sed -n 's/.*=> \(\/[^ ]*\) .*/\1/p; s/^[[:space:]]*\(\/[^ ]*\) (.*/\1/p' | sort -u)
 packages=ca-certificates

@@ -13,7 +13,6 @@
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
 #include "server/config/choice.h"
-#include "server/store/ids.h"
 #include "server/memory_limit.h"
 
 namespace planish {
@@ -23,9 +22,6 @@ constexpr int kBadUsage = 2;
 constexpr int kMaxThreads = 256;
 
 void DefineKeeping(CLI::App* app, ServerFlags* flags) {
-  app->add_option("--data-dir", flags->data_dir,
-                  "Directory for jobs, meshes and results: they outlive the server. Without it all is kept in memory")
-      ->type_name("DIR");
   app->add_option("--store-mb", flags->store_mb, "Meshes and UV that are kept or wait, MiB")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000'000));
@@ -109,10 +105,6 @@ std::string CheckHttpAddress(const std::string& text) {
   return std::string(ParseHttpAddress(text).status().message());
 }
 
-std::string CheckInstance(const std::string& name) {
-  return IsInstanceName(name) ? "" : "a name has 1 to 63 of the characters a to z, 0 to 9 and -";
-}
-
 void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen, std::string* metrics_listen) {
   app->set_version_flag("--version", "planishd " PLANISH_VERSION);
   app->add_option("--listen", *listen, "HOST:PORT or unix:PATH; may be given several times")
@@ -120,16 +112,12 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
       ->type_name("ADDR")
       ->check(CLI::Validator(CheckAddress, ""))
       ->allow_extra_args(false);
-  app->add_option("--instance", flags->instance,
-                  "Name of this server among others behind a proxy: its jobs are called jobs/NAME.ID, and callers say "
-                  "NAME in the metadata planish-route")
-      ->type_name("NAME")
-      ->check(CLI::Validator(CheckInstance, ""));
   app->add_option("--metrics-listen", *metrics_listen,
                   "HOST:PORT for /metrics (Prometheus), /livez and /readyz over plain HTTP [off]")
       ->type_name("ADDR")
       ->check(CLI::Validator(CheckHttpAddress, ""));
   DefineSecurity(app, &flags->security);
+  DefineStore(app, &flags->store);
   DefineKeeping(app, flags);
   DefineWorkers(app, flags);
   app->add_option("--queue", flags->queue, "Jobs of a tenant that may wait beside those that run")
@@ -151,7 +139,7 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
       ->check(CLI::Range(0.0, 86'400.0));
   app->add_option("--grace", flags->grace_seconds,
                   "Seconds that accepted jobs may go on after SIGTERM or SIGINT; then they are cancelled, or with "
-                  "--data-dir left to the next server")
+                  "--data-dir or --store left to another server")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86'400.0));
   DefineLog(app, flags);
@@ -189,6 +177,8 @@ class CommandLine {
     }
     if (!errors.empty()) return absl::InvalidArgumentError(absl::StrJoin(errors, "\n"));
     Derive();
+    PLANISH_RETURN_IF_ERROR(CheckStore(flags_.store));
+    if (!AnswersCallers(flags_.store.role)) flags_.listen.clear();
     PLANISH_RETURN_IF_ERROR(CheckSecurity(flags_.listen, &flags_.security));
     return ServerConfig{flags_, settings_->InEffect(),
                         settings_->UnknownVariables(environment, {absl::StrCat(kEnvironmentPrefix, "CONFIG")})};
@@ -201,6 +191,7 @@ class CommandLine {
   void Derive() {
     if (app_.count("--memory-mb") == 0) flags_.memory_mb = std::max<std::int64_t>(MemoryLimit() / 4 * 3 >> 20, 1);
     if (app_.count("--threads") == 0) flags_.threads = std::clamp(Cores() / flags_.workers, 1, kMaxThreads);
+    if (!RunsJobs(flags_.store.role)) flags_.workers = 0;
     for (const std::string& text : listen_) flags_.listen.push_back(*ParseListenAddress(text));
     if (!metrics_listen_.empty()) flags_.metrics_listen = *ParseHttpAddress(metrics_listen_);
   }

@@ -15,23 +15,25 @@
 #include "server/metrics/http_endpoint.h"
 #include "server/rpc/listen_address.h"
 #include "server/security_flags.h"
+#include "server/store_flags.h"
 
 namespace planish {
 
+// Of settings that count in MiB.
+inline constexpr std::int64_t kMiB = std::int64_t{1} << 20;
+
 struct ServerFlags {
-  std::vector<ListenAddress> listen;                  // at least one
+  std::vector<ListenAddress> listen;                  // at least one, of a worker none
   std::optional<HttpEndpointOptions> metrics_listen;  // nothing: no metrics and probes over HTTP
 
-  std::string instance;  // part of the names of jobs and uploads (IdsOf()); empty: none
-
-  std::string data_dir;                // empty: everything is kept in memory and ends with the process
+  StoreFlags store;
   std::int64_t store_mb = 4096;        // MiB of meshes and UV, kept or waiting, >= 1
   int retain_jobs = 256;               // >= 1
   std::int64_t retain_mb = 1024;       // MiB, >= 0
   double retain_hours = 24;            // > 0
   std::int64_t max_uploads_mb = 4096;  // MiB under way, >= 1
 
-  int workers = 1;       // >= 1
+  int workers = 1;       // >= 1, of a front 0
   int threads = 1;       // of a job, in [1, 256]
   bool isolated = true;  // workers are processes
   SandboxMode sandbox = SandboxMode::kAuto;

@@ -132,7 +132,7 @@ void Monitoring::TellReadiness() {
   if (ready == told_ready_) return;
   const std::shared_lock lock(mutex_);
   if (!server_.has_value()) return;
-  server_->rpc->SetReady(ready);
+  if (server_->rpc != nullptr) server_->rpc->SetReady(ready);
   told_ready_ = ready;
   if (on_readiness_) on_readiness_(why_not);
 }
@@ -172,7 +172,7 @@ HttpAnswer Monitoring::Live() const {
   if (!server_.has_value()) return {200, "live\n"};
   const auto silence = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - last_beat_.load());
   if (silence > kBeatLimit) return Unavailable(absl::StrCat("upkeep has not come round for ", silence.count(), " s"));
-  if (!server_->rpc->Answers(kAnswerLimit)) {
+  if (server_->rpc != nullptr && !server_->rpc->Answers(kAnswerLimit)) {
     return Unavailable(absl::StrCat("the gRPC server does not answer within ", absl::FormatDuration(kAnswerLimit)));
   }
   return {200, "live\n"};

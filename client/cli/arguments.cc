@@ -63,6 +63,7 @@ Seams: --seams takes a comma-separated list of at most one policy and any number
   groups       between faces of different objects or groups
   hard[:DEG]   edges whose faces' normals are further apart than DEG degrees [66]
   edges:FILE   two vertex numbers per line, as the mesh file counts them (an OBJ from 1, others from 0)
+  uncut:FILE   no source: edges, listed likewise, at which no seam is added
 
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
 

@@ -49,8 +49,8 @@ std::string CheckBatch(const Arguments& arguments) {
   if (!arguments.picture.empty() || !arguments.preview.empty() || !arguments.report.empty()) {
     return "--picture, --preview and --report draw one mesh; in a batch there is no telling which";
   }
-  if (!arguments.seams.edge_files.empty()) {
-    return "--seams=edges:FILE lists the vertices of one mesh; a batch cannot use it";
+  if (!arguments.seams.edge_files.empty() || !arguments.seams.uncut_files.empty()) {
+    return "--seams=edges:FILE and uncut:FILE list the vertices of one mesh; a batch cannot use them";
   }
   return "";
 }

@@ -59,6 +59,11 @@ void Interrupts::Watch() {
   }
 }
 
+void Interrupts::LeaveIfInterrupted() {
+  const std::lock_guard lock(mutex_);
+  if (interrupted_) LeaveAtOnce();
+}
+
 void Interrupts::LeaveAtOnce() {
   if (last_words_) last_words_();
   _exit(kInterrupted);

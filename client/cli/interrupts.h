@@ -24,6 +24,8 @@ class Interrupts {
   void SetLastWords(std::function<void()> last_words);
 
   bool interrupted() const { return interrupted_; }
+  // For what must not be left half done: SetCancel([] {}) before it, this behind it.
+  void LeaveIfInterrupted();
 
  private:
   void Watch();

@@ -104,8 +104,8 @@ std::vector<std::int32_t> MeshInput::SeamCorners(const SeamList& list) const {
   return OfAllParts([&](const Part& part) { return cli::SeamCorners(part.file, part.triangulation, list); });
 }
 
-std::vector<std::int32_t> MeshInput::DiagonalCorners() const {
-  return OfAllParts([](const Part& part) { return cli::DiagonalCorners(part.file, part.triangulation); });
+std::vector<std::int32_t> MeshInput::UncutCorners(const SeamList& list) const {
+  return OfAllParts([&](const Part& part) { return cli::UncutCorners(part.file, part.triangulation, list); });
 }
 
 std::vector<std::int32_t> MeshInput::CornerTexcoords() const {

@@ -47,8 +47,8 @@ class MeshInput {
 
   // What `list` takes from the files, in the order of view() (seam_edges.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;
-  // The corners that face a diagonal of a polygon.
-  std::vector<std::int32_t> DiagonalCorners() const;
+  // The corners that face a diagonal of a polygon, or an edge that `list` wants uncut.
+  std::vector<std::int32_t> UncutCorners(const SeamList& list) const;
 
   // The polygon of a triangle of mesh(), as the files count them.
   std::int64_t PolygonOf(std::int64_t triangle) const;

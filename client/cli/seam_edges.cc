@@ -179,13 +179,21 @@ std::int64_t PolygonEdges::CountUvIslands() const {
   return islands;
 }
 
-std::vector<std::int32_t> DiagonalCorners(const MeshFile& file, const Triangulation& triangles) {
+std::vector<std::int32_t> UncutCorners(const MeshFile& file, const Triangulation& triangles, const SeamList& list) {
   std::vector<std::int32_t> corners;
   for (std::size_t c = 0; c < triangles.corner_of_triangle.size(); ++c) {
     const auto [a, b] = EndsFacedBy(triangles, c);
     // The two triangles at a diagonal run along it in opposite senses: one of them is enough.
     if (a < b && IsDiagonal(file, triangles, c)) corners.push_back(static_cast<std::int32_t>(c));
   }
+  if (list.uncut_files.empty()) return corners;
+  const PolygonEdges edges(file, triangles);
+  for (const std::string& path : list.uncut_files) {
+    const std::vector<std::int32_t> listed = edges.ListedIn(path);
+    corners.insert(corners.end(), listed.begin(), listed.end());
+  }
+  std::sort(corners.begin(), corners.end());
+  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
   return corners;
 }
 

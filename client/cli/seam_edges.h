@@ -56,9 +56,10 @@ class PolygonEdges {
   std::vector<HalfEdge> half_edges_;  // those of polygon edges, by their ends
 };
 
-// The diagonals by which polygons were cut into triangles, each as one corner that faces it, ascending: no seam may
-// follow them, or the file's polygons could not keep one UV per corner.
-std::vector<std::int32_t> DiagonalCorners(const MeshFile& file, const Triangulation& triangles);
+// The edges that no seam may follow, each as one corner that faces it, ascending: those that `list` names, and the
+// diagonals by which polygons were cut into triangles, or the file's polygons could not keep one UV per corner.
+// Throws planish::Error: as ListedIn.
+std::vector<std::int32_t> UncutCorners(const MeshFile& file, const Triangulation& triangles, const SeamList& list);
 
 // Everything that `list` takes from files, ascending, each edge once. Throws planish::Error: as ListedIn; and
 // OPTIONS_INVALID for a source that the file does not have.

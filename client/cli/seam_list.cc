@@ -50,6 +50,10 @@ std::string ParseSeamList(const std::string& text, SeamList* list) {
       policy = named;
       continue;
     }
+    if (const auto file = After("uncut:", item); file && !file->empty()) {
+      list->uncut_files.push_back(*file);
+      continue;
+    }
     has_source = true;
     if (item == "uv") {
       list->uv = true;
@@ -67,11 +71,13 @@ std::string ParseSeamList(const std::string& text, SeamList* list) {
       list->edge_files.push_back(*file);
     } else {
       return "'" + item + "' is neither none, keep, needed or auto, nor one of uv, hard, hard:DEG, edges:FILE, " +
-             "materials, groups";
+             "materials, groups, uncut:FILE";
     }
   }
-  if (policy == Seams::kNone && has_source) return "none means that no edge is cut, so it goes with nothing else";
-  list->policy = policy.value_or(Seams::kNeeded);
+  if (policy == Seams::kNone && (has_source || !list->uncut_files.empty())) {
+    return "none means that no edge is cut, so it goes with nothing else";
+  }
+  list->policy = policy.value_or(has_source ? Seams::kNeeded : Seams::kAuto);
   return "";
 }
 

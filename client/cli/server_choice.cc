@@ -11,12 +11,15 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
     PrivateServerOptions options;
     options.workers = needs.workers;
     options.threads = needs.threads;
+    interrupts.SetCancel([] {});  // until there are last words
     private_server_.emplace(options);
     // Leaving at once skips destructors: the server ends by itself, but nobody else removes its socket.
     interrupts.SetLastWords([directory = private_server_->directory()] {
       std::error_code ignored;
       std::filesystem::remove_all(directory, ignored);
     });
+    interrupts.SetCancel({});
+    interrupts.LeaveIfInterrupted();
   }
   ClientOptions options = address.empty() ? needs.client : WithServerFlags(needs.client, flags);
   // A private server that is lost does not come back.
@@ -25,6 +28,8 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
 }
 
 ServerChoice::~ServerChoice() {
+  client_.reset();
+  private_server_.reset();  // may take a moment
   interrupts_.SetLastWords({});
 }
 

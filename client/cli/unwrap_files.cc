@@ -27,7 +27,7 @@ std::map<std::string, std::string> JobLabels(const Arguments& arguments, const s
 
 UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output,
                          int texcoord, int output_texcoord)
-    : input_(inputs, texcoord), seam_corners_(input_.SeamCorners(seams)), diagonals_(input_.DiagonalCorners()) {
+    : input_(inputs, texcoord), seam_corners_(input_.SeamCorners(seams)), uncut_corners_(input_.UncutCorners(seams)) {
   if (!output.empty()) outputs_ = input_.Outputs(output, output_texcoord);
 }
 

@@ -26,7 +26,7 @@ class UnwrapFiles {
 
   const MeshInput& input() const { return input_; }
   // The mesh with the seams that the files give, its polygons whole; lives as long as this object.
-  MeshView view() const { return input_.view().WithSeamCorners(seam_corners_).WithUncutCorners(diagonals_); }
+  MeshView view() const { return input_.view().WithSeamCorners(seam_corners_).WithUncutCorners(uncut_corners_); }
   // What to ask the server for: `options`, in float where that is all that the output can hold. Throws
   // OUTPUT_UNSUPPORTED where `options` insist on double.
   UnwrapOptions Options(UnwrapOptions options) const;
@@ -37,7 +37,7 @@ class UnwrapFiles {
  private:
   MeshInput input_;
   std::vector<std::int32_t> seam_corners_;
-  std::vector<std::int32_t> diagonals_;
+  std::vector<std::int32_t> uncut_corners_;
   std::vector<OutputOptions> outputs_;
 };
 

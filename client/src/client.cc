@@ -15,7 +15,6 @@
 #include "client/src/mesh_packer.h"
 #include "client/src/mesh_sender.h"
 #include "client/src/request_id.h"
-#include "client/src/route.h"
 #include "client/src/rpc.h"
 #include "client/src/stream_errors.h"
 #include "client/src/trace_scope.h"
@@ -447,14 +446,12 @@ std::vector<Job> Client::ListJobs(int limit, const std::string& filter) {
   std::vector<Job> jobs;
   v1::ListJobsRequest request;
   request.set_filter(filter);
-  std::string route;
   do {
     const int left = limit > 0 ? limit - static_cast<int>(jobs.size()) : kPageSize;
     request.set_page_size(std::min(left, kPageSize));
-    const v1::ListJobsResponse response = impl_->rpc().ListJobs(request, route);
+    const v1::ListJobsResponse response = impl_->rpc().ListJobs(request);
     for (const v1::Job& job : response.jobs()) jobs.push_back(FromProto(job));
     // The next page is of the same server: a page token means nothing to others.
-    if (!jobs.empty()) route = RouteOf(jobs.back().name);
     request.set_page_token(response.next_page_token());
   } while (!request.page_token().empty() && (limit <= 0 || static_cast<int>(jobs.size()) < limit));
   return jobs;

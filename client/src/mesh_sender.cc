@@ -85,7 +85,7 @@ std::string MeshSender::Upload() {
 void MeshSender::WriteRest(v1::Upload& upload) {
   UploadStream* stream = nullptr;
   {
-    auto opened = rpc_->WriteUpload(upload.name(), deadline_);
+    auto opened = rpc_->WriteUpload(deadline_);
     const std::lock_guard lock(mutex_);
     stream_ = std::move(opened);
     stream = stream_.get();

@@ -10,7 +10,6 @@
 #include "client/src/convert.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
-#include "client/src/route.h"
 #include "client/src/trace_scope.h"
 #include "planish/admin/v1/admin.grpc.pb.h"
 #include "planish/v1/planish.grpc.pb.h"
@@ -41,11 +40,10 @@ Error ErrorOfCall(const grpc::Status& status, const Connection& connection) {
   return ErrorFrom(rich);
 }
 
-// What every call needs. `route`: the server that it is for, empty for any.
-void Prepare(grpc::ClientContext& context, const Connection& connection, Deadline deadline, const std::string& route) {
+// What every call needs.
+void Prepare(grpc::ClientContext& context, const Connection& connection, Deadline deadline) {
   if (deadline) context.set_deadline(*deadline);
   context.AddMetadata("traceparent", NextTraceparent());
-  if (!route.empty()) context.AddMetadata(kRouteKey, route);
   connection.Prepare(context);
 }
 
@@ -54,9 +52,9 @@ class GrpcStream : public Stream {
  public:
   using Opener = std::function<std::unique_ptr<grpc::ClientReader<Response>>(grpc::ClientContext*)>;
 
-  GrpcStream(Deadline deadline, const std::string& route, std::shared_ptr<const Connection> connection, Opener opener)
+  GrpcStream(Deadline deadline, std::shared_ptr<const Connection> connection, Opener opener)
       : connection_(std::move(connection)), opener_(std::move(opener)) {
-    Prepare(context_, *connection_, deadline, route);
+    Prepare(context_, *connection_, deadline);
   }
 
   // The stream may be abandoned half-way, by an exception of a callback for instance.
@@ -96,10 +94,9 @@ class GrpcStream : public Stream {
 
 class GrpcUploadStream : public UploadStream {
  public:
-  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, const std::string& route,
-                   std::shared_ptr<const Connection> connection)
+  GrpcUploadStream(v1::Planish::Stub* stub, Deadline deadline, std::shared_ptr<const Connection> connection)
       : connection_(std::move(connection)) {
-    Prepare(context_, *connection_, deadline, route);
+    Prepare(context_, *connection_, deadline);
     writer_ = stub->WriteUpload(&context_, &upload_);
   }
 
@@ -148,10 +145,10 @@ struct Rpc::Stubs {
   // Runs one unary call and throws if it fails.
   template <typename Request, typename Response>
   Response Unary(Rpc& rpc, grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                 const Request& request, const std::string& route, Deadline deadline) {
+                 const Request& request, Deadline deadline) {
     rpc.Connect(deadline);
     grpc::ClientContext context;
-    Prepare(context, *connection, deadline, route);
+    Prepare(context, *connection, deadline);
     Response response;
     const grpc::Status status = (planish.get()->*method)(&context, request, &response);
     if (!status.ok()) throw ErrorOfCall(status, *connection);
@@ -162,14 +159,14 @@ struct Rpc::Stubs {
   template <typename Request, typename Response>
   Response Repeated(Rpc& rpc,
                     grpc::Status (v1::Planish::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, const std::string& route, int* attempts = nullptr) {
+                    const Request& request, int* attempts = nullptr) {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
     const WallClock::time_point start = WallClock::now();
     Backoff backoff(rpc.options_.reattach_backoff_seconds, kLongestRpcPauseSeconds, NewRequestId());
     while (true) {
       try {
         if (attempts != nullptr) ++*attempts;
-        return Unary(rpc, method, request, route, deadline);
+        return Unary(rpc, method, request, deadline);
       } catch (const Error& error) {
         const std::chrono::duration<double> pause(std::max(backoff.Next(), error.retry_after_seconds()));
         const std::chrono::duration<double> limit(rpc.options_.retry_seconds);
@@ -187,7 +184,7 @@ struct Rpc::Stubs {
     const Deadline deadline = DeadlineAfter(kUnarySeconds);
     rpc.Connect(deadline);
     grpc::ClientContext context;
-    Prepare(context, *connection, deadline, "");
+    Prepare(context, *connection, deadline);
     Response response;
     const grpc::Status status = (admin.get()->*method)(&context, Request(), &response);
     if (!status.ok()) throw ErrorOfCall(status, *connection);
@@ -230,62 +227,61 @@ bool Rpc::Connect(Deadline deadline) {
 
 std::unique_ptr<Stream> Rpc::Unwrap(const v1::UnwrapRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::UnwrapResponse>>(
-      deadline, RouteOf(request.spec().upload()), stubs_->connection,
+      deadline, stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->Unwrap(context, request); });
 }
 
 std::unique_ptr<Stream> Rpc::WatchJob(const v1::WatchJobRequest& request, Deadline deadline) {
   return std::make_unique<GrpcStream<v1::WatchJobResponse>>(
-      deadline, RouteOf(request.name()), stubs_->connection,
+      deadline, stubs_->connection,
       [this, &request](grpc::ClientContext* context) { return stubs_->planish->WatchJob(context, request); });
 }
 
 v1::Job Rpc::CreateJob(const v1::CreateJobRequest& request, Deadline deadline) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, RouteOf(request.spec().upload()), deadline);
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateJob, request, deadline);
 }
 
 v1::BatchCreateJobsResponse Rpc::BatchCreateJobs(const v1::BatchCreateJobsRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::BatchCreateJobs, request, "");
+  return stubs_->Repeated(*this, &v1::Planish::Stub::BatchCreateJobs, request);
 }
 
 v1::FindMissingMeshesResponse Rpc::FindMissingMeshes(const v1::FindMissingMeshesRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::FindMissingMeshes, request, "");
+  return stubs_->Repeated(*this, &v1::Planish::Stub::FindMissingMeshes, request);
 }
 
 v1::Job Rpc::GetJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name), RouteOf(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetJob, NameRequest<v1::GetJobRequest>(name));
 }
 
 v1::Job Rpc::WaitJob(const std::string& name, double seconds) {
   auto request = NameRequest<v1::WaitJobRequest>(name);
   SetSeconds(seconds, request.mutable_timeout());
-  return stubs_->Repeated(*this, &v1::Planish::Stub::WaitJob, request, RouteOf(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::WaitJob, request);
 }
 
 v1::ReadResultResponse Rpc::ReadResult(const std::string& name, std::int64_t offset, std::int64_t limit) {
   auto request = NameRequest<v1::ReadResultRequest>(name);
   request.set_offset(offset);
   request.set_limit(limit);
-  return stubs_->Repeated(*this, &v1::Planish::Stub::ReadResult, request, RouteOf(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::ReadResult, request);
 }
 
-v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request, const std::string& route) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request, route);
+v1::ListJobsResponse Rpc::ListJobs(const v1::ListJobsRequest& request) {
+  return stubs_->Repeated(*this, &v1::Planish::Stub::ListJobs, request);
 }
 
 v1::Job Rpc::StopJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name), RouteOf(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::StopJob, NameRequest<v1::StopJobRequest>(name));
 }
 
 v1::Job Rpc::CancelJob(const std::string& name) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name), RouteOf(name));
+  return stubs_->Repeated(*this, &v1::Planish::Stub::CancelJob, NameRequest<v1::CancelJobRequest>(name));
 }
 
 void Rpc::DeleteJob(const std::string& name) {
   int attempts = 0;
   try {
-    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), RouteOf(name),
-                     &attempts);
+    stubs_->Repeated(*this, &v1::Planish::Stub::DeleteJob, NameRequest<v1::DeleteJobRequest>(name), &attempts);
   } catch (const Error& error) {
     // An attempt before this one got through, and only its answer was lost.
     if (attempts == 1 || error.code() != ErrorCode::kNotFound) throw;
@@ -293,25 +289,25 @@ void Rpc::DeleteJob(const std::string& name) {
 }
 
 v1::JobEstimate Rpc::EstimateJob(const v1::EstimateJobRequest& request) {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request, "");
+  return stubs_->Repeated(*this, &v1::Planish::Stub::EstimateJob, request);
 }
 
 v1::Capabilities Rpc::GetCapabilities() {
-  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest(), "");
+  return stubs_->Repeated(*this, &v1::Planish::Stub::GetCapabilities, v1::GetCapabilitiesRequest());
 }
 
 v1::Upload Rpc::CreateUpload(const v1::CreateUploadRequest& request) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, "", DeadlineAfter(kUnarySeconds));
+  return stubs_->Unary(*this, &v1::Planish::Stub::CreateUpload, request, DeadlineAfter(kUnarySeconds));
 }
 
 v1::Upload Rpc::GetUpload(const std::string& name) {
-  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name), RouteOf(name),
+  return stubs_->Unary(*this, &v1::Planish::Stub::GetUpload, NameRequest<v1::GetUploadRequest>(name),
                        DeadlineAfter(kUnarySeconds));
 }
 
-std::unique_ptr<UploadStream> Rpc::WriteUpload(const std::string& name, Deadline deadline) {
+std::unique_ptr<UploadStream> Rpc::WriteUpload(Deadline deadline) {
   Connect(deadline);
-  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, RouteOf(name), stubs_->connection);
+  return std::make_unique<GrpcUploadStream>(stubs_->planish.get(), deadline, stubs_->connection);
 }
 
 void Rpc::Drain() {
@@ -331,14 +327,14 @@ admin::v1::Config Rpc::GetConfig() {
 }
 
 void Rpc::StopJobInBackground(const std::string& name) {
-  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.StopJob(context, NameRequest<v1::StopJobRequest>(name), &job);
   });
 }
 
 void Rpc::CancelJobInBackground(const std::string& name) {
-  InBackground(RouteOf(name), [name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
+  InBackground([name](v1::Planish::Stub& planish, grpc::ClientContext* context) {
     v1::Job job;
     planish.CancelJob(context, NameRequest<v1::CancelJobRequest>(name), &job);
   });
@@ -347,13 +343,13 @@ void Rpc::CancelJobInBackground(const std::string& name) {
 // Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
 // would have to wait for themselves. Whether the call got through shows in the job's own stream.
 template <typename Call>
-void Rpc::InBackground(const std::string& route, Call call) {
+void Rpc::InBackground(Call call) {
   const std::lock_guard lock(background_mutex_);
-  background_.emplace_back([stubs = stubs_, route, call = std::move(call), traceparent = NextTraceparent()] {
+  background_.emplace_back([stubs = stubs_, call = std::move(call), traceparent = NextTraceparent()] {
     const TraceScope scope(traceparent);
     grpc::ClientContext context;
     try {
-      Prepare(context, *stubs->connection, DeadlineAfter(kBackgroundSeconds), route);
+      Prepare(context, *stubs->connection, DeadlineAfter(kBackgroundSeconds));
     } catch (const Error&) {
       return;  // no token any more: the call would be refused
     }

@@ -53,8 +53,7 @@ class UploadStream {
 };
 
 // Thread-safe. Calls belong to the trace of their thread (trace_scope.h) and throw planish::Error. Those that may be
-// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE. Calls about a
-// job or an upload say in their metadata which server's it is, if its name does (route.h).
+// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE.
 class Rpc {
  public:
   // Throws as Client::Client does.
@@ -84,8 +83,7 @@ class Rpc {
   v1::Job WaitJob(const std::string& name, double seconds);
   // At most so many bytes, from `offset` on.
   v1::ReadResultResponse ReadResult(const std::string& name, std::int64_t offset, std::int64_t limit);
-  // `route`: the server that listed the page before; empty: any.
-  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request, const std::string& route);
+  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request);
   v1::Job StopJob(const std::string& name);
   v1::Job CancelJob(const std::string& name);
   void DeleteJob(const std::string& name);
@@ -95,7 +93,7 @@ class Rpc {
   // Once each.
   v1::Upload CreateUpload(const v1::CreateUploadRequest& request);
   v1::Upload GetUpload(const std::string& name);
-  std::unique_ptr<UploadStream> WriteUpload(const std::string& name, Deadline deadline);
+  std::unique_ptr<UploadStream> WriteUpload(Deadline deadline);
 
   // planish.admin.v1.Admin. Once each.
   void Drain();
@@ -111,7 +109,7 @@ class Rpc {
  private:
   struct Stubs;
   template <typename Call>
-  void InBackground(const std::string& route, Call call);
+  void InBackground(Call call);
 
   ClientOptions options_;
   std::shared_ptr<Stubs> stubs_;

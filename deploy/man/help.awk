@@ -56,7 +56,12 @@ part ~ /:$/ && /^  [^ ]/ {
   match(rest, /^[^ ]+/)
   names = substr(rest, 1, RLENGTH)
   rest = substr(rest, RLENGTH + 1)
-  if (match(rest, /  +[^ ]/)) {
+  # Texts begin in column 31, after one blank where the option just fits.
+  if (rest !~ /  +[^ ]/ && substr($0, 30, 2) ~ /^ [A-Z]/) {
+    spec = substr($0, 1, 29)
+    sub(/^  [^ ]+/, "", spec)
+    text = substr($0, 31)
+  } else if (match(rest, /  +[^ ]/)) {
     text = substr(rest, RSTART)
     spec = substr(rest, 1, RSTART - 1)
     sub(/^ */, "", text)

@@ -48,14 +48,36 @@ BlobCatalog::BlobCatalog(BlobPlaces places, std::int64_t max_bytes, TenantLimits
     : places_(std::move(places)), max_bytes_(max_bytes), limits_(std::move(limits)) {}
 
 absl::Status BlobCatalog::Open() {
+  return Refresh();
+}
+
+absl::Status BlobCatalog::Refresh() {
   if (!is_durable()) return absl::OkStatus();
-  PLANISH_RETURN_IF_ERROR(
-      places_.store->List([this](const BlobEntry& entry) { Adopt(entry.id, entry.bytes); }));
-  if (places_.rows == nullptr) return absl::OkStatus();
-  PLANISH_ASSIGN_OR_RETURN(const auto rows, places_.rows->List());
+  std::int64_t begin = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    begin = next_number_;
+  }
+  std::map<BlobId, std::int64_t> stored, rows;
+  PLANISH_RETURN_IF_ERROR(places_.store->List([&stored](const BlobEntry& entry) { stored[entry.id] = entry.bytes; }));
+  if (places_.rows != nullptr) {
+    PLANISH_ASSIGN_OR_RETURN(const auto list, places_.rows->List());
+    rows.insert(list.begin(), list.end());
+  }
   const std::lock_guard lock(mutex_);
-  for (const auto& [id, size] : rows) {
-    if (!entries_.contains(id)) Add(id, size, Place::kRow);
+  for (auto entry = entries_.begin(); entry != entries_.end();) {
+    const bool is_there = stored.contains(entry->first) || rows.contains(entry->first);
+    if (is_there || entry->second.number >= begin || entry->second.kept != nullptr || IsHeld(entry->second)) {
+      ++entry;
+      continue;
+    }
+    Count(entry->first.tenant, -entry->second.bytes);
+    entry = entries_.erase(entry);
+  }
+  for (const auto& [place, found] : {std::pair(Place::kStore, &stored), std::pair(Place::kRow, &rows)}) {
+    for (const auto& [id, size] : *found) {
+      if (!entries_.contains(id) && !removing_.contains(id)) Add(id, size, place);
+    }
   }
   return absl::OkStatus();
 }
@@ -104,8 +126,7 @@ absl::Status BlobCatalog::PutFile(const BlobId& id, const std::string& path) {
   if (fstat(file.get(), &status) != 0) return FileError("measure", path, errno);
   if (is_durable()) return Store(id, status.st_size, [&] { return places_.store->PutFile(id, path); });
   std::string bytes(static_cast<std::size_t>(status.st_size), '\0');
-  PLANISH_RETURN_IF_ERROR(
-      StoredBlob::ReadFile(FileLayer::System(), file.get(), 0, status.st_size, bytes.data()));
+  PLANISH_RETURN_IF_ERROR(StoredBlob::ReadFile(FileLayer::System(), file.get(), 0, status.st_size, bytes.data()));
   PLANISH_RETURN_IF_ERROR(Put(id.tenant, bytes, id.sha256).status());
   FileLayer::System()->Remove(path);
   return absl::OkStatus();
@@ -149,11 +170,6 @@ absl::Status BlobCatalog::Store(const BlobId& id, std::int64_t size, const std::
   if (released != nullptr) present.open = released;
   present.place = Place::kStore;
   return absl::OkStatus();
-}
-
-void BlobCatalog::Adopt(const BlobId& id, std::int64_t size) {
-  const std::lock_guard lock(mutex_);
-  if (!entries_.contains(id)) Add(id, size, Place::kStore);
 }
 
 StoredBlobPtr BlobCatalog::Pending(const BlobId& id) const {
@@ -337,14 +353,20 @@ bool BlobCatalog::Remove(const BlobId& id) {
   }
   // What cannot be removed now is found by the next Open() and collected then.
   bool is_kept = false;
+  Place kept_in = Place::kStore;
   if (removed.place == Place::kStore) {
-    const absl::StatusOr<bool> gone =
-        places_.store->Remove(id, is_shared() ? places_.min_age : absl::ZeroDuration());
+    const absl::StatusOr<bool> gone = places_.store->Remove(id, is_shared() ? places_.min_age : absl::ZeroDuration());
     is_kept = is_shared() && !(gone.ok() && *gone);
   }
-  if (removed.place != Place::kMemory && places_.rows != nullptr) places_.rows->Remove(id).IgnoreError();
+  if (removed.place != Place::kMemory && places_.rows != nullptr) {
+    const absl::StatusOr<bool> gone = places_.rows->Remove(id);
+    if (removed.place != Place::kStore && gone.ok() && !*gone) {
+      is_kept = true;
+      kept_in = Place::kRow;
+    }
+  }
   const std::lock_guard lock(mutex_);
-  if (is_kept && !entries_.contains(id)) Add(id, removed.bytes, Place::kStore);
+  if (is_kept && !entries_.contains(id)) Add(id, removed.bytes, kept_in);
   removing_.erase(id);
   removed_.notify_all();
   return true;

@@ -43,8 +43,9 @@ class BlobRows {
   virtual absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> List() = 0;
   // NOT_FOUND with BLOB_NOT_FOUND. Thread-safe.
   virtual absl::StatusOr<std::string> Read(const BlobId& id) = 0;
-  // Only for a thread that may call JobStore.
-  virtual absl::Status Remove(const BlobId& id) = 0;
+  // Removes the row unless a record needs the blob, whoever wrote that; whether there is no such row any more. Only for
+  // a thread that may call JobStore.
+  virtual absl::StatusOr<bool> Remove(const BlobId& id) = 0;
 };
 
 // Where blobs are.
@@ -62,8 +63,8 @@ struct BlobPlaces {
 // it with its record (Pending(), Committed()). Blobs that are damaged or missing count as absent, as BlobStore says.
 //
 // If other processes share the store, a blob that the catalog does not know is looked for there, and removing one is
-// left to Remove() of the store with BlobPlaces::min_age. Room is counted as of Open(), and of what this process has
-// put, opened or removed since.
+// left to Remove() of the store with BlobPlaces::min_age. Room is counted as of Open() or the last Refresh(),
+// and of what this process has put, opened or removed since.
 //
 // Errors as of BlobStore, and RESOURCE_EXHAUSTED with STORAGE_FULL for the limits below.
 class BlobCatalog {
@@ -77,12 +78,15 @@ class BlobCatalog {
   // Finds the blobs that an earlier process left.
   absl::Status Open();
 
+  // Counts what other processes put into a shared store or removed from it since. May take long: it lists the store.
+  absl::Status Refresh();
+
   // Keeps `bytes` for the tenant and returns the kept blob; computes the digest unless the caller knows it (`sha256`
   // not empty).
   absl::StatusOr<StoredBlobPtr> Put(const std::string& tenant, std::string_view bytes, std::string sha256 = {});
 
-  // Takes over the complete file `path` (for a directory: on the same file system), whose digest the caller has checked,
-  // and removes it from where it is. After an error it is where it was.
+  // Takes over the complete file `path` (for a directory: on the same file system), whose digest the caller has
+  // checked, and removes it from where it is. After an error it is where it was.
   absl::Status PutFile(const BlobId& id, const std::string& path);
 
   // Keeps `bytes`, durably, in the store even if they are few: for those who commit no record with them.
@@ -151,8 +155,6 @@ class BlobCatalog {
   absl::Status Refuse(const BlobId& id, std::int64_t number, absl::Status status);
   // Without mutex_. Calls `put` to bring a blob into the store, and adds its entry.
   absl::Status Store(const BlobId& id, std::int64_t size, const std::function<absl::Status()>& put);
-  // Without mutex_. Counts the blob, which the store has, unless that was done.
-  void Adopt(const BlobId& id, std::int64_t size);
 
   // All require mutex_.
   static bool IsHeld(const Entry& entry);

@@ -48,11 +48,12 @@ absl::StatusOr<JobNeeds> JobAdmission::NeedsOf(std::string_view mesh, std::optio
                      limits.max_triangles),
         {{"triangles", absl::StrCat(needs.size.triangles())}, {"limit", absl::StrCat(limits.max_triangles)}});
   }
-  if (needs.memory_bytes > limits.memory_bytes) {
+  const std::int64_t most = context_.Capacity().memory_bytes;
+  if (needs.memory_bytes > most) {
     return MakeError(absl::StatusCode::kResourceExhausted, "MEMORY_LIMIT",
                      absl::StrCat("a mesh of ", needs.size.triangles(), " triangles may need ", needs.memory_bytes,
-                                  " bytes of memory; this server has ", limits.memory_bytes, " for all its jobs"),
-                     {{"bytes", absl::StrCat(needs.memory_bytes)}, {"limit", absl::StrCat(limits.memory_bytes)}});
+                                  " bytes of memory; no server here has more than ", most, " for its jobs"),
+                     {{"bytes", absl::StrCat(needs.memory_bytes)}, {"limit", absl::StrCat(most)}});
   }
   return needs;
 }
@@ -65,7 +66,7 @@ QueueLimits JobAdmission::LimitsOf(const std::string& tenant) const {
   limits.share = ShareOf(own);
   limits.total_jobs = options.queue_total;
   limits.total_bytes = options.max_queued_bytes;
-  limits.workers = options.workers;
+  limits.workers = context_.Capacity().workers;
   return limits;
 }
 
@@ -77,7 +78,8 @@ absl::StatusOr<Answer> JobAdmission::AskForecast(const std::function<Answer(Queu
     if (forecast_.has_value() && now - forecast_time_ < context_.options.forecast_age) return question(&*forecast_);
   }
   PLANISH_ASSIGN_OR_RETURN(QueueState state, context_.store.Queue());
-  QueueForecast forecast(std::move(state), context_.options.tenant_limits, context_.options.workers, seconds_factor_());
+  QueueForecast forecast(std::move(state), context_.options.tenant_limits, context_.Capacity().workers,
+                         seconds_factor_());
   const std::lock_guard lock(mutex_);
   forecast_ = std::move(forecast);
   forecast_time_ = now;

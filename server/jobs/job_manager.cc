@@ -270,7 +270,7 @@ ManagerStats JobManager::Stats() const {
   const absl::Time now = options.clock();
   ManagerStats stats;
   stats.draining = draining_;
-  stats.workers = options.workers;
+  stats.workers = context_.Capacity().workers;
   stats.queue_total = options.queue_total;
   stats.memory_bytes = options.memory_bytes;
   stats.stored_bytes = context_.blobs.bytes();
@@ -345,9 +345,14 @@ void JobManager::Tick() {
   EndOverdue();
   Reap();
   feed_.Refresh();
+  if (!context_.store.is_shared()) Tidy();
+  CheckIdle();
+}
+
+void JobManager::Tidy() {
+  if (suspended_) return;
   retention_.Retain();
   retention_.CollectBlobs();
-  CheckIdle();
 }
 
 // ---- shutdown

@@ -48,7 +48,8 @@ class JobManager {
  public:
   // Goes on where the process before left off: where nobody else uses `store`, jobs that ran are queued again.
   // INTERNAL, STORAGE_FULL if `store` cannot be read. Both stores must outlive the manager.
-  static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store, BlobCatalog* blobs);
+  static absl::StatusOr<std::unique_ptr<JobManager>> Open(JobManagerOptions options, JobStore* store,
+                                                          BlobCatalog* blobs);
 
   // ---- for callers
 
@@ -105,6 +106,7 @@ class JobManager {
   // What waits or is kept beyond a lower limit stays until its turn comes, or goes with the next Tick().
   void SetLimits(const JobLimits& limits);
   JobLimits Limits() const { return context_.Limits(); }
+  JobCapacity Capacity() const { return context_.Capacity(); }
 
   // ---- for UploadStore
 
@@ -119,9 +121,12 @@ class JobManager {
   // ---- for upkeep
 
   // Does what is due by now: renews leases, ends jobs that ran out of time or were left by their callers, takes work
-  // from servers that are gone, reads what other servers did, drops what was kept long enough, writes what could not be
-  // written, looks at some blobs whether anybody needs them. Call it a few times a second, from one thread.
+  // from servers that are gone, reads what other servers did, writes what could not be written. Where nobody else uses
+  // the store, Tidy() as well. Call it a few times a second, from one thread.
   void Tick();
+  // Drops what was kept long enough, and looks at some blobs whether anybody needs them. May take long where servers
+  // share the store. Call it about as often, from another thread.
+  void Tidy();
 
   // ---- for the server's shutdown, in this order. Where others use the store, they have the jobs that wait: this
   // process takes no more of them, is idle when it runs none, and CancelAll() and FailAll() have no effect.

@@ -35,13 +35,21 @@ struct JobLimits {
   absl::Duration reattach_grace = absl::Seconds(10);  // that a job outlives its last caller by
 };
 
+// Where jobs may run.
+struct JobCapacity {
+  int workers = 0;                                    // of all servers that share the store
+  std::int64_t memory_bytes = std::int64_t{1} << 60;  // that one job may take: the most that any of them has
+};
+
 struct JobManagerOptions {
   JobLimits limits;                                       // at first
   int workers = 1;                                        // pieces of work that run at a time
   int threads = 1;                                        // that a job may use
   int queue_total = 1024;                                 // jobs that may wait, of all tenants: QueueLimits
   std::int64_t max_queued_bytes = std::int64_t{1} << 30;  // of the meshes that wait, likewise
-  TenantLimitsSource tenant_limits;                       // null: the defaults for everybody
+  // Of all servers that share the store; null: this one's `workers` and `memory_bytes`. Must be quick and thread-safe.
+  std::function<JobCapacity()> capacity;
+  TenantLimitsSource tenant_limits;  // null: the defaults for everybody
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
   std::int64_t max_triangles = std::int64_t{1} << 40;        // as declared and as decoded
   std::int64_t memory_bytes = std::int64_t{1} << 60;         // that running jobs may reserve together
@@ -85,6 +93,10 @@ class JobContext {
 
   // For each verb of the store.
   VerbContext Verb() const { return {options.clock(), Limits().retained_time, options.max_attempts, options.clock}; }
+
+  JobCapacity Capacity() const {
+    return options.capacity != nullptr ? options.capacity() : JobCapacity{options.workers, options.memory_bytes};
+  }
 
   void TellError(const absl::Status& status) const {
     if (options.on_store_error) options.on_store_error(status);

@@ -108,6 +108,9 @@ void JobRetention::CollectBlobs() {
     if (sweeps) next_sweep_ = now + kSweepInterval;
   }
   std::vector<BlobId> all;
+  if (sweeps && context_.store.is_shared()) {
+    if (const absl::Status status = context_.blobs.Refresh(); !status.ok()) context_.TellError(status);
+  }
   if (sweeps) all = context_.blobs.Ids();
   std::set<BlobId> unused;
   {

@@ -137,12 +137,8 @@ absl::StatusOr<v1::Upload> UploadStore::Create(const Caller& caller, const v1::C
 
 // A request id makes the id, so that the two belong together for as long as the upload exists, restarts included.
 std::string UploadStore::NewId(const Caller& caller, const std::string& request_id) const {
-  std::string id = options_.new_id();
-  if (request_id.empty()) return id;
-  // What is before the dot names the server (IdsOf()).
-  const std::size_t begin = id.rfind('.') == std::string::npos ? 0 : id.rfind('.') + 1;
-  const std::string digest = Sha256(absl::StrCat(caller.tenant, "/", request_id)).substr(0, kRequestIdBytes);
-  return id.substr(0, begin) + absl::BytesToHexString(digest);
+  if (request_id.empty()) return options_.new_id();
+  return absl::BytesToHexString(Sha256(absl::StrCat(caller.tenant, "/", request_id)).substr(0, kRequestIdBytes));
 }
 
 absl::StatusOr<v1::Upload> UploadStore::Known(const UploadState& state, const v1::CreateUploadRequest& request) {
@@ -152,12 +148,11 @@ absl::StatusOr<v1::Upload> UploadStore::Known(const UploadState& state, const v1
                      absl::StrCat("the request_id belongs to ", name, ", which is of other bytes"), {{"upload", name}});
   }
   UploadState used;
-  const absl::StatusOr<bool> is_there =
-      place_->Change(state.id, [&](UploadState* changed, absl::Time now) {
-        changed->used = now;
-        used = *changed;
-        return absl::OkStatus();
-      });
+  const absl::StatusOr<bool> is_there = place_->Change(state.id, [&](UploadState* changed, absl::Time now) {
+    changed->used = now;
+    used = *changed;
+    return absl::OkStatus();
+  });
   if (!is_there.ok()) return Later(is_there.status());
   // Somebody deleted it just now: the caller's next attempt makes another one.
   if (!*is_there) return Busy(name);
@@ -189,10 +184,9 @@ absl::Status UploadStore::CheckRoom(const UploadState& newest, const std::vector
                      {{"upload_capacity", absl::StrCat(options_.max_uploads)}});
   }
   if (!HasFairPart(own.bytes, all.bytes, newest.total_bytes, max_bytes, among)) {
-    return MakeError(
-        absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
-        absl::StrCat("the uploads under way need all of the ", max_bytes, " bytes there are for them"),
-        {{"limit", absl::StrCat(max_bytes)}});
+    return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL",
+                     absl::StrCat("the uploads under way need all of the ", max_bytes, " bytes there are for them"),
+                     {{"limit", absl::StrCat(max_bytes)}});
   }
   return absl::OkStatus();
 }
@@ -235,22 +229,21 @@ absl::Status UploadStore::Append(const UploadWriter& writer, std::int64_t offset
   const auto size = static_cast<std::int64_t>(data.size());
   UploadState before;
   bool has_all = false;
-  absl::StatusOr<bool> is_there =
-      place_->Change(writer.id_, [&](UploadState* state, absl::Time now) -> absl::Status {
-        if (state->writer != writer.token_) return Busy(writer.name_);
-        if (offset < 0) return FieldInvalid("offset", "offset is negative");
-        const std::int64_t committed = state->committed_bytes;
-        if (offset > committed || size > state->total_bytes - offset) {
-          return UploadOffsetMismatch(*state, committed,
-                                      absl::StrCat(size, " bytes at ", offset, " do not go on where ", committed,
-                                                   " of ", state->total_bytes, " bytes end"));
-        }
-        state->used = now;
-        has_all = committed - offset >= size;
-        state->appending = !has_all && place_->knows_writers();
-        before = *state;
-        return absl::OkStatus();
-      });
+  absl::StatusOr<bool> is_there = place_->Change(writer.id_, [&](UploadState* state, absl::Time now) -> absl::Status {
+    if (state->writer != writer.token_) return Busy(writer.name_);
+    if (offset < 0) return FieldInvalid("offset", "offset is negative");
+    const std::int64_t committed = state->committed_bytes;
+    if (offset > committed || size > state->total_bytes - offset) {
+      return UploadOffsetMismatch(*state, committed,
+                                  absl::StrCat(size, " bytes at ", offset, " do not go on where ", committed, " of ",
+                                               state->total_bytes, " bytes end"));
+    }
+    state->used = now;
+    has_all = committed - offset >= size;
+    state->appending = !has_all && place_->knows_writers();
+    before = *state;
+    return absl::OkStatus();
+  });
   if (!is_there.ok()) return Later(is_there.status());
   if (!*is_there) return UploadNotFound(writer.name_);
   if (has_all) return absl::OkStatus();
@@ -327,10 +320,9 @@ absl::StatusOr<UploadedMesh> UploadStore::Use(const Caller& caller, const std::s
       place_->Change(IdOf(name), [&](UploadState* state, absl::Time now) -> absl::Status {
         if (state->tenant != caller.tenant) return UploadNotFound(name);
         if (!state->complete) {
-          return MakeError(
-              absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
-              absl::StrCat(name, " has ", state->committed_bytes, " of ", state->total_bytes, " bytes"),
-              {{"upload", name}, {"committed_bytes", absl::StrCat(state->committed_bytes)}});
+          return MakeError(absl::StatusCode::kFailedPrecondition, "UPLOAD_INCOMPLETE",
+                           absl::StrCat(name, " has ", state->committed_bytes, " of ", state->total_bytes, " bytes"),
+                           {{"upload", name}, {"committed_bytes", absl::StrCat(state->committed_bytes)}});
         }
         state->used = now;
         used = *state;

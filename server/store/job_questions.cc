@@ -54,6 +54,19 @@ std::vector<SqlValue> ListValues(const JobQuery& query) {
   return values;
 }
 
+// Whether a record needs the blob.
+absl::StatusOr<bool> UsesBlobIn(SqlConnection* sql, const BlobId& id) {
+  const std::string_view tenant = id.tenant;
+  const SqlBytes sha256 = {id.sha256};
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows rows,
+      sql->Run("SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? AND tenant = ? UNION ALL "
+               "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? AND tenant = ? UNION ALL "
+               "SELECT 1 FROM jobs WHERE ended = 1 AND uv_sha256 = ? AND tenant = ? AND state = ? LIMIT 1",
+               {sha256, tenant, sha256, tenant, sha256, tenant, std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
+  return !rows.empty();
+}
+
 }  // namespace
 
 absl::StatusOr<SqlRows> JobQuestions::Ask(const std::string& sql, const std::vector<SqlValue>& values) {
@@ -169,14 +182,8 @@ absl::StatusOr<std::vector<v1::JobEvent>> JobQuestions::Events(std::int64_t numb
 }
 
 absl::StatusOr<bool> JobQuestions::UsesBlob(const BlobId& id) {
-  PLANISH_ASSIGN_OR_RETURN(
-      const SqlRows rows,
-      Ask("SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? AND tenant = ? UNION ALL "
-          "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? AND tenant = ? UNION ALL "
-          "SELECT 1 FROM jobs WHERE ended = 1 AND uv_sha256 = ? AND tenant = ? AND state = ? LIMIT 1",
-          {SqlBytes{id.sha256}, std::string_view(id.tenant), SqlBytes{id.sha256}, std::string_view(id.tenant),
-           SqlBytes{id.sha256}, std::string_view(id.tenant), std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
-  return !rows.empty();
+  PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease connection, database_->Connect(SqlDatabase::Use::kRead));
+  return UsesBlobIn(connection.get(), id);
 }
 
 absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> JobQuestions::List() {
@@ -196,12 +203,17 @@ absl::StatusOr<std::string> JobQuestions::Read(const BlobId& id) {
   return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "the job store does not have the bytes any more");
 }
 
-absl::Status JobQuestions::Remove(const BlobId& id) {
-  return Transact(database_, Durability::kLater, [&id](SqlConnection& sql) {
-    return sql
-        .Run("DELETE FROM blobs WHERE tenant = ? AND sha256 = ?", {std::string_view(id.tenant), SqlBytes{id.sha256}})
-        .status();
+absl::StatusOr<bool> JobQuestions::Remove(const BlobId& id) {
+  bool used = false;
+  const absl::Status status = Transact(database_, Durability::kLater, [&](SqlConnection& sql) -> absl::Status {
+    const std::vector<SqlValue> key = {std::string_view(id.tenant), SqlBytes{id.sha256}};
+    // Whoever commits a record that refers to the blob writes its row in the same transaction: one waits for the other.
+    PLANISH_RETURN_IF_ERROR(sql.Run("SELECT 1 FROM blobs WHERE tenant = ? AND sha256 = ? {lock}", key).status());
+    PLANISH_ASSIGN_OR_RETURN(used, UsesBlobIn(&sql, id));
+    return used ? absl::OkStatus() : sql.RunLater("DELETE FROM blobs WHERE tenant = ? AND sha256 = ?", key);
   });
+  PLANISH_RETURN_IF_ERROR(status);
+  return !used;
 }
 
 }  // namespace planish

@@ -38,7 +38,7 @@ class JobQuestions : public BlobRows {
 
   absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> List() override;
   absl::StatusOr<std::string> Read(const BlobId& id) override;
-  absl::Status Remove(const BlobId& id) override;
+  absl::StatusOr<bool> Remove(const BlobId& id) override;
 
  private:
   absl::StatusOr<SqlRows> Ask(const std::string& sql, const std::vector<SqlValue>& values);

@@ -5,12 +5,16 @@
 #include <algorithm>
 #include <array>
 #include <condition_variable>
+#include <cstdlib>
 #include <cstring>
 #include <iterator>
 #include <mutex>
 #include <unordered_map>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/store/ids.h"
@@ -146,8 +150,98 @@ std::int64_t IntegerOf(const char* bytes, int size) {
   return size == 4 ? static_cast<std::int32_t>(be32toh(four)) : static_cast<std::int64_t>(be64toh(eight));
 }
 
+// What a libpq URL says, as KEY='VALUE' ..., and the password. One string for each host, which has that host first.
+absl::StatusOr<std::vector<std::string>> ConnectionStrings(const PostgresOptions& options) {
+  struct Free {
+    void operator()(PQconninfoOption* entries) const { PQconninfoFree(entries); }
+  };
+  char* error = nullptr;
+  const std::unique_ptr<PQconninfoOption, Free> entries(PQconninfoParse(options.url.c_str(), &error));
+  const std::unique_ptr<char, decltype(&PQfreemem)> message(error, &PQfreemem);
+  if (entries == nullptr) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--store: ", message == nullptr ? "out of memory" : OneLine(message.get())));
+  }
+  std::vector<std::string> hosts = {""};
+  for (const PQconninfoOption* entry = entries.get(); entry->keyword != nullptr; ++entry) {
+    if (std::string_view(entry->keyword) == "host" && entry->val != nullptr) hosts = absl::StrSplit(entry->val, ',');
+  }
+  std::vector<std::string> all;
+  for (std::size_t first = 0; first < hosts.size(); ++first) {
+    std::string text;
+    const auto add = [&text](const std::string& key, const std::string& value) {
+      absl::StrAppend(&text, text.empty() ? "" : " ", key, "='");
+      for (const char c : value) {
+        if (c == '\'' || c == '\\') text.push_back('\\');
+        text.push_back(c);
+      }
+      text.push_back('\'');
+    };
+    for (const PQconninfoOption* entry = entries.get(); entry->keyword != nullptr; ++entry) {
+      if (entry->val == nullptr) continue;
+      const std::string_view key = entry->keyword;
+      std::vector<std::string> parts = {entry->val};
+      // Lists with an entry for each host.
+      if (key == "host" || key == "hostaddr" || key == "port") parts = absl::StrSplit(entry->val, ',');
+      if (parts.size() == hosts.size())
+        std::rotate(parts.begin(), parts.begin() + static_cast<std::ptrdiff_t>(first), parts.end());
+      add(entry->keyword, absl::StrJoin(parts, ","));
+    }
+    if (!options.password.empty()) add("password", options.password);
+    all.push_back(std::move(text));
+  }
+  return all;
+}
+
+// Which of several primaries is the present one: whoever was promoted last. Each promotion begins a timeline with a
+// higher number. A primary that was cut off, and comes back when a standby has been promoted in its place, still takes
+// writes, which would be lost. Thread-safe.
+class Primary {
+ public:
+  // Whether a server of this cluster on this timeline may be used; remembers it if so.
+  absl::Status Admit(const std::string& cluster, std::int64_t timeline) {
+    const std::lock_guard lock(mutex_);
+    if (cluster_.empty()) cluster_ = cluster;
+    if (cluster != cluster_) {
+      return StoreUnavailable(
+          absl::StrCat("the database is another one (system identifier ", cluster, ") than before (", cluster_, ")"));
+    }
+    if (timeline < timeline_) {
+      return StoreUnavailable(absl::StrCat("an old primary has come back (timeline ", timeline,
+                                           "; a standby was promoted "
+                                           "to ",
+                                           timeline_, "): it is not used. Stop it, or make it a standby"));
+    }
+    timeline_ = timeline;
+    return absl::OkStatus();
+  }
+
+ private:
+  std::mutex mutex_;
+  // Guarded by mutex_.
+  std::string cluster_;
+  std::int64_t timeline_ = 0;
+};
+
 class PostgresConnection : public SqlConnection {
  public:
+  // To the first of the hosts that `primary` admits.
+  static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::vector<std::string>& urls,
+                                                                  Primary* primary) {
+    absl::Status refused;
+    for (const std::string& url : urls) {
+      PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<PostgresConnection> connection, Open(url));
+      PLANISH_ASSIGN_OR_RETURN(
+          const SqlRows rows,
+          connection->Run("SELECT CAST(system_identifier AS TEXT), substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8) "
+                          "FROM pg_control_system()",
+                          {}));
+      refused = primary->Admit(rows.Bytes(0, 0), std::strtoll(rows.Bytes(0, 1).c_str(), nullptr, 16));
+      if (refused.ok()) return connection;
+    }
+    return refused;
+  }
+
   static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::string& url) {
     // What the URL says goes before these. A server that is gone without a word is noticed within some seconds.
     const std::array<const char*, 6> keys = {"connect_timeout", "tcp_user_timeout", "application_name",
@@ -373,11 +467,13 @@ class PostgresConnection : public SqlConnection {
 
 class PostgresDatabase : public SqlDatabase {
  public:
-  PostgresDatabase(PostgresOptions options) : options_(std::move(options)) {}
+  // `urls` as of ConnectionStrings().
+  PostgresDatabase(const PostgresOptions& options, std::vector<std::string> urls)
+      : connections_(options.connections), urls_(std::move(urls)) {}
 
   absl::Status SetUp() {
     PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresConnection> connection,
-                             PostgresConnection::Open(options_.url));
+                             PostgresConnection::Open(urls_, &primary_));
     absl::Status status = connection->Begin(Durability::kNow);
     if (status.ok()) status = Migrate(connection.get());
     if (status.ok()) status = connection->Commit();
@@ -388,7 +484,7 @@ class PostgresDatabase : public SqlDatabase {
     std::unique_ptr<PostgresConnection> connection;
     {
       std::unique_lock lock(mutex_);
-      given_back_.wait(lock, [this] { return given_ < options_.connections; });
+      given_back_.wait(lock, [this] { return given_ < connections_; });
       ++given_;
       if (!idle_.empty()) {
         connection = std::move(idle_.back());
@@ -396,7 +492,7 @@ class PostgresDatabase : public SqlDatabase {
       }
     }
     if (connection == nullptr) {
-      absl::StatusOr<std::unique_ptr<PostgresConnection>> opened = PostgresConnection::Open(options_.url);
+      absl::StatusOr<std::unique_ptr<PostgresConnection>> opened = PostgresConnection::Open(urls_, &primary_);
       if (!opened.ok()) {
         GiveBack(nullptr);
         return opened.status();
@@ -412,7 +508,7 @@ class PostgresDatabase : public SqlDatabase {
     if (channel_ != nullptr) channel_->Publish(message);
   }
   void Listen(std::function<void(std::string_view message)> listener) override {
-    channel_ = std::make_unique<PostgresChannel>(options_.url, std::move(listener));
+    channel_ = std::make_unique<PostgresChannel>(urls_.front(), std::move(listener));
   }
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return true; }
@@ -459,7 +555,9 @@ class PostgresDatabase : public SqlDatabase {
     given_back_.notify_one();
   }
 
-  const PostgresOptions options_;
+  const int connections_;
+  const std::vector<std::string> urls_;
+  Primary primary_;
   std::string id_;                            // constant after SetUp()
   std::unique_ptr<PostgresChannel> channel_;  // constant after Listen()
 
@@ -472,8 +570,9 @@ class PostgresDatabase : public SqlDatabase {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(PostgresOptions options) {
-  auto database = std::make_unique<PostgresDatabase>(std::move(options));
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const PostgresOptions& options) {
+  PLANISH_ASSIGN_OR_RETURN(std::vector<std::string> urls, ConnectionStrings(options));
+  auto database = std::make_unique<PostgresDatabase>(options, std::move(urls));
   PLANISH_RETURN_IF_ERROR(database->SetUp());
   return database;
 }

@@ -129,12 +129,15 @@ std::string ReplaceWords(std::string_view sql, const std::function<std::string(s
 struct PostgresOptions {
   std::string url;      // as libpq takes it: postgresql://USER@HOST:PORT/DATABASE?sslmode=verify-full, or KEY=VALUE ...
   int connections = 8;  // at most, >= 1
+  std::string password = {};  // beside what the URL says; empty: none
 };
 
 // PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes
-// may use it. A connection that is lost is made anew; no transaction-mode pooler between. FAILED_PRECONDITION with
-// STORE_VERSION if the schema is of a newer version of planish.
-absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(PostgresOptions options);
+// may use it. A connection that is lost is made anew; no transaction-mode pooler between. Of several hosts in the URL
+// (target_session_attrs=read-write) the primary is used that was promoted last, as far as this process has seen.
+// INVALID_ARGUMENT if libpq cannot read the URL; FAILED_PRECONDITION with STORE_VERSION if the schema is of a newer
+// version of planish.
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const PostgresOptions& options);
 
 // SQLite at `path`, or ":memory:" for one that lives as long as the object. Sets up and migrates the schema of
 // JobStore. FAILED_PRECONDITION with STORE_VERSION if the file was written by a newer version of planish. One process

@@ -55,7 +55,8 @@ class ChunkedBlob : public StoredBlob {
       const std::int64_t begin = rows.Int(i, 0) * kChunkBytes;
       const std::string& chunk = rows.Bytes(i, 1);
       const auto size = static_cast<std::int64_t>(chunk.size());
-      if (rows.Int(i, 0) != first + static_cast<std::int64_t>(i) || size != std::min(kChunkBytes, this->size() - begin)) {
+      if (rows.Int(i, 0) != first + static_cast<std::int64_t>(i) ||
+          size != std::min(kChunkBytes, this->size() - begin)) {
         break;
       }
       const std::int64_t from = std::max(offset, begin), until = std::min(offset + length, begin + size);
@@ -150,10 +151,9 @@ absl::Status SqlBlobStore::List(const std::function<void(const BlobEntry&)>& vis
     SqlRows rows;
     {
       PLANISH_ASSIGN_OR_RETURN(const SqlDatabase::Lease sql, database_->Connect(SqlDatabase::Use::kRead));
-      PLANISH_ASSIGN_OR_RETURN(
-          rows, sql->Run("SELECT tenant, sha256, bytes, {now} - put_time FROM stored_blobs "
-                         "WHERE (tenant, sha256) > (?, ?) ORDER BY tenant, sha256 LIMIT ?",
-                         {std::string_view(after.tenant), SqlBytes{after.sha256}, kPage}));
+      PLANISH_ASSIGN_OR_RETURN(rows, sql->Run("SELECT tenant, sha256, bytes, {now} - put_time FROM stored_blobs "
+                                              "WHERE (tenant, sha256) > (?, ?) ORDER BY tenant, sha256 LIMIT ?",
+                                              {std::string_view(after.tenant), SqlBytes{after.sha256}, kPage}));
     }
     if (rows.empty()) return absl::OkStatus();
     for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -188,10 +188,9 @@ absl::Status SqlBlobStore::Drop(const BlobId& id, const std::string& version) {
   std::int64_t number = 0;
   if (!absl::SimpleAtoi(version, &number)) return InternalError("a version of a blob that is no number");
   return Transact(database_, Durability::kNow, [&](SqlConnection& sql) -> absl::Status {
-    PLANISH_RETURN_IF_ERROR(
-        sql.Run("DELETE FROM stored_blobs WHERE tenant = ? AND sha256 = ? AND number = ?",
-                {std::string_view(id.tenant), SqlBytes{id.sha256}, number})
-            .status());
+    PLANISH_RETURN_IF_ERROR(sql.Run("DELETE FROM stored_blobs WHERE tenant = ? AND sha256 = ? AND number = ?",
+                                    {std::string_view(id.tenant), SqlBytes{id.sha256}, number})
+                                .status());
     return sql.Run("DELETE FROM blob_chunks WHERE blob = ?", {number}).status();
   });
 }

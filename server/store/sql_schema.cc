@@ -12,15 +12,14 @@ namespace {
 absl::Status TakeSteps(SqlConnection& sql, std::string_view group, const std::vector<std::string_view>& steps) {
   PLANISH_RETURN_IF_ERROR(sql.Serialize("planish schema", /*wait=*/true).status());
   PLANISH_RETURN_IF_ERROR(
-      sql.Run("CREATE TABLE IF NOT EXISTS table_groups (name TEXT PRIMARY KEY, version BIGINT NOT NULL)", {})
-          .status());
+      sql.Run("CREATE TABLE IF NOT EXISTS table_groups (name TEXT PRIMARY KEY, version BIGINT NOT NULL)", {}).status());
   PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run("SELECT version FROM table_groups WHERE name = ?", {group}));
   const std::int64_t version = rows.empty() ? 0 : rows.Int(0, 0);
   const auto known = static_cast<std::int64_t>(steps.size());
   if (version > known) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_VERSION",
-                     absl::StrCat("the database was set up by a newer planish (its version of ", std::string(group), " is ", version,
-                                  ", this one knows ", known, "): use that one, or another database"));
+                     absl::StrCat("the database was set up by a newer planish (its version of ", std::string(group),
+                                  " is ", version, ", this one knows ", known, "): use that one, or another database"));
   }
   for (std::int64_t i = version; i < known; ++i) {
     PLANISH_RETURN_IF_ERROR(sql.Run(std::string(steps[static_cast<std::size_t>(i)]), {}).status());

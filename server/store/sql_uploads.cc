@@ -115,10 +115,11 @@ absl::StatusOr<UploadPlace::Added> SqlUploads::Add(UploadState fresh, const Admi
     PLANISH_ASSIGN_OR_RETURN(fresh.used, Now(sql));
     added = {fresh, true};
     return sql
-        .Run("INSERT INTO uploads (id, tenant, total_bytes, sha256, committed_bytes, complete, used, writer, "
-             "last_writer) VALUES (?, ?, ?, ?, ?, ?, ?, 0, 0)",
-             {std::string_view(fresh.id), std::string_view(fresh.tenant), fresh.total_bytes, SqlBytes{fresh.sha256},
-              fresh.committed_bytes, std::int64_t{fresh.complete}, Nanoseconds(fresh.used)})
+        .Run(
+            "INSERT INTO uploads (id, tenant, total_bytes, sha256, committed_bytes, complete, used, writer, "
+            "last_writer) VALUES (?, ?, ?, ?, ?, ?, ?, 0, 0)",
+            {std::string_view(fresh.id), std::string_view(fresh.tenant), fresh.total_bytes, SqlBytes{fresh.sha256},
+             fresh.committed_bytes, std::int64_t{fresh.complete}, Nanoseconds(fresh.used)})
         .status();
   });
   PLANISH_RETURN_IF_ERROR(status);
@@ -161,16 +162,14 @@ absl::StatusOr<bool> SqlUploads::Change(const std::string& id, const ChangeState
     PLANISH_ASSIGN_OR_RETURN(const absl::Time now, Now(sql));
     PLANISH_RETURN_IF_ERROR(change(&state, now));
     if (state.complete || state.committed_bytes < before) {
-      PLANISH_ASSIGN_OR_RETURN(dropped,
-                               PiecesOf(sql, id, state.complete ? 0 : state.committed_bytes, /*take=*/true));
+      PLANISH_ASSIGN_OR_RETURN(dropped, PiecesOf(sql, id, state.complete ? 0 : state.committed_bytes, /*take=*/true));
     }
     if (piece != nullptr && state.complete) {
       dropped.push_back(*piece);
     } else if (piece != nullptr) {
-      PLANISH_RETURN_IF_ERROR(
-          sql.Run("INSERT INTO upload_parts VALUES (?, ?, ?, ?)",
-                  {std::string_view(id), piece->offset, piece->bytes, SqlBytes{piece->blob_sha256}})
-              .status());
+      PLANISH_RETURN_IF_ERROR(sql.Run("INSERT INTO upload_parts VALUES (?, ?, ?, ?)",
+                                      {std::string_view(id), piece->offset, piece->bytes, SqlBytes{piece->blob_sha256}})
+                                  .status());
     }
     return sql
         .Run("UPDATE uploads SET committed_bytes = ?, complete = ?, used = ?, writer = ?, last_writer = ? WHERE id = ?",
@@ -188,10 +187,9 @@ absl::StatusOr<bool> SqlUploads::Change(const std::string& id, const ChangeState
 absl::Status SqlUploads::Erase(const UploadState& state, bool if_unused) {
   std::vector<UploadPiece> pieces;
   const absl::Status status = Transact(database_, Durability::kNow, [&](SqlConnection& sql) -> absl::Status {
-    PLANISH_ASSIGN_OR_RETURN(
-        const SqlRows rows,
-        sql.Run("DELETE FROM uploads WHERE id = ? AND (used = ? OR ? = 0) RETURNING writer",
-                {std::string_view(state.id), Nanoseconds(state.used), std::int64_t{if_unused}}));
+    PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
+                             sql.Run("DELETE FROM uploads WHERE id = ? AND (used = ? OR ? = 0) RETURNING writer",
+                                     {std::string_view(state.id), Nanoseconds(state.used), std::int64_t{if_unused}}));
     if (rows.empty()) return absl::OkStatus();
     PLANISH_ASSIGN_OR_RETURN(pieces, PiecesOf(sql, state.id, 0, /*take=*/true));
     return absl::OkStatus();

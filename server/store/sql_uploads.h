@@ -57,8 +57,8 @@ class SqlUploads : public UploadPlace {
 
   absl::StatusOr<absl::Time> Now(SqlConnection& sql) const;
   // The rows' pieces, in order; they are removed if `take`.
-  static absl::StatusOr<std::vector<UploadPiece>> PiecesOf(SqlConnection& sql, const std::string& id,
-                                                           std::int64_t from, bool take);
+  static absl::StatusOr<std::vector<UploadPiece>> PiecesOf(SqlConnection& sql, const std::string& id, std::int64_t from,
+                                                           bool take);
   void RemoveBlobs(const std::string& tenant, const std::vector<UploadPiece>& pieces);
 
   SqlDatabase* const database_;

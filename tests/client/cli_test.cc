@@ -105,6 +105,8 @@ TEST(ArgumentsTest, SeamPolicies) {
   EXPECT_EQ(policy("--seams=uv"), Seams::kNeeded) << "sources alone: these, and no more than needed";
   EXPECT_EQ(policy("--seams=uv,keep"), Seams::kKeep);
   EXPECT_EQ(policy("--seams=hard,auto"), Seams::kAuto);
+  EXPECT_EQ(policy("--seams=uncut:a.txt"), Seams::kAuto) << "no source";
+  EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--seams=none,uncut:a.txt"}).exit_code, kUsage);
   EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--seams=hard"}).arguments->options.hard_edge_degrees, 66);
   EXPECT_FALSE(Parse({"unwrap", "in.obj", "-o", "o.obj", "--pack=off"}).arguments->options.pack);
   EXPECT_EQ(Parse({"unwrap", "in.GLB", "-o", "o.obj", "--texcoord=1"}).arguments->texcoord, 1);

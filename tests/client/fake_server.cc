@@ -63,88 +63,68 @@ class FakeServer::Service : public v1::Planish::Service {
 
   grpc::Status Unwrap(grpc::ServerContext* context, const v1::UnwrapRequest* request,
                       grpc::ServerWriter<v1::UnwrapResponse>* writer) override {
-    Tell("Unwrap", *context);
     if (!fake_->on_unwrap) return kUnimplemented;
     Writer<v1::UnwrapResponse> stream(context, writer);
     return ToGrpc(fake_->on_unwrap(*request, stream));
   }
   grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                         grpc::ServerWriter<v1::WatchJobResponse>* writer) override {
-    Tell("WatchJob", *context);
     if (!fake_->on_watch) return kUnimplemented;
     Writer<v1::WatchJobResponse> stream(context, writer);
     return ToGrpc(fake_->on_watch(*request, stream));
   }
-  grpc::Status CreateJob(grpc::ServerContext* context, const v1::CreateJobRequest* request, v1::Job* job) override {
-    Tell("CreateJob", *context);
+  grpc::Status CreateJob(grpc::ServerContext*, const v1::CreateJobRequest* request, v1::Job* job) override {
     return fake_->on_create ? ToGrpc(fake_->on_create(*request, *job)) : kUnimplemented;
   }
-  grpc::Status ListJobs(grpc::ServerContext* context, const v1::ListJobsRequest* request,
+  grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest* request,
                         v1::ListJobsResponse* response) override {
-    Tell("ListJobs", *context);
     return fake_->on_list ? ToGrpc(fake_->on_list(*request, *response)) : kUnimplemented;
   }
-  grpc::Status GetJob(grpc::ServerContext* context, const v1::GetJobRequest* request, v1::Job* job) override {
-    Tell("GetJob", *context);
+  grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest* request, v1::Job* job) override {
     return fake_->on_job ? ToGrpc(fake_->on_job("Get", request->name(), *job)) : kUnimplemented;
   }
-  grpc::Status BatchCreateJobs(grpc::ServerContext* context, const v1::BatchCreateJobsRequest* request,
+  grpc::Status BatchCreateJobs(grpc::ServerContext*, const v1::BatchCreateJobsRequest* request,
                                v1::BatchCreateJobsResponse* response) override {
-    Tell("BatchCreateJobs", *context);
     return fake_->on_batch ? ToGrpc(fake_->on_batch(*request, *response)) : kUnimplemented;
   }
-  grpc::Status FindMissingMeshes(grpc::ServerContext* context, const v1::FindMissingMeshesRequest* request,
+  grpc::Status FindMissingMeshes(grpc::ServerContext*, const v1::FindMissingMeshesRequest* request,
                                  v1::FindMissingMeshesResponse* response) override {
-    Tell("FindMissingMeshes", *context);
     return fake_->on_find_missing ? ToGrpc(fake_->on_find_missing(*request, *response)) : kUnimplemented;
   }
-  grpc::Status WaitJob(grpc::ServerContext* context, const v1::WaitJobRequest* request, v1::Job* job) override {
-    Tell("WaitJob", *context);
+  grpc::Status WaitJob(grpc::ServerContext*, const v1::WaitJobRequest* request, v1::Job* job) override {
     return fake_->on_wait ? ToGrpc(fake_->on_wait(*request, *job)) : kUnimplemented;
   }
-  grpc::Status ReadResult(grpc::ServerContext* context, const v1::ReadResultRequest* request,
+  grpc::Status ReadResult(grpc::ServerContext*, const v1::ReadResultRequest* request,
                           v1::ReadResultResponse* response) override {
-    Tell("ReadResult", *context);
     return fake_->on_read ? ToGrpc(fake_->on_read(*request, *response)) : kUnimplemented;
   }
-  grpc::Status StopJob(grpc::ServerContext* context, const v1::StopJobRequest* request, v1::Job* job) override {
-    Tell("StopJob", *context);
+  grpc::Status StopJob(grpc::ServerContext*, const v1::StopJobRequest* request, v1::Job* job) override {
     return fake_->on_job ? ToGrpc(fake_->on_job("Stop", request->name(), *job)) : kUnimplemented;
   }
-  grpc::Status EstimateJob(grpc::ServerContext* context, const v1::EstimateJobRequest* request,
+  grpc::Status EstimateJob(grpc::ServerContext*, const v1::EstimateJobRequest* request,
                            v1::JobEstimate* estimate) override {
-    Tell("EstimateJob", *context);
     return fake_->on_estimate ? ToGrpc(fake_->on_estimate(*request, *estimate)) : kUnimplemented;
   }
-  grpc::Status GetCapabilities(grpc::ServerContext* context, const v1::GetCapabilitiesRequest*,
+  grpc::Status GetCapabilities(grpc::ServerContext*, const v1::GetCapabilitiesRequest*,
                                v1::Capabilities* capabilities) override {
-    Tell("GetCapabilities", *context);
     return fake_->on_capabilities ? ToGrpc(fake_->on_capabilities(*capabilities)) : kUnimplemented;
   }
-  grpc::Status CreateUpload(grpc::ServerContext* context, const v1::CreateUploadRequest* request,
-                            v1::Upload* upload) override {
-    Tell("CreateUpload", *context);
+  grpc::Status CreateUpload(grpc::ServerContext*, const v1::CreateUploadRequest* request, v1::Upload* upload) override {
     return fake_->on_create_upload ? ToGrpc(fake_->on_create_upload(*request, *upload)) : kUnimplemented;
   }
-  grpc::Status GetUpload(grpc::ServerContext* context, const v1::GetUploadRequest* request,
-                         v1::Upload* upload) override {
-    Tell("GetUpload", *context);
+  grpc::Status GetUpload(grpc::ServerContext*, const v1::GetUploadRequest* request, v1::Upload* upload) override {
     return fake_->on_get_upload ? ToGrpc(fake_->on_get_upload(request->name(), *upload)) : kUnimplemented;
   }
-  grpc::Status WriteUpload(grpc::ServerContext* context, grpc::ServerReader<v1::WriteUploadRequest>* reader,
+  grpc::Status WriteUpload(grpc::ServerContext*, grpc::ServerReader<v1::WriteUploadRequest>* reader,
                            v1::Upload* upload) override {
-    Tell("WriteUpload", *context);
     if (!fake_->on_write_upload) return kUnimplemented;
     UploadReader messages(reader);
     return ToGrpc(fake_->on_write_upload(messages, *upload));
   }
-  grpc::Status CancelJob(grpc::ServerContext* context, const v1::CancelJobRequest* request, v1::Job* job) override {
-    Tell("CancelJob", *context);
+  grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest* request, v1::Job* job) override {
     return fake_->on_job ? ToGrpc(fake_->on_job("Cancel", request->name(), *job)) : kUnimplemented;
   }
-  grpc::Status DeleteJob(grpc::ServerContext* context, const v1::DeleteJobRequest* request,
-                         google::protobuf::Empty*) override {
-    Tell("DeleteJob", *context);
+  grpc::Status DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest* request, google::protobuf::Empty*) override {
     v1::Job job;
     return fake_->on_job ? ToGrpc(fake_->on_job("Delete", request->name(), job)) : kUnimplemented;
   }
@@ -153,13 +133,6 @@ class FakeServer::Service : public v1::Planish::Service {
   std::unique_ptr<grpc::Server> server;
 
  private:
-  void Tell(const std::string& method, const grpc::ServerContext& context) const {
-    if (!fake_->on_route) return;
-    const auto found = context.client_metadata().find("planish-route");
-    const bool has = found != context.client_metadata().end();
-    fake_->on_route(method, has ? std::string(found->second.data(), found->second.size()) : "");
-  }
-
   FakeServer* const fake_;
 };
 

@@ -43,9 +43,6 @@ class FakeServer {
   const std::string& target() const { return target_; }
   int port() const;
 
-  // Told of every call, before it does anything: its name, and what its metadata says of the route.
-  std::function<void(const std::string& method, const std::string& route)> on_route;
-
   // What calls do; set before they come. Left empty, they answer UNIMPLEMENTED.
   std::function<Status(const v1::UnwrapRequest&, FakeStream&)> on_unwrap;
   std::function<Status(const v1::WatchJobRequest&, FakeStream&)> on_watch;

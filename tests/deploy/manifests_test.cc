@@ -42,10 +42,18 @@ class Kubernetes : public ::testing::TestWithParam<std::string> {
     return all;
   }
 
-  YAML::Node Server() const { return At(objects_.Get("StatefulSet", "planishd"), "/spec/template/spec"); }
+  // Of the pod that runs jobs, and of the one that answers callers.
+  YAML::Node Server() const { return PodOf("worker"); }
+  YAML::Node Front() const { return PodOf("front"); }
+  YAML::Node PodOf(const std::string& role) const {
+    const YAML::Node workload =
+        IsFarm() ? objects_.Get("Deployment", "planish-" + role) : objects_.Get("StatefulSet", "planishd");
+    return At(workload, "/spec/template/spec");
+  }
 
-  YAML::Node Settings() const {
-    return YAML::Load(TextAt(objects_.Get("ConfigMap", "planishd"), "/data/planishd.yaml"));
+  YAML::Node Settings(const std::string& role = "worker") const {
+    const std::string name = IsFarm() ? "planish-" + role : "planishd";
+    return YAML::Load(TextAt(objects_.Get("ConfigMap", name), "/data/planishd.yaml"));
   }
 
   Objects objects_;
@@ -108,13 +116,26 @@ TEST_P(Kubernetes, MemoryIsThatOfTheArithmetic) {
   EXPECT_EQ(std::stod(TextAt(container, "/resources/requests/cpu")), cores);
 }
 
-TEST_P(Kubernetes, ThePodLivesAsLongAsItsGrace) {
-  const int grace = Settings()["grace"].as<int>();
-  EXPECT_GE(At(Server(), "/terminationGracePeriodSeconds").as<int>(), grace + kSecondsAroundGrace);
-  EXPECT_GT(At(Server(), "/containers/0/lifecycle/preStop/sleep/seconds").as<int>(), 0);
+TEST_P(Kubernetes, PodsLiveAsLongAsTheirGrace) {
+  for (const std::string role : {"front", "worker"}) {
+    const int grace = Settings(role)["grace"].as<int>();
+    EXPECT_GE(At(PodOf(role), "/terminationGracePeriodSeconds").as<int>(), grace + kSecondsAroundGrace) << role;
+  }
+  EXPECT_GT(At(Front(), "/containers/0/lifecycle/preStop/sleep/seconds").as<int>(), 0);
 }
 
-TEST_P(Kubernetes, JobsAreInAVolume) {
+TEST_P(Kubernetes, JobsAreInAVolumeOrInTheDatabase) {
+  if (IsFarm()) {
+    for (const std::string role : {"front", "worker"}) {
+      EXPECT_EQ(Settings(role)["role"].as<std::string>(), role);
+      EXPECT_THAT(Settings(role)["store"].as<std::string>(), HasSubstr("sslmode=verify-full"));
+      EXPECT_EQ(Settings(role)["blobs"].as<std::string>(), Settings("front")["blobs"].as<std::string>());
+      for (const YAML::Node& volume : PodOf(role)["volumes"]) {
+        EXPECT_TRUE(volume["projected"].IsDefined()) << "nothing that matters is in a pod: " << volume;
+      }
+    }
+    return;
+  }
   const YAML::Node set = objects_.Get("StatefulSet", "planishd");
   const std::string volume = TextAt(set, "/spec/volumeClaimTemplates/0/metadata/name");
   std::string mounted;
@@ -126,36 +147,46 @@ TEST_P(Kubernetes, JobsAreInAVolume) {
   EXPECT_GT(room, Settings()["store-mb"].as<double>() * kMiB * 1.5);
 }
 
-// The server's port, its metrics and the files that it reads are there.
-TEST_P(Kubernetes, WhatTheServerIsToldIsThere) {
-  const YAML::Node settings = Settings();
-  std::set<std::string> ports;
-  for (const YAML::Node& port : At(Server(), "/containers/0/ports")) {
-    ports.insert(absl::StrCat("0.0.0.0:", port["containerPort"].as<std::string>()));
-  }
-  EXPECT_TRUE(ports.contains(settings["listen"].as<std::string>()));
-  EXPECT_TRUE(ports.contains(settings["metrics-listen"].as<std::string>()));
-  std::set<std::string> files;
-  std::string config;
-  for (const YAML::Node& mount : At(Server(), "/containers/0/volumeMounts")) {
-    if (mount["name"].as<std::string>() == "config") config = mount["mountPath"].as<std::string>();
-  }
-  for (const YAML::Node& volume : Server()["volumes"]) {
-    for (const YAML::Node& source : At(volume, "/projected/sources")) {
-      const YAML::Node items = At(source, "/secret/items");
-      if (!items.IsDefined()) continue;
-      const YAML::Node secret = objects_.Get("Secret", TextAt(source, "/secret/name"));
-      for (const YAML::Node& item : items) {
-        files.insert(config + "/" + item["path"].as<std::string>());
-        EXPECT_TRUE(secret["stringData"][item["key"].as<std::string>()].IsDefined()) << item["key"];
+// The servers' ports, their metrics and the files that they read are there.
+TEST_P(Kubernetes, WhatServersAreToldIsThere) {
+  for (const std::string role : {"front", "worker"}) {
+    SCOPED_TRACE(role);
+    const YAML::Node pod = PodOf(role);
+    const YAML::Node settings = Settings(role);
+    std::set<std::string> ports;
+    for (const YAML::Node& port : At(pod, "/containers/0/ports")) {
+      ports.insert(absl::StrCat("0.0.0.0:", port["containerPort"].as<std::string>()));
+    }
+    EXPECT_TRUE(ports.contains(settings["metrics-listen"].as<std::string>()));
+    const bool listens = settings["listen"].IsDefined();
+    EXPECT_EQ(listens, !IsFarm() || role == "front") << "a worker answers nobody";
+    if (listens) {
+      EXPECT_TRUE(ports.contains(settings["listen"].as<std::string>()));
+      EXPECT_TRUE(settings["tls-cert"].IsDefined() && settings["access-file"].IsDefined());
+    }
+    std::set<std::string> files;
+    std::string config;
+    for (const YAML::Node& mount : At(pod, "/containers/0/volumeMounts")) {
+      if (mount["name"].as<std::string>() == "config") config = mount["mountPath"].as<std::string>();
+    }
+    for (const YAML::Node& volume : pod["volumes"]) {
+      for (const YAML::Node& source : At(volume, "/projected/sources")) {
+        const YAML::Node items = At(source, "/secret/items");
+        if (!items.IsDefined()) continue;
+        const YAML::Node secret = objects_.Get("Secret", TextAt(source, "/secret/name"));
+        for (const YAML::Node& item : items) {
+          files.insert(config + "/" + item["path"].as<std::string>());
+          EXPECT_TRUE(secret["stringData"][item["key"].as<std::string>()].IsDefined()) << item["key"];
+        }
       }
     }
+    for (const std::string key : {"tls-cert", "tls-key", "tls-client-ca", "access-file", "store-password-file"}) {
+      if (!settings[key].IsDefined()) continue;
+      EXPECT_TRUE(files.contains(settings[key].as<std::string>())) << key;
+    }
+    EXPECT_THAT(At(pod, "/containers/0/args").as<std::vector<std::string>>(),
+                ElementsAre("--config=/etc/planish/planishd.yaml"));
   }
-  for (const std::string key : {"tls-cert", "tls-key", "tls-client-ca", "access-file"}) {
-    EXPECT_TRUE(files.contains(settings[key].as<std::string>())) << key;
-  }
-  EXPECT_THAT(At(Server(), "/containers/0/args").as<std::vector<std::string>>(),
-              ::testing::Contains("--instance=$(POD_NAME)"));
 }
 
 TEST_P(Kubernetes, SelectorsFindSomething) {
@@ -183,7 +214,7 @@ TEST_P(Kubernetes, SelectorsFindSomething) {
   }
   const YAML::Node service = objects_.Get("Service", "planish");
   EXPECT_EQ(At(service, "/spec/selector")["app.kubernetes.io/component"].as<std::string>(),
-            IsFarm() ? "proxy" : "server");
+            IsFarm() ? "front" : "server");
   for (const YAML::Node& object : objects_.all) {
     if (object["kind"].as<std::string>() == "Namespace") continue;
     EXPECT_EQ(TextAt(object, "/metadata/namespace"), "planish") << object;
@@ -193,19 +224,11 @@ TEST_P(Kubernetes, SelectorsFindSomething) {
 class Farm : public Kubernetes {};
 INSTANTIATE_TEST_SUITE_P(Overlays, Farm, ::testing::Values("farm"), [](const auto& test) { return test.param; });
 
-// Every pod that autoscaling may make has its line and its route in the proxy's configuration.
-TEST_P(Farm, TheProxyKnowsEveryServer) {
-  const YAML::Node scaler = objects_.Get("HorizontalPodAutoscaler", "planishd");
-  EXPECT_FALSE(At(objects_.Get("StatefulSet", "planishd"), "/spec/replicas").IsDefined()) << "autoscaling decides";
-  const int most = At(scaler, "/spec/maxReplicas").as<int>();
-  const std::string proxy = TextAt(objects_.Get("ConfigMap", "planish-proxy"), "/data/haproxy.cfg");
-  for (int i = 0; i < most; ++i) {
-    const std::string name = absl::StrCat("planishd-", i);
-    EXPECT_THAT(proxy, HasSubstr(absl::StrCat("backend planish-", name, "\n")));
-    EXPECT_THAT(proxy, HasSubstr(absl::StrCat("server ", name, " ", name, ".planishd.planish.svc")));
-  }
-  EXPECT_THAT(proxy, Not(HasSubstr(absl::StrCat("planishd-", most))));
-  // What is scaled by is what servers tell.
+// As many workers as the queue needs, by what servers tell.
+TEST_P(Farm, WorkersAreScaledByTheQueue) {
+  const YAML::Node scaler = objects_.Get("HorizontalPodAutoscaler", "planish-worker");
+  EXPECT_EQ(TextAt(scaler, "/spec/scaleTargetRef/kind"), "Deployment");
+  EXPECT_FALSE(At(objects_.Get("Deployment", "planish-worker"), "/spec/replicas").IsDefined()) << "autoscaling decides";
   const std::string metric = TextAt(scaler, "/spec/metrics/0/pods/metric/name");
   EXPECT_EQ(metric, "planish_queue_oldest_wait_seconds");
   EXPECT_THAT(ReadSource("deploy/kubernetes/README.md"), HasSubstr(metric));

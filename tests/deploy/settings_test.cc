@@ -76,14 +76,15 @@ TEST(Settings, FlagsAndVariablesThatFilesUseExist) {
 // Keys of files that are complete configurations, and arguments of containers.
 TEST(Settings, KeysOfConfigurationFilesExist) {
   for (const std::string path :
-       {"deploy/image.yaml", "deploy/kubernetes/base/planishd.yaml", "deploy/kubernetes/overlays/farm/planishd.yaml"}) {
+       {"deploy/image.yaml", "deploy/kubernetes/overlays/single/planishd.yaml",
+        "deploy/kubernetes/overlays/farm/front-planishd.yaml", "deploy/kubernetes/overlays/farm/worker-planishd.yaml"}) {
     const YAML::Node settings = YAML::Load(ReadSource(path));
     ASSERT_TRUE(settings.IsMap()) << path;
     for (const auto& setting : settings) {
       EXPECT_TRUE(ServerFlags().contains("--" + setting.first.as<std::string>())) << path << ": " << setting.first;
     }
   }
-  for (const YAML::Node& object : ParseObjects(ReadSource("deploy/kubernetes/base/statefulset.yaml")).all) {
+  for (const YAML::Node& object : ParseObjects(ReadSource("deploy/kubernetes/overlays/single/statefulset.yaml")).all) {
     for (const YAML::Node& argument : At(object, "/spec/template/spec/containers/0/args")) {
       EXPECT_THAT(FlagsIn(argument.as<std::string>()), ::testing::IsSubsetOf(ServerFlags()));
     }
@@ -97,7 +98,7 @@ TEST(Settings, TheSampleHasEveryKey) {
   std::set<std::string> keys;
   std::ostringstream uncommented;
   std::istringstream lines(text);
-  const std::regex setting(R"(^#([a-z][a-z-]*): .*)");
+  const std::regex setting(R"(^#([a-z][a-z0-9-]*): .*)");
   for (std::string line; std::getline(lines, line);) {
     std::smatch match;
     if (!std::regex_match(line, match, setting)) continue;

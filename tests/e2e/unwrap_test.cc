@@ -278,6 +278,17 @@ TEST_F(UnwrapTest, CtrlCEndsAPrivateServerToo) {
   EXPECT_TRUE(std::filesystem::is_empty(sockets));
 }
 
+TEST_F(UnwrapTest, CtrlCWhileThePrivateServerStartsLeavesNothing) {
+  const std::filesystem::path sockets = directory_.Path("sockets");
+  std::filesystem::create_directory(sockets);
+  Command command({"unwrap", File("grid.obj", GridObj(4)), "-o", directory_.Path("out.obj"), "--progress=none"},
+                  {{"XDG_RUNTIME_DIR", sockets}});
+  ASSERT_TRUE(WaitUntil([&] { return !std::filesystem::is_empty(sockets); }));
+  command.Signal(SIGINT);
+  EXPECT_EQ(command.Wait().exit_code, 130);
+  EXPECT_TRUE(std::filesystem::is_empty(sockets));
+}
+
 TEST_F(UnwrapTest, KilledCommandTakesItsServerAlong) {
   Command command({"unwrap", File("grid.obj", GridObj(250)), "-o", directory_.Path("out.obj"), "--solver=uzawa",
                    "--system=full", "--preconditioner=none", "--progress=json"},

@@ -73,7 +73,7 @@ const std::vector<External>& Externals() {
   static const auto* externals = new std::vector<External>{
       {std::regex(R"(^(grpc|grpcpp|grpc\+\+)/.*|.*\.grpc\.pb\.h$)"),
        "gRPC",
-       {"server/rpc", "server/main.cc", "client/src", "tests"}},
+       {"server/rpc", "server/daemon.cc", "client/src", "tests"}},
       {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/draco", "tests"}},
       {std::regex(R"(^meshoptimizer\.h$)"), "meshoptimizer", {"client/files", "tests"}},

@@ -26,13 +26,13 @@ from ._connection import Connection
 from .v1 import planish_pb2
 
 _HEADER = struct.Struct("<IBI")
-# To the helper: begin a call of one or of many answers, or cancel it.
+# To the helper: begin a call of one request and of one or of many answers, or cancel it.
 _UNARY, _STREAM, _CANCEL = 0, 1, 2
 # From the helper: an answer; the end, with None or what is wrong.
 _MESSAGE, _END = 0, 1
 
-_SERVICE = planish_pb2.DESCRIPTOR.services_by_name["Planish"]
-_PATH = f"/{_SERVICE.full_name}/"
+SERVICE = planish_pb2.DESCRIPTOR.services_by_name["Planish"]
+_PATH = f"/{SERVICE.full_name}/"
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
 
 
@@ -72,8 +72,9 @@ def serve() -> None:
         try:
             try:
                 if kind == _UNARY:
-                    call = channel.unary_unary(_PATH + method)
-                    answer = call(request, timeout=timeout, metadata=metadata)
+                    is_many = SERVICE.methods_by_name[method].client_streaming
+                    call = (channel.stream_unary if is_many else channel.unary_unary)(_PATH + method)
+                    answer = call(iter([request]) if is_many else request, timeout=timeout, metadata=metadata)
                     writer.write(number, _MESSAGE, answer)
                 else:
                     calls[number] = channel.unary_stream(_PATH + method)(request, timeout=timeout, metadata=metadata)
@@ -146,6 +147,8 @@ class Bridge:
         with self._lock:
             number = self._next = self._next + 1
             self._takers[number] = taker
+        if SERVICE.methods_by_name[method].client_streaming:
+            (request,) = request
         content = pickle.dumps((method, request.SerializeToString(), timeout, list(metadata)))
         try:
             self._writer.write(number, kind, content)
@@ -211,7 +214,7 @@ def _parser(method: str) -> Callable[[bytes], Any]:
 
     from .v1 import job_pb2
 
-    name = _SERVICE.methods_by_name[method].output_type.name
+    name = SERVICE.methods_by_name[method].output_type.name
     for module in (planish_pb2, job_pb2, empty_pb2):
         if hasattr(module, name):
             return getattr(module, name).FromString  # type: ignore[no-any-return]
@@ -268,7 +271,7 @@ class BlockingStub:
         self._bridge = bridge
 
     def __getattr__(self, method: str) -> Callable[..., Any]:
-        is_stream = _SERVICE.methods_by_name[method].server_streaming
+        is_stream = SERVICE.methods_by_name[method].server_streaming
 
         def call(request: Any, timeout: Optional[float], metadata: Any) -> Any:
             made = _BlockingCall(self._bridge, _STREAM if is_stream else _UNARY, method, request, timeout, metadata)
@@ -321,7 +324,7 @@ class AioStub:
         self._bridge = bridge
 
     def __getattr__(self, method: str) -> Callable[..., Any]:
-        is_stream = _SERVICE.methods_by_name[method].server_streaming
+        is_stream = SERVICE.methods_by_name[method].server_streaming
 
         def call(request: Any, timeout: Optional[float], metadata: Any) -> Any:
             made = _AioCall(self._bridge, _STREAM if is_stream else _UNARY, method, request, timeout, metadata)

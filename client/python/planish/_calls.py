@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import secrets
@@ -9,6 +10,7 @@ import threading
 from typing import Any, Callable, List, Optional, Sequence, Tuple, Union
 
 from . import errors
+from ._connection import is_unix
 from ._request import NewJob, new_request_id, spec_message
 from ._retry import Deadline, Patience, RetryPolicy
 from ._status import error_of_status
@@ -29,7 +31,6 @@ _MOST_IN_BATCH = 100
 _MOST_BATCH_BYTES = 4 << 20
 
 _TRACEPARENT = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})[0-9a-f]{16}-([0-9a-f]{2})")
-_ROUTE = re.compile(r"[a-z]+/([a-z0-9-]{1,63})\.")
 
 
 class Trace:
@@ -54,17 +55,14 @@ class Calls:
         self.transport = transport
         self.policy = policy
 
-    def metadata(self, trace: Trace, resource: str = "") -> List[Tuple[str, str]]:
-        """Of a call about a resource, "jobs/...": servers that have names are found by those of their jobs."""
-        route = _ROUTE.match(resource)
-        own = [("planish-route", route.group(1))] if route else []
-        return [("traceparent", trace.traceparent()), *own, *self.transport.connection.metadata()]
+    def metadata(self, trace: Trace) -> List[Tuple[str, str]]:
+        """Of a call."""
+        return [("traceparent", trace.traceparent()), *self.transport.connection.metadata()]
 
     async def repeated(
         self,
         method: str,
         request: Any,
-        resource: str = "",
         *,
         trace: Optional[Trace] = None,
         deadline: Optional[Deadline] = None,
@@ -82,7 +80,7 @@ class Calls:
             while True:
                 attempt += 1
                 on_attempt(attempt)
-                metadata = self.metadata(trace, resource)
+                metadata = self.metadata(trace)
                 try:
                     return await self.transport.unary(method, request, deadline.left(seconds), metadata)
                 except Error as error:
@@ -101,7 +99,7 @@ class Calls:
     # Jobs that exist
 
     async def get_job(self, name: str) -> Job:
-        return from_proto(Job, await self.repeated("GetJob", planish_pb2.GetJobRequest(name=name), name))
+        return from_proto(Job, await self.repeated("GetJob", planish_pb2.GetJobRequest(name=name)))
 
     async def wait_job(self, name: str, timeout: Optional[float]) -> Job:
         deadline = Deadline(timeout)
@@ -109,7 +107,7 @@ class Calls:
             left = deadline.left(_LONGEST_WAIT_SECONDS) or 0.0
             request = planish_pb2.WaitJobRequest(name=name)
             request.timeout.FromNanoseconds(int(left * 1e9))
-            job = from_proto(Job, await self.repeated("WaitJob", request, name, seconds=left + _UNARY_SECONDS))
+            job = from_proto(Job, await self.repeated("WaitJob", request, seconds=left + _UNARY_SECONDS))
             if job.is_terminal or left < _LONGEST_WAIT_SECONDS:
                 return job
 
@@ -125,10 +123,10 @@ class Calls:
             request.page_token = page.next_page_token
 
     async def stop_job(self, name: str) -> Job:
-        return from_proto(Job, await self.repeated("StopJob", planish_pb2.StopJobRequest(name=name), name))
+        return from_proto(Job, await self.repeated("StopJob", planish_pb2.StopJobRequest(name=name)))
 
     async def cancel_job(self, name: str) -> Job:
-        return from_proto(Job, await self.repeated("CancelJob", planish_pb2.CancelJobRequest(name=name), name))
+        return from_proto(Job, await self.repeated("CancelJob", planish_pb2.CancelJobRequest(name=name)))
 
     async def cancel_while_leaving(self, name: str, unwrap: Any) -> None:
         """A last word. Whether it gets through does not matter to a caller that leaves for another reason.
@@ -144,7 +142,7 @@ class Calls:
                 name = created.name
             if name:
                 request = planish_pb2.CancelJobRequest(name=name)
-                await self.transport.unary("CancelJob", request, LAST_WORD_SECONDS, self.metadata(trace, name))
+                await self.transport.unary("CancelJob", request, LAST_WORD_SECONDS, self.metadata(trace))
         except Error:
             pass  # the server cancels the job of a caller that is gone by itself, only later
 
@@ -156,7 +154,7 @@ class Calls:
             attempts = attempt
 
         try:
-            await self.repeated("DeleteJob", planish_pb2.DeleteJobRequest(name=name), name, on_attempt=count)
+            await self.repeated("DeleteJob", planish_pb2.DeleteJobRequest(name=name), on_attempt=count)
         except errors.NotFound:
             if attempts == 1:
                 raise
@@ -166,7 +164,7 @@ class Calls:
         data = bytearray()
         while len(data) < size:
             request = planish_pb2.ReadResultRequest(name=name, offset=offset + len(data), limit=size - len(data))
-            piece = (await self.repeated("ReadResult", request, name)).data
+            piece = (await self.repeated("ReadResult", request)).data
             if not piece:
                 break
             data += piece
@@ -195,28 +193,59 @@ class Calls:
             policy, deadline, lost_seconds=policy.reattach_seconds, room_seconds=policy.queue_full_wait_seconds
         )
 
-    async def check_size(self, mesh: PackedMesh) -> None:
-        """Refuses a mesh that is too large for the server before it is sent."""
+    async def send_ahead(self, mesh: PackedMesh, trace: Trace, deadline: Deadline) -> str:
+        """Uploads a mesh that is better not sent in one message: the name of the upload, or nothing. Refuses one that is too
+        large for the server."""
         if mesh.byte_count <= _SMALL_MESH_BYTES:
-            return
-        limit = (await self.capabilities()).max_mesh_bytes
+            return ""
+        server = await self.capabilities()
+        limit = server.max_mesh_bytes
         if 0 < limit < mesh.byte_count:
             raise errors.ResourceExhausted(
                 f"the mesh has {mesh.byte_count} bytes as sent; this server takes at most {limit}",
                 reason="MESH_TOO_LARGE",
                 metadata={"bytes": str(mesh.byte_count), "limit": str(limit)},
             )
+        if is_unix(self.transport.connection.target) or not 0 < server.inline_mesh_bytes < mesh.byte_count:
+            return ""  # no network, which could break, or little to be sent again
+        if mesh.vertex_count > 3 * mesh.triangle_count:
+            return ""  # Draco has no such meshes
+        try:
+            return await self._upload(mesh.draco(), server.upload_chunk_bytes, trace, deadline)
+        except errors.NotFound:
+            return ""  # a server that was restarted has forgotten what had arrived
+
+    async def _upload(self, data: bytes, chunk: int, trace: Trace, deadline: Deadline) -> str:
+        begin = planish_pb2.CreateUploadRequest(
+            total_bytes=len(data), sha256=hashlib.sha256(data).digest(), request_id=new_request_id()
+        )
+        patience = self.patience_for_new_job(deadline)
+        upload = await self.repeated("CreateUpload", begin, trace=trace, deadline=deadline, patience=patience)
+        while upload.committed_bytes < len(data):
+            at = upload.committed_bytes
+            piece = planish_pb2.WriteUploadRequest(name=upload.name, offset=at, data=data[at : at + chunk])
+            # A piece that is repeated although it arrived is skipped by the server.
+            patience = self.patience_for_new_job(deadline)
+            upload = await self.repeated(
+                "WriteUpload", piece, trace=trace, deadline=deadline, seconds=None, patience=patience
+            )
+            if upload.committed_bytes <= at:
+                raise errors.Internal(f"the server took no byte of {upload.name} from byte {at} on")
+        return str(upload.name)
 
     async def create_job(self, job: NewJob, timeout: Optional[float]) -> Job:
         return await self._create(job, job.pack(), Deadline(timeout))
 
     async def _create(self, job: NewJob, mesh: PackedMesh, deadline: Deadline) -> Job:
-        await self.check_size(mesh)
+        trace = Trace()
+        upload = await self.send_ahead(mesh, trace, deadline)
         request = planish_pb2.CreateJobRequest(
-            spec=spec_message(job, mesh), request_id=job.request_id or new_request_id()
+            spec=spec_message(job, mesh, upload), request_id=job.request_id or new_request_id()
         )
         patience = self.patience_for_new_job(deadline)
-        created = await self.repeated("CreateJob", request, deadline=deadline, seconds=None, patience=patience)
+        created = await self.repeated(
+            "CreateJob", request, trace=trace, deadline=deadline, seconds=None, patience=patience
+        )
         return from_proto(Job, created)
 
     async def create_jobs(self, jobs: Sequence[NewJob]) -> List[Union[Job, Error]]:

@@ -10,7 +10,7 @@ from typing import Any, Callable, Optional
 
 from . import errors
 from ._calls import Calls, Trace, error_of_job
-from ._request import NewJob, new_request_id, spec_message
+from ._request import NewJob, new_request_id, set_arrays, spec_message
 from ._retry import Deadline, is_broken
 from ._transport import Stream
 from .errors import Error
@@ -87,6 +87,7 @@ class Follower:
         callbacks: Callbacks,
         *,
         unwrap: Any = None,
+        mesh: Optional[PackedMesh] = None,
         watch: str = "",
         after_sequence: int = 0,
         wants_uv: bool = True,
@@ -97,6 +98,7 @@ class Follower:
         self._deadline = deadline
         self._callbacks = callbacks
         self._unwrap = unwrap  # an UnwrapRequest, or None: `watch` is the name of a job that exists
+        self._mesh = mesh  # of `unwrap`
         self._wants_uv = wants_uv
         self._control = control or Control()
         self._patience = calls.patience_for_new_job(deadline)
@@ -168,7 +170,7 @@ class Follower:
             uv_offset=len(self.uv),
             attach=self._unwrap is not None and not self._unwrap.detached,
         )
-        return transport.stream("WatchJob", request, left, self._calls.metadata(self._trace, self._name))
+        return transport.stream("WatchJob", request, left, self._calls.metadata(self._trace))
 
     async def _take_event(self, event: Any) -> None:
         if event.sequence <= self._sequence:
@@ -221,6 +223,9 @@ class Follower:
         is_new = self._unwrap is not None and not self._name
         if is_new and error.reason == "DRAINING" and not self._lost_stream:
             raise error  # a server that takes no new jobs is not coming back soon
+        if is_new and error.reason == "UPLOAD_NOT_FOUND" and self._unwrap.spec.upload:
+            self._start_anew()  # the server has forgotten the upload
+            return
         if isinstance(error, errors.NotFound) and self._unwrap is not None and self._lost_stream and self._name:
             self._start_anew()  # the server that had the job, or its UV, has them no more
             return
@@ -259,6 +264,8 @@ class Follower:
         self._control.job = ""
         self.job, self.uv = job_pb2.Job(), bytearray()
         self._unwrap.request_id = new_request_id()  # the old one stands for the job that is gone
+        if self._mesh is not None:
+            set_arrays(self._unwrap.spec, self._mesh)  # what was uploaded may be gone with it
 
     def _cancelled(self) -> Error:
         if self._unwrap is None:
@@ -281,11 +288,11 @@ async def unwrap(
     trace, deadline = Trace(traceparent), Deadline(timeout)
     mesh = job.pack()
     try:
-        await calls.check_size(mesh)
+        upload = await calls.send_ahead(mesh, trace, deadline)
         request = planish_pb2.UnwrapRequest(
-            spec=spec_message(job, mesh), request_id=job.request_id or new_request_id(), detached=detached
+            spec=spec_message(job, mesh, upload), request_id=job.request_id or new_request_id(), detached=detached
         )
-        follower = Follower(calls, trace, deadline, callbacks, unwrap=request, control=control)
+        follower = Follower(calls, trace, deadline, callbacks, unwrap=request, mesh=mesh, control=control)
         await follower.run()
         return _result(follower, trace, mesh, start)
     except Error as error:
@@ -346,5 +353,5 @@ def _result(follower: Follower, trace: Trace, mesh: Optional[PackedMesh], start:
         job=job.name,
         trace_id=trace.id,
         _triangles=None if mesh is None else mesh.indices,
-        _vertex_count=0 if mesh is None else len(mesh.positions) // 12,
+        _vertex_count=0 if mesh is None else mesh.vertex_count,
     )

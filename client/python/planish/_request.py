@@ -73,12 +73,20 @@ def new_request_id() -> str:
     return str(uuid.uuid4())
 
 
-def spec_message(job: NewJob, mesh: Optional[PackedMesh]) -> Any:
-    """The JobSpec; without a mesh if that is None."""
+def set_arrays(spec: Any, mesh: PackedMesh) -> None:
+    """The mesh itself, in place of what stood for it."""
+    spec.arrays.positions = mesh.positions
+    spec.arrays.triangles = mesh.triangles
+
+
+def spec_message(job: NewJob, mesh: Optional[PackedMesh], upload: str = "") -> Any:
+    """The JobSpec; without a mesh if that is None, with the name of its upload if it has one."""
     spec = planish_pb2.JobSpec()
     if mesh is not None:
-        spec.arrays.positions = mesh.positions
-        spec.arrays.triangles = mesh.triangles
+        if upload:
+            spec.upload = upload
+        else:
+            set_arrays(spec, mesh)
         spec.seam_corners.extend(mesh.seam_corners.tolist())
         spec.uncut_corners.extend(mesh.uncut_corners.tolist())
     _fill_options(job.options, spec.options)

@@ -58,6 +58,8 @@ def is_broken(error: errors.Error) -> bool:
     """Whether the connection broke, as opposed to a server that answered."""
     if isinstance(error, errors.Unavailable):
         return True
+    if error.reason == "UPLOAD_BUSY":
+        return True  # by a call that broke, which the server has not noticed yet
     # Resets and broken frames come from the transport; what the server itself says has a reason of its own.
     return not is_from_server(error) and error.code in ("INTERNAL", "UNKNOWN")
 

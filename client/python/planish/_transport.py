@@ -17,7 +17,7 @@ import grpc
 import grpc.aio
 
 from . import errors
-from ._bridge import AioStub, BlockingStub, Bridge
+from ._bridge import SERVICE, AioStub, BlockingStub, Bridge
 from ._connection import Connection
 from ._status import error_of_call, is_unreachable
 from .v1 import planish_pb2_grpc
@@ -64,6 +64,10 @@ class Transport:
     def stream(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Stream:
         raise NotImplementedError
 
+    async def close(self) -> None:
+        """Calls under way end; a later one connects again."""
+        raise NotImplementedError
+
     async def sleep(self, seconds: float, wake: Optional[threading.Event] = None) -> None:
         """Waits. A blocking wait ends early when `wake` is set."""
         raise NotImplementedError
@@ -93,6 +97,11 @@ def _connect(connection: Connection, module: Any, bridge_stub: Any) -> Tuple[Any
     _has_channel = True
     channel = connection.channel(module)
     return channel, planish_pb2_grpc.PlanishStub(channel)  # type: ignore[no-untyped-call]
+
+
+def _outgoing(method: str, request: Any) -> Any:
+    """What the stub takes: of a call with many messages, this one."""
+    return iter([request]) if SERVICE.methods_by_name[method].client_streaming else request
 
 
 def _is_lost(channel: Any) -> bool:
@@ -129,8 +138,7 @@ class BlockingTransport(Transport):
                 self._channel, self._stub = _connect(self.connection, grpc, BlockingStub)
             return getattr(self._stub, name)
 
-    def close(self) -> None:
-        """Calls under way end; a later one connects again."""
+    async def close(self) -> None:
         with self._lock:
             channel, self._channel, self._stub = self._channel, None, None
         if channel is not None:
@@ -143,7 +151,7 @@ class BlockingTransport(Transport):
 
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
         try:
-            answer = self._method(method)(request, timeout=timeout, metadata=metadata)
+            answer = self._method(method)(_outgoing(method, request), timeout=timeout, metadata=metadata)
         except grpc.RpcError as error:
             raise self._error(error) from None
         self.reached = True
@@ -212,7 +220,7 @@ class AioTransport(Transport):
 
     async def unary(self, method: str, request: Any, timeout: Optional[float], metadata: Metadata) -> Any:
         try:
-            answer = await self._method(method)(request, timeout=timeout, metadata=metadata)
+            answer = await self._method(method)(_outgoing(method, request), timeout=timeout, metadata=metadata)
         except grpc.aio.AioRpcError as error:
             raise self._error(error) from None
         self.reached = True

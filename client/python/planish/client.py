@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import threading
-from typing import Any, Callable, List, Mapping, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Coroutine, Optional
 
-from . import _follow
-from ._calls import Calls
-from ._connection import Connection, ConnectionOptions
-from ._follow import Callbacks, Control
-from ._request import NewJob, new_job
+from ._connection import ConnectionOptions
+from ._follow import Control
+from ._methods import Connected, Controlled, Methods, blocking
 from ._retry import RetryPolicy
 from ._transport import BlockingTransport, run_blocking
 from ._where import server_of
-from .errors import Error
-from .job import Capabilities, Event, Job, JobEstimate, Progress, Scheduling, UnwrapOptions
-from .mesh import pack_mesh
 from .result import Result
+
+if TYPE_CHECKING:
+    from typing_extensions import Concatenate, ParamSpec
+
+    P = ParamSpec("P")
 
 
 class Call:
@@ -77,7 +78,21 @@ class Call:
         return self._result
 
 
-class Client:
+def _on_a_thread(
+    method: Callable[Concatenate[Any, P], Coroutine[Any, Any, Result]]
+) -> Callable[Concatenate[Any, P], Call]:
+    @functools.wraps(method)
+    def start(self: Any, /, *arguments: P.args, **keywords: P.kwargs) -> Call:
+        return Call(
+            self, lambda control: run_blocking(method(Controlled(self._calls, control), *arguments, **keywords))
+        )
+
+    start.__name__ = f"start_{method.__name__}"
+    start.__doc__ = """As :meth:`unwrap` on a thread of its own, where the callbacks are called too. The arrays must not change meanwhile."""
+    return start
+
+
+class Client(Connected):
     """A connection to one server, made by the first call and again when it is lost. Thread-safe; a context manager.
 
     A forked child may go on with a client of its parent: it gets a channel of its own. A client can be pickled, for processes
@@ -100,15 +115,7 @@ class Client:
 
         `connection`: TLS and tokens; None: what the environment says. `retry`: how patient the client is.
         """
-        self._arguments = (target, connection, retry)
-        server = server_of(target, connection, retry)
-        self._transport = BlockingTransport(
-            Connection(server.target, server.connection, server.retry.connect_timeout_seconds)
-        )
-        self._calls = Calls(self._transport, server.retry)
-
-    def __reduce__(self) -> Any:
-        return _new_client, self._arguments
+        super().__init__(BlockingTransport, target, connection, retry)
 
     def __enter__(self) -> "Client":
         return self
@@ -116,201 +123,26 @@ class Client:
     def __exit__(self, *_: Any) -> None:
         self.close()
 
-    @property
-    def target(self) -> str:
-        return self._transport.connection.target
+    unwrap = blocking(Methods.unwrap)
+    attach = blocking(Methods.attach)
+    create_job = blocking(Methods.create_job)
+    create_jobs = blocking(Methods.create_jobs)
+    watch_job = blocking(Methods.watch_job)
+    get_job = blocking(Methods.get_job)
+    wait_job = blocking(Methods.wait_job)
+    read_result = blocking(Methods.read_result)
+    list_jobs = blocking(Methods.list_jobs)
+    stop_job = blocking(Methods.stop_job)
+    cancel_job = blocking(Methods.cancel_job)
+    delete_job = blocking(Methods.delete_job)
+    estimate = blocking(Methods.estimate)
+    capabilities = blocking(Methods.capabilities)
+    start_unwrap = _on_a_thread(Methods.unwrap)
 
-    def close(self) -> None:
+    @blocking
+    async def close(self) -> None:
         """Ends the connection, and calls under way with it."""
-        self._transport.close()
-
-    # Unwraps
-
-    def unwrap(
-        self,
-        positions: Any,
-        triangles: Any,
-        *,
-        options: Optional[UnwrapOptions] = None,
-        scheduling: Optional[Scheduling] = None,
-        labels: Optional[Mapping[str, str]] = None,
-        detached: bool = False,
-        timeout: Optional[float] = None,
-        request_id: str = "",
-        traceparent: str = "",
-        on_progress: Optional[Callable[[Progress], None]] = None,
-        on_event: Optional[Callable[[Event], None]] = None,
-        on_retry: Optional[Callable[[Error, float], None]] = None,
-        **more: Any,
-    ) -> Result:
-        """Flattens a mesh and waits for the UV.
-
-        `positions` (V, 3) and `triangles` (F, 3): whatever numpy takes for an array; see :class:`planish.NewJob`.
-        `more`: given seams (`seam_edges`, `seam_corners`, `parts`, `uncut_corners`, see :class:`planish.NewJob`) and fields of
-        :class:`planish.UnwrapOptions`, which go before those of `options`: ``unwrap(v, f, seams="needed", parts=labels)``.
-        `detached`: the job survives the loss of its caller. `timeout`: seconds for the whole call; the job is cancelled when
-        they pass. `request_id`: the same id gets the same job. `traceparent`: the W3C trace that the call continues; empty:
-        $TRACEPARENT or a new one. The callbacks are those of :class:`planish.Callbacks`.
-
-        Ctrl-C cancels the job on the server. Raises :class:`planish.ArrayError` before anything is sent,
-        :class:`planish.ResourceExhausted`, and whatever the job failed with.
-        """
-        job = new_job(positions, triangles, options, scheduling, labels, request_id, more)
-        callbacks = Callbacks(on_progress, on_event, on_retry)
-        return self._unwrap(job, callbacks, detached, timeout, traceparent, None)
-
-    def _unwrap(
-        self,
-        job: NewJob,
-        callbacks: Callbacks,
-        detached: bool,
-        timeout: Optional[float],
-        traceparent: str,
-        control: Optional[Control],
-    ) -> Result:
-        return run_blocking(
-            _follow.unwrap(
-                self._calls,
-                job,
-                callbacks,
-                detached=detached,
-                timeout=timeout,
-                traceparent=traceparent,
-                control=control,
-            )
-        )
-
-    def start_unwrap(
-        self,
-        positions: Any,
-        triangles: Any,
-        *,
-        options: Optional[UnwrapOptions] = None,
-        scheduling: Optional[Scheduling] = None,
-        labels: Optional[Mapping[str, str]] = None,
-        detached: bool = False,
-        timeout: Optional[float] = None,
-        request_id: str = "",
-        traceparent: str = "",
-        on_progress: Optional[Callable[[Progress], None]] = None,
-        on_event: Optional[Callable[[Event], None]] = None,
-        on_retry: Optional[Callable[[Error, float], None]] = None,
-        **more: Any,
-    ) -> Call:
-        """As :meth:`unwrap` on a thread of its own, where the callbacks are called too. The arrays must not change meanwhile."""
-        job = new_job(positions, triangles, options, scheduling, labels, request_id, more)
-        callbacks = Callbacks(on_progress, on_event, on_retry)
-        return Call(self, lambda control: self._unwrap(job, callbacks, detached, timeout, traceparent, control))
-
-    def attach(
-        self,
-        job: str,
-        positions: Any = None,
-        triangles: Any = None,
-        *,
-        timeout: Optional[float] = None,
-        traceparent: str = "",
-        on_progress: Optional[Callable[[Progress], None]] = None,
-        on_event: Optional[Callable[[Event], None]] = None,
-        on_retry: Optional[Callable[[Error, float], None]] = None,
-    ) -> Result:
-        """Follows a job until it ended and brings its UV. If the mesh is given, the job must be of that one (MESH_MISMATCH).
-        Leaving does not touch the job. Raises :class:`planish.NotFound`: JOB_NOT_FOUND, RESULT_EXPIRED."""
-        mesh = None if positions is None else pack_mesh(positions, triangles)
-        callbacks = Callbacks(on_progress, on_event, on_retry)
-        return run_blocking(
-            _follow.attach(self._calls, job, mesh, callbacks, timeout=timeout, traceparent=traceparent)
-        )
-
-    # Jobs
-
-    def create_job(
-        self,
-        positions: Any,
-        triangles: Any,
-        *,
-        options: Optional[UnwrapOptions] = None,
-        scheduling: Optional[Scheduling] = None,
-        labels: Optional[Mapping[str, str]] = None,
-        timeout: Optional[float] = None,
-        request_id: str = "",
-        **more: Any,
-    ) -> Job:
-        """Queues a job and returns as soon as the server has it; :meth:`attach` brings the UV. Parameters: :meth:`unwrap`."""
-        job = new_job(positions, triangles, options, scheduling, labels, request_id, more)
-        return run_blocking(self._calls.create_job(job, timeout))
-
-    def create_jobs(self, jobs: Sequence[NewJob]) -> List[Union[Job, Error]]:
-        """Queues several jobs with few calls. One that is refused hurts no other: in its place is the error, in the order of
-        `jobs`. A full queue is an error (QUEUE_FULL) of those that it has no room for. Raises if the server cannot be asked;
-        what it has accepted by then, the same request ids bring again."""
-        return run_blocking(self._calls.create_jobs(jobs))
-
-    def watch_job(
-        self,
-        job: str,
-        *,
-        after_sequence: int = 0,
-        timeout: Optional[float] = None,
-        on_progress: Optional[Callable[[Progress], None]] = None,
-        on_event: Optional[Callable[[Event], None]] = None,
-        on_retry: Optional[Callable[[Error, float], None]] = None,
-    ) -> Job:
-        """Follows a job until it ended, whatever the end. Events after `after_sequence` only."""
-        callbacks = Callbacks(on_progress, on_event, on_retry)
-        return run_blocking(
-            _follow.watch(self._calls, job, callbacks, after_sequence=after_sequence, timeout=timeout)
-        )
-
-    def get_job(self, job: str) -> Job:
-        """The job as it is now. `job` is a name, "jobs/...". Raises :class:`planish.NotFound`."""
-        return run_blocking(self._calls.get_job(job))
-
-    def wait_job(self, job: str, timeout: Optional[float] = None) -> Job:
-        """The job when it has ended, or after so many seconds as it is then: like :meth:`watch_job`, but by calls that are
-        over after some seconds each, for networks that cut streams."""
-        return run_blocking(self._calls.wait_job(job, timeout))
-
-    def read_result(self, job: str, offset: int, size: int) -> bytes:
-        """`size` bytes of the UV of a job that SUCCEEDED from byte `offset` on, as planish.v1.UvDescription lays them out;
-        fewer where the UV end."""
-        return run_blocking(self._calls.read_result(job, offset, size))
-
-    def list_jobs(self, limit: int = 50, filter: str = "") -> List[Job]:
-        """Newest first, at most `limit` (0: all), without reports. `filter` as in planish.v1.ListJobs, for instance
-        ``'state = RUNNING AND labels.file = "night/*"'``; empty: all."""
-        return run_blocking(self._calls.list_jobs(limit, filter))
-
-    def stop_job(self, job: str) -> Job:
-        """Asks a job to end soon with the best valid map so far (warning STOPPED)."""
-        return run_blocking(self._calls.stop_job(job))
-
-    def cancel_job(self, job: str) -> Job:
-        """The job, now CANCELLED or STOPPING; one that ended already is left as it is."""
-        return run_blocking(self._calls.cancel_job(job))
-
-    def delete_job(self, job: str) -> None:
-        """Forgets a job that has ended, and its UV. Raises :class:`planish.FailedPrecondition` for one that has not."""
-        run_blocking(self._calls.delete_job(job))
-
-    # The server
-
-    def estimate(
-        self, triangles: int, vertices: int = 0, *, options: Optional[UnwrapOptions] = None, **more: Any
-    ) -> JobEstimate:
-        """What unwrapping a mesh of so many triangles and vertices (0: half as many as triangles) would need."""
-        job = new_job(None, None, options, None, None, "", more)
-        return run_blocking(self._calls.estimate(job, triangles, vertices))
-
-    def capabilities(self) -> Capabilities:
-        """What this server can do."""
-        return run_blocking(self._calls.capabilities())
-
-
-def _new_client(
-    target: Optional[str], connection: Optional[ConnectionOptions], retry: Optional[RetryPolicy]
-) -> Client:
-    return Client(target, connection=connection, retry=retry)
+        await self._calls.transport.close()
 
 
 # The client of this process ---------------------------------------------------------------------------------------------

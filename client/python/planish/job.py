@@ -277,6 +277,8 @@ class Capabilities:
     threads: int = 0  #: that a job may use at most
     max_triangles: int = 0
     memory_bytes: int = 0  #: that running jobs may reserve together
+    upload_chunk_bytes: int = 0  #: of one piece of an upload
+    inline_mesh_bytes: int = 0  #: meshes larger than this are better uploaded in pieces
     reattach_grace_seconds: float = 0.0  #: that the job of a caller that went away waits for it to come back
     durable: bool = False  #: jobs, meshes and results outlive a restart of the server
     isolated_workers: bool = False  #: jobs run in processes of their own

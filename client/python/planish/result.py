@@ -65,7 +65,7 @@ class Result:
 
 def parse_uv(description: Any, data: bytearray, mesh: Optional[PackedMesh]) -> Any:
     """The UV of a job as an array, checked against what the server says of them and, if given, against the mesh."""
-    if mesh is not None and description.mesh_sha256 != mesh.sha256():
+    if mesh is not None and not _is_of(description.mesh_sha256, mesh):
         raise FailedPrecondition("the job was made from other positions or triangles", reason="MESH_MISMATCH")
     corners = description.corner_count
     if mesh is not None and corners != 3 * mesh.triangle_count:
@@ -76,6 +76,10 @@ def parse_uv(description: Any, data: bytearray, mesh: Optional[PackedMesh]) -> A
     if hashlib.sha256(data).digest() != description.uv_sha256:
         raise _corrupt("their SHA-256 differs")
     return np.frombuffer(data, kind).reshape(-1, 3, 2)
+
+
+def _is_of(digest: bytes, mesh: PackedMesh) -> bool:
+    return digest == mesh.sha256() or digest == hashlib.sha256(mesh.draco()).digest()  # an upload is a Draco file
 
 
 def _corrupt(what: str) -> DataLoss:

@@ -111,6 +111,17 @@ class Server:
         self.directory.cleanup()
 
 
+def secure_server(directory):
+    """A server with TLS that asks for a token, and the path of a file of deploy/certificates.sh by its name."""
+    subprocess.run([SOURCE_TREE / "deploy/certificates.sh", directory], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def path(name):
+        return os.path.join(directory, name)
+
+    flags = {"tls-cert": "server.pem", "tls-key": "server-key.pem", "access-file": "access.yaml"}
+    return Server(*(f"--{flag}={path(name)}" for flag, name in flags.items()), target=f"127.0.0.1:{free_port()}"), path
+
+
 def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -1,6 +1,8 @@
 """The blocking client against a real server."""
 
+import dataclasses
 import hashlib
+import json
 import os
 import pickle
 import signal
@@ -9,6 +11,7 @@ import sys
 import tempfile
 import threading
 import unittest
+import unittest.mock
 
 import numpy as np
 
@@ -89,6 +92,39 @@ class Unwrap(WithServer):
                 result = self.client.unwrap(positions, triangles, **options)
                 np.testing.assert_array_equal(uv.astype(np.float32), result.uv)
                 os.remove(out)
+
+    def test_uploaded_meshes(self):
+        server = support.Server(target=f"127.0.0.1:{support.free_port()}")
+        self.addCleanup(server.close)
+        mesh = support.bump()
+        with planish.Client(server.target) as client:
+            expected = client.unwrap(*mesh)
+            few = dataclasses.replace(client.capabilities(), inline_mesh_bytes=1, upload_chunk_bytes=1000)
+            answer = unittest.mock.AsyncMock(return_value=few)
+            small = unittest.mock.patch("planish._calls._SMALL_MESH_BYTES", 0)
+            with small, unittest.mock.patch("planish._calls.Calls.capabilities", answer):
+                job = client.create_job(*mesh)
+                result = client.attach(job.name, *mesh)
+                again = client.unwrap(*mesh, padding=3)
+            self.assertEqual(client.get_job(result.job).mesh_bytes, len(planish.mesh.pack_mesh(*mesh).draco()))
+            np.testing.assert_array_equal(result.uv, expected.uv)
+            self.assertTrue(again.is_usable)
+
+    def test_draco_files(self):
+        for n in (12, 16, 256):  # indices of one and two bytes, and of one to three
+            positions, triangles = support.bump(n)
+            with tempfile.TemporaryDirectory() as directory:
+                files = [os.path.join(directory, name) for name in ("mesh.obj", "mesh.drc")]
+                support.write_obj(files[0], positions, triangles)
+                with open(files[1], "wb") as file:
+                    file.write(planish.mesh.pack_mesh(positions, triangles).draco())
+                said = [subprocess.run([support.PLANISH, "inspect", "--json", path], stdout=subprocess.PIPE).stdout for path in files]
+            obj, drc = (json.loads(each) for each in said)
+            self.assertEqual(drc["triangles"], 2 * n * n)
+            for each in (obj, drc):
+                for key in ("file", "format", "bytes"):
+                    each.pop(key, None)
+            self.assertEqual(obj, drc)
 
     def test_double(self):
         positions, triangles = support.bump(4)
@@ -296,15 +332,7 @@ class Jobs(WithServer):
 class Identity(unittest.TestCase):
     def test_tls_and_token(self):
         with tempfile.TemporaryDirectory() as directory:
-            script = support.SOURCE_TREE / "deploy/certificates.sh"
-            subprocess.run([script, directory], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            path = lambda name: os.path.join(directory, name)
-            server = support.Server(
-                f"--tls-cert={path('server.pem')}",
-                f"--tls-key={path('server-key.pem')}",
-                f"--access-file={path('access.yaml')}",
-                target=f"127.0.0.1:{support.free_port()}",
-            )
+            server, path = support.secure_server(directory)
             self.addCleanup(server.close)
             good = planish.ConnectionOptions(tls_ca_file=path("ca.pem"), token_file=path("token"))
             with planish.Client(server.target, connection=good) as client:

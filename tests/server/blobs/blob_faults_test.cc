@@ -133,9 +133,9 @@ class SharedCatalogs : public ::testing::Test {
       if (found == bytes_.end()) return BlobNotFound(id);
       return found->second;
     }
-    absl::Status Remove(const BlobId& id) override {
+    absl::StatusOr<bool> Remove(const BlobId& id) override {
       bytes_.erase(id);
-      return absl::OkStatus();
+      return true;
     }
     std::map<BlobId, std::string> bytes_;
   };

@@ -116,14 +116,21 @@ TEST_F(PlanishdTest, ServesUntilSigterm) {
   EXPECT_THAT(daemon->Output(), HasSubstr("SUCCEEDED"));
 }
 
-TEST_F(PlanishdTest, AnInstancesNameIsInThoseOfItsJobs) {
-  const auto daemon = Start({"--instance=planishd-0"});
-  EXPECT_THAT(Create(QuickJob()), ::testing::MatchesRegex("jobs/planishd-0\\.[0-9a-f]{16}"));
-  for (const std::string& name :
-       {std::string("Upper"), std::string("dot.ted"), std::string("a/b"), std::string(64, 'a')}) {
-    Daemon refused({"--instance=" + name}, false);
-    EXPECT_EQ(refused.Wait(), 2) << name;
-    EXPECT_THAT(refused.Output(), HasSubstr("--instance")) << name;
+TEST_F(PlanishdTest, FlagsOfAFarmMakeSenseTogether) {
+  const std::pair<std::vector<std::string>, std::string> wrong[] = {
+      {{"--role=front"}, "--role needs --store"},
+      {{"--blobs=/srv/blobs"}, "--blobs needs --store"},
+      {{"--store=postgresql://u@h/d", "--data-dir=/tmp/d"}, "--data-dir and --store exclude each other"},
+      {{"--store=postgresql://u:secret@h/d"}, "--store-password-file"},
+      {{"--store=postgresql://u@h/d?password=secret"}, "--store-password-file"},
+      {{"--store=host=h password=secret"}, "--store-password-file"},
+      {{"--store=postgresql://u@h/d", "--blobs=s3:///x"}, "does not name a bucket"},
+      {{"--store=postgresql://u@h/d", "--blobs=blobs"}, "is none of postgresql, s3://BUCKET/PREFIX and /DIRECTORY"},
+  };
+  for (const auto& [flags, message] : wrong) {
+    Daemon refused(flags, false);
+    EXPECT_EQ(refused.Wait(), 2) << message;
+    EXPECT_THAT(refused.Output(), AllOf(HasSubstr(message), Not(HasSubstr("secret")))) << message;
   }
 }
 

@@ -168,16 +168,6 @@ TEST_P(UploadStoreTest, ARequestIdStandsForItsUploadAcrossARestart) {
   EXPECT_EQ(fresh->committed_bytes(), 0);
 }
 
-TEST_P(UploadStoreTest, ARequestIdNamesTheServerToo) {
-  options_.new_id = [] { return std::string("east.1234"); };
-  Start();
-  v1::CreateUploadRequest request;
-  request.set_total_bytes(1000);
-  request.set_sha256(std::string(32, 'x'));
-  request.set_request_id("once");
-  EXPECT_THAT(store_->Create(caller_, request)->name(), ::testing::StartsWith("uploads/east."));
-}
-
 TEST_P(UploadStoreTest, BadRequestsNameTheField) {
   const std::string digest = Sha256("x");
   for (const std::int64_t bytes : {std::int64_t{0}, std::int64_t{-1}}) {
@@ -513,19 +503,6 @@ TEST_P(UploadRestartTest, WhatWasThereBeforeTenantsIsTheDefaultTenants) {
   Start();
   EXPECT_EQ(Committed("uploads/farm-1.old"), 2);
   EXPECT_TRUE(WriteOnce("uploads/farm-1.old", 2, "sh").ok());
-}
-
-// Dashes part the fields of a file's name, and may be in an id as well.
-TEST_P(UploadRestartTest, IdsWithTheNameOfAServer) {
-  options_.new_id = IdsOf("planish-eu-0");
-  Start();
-  const std::string name = CreateFor("some bytes"), done = CreateFor("other bytes");
-  EXPECT_THAT(name, ::testing::MatchesRegex("uploads/planish-eu-0\\.[0-9a-f]{16}"));
-  ASSERT_TRUE(WriteOnce(name, 0, "some").ok());
-  ASSERT_TRUE(WriteOnce(done, 0, "other bytes").ok());
-  Start();
-  EXPECT_EQ(Committed(name), 4);
-  EXPECT_EQ(store_->Use(caller_, done)->mesh->bytes(), "other bytes");
 }
 
 TEST_P(UploadRestartTest, EndedBetweenTheLastByteAndTheBlob) {

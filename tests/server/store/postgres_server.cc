@@ -13,7 +13,7 @@ namespace {
 constexpr char kPrograms[] = "/usr/lib/postgresql/15/bin/";
 
 // Of a cluster that lives for some seconds. It does not sync: its processes die, the machine does not.
-const std::vector<std::string> kSettings = {"fsync=off",          "listen_addresses=", "max_connections=50",
+const std::vector<std::string> kSettings = {"fsync=off",           "listen_addresses=", "max_connections=50",
                                             "shared_buffers=16MB", "autovacuum=off",    "logging_collector=off"};
 
 // Before a command: it runs as a user that PostgreSQL accepts.
@@ -25,14 +25,25 @@ std::vector<std::string> AsItsUser(std::vector<std::string> options = {}) {
 
 }  // namespace
 
-PostgresServer::PostgresServer() {
+void PostgresServer::OwnDirectory() const {
   if (geteuid() == 0) {
     const passwd* const user = getpwnam("postgres");
     if (user == nullptr || chown(directory_.Path().c_str(), user->pw_uid, user->pw_gid) != 0) {
       throw std::runtime_error("there is no user 'postgres': deploy/install-packages.sh test installs PostgreSQL");
     }
   }
+}
+
+PostgresServer::PostgresServer() {
+  OwnDirectory();
   Run("initdb", "-D " + directory_.Path("data") + " -U planish --auth=trust --no-sync --no-locale -E UTF8");
+  Start();
+}
+
+PostgresServer::PostgresServer(const PostgresServer& primary) {
+  OwnDirectory();
+  Run("pg_basebackup",
+      "-h " + primary.host() + " -U planish -D " + directory_.Path("data") + " -R -X stream --no-sync -c fast");
   Start();
 }
 
@@ -46,6 +57,17 @@ std::string PostgresServer::NewDatabase() {
   return "postgresql://planish@/" + name + "?host=" + directory_.Path();
 }
 
+void PostgresServer::Promote() {
+  Run("psql", "-h " + host() + " -U planish -d postgres -qc 'SELECT pg_promote()'");
+}
+
+std::string PostgresServer::Copy(const std::string& url) {
+  const std::string copy = NewDatabase();
+  Run("pg_dump", "-Fc -f " + directory_.Path("dump") + " '" + url + "'");
+  Run("pg_restore", "-d '" + copy + "' " + directory_.Path("dump"));
+  return copy;
+}
+
 void PostgresServer::Crash() {
   if (process_ == nullptr) return;
   process_->Signal(SIGQUIT);
@@ -55,8 +77,8 @@ void PostgresServer::Crash() {
 
 void PostgresServer::Start() {
   std::vector<std::string> command = AsItsUser({"--pdeathsig=QUIT"});
-  command.insert(command.end(), {std::string(kPrograms) + "postgres", "-D", directory_.Path("data"), "-k",
-                                 directory_.Path()});
+  command.insert(command.end(),
+                 {std::string(kPrograms) + "postgres", "-D", directory_.Path("data"), "-k", directory_.Path()});
   for (const std::string& setting : kSettings) command.insert(command.end(), {"-c", setting});
   process_ = std::make_unique<Process>(command);
   // Up to a minute, as pg_ctl would.

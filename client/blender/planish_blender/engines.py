@@ -1,0 +1,455 @@
+"""Two ways to have a mesh unwrapped: the Python package, and the command. Nothing here knows Blender."""
+
+import importlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+#: Unwraps that are under way at a time.
+MOST_AT_A_TIME = 4
+#: In the order in which a job has them.
+STAGES = ("decode", "charts", "solve", "layout", "pack", "verify", "encode")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which server, how to get there, and who calls."""
+
+    where: str = "AUTO"  # or "PRIVATE", "SERVER"
+    address: str = ""
+    tls: bool = False
+    tls_ca_file: str = ""
+    token: str = ""
+    token_file: str = ""
+    engine: str = "AUTO"  # or "PACKAGE", "COMMAND"
+    planishd: str = ""
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Of an unwrap, named as planish.UnwrapOptions has them."""
+
+    seams: str = "auto"
+    max_stretch: float = 1.05
+    texture_size: int = 1024
+    padding: int = 2
+    boundary: str = "free"
+
+
+@dataclass
+class Outcome:
+    uv: Any  # (F, 3, 2) float32
+    charts: int
+    stretch: float
+    efficiency: float
+    warnings: list  # of sentences
+
+
+class Failed(Exception):
+    """An unwrap that brought no UV. Elements are those of the arrays that were given."""
+
+    def __init__(self, message, reason="", faces=(), edges=(), vertices=()):
+        super().__init__(message)
+        self.reason = reason
+        self.faces, self.edges, self.vertices = list(faces), list(edges), list(vertices)
+
+
+@dataclass
+class Progress:
+    stage: str = ""
+    chart: int = 0
+    chart_count: int = 0
+    newton_iteration: int = 0
+
+    def __str__(self):
+        if self.stage != "solve" or self.chart_count == 0:
+            return self.stage or "waiting"
+        return f"solve, chart {self.chart + 1} of {self.chart_count}, Newton step {self.newton_iteration}"
+
+    @property
+    def fraction(self):
+        if self.stage not in STAGES:
+            return 0.0
+        within = self.chart / self.chart_count if self.stage == "solve" and self.chart_count else 0.0
+        return (STAGES.index(self.stage) + within) / len(STAGES)
+
+
+def engine(settings):
+    """The way that goes here, as a function start(sheet, options) -> call. Raises Failed if there is none."""
+    if settings.where == "SERVER" and not settings.address:
+        raise Failed("The preferences of the add-on ask for a server at an address, but name none")
+    why = ""
+    if settings.engine != "COMMAND":
+        try:
+            client = _client(settings, _package())
+            return lambda sheet, options: _PackageCall(client, sheet, options)
+        except _NoPackage as error:
+            why = f"the Python package cannot be used ({error})"
+            if settings.engine == "PACKAGE":
+                raise Failed(f"T{why[1:]}; grpcio and protobuf must be installed in Blender's Python") from error
+    command = settings.command or shutil.which("planish")
+    if not command or not os.path.isfile(command):
+        missing = f"{command} is not a program" if command else "there is no planish command in PATH"
+        raise Failed(f"No way to a planish server: {missing}{'; ' + why if why else ''}. The preferences of the add-on name the programs")
+    return lambda sheet, options: _CommandCall(command, settings, sheet, options)
+
+
+# The Python package -----------------------------------------------------------------------------------------------------
+
+
+class _NoPackage(Exception):
+    pass
+
+
+def _package():
+    """The package `planish` that this Python has, or the one that came with the add-on."""
+    had_alias = "__mp_main__" in sys.modules
+    try:
+        try:
+            return importlib.import_module("planish")
+        except ModuleNotFoundError as error:
+            if error.name != "planish":
+                raise
+        sys.path.append(os.path.join(os.path.dirname(__file__), "lib"))
+        return importlib.import_module("planish")
+    except Exception as error:  # grpcio is missing, or does not go with protobuf
+        raise _NoPackage(str(error)) from error
+    finally:
+        # The import of multiprocessing gives __main__ this second name. In a script Blender frees __main__ at its end, and
+        # crashes when it looks at all modules before it quits.
+        if not had_alias:
+            sys.modules.pop("__mp_main__", None)
+
+
+_clients = {}  # of what they were made from
+_servers = {}  # private ones, of the program
+
+
+def _private_server(package, program):
+    server = _servers.get(program)
+    if server is None or not server.is_running:
+        workers = max(1, min(MOST_AT_A_TIME, (os.cpu_count() or 1) // 2))
+        server = _servers[program] = package.PrivateServer(executable=program or None, workers=workers)
+    return server
+
+
+def _client(settings, package):
+    try:
+        named = settings.address if settings.where == "SERVER" else os.environ.get("PLANISH_SERVER", "")
+        if settings.where == "PRIVATE" or not named:
+            target, connection = _private_server(package, settings.planishd).target, None
+        else:
+            target = named
+            connection = package.ConnectionOptions(
+                tls=settings.tls or None,
+                tls_ca_file=settings.tls_ca_file or None,
+                token=None if settings.token_file else settings.token or None,
+                token_file=settings.token_file or None,
+            )
+        key = (target, connection)
+        if key not in _clients:
+            _clients.clear()
+            _clients[key] = package.Client(target, connection=connection)
+        return _clients[key]
+    except package.Error as error:
+        raise Failed(error.message, error.reason) from error
+
+
+def close():
+    """Ends connections and private servers."""
+    for each in (*_clients.values(), *_servers.values()):
+        each.close()
+    _clients.clear()
+    _servers.clear()
+
+
+class _PackageCall:
+    """An unwrap by the package, on a thread of its own."""
+
+    def __init__(self, client, sheet, options):
+        self.sheet = sheet
+        self.progress = Progress()
+        self._package = _package()
+        try:
+            self._call = client.start_unwrap(
+                sheet.positions,
+                sheet.triangles,
+                seam_corners=sheet.seam_corners,
+                uncut_corners=sheet.uncut_corners,
+                seams=options.seams,
+                max_stretch=options.max_stretch if options.seams == "auto" else None,
+                texture_size=options.texture_size,
+                padding=options.padding,
+                boundary=options.boundary,
+                precision="float",
+                labels={"file": sheet.name[:60]},
+                on_progress=self._note,
+            )
+        except self._package.Error as error:
+            raise self._failed(error) from error
+
+    def _note(self, progress):
+        self.progress = Progress(progress.stage, progress.chart, progress.chart_count, progress.newton_iteration)
+
+    def done(self):
+        return self._call.done()
+
+    def wait(self, seconds):
+        return self._call.wait(seconds)
+
+    def cancel(self):
+        """Returns at once; the call ends soon."""
+        threading.Thread(target=self._cancel, daemon=True).start()
+
+    def _cancel(self):
+        try:
+            self._call.cancel()
+        except self._package.Error:
+            pass  # the call itself says what became of it
+
+    def result(self):
+        try:
+            result = self._call.result()
+        except self._package.Error as error:
+            raise self._failed(error) from error
+        quality = result.report.quality
+        return Outcome(
+            uv=result.uv,
+            charts=result.chart_count,
+            stretch=quality.stretch_l2,
+            efficiency=quality.packing_efficiency,
+            warnings=[warning.message for warning in result.warnings],
+        )
+
+    @staticmethod
+    def _failed(error):
+        return Failed(error.message, error.reason, error.faces, error.edges, error.vertices)
+
+
+# The command ------------------------------------------------------------------------------------------------------------
+
+
+class _CommandCall:
+    """An unwrap by the command: a process that reads a file and writes one, in a directory of its own."""
+
+    def __init__(self, command, settings, sheet, options):
+        self.sheet = sheet
+        self.progress = Progress()
+        self._directory = tempfile.TemporaryDirectory(prefix="planish-blender-")
+        self._cancelled = False
+        self._last_line = ""
+        arguments, environment = self._prepare(command, settings, options)
+        try:
+            self._process = subprocess.Popen(
+                arguments, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment, text=True
+            )
+        except OSError as error:
+            self._directory.cleanup()
+            raise Failed(f"{command} cannot be started: {error.strerror}") from error
+        self._answer = ""
+        self._threads = [threading.Thread(target=read, daemon=True) for read in (self._read_events, self._read_answer)]
+        for thread in self._threads:
+            thread.start()
+
+    def _path(self, name):
+        return os.path.join(self._directory.name, name)
+
+    def _prepare(self, command, settings, options):
+        sheet = self.sheet
+        faces = sheet.triangles
+        with open(self._path("mesh.obj"), "w", encoding="ascii") as file:
+            file.write("v %.9g %.9g %.9g\n" * len(sheet.positions) % tuple(sheet.positions.reshape(-1).tolist()))
+            file.write("f %d %d %d\n" * len(faces) % tuple((faces.reshape(-1) + 1).tolist()))
+        seams = [options.seams]
+        for source, corners in (("edges", sheet.seam_corners), ("uncut", sheet.uncut_corners)):
+            if len(corners) == 0:
+                continue
+            f, k = np.divmod(corners, 3)
+            ends = np.stack([faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]], axis=1) + 1
+            ends = np.unique(np.sort(ends, axis=1), axis=0)
+            with open(self._path(source), "w", encoding="ascii") as file:
+                file.write("%d %d\n" * len(ends) % tuple(ends.reshape(-1).tolist()))
+            seams.append(f"{source}:{self._path(source)}")
+        arguments = [command, "unwrap", self._path("mesh.obj"), "-o", self._path("uv.obj"), "--json", "--progress=json"]
+        arguments += ["--precision=float", f"--seams={','.join(seams)}"]
+        if options.seams == "auto":
+            arguments.append(f"--max-stretch={options.max_stretch:.9g}")
+        arguments += [f"--texture-size={options.texture_size}", f"--padding={options.padding}", f"--boundary={options.boundary}"]
+        arguments += [f"--label=file={sheet.name[:60]}"]
+        environment = dict(os.environ)
+        if settings.planishd:
+            environment["PLANISHD"] = settings.planishd
+        if settings.where == "PRIVATE":
+            environment.pop("PLANISH_SERVER", None)
+        elif settings.where == "SERVER":
+            arguments.append(f"--server={settings.address}")
+        if settings.where != "PRIVATE":
+            if settings.tls:
+                arguments.append("--tls")
+            if settings.tls_ca_file:
+                arguments.append(f"--tls-ca={settings.tls_ca_file}")
+            if settings.token_file:
+                arguments.append(f"--token-file={settings.token_file}")
+            elif settings.token:
+                environment.pop("PLANISH_TOKEN_FILE", None)
+                environment["PLANISH_TOKEN"] = settings.token
+        return arguments, environment
+
+    def _read_events(self):
+        for line in self._process.stderr:
+            if not line.startswith("{"):
+                self._last_line = line.strip() or self._last_line
+                continue
+            try:
+                progress = json.loads(line).get("progress")
+            except ValueError:
+                continue  # the end of a line that was cut
+            if progress:
+                self.progress = Progress(**{name: progress[name] for name in Progress.__dataclass_fields__})
+
+    def _read_answer(self):
+        self._answer = self._process.stdout.read()
+
+    def done(self):
+        return self._process.poll() is not None
+
+    def wait(self, seconds):
+        try:
+            self._process.wait(seconds)
+            return True
+        except subprocess.TimeoutExpired:
+            return False
+
+    def cancel(self):
+        """As Ctrl-C: the command cancels its job on the server."""
+        self._cancelled = True
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+
+    def result(self):
+        self._process.wait()
+        for thread in self._threads:
+            thread.join()
+        self._process.stdout.close()
+        self._process.stderr.close()
+        try:
+            return self._outcome()
+        finally:
+            self._directory.cleanup()
+
+    def _outcome(self):
+        try:
+            report = json.loads(self._answer)
+        except ValueError:
+            report = {}
+        if self._cancelled and self._process.returncode != 0:
+            raise Failed("the job was cancelled", "CANCELLED")
+        if report.get("state") != "SUCCEEDED":
+            error = report.get("error") or {}
+            metadata = error.get("metadata") or {}
+            message = error.get("message") or self._last_line or f"planish ended with {self._process.returncode} and said nothing"
+            raise Failed(message, error.get("reason", ""), *_elements(metadata))
+        return Outcome(
+            uv=_read_uv(self._path("uv.obj")),
+            charts=report["chart_totals"]["charts"],
+            stretch=report["quality"]["stretch_l2"],
+            efficiency=report["quality"]["packing_efficiency"],
+            warnings=[warning["message"] for warning in report["warnings"]],
+        )
+
+
+def _elements(metadata):
+    def text(*keys):
+        return ",".join(metadata.get(key, "") for key in keys)
+
+    faces = [int(digits) for digits in re.findall(r"\d+", text("face", "faces"))]
+    edges = [(int(a), int(b)) for a, b in re.findall(r"(\d+)-(\d+)", text("edge", "edges"))]
+    vertices = [int(digits) for digits in re.findall(r"\d+", text("vertex", "vertices"))]
+    return faces, edges, vertices
+
+
+def _read_uv(path):
+    """UV of the corners of the triangles of an OBJ, (F, 3, 2)."""
+    uv, corners = [], []
+    with open(path, encoding="ascii") as file:
+        for line in file:
+            if line.startswith("vt "):
+                uv.append(line[3:])
+            elif line.startswith("f "):
+                corners.append(line[2:].replace("/", " "))
+    values = np.array(" ".join(uv).split(), np.float64).astype(np.float32).reshape(-1, 2)
+    return values[np.array(" ".join(corners).split(), np.int64).reshape(-1, 3, 2)[..., 1] - 1]
+
+
+# Several at a time ------------------------------------------------------------------------------------------------------
+
+
+def _check_positions(sheet):
+    bad = np.flatnonzero(~np.isfinite(sheet.positions).all(axis=1))
+    if len(bad) > 0:
+        message = f"vertex {bad[0]} has a position that is no number"
+        raise Failed(message, "MESH_POSITION_NOT_FINITE", vertices=bad[:16].tolist())
+
+
+@dataclass
+class Batch:
+    """Unwraps of several sheets, a few at a time."""
+
+    start: Any  # of engine()
+    sheets: list
+    options: Options
+    outcomes: list = field(default_factory=list)  # (sheet, Outcome or Failed), as they end
+    cancelled: bool = False
+
+    def __post_init__(self):
+        self._waiting = list(self.sheets)
+        self._running = []
+
+    def step(self):
+        """Takes what has ended and starts what is next; whether all is over."""
+        for call in [call for call in self._running if call.done()]:
+            self._running.remove(call)
+            try:
+                self.outcomes.append((call.sheet, call.result()))
+            except Failed as error:
+                self.outcomes.append((call.sheet, error))
+        while self._waiting and len(self._running) < MOST_AT_A_TIME and not self.cancelled:
+            sheet = self._waiting.pop(0)
+            try:
+                _check_positions(sheet)
+                self._running.append(self.start(sheet, self.options))
+            except Failed as error:
+                self.outcomes.append((sheet, error))
+        return not self._running and (self.cancelled or not self._waiting)
+
+    def wait(self, seconds):
+        """Until the oldest call has ended, or so long."""
+        if self._running:
+            self._running[0].wait(seconds)
+
+    def cancel(self):
+        self.cancelled = True
+        for call in self._running:
+            call.cancel()
+
+    @property
+    def fraction(self):
+        done = len(self.outcomes) + sum(call.progress.fraction for call in self._running)
+        return done / max(1, len(self.sheets))
+
+    def __str__(self):
+        if self.cancelled:
+            return "cancelling"
+        now = str(self._running[0].progress) if self._running else "waiting"
+        return now if len(self.sheets) == 1 else f"{len(self.outcomes)} of {len(self.sheets)} done; {now}"

@@ -1,0 +1,246 @@
+"""From Blender's meshes to arrays of triangles, and UV back to the loops of polygons."""
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import bmesh
+import bpy
+import numpy as np
+
+#: UV of one vertex that are further apart belong to two islands.
+_UV_GAP = 1e-5
+
+
+class Unusable(Exception):
+    """A mesh that cannot be unwrapped as it is; the message is for people."""
+
+
+@dataclass
+class Part:
+    """One mesh, as triangles. Corner 3 f + k is corner k of triangle f, and faces the edge between the other two."""
+
+    object: Any
+    positions: Any  # (V, 3) float32, in the size that the object has in the scene
+    triangles: Any  # (F, 3) vertices
+    loops: Any  # (F, 3) loops of the mesh
+    polygon: Any  # (F,) polygons of the mesh
+    seam_corners: Any  # that face an edge which the user wants cut
+    uncut_corners: Any  # that face a diagonal of a polygon
+    loop_count: int
+
+
+def _get(collection, name, columns, kind):
+    values = np.empty(len(collection) * columns, kind)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, columns) if columns > 1 else values
+
+
+def read(object, sources):
+    """The mesh of an object. `sources`: "SEAM", "SHARP", "MATERIAL", "UV": the edges that are seams."""
+    if object.data.library is not None:
+        raise Unusable(f"the mesh of {object.name} is linked from another file and cannot be changed")
+    if object.mode != "EDIT":
+        return _read(object, object.data, sources)
+    object.update_from_editmode()
+    copy = object.data.copy()  # one that is being edited hides its UV
+    try:
+        return _read(object, copy, sources)
+    finally:
+        bpy.data.meshes.remove(copy)
+
+
+def _read(object, mesh, sources):
+    mesh.calc_loop_triangles()
+    if len(mesh.loop_triangles) == 0:
+        raise Unusable(f"{object.name} has no faces")
+    loops = _get(mesh.loop_triangles, "loops", 3, np.int32)
+    loop_vertex = _get(mesh.loops, "vertex_index", 1, np.int32)
+    loop_edge = _get(mesh.loops, "edge_index", 1, np.int32)
+    after = _next_loop(mesh)
+    from_loop, to_loop = loops[:, [1, 2, 0]], loops[:, [2, 0, 1]]
+    edge = np.where(after[from_loop] == to_loop, loop_edge[from_loop], -1)
+    edge = np.where(after[to_loop] == from_loop, loop_edge[to_loop], edge).reshape(-1)
+    is_seam = _seam_edges(object, mesh, sources, loop_vertex, loop_edge, after)
+    return Part(
+        object=object,
+        positions=_scaled(object, _get(mesh.vertices, "co", 3, np.float32)),
+        triangles=loop_vertex[loops],
+        loops=loops,
+        polygon=_get(mesh.loop_triangles, "polygon_index", 1, np.int32),
+        seam_corners=np.flatnonzero((edge >= 0) & is_seam[edge]).astype(np.int32),
+        uncut_corners=np.flatnonzero(edge < 0).astype(np.int32),
+        loop_count=len(mesh.loops),
+    )
+
+
+def _next_loop(mesh):
+    start = _get(mesh.polygons, "loop_start", 1, np.int32)
+    total = _get(mesh.polygons, "loop_total", 1, np.int32)
+    after = np.arange(1, len(mesh.loops) + 1, dtype=np.int32)
+    after[start + total - 1] = start
+    return after
+
+
+def _scaled(object, positions):
+    """As the object stands in the scene, but for its place. What is mirrored there keeps its own orientation."""
+    matrix = np.array(object.matrix_world.to_3x3(), np.float64)
+    determinant = np.linalg.det(matrix)
+    if determinant == 0 or not np.isfinite(determinant) or np.array_equal(matrix, np.eye(3)):
+        return positions
+    return (positions.astype(np.float64) @ (np.sign(determinant) * matrix).T).astype(np.float32)
+
+
+# Seams ------------------------------------------------------------------------------------------------------------------
+
+
+def _seam_edges(object, mesh, sources, loop_vertex, loop_edge, after):
+    is_seam = np.zeros(len(mesh.edges), bool)
+    if "SEAM" in sources:
+        is_seam |= _get(mesh.edges, "use_seam", 1, bool)
+    if "SHARP" in sources:
+        is_seam |= _get(mesh.edges, "use_edge_sharp", 1, bool)
+    if "MATERIAL" in sources:
+        material = _get(mesh.polygons, "material_index", 1, np.int32)
+        of_loop = np.repeat(material, _get(mesh.polygons, "loop_total", 1, np.int32))
+        is_seam |= _differs(of_loop[:, None], loop_edge, len(is_seam), 0)
+    if "UV" in sources:
+        if mesh.uv_layers.active is None:
+            raise Unusable(f"{object.name} has no UV map whose islands could be seams")
+        uv = _get(mesh.uv_layers.active.data, "uv", 2, np.float32)
+        is_forward = (loop_vertex < loop_vertex[after])[:, None]
+        ends = np.where(is_forward, np.hstack([uv, uv[after]]), np.hstack([uv[after], uv]))
+        is_seam |= _differs(ends, loop_edge, len(is_seam), _UV_GAP)
+    return is_seam
+
+
+def _differs(value, loop_edge, edges, gap):
+    """The edges at which some loops have values, (L, N), that are further apart than `gap`."""
+    order = np.argsort(loop_edge, kind="stable")
+    sorted_edge = loop_edge[order]
+    starts = np.flatnonzero(np.r_[True, sorted_edge[1:] != sorted_edge[:-1]])
+    value = value[order]
+    spread = np.maximum.reduceat(value, starts) - np.minimum.reduceat(value, starts)
+    result = np.zeros(edges, bool)
+    result[sorted_edge[starts]] = (spread > gap).any(axis=1)
+    return result
+
+
+# Jobs -------------------------------------------------------------------------------------------------------------------
+
+
+class Sheet:
+    """The parts that share an atlas: one mesh on the way to the server."""
+
+    def __init__(self, parts):
+        self.parts = parts
+        self._first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
+        self._first_face = np.cumsum([0] + [len(part.triangles) for part in parts])
+        self.positions = np.concatenate([part.positions for part in parts])
+        self.triangles = np.concatenate([part.triangles + first for part, first in zip(parts, self._first_vertex)])
+        self.seam_corners = self._corners([part.seam_corners for part in parts])
+        self.uncut_corners = self._corners([part.uncut_corners for part in parts])
+
+    def _corners(self, lists):
+        return np.concatenate([3 * first + corners for corners, first in zip(lists, self._first_face)])
+
+    @property
+    def name(self):
+        names = [part.object.name for part in self.parts]
+        return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+    def write(self, uv):
+        """Puts UV, (F, 3, 2), into the active layers. The names of objects that were changed meanwhile are left out, and returned;
+        with them the number of polygons whose corners would need several UV each."""
+        changed, torn = [], 0
+        for part, begin, end in zip(self.parts, self._first_face, self._first_face[1:]):
+            of_loop = np.zeros((part.loop_count, 2), np.float32)
+            of_loop[part.loops] = uv[begin:end]
+            differs = (of_loop[part.loops] != uv[begin:end]).any(axis=(1, 2))
+            torn += len(np.unique(part.polygon[differs]))
+            if not _write(part, of_loop):
+                changed.append(part.object.name)
+        return changed, torn
+
+    # Elements, as the server counts them
+
+    def polygon_of(self, face):
+        p = int(np.searchsorted(self._first_face, face, side="right")) - 1
+        return p, int(self.parts[p].polygon[face - self._first_face[p]])
+
+    def vertex_of(self, vertex):
+        p = int(np.searchsorted(self._first_vertex, vertex, side="right")) - 1
+        return p, int(vertex - self._first_vertex[p])
+
+    def in_own_words(self, message):
+        """The message with the elements numbered as in Blender."""
+
+        def numbers(find, digits):
+            p, element = find(int(digits))
+            return str(element) if len(self.parts) == 1 else f"{element} of {self.parts[p].object.name}"
+
+        def renumbered(match):
+            find = self.polygon_of if match[1].startswith("face") else self.vertex_of
+            return match[1] + re.sub(r"\d+", lambda digits: numbers(find, digits[0]), match[2])
+
+        return re.sub(r"\b((?:faces?|vertex|vertices|edges?) )(\d+(?:(?:, |-| and )\d+)*)", renumbered, message)
+
+    def select(self, faces, edges, vertices):
+        """Selects these elements and nothing else in the objects of this sheet. Whether there were any."""
+        found = [([], [], []) for _ in self.parts]
+        for face in faces:
+            p, polygon = self.polygon_of(face)
+            found[p][0].append(polygon)
+        for a, b in edges:
+            p, first = self.vertex_of(a)
+            found[p][1].append((first, self.vertex_of(b)[1]))
+        for vertex in vertices:
+            p, own = self.vertex_of(vertex)
+            found[p][2].append(own)
+        for part, elements in zip(self.parts, found):
+            _select(part.object, *elements)
+        return bool(faces or edges or vertices)
+
+
+def _write(part, of_loop):
+    mesh = part.object.data
+    if part.object.mode == "EDIT":
+        edited = bmesh.from_edit_mesh(mesh)
+        if sum(len(face.loops) for face in edited.faces) != part.loop_count:
+            return False
+        layer = edited.loops.layers.uv.verify()
+        values = iter(of_loop.tolist())
+        for face in edited.faces:
+            for loop in face.loops:
+                loop[layer].uv = next(values)
+        bmesh.update_edit_mesh(mesh, loop_triangles=False, destructive=False)
+        return True
+    if len(mesh.loops) != part.loop_count:
+        return False
+    layer = mesh.uv_layers.active or mesh.uv_layers.new(do_init=False)
+    layer.data.foreach_set("uv", of_loop.reshape(-1))
+    mesh.update()
+    return True
+
+
+def _select(object, polygons, edges, vertices):
+    mesh = object.data
+    is_face = np.zeros(len(mesh.polygons), bool)
+    is_face[polygons] = True
+    ends = _get(mesh.edges, "vertices", 2, np.int32)
+    wanted = {tuple(sorted(edge)) for edge in edges}
+    is_edge = np.array([tuple(sorted(pair)) in wanted for pair in ends.tolist()], bool) if wanted else np.zeros(len(ends), bool)
+    loop_face = np.repeat(is_face, _get(mesh.polygons, "loop_total", 1, np.int32))
+    is_edge[_get(mesh.loops, "edge_index", 1, np.int32)[loop_face]] = True
+    is_vertex = np.zeros(len(mesh.vertices), bool)
+    is_vertex[ends[is_edge].reshape(-1)] = True
+    is_vertex[vertices] = True
+    if object.mode != "EDIT":
+        for collection, selected in ((mesh.vertices, is_vertex), (mesh.edges, is_edge), (mesh.polygons, is_face)):
+            collection.foreach_set("select", selected)
+        return
+    edited = bmesh.from_edit_mesh(mesh)
+    for sequence, selected in ((edited.verts, is_vertex), (edited.edges, is_edge), (edited.faces, is_face)):
+        for element, flag in zip(sequence, selected.tolist()):
+            element.select = flag
+    bmesh.update_edit_mesh(mesh, loop_triangles=False, destructive=False)

@@ -1,0 +1,235 @@
+"""UV > Unwrap with planish."""
+
+import bpy
+import numpy as np
+
+from . import engines, meshes
+from .preferences import settings
+
+_POLL_SECONDS = 0.1
+#: What may be done to the view while an unwrap runs; the meshes must stay as they are.
+_VIEW_EVENTS = ("MIDDLEMOUSE", "WHEEL", "MOUSEMOVE", "TRACKPAD", "MOUSEROTATE", "NUMPAD_", "NDOF", "WINDOW_", "TIMER")
+
+
+class UV_OT_planish_unwrap(bpy.types.Operator):
+    """Unwrap the selected objects by Angle Based Flattening, on a planish server"""
+
+    bl_idname = "uv.planish_unwrap"
+    bl_label = "Unwrap with planish"
+    bl_options = {"REGISTER", "UNDO"}
+
+    seams: bpy.props.EnumProperty(
+        name="Seams",
+        description="Edges to cut at",
+        items=(
+            ("SEAM", "Marked", "Edges that are marked as seams"),
+            ("SHARP", "Sharp", "Edges that are marked as sharp"),
+            ("MATERIAL", "Materials", "Edges between faces of different materials"),
+            ("UV", "Islands", "Borders of the islands of the active UV map"),
+        ),
+        options={"ENUM_FLAG"},
+        default={"SEAM"},
+    )
+    cuts: bpy.props.EnumProperty(
+        name="More Seams",
+        description="Where else may be cut",
+        items=(
+            ("AUTO", "For Stretch", "As many more as keep the stretch of every chart below the limit"),
+            ("NEEDED", "Where Needed", "Only where a part between the seams cannot lie flat otherwise"),
+            ("KEEP", "Nowhere", "A part between the seams that cannot lie flat is an error"),
+        ),
+        default="AUTO",
+    )
+    max_stretch: bpy.props.FloatProperty(
+        name="Stretch",
+        description="Root mean square stretch above which a chart is cut",
+        default=1.05,
+        min=1.001,
+        max=100,
+        soft_max=2,
+        precision=3,
+    )
+    texture_size: bpy.props.IntProperty(
+        name="Texture Size", description="Texels per side", default=1024, min=16, max=65536, subtype="PIXEL"
+    )
+    padding: bpy.props.IntProperty(
+        name="Padding", description="Texels between charts, half as many at the rim", default=2, min=0, max=64, subtype="PIXEL"
+    )
+    boundary: bpy.props.EnumProperty(
+        name="Boundary",
+        items=(
+            ("FREE", "Free", "Charts have the outline that distorts least"),
+            ("CONVEX", "Convex", "The outline of each chart is a convex polygon"),
+        ),
+        default="FREE",
+    )
+    one_atlas: bpy.props.BoolProperty(
+        name="One Atlas", description="The objects share one texture; off: each has its own", default=True
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return any(True for _ in _objects(context))
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.column(heading="Seams").prop(self, "seams")
+        layout.prop(self, "cuts")
+        row = layout.row()
+        row.active = self.cuts == "AUTO"
+        row.prop(self, "max_stretch")
+        for name in ("texture_size", "padding", "boundary", "one_atlas"):
+            layout.prop(self, name)
+
+    # For scripts, and when an option is changed in the redo panel: waits for the end.
+
+    def execute(self, context):
+        if not self._begin(context):
+            return {"CANCELLED"}
+        manager = context.window_manager
+        manager.progress_begin(0, 1)
+        try:
+            while not self._batch.step():
+                manager.progress_update(self._batch.fraction)
+                self._batch.wait(_POLL_SECONDS)
+        except BaseException:  # Ctrl-C in a terminal
+            self._batch.cancel()
+            raise
+        finally:
+            manager.progress_end()
+        return self._end(context)
+
+    # For people: Blender goes on meanwhile.
+
+    def invoke(self, context, _event):
+        if bpy.app.background:
+            return self.execute(context)
+        if not self._begin(context):
+            return {"CANCELLED"}
+        self._timer = context.window_manager.event_timer_add(_POLL_SECONDS, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        self._show(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self._batch.cancel()
+            self._show(context)
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"} if event.type.startswith(_VIEW_EVENTS) else {"RUNNING_MODAL"}
+        is_over = self._batch.step()
+        if not is_over:
+            self._show(context)
+            return {"PASS_THROUGH"}
+        self._hide(context)
+        result = self._end(context)
+        for area in context.screen.areas:
+            area.tag_redraw()
+        return result
+
+    def cancel(self, context):
+        """Blender loads another file, or ends."""
+        self._batch.cancel()
+        self._hide(context)
+
+    def _show(self, context):
+        context.workspace.status_text_set(f"Unwrap with planish: {self._batch} (Esc cancels)")
+
+    def _hide(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+
+    # What both have in common
+
+    def _begin(self, context):
+        try:
+            start = engines.engine(settings(context))
+            parts = [meshes.read(each, self.seams) for each in _objects(context)]
+        except (engines.Failed, meshes.Unusable) as error:
+            self.report({"ERROR"}, str(error))
+            return False
+        sheets = [meshes.Sheet(parts)] if self.one_atlas else [meshes.Sheet([part]) for part in parts]
+        options = engines.Options(
+            self.cuts.lower(), self.max_stretch, self.texture_size, self.padding, self.boundary.lower()
+        )
+        self._batch = engines.Batch(start, sheets, options)
+        self._batch.step()
+        return True
+
+    def _end(self, context):
+        batch, self._batch = self._batch, None  # Blender may keep the operator, for the redo panel
+        if batch.cancelled:
+            self.report({"INFO"}, "Unwrap with planish: cancelled")
+            return {"CANCELLED"}
+        good = [(sheet, outcome) for sheet, outcome in batch.outcomes if isinstance(outcome, engines.Outcome)]
+        for sheet, outcome in good:
+            self._take(sheet, outcome)
+        if good:
+            charts = sum(outcome.charts for _, outcome in good)
+            stretch = max(outcome.stretch for _, outcome in good)
+            efficiency = np.mean([outcome.efficiency for _, outcome in good])
+            self.report({"INFO"}, f"{charts} chart{'s' if charts != 1 else ''}, stretch {stretch:.3f}, {efficiency:.0%} of the texture used")
+        selects = False
+        for sheet, error in batch.outcomes:
+            if not isinstance(error, engines.Failed):
+                continue
+            selected = sheet.select(error.faces, error.edges, error.vertices)
+            note = " (selected)" if selected else ""
+            self.report({"ERROR"}, f"{sheet.name}: {sheet.in_own_words(str(error))}{note}")
+            if selected and not selects:
+                selects = True
+                _show_selection(context, error)
+        if selects and not good:
+            bpy.ops.ed.undo_push(message="Faulty Elements")
+        return {"FINISHED"} if good else {"CANCELLED"}
+
+    def _take(self, sheet, outcome):
+        changed, torn = sheet.write(outcome.uv)
+        for name in changed:
+            self.report({"WARNING"}, f"{name} was changed meanwhile and keeps its UV")
+        if torn:
+            self.report({"WARNING"}, f"{torn} faces had to be cut along a diagonal, and are not mapped properly")
+        for warning in outcome.warnings:
+            self.report({"WARNING"}, f"{sheet.name}: {sheet.in_own_words(warning)}")
+
+
+def _objects(context):
+    """The meshes to be unwrapped: those in edit mode, else those selected; each mesh once."""
+    if context.mode == "EDIT_MESH":
+        objects = context.objects_in_mode_unique_data
+    else:
+        objects = context.selected_objects if context.mode == "OBJECT" else ()
+    seen = set()
+    for each in objects:
+        if each.type == "MESH" and each.data not in seen:
+            seen.add(each.data)
+            yield each
+
+
+def _show_selection(context, error):
+    """In edit mode, which shows what is selected, where a person is there to see it."""
+    context.tool_settings.mesh_select_mode = (bool(error.vertices), bool(error.edges), not error.vertices and not error.edges)
+    if context.mode == "OBJECT" and not bpy.app.background and context.object is not None:
+        bpy.ops.object.mode_set(mode="EDIT")
+
+
+def _draw_menu(menu, _context):
+    menu.layout.separator()
+    menu.layout.operator(UV_OT_planish_unwrap.bl_idname)
+
+
+_MENUS = ("VIEW3D_MT_uv_map", "IMAGE_MT_uvs_unwrap", "VIEW3D_MT_object")
+
+
+def register():
+    bpy.utils.register_class(UV_OT_planish_unwrap)
+    for name in _MENUS:
+        getattr(bpy.types, name).append(_draw_menu)
+
+
+def unregister():
+    for name in _MENUS:
+        getattr(bpy.types, name).remove(_draw_menu)
+    bpy.utils.unregister_class(UV_OT_planish_unwrap)

@@ -1,0 +1,38 @@
+#include "server/farm.h"
+
+#include <algorithm>
+
+#include "core/base/status_macros.h"
+
+namespace planish {
+
+absl::Status Farm::Tick() {
+  // Long enough for a database that restarts.
+  PLANISH_RETURN_IF_ERROR(registry_.Announce(self_, 6 * kInterval));
+  PLANISH_ASSIGN_OR_RETURN(std::vector<ServerEntry> servers, registry_.List());
+  const std::lock_guard lock(mutex_);
+  servers_ = std::move(servers);
+  return absl::OkStatus();
+}
+
+absl::Status Farm::Leave() {
+  return registry_.Withdraw(self_.name);
+}
+
+std::vector<ServerEntry> Farm::Servers() const {
+  const std::lock_guard lock(mutex_);
+  return servers_;
+}
+
+JobCapacity Farm::Capacity() const {
+  JobCapacity capacity = {0, 0};
+  for (const ServerEntry& server : Servers()) {
+    capacity.workers += server.workers;
+    if (server.workers > 0) capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
+  }
+  // Jobs wait for workers that are yet to come.
+  if (capacity.workers == 0) capacity.memory_bytes = JobCapacity().memory_bytes;
+  return capacity;
+}
+
+}  // namespace planish

@@ -1,0 +1,39 @@
+// What all servers that share a store have together.
+#pragma once
+
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "server/jobs/job_options.h"
+#include "server/store/server_registry.h"
+
+namespace planish {
+
+// This server among the others. Thread-safe.
+class Farm {
+ public:
+  // `registry` outlives the object.
+  Farm(ServerRegistry* registry, ServerEntry self) : registry_(*registry), self_(std::move(self)) {}
+
+  // Announces this server and asks for the others. Call it every kInterval; it waits for the database.
+  absl::Status Tick();
+  // This server takes no more jobs and answers no more callers.
+  absl::Status Leave();
+
+  // As of the last Tick().
+  std::vector<ServerEntry> Servers() const;
+  JobCapacity Capacity() const;
+
+  static constexpr absl::Duration kInterval = absl::Seconds(5);
+
+ private:
+  ServerRegistry& registry_;
+  const ServerEntry self_;
+
+  mutable std::mutex mutex_;
+  std::vector<ServerEntry> servers_;  // guarded by mutex_
+};
+
+}  // namespace planish

@@ -1,0 +1,49 @@
+// What planishd keeps, and where: jobs, blobs and uploads, embedded or shared with other servers.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "absl/status/statusor.h"
+#include "server/blobs/blob_catalog.h"
+#include "server/data_directory.h"
+#include "server/flags.h"
+#include "server/jobs/upload_store.h"
+#include "server/store/job_store.h"
+#include "server/store/server_registry.h"
+#include "server/store/sql_uploads.h"
+
+namespace planish {
+
+// What servers share. In the order of dependence.
+struct FarmStores {
+  std::unique_ptr<JobStore> jobs;
+  std::unique_ptr<ServerRegistry> registry;
+  std::shared_ptr<BlobStore> blobs;
+  std::unique_ptr<SqlUploads> uploads;
+};
+
+// Opens and sets up what the flags name. UNAVAILABLE with a message for people if something cannot be reached;
+// INVALID_ARGUMENT if a file that a flag names cannot be read, or a flag makes no sense.
+using FarmOpener = std::function<absl::StatusOr<FarmStores>(const ServerFlags& flags)>;
+
+// In the order of dependence.
+struct Stores {
+  FarmStores farm;                         // all null without --store
+  std::optional<DataDirectory> directory;  // of an embedded store that outlives the process
+  std::unique_ptr<JobStore> own_jobs;      // null in a farm
+  std::unique_ptr<BlobCatalog> blobs;
+  std::unique_ptr<UploadStore> uploads;
+
+  JobStore* jobs() const { return farm.jobs != nullptr ? farm.jobs.get() : own_jobs.get(); }
+  // Whether an upload needs the blob, or is made of it; true too if that cannot be asked.
+  bool IsBlobUsed(const BlobId& id) const;
+};
+
+// Opens and sets up what the flags name; `open_farm` if they name --store. Errors of FarmOpener; UNAVAILABLE too if
+// another process has the data directory.
+absl::StatusOr<Stores> OpenStores(const ServerFlags& flags, const TenantLimitsSource& limits,
+                                  const FarmOpener& open_farm);
+
+}  // namespace planish
