@@ -11,7 +11,7 @@ set -eu
 build="
   g++ cmake ninja-build
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
-  libeigen3-dev libopenmesh-dev libdraco-dev
+  libeigen3-dev libopenmesh-dev libdraco-dev libmeshoptimizer-dev
   libpng-dev zlib1g-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
   libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev libcurl4-openssl-dev libexpat1-dev"
 
@@ -31,7 +31,7 @@ fuzz="clang-14 libclang-rt-14-dev llvm-14"
 
 # What the installed programs need; the certificates are for `planish` and servers that have one of a public authority.
 runtime="
-  libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7
+  libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7 libmeshoptimizer2d
   libpng16-16 zlib1g libsqlite3-0 libseccomp2 libspdlog1.10 libfmt9 libssl3
   libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 ca-certificates"
 

@@ -8,6 +8,7 @@
 #include "client/cli/json.h"
 #include "client/cli/numbers.h"
 #include "client/cli/server_flags.h"
+#include "client/cli/text_width.h"
 #include "planish/admin.h"
 
 namespace planish::cli {
@@ -58,8 +59,8 @@ void Print(const ServerStats& stats) {
             << " reserved\n"
             << "store    " << Megabytes(stats.stored_bytes) << " of " << Megabytes(stats.store_bytes) << "\n";
   for (const ServerStats::Tenant& tenant : stats.tenants) {
-    std::cout << "tenant   " << tenant.name << ": " << tenant.running << " running, " << tenant.queued << " queued, "
-              << tenant.accepted << " accepted and " << tenant.refused << " refused so far\n";
+    std::cout << "tenant   " << Printable(tenant.name, true) << ": " << tenant.running << " running, " << tenant.queued
+              << " queued, " << tenant.accepted << " accepted and " << tenant.refused << " refused so far\n";
   }
   std::cout << std::flush;
 }

@@ -1,5 +1,6 @@
 #include "client/cli/arguments.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cstddef>
 #include <sstream>
@@ -32,7 +33,7 @@ constexpr char kExamples[] = R"(Examples:
   planish jobs watch jobs/1a2b --mesh big.obj -o big_uv.obj --server=farm:7741
 
 Exit codes: 0 usable result, 1 job failed or result not usable, 2 bad usage or unreadable input,
-3 server unreachable, 130 interrupted (the first Ctrl-C cancels the job, a second leaves at once).)";
+3 no server or a full queue, 130 interrupted (the first Ctrl-C cancels the job, a second leaves at once).)";
 
 constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap face.obj -o face_uv.obj
@@ -42,6 +43,7 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap hero.obj -o hero_uv.obj --seams=keep,uv       (the borders of its UV islands, and no others)
   planish unwrap face.obj -o face_uv.obj --picture=map.png --preview=layout.svg
   planish unwrap face.obj -o uv.obj --solver=uzawa --system=full --preconditioner=none   (the paper as written)
+  planish unwrap level.glb -o lit.glb --preset=lightmap        a second set of UV; the first one and its images stay
   planish unwrap a.obj b.glb props/ -o done/                   a batch: a job and an output per file
   planish unwrap a.obj b.glb -o done/ --one-atlas              one job: both in one atlas
 
@@ -209,9 +211,33 @@ void AddSeams(CLI::App& app, Arguments& arguments) {
 }
 
 void AddTexcoord(CLI::App& app, Arguments& arguments) {
-  app.add_option("--texcoord", arguments.texcoord, "Which of the sets of UV, TEXCOORD_N of a glTF, up to 7 [0]")
+  app.add_option("--texcoord", arguments.texcoord, "Which set of UV of a glTF is read, TEXCOORD_N, up to 7 [0]")
       ->check(CLI::Range(0, 7).description(""))
       ->type_name("N");
+}
+
+void AddOutputTexcoord(CLI::App& app, Arguments& arguments) {
+  app.add_option_function<int>(
+         "--output-texcoord", [&arguments](const int& n) { arguments.output_texcoord = n; },
+         "Which set the new UV become; others stay as they are [that of --texcoord]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+}
+
+// Flags that are given count more than those of a preset.
+void AddPreset(CLI::App& app, Arguments& arguments) {
+  CLI::Option* const preset = app.add_option("--preset", "lightmap: --output-texcoord=1 --seams=auto,uv --padding=4")
+                                  ->check(CLI::IsMember({"lightmap"}).description(""))
+                                  ->type_name("lightmap");
+  app.final_callback([&app, &arguments, preset] {
+    if (preset->count() == 0) return;
+    if (!arguments.output_texcoord) arguments.output_texcoord = 1;
+    if (!arguments.options.padding) arguments.options.padding = 4;
+    if (app.get_option("--seams")->count() == 0) {
+      ParseSeamList("auto,uv", &arguments.seams);
+      arguments.options.seams = arguments.seams.policy;
+    }
+  });
 }
 
 void AddAtlas(CLI::App& app, Arguments& arguments) {
@@ -268,6 +294,8 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   UnwrapOptions& options = arguments.options;
   AddSeams(unwrap, arguments);
   AddTexcoord(unwrap, arguments);
+  AddOutputTexcoord(unwrap, arguments);
+  AddPreset(unwrap, arguments);
   AddAtlas(unwrap, arguments);
   AddPack(unwrap, arguments);
   Choices<Solver>{{Solver::kAuto, Solver::kUzawa, Solver::kMinres, Solver::kDirect}}.AddTo(
@@ -339,6 +367,7 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
           "So many times the texels per length for the islands of a material, 0.01 to 100; several times for several")
       ->type_name("MATERIAL=X");
   AddTexcoord(pack, arguments);
+  AddOutputTexcoord(pack, arguments);
   AddPreview(pack, arguments);
   AddJson(pack, arguments);
 }
@@ -414,6 +443,7 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddOutput(watch, arguments);
   AddPreview(watch, arguments);
   AddTexcoord(watch, arguments);
+  AddOutputTexcoord(watch, arguments);
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
   AddJobCommand(jobs, arguments, Command::kJobsStop, "stop", "End a job soon, with the best map that it has then");
   AddJobCommand(jobs, arguments, Command::kJobsCancel, "cancel", "End a job and discard what it has");
@@ -449,6 +479,58 @@ void DefineAdmin(CLI::App& app, Arguments& arguments) {
                   "The settings it runs with, and where they come from, as its configuration file");
 }
 
+// Letters to add, take away, replace or swap with the next one, to make `b` of `a`.
+std::size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<std::vector<std::size_t>> cost(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
+  for (std::size_t i = 0; i <= a.size(); ++i) {
+    for (std::size_t j = 0; j <= b.size(); ++j) {
+      if (i == 0 || j == 0) {
+        cost[i][j] = i + j;
+        continue;
+      }
+      cost[i][j] = std::min({cost[i - 1][j] + 1, cost[i][j - 1] + 1, cost[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
+        cost[i][j] = std::min(cost[i][j], cost[i - 2][j - 2] + 1);
+      }
+    }
+  }
+  return cost[a.size()][b.size()];
+}
+
+// The name that `word` was probably meant to be: at most a third of its letters are wrong. Empty: none.
+std::string Nearest(const std::string& word, const std::vector<std::string>& names) {
+  std::string nearest;
+  std::size_t least = word.size() / 3 + 1;
+  for (const std::string& name : names) {
+    if (const std::size_t distance = EditDistance(word, name); distance < least) least = distance, nearest = name;
+  }
+  return nearest;
+}
+
+// "Did you mean unwrap?" for the first command or flag that there is not; empty if nothing is like it.
+std::string Suggestion(const CLI::App& root, int argc, const char* const* argv) {
+  const CLI::App* app = &root;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    std::vector<std::string> names;
+    if (word.starts_with("--")) {
+      for (const CLI::Option* option : app->get_options()) {
+        for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+      }
+    } else if (!word.starts_with("-")) {
+      for (const CLI::App* command : app->get_subcommands(nullptr)) names.push_back(command->get_name());
+    }
+    const std::string name = word.substr(0, word.starts_with("--") ? word.find('=') : word.npos);
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      const std::string nearest = Nearest(name, names);
+      if (!nearest.empty()) return "Did you mean " + nearest + "?\n";
+    } else if (!name.starts_with("-")) {
+      app = app->get_subcommand(name);
+    }
+  }
+  return "";
+}
+
 }  // namespace
 
 ParsedArguments ParseArguments(int argc, const char* const* argv) {
@@ -479,7 +561,7 @@ ParsedArguments ParseArguments(int argc, const char* const* argv) {
     std::ostringstream out, err;
     parsed.exit_code = app.exit(error, out, err) == 0 ? kOk : kUsage;
     parsed.out = out.str();
-    parsed.err = parsed.exit_code == kOk ? "" : "planish: " + err.str();
+    parsed.err = parsed.exit_code == kOk ? "" : "planish: " + err.str() + Suggestion(app, argc, argv);
     return parsed;
   }
   if (const std::string problem = CheckTogether(arguments); !problem.empty()) {

@@ -49,14 +49,15 @@ struct Arguments {
   bool one_atlas = false;                // the files are one mesh and share the atlas
   // Several files, or a directory, that become a job and an output each (batch_plan.h). The next two are for it only.
   bool batch = false;
-  std::string format;      // of the outputs, as the end of a name: "glb"; empty: that of each input
-  bool again = false;      // redo files that are up to date
-  std::string output;      // a file, "-", or a directory
-  int texcoord = 0;        // glTF: UV are read from and become TEXCOORD_n, in [0, 7]
-  std::string picture;     // a PNG of the map; empty: none
-  std::string preview;     // a PNG or SVG of the UV layout; empty: none
-  std::string report;      // unwrap: an HTML page about the map (report_page.h); empty: none
-  std::string job_report;  // report: what `unwrap --json` printed, a file; empty: none
+  std::string format;                  // of the outputs, as the end of a name: "glb"; empty: that of each input
+  bool again = false;                  // redo files that are up to date
+  std::string output;                  // a file, "-", or a directory
+  int texcoord = 0;                    // glTF: UV are read from TEXCOORD_n, in [0, 7]
+  std::optional<int> output_texcoord;  // and become this one; without a value the one they are read from
+  std::string picture;                 // a PNG of the map; empty: none
+  std::string preview;                 // a PNG or SVG of the UV layout; empty: none
+  std::string report;                  // unwrap: an HTML page about the map (report_page.h); empty: none
+  std::string job_report;              // report: what `unwrap --json` printed, a file; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;
@@ -78,6 +79,8 @@ struct Arguments {
 
   std::string health_url = "http://127.0.0.1:9741/readyz";  // health: what to ask
   bool wait = false;                                        // admin drain
+
+  int OutputTexcoord() const { return output_texcoord.value_or(texcoord); }
 };
 
 // Either arguments, or what to print and the code to exit with.

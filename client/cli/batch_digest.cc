@@ -86,7 +86,8 @@ std::string SettingsDigest(const Arguments& arguments) {
                      {"precision", ToString(options.precision)},
                      {"tolerance", options.tolerance},
                      {"max_newton_iterations", options.max_newton_iterations},
-                     {"texcoord", arguments.texcoord}};
+                     {"texcoord", arguments.texcoord},
+                     {"output_texcoord", arguments.OutputTexcoord()}};
   return Hexadecimal(ToLine(json));
 }
 

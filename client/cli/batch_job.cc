@@ -64,7 +64,8 @@ class BatchJob {
       if (known->server == arguments_.server) request_id = known->request_id;
     }
     MakeDirectory();
-    files_.emplace(std::vector<std::string>{item_.input}, arguments_.seams, item_.output, item_.texcoord);
+    files_.emplace(std::vector<std::string>{item_.input}, arguments_.seams, item_.output, item_.texcoord,
+                   arguments_.output_texcoord.value_or(item_.texcoord));
     if (context_.stop.stop_requested()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
     if (!job.empty() && arguments_.detach && !HasEnded(&job)) return Queued(job);
     if (!job.empty()) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "client/cli/numbers.h"
+#include "client/cli/text_width.h"
 
 namespace planish::cli {
 namespace {
@@ -246,7 +247,7 @@ std::string CheckText(const MeshInput& input, int uv_set, const std::vector<int>
   for (const RequirementResult& result : results) {
     if (!result.met) text += "  NOT MET: " + result.name + ": " + result.message + "\n";
   }
-  return text;
+  return PrintableLines(text, true);
 }
 
 Json CheckJson(const MeshInput& input, int uv_set, const std::vector<int>& uv_sets, const MapCheckOptions& options,

@@ -7,6 +7,7 @@
 #include "client/cli/mesh_input.h"
 #include "client/cli/numbers.h"
 #include "client/cli/server_choice.h"
+#include "client/cli/text_width.h"
 
 namespace planish::cli {
 namespace {
@@ -20,7 +21,7 @@ void Print(const JobEstimate& estimate) {
             << (estimate.queue_seconds > 0 ? "about " + Duration(estimate.queue_seconds) + " in the queue" : "none")
             << "\n";
   if (estimate.refusal) {
-    std::cout << "refused  " << estimate.refusal->message << " [" << estimate.refusal->reason << "]\n";
+    std::cout << "refused  " << Printable(estimate.refusal->message, true) << " [" << estimate.refusal->reason << "]\n";
   } else {
     std::cout << "accepted if sent now\n";
   }

@@ -8,11 +8,11 @@
 namespace planish::cli {
 
 enum ExitCode : int {
-  kOk = 0,      // a usable result
-  kFailed = 1,  // the job failed, or its result is not usable
-  kUsage = 2,   // bad usage, unreadable input, or credentials that do not do
-  kServerUnreachable = 3,
-  kInterrupted = 130,  // Ctrl-C
+  kOk = 0,                 // a usable result
+  kFailed = 1,             // the job failed, or its result is not usable
+  kUsage = 2,              // bad usage, unreadable input, or credentials that do not do
+  kServerUnreachable = 3,  // no server, or one whose queue is full: another time, or another server
+  kInterrupted = 130,      // Ctrl-C
 };
 
 inline ExitCode ExitCodeOf(const Error& error) {
@@ -22,7 +22,7 @@ inline ExitCode ExitCodeOf(const Error& error) {
     return kUsage;
   }
   if (error.code() == ErrorCode::kUnauthenticated || error.code() == ErrorCode::kPermissionDenied) return kUsage;
-  if (error.code() == ErrorCode::kUnavailable) return kServerUnreachable;
+  if (error.code() == ErrorCode::kUnavailable || reason == "QUEUE_FULL") return kServerUnreachable;
   return kFailed;
 }
 

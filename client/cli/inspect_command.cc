@@ -3,13 +3,15 @@
 #include "client/cli/commands.h"
 #include "client/cli/exit_codes.h"
 #include "client/cli/inspection.h"
+#include "client/cli/text_width.h"
 
 namespace planish::cli {
 
 int RunInspect(const Arguments& arguments) {
   const MeshInput input({arguments.input}, arguments.texcoord);
   const Inspection inspection = Inspect(input);
-  std::cout << (arguments.json ? ToText(InspectionJson(input, inspection)) : InspectionText(input, inspection))
+  std::cout << (arguments.json ? ToText(InspectionJson(input, inspection))
+                               : PrintableLines(InspectionText(input, inspection), true))
             << std::flush;
   return inspection.refusal ? kFailed : kOk;
 }

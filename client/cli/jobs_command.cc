@@ -11,6 +11,7 @@
 #include "client/cli/server_choice.h"
 #include "client/cli/summary.h"
 #include "client/cli/terminal.h"
+#include "client/cli/text_width.h"
 
 namespace planish::cli {
 namespace {
@@ -33,16 +34,18 @@ std::string RunTime(const Job& job) {
 }
 
 void PrintTable(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<std::size_t> widths;
+  std::vector<int> widths;
   for (const auto& row : rows) {
     widths.resize(std::max(widths.size(), row.size()), 0);
-    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
+    for (std::size_t c = 0; c < row.size(); ++c) {
+      widths[c] = std::max(widths[c], DisplayWidth(Printable(row[c], true)));
+    }
   }
   for (const auto& row : rows) {
     std::string line;
     for (std::size_t c = 0; c < row.size(); ++c) {
-      line += row[c];
-      if (c + 1 < row.size()) line += std::string(widths[c] - row[c].size() + 2, ' ');
+      const std::string text = Printable(row[c], true);
+      line += c + 1 < row.size() ? Padded(text, widths[c] + 2) : text;
     }
     std::cout << line << "\n";
   }
@@ -124,7 +127,8 @@ void PrintJob(const Job& job) {
     std::cout << "at       " << ToString(job.progress->stage) << ", newton " << job.progress->newton_iteration
               << ", residual " << Scientific(job.progress->residual.Worst()) << "\n";
   }
-  if (job.error) std::cout << "error    " << job.error->message << " [" << job.error->reason << "]\n";
+  if (job.error)
+    std::cout << "error    " << Printable(job.error->message + " [" + job.error->reason + "]", true) << "\n";
   if (job.report) {
     Report report = *job.report;
     if (job.create_time && job.end_time) {

@@ -294,7 +294,9 @@ WrittenMesh MeshInput::WithUv(const Uv& uv, const std::vector<OutputOptions>& ou
     absl::StatusOr<WrittenMesh> one = WriteMeshWithUv(part.file, by_corner, output);
     if (!one.ok()) throw ErrorFrom(one.status());
     for (OutputFile& file : one->files) written.files.push_back(std::move(file));
-    for (std::string& warning : one->warnings) written.warnings.push_back(output.path + ": " + warning);
+    for (const OutputWarning& warning : one->warnings) {
+      written.warnings.push_back({warning.reason, output.path + ": " + warning.message});
+    }
   }
   return written;
 }

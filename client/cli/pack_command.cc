@@ -19,6 +19,7 @@
 #include "client/cli/repack.h"
 #include "client/cli/summary.h"
 #include "client/cli/terminal.h"
+#include "client/cli/text_width.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
@@ -137,7 +138,7 @@ std::string PackSummary(const Arguments& arguments, const PackOptions& atlas, co
                      (done.packing.padding == 1 ? " texel" : " texels") + " between islands" +
                      DensityText(arguments, done) + ".\n";
   for (const Warning& warning : warnings) text += "warning: " + warning.message + " [" + warning.reason + "]\n";
-  return text;
+  return PrintableLines(text, true);
 }
 
 Json PackJson(const MeshInput& input, const Arguments& arguments, const PackOptions& atlas, const Repacking& done,
@@ -193,7 +194,7 @@ PackEffort ToPackEffort(Effort effort) {
 
 int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& interrupts, const Timer& timer) {
   CheckUv(input, arguments);
-  const std::vector<OutputOptions> outputs = input.Outputs(arguments.output, arguments.texcoord);
+  const std::vector<OutputOptions> outputs = input.Outputs(arguments.output, arguments.OutputTexcoord());
   if (!arguments.preview.empty()) CheckOutput(arguments.preview);
 
   RepackOptions options;
@@ -229,7 +230,7 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
   uv.floats = std::move(done.uv);
   std::vector<Warning> warnings = WarningsOf(done, options.atlas);
   const WrittenMesh written = input.WithUv(uv, outputs);
-  for (const std::string& warning : written.warnings) warnings.push_back({"UV_PRECISION", warning, {}});
+  for (const OutputWarning& warning : written.warnings) warnings.push_back({warning.reason, warning.message, {}});
   for (const OutputFile& file : written.files) WriteOutput(file.path, file.bytes);
   if (!arguments.preview.empty()) WriteOutput(arguments.preview, input.Preview(uv, arguments.preview, true));
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "client/cli/numbers.h"
+#include "client/cli/text_width.h"
 
 namespace planish::cli {
 namespace {
@@ -108,7 +109,7 @@ std::string WarningsText(const std::vector<Warning>& warnings, const Terminal& t
   const std::string mark = Colored(terminal, "\x1b[33m", "warning:") + " ";
   for (const Warning& warning : warnings) {
     if (++count[warning.reason] <= kMaxWarningsOfAKind) {
-      text += mark + warning.message + " [" + warning.reason + "]\n";
+      text += mark + Printable(warning.message + " [" + warning.reason + "]", true) + "\n";
     }
   }
   for (const auto& [reason, number] : count) {
@@ -159,7 +160,7 @@ std::string Summary(const Report& report, const std::string& output, const Termi
   const ChartTotals& totals = report.chart_totals;
   std::string text = Colored(terminal, "\x1b[1m", "Flattened " + Counted(report.triangles, "triangle", "triangles")) +
                      " in " + Duration(report.seconds.total) +
-                     (output.empty() || output == "-" ? "" : " into " + output) + ": " +
+                     (output.empty() || output == "-" ? "" : " into " + Printable(output, true)) + ": " +
                      (totals.charts > 1 ? Counted(totals.charts, "chart", "charts") + ", " : "") +
                      Counted(totals.newton_iterations, "Newton iteration", "Newton iterations") + ", worst residual " +
                      Scientific(totals.residual.Worst()) + SolversText(report.charts) + ".\n";
@@ -181,11 +182,11 @@ std::string Summary(const Report& report, const std::string& output, const Termi
 }
 
 std::string ErrorText(const Error& error, const std::string& places, const Terminal& terminal) {
-  std::string text = Colored(terminal, "\x1b[31m", "planish: error:") + " " + error.what();
-  if (error.reason() != ToString(error.code())) text += " [" + error.reason() + "]";
+  std::string text = Colored(terminal, "\x1b[31m", "planish: error:") + " " + PrintableLines(error.what(), true);
+  if (error.reason() != ToString(error.code())) text += " [" + Printable(error.reason(), true) + "]";
   text += "\n";
-  if (!places.empty()) text += "  at " + places + "\n";
-  if (!error.job().empty()) text += "  job " + error.job() + "\n";
+  if (!places.empty()) text += "  at " + Printable(places, true) + "\n";
+  if (!error.job().empty()) text += "  job " + Printable(error.job(), true) + "\n";
   if (const std::string hint = Hint(error); !hint.empty()) text += "  hint: " + hint + "\n";
   return text;
 }

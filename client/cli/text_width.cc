@@ -71,6 +71,17 @@ std::string Printable(const std::string& name, bool utf8) {
   return text;
 }
 
+std::string PrintableLines(const std::string& text, bool utf8) {
+  std::string lines;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    lines += Printable(text.substr(begin, end - begin), utf8);
+    if (end < text.size()) lines += '\n';
+    begin = end + 1;
+  }
+  return lines;
+}
+
 std::string CutToWidth(const std::string& text, int columns, bool utf8) {
   if (DisplayWidth(text) <= columns) return text;
   const std::string ellipsis = utf8 ? "…" : "..";

@@ -11,6 +11,9 @@ int DisplayWidth(const std::string& text);
 // A file's name as it may be shown: control characters, and where `utf8` is false all that is not ASCII, as '?'.
 std::string Printable(const std::string& name, bool utf8);
 
+// The same of text that may have several lines.
+std::string PrintableLines(const std::string& text, bool utf8);
+
 // `text`, which has no colour codes, or as much of its end as fits `columns` behind an ellipsis.
 std::string CutToWidth(const std::string& text, int columns, bool utf8);
 

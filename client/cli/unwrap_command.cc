@@ -17,6 +17,7 @@
 #include "client/cli/server_choice.h"
 #include "client/cli/summary.h"
 #include "client/cli/terminal.h"
+#include "client/cli/text_width.h"
 #include "client/cli/unwrap_files.h"
 #include "core/base/timer.h"
 
@@ -38,7 +39,7 @@ class ResultCommand {
     if (!arguments_.report.empty()) CheckOutput(arguments_.report);
     std::vector<std::string> paths = {arguments_.input};
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
-    files_.emplace(paths, arguments_.seams, arguments_.output, arguments_.texcoord);
+    files_.emplace(paths, arguments_.seams, arguments_.output, arguments_.texcoord, arguments_.OutputTexcoord());
   }
 
   const UnwrapFiles& files() const { return *files_; }
@@ -210,7 +211,8 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
     view->Finish(job.state == JobState::kSucceeded);
     if (arguments.json) std::cout << ToText(ToJson(job)) << std::flush;
     if (job.error) {
-      std::cerr << "planish: " << job.name << " failed: " << job.error->message << " [" << job.error->reason << "]\n";
+      std::cerr << "planish: " << job.name
+                << " failed: " << Printable(job.error->message + " [" + job.error->reason + "]", true) << "\n";
     } else if (!job.report) {
       std::cerr << "planish: " << job.name << " ended as " << ToString(job.state) << "\n";
     } else {

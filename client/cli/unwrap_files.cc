@@ -26,9 +26,9 @@ std::map<std::string, std::string> JobLabels(const Arguments& arguments, const s
 }
 
 UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output,
-                         int texcoord)
+                         int texcoord, int output_texcoord)
     : input_(inputs, texcoord), seam_corners_(input_.SeamCorners(seams)), uncut_corners_(input_.UncutCorners(seams)) {
-  if (!output.empty()) outputs_ = input_.Outputs(output, texcoord);
+  if (!output.empty()) outputs_ = input_.Outputs(output, output_texcoord);
 }
 
 UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {
@@ -48,8 +48,8 @@ UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {
 WrittenMesh UnwrapFiles::WithResult(UnwrapResult& result) const {
   for (Warning& warning : result.report.warnings) warning = input_.InFileIds(warning);
   WrittenMesh written = input_.WithUv(result.uv, outputs_);
-  for (const std::string& warning : written.warnings) {
-    result.report.warnings.push_back({"UV_PRECISION", warning, {}});
+  for (const OutputWarning& warning : written.warnings) {
+    result.report.warnings.push_back({warning.reason, warning.message, {}});
   }
   return written;
 }

@@ -21,7 +21,8 @@ class UnwrapFiles {
   // Reads the files, which become one mesh, and the seams that `seams` takes from them. `output` as for
   // MeshInput::Outputs; empty: nothing will be written. Throws what that and the constructor of MeshInput throw, and
   // OPTIONS_INVALID for seams that the files do not have.
-  UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output, int texcoord);
+  UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output, int texcoord,
+              int output_texcoord);
 
   const MeshInput& input() const { return input_; }
   // The mesh with the seams that the files give, its polygons whole; lives as long as this object.

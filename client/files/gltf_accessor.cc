@@ -32,7 +32,7 @@ absl::StatusOr<View> OpenView(const GltfDocument& document, const Json& index, c
   const Json& view = (*views)[static_cast<std::size_t>(i)];
   const std::string element = "bufferViews[" + std::to_string(i) + "]";
   if (const Json* const extensions = GltfObject(view, "extensions")) {
-    for (const char* hidden : {"EXT_meshopt_compression", "KHR_meshopt_compression"}) {
+    for (const char* hidden : {"KHR_meshopt_compression"}) {
       if (!extensions->contains(hidden)) continue;
       return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
                        document.path + ": " + element + ": " + hidden +

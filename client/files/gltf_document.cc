@@ -7,6 +7,7 @@
 
 #include "absl/strings/escaping.h"
 #include "client/files/file_io.h"
+#include "client/files/gltf_meshopt.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 
@@ -107,9 +108,10 @@ absl::Status CheckVersion(const GltfDocument& document) {
   return absl::OkStatus();
 }
 
-// Extensions that hide the bytes of vertices from those who do not know them. Draco we know.
+// Extensions that hide the bytes of vertices from those who do not know them. Draco we know, and
+// EXT_meshopt_compression.
 absl::Status CheckRequired(const GltfDocument& document) {
-  for (const char* hidden : {"EXT_meshopt_compression", "KHR_meshopt_compression"}) {
+  for (const char* hidden : {"KHR_meshopt_compression"}) {
     const auto required = document.json.find("extensionsRequired");
     if (required == document.json.end() || !required->is_array()) continue;
     for (const Json& name : *required) {
@@ -174,6 +176,7 @@ absl::StatusOr<GltfDocument> ParseGltf(const std::string& path, std::string_view
   PLANISH_RETURN_IF_ERROR(CheckVersion(document));
   PLANISH_RETURN_IF_ERROR(CheckRequired(document));
   PLANISH_RETURN_IF_ERROR(LoadBuffers(container.binary, &document));
+  PLANISH_RETURN_IF_ERROR(DecompressMeshopt(&document));
   return document;
 }
 

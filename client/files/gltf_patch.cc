@@ -127,22 +127,51 @@ void GltfPatch::ReleaseView(const Json& user) {
   std::sort(free_views_.rbegin(), free_views_.rend());
 }
 
+void GltfPatch::ReleaseViews(const Json& accessor) {
+  ReleaseView(accessor);
+  const Json* const sparse = GltfObject(accessor, "sparse");
+  if (sparse == nullptr) return;
+  for (const char* part : {"indices", "values"}) {
+    if (const Json* const object = GltfObject(*sparse, part)) ReleaseView(*object);
+  }
+}
+
+void GltfPatch::Release(std::int64_t old, std::int64_t uses) {
+  std::int64_t& left = accessor_uses_[static_cast<std::size_t>(old)];
+  left -= uses;
+  if (left > 0) return;
+  Json& accessor = json_["accessors"][static_cast<std::size_t>(old)];
+  ReleaseViews(accessor);
+  for (const char* gone : {"bufferView", "byteOffset", "sparse"}) accessor.erase(gone);
+  free_accessors_.push_back(old);
+}
+
+// Those at the end of the list, as nobody's index changes by that; others stay, without bytes.
+void GltfPatch::DropFreeAccessors() {
+  Json& accessors = json_["accessors"];
+  std::sort(free_accessors_.begin(), free_accessors_.end());
+  while (!free_accessors_.empty() && free_accessors_.back() + 1 == static_cast<std::int64_t>(accessors.size())) {
+    accessors.erase(accessors.size() - 1);
+    free_accessors_.pop_back();
+  }
+}
+
 std::int64_t GltfPatch::SlotFor(std::int64_t old, std::int64_t uses) {
   Json& accessors = json_["accessors"];
   if (old >= 0) {
     std::int64_t& left = accessor_uses_[static_cast<std::size_t>(old)];
     left -= uses;
     if (left <= 0) {
-      Json& accessor = accessors[static_cast<std::size_t>(old)];
-      ReleaseView(accessor);
-      if (const Json* const sparse = GltfObject(accessor, "sparse")) {
-        for (const char* part : {"indices", "values"}) {
-          if (const Json* const object = GltfObject(*sparse, part)) ReleaseView(*object);
-        }
-      }
+      ReleaseViews(accessors[static_cast<std::size_t>(old)]);
       left = uses;
       return old;
     }
+  }
+  if (!free_accessors_.empty()) {
+    const std::int64_t slot = free_accessors_.back();
+    free_accessors_.pop_back();
+    accessor_uses_[static_cast<std::size_t>(slot)] = uses;
+    return slot;
   }
   accessors.push_back(Json::object());
   accessor_uses_.push_back(uses);
@@ -192,6 +221,7 @@ std::int64_t GltfPatch::AddView(std::int64_t old_view, std::string bytes, std::i
 }
 
 std::string GltfPatch::TakeBuffer() {
+  DropFreeAccessors();
   Json& views = json_["bufferViews"];
   // What is in use of each old buffer, as stretches that no view straddles the end of: views may lie within each other.
   struct Range {

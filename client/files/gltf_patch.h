@@ -29,6 +29,8 @@ class GltfPatch {
                        std::int64_t target);
   // The same without bytes: for values that Draco holds.
   std::int64_t ReplaceWithoutBytes(std::int64_t old, std::int64_t uses, const Json& shape);
+  // Takes away `uses` uses of accessor `old`, whose bytes go if there are no others.
+  void Release(std::int64_t old, std::int64_t uses);
   // Takes away one use of `old_view` (-1: none) and puts `bytes` into a view. Returns its index.
   std::int64_t AddView(std::int64_t old_view, std::string bytes, std::int64_t stride, std::int64_t target);
 
@@ -41,12 +43,15 @@ class GltfPatch {
   void CountUnknownUses(const Json& value, std::vector<std::int64_t>* uses);
   std::int64_t SlotFor(std::int64_t old, std::int64_t uses);
   void ReleaseView(const Json& user);
+  void ReleaseViews(const Json& accessor);
+  void DropFreeAccessors();
 
   const GltfDocument& document_;
   Json json_;
   std::vector<std::int64_t> accessor_uses_;
   std::vector<std::int64_t> view_uses_;
-  std::vector<std::int64_t> free_views_;  // descending, so that the first is taken first
+  std::vector<std::int64_t> free_views_;      // descending, so that the first is taken first
+  std::vector<std::int64_t> free_accessors_;  // released, and not taken by new ones yet
   std::map<std::int64_t, std::string> new_views_;
 };
 

@@ -1,10 +1,12 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "client/files/draco_uv.h"
 #include "client/files/gltf_document.h"
+#include "client/files/gltf_material.h"
 #include "client/files/gltf_mesh.h"
 #include "client/files/gltf_patch.h"
 #include "client/files/writers.h"
@@ -17,6 +19,7 @@ namespace {
 
 constexpr std::int64_t kArrayBuffer = 34962;
 constexpr std::int64_t kElementArrayBuffer = 34963;
+constexpr char kTangent[] = "TANGENT";
 constexpr std::int64_t kLargestUshortIndex = 65534;  // 65535 restarts strips
 
 std::int64_t AlignedToFour(std::int64_t size) {
@@ -53,7 +56,10 @@ class GltfUvWriter {
     PLANISH_ASSIGN_OR_RETURN(const Json* buffers, GltfArray(gltf_.document, "buffers"));
     const bool had_file = !buffers->empty() && (*buffers)[0].contains("uri") &&
                           !IsDataUri((*buffers)[0]["uri"].get_ref<const std::string&>());
-    return GltfFiles(std::move(json), buffer, gltf_.document.indent, gltf_.document.other_chunks, had_file, options_);
+    PLANISH_ASSIGN_OR_RETURN(WrittenMesh written, GltfFiles(std::move(json), buffer, gltf_.document.indent,
+                                                            gltf_.document.other_chunks, had_file, options_));
+    written.warnings = Warnings();
+    return written;
   }
 
  private:
@@ -70,7 +76,13 @@ class GltfUvWriter {
     const CornerSplit split = SplitCorners(pool.num_vertices, corners, uv, pool.draco.has_value());
     const bool grows = split.has_copies;
 
-    const Json before = PrimitiveJson(gltf_.document.json, gltf_.primitives[users[0]]);
+    Json before = PrimitiveJson(gltf_.document.json, gltf_.primitives[users[0]]);
+    for (const std::size_t user : users) NoteTextures(gltf_.primitives[user]);
+    // A normal map tells by which UV tangents were computed; without one it is the first set.
+    const bool drops_tangents = std::any_of(users.begin(), users.end(), [this](std::size_t user) {
+      return TangentTexcoord(gltf_.primitives[user]) == options_.texcoord;
+    });
+    if (drops_tangents) DropTangents(static_cast<std::int64_t>(users.size()), pool.draco.has_value(), &before);
     const Json* const draco = DracoJson(before);
     const Json* const in_draco = draco == nullptr ? nullptr : GltfObject(*draco, "attributes");
     Json attributes = before["attributes"];
@@ -110,7 +122,7 @@ class GltfUvWriter {
                                               split.corner.begin() + static_cast<std::ptrdiff_t>(corner + count));
       corner += count;
       if (pool.draco) {
-        PLANISH_RETURN_IF_ERROR(WriteDracoPrimitive(split, indices, &json));
+        PLANISH_RETURN_IF_ERROR(WriteDracoPrimitive(split, indices, drops_tangents, &json));
       } else if (grows) {
         WriteIndices(indices, split.num_vertices(), &json);
       }
@@ -172,12 +184,17 @@ class GltfUvWriter {
   }
 
   absl::Status WriteDracoPrimitive(const CornerSplit& split, const std::vector<std::int32_t>& indices,
-                                   Json* primitive) {
+                                   bool drops_tangents, Json* primitive) {
     Json& extension = (*primitive)["extensions"][kDracoExtension];
     // Decoded again, for how values had been rounded.
     PLANISH_ASSIGN_OR_RETURN(const std::string_view compressed,
                              ViewBytes(gltf_.document, extension["bufferView"], kDracoExtension));
     PLANISH_ASSIGN_OR_RETURN(DracoPoints points, DecodeDracoPoints(std::string(compressed), true));
+    if (drops_tangents && extension["attributes"].contains(kTangent)) {
+      const Json id = extension["attributes"][kTangent];
+      std::erase_if(points.attributes, [&id](const DracoAttribute& attribute) { return id == attribute.unique_id; });
+      extension["attributes"].erase(kTangent);
+    }
     ReplaceDracoUv(
         split, indices,
         extension["attributes"].contains(uv_name_) ? extension["attributes"][uv_name_].get<std::int64_t>() : -1,
@@ -222,11 +239,86 @@ class GltfUvWriter {
     }
   }
 
+  std::int64_t MaterialOf(const GltfPrimitive& primitive) const {
+    const Json& json = PrimitiveJson(gltf_.document.json, primitive);
+    const auto material = json.find("material");
+    return material == json.end() ? -1 : material->get<std::int64_t>();
+  }
+
+  // The set of UV that the tangents of a primitive belong to.
+  int TangentTexcoord(const GltfPrimitive& primitive) const {
+    for (const GltfTextureUse& use : TextureUses(gltf_.document.json, MaterialOf(primitive))) {
+      if (use.is_normal) return use.texcoord;
+    }
+    return 0;
+  }
+
+  // Remembers the material if images are read with UV that the primitive had and that are replaced.
+  void NoteTextures(const GltfPrimitive& primitive) {
+    if (!PrimitiveJson(gltf_.document.json, primitive)["attributes"].contains(uv_name_)) return;
+    const std::int64_t material = MaterialOf(primitive);
+    if (stale_.contains(material)) return;
+    std::string textures;
+    for (const GltfTextureUse& use : TextureUses(gltf_.document.json, material)) {
+      if (use.texcoord == options_.texcoord) {
+        textures += (textures.empty() ? "" : ", ") + use.slot + " (" + use.name + ")";
+      }
+    }
+    if (!textures.empty()) stale_[material] = textures;
+  }
+
+  // Takes the tangents of a pool, and those of its morph targets, out of the JSON of a primitive.
+  void DropTangents(std::int64_t uses, bool is_draco, Json* primitive) {
+    const auto drop = [this, uses](Json* attributes) {
+      const auto tangent = attributes->find(kTangent);
+      if (tangent == attributes->end()) return false;
+      patch_.Release(tangent->get<std::int64_t>(), uses);
+      attributes->erase(kTangent);
+      return true;
+    };
+    if (drop(&(*primitive)["attributes"])) dropped_tangents_ += uses;
+    if (is_draco) (*primitive)["extensions"][kDracoExtension]["attributes"].erase(kTangent);
+    if (!primitive->contains("targets") || !(*primitive)["targets"].is_array()) return;
+    for (Json& target : (*primitive)["targets"]) drop(&target);
+  }
+
+  std::vector<OutputWarning> Warnings() const {
+    std::vector<OutputWarning> warnings;
+    for (const auto& [material, textures] : stale_) {
+      const Json& json = gltf_.document.json["materials"][static_cast<std::size_t>(material)];
+      warnings.push_back({"TEXTURE_UV_REPLACED",
+                          "material " + GltfName(json, "material", material) + " reads " + textures + " with " +
+                              uv_name_ +
+                              ", which now holds the new UV: these images no longer fit. Bake them anew, or leave "
+                              "the old UV in place with --output-texcoord=" +
+                              std::to_string(FreeTexcoord())});
+    }
+    if (dropped_tangents_ > 0) {
+      warnings.push_back({"TANGENTS_DROPPED", "the tangents of " + std::to_string(dropped_tangents_) +
+                                                  (dropped_tangents_ == 1 ? " primitive" : " primitives") +
+                                                  " belonged to the old UV and were dropped; viewers and engines "
+                                                  "compute them from the new ones"});
+    }
+    return warnings;
+  }
+
+  // The first set of UV that no primitive has.
+  int FreeTexcoord() const {
+    int free = 0;
+    for (const GltfPrimitive& primitive : gltf_.primitives) {
+      const Json& attributes = PrimitiveJson(gltf_.document.json, primitive)["attributes"];
+      while (free < 7 && attributes.contains("TEXCOORD_" + std::to_string(free))) ++free;
+    }
+    return free;
+  }
+
   const GltfMesh& gltf_;
   const std::vector<double>& uv_;
   const OutputOptions& options_;
   const std::string uv_name_;
   GltfPatch patch_;
+  std::map<std::int64_t, std::string> stale_;  // by material: the textures that no longer fit
+  std::int64_t dropped_tangents_ = 0;          // primitives
 };
 
 }  // namespace
@@ -238,7 +330,7 @@ FlippedUv::FlippedUv(const std::vector<double>& corner_uv) : original_(corner_uv
   }
 }
 
-void FlippedUv::Check(const std::vector<std::int64_t>& corners, std::vector<std::string>* warnings) const {
+void FlippedUv::Check(const std::vector<std::int64_t>& corners, std::vector<OutputWarning>* warnings) const {
   const auto orientation = [&corners](const std::vector<double>& uv, std::size_t first) {
     Vec2 p[3];
     for (std::size_t k = 0; k < 3; ++k) {
@@ -251,9 +343,10 @@ void FlippedUv::Check(const std::vector<std::int64_t>& corners, std::vector<std:
   for (std::size_t i = 0; i + 2 < corners.size(); i += 3)
     changed += orientation(original_, i) != -orientation(values_, i);
   if (changed == 0) return;
-  warnings->push_back(std::to_string(changed) +
-                      " triangles are so thin in the map that they turn or flatten when v is rounded to a float that "
-                      "counts downwards, as glTF has it; write an OBJ or PLY to keep them");
+  warnings->push_back(
+      {"UV_PRECISION", std::to_string(changed) +
+                           " triangles are so thin in the map that they turn or flatten when v is rounded to a float "
+                           "that counts downwards, as glTF has it; write an OBJ or PLY to keep them"});
 }
 
 absl::StatusOr<WrittenMesh> GltfFiles(Json json, const std::string& buffer, int indent, const std::string& other_chunks,

@@ -59,7 +59,7 @@ absl::Status CheckTexcoord(const MeshFile& file, int texcoord) {
       return Unsupported(file.path + ": meshes[" + std::to_string(primitive.mesh) + "].primitives[" +
                          std::to_string(primitive.primitive) + "] has no " + name + ", so that TEXCOORD_" +
                          std::to_string(texcoord) +
-                         " would leave a gap, which glTF forbids; use --texcoord=" + std::to_string(n));
+                         " would leave a gap, which glTF forbids; use --output-texcoord=" + std::to_string(n));
     }
   }
   return absl::OkStatus();
@@ -77,10 +77,11 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options) {
                        ": STL has no place for UV; give a name that ends in .obj, .ply, .off, .gltf, .glb or .drc");
   }
   if (options.texcoord < 0 || options.texcoord > 7) {
-    return Unsupported("--texcoord must be in [0, 7], not " + std::to_string(options.texcoord));
+    return Unsupported("--output-texcoord must be in [0, 7], not " + std::to_string(options.texcoord));
   }
   if (options.texcoord > 0 && !IsGltf(options.format)) {
-    return Unsupported("--texcoord is for glTF; " + options.path + " has one set of UV only");
+    return Unsupported(options.path + " has one set of UV only; a second one, TEXCOORD_" +
+                       std::to_string(options.texcoord) + ", is for glTF");
   }
   return IsGltf(options.format) ? CheckTexcoord(file, options.texcoord) : absl::OkStatus();
 }

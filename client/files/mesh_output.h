@@ -14,7 +14,7 @@ struct OutputOptions {
   MeshFormat format = MeshFormat::kObj;
   std::string path;         // of the file to be: references to others are told from there; "-": stdout
   bool uv_is_float = true;  // false: the UV need double
-  int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]
+  int texcoord = 0;         // glTF: the UV become TEXCOORD_n, in [0, 7]; need not be the set that was read
 };
 
 struct OutputFile {
@@ -22,9 +22,17 @@ struct OutputFile {
   std::string bytes;
 };
 
+// What the caller should know about a file that was written all the same.
+struct OutputWarning {
+  // UV_PRECISION: rounding changed triangles. TEXTURE_UV_REPLACED: images of a material are read with the UV that were
+  // replaced, and do not fit the new ones. TANGENTS_DROPPED: tangents belonged to the UV that were replaced.
+  std::string reason;
+  std::string message;  // a sentence for people
+};
+
 struct WrittenMesh {
-  std::vector<OutputFile> files;      // the file of the given path last, the ones it refers to first
-  std::vector<std::string> warnings;  // sentences for people
+  std::vector<OutputFile> files;  // the file of the given path last, the ones it refers to first
+  std::vector<OutputWarning> warnings;
 };
 
 // Whether the format has no place for UV in double. Then ask for UV in float before they are computed.
@@ -42,9 +50,10 @@ absl::Status CheckOutput(const MeshFile& file, const OutputOptions& options);
 //           Blender reads UV in that form only, MeshLab and assimp in both. Copies of vertices stand behind the others.
 //   OFF     texture coordinates of vertices (STOFF), which are split like those of PLY; all else on their lines stays.
 //   glTF    everything; TEXCOORD_n of the primitives (replaced if there), whose vertices are split like those of PLY
-//   with
-//           all attributes and morph targets. Draco-compressed primitives are compressed again, without loss. One
-//           buffer; between .gltf and .glb both ways. References to images are rewritten to be valid from options.path.
+//           with all attributes and morph targets. Tangents that belong to TEXCOORD_n are dropped, with a warning:
+//           renderers compute them from the new UV. A warning names textures that are read with TEXCOORD_n.
+//           Draco-compressed primitives are compressed again, without loss. One buffer; between .gltf and .glb both
+//           ways. References to images are rewritten to be valid from options.path.
 //   Draco   attributes and metadata; TEX_COORD is replaced. Points are split like the vertices of PLY. Sequential
 //           encoding: the order of faces and points stays.
 //

@@ -29,8 +29,8 @@ class FlippedUv {
  public:
   explicit FlippedUv(const std::vector<double>& corner_uv);
   const std::vector<double>& values() const { return values_; }
-  // `corners` of triangles, three each. Appends a sentence to `warnings` if needed.
-  void Check(const std::vector<std::int64_t>& corners, std::vector<std::string>* warnings) const;
+  // `corners` of triangles, three each. Appends to `warnings` if needed.
+  void Check(const std::vector<std::int64_t>& corners, std::vector<OutputWarning>* warnings) const;
 
  private:
   const std::vector<double>& original_;

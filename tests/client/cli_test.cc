@@ -145,6 +145,38 @@ TEST(ArgumentsTest, Pack) {
               ::testing::ElementsAre(::testing::Pair("a=b", 0.5), ::testing::Pair("skin", 2.0)));
 }
 
+TEST(ArgumentsTest, LightmapsAreASecondSetOfUv) {
+  const ParsedArguments plain = Parse({"unwrap", "a.glb", "-o", "b.glb", "--texcoord=2"});
+  ASSERT_TRUE(plain.arguments) << plain.err;
+  EXPECT_EQ(plain.arguments->OutputTexcoord(), 2);
+  const ParsedArguments parsed = Parse({"unwrap", "a.glb", "-o", "b.glb", "--preset=lightmap"});
+  ASSERT_TRUE(parsed.arguments) << parsed.err;
+  EXPECT_EQ(parsed.arguments->texcoord, 0);
+  EXPECT_EQ(parsed.arguments->OutputTexcoord(), 1);
+  EXPECT_EQ(parsed.arguments->options.padding, 4);
+  EXPECT_EQ(parsed.arguments->options.seams, Seams::kAuto);
+  EXPECT_TRUE(parsed.arguments->seams.uv);
+  const ParsedArguments own = Parse({"unwrap", "a.glb", "-o", "b.glb", "--output-texcoord=3", "--preset=lightmap",
+                                     "--padding=1", "--seams=keep,hard"});
+  ASSERT_TRUE(own.arguments) << own.err;
+  EXPECT_EQ(own.arguments->OutputTexcoord(), 3);
+  EXPECT_EQ(own.arguments->options.padding, 1);
+  EXPECT_EQ(own.arguments->options.seams, Seams::kKeep);
+  EXPECT_FALSE(own.arguments->seams.uv);
+}
+
+TEST(ArgumentsTest, SuggestsWhatWasMeant) {
+  const auto said = [](const std::vector<const char*>& words) {
+    const ParsedArguments parsed = Parse(words);
+    EXPECT_EQ(parsed.exit_code, 2);
+    return parsed.err;
+  };
+  EXPECT_THAT(said({"unwarp", "a.obj"}), HasSubstr("Did you mean unwrap?"));
+  EXPECT_THAT(said({"jobs", "lst"}), HasSubstr("Did you mean list?"));
+  EXPECT_THAT(said({"unwrap", "a.obj", "--texturesize=64"}), HasSubstr("Did you mean --texture-size?"));
+  EXPECT_THAT(said({"frobnicate"}), Not(HasSubstr("Did you mean")));
+}
+
 TEST(ArgumentsTest, Preview) {
   EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", "--preview=a.png"}).arguments->preview, "a.png");
   EXPECT_EQ(Parse({"jobs", "watch", "x", "--server=h:1", "--mesh=in.obj", "-o", "o.obj", "--preview=a.svg"})
@@ -443,6 +475,10 @@ TEST(SummaryTest, ErrorSaysWhatWhereAndWhatToDo) {
                       "face 12 (in.obj:345)", Terminal()),
             "planish: error: face 12 has no area [MESH_FACE_DEGENERATE]\n  at face 12 (in.obj:345)\n");
   EXPECT_THAT(ErrorText(Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", "x"), "", Terminal()), HasSubstr("hint:"));
+  // Servers and files cannot write to the terminal.
+  EXPECT_EQ(ErrorText(Error(ErrorCode::kInternal, "A\x1b[2J", "no\x1b]0;x\x07"), "b\x1b[1m.obj:3", Terminal()),
+            "planish: error: no?]0;x? [A?[2J]\n  at b?[1m.obj:3\n");
+  EXPECT_EQ(ExitCodeOf(Error(ErrorCode::kResourceExhausted, "QUEUE_FULL", "x")), 3);
 }
 
 TEST(JsonTest, FailureHasStateAndError) {

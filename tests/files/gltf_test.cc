@@ -1,4 +1,6 @@
 // glTF in and out: what is read, what is kept, what is refused.
+#include <meshoptimizer.h>
+
 #include <cstring>
 #include <filesystem>
 #include <functional>
@@ -116,8 +118,7 @@ TEST(GltfWriter, SplitsVerticesWithAllTheirAttributes) {
     EXPECT_EQ(again.mesh.positions, file.mesh.positions);
     EXPECT_EQ(UvOf(again.mesh), uv);
     for (const std::size_t primitive : {0, 1}) {
-      for (const char* attribute :
-           {"POSITION", "NORMAL", "TANGENT", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
+      for (const char* attribute : {"POSITION", "NORMAL", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
         EXPECT_EQ(CornerBytes(again, primitive, attribute), CornerBytes(file, primitive, attribute)) << attribute;
       }
       EXPECT_EQ(CornerBytes(again, primitive, "POSITION", true), CornerBytes(file, primitive, "POSITION", true));
@@ -169,14 +170,15 @@ TEST(GltfWriter, TouchesNothingElseWhereNothingIsSplit) {
   const Json& before = file.gltf->document.json;
   const Json& after = again.gltf->document.json;
   const std::size_t uv_accessor = before["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"];
+  const std::size_t tangents = before["meshes"][0]["primitives"][0]["attributes"]["TANGENT"];
   for (std::size_t i = 0; i < before["accessors"].size(); ++i) {
-    if (i == uv_accessor) continue;
+    if (i == uv_accessor || i == tangents) continue;
     EXPECT_EQ(after["accessors"][i], before["accessors"][i]) << i;
   }
   EXPECT_EQ(after["accessors"][uv_accessor]["componentType"], 5126);
   EXPECT_EQ(after["meshes"][0]["primitives"][2]["mode"], 5) << "the strip stays one";
-  // Two primitives had no UV before.
-  EXPECT_EQ(after["accessors"].size(), before["accessors"].size() + 2);
+  // Two primitives had no UV before; one takes the place of the tangents.
+  EXPECT_EQ(after["accessors"].size(), before["accessors"].size() + 1);
 }
 
 TEST(GltfWriter, WritesTheSetThatIsAskedFor) {
@@ -196,7 +198,7 @@ TEST(GltfWriter, WritesTheSetThatIsAskedFor) {
   options.texcoord = 2;
   const absl::Status gap = CheckOutput(file, options);
   EXPECT_EQ(Reason(gap), "OUTPUT_UNSUPPORTED");
-  EXPECT_NE(gap.message().find("--texcoord=1"), absl::string_view::npos) << gap;
+  EXPECT_NE(gap.message().find("--output-texcoord=1"), absl::string_view::npos) << gap;
 }
 
 // The second time the UV move to the end of the buffer, the third time nothing moves: no bytes are left behind.
@@ -223,6 +225,70 @@ TEST(GltfWriter, KeepsBuffersAndImagesBesideTheFile) {
   EXPECT_EQ(after["buffers"][0]["uri"], "out.bin");
   EXPECT_EQ(after["images"][1]["uri"], "../tex/wood%20grain.png");
   EXPECT_EQ(again.bytes.substr(0, 5), "{\n \"a") << "indented as it was";
+}
+
+// What is said about a file that gets new UV.
+std::vector<OutputWarning> WarningsOf(const MeshFile& file, int texcoord) {
+  OutputOptions options;
+  options.path = TemporaryPath("out.glb");
+  options.format = MeshFormat::kGlb;
+  options.texcoord = texcoord;
+  const auto written = WriteMeshWithUv(file, TriangleUv(file.mesh.corner_vertex.size()), options);
+  EXPECT_TRUE(written.ok()) << written.status();
+  return written.ok() ? written->warnings : std::vector<OutputWarning>();
+}
+
+bool HasAttribute(const MeshFile& file, std::size_t primitive, const char* name) {
+  return PrimitiveJson(file.gltf->document.json, file.gltf->primitives[primitive])["attributes"].contains(name);
+}
+
+TEST(GltfWriter, NamesTexturesThatReadTheReplacedUvAndDropsTheirTangents) {
+  const MeshFile file = ReadBytes("in.glb", SampleGltf().Glb());
+  ASSERT_TRUE(HasAttribute(file, 0, "TANGENT"));
+  const std::vector<OutputWarning> warnings = WarningsOf(file, 0);
+  ASSERT_EQ(warnings.size(), 2u);
+  EXPECT_EQ(warnings[0].reason, "TEXTURE_UV_REPLACED");
+  EXPECT_NE(warnings[0].message.find("material paint reads baseColorTexture (image 0) with TEXCOORD_0"),
+            std::string::npos)
+      << warnings[0].message;
+  EXPECT_EQ(warnings[1].reason, "TANGENTS_DROPPED");
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  EXPECT_FALSE(HasAttribute(again, 0, "TANGENT"));
+  EXPECT_TRUE(HasAttribute(again, 0, "NORMAL"));
+}
+
+TEST(GltfWriter, KeepsTangentsOfANormalMapWithUvOfItsOwn) {
+  GltfFixture fixture = SampleGltf();
+  for (Json& material : fixture.json["materials"]) material["normalTexture"] = {{"index", 0}, {"texCoord", 1}};
+  Json& color = fixture.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+  color["extensions"]["KHR_texture_transform"]["texCoord"] = 1;
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  EXPECT_TRUE(WarningsOf(file, 0).empty());
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  EXPECT_EQ(CornerBytes(again, 0, "TANGENT"), CornerBytes(file, 0, "TANGENT"));
+}
+
+TEST(GltfWriter, ASecondSetLeavesTheFirstAsItWas) {
+  GltfFixture fixture = SampleGltf();
+  // What has no UV does not take part.
+  for (Json& mesh : fixture.json["meshes"]) {
+    for (Json& primitive : mesh["primitives"]) {
+      if (!primitive["attributes"].contains("TEXCOORD_0")) primitive["mode"] = 0;
+    }
+  }
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  EXPECT_TRUE(WarningsOf(file, 1).empty());
+  const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+  const MeshFile again = Written(file, uv, "out.glb", 1);
+  EXPECT_EQ(UvOf(again.mesh), uv);
+  for (const char* kept : {"TEXCOORD_0", "TANGENT"}) EXPECT_EQ(CornerBytes(again, 0, kept), CornerBytes(file, 0, kept));
+}
+
+TEST(GltfWriter, DropsTangentsBesideDraco) {
+  GltfFixture fixture = SampleDracoGltf();
+  const MeshFile file = ReadBytes("in.glb", fixture.Glb());
+  const MeshFile again = Written(file, TriangleUv(file.mesh.corner_vertex.size()), "out.glb");
+  EXPECT_FALSE(HasAttribute(again, 0, "TANGENT"));
 }
 
 // What the points of a Draco primitive have of an attribute, per corner.
@@ -254,7 +320,7 @@ TEST(GltfWriter, CompressesWithDracoAgain) {
     ASSERT_EQ(found.size(), uv.size());
     for (std::size_t i = 0; i < uv.size(); ++i) EXPECT_NEAR(found[i], uv[i], 1e-7);
     for (const std::uint32_t id : {7u, 9u}) EXPECT_EQ(DracoCorners(again, id), DracoCorners(file, id)) << id;
-    for (const char* beside : {"TANGENT", "COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
+    for (const char* beside : {"COLOR_0", "JOINTS_0", "WEIGHTS_0", "_TEMPERATURE"}) {
       EXPECT_EQ(CornerBytes(again, 0, beside), CornerBytes(file, 0, beside)) << beside;
     }
     EXPECT_EQ(CornerBytes(again, 0, "POSITION", true), CornerBytes(file, 0, "POSITION", true));
@@ -314,6 +380,92 @@ TEST(GltfReader, NamesTheElementAtFault) {
   }
 }
 
+// The bytes of `fixture` as gltfpack would compress them, behind a buffer that stands in for the old ones.
+GltfFixture Meshopted(const GltfFixture& fixture) {
+  GltfFixture result = fixture;
+  result.buffer.clear();
+  for (Json& view : result.json["bufferViews"]) {
+    const auto offset = view.value("byteOffset", std::size_t{0}), length = view["byteLength"].get<std::size_t>();
+    const std::string bytes = fixture.buffer.substr(offset, length);
+    const bool is_index = view.value("target", 0) == 34963 && length % 2 == 0;
+    const std::size_t stride = is_index ? 2 : 4, count = length / stride;
+    std::vector<unsigned char> packed;
+    if (is_index) {
+      std::vector<unsigned int> indices(count);
+      for (std::size_t i = 0; i < count; ++i) {
+        std::uint16_t index = 0;
+        std::memcpy(&index, bytes.data() + 2 * i, 2);
+        indices[i] = index;
+      }
+      packed.resize(meshopt_encodeIndexSequenceBound(count, 65536));
+      packed.resize(meshopt_encodeIndexSequence(packed.data(), packed.size(), indices.data(), count));
+    } else if (length % 4 == 0) {
+      packed.resize(meshopt_encodeVertexBufferBound(count, stride));
+      packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), bytes.data(), count, stride));
+    }
+    result.buffer.resize((result.buffer.size() + 3) / 4 * 4, '\0');
+    if (packed.empty()) {
+      view["byteOffset"] = result.buffer.size();
+      result.buffer += bytes;
+      continue;
+    }
+    view["buffer"] = 1;
+    view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                     {"byteOffset", result.buffer.size()},
+                                                     {"byteLength", packed.size()},
+                                                     {"byteStride", stride},
+                                                     {"count", count},
+                                                     {"mode", is_index ? "INDICES" : "ATTRIBUTES"}};
+    result.buffer.append(packed.begin(), packed.end());
+  }
+  result.json["buffers"][0]["byteLength"] = result.buffer.size();
+  result.json["buffers"][1] = {{"byteLength", fixture.buffer.size()},
+                               {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}};
+  for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
+    result.json[list].push_back("EXT_meshopt_compression");
+  }
+  return result;
+}
+
+TEST(GltfReader, ReadsMeshoptCompression) {
+  const MeshFile file = ReadBytes("plain.glb", SampleGltf().Glb());
+  const MeshFile packed = ReadBytes("packed.glb", Meshopted(SampleGltf()).Glb());
+  EXPECT_EQ(packed.mesh.corner_vertex, file.mesh.corner_vertex);
+  EXPECT_EQ(packed.mesh.positions, file.mesh.positions);
+  EXPECT_EQ(packed.mesh.corner_texcoord, file.mesh.corner_texcoord);
+  EXPECT_EQ(packed.mesh.texcoords, file.mesh.texcoords);
+  // It is written without that compression, and is whole all the same.
+  const std::vector<double> uv = TriangleUv(file.mesh.corner_vertex.size());
+  const MeshFile again = Written(packed, uv, "out.glb");
+  EXPECT_EQ(again.bytes.find("meshopt"), std::string::npos);
+  EXPECT_EQ(UvOf(again.mesh), uv);
+  for (const char* kept : {"POSITION", "COLOR_0", "WEIGHTS_0"}) {
+    EXPECT_EQ(CornerBytes(again, 0, kept), CornerBytes(file, 0, kept)) << kept;
+  }
+}
+
+TEST(GltfReader, RefusesDamagedMeshoptCompression) {
+  const auto reason = [](const std::function<void(Json*)>& act) {
+    GltfFixture fixture = Meshopted(SampleGltf());
+    for (Json& view : fixture.json["bufferViews"]) {
+      if (!view.contains("extensions")) continue;
+      act(&view["extensions"]["EXT_meshopt_compression"]);
+      break;
+    }
+    PutFile(TemporaryPath("bad.glb"), fixture.Glb());
+    return Reason(ReadMeshFile(TemporaryPath("bad.glb")).status());
+  };
+  EXPECT_EQ(reason([](Json*) {}), "");
+  EXPECT_EQ(reason([](Json* j) { (*j)["mode"] = "OTHER"; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["filter"] = "OTHER"; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["filter"] = "QUATERNION"; }), "FILE_MALFORMED") << "stride 4";
+  EXPECT_EQ(reason([](Json* j) { (*j)["byteStride"] = 3; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["byteLength"] = 1; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["byteOffset"] = std::int64_t{1} << 40; }), "FILE_MALFORMED");
+  EXPECT_EQ(reason([](Json* j) { (*j)["count"] = std::int64_t{1} << 40; }), "FILE_MALFORMED") << "no bombs";
+  EXPECT_EQ(reason([](Json* j) { (*j)["buffer"] = 1; }), "FILE_MALFORMED") << "a fallback has no bytes";
+}
+
 TEST(GltfReader, RefusesWhatItCannotFollow) {
   const auto reason = [](const std::function<void(Json*)>& act) {
     GltfFixture fixture = SampleGltf();
@@ -326,7 +478,7 @@ TEST(GltfReader, RefusesWhatItCannotFollow) {
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "https://example.com/a.bin"; }), "FILE_UNSUPPORTED");
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "/dev/zero"; }), "FILE_UNSUPPORTED");
   EXPECT_EQ(reason([](Json* j) { (*j)["buffers"][0]["uri"] = "../../../../../../../../dev/zero"; }), "FILE_UNREADABLE");
-  EXPECT_EQ(reason([](Json* j) { (*j)["extensionsRequired"].push_back("EXT_meshopt_compression"); }),
+  EXPECT_EQ(reason([](Json* j) { (*j)["extensionsRequired"].push_back("KHR_meshopt_compression"); }),
             "FILE_UNSUPPORTED");
   PutFile(TemporaryPath("deep.gltf"), std::string(100000, '['));
   EXPECT_EQ(Reason(ReadMeshFile(TemporaryPath("deep.gltf")).status()), "FILE_MALFORMED");

@@ -55,7 +55,7 @@ absl::StatusOr<MeshFile> RoundTrip(const MeshFile& file, const std::vector<doubl
   options.texcoord = texcoord;
   const auto written = WriteMeshWithUv(file, uv, options);
   if (!written.ok()) return written.status();
-  EXPECT_TRUE(written->warnings.empty()) << written->warnings.front();
+  EXPECT_TRUE(written->warnings.empty()) << written->warnings.front().message;
   for (const OutputFile& output : written->files) PutFile(output.path, output.bytes);
   EXPECT_EQ(written->files.back().path, options.path);
   return ReadMeshFile(options.path, {texcoord});
@@ -182,7 +182,7 @@ TEST(Output, VThatDoesNotSurviveTheFlipIsWarnedOf) {
   const auto written = WriteMeshWithUv(file, uv, options);
   ASSERT_TRUE(written.ok());
   ASSERT_EQ(written->warnings.size(), 1u);
-  EXPECT_EQ(written->warnings[0].substr(0, 11), "1 triangles");
+  EXPECT_EQ(written->warnings[0].message.substr(0, 11), "1 triangles");
 }
 
 }  // namespace
