@@ -26,12 +26,11 @@
 #include "grpc/support/log.h"
 #include "server/admin.h"
 #include "server/blobs/blob_catalog.h"
+#include "server/blobs/directory_blobs.h"
 #include "server/data_directory.h"
 #include "server/flags.h"
 #include "server/front_door.h"
 #include "server/job_log.h"
-#include "server/blobs/blob_catalog.h"
-#include "server/blobs/directory_blobs.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/upload_store.h"
 #include "server/jobs/worker_pool.h"
@@ -425,6 +424,7 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments)
   service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   monitoring.SetEnding();
   const bool workers_done = EndJobs(grace, !flags.data_dir.empty(), &manager, &events);
+  streams.InterruptSenders();
   streams.WaitForNone(absl::Now() + kFlushLimit);
   monitoring.Detach();
   (*rpc)->Shutdown(absl::Now() + kLastCallsLimit);
