@@ -213,13 +213,15 @@ bool WaitUntilIdle(absl::Duration limit, ShutdownEvents* events) {
   return wake == Wake::kIdle;
 }
 
-// Returns when every job has ended or, if jobs are `durable`, was left to the next server. False if workers did not
-// answer, and still run.
-bool EndJobs(absl::Duration grace, bool durable, JobManager* manager, ShutdownEvents* events) {
+// Returns when every job has ended or, if the store outlives this process, was left to another server. False if workers
+// did not answer, and still run.
+bool EndJobs(absl::Duration grace, const ServerFlags& flags, JobManager* manager, ShutdownEvents* events) {
   manager->Drain([events] { events->NotifyIdle(); });
-  if (WaitUntilIdle(grace, events)) return true;
-  if (durable) {
-    LogInfo("leaving the jobs that are left to the next server");
+  const bool idle = WaitUntilIdle(grace, events);
+  // In a farm jobs go on elsewhere, and so do those that watch them here.
+  if (idle && !flags.store.is_farm()) return true;
+  if (flags.store.is_durable()) {
+    if (!idle) LogInfo("leaving the jobs that are left to another server");
     manager->Suspend();
     return true;
   }
@@ -438,7 +440,8 @@ int Serve(const ServerConfig& config, const std::vector<std::string>& arguments,
   LogInfo(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   service_manager.Stopping(absl::StrCat("shutting down, jobs have ", absl::FormatDuration(grace), " to end"));
   monitoring.SetEnding();
-  const bool workers_done = EndJobs(grace, flags.store.is_durable(), &manager, &events);
+  const bool workers_done = EndJobs(grace, flags, &manager, &events);
+  streams.InterruptSenders();
   streams.WaitForNone(absl::Now() + kFlushLimit);
   monitoring.Detach();
   if (rpc != nullptr) rpc->Shutdown(absl::Now() + kLastCallsLimit);

@@ -294,7 +294,7 @@ class PlanishService : public v1::Planish::CallbackService {
   grpc::ServerReadReactor<v1::WriteUploadRequest>* WriteUpload(grpc::CallbackServerContext* context,
                                                                v1::Upload* response) override {
     return ReceiveUpload(Admit(*context, Need::kSubmit), uploads_, options_.capabilities.upload_chunk_bytes(),
-                         &upload_threads_, response);
+                         &upload_threads_, surroundings_.streams, response);
   }
 
   grpc::ServerUnaryReactor* GetUpload(grpc::CallbackServerContext* context, const v1::GetUploadRequest* request,

@@ -61,6 +61,15 @@ TEST_F(FarmTest, AFrontThatIsKilledCostsItsCallersASecondOrTwo) {
   daemons_[has]->Wait();
   EXPECT_TRUE(WaitUntil([&] { return heard.Silence(killed) < 1e9; }));
   EXPECT_LT(heard.Silence(killed), kSanitized ? 10 : 2);
+  // So does one that ends in order.
+  StartFront(has);
+  ASSERT_TRUE(WaitUntil([&] { return daemons_[has]->IsRunning(); }));
+  usleep(500'000);  // HAProxy has seen it
+  const double ended = Now();
+  Daemon& other = *daemons_[has == "a" ? "b" : "a"];
+  other.CloseSupervisor();
+  EXPECT_EQ(other.Wait(), 0) << other.Output();
+  EXPECT_TRUE(WaitUntil([&] { return heard.Silence(ended) < 1e9; }));
   call.Stop();
   const UnwrapResult result = call.Wait();
   EXPECT_TRUE(heard.in_order());

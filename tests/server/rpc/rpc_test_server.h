@@ -39,6 +39,7 @@ class RpcTestServer {
   JobManager& manager() { return *manager_; }
   RpcServer& rpc() { return *rpc_; }
   UploadStore& uploads() { return uploads_; }
+  StreamCounter& streams() { return streams_; }
   v1::Planish::Stub& stub() { return *stub_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 

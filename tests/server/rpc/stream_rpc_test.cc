@@ -71,8 +71,7 @@ TEST(UnwrapRpc, SeamsReachTheWorkerAndAreNotEchoed) {
     EXPECT_EQ(received.blobs.size(), 2u);
     EXPECT_EQ(received.blobs.at(0)->bytes(), "mesh");
     const std::string_view corners = received.blobs.at(1)->bytes();
-    EXPECT_EQ(corners.size(),
-              4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
+    EXPECT_EQ(corners.size(), 4u * static_cast<std::size_t>(request.seam_corners() + request.uncut_corners()));
     std::vector<std::int32_t>& numbers = seen.emplace_back(corners.size() / 4);
     std::memcpy(numbers.data(), corners.data(), corners.size());
     EXPECT_EQ(request.uncut_corners(), request.seam_corners() == 1 ? 1 : 0);
@@ -353,6 +352,21 @@ TEST(WatchRpc, StreamsEndWhenTheServerShutsDown) {
   }
   EXPECT_TRUE(received.status.ok());
   EXPECT_EQ(received.LastJob().state(), v1::JOB_STATE_CANCELLED);
+}
+
+// A caller may then go on elsewhere. CANCELLED would say that the caller itself gave up.
+TEST(WatchRpc, CallsThatAreCutOffByAShutdownAreUnavailable) {
+  RpcTestServer server(WaitForCancel());
+  UnwrapCaller caller(server, UnwrapOfMesh(), 3);
+  grpc::ClientContext context;
+  const auto watcher = server.stub().WatchJob(&context, WatchRequest(caller.name(), 0));
+  v1::WatchJobResponse first;
+  ASSERT_TRUE(watcher->Read(&first));
+  server.rpc().Shutdown(absl::Now() + absl::Milliseconds(20));
+  const grpc::Status watched = ReceiveAll(watcher.get()).status;
+  EXPECT_EQ(watched.error_code(), grpc::StatusCode::UNAVAILABLE) << watched.error_message();
+  const grpc::Status unwrapped = caller.Rest().status;
+  EXPECT_EQ(unwrapped.error_code(), grpc::StatusCode::UNAVAILABLE) << unwrapped.error_message();
 }
 
 }  // namespace

@@ -169,16 +169,28 @@ TEST_F(UploadsRpc, TwoWritersOneUpload) {
   EXPECT_TRUE(Write({{name, 10, mesh.substr(10)}}).ok()) << "the first one is gone when its caller knows";
 }
 
-TEST_F(UploadsRpc, ShutdownCutsAnOpenUploadOff) {
-  const std::string name = Create(Noise(100)).name();
+// CANCELLED, which gRPC may say by itself, would mean that the caller gave up: it would not go on elsewhere.
+TEST_F(UploadsRpc, ShutdownTellsOpenUploadsToGoOnElsewhere) {
+  const std::string mesh = Noise(100);
+  const std::string name = Create(mesh).name();
   grpc::ClientContext context;
   v1::Upload upload;
   const auto writer = server_.stub().WriteUpload(&context, &upload);
   v1::WriteUploadRequest request;
   request.set_name(name);
+  request.set_data(mesh.substr(0, 10));
   EXPECT_TRUE(writer->Write(request));
-  server_.rpc().Shutdown(absl::Now());
-  EXPECT_FALSE(writer->Finish().ok());
+  v1::Upload so_far;
+  while (Get(name, &so_far).ok() && so_far.committed_bytes() < 10) std::this_thread::yield();
+  server_.streams().InterruptSenders();
+  const grpc::Status cut = writer->Finish();
+  EXPECT_EQ(cut.error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(InfoOf(cut).reason(), "DRAINING");
+  EXPECT_TRUE(HasRetryInfo(cut));
+  EXPECT_TRUE(Get(name, &so_far).ok());
+  EXPECT_EQ(so_far.committed_bytes(), 10) << "nothing is lost, and the upload is free for another writer";
+  const grpc::Status late = Write({{name, 10, mesh.substr(10)}});
+  EXPECT_EQ(InfoOf(late).reason(), "DRAINING") << "a call that comes later is told the same";
 }
 
 }  // namespace
