@@ -25,10 +25,12 @@ std::vector<ServerEntry> Farm::Servers() const {
 }
 
 JobCapacity Farm::Capacity() const {
-  JobCapacity capacity = {0, 0};
+  JobCapacity capacity = {0, 0, 0};
   for (const ServerEntry& server : Servers()) {
     capacity.workers += server.workers;
-    if (server.workers > 0) capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
+    if (server.workers == 0) continue;
+    capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
+    capacity.total_memory_bytes += server.memory_bytes;
   }
   // Jobs wait for workers that are yet to come.
   if (capacity.workers == 0) capacity.memory_bytes = JobCapacity().memory_bytes;

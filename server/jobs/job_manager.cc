@@ -270,9 +270,11 @@ ManagerStats JobManager::Stats() const {
   const absl::Time now = options.clock();
   ManagerStats stats;
   stats.draining = draining_;
-  stats.workers = context_.Capacity().workers;
+  const JobCapacity capacity = context_.Capacity();
+  stats.workers = capacity.workers;
+  stats.own_workers = options.workers;
+  stats.all_memory_bytes = capacity.total_memory_bytes;
   stats.queue_total = options.queue_total;
-  stats.memory_bytes = options.memory_bytes;
   stats.stored_bytes = context_.blobs.bytes();
   stats.store_bytes = context_.blobs.max_bytes();
   std::map<std::string, TenantStats> tenants;
@@ -280,6 +282,7 @@ ManagerStats JobManager::Stats() const {
   if (const absl::StatusOr<QueueState> queue = context_.store.Queue(); queue.ok()) {
     for (const WorkRow& work : queue->works) {
       if (!work.running) ++stats.queued_work;
+      if (work.running) stats.all_reserved_bytes += work.memory_bytes;
       if (!work.running || work.owner != runner_.owner()) continue;
       ++stats.running_work;
       stats.reserved_memory_bytes += work.memory_bytes;

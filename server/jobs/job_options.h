@@ -39,6 +39,7 @@ struct JobLimits {
 struct JobCapacity {
   int workers = 0;                                    // of all servers that share the store
   std::int64_t memory_bytes = std::int64_t{1} << 60;  // that one job may take: the most that any of them has
+  std::int64_t total_memory_bytes = memory_bytes;     // of all of them
 };
 
 struct JobManagerOptions {
@@ -95,7 +96,8 @@ class JobContext {
   VerbContext Verb() const { return {options.clock(), Limits().retained_time, options.max_attempts, options.clock}; }
 
   JobCapacity Capacity() const {
-    return options.capacity != nullptr ? options.capacity() : JobCapacity{options.workers, options.memory_bytes};
+    return options.capacity != nullptr ? options.capacity()
+                                       : JobCapacity{options.workers, options.memory_bytes, options.memory_bytes};
   }
 
   void TellError(const absl::Status& status) const {

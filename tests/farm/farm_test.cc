@@ -8,6 +8,7 @@
 #include "core/base/sanitizers.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "planish/admin.h"
 #include "tests/farm/farm_fixture.h"
 
 namespace planish {
@@ -32,6 +33,10 @@ TEST_F(FarmTest, AJobOfOneFrontIsSeenAtAnother) {
   EXPECT_EQ(a.Unwrap(quick_.View(), {}, again.Listen()).uv.AsDouble(), result.uv.AsDouble());
   EXPECT_EQ(b.ListJobs().size(), 2u);
   EXPECT_EQ(b.GetCapabilities().workers, 1) << "of all servers";
+  const ServerStats stats = AdminClient("unix:" + SocketOf("b")).GetStats();
+  EXPECT_EQ(stats.workers, 1);
+  EXPECT_EQ(stats.workers_ready, 1);
+  EXPECT_GT(stats.memory_bytes, 0);
 }
 
 TEST_F(FarmTest, JobsOfTwoFrontsShareTheirWork) {
