@@ -22,9 +22,12 @@ constexpr double kMostFactor = 100;
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 // Renewals in the time that a lease lasts.
 constexpr int kRenewals = 5;
-// Progress that is written at once, and of what cannot be written, the newest that is kept.
-constexpr std::size_t kManyProgress = 256;
+// Progress that is written before its time, and of what cannot be written, the newest that is kept.
+constexpr std::size_t kManyProgress = 1024;
 constexpr std::size_t kMostProgress = 4096;
+// That the workers of a farm write together: a part of what one PostgreSQL takes that leaves most for the jobs
+// themselves (deploy/FARM.md, Size).
+constexpr double kReportsPerSecond = 200;
 
 // Another attempt would need as much.
 bool IsOutOfMemory(const WorkerLoss& loss) {
@@ -291,12 +294,13 @@ void JobRunner::Tick() {
   std::vector<Lease> leases;
   std::vector<std::string> reports;
   std::vector<Ending> endings;
+  const absl::Duration interval = ReportInterval();
   {
     const std::lock_guard lock(mutex_);
     const absl::Time now = context_.options.steady_clock();
     for (auto& [name, attempt] : attempts_) {
       if (now >= next_renewal_) leases.push_back(attempt.work.lease);
-      const bool due = now - attempt.reported >= context_.options.report_interval;
+      const bool due = now - attempt.reported >= interval;
       if (due && !attempt.progress.empty()) reports.push_back(name);
     }
     if (now >= next_renewal_) next_renewal_ = now + context_.options.lease / kRenewals;
@@ -316,14 +320,21 @@ void JobRunner::Tick() {
 
 // ---- progress
 
+absl::Duration JobRunner::ReportInterval() const {
+  const absl::Duration interval = context_.options.report_interval;
+  if (!context_.store.is_shared() || interval == absl::ZeroDuration()) return interval;
+  return std::max(interval, absl::Seconds(context_.Capacity().workers / kReportsPerSecond));
+}
+
 void JobRunner::ReportProgress(const std::string& name, int attempt, v1::Progress progress) {
+  const absl::Duration interval = ReportInterval();
   {
     const std::lock_guard lock(mutex_);
     Attempt* found = Find(name, attempt);
     if (found == nullptr) return;
     if (found->progress.size() >= kMostProgress) found->progress.erase(found->progress.begin());
     found->progress.push_back(std::move(progress));
-    const bool is_due = context_.options.steady_clock() - found->reported >= context_.options.report_interval;
+    const bool is_due = context_.options.steady_clock() - found->reported >= interval;
     if (!is_due && found->progress.size() < kManyProgress) return;
   }
   WriteProgress(name);

@@ -115,6 +115,8 @@ class JobRunner : public JobSource {
   void TellWish(Attempt* attempt);
   void Renew(const std::vector<Lease>& leases);
   // Writes the progress that waits, unless somebody is at it.
+  // Between two reports of one job.
+  absl::Duration ReportInterval() const;
   void WriteProgress(const std::string& work);
   // Takes the attempt for its end, with the progress that waits; empty: it is not this process's any more.
   std::optional<Ending> BeginEnd(const std::string& name, int attempt);

@@ -11,6 +11,13 @@ namespace planish {
 
 JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pace) {
   JobEventLog::Read read = events_->ReadAfter(position_.after_sequence);
+  const std::int64_t last = events_->last_sequence();
+  if (read.ended && read.status.ok() && last > 0 && position_.after_sequence > last && !told_end_) {
+    // The caller was told events that the database forgot in a crash.
+    read = events_->ReadAfter(last - 1);
+    read.event->set_sequence(position_.after_sequence + 1);
+    told_end_ = true;
+  }
   while (pace != Pace::kAll && read.event.has_value() && read.event->has_progress()) {
     JobEventLog::Read newer = events_->ReadAfter(read.event->sequence());
     if (!newer.event.has_value()) {

@@ -51,6 +51,7 @@ class JobStream {
  private:
   const std::shared_ptr<const JobEventLog> events_;
   Position position_;
+  bool told_end_ = false;  // under a sequence of our own
   absl::Status status_;
 };
 
