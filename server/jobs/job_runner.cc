@@ -152,7 +152,7 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
   absl::StatusOr<std::vector<BlobPtr>> blobs = LoadBlobs(record);
   if (!blobs.ok()) {
     absl::Status status = blobs.status();
-    if (absl::IsNotFound(status) || absl::IsDataLoss(status)) {
+    if (IsLost(status)) {
       // Their request ids are free: a caller that has the mesh sends it again, for a new job.
       const google::rpc::Status error = ToRpcStatus(MeshLost(status));
       status = absl::OkStatus();

