@@ -35,7 +35,7 @@ packaging="python3-setuptools python3-wheel dpkg-dev xz-utils"
 # What the installed programs need; the certificates are for `planish` and servers that have one of a public authority.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7 libmeshoptimizer2d
-  libpng16-16 zlib1g libsqlite3-0 libseccomp2 libspdlog1.10 libfmt9 libssl3
+  libpng16-16 zlib1g libsqlite3-0 libpq5 libcurl4 libexpat1 libseccomp2 libspdlog1.10 libfmt9 libssl3
   libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 ca-certificates"
 
 fail() {

@@ -138,14 +138,16 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
                                                 const std::vector<v1::Progress>& progress) override {
-    // A loss of power may take back what was told. So numbers are reserved, and that has to be durable.
+    // A loss of power may take back what was told. So numbers are reserved, and that has to be durable. What a shared
+    // database forgets costs no number: its watchers live on, and JobFeed knows what they were told.
+    const bool may_reserve = !database_->is_shared();
     bool reserves = false;
     const auto report = [&](Durability durability) {
       return ChangeWork(context, lease, durability,
                         [&](JobTransaction& transaction, const LockedWork&, JobChange* change) -> absl::Status {
                           const std::int64_t reserved = change->record.reserved_sequence();
                           PLANISH_RETURN_IF_ERROR(AddProgress(&transaction, progress, change));
-                          reserves = change->record.reserved_sequence() != reserved;
+                          reserves = may_reserve && change->record.reserved_sequence() != reserved;
                           if (reserves && durability == Durability::kLater) return absl::AbortedError("not durable");
                           return absl::OkStatus();
                         });
@@ -204,7 +206,7 @@ class SqlJobStore : public JobStore {
                     [&](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
                       JobRecord& record = change->record;
                       if (!is_over(work.before) || !IsLeased(record)) return absl::OkStatus();
-                      JobTransaction::SkipReserved(&record);
+                      if (!sole_owner.empty()) JobTransaction::SkipReserved(&record);
                       // One without an owner was released by an earlier version of planish.
                       const bool was_lost = !record.owner().empty();
                       if (was_lost) {
@@ -295,6 +297,9 @@ class SqlJobStore : public JobStore {
   }
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after) override {
     return questions_.Events(number, after);
+  }
+  absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers) override {
+    return questions_.Positions(numbers);
   }
   absl::StatusOr<bool> UsesBlob(const BlobId& id) override { return questions_.UsesBlob(id); }
   Subscription Subscribe(Listener listener) override { return listeners_.Add(std::move(listener)); }

@@ -160,7 +160,7 @@ TEST_P(JobStoreTest, AZombieChangesNothing) {
   EXPECT_TRUE(Other().Finish(context_, next, Success()).ok());
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
   try_all();
-  EXPECT_EQ(History(name), "1 QUEUED, 2 RUNNING, 1026 QUEUED, 1027 RUNNING, 1028 SUCCEEDED");
+  EXPECT_EQ(History(name), "1 QUEUED, 2 RUNNING, 3 QUEUED, 4 RUNNING, 5 SUCCEEDED");
 }
 
 TEST_P(JobStoreTest, WishesAreToldWithTheRenewal) {
