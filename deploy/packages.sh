@@ -20,6 +20,9 @@ cpack --config "$build/CPackConfig.cmake" -B "$build/dist" >"$build/cpack.log" 2
 rm -rf "$build/dist/_CPack_Packages"
 cmake --install "$build" --prefix "$build/prefix" --strip >/dev/null
 version=$(sed -n 's/^CMAKE_PROJECT_VERSION:STATIC=//p' "$build/CMakeCache.txt")
-deploy/tarball.sh "$build" "$build/prefix" "$build/dist/planish-$version-linux-$(uname -m).tar.xz"
+name=planish-$version-linux-$(uname -m)
+rm -rf "${build:?}/$name"
+deploy/relocatable.sh "$build" "$build/prefix" "$build/$name"
+tar -C "$build" --owner=0 --group=0 --numeric-owner --sort=name -cJf "$build/dist/$name.tar.xz" "$name"
 cp "$build"/client/python/dist/* "$build/client/blender/planish_blender.zip" "$build/dist/"
 ls -l "$build/dist"

@@ -1,18 +1,18 @@
 #!/bin/sh
-# Makes the relocatable tarball: the programs with the dynamic loader and all libraries, C library included, for Linux machines that have
-# none of them or older ones. `bin/NAME` starts `libexec/NAME` with what is in `lib` (deploy/packages/launcher.cc).
+# Makes the directory that the relocatable tarball is made of: the programs with the dynamic loader and all libraries, C library included, for
+# Linux machines that have none of them or older ones. `bin/NAME` starts `libexec/NAME` with what is in `lib`
+# (deploy/packages/launcher.cc).
 #
-#   deploy/tarball.sh BUILD PREFIX TARBALL      BUILD: a build folder; PREFIX: where it is installed
+#   deploy/relocatable.sh BUILD PREFIX DIRECTORY      BUILD: a build folder; PREFIX: where it is installed; DIRECTORY: to be made
 set -eu
 build=$1
 prefix=$2
-tarball=$3
-name=$(basename "$tarball" .tar.xz)
+top=$3
+here=$(cd "${0%/*}/.." && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"${0%/*}/libraries.sh" "$prefix" "$work/root"
+"$here/deploy/libraries.sh" "$prefix" "$work/root"
 
-top=$work/$name
 mkdir -p "$top/bin" "$top/lib" "$top/python" "$top/share/doc/planish"
 mv "$work/root/usr/local/bin" "$top/libexec"
 find "$work/root/usr/lib" "$work/root/usr/lib64" -type f -exec mv -t "$top/lib" {} +
@@ -23,8 +23,5 @@ for program in planishd planishd-farm; do ln "$top/bin/planish" "$top/bin/$progr
 
 cp -r "$prefix/share/man" "$prefix/share/bash-completion" "$prefix/share/zsh" "$top/share/"
 cp -r "$work/root/usr/share/doc" "$top/share/doc/libraries"
-here=$(cd "${0%/*}/.." && pwd)
 cp "$here/LICENSE" "$here/README.md" "$top/share/doc/planish/"
 cp "$build"/client/python/dist/*.whl "$build/client/blender/planish_blender.zip" "$top/python/"
-
-tar -C "$work" --owner=0 --group=0 --numeric-owner --sort=name -cJf "$tarball" "$name"
