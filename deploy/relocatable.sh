@@ -21,7 +21,10 @@ cp "$build/deploy/packages/planish_launcher" "$top/bin/planish"
 strip "$top/bin/planish"
 for program in planishd planishd-farm; do ln "$top/bin/planish" "$top/bin/$program"; done
 
-cp -r "$prefix/share/man" "$prefix/share/bash-completion" "$prefix/share/zsh" "$top/share/"
+# Man pages and completion; what is in share/planish is for units and other languages.
+for directory in "$prefix"/share/*; do
+  [ "${directory##*/}" = planish ] || cp -r "$directory" "$top/share/"
+done
 cp -r "$work/root/usr/share/doc" "$top/share/doc/libraries"
 cp "$here/LICENSE" "$here/README.md" "$top/share/doc/planish/"
 cp "$build"/client/python/dist/*.whl "$build/client/blender/planish_blender.zip" "$top/python/"

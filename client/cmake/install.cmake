@@ -18,7 +18,10 @@ target_compile_features(planish_sdk INTERFACE cxx_std_20)
 target_link_libraries(planish_sdk PRIVATE
   gRPC::grpc++ protobuf::libprotobuf draco::draco absl::status absl::statusor absl::strings OpenSSL::SSL Threads::Threads)
 target_link_options(planish_sdk PRIVATE
-  -Wl,--version-script=${CMAKE_CURRENT_BINARY_DIR}/exports.map -Wl,--no-undefined -Wl,--as-needed)
+  -Wl,--version-script=${CMAKE_CURRENT_BINARY_DIR}/exports.map -Wl,--as-needed)
+if(NOT PLANISH_SANITIZE)  # clang has the sanitizers' functions in programs only
+  target_link_options(planish_sdk PRIVATE -Wl,--no-undefined)
+endif()
 planish_sanitize(planish_sdk)
 add_library(planish::client ALIAS planish_client)
 

@@ -24,9 +24,9 @@ has() { # PACKAGE PATTERN...: the files of a package are these and no others
   [ ! -s "$work/left" ] || fail "$package also has: $(cat "$work/left")"
 }
 
-has planish /usr/bin/planish /usr/share/man/man1/planish.1 '/usr/share/(bash-completion|zsh)/.*/_?planish' /usr/share/doc/planish/copyright
+has planish /usr/bin/planish /usr/share/man/man1/planish.1 '/usr/share/(bash-completion|zsh|fish)/.*/_?planish(\.fish)?' /usr/share/doc/planish/copyright
 has planishd '/usr/bin/planishd(-farm)?' /usr/lib/systemd/system/planishd.service /etc/planish/planishd.yaml \
-  /usr/share/man/man8/planishd.8 '/usr/share/bash-completion/.*/planishd' /usr/share/doc/planishd/copyright
+  /usr/share/man/man8/planishd.8 '/usr/share/(bash-completion|zsh|fish)/.*/_?planishd(\.fish)?' /usr/share/doc/planishd/copyright
 has libplanish '/usr/lib/.*libplanish\.so\.[0-9.]+' '/usr/share/doc/libplanish[0-9]+/copyright'
 has libplanish-dev '/usr/lib/.*libplanish\.so' '/usr/include/planish/[a-z_]+\.h' '/usr/lib/.*cmake/planish/[a-z-]+\.cmake' \
   '/usr/lib/.*pkgconfig/planish\.pc' '/usr/share/planish/proto/.*\.proto' /usr/share/doc/libplanish-dev/copyright
