@@ -1,8 +1,7 @@
 // planish_farm_chaos: two fronts behind HAProxy, three workers, PostgreSQL with a synchronous standby. Eight callers
-// who know only the proxy have JOBS (1,000) meshes flattened, while processes of all of them are killed or stopped.
-// Fails unless every job ends once, and well unless its three attempts were killed, in order and without a gap for
-// whoever watches, and nothing of it is left over. SEED chooses
-// what dies when.
+// who know only the proxy have CHAOS_JOBS (1,000) meshes flattened, while processes of all of them are killed or
+// stopped. Fails unless every job ends once, and well unless its three attempts were killed, in order and without a gap
+// for whoever watches, and nothing of it is left over. SEED chooses what dies when.
 #include <unistd.h>
 
 #include <atomic>
@@ -67,7 +66,7 @@ class FarmChaos : public FarmTest {
     ++done_;
   }
 
-  const int jobs_ = FromEnvironment("JOBS", 1000);
+  const int jobs_ = FromEnvironment("CHAOS_JOBS", 1000);
   std::mt19937 random_{static_cast<unsigned>(FromEnvironment("SEED", 1))};
   std::atomic<int> next_ = 0, well_ = 0, failed_ = 0, out_of_order_ = 0, ended_twice_ = 0, skipped_ = 0,
                    hit_thrice_ = 0, done_ = 0;
