@@ -6,6 +6,7 @@
 #   tests/deploy/try_packages.sh [DIST] [TREES]      DIST: build/packages/dist; TREES: where fresh trees are kept for the next run
 #
 # Blender is that of this machine, if it has one, with the packaged add-on, command and server.
+# shellcheck disable=SC2016,SC2086  # text for shells inside and for apt; a list of words
 set -euo pipefail
 source_tree=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 dist=$(realpath "${1:-$source_tree/build/packages/dist}")
