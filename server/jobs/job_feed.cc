@@ -95,10 +95,10 @@ absl::Status JobFeed::Finish(v1::JobEvent event, JobEventLog* log) {
   StoredBlobPtr uv;
   if (event.job().state() == v1::JOB_STATE_SUCCEEDED) {
     absl::StatusOr<StoredBlobPtr> found = context_.blobs.Find({event.job().tenant(), event.job().uv().uv_sha256()});
-    if (found.ok()) uv = *std::move(found);
-    // It is there, and cannot be opened for now.
-    if (absl::IsResourceExhausted(found.status())) {
-      return WithRetryDelay(found.status(), context_.options.retry_delay);
+    if (found.ok()) {
+      uv = *std::move(found);
+    } else if (!IsLost(found.status())) {
+      return WithRetryDelay(found.status(), context_.options.retry_delay);  // they are there
     }
   }
   log->Restore(std::move(event), std::move(uv));

@@ -94,7 +94,7 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
   };
   const absl::StatusOr<std::vector<BlobPtr>> blobs = runner_.LoadBlobs(record);
   // Its request id is free: a caller that has the mesh sends it again, for a new job.
-  if (absl::IsNotFound(blobs.status()) || absl::IsDataLoss(blobs.status())) {
+  if (IsLost(blobs.status())) {
     return fail(JobRunner::MeshLost(blobs.status()), /*forget=*/true);
   }
   PLANISH_RETURN_IF_ERROR(blobs.status());
@@ -206,8 +206,8 @@ absl::StatusOr<JobResult> JobManager::OpenResult(const Caller& caller, const std
                      absl::StrCat(name, " is ", StateName(job.state()), ": there are no UV"), {{"job", name}});
   }
   absl::StatusOr<StoredBlobPtr> uv = context_.blobs.Find({job.tenant(), job.uv().uv_sha256()});
-  if (absl::IsResourceExhausted(uv.status())) return WithRetryDelay(uv.status(), context_.options.retry_delay);
-  if (!uv.ok()) return ResultExpired(name);
+  if (IsLost(uv.status())) return ResultExpired(name);
+  if (!uv.ok()) return WithRetryDelay(uv.status(), context_.options.retry_delay);
   return JobResult{job.uv(), *std::move(uv)};
 }
 

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "server/blobs/blob_store.h"
 
 namespace planish {
 
@@ -56,12 +57,11 @@ absl::Status ReadUv(const StoredBlob& uv, std::int64_t offset, std::int64_t limi
                      {{"field", field}, {"total_bytes", absl::StrCat(size)}});
   }
   if (offset == size) return absl::OkStatus();
+  const absl::Status got = uv.Read(offset, std::min(limit, size - offset), bytes);
+  if (!IsLost(got)) return got;
   // Damaged counts as absent; whoever asks again gets the result computed again.
-  if (const absl::Status got = uv.Read(offset, std::min(limit, size - offset), bytes); !got.ok()) {
-    return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
-                     absl::StrCat("the server can no longer read the UV: ", got.message()));
-  }
-  return absl::OkStatus();
+  return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
+                   absl::StrCat("the server can no longer read the UV: ", got.message()));
 }
 
 absl::Status Validate(const JobStream::Position& position) {

@@ -264,6 +264,9 @@ class JobStore {
   virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
   // A job that ended goes, with its events; durable later. FAILED_PRECONDITION with JOB_NOT_FINISHED.
   virtual absl::Status Delete(const std::string& name) = 0;
+  // Likewise up to `most` jobs of the tenant (empty: of all), those that ended first, but for any that somebody else is
+  // at. Returns their records.
+  virtual absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most) = 0;
 
   // ---- questions
 

@@ -247,25 +247,38 @@ class SqlJobStore : public JobStore {
 
   absl::Status Delete(const std::string& name) override {
     return Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
-      SqlConnection& sql = transaction.sql();
-      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run("SELECT number, ended, tenant, state, uv_bytes FROM jobs "
-                                                           "WHERE name = ? {lock}",
-                                                           {std::string_view(name)}));
+      static const std::string sql = absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE name = ? {lock}");
+      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, transaction.sql().Run(sql, {std::string_view(name)}));
       if (rows.empty()) return JobNotFound(name);
-      if (rows.Int(0, 1) == 0) {
+      PLANISH_ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, JobRowsOf(rows));
+      if (!jobs[0].standing.ended) {
         return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_FINISHED",
                          absl::StrCat(name, " has not ended: cancel it first"), {{"job", name}});
       }
-      const std::int64_t number = rows.Int(0, 0);
-      for (const char* statement : {"DELETE FROM events WHERE job = ?", "DELETE FROM labels WHERE job = ?",
-                                    "DELETE FROM jobs WHERE number = ?"}) {
-        PLANISH_RETURN_IF_ERROR(sql.RunLater(statement, {number}));
+      return transaction.Delete(jobs[0]);
+    });
+  }
+
+  absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most) override {
+    std::vector<JobRecord> gone;
+    const absl::Status status = Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
+      gone.clear();
+      const std::string sql =
+          absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE ended = 1 ", tenant.empty() ? "" : "AND tenant = ? ",
+                       "ORDER BY end_time, number LIMIT ? {skip}");
+      std::vector<SqlValue> values;
+      if (!tenant.empty()) values.emplace_back(std::string_view(tenant));
+      values.emplace_back(std::int64_t{most});
+      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, transaction.sql().Run(sql, values));
+      PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobRowsOf(rows));
+      for (JobRow& job : jobs) {
+        PLANISH_RETURN_IF_ERROR(transaction.Delete(job));
+        gone.push_back(std::move(job.record));
       }
-      TenantAccount& account = transaction.accounts().of(rows.Bytes(0, 2));
-      account.ended -= 1;
-      if (rows.Int(0, 3) == v1::JOB_STATE_SUCCEEDED) account.result_bytes -= rows.Int(0, 4);
       return absl::OkStatus();
     });
+    PLANISH_RETURN_IF_ERROR(status);
+    return gone;
   }
 
   // ---- questions

@@ -83,6 +83,33 @@ TEST_F(FarmTest, AFrontThatIsKilledCostsItsCallersASecondOrTwo) {
   EXPECT_EQ(result.uv.AsDouble().size(), 2 * slow_.triangles.size());
 }
 
+// The example for JavaScript, with arrays and @grpc/grpc-js.
+TEST_F(FarmTest, AFrontThatIsKilledCostsJavaScriptASecondOrTwoToo) {
+  StartFront("a");
+  StartFront("b");
+  if (!StartProxy({"a", "b"})) GTEST_SKIP() << "there is no " << kHaproxy;
+  StartWorker("w");
+  Process node({"/bin/sh", "-c", "exec " PLANISH_NODE " slow_unwrap.mjs unix:" + SocketOf("proxy")});
+  const auto heard = [&] { return node.Out().size(); };
+  ASSERT_TRUE(
+      WaitUntil([&] { return node.Out().find("progress\nprogress\n") != std::string::npos || !node.IsRunning(); }, 60));
+  if (node.Out().find("SKIPPED") != std::string::npos) GTEST_SKIP() << node.Out();
+  ASSERT_TRUE(node.IsRunning()) << node.Err();
+  const std::string job = ClientOf("proxy").ListJobs().at(0).name;
+  const std::string has = daemons_["a"]->Output().find(job) != std::string::npos ? "a" : "b";
+  const double killed = Now();
+  daemons_[has]->Signal(SIGKILL);
+  daemons_[has]->Wait();
+  const std::size_t before = heard();
+  EXPECT_TRUE(WaitUntil([&] { return heard() > before; }));
+  EXPECT_LT(Now() - killed, kSanitized ? 10 : 2);
+  Client client = ClientOf("proxy");
+  EXPECT_EQ(client.ListJobs().size(), 1u) << "the same job";
+  client.StopJob(job);
+  EXPECT_EQ(node.Wait().exit_code, 0) << node.Err();
+  EXPECT_THAT(node.Out(), HasSubstr("uv of 45000 triangles"));
+}
+
 TEST_F(FarmTest, AWorkerThatDiesOrSleepsLosesItsJobToAnother) {
   StartFront("a");
   Daemon& first = StartWorker("first");

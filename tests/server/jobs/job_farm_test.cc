@@ -11,7 +11,9 @@
 #include "server/jobs/job_manager.h"
 #include "server/link/rpc_status.h"
 #include "server/store/lifecycle.h"
+#include "server/store/sql_blobs.h"
 #include "tests/server/jobs/job_manager_fixture.h"
+#include "tests/server/store/failing_database.h"
 #include "tests/server/store/postgres_server.h"
 
 namespace planish {
@@ -188,6 +190,25 @@ TEST_F(JobFarmTest, TheEndIsToldThoughTheDatabaseForgotWhatWatchersSaw) {
   EXPECT_EQ(end->skipped(), 0);
   EXPECT_EQ(end->job().state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(log->uv()->ReadAll().value(), "uv");
+}
+
+TEST_F(JobFarmTest, UvWaitForTheirStore) {
+  Fault fault;
+  FailingDatabase database(*OpenPostgresDatabase({url_, 4}), &fault);
+  BlobCatalog blobs({.store = *SqlBlobStore::Make(&database)}, 1 << 20);
+  Server server;
+  server.store = NewJobStore(*OpenPostgresDatabase({url_, 4}));
+  server.manager = *JobManager::Open(options_, server.store.get(), &blobs);
+  const std::string name = Create(&server, "mesh");
+  const JobAssignment work = Take(&server);
+  fault.away = true;
+  Succeed(&server, work);
+  server.manager->Tick();
+  EXPECT_EQ(State(&server, name), v1::JOB_STATE_RUNNING) << "the worker has done its part";
+  fault.away = false;
+  server.manager->Tick();
+  EXPECT_EQ(State(&server, name), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(server.manager->Watch(caller_, name, false, true)->events->uv()->ReadAll().value(), "uv");
 }
 
 TEST_F(JobFarmTest, WatchersHearThatTheirJobIsGone) {
