@@ -1,37 +1,15 @@
 #!/bin/sh
-# Puts together the root directory of the image: the programs, and of Debian nothing but the libraries that they load,
-# each with its licence and its package's record, by which scanners know what is in there. No shell, no package manager.
+# Puts together the root directory of the image: the programs, and of Debian nothing but the libraries that they load
+# (deploy/libraries.sh) and the certificates of public authorities. No shell, no package manager.
 #
 #   deploy/image-root.sh PREFIX ROOT      PREFIX: where cmake --install put planish
 set -eu
-prefix=$1
 root=$2
+"${0%/*}/libraries.sh" "$1" "$root"
 
-mkdir -p "$root/usr/lib" "$root/usr/lib64" "$root/usr/local/bin" "$root/var/lib/dpkg/status.d" "$root/tmp"
-ln -s usr/lib "$root/lib"
-ln -s usr/lib64 "$root/lib64"
-chmod 1777 "$root/tmp"
-cp "$prefix/bin/planish" "$prefix/bin/planishd" "$prefix/bin/planishd-farm" "$root/usr/local/bin/"
-
-libraries=$(ldd "$root"/usr/local/bin/* | sed -n 's/.*=> \(\/[^ ]*\) .*/\1/p; s/^[[:space:]]*\(\/[^ ]*\) (.*/\1/p' | sort -u)
-packages=ca-certificates
-for library in $libraries; do
-  target=$root/usr/${library#/}
-  [ "${library#/usr/}" = "$library" ] || target=$root$library
-  mkdir -p "${target%/*}"
-  cp -L "$library" "$target"
-  # Alternatives are links to what a package has. Before the merge of /usr, packages called it /lib.
-  real=$(readlink -f "$library")
-  owner=$(dpkg-query -S "$real" 2>/dev/null || dpkg-query -S "${real#/usr}")
-  packages="$packages ${owner%%:*}"
-done
+install -d -m 1777 "$root/tmp"
 mkdir -p "$root/etc/ssl/certs"
 cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"
-
-for package in $(printf '%s\n' $packages | sort -u); do
-  dpkg-query --status "$package" >"$root/var/lib/dpkg/status.d/$package"
-  install -D -m 644 "/usr/share/doc/$package/copyright" "$root/usr/share/doc/$package/copyright"
-done
 cp /etc/debian_version "$root/etc/debian_version"
 cp -L /etc/os-release "$root/etc/os-release"
 echo 'planish:x:10001:10001::/nonexistent:/usr/sbin/nologin' >"$root/etc/passwd"

@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages that planish needs, and only those that are missing. The one place where
 # they are listed: the scripts beside this one and the Dockerfile call it.
 #
-#   deploy/install-packages.sh build|test|bench|fuzz|runtime...
+#   deploy/install-packages.sh build|test|packaging|bench|fuzz|runtime...
 #
 # Needs root or sudo when something is missing, and nothing at all when everything is there.
 set -eu
@@ -29,10 +29,13 @@ bench="gnuplot-nox libcgal-dev blender python3-numpy"
 # What only deploy/fuzz.sh needs: a compiler with libFuzzer, and names of functions in its reports.
 fuzz="clang-14 libclang-rt-14-dev llvm-14"
 
+# What only deploy/packages.sh needs: the wheel is made by setuptools, the dependencies of packages are found by dpkg-dev.
+packaging="python3-setuptools python3-wheel dpkg-dev xz-utils"
+
 # What the installed programs need; the certificates are for `planish` and servers that have one of a public authority.
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7 libmeshoptimizer2d
-  libpng16-16 zlib1g libsqlite3-0 libseccomp2 libspdlog1.10 libfmt9 libssl3
+  libpng16-16 zlib1g libsqlite3-0 libpq5 libcurl4 libexpat1 libseccomp2 libspdlog1.10 libfmt9 libssl3
   libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 ca-certificates"
 
 fail() {
@@ -40,16 +43,17 @@ fail() {
   exit 1
 }
 
-[ $# -gt 0 ] || fail "usage: $0 build|test|bench|fuzz|runtime..."
+[ $# -gt 0 ] || fail "usage: $0 build|test|packaging|bench|fuzz|runtime..."
 wanted=
 for list in "$@"; do
   case $list in
     build) wanted="$wanted $build" ;;
     test) wanted="$wanted $test" ;;
+    packaging) wanted="$wanted $packaging" ;;
     bench) wanted="$wanted $bench" ;;
     fuzz) wanted="$wanted $fuzz" ;;
     runtime) wanted="$wanted $runtime" ;;
-    *) fail "no such list: $list (build, test, bench, fuzz, runtime)" ;;
+    *) fail "no such list: $list (build, test, packaging, bench, fuzz, runtime)" ;;
   esac
 done
 

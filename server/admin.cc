@@ -47,11 +47,12 @@ admin::v1::Stats Admin::Stats() const {
   *stats.mutable_start_time() = Stamp(start_);
   stats.set_draining(now.draining);
   stats.set_workers(now.workers);
-  stats.set_workers_ready(monitoring_.workers_ready());
+  // Others announce workers while they live.
+  stats.set_workers_ready(now.workers - now.own_workers + monitoring_.workers_ready());
   stats.set_queued(now.queued);
   stats.set_running(now.running);
-  stats.set_reserved_memory_bytes(now.reserved_memory_bytes);
-  stats.set_memory_bytes(now.memory_bytes);
+  stats.set_reserved_memory_bytes(now.all_reserved_bytes);
+  stats.set_memory_bytes(now.all_memory_bytes);
   stats.set_stored_bytes(now.stored_bytes);
   stats.set_store_bytes(now.store_bytes);
   if (now.queued > 0) {

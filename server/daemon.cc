@@ -1,6 +1,5 @@
 #include "server/daemon.h"
 
-#include <limits.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -22,6 +21,7 @@
 #include "absl/time/clock.h"
 #include "core/base/error.h"
 #include "core/base/heap.h"
+#include "core/base/program_path.h"
 #include "core/base/sanitizers.h"
 #include "core/base/status_macros.h"
 #include "core/base/trace_context.h"
@@ -317,10 +317,7 @@ void AddReloadHooks(FrontDoor* door, JobManager* manager, UploadStore* uploads, 
 
 // Runs planishd-farm, which is beside this program, in the place of this process. Returns only if that cannot be.
 int BecomeFarmServer(char** argv) {
-  std::string program(PATH_MAX, '\0');
-  const ssize_t size = readlink("/proc/self/exe", program.data(), program.size());
-  program.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
-  program += "-farm";
+  const std::string program = SelfPath() + "-farm";
   execv(program.c_str(), argv);
   std::cerr << "planishd: --store: cannot run " << program << ": " << std::strerror(errno) << "\n";
   return kCannotServe;

@@ -5,12 +5,29 @@
 #include "core/base/status_macros.h"
 
 namespace planish {
+namespace {
+
+JobCapacity CapacityOf(const std::vector<ServerEntry>& servers) {
+  JobCapacity capacity = {0, 0, 0};
+  for (const ServerEntry& server : servers) {
+    capacity.workers += server.workers;
+    if (server.workers == 0) continue;
+    capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
+    capacity.total_memory_bytes += server.memory_bytes;
+  }
+  // Jobs wait for workers that are yet to come.
+  if (capacity.workers == 0) capacity.memory_bytes = JobCapacity().memory_bytes;
+  return capacity;
+}
+
+}  // namespace
 
 absl::Status Farm::Tick() {
   // Long enough for a database that restarts.
   PLANISH_RETURN_IF_ERROR(registry_.Announce(self_, 6 * kInterval));
   PLANISH_ASSIGN_OR_RETURN(std::vector<ServerEntry> servers, registry_.List());
   const std::lock_guard lock(mutex_);
+  capacity_ = CapacityOf(servers);
   servers_ = std::move(servers);
   return absl::OkStatus();
 }
@@ -25,14 +42,8 @@ std::vector<ServerEntry> Farm::Servers() const {
 }
 
 JobCapacity Farm::Capacity() const {
-  JobCapacity capacity = {0, 0};
-  for (const ServerEntry& server : Servers()) {
-    capacity.workers += server.workers;
-    if (server.workers > 0) capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
-  }
-  // Jobs wait for workers that are yet to come.
-  if (capacity.workers == 0) capacity.memory_bytes = JobCapacity().memory_bytes;
-  return capacity;
+  const std::lock_guard lock(mutex_);
+  return capacity_;
 }
 
 }  // namespace planish

@@ -33,7 +33,9 @@ class Farm {
   const ServerEntry self_;
 
   mutable std::mutex mutex_;
-  std::vector<ServerEntry> servers_;  // guarded by mutex_
+  // Guarded by mutex_.
+  std::vector<ServerEntry> servers_;
+  JobCapacity capacity_ = {0, JobCapacity().memory_bytes, 0};
 };
 
 }  // namespace planish

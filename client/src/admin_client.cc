@@ -4,7 +4,7 @@
 #include "planish/admin.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 using google::protobuf::util::TimeUtil;
@@ -66,5 +66,5 @@ ServerConfig AdminClient::GetConfig() {
   return {config.yaml(), ToTime(config.load_time())};
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -5,7 +5,7 @@
 #include <functional>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 Backoff::Backoff(double first_seconds, double longest_seconds, std::string_view seed)
     : first_(first_seconds), longest_(longest_seconds), random_(std::hash<std::string_view>()(seed)) {}
@@ -16,5 +16,5 @@ double Backoff::Next() {
   return pause * (0.5 + std::ldexp(static_cast<double>(random_ >> 11), -54));
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -4,7 +4,7 @@
 #include <string_view>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // Between attempts to reach a server that was lost.
 inline constexpr double kLongestPauseSeconds = 5;
@@ -28,5 +28,5 @@ class Backoff {
   int count_ = 0;
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

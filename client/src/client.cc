@@ -22,7 +22,7 @@
 #include "core/base/trace_context.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -494,5 +494,5 @@ const char* Version() {
   return PLANISH_VERSION;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

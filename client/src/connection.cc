@@ -10,7 +10,7 @@
 #include "grpcpp/security/credentials.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 Error Invalid(const std::string& message) {
@@ -125,5 +125,5 @@ Error Connection::WhyUnreachable(const std::string& message) const {
   return unreachable;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -9,7 +9,7 @@
 #include "planish/client.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // Immutable after construction, so threads may share it.
 class Connection {
@@ -38,5 +38,5 @@ class Connection {
   std::string ca_, certificate_, key_;  // what the files held
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

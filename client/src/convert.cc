@@ -6,7 +6,7 @@
 #include "core/base/trace_context.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 double SecondsFrom(const google::protobuf::Duration& duration) {
   return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
@@ -305,5 +305,5 @@ Capabilities FromProto(const v1::Capabilities& proto) {
   return capabilities;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -7,7 +7,7 @@
 #include "planish/v1/planish.pb.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 double SecondsFrom(const google::protobuf::Duration& duration);
 void SetSeconds(double seconds, google::protobuf::Duration* duration);
@@ -23,5 +23,5 @@ Event FromProto(const v1::JobEvent& event, const ids::Renumbering& renumbering =
 JobEstimate FromProto(const v1::JobEstimate& estimate);
 Capabilities FromProto(const v1::Capabilities& capabilities);
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

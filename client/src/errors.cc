@@ -6,7 +6,7 @@
 #include "google/rpc/error_details.pb.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 const char* ToString(ErrorCode code) {
   switch (code) {
@@ -104,5 +104,5 @@ Error Renumbered(const Error& error, const ids::Renumbering& renumbering) {
       .set_retry_after_seconds(error.retry_after_seconds());
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

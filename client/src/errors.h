@@ -9,7 +9,7 @@
 #include "planish/error.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // `status` must not be OK. Reason and metadata come from an ErrorInfo in the details; without one the reason is the
 // name of the code.
@@ -21,5 +21,5 @@ Error ErrorFrom(const absl::Status& status);
 // The same error in the caller's element ids.
 Error Renumbered(const Error& error, const ids::Renumbering& renumbering);
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

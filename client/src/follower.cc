@@ -11,7 +11,7 @@
 #include "client/src/trace_scope.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 // Times a job is submitted anew after it was lost together with its stream.
@@ -259,5 +259,5 @@ void Follower::ThrowCancelled() const {
               plan_.watch ? "stopped watching; the job goes on" : "cancelled before the server had accepted the job");
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

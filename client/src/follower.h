@@ -16,7 +16,7 @@
 #include "client/src/rpc.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // What to follow: a mesh to be unwrapped (`unwrap` set), or a job that exists (`watch` set).
 struct FollowPlan {
@@ -88,5 +88,5 @@ class Follower {
   std::unique_ptr<Stream> stream_;
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -10,7 +10,7 @@
 #include "planish/error.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 Error BadMesh(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {}) {
@@ -127,5 +127,5 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
   return packed;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

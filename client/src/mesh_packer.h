@@ -9,7 +9,7 @@
 #include "planish/types.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 struct PackedMesh {
   std::string draco;
@@ -33,5 +33,5 @@ class MeshPacker {
   static PackedMesh Pack(const MeshView& mesh);
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -7,7 +7,7 @@
 #include "client/src/stream_errors.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 // Meshes up to this size travel inline without asking what the server advises.
@@ -172,5 +172,5 @@ void MeshSender::ThrowCancelled() {
   throw Error(ErrorCode::kCancelled, "CANCELLED", "cancelled before the server had accepted the job");
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -14,7 +14,7 @@
 #include "client/src/rpc.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // Not thread-safe, except that a stop may come from anywhere.
 class MeshSender {
@@ -77,5 +77,5 @@ class MeshSender {
   std::unique_ptr<UploadStream> stream_;
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -17,10 +17,11 @@
 
 #include "client/src/find_planishd.h"
 #include "client/src/process.h"
+#include "core/base/program_path.h"
 #include "planish/error.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -128,8 +129,7 @@ struct PrivateServer::State {
 };
 
 std::string FindPrivateServer() {
-  std::error_code ignored;
-  return FindPlanishd(fs::read_symlink("/proc/self/exe", ignored).parent_path());
+  return FindPlanishd(fs::path(SelfPath()).parent_path());
 }
 
 PrivateServer::PrivateServer(const PrivateServerOptions& options) : state_(std::make_unique<State>()) {
@@ -164,5 +164,5 @@ std::string PrivateServer::log() const {
   return state_->Log();
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -15,7 +15,7 @@
 #include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 using WallClock = std::chrono::system_clock;
@@ -357,5 +357,5 @@ void Rpc::InBackground(Call call) {
   });
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

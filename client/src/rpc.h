@@ -16,7 +16,7 @@
 #include "planish/v1/planish.pb.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // When a call must be over; nothing: never.
 using Deadline = std::optional<std::chrono::system_clock::time_point>;
@@ -118,5 +118,5 @@ class Rpc {
   std::vector<std::jthread> background_;  // guarded by background_mutex_; joined by their destructors
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

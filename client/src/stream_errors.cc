@@ -4,7 +4,7 @@
 #include <string>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 bool IsBrokenStream(const Error& error) {
   if (error.code() == ErrorCode::kUnavailable) return true;
@@ -30,5 +30,5 @@ void ThrowIfLate(Deadline deadline, double pause_seconds, const Error& why) {
               std::string("the time given to the call passed while waiting: ") + why.what());
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

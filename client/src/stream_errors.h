@@ -4,7 +4,7 @@
 #include "client/src/rpc.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // Whether a stream broke under way, so that the same call may succeed a moment later.
 bool IsBrokenStream(const Error& error);
@@ -18,5 +18,5 @@ bool AsksToWait(const Error& error);
 // Throws DEADLINE_EXCEEDED if `deadline` passes within a pause of so many seconds; `why` there is a pause.
 void ThrowIfLate(Deadline deadline, double pause_seconds, const Error& why);
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

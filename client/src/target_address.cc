@@ -6,7 +6,7 @@
 #include <cctype>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 bool IsUnixTarget(const std::string& target) {
   return target.rfind("unix:", 0) == 0 || target.rfind("unix-abstract:", 0) == 0;
@@ -35,5 +35,5 @@ bool IsWithinThisMachine(const std::string& target) {
   return parts->host == "localhost" || parts->host == "::1";
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

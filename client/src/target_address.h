@@ -5,7 +5,7 @@
 #include <string>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 struct HostPort {
   std::string host;  // without brackets
@@ -20,5 +20,5 @@ std::optional<HostPort> ParseHostPort(const std::string& target);
 // Whether what is sent there stays on this machine: a Unix socket, or a loopback address.
 bool IsWithinThisMachine(const std::string& target);
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -16,7 +16,7 @@
 #include "client/src/target_address.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 // For each step: connect, each read, each write.
@@ -193,5 +193,5 @@ std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   return fault.empty() ? ExplainClosed(ssl.get(), asked, has_certificate) : fault;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -4,7 +4,7 @@
 #include <string>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // How a client would connect; PEM, as in ClientOptions.
 struct TlsProbe {
@@ -20,5 +20,5 @@ struct TlsProbe {
 // side speaks TLS. Empty if nothing is, nobody listens, or it takes more than a few seconds.
 std::string FindTlsFault(const std::string& target, const TlsProbe& probe);
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

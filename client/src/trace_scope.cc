@@ -8,7 +8,7 @@
 #include "planish/error.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 thread_local const TraceScope* innermost = nullptr;
@@ -48,5 +48,5 @@ std::string NextTraceparent() {
   return ChildTraceparent(innermost == nullptr ? DefaultTraceparent() : innermost->traceparent(), Entropy);
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -4,7 +4,7 @@
 #include <string>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // While it lives, calls made on this thread belong to one trace. Scopes nest: the inner one counts.
 class TraceScope {
@@ -30,5 +30,5 @@ class TraceScope {
 // of a new one.
 std::string NextTraceparent();
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

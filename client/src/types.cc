@@ -3,7 +3,7 @@
 #include <algorithm>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 // Signed and unsigned variants of one type may alias.
@@ -234,5 +234,5 @@ bool UnwrapResult::IsUsable() const {
   return report.chart_totals.not_converged == 0 && report.quality.flipped == 0 && report.quality.degenerate == 0;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -7,7 +7,7 @@
 #include "planish/error.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "UV travel little-endian");
@@ -50,5 +50,5 @@ Uv ParseUv(const v1::UvDescription& description, const std::string& bytes, const
   return uv;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -7,10 +7,10 @@
 #include "planish/v1/job.pb.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // Throws MESH_MISMATCH if the UV belong to another mesh than `mesh`, UV_CORRUPT if size or SHA-256 are wrong.
 Uv ParseUv(const v1::UvDescription& description, const std::string& bytes, const PackedMesh& mesh);
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

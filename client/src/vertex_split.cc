@@ -7,7 +7,7 @@
 #include "planish/error.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv) {
   const std::vector<double> corner_uv = uv.AsDouble();
@@ -44,5 +44,5 @@ VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32
   return result;
 }
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -1,5 +1,7 @@
 #include "server/jobs/job_feed.h"
 
+#include <functional>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -13,6 +15,8 @@ namespace {
 
 // Between two looks at everything that is watched and may be changed by others.
 constexpr absl::Duration kLookInterval = absl::Seconds(2);
+// Where many are watched, no more of them.
+constexpr std::size_t kLookedAtPerSecond = 2000;
 
 }  // namespace
 
@@ -81,19 +85,37 @@ absl::Status JobFeed::Read(const std::string& name, std::int64_t number, JobEven
     }
     // The record has the report, and may say that the UV are gone.
     PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> record, context_.store.Find(name));
-    StoredBlobPtr uv;
     if (record.has_value()) *event.mutable_job() = record->job();
-    if (event.job().state() == v1::JOB_STATE_SUCCEEDED) {
-      absl::StatusOr<StoredBlobPtr> found = context_.blobs.Find({event.job().tenant(), event.job().uv().uv_sha256()});
-      if (found.ok()) uv = *std::move(found);
-      // It is there, and cannot be opened for now.
-      if (absl::IsResourceExhausted(found.status())) {
-        return WithRetryDelay(found.status(), context_.options.retry_delay);
-      }
-    }
-    log->Restore(std::move(event), std::move(uv));
+    PLANISH_RETURN_IF_ERROR(Finish(std::move(event), log));
   }
   return absl::OkStatus();
+}
+
+absl::Status JobFeed::Finish(v1::JobEvent event, JobEventLog* log) {
+  StoredBlobPtr uv;
+  if (event.job().state() == v1::JOB_STATE_SUCCEEDED) {
+    absl::StatusOr<StoredBlobPtr> found = context_.blobs.Find({event.job().tenant(), event.job().uv().uv_sha256()});
+    if (found.ok()) {
+      uv = *std::move(found);
+    } else if (!IsLost(found.status())) {
+      return WithRetryDelay(found.status(), context_.options.retry_delay);  // they are there
+    }
+  }
+  log->Restore(std::move(event), std::move(uv));
+  return absl::OkStatus();
+}
+
+absl::Status JobFeed::EndBehind(const std::string& name, JobEventLog* log) {
+  PLANISH_ASSIGN_OR_RETURN(const std::optional<JobRecord> record, context_.store.Find(name));
+  if (!record.has_value()) {
+    log->Interrupt(JobNotFound(name));
+    return absl::OkStatus();
+  }
+  v1::JobEvent event;
+  event.set_sequence(log->last_sequence() + 1);
+  *event.mutable_time() = record->job().end_time();
+  *event.mutable_job() = record->job();
+  return Finish(std::move(event), log);
 }
 
 void JobFeed::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& uv) {
@@ -119,35 +141,65 @@ void JobFeed::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& u
   }
 }
 
+void JobFeed::LookAtAll(const std::map<std::string, Entry>& entries) {
+  std::vector<std::int64_t> numbers;
+  for (const auto& [name, entry] : entries) numbers.push_back(entry.number);
+  const absl::StatusOr<std::vector<JobPosition>> found = context_.store.Positions(numbers);
+  if (!found.ok()) {
+    context_.TellError(found.status());
+    return;
+  }
+  std::map<std::int64_t, JobPosition> positions;
+  for (const JobPosition& position : *found) positions[position.number] = position;
+  for (const auto& [name, entry] : entries) {
+    const auto position = positions.find(entry.number);
+    const bool there = position != positions.end();
+    ReadNew(name, entry, [&](JobEventLog* log) {
+      if (there && position->second.last_sequence > log->last_sequence()) return Read(name, entry.number, log);
+      return !there || position->second.ended ? EndBehind(name, log) : absl::OkStatus();
+    });
+  }
+}
+
+void JobFeed::ReadNew(const std::string& name, const Entry& entry,
+                      const std::function<absl::Status(JobEventLog*)>& read) {
+  const std::shared_ptr<JobEventLog> log = entry.log.lock();
+  if (log == nullptr || log->ended()) return;
+  const std::int64_t before = log->last_sequence();
+  if (const absl::Status status = read(log.get()); !status.ok()) {
+    context_.TellError(status);
+    const std::lock_guard lock(mutex_);
+    changed_.insert(name);
+  }
+  if (log->last_sequence() != before || log->ended()) log->Notify();
+}
+
 void JobFeed::Refresh() {
-  std::map<std::string, Entry> entries;
+  std::map<std::string, Entry> changed, all;
   {
     const std::lock_guard lock(mutex_);
     const absl::Time now = context_.options.steady_clock();
-    if (now >= next_look_) {
-      std::erase_if(logs_, [](const auto& each) { return each.second.log.expired(); });
-      next_look_ = now + kLookInterval;
-      if (context_.store.is_shared()) entries = logs_;
-    }
     std::set<std::string> later;
     for (const std::string& name : changed_) {
       const auto found = logs_.find(name);
       if (found == logs_.end()) continue;
-      found->second.number == 0 ? void(later.insert(name)) : void(entries.insert(*found));
+      found->second.number == 0 ? void(later.insert(name)) : void(changed.insert(*found));
     }
     changed_.swap(later);
-  }
-  for (const auto& [name, entry] : entries) {
-    const std::shared_ptr<JobEventLog> log = entry.log.lock();
-    if (log == nullptr || log->ended()) continue;
-    const std::int64_t before = log->last_sequence();
-    if (const absl::Status status = Read(name, entry.number, log.get()); !status.ok()) {
-      context_.TellError(status);
-      const std::lock_guard lock(mutex_);
-      changed_.insert(name);
+    if (now >= next_look_) {
+      std::erase_if(logs_, [](const auto& each) { return each.second.log.expired(); });
+      next_look_ = now + kLookInterval + absl::Seconds(1) * (logs_.size() / kLookedAtPerSecond);
+      if (context_.store.is_shared()) {
+        for (const auto& [name, entry] : logs_) {
+          if (entry.number != 0) all.emplace(name, entry);
+        }
+      }
     }
-    if (log->last_sequence() != before) log->Notify();
   }
+  for (const auto& [name, entry] : changed) {
+    ReadNew(name, entry, [&](JobEventLog* log) { return Read(name, entry.number, log); });
+  }
+  LookAtAll(all);
 }
 
 void JobFeed::Interrupt(const absl::Status& status) {

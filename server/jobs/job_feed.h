@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -51,6 +52,15 @@ class JobFeed {
   std::shared_ptr<JobEventLog> Find(const std::string& name);
   // Adds the store's events to the log.
   absl::Status Read(const std::string& name, std::int64_t number, JobEventLog* log);
+  // Adds a job's last event, with the UV.
+  absl::Status Finish(v1::JobEvent event, JobEventLog* log);
+  // Ends the log of a job that ended, or is gone, under a sequence that was given before. A database that crashed may
+  // have forgotten the newest events that were told, and gives their sequences again.
+  absl::Status EndBehind(const std::string& name, JobEventLog* log);
+  // Reads what is new of these, which all have numbers.
+  void LookAtAll(const std::map<std::string, Entry>& entries);
+  // Has `read` add to the log, if anybody reads it, and wakes its readers. What fails is tried again.
+  void ReadNew(const std::string& name, const Entry& entry, const std::function<absl::Status(JobEventLog*)>& read);
 
   JobContext& context_;
 

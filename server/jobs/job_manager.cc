@@ -94,7 +94,7 @@ absl::Status JobManager::RecoverJob(const JobRecord& record) {
   };
   const absl::StatusOr<std::vector<BlobPtr>> blobs = runner_.LoadBlobs(record);
   // Its request id is free: a caller that has the mesh sends it again, for a new job.
-  if (absl::IsNotFound(blobs.status()) || absl::IsDataLoss(blobs.status())) {
+  if (IsLost(blobs.status())) {
     return fail(JobRunner::MeshLost(blobs.status()), /*forget=*/true);
   }
   PLANISH_RETURN_IF_ERROR(blobs.status());
@@ -206,8 +206,8 @@ absl::StatusOr<JobResult> JobManager::OpenResult(const Caller& caller, const std
                      absl::StrCat(name, " is ", StateName(job.state()), ": there are no UV"), {{"job", name}});
   }
   absl::StatusOr<StoredBlobPtr> uv = context_.blobs.Find({job.tenant(), job.uv().uv_sha256()});
-  if (absl::IsResourceExhausted(uv.status())) return WithRetryDelay(uv.status(), context_.options.retry_delay);
-  if (!uv.ok()) return ResultExpired(name);
+  if (IsLost(uv.status())) return ResultExpired(name);
+  if (!uv.ok()) return WithRetryDelay(uv.status(), context_.options.retry_delay);
   return JobResult{job.uv(), *std::move(uv)};
 }
 
@@ -270,9 +270,11 @@ ManagerStats JobManager::Stats() const {
   const absl::Time now = options.clock();
   ManagerStats stats;
   stats.draining = draining_;
-  stats.workers = context_.Capacity().workers;
+  const JobCapacity capacity = context_.Capacity();
+  stats.workers = capacity.workers;
+  stats.own_workers = options.workers;
+  stats.all_memory_bytes = capacity.total_memory_bytes;
   stats.queue_total = options.queue_total;
-  stats.memory_bytes = options.memory_bytes;
   stats.stored_bytes = context_.blobs.bytes();
   stats.store_bytes = context_.blobs.max_bytes();
   std::map<std::string, TenantStats> tenants;
@@ -280,6 +282,7 @@ ManagerStats JobManager::Stats() const {
   if (const absl::StatusOr<QueueState> queue = context_.store.Queue(); queue.ok()) {
     for (const WorkRow& work : queue->works) {
       if (!work.running) ++stats.queued_work;
+      if (work.running) stats.all_reserved_bytes += work.memory_bytes;
       if (!work.running || work.owner != runner_.owner()) continue;
       ++stats.running_work;
       stats.reserved_memory_bytes += work.memory_bytes;

@@ -39,6 +39,7 @@ struct JobLimits {
 struct JobCapacity {
   int workers = 0;                                    // of all servers that share the store
   std::int64_t memory_bytes = std::int64_t{1} << 60;  // that one job may take: the most that any of them has
+  std::int64_t total_memory_bytes = memory_bytes;     // of all of them
 };
 
 struct JobManagerOptions {
@@ -51,18 +52,19 @@ struct JobManagerOptions {
   std::function<JobCapacity()> capacity;
   TenantLimitsSource tenant_limits;  // null: the defaults for everybody
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
-  std::int64_t max_triangles = std::int64_t{1} << 40;        // as declared and as decoded
-  std::int64_t memory_bytes = std::int64_t{1} << 60;         // that running jobs may reserve together
-  std::size_t events_per_job = 256;                          // JobEventLog capacity
-  absl::Duration obey_limit = absl::Seconds(5);              // from a cancellation to the worker's end
-  int max_attempts = 3;                                      // that a job may lose with their worker or server, >= 1
-  absl::Duration retry_delay = absl::Seconds(1);             // advice with refusals where nothing better is known
-  absl::Duration lease = absl::Seconds(15);                  // of work that runs; renewed five times as often
-  absl::Duration report_interval = absl::Milliseconds(200);  // of one job's progress to the store; 0: at once
-  absl::Duration forecast_age = absl::Milliseconds(100);     // what is said of the queue may be as old
-  OptionsValidator validate_options;                         // null: everything goes
-  NeedsEstimator estimate;                                   // null: jobs need nothing
-  std::function<bool(const BlobId& id)> is_blob_used;        // by somebody else; null: nobody. Must not call back
+  std::int64_t max_triangles = std::int64_t{1} << 40;  // as declared and as decoded
+  std::int64_t memory_bytes = std::int64_t{1} << 60;   // that running jobs may reserve together
+  std::size_t events_per_job = 256;                    // JobEventLog capacity
+  absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
+  int max_attempts = 3;                                // that a job may lose with their worker or server, >= 1
+  absl::Duration retry_delay = absl::Seconds(1);       // advice with refusals where nothing better is known
+  absl::Duration lease = absl::Seconds(15);            // of work that runs; renewed five times as often
+  // Of one job's progress to the store; longer where many workers share a store; 0: at once, always.
+  absl::Duration report_interval = absl::Milliseconds(200);
+  absl::Duration forecast_age = absl::Milliseconds(100);  // what is said of the queue may be as old
+  OptionsValidator validate_options;                      // null: everything goes
+  NeedsEstimator estimate;                                // null: jobs need nothing
+  std::function<bool(const BlobId& id)> is_blob_used;     // by somebody else; null: nobody. Must not call back
   // Hears of every change of state that this process makes, after it was written, on any thread; of one job in order
   // unless several threads change it at the same moment. Must be quick and thread-safe.
   std::function<void(const v1::Job&)> on_transition;
@@ -95,7 +97,8 @@ class JobContext {
   VerbContext Verb() const { return {options.clock(), Limits().retained_time, options.max_attempts, options.clock}; }
 
   JobCapacity Capacity() const {
-    return options.capacity != nullptr ? options.capacity() : JobCapacity{options.workers, options.memory_bytes};
+    return options.capacity != nullptr ? options.capacity()
+                                       : JobCapacity{options.workers, options.memory_bytes, options.memory_bytes};
   }
 
   void TellError(const absl::Status& status) const {

@@ -15,6 +15,8 @@ namespace {
 constexpr absl::Duration kSweepInterval = absl::Minutes(10);
 // So many at a time: each takes a look into the store.
 constexpr std::size_t kSweepSlice = 64;
+// Jobs that one transaction drops.
+constexpr int kForgottenAtOnce = 100;
 
 }  // namespace
 
@@ -190,12 +192,13 @@ void JobRetention::RetainOf(const std::string& tenant, const TenantTotals& total
     if ((*oldest)->job().name() == (*last)->job().name() || !Expire(**oldest)) break;
     bytes -= (*oldest)->job().uv().total_bytes();
   }
-  for (; ended > std::max(limits.retained_jobs, 1); --ended) {
-    const absl::StatusOr<std::optional<JobRecord>> oldest =
-        context_.store.FirstEnded(tenant, v1::JOB_STATE_UNSPECIFIED);
-    if (!oldest.ok() || !oldest->has_value()) break;
-    const absl::Status forgotten = Forget(**oldest);
-    if (!forgotten.ok() && !absl::IsNotFound(forgotten)) break;  // not found: another process was faster
+  while (ended > std::max(limits.retained_jobs, 1)) {
+    const std::int64_t surplus = ended - std::max(limits.retained_jobs, 1);
+    const absl::StatusOr<std::vector<JobRecord>> gone =
+        context_.store.DeleteOldest(tenant, static_cast<int>(std::min<std::int64_t>(surplus, kForgottenAtOnce)));
+    if (!gone.ok() || gone->empty()) break;  // empty: another process is at it
+    for (const JobRecord& record : *gone) NoteUnused(record);
+    ended -= static_cast<std::int64_t>(gone->size());
   }
 }
 

@@ -22,9 +22,12 @@ constexpr double kMostFactor = 100;
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 // Renewals in the time that a lease lasts.
 constexpr int kRenewals = 5;
-// Progress that is written at once, and of what cannot be written, the newest that is kept.
-constexpr std::size_t kManyProgress = 256;
+// Progress that is written before its time, and of what cannot be written, the newest that is kept.
+constexpr std::size_t kManyProgress = 1024;
 constexpr std::size_t kMostProgress = 4096;
+// That the workers of a farm write together: a part of what one PostgreSQL takes that leaves most for the jobs
+// themselves (deploy/FARM.md, Size).
+constexpr double kReportsPerSecond = 200;
 
 // Another attempt would need as much.
 bool IsOutOfMemory(const WorkerLoss& loss) {
@@ -149,7 +152,7 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
   absl::StatusOr<std::vector<BlobPtr>> blobs = LoadBlobs(record);
   if (!blobs.ok()) {
     absl::Status status = blobs.status();
-    if (absl::IsNotFound(status) || absl::IsDataLoss(status)) {
+    if (IsLost(status)) {
       // Their request ids are free: a caller that has the mesh sends it again, for a new job.
       const google::rpc::Status error = ToRpcStatus(MeshLost(status));
       status = absl::OkStatus();
@@ -291,12 +294,13 @@ void JobRunner::Tick() {
   std::vector<Lease> leases;
   std::vector<std::string> reports;
   std::vector<Ending> endings;
+  const absl::Duration interval = ReportInterval();
   {
     const std::lock_guard lock(mutex_);
     const absl::Time now = context_.options.steady_clock();
     for (auto& [name, attempt] : attempts_) {
       if (now >= next_renewal_) leases.push_back(attempt.work.lease);
-      const bool due = now - attempt.reported >= context_.options.report_interval;
+      const bool due = now - attempt.reported >= interval;
       if (due && !attempt.progress.empty()) reports.push_back(name);
     }
     if (now >= next_renewal_) next_renewal_ = now + context_.options.lease / kRenewals;
@@ -316,14 +320,21 @@ void JobRunner::Tick() {
 
 // ---- progress
 
+absl::Duration JobRunner::ReportInterval() const {
+  const absl::Duration interval = context_.options.report_interval;
+  if (!context_.store.is_shared() || interval == absl::ZeroDuration()) return interval;
+  return std::max(interval, absl::Seconds(context_.Capacity().workers / kReportsPerSecond));
+}
+
 void JobRunner::ReportProgress(const std::string& name, int attempt, v1::Progress progress) {
+  const absl::Duration interval = ReportInterval();
   {
     const std::lock_guard lock(mutex_);
     Attempt* found = Find(name, attempt);
     if (found == nullptr) return;
     if (found->progress.size() >= kMostProgress) found->progress.erase(found->progress.begin());
     found->progress.push_back(std::move(progress));
-    const bool is_due = context_.options.steady_clock() - found->reported >= context_.options.report_interval;
+    const bool is_due = context_.options.steady_clock() - found->reported >= interval;
     if (!is_due && found->progress.size() < kManyProgress) return;
   }
   WriteProgress(name);
@@ -383,40 +394,49 @@ std::optional<JobRunner::Ending> JobRunner::BeginEnd(const std::string& name, in
 void JobRunner::ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) {
   std::optional<Ending> ending = BeginEnd(name, attempt);
   if (!ending.has_value()) return;
-  const v1::Job& job = FirstOf(ending->work).job();
-  if (result.status().code() == 0) {
-    ending->hold = retention_.Hold({job.tenant(), result.uv().uv_sha256()});
-    absl::StatusOr<StoredBlobPtr> kept = KeepUv(job.tenant(), result.uv(), uv);
-    uv = nullptr;  // the store has them
-    if (kept.ok()) {
-      ending->uv = *std::move(kept);
-    } else {
-      *result.mutable_status() = ToRpcStatus(kept.status());
-    }
-  }
+  const bool succeeded = result.status().code() == 0;
   const double expected = absl::ToDoubleSeconds(ending->work.run_time);
-  if (result.status().code() == 0 && expected > 0) {
+  if (succeeded && expected > 0) {
     const double ratio = std::clamp(absl::ToDoubleSeconds(ending->duration) / expected, 1 / kMostFactor, kMostFactor);
     seconds_factor_ = seconds_factor_ + kLearningRate * (ratio - seconds_factor_);
   }
+  if (succeeded && uv == nullptr) *result.mutable_status() = ToRpcStatus(InternalError("the worker sent no UV"));
   if (context_.options.observer != nullptr) {
-    context_.options.observer->OnWorkEnded(job, result, ending->duration);
+    context_.options.observer->OnWorkEnded(FirstOf(ending->work).job(), result, ending->duration);
   }
   ending->outcome.status = std::move(*result.mutable_status());
   ending->outcome.report = std::move(*result.mutable_report());
   ending->outcome.uv = std::move(*result.mutable_uv());
-  ending->outcome.blobs = retention_.Pending(job.tenant(), {ending->outcome.uv.uv_sha256()});
+  if (succeeded) ending->uv_bytes = std::move(uv);
   End(*std::move(ending));
 }
 
-absl::StatusOr<StoredBlobPtr> JobRunner::KeepUv(const std::string& tenant, const v1::UvDescription& description,
-                                                const BlobPtr& uv) {
-  if (uv == nullptr || description.total_bytes() != static_cast<std::int64_t>(uv->bytes().size())) {
+absl::Status JobRunner::KeepUv(Ending* ending) {
+  if (ending->uv_bytes == nullptr) return absl::OkStatus();
+  const std::string& tenant = FirstOf(ending->work).job().tenant();
+  const std::string& sha256 = ending->outcome.uv.uv_sha256();
+  ending->hold = retention_.Hold({tenant, sha256});
+  absl::StatusOr<StoredBlobPtr> kept = PutUv(*ending);
+  if (absl::IsUnavailable(kept.status())) return kept.status();
+  ending->uv_bytes = nullptr;  // the store has them
+  if (kept.ok()) {
+    ending->uv = *std::move(kept);
+    ending->outcome.blobs = retention_.Pending(tenant, {sha256});
+  } else {
+    ending->outcome.status = ToRpcStatus(kept.status());
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<StoredBlobPtr> JobRunner::PutUv(const Ending& ending) {
+  const std::string_view bytes = ending.uv_bytes->bytes();
+  const v1::UvDescription& description = ending.outcome.uv;
+  if (description.total_bytes() != static_cast<std::int64_t>(bytes.size())) {
     return InternalError("the worker sent UV of another length than it says");
   }
-  const std::string sha256 = Sha256(uv->bytes());
+  const std::string sha256 = Sha256(bytes);
   if (sha256 != description.uv_sha256()) return InternalError("the worker sent other UV than it says");
-  return retention_.Put(tenant, uv->bytes(), sha256);
+  return retention_.Put(FirstOf(ending.work).job().tenant(), bytes, sha256);
 }
 
 void JobRunner::ReportLost(const std::string& name, int attempt, WorkerLoss loss) {
@@ -434,8 +454,10 @@ void JobRunner::ReportLost(const std::string& name, int attempt, WorkerLoss loss
 
 void JobRunner::End(Ending ending) {
   const std::string work = ending.work.lease.work;
+  const absl::Status kept = KeepUv(&ending);
   const absl::StatusOr<std::vector<JobChange>> changes =
-      context_.store.Finish(context_.Verb(), ending.work.lease, ending.outcome);
+      kept.ok() ? context_.store.Finish(context_.Verb(), ending.work.lease, ending.outcome)
+                : absl::StatusOr<std::vector<JobChange>>(kept);
   if (!changes.ok() && !absl::IsAborted(changes.status())) {
     context_.TellError(changes.status());
     const std::lock_guard lock(mutex_);

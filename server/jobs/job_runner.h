@@ -95,6 +95,7 @@ class JobRunner : public JobSource {
   struct Ending {
     ClaimedWork work;
     AttemptOutcome outcome;
+    BlobPtr uv_bytes;  // until they are kept; null: none
     StoredBlobPtr uv;
     BlobHold hold;    // of the UV
     WorkerLoss loss;  // with AttemptOutcome::loss
@@ -114,14 +115,17 @@ class JobRunner : public JobSource {
   // Tells the worker what is wanted. Requires mutex_.
   void TellWish(Attempt* attempt);
   void Renew(const std::vector<Lease>& leases);
+  // Between two reports of one job.
+  absl::Duration ReportInterval() const;
   // Writes the progress that waits, unless somebody is at it.
   void WriteProgress(const std::string& work);
   // Takes the attempt for its end, with the progress that waits; empty: it is not this process's any more.
   std::optional<Ending> BeginEnd(const std::string& name, int attempt);
   // Writes how it ended, and tells everybody; if that cannot be, Tick() tries again.
   void End(Ending ending);
-  absl::StatusOr<StoredBlobPtr> KeepUv(const std::string& tenant, const v1::UvDescription& description,
-                                       const BlobPtr& uv);
+  // Keeps the UV that the worker sent. UNAVAILABLE: later; whatever else is wrong is how the attempt ended.
+  absl::Status KeepUv(Ending* ending);
+  absl::StatusOr<StoredBlobPtr> PutUv(const Ending& ending);
   void Tell(const std::vector<JobChange>& changes, const StoredBlobPtr& uv = nullptr);
 
   JobContext& context_;

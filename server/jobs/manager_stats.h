@@ -31,14 +31,16 @@ struct TenantStats {
 
 struct ManagerStats {
   bool draining = false;
-  int workers = 0;       // pieces of work that may run at a time
+  int workers = 0;       // pieces of work that may run at a time, on all servers that share the store
+  int own_workers = 0;   // on this one
   int queued = 0;        // jobs
   int running = 0;       // jobs
   int queued_work = 0;   // pieces of work: what queue_total bounds
   int running_work = 0;  // that workers have
   int queue_total = 0;
-  std::int64_t reserved_memory_bytes = 0;
-  std::int64_t memory_bytes = 0;
+  std::int64_t reserved_memory_bytes = 0;  // by what runs on this server
+  std::int64_t all_reserved_bytes = 0;     // on all servers that share the store
+  std::int64_t all_memory_bytes = 0;       // that may be reserved there
   std::int64_t stored_bytes = 0;
   std::int64_t store_bytes = 0;  // that there may be
   absl::Duration oldest_wait;    // 0 if none waits

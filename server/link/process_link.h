@@ -4,13 +4,14 @@
 #include <string>
 #include <string_view>
 
+#include "core/base/program_path.h"
 #include "server/link/worker_arguments.h"
 #include "server/link/worker_link.h"
 
 namespace planish {
 
 struct WorkerProcessOptions {
-  std::string program = "/proc/self/exe";  // calls RunIfWorker() first of all (server/worker_main.h)
+  std::string program = SelfToExecute();  // calls RunIfWorker() first of all (server/worker_main.h)
   SandboxMode sandbox = SandboxMode::kAuto;
   bool failpoints = false;
   // What a worker that is ready writes to; stays the caller's. -1: the stderr of this process. What a worker writes

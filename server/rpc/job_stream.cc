@@ -6,11 +6,19 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "server/blobs/blob_store.h"
 
 namespace planish {
 
 JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pace) {
   JobEventLog::Read read = events_->ReadAfter(position_.after_sequence);
+  const std::int64_t last = events_->last_sequence();
+  if (read.ended && read.status.ok() && last > 0 && position_.after_sequence > last && !told_end_) {
+    // The caller was told events that the database forgot in a crash.
+    read = events_->ReadAfter(last - 1);
+    read.event->set_sequence(position_.after_sequence + 1);
+    told_end_ = true;
+  }
   while (pace != Pace::kAll && read.event.has_value() && read.event->has_progress()) {
     JobEventLog::Read newer = events_->ReadAfter(read.event->sequence());
     if (!newer.event.has_value()) {
@@ -49,12 +57,11 @@ absl::Status ReadUv(const StoredBlob& uv, std::int64_t offset, std::int64_t limi
                      {{"field", field}, {"total_bytes", absl::StrCat(size)}});
   }
   if (offset == size) return absl::OkStatus();
+  const absl::Status got = uv.Read(offset, std::min(limit, size - offset), bytes);
+  if (!IsLost(got)) return got;
   // Damaged counts as absent; whoever asks again gets the result computed again.
-  if (const absl::Status got = uv.Read(offset, std::min(limit, size - offset), bytes); !got.ok()) {
-    return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
-                     absl::StrCat("the server can no longer read the UV: ", got.message()));
-  }
-  return absl::OkStatus();
+  return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
+                   absl::StrCat("the server can no longer read the UV: ", got.message()));
 }
 
 absl::Status Validate(const JobStream::Position& position) {

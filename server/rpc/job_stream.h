@@ -44,18 +44,18 @@ class JobStream {
 
   Step Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pace = Pace::kAll);
 
-  // OUT_OF_RANGE with UV_OFFSET_OUT_OF_RANGE if the job's UV are shorter than uv_offset; NOT_FOUND with RESULT_EXPIRED
-  // if they cannot be read; what the log ended with (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
+  // That of ReadUv(); or what the log ended with (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
   const absl::Status& status() const { return status_; }
 
  private:
   const std::shared_ptr<const JobEventLog> events_;
   Position position_;
+  bool told_end_ = false;  // under a sequence of our own
   absl::Status status_;
 };
 
 // At most `limit` bytes of the UV from `offset` on, which the caller gave as `field`; none at their end. OUT_OF_RANGE
-// with UV_OFFSET_OUT_OF_RANGE beyond it; NOT_FOUND with RESULT_EXPIRED if they cannot be read.
+// with UV_OFFSET_OUT_OF_RANGE beyond it; NOT_FOUND with RESULT_EXPIRED if they are lost; other errors of BlobStore.
 absl::Status ReadUv(const StoredBlob& uv, std::int64_t offset, std::int64_t limit, const std::string& field,
                     std::string* bytes);
 

@@ -1,8 +1,10 @@
 #include "server/store/job_questions.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/store/job_transaction.h"
@@ -179,6 +181,25 @@ absl::StatusOr<std::vector<v1::JobEvent>> JobQuestions::Events(std::int64_t numb
       const SqlRows rows,
       Ask("SELECT kind, event FROM events WHERE job = ? AND sequence > ? ORDER BY sequence", {number, after}));
   return EventsOf(rows, after);
+}
+
+absl::StatusOr<std::vector<JobPosition>> JobQuestions::Positions(const std::vector<std::int64_t>& numbers) {
+  // One statement for any number of them, which a connection prepares once.
+  constexpr std::size_t kAtOnce = 64;
+  static const std::string sql = absl::StrCat(
+      "SELECT number, ended, COALESCE((SELECT max(sequence) FROM events WHERE job = number), 0) "
+      "FROM jobs WHERE number IN (",
+      absl::StrJoin(std::vector<std::string>(kAtOnce, "?"), ", "), ")");
+  std::vector<JobPosition> positions;
+  for (std::size_t begin = 0; begin < numbers.size(); begin += kAtOnce) {
+    std::vector<SqlValue> values(kAtOnce, std::int64_t{0});  // no job has that number
+    for (std::size_t i = begin; i < std::min(begin + kAtOnce, numbers.size()); ++i) values[i - begin] = numbers[i];
+    PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Ask(sql, values));
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      positions.push_back({rows.Int(i, 0), rows.Int(i, 2), rows.Int(i, 1) != 0});
+    }
+  }
+  return positions;
 }
 
 absl::StatusOr<bool> JobQuestions::UsesBlob(const BlobId& id) {

@@ -34,6 +34,7 @@ class JobQuestions : public BlobRows {
   absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant);
   absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number);
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after);
+  absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers);
   absl::StatusOr<bool> UsesBlob(const BlobId& id);
 
   absl::StatusOr<std::vector<std::pair<BlobId, std::int64_t>>> List() override;

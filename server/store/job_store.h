@@ -172,6 +172,13 @@ struct StoreNews {
 
 enum class EarlyEnd { kCancel, kTimeout };
 
+// How far a job has come.
+struct JobPosition {
+  std::int64_t number = 0;
+  std::int64_t last_sequence = 0;  // of its newest event; 0: none
+  bool ended = false;
+};
+
 struct JobQuery {
   std::int64_t before_number = 0;  // only older records than this one; 0: all
   JobFilter filter;                // only records that this is true of
@@ -257,6 +264,9 @@ class JobStore {
   virtual absl::StatusOr<JobChange> Expire(const VerbContext& context, const std::string& name) = 0;
   // A job that ended goes, with its events; durable later. FAILED_PRECONDITION with JOB_NOT_FINISHED.
   virtual absl::Status Delete(const std::string& name) = 0;
+  // Likewise up to `most` jobs of the tenant (empty: of all), those that ended first, but for any that somebody else is
+  // at. Returns their records.
+  virtual absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most) = 0;
 
   // ---- questions
 
@@ -283,6 +293,8 @@ class JobStore {
   // Those with greater sequences than `after`, in order. The last one of a job that ended has no report: the record has
   // it.
   virtual absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after = 0) = 0;
+  // Those of the jobs with these numbers that there are; in any order.
+  virtual absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers) = 0;
   // Whether a record needs this blob: a mesh of a job that has not ended, UV of one that SUCCEEDED.
   virtual absl::StatusOr<bool> UsesBlob(const BlobId& id) = 0;
 

@@ -363,6 +363,18 @@ absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
   return absl::OkStatus();
 }
 
+absl::Status JobTransaction::Delete(const JobRow& job) {
+  const std::int64_t number = job.record.number();
+  for (const char* statement : {"DELETE FROM events WHERE job = ?", "DELETE FROM labels WHERE job = ?",
+                                "DELETE FROM jobs WHERE number = ?"}) {
+    PLANISH_RETURN_IF_ERROR(sql_.RunLater(statement, {number}));
+  }
+  TenantAccount& account = accounts_.of(job.record.job().tenant());
+  account.ended -= 1;
+  account.result_bytes -= job.result_bytes;
+  return absl::OkStatus();
+}
+
 void JobTransaction::Account(const JobRow& row, const JobRecord& record) {
   TenantAccount& account = accounts_.of(record.job().tenant());
   account.ended += (IsTerminal(record.job().state()) ? 1 : 0) - (row.standing.ended ? 1 : 0);

@@ -125,6 +125,9 @@ class JobTransaction {
   // the state does not allow it. Neither writes the row.
   absl::Status Act(JobAction action, JobChange* change);
   absl::Status Announce(JobChange* change);
+  // The row of a job that ended goes, with all that belongs to it.
+  absl::Status Delete(const JobRow& job);
+
   // Writes `event` with the job's next sequence.
   absl::Status AddEvent(JobChange* change, v1::JobEvent event);
   // After a loss of power: whatever was told of the job under a number that was reserved is behind it.

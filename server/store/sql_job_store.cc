@@ -138,14 +138,16 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
                                                 const std::vector<v1::Progress>& progress) override {
-    // A loss of power may take back what was told. So numbers are reserved, and that has to be durable.
+    // A loss of power may take back what was told. So numbers are reserved, and that has to be durable. What a shared
+    // database forgets costs no number: its watchers live on, and JobFeed knows what they were told.
+    const bool may_reserve = !database_->is_shared();
     bool reserves = false;
     const auto report = [&](Durability durability) {
       return ChangeWork(context, lease, durability,
                         [&](JobTransaction& transaction, const LockedWork&, JobChange* change) -> absl::Status {
                           const std::int64_t reserved = change->record.reserved_sequence();
                           PLANISH_RETURN_IF_ERROR(AddProgress(&transaction, progress, change));
-                          reserves = change->record.reserved_sequence() != reserved;
+                          reserves = may_reserve && change->record.reserved_sequence() != reserved;
                           if (reserves && durability == Durability::kLater) return absl::AbortedError("not durable");
                           return absl::OkStatus();
                         });
@@ -204,7 +206,7 @@ class SqlJobStore : public JobStore {
                     [&](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
                       JobRecord& record = change->record;
                       if (!is_over(work.before) || !IsLeased(record)) return absl::OkStatus();
-                      JobTransaction::SkipReserved(&record);
+                      if (!sole_owner.empty()) JobTransaction::SkipReserved(&record);
                       // One without an owner was released by an earlier version of planish.
                       const bool was_lost = !record.owner().empty();
                       if (was_lost) {
@@ -245,25 +247,38 @@ class SqlJobStore : public JobStore {
 
   absl::Status Delete(const std::string& name) override {
     return Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
-      SqlConnection& sql = transaction.sql();
-      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run("SELECT number, ended, tenant, state, uv_bytes FROM jobs "
-                                                           "WHERE name = ? {lock}",
-                                                           {std::string_view(name)}));
+      static const std::string sql = absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE name = ? {lock}");
+      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, transaction.sql().Run(sql, {std::string_view(name)}));
       if (rows.empty()) return JobNotFound(name);
-      if (rows.Int(0, 1) == 0) {
+      PLANISH_ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, JobRowsOf(rows));
+      if (!jobs[0].standing.ended) {
         return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_FINISHED",
                          absl::StrCat(name, " has not ended: cancel it first"), {{"job", name}});
       }
-      const std::int64_t number = rows.Int(0, 0);
-      for (const char* statement : {"DELETE FROM events WHERE job = ?", "DELETE FROM labels WHERE job = ?",
-                                    "DELETE FROM jobs WHERE number = ?"}) {
-        PLANISH_RETURN_IF_ERROR(sql.RunLater(statement, {number}));
+      return transaction.Delete(jobs[0]);
+    });
+  }
+
+  absl::StatusOr<std::vector<JobRecord>> DeleteOldest(const std::string& tenant, int most) override {
+    std::vector<JobRecord> gone;
+    const absl::Status status = Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
+      gone.clear();
+      const std::string sql =
+          absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE ended = 1 ", tenant.empty() ? "" : "AND tenant = ? ",
+                       "ORDER BY end_time, number LIMIT ? {skip}");
+      std::vector<SqlValue> values;
+      if (!tenant.empty()) values.emplace_back(std::string_view(tenant));
+      values.emplace_back(std::int64_t{most});
+      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, transaction.sql().Run(sql, values));
+      PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobRowsOf(rows));
+      for (JobRow& job : jobs) {
+        PLANISH_RETURN_IF_ERROR(transaction.Delete(job));
+        gone.push_back(std::move(job.record));
       }
-      TenantAccount& account = transaction.accounts().of(rows.Bytes(0, 2));
-      account.ended -= 1;
-      if (rows.Int(0, 3) == v1::JOB_STATE_SUCCEEDED) account.result_bytes -= rows.Int(0, 4);
       return absl::OkStatus();
     });
+    PLANISH_RETURN_IF_ERROR(status);
+    return gone;
   }
 
   // ---- questions
@@ -295,6 +310,9 @@ class SqlJobStore : public JobStore {
   }
   absl::StatusOr<std::vector<v1::JobEvent>> Events(std::int64_t number, std::int64_t after) override {
     return questions_.Events(number, after);
+  }
+  absl::StatusOr<std::vector<JobPosition>> Positions(const std::vector<std::int64_t>& numbers) override {
+    return questions_.Positions(numbers);
   }
   absl::StatusOr<bool> UsesBlob(const BlobId& id) override { return questions_.UsesBlob(id); }
   Subscription Subscribe(Listener listener) override { return listeners_.Add(std::move(listener)); }

@@ -299,11 +299,7 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
         continue;
       }
-      const std::optional<JobRecord> oldest = Get(front->FirstEnded("", v1::JOB_STATE_UNSPECIFIED));
-      if (!oldest.has_value()) continue;
-      const absl::Status status = front->Delete(oldest->job().name());
-      if (!status.ok()) throw std::runtime_error(std::string(status.message()));
-      ++deleted;
+      deleted += static_cast<int>(Get(front->DeleteOldest("", std::min(100, round.finished - deleted))).size());
     }
   });
   // From when all machines are at it.

@@ -1,7 +1,7 @@
 // planish_farm_chaos: two fronts behind HAProxy, three workers, PostgreSQL with a synchronous standby. Eight callers
-// who know only the proxy have JOBS (1,000) meshes flattened, while processes of all of them are killed or stopped.
-// Fails unless every job ends well, once, in order for whoever watches, and nothing of it is left over. SEED chooses
-// what dies when.
+// who know only the proxy have CHAOS_JOBS (1,000) meshes flattened, while processes of all of them are killed or
+// stopped. Fails unless every job ends once, and well unless its three attempts were killed, in order and without a gap
+// for whoever watches, and nothing of it is left over. SEED chooses what dies when.
 #include <unistd.h>
 
 #include <atomic>
@@ -41,7 +41,8 @@ class FarmChaos : public FarmTest {
   void Call(int caller) {
     Client client = ClientOf("proxy");
     while (next_++ < jobs_) {
-      const Arrays mesh(20 + static_cast<int>(next_ % 30));
+      // 800 to 24,000 triangles: some hundredths of a second to one.
+      const Arrays mesh(20 + static_cast<int>(next_ % 90));
       Heard heard;
       CallOptions options;
       options.scheduling.fresh = true;
@@ -52,6 +53,11 @@ class FarmChaos : public FarmTest {
         if (heard.ends() != 1) ++ended_twice_;
         if (heard.skipped() > 0) ++skipped_;
       } catch (const Error& error) {
+        // Its third attempt died as the two before.
+        if (error.reason() == "SERVER_CRASHED" || error.reason() == "WORKER_CRASHED") {
+          ++hit_thrice_;
+          continue;
+        }
         const std::lock_guard lock(mutex_);
         std::cout << "caller " << caller << ": " << error.what() << "\n";
         ++failed_;
@@ -60,9 +66,10 @@ class FarmChaos : public FarmTest {
     ++done_;
   }
 
-  const int jobs_ = FromEnvironment("JOBS", 1000);
+  const int jobs_ = FromEnvironment("CHAOS_JOBS", 1000);
   std::mt19937 random_{static_cast<unsigned>(FromEnvironment("SEED", 1))};
-  std::atomic<int> next_ = 0, well_ = 0, failed_ = 0, out_of_order_ = 0, ended_twice_ = 0, skipped_ = 0, done_ = 0;
+  std::atomic<int> next_ = 0, well_ = 0, failed_ = 0, out_of_order_ = 0, ended_twice_ = 0, skipped_ = 0,
+                   hit_thrice_ = 0, done_ = 0;
   std::mutex mutex_;
 };
 
@@ -122,11 +129,13 @@ TEST_F(FarmChaos, EveryJobEndsOnce) {
   for (std::thread& caller : callers) caller.join();
   std::cout << well_ << " of " << jobs_ << " jobs in " << Now() - begin << " s;";
   for (const auto& [what, count] : deaths) std::cout << " " << what << ": " << count << ";";
-  std::cout << " " << skipped_ << " watchers were told of numbers that were left out\n";
-  EXPECT_EQ(well_, jobs_);
+  std::cout << " " << hit_thrice_ << " jobs failed since all their three attempts were killed\n";
+  EXPECT_EQ(well_ + hit_thrice_, jobs_);
+  EXPECT_LT(hit_thrice_, 10);
   EXPECT_EQ(failed_, 0);
   EXPECT_EQ(out_of_order_, 0);
   EXPECT_EQ(ended_twice_, 0);
+  EXPECT_EQ(skipped_, 0);
 
   // What is left in the database.
   const std::string host = primary->host();
@@ -135,6 +144,15 @@ TEST_F(FarmChaos, EveryJobEndsOnce) {
   EXPECT_EQ(Ask(host, "SELECT coalesce(sum(waiting), 0) + coalesce(sum(running), 0) FROM tenants"), 0);
   EXPECT_EQ(Ask(host, "SELECT count(*) FROM events WHERE job NOT IN (SELECT number FROM jobs)"), 0);
   EXPECT_EQ(Ask(host, "SELECT sum(ended) FROM tenants"), Ask(host, "SELECT count(*) FROM jobs"));
+  // Bytes in rows that no job needs. Those that a server left that died are found by the next one that starts; larger
+  // ones, in pieces, when they are half an hour old.
+  StartFront("last");
+  EXPECT_TRUE(WaitUntil([&] {
+    return Ask(host,
+               "SELECT count(*) FROM blobs b WHERE NOT EXISTS (SELECT 1 FROM jobs j WHERE j.tenant = b.tenant AND "
+               "(j.ended = 0 AND (j.mesh_sha256 = b.sha256 OR j.seams_sha256 = b.sha256) OR j.uv_bytes > 0 AND "
+               "j.uv_sha256 = b.sha256))") == 0;
+  }));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "core/base/sanitizers.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "planish/admin.h"
 #include "tests/farm/farm_fixture.h"
 
 namespace planish {
@@ -32,6 +33,10 @@ TEST_F(FarmTest, AJobOfOneFrontIsSeenAtAnother) {
   EXPECT_EQ(a.Unwrap(quick_.View(), {}, again.Listen()).uv.AsDouble(), result.uv.AsDouble());
   EXPECT_EQ(b.ListJobs().size(), 2u);
   EXPECT_EQ(b.GetCapabilities().workers, 1) << "of all servers";
+  const ServerStats stats = AdminClient("unix:" + SocketOf("b")).GetStats();
+  EXPECT_EQ(stats.workers, 1);
+  EXPECT_EQ(stats.workers_ready, 1);
+  EXPECT_GT(stats.memory_bytes, 0);
 }
 
 TEST_F(FarmTest, JobsOfTwoFrontsShareTheirWork) {
@@ -76,6 +81,33 @@ TEST_F(FarmTest, AFrontThatIsKilledCostsItsCallersASecondOrTwo) {
   EXPECT_EQ(heard.skipped(), 0);
   EXPECT_EQ(heard.ends(), 1);
   EXPECT_EQ(result.uv.AsDouble().size(), 2 * slow_.triangles.size());
+}
+
+// The example for JavaScript, with arrays and @grpc/grpc-js.
+TEST_F(FarmTest, AFrontThatIsKilledCostsJavaScriptASecondOrTwoToo) {
+  StartFront("a");
+  StartFront("b");
+  if (!StartProxy({"a", "b"})) GTEST_SKIP() << "there is no " << kHaproxy;
+  StartWorker("w");
+  Process node({"/bin/sh", "-c", "exec " PLANISH_NODE " slow_unwrap.mjs unix:" + SocketOf("proxy")});
+  const auto heard = [&] { return node.Out().size(); };
+  ASSERT_TRUE(
+      WaitUntil([&] { return node.Out().find("progress\nprogress\n") != std::string::npos || !node.IsRunning(); }, 60));
+  if (node.Out().find("SKIPPED") != std::string::npos) GTEST_SKIP() << node.Out();
+  ASSERT_TRUE(node.IsRunning()) << node.Err();
+  const std::string job = ClientOf("proxy").ListJobs().at(0).name;
+  const std::string has = daemons_["a"]->Output().find(job) != std::string::npos ? "a" : "b";
+  const double killed = Now();
+  daemons_[has]->Signal(SIGKILL);
+  daemons_[has]->Wait();
+  const std::size_t before = heard();
+  EXPECT_TRUE(WaitUntil([&] { return heard() > before; }));
+  EXPECT_LT(Now() - killed, kSanitized ? 10 : 2);
+  Client client = ClientOf("proxy");
+  EXPECT_EQ(client.ListJobs().size(), 1u) << "the same job";
+  client.StopJob(job);
+  EXPECT_EQ(node.Wait().exit_code, 0) << node.Err();
+  EXPECT_THAT(node.Out(), HasSubstr("uv of 45000 triangles"));
 }
 
 TEST_F(FarmTest, AWorkerThatDiesOrSleepsLosesItsJobToAnother) {

@@ -57,6 +57,7 @@ const std::vector<Layer>& Layers() {
         "core/unwrap/verify.h", "client/files", "client/pictures", "client/include/planish", "client/cli",
         "client/src/element_ids.h", "client/src/errors.h", "client/src/process.h", "client/src/request_id.h"}},
       {"proto", {"proto"}},
+      {"deploy/packages", {}},
       {"tests", {"core", "proto", "server", "client", "tests"}},
   };
   return *layers;

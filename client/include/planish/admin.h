@@ -14,7 +14,7 @@
 #include "planish/client.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 struct ServerStats {
   struct Tenant {
@@ -74,5 +74,5 @@ class AdminClient {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

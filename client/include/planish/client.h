@@ -28,7 +28,7 @@
 #include "planish/types.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 struct ClientOptions {
   // A call gives up with SERVER_UNREACHABLE when no connection stands after this time. A refused connection fails
@@ -216,5 +216,5 @@ class Client {
 // Version of this library, "0.1.0".
 const char* Version();
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -6,7 +6,7 @@
 #include <string>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // Numbered like google.rpc.Code.
 enum class ErrorCode {
@@ -73,5 +73,5 @@ class Error : public std::runtime_error {
   double retry_after_seconds_ = 0;
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

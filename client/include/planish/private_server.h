@@ -6,7 +6,7 @@
 #include <vector>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 struct PrivateServerOptions {
   // Empty: planishd beside the running executable, else in ../bin from there, else $PLANISHD, else in PATH.
@@ -48,5 +48,5 @@ class PrivateServer {
 // The planishd that PrivateServer would start; empty if there is none.
 std::string FindPrivateServer();
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -1,6 +1,7 @@
 // What goes into an unwrap and what comes out: plain structs, the proto's messages with std types.
 //
-// Everything lives in namespace planish; the inline namespace keeps these names apart from the server's in a binary.
+// Everything lives in namespace planish. The inline namespace carries the number of the binary interface, the 0 of
+// libplanish.so.0, so that two versions of the library can be in one process; a program never names it.
 #pragma once
 
 #include <chrono>
@@ -12,7 +13,7 @@
 #include <vector>
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // A triangle mesh that belongs to the caller; nothing is copied. `positions` holds x, y, z per vertex in any unit;
 // `triangles` holds three 0-based vertex ids per triangle, counter-clockwise seen from outside. Positions travel as
@@ -359,5 +360,5 @@ struct Capabilities {
   bool isolated_workers = false;        // jobs run in processes of their own
 };
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

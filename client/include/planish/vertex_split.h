@@ -8,7 +8,7 @@
 #include "planish/types.h"
 
 namespace planish {
-inline namespace api {
+inline namespace abi0 {
 
 // A mesh whose vertices have one UV each. Those of the mesh that came in keep their numbers; what has several UV, at
 // seams, gets a copy behind all of them for each further one. To carry an attribute over:
@@ -28,5 +28,5 @@ struct VertexSplit {
 // OPTIONS_INVALID for another number of UV.
 VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv);
 
-}  // namespace api
+}  // namespace abi0
 }  // namespace planish

@@ -369,6 +369,6 @@ class Words(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    outcome = unittest.main(argv=[sys.argv[0]], exit=False, verbosity=1).result
+    outcome = unittest.main(argv=sys.argv[sys.argv.index("--") + 1 :], exit=False, verbosity=1).result
     engines.close()
     sys.exit(0 if outcome.wasSuccessful() and outcome.testsRun > 0 else 1)

@@ -124,9 +124,8 @@ class S3Place : public StorePlace {
     static int places = 0;
     options_.s3 = Server().Options();
     options_.s3.prefix = "some where/" + std::to_string(++places);
-    // The server answers with 500 when what it copies is removed at the same time.
-    options_.s3.attempts = 3;
-    options_.s3.sleep = [](absl::Duration) {};
+    // The server answers with 500 for as long as it takes it to remove what it copies.
+    options_.s3.first_delay = absl::Milliseconds(20);
   }
 
   // Started by the first test of the process.

@@ -11,7 +11,9 @@
 #include "server/jobs/job_manager.h"
 #include "server/link/rpc_status.h"
 #include "server/store/lifecycle.h"
+#include "server/store/sql_blobs.h"
 #include "tests/server/jobs/job_manager_fixture.h"
+#include "tests/server/store/failing_database.h"
 #include "tests/server/store/postgres_server.h"
 
 namespace planish {
@@ -140,6 +142,83 @@ TEST_F(JobFarmTest, AServerThatDiesLosesNoJobAndOneThatStopsGivesItsJobsBack) {
   EXPECT_EQ(retried.attempt, 2);
   Succeed(&worker, retried);
   EXPECT_EQ(State(&front, first), v1::JOB_STATE_SUCCEEDED);
+}
+
+TEST_F(JobFarmTest, WatchersSeeNoGapWhenAServerDies) {
+  options_.lease = absl::Milliseconds(300);
+  Server front = Start(), dying = Start(), worker = Start();
+  const std::string name = Create(&front, "mesh");
+  const auto log = front.manager->Watch(caller_, name, false, true)->events;
+  const JobAssignment lost = Take(&dying);
+  for (int i = 1; i <= 3; ++i) dying.manager->source()->ReportProgress(name, lost.attempt, Iteration(i));
+  dying.manager.reset();
+  EXPECT_TRUE(TickUntil(&worker, [&] { return State(&front, name) == v1::JOB_STATE_QUEUED; }));
+  const JobAssignment work = Take(&worker);
+  worker.manager->source()->ReportProgress(name, work.attempt, Iteration(1));
+  Succeed(&worker, work);
+  EXPECT_TRUE(TickUntil(&front, [&] { return log->ended(); }));
+  std::int64_t last = 0;
+  while (const auto event = log->ReadAfter(last).event) {
+    EXPECT_EQ(event->sequence(), last + 1);
+    last = event->sequence();
+  }
+  EXPECT_EQ(last, 9) << "accepted, started, three of progress, queued, started, one of progress, ended";
+}
+
+// A database that crashed may have lost the newest progress, which watchers have been told.
+TEST_F(JobFarmTest, TheEndIsToldThoughTheDatabaseForgotWhatWatchersSaw) {
+  Server front = Start(), worker = Start();
+  const std::string name = Create(&front, "mesh");
+  const auto log = front.manager->Watch(caller_, name, false, true)->events;
+  const JobAssignment work = Take(&worker);
+  for (int i = 1; i <= 5; ++i) worker.manager->source()->ReportProgress(name, work.attempt, Iteration(i));
+  EXPECT_TRUE(TickUntil(&front, [&] { return log->last_sequence() == 7; })) << log->last_sequence();
+  JobRecord record = **front.store->Find(name);
+  record.set_last_sequence(3);
+  {
+    const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url_, 1});
+    const SqlDatabase::Lease sql = *database->Connect(SqlDatabase::Use::kWrite);
+    const std::string bytes = record.SerializeAsString();
+    ASSERT_TRUE(sql->Run("UPDATE jobs SET record = ? WHERE name = ?", {SqlBytes{bytes}, std::string_view(name)}).ok());
+    ASSERT_TRUE(sql->Run("DELETE FROM events WHERE job = ? AND sequence > 3", {record.number()}).ok());
+  }
+  Succeed(&worker, work);
+  EXPECT_TRUE(TickUntil(&front, [&] { return log->ended(); }));
+  const auto end = log->ReadAfter(7).event;
+  ASSERT_TRUE(end.has_value());
+  EXPECT_EQ(end->sequence(), 8);
+  EXPECT_EQ(end->skipped(), 0);
+  EXPECT_EQ(end->job().state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(log->uv()->ReadAll().value(), "uv");
+}
+
+TEST_F(JobFarmTest, UvWaitForTheirStore) {
+  Fault fault;
+  FailingDatabase database(*OpenPostgresDatabase({url_, 4}), &fault);
+  BlobCatalog blobs({.store = *SqlBlobStore::Make(&database)}, 1 << 20);
+  Server server;
+  server.store = NewJobStore(*OpenPostgresDatabase({url_, 4}));
+  server.manager = *JobManager::Open(options_, server.store.get(), &blobs);
+  const std::string name = Create(&server, "mesh");
+  const JobAssignment work = Take(&server);
+  fault.away = true;
+  Succeed(&server, work);
+  server.manager->Tick();
+  EXPECT_EQ(State(&server, name), v1::JOB_STATE_RUNNING) << "the worker has done its part";
+  fault.away = false;
+  server.manager->Tick();
+  EXPECT_EQ(State(&server, name), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(server.manager->Watch(caller_, name, false, true)->events->uv()->ReadAll().value(), "uv");
+}
+
+TEST_F(JobFarmTest, WatchersHearThatTheirJobIsGone) {
+  Server front = Start(), other = Start();
+  const std::string name = Create(&front, "mesh");
+  const auto log = front.manager->Watch(caller_, name, false, true)->events;
+  EXPECT_TRUE(other.manager->Cancel(caller_, name).ok());
+  EXPECT_TRUE(other.store->Delete(name).ok());
+  EXPECT_TRUE(TickUntil(&front, [&] { return log->ended(); }));
+  EXPECT_EQ(log->ReadAfter(log->last_sequence()).status.code(), absl::StatusCode::kNotFound);
 }
 
 TEST_F(JobFarmTest, CallersAreThoseOfTheFarm) {

@@ -18,6 +18,7 @@ struct Fault {
   int at = 0;                                          // this one, counted from 1, fails; 0: none
   bool answers = true;                                 // false: what fails was done, only the answer is lost
   bool full = false;                                   // every write is refused: STORAGE_FULL
+  bool away = false;                                   // likewise: STORE_UNAVAILABLE
   int count = 0;                                       // so far
   std::function<void(const std::string& sql)> before;  // each statement
 };
@@ -27,6 +28,7 @@ class FailingConnection : public SqlConnection {
   FailingConnection(SqlConnection* connection, Fault* fault) : connection_(*connection), fault_(*fault) {}
 
   absl::Status Begin(Durability durability) override {
+    if (fault_.away) return StoreUnavailable("it is away");
     if (fault_.full) return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", "no room");
     return Try([&] { return connection_.Begin(durability); });
   }

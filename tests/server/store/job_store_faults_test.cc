@@ -107,6 +107,7 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
       {"Expire", end, [&] { return store_->Expire(context_, name()).status(); }, v1::JOB_STATE_SUCCEEDED,
        v1::JOB_STATE_EXPIRED},
       {"Delete", end, [&] { return store_->Delete(name()); }, v1::JOB_STATE_SUCCEEDED, kNone},
+      {"DeleteOldest", end, [&] { return store_->DeleteOldest("", 10'000).status(); }, v1::JOB_STATE_SUCCEEDED, kNone},
   };
   const auto snapshot = [&] {
     const absl::StatusOr<std::optional<JobRecord>> record = store_->Find(name());

@@ -160,7 +160,7 @@ TEST_P(JobStoreTest, AZombieChangesNothing) {
   EXPECT_TRUE(Other().Finish(context_, next, Success()).ok());
   EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED);
   try_all();
-  EXPECT_EQ(History(name), "1 QUEUED, 2 RUNNING, 1026 QUEUED, 1027 RUNNING, 1028 SUCCEEDED");
+  EXPECT_EQ(History(name), "1 QUEUED, 2 RUNNING, 3 QUEUED, 4 RUNNING, 5 SUCCEEDED");
 }
 
 TEST_P(JobStoreTest, WishesAreToldWithTheRenewal) {
@@ -379,6 +379,24 @@ TEST_P(JobStoreTest, RecordsAreKeptCountedAndDropped) {
   EXPECT_THAT(*store_->Events(number), IsEmpty());
   EXPECT_FALSE(*store_->UsesBlob({"ann", "uv"}));
   EXPECT_FALSE((*store_->FindResult("key of 3")).has_value());
+}
+
+TEST_P(JobStoreTest, TheOldestAreDroppedTogether) {
+  for (const char* name : {"1", "2", "3", "4"}) {
+    Add(name);
+    ASSERT_TRUE(store_->Finish(context_, Claim(), Success()).ok());
+    context_.now += absl::Seconds(1);
+  }
+  Add("5");
+  EXPECT_THAT(*store_->DeleteOldest("bob", 10), IsEmpty());
+  const std::vector<JobRecord> gone = *store_->DeleteOldest("ann", 2);
+  ASSERT_THAT(gone, SizeIs(2));
+  EXPECT_EQ(gone[0].job().name() + gone[1].job().name(), "jobs/1jobs/2");
+  EXPECT_THAT(*store_->Events(gone[0].number()), IsEmpty());
+  EXPECT_EQ(store_->Totals()->tenants.at("ann").ended, 2);
+  EXPECT_EQ(store_->Totals()->tenants.at("ann").result_bytes, 10);
+  EXPECT_THAT(*store_->DeleteOldest("", 10), SizeIs(2)) << "but not the one that has not ended";
+  EXPECT_THAT(*store_->Unfinished(), SizeIs(1));
 }
 
 TEST_P(JobStoreTest, ListsAreFilteredAndPaged) {

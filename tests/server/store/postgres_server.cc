@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <fstream>
 #include <stdexcept>
 #include <vector>
 
@@ -44,6 +45,9 @@ PostgresServer::PostgresServer(const PostgresServer& primary) {
   OwnDirectory();
   Run("pg_basebackup",
       "-h " + primary.host() + " -U planish -D " + directory_.Path("data") + " -R -X stream --no-sync -c fast");
+  // After a crash of the primary, whose commits wait for us.
+  std::ofstream(directory_.Path("data/postgresql.auto.conf"), std::ios::app)
+      << "wal_retrieve_retry_interval = '200ms'\n";
   Start();
 }
 
