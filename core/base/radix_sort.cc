@@ -1,5 +1,6 @@
 #include "core/base/radix_sort.h"
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 
@@ -8,6 +9,13 @@ namespace planish {
 void SortByKey(std::vector<KeyedIndex>* entries) {
   constexpr int kBits = 11, kDigits = (64 + kBits - 1) / kBits;
   constexpr std::uint64_t kMask = (1 << kBits) - 1;
+  // Counting takes longer than comparing: charts of a few faces are many.
+  constexpr std::size_t kFew = 256;
+  if (entries->size() <= kFew) {
+    std::stable_sort(entries->begin(), entries->end(),
+                     [](const KeyedIndex& a, const KeyedIndex& b) { return a.key < b.key; });
+    return;
+  }
   std::uint64_t differing = 0;
   for (const KeyedIndex& entry : *entries) differing |= entry.key ^ entries->front().key;
   std::vector<KeyedIndex> sorted;

@@ -94,10 +94,13 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
     std::uint64_t* const taken = levels_[0].data() + static_cast<std::size_t>(row) * stride_;
     const int begin_row = std::max(0, ((row - kMargin) << shift) - y);
     const int end_row = std::min(s.height, ((row - kMargin + 1) << shift) - y);
+    int lowest = size_, highest = -1;  // cells that are taken now
     for (std::int32_t i = s.row_begin[begin_row]; i < s.row_begin[end_row]; ++i) {
       const int begin = std::max(0, kMargin + ((x + s.spans[i].begin) >> shift));
       const int last = std::min(size_ - 1, kMargin + ((x + s.spans[i].end - 1) >> shift));
       if (begin > last) continue;
+      lowest = std::min(lowest, begin);
+      highest = std::max(highest, last);
       const int first_word = begin >> 6, last_word = last >> 6;
       for (int w = first_word; w <= last_word; ++w) {
         std::uint64_t mask = kAll;
@@ -106,11 +109,14 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
         taken[w] |= mask;
       }
     }
+    if (highest < 0) continue;
     for (std::size_t k = 1; k < levels_.size(); ++k) {
+      // Runs that hold one of these cells begin less than their length before it.
+      const int begin_word = std::max(0, lowest - (1 << k) + 1) >> 6, end_word = (highest >> 6) + 1;
       const int reach = 1 << (k - 1), q = reach >> 6, b = reach & 63;
       const std::uint64_t* below = levels_[k - 1].data() + static_cast<std::size_t>(row) * stride_;
       std::uint64_t* above = levels_[k].data() + static_cast<std::size_t>(row) * stride_;
-      for (int w = 0; w < stride_; ++w) {
+      for (int w = begin_word; w < end_word; ++w) {
         const std::uint64_t low = w + q < stride_ ? below[w + q] : kAll;
         const std::uint64_t high = w + q + 1 < stride_ ? below[w + q + 1] : kAll;
         above[w] = below[w] | (b == 0 ? low : low >> b | high << (64 - b));

@@ -173,22 +173,33 @@ bool HolesAreOpen(const Outlines& outlines, const std::vector<std::int32_t>& cha
 bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop,
                        std::int32_t num_charts, const CornerUv& uv, const BoxTree& tree,
                        std::atomic<std::int64_t>* tests_left, const Execution& execution) {
-  Box all;
-  for (const Box& box : tree.boxes()) all.Add(box);
+  std::vector<Box> box_of_chart(num_charts);
+  for (std::size_t j = 0; j < tree.boxes().size(); ++j) {
+    box_of_chart[chart_of_loop[outlines.loop_of[j]]].Add(tree.boxes()[j]);
+  }
+  const BoxTree charts(std::move(box_of_chart), execution);
   std::vector<char> done(num_charts, 0);
   for (std::size_t loop = 0; loop < chart_of_loop.size() && !execution.IsCancelled(); ++loop) {
     const std::int32_t chart = chart_of_loop[loop];
     if (done[chart]) continue;
     done[chart] = 1;
-    // A ray to the right, and how often outlines cross it.
     const Vec2 p = From(uv, outlines.half_edge[outlines.begin[loop]]);
-    Box ray;
+    Box at, ray;
+    at.Add(p);
     ray.Add(p);
-    ray.Add(Vec2(all.high.x(), p.y()));
+    // Only charts whose box holds the point can wind round it.
+    const auto may_hold = [&](std::int32_t other) { return other != chart && charts.boxes()[other].Meets(at); };
+    charts.ForEachMeeting(at, [&](std::int32_t other) {
+      if (other != chart) ray.Add(Vec2(charts.boxes()[other].high.x(), p.y()));
+      return --*tests_left >= 0;
+    });
+    if (*tests_left < 0) return true;
+    if (ray.high.x() == p.x()) continue;
+    // A ray to the right, to the end of these, and how often their outlines cross it.
     int winding = 0;
     tree.ForEachMeeting(ray, [&](std::int32_t j) {
       if (--*tests_left < 0) return false;
-      if (chart_of_loop[outlines.loop_of[j]] == chart) return true;
+      if (!may_hold(chart_of_loop[outlines.loop_of[j]])) return true;
       const Vec2 from = From(uv, outlines.half_edge[j]), to = To(uv, outlines.half_edge[j]);
       if (from.y() <= p.y() && to.y() > p.y() && Orientation(from, to, p) > 0) ++winding;
       if (from.y() > p.y() && to.y() <= p.y() && Orientation(from, to, p) < 0) --winding;

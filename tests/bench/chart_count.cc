@@ -1,6 +1,7 @@
 // planish_chart_count [options] MESH...: unwraps meshes (LoadMesh()) at one or several stretch limits and prints, a
 // line each, the charts before and after they were cut again, total stretch, seam length over the square root of the
-// area, and the CPU seconds of charts and of all stages. What the constants of core/charts/tuning.h were chosen by.
+// area, and the CPU seconds of charts, of packing and of all stages. What the constants of core/charts/tuning.h were
+// chosen by.
 #include <cstdio>
 #include <ctime>
 #include <string>
@@ -35,8 +36,8 @@ int Main(int argc, char** argv) {
   app.add_option("meshes", specs)->required();
   CLI11_PARSE(app, argc, argv);
   options.pack = !no_pack;
-  std::printf("%-28s %8s %7s %7s %7s %7s %7s %7s %8s %8s\n", "mesh", "limit", "first", "charts", "L2", "seams",
-              "filled", "faults", "charts s", "CPU s");
+  std::printf("%-28s %8s %7s %7s %7s %7s %7s %7s %8s %8s %8s\n", "mesh", "limit", "first", "charts", "L2", "seams",
+              "filled", "faults", "charts s", "pack s", "CPU s");
   for (const std::string& spec : specs) {
     const auto mesh = LoadMesh(spec);
     if (!mesh.ok()) {
@@ -48,13 +49,14 @@ int Main(int argc, char** argv) {
       int first = 0;
       UnwrapControl control;
       const std::clock_t clock = std::clock();
-      std::clock_t since = clock, charts = 0;
+      std::clock_t since = clock, charts = 0, packing = 0;
       UnwrapStage stage = UnwrapStage::kVerify;
       control.on_progress = [&](const UnwrapProgress& progress) {
         if (first == 0 && progress.stage == UnwrapStage::kSolve) first = progress.chart_count;
         if (progress.stage == stage) return;
         const std::clock_t now = std::clock();
         if (stage == UnwrapStage::kCharts) charts += now - since;
+        if (stage == UnwrapStage::kPack) packing += now - since;
         stage = progress.stage;
         since = now;
       };
@@ -65,10 +67,10 @@ int Main(int argc, char** argv) {
         continue;
       }
       const Quality& q = result->quality;
-      std::printf("%-28s %8.3f %7d %7zu %7.4f %7.2f %7.4f %7lld %8.3f %8.2f\n", LabelOf(spec).c_str(), limit, first,
-                  result->charts.size(), q.stretch_l2, q.seam_length, q.packing_efficiency,
+      std::printf("%-28s %8.3f %7d %7zu %7.4f %7.2f %7.4f %7lld %8.3f %8.3f %8.3f\n", LabelOf(spec).c_str(), limit,
+                  first, result->charts.size(), q.stretch_l2, q.seam_length, q.packing_efficiency,
                   static_cast<long long>(q.overlapping + q.flipped + q.degenerate),
-                  static_cast<double>(charts) / CLOCKS_PER_SEC, seconds);
+                  static_cast<double>(charts) / CLOCKS_PER_SEC, static_cast<double>(packing) / CLOCKS_PER_SEC, seconds);
       std::fflush(stdout);
     }
   }

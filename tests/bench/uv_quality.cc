@@ -74,13 +74,14 @@ int Judge(const Flags& flags) {
   if (!uv) return Fail(flags.map + " has no UV for the triangles of " + flags.mesh);
 
   // Triangles without area on the surface owe nothing; those without area in the map alone are counted.
-  std::vector<char> flat_surface(mesh.faces.size()), flat(mesh.faces.size());
+  std::vector<char> flat_surface(mesh.faces.size()), flat_map(mesh.faces.size()), flat(mesh.faces.size());
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
     const Face& v = mesh.faces[f];
     Vec2 p[3];
     for (int k = 0; k < 3; ++k) p[k] = Vec2((*uv)[6 * f + 2 * k], (*uv)[6 * f + 2 * k + 1]);
     flat_surface[f] = IsDegenerateTriangle(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
-    flat[f] = flat_surface[f] || Orientation(p[0], p[1], p[2]) == 0;
+    flat_map[f] = Orientation(p[0], p[1], p[2]) == 0;
+    flat[f] = flat_surface[f] || flat_map[f];
   }
   const Eigen::VectorXd measured = MeasuredAngles(mesh);
   const auto topology = DiscTopology(mesh);
@@ -90,7 +91,8 @@ int Judge(const Flags& flags) {
   MeasureDistortion(mesh, measured, target, *uv, flat_surface, &quality);
   MeasureDistortion(mesh, measured, target, *uv, flat, &of_area);
   const OrientationFaults faults = CheckOrientations(*uv, {}, flat_surface);
-  const UvIslands islands = FindUvIslands(mesh, *uv, flat);
+  // A triangle that has area in the map alone still joins its neighbours into one chart.
+  const UvIslands islands = FindUvIslands(mesh, *uv, flat_map);
   const Overlaps overlaps = CheckOverlaps(islands.opposite, *uv, faults, {}, flat);
   const nlohmann::json line = {{"triangles", mesh.num_faces()},
                                {"abf_energy", topology.ok() ? Finite(quality.abf_energy) : nlohmann::json(nullptr)},
