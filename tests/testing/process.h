@@ -63,6 +63,9 @@ std::vector<pid_t> ChildrenOf(pid_t pid);
 // The letter of /proc/PID/stat: 'Z' for one that is dead and not waited for. '?' if there is no such process.
 char StateOf(pid_t pid);
 
+// A TCP port of loopback that was free a moment ago.
+int FreePort();
+
 // Monotonic seconds.
 double Now();
 

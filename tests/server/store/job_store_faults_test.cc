@@ -9,6 +9,8 @@
 #include "gtest/gtest.h"
 #include "server/store/job_store.h"
 #include "tests/server/store/job_store_fixture.h"
+#include "tests/testing/files.h"
+#include "tests/testing/process.h"
 
 namespace planish {
 namespace {
@@ -252,6 +254,32 @@ void RunAJob(JobStore* store, std::int64_t number) {
   const auto ended = store->Finish({absl::Now()}, lease, outcome);
   ASSERT_TRUE(ended.ok()) << ended.status();
   EXPECT_EQ((**store->Find(name)).job().state(), v1::JOB_STATE_FAILED);
+}
+
+TEST_F(PostgresTest, IsReachedByTlsWithAPassword) {
+  if (RunShell("command -v openssl").exit_code != 0) GTEST_SKIP() << "openssl is not installed";
+  const TempDir certificates, others;
+  for (const TempDir* dir : {&certificates, &others}) {
+    ASSERT_EQ(RunShell(PLANISH_SOURCE_TREE "/deploy/certificates.sh " + dir->Path() + " localhost").exit_code, 0);
+  }
+  PostgresServer server;
+  const std::string url = server.Secure(certificates.Path(), "secret") + "/postgres?sslmode=verify-full&sslrootcert=";
+  const std::string trusted = url + certificates.Path("ca.pem");
+  const auto database = OpenPostgresDatabase({trusted, 2, "secret"});
+  ASSERT_TRUE(database.ok()) << database.status();
+  const auto rows =
+      (*(*database)->Connect(SqlDatabase::Use::kRead))
+          ->Run("SELECT CAST(CAST(ssl AS INT) AS BIGINT) FROM pg_stat_ssl WHERE pid = pg_backend_pid()", {});
+  EXPECT_EQ(rows->Int(0, 0), 1);
+  RunAJob(NewJobStore(*OpenPostgresDatabase({trusted, 2, "secret"})).get(), 1);
+
+  const auto reason = [](const PostgresOptions& options) {
+    const absl::Status status = OpenPostgresDatabase(options).status();
+    EXPECT_EQ(ErrorReason(status), "STORE_UNAVAILABLE");
+    return std::string(status.message());
+  };
+  EXPECT_THAT(reason({trusted, 2, "wrong"}), ::testing::HasSubstr("password authentication failed"));
+  EXPECT_THAT(reason({url + others.Path("ca.pem"), 2, "secret"}), ::testing::HasSubstr("certificate verify failed"));
 }
 
 // What the next version may do to the schema while this one runs (sql_schema.h).

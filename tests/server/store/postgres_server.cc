@@ -78,6 +78,21 @@ std::string PostgresServer::Copy(const std::string& url) {
   return copy;
 }
 
+std::string PostgresServer::Secure(const std::string& certificates, const std::string& password) {
+  Run("psql", "-h " + host() + " -U planish -d postgres -qc \"ALTER USER planish PASSWORD '" + password + "'\"");
+  const std::string data = directory_.Path("data/");
+  std::ofstream(data + "pg_hba.conf") << "local all all trust\nhostssl all all 127.0.0.1/32 scram-sha-256\n";
+  const std::string as = geteuid() == 0 ? "-o postgres -g postgres " : "";
+  const Outcome copied =
+      RunShell("install " + as + "-m 600 " + certificates + "/server.pem " + certificates + "/server-key.pem " + data);
+  if (copied.exit_code != 0) throw std::runtime_error(copied.err);
+  port_ = FreePort();
+  settings_ = {"listen_addresses=127.0.0.1", "ssl=on", "ssl_cert_file=server.pem", "ssl_key_file=server-key.pem"};
+  Crash();
+  Start();
+  return "postgresql://planish@localhost:" + std::to_string(port_);
+}
+
 void PostgresServer::Crash() {
   if (process_ == nullptr) return;
   process_->Signal(SIGQUIT);
@@ -87,12 +102,14 @@ void PostgresServer::Crash() {
 
 void PostgresServer::Start() {
   std::vector<std::string> command = AsItsUser({"--pdeathsig=QUIT"});
-  command.insert(command.end(),
-                 {std::string(kPrograms) + "postgres", "-D", directory_.Path("data"), "-k", directory_.Path()});
+  command.insert(command.end(), {std::string(kPrograms) + "postgres", "-D", directory_.Path("data"), "-k",
+                                 directory_.Path(), "-p", std::to_string(port_)});
   for (const std::string& setting : kSettings) command.insert(command.end(), {"-c", setting});
+  for (const std::string& setting : settings_) command.insert(command.end(), {"-c", setting});
   process_ = std::make_unique<Process>(command);
   // Up to a minute, as pg_ctl would.
-  const std::string ready = std::string(kPrograms) + "pg_isready -q -h " + directory_.Path();
+  const std::string ready =
+      std::string(kPrograms) + "pg_isready -q -h " + directory_.Path() + " -p " + std::to_string(port_);
   const Outcome outcome = RunShell("for i in $(seq 1200); do " + ready + " && exit 0; sleep 0.05; done; exit 1");
   if (outcome.exit_code != 0) throw std::runtime_error("PostgreSQL does not start: " + process_->Err());
 }
@@ -100,7 +117,8 @@ void PostgresServer::Start() {
 std::string PostgresServer::Run(const std::string& program, const std::string& arguments) const {
   std::string as;
   for (const std::string& word : AsItsUser()) as += word + " ";
-  const Outcome outcome = RunShell("cd / && " + as + kPrograms + program + " " + arguments + " </dev/null 2>&1");
+  const Outcome outcome = RunShell("cd / && export PGPORT=" + std::to_string(port_) + " && " + as + kPrograms +
+                                   program + " " + arguments + " </dev/null 2>&1");
   if (outcome.exit_code != 0) throw std::runtime_error(program + ": " + outcome.out + outcome.err);
   return outcome.out;
 }

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "tests/testing/files.h"
 #include "tests/testing/process.h"
@@ -29,6 +30,9 @@ class PostgresServer {
   void SetSynchronous();
   // Makes a standby the primary.
   void Promote();
+  // From now on also over TCP, with TLS and this password only: "postgresql://planish@localhost:PORT". `certificates`
+  // is a folder that deploy/certificates.sh filled. Restarts it.
+  std::string Secure(const std::string& certificates, const std::string& password);
   // A copy of the database as a backup by pg_dump has it; its URL.
   std::string Copy(const std::string& url);
 
@@ -43,6 +47,8 @@ class PostgresServer {
   void OwnDirectory() const;
 
   const TempDir directory_;
+  int port_ = 5432;  // also in the name of the socket
+  std::vector<std::string> settings_;
   std::unique_ptr<Process> process_;  // null after Crash()
   int databases_ = 0;
 };
