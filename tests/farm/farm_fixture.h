@@ -60,6 +60,7 @@ class FarmTest : public ::testing::Test {
   }
   Daemon& Start(const std::string& name, std::vector<std::string> flags) {
     flags.insert(flags.end(), {"--store=" + url_, kLease, "--reattach-grace=20"});
+    flags.insert(flags.end(), blobs_.begin(), blobs_.end());
     std::unique_ptr<Daemon>& daemon = daemons_[name];
     daemon = std::make_unique<Daemon>(std::move(flags), true);
     EXPECT_TRUE(daemon->WaitReady()) << name << ": " << daemon->Output();
@@ -99,6 +100,7 @@ class FarmTest : public ::testing::Test {
 
   TempDir dir_;
   std::string url_;
+  std::vector<std::string> blobs_;  // flags that say where blobs are
   const Arrays quick_{40}, slow_{150};
   std::map<std::string, std::unique_ptr<Daemon>> daemons_;
   std::unique_ptr<Process> proxy_;

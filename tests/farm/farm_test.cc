@@ -2,6 +2,8 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -10,6 +12,7 @@
 #include "gtest/gtest.h"
 #include "planish/admin.h"
 #include "tests/farm/farm_fixture.h"
+#include "tests/server/blobs/s3_server.h"
 
 namespace planish {
 namespace {
@@ -223,6 +226,30 @@ TEST_F(FarmTest, ABackupIsAFarm) {
   url_ = postgres_->Copy(url_);
   StartFront("b");
   EXPECT_EQ(ClientOf("b").AttachResult(result.job, quick_.View()).uv.AsDouble(), result.uv.AsDouble());
+}
+
+// UV that are too large for a row.
+TEST_F(FarmTest, ABackupAndACopyOfTheBucketAreAFarm) {
+  S3Server s3;
+  if (!s3.why_not().empty()) GTEST_SKIP() << s3.why_not();
+  std::ofstream(dir_.Path("keys")) << "[default]\naws_access_key_id = " << s3.Options().credentials.access_key_id
+                                   << "\naws_secret_access_key = " << s3.Options().credentials.secret_access_key
+                                   << "\n";
+  const auto set_prefix = [&](const std::string& prefix) {
+    blobs_ = {"--blobs=s3://blobs/" + prefix, "--s3-endpoint=" + s3.Options().endpoint,
+              "--s3-credentials=" + dir_.Path("keys")};
+  };
+  set_prefix("farm");
+  StartWorker("w");
+  StartFront("a");
+  const UnwrapResult result = ClientOf("a").Unwrap(slow_.View());
+  url_ = postgres_->Copy(url_);  // first the database, then the bucket
+  const std::filesystem::path bucket = s3.FileOf("farm").parent_path();
+  std::filesystem::copy(bucket / "farm", bucket / "copy", std::filesystem::copy_options::recursive);
+  std::filesystem::remove_all(bucket / "farm");
+  set_prefix("copy");
+  StartFront("b");
+  EXPECT_EQ(ClientOf("b").AttachResult(result.job, slow_.View()).uv.AsDouble(), result.uv.AsDouble());
 }
 
 }  // namespace
