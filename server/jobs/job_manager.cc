@@ -269,6 +269,7 @@ ManagerStats JobManager::Stats() const {
   const JobManagerOptions& options = context_.options;
   const absl::Time now = options.clock();
   ManagerStats stats;
+  stats.store_id = context_.store.id();
   stats.draining = draining_;
   const JobCapacity capacity = context_.Capacity();
   stats.workers = capacity.workers;

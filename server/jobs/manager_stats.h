@@ -30,6 +30,7 @@ struct TenantStats {
 };
 
 struct ManagerStats {
+  std::string store_id;
   bool draining = false;
   int workers = 0;       // pieces of work that may run at a time, on all servers that share the store
   int own_workers = 0;   // on this one

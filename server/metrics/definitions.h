@@ -147,7 +147,9 @@ inline const MetricDefinition kDraining = {"planish_draining", kGauge, "", "1 wh
 inline const MetricDefinition kCertificateEnd = {
     "planish_tls_certificate_not_after_seconds", kGauge, "",
     "When the server's TLS certificate expires, Unix time; 0: the server has none."};
-inline const MetricDefinition kBuildInfo = {"planish_build_info", kGauge, "version", "Always 1."};
+inline const MetricDefinition kBuildInfo = {
+    "planish_build_info", kGauge, "version, store",
+    "Always 1. store: an id that servers of a farm have in common, as they have their jobs."};
 inline const MetricDefinition kProcessStart = {"planish_process_start_time_seconds", kGauge, "",
                                                "When the server's process began, Unix time."};
 inline const MetricDefinition kProcessCpu = {

@@ -52,7 +52,9 @@ TEST(ServerMetrics, FollowsAJob) {
   metrics.OnTransition(job);
   metrics.OnWorkEnded(job, Delivered(), absl::Seconds(12));
   metrics.OnTransition(JobAt(v1::JOB_STATE_SUCCEEDED, 100, 107, 119));
-  const std::string text = metrics.Text({});
+  ServerGauges gauges;
+  gauges.jobs.store_id = "of-test";
+  const std::string text = metrics.Text(gauges);
   EXPECT_THAT(text, HasSubstr(R"(planish_jobs_accepted_total{priority="high",tenant="lighting"} 1)"));
   EXPECT_THAT(text, HasSubstr("planish_mesh_bytes_total 1000"));
   EXPECT_THAT(text, HasSubstr(R"(planish_cache_hits_total{kind="shared_work"} 1)"));
@@ -68,7 +70,7 @@ TEST(ServerMetrics, FollowsAJob) {
   EXPECT_THAT(text, HasSubstr(R"(planish_job_warnings_total{reason="PRECONDITIONER_CHANGED"} 1)"));
   EXPECT_THAT(text, HasSubstr(R"(planish_jobs_ended_total{reason="NONE",state="succeeded",tenant="lighting"} 1)"));
   EXPECT_THAT(text, HasSubstr(R"(planish_job_run_seconds_sum{state="succeeded"} 12)"));
-  EXPECT_THAT(text, HasSubstr(R"(planish_build_info{version="1.2.3"} 1)"));
+  EXPECT_THAT(text, HasSubstr(R"(planish_build_info{store="of-test",version="1.2.3"} 1)"));
 }
 
 TEST(ServerMetrics, WaitsCountOnceHoweverOftenAJobStarts) {
