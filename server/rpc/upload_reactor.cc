@@ -8,6 +8,7 @@
 #include "absl/time/time.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "server/link/rpc_status.h"
 #include "server/rpc/grpc_status.h"
 
 namespace planish {
