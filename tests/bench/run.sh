@@ -23,7 +23,7 @@
 # What others' programs measure is left out, and said so, where they are missing. atlas gets xatlas through npm
 # (WebAssembly). XATLAS names a program to use instead, made of xatlas' source, best without threads: it is called with
 # MESH.obj MAP.obj PADDING SIZE and does what tests/bench/xatlas_unwrap.mjs does. In the environment, too: CORE, the core
-# that everything on one core runs on (default 0), ROUNDS of atlas (default 3), LIMIT, the seconds after which atlas gives
+# that everything on one core runs on (default 0), ROUNDS of atlas and farm (default 3), LIMIT, the seconds after which atlas gives
 # up on a tool (default 300), INPUTS of mutations (default 100,000),
 # SEEDS of chaos, which choose what dies when (default "1 2 3"), and JOBS for the build (default 2).
 set -euo pipefail
@@ -379,7 +379,7 @@ stop_postgres() {
 }
 
 farm() {
-  local running=() primary standby flags=()
+  local running=() primary standby flags=(--rounds "${ROUNDS:-3}")
   [ -z "$quick" ] || flags=(--machines 10 --waiting 1000 --jobs 500 --rounds 1 --sleeping-machines 4)
   primary=$(mktemp -d) standby=$(mktemp -d)
   trap stop_postgres EXIT
