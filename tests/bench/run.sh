@@ -395,7 +395,7 @@ farm() {
   }
   echo "one PostgreSQL" >&2
   load alone none
-  postgres pg_basebackup -h "$primary" -U planish -D "$standby/data" -R -C -S standby >/dev/null
+  postgres pg_basebackup -h "$primary" -U planish -D "$standby/data" -R -C -S standby -c fast >/dev/null
   start_postgres "$standby"
   postgres psql -h "$primary" -U planish -d postgres -qc "ALTER SYSTEM SET synchronous_standby_names = '*'" \
     -c "SELECT pg_reload_conf()" >/dev/null
