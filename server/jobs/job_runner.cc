@@ -25,8 +25,8 @@ constexpr int kRenewals = 5;
 // Progress that is written before its time, and of what cannot be written, the newest that is kept.
 constexpr std::size_t kManyProgress = 1024;
 constexpr std::size_t kMostProgress = 4096;
-// That the workers of a farm write together: a part of what one PostgreSQL takes that leaves most for the jobs
-// themselves (deploy/FARM.md, Size).
+// Reports of progress that all workers of a farm write together. PostgreSQL has most of its time for the jobs
+// themselves then (deploy/FARM.md, "How large").
 constexpr double kReportsPerSecond = 200;
 
 // Another attempt would need as much.
