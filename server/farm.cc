@@ -8,10 +8,11 @@ namespace planish {
 namespace {
 
 JobCapacity CapacityOf(const std::vector<ServerEntry>& servers) {
-  JobCapacity capacity = {0, 0, 0};
+  JobCapacity capacity = {0, 0, 0, 0};
   for (const ServerEntry& server : servers) {
     capacity.workers += server.workers;
     if (server.workers == 0) continue;
+    ++capacity.servers;
     capacity.memory_bytes = std::max(capacity.memory_bytes, server.memory_bytes);
     capacity.total_memory_bytes += server.memory_bytes;
   }

@@ -35,7 +35,7 @@ class Farm {
   mutable std::mutex mutex_;
   // Guarded by mutex_.
   std::vector<ServerEntry> servers_;
-  JobCapacity capacity_ = {0, JobCapacity().memory_bytes, 0};
+  JobCapacity capacity_ = {0, 0, JobCapacity().memory_bytes, 0};
 };
 
 }  // namespace planish

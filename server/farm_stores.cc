@@ -72,6 +72,7 @@ absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags) {
   options.url = flags.store.url;
   // A thread of each worker may ask something, and so may those that answer calls.
   options.connections = flags.workers + 8;
+  options.must_hear = AnswersCallers(flags.store.role);
   if (!flags.store.password_file.empty()) {
     PLANISH_ASSIGN_OR_RETURN(options.password, ReadPassword(flags.store.password_file));
   }

@@ -38,6 +38,7 @@ struct JobLimits {
 // Where jobs may run.
 struct JobCapacity {
   int workers = 0;                                    // of all servers that share the store
+  int servers = 1;                                    // that have workers
   std::int64_t memory_bytes = std::int64_t{1} << 60;  // that one job may take: the most that any of them has
   std::int64_t total_memory_bytes = memory_bytes;     // of all of them
 };
@@ -98,7 +99,7 @@ class JobContext {
 
   JobCapacity Capacity() const {
     return options.capacity != nullptr ? options.capacity()
-                                       : JobCapacity{options.workers, options.memory_bytes, options.memory_bytes};
+                                       : JobCapacity{options.workers, 1, options.memory_bytes, options.memory_bytes};
   }
 
   void TellError(const absl::Status& status) const {

@@ -18,8 +18,13 @@ namespace {
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
 
-// Between two looks for work where no news came.
+// Between two looks for work where no news came; likewise where none come, and for wishes, too.
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
+constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
+// Claims that all servers of a farm make together: each waits the longer after one the more there are, and takes more
+// with the next.
+constexpr double kClaimsPerSecond = 500;
+constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
 // Renewals in the time that a lease lasts.
 constexpr int kRenewals = 5;
 // Progress that is written before its time, and of what cannot be written, the newest that is kept.
@@ -87,12 +92,18 @@ void JobRunner::Tell(const std::vector<JobChange>& changes, const StoredBlobPtr&
 Turn JobRunner::TakeNext(absl::Duration patience, JobAssignment* assignment) {
   const auto until = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(patience, absl::Hours(24)));
   std::unique_lock lock(mutex_);
-  const auto may_claim = [this] { return may_claim_ && !claiming_ && context_.options.steady_clock() >= next_start_; };
+  const auto may_claim = [this] {
+    return may_claim_ && !claiming_ && context_.options.steady_clock() >= std::max(next_start_, next_claim_);
+  };
   for (;;) {
     ++waiting_;
-    const bool woken = changed_.wait_until(lock, until, [&] { return stopped_ || !ready_.empty() || may_claim(); });
+    const auto pause = absl::ToChronoNanoseconds(next_claim_ - context_.options.steady_clock());
+    const auto claim_at = std::chrono::steady_clock::now() + pause;
+    const auto wake = may_claim_ && pause.count() > 0 ? std::min(until, claim_at) : until;
+    const bool woken = changed_.wait_until(lock, wake, [&] { return stopped_ || !ready_.empty() || may_claim(); });
     if (woken && !stopped_ && ready_.empty()) Claim(&lock);
     --waiting_;
+    if (!woken && std::chrono::steady_clock::now() < until) continue;
     if (!woken) return Turn::kNothing;
     if (stopped_) return Turn::kOver;
     if (ready_.empty()) continue;
@@ -122,8 +133,10 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   } else {
     Postpone(claimed.status());
   }
+  const absl::Duration pause = ClaimInterval();
   lock->lock();
   claiming_ = false;
+  next_claim_ = context_.options.steady_clock() + pause;
   if (claimed.ok()) {
     const absl::Time now = context_.options.steady_clock();
     for (const ClaimedWork& work : *claimed) {
@@ -140,6 +153,11 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
     may_claim_ = true;
   }
   changed_.notify_all();
+}
+
+absl::Duration JobRunner::ClaimInterval() const {
+  const absl::Duration interval = absl::Seconds(context_.Capacity().servers / kClaimsPerSecond);
+  return context_.store.is_shared() && interval > kLeastClaimInterval ? interval : absl::ZeroDuration();
 }
 
 absl::Status JobRunner::MeshLost(const absl::Status& why) {
@@ -264,6 +282,16 @@ void JobRunner::ObeyWishes() {
   if (!leases.empty()) Renew(leases);
 }
 
+void JobRunner::LookForWishes() {
+  const absl::StatusOr<std::vector<std::pair<std::string, Wish>>> wishes = context_.store.Wishes(owner_);
+  if (!wishes.ok()) return context_.TellError(wishes.status());
+  const std::lock_guard lock(mutex_);
+  for (const auto& [work, wish] : *wishes) {
+    const auto found = attempts_.find(work);
+    if (found != attempts_.end() && found->second.wish != wish) found->second.look = true;
+  }
+}
+
 void JobRunner::Renew(const std::vector<Lease>& leases) {
   const absl::StatusOr<std::vector<Wish>> wishes = context_.store.Renew(leases, context_.options.lease);
   if (!wishes.ok()) context_.TellError(wishes.status());
@@ -295,6 +323,8 @@ void JobRunner::Tick() {
   std::vector<std::string> reports;
   std::vector<Ending> endings;
   const absl::Duration interval = ReportInterval();
+  const bool hears = context_.store.hears_others();
+  bool asks_wishes = false;
   {
     const std::lock_guard lock(mutex_);
     const absl::Time now = context_.options.steady_clock();
@@ -307,13 +337,15 @@ void JobRunner::Tick() {
     for (auto& [name, ending] : unwritten_) endings.push_back(std::move(ending));
     unwritten_.clear();
     if (now >= next_look_) {
-      next_look_ = now + kWorkLookInterval;
+      next_look_ = now + (hears ? kWorkLookInterval : kDeafLookInterval);
       may_claim_ = true;
+      asks_wishes = !hears && !attempts_.empty();
     }
     if (may_claim_ && now >= next_start_) changed_.notify_all();
   }
   for (Ending& ending : endings) End(std::move(ending));
   if (!leases.empty()) Renew(leases);
+  if (asks_wishes) LookForWishes();
   ObeyWishes();
   for (const std::string& work : reports) WriteProgress(work);
 }

@@ -115,6 +115,10 @@ class JobRunner : public JobSource {
   // Tells the worker what is wanted. Requires mutex_.
   void TellWish(Attempt* attempt);
   void Renew(const std::vector<Lease>& leases);
+  // Asks what is wanted where no news of that come in (JobStore::hears_others).
+  void LookForWishes();
+  // Between two claims.
+  absl::Duration ClaimInterval() const;
   // Between two reports of one job.
   absl::Duration ReportInterval() const;
   // Writes the progress that waits, unless somebody is at it.
@@ -145,7 +149,8 @@ class JobRunner : public JobSource {
   bool missed_ = false;                           // news of wishes came while work was being claimed
   bool may_claim_ = true;                         // there may be work that nobody looked at
   absl::Time next_start_ = absl::InfinitePast();  // by the steady clock, as what follows
-  absl::Time next_look_ = absl::InfinitePast();   // for work: news may be lost
+  absl::Time next_claim_ = absl::InfinitePast();
+  absl::Time next_look_ = absl::InfinitePast();  // for work: news may be lost
   absl::Time next_renewal_ = absl::InfinitePast();
   bool stopped_ = false;
 

@@ -74,11 +74,14 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedCh
   JobRow row;
   std::optional<JobRecord> result;
   std::optional<LockedWork> others;
+  SqlRows account_rows;
+  PLANISH_RETURN_IF_ERROR(transaction->AskLeaseNow());
   if (!asked.scheduling().fresh()) {
     // Of two that come at the same time the second one finds the first.
     PLANISH_RETURN_IF_ERROR(sql.Serialize(job.record.work_key(), /*wait=*/true).status());
     PLANISH_ASSIGN_OR_RETURN(result, Result(transaction, job));
     if (!result.has_value()) {
+      PLANISH_RETURN_IF_ERROR(sql.RunLater(AccountsSql(), {}, &account_rows));
       PLANISH_ASSIGN_OR_RETURN(others, WorkToJoin(transaction, job.record));
     }
   }
@@ -100,8 +103,10 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedCh
     if (work.running) PLANISH_RETURN_IF_ERROR(transaction->Start({work.name, work.attempt, work.owner}, &change));
   }
   std::optional<FairAccounts> accounts;
-  if (!accepted->shares) {
+  if (!accepted->shares && asked.scheduling().fresh()) {
     PLANISH_ASSIGN_OR_RETURN(accounts, ReadAccounts(&sql));
+  } else if (!accepted->shares) {
+    accounts = AccountsOf(account_rows);
   }
   if (accounts.has_value() && job.limits.has_value()) {
     const Room room = RoomFor(*accounts, *job.limits, asked.tenant(), asked.mesh_bytes());
@@ -117,6 +122,10 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedCh
   PLANISH_ASSIGN_OR_RETURN(accepted->created, transaction->Insert(&row));
   if (accepted->created) {
     if (accounts.has_value()) {
+      if (IsIdle(*accounts)) {
+        accounts.emplace();
+        PLANISH_RETURN_IF_ERROR(BeginAnew(&sql));
+      }
       const double share = job.limits.has_value() ? job.limits->share : 1;
       PLANISH_RETURN_IF_ERROR(transaction->LiftIn(*accounts, asked.tenant(), share));
       PLANISH_RETURN_IF_ERROR(transaction->AddWork(row, job.run_time));

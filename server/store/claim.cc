@@ -1,6 +1,7 @@
 // JobStore::Claim: whose turn it is (fair_share.h), and what fits.
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <set>
@@ -23,13 +24,17 @@ class Claimer {
       : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed) {}
 
   absl::Status Run() {
+    if (request_.work.empty()) PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner)));
+    SqlRows accounts;
+    PLANISH_RETURN_IF_ERROR(transaction_.AskLeaseNow());
+    PLANISH_RETURN_IF_ERROR(sql_.RunLater(AccountsSql(), {}, &accounts));
+    PLANISH_RETURN_IF_ERROR(ReadUsage());
     PLANISH_ASSIGN_OR_RETURN(now_, transaction_.LeaseNow());
-    PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
+    accounts_ = AccountsOf(accounts);
     if (!request_.work.empty()) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction_.LockWork(request_.work, /*wait=*/false));
       return work.has_value() && !work->row.running ? Take(*std::move(work)) : absl::OkStatus();
     }
-    PLANISH_RETURN_IF_ERROR(ReadUsage());
     while (static_cast<int>(claimed_.size()) < request_.most && !runs_alone_) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<WorkRow> next, Next());
       if (!next.has_value() || !Fits(*next)) break;

@@ -44,6 +44,11 @@ TenantAccount& TenantAccount::operator+=(const TenantAccount& other) {
   return *this;
 }
 
+bool IsIdle(const FairAccounts& accounts) {
+  return std::all_of(accounts.tenants.begin(), accounts.tenants.end(),
+                     [](const auto& each) { return each.second.waiting <= 0 && each.second.running <= 0; });
+}
+
 std::int64_t ReceivedBy(const TenantAccount& account, double share, absl::Time now) {
   return account.received + OverShare(Elapsed(account, now), share);
 }

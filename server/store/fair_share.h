@@ -50,6 +50,9 @@ struct FairAccounts {
   std::int64_t virtual_time = 0;  // v
 };
 
+// Whether nothing waits and nothing runs.
+bool IsIdle(const FairAccounts& accounts);
+
 std::int64_t ReceivedBy(const TenantAccount& account, double share, absl::Time now);
 std::int64_t StartOf(const TenantAccount& account, double share, absl::Time now);
 // What work counts with that is expected to take `run_time`.

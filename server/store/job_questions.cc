@@ -62,10 +62,12 @@ absl::StatusOr<bool> UsesBlobIn(SqlConnection* sql, const BlobId& id) {
   const SqlBytes sha256 = {id.sha256};
   PLANISH_ASSIGN_OR_RETURN(
       const SqlRows rows,
-      sql->Run("SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? AND tenant = ? UNION ALL "
-               "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? AND tenant = ? UNION ALL "
-               "SELECT 1 FROM jobs WHERE ended = 1 AND uv_sha256 = ? AND tenant = ? AND state = ? LIMIT 1",
-               {sha256, tenant, sha256, tenant, sha256, tenant, std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
+      sql->Run(
+          "SELECT 1 FROM jobs WHERE ended = 0 AND mesh_sha256 = ? AND tenant = ? UNION ALL "
+          "SELECT 1 FROM jobs WHERE ended = 0 AND seams_sha256 = ? AND seams_sha256 != '' AND tenant = ? UNION ALL "
+          "SELECT 1 FROM jobs WHERE ended = 1 AND uv_sha256 = ? AND uv_sha256 != '' AND tenant = ? AND state = ? LIMIT "
+          "1",
+          {sha256, tenant, sha256, tenant, sha256, tenant, std::int64_t{v1::JOB_STATE_SUCCEEDED}}));
   return !rows.empty();
 }
 
@@ -122,7 +124,7 @@ absl::StatusOr<std::optional<JobRecord>> JobQuestions::FirstEnded(const std::str
     values.emplace_back(std::string_view(tenant));
   }
   if (state != v1::JOB_STATE_UNSPECIFIED) {
-    condition += " AND state = ?";
+    condition += " AND {outcome} = ?";
     values.emplace_back(std::int64_t{state});
   }
   return One(JobsWhere(condition + " ORDER BY end_time, number LIMIT 1"), values);
@@ -150,9 +152,20 @@ absl::StatusOr<QueueState> JobQuestions::Queue(const LeaseClock& clock) {
   PLANISH_ASSIGN_OR_RETURN(state.accounts, ReadAccounts(connection.get()));
   PLANISH_ASSIGN_OR_RETURN(const SqlRows works, connection->Run(all, {}));
   state.works = WorkRowsOf(works);
-  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, clock(connection.get()));
+  const VerbContext context;
+  PLANISH_ASSIGN_OR_RETURN(const std::int64_t now, JobTransaction(connection.get(), &context, &clock).LeaseNow());
   state.now = absl::FromUnixNanos(now);
   return state;
+}
+
+absl::StatusOr<std::vector<std::pair<std::string, Wish>>> JobQuestions::Wishes(const std::string& owner) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
+                           Ask("SELECT name, wish FROM works WHERE running = 1 AND owner = ? AND wish != ?",
+                               {std::string_view(owner), static_cast<std::int64_t>(Wish::kGoOn)}));
+  std::vector<std::pair<std::string, Wish>> wishes;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    wishes.emplace_back(rows.Bytes(i, 0), static_cast<Wish>(rows.Int(i, 1)));
+  return wishes;
 }
 
 absl::StatusOr<bool> JobQuestions::IsUnderWay(const std::string& tenant, const std::string& work_key) {

@@ -30,6 +30,7 @@ class JobQuestions : public BlobRows {
   absl::StatusOr<JobTotals> Totals();
   absl::StatusOr<FairAccounts> Accounts();
   absl::StatusOr<QueueState> Queue(const LeaseClock& clock);
+  absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner);
   absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key);
   absl::StatusOr<std::optional<JobRecord>> LastEnded(const std::string& tenant);
   absl::StatusOr<std::optional<v1::Progress>> LastProgress(std::int64_t number);

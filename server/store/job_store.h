@@ -237,6 +237,8 @@ class JobStore {
   // lost with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside
   // it.
   virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) = 0;
+  // Those of the owner's running works of which anything but kGoOn is wanted, as far as somebody asked for it.
+  virtual absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner) = 0;
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.
   virtual absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) = 0;
   // Adds progress to the events of all jobs of the work, which get the same; durable later. Of the progress of long
@@ -303,6 +305,8 @@ class JobStore {
   using Listener = std::function<void(const StoreNews& news)>;
   using Subscription = std::shared_ptr<void>;
   [[nodiscard]] virtual Subscription Subscribe(Listener listener) = 0;
+  // Whether that includes what other processes do. Where it does not (PostgresOptions::must_hear), ask often.
+  virtual bool hears_others() const = 0;
 
   // Where verbs put small blobs, for BlobPlaces::rows; null: nowhere, as in memory. Lives as long as the store.
   virtual BlobRows* rows() = 0;

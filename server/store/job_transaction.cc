@@ -158,10 +158,21 @@ std::int64_t LockedWork::Size() const {
 }
 
 absl::StatusOr<std::int64_t> JobTransaction::LeaseNow() {
-  if (!now_.has_value()) {
-    PLANISH_ASSIGN_OR_RETURN(now_, clock_(&sql_));
+  if (now_.has_value()) return *now_;
+  if (clock_ != nullptr) {
+    now_ = absl::ToUnixNanos(clock_());
+  } else if (asked_now_.has_value() && !asked_now_->empty()) {
+    now_ = asked_now_->Int(0, 0);
+  } else {
+    PLANISH_ASSIGN_OR_RETURN(const SqlRows now, sql_.Run("SELECT {now}", {}));
+    now_ = now.Int(0, 0);
   }
   return *now_;
+}
+
+absl::Status JobTransaction::AskLeaseNow() {
+  if (clock_ != nullptr || now_.has_value() || asked_now_.has_value()) return absl::OkStatus();
+  return sql_.RunLater("SELECT {now}", {}, &asked_now_.emplace());
 }
 
 absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
@@ -175,21 +186,32 @@ absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
 absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::string& work, bool wait) {
   static const std::string waits = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {lock}");
   static const std::string skips = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {skip}");
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(wait ? waits : skips, {std::string_view(work)}));
+  SqlRows rows;
+  PLANISH_RETURN_IF_ERROR(sql_.RunLater(wait ? waits : skips, {std::string_view(work)}, &rows));
+  PLANISH_RETURN_IF_ERROR(AskLeaseNow());  // Settle() may need it
+  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobsOf(work));
   if (rows.empty()) return std::nullopt;
-  PLANISH_ASSIGN_OR_RETURN(LockedWork locked, LoadJobs(std::move(WorkRowsOf(rows).front())));
-  return locked;
+  return LockedWorkOf(std::move(WorkRowsOf(rows).front()), std::move(jobs));
 }
 
 // The lock of the work's row is that of its jobs, too: whoever changes one or adds one takes it first.
 absl::StatusOr<LockedWork> JobTransaction::LoadJobs(WorkRow row) {
+  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobsOf(row.name));
+  return LockedWorkOf(std::move(row), std::move(jobs));
+}
+
+absl::StatusOr<std::vector<JobRow>> JobTransaction::JobsOf(const std::string& work) {
+  static const std::string sql =
+      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE work = ? AND ended = 0 ORDER BY number");
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(work)}));
+  return JobRowsOf(rows);
+}
+
+LockedWork JobTransaction::LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const {
   LockedWork locked;
   locked.before = row;
   locked.row = std::move(row);
-  static const std::string sql =
-      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE work = ? AND ended = 0 ORDER BY number");
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(locked.row.name)}));
-  PLANISH_ASSIGN_OR_RETURN(locked.jobs, JobRowsOf(rows));
+  locked.jobs = std::move(jobs);
   for (JobRow& job : locked.jobs) job.standing = StandingOf(job.record, context_.max_attempts);
   return locked;
 }
@@ -256,10 +278,7 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
   account.waiting_bytes += (waits - waited) * row.mesh_bytes;
   if (!row.running && (before.running || gone)) news_.work = true;
   if (before.running && (!row.running || row.wish != before.wish)) news_.works.push_back(row.name);
-  if (gone) {
-    accounts_.NoteEndOfWork();
-    return DeleteWork(&sql_, row.name);
-  }
+  if (gone) return DeleteWork(&sql_, row.name);
   return row == before ? absl::OkStatus() : UpdateWork(&sql_, row);
 }
 
@@ -365,8 +384,8 @@ absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
 
 absl::Status JobTransaction::Delete(const JobRow& job) {
   const std::int64_t number = job.record.number();
-  for (const char* statement : {"DELETE FROM events WHERE job = ?", "DELETE FROM labels WHERE job = ?",
-                                "DELETE FROM jobs WHERE number = ?"}) {
+  for (const char* statement :
+       {"DELETE FROM events WHERE job = ?", "DELETE FROM labels WHERE job = ?", "DELETE FROM jobs WHERE number = ?"}) {
     PLANISH_RETURN_IF_ERROR(sql_.RunLater(statement, {number}));
   }
   TenantAccount& account = accounts_.of(job.record.job().tenant());

@@ -69,8 +69,8 @@ inline bool IsEndWanted(const JobRecord& record) {
   return record.timed_out() || record.job().cancel_requested();
 }
 
-// Nanoseconds since 1970 by the clock of leases, which the connection may be asked for.
-using LeaseClock = std::function<absl::StatusOr<std::int64_t>(SqlConnection*)>;
+// By which leases end. Null: the database's own clock.
+using LeaseClock = std::function<absl::Time()>;
 
 // Not thread-safe; lives as long as the transaction. Errors as of SqlConnection.
 class JobTransaction {
@@ -85,8 +85,10 @@ class JobTransaction {
   // What becomes known when the transaction is committed.
   StoreNews& news() { return news_; }
 
-  // By the clock of leases, once for the whole transaction.
+  // Nanoseconds since 1970 by the clock of leases, once for the whole transaction.
   absl::StatusOr<std::int64_t> LeaseNow();
+  // Has the database say so together with what is asked next.
+  absl::Status AskLeaseNow();
 
   // The job, which ended or whose work is not locked; NOT_FOUND with JOB_NOT_FOUND.
   absl::StatusOr<JobRow> Find(const std::string& name);
@@ -151,11 +153,15 @@ class JobTransaction {
   // LiftIn() as the accounts are.
   absl::Status Lift(const std::string& tenant, double share);
   void Account(const JobRow& row, const JobRecord& record);
+  // Of a piece of work, those that have not ended.
+  absl::StatusOr<std::vector<JobRow>> JobsOf(const std::string& work);
+  LockedWork LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const;
 
   SqlConnection& sql_;
   const VerbContext& context_;
   const LeaseClock& clock_;
   std::optional<std::int64_t> now_;
+  std::optional<SqlRows> asked_now_;  // rows: the answer has come
   AccountChanges accounts_;
   StoreNews news_;
 };

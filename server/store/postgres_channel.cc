@@ -21,10 +21,10 @@ constexpr std::chrono::seconds kRetry(1);
 constexpr std::chrono::seconds kLook(60);        // at the connection, where nothing comes
 constexpr std::chrono::milliseconds kGather(5);  // what comes meanwhile travels together
 
-// A message wakes all who listen. So that they are not woken more often the more there are, each sends at most one in
-// this time for each of them: of 200 processes all hear 200 messages a second.
-constexpr std::chrono::milliseconds kSpacing(5);
-constexpr std::chrono::seconds kCount(30);  // after which they are counted again
+// What all processes together send, and what comes of it: each sends the less often the more there are and the more
+// listen.
+constexpr int kMessagesPerSecond = 400;
+constexpr int kWakesPerSecond = 4000;
 
 // PostgreSQL takes payloads below 8,000 bytes.
 constexpr std::size_t kMostBytes = 7900;
@@ -40,7 +40,14 @@ class PostgresChannel::Link {
     connection_.reset(PQconnectdbParams(keys.data(), values.data(), /*expand_dbname=*/1));
     PQsetNoticeProcessor(
         connection_.get(), [](void*, const char*) {}, nullptr);
-    listens_ = Query("LISTEN planish", nullptr) != nullptr;
+  }
+
+  // False if the connection is lost.
+  bool Listen(bool listens) {
+    if (listens == listens_) return true;
+    if (Query(listens ? "LISTEN planish" : "UNLISTEN planish", nullptr) == nullptr) return false;
+    listens_ = listens;
+    return true;
   }
 
   bool listens() const { return listens_; }
@@ -48,15 +55,6 @@ class PostgresChannel::Link {
 
   bool Notify(const std::string& message) {
     return Query("SELECT pg_notify('planish', $1)", message.c_str()) != nullptr;
-  }
-
-  // Processes that listen; at least this one.
-  int CountListeners() {
-    const Result result = Query(
-        "SELECT count(*) FROM pg_stat_activity WHERE application_name = 'planishd news' AND datname = "
-        "current_database()",
-        nullptr);
-    return result == nullptr ? 1 : std::max(1, std::atoi(PQgetvalue(result.get(), 0, 0)));
   }
 
   // False if the connection is lost.
@@ -92,8 +90,11 @@ class PostgresChannel::Link {
   bool listens_ = false;
 };
 
-PostgresChannel::PostgresChannel(std::string url, Listener listener)
-    : url_(std::move(url)), listener_(std::move(listener)), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+PostgresChannel::PostgresChannel(std::string url, bool must_hear, Listener listener)
+    : url_(std::move(url)),
+      must_hear_(must_hear),
+      listener_(std::move(listener)),
+      wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -155,28 +156,46 @@ bool PostgresChannel::Send(Link* link) {
   return true;
 }
 
+void PostgresChannel::SetProcesses(int all, int must_hear) {
+  {
+    const std::lock_guard lock(mutex_);
+    processes_ = all;
+    must_hear_too_ = must_hear;
+  }
+  eventfd_write(wake_, 1);
+}
+
+bool PostgresChannel::ShouldListen() {
+  const std::lock_guard lock(mutex_);
+  return must_hear_ || processes_ <= kMostListeners;
+}
+
+PostgresChannel::Clock::duration PostgresChannel::Spacing() {
+  const std::lock_guard lock(mutex_);
+  const int listeners = processes_ <= kMostListeners ? processes_ : must_hear_too_;
+  const double seconds = std::max(1.0 / kMessagesPerSecond, double(listeners) / kWakesPerSecond) * processes_;
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
 void PostgresChannel::Run() {
   for (bool first = true;; first = false) {
+    hears_ = false;
     if (!first && Wait(-1, kRetry)) return;
     Link link(url_);
-    if (!link.listens()) continue;
-    listener_("*\n");                 // before, nobody listened
-    Clock::time_point free, counted;  // when the next message may go, and when listeners were counted
-    int listeners = 1;
-    while (link.Receive(listener_)) {
-      const Clock::time_point now = Clock::now();
+    Clock::time_point free;  // when the next message may go
+    while (link.Listen(ShouldListen())) {
+      if (link.listens() && !hears_) listener_("*\n");  // before, this process did not hear
+      hears_ = link.listens();
+      if (!link.Receive(listener_)) break;
       const std::optional<Clock::time_point> since = PendingSince();
       Clock::duration patience = kLook;
       if (since.has_value()) {
+        const Clock::time_point now = Clock::now();
         const Clock::time_point due = std::max(*since + kGather, free);
         patience = due - now;
         if (due <= now) {
-          if (now - counted > kCount) {
-            listeners = link.CountListeners();
-            counted = now;
-          }
           if (!Send(&link)) break;
-          free = Clock::now() + listeners * kSpacing;
+          free = Clock::now() + Spacing();
           continue;
         }
       }

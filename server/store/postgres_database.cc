@@ -1,4 +1,4 @@
-// PostgreSQL as a SqlDatabase: libpq, the schema, and a pool of connections.
+// PostgreSQL as a SqlDatabase: libpq and a pool of connections.
 #include <endian.h>
 #include <libpq-fe.h>
 
@@ -19,85 +19,13 @@
 #include "core/base/status_macros.h"
 #include "server/store/ids.h"
 #include "server/store/postgres_channel.h"
+#include "server/store/postgres_schema.h"
 #include "server/store/sql.h"
 #include "server/store/sql_schema.h"
-#include "server/store/work_schema.h"
 
 namespace planish {
 namespace {
 
-// Steps from each version of the schema to the next, by the rule of sql_schema.h; meta.version says how many were
-// taken. The first ones, which drop columns, are from before the first release. The collation is that of bytes, as
-// SQLite's: no index depends on the machine's locale.
-constexpr const char* kPostgresMigrations[] = {
-    R"sql(
-      CREATE SEQUENCE job_numbers;
-      CREATE TABLE jobs (
-        number BIGINT PRIMARY KEY,
-        name TEXT COLLATE "C" NOT NULL UNIQUE,
-        tenant TEXT COLLATE "C" NOT NULL,
-        request_id TEXT COLLATE "C",
-        state BIGINT NOT NULL,
-        ended BIGINT NOT NULL,
-        end_time BIGINT NOT NULL,
-        work_key BYTEA NOT NULL,
-        mesh_sha256 BYTEA NOT NULL,
-        seams_sha256 BYTEA NOT NULL,
-        uv_sha256 BYTEA NOT NULL,
-        uv_bytes BIGINT NOT NULL,
-        record BYTEA NOT NULL,
-        report BYTEA,
-        create_time BIGINT NOT NULL,
-        work TEXT COLLATE "C" NOT NULL,
-        owner TEXT COLLATE "C" NOT NULL,
-        attempt BIGINT NOT NULL,
-        lease_until BIGINT NOT NULL,
-        turn_time BIGINT NOT NULL,
-        memory_bytes BIGINT NOT NULL,
-        UNIQUE (tenant, request_id)
-      ) WITH (fillfactor = 80);
-      CREATE INDEX jobs_by_end ON jobs (end_time, number) WHERE ended = 1;
-      CREATE INDEX jobs_by_state ON jobs (state, end_time, number) WHERE ended = 1;
-      CREATE INDEX jobs_by_tenant ON jobs (tenant, number);
-      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, end_time, number) WHERE ended = 1;
-      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number) WHERE ended = 1;
-      CREATE INDEX jobs_by_work ON jobs (work_key, number);
-      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
-      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
-      CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1;
-      CREATE INDEX jobs_by_live_work ON jobs (work) WHERE ended = 0;
-      CREATE INDEX jobs_by_turn ON jobs (turn_time, number) WHERE state = 1;
-      CREATE INDEX jobs_by_lease ON jobs (lease_until) WHERE ended = 0 AND state != 1;
-      CREATE TABLE events (
-        job BIGINT NOT NULL,
-        sequence BIGINT NOT NULL,
-        event BYTEA NOT NULL,
-        PRIMARY KEY (job, sequence)
-      );
-      CREATE TABLE blobs (
-        tenant TEXT COLLATE "C" NOT NULL,
-        sha256 BYTEA NOT NULL,
-        bytes BYTEA NOT NULL,
-        PRIMARY KEY (tenant, sha256)
-      );
-      ALTER TABLE blobs ALTER COLUMN bytes SET STORAGE EXTERNAL;
-      CREATE TABLE labels (
-        job BIGINT NOT NULL,
-        key TEXT COLLATE "C" NOT NULL,
-        value TEXT COLLATE "C" NOT NULL,
-        PRIMARY KEY (job, key)
-      );
-    )sql",
-    kWorkMigration,
-    // Collations as above; room for rows that are written again and again.
-    R"sql(
-      ALTER TABLE works ALTER COLUMN name TYPE TEXT COLLATE "C", ALTER COLUMN tenant TYPE TEXT COLLATE "C",
-        ALTER COLUMN owner TYPE TEXT COLLATE "C";
-      ALTER TABLE tenants ALTER COLUMN tenant TYPE TEXT COLLATE "C";
-      ALTER TABLE works SET (fillfactor = 70);
-      ALTER TABLE tenants SET (fillfactor = 50);
-    )sql",
-};
 constexpr std::int64_t kPostgresVersion = std::size(kPostgresMigrations);
 
 // Of advisory locks: whoever migrates.
@@ -118,6 +46,7 @@ std::string PostgresWord(std::string_view word) {
   if (word == "lock") return "FOR UPDATE";
   if (word == "skip") return "FOR UPDATE SKIP LOCKED";
   if (word == "next_number") return "nextval('job_numbers')";
+  if (word == "outcome") return "outcome";
   if (word == "slot") return "(pg_backend_pid() % 16)";
   if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
   return "";
@@ -300,21 +229,40 @@ class PostgresConnection : public SqlConnection {
   absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override {
     const std::int64_t hash = HashOf(key);
     if (wait) {
-      PLANISH_RETURN_IF_ERROR(RunLater("SELECT pg_advisory_xact_lock(?)", {hash}));
+      PLANISH_RETURN_IF_ERROR(RunLater("SELECT pg_advisory_xact_lock(?)", {hash}, nullptr));
       return true;
     }
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Run("SELECT CAST(pg_try_advisory_xact_lock(?) AS INTEGER)", {hash}));
     return rows.Int(0, 0) != 0;
   }
 
-  absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values) override {
-    if (!in_transaction_) return Run(sql, values).status();
-    waiting_.push_back({sql, Encoded(values)});
+  // LOCK waits without a snapshot, as an advisory lock does not: with hundreds that wait and hold one no old version of
+  // a row could be thrown away. So that no look at the catalog holds one either, a LOCK that never waits goes before.
+  absl::Status TakeTurn(std::uint64_t number) override {
+    const std::string lock = absl::StrCat("LOCK TABLE turns_", number % kTurns);
+    PLANISH_RETURN_IF_ERROR(RunLater(absl::StrCat(lock, " IN ACCESS SHARE MODE"), {}, nullptr));
+    return RunLater(absl::StrCat(lock, " IN EXCLUSIVE MODE"), {}, nullptr);
+  }
+
+  absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values, SqlRows* rows) override {
+    if (!in_transaction_) return SqlConnection::RunLater(sql, values, rows);
+    waiting_.push_back({sql, Encoded(values), rows});
     return absl::OkStatus();
   }
 
   absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
     PLANISH_ASSIGN_OR_RETURN(const Result result, Send({sql, Encoded(values)}));
+    return RowsOf(result);
+  }
+
+ private:
+  struct Closer {
+    void operator()(PGconn* connection) const { PQfinish(connection); }
+  };
+
+  explicit PostgresConnection(PGconn* connection) : connection_(connection) {}
+
+  static SqlRows RowsOf(const Result& result) {
     SqlRows rows;
     const int columns = PQnfields(result.get());
     for (int row = 0; row < PQntuples(result.get()); ++row) {
@@ -335,13 +283,6 @@ class PostgresConnection : public SqlConnection {
     return rows;
   }
 
- private:
-  struct Closer {
-    void operator()(PGconn* connection) const { PQfinish(connection); }
-  };
-
-  explicit PostgresConnection(PGconn* connection) : connection_(connection) {}
-
   // A value as it travels.
   struct Parameter {
     Oid type = kText;
@@ -351,6 +292,7 @@ class PostgresConnection : public SqlConnection {
   struct Statement {
     std::string sql;
     std::vector<Parameter> parameters;
+    SqlRows* rows = nullptr;  // to be filled
   };
 
   static std::vector<Parameter> Encoded(const std::vector<SqlValue>& values) {
@@ -387,13 +329,14 @@ class PostgresConnection : public SqlConnection {
     if (PQenterPipelineMode(raw) == 0) return StoreUnavailable(OneLine(PQerrorMessage(raw)));
     std::vector<std::string> fresh;  // statements that are prepared in this batch
     bool sent = true;
-    int results = 0;
+    std::vector<SqlRows*> results;  // of all that is sent: where the rows go
     for (const Statement& statement : batch) {
-      if (statement.parameters.empty()) {
-        // Those without parameters are rare, or short.
+      if (statement.parameters.empty() && !statement.sql.starts_with("SELECT") &&
+          !statement.sql.starts_with("UPDATE")) {
+        // BEGIN and its like.
         sent = sent && PQsendQueryParams(raw, WithNumbers(ReplaceWords(statement.sql, PostgresWord)).c_str(), 0,
                                          nullptr, nullptr, nullptr, nullptr, /*resultFormat=*/1) != 0;
-        ++results;
+        results.push_back(statement.rows);
         continue;
       }
       std::string& name = prepared_[statement.sql];
@@ -405,7 +348,7 @@ class PostgresConnection : public SqlConnection {
         const std::string text = WithNumbers(ReplaceWords(statement.sql, PostgresWord));
         sent =
             sent && PQsendPrepare(raw, name.c_str(), text.c_str(), static_cast<int>(types.size()), types.data()) != 0;
-        ++results;
+        results.push_back(nullptr);
       }
       std::vector<const char*> pointers;
       std::vector<int> sizes;
@@ -416,7 +359,7 @@ class PostgresConnection : public SqlConnection {
       const std::vector<int> formats(pointers.size(), 1);
       sent = sent && PQsendQueryPrepared(raw, name.c_str(), static_cast<int>(pointers.size()), pointers.data(),
                                          sizes.data(), formats.data(), /*resultFormat=*/1) != 0;
-      ++results;
+      results.push_back(statement.rows);
     }
     sent = sent && PQpipelineSync(raw) != 0;
     absl::StatusOr<Result> outcome = sent ? Collect(results) : StoreUnavailable(OneLine(PQerrorMessage(raw)));
@@ -429,15 +372,17 @@ class PostgresConnection : public SqlConnection {
     return outcome;
   }
 
-  // Reads as many results: the last one, or the first error.
-  absl::StatusOr<Result> Collect(int results) {
+  // Reads as many results, and keeps the rows of those that have a place for them. Returns the last one, or the first
+  // error.
+  absl::StatusOr<Result> Collect(const std::vector<SqlRows*>& places) {
     absl::StatusOr<Result> outcome = Result();
-    for (int i = 0; i < results; ++i) {
+    for (SqlRows* const place : places) {
       Result result;
       // A null pointer ends the results of each statement.
       while (PGresult* part = PQgetResult(connection_.get())) result.reset(part);
       if (!outcome.ok()) continue;  // those behind an error were not run
       outcome = Check(std::move(result));
+      if (outcome.ok() && place != nullptr) *place = RowsOf(*outcome);
     }
     return outcome;
   }
@@ -471,7 +416,7 @@ class PostgresDatabase : public SqlDatabase {
  public:
   // `urls` as of ConnectionStrings().
   PostgresDatabase(const PostgresOptions& options, std::vector<std::string> urls)
-      : connections_(options.connections), urls_(std::move(urls)) {}
+      : connections_(options.connections), must_hear_(options.must_hear), urls_(std::move(urls)) {}
 
   absl::Status SetUp() {
     PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresConnection> connection,
@@ -510,8 +455,12 @@ class PostgresDatabase : public SqlDatabase {
     if (channel_ != nullptr) channel_->Publish(message);
   }
   void Listen(std::function<void(std::string_view message)> listener) override {
-    channel_ = std::make_unique<PostgresChannel>(urls_.front(), std::move(listener));
+    channel_ = std::make_unique<PostgresChannel>(urls_.front(), must_hear_, std::move(listener));
   }
+  void SetProcesses(int all, int must_hear) override {
+    if (channel_ != nullptr) channel_->SetProcesses(all, must_hear);
+  }
+  bool hears() const override { return channel_ != nullptr && channel_->hears(); }
   const std::string& id() const override { return id_; }
   bool has_clock() const override { return true; }
   bool is_shared() const override { return true; }
@@ -554,6 +503,7 @@ class PostgresDatabase : public SqlDatabase {
   }
 
   const int connections_;
+  const bool must_hear_;
   const std::vector<std::string> urls_;
   Primary primary_;
   std::string id_;                            // constant after SetUp()

@@ -1,5 +1,7 @@
 #include "server/store/server_registry.h"
 
+#include <algorithm>
+
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "server/store/sql_schema.h"
@@ -58,6 +60,9 @@ absl::StatusOr<std::vector<ServerEntry>> ServerRegistry::List() {
     servers.push_back(
         {rows.Bytes(i, 0), rows.Int(i, 1) != 0, static_cast<int>(rows.Int(i, 2)), rows.Int(i, 3), rows.Bytes(i, 4)});
   }
+  database_->SetProcesses(static_cast<int>(servers.size()),
+                          static_cast<int>(std::count_if(servers.begin(), servers.end(),
+                                                         [](const ServerEntry& server) { return server.answers; })));
   return servers;
 }
 

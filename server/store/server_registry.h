@@ -33,7 +33,7 @@ class ServerRegistry {
   absl::Status Announce(const ServerEntry& server, absl::Duration time);
   // The server ends.
   absl::Status Withdraw(const std::string& name);
-  // Those that are there, by name.
+  // Those that are there, by name. Tells the database how many (SqlDatabase::SetProcesses).
   absl::StatusOr<std::vector<ServerEntry>> List();
 
  private:

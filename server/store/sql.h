@@ -5,7 +5,9 @@
 //   {skip}         likewise, and rows that somebody else has locked are left out
 //   {next_number}  a number for a new job, above all earlier ones
 //   {slot}         a small number that connections which write at the same time seldom share: for rows that all of them
-//   add to {now}          the database's own time, nanoseconds since 1970 (PostgreSQL only: SqlDatabase::has_clock())
+//                  add to
+//   {outcome}      the state of a job, where the statement says that it has ended
+//   {now}          the database's own time, nanoseconds since 1970 (PostgreSQL only: SqlDatabase::has_clock())
 #pragma once
 
 #include <cstdint>
@@ -69,18 +71,27 @@ class SqlConnection {
   // Also after an error, whatever was begun.
   virtual void Rollback() = 0;
 
-  // Runs one statement, within the transaction that was begun or as one of its own.
+  // Runs one statement, within the transaction that was begun or as one of its own. After it all that RunLater() was
+  // given has run.
   virtual absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) = 0;
 
-  // As Run(), for a statement whose rows nobody wants. It may be sent together with those that follow: its error may be
-  // that of the next Run(), Serialize() or Commit(). Without a transaction it runs at once. Values are copied.
-  virtual absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values) {
-    return Run(sql, values).status();
+  // As Run(), for a statement whose rows nobody wants yet. It may be sent together with those that follow, which saves
+  // a journey to the database: its error may be that of the next Run(), Serialize() or Commit(), and `rows` (null:
+  // nobody wants them) are filled after that, and outlive it. Without a transaction it runs at once. Values are copied.
+  virtual absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values, SqlRows* rows = nullptr) {
+    absl::StatusOr<SqlRows> result = Run(sql, values);
+    if (result.ok() && rows != nullptr) *rows = *std::move(result);
+    return result.status();
   }
 
   // Until the end of the transaction nobody else passes Serialize() with the same key. False if somebody else has
   // passed it and this one is not to wait.
   virtual absl::StatusOr<bool> Serialize(std::string_view key, bool wait) = 0;
+
+  // Waits, at the begin of a transaction, until only a few others are between here and their ends: for transactions
+  // that all want the head of one queue. The more there are at the same time, the more rows each passes by that others
+  // have locked, and the less any of them gets done. `number`: as even as can be over those who come.
+  virtual absl::Status TakeTurn(std::uint64_t) { return absl::OkStatus(); }
 };
 
 // Connections to one database. Thread-safe.
@@ -102,6 +113,11 @@ class SqlDatabase {
   // Calls `listener` with what other processes publish, on a thread of its own, until the object goes; with the line
   // "*" after something may have been lost. At most once.
   virtual void Listen(std::function<void(std::string_view message)> listener) = 0;
+  // How many processes use the database, and how many of those must hear (PostgresOptions::must_hear), as far as is
+  // known: at first this one alone. The more there are, the less often each publishes.
+  virtual void SetProcesses(int /*all*/, int /*must_hear*/) {}
+  // Whether what others publish comes in at all; false where there are too many for one that need not hear.
+  virtual bool hears() const { return true; }
 
   // Of the data, made with the schema, the same for ever.
   virtual const std::string& id() const = 0;
@@ -130,6 +146,8 @@ struct PostgresOptions {
   std::string url;      // as libpq takes it: postgresql://USER@HOST:PORT/DATABASE?sslmode=verify-full, or KEY=VALUE ...
   int connections = 8;  // at most, >= 1
   std::string password = {};  // beside what the URL says; empty: none
+  // Whether Listen() hears of everything even where many processes would be woken by each message: somebody watches.
+  bool must_hear = true;
 };
 
 // PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes

@@ -38,7 +38,8 @@ google::rpc::Status ServerCrashed(int attempts) {
 class SqlJobStore : public JobStore {
  public:
   SqlJobStore(std::unique_ptr<SqlDatabase> database, JobStoreOptions options)
-      : options_(std::move(options)), database_(std::move(database)), questions_(database_.get()) {
+      : database_(std::move(database)), clock_(std::move(options.lease_clock)), questions_(database_.get()) {
+    if (clock_ == nullptr && !database_->has_clock()) clock_ = absl::Now;
     database_->Listen([this](std::string_view message) { listeners_.Call(DecodeNews(message)); });
   }
 
@@ -299,6 +300,9 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<JobTotals> Totals() override { return questions_.Totals(); }
   absl::StatusOr<FairAccounts> Accounts() override { return questions_.Accounts(); }
   absl::StatusOr<QueueState> Queue() override { return questions_.Queue(clock_); }
+  absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner) override {
+    return questions_.Wishes(owner);
+  }
   absl::StatusOr<bool> IsUnderWay(const std::string& tenant, const std::string& work_key) override {
     return questions_.IsUnderWay(tenant, work_key);
   }
@@ -316,17 +320,11 @@ class SqlJobStore : public JobStore {
   }
   absl::StatusOr<bool> UsesBlob(const BlobId& id) override { return questions_.UsesBlob(id); }
   Subscription Subscribe(Listener listener) override { return listeners_.Add(std::move(listener)); }
+  bool hears_others() const override { return database_->hears(); }
   BlobRows* rows() override { return database_->outlives_process() ? &questions_ : nullptr; }
 
  private:
   using OnJob = std::function<absl::Status(JobTransaction&, const LockedWork&, JobChange*)>;
-
-  absl::StatusOr<std::int64_t> Now(SqlConnection* sql) const {
-    if (options_.lease_clock != nullptr) return absl::ToUnixNanos(options_.lease_clock());
-    if (!database_->has_clock()) return absl::ToUnixNanos(absl::Now());
-    PLANISH_ASSIGN_OR_RETURN(const SqlRows now, sql->Run("SELECT {now}", {}));
-    return now.Int(0, 0);
-  }
 
   // Runs `body` in a transaction, and tells of it afterwards.
   absl::Status Change(const VerbContext& context, Durability durability,
@@ -484,10 +482,9 @@ class SqlJobStore : public JobStore {
     return transaction->Requeue(change);
   }
 
-  const JobStoreOptions options_;
   Listeners<StoreNews> listeners_;
   const std::unique_ptr<SqlDatabase> database_;
-  const LeaseClock clock_ = [this](SqlConnection* sql) { return Now(sql); };
+  LeaseClock clock_;  // constant after the constructor
   JobQuestions questions_;
 };
 

@@ -78,23 +78,32 @@ absl::Status AccountChanges::Write(SqlConnection* sql) const {
         "ELSE tenants.received END",
         {virtual_time_}));
   }
-  if (!work_ended_) return absl::OkStatus();
-  return sql
-      ->Run(
-          "UPDATE tenants SET received = 0 WHERE (tenant, slot) IN (SELECT tenant, slot FROM tenants "
-          "WHERE received != 0 AND NOT EXISTS (SELECT 1 FROM works) {skip})",
-          {})
-      .status();
+  return absl::OkStatus();
 }
 
-absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all) {
+absl::Status BeginAnew(SqlConnection* sql) {
+  return sql->RunLater(
+      "UPDATE tenants SET received = 0 WHERE (tenant, slot) IN (SELECT tenant, slot FROM tenants "
+      "WHERE received != 0 AND NOT EXISTS (SELECT 1 FROM works) {skip})",
+      {});
+}
+
+const std::string& AccountsSql(bool all) {
   static const std::string sums =
       "SELECT tenant, CAST(sum(waiting) AS BIGINT), CAST(sum(waiting_bytes) AS BIGINT), CAST(sum(running) AS BIGINT), "
       "CAST(sum(started) AS BIGINT), CAST(sum(charged) AS BIGINT), CAST(sum(received) AS BIGINT), "
       "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), max(received) FROM tenants GROUP BY tenant";
   static const std::string busy =
       absl::StrCat(sums, " HAVING sum(waiting) > 0 OR sum(running) > 0 OR sum(received) > 0");
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql->Run(all ? sums : busy, {}));
+  return all ? sums : busy;
+}
+
+absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all) {
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql->Run(AccountsSql(all), {}));
+  return AccountsOf(rows);
+}
+
+FairAccounts AccountsOf(const SqlRows& rows) {
   FairAccounts accounts;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const std::string& tenant = rows.Bytes(i, 0);

@@ -31,19 +31,21 @@ class AccountChanges {
  public:
   TenantAccount& of(const std::string& tenant) { return changes_[tenant]; }
   void RaiseVirtualTime(std::int64_t value) { virtual_time_ = std::max(virtual_time_, value); }
-  // Work is gone: if there is none left, all tenants begin anew.
-  void NoteEndOfWork() { work_ended_ = true; }
-
   absl::Status Write(SqlConnection* sql) const;
 
  private:
   std::map<std::string, TenantAccount> changes_;
   std::int64_t virtual_time_ = 0;
-  bool work_ended_ = false;
 };
 
 // Of all tenants that have something waiting or running or received something, and where `all`, of all that have
 // records.
 absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all = false);
+// The same in two halves, for RunLater(): what to ask, and what the rows say.
+const std::string& AccountsSql(bool all = false);
+FairAccounts AccountsOf(const SqlRows& rows);
+
+// If there is no work at all, what tenants received is forgotten.
+absl::Status BeginAnew(SqlConnection* sql);
 
 }  // namespace planish

@@ -65,8 +65,16 @@ T Get(absl::StatusOr<T> result) {
   return *std::move(result);
 }
 
-std::unique_ptr<JobStore> OpenStore(const Flags& flags, int connections) {
-  std::unique_ptr<JobStore> store = NewJobStore(Get(OpenPostgresDatabase({flags.url, connections})));
+// One of so many machines, or their front.
+std::unique_ptr<JobStore> OpenStore(const Flags& flags, int machines, int connections) {
+  PostgresOptions options;
+  options.url = flags.url;
+  options.connections = connections;
+  options.must_hear = connections > 1;  // fronts
+  std::unique_ptr<SqlDatabase> opened = Get(OpenPostgresDatabase(options));
+  SqlDatabase* const database = opened.get();
+  std::unique_ptr<JobStore> store = NewJobStore(std::move(opened));
+  database->SetProcesses(machines + 1, 1);
   Get(store->Find(""));  // makes the first connection: not all machines at once
   return store;
 }
@@ -181,7 +189,7 @@ void Fill(const Flags& flags, int jobs) {
   std::atomic<int> left = jobs;
   {
     Crowd crowd;
-    const std::shared_ptr<JobStore> store = OpenStore(flags, flags.fronts);
+    const std::shared_ptr<JobStore> store = OpenStore(flags, 1, flags.fronts);
     for (int i = 0; i < flags.fronts; ++i) {
       crowd.Add([&left, &flags, store] {
         for (int n; (n = --left) >= 0;) Get(store->Accept(Now(), MakeJob(Tenant(n % flags.tenants))));
@@ -204,16 +212,17 @@ struct Round {
   std::map<std::string, Clock::time_point> lone;  // jobs of the tenant that has no others
 };
 
-void Machine(JobStore* store, const std::string& owner, int slots, double sleep, Round* round) {
+// As JobRunner does it: `claim_interval` seconds between two claims (JobRunner::ClaimInterval).
+void Machine(JobStore* store, const std::string& owner, int slots, double sleep, double claim_interval, Round* round) {
   std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner)));
   std::uniform_real_distribution<double> jitter(0.5, 1.5);
   const auto after = [&](double seconds) {
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
   };
   std::vector<std::pair<Clock::time_point, Lease>> running;  // and when each ends
-  Clock::time_point renewed = Clock::now();
+  Clock::time_point renewed = Clock::now(), asked = renewed, claim_again = renewed;
   while (!round->over) {
-    if (static_cast<int>(running.size()) < slots) {
+    if (static_cast<int>(running.size()) < slots && Clock::now() >= claim_again) {
       ClaimRequest request;
       request.owner = owner;
       request.lease = absl::Seconds(30);
@@ -221,6 +230,7 @@ void Machine(JobStore* store, const std::string& owner, int slots, double sleep,
       const Clock::time_point start = Clock::now();
       const std::vector<ClaimedWork> claimed = Get(store->Claim(Now(), request));
       round->claims.Add(Since(start));
+      claim_again = after(claim_interval);
       for (const ClaimedWork& work : claimed) {
         running.emplace_back(after(sleep * jitter(random)), work.lease);
         if (work.jobs[0].record.job().tenant() != "lone") continue;
@@ -242,6 +252,10 @@ void Machine(JobStore* store, const std::string& owner, int slots, double sleep,
       running.erase(running.begin() + static_cast<std::ptrdiff_t>(i));
       ended = true;
     }
+    if (Since(asked) > 1 && !store->hears_others()) {
+      Get(store->Wishes(owner));
+      asked = Clock::now();
+    }
     if (Since(renewed) > 5 && !running.empty()) {
       std::vector<Lease> leases;
       for (const auto& [end, lease] : running) leases.push_back(lease);
@@ -253,17 +267,24 @@ void Machine(JobStore* store, const std::string& owner, int slots, double sleep,
   Get(store->Release(Now(), owner));
 }
 
+// As JobRunner's.
+double ClaimInterval(int machines) {
+  const double seconds = machines / 500.0;
+  return seconds > 0.02 ? seconds : 0;
+}
+
 // Workers take `sleep` seconds a job, more or less.
 nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, int jobs) {
   Round round;
   std::vector<std::unique_ptr<JobStore>> stores;
-  for (int i = 0; i < flags.machines; ++i) stores.push_back(OpenStore(flags, 1));
-  const std::unique_ptr<JobStore> front = OpenStore(flags, flags.fronts + 2);
+  for (int i = 0; i < flags.machines; ++i) stores.push_back(OpenStore(flags, flags.machines, 1));
+  const std::unique_ptr<JobStore> front = OpenStore(flags, flags.machines, flags.fronts + 2);
   Crowd crowd;
   for (int i = 0; i < flags.machines; ++i) {
     crowd.Add([&, i] {
       std::this_thread::sleep_for(std::chrono::duration<double>(sleep * i / flags.machines));  // not all at once
-      Machine(stores[std::size_t(i)].get(), absl::StrCat("machine", i), flags.slots, sleep, &round);
+      Machine(stores[std::size_t(i)].get(), absl::StrCat("machine", i), flags.slots, sleep,
+              ClaimInterval(flags.machines), &round);
     });
   }
   for (int i = 0; i < flags.fronts; ++i) {
@@ -323,67 +344,73 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
           {"database_bytes", DatabaseBytes(flags)}};
 }
 
-// The rows of a job as the store has them, by as many transactions and no more than it takes.
+// The rows of a job as the store has them, in tables of the same definition, by as many transactions and no more
+// statements than it takes: what is left is what the store knows of order, shares and limits.
 nlohmann::json Bare(const Flags& flags) {
   const NewJob example = MakeJob("tenant0");
   const std::string record = example.record.SerializeAsString();
   const std::string report = Success().report.SerializeAsString();
   Connection setup(flags.url);
   setup.Run("SET client_min_messages = warning");
-  setup.Run("DROP TABLE IF EXISTS bare_jobs, bare_events, bare_labels");
-  setup.Run(
-      "CREATE TABLE bare_jobs (number BIGSERIAL PRIMARY KEY, name TEXT NOT NULL UNIQUE, tenant TEXT NOT NULL, "
-      "request_id TEXT, state BIGINT NOT NULL, end_time BIGINT NOT NULL, work_key BYTEA NOT NULL, record BYTEA NOT "
-      "NULL, "
-      "report BYTEA, owner TEXT NOT NULL, attempt BIGINT NOT NULL, lease_until BIGINT NOT NULL, turn_time BIGINT NOT "
-      "NULL, "
-      "UNIQUE (tenant, request_id)) WITH (fillfactor = 80)");
-  setup.Run("CREATE INDEX ON bare_jobs (turn_time, number) WHERE state = 1");
-  setup.Run("CREATE INDEX ON bare_jobs (lease_until) WHERE state = 2");
-  setup.Run("CREATE INDEX ON bare_jobs (tenant, end_time, number) WHERE state = 4");
-  setup.Run("CREATE INDEX ON bare_jobs (work_key)");
-  setup.Run(
-      "CREATE TABLE bare_events (job BIGINT, sequence BIGINT, event BYTEA NOT NULL, PRIMARY KEY (job, sequence))");
-  setup.Run("CREATE TABLE bare_labels (job BIGINT, key TEXT, value TEXT NOT NULL, PRIMARY KEY (job, key))");
-  setup.Run(
-      "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, attempt, "
-      "lease_until, "
-      "turn_time) SELECT 'jobs/' || i, 'tenant0', CAST(i AS TEXT), 1, 0, decode(md5(CAST(i AS TEXT)), 'hex'), ?, '', "
-      "0, "
-      "0, i FROM generate_series(1, ?) AS i",
-      {SqlBytes{record}, flags.waiting});
-  setup.Run("ANALYZE bare_jobs");
+  setup.Run("DROP TABLE IF EXISTS bare_jobs, bare_works, bare_events, bare_labels");
+  setup.Run("DROP SEQUENCE IF EXISTS bare_numbers");
+  setup.Run("CREATE SEQUENCE bare_numbers");
+  for (const std::string table : {"jobs", "works", "events", "labels"}) {
+    setup.Run(absl::StrCat("CREATE TABLE bare_", table, " (LIKE ", table, " INCLUDING ALL)"));
+  }
+  const std::string jobs =
+      "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, mesh_sha256, "
+      "seams_sha256, uv_sha256, uv_bytes, record, create_time, work, due) ";
+  const std::string works =
+      "INSERT INTO bare_works (name, tenant, number, running, turn_time, memory_bytes, mesh_bytes, run_time, alone, "
+      "wish, owner, attempt, lease_until, start_time, charge, share) ";
+  setup.Run(jobs +
+                "SELECT nextval('bare_numbers'), 'jobs/' || i, 'tenant0', CAST(i AS TEXT), 1, 0, 0, "
+                "decode(md5(CAST(i AS TEXT)), 'hex'), decode(md5(CAST(i AS TEXT)), 'hex'), '', '', 0, ?, i, 'jobs/' || "
+                "i, 9223372036854775807 FROM generate_series(1, ?) AS i",
+            {SqlBytes{record}, flags.waiting});
+  setup.Run(works +
+                "SELECT 'jobs/' || i, 'tenant0', i, 0, i, 100000000, 100000, 3000000000, 0, 0, '', 0, 0, 0, 0, 1000000 "
+                "FROM generate_series(1, ?) AS i",
+            {flags.waiting});
+  for (const std::string table : {"jobs", "works"}) setup.Run("ANALYZE bare_" + table);
   std::atomic<int> left = flags.jobs;
   const Clock::time_point start = Clock::now();
   Crowd crowd;
   for (int i = 0; i < flags.fronts; ++i) {
     crowd.Add([&] {
       Connection sql(flags.url);
-      const std::string event = "INSERT INTO bare_events VALUES (?, ?, ?)";
+      const std::string event = "INSERT INTO bare_events (job, sequence, event, kind) VALUES (?, ?, ?, 1)";
       while (--left >= 0) {
         const std::string name = "jobs/" + RandomId(), request_id = RandomId();
         sql.Begin(Durability::kNow);
         const std::int64_t number =
-            sql.Run(
-                   "INSERT INTO bare_jobs (name, tenant, request_id, state, end_time, work_key, record, owner, "
-                   "attempt, "
-                   "lease_until, turn_time) VALUES (?, 'tenant0', ?, 1, 0, ?, ?, '', 0, 0, 1) RETURNING number",
-                   {std::string_view(name), std::string_view(request_id), SqlBytes{name}, SqlBytes{record}})
+            sql.Run(jobs +
+                        "VALUES (nextval('bare_numbers'), ?, 'tenant0', ?, 1, 0, 0, ?, ?, '', '', 0, ?, 1, ?, "
+                        "9223372036854775807) RETURNING number",
+                    {std::string_view(name), std::string_view(request_id), SqlBytes{name}, SqlBytes{name},
+                     SqlBytes{record}, std::string_view(name)})
                 .Int(0, 0);
         sql.Send("INSERT INTO bare_labels VALUES (?, 'asset', 'crate')", {number});
+        sql.Send(works + "VALUES (?, 'tenant0', ?, 0, 1, 100000000, 100000, 3000000000, 0, 0, '', 0, 0, 0, 0, 1000000)",
+                 {std::string_view(name), number});
         sql.Send(event, {number, 1, SqlBytes{record}});
         sql.Commit();
-        sql.Begin(Durability::kNow);
+        sql.Begin(Durability::kLater);
+        sql.Send("UPDATE bare_jobs SET state = 2, record = ? WHERE number = ?", {SqlBytes{record}, number});
         sql.Send(
-            "UPDATE bare_jobs SET state = 2, record = ?, owner = 'a', attempt = 1, lease_until = 9 WHERE number = ?",
-            {SqlBytes{record}, number});
+            "UPDATE bare_works SET running = 1, owner = 'a', attempt = 1, lease_until = 9, start_time = 1, charge = 1 "
+            "WHERE name = ?",
+            {std::string_view(name)});
         sql.Send(event, {number, 2, SqlBytes{record}});
         sql.Commit();
         sql.Begin(Durability::kNow);
         sql.Send(
-            "UPDATE bare_jobs SET state = 4, record = ?, owner = '', lease_until = 0, end_time = 5, report = ? "
-            "WHERE number = ?",
-            {SqlBytes{record}, SqlBytes{report}, number});
+            "UPDATE bare_jobs SET state = 4, record = ?, ended = 1, end_time = 5, uv_sha256 = ?, uv_bytes = 9, report "
+            "= "
+            "? WHERE number = ?",
+            {SqlBytes{record}, SqlBytes{name}, SqlBytes{report}, number});
+        sql.Send("DELETE FROM bare_works WHERE name = ?", {std::string_view(name)});
         sql.Send(event, {number, 3, SqlBytes{record}});
         sql.Commit();
         sql.Begin(Durability::kLater);
@@ -404,11 +431,12 @@ nlohmann::json Machines(const Flags& flags) {
   for (const int machines : {1, flags.sleeping_machines}) {
     Round round;
     std::vector<std::unique_ptr<JobStore>> stores;
-    for (int i = 0; i < machines; ++i) stores.push_back(OpenStore(flags, 1));
+    for (int i = 0; i < machines; ++i) stores.push_back(OpenStore(flags, machines, 1));
     Crowd crowd;
     for (int i = 0; i < machines; ++i) {
       crowd.Add([&, i] {
-        Machine(stores[std::size_t(i)].get(), absl::StrCat("sleeper", i), flags.slots, flags.worker_seconds, &round);
+        Machine(stores[std::size_t(i)].get(), absl::StrCat("sleeper", i), flags.slots, flags.worker_seconds,
+                ClaimInterval(machines), &round);
       });
     }
     // Whole sleeps, of which the first ends after the first.

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -15,6 +16,7 @@
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/server/store/failing_database.h"
 #include "tests/server/store/postgres_server.h"
+#include "tests/testing/process.h"
 
 namespace planish {
 namespace {
@@ -35,9 +37,11 @@ class JobFarmTest : public ::testing::Test {
     options_.report_interval = absl::ZeroDuration();
   }
 
-  Server Start() {
+  Server Start(bool must_hear = true) {
     Server server;
-    server.store = NewJobStore(*OpenPostgresDatabase({url_, 4}));
+    std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url_, 4, "", must_hear});
+    database_ = database.get();
+    server.store = NewJobStore(std::move(database));
     server.manager = *JobManager::Open(options_, server.store.get(), &blobs_);
     return server;
   }
@@ -78,6 +82,7 @@ class JobFarmTest : public ::testing::Test {
   static inline std::unique_ptr<PostgresServer> postgres_;
   const Caller caller_ = {kDefaultTenant, "", Rights::All(), ""};
   std::string url_;
+  SqlDatabase* database_ = nullptr;  // of the server that started last
   JobManagerOptions options_;
   BlobCatalog blobs_{{}, 1 << 20};
   JobAttachment attachment_;
@@ -190,6 +195,46 @@ TEST_F(JobFarmTest, TheEndIsToldThoughTheDatabaseForgotWhatWatchersSaw) {
   EXPECT_EQ(end->skipped(), 0);
   EXPECT_EQ(end->job().state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(log->uv()->ReadAll().value(), "uv");
+}
+
+TEST_F(JobFarmTest, AmongManyAWorkerThatHearsNothingAsks) {
+  Server front = Start();
+  options_.capacity = [] { return JobCapacity{.workers = 1600, .servers = 100}; };
+  Server worker = Start(/*must_hear=*/false);
+  // As many processes as make one that need not hear stop listening.
+  database_->SetProcesses(100, 1);
+  ASSERT_TRUE(WaitUntil([&] { return !worker.store->hears_others(); }));
+  const std::string name = Create(&front, "mesh");
+  std::optional<JobAssignment> work;
+  EXPECT_TRUE(TickUntil(&worker, [&] {
+    JobAssignment assignment;
+    if (worker.manager->source()->TakeNext(absl::ZeroDuration(), &assignment) == Turn::kWork) work = assignment;
+    return work.has_value();
+  }));
+  const auto link = std::make_shared<NotingLink>();
+  worker.manager->source()->SetLink(name, work->attempt, link);
+  EXPECT_TRUE(front.manager->Cancel(caller_, name).ok());
+  EXPECT_TRUE(TickUntil(&worker, [&] { return link->sent.size() == 1; }));
+  worker.manager->source()->ReportResult(name, work->attempt, Cancelled(), nullptr);
+  EXPECT_TRUE(TickUntil(&front, [&] { return State(&front, name) == v1::JOB_STATE_CANCELLED; }));
+}
+
+TEST_F(JobFarmTest, TheMoreServersTheLongerEachWaitsBetweenTwoClaims) {
+  absl::Time now = absl::Now();
+  options_.steady_clock = [&now] { return now; };
+  options_.capacity = [] { return JobCapacity{.workers = 1600, .servers = 100}; };
+  Server server = Start();
+  for (const char* mesh : {"1", "2"}) Create(&server, mesh);
+  const auto take = [&] {
+    JobAssignment assignment;
+    return server.manager->source()->TakeNext(absl::Milliseconds(1), &assignment) == Turn::kWork;
+  };
+  EXPECT_TRUE(take());
+  EXPECT_FALSE(take()) << "100 servers make 500 claims a second";
+  now += absl::Milliseconds(199);
+  EXPECT_FALSE(take());
+  now += absl::Milliseconds(1);
+  EXPECT_TRUE(take());
 }
 
 TEST_F(JobFarmTest, UvWaitForTheirStore) {

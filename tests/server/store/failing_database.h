@@ -47,9 +47,12 @@ class FailingConnection : public SqlConnection {
     if (!status.ok()) return status;
     return rows;
   }
-  absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values) override {
+  absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values, SqlRows* rows) override {
     if (fault_.before != nullptr) fault_.before(sql);
-    return Try([&] { return connection_.RunLater(sql, values); });
+    return Try([&] { return connection_.RunLater(sql, values, rows); });
+  }
+  absl::Status TakeTurn(std::uint64_t number) override {
+    return Try([&] { return connection_.TakeTurn(number); });
   }
   absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override { return connection_.Serialize(key, wait); }
 
@@ -89,6 +92,8 @@ class FailingDatabase : public SqlDatabase {
   void Listen(std::function<void(std::string_view message)> listener) override {
     database_->Listen(std::move(listener));
   }
+  void SetProcesses(int all, int must_hear) override { database_->SetProcesses(all, must_hear); }
+  bool hears() const override { return database_->hears(); }
   const std::string& id() const override { return database_->id(); }
   bool has_clock() const override { return database_->has_clock(); }
   bool is_shared() const override { return database_->is_shared(); }

@@ -2,12 +2,18 @@
 #include <atomic>
 #include <chrono>
 #include <functional>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
 #include <thread>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/store/job_store.h"
+#include "server/store/postgres_schema.h"
 #include "tests/server/store/job_store_fixture.h"
 #include "tests/testing/files.h"
 #include "tests/testing/process.h"
@@ -311,6 +317,95 @@ TEST_F(PostgresTest, ServersOfTheNextVersionMigrateWhileThoseOfThisOneRun) {
   const absl::Status refused = OpenPostgresDatabase({url, 2}).status();
   EXPECT_EQ(ErrorReason(refused), "STORE_VERSION");
   EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("upgrade them release by release"));
+}
+
+TEST_F(PostgresTest, RowsAskedForLaterComeWithTheNextJourney) {
+  PostgresServer server;
+  const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({server.NewDatabase(), 2});
+  const SqlDatabase::Lease connection = *database->Connect(SqlDatabase::Use::kWrite);
+  SqlRows first, second;
+  ASSERT_TRUE(connection->Begin(Durability::kLater).ok());
+  ASSERT_TRUE(connection->RunLater("SELECT CAST(? AS BIGINT)", {std::int64_t{1}}, &first).ok());
+  ASSERT_TRUE(connection->RunLater("SELECT CAST(? AS BIGINT)", {std::int64_t{2}}, &second).ok());
+  EXPECT_TRUE(first.empty()) << "nothing was sent";
+  EXPECT_EQ(connection->Run("SELECT CAST(3 AS BIGINT)", {})->Int(0, 0), 3);
+  EXPECT_EQ(first.Int(0, 0), 1);
+  EXPECT_EQ(second.Int(0, 0), 2);
+  ASSERT_TRUE(connection->RunLater("SELECT CAST(4 AS BIGINT)", {}, &first).ok());
+  ASSERT_TRUE(connection->Commit().ok());
+  EXPECT_EQ(first.Int(0, 0), 4);
+  ASSERT_TRUE(connection->RunLater("SELECT CAST(5 AS BIGINT)", {}, &first).ok());
+  EXPECT_EQ(first.Int(0, 0), 5) << "at once without a transaction";
+}
+
+TEST_F(PostgresTest, TurnsAreTakenByAFewAtATime) {
+  PostgresServer server;
+  const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({server.NewDatabase(), 4});
+  const auto begin = [&database](std::uint64_t number) {
+    SqlDatabase::Lease connection = *database->Connect(SqlDatabase::Use::kWrite);
+    EXPECT_TRUE(connection->Begin(Durability::kLater).ok());
+    EXPECT_TRUE(connection->TakeTurn(number).ok());
+    EXPECT_TRUE(connection->Run("SELECT 1", {}).ok());
+    return connection;
+  };
+  SqlDatabase::Lease first = begin(0);
+  std::atomic<bool> passed = false;
+  std::thread waiter([&] {
+    const SqlDatabase::Lease second = begin(kTurns);
+    passed = true;
+    EXPECT_TRUE(second->Commit().ok());
+  });
+  const SqlDatabase::Lease other = begin(1);  // of another number: at once
+  const auto locks = [&] {
+    const auto rows = (*database->Connect(SqlDatabase::Use::kRead))
+                          ->Run(
+                              "SELECT count(*), count(backend_xmin) FROM pg_locks JOIN pg_stat_activity USING (pid) "
+                              "WHERE NOT granted",
+                              {});
+    return std::pair(rows->Int(0, 0), rows->Int(0, 1));
+  };
+  ASSERT_TRUE(WaitUntil([&] { return locks().first == 1; }));
+  EXPECT_EQ(locks().second, 0) << "who waits keeps no old versions of rows alive";
+  EXPECT_FALSE(passed);
+  EXPECT_TRUE(first->Commit().ok());
+  waiter.join();
+  EXPECT_TRUE(passed);
+}
+
+TEST_F(PostgresTest, OfManyProcessesThoseThatNeedNotHearDoNot) {
+  PostgresServer server;
+  const std::string url = server.NewDatabase();
+  const std::unique_ptr<SqlDatabase> front = *OpenPostgresDatabase({.url = url});
+  const std::unique_ptr<SqlDatabase> worker = *OpenPostgresDatabase({.url = url, .must_hear = false});
+  std::mutex mutex;
+  std::set<std::string> at_front, at_worker;
+  const auto listen = [&mutex](SqlDatabase* database, std::set<std::string>* heard) {
+    database->Listen([&mutex, heard](std::string_view message) {
+      const std::lock_guard lock(mutex);
+      heard->emplace(message);
+    });
+    ASSERT_TRUE(WaitUntil([&] { return database->hears(); }));
+  };
+  listen(front.get(), &at_front);
+  listen(worker.get(), &at_worker);
+  const auto has = [&mutex](const std::set<std::string>& heard, const std::string& message) {
+    const std::lock_guard lock(mutex);
+    return heard.contains(message);
+  };
+  for (SqlDatabase* const each : {front.get(), worker.get()}) each->SetProcesses(100, 1);
+  ASSERT_TRUE(WaitUntil([&] { return !worker->hears(); }));
+  EXPECT_TRUE(front->hears());
+  worker->Publish("told");
+  EXPECT_TRUE(WaitUntil([&] { return has(at_front, "told\n"); })) << "who does not hear speaks";
+  {
+    const std::lock_guard lock(mutex);
+    at_worker.clear();
+  }
+  worker->SetProcesses(2, 1);
+  EXPECT_TRUE(WaitUntil([&] { return has(at_worker, "*\n"); })) << "something may have been missed";
+  EXPECT_TRUE(worker->hears());
+  front->Publish("again");
+  EXPECT_TRUE(WaitUntil([&] { return has(at_worker, "again\n"); }));
 }
 
 TEST_F(PostgresTest, AWrongAddressIsSaid) {

@@ -10,6 +10,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
+using ::testing::Pair;
 using ::testing::SizeIs;
 
 // ---- accepting
@@ -170,8 +171,11 @@ TEST_P(JobStoreTest, WishesAreToldWithTheRenewal) {
   const auto wish = [&] { return store_->Renew({lease}, absl::Seconds(10))->at(0); };
   ASSERT_TRUE(Other().RequestStop(context_, "jobs/1").ok());
   EXPECT_EQ(wish(), Wish::kGoOn) << "the other job wants all of it";
+  EXPECT_THAT(*Other().Wishes("a"), IsEmpty());
   ASSERT_TRUE(store_->RequestStop(context_, "jobs/2").ok());
   EXPECT_EQ(wish(), Wish::kStop);
+  EXPECT_THAT(*Other().Wishes("a"), ElementsAre(Pair(lease.work, Wish::kStop)));
+  EXPECT_THAT(*Other().Wishes("b"), IsEmpty()) << "of its own work only";
   EXPECT_EQ(store_->EndEarly(context_, "jobs/1", EarlyEnd::kCancel, false)->record.job().state(),
             v1::JOB_STATE_CANCELLED)
       << "the work goes on for the other";

@@ -1,0 +1,104 @@
+// The tables of JobStore in PostgreSQL.
+#pragma once
+
+#include <cstdint>
+
+#include "server/store/work_schema.h"
+
+namespace planish {
+
+// Steps from each version of the schema to the next, by the rule of sql_schema.h; meta.version says how many were
+// taken. The first ones, which drop columns, are from before the first release. The collation is that of bytes, as
+// SQLite's: no index depends on the machine's locale.
+inline constexpr const char* kPostgresMigrations[] = {
+    R"sql(
+      CREATE SEQUENCE job_numbers;
+      CREATE TABLE jobs (
+        number BIGINT PRIMARY KEY,
+        name TEXT COLLATE "C" NOT NULL UNIQUE,
+        tenant TEXT COLLATE "C" NOT NULL,
+        request_id TEXT COLLATE "C",
+        state BIGINT NOT NULL,
+        ended BIGINT NOT NULL,
+        end_time BIGINT NOT NULL,
+        work_key BYTEA NOT NULL,
+        mesh_sha256 BYTEA NOT NULL,
+        seams_sha256 BYTEA NOT NULL,
+        uv_sha256 BYTEA NOT NULL,
+        uv_bytes BIGINT NOT NULL,
+        record BYTEA NOT NULL,
+        report BYTEA,
+        create_time BIGINT NOT NULL,
+        work TEXT COLLATE "C" NOT NULL,
+        owner TEXT COLLATE "C" NOT NULL,
+        attempt BIGINT NOT NULL,
+        lease_until BIGINT NOT NULL,
+        turn_time BIGINT NOT NULL,
+        memory_bytes BIGINT NOT NULL,
+        UNIQUE (tenant, request_id)
+      ) WITH (fillfactor = 80);
+      CREATE INDEX jobs_by_end ON jobs (end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_state ON jobs (state, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_tenant ON jobs (tenant, number);
+      CREATE INDEX jobs_by_tenant_end ON jobs (tenant, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_tenant_state ON jobs (tenant, state, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_work ON jobs (work_key, number);
+      CREATE INDEX jobs_by_mesh ON jobs (mesh_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0;
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1;
+      CREATE INDEX jobs_by_live_work ON jobs (work) WHERE ended = 0;
+      CREATE INDEX jobs_by_turn ON jobs (turn_time, number) WHERE state = 1;
+      CREATE INDEX jobs_by_lease ON jobs (lease_until) WHERE ended = 0 AND state != 1;
+      CREATE TABLE events (
+        job BIGINT NOT NULL,
+        sequence BIGINT NOT NULL,
+        event BYTEA NOT NULL,
+        PRIMARY KEY (job, sequence)
+      );
+      CREATE TABLE blobs (
+        tenant TEXT COLLATE "C" NOT NULL,
+        sha256 BYTEA NOT NULL,
+        bytes BYTEA NOT NULL,
+        PRIMARY KEY (tenant, sha256)
+      );
+      ALTER TABLE blobs ALTER COLUMN bytes SET STORAGE EXTERNAL;
+      CREATE TABLE labels (
+        job BIGINT NOT NULL,
+        key TEXT COLLATE "C" NOT NULL,
+        value TEXT COLLATE "C" NOT NULL,
+        PRIMARY KEY (job, key)
+      );
+    )sql",
+    kWorkMigration,
+    // Collations as above; room for rows that are written again and again.
+    R"sql(
+      ALTER TABLE works ALTER COLUMN name TYPE TEXT COLLATE "C", ALTER COLUMN tenant TYPE TEXT COLLATE "C",
+        ALTER COLUMN owner TYPE TEXT COLLATE "C";
+      ALTER TABLE tenants ALTER COLUMN tenant TYPE TEXT COLLATE "C";
+      ALTER TABLE works SET (fillfactor = 70);
+      ALTER TABLE tenants SET (fillfactor = 50);
+    )sql",
+    // Tables that stay empty, to be locked by TakeTurn(). Rows of tenants are written all the time and read together:
+    // with room for their versions they stay on a few pages. A column that some index has costs an entry in all of them
+    // when it changes: `state` gets out of them, and what jobs seldom have.
+    R"sql(
+      CREATE TABLE turns_0 ();
+      CREATE TABLE turns_1 ();
+      CREATE TABLE turns_2 ();
+      CREATE TABLE turns_3 ();
+      ALTER TABLE tenants SET (fillfactor = 10);
+      DROP INDEX jobs_by_work;
+      CREATE INDEX jobs_by_work ON jobs (work_key, tenant, number);
+      ALTER TABLE jobs ADD COLUMN outcome BIGINT GENERATED ALWAYS AS (CASE WHEN ended = 1 THEN state ELSE 0 END) STORED;
+      DROP INDEX jobs_by_state, jobs_by_tenant_state, jobs_by_seams, jobs_by_uv;
+      CREATE INDEX jobs_by_outcome ON jobs (outcome, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_tenant_outcome ON jobs (tenant, outcome, end_time, number) WHERE ended = 1;
+      CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0 AND seams_sha256 != '';
+      CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1 AND uv_sha256 != '';
+    )sql",
+};
+
+// Transactions between TakeTurn() and their ends; the tables turns_N.
+inline constexpr std::uint64_t kTurns = 4;
+
+}  // namespace planish
