@@ -1,8 +1,11 @@
 // JobStore::Claim: whose turn it is (fair_share.h), and what fits.
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <deque>
 #include <functional>
 #include <limits>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -33,17 +36,20 @@ class Claimer {
     accounts_ = AccountsOf(accounts);
     if (!request_.work.empty()) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction_.LockWork(request_.work, /*wait=*/false));
-      return work.has_value() && !work->row.running ? Take(*std::move(work)) : absl::OkStatus();
+      if (!work.has_value() || work->row.running) return absl::OkStatus();
+      Choose(work->row);
+      return Start(*std::move(work));
     }
-    while (static_cast<int>(claimed_.size()) < request_.most && !runs_alone_) {
+    while (static_cast<int>(chosen_.size()) < request_.most && !runs_alone_) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<WorkRow> next, Next());
       if (!next.has_value() || !Fits(*next)) break;
-      PLANISH_ASSIGN_OR_RETURN(LockedWork work, transaction_.LoadJobs(*std::move(next)));
       ++running_;
-      memory_ += work.row.memory_bytes;
-      runs_alone_ = work.row.alone;
-      PLANISH_RETURN_IF_ERROR(Take(std::move(work)));
+      memory_ += next->memory_bytes;
+      runs_alone_ = next->alone;
+      Choose(*std::move(next));
     }
+    PLANISH_ASSIGN_OR_RETURN(std::vector<LockedWork> works, transaction_.LoadJobs(std::move(chosen_)));
+    for (LockedWork& work : works) PLANISH_RETURN_IF_ERROR(Start(std::move(work)));
     return absl::OkStatus();
   }
 
@@ -73,58 +79,99 @@ class Claimer {
   // Locked; empty: none waits that this owner may have. Between tenants that are equal, the oldest goes first.
   absl::StatusOr<std::optional<WorkRow>> Next() {
     while (true) {
-      PLANISH_ASSIGN_OR_RETURN(const std::optional<std::string> tenant, NextTenant());
-      if (!tenant.has_value()) return std::nullopt;
-      PLANISH_ASSIGN_OR_RETURN(const bool may_run, MayRun(*tenant));
-      if (may_run) {
-        static const std::string sql = absl::StrCat(HeadSql(), " {skip}");
-        PLANISH_ASSIGN_OR_RETURN(std::optional<WorkRow> head, Head(sql, *tenant));
-        if (head.has_value()) return head;
+      const std::vector<std::string> order = TenantsInOrder();
+      if (order.empty()) return std::nullopt;
+      PLANISH_RETURN_IF_ERROR(Fetch(order));
+      std::string first;
+      for (const std::string& tenant : order) {
+        if (TurnOf(tenant) > TurnOf(order.front())) break;
+        std::deque<WorkRow>& heads = fetched_[tenant].heads;
+        if (heads.empty()) {
+          passed_by_.insert(tenant);  // others are about to take what it has
+        } else if (first.empty() || IsOlder(heads.front(), fetched_[first].heads.front())) {
+          first = tenant;
+        }
       }
-      passed_by_.insert(*tenant);  // others are about to take what it has
+      if (first.empty()) continue;
+      PLANISH_ASSIGN_OR_RETURN(const bool may_run, MayRun(first));
+      if (!may_run) {
+        passed_by_.insert(first);
+        continue;
+      }
+      std::deque<WorkRow>& heads = fetched_[first].heads;
+      WorkRow head = std::move(heads.front());
+      heads.pop_front();
+      return head;
     }
   }
 
-  absl::StatusOr<std::optional<std::string>> NextTenant() {
-    std::int64_t least = std::numeric_limits<std::int64_t>::max();
-    std::vector<std::string> equal;
+  static bool IsOlder(const WorkRow& one, const WorkRow& other) {
+    return std::pair(one.turn_time, one.number) < std::pair(other.turn_time, other.number);
+  }
+
+  std::int64_t TurnOf(const std::string& tenant) {
+    return StartOf(accounts_.tenants[tenant], ShareOf(LimitsOf(tenant)), Now());
+  }
+
+  // Those whose work may be next, by their turns.
+  std::vector<std::string> TenantsInOrder() {
+    std::vector<std::pair<std::int64_t, std::string>> order;
     for (const auto& [tenant, account] : accounts_.tenants) {
-      const TenantLimits limits = LimitsOf(tenant);
-      if (account.waiting <= 0 || passed_by_.contains(tenant) || !MayRunMore(limits, account.running)) continue;
-      const std::int64_t start = StartOf(account, ShareOf(limits), Now());
-      if (start > least) continue;
-      if (start < least) equal.clear();
-      least = start;
-      equal.push_back(tenant);
+      if (account.waiting <= 0 || passed_by_.contains(tenant) || !MayRunMore(LimitsOf(tenant), account.running)) {
+        continue;
+      }
+      order.emplace_back(TurnOf(tenant), tenant);
     }
-    if (equal.empty()) return std::nullopt;
-    std::string first = equal.front();
-    std::optional<WorkRow> oldest;
-    for (std::size_t i = 0; equal.size() > 1 && i < equal.size(); ++i) {
-      static const std::string sql = HeadSql();
-      PLANISH_ASSIGN_OR_RETURN(std::optional<WorkRow> head, Head(sql, equal[i]));
-      if (!head.has_value()) continue;
-      const bool is_older = !oldest.has_value() || head->turn_time < oldest->turn_time ||
-                            (head->turn_time == oldest->turn_time && head->number < oldest->number);
-      if (!is_older) continue;
-      oldest = std::move(head);
-      first = equal[i];
-    }
-    return first;
+    std::sort(order.begin(), order.end());
+    std::vector<std::string> tenants;
+    for (auto& [start, tenant] : order) tenants.push_back(std::move(tenant));
+    return tenants;
   }
 
-  static std::string HeadSql() {
-    return absl::StrCat("SELECT ", kWorkColumns,
-                        " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? "
-                        "ORDER BY turn_time, number LIMIT 1");
-  }
-
-  absl::StatusOr<std::optional<WorkRow>> Head(const std::string& sql, const std::string& tenant) {
+  // Locks what is next of the first tenants, with one journey to the database: of all that are as good as the first
+  // one, and of as many more as there is work to claim, each with its part of that.
+  absl::Status Fetch(const std::vector<std::string>& order) {
+    const std::int64_t first_turn = TurnOf(order.front());
+    const auto lacks = [this](const std::string& tenant) {
+      return fetched_[tenant].heads.empty() && !fetched_[tenant].all;
+    };
+    if (std::none_of(order.begin(), order.end(),
+                     [&](const std::string& tenant) { return TurnOf(tenant) == first_turn && lacks(tenant); })) {
+      return absl::OkStatus();
+    }
+    const std::size_t wanted = static_cast<std::size_t>(request_.most) - chosen_.size();
+    const std::size_t part = (wanted + order.size() - 1) / order.size();
     const std::int64_t most =
         request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
-    PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(tenant), most}));
-    if (rows.empty()) return std::nullopt;
-    return std::move(WorkRowsOf(rows).front());
+    struct Answer {
+      Fetched* of;
+      std::size_t limit;
+      SqlRows rows;
+    };
+    std::deque<Answer> answers;  // whose elements stay where they are
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      if (i >= wanted && TurnOf(order[i]) > first_turn) break;
+      if (!lacks(order[i])) continue;
+      Fetched& fetched = fetched_[order[i]];
+      // This transaction sees again what it chose. Few different limits: each is a statement that is prepared.
+      const std::size_t limit = std::bit_ceil(fetched.names.size() + part);
+      Answer& answer = answers.emplace_back(Answer{&fetched, limit, {}});
+      PLANISH_RETURN_IF_ERROR(
+          sql_.RunLater(absl::StrCat("SELECT ", kWorkColumns,
+                                     " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? "
+                                     "ORDER BY turn_time, number LIMIT ",
+                                     limit, " {skip}"),
+                        {std::string_view(order[i]), most}, &answer.rows));
+    }
+    if (answers.empty()) return absl::OkStatus();
+    PLANISH_RETURN_IF_ERROR(sql_.Flush());
+    for (const Answer& answer : answers) {
+      answer.of->all = answer.rows.size() < answer.limit;
+      for (WorkRow& work : WorkRowsOf(answer.rows)) {
+        if (answer.of->names.insert(work.name).second) answer.of->heads.push_back(std::move(work));
+      }
+    }
+    return absl::OkStatus();
   }
 
   // Whoever counts against a limit is the only one that does so, to the end of the transaction.
@@ -144,11 +191,31 @@ class Claimer {
     return MayRunMore(limits, accounts_.tenants[tenant].running);
   }
 
-  // Starts all jobs of work that is locked and waits.
-  absl::Status Take(LockedWork work) {
-    const std::string tenant = work.row.tenant;
+  // The work, which is locked and waits, is this owner's.
+  void Choose(WorkRow row) {
+    const std::string& tenant = row.tenant;
     const TenantLimits limits = LimitsOf(tenant);
     const double share = ShareOf(limits);
+    const std::int64_t charge = ChargeFor(absl::Nanoseconds(row.run_time) * request_.seconds_factor, share);
+    TenantAccount& account = accounts_.tenants[tenant];
+    // Until one of its attempts ended its own limit may have kept it back.
+    const bool was_held_back = limits.running >= 0 && account.running + 1 >= limits.running;
+    const std::int64_t lift = was_held_back ? LiftOf(accounts_, tenant, share, Now()) : 0;
+    account.received += lift;
+    transaction_.accounts().of(tenant).received += lift;
+    accounts_.virtual_time = std::max(accounts_.virtual_time, ReceivedBy(account, share, Now()));
+    transaction_.accounts().RaiseVirtualTime(accounts_.virtual_time);
+    // As it is from now on for this transaction, too.
+    account.waiting -= 1;
+    account.running += 1;
+    account.started += now_ / 1'000'000;
+    account.charged += charge;
+    chosen_.push_back(std::move(row));
+  }
+
+  // Starts all jobs of work that was chosen.
+  absl::Status Start(LockedWork work) {
+    const double share = ShareOf(LimitsOf(work.row.tenant));
     WorkRow& row = work.row;
     ++row.attempt;
     row.owner = request_.owner;
@@ -170,20 +237,6 @@ class Claimer {
     }
     PLANISH_RETURN_IF_ERROR(transaction_.Settle(&work));
     taken.wish = row.wish;
-
-    // As it is from now on for this transaction, too.
-    TenantAccount& account = accounts_.tenants[tenant];
-    // Until one of its attempts ended its own limit may have kept it back.
-    const bool was_held_back = limits.running >= 0 && account.running + 1 >= limits.running;
-    const std::int64_t lift = was_held_back ? LiftOf(accounts_, tenant, share, Now()) : 0;
-    account.received += lift;
-    transaction_.accounts().of(tenant).received += lift;
-    accounts_.virtual_time = std::max(accounts_.virtual_time, ReceivedBy(account, share, Now()));
-    transaction_.accounts().RaiseVirtualTime(accounts_.virtual_time);
-    account.waiting -= 1;
-    account.running += 1;
-    account.started += row.start_time / 1'000'000;
-    account.charged += row.charge;
     claimed_.push_back(std::move(taken));
     return absl::OkStatus();
   }
@@ -196,8 +249,16 @@ class Claimer {
   std::vector<ClaimedWork>& claimed_;
 
   std::int64_t now_ = 0;
-  FairAccounts accounts_;
+  FairAccounts accounts_;  // with what was chosen
+  std::vector<WorkRow> chosen_;
   std::set<std::string> passed_by_, counted_;  // tenants
+  // What was locked of a tenant.
+  struct Fetched {
+    std::deque<WorkRow> heads;    // that were not chosen, in their order
+    std::set<std::string> names;  // of all
+    bool all = false;             // there is no more
+  };
+  std::map<std::string, Fetched> fetched_;
   // Of this owner.
   std::int64_t running_ = 0;
   std::int64_t memory_ = 0;

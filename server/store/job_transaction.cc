@@ -98,6 +98,13 @@ absl::Status TimedOut(const v1::Job& job) {
                                 " after it was accepted (Scheduling.timeout)"));
 }
 
+// Of a piece of work, those that have not ended.
+const std::string& JobsSql() {
+  static const std::string sql =
+      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE work = ? AND ended = 0 ORDER BY number");
+  return sql;
+}
+
 std::int64_t ResultBytes(const JobRecord& record) {
   return record.job().state() == v1::JOB_STATE_SUCCEEDED ? record.job().uv().total_bytes() : 0;
 }
@@ -183,35 +190,37 @@ absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
   return std::move(jobs.front());
 }
 
+// The lock of the work's row is that of its jobs, too: whoever changes one or adds one takes it first.
 absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::string& work, bool wait) {
   static const std::string waits = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {lock}");
   static const std::string skips = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {skip}");
   SqlRows rows;
   PLANISH_RETURN_IF_ERROR(sql_.RunLater(wait ? waits : skips, {std::string_view(work)}, &rows));
   PLANISH_RETURN_IF_ERROR(AskLeaseNow());  // Settle() may need it
-  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobsOf(work));
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows jobs, sql_.Run(JobsSql(), {std::string_view(work)}));
   if (rows.empty()) return std::nullopt;
-  return LockedWorkOf(std::move(WorkRowsOf(rows).front()), std::move(jobs));
+  return LockedWorkOf(std::move(WorkRowsOf(rows).front()), jobs);
 }
 
-// The lock of the work's row is that of its jobs, too: whoever changes one or adds one takes it first.
-absl::StatusOr<LockedWork> JobTransaction::LoadJobs(WorkRow row) {
-  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobsOf(row.name));
-  return LockedWorkOf(std::move(row), std::move(jobs));
+absl::StatusOr<std::vector<LockedWork>> JobTransaction::LoadJobs(std::vector<WorkRow> rows) {
+  std::vector<SqlRows> jobs(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    PLANISH_RETURN_IF_ERROR(sql_.RunLater(JobsSql(), {std::string_view(rows[i].name)}, &jobs[i]));
+  }
+  PLANISH_RETURN_IF_ERROR(sql_.Flush());
+  std::vector<LockedWork> works;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    PLANISH_ASSIGN_OR_RETURN(LockedWork work, LockedWorkOf(std::move(rows[i]), jobs[i]));
+    works.push_back(std::move(work));
+  }
+  return works;
 }
 
-absl::StatusOr<std::vector<JobRow>> JobTransaction::JobsOf(const std::string& work) {
-  static const std::string sql =
-      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE work = ? AND ended = 0 ORDER BY number");
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql_.Run(sql, {std::string_view(work)}));
-  return JobRowsOf(rows);
-}
-
-LockedWork JobTransaction::LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const {
+absl::StatusOr<LockedWork> JobTransaction::LockedWorkOf(WorkRow row, const SqlRows& jobs) const {
   LockedWork locked;
   locked.before = row;
   locked.row = std::move(row);
-  locked.jobs = std::move(jobs);
+  PLANISH_ASSIGN_OR_RETURN(locked.jobs, JobRowsOf(jobs));
   for (JobRow& job : locked.jobs) job.standing = StandingOf(job.record, context_.max_attempts);
   return locked;
 }

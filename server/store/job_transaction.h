@@ -95,8 +95,8 @@ class JobTransaction {
 
   // Empty: the work has ended, or, without `wait`, somebody else has locked it.
   absl::StatusOr<std::optional<LockedWork>> LockWork(const std::string& work, bool wait = true);
-  // Likewise, of work whose row is locked.
-  absl::StatusOr<LockedWork> LoadJobs(WorkRow row);
+  // Of work whose rows are locked, with one journey to the database.
+  absl::StatusOr<std::vector<LockedWork>> LoadJobs(std::vector<WorkRow> rows);
 
   // LockWork() of the job's work, and where the job is in it; no place: it ended, and is the only row.
   struct Locked {
@@ -153,9 +153,8 @@ class JobTransaction {
   // LiftIn() as the accounts are.
   absl::Status Lift(const std::string& tenant, double share);
   void Account(const JobRow& row, const JobRecord& record);
-  // Of a piece of work, those that have not ended.
-  absl::StatusOr<std::vector<JobRow>> JobsOf(const std::string& work);
-  LockedWork LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const;
+  // `jobs`: what JobsSql() selects.
+  absl::StatusOr<LockedWork> LockedWorkOf(WorkRow row, const SqlRows& jobs) const;
 
   SqlConnection& sql_;
   const VerbContext& context_;

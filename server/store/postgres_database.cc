@@ -250,6 +250,13 @@ class PostgresConnection : public SqlConnection {
     return absl::OkStatus();
   }
 
+  absl::Status Flush() override {
+    if (waiting_.empty()) return absl::OkStatus();
+    Statement last = std::move(waiting_.back());
+    waiting_.pop_back();
+    return Send(std::move(last)).status();
+  }
+
   absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
     PLANISH_ASSIGN_OR_RETURN(const Result result, Send({sql, Encoded(values)}));
     return RowsOf(result);

@@ -84,6 +84,9 @@ class SqlConnection {
     return result.status();
   }
 
+  // Sends what RunLater() was given, and fills its rows.
+  virtual absl::Status Flush() { return absl::OkStatus(); }
+
   // Until the end of the transaction nobody else passes Serialize() with the same key. False if somebody else has
   // passed it and this one is not to wait.
   virtual absl::StatusOr<bool> Serialize(std::string_view key, bool wait) = 0;

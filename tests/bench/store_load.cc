@@ -14,11 +14,13 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstdio>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -66,11 +68,11 @@ T Get(absl::StatusOr<T> result) {
 }
 
 // One of so many machines, or their front.
-std::unique_ptr<JobStore> OpenStore(const Flags& flags, int machines, int connections) {
+std::unique_ptr<JobStore> OpenStore(const Flags& flags, int machines, int connections, bool must_hear) {
   PostgresOptions options;
   options.url = flags.url;
   options.connections = connections;
-  options.must_hear = connections > 1;  // fronts
+  options.must_hear = must_hear;
   std::unique_ptr<SqlDatabase> opened = Get(OpenPostgresDatabase(options));
   SqlDatabase* const database = opened.get();
   std::unique_ptr<JobStore> store = NewJobStore(std::move(opened));
@@ -119,6 +121,10 @@ class Latencies {
   void Add(double seconds) {
     const std::lock_guard lock(mutex_);
     seconds_.push_back(seconds);
+  }
+  void Clear() {
+    const std::lock_guard lock(mutex_);
+    seconds_.clear();
   }
   double At(double part) {
     const std::lock_guard lock(mutex_);
@@ -189,7 +195,7 @@ void Fill(const Flags& flags, int jobs) {
   std::atomic<int> left = jobs;
   {
     Crowd crowd;
-    const std::shared_ptr<JobStore> store = OpenStore(flags, 1, flags.fronts);
+    const std::shared_ptr<JobStore> store = OpenStore(flags, 1, flags.fronts, /*must_hear=*/true);
     for (int i = 0; i < flags.fronts; ++i) {
       crowd.Add([&left, &flags, store] {
         for (int n; (n = --left) >= 0;) Get(store->Accept(Now(), MakeJob(Tenant(n % flags.tenants))));
@@ -202,8 +208,6 @@ void Fill(const Flags& flags, int jobs) {
   std::fflush(stdout);
 }
 
-// What a machine does until `done` jobs have ended in all, or for ever: claims what its free workers may take, and ends
-// it after `sleep`.
 struct Round {
   std::atomic<int> finished = 0, accepted = 0;
   std::atomic<bool> over = false;
@@ -212,60 +216,120 @@ struct Round {
   std::map<std::string, Clock::time_point> lone;  // jobs of the tenant that has no others
 };
 
-// As JobRunner does it: `claim_interval` seconds between two claims (JobRunner::ClaimInterval).
-void Machine(JobStore* store, const std::string& owner, int slots, double sleep, double claim_interval, Round* round) {
-  std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner)));
-  std::uniform_real_distribution<double> jitter(0.5, 1.5);
-  const auto after = [&](double seconds) {
-    return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
-  };
-  std::vector<std::pair<Clock::time_point, Lease>> running;  // and when each ends
-  Clock::time_point renewed = Clock::now(), asked = renewed, claim_again = renewed;
-  while (!round->over) {
-    if (static_cast<int>(running.size()) < slots && Clock::now() >= claim_again) {
+// What a machine does until the round is over, as JobRunner does it: one thread claims what its free workers may take,
+// with `claim_interval` seconds between two claims (JobRunner::ClaimInterval), the other one ends it after `sleep`.
+class Machine {
+ public:
+  Machine(JobStore* store, std::string owner, int slots, double sleep, double claim_interval, Round* round)
+      : store_(*store),
+        owner_(std::move(owner)),
+        slots_(slots),
+        sleep_(sleep),
+        claim_interval_(claim_interval),
+        round_(*round) {}
+
+  void Claim() {
+    std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner_)));
+    std::uniform_real_distribution<double> jitter(0.5, 1.5);
+    while (!round_.over) {
       ClaimRequest request;
-      request.owner = owner;
+      request.owner = owner_;
       request.lease = absl::Seconds(30);
-      request.most = slots - static_cast<int>(running.size());
-      const Clock::time_point start = Clock::now();
-      const std::vector<ClaimedWork> claimed = Get(store->Claim(Now(), request));
-      round->claims.Add(Since(start));
-      claim_again = after(claim_interval);
-      for (const ClaimedWork& work : claimed) {
-        running.emplace_back(after(sleep * jitter(random)), work.lease);
-        if (work.jobs[0].record.job().tenant() != "lone") continue;
-        const std::lock_guard lock(round->mutex);
-        const auto found = round->lone.find(work.jobs[0].record.job().name());
-        if (found != round->lone.end()) round->lone_starts.Add(Since(found->second));  // not one of an earlier round
+      {
+        std::unique_lock lock(mutex_);
+        changed_.wait_for(lock, kLook, [&] { return static_cast<int>(running_.size()) < slots_; });
+        request.most = slots_ - static_cast<int>(running_.size());
       }
-    }
-    bool ended = false;
-    for (std::size_t i = 0; i < running.size() && !round->over;) {
-      if (Clock::now() < running[i].first) {
-        ++i;
-        continue;
-      }
+      if (request.most == 0) continue;
       const Clock::time_point start = Clock::now();
-      Get(store->Finish(Now(), running[i].second, Success()));
-      round->finishes.Add(Since(start));
-      ++round->finished;
-      running.erase(running.begin() + static_cast<std::ptrdiff_t>(i));
-      ended = true;
+      const std::vector<ClaimedWork> claimed = Get(store_.Claim(Now(), request));
+      round_.claims.Add(Since(start));
+      {
+        const std::lock_guard lock(mutex_);
+        for (const ClaimedWork& work : claimed) running_.emplace(After(sleep_ * jitter(random)), work.lease);
+      }
+      changed_.notify_all();
+      for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
+      std::this_thread::sleep_for(std::chrono::duration<double>(std::max(claim_interval_, claimed.empty() ? 0.02 : 0)));
     }
-    if (Since(asked) > 1 && !store->hears_others()) {
-      Get(store->Wishes(owner));
-      asked = Clock::now();
-    }
-    if (Since(renewed) > 5 && !running.empty()) {
-      std::vector<Lease> leases;
-      for (const auto& [end, lease] : running) leases.push_back(lease);
-      Get(store->Renew(leases, absl::Seconds(30)));
-      renewed = Clock::now();
-    }
-    if (!ended) std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  Get(store->Release(Now(), owner));
-}
+
+  void Finish() {
+    Clock::time_point renewed = Clock::now(), asked = renewed;
+    while (!round_.over) {
+      std::optional<Lease> due;
+      std::vector<Lease> leases;  // to be renewed
+      {
+        std::unique_lock lock(mutex_);
+        const Clock::time_point next = running_.empty() ? After(1) : running_.begin()->first;
+        changed_.wait_until(lock, std::min(next, Clock::now() + kLook),
+                            [&] { return !running_.empty() && running_.begin()->first <= Clock::now(); });
+        if (!running_.empty() && running_.begin()->first <= Clock::now()) due = running_.begin()->second;
+        for (auto i = running_.begin(); Since(renewed) > 5 && i != running_.end(); ++i) leases.push_back(i->second);
+      }
+      if (due.has_value()) {
+        const Clock::time_point start = Clock::now();
+        Get(store_.Finish(Now(), *due, Success()));
+        round_.finishes.Add(Since(start));
+        ++round_.finished;
+        const std::lock_guard lock(mutex_);
+        running_.erase(std::find_if(running_.begin(), running_.end(),
+                                    [&](const auto& entry) { return entry.second.work == due->work; }));
+        changed_.notify_all();
+      }
+      if (Since(asked) > 1 && !store_.hears_others()) {
+        Get(store_.Wishes(owner_));
+        asked = Clock::now();
+      }
+      if (!leases.empty()) {
+        Get(store_.Renew(leases, absl::Seconds(30)));
+        renewed = Clock::now();
+      }
+    }
+  }
+
+  void Leave() { Get(store_.Release(Now(), owner_)); }
+
+ private:
+  static constexpr std::chrono::seconds kLook{1};  // whether the round is over
+
+  static Clock::time_point After(double seconds) {
+    return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  }
+
+  void NoteLone(const v1::Job& job) {
+    if (job.tenant() != "lone") return;
+    const std::lock_guard lock(round_.mutex);
+    const auto found = round_.lone.find(job.name());
+    if (found != round_.lone.end()) round_.lone_starts.Add(Since(found->second));  // not one of an earlier round
+  }
+
+  JobStore& store_;
+  const std::string owner_;
+  const int slots_;
+  const double sleep_, claim_interval_;
+  Round& round_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::multimap<Clock::time_point, Lease> running_;  // by when each ends; guarded by mutex_
+};
+
+// Machines and the threads of each. Ends with the round.
+class Machinery {
+ public:
+  // Workers take `sleep` seconds a job, more or less. The machines begin one after the other within `stagger` seconds.
+  Machinery(const Flags& flags, int machines, double sleep, double stagger, Round* round);
+  ~Machinery() {
+    crowd_.Join();
+    for (const std::unique_ptr<Machine>& machine : machines_) machine->Leave();
+  }
+
+ private:
+  std::vector<std::unique_ptr<JobStore>> stores_;
+  std::vector<std::unique_ptr<Machine>> machines_;
+  Crowd crowd_;
+};
 
 // As JobRunner's.
 double ClaimInterval(int machines) {
@@ -273,20 +337,27 @@ double ClaimInterval(int machines) {
   return seconds > 0.02 ? seconds : 0;
 }
 
-// Workers take `sleep` seconds a job, more or less.
+Machinery::Machinery(const Flags& flags, int machines, double sleep, double stagger, Round* round) {
+  for (int i = 0; i < machines; ++i) {
+    stores_.push_back(OpenStore(flags, machines, 2, /*must_hear=*/false));
+    machines_.push_back(std::make_unique<Machine>(stores_.back().get(), absl::StrCat("machine", i), flags.slots, sleep,
+                                                  ClaimInterval(machines), round));
+  }
+  for (int i = 0; i < machines; ++i) {
+    Machine* const machine = machines_[std::size_t(i)].get();
+    crowd_.Add([machine, stagger, i, machines] {
+      std::this_thread::sleep_for(std::chrono::duration<double>(stagger * i / machines));
+      machine->Claim();
+    });
+    crowd_.Add([machine] { machine->Finish(); });
+  }
+}
+
 nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, int jobs) {
   Round round;
-  std::vector<std::unique_ptr<JobStore>> stores;
-  for (int i = 0; i < flags.machines; ++i) stores.push_back(OpenStore(flags, flags.machines, 1));
-  const std::unique_ptr<JobStore> front = OpenStore(flags, flags.machines, flags.fronts + 2);
+  const std::unique_ptr<JobStore> front = OpenStore(flags, flags.machines, flags.fronts + 2, /*must_hear=*/true);
+  std::optional<Machinery> machinery(std::in_place, flags, flags.machines, sleep, /*stagger=*/sleep, &round);
   Crowd crowd;
-  for (int i = 0; i < flags.machines; ++i) {
-    crowd.Add([&, i] {
-      std::this_thread::sleep_for(std::chrono::duration<double>(sleep * i / flags.machines));  // not all at once
-      Machine(stores[std::size_t(i)].get(), absl::StrCat("machine", i), flags.slots, sleep,
-              ClaimInterval(flags.machines), &round);
-    });
-  }
   for (int i = 0; i < flags.fronts; ++i) {
     crowd.Add([&] {
       while (!round.over) {
@@ -321,8 +392,11 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
       deleted += static_cast<int>(Get(front->DeleteOldest("", std::min(100, round.finished - deleted))).size());
     }
   });
-  // From when all machines are at it.
+  // From when all machines are at it: their connections have prepared what they need, and jobs end one after the other.
   std::this_thread::sleep_for(std::chrono::duration<double>(2 * sleep));
+  const int warm = round.finished + 20 * flags.machines;
+  while (round.finished < warm) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (Latencies* const each : {&round.claims, &round.finishes, &round.lone_starts}) each->Clear();
   const int before = round.finished;
   const Clock::time_point start = Clock::now();
   while (round.finished < before + jobs) std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -330,6 +404,7 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
   const int finished = round.finished - before;
   round.over = true;
   crowd.Join();
+  machinery.reset();
   return {{"bench", name},
           {"worker_seconds", sleep},
           {"machines", flags.machines},
@@ -430,22 +505,14 @@ nlohmann::json Machines(const Flags& flags) {
   std::map<int, double> rate;
   for (const int machines : {1, flags.sleeping_machines}) {
     Round round;
-    std::vector<std::unique_ptr<JobStore>> stores;
-    for (int i = 0; i < machines; ++i) stores.push_back(OpenStore(flags, machines, 1));
-    Crowd crowd;
-    for (int i = 0; i < machines; ++i) {
-      crowd.Add([&, i] {
-        Machine(stores[std::size_t(i)].get(), absl::StrCat("sleeper", i), flags.slots, flags.worker_seconds,
-                ClaimInterval(machines), &round);
-      });
-    }
+    std::optional<Machinery> machinery(std::in_place, flags, machines, flags.worker_seconds, /*stagger=*/0, &round);
     // Whole sleeps, of which the first ends after the first.
     const auto at = Clock::now() +
                     std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(flags.sleeping_seconds));
     std::this_thread::sleep_until(at);
     rate[machines] = round.finished / flags.sleeping_seconds;
     round.over = true;
-    crowd.Join();
+    machinery.reset();
   }
   return {{"bench", "machines"},
           {"worker_seconds", flags.worker_seconds},

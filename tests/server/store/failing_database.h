@@ -51,6 +51,9 @@ class FailingConnection : public SqlConnection {
     if (fault_.before != nullptr) fault_.before(sql);
     return Try([&] { return connection_.RunLater(sql, values, rows); });
   }
+  absl::Status Flush() override {
+    return Try([&] { return connection_.Flush(); });
+  }
   absl::Status TakeTurn(std::uint64_t number) override {
     return Try([&] { return connection_.TakeTurn(number); });
   }

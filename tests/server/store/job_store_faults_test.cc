@@ -331,6 +331,10 @@ TEST_F(PostgresTest, RowsAskedForLaterComeWithTheNextJourney) {
   EXPECT_EQ(connection->Run("SELECT CAST(3 AS BIGINT)", {})->Int(0, 0), 3);
   EXPECT_EQ(first.Int(0, 0), 1);
   EXPECT_EQ(second.Int(0, 0), 2);
+  ASSERT_TRUE(connection->RunLater("SELECT CAST(6 AS BIGINT)", {}, &second).ok());
+  ASSERT_TRUE(connection->Flush().ok());
+  EXPECT_EQ(second.Int(0, 0), 6);
+  ASSERT_TRUE(connection->Flush().ok()) << "nothing waits";
   ASSERT_TRUE(connection->RunLater("SELECT CAST(4 AS BIGINT)", {}, &first).ok());
   ASSERT_TRUE(connection->Commit().ok());
   EXPECT_EQ(first.Int(0, 0), 4);
