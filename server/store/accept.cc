@@ -60,9 +60,59 @@ absl::StatusOr<std::optional<LockedWork>> WorkToJoin(JobTransaction* transaction
   return work;
 }
 
+// Whether the job had room if twice as much were waiting as these accounts say.
+bool HasAmpleRoom(FairAccounts accounts, const NewJob& job) {
+  if (!job.limits.has_value()) return true;
+  for (auto& [tenant, account] : accounts.tenants) {
+    account.waiting *= 2;
+    account.waiting_bytes *= 2;
+  }
+  const v1::Job& asked = job.record.job();
+  return RoomFor(accounts, *job.limits, asked.tenant(), asked.mesh_bytes()) == Room::kYes;
+}
+
+// The accounts that decide whether a job has room and where its tenant begins. They are read with what is asked next;
+// of a long queue with ample room, the tenant's own alone, and not even that if it has many waiting: where it begins
+// matters to one that has none.
+class AccountsToRead {
+ public:
+  AccountsToRead(SqlConnection* sql, RecentAccounts* recent) : sql_(*sql), recent_(*recent) {}
+
+  absl::Status Ask(const NewJob& job) {
+    tenant_ = job.record.job().tenant();
+    known_ = recent_.Get();
+    if (known_.has_value() && !HasAmpleRoom(*known_, job)) known_.reset();
+    if (!known_.has_value()) return sql_.RunLater(AccountsSql(), {}, &rows_);
+    reads_own_ = known_->tenants[tenant_].waiting < kManyWaiting;
+    return reads_own_ ? sql_.RunLater(OwnAccountSql(), {std::string_view(tenant_)}, &rows_) : absl::OkStatus();
+  }
+
+  // After the answer has come.
+  FairAccounts Take() {
+    if (!known_.has_value()) {
+      FairAccounts read = AccountsOf(rows_);
+      recent_.Put(read);
+      return read;
+    }
+    if (reads_own_) known_->tenants[tenant_] = AccountsOf(rows_).tenants[tenant_];
+    return *std::move(known_);
+  }
+
+ private:
+  static constexpr std::int64_t kManyWaiting = 200;  // more than are claimed while accounts are recent
+
+  SqlConnection& sql_;
+  RecentAccounts& recent_;
+  std::string tenant_;
+  std::optional<FairAccounts> known_;
+  bool reads_own_ = false;
+  SqlRows rows_;
+};
+
 }  // namespace
 
-absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedChange* accepted) {
+absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAccounts* recent,
+                      AcceptedChange* accepted) {
   SqlConnection& sql = transaction->sql();
   const v1::Job& asked = job.record.job();
   JobChange& change = accepted->change;
@@ -74,14 +124,14 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedCh
   JobRow row;
   std::optional<JobRecord> result;
   std::optional<LockedWork> others;
-  SqlRows account_rows;
+  AccountsToRead read(&sql, recent);
   PLANISH_RETURN_IF_ERROR(transaction->AskLeaseNow());
   if (!asked.scheduling().fresh()) {
     // Of two that come at the same time the second one finds the first.
     PLANISH_RETURN_IF_ERROR(sql.Serialize(job.record.work_key(), /*wait=*/true).status());
     PLANISH_ASSIGN_OR_RETURN(result, Result(transaction, job));
     if (!result.has_value()) {
-      PLANISH_RETURN_IF_ERROR(sql.RunLater(AccountsSql(), {}, &account_rows));
+      PLANISH_RETURN_IF_ERROR(read.Ask(job));
       PLANISH_ASSIGN_OR_RETURN(others, WorkToJoin(transaction, job.record));
     }
   }
@@ -103,10 +153,12 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedCh
     if (work.running) PLANISH_RETURN_IF_ERROR(transaction->Start({work.name, work.attempt, work.owner}, &change));
   }
   std::optional<FairAccounts> accounts;
-  if (!accepted->shares && asked.scheduling().fresh()) {
-    PLANISH_ASSIGN_OR_RETURN(accounts, ReadAccounts(&sql));
-  } else if (!accepted->shares) {
-    accounts = AccountsOf(account_rows);
+  if (!accepted->shares) {
+    if (asked.scheduling().fresh()) {
+      PLANISH_RETURN_IF_ERROR(read.Ask(job));
+      PLANISH_RETURN_IF_ERROR(sql.Flush());
+    }
+    accounts = read.Take();
   }
   if (accounts.has_value() && job.limits.has_value()) {
     const Room room = RoomFor(*accounts, *job.limits, asked.tenant(), asked.mesh_bytes());

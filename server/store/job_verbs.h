@@ -10,7 +10,7 @@
 namespace planish {
 
 // JobStore::Accept. `accepted` is as constructed.
-absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, AcceptedChange* accepted);
+absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAccounts* recent, AcceptedChange* accepted);
 
 // JobStore::Claim. `claimed` is empty.
 absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed);

@@ -50,8 +50,9 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) override {
     AcceptedChange accepted;
-    const absl::Status status = Change(
-        context, Durability::kNow, [&](JobTransaction& transaction) { return AcceptIn(&transaction, job, &accepted); });
+    const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) {
+      return AcceptIn(&transaction, job, &recent_accounts_, &accepted);
+    });
     PLANISH_RETURN_IF_ERROR(status);
     return accepted;
   }
@@ -486,6 +487,7 @@ class SqlJobStore : public JobStore {
   const std::unique_ptr<SqlDatabase> database_;
   LeaseClock clock_;  // constant after the constructor
   JobQuestions questions_;
+  RecentAccounts recent_accounts_;
 };
 
 }  // namespace

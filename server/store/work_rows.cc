@@ -6,6 +6,18 @@
 #include "core/base/status_macros.h"
 
 namespace planish {
+namespace {
+
+// RecentAccounts.
+constexpr std::int64_t kLongQueue = 1000;
+constexpr std::chrono::milliseconds kRecent(100);
+
+constexpr char kSums[] =
+    "SELECT tenant, CAST(sum(waiting) AS BIGINT), CAST(sum(waiting_bytes) AS BIGINT), CAST(sum(running) AS BIGINT), "
+    "CAST(sum(started) AS BIGINT), CAST(sum(charged) AS BIGINT), CAST(sum(received) AS BIGINT), "
+    "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), max(received) FROM tenants ";
+
+}  // namespace
 
 std::vector<WorkRow> WorkRowsOf(const SqlRows& rows) {
   std::vector<WorkRow> works(rows.size());
@@ -89,13 +101,31 @@ absl::Status BeginAnew(SqlConnection* sql) {
 }
 
 const std::string& AccountsSql(bool all) {
-  static const std::string sums =
-      "SELECT tenant, CAST(sum(waiting) AS BIGINT), CAST(sum(waiting_bytes) AS BIGINT), CAST(sum(running) AS BIGINT), "
-      "CAST(sum(started) AS BIGINT), CAST(sum(charged) AS BIGINT), CAST(sum(received) AS BIGINT), "
-      "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), max(received) FROM tenants GROUP BY tenant";
+  static const std::string everything = absl::StrCat(kSums, "GROUP BY tenant");
   static const std::string busy =
-      absl::StrCat(sums, " HAVING sum(waiting) > 0 OR sum(running) > 0 OR sum(received) > 0");
-  return all ? sums : busy;
+      absl::StrCat(everything, " HAVING sum(waiting) > 0 OR sum(running) > 0 OR sum(received) > 0");
+  return all ? everything : busy;
+}
+
+const std::string& OwnAccountSql() {
+  static const std::string sql = absl::StrCat(kSums, "WHERE tenant = ? GROUP BY tenant");
+  return sql;
+}
+
+void RecentAccounts::Put(const FairAccounts& accounts) {
+  std::int64_t waiting = 0;
+  for (const auto& [tenant, account] : accounts.tenants) waiting += account.waiting;
+  const std::lock_guard lock(mutex_);
+  is_long_ = waiting >= kLongQueue;
+  if (!is_long_) return;
+  accounts_ = accounts;
+  read_ = std::chrono::steady_clock::now();
+}
+
+std::optional<FairAccounts> RecentAccounts::Get() const {
+  const std::lock_guard lock(mutex_);
+  if (!is_long_ || std::chrono::steady_clock::now() - read_ > kRecent) return std::nullopt;
+  return accounts_;
 }
 
 absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all) {

@@ -1,8 +1,10 @@
 // The rows beside those of jobs: pieces of work, and the accounts of tenants.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -44,6 +46,25 @@ absl::StatusOr<FairAccounts> ReadAccounts(SqlConnection* sql, bool all = false);
 // The same in two halves, for RunLater(): what to ask, and what the rows say.
 const std::string& AccountsSql(bool all = false);
 FairAccounts AccountsOf(const SqlRows& rows);
+// What to ask for the account of one tenant, the only parameter.
+const std::string& OwnAccountSql();
+
+// Accounts as this process read them last: of a long queue, which a moment does not change much, that is enough for
+// most decisions. Thread-safe.
+class RecentAccounts {
+ public:
+  // As they are now.
+  void Put(const FairAccounts& accounts);
+  // Empty: they are older than a tenth of a second, or fewer than a thousand pieces of work were waiting.
+  std::optional<FairAccounts> Get() const;
+
+ private:
+  mutable std::mutex mutex_;
+  // Guarded by mutex_.
+  FairAccounts accounts_;
+  std::chrono::steady_clock::time_point read_;
+  bool is_long_ = false;  // the queue
+};
 
 // If there is no work at all, what tenants received is forgotten.
 absl::Status BeginAnew(SqlConnection* sql);

@@ -304,6 +304,27 @@ TEST_P(JobQueueStoreTest, RoomOfAll) {
   EXPECT_EQ(Accept(Limited("bob", "8", limits)).room, Room::kServerFull);
 }
 
+TEST_P(JobQueueStoreTest, OfALongQueueWithAmpleRoomNotAllIsReadForEachJob) {
+  int full_reads = 0;
+  fault_.before = [&full_reads](const std::string& sql) { full_reads += sql.find("HAVING sum") != sql.npos ? 1 : 0; };
+  QueueLimits limits;
+  limits.tenant_jobs = limits.total_jobs = 1'000'000;
+  const auto add = [&](int count) {
+    static int last = 0;
+    full_reads = 0;
+    for (int i = 0; i < count; ++i) {
+      EXPECT_EQ(Accept(Limited("ann", "many" + std::to_string(++last), limits)).room, Room::kYes);
+    }
+    return full_reads;
+  };
+  EXPECT_EQ(add(1001), 1001);
+  EXPECT_LT(add(100), 100);
+  limits.total_jobs = limits.tenant_jobs = 2000;
+  EXPECT_EQ(add(100), 100) << "it might be full if twice as many were waiting";
+  limits.total_jobs = limits.tenant_jobs = 1201;
+  EXPECT_EQ(Accept(Limited("ann", "one too many", limits)).room, Room::kTenantFull);
+}
+
 TEST_P(JobQueueStoreTest, RoomCountsBytesAndIdleWorkers) {
   QueueLimits limits;
   limits.total_bytes = 100;
