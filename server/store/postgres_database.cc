@@ -186,9 +186,10 @@ class PostgresConnection : public SqlConnection {
     }
     PQsetNoticeProcessor(
         raw, [](void*, const char*) {}, nullptr);
-    // Whoever hangs in the middle of a transaction holds locks that others wait for.
-    PLANISH_RETURN_IF_ERROR(
-        connection->Execute("SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000"));
+    // Whoever hangs in the middle of a transaction holds locks that others wait for. Bitmaps have no order: with the
+    // statistics of a queue that grew from nothing within a minute PostgreSQL would sort all that wait for one of them.
+    PLANISH_RETURN_IF_ERROR(connection->Execute(
+        "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off"));
     return connection;
   }
 
@@ -197,11 +198,7 @@ class PostgresConnection : public SqlConnection {
 
   // Several statements without parameters.
   absl::Status Execute(const std::string& script) {
-    if (!waiting_.empty()) {
-      Statement last = std::move(waiting_.back());
-      waiting_.pop_back();
-      PLANISH_RETURN_IF_ERROR(Send(std::move(last)).status());
-    }
+    PLANISH_RETURN_IF_ERROR(Flush());
     return Check(Result(PQexec(connection_.get(), script.c_str()))).status();
   }
 
