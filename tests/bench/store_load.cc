@@ -7,7 +7,8 @@
 //   "saturated"  machines claim in batches, finish, renew; fronts accept as many as end; old jobs are deleted; from
 //                time to time a job of a tenant that has nothing waits for its claim
 //   "steady"     the same with workers that take their time, so that they can end half of what bare SQL does (--load):
-//                what the store is promised to take. Latencies of claims are those of this one
+//                what the store is promised to take
+//   "light"      the same with half of that
 //   "bare"       rows of the same size by four transactions a job: INSERT, UPDATE, UPDATE, an event with each, and
 //                DELETE; statements travel together as those of the store do
 //   "machines"   jobs a second of one machine and of many whose workers sleep
@@ -550,6 +551,7 @@ int Main(int argc, char** argv) {
     print(Store(flags, "saturated", 0, flags.jobs));
     const double offered = flags.load * bare["jobs_per_second"].get<double>();
     print(Store(flags, "steady", flags.machines * flags.slots / offered, flags.jobs));
+    print(Store(flags, "light", flags.machines * flags.slots / (offered / 2), flags.jobs / 2));
   }
   if (flags.sleeping_machines > 0) print(Machines(flags));
   return 0;
