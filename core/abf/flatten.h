@@ -99,7 +99,8 @@ struct BoundaryReport {
 };
 
 struct FlattenSummary {
-  // The methods used at the end, never kAuto. Sizes decide some of them (StepTuning::multigrid_faces).
+  // The methods used at the end, never kAuto. Sizes decide some of them (StepTuning::multigrid_faces,
+  // kMostFanSquaresPerFace).
   SolverType solver = SolverType::kDirect;
   SystemType system = SystemType::kReduced;
   PreconditionerType preconditioner = PreconditionerType::kNone;
