@@ -11,8 +11,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "core/base/command_pages.h"
 #include "core/base/status_macros.h"
 #include "server/config/choice.h"
+#include "server/man_page.h"
 #include "server/memory_limit.h"
 
 namespace planish {
@@ -157,9 +159,11 @@ void Define(CLI::App* app, ServerFlags* flags, std::vector<std::string>* listen,
 class CommandLine {
  public:
   CommandLine() {
+    AddHelp(app_);
     flags_.workers = std::clamp(Cores(), 1, 1024);
     DefineConfig(&app_, &config_);
     Define(&app_, &flags_, &listen_, &metrics_listen_);
+    AddGenerate(app_, PLANISH_VERSION, ManPage());
     settings_.emplace(&app_, kEnvironmentPrefix);
   }
 
@@ -196,7 +200,7 @@ class CommandLine {
     if (!metrics_listen_.empty()) flags_.metrics_listen = *ParseHttpAddress(metrics_listen_);
   }
 
-  CLI::App app_{"planishd: flattens triangle meshes for callers over gRPC", "planishd"};
+  CLI::App app_{"Flattens triangle meshes for callers over gRPC", "planishd"};
   ServerFlags flags_;
   ConfigFlags config_;
   std::vector<std::string> listen_ = {"127.0.0.1:7741"};

@@ -3,11 +3,11 @@
 #include <string>
 #include <thread>
 
+#include "client/cli/arguments.h"
 #include "client/cli/commands.h"
 #include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
 #include "client/cli/numbers.h"
-#include "client/cli/server_flags.h"
 #include "client/cli/text_width.h"
 #include "planish/admin.h"
 

@@ -4,12 +4,13 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
-#include "client/cli/check_flags.h"
 #include "client/cli/seam_list.h"
-#include "client/cli/server_flags.h"
+#include "client/cli/terminal.h"
+#include "planish/client.h"
 #include "planish/types.h"
 
 namespace planish::cli {
@@ -36,12 +37,36 @@ enum class Command {
 };
 enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 
+// Of ClientOptions, under the names that they have there.
+struct ServerFlags {
+  bool tls = false;
+  std::string tls_ca_file, tls_cert_file, tls_key_file, tls_server_name;
+  std::string token_file;
+  bool token_over_plaintext = false;
+};
+// `options` with what the flags say, and with the token in PLANISH_TOKEN if they name no file. A token has no flag:
+// everybody on the machine sees the arguments of a command.
+ClientOptions WithServerFlags(ClientOptions options, const ServerFlags& flags);
+
+enum class Requirement { kUv, kNoOverlap, kNoFlip, kNoMirror, kNoDegenerate, kInTile };
+const char* ToString(Requirement requirement);  // "no-overlap", ...
+
+// Of `planish check`.
+struct CheckArguments {
+  std::set<Requirement> required;
+  double max_stretch = 0;      // L2 stretch of any chart, above 1; 0: any
+  double min_padding = 0;      // texels between any two charts; 0: any
+  bool all_texcoords = false;  // every set of UV that the file has; otherwise Arguments::texcoord
+};
+
 struct Arguments {
   Command command = Command::kUnwrap;
   std::string server;  // empty: a private one
   ServerFlags server_flags;
   bool json = false;
   ProgressMode progress = ProgressMode::kAuto;
+  bool quiet = false;  // `progress` is kNone then, unless the caller chose one
+  ColorMode color = ColorMode::kAuto;
 
   // unwrap, pack and inspect; jobs watch has the mesh in `input` if it was given.
   std::string input;
@@ -91,6 +116,9 @@ struct ParsedArguments {
   std::string err;  // for stderr: what is wrong
 };
 
+// Flags go over the environment, and that over the configuration file: the one that PLANISH_CONFIG names, otherwise
+// planish.toml in $XDG_CONFIG_HOME or ~/.config. It is TOML: the names of flags without dashes, for every command that
+// has such a flag, or in the section of a command for that one ([unwrap], [jobs.list]).
 ParsedArguments ParseArguments(int argc, const char* const* argv);
 
 }  // namespace planish::cli

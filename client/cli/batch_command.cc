@@ -50,7 +50,7 @@ std::string NextStep(const BatchTotals& totals, const BatchRun& run, bool interr
 
 int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& plan) {
   const Timer timer;
-  std::cerr << SkippedText(plan);
+  if (!arguments.quiet) std::cerr << SkippedText(plan);
   MakeOutputDirectory(arguments.output);
   BatchState state(arguments.output);
   ServerChoice server(arguments.server, arguments.server_flags, interrupts, NeedsOf(arguments, plan));
@@ -83,7 +83,9 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
 
   const BatchTotals totals = TotalsOf(rows, timer.Seconds());
   const int exit_code = BatchExitCode(rows, interrupts.interrupted(), run.server_lost());
-  std::cerr << BatchTable(rows, totals, StderrTerminal()) << NextStep(totals, run, interrupts.interrupted());
+  if (!arguments.quiet || exit_code != kOk) {
+    std::cerr << BatchTable(rows, totals, StderrTerminal()) << NextStep(totals, run, interrupts.interrupted());
+  }
   if (arguments.json) std::cout << ToLine(SummaryJson(totals, plan, exit_code)) + "\n" << std::flush;
   return exit_code;
 }

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/cli/check_flags.h"
+#include "client/cli/arguments.h"
 #include "client/cli/check_map.h"
 #include "client/cli/json.h"
 #include "client/cli/mesh_input.h"

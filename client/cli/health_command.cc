@@ -17,7 +17,7 @@ constexpr int kSeconds = 3;
 
 int RunHealth(const Arguments& arguments) {
   const std::string& url = arguments.health_url;
-  // "http://HOST:PORT/PATH"; arguments_check.cc looked at it.
+  // "http://HOST:PORT/PATH"; ParseArguments() looked at it.
   const std::size_t path = url.find('/', std::string("http://").size());
   httplib::Client client(url.substr(0, path));
   client.set_connection_timeout(kSeconds);

@@ -149,7 +149,7 @@ int RunJobs(const Arguments& arguments, Interrupts& interrupts) {
       return List(arguments, client);
     case Command::kJobsDelete:
       client.DeleteJob(arguments.job);
-      std::cerr << "Deleted " << arguments.job << ".\n";
+      if (!arguments.quiet) std::cerr << "Deleted " << arguments.job << ".\n";
       return kOk;
     default:
       break;

@@ -9,6 +9,7 @@
 #include "client/cli/interrupts.h"
 #include "client/cli/json.h"
 #include "client/cli/summary.h"
+#include "client/cli/terminal.h"
 
 namespace planish::cli {
 namespace {
@@ -63,5 +64,6 @@ int main(int argc, char** argv) {
   std::cout << parsed.out << std::flush;
   std::cerr << parsed.err;
   if (!parsed.arguments) return parsed.exit_code;
+  planish::cli::SetColorMode(parsed.arguments->color);
   return planish::cli::Run(*parsed.arguments);
 }

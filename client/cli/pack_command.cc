@@ -235,7 +235,7 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
   if (!arguments.preview.empty()) WriteOutput(arguments.preview, input.Preview(uv, arguments.preview, true));
 
   const double seconds = timer.Seconds();
-  std::cerr << PackSummary(arguments, options.atlas, done, seconds, warnings);
+  if (!arguments.quiet) std::cerr << PackSummary(arguments, options.atlas, done, seconds, warnings);
   if (arguments.json) {
     std::cout << ToText(PackJson(input, arguments, options.atlas, done, pack_seconds, seconds, warnings)) << std::flush;
   }

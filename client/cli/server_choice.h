@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "client/cli/arguments.h"
 #include "client/cli/interrupts.h"
-#include "client/cli/server_flags.h"
 #include "planish/client.h"
 
 namespace planish::cli {

@@ -24,7 +24,13 @@ bool LocaleIsUtf8() {
   return false;
 }
 
+ColorMode color_mode = ColorMode::kAuto;
+
 }  // namespace
+
+void SetColorMode(ColorMode mode) {
+  color_mode = mode;
+}
 
 Terminal StderrTerminal() {
   Terminal terminal;
@@ -32,7 +38,9 @@ Terminal StderrTerminal() {
   terminal.is_tty = isatty(STDERR_FILENO) == 1;
   terminal.is_dumb = term.empty() || term == "dumb";
   terminal.utf8 = LocaleIsUtf8();
-  terminal.color = terminal.is_tty && !terminal.is_dumb && Environment("NO_COLOR").empty();
+  terminal.color = color_mode == ColorMode::kAuto
+                       ? terminal.is_tty && !terminal.is_dumb && Environment("NO_COLOR").empty()
+                       : color_mode == ColorMode::kAlways;
   winsize size = {};
   if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0) {
     if (size.ws_col > 0) terminal.width = size.ws_col;

@@ -14,8 +14,14 @@ struct Terminal {
   int height = 24;  // rows
 };
 
-// Looks at stderr, $TERM, $NO_COLOR and the locale (LC_ALL, LC_CTYPE, LANG).
+// Looks at stderr, $TERM, $NO_COLOR and the locale (LC_ALL, LC_CTYPE, LANG), and obeys SetColorMode().
 Terminal StderrTerminal();
+
+// kAuto: colours on a terminal that can show them, unless $NO_COLOR is set.
+enum class ColorMode { kAuto, kAlways, kNever };
+
+// Decides for the whole process. main() calls it before anything is printed in colour.
+void SetColorMode(ColorMode mode);
 
 // `text` between `color`, an escape sequence, and the one that resets it; as it is where the terminal has no color or
 // the text is empty.

@@ -74,7 +74,9 @@ class ResultCommand {
     }
     result.report.seconds.total = timer_.Seconds();
     if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, newton_, arguments));
-    std::cerr << Summary(result.report, arguments.output, StderrTerminal());
+    if (!arguments.quiet || !result.IsUsable()) {
+      std::cerr << Summary(result.report, arguments.output, StderrTerminal());
+    }
     if (arguments.json) {
       std::cout << ToText(ReportJson(result, result.report, arguments.output == "-" ? "" : arguments.output))
                 << std::flush;
@@ -124,8 +126,10 @@ int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, con
   } else {
     std::cout << job.name << "\n" << std::flush;
   }
-  std::cerr << "Queued. Fetch the result with: planish jobs watch " << job.name << " --mesh " << arguments.input
-            << " -o OUT.obj --server=" << arguments.server << "\n";
+  if (!arguments.quiet) {
+    std::cerr << "Queued. Fetch the result with: planish jobs watch " << job.name << " --mesh " << arguments.input
+              << " -o OUT.obj --server=" << arguments.server << "\n";
+  }
   return kOk;
 }
 
@@ -220,8 +224,9 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
       if (job.create_time && job.end_time) {
         report.seconds.total = std::chrono::duration<double>(*job.end_time - *job.create_time).count();
       }
-      std::cerr << Summary(report, "", StderrTerminal());
-      return WhyNotUsable(report).empty() ? kOk : kFailed;
+      const bool usable = WhyNotUsable(report).empty();
+      if (!arguments.quiet || !usable) std::cerr << Summary(report, "", StderrTerminal());
+      return usable ? kOk : kFailed;
     }
     return kFailed;
   } catch (const Error& error) {

@@ -1,4 +1,11 @@
 // The command's parts that need no server: arguments, exit codes, words, JSON.
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "client/cli/arguments.h"
 #include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
@@ -13,9 +20,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-ParsedArguments Parse(std::vector<const char*> words) {
+ParsedArguments Parse(std::vector<const char*> words, const std::string& config = "") {
   words.insert(words.begin(), "planish");
   unsetenv("PLANISH_SERVER");
+  setenv("PLANISH_CONFIG", config.c_str(), 1);
   return ParseArguments(static_cast<int>(words.size()), words.data());
 }
 
@@ -368,6 +376,46 @@ TEST(ArgumentsTest, HelpGoesToStdoutWithExamples) {
     EXPECT_THAT(parsed.out, HasSubstr("Examples:"));
     EXPECT_EQ(parsed.err, "");
   }
+}
+
+TEST(ArgumentsTest, ShortHelpHasTheMostUsedFlagsAndLongHelpAll) {
+  const std::string brief = Parse({"unwrap", "-h"}).out, full = Parse({"unwrap", "--help"}).out;
+  EXPECT_THAT(brief, HasSubstr("-o, --output OUT"));
+  EXPECT_THAT(brief, ::testing::Not(HasSubstr("\n  --solver")));
+  EXPECT_THAT(brief, HasSubstr("planish unwrap --help says more"));
+  EXPECT_THAT(full, HasSubstr("\nSolver:\n  --solver"));
+  std::istringstream lines(full);
+  for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 100u) << line;
+}
+
+TEST(ArgumentsTest, QuietShowsNoProgressUnlessItIsAskedFor) {
+  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj"}).arguments->progress, ProgressMode::kAuto);
+  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "-q"}).arguments->progress, ProgressMode::kNone);
+  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "-q", "--progress=json"}).arguments->progress,
+            ProgressMode::kJson);
+  EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "--color=never"}).arguments->color, ColorMode::kNever);
+}
+
+TEST(ArgumentsTest, FlagsComeFromTheConfigurationFile) {
+  const std::string config = ::testing::TempDir() + "/planish_cli_test.toml";
+  const auto parse = [&](const std::string& text, std::vector<const char*> words) {
+    std::ofstream(config) << text;
+    return Parse(std::move(words), config);
+  };
+  const std::string text =
+      "server = \"farm:1\"\nquiet = true\ntexture-size = 512\n[unwrap]\ntexture-size = 2048\n[jobs.list]\nlimit = 7\n";
+  const ParsedArguments unwrap = parse(text, {"unwrap", "in.obj", "-o", "out.obj"});
+  ASSERT_TRUE(unwrap.arguments) << unwrap.err;
+  EXPECT_EQ(unwrap.arguments->server, "farm:1");
+  EXPECT_TRUE(unwrap.arguments->quiet);
+  EXPECT_EQ(unwrap.arguments->options.texture_size, 2048) << "the command's section goes over what is for all";
+  EXPECT_EQ(parse(text, {"unwrap", "in.obj", "-o", "o.obj", "--texture-size=64"}).arguments->options.texture_size, 64);
+  EXPECT_EQ(parse(text, {"pack", "in.obj", "-o", "out.obj"}).arguments->options.texture_size, 512);
+  EXPECT_EQ(parse(text, {"jobs", "list"}).arguments->limit, 7);
+  EXPECT_EQ(parse(text, {"unwrap", "-o", "out.obj", "--", "-in.obj"}).arguments->input, "-in.obj");
+  EXPECT_THAT(parse("serve = 1\n", {"unwrap", "in.obj", "-o", "out.obj"}).err, HasSubstr("no flag --serve"));
+  EXPECT_THAT(parse("[wrap]\njson = true\n", {"inspect", "in.obj"}).err, HasSubstr("no command wrap"));
+  EXPECT_EQ(parse("texture-size = 3\n", {"unwrap", "in.obj", "-o", "out.obj"}).exit_code, kUsage);
 }
 
 TEST(ExitCodesTest, FollowTheError) {

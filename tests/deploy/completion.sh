@@ -1,10 +1,9 @@
 #!/bin/sh
 # What the completion in bash or zsh offers. Exit code 77: skipped, and why is printed.
-#   completion.sh bash|zsh BIN_DIR COMPLETION_DIR
+#   completion.sh bash|zsh BIN_DIR
 set -eu
 shell=$1
 export PATH="$2:$PATH"
-completion=$3
 command -v "$shell" >/dev/null || {
   echo "SKIPPED: $shell is not installed"
   exit 77
@@ -15,10 +14,10 @@ case $shell in
 bash)
   complete() {
     bash -c '
-      source "$0/planish.bash"
+      source <("$1" --generate=bash)
       COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
-      _planish
-      echo "${COMPREPLY[*]}"' "$completion" "$@"
+      _$1
+      echo "${COMPREPLY[*]}"' bash "$@"
   }
   ;;
 zsh)
@@ -31,8 +30,8 @@ zsh)
       _files() { print files }
       _describe() { [[ $1 == -o ]] && shift; for entry in "${(@P)2}"; do offer ${entry%%:*}; done }
       local -a words
-      words=("${@[2,-1]}") CURRENT=$(($# - 1))
-      source "$1/_planish"' zsh "$completion" "$@" | tr '\n' ' '
+      words=("$@") CURRENT=$#
+      source <("$1" --generate=zsh)' zsh "$@" | tr '\n' ' '
   }
   ;;
 esac

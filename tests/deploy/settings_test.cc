@@ -75,9 +75,9 @@ TEST(Settings, FlagsAndVariablesThatFilesUseExist) {
 
 // Keys of files that are complete configurations, and arguments of containers.
 TEST(Settings, KeysOfConfigurationFilesExist) {
-  for (const std::string path :
-       {"deploy/image.yaml", "deploy/kubernetes/overlays/single/planishd.yaml",
-        "deploy/kubernetes/overlays/farm/front-planishd.yaml", "deploy/kubernetes/overlays/farm/worker-planishd.yaml"}) {
+  for (const std::string path : {"deploy/image.yaml", "deploy/kubernetes/overlays/single/planishd.yaml",
+                                 "deploy/kubernetes/overlays/farm/front-planishd.yaml",
+                                 "deploy/kubernetes/overlays/farm/worker-planishd.yaml"}) {
     const YAML::Node settings = YAML::Load(ReadSource(path));
     ASSERT_TRUE(settings.IsMap()) << path;
     for (const auto& setting : settings) {
@@ -109,7 +109,7 @@ TEST(Settings, TheSampleHasEveryKey) {
   std::set<std::string> expected = ServerFlags();
   // What is no setting.
   for (const std::string flag :
-       {"--help", "--version", "--config", "--print-config", "--check-config", "--supervisor-fd"}) {
+       {"--help", "--version", "--generate", "--config", "--print-config", "--check-config", "--supervisor-fd"}) {
     expected.erase(flag);
   }
   EXPECT_EQ(keys, expected);

@@ -16,8 +16,7 @@ std::set<std::string> FlagsOf(const std::string& program) {
   std::set<std::string> flags;
   for (const std::string& line : Lines(help.out)) {
     if (!line.starts_with("  -")) continue;
-    const std::string names = line.substr(2, line.find(' ', 2) - 2);
-    flags.merge(FlagsIn(std::regex_replace(names, std::regex(","), " ")));
+    flags.merge(FlagsIn(line.substr(0, line.find("  ", 2))));  // "-o, --output OUT", without the text beside it
   }
   return flags;
 }

@@ -1,16 +1,17 @@
-.TH PLANISHD 8 "" "planish @VERSION@" "System Administration"
-.SH NAME
-planishd \- server that unwraps triangle meshes by Angle Based Flattening
-.SH SYNOPSIS
+#include "server/man_page.h"
+
+namespace planish {
+
+ManFrame ManPage() {
+  return {8, "System Administration", R"(.SH SYNOPSIS
 .B planishd
 .RI [ OPTIONS ]
 .SH DESCRIPTION
 .B planishd
 takes triangle meshes over gRPC, queues them as jobs, and unwraps them in worker processes of its own. It listens on
 this machine only unless told otherwise.
-.SH OPTIONS
-@OPTIONS@
-.SH ENVIRONMENT
+)",
+          R"(.SH ENVIRONMENT
 Every option that is a setting may also be a variable:
 .B PLANISHD_
 and its name in capitals, with underscores for dashes
@@ -47,3 +48,7 @@ It ended as it was told to.
 Bad usage, a configuration that is wrong, or an address that cannot be had.
 .SH SEE ALSO
 .BR planish (1)
+)"};
+}
+
+}  // namespace planish

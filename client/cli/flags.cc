@@ -1,0 +1,200 @@
+#include "client/cli/flags.h"
+
+#include <cstddef>
+#include <cstdlib>
+#include <string>
+
+namespace planish::cli {
+namespace {
+
+void AddServerFlags(CLI::App& app, ServerFlags& flags) {
+  app.add_flag("--tls", flags.tls, "Encrypt, and ask the server for a certificate that this system trusts")
+      ->envname("PLANISH_TLS");
+  app.add_option("--tls-ca", flags.tls_ca_file, "The same, signed by one of these")
+      ->envname("PLANISH_TLS_CA")
+      ->type_name("PEM");
+  app.add_option("--tls-cert", flags.tls_cert_file, "Certificate of your own, for servers that ask for one")
+      ->envname("PLANISH_TLS_CERT")
+      ->type_name("PEM");
+  app.add_option("--tls-key", flags.tls_key_file, "Its key")->envname("PLANISH_TLS_KEY")->type_name("PEM");
+  app.add_option("--tls-server-name", flags.tls_server_name, "What the server's certificate is for [the host]")
+      ->envname("PLANISH_TLS_SERVER_NAME")
+      ->type_name("NAME");
+  app.add_option("--token-file", flags.token_file, "Token that says who you are; or the token itself in PLANISH_TOKEN")
+      ->envname("PLANISH_TOKEN_FILE")
+      ->type_name("FILE");
+  app.add_flag("--token-over-plaintext", flags.token_over_plaintext,
+               "Send it to another machine even without TLS, for everybody on the way to read");
+}
+
+}  // namespace
+
+const char* ToString(ColorMode mode) {
+  switch (mode) {
+    case ColorMode::kAuto:
+      return "auto";
+    case ColorMode::kAlways:
+      return "always";
+    case ColorMode::kNever:
+      return "never";
+  }
+  return "";
+}
+
+const char* ToString(ProgressMode mode) {
+  switch (mode) {
+    case ProgressMode::kAuto:
+      return "auto";
+    case ProgressMode::kBar:
+      return "bar";
+    case ProgressMode::kPlain:
+      return "plain";
+    case ProgressMode::kJson:
+      return "json";
+    case ProgressMode::kNone:
+      return "none";
+  }
+  return "";
+}
+
+void AddLabels(CLI::App& app, Arguments& arguments, const std::string& description) {
+  app.add_option_function<std::vector<std::string>>(
+         "--label",
+         [&arguments](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) {
+             const std::size_t equals = text.find('=');
+             if (equals == std::string::npos || equals == 0) {
+               throw CLI::ValidationError("--label", text + " is not of the form KEY=VALUE");
+             }
+             arguments.labels[text.substr(0, equals)] = text.substr(equals + 1);
+           }
+         },
+         description)
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+}
+
+void AddServer(CLI::App& app, Arguments& arguments, const std::string& otherwise) {
+  app.add_option("--server", arguments.server, "host:port or unix:/path; " + otherwise)
+      ->envname("PLANISH_SERVER")
+      ->type_name("ADDR");
+  const std::string group = app.option_defaults()->get_group();
+  app.option_defaults()->group("Security");
+  AddServerFlags(app, arguments.server_flags);
+  app.option_defaults()->group(group);
+}
+
+void AddJson(CLI::App& app, Arguments& arguments) {
+  app.add_flag("--json", arguments.json, "Print one JSON object on stdout");
+}
+
+void AddTerminal(CLI::App& app, Arguments& arguments) {
+  app.option_defaults()->group("Terminal");
+  app.add_flag("-q,--quiet", arguments.quiet, "Say nothing on stderr but what went wrong; the exit code says the rest");
+  Choices<ColorMode>{{ColorMode::kAuto, ColorMode::kAlways, ColorMode::kNever}}.AddTo(
+      app, "--color", arguments.color, "Colours on stderr; auto: on a terminal, unless NO_COLOR is set [auto]");
+}
+
+void AddProgress(CLI::App& app, Arguments& arguments) {
+  Choices<ProgressMode>{
+      {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
+      .AddTo(
+          app, "--progress", arguments.progress,
+          "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file)");
+}
+
+void AddOutput(CLI::App& app, Arguments& arguments) {
+  app.add_option("-o,--output", arguments.output,
+                 "Where the mesh with UV goes, in the format of the name: .obj, .ply, .off, .gltf, .glb or .drc; - is "
+                 "stdout; a directory keeps the name, and takes a batch")
+      ->type_name("OUT");
+}
+
+void AddPreview(CLI::App& app, Arguments& arguments) {
+  app.add_option(
+         "--preview", arguments.preview,
+         "Draw the layout alone, tile by tile, blue where the map shrinks the surface and red where it enlarges it")
+      ->type_name("PNG|SVG");
+}
+
+void AddTimeout(CLI::App& app, Arguments& arguments, const std::string& description) {
+  app.add_option("--timeout", arguments.timeout_seconds, description)
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""))
+      ->type_name("SECONDS");
+}
+
+void AddTexcoord(CLI::App& app, Arguments& arguments) {
+  app.add_option("--texcoord", arguments.texcoord, "Which set of UV of a glTF is read, TEXCOORD_N, up to 7 [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+}
+
+void AddOutputTexcoord(CLI::App& app, Arguments& arguments) {
+  app.add_option_function<int>(
+         "--output-texcoord", [&arguments](const int& n) { arguments.output_texcoord = n; },
+         "Which set the new UV become; others stay as they are [that of --texcoord]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+}
+
+void AddAtlasSize(CLI::App& app, Arguments& arguments) {
+  UnwrapOptions& options = arguments.options;
+  app.add_option("--texture-size", options.texture_size, "Texels per side of a tile, 16 to 65536 [1024]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+  app.add_option_function<int>(
+         "--padding", [&options](const int& texels) { options.padding = texels; },
+         "Texels that stay free between charts, half as many at the rim, up to 64 [2]")
+      ->check(CLI::Range(0, 64).description(""))
+      ->type_name("N");
+}
+
+void AddTiles(CLI::App& app, Arguments& arguments) {
+  app.add_option("--tiles", arguments.options.tiles, "Tiles (UDIM 1001, 1002, ...) that may be used, up to 100 [1]")
+      ->check(CLI::Range(1, 100).description(""))
+      ->type_name("N");
+}
+
+void AddPacking(CLI::App& app, Arguments& arguments) {
+  Choices<Effort>{{Effort::kNormal, Effort::kFast, Effort::kBest}}.AddTo(
+      app, "--effort", arguments.options.effort,
+      "What packing may cost: fast, a quarter of the rest; normal, half of it; best, fifty times the rest [normal]");
+  AddTiles(app, arguments);
+}
+
+void AddScheduling(CLI::App& app, Scheduling& scheduling) {
+  app.add_option_function<std::string>(
+         "--priority",
+         [&scheduling](const std::string& name) {
+           for (const Priority priority : {Priority::kLow, Priority::kNormal, Priority::kHigh}) {
+             if (name == ToString(priority)) scheduling.priority = priority;
+           }
+         },
+         "Which waiting job is next: high counts as 10 minutes older, low as 10 minutes younger [normal]")
+      ->check(CLI::IsMember({"low", "normal", "high"}).description(""))
+      ->type_name("low|normal|high");
+  app.add_option("--deadline", scheduling.timeout_seconds,
+                 "The server fails the job if it has not ended so long after it was accepted, whoever waits for it")
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""))
+      ->type_name("SECONDS");
+  app.add_option("--budget", scheduling.compute_budget_seconds,
+                 "The server stops the job when it has run for so long, and delivers the best map that it has then")
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""))
+      ->type_name("SECONDS");
+  app.add_flag("--fresh", scheduling.fresh, "The server computes anew even if it has the result for this mesh already");
+}
+
+ClientOptions WithServerFlags(ClientOptions options, const ServerFlags& flags) {
+  options.tls = flags.tls;
+  options.tls_ca_file = flags.tls_ca_file;
+  options.tls_cert_file = flags.tls_cert_file;
+  options.tls_key_file = flags.tls_key_file;
+  options.tls_server_name = flags.tls_server_name;
+  options.token_file = flags.token_file;
+  options.token_over_plaintext = flags.token_over_plaintext;
+  const char* token = std::getenv("PLANISH_TOKEN");
+  if (token != nullptr && flags.token_file.empty()) options.token = token;
+  return options;
+}
+
+}  // namespace planish::cli

@@ -1,0 +1,228 @@
+// What asks no server: pack, check, report, inspect.
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstddef>
+#include <sstream>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "client/cli/flags.h"
+
+namespace planish::cli {
+namespace {
+
+constexpr std::array<Requirement, 6> kRequirements = {Requirement::kUv,           Requirement::kNoOverlap,
+                                                      Requirement::kNoFlip,       Requirement::kNoMirror,
+                                                      Requirement::kNoDegenerate, Requirement::kInTile};
+
+constexpr char kCheckHelp[] = R"(Examples:
+  planish check hero.glb
+  planish check *.obj --require=no-overlap,no-flip --max-stretch=1.5
+  planish check level.glb --texcoord=1 --texture-size=512 --min-padding=4 --require=all --json
+
+Requirements: --require takes a comma-separated list of
+  uv             every triangle has UV
+  no-overlap     no two triangles share a part of the map
+  no-flip        no triangle is turned against the rest of its chart
+  no-mirror      no chart is mirrored as a whole
+  no-degenerate  no triangle is a line or a point in the map
+  in-tile        every triangle lies in one of the tiles
+  all            all of these
+
+Needs no server; the UV may come from any tool. Several files are judged one by one; with --json there is a line for
+each then, and a last one {"summary": ...}. Exit codes: 0 every requirement is met, 1 some are not, or a file has no UV,
+2 bad usage or an unreadable file.)";
+
+// Throws CLI::ValidationError for what is none.
+void AddRequirements(const std::string& text, std::set<Requirement>* required) {
+  std::istringstream list(text);
+  for (std::string word; std::getline(list, word, ',');) {
+    if (word == "all") {
+      required->insert(kRequirements.begin(), kRequirements.end());
+      continue;
+    }
+    const auto found = std::find_if(kRequirements.begin(), kRequirements.end(),
+                                    [&](Requirement requirement) { return word == ToString(requirement); });
+    if (found == kRequirements.end()) {
+      std::string known;
+      for (const Requirement requirement : kRequirements) known += std::string(ToString(requirement)) + ", ";
+      throw CLI::ValidationError("--require", "there is no requirement \"" + word + "\"; there are " + known + "all");
+    }
+    required->insert(*found);
+  }
+}
+
+void SetTexcoord(const std::string& text, Arguments* arguments) {
+  arguments->check.all_texcoords = text == "all";
+  if (arguments->check.all_texcoords) return;
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, arguments->texcoord);
+  if (error != std::errc() || rest != end || arguments->texcoord < 0 || arguments->texcoord > 7) {
+    throw CLI::ValidationError("--texcoord", text + " is neither a number from 0 to 7 nor all");
+  }
+}
+
+constexpr char kReportHelp[] = R"(Examples:
+  planish report hero.glb -o hero.html
+  planish report hero_blender.obj hero_planish.obj -o compare.html   with the same camera
+  planish unwrap hero.glb -o flat.glb --report=hero.html   before, after, and the solve
+
+The page is one file, opened from disk; it asks the network for nothing. It shows the surface and the layout, linked by
+hovering and clicking, with checker, charts, stretch, angle error, seams or colours; a table of charts; and warnings, which
+lead to the triangles that they are about. It needs a browser with WebGL 2. Exit codes: 0 written, 1 a file has no UV, 2 bad
+usage or an unreadable file.)";
+
+// "skin=2"; the name may have equals signs.
+void AddMaterialWeight(const std::string& text, Arguments* arguments) {
+  const std::size_t equals = text.rfind('=');
+  double weight = 0;
+  if (equals != std::string::npos) {
+    const char* const end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(text.data() + equals + 1, end, weight);
+    if (error != std::errc() || rest != end) weight = 0;
+  }
+  if (!(weight >= 0.01 && weight <= 100)) {
+    throw CLI::ValidationError("--weight", text + " is not MATERIAL=X with X from 0.01 to 100");
+  }
+  arguments->material_weights[text.substr(0, equals)] = weight;
+}
+
+void DefinePack(CLI::App& app, Arguments& arguments) {
+  CLI::App& pack = *app.add_subcommand("pack", "Pack the UV islands that a mesh has anew, without solving");
+  pack.parse_complete_callback([&arguments] { arguments.command = Command::kPack; });
+  pack.footer(
+      "Needs no server. Islands are moved, turned and scaled as they are: mirrored ones stay mirrored, and what "
+      "overlaps "
+      "inside one\nstays so. Exit codes: 0 packed, 1 the file lacks UV or they cannot be packed, 2 bad usage or "
+      "unreadable "
+      "file.");
+  pack.add_option("IN", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
+  AddOutput(pack, arguments);
+  AddAtlasSize(pack, arguments);
+  AddPacking(pack, arguments);
+  pack.add_option_function<std::string>(
+          "--density", [&arguments](const std::string& word) { arguments.keep_density = word == "keep"; },
+          "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
+      ->check(CLI::IsMember({"equal", "keep"}).description(""))
+      ->type_name("equal|keep");
+  pack.add_option_function<std::vector<std::string>>(
+          "--weight",
+          [&arguments](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) AddMaterialWeight(text, &arguments);
+          },
+          "So many times the texels per length for the islands of a material, 0.01 to 100; several times for several")
+      ->type_name("MATERIAL=X");
+  AddTexcoord(pack, arguments);
+  AddOutputTexcoord(pack, arguments);
+  AddPreview(pack, arguments);
+  AddJson(pack, arguments);
+  AddTerminal(pack, arguments);
+}
+
+void DefineCheck(CLI::App& app, Arguments& arguments) {
+  CLI::App& check = *app.add_subcommand("check", "Judge the UV that a mesh has, from any tool");
+  check.parse_complete_callback([&arguments] { arguments.command = Command::kCheck; });
+  check.footer(kCheckHelp);
+  check.add_option("IN", arguments.input, "Mesh file, as for unwrap")->required()->type_name("");
+  check.add_option("MORE", arguments.more_inputs, "Further files, judged one by one")->type_name("");
+  check
+      .add_option_function<std::string>(
+          "--require", [&arguments](const std::string& text) { AddRequirements(text, &arguments.check.required); },
+          "What must hold, see below [nothing but that there are UV]")
+      ->type_name("LIST");
+  check
+      .add_option("--max-stretch", arguments.check.max_stretch,
+                  "No chart may have a larger root mean square stretch (1: none), 1.001 to 100")
+      ->check(CLI::Range(1.001, 100.0).description(""))
+      ->type_name("X");
+  check
+      .add_option("--min-padding", arguments.check.min_padding,
+                  "No two charts may be nearer, in texels; a hundredth less is taken for rounding; up to 64")
+      ->check(CLI::Range(0.0, 64.0).description(""))
+      ->type_name("TEXELS");
+  check.add_option("--texture-size", arguments.options.texture_size, "Texels per side of a tile, 16 to 65536 [1024]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+  check
+      .add_option("--tiles", arguments.options.tiles, "Tiles (UDIM 1001, 1002, ...) that charts may lie in, to 100 [1]")
+      ->check(CLI::Range(1, 100).description(""))
+      ->type_name("N");
+  check
+      .add_option_function<std::string>(
+          "--texcoord", [&arguments](const std::string& text) { SetTexcoord(text, &arguments); },
+          "Which of the sets of UV, TEXCOORD_N of a glTF, up to 7; all: each that the file has [0]")
+      ->type_name("N|all");
+  check.add_flag("--json", arguments.json, "Print one JSON object on stdout");
+}
+
+void DefineReport(CLI::App& app, Arguments& arguments) {
+  CLI::App& report = *app.add_subcommand("report", "Write a page that shows the UV of a mesh, or of two side by side");
+  report.parse_complete_callback([&arguments] { arguments.command = Command::kReport; });
+  report.footer(kReportHelp);
+  report.add_option("A", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
+  report.add_option("B", arguments.more_inputs, "A second one to compare with it")->type_name("");
+  report.add_option("-o,--output", arguments.output, "Where the page goes; - is stdout")->type_name("HTML");
+  report
+      .add_option("--job-report", arguments.job_report,
+                  "What unwrap --json printed about the last file: methods of charts, times, warnings")
+      ->type_name("JSON");
+  report.add_option("--texture-size", arguments.options.texture_size, "Texels per side of a tile, 16 to 65536 [1024]")
+      ->check(CLI::Range(16, 65536).description(""))
+      ->type_name("N");
+  report
+      .add_option_function<int>(
+          "--padding", [&arguments](const int& texels) { arguments.options.padding = texels; },
+          "Texels between charts: drawn round each, and nearer charts are warned of, up to 64 [2]")
+      ->check(CLI::Range(0, 64).description(""))
+      ->type_name("N");
+  report
+      .add_option("--tiles", arguments.options.tiles, "Tiles (UDIM 1001, 1002, ...) that charts may lie in, to 100 [1]")
+      ->check(CLI::Range(1, 100).description(""))
+      ->type_name("N");
+  report.add_option("--texcoord", arguments.texcoord, "Which of the sets of UV, TEXCOORD_N of a glTF, up to 7 [0]")
+      ->check(CLI::Range(0, 7).description(""))
+      ->type_name("N");
+}
+
+void DefineInspect(CLI::App& app, Arguments& arguments) {
+  CLI::App& inspect = *app.add_subcommand("inspect", "Say what a mesh is like and what unwrap would do with it");
+  inspect.parse_complete_callback([&arguments] { arguments.command = Command::kInspect; });
+  inspect.footer(
+      "Needs no server. Exit codes: 0 unwrap would take the mesh, 1 it would refuse it, 2 bad usage or unreadable "
+      "file.");
+  inspect.add_option("IN", arguments.input, "Mesh file, as for unwrap")->required()->type_name("");
+  AddTexcoord(inspect, arguments);
+  AddJson(inspect, arguments);
+  AddTerminal(inspect, arguments);
+}
+
+}  // namespace
+
+const char* ToString(Requirement requirement) {
+  switch (requirement) {
+    case Requirement::kUv:
+      return "uv";
+    case Requirement::kNoOverlap:
+      return "no-overlap";
+    case Requirement::kNoFlip:
+      return "no-flip";
+    case Requirement::kNoMirror:
+      return "no-mirror";
+    case Requirement::kNoDegenerate:
+      return "no-degenerate";
+    case Requirement::kInTile:
+      return "in-tile";
+  }
+  return "";
+}
+
+void DefineMapCommands(CLI::App& app, Arguments& arguments) {
+  DefinePack(app, arguments);
+  DefineCheck(app, arguments);
+  DefineReport(app, arguments);
+  DefineInspect(app, arguments);
+}
+
+}  // namespace planish::cli
