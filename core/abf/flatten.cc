@@ -4,26 +4,13 @@
 
 #include "core/abf/boundary_control.h"
 #include "core/abf/newton.h"
-#include "core/abf/tuning.h"
 #include "core/base/status_macros.h"
 
 namespace planish {
 namespace {
 
-// Whether multigrid would take more memory than is reserved: the neighbours of a vertex of many faces are all coupled
-// to each other on the coarse levels. A factorization eliminates that vertex last, which costs it nothing.
-bool HasLargeFans(const Topology& topology) {
-  if (topology.num_faces() > kMostFallbackFaces) return false;
-  double squares = 0;
-  for (std::int32_t row = 0; row < topology.num_rows; ++row) {
-    const double faces = topology.row_corner_begin[row + 1] - topology.row_corner_begin[row];
-    squares += faces * faces;
-  }
-  return squares > kMostFanSquaresPerFace * topology.num_faces();
-}
-
 // kAuto resolved: Uzawa on the reduced system, preconditioned by multigrid, or by a Cholesky factorization where the
-// mesh is small or has large fans. The full system knows nothing better than Jacobi.
+// mesh is small. The full system knows nothing better than Jacobi.
 FlattenOptions Resolve(FlattenOptions options, const Topology& topology) {
   if (options.system == SystemType::kAuto) options.system = SystemType::kReduced;
   if (options.hessian == HessianType::kAuto && options.solver != SolverType::kAuto &&
@@ -36,8 +23,7 @@ FlattenOptions Resolve(FlattenOptions options, const Topology& topology) {
   if (options.preconditioner == PreconditionerType::kAuto) {
     if (options.system == SystemType::kFull) {
       options.preconditioner = PreconditionerType::kJacobi;
-    } else if (options.solver == SolverType::kDirect || topology.num_faces() < options.tuning.step.multigrid_faces ||
-               HasLargeFans(topology)) {
+    } else if (options.solver == SolverType::kDirect || topology.num_faces() < options.tuning.step.multigrid_faces) {
       options.preconditioner = PreconditionerType::kCholesky;
     } else {
       options.preconditioner = PreconditionerType::kAmg;

@@ -99,8 +99,7 @@ struct BoundaryReport {
 };
 
 struct FlattenSummary {
-  // The methods used at the end, never kAuto. Sizes decide some of them (StepTuning::multigrid_faces,
-  // kMostFanSquaresPerFace).
+  // The methods used at the end, never kAuto. Sizes decide some of them (StepTuning::multigrid_faces).
   SolverType solver = SolverType::kDirect;
   SystemType system = SystemType::kReduced;
   PreconditionerType preconditioner = PreconditionerType::kNone;

@@ -196,11 +196,6 @@ struct StepTuning {
 inline constexpr std::int32_t kMostFallbackFaces = 50'000;
 // Bytes a face of its factor, in the order of minimum degree: a chart of 50,000 faces takes 1,310 bytes a face in all.
 inline constexpr std::int64_t kFallbackBytesPerFace = 1100;
-// PreconditionerType::kAuto takes the factorization from the start on such a chart if the squares of the numbers of
-// faces round its vertices come to more than this for each face; 18 is what a regular mesh has. An aggregate takes some
-// three neighbours of a vertex with n faces, and a coarse matrix 64 bytes for each pair of aggregates: 7 n^2 bytes, 700
-// a face.
-inline constexpr double kMostFanSquaresPerFace = 100;
 // What the exact solves on the rows of weak faces may take: a part of what is reserved for multigrid.
 inline constexpr std::int64_t kPatchBytesPerFace = 100, kLeastPatchBytes = 1'000'000;
 

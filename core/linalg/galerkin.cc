@@ -127,6 +127,7 @@ bool MultigridLevel<N>::BuildCoarse(const MultigridTuning& tuning, double theta,
   const std::vector<Index>& aggregate = p.aggregates.of_row;
   const Index count = p.aggregates.count;
   if (count == 0 || count > tuning.slowest_coarsening * n || IsInterrupted(interrupter)) return false;
+  p.most_smoothed_couplings = tuning.most_smoothed_couplings;
   p.omega = tuning.omega / (tuning.eigenvalue_margin * LargestEigenvalue(a, tuning.power_iterations, team));
 
   if (IsInterrupted(interrupter)) return false;
@@ -134,8 +135,10 @@ bool MultigridLevel<N>::BuildCoarse(const MultigridTuning& tuning, double theta,
       n, count, team,
       [&](Index i, const auto& add) {
         if (i >= num_coupled) return;
+        const bool smoothed = a.row_begin[i + 1] - a.row_begin[i] <= p.most_smoothed_couplings;
         for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
-          if (const Index c = aggregate[a.column[k]]; c >= 0) add(c);
+          const Index j = a.column[k];
+          if (const Index c = aggregate[j]; c >= 0 && (smoothed || i == j)) add(c);
         }
       },
       &p.row_begin, &p.column);
@@ -222,15 +225,16 @@ void MultigridLevel<N>::FillProlongation(ThreadTeam* team) {
       const Index row = p.row_begin[i], row_end = p.row_begin[i + 1];
       if (row == row_end) continue;
       std::fill(&p.value[4 * N * std::size_t(row)], p.value.data() + 4 * N * std::size_t(row_end), 0.0F);
+      const bool smoothed = a.row_begin[i + 1] - a.row_begin[i] <= p.most_smoothed_couplings;
       for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
         const Index j = a.column[k], c = aggregate[j];
-        if (c < 0) continue;
+        if (c < 0 || (!smoothed && i != j)) continue;
         // W = delta_ij - omega D_i^-1 A_ij, by parts, then W P_0j.
         Float4 w[kParts][kParts];
         for (int r = 0; r < kParts; ++r) {
           for (int q = 0; q < kParts; ++q) {
             w[r][q] = i == j && r == q ? Float4{1, 0, 0, 1} : Float4{};
-            for (int s = 0; s < kParts; ++s) {
+            for (int s = 0; smoothed && s < kParts; ++s) {
               w[r][q] -= omega * Product(Load<Float4>(&a.inverse[N * N * std::size_t(i)] + 4 * (kParts * r + s)),
                                          Load<Float4>(a.Block(k) + 4 * (kParts * s + q)));
             }

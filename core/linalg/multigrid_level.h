@@ -21,8 +21,8 @@ struct LevelCoordinates {
   std::vector<double> extent;
 };
 
-// P = (I - omega D^-1 A) P_0. In P_0, row i of aggregate I takes from the coarse unknowns (alpha_I, beta_I), complex
-// numbers,
+// P = (I - omega D^-1 A) P_0, but for rows with many couplings, which are those of P_0. In P_0, row i of aggregate I
+// takes from the coarse unknowns (alpha_I, beta_I), complex numbers,
 //
 //   alpha_i = alpha_I + offset_i beta_I,   beta_i = scale_i beta_I   (beta_i: not on the finest level)
 //
@@ -32,6 +32,7 @@ struct Prolongation {
   std::vector<float> offset;  // pairs
   std::vector<float> scale;
   double omega = 0;
+  std::int64_t most_smoothed_couplings = 0;  // as in MultigridTuning
 
   // Row i: blocks [row_begin[i], row_begin[i + 1]) of N x 4, as 2x2 parts by rows, each by rows.
   std::vector<std::int32_t> row_begin = {0};

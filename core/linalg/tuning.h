@@ -66,6 +66,10 @@ struct MultigridTuning {
   // eigenvalues at once (Vanek, Mandel, Brezina 1996, section 3). Sweep: half of it costs half as many iterations again
   // on easy discs, double of it twice as many.
   double omega = 4.0 / 3;
+  // Couplings of a row above which its part of the prolongation is not smoothed: it would bring all its neighbours'
+  // aggregates together, and the coarse matrix would couple each of them to each, n^2 blocks where n triangles meet at
+  // a vertex. A regular mesh has 7 couplings a row, and some 20 on coarse levels.
+  std::int64_t most_smoothed_couplings = 100;
   // What the estimate of that eigenvalue, which comes from below, is multiplied by; and the power iterations that it
   // takes.
   double eigenvalue_margin = 1.05;

@@ -102,6 +102,7 @@ std::vector<TuningConstant> ConstantsOf(FlattenTuning* tuning) {
       {"multigrid.strength", &multigrid.strength},
       {"multigrid.strength_ratio", &multigrid.strength_ratio},
       {"multigrid.second_ring_neighbours", &multigrid.second_ring_neighbours},
+      {"multigrid.most_smoothed_couplings", &multigrid.most_smoothed_couplings},
       {"multigrid.slowest_coarsening", &multigrid.slowest_coarsening, Scale::kBelowOne},
       {"multigrid.coarsest_rows", &multigrid.coarsest_rows},
       {"multigrid.max_levels", &multigrid.max_levels},

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <complex>
 #include <memory>
+#include <numbers>
 #include <random>
 
 #include "core/abf/lagrangian.h"
@@ -134,6 +135,45 @@ TEST_P(RoughSolves, EndAtTheErrorAskedFor) {
 
 INSTANTIATE_TEST_SUITE_P(, RoughSolves, ::testing::Values(SolverType::kUzawa, SolverType::kMinres),
                          [](const auto& solver) { return std::string(Name(solver.param)); });
+
+// Rings round one vertex, in which `sides` triangles meet.
+Mesh Wheel(int sides, int rings) {
+  Mesh wheel;
+  wheel.positions.emplace_back(0, 0, 0.2);
+  for (int ring = 0; ring < rings; ++ring) {
+    for (int k = 0; k < sides; ++k) {
+      const double angle = 2 * std::numbers::pi * k / sides, r = 1 + 0.01 * ring;
+      wheel.positions.emplace_back(r * std::cos(angle), r * std::sin(angle), 0.001 * std::sin(5.0 * k + 3.0 * ring));
+    }
+  }
+  for (int ring = 0; ring < rings; ++ring) {
+    for (int k = 0; k < sides; ++k) {
+      const int a = 1 + ring * sides + k, b = 1 + ring * sides + (k + 1) % sides;
+      if (ring == 0) wheel.faces.push_back({0, a, b});
+      if (ring == 0) continue;
+      wheel.faces.push_back({a - sides, a, b});
+      wheel.faces.push_back({a - sides, b, b - sides});
+    }
+  }
+  return wheel;
+}
+
+// turned-72001-32169 of the hunt: coarse levels were dense, and took 3.9 times the memory that was reserved.
+TEST(Multigrid, StaysSparseWhereManyFacesMeetAtAVertex) {
+  const FirstStep step(Wheel(800, 6));
+  Multigrid multigrid;
+  ASSERT_TRUE(step.Build(&multigrid).ok());
+  EXPECT_LT(multigrid.operator_complexity(), 5);
+  const Eigen::Index n = 2 * step.topology.num_interior;
+  ExpectSymmetricAndPositive(MultigridPreconditioner(&multigrid), n);
+  EXPECT_LT(step.Iterations(MultigridPreconditioner(&multigrid)), 60);
+
+  MultigridTuning smoothed;
+  smoothed.most_smoothed_couplings = 1 << 30;
+  Multigrid dense(smoothed);
+  ASSERT_TRUE(step.Build(&dense).ok());
+  EXPECT_GT(dense.operator_complexity(), 10);
+}
 
 TEST(Multigrid, IsSymmetricAndPositive) {
   const FirstStep step(testing::Hills(40, 40, 1.5));
