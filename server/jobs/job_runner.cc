@@ -23,7 +23,7 @@ constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
 // Claims that all servers of a farm make together: each waits the longer after one the more there are, and takes more
 // with the next.
-constexpr double kClaimsPerSecond = 500;
+constexpr double kClaimsPerSecond = 250;
 constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
 // Renewals in the time that a lease lasts.
 constexpr int kRenewals = 5;

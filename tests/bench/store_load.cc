@@ -334,7 +334,7 @@ class Machinery {
 
 // As JobRunner's.
 double ClaimInterval(int machines) {
-  const double seconds = machines / 500.0;
+  const double seconds = machines / 250.0;
   return seconds > 0.02 ? seconds : 0;
 }
 

@@ -230,8 +230,8 @@ TEST_F(JobFarmTest, TheMoreServersTheLongerEachWaitsBetweenTwoClaims) {
     return server.manager->source()->TakeNext(absl::Milliseconds(1), &assignment) == Turn::kWork;
   };
   EXPECT_TRUE(take());
-  EXPECT_FALSE(take()) << "100 servers make 500 claims a second";
-  now += absl::Milliseconds(199);
+  EXPECT_FALSE(take()) << "100 servers make 250 claims a second";
+  now += absl::Milliseconds(399);
   EXPECT_FALSE(take());
   now += absl::Milliseconds(1);
   EXPECT_TRUE(take());
