@@ -10,7 +10,8 @@
 # ended with everything it started: TIMED OUT. That fails the run as any other failure does; NOT RUN does not.
 #
 # A command finds the name of a file in PLANISH_SUMMARY, in which it may leave lines about its tests; the last one is
-# "N passed, N failed[, N skipped]". Those that begin with REPEATED or FAILED are printed under the table as well.
+# "N passed, N failed[, N skipped]". Those that begin with REPEATED or FAILED, and those under them that begin with "  | ", are
+# printed under the table as well.
 
 limit=56
 minute=60  # seconds; tests/deploy/ci.sh has shorter ones
@@ -111,7 +112,7 @@ finish() {
     esac
   done
   for i in "${!names[@]}"; do
-    [ ! -e "$parts_dir/$i" ] || sed -n "s/^\(REPEATED\|FAILED\)/${names[i]}: &/p" "$parts_dir/$i"
+    [ ! -e "$parts_dir/$i" ] || sed -n -e "s/^\(REPEATED\|FAILED\)/${names[i]}: &/p" -e '/^  | /p' "$parts_dir/$i"
   done
   echo
   if [ "$bad" -gt 0 ]; then

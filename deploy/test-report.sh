@@ -6,6 +6,8 @@
 #
 # REPORT is ctest's JUnit file, which has the last try of each test. LOG is its LastTest.log, which has every try: a test
 # that failed and then passed (ctest --repeat) is named, and has failed if that first try printed a sanitizer's report.
+# Under the name of a test that failed are lines of what it printed in its last try: what follows GoogleTest's first "Failure",
+# or the last lines.
 # ALLOWED_SKIPS is tests/allowed_skips.txt, which explains itself. `sanitized`: the programs were built with a sanitizer.
 set -eu
 report=$1 log=$2 allowed=$3 sanitized=${4:-}
@@ -42,6 +44,24 @@ awk '
   /ERROR: (Address|Leak|Thread)Sanitizer|WARNING: ThreadSanitizer|runtime error: / { kind = "finding" }
   $0 == "<end of output>" { over = 1 }
   over && /^Test Fail/ { print kind "\t" name; over = 0 }' "$log" >"$work/tries"
+
+# print_output NAME: lines of what the last try of that test printed, each after "  | ".
+print_output() {
+  NAME=$1 awk -v most=16 '
+    /^[0-9]+\/[0-9]+ Test: / {
+      name = $0; sub(/^[0-9]+\/[0-9]+ Test: /, "", name)
+      ours = name == ENVIRON["NAME"]; inside = 0
+      if (ours) { count = 0; failure = 0 }
+    }
+    $0 == "<end of output>" { inside = 0 }
+    ours && inside > 1 { lines[++count] = $0; if (!failure && / Failure$/) failure = count }
+    ours && inside == 1 { inside = 2 }  # the line under "Output:"
+    ours && /^Output:$/ && !inside { inside = 1 }
+    END {
+      first = failure ? failure : count - most + 1
+      for (i = first; i < first + most; ++i) if (i in lines && i <= count) print "  | " substr(lines[i], 1, 300)
+    }' "$log"
+}
 
 # holds WHEN: as tests/allowed_skips.txt says.
 holds() {
@@ -86,7 +106,11 @@ while IFS=$tab read -r result name; do
         ! grep -qxF "clean$tab$name" "$work/tries" || echo "REPEATED: $name failed, and passed when it was repeated"
       fi
       ;;
-    failed) failed=$((failed + 1)) ;;
+    failed)
+      failed=$((failed + 1))
+      echo "FAILED: $name"
+      print_output "$name"
+      ;;
     skipped)
       if find_reason "$name"; then
         skipped=$((skipped + 1))

@@ -75,7 +75,7 @@ read_report sanitized
 expect 0 "1 too slow then" $'\n1 passed, 0 failed, 1 skipped'
 { case_of good run; case_of a_Suite.X notrun "Unable to find executable"; case_of "a&amp;b" fail; } | report
 read_report
-expect 1 $'\n1 passed, 2 failed'
+expect 1 "FAILED: a_Suite.X" $'FAILED: a&b\n' $'\n1 passed, 2 failed'
 case_of a_Suite.X notrun SKIP_RETURN_CODE=77 | report
 read_report
 expect 1 "No test passed" $'\n0 passed, 0 failed, 1 skipped'
@@ -88,6 +88,20 @@ expect 0 "REPEATED: late failed" $'\n3 passed, 0 failed'
 { try_of leaky Failed "1==ERROR: LeakSanitizer: detected"; try_of leaky Passed ""; } >>log.txt
 read_report
 expect 1 "REPEATED: late failed" "FAILED: leaky passed when it was repeated" $'\n2 passed, 1 failed'
+# What a test printed that failed: its last try, from GoogleTest's "Failure" on, or the last lines.
+{ case_of good run; case_of bad fail; case_of worse fail; } | report
+{
+  try_of bad Failed "of the first try"
+  try_of bad Failed "$(seq 100 130; echo 'a.cc:7: Failure'; seq 1 30)"
+  try_of good Passed "said by good"
+  try_of worse Failed "$(seq 201 230)"
+} >log.txt
+read_report
+expect 1 $'\nFAILED: bad\n  | a.cc:7: Failure\n  | 1\n*  | 15\nFAILED: worse\n  | 215\n*  | 230\n1 passed, 2 failed'
+for text in "  | 16"$'\n' "  | 130" "of the first try" "said by good"; do
+  [[ $printed != *"$text"* ]] || expect 1 "nothing else than that"
+done
+try_of x Passed "" >log.txt
 
 # The list itself.
 case_of good run | report
@@ -139,8 +153,9 @@ expect 0 $'one two * passed * 3 * 0 * 2 *\nbuild * passed * - * - * -*\nmore * p
   "Every part ran and passed."
 [[ $printed == *$'\n7 passed, 0 failed, 2 skipped' ]] || expect 0 "the closing line at the end"
 
-parts limit=30 'part one 1 false' 'part two 1 ./says "3 passed, 0 failed"' 'part three 1 sh -c "./says \"3 passed, 2 failed\"; exit 8"'
-expect 1 $'\none * FAILED *\ntwo * passed *\nthree * FAILED *' "no issue may be closed" $'\n6 passed, 3 failed, 0 skipped'
+parts limit=30 'part one 1 false' 'part two 1 ./says "3 passed, 0 failed"' \
+  'part three 1 sh -c "./says \"FAILED: x\" \"  | too late\" \"3 passed, 2 failed\"; exit 8"'
+expect 1 $'\none * FAILED *\ntwo * passed *\nthree * FAILED *' $'\nthree: FAILED: x\n  | too late\n' "no issue may be closed" $'\n6 passed, 3 failed, 0 skipped'
 
 parts limit=2 'part one 1 ./says "3 passed, 0 failed"' 'part two 1 ./hangs two.pid' 'part three 1 true'
 expect 1 $'\none * passed *\ntwo * TIMED OUT *\nthree * NOT RUN *' "no issue may be closed" $'\n3 passed, 1 failed, 0 skipped'

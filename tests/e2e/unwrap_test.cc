@@ -1,5 +1,7 @@
 // `planish unwrap` with a private server: the first minutes of a newcomer, good and bad.
 #include <signal.h>
+#include <sys/resource.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -302,22 +304,42 @@ TEST_F(UnwrapTest, KilledCommandTakesItsServerAlong) {
   EXPECT_TRUE(WaitUntil([&] { return StateOf(servers[0]) == '?' || StateOf(servers[0]) == 'Z'; }, 5));
 }
 
-// Beside starting and ending the program, which loads all its libraries.
+// CPU seconds of this process and of those it waited for.
+double CpuSeconds() {
+  double seconds = 0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage used{};
+    getrusage(who, &used);
+    for (const timeval& part : {used.ru_utime, used.ru_stime}) seconds += part.tv_sec + 1e-6 * part.tv_usec;
+  }
+  return seconds;
+}
+
+// Beside starting and ending the program, which loads all its libraries. The least of several tries: what runs beside
+// this test can only add. It adds more to the time on the clock, in which several processes take turns.
 TEST_F(UnwrapTest, PrivateServerCostsLittle) {
   if (kSanitized) GTEST_SKIP() << "a time limit says nothing about instrumented code";
-  double serving = 1e9, starting = 1e9;
+  struct Cost {
+    double cpu_seconds = 1e9;
+    double seconds = 1e9;
+  };
+  const auto measure = [](Cost& least, const auto& action) {
+    const double cpu = CpuSeconds(), start = Now();
+    action();
+    least = {std::min(least.cpu_seconds, CpuSeconds() - cpu), std::min(least.seconds, Now() - start)};
+  };
+  Cost serving, starting;
   for (int i = 0; i < 7; ++i) {
-    double start = Now();
-    {
+    measure(serving, [] {
       const PrivateServer server(ServerOptions(1));
       EXPECT_EQ(Client(server.target()).GetCapabilities().workers, 1);
-    }
-    serving = std::min(serving, Now() - start);
-    start = Now();
-    ASSERT_EQ(Process({PLANISHD_COMMAND, "--version"}).Wait().exit_code, 0);
-    starting = std::min(starting, Now() - start);
+    });
+    measure(starting, [] { EXPECT_EQ(Process({PLANISHD_COMMAND, "--version"}).Wait().exit_code, 0); });
   }
-  EXPECT_LT(serving, 4 * starting);
+  EXPECT_LT(serving.cpu_seconds, 5 * starting.cpu_seconds);  // 3.0 to 3.3 when this was written
+  EXPECT_LT(serving.seconds, 20 * starting.seconds);         // nobody waits for a fixed time
+  RecordProperty("ratio", std::to_string(serving.cpu_seconds / starting.cpu_seconds));
+  RecordProperty("wall", std::to_string(serving.seconds / starting.seconds));
 }
 
 TEST(VersionTest, OfBothSides) {
