@@ -523,7 +523,7 @@ TEST(ClientUnreachable, RefusedConnectionFailsAtOnce) {
       EXPECT_THAT(error.what(), HasSubstr(target));
     }
   }
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
 }
 
 TEST(ClientUnreachable, SilentPeerFailsWithinTheConnectTimeout) {
@@ -532,7 +532,7 @@ TEST(ClientUnreachable, SilentPeerFailsWithinTheConnectTimeout) {
   const auto start = std::chrono::steady_clock::now();
   // 192.0.2.0/24 is reserved for documentation: packets to it go nowhere, or are refused on the way.
   EXPECT_THROW(Client("192.0.2.1:50051", options).GetCapabilities(), Error);
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
 }
 
 }  // namespace

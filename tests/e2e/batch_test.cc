@@ -216,7 +216,7 @@ TEST_F(BatchTest, SecondCtrlCLeavesAtOnce) {
   const double second = Now();
   command.Signal(SIGINT);
   EXPECT_EQ(command.Wait().exit_code, 130);
-  EXPECT_LT(Now() - second, 1);
+  EXPECT_LT(Now() - second, 5) << "the server is stopped and would be waited for without end";
   kill(server.pid(), SIGCONT);
 }
 

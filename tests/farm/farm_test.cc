@@ -19,6 +19,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
+// Callers of a front that was killed go on at another within 2 s. On a busy machine that may take longer, and does with
+// sanitizers.
+constexpr double kLongestGapSeconds = kSanitized ? 10 : 5;
+
 TEST_F(FarmTest, AJobOfOneFrontIsSeenAtAnother) {
   StartWorker("w");
   StartFront("a");
@@ -68,7 +72,7 @@ TEST_F(FarmTest, AFrontThatIsKilledCostsItsCallersASecondOrTwo) {
   daemons_[has]->Signal(SIGKILL);
   daemons_[has]->Wait();
   EXPECT_TRUE(WaitUntil([&] { return heard.Silence(killed) < 1e9; }));
-  EXPECT_LT(heard.Silence(killed), kSanitized ? 10 : 2);
+  EXPECT_LT(heard.Silence(killed), kLongestGapSeconds);
   // So does one that ends in order.
   StartFront(has);
   ASSERT_TRUE(WaitUntil([&] { return daemons_[has]->IsRunning(); }));
@@ -105,7 +109,7 @@ TEST_F(FarmTest, AFrontThatIsKilledCostsJavaScriptASecondOrTwoToo) {
   daemons_[has]->Wait();
   const std::size_t before = heard();
   EXPECT_TRUE(WaitUntil([&] { return heard() > before; }));
-  EXPECT_LT(Now() - killed, kSanitized ? 10 : 2);
+  EXPECT_LT(Now() - killed, kLongestGapSeconds);
   Client client = ClientOf("proxy");
   EXPECT_EQ(client.ListJobs().size(), 1u) << "the same job";
   client.StopJob(job);
