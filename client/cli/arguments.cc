@@ -59,6 +59,7 @@ std::string CheckAtlas(const UnwrapOptions& options) {
 
 // "For example: planish unwrap in.stl -o in_uv.obj (or -o - for stdout)"
 std::string OutputExample(const std::string& command, const std::string& input) {
+  if (input == "-") return "For example: planish " + command + " - -o out.obj (or -o - for stdout)";
   const std::size_t dot = std::min(input.rfind('.'), input.size());
   const std::string extension = input.substr(dot);
   return "For example: planish " + command + " " + input + " -o " + input.substr(0, dot) + "_uv" +
@@ -70,10 +71,20 @@ bool IsDirectory(const std::string& path) {
   return std::filesystem::is_directory(path, ignored);
 }
 
+// The names of all input files and directories.
+std::vector<std::string> Inputs(const Arguments& arguments) {
+  std::vector<std::string> inputs = {arguments.input};
+  inputs.insert(inputs.end(), arguments.more_inputs.begin(), arguments.more_inputs.end());
+  return inputs;
+}
+
 // What a batch cannot do; empty if all is well.
 std::string CheckBatch(const Arguments& arguments) {
   if (arguments.output.empty()) return "where should the results go? A batch needs -o DIRECTORY/";
   if (arguments.output == "-") return "-o - takes one mesh; a batch needs -o DIRECTORY/";
+  for (const std::string& input : Inputs(arguments)) {
+    if (input == "-") return "- (standard input) is one mesh, and cannot be one of a batch";
+  }
   if (!arguments.picture.empty() || !arguments.preview.empty() || !arguments.report.empty()) {
     return "--picture, --preview and --report draw one mesh; in a batch there is no telling which";
   }
@@ -85,8 +96,7 @@ std::string CheckBatch(const Arguments& arguments) {
 
 // What has to do with several files.
 std::string CheckInputs(Arguments& arguments) {
-  std::vector<std::string> inputs = {arguments.input};
-  inputs.insert(inputs.end(), arguments.more_inputs.begin(), arguments.more_inputs.end());
+  const std::vector<std::string> inputs = Inputs(arguments);
   const auto directory = std::find_if(inputs.begin(), inputs.end(), IsDirectory);
   if (arguments.one_atlas) {
     if (directory != inputs.end()) return "--one-atlas takes files; " + *directory + " is a directory";
@@ -107,9 +117,15 @@ std::string CheckTogether(Arguments& arguments) {
   if (arguments.command == Command::kUnwrap) {
     if (const std::string problem = CheckInputs(arguments); !problem.empty()) return problem;
   }
+  const std::vector<std::string> inputs = Inputs(arguments);
+  const auto streams = std::count(inputs.begin(), inputs.end(), "-");
+  if (streams > 1 || (streams == 1 && arguments.check.all_texcoords)) {
+    return std::string("- (standard input) can be read once only") +
+           (streams == 1 ? "; --texcoord=all reads a file once for each set of UV" : "");
+  }
   const bool judges_several = arguments.command == Command::kCheck && !arguments.more_inputs.empty();
   if (arguments.texcoord > 0 && !judges_several && !arguments.batch && !arguments.input.empty() &&
-      !IsGltf(arguments.input)) {
+      !IsStream(arguments.input) && !IsGltf(arguments.input)) {
     return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
            " is no glTF; other formats have one set of UV, number 0";
   }

@@ -66,7 +66,7 @@ class CheckRun {
  private:
   static bool HasSets(const std::string& path) {
     const std::optional<MeshFormat> format = FormatOfPath(path);
-    return format == MeshFormat::kGltf || format == MeshFormat::kGlb;
+    return IsStream(path) || format == MeshFormat::kGltf || format == MeshFormat::kGlb;
   }
   bool IsSeveral() const { return !arguments_.more_inputs.empty() || arguments_.check.all_texcoords; }
 

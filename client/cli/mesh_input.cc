@@ -42,11 +42,6 @@ const Part& PartOf(const std::vector<Part>& parts, std::int64_t Part::*first, st
   return *(behind - 1);
 }
 
-// Devices and the like: their names say nothing about a format.
-bool HasNoFormat(const std::string& out) {
-  return out == "-" || out.starts_with("/dev/") || out.starts_with("/proc/self/fd/");
-}
-
 }  // namespace
 
 MeshInput::MeshInput(const std::vector<std::string>& paths, int texcoord) {
@@ -255,13 +250,16 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoo
   std::vector<OutputOptions> outputs;
   std::set<std::string> names;
   for (const Part& part : parts_) {
+    if (is_directory && part.file.path == kStandardInput) {
+      throw unsupported("-o " + out + ": what comes from standard input has no name; give -o a file");
+    }
     OutputOptions output;
     output.path = OutputPath(part, out, is_directory);
     output.texcoord = texcoord;
     if (!names.insert(output.path).second) {
       throw unsupported("two of the files would both become " + output.path + "; give them different names");
     }
-    if (HasNoFormat(output.path)) {
+    if (IsStream(output.path)) {
       output.format = part.file.format == MeshFormat::kStl ? MeshFormat::kObj : part.file.format;
     } else if (const std::optional<MeshFormat> format = FormatOfPath(output.path)) {
       output.format = *format;
@@ -326,7 +324,7 @@ void WriteOutput(const std::string& path, const std::string& bytes) {
 }
 
 void CheckOutput(const std::string& path) {
-  if (HasNoFormat(path)) return;
+  if (IsStream(path)) return;
   const std::filesystem::path directory = std::filesystem::absolute(path).parent_path();
   if (access(directory.c_str(), W_OK) == 0) return;
   throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE",

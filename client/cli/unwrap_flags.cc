@@ -106,7 +106,9 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   CLI::App& unwrap = *app.add_subcommand("unwrap", "Flatten a mesh and write it with UV");
   unwrap.parse_complete_callback([&arguments] { arguments.command = Command::kUnwrap; });
   unwrap.footer(kUnwrapExamples);
-  unwrap.add_option("IN", arguments.input, "Mesh file: .obj, .ply, .off, .stl, .gltf, .glb or .drc; or a directory")
+  unwrap
+      .add_option("IN", arguments.input,
+                  "Mesh file: .obj, .ply, .off, .stl, .gltf, .glb or .drc; - for stdin; or a directory")
       ->required()
       ->type_name("");
   unwrap.add_option("MORE", arguments.more_inputs, "Further files and directories: a batch; OUT is a directory then")

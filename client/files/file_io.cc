@@ -91,7 +91,9 @@ absl::StatusOr<std::string> ReadAll(const std::string& path, int descriptor, std
 
 absl::StatusOr<std::string> Read(const std::string& path, bool regular_only, std::size_t limit) {
   // A FIFO that nobody writes to must not hold us up before we know what it is.
-  const Descriptor descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC | (regular_only ? O_NONBLOCK : 0)));
+  const Descriptor descriptor(path == "-"
+                                  ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
+                                  : ::open(path.c_str(), O_RDONLY | O_CLOEXEC | (regular_only ? O_NONBLOCK : 0)));
   if (descriptor.value() < 0) return FileUnreadable(path, "cannot open", errno);
   struct stat status;
   if (::fstat(descriptor.value(), &status) != 0) return FileUnreadable(path, "cannot open", errno);

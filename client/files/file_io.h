@@ -22,7 +22,7 @@ absl::Status FileUnwritable(const std::string& path, const std::string& message,
 // `token` in quotation marks, fit for a terminal: cut off after 40 bytes, unprintable bytes as '?'.
 std::string Quoted(std::string_view token);
 
-// Everything up to the end of the file, be it a pipe. Errors: FileUnreadable().
+// Everything up to the end of the file, be it a pipe; "-" is stdin. Errors: FileUnreadable().
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path);
 
 // The first `size` bytes of a regular file, or all of a shorter one: what another file claims about it is not believed,

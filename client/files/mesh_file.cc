@@ -1,12 +1,18 @@
 #include "client/files/mesh_file.h"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <new>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "absl/strings/ascii.h"
 #include "client/files/file_io.h"
@@ -60,16 +66,30 @@ absl::Status CheckPolygons(const PolygonMesh& mesh) {
 
 absl::StatusOr<MeshFile> ReadMeshFileOrThrow(const std::string& path, const ReadOptions& options) {
   MeshFile file;
-  file.path = path;
-  const std::optional<MeshFormat> format = FormatOfPath(path);
+  file.path = path == "-" ? kStandardInput : path;
+  if (path == "-" && isatty(STDIN_FILENO) == 1) {
+    return MakeError(absl::StatusCode::kUnavailable, "FILE_UNREADABLE",
+                     file.path + ": is a terminal; pipe a mesh into it, or name a file", {{"path", file.path}});
+  }
+  std::optional<MeshFormat> format = FormatOfPath(path);
   // What is not there is told first: the wrong name is the likelier mistake.
-  PLANISH_ASSIGN_OR_RETURN(file.bytes, format ? ReadWholeFile(path) : ReadFileStart(path, 0));
+  const bool is_stream = !format && IsStream(path);
+  PLANISH_ASSIGN_OR_RETURN(file.bytes, format || is_stream ? ReadWholeFile(path) : ReadFileStart(path, 0));
+  if (is_stream) format = FormatOfBytes(file.bytes);
   if (!format) {
     return MakeError(absl::StatusCode::kInvalidArgument, "FILE_FORMAT_UNKNOWN",
-                     path + ": unknown file format: the name must end in .obj, .ply, .off, .stl, .gltf, .glb or .drc",
-                     {{"path", path}});
+                     file.path + ": unknown file format: " +
+                         (is_stream ? "it begins like no OBJ, PLY, OFF, STL, glTF, GLB or Draco file"
+                                    : "the name must end in .obj, .ply, .off, .stl, .gltf, .glb or .drc"),
+                     {{"path", file.path}});
   }
   file.format = *format;
+  if (is_stream && options.texcoord > 0 && file.format != MeshFormat::kGltf && file.format != MeshFormat::kGlb) {
+    return MakeError(absl::StatusCode::kInvalidArgument, "FILE_UNSUPPORTED",
+                     file.path + ": no glTF, so it has one set of UV, number 0, and none with number " +
+                         std::to_string(options.texcoord),
+                     {{"path", file.path}});
+  }
   PLANISH_RETURN_IF_ERROR(Parse(options, &file));
   PLANISH_RETURN_IF_ERROR(CheckPolygons(file.mesh));
   return file;
@@ -91,6 +111,38 @@ std::optional<MeshFormat> FormatOfPath(const std::string& path) {
   if (extension == ".gltf") return MeshFormat::kGltf;
   if (extension == ".glb") return MeshFormat::kGlb;
   if (extension == ".drc") return MeshFormat::kDraco;
+  return std::nullopt;
+}
+
+bool IsStream(const std::string& path) {
+  return path == "-" || path.starts_with("/dev/") || path.starts_with("/proc/self/fd/");
+}
+
+std::optional<MeshFormat> FormatOfBytes(std::string_view bytes) {
+  if (bytes.starts_with("glTF")) return MeshFormat::kGlb;
+  if (bytes.starts_with("DRACO")) return MeshFormat::kDraco;
+  // A binary STL may begin with anything, "solid" too: 80 bytes, the number of triangles, and 50 bytes for each.
+  std::uint32_t triangles = 0;
+  if (bytes.size() >= 84) std::memcpy(&triangles, bytes.data() + 80, sizeof triangles);
+  if (bytes.size() >= 84 && bytes.size() == 84 + std::uint64_t{50} * triangles) return MeshFormat::kStl;
+  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);  // the mark of UTF-8
+  // OFF may have comments before its keyword ("OFF", "STOFF", "COFF"), as OBJ has them before its elements.
+  for (std::size_t at = 0, end; at < bytes.size(); at = end) {
+    end = std::min(bytes.find_first_of("\r\n", at), bytes.size());
+    std::string_view line = bytes.substr(at, end - at);
+    end += end < bytes.size() ? 1 : 0;
+    line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
+    if (line.empty() || line.starts_with("#")) continue;
+    const std::string_view word = line.substr(0, line.find_first_of(" \t"));
+    if (word == "ply") return MeshFormat::kPly;
+    if (line.starts_with("{")) return MeshFormat::kGltf;
+    if (word == "solid") return MeshFormat::kStl;
+    if (word.ends_with("OFF")) return MeshFormat::kOff;
+    static constexpr std::array<std::string_view, 12> kElements = {"v", "vt", "vn", "vp", "f",      "l",
+                                                                   "p", "o",  "g",  "s",  "usemtl", "mtllib"};
+    if (std::find(kElements.begin(), kElements.end(), word) != kElements.end()) return MeshFormat::kObj;
+    return std::nullopt;
+  }
   return std::nullopt;
 }
 

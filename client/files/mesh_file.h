@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -17,8 +18,15 @@ enum class MeshFormat { kObj, kPly, kOff, kStl, kGltf, kGlb, kDraco };
 
 // By the end of the name, in any case: .obj, .ply, .off, .stl, .gltf, .glb, .drc.
 std::optional<MeshFormat> FormatOfPath(const std::string& path);
+// By what the file begins with; for STL also by its size, for OBJ by its lines. nullopt: none of these formats.
+std::optional<MeshFormat> FormatOfBytes(std::string_view bytes);
+// Whether `path` is "-" (stdin or stdout) or lies in /dev or /proc/self/fd: its name says nothing about a format.
+bool IsStream(const std::string& path);
 
 struct GltfMesh;  // client/files/gltf_mesh.h
+
+// MeshFile::path of what was read from "-".
+inline constexpr char kStandardInput[] = "standard input";
 
 struct MeshFile {
   std::string path;
@@ -34,7 +42,8 @@ struct ReadOptions {
 
 // Reads OBJ, PLY (ascii and binary), OFF (text), STL (ascii and binary; corners at exactly the same position become
 // one vertex), glTF 2.0 as .gltf and .glb (client/files/gltf_mesh.h; the buffers it refers to as well) and Draco data
-// (.drc). Polygons have three corners or more, indices are in range; positions may be NaN or infinite. Files that were
+// (.drc). Of a stream (IsStream) the bytes say which; "-" is stdin, which must not be a terminal (FILE_UNREADABLE).
+// Polygons have three corners or more, indices are in range; positions may be NaN or infinite. Files that were
 // cut off are refused wherever the format lets one tell. NOT_FOUND / PERMISSION_DENIED / UNAVAILABLE (anything else the
 // system says): FILE_UNREADABLE. INVALID_ARGUMENT: FILE_FORMAT_UNKNOWN; FILE_UNSUPPORTED (compression or references
 // that we cannot follow); FILE_MALFORMED, message "path:line: what is wrong" and metadata "line" where the fault has a

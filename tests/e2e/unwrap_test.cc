@@ -244,6 +244,44 @@ TEST_F(UnwrapTest, InspectNeedsNoServer) {
   EXPECT_EQ(Planish({"inspect", directory_.Path("missing.obj")}, nowhere).exit_code, 2);
 }
 
+// The mesh from standard input, which the bytes say the format of.
+TEST_F(UnwrapTest, FromStandardInput) {
+  const std::string obj = File("grid.obj", GridObj(4)), stl = File("grid.stl", GridStl(4));
+  const auto piped = [&](const std::string& from, const std::string& arguments) {
+    return Process({"/bin/sh", "-c", PLANISH_COMMAND " " + arguments + " <" + from},
+                   {.environment = {{"PLANISHD", PLANISHD_COMMAND}}, .without = "PLANISH"})
+        .Wait();
+  };
+  const Outcome direct = Planish({"unwrap", obj, "-o", "-", "--progress=none"});
+  ASSERT_EQ(direct.exit_code, 0) << direct.err;
+  Outcome run = piped(obj, "unwrap - -o - --progress=none");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(run.out, direct.out);
+  run = piped(stl, "unwrap - --progress=none -o " + directory_.Path("from_stl.obj"));
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(ReadFile(directory_.Path("from_stl.obj")), HasSubstr("\nvt "));
+  run = piped(directory_.Path("from_stl.obj"), "check -");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out, StartsWith("standard input: "));
+
+  run = piped(File("bad.obj", "v 0 0 0\nv 1 0 x\n"), "unwrap - -o -");
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.err, HasSubstr("standard input:2:"));
+  run = piped(File("no_mesh", "hello\n"), "unwrap - -o -");
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.err, HasSubstr("standard input: unknown file format"));
+  run = piped(obj, "check - --texcoord=1");
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.err, HasSubstr("standard input: no glTF"));
+  for (const std::string& arguments :
+       {"unwrap - -o " + directory_.Path(""), "unwrap - " + obj + " -o " + directory_.Path(""),
+        "report - - -o " + directory_.Path("r.html"), std::string("check - --texcoord=all")}) {
+    run = piped(obj, arguments);
+    EXPECT_EQ(run.exit_code, 2) << arguments;
+    EXPECT_THAT(run.err, HasSubstr("standard input")) << arguments;
+  }
+}
+
 TEST_F(UnwrapTest, BadUsageExitsWith2) {
   const std::string input = File("grid.obj", GridObj(4));
   EXPECT_EQ(Planish({"unwrap", input}).exit_code, 2);

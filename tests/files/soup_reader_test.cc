@@ -120,6 +120,26 @@ TEST(ReadMeshFile, FilesThatCannotBeRead) {
   EXPECT_THAT(std::string(unknown.status().message()), HasSubstr(".obj, .ply, .off, .stl, .gltf, .glb or .drc"));
 }
 
+TEST(FormatOfBytes, OfEveryFormat) {
+  EXPECT_EQ(FormatOfBytes(SampleObj()), MeshFormat::kObj);
+  EXPECT_EQ(FormatOfBytes("\xEF\xBB\xBF# a comment\r\n\r\n  mtllib a b.mtl\r\n"), MeshFormat::kObj);
+  EXPECT_EQ(FormatOfBytes(SamplePlyAscii()), MeshFormat::kPly);
+  EXPECT_EQ(FormatOfBytes(SamplePlyBinary(true)), MeshFormat::kPly);
+  EXPECT_EQ(FormatOfBytes(SampleOff()), MeshFormat::kOff);
+  EXPECT_EQ(FormatOfBytes("# v 1 2 3\nSTOFF\n3 1 0\n"), MeshFormat::kOff);
+  EXPECT_EQ(FormatOfBytes(SampleStlAscii()), MeshFormat::kStl);
+  std::string binary = SampleStlBinary();
+  EXPECT_EQ(FormatOfBytes(binary), MeshFormat::kStl);
+  binary.replace(0, 5, "v 1 2");  // its head may say anything
+  EXPECT_EQ(FormatOfBytes(binary), MeshFormat::kStl);
+  EXPECT_EQ(FormatOfBytes(" \n{\"asset\": {}}"), MeshFormat::kGltf);
+  EXPECT_EQ(FormatOfBytes("glTF\2"), MeshFormat::kGlb);
+  EXPECT_EQ(FormatOfBytes("DRACO\2\2"), MeshFormat::kDraco);
+  for (const char* text : {"", "\n# nothing\n", "vertex 1 2 3\n", "; FBX 7.3.0 project file\n"}) {
+    EXPECT_EQ(FormatOfBytes(text), std::nullopt) << text;
+  }
+}
+
 TEST(PlyReader, SkipsWhatItDoesNotNeed) {
   const std::string text =
       "ply\rformat ascii 1.0\robj_info x\relement camera 2\rproperty list int float ray\rproperty int id\r"
