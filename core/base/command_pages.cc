@@ -184,8 +184,9 @@ std::string Help(const Command& command, bool is_short) {
   }
   if (!is_short) return command.footer.empty() ? out : out + "\n" + Footer(command.footer);
   if (left_out == 0 && command.footer.empty()) return out;
-  out += "\n" + command.title + " --help says more";
-  return out + (left_out == 0 ? ".\n" : ", with " + std::to_string(left_out) + " more flags: " + names + ".\n");
+  std::string more = command.title + " --help says more";
+  if (left_out > 0) more += ", with " + std::to_string(left_out) + " more flags: " + names;
+  return out + "\n" + Wrapped(more + ".", 0);
 }
 
 // ---- Man page

@@ -75,6 +75,20 @@ TEST(ManPages, HaveEveryFlagOfEveryCommand) {
   EXPECT_GE(commands, 13);
 }
 
+TEST(Help, HasLinesOf100ColumnsAtMost) {
+  std::vector<std::string> waiting = {PLANISH_COMMAND, PLANISHD_COMMAND};
+  while (!waiting.empty()) {
+    const std::string program = waiting.back();
+    waiting.pop_back();
+    for (const char* flag : {" -h", " --help"}) {
+      std::istringstream lines(RunShell(program + flag).out);
+      for (std::string line; std::getline(lines, line);)
+        EXPECT_LE(line.size(), 100u) << program << flag << "\n" << line;
+    }
+    for (const std::string& name : Subcommands(program)) waiting.push_back(program + " " + name);
+  }
+}
+
 TEST(ManPages, AreRightToMan) {
   if (RunShell("man --version >/dev/null 2>&1").exit_code != 0) GTEST_SKIP() << "man is not installed";
   for (const std::string page : {"planish.1", "planishd.8"}) {
