@@ -7,6 +7,14 @@ skip() {
   exit 77
 }
 
+# Copies files into the current directory. Each comes in one step, since another test may be reading the one that is there.
+#   put FILE...
+put() {
+  for file in "$@"; do
+    cp "$file" "$(basename "$file").$$" && mv "$(basename "$file").$$" "$(basename "$file")" || exit
+  done
+}
+
 # Copies package.json and package-lock.json of a directory into another one, makes that the current one and installs
 # what they name, unless it is there.
 #   install_packages FROM INTO
@@ -15,8 +23,8 @@ install_packages() {
   command -v npm >/dev/null || skip "npm is not installed"
   [ "$(node -p 'process.versions.node.split(".")[0]')" -ge 18 ] || skip "node $(node --version) is older than 18"
   mkdir -p "$2"
-  cp "$1"/package.json "$1"/package-lock.json "$2"
   cd "$2" || exit
+  put "$1"/package.json "$1"/package-lock.json
   if cmp -s package-lock.json node_modules/.installed-lock; then return; fi
   if ! npm ci --ignore-scripts --no-audit --no-fund --prefer-offline --fetch-retries=1 >npm.log 2>&1; then
     cat npm.log

@@ -10,5 +10,5 @@ export PLANISH="$2" PLANISHD="$3" PLANISH_TEST_DATA="$4"
 CHROMIUM=$(command -v chromium) || skip "chromium is not installed"
 export CHROMIUM
 install_packages "$here" "$1"
-cp "$here"/*.mjs .
+put "$here"/*.mjs
 exec node --test --test-concurrency=1 page.test.mjs

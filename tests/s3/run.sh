@@ -13,6 +13,6 @@ mkdir -p "$1"
 exec 9>"$1/lock"
 flock 9
 install_packages "$here" "$1"
-cp "$here"/s3_server.mjs .
+put "$here"/s3_server.mjs
 exec 9<&-
 exec setpriv --pdeathsig KILL node s3_server.mjs "$data"

@@ -124,7 +124,8 @@ class S3Place : public StorePlace {
     static int places = 0;
     options_.s3 = Server().Options();
     options_.s3.prefix = "some where/" + std::to_string(++places);
-    // The server answers with 500 for as long as it takes it to remove what it copies.
+    // The server answers with 500 for as long as it takes it to remove what it copies or reads.
+    options_.s3.attempts = S3Options().attempts;
     options_.s3.first_delay = absl::Milliseconds(20);
   }
 

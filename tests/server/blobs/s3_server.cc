@@ -1,5 +1,6 @@
 #include "tests/server/blobs/s3_server.h"
 
+#include <cstdio>
 #include <stdexcept>
 
 namespace planish {
@@ -18,7 +19,9 @@ S3Server::S3Server() {
   // The packages may have to be fetched first.
   if (process_->WaitForErr("port ", 120)) {
     const std::string said = process_->Err();
-    port_ = std::stoi(said.substr(said.find("port ") + 5));
+    if (std::sscanf(said.c_str() + said.find("port "), "port %d", &port_) != 1) {
+      throw std::runtime_error("no S3 server: " + said);
+    }
     return;
   }
   const Outcome outcome = process_->Wait();
