@@ -9,6 +9,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/client/fake_server.h"
+#include "tests/testing/process.h"
 
 namespace planish {
 namespace {
@@ -389,8 +390,7 @@ class ClientCancelTest : public ClientTest {
 
   // A call that is cancelled may end before the server has noticed.
   bool ServerNoticesCancel() const {
-    for (int i = 0; i < 5000 && !cancelled_; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return cancelled_;
+    return WaitUntil([this] { return cancelled_.load(); });
   }
 
   std::promise<void> started_;

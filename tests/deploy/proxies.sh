@@ -32,18 +32,23 @@ fail() {
   done
   exit 1
 }
-# Sets $1 to a port that nobody has now, and that was not given out before.
+# Sets $1 to a port that nobody has now, that was not given out before, and that the kernel gives to nobody: it is below
+# the range from which connections get theirs.
 given=" "
 port() {
+  left=20
   while :; do
-    : >port.txt  # what is read below must not be the one before
-    "$bin/planishd" --listen=127.0.0.1:0 --isolation=thread >port.txt 2>&1 &
+    found=$(shuf -i 10000-30000 -n 1)
+    case $given in *" $found "*) continue ;; esac
+    : >port.txt  # what is read below must not be of the one before
+    "$bin/planishd" --listen=127.0.0.1:"$found" --isolation=thread >port.txt 2>&1 &
     probe=$!
-    until grep -q "listens on 127" port.txt; do kill -0 $probe || fail "no port"; sleep 0.05; done
-    kill $probe
+    until grep -q "listens on 127" port.txt || ! kill -0 $probe 2>/dev/null; do sleep 0.05; done
+    kill $probe 2>/dev/null || true
     wait $probe || true
-    found=$(sed -n 's/.*listens on 127.0.0.1:\([0-9]*\).*/\1/p' port.txt)
-    case $given in *" $found "*) ;; *) break ;; esac
+    ! grep -q "listens on 127" port.txt || break
+    left=$((left - 1))
+    [ $left -gt 0 ] || fail "no port: $(cat port.txt)"
   done
   given="$given$found "
   eval "$1=$found"
@@ -73,7 +78,7 @@ fi
 (cd / && exec $as setpriv --pdeathsig=QUIT "$postgres/postgres" -D "$database/data" -k "$database" -c listen_addresses= \
   -c fsync=off >"$work/postgres.log" 2>&1) &
 pids="$pids $!"
-until_ok 20 "$postgres/pg_isready" -h "$database" -U planish -d postgres
+until_ok 60 "$postgres/pg_isready" -h "$database" -U planish -d postgres
 store="postgresql://planish@/postgres?host=$database"
 serve() {
   eval "listen=\$grpc$1 metrics=\$http$1"
@@ -82,7 +87,7 @@ serve() {
     --tls-client-auth=request --reattach-grace=30 >>"server$1.log" 2>&1 &
   eval "server$1=$!"
   pids="$pids $!"
-  until_ok 20 "$bin/planish" health "http://127.0.0.1:$metrics/readyz"
+  until_ok 60 "$bin/planish" health "http://127.0.0.1:$metrics/readyz"
 }
 serve 0
 serve 1
@@ -113,7 +118,7 @@ nginx)
   ;;
 esac
 export PLANISH_SERVER="localhost:$front" PLANISH_TLS_CA="$work/tls/ca.pem" PLANISH_TOKEN_FILE="$work/tls/token"
-until_ok 20 "$bin/planish" version
+until_ok 60 "$bin/planish" version
 planish() {
   "$bin/planish" "$@" 2>>client.log
 }
@@ -156,7 +161,7 @@ planish jobs cancel "$job" >/dev/null || fail "jobs cancel $job"
 # A front that is killed while somebody waits for a job through it: the client goes on at the other one.
 "$bin/planish" unwrap "$spot" -o attached.obj --fresh --max-stretch=1.02 --progress=json 2>events.txt >/dev/null &
 client=$!
-until_ok 20 grep -q '"job": *"jobs/' events.txt
+until_ok 60 grep -q '"job": *"jobs/' events.txt
 job=$(sed -n 's#.*"\(jobs/[0-9a-f]*\)".*#\1#p' events.txt | head -n 1)
 victim=0
 grep -q "$job QUEUED" server1.log && victim=1
@@ -172,7 +177,7 @@ if [ "$proxy" = haproxy ]; then
   lines=$(wc -l <proxy.log)
   is_down() { tail -n +$((lines + 1)) proxy.log | grep -q 'fronts/front-0 is DOWN'; }
   "$bin/planish" admin drain --server="localhost:$grpc0" 2>>client.log >/dev/null || fail "admin drain"
-  until_ok 20 is_down
+  until_ok 60 is_down
   for i in 1 2 3; do planish unwrap "$spot" --detach --seams=none >>after.txt || fail "a job while one drains"; done
 fi
 echo ok

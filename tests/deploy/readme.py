@@ -5,6 +5,7 @@
 """
 
 import os
+import random
 import re
 import shutil
 import signal
@@ -24,9 +25,15 @@ def fail(message):
 
 
 def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    """Below the ports that the kernel gives out: nobody takes it by accident."""
+    while True:
+        port = random.randint(10_000, 30_000)
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return port
 
 
 def wait_for(port):

@@ -68,7 +68,7 @@ class Faults : public ::testing::Test {
   }
 
   void WaitForState(const std::string& name, v1::JobState state) {
-    WaitUntil([&] { return Get(name).state() == state; }, 5);
+    WaitUntil([&] { return Get(name).state() == state; });
   }
 
   // A job whose worker hangs at `point`.

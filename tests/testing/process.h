@@ -63,7 +63,7 @@ std::vector<pid_t> ChildrenOf(pid_t pid);
 // The letter of /proc/PID/stat: 'Z' for one that is dead and not waited for. '?' if there is no such process.
 char StateOf(pid_t pid);
 
-// A TCP port of loopback that was free a moment ago.
+// A TCP port of loopback that nobody has, and nobody gets who does not ask for that number.
 int FreePort();
 
 // Monotonic seconds.

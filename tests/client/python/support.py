@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import random
 import signal
 import socket
 import subprocess
@@ -100,7 +101,16 @@ class Server:
         if said != b"ready\n":
             raise AssertionError(f"planishd said {said!r}")
 
+    def stop_workers(self):
+        """No job makes progress any more, until kill()."""
+        workers = children(None, self._process.pid)
+        if not workers:
+            raise AssertionError("planishd has no workers")
+        for worker in workers:
+            os.kill(worker, signal.SIGSTOP)
+
     def kill(self):
+        """With its workers, which end with it."""
         os.kill(self._process.pid, signal.SIGKILL)
         self._process.wait()
         self._supervisor.close()
@@ -123,9 +133,15 @@ def secure_server(directory):
 
 
 def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    """That nobody has, and nobody gets who does not ask for that number: it is below those that the kernel gives out."""
+    while True:
+        port = random.randint(10_000, 30_000)
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return port
 
 
 def run_python(code, *arguments, **more):
@@ -138,8 +154,8 @@ def run_python(code, *arguments, **more):
     return done.stdout
 
 
-def children(program="planishd"):
-    """Process ids of the programs of that name that this process has started and not lost."""
+def children(program="planishd", parent=None):
+    """Process ids of the programs of that name, or of all (None), that `parent`, or this process, has started and not lost."""
     found = []
     for entry in pathlib.Path("/proc").iterdir():
         if not entry.name.isdigit():
@@ -148,6 +164,6 @@ def children(program="planishd"):
             name, _, rest = (entry / "stat").read_text().partition("(")[2].rpartition(")")
         except OSError:
             continue  # it has ended meanwhile
-        if name == program and int(rest.split()[1]) == os.getpid():
+        if program in (None, name) and int(rest.split()[1]) == (parent or os.getpid()):
             found.append(int(entry.name))
     return sorted(found)

@@ -34,7 +34,8 @@ class Asyncio(unittest.IsolatedAsyncioTestCase):
     async def test_hundred_at_a_time(self):
         # The queue has room for 16: the others wait at the pace that the server asks for.
         server = self.start("--queue=16")
-        async with planish.AsyncClient(server.target) as client:
+        patient = planish.RetryPolicy(queue_full_wait_seconds=600)
+        async with planish.AsyncClient(server.target, retry=patient) as client:
             results = await asyncio.gather(*(client.unwrap(*small_mesh(i)) for i in range(100)))
             self.check(results)
             one = await client.unwrap(*small_mesh(0))
@@ -43,26 +44,36 @@ class Asyncio(unittest.IsolatedAsyncioTestCase):
 
     async def test_server_killed_under_them(self):
         with tempfile.TemporaryDirectory() as data:
-            server = self.start(f"--data-dir={data}", "--queue=100", "--reattach-grace=30")
-            done, retries = [], []
+            server = self.start(f"--data-dir={data}", "--queue=100", "--reattach-grace=60")
+            done, accepted, retries = [], set(), []
 
             async def unwrap(client, i):
-                result = await client.unwrap(*small_mesh(i), on_retry=lambda error, seconds: retries.append(error))
+                result = await client.unwrap(
+                    *small_mesh(i),
+                    on_event=lambda _: accepted.add(i),
+                    on_retry=lambda error, seconds: retries.append(error),
+                )
                 done.append(i)
                 return result
 
             async with planish.AsyncClient(server.target) as client:
-                tasks = [asyncio.ensure_future(unwrap(client, i)) for i in range(100)]
-                while len(done) < 10:
-                    await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED, timeout=0.01)
+                tasks = [asyncio.ensure_future(unwrap(client, i)) for i in range(10)]
+                await asyncio.gather(*tasks)
+                # However slow or fast this process is, none of the others ends before the server is killed.
+                server.stop_workers()
+                tasks += [asyncio.ensure_future(unwrap(client, i)) for i in range(10, 100)]
+                while len(accepted) < 55:
+                    ended, _ = await asyncio.wait(tasks[10:], timeout=0.01)
+                    for task in ended:
+                        task.result()  # none should have one: this raises what went wrong
                 server.kill()
-                self.assertLess(len(done), 100)
+                self.assertEqual(len(done), 10)
                 server.start()
                 self.check(await asyncio.gather(*tasks))
             self.assertTrue(any(error.code == "UNAVAILABLE" for error in retries))
 
     async def test_cancelled_task(self):
-        server = self.start()
+        server = self.start("--reattach-grace=10")  # should the last word of a client get lost
         async with planish.AsyncClient(server.target) as client:
             working = asyncio.Event()
             task = client.start_unwrap(

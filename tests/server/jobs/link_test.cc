@@ -179,7 +179,7 @@ class Frames : public ::testing::Test {
   // What is wrong; empty if the connection was not closed.
   std::string Fault() {
     Frame frame;
-    const FrameSocket::Wait wait = socket_->Receive(absl::Now() + absl::Seconds(5), &frame);
+    const FrameSocket::Wait wait = socket_->Receive(absl::Now() + absl::Seconds(60), &frame);
     return wait == FrameSocket::Wait::kClosed ? socket_->fault() : "";
   }
 
