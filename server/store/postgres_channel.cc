@@ -34,16 +34,12 @@ constexpr std::size_t kMostMessages = 16;  // that are sent at once; beyond them
 
 class PostgresChannel::Link {
  public:
-  explicit Link(const std::string& url) {
-    const std::array<const char*, 4> keys = {"connect_timeout", "application_name", "dbname", nullptr};
-    const std::array<const char*, 4> values = {"5", "planishd news", url.c_str(), nullptr};
-    connection_.reset(PQconnectdbParams(keys.data(), values.data(), /*expand_dbname=*/1));
-    PQsetNoticeProcessor(
-        connection_.get(), [](void*, const char*) {}, nullptr);
-  }
+  // Null: there is no connection.
+  explicit Link(PGconn* connection) : connection_(connection) {}
 
   // False if the connection is lost.
   bool Listen(bool listens) {
+    if (connection_ == nullptr) return false;
     if (listens == listens_) return true;
     if (Query(listens ? "LISTEN planish" : "UNLISTEN planish", nullptr) == nullptr) return false;
     listens_ = listens;
@@ -90,8 +86,8 @@ class PostgresChannel::Link {
   bool listens_ = false;
 };
 
-PostgresChannel::PostgresChannel(std::string url, bool must_hear, Listener listener)
-    : url_(std::move(url)),
+PostgresChannel::PostgresChannel(Connector connect, bool must_hear, Listener listener)
+    : connect_(std::move(connect)),
       must_hear_(must_hear),
       listener_(std::move(listener)),
       wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
@@ -181,7 +177,7 @@ void PostgresChannel::Run() {
   for (bool first = true;; first = false) {
     hears_ = false;
     if (!first && Wait(-1, kRetry)) return;
-    Link link(url_);
+    Link link(connect_());
     Clock::time_point free;  // when the next message may go
     while (link.Listen(ShouldListen())) {
       if (link.listens() && !hears_) listener_("*\n");  // before, this process did not hear

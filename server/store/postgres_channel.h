@@ -12,6 +12,8 @@
 #include <string_view>
 #include <thread>
 
+struct pg_conn;  // libpq's PGconn
+
 namespace planish {
 
 // Has a connection and a thread of its own. Messages are sent apart from transactions, since PostgreSQL lets only one
@@ -21,10 +23,13 @@ namespace planish {
 class PostgresChannel {
  public:
   using Listener = std::function<void(std::string_view message)>;
+  // A new connection, which becomes the channel's; null: there is none now.
+  using Connector = std::function<pg_conn*()>;
 
-  // `listener` hears of what others send, on the channel's thread, and of the line "*" whenever messages may have been
-  // lost: after a connection was made anew, and where too many came at once. `must_hear`: also where many listen.
-  PostgresChannel(std::string url, bool must_hear, Listener listener);
+  // `connect` is called on the channel's thread, as often as a connection is lost. `listener` hears of what others
+  // send, on the channel's thread, and of the line "*" whenever messages may have been lost: after a connection was
+  // made anew, and where too many came at once. `must_hear`: also where many listen.
+  PostgresChannel(Connector connect, bool must_hear, Listener listener);
   ~PostgresChannel();
   PostgresChannel(const PostgresChannel&) = delete;
   PostgresChannel& operator=(const PostgresChannel&) = delete;
@@ -56,7 +61,7 @@ class PostgresChannel {
   // False if the connection is lost.
   bool Send(Link* link);
 
-  const std::string url_;
+  const Connector connect_;
   const bool must_hear_;
   const Listener listener_;
   const int wake_;  // an eventfd

@@ -129,21 +129,33 @@ absl::StatusOr<std::vector<std::string>> ConnectionStrings(const PostgresOptions
 // writes, which would be lost. Thread-safe.
 class Primary {
  public:
-  // Whether a server of this cluster on this timeline may be used; remembers it if so.
-  absl::Status Admit(const std::string& cluster, std::int64_t timeline) {
+  // What a server says of itself: its cluster and its timeline.
+  struct Identity {
+    std::string cluster;
+    std::int64_t timeline = 0;
+  };
+
+  // Whether nobody was admitted yet.
+  bool IsUnknown() {
     const std::lock_guard lock(mutex_);
-    if (cluster_.empty()) cluster_ = cluster;
-    if (cluster != cluster_) {
-      return StoreUnavailable(
-          absl::StrCat("the database is another one (system identifier ", cluster, ") than before (", cluster_, ")"));
+    return cluster_.empty();
+  }
+
+  // Whether such a server may be used; remembers it if so.
+  absl::Status Admit(const Identity& found) {
+    const std::lock_guard lock(mutex_);
+    if (cluster_.empty()) cluster_ = found.cluster;
+    if (found.cluster != cluster_) {
+      return StoreUnavailable(absl::StrCat("the database is another one (system identifier ", found.cluster,
+                                           ") than before (", cluster_, ")"));
     }
-    if (timeline < timeline_) {
-      return StoreUnavailable(absl::StrCat("an old primary has come back (timeline ", timeline,
+    if (found.timeline < timeline_) {
+      return StoreUnavailable(absl::StrCat("an old primary has come back (timeline ", found.timeline,
                                            "; a standby was promoted "
                                            "to ",
                                            timeline_, "): it is not used. Stop it, or make it a standby"));
     }
-    timeline_ = timeline;
+    timeline_ = found.timeline;
     return absl::OkStatus();
   }
 
@@ -156,28 +168,34 @@ class Primary {
 
 class PostgresConnection : public SqlConnection {
  public:
-  // To the first of the hosts that `primary` admits.
+  // To the first of the hosts that `primary` admits. A process that has seen none yet looks at all of them, and begins
+  // with the one that was promoted last.
   static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::vector<std::string>& urls,
-                                                                  Primary* primary) {
+                                                                  Primary* primary, const char* name = "planishd") {
+    if (urls.size() > 1 && primary->IsUnknown()) {
+      Primary::Identity newest;
+      for (const std::string& url : urls) {
+        PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresConnection> connection, Open(url, name));
+        PLANISH_ASSIGN_OR_RETURN(const Primary::Identity found, connection->Identify());
+        if (found.timeline > newest.timeline) newest = found;
+      }
+      PLANISH_RETURN_IF_ERROR(primary->Admit(newest));
+    }
     absl::Status refused;
     for (const std::string& url : urls) {
-      PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<PostgresConnection> connection, Open(url));
-      PLANISH_ASSIGN_OR_RETURN(
-          const SqlRows rows,
-          connection->Run("SELECT CAST(system_identifier AS TEXT), substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8) "
-                          "FROM pg_control_system()",
-                          {}));
-      refused = primary->Admit(rows.Bytes(0, 0), std::strtoll(rows.Bytes(0, 1).c_str(), nullptr, 16));
+      PLANISH_ASSIGN_OR_RETURN(std::unique_ptr<PostgresConnection> connection, Open(url, name));
+      PLANISH_ASSIGN_OR_RETURN(const Primary::Identity found, connection->Identify());
+      refused = primary->Admit(found);
       if (refused.ok()) return connection;
     }
     return refused;
   }
 
-  static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::string& url) {
+  static absl::StatusOr<std::unique_ptr<PostgresConnection>> Open(const std::string& url, const char* name) {
     // What the URL says goes before these. A server that is gone without a word is noticed within some seconds.
     const std::array<const char*, 6> keys = {"connect_timeout", "tcp_user_timeout", "application_name",
                                              "client_encoding", "dbname",           nullptr};
-    const std::array<const char*, 6> values = {"5", "10000", "planishd", "UTF8", url.c_str(), nullptr};
+    const std::array<const char*, 6> values = {"5", "10000", name, "UTF8", url.c_str(), nullptr};
     std::unique_ptr<PostgresConnection> connection(
         new PostgresConnection(PQconnectdbParams(keys.data(), values.data(), /*expand_dbname=*/1)));
     PGconn* raw = connection->connection_.get();
@@ -192,6 +210,9 @@ class PostgresConnection : public SqlConnection {
         "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off"));
     return connection;
   }
+
+  // The connection itself, which is the caller's from now on.
+  PGconn* Release() { return connection_.release(); }
 
   bool IsGood() const { return PQstatus(connection_.get()) == CONNECTION_OK; }
   bool IsIdle() const { return PQtransactionStatus(connection_.get()) == PQTRANS_IDLE; }
@@ -265,6 +286,15 @@ class PostgresConnection : public SqlConnection {
   };
 
   explicit PostgresConnection(PGconn* connection) : connection_(connection) {}
+
+  absl::StatusOr<Primary::Identity> Identify() {
+    PLANISH_ASSIGN_OR_RETURN(
+        const SqlRows rows,
+        Run("SELECT CAST(system_identifier AS TEXT), substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8) "
+            "FROM pg_control_system()",
+            {}));
+    return Primary::Identity{rows.Bytes(0, 0), std::strtoll(rows.Bytes(0, 1).c_str(), nullptr, 16)};
+  }
 
   static SqlRows RowsOf(const Result& result) {
     SqlRows rows;
@@ -459,7 +489,12 @@ class PostgresDatabase : public SqlDatabase {
     if (channel_ != nullptr) channel_->Publish(message);
   }
   void Listen(std::function<void(std::string_view message)> listener) override {
-    channel_ = std::make_unique<PostgresChannel>(urls_.front(), must_hear_, std::move(listener));
+    const auto connect = [this]() -> PGconn* {
+      absl::StatusOr<std::unique_ptr<PostgresConnection>> opened =
+          PostgresConnection::Open(urls_, &primary_, "planishd news");
+      return opened.ok() ? (*opened)->Release() : nullptr;
+    };
+    channel_ = std::make_unique<PostgresChannel>(connect, must_hear_, std::move(listener));
   }
   void SetProcesses(int all, int must_hear) override {
     if (channel_ != nullptr) channel_->SetProcesses(all, must_hear);

@@ -155,7 +155,8 @@ struct PostgresOptions {
 
 // PostgreSQL 15 or later. Sets up and migrates the schema of JobStore, one process at a time. Any number of processes
 // may use it. A connection that is lost is made anew; no transaction-mode pooler between. Of several hosts in the URL
-// (target_session_attrs=read-write) the primary is used that was promoted last, as far as this process has seen.
+// (target_session_attrs=read-write) the primary is used that was promoted last, as far as this process has seen; at the
+// start it looks at all hosts.
 // INVALID_ARGUMENT if libpq cannot read the URL; FAILED_PRECONDITION with STORE_VERSION if the schema is of a newer
 // version of planish than the next one (sql_schema.h).
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const PostgresOptions& options);

@@ -200,7 +200,7 @@ TEST_F(FarmTest, AStandbyThatIsPromotedGoesOn) {
   Call call = client.StartUnwrap(slow_.View(), Slowly(), heard.Listen());
   ASSERT_TRUE(WaitUntil([&] { return heard.count() > 3; }));
   EXPECT_THAT(daemons_["a"]->Output(), HasSubstr("asynchronous")) << "it warns of what may be lost";
-  usleep(500'000);  // the standby has it all by then
+  postgres_->WaitForStandbys();
   postgres_->Crash();
   standby.Promote();
   const double promoted = Now();
@@ -213,6 +213,9 @@ TEST_F(FarmTest, AStandbyThatIsPromotedGoesOn) {
   call.Stop();
   call.Wait();
   EXPECT_EQ(heard.ends(), 1);
+  // A server that has seen neither of them chooses the new one, too.
+  StartFront("fresh");
+  EXPECT_EQ(ClientOf("fresh").ListJobs().size(), 6u);
   // All of it is at the new one.
   url_ = database + "?host=" + standby.host();
   StartFront("b");

@@ -67,6 +67,16 @@ void PostgresServer::SetSynchronous() {
   Run("psql", psql + "'SELECT pg_reload_conf()'");
 }
 
+void PostgresServer::WaitForStandbys() {
+  const std::string psql = "-h " + host() + " -U planish -d postgres -Atqc ";
+  std::string written = Run("psql", psql + "'SELECT pg_current_wal_insert_lsn()'");
+  written.resize(written.find_last_not_of('\n') + 1);
+  const std::string all_have = psql + "\"SELECT bool_and(replay_lsn >= '" + written + "') FROM pg_stat_replication\"";
+  if (!WaitUntil([&] { return Run("psql", all_have).starts_with("t"); }, 60)) {
+    throw std::runtime_error("the standby does not follow");
+  }
+}
+
 void PostgresServer::Promote() {
   Run("psql", "-h " + host() + " -U planish -d postgres -qc 'SELECT pg_promote()'");
 }

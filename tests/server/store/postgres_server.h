@@ -28,6 +28,8 @@ class PostgresServer {
   std::string host() const { return directory_.Path(); }
   // Commits wait for the standby from now on.
   void SetSynchronous();
+  // Until all standbys have what was written here before the call; throws std::runtime_error if they never do.
+  void WaitForStandbys();
   // Makes a standby the primary.
   void Promote();
   // From now on also over TCP, with TLS and this password only: "postgresql://planish@localhost:PORT". `certificates`
