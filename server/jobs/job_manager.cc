@@ -26,6 +26,12 @@ constexpr std::size_t kFullPageBytes = std::size_t{2} << 20;
 // Pieces of work that a transaction ends or takes over.
 constexpr int kSlice = 100;
 
+// How often all servers that share a store look together for jobs that are overdue and servers that are gone, and for
+// what was kept long enough.
+constexpr double kLooksPerSecond = 20;
+constexpr double kTidiesPerSecond = 5;
+constexpr absl::Duration kLeastLookInterval = absl::Milliseconds(100), kLeastTidyInterval = absl::Seconds(1);
+
 absl::Status ResultExpired(const std::string& name) {
   return MakeError(absl::StatusCode::kNotFound, "RESULT_EXPIRED",
                    absl::StrCat("the UV of ", name, " were dropped: the server keeps results for some time only"),
@@ -346,15 +352,20 @@ void JobManager::Tick() {
   if (suspended_) return;
   runner_.Tick();  // first, so that its own leases are not over
   callers_.Renew();
-  EndOverdue();
-  Reap();
+  if (const absl::Time now = context_.options.steady_clock(); now >= next_look_) {
+    next_look_ = now + context_.Pace(kLooksPerSecond, kLeastLookInterval);
+    EndOverdue();
+    Reap();
+  }
   feed_.Refresh();
   if (!context_.store.is_shared()) Tidy();
   CheckIdle();
 }
 
 void JobManager::Tidy() {
-  if (suspended_) return;
+  const absl::Time now = context_.options.steady_clock();
+  if (suspended_ || now < next_tidying_) return;
+  next_tidying_ = now + context_.Pace(kTidiesPerSecond, kLeastTidyInterval);
   retention_.Retain();
   retention_.CollectBlobs();
 }

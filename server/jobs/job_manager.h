@@ -122,10 +122,11 @@ class JobManager {
 
   // Does what is due by now: renews leases, ends jobs that ran out of time or were left by their callers, takes work
   // from servers that are gone, reads what other servers did, writes what could not be written. Where nobody else uses
-  // the store, Tidy() as well. Call it a few times a second, from one thread.
+  // the store, Tidy() as well. Call it a few times a second, from one thread: the more servers share the store, the
+  // less often each of them looks for the jobs of others.
   void Tick();
-  // Drops what was kept long enough, and looks at some blobs whether anybody needs them. May take long where servers
-  // share the store. Call it about as often, from another thread.
+  // Drops what was kept long enough, and looks at some blobs whether anybody needs them, likewise. May take long where
+  // servers share the store. Call it about as often, from another thread.
   void Tidy();
 
   // ---- for the server's shutdown, in this order. Where others use the store, they have the jobs that wait: this
@@ -178,6 +179,9 @@ class JobManager {
   std::atomic<bool> draining_ = false;
   std::atomic<bool> ending_ = false;  // never to be taken back
   std::atomic<bool> suspended_ = false;
+
+  absl::Time next_look_ = absl::InfinitePast();     // of Tick(), whose thread alone uses it
+  absl::Time next_tidying_ = absl::InfinitePast();  // likewise, of Tidy()
 
   std::mutex mutex_;
   std::function<void()> on_idle_;  // guarded by mutex_

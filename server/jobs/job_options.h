@@ -102,6 +102,14 @@ class JobContext {
                                        : JobCapacity{options.workers, 1, options.memory_bytes, options.memory_bytes};
   }
 
+  // The time between two things of one kind that this server asks of the store, so that all servers that share it ask
+  // `per_second` of them together, however many they are. Zero where that is less than `least`, or nobody shares it.
+  absl::Duration Pace(double per_second, absl::Duration least) const {
+    if (!store.is_shared()) return absl::ZeroDuration();
+    const absl::Duration pace = absl::Seconds(Capacity().servers / per_second);
+    return pace > least ? pace : absl::ZeroDuration();
+  }
+
   void TellError(const absl::Status& status) const {
     if (options.on_store_error) options.on_store_error(status);
   }

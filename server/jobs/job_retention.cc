@@ -107,7 +107,8 @@ void JobRetention::CollectBlobs() {
   {
     const std::lock_guard lock(mutex_);
     sweeps = now >= next_sweep_;
-    if (sweeps) next_sweep_ = now + kSweepInterval;
+    const double sweeps_per_second = 1 / absl::ToDoubleSeconds(kSweepInterval);
+    if (sweeps) next_sweep_ = now + std::max(kSweepInterval, context_.Pace(sweeps_per_second, kSweepInterval));
   }
   std::vector<BlobId> all;
   if (sweeps && context_.store.is_shared()) {
@@ -145,7 +146,8 @@ void JobRetention::NoteEnds(const std::vector<JobChange>& changes) {
     NoteUnused(change.record);
     any = true;
   }
-  if (any) Retain();
+  // Where servers share the store, JobManager::Tidy() does it for all of them.
+  if (any && !context_.store.is_shared()) Retain();
 }
 
 void JobRetention::NoteLimits() {

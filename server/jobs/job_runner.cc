@@ -156,8 +156,7 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
 }
 
 absl::Duration JobRunner::ClaimInterval() const {
-  const absl::Duration interval = absl::Seconds(context_.Capacity().servers / kClaimsPerSecond);
-  return context_.store.is_shared() && interval > kLeastClaimInterval ? interval : absl::ZeroDuration();
+  return context_.Pace(kClaimsPerSecond, kLeastClaimInterval);
 }
 
 absl::Status JobRunner::MeshLost(const absl::Status& why) {

@@ -123,14 +123,17 @@ class SqlJobStore : public JobStore {
               [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
     const absl::Status status = Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t until, LeaseUntil(&transaction, lease));
+      std::vector<SqlRows> rows(leases.size());
       for (const std::size_t i : order) {
         const Lease& held = leases[i];
-        PLANISH_ASSIGN_OR_RETURN(
-            const SqlRows rows,
-            transaction.sql().Run("UPDATE works SET lease_until = ? WHERE name = ? AND owner = ? AND attempt = ? "
-                                  "AND running = 1 RETURNING wish",
-                                  {until, std::string_view(held.work), std::string_view(held.owner), held.attempt}));
-        wishes[i] = rows.empty() ? Wish::kGiveUp : static_cast<Wish>(rows.Int(0, 0));
+        PLANISH_RETURN_IF_ERROR(transaction.sql().RunLater(
+            "UPDATE works SET lease_until = ? WHERE name = ? AND owner = ? AND attempt = ? AND running = 1 "
+            "RETURNING wish",
+            {until, std::string_view(held.work), std::string_view(held.owner), held.attempt}, &rows[i]));
+      }
+      PLANISH_RETURN_IF_ERROR(transaction.sql().Flush());
+      for (std::size_t i = 0; i < leases.size(); ++i) {
+        wishes[i] = rows[i].empty() ? Wish::kGiveUp : static_cast<Wish>(rows[i].Int(0, 0));
       }
       return absl::OkStatus();
     });
