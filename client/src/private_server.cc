@@ -131,7 +131,8 @@ std::string FindPlanishd(const std::string& directory) {
   const char* named = std::getenv("PLANISHD");
   if (named != nullptr && *named != '\0') return IsExecutable(named) ? named : "";
   const char* path = std::getenv("PATH");
-  for (const std::string_view entry : absl::StrSplit(path == nullptr ? "" : path, ':', absl::SkipEmpty())) {
+  const std::vector<std::string> entries = absl::StrSplit(path == nullptr ? "" : path, ':', absl::SkipEmpty());
+  for (const std::string& entry : entries) {
     const fs::path candidate = fs::path(entry) / "planishd";
     if (IsExecutable(candidate)) return candidate;
   }

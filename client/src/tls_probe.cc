@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <ctime>
 #include <memory>
-#include <string_view>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -131,7 +130,7 @@ std::string Explain(SSL* ssl, const std::string& name, bool has_certificate) {
   return "";
 }
 
-bool IsNumber(std::string_view text, int most) {
+bool IsNumber(const std::string& text, int most) {
   int number = 0;
   return absl::SimpleAtoi(text, &number) && absl::ascii_isdigit(text.front()) && number <= most;
 }
