@@ -44,7 +44,7 @@ Json StatsJson(const ServerStats& stats) {
           {"memory_bytes", stats.memory_bytes},
           {"stored_bytes", stats.stored_bytes},
           {"store_bytes", stats.store_bytes},
-          {"oldest_wait_seconds", stats.oldest_wait_seconds},
+          {"oldest_wait_seconds", stats.oldest_wait.count()},
           {"tenants", tenants}};
 }
 
@@ -52,7 +52,7 @@ void Print(const ServerStats& stats) {
   std::cout << "planishd " << stats.version << ", up for " << Duration(Uptime(stats))
             << (stats.draining ? ", draining: takes no new jobs" : "") << "\n"
             << "jobs     " << Jobs(stats);
-  if (stats.queued > 0) std::cout << ", the oldest for " << Duration(stats.oldest_wait_seconds);
+  if (stats.queued > 0) std::cout << ", the oldest for " << Duration(stats.oldest_wait.count());
   std::cout << "\n"
             << "workers  " << stats.workers_ready << " of " << stats.workers << " ready\n"
             << "memory   " << Megabytes(stats.reserved_memory_bytes) << " of " << Megabytes(stats.memory_bytes)

@@ -37,7 +37,7 @@ ServerNeeds NeedsOf(const Arguments& arguments, const BatchPlan& plan) {
   needs.workers = static_cast<int>(std::min<std::size_t>(cores, plan.items.size()));
   needs.threads = arguments.options.threads;
   // The batch asks again for as long as it takes.
-  needs.client.queue_full_wait_seconds = arguments.detach ? 0 : 1e9;
+  needs.client.queue_full_timeout = Seconds(arguments.detach ? 0 : 1e9);
   return needs;
 }
 

@@ -24,9 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 
 // What a job kept a worker busy for.
-double WorkSeconds(const StageSeconds& seconds) {
-  return seconds.decode + seconds.charts + seconds.solve + seconds.layout + seconds.pack + seconds.verify +
-         seconds.encode;
+Seconds WorkTime(const StageTimes& times) {
+  return times.decode + times.charts + times.solve + times.layout + times.pack + times.verify + times.encode;
 }
 
 class BatchJob {
@@ -91,7 +90,7 @@ class BatchJob {
     CallOptions call;
     call.scheduling = arguments_.scheduling;
     call.labels = JobLabels(arguments_, item_.name);
-    call.timeout_seconds = arguments_.timeout_seconds;
+    call.timeout = Seconds(arguments_.timeout_seconds);
     call.stop = context_.stop;
     return call;
   }
@@ -144,9 +143,9 @@ class BatchJob {
         return job.name;
       } catch (const Error& error) {
         if (error.reason() != "QUEUE_FULL") throw;
-        const double seconds = std::max(0.05, error.retry_after_seconds());
-        if (callbacks_.on_reconnect) callbacks_.on_reconnect(error, seconds);
-        if (!PauseUnlessStopped(context_.stop, seconds)) {
+        const Seconds pause = std::max(Seconds(0.05), error.retry_after());
+        if (callbacks_.on_reconnect) callbacks_.on_reconnect(error, pause);
+        if (!PauseUnlessStopped(context_.stop, pause.count())) {
           throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted before there was room in the queue");
         }
       }
@@ -162,19 +161,19 @@ class BatchJob {
       record_.files[place.generic_string()] = absl::BytesToHexString(Sha256(file.bytes));
     }
     Report& report = result.report;
-    report.seconds.total = timer_.Seconds();
+    report.times.total = Seconds(timer_.Seconds());
     record_.job = result.job;
     record_.usable = result.IsUsable();
     record_.why = WhyNotUsable(report);
     record_.triangles = report.triangles;
     record_.charts = report.chart_totals.charts;
     // Waiting for a worker is the batch's own doing: it sends meshes ahead.
-    record_.seconds =
-        fetched ? WorkSeconds(report.seconds) : std::max(0.0, report.seconds.total - report.seconds.queue);
+    const Seconds own = fetched ? WorkTime(report.times) : report.times.total - report.times.queue;
+    record_.seconds = std::max(0.0, own.count());
     context_.state.Append(record_);
     FillRow(record_);
     end_.row.warnings = report.warnings.size();
-    if (!fetched) end_.queue_seconds = report.seconds.queue;
+    if (!fetched) end_.queue_seconds = report.times.queue.count();
     BeginJson();
     end_.json.update(ReportJson(result, report, item_.output));
   }

@@ -25,15 +25,14 @@ Job BatchQueue::Create(const NewJob& job) {
     changed_.notify_all();
   }
   if (mine.failure) std::rethrow_exception(mine.failure);
-  if (mine.created.error) throw Error(*mine.created.error);
-  return *std::move(mine.created.job);
+  return std::move(*mine.created).value();
 }
 
 void BatchQueue::CreateTogether(const std::vector<Waiting*>& together) {
   try {
     std::vector<NewJob> jobs;
     for (const Waiting* each : together) jobs.push_back(*each->job);
-    std::vector<CreatedJob> created = client_->CreateJobs(jobs);
+    std::vector<Result<Job>> created = client_->CreateJobs(jobs);
     for (std::size_t i = 0; i < together.size(); ++i) together[i]->created = std::move(created[i]);
   } catch (...) {
     for (Waiting* each : together) each->failure = std::current_exception();

@@ -24,7 +24,7 @@ class BatchQueue {
   struct Waiting {
     const NewJob* job = nullptr;
     bool done = false;
-    CreatedJob created;
+    std::optional<Result<Job>> created;
     std::exception_ptr failure;  // of the whole call
   };
 

@@ -55,9 +55,9 @@ void BatchRun::Work() {
 BatchEnd BatchRun::DoWithPatience(std::size_t file) {
   Callbacks callbacks = view_.CallbacksOf(file);
   const auto told = callbacks.on_reconnect;
-  callbacks.on_reconnect = [this, told](const Error& why, double seconds) {
+  callbacks.on_reconnect = [this, told](const Error& why, Seconds wait) {
     if (why.reason() == "QUEUE_FULL") flight_.OnQueueFull();
-    told(why, seconds);
+    told(why, wait);
   };
   const Timer timer;
   double pause = 0.5;

@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <fstream>
+#include <iterator>
 #include <sstream>
 #include <system_error>
 
@@ -84,7 +86,8 @@ BatchState::BatchState(const std::string& directory)
     throw Error(ErrorCode::kFailedPrecondition, "BATCH_RUNNING",
                 "another planish is writing into " + directory_ + "; wait for it, or give -o another directory");
   }
-  const std::string text = ReadAll(file_.get());
+  std::ifstream in(path_, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
   torn_ = !text.empty() && text.back() != '\n';
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) {

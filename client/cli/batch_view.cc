@@ -92,7 +92,7 @@ Callbacks BatchView::CallbacksOf(std::size_t file) {
   callbacks.on_download = [this, file](std::int64_t received, std::int64_t total) {
     OnDownload(file, received, total);
   };
-  callbacks.on_reconnect = [this, file](const Error& why, double) {
+  callbacks.on_reconnect = [this, file](const Error& why, Seconds) {
     OnNotice(file, why.reason() == "QUEUE_FULL" ? "the queue is full, waiting" : "connection lost, re-attaching");
   };
   return callbacks;

@@ -16,12 +16,14 @@ void Print(const JobEstimate& estimate) {
   std::cout << "size     " << Counted(estimate.triangles, "triangle", "triangles") << ", "
             << Counted(estimate.vertices, "vertex", "vertices") << "\n"
             << "memory   " << Megabytes(estimate.memory_bytes) << " while it runs\n"
-            << "run      about " << Duration(estimate.run_seconds) << " on one core\n"
+            << "run      about " << Duration(estimate.run_time.count()) << " on one core\n"
             << "wait     "
-            << (estimate.queue_seconds > 0 ? "about " + Duration(estimate.queue_seconds) + " in the queue" : "none")
+            << (estimate.queue_time.count() > 0 ? "about " + Duration(estimate.queue_time.count()) + " in the queue"
+                                                : "none")
             << "\n";
   if (estimate.refusal) {
-    std::cout << "refused  " << Printable(estimate.refusal->message, true) << " [" << estimate.refusal->reason << "]\n";
+    std::cout << "refused  " << Printable(estimate.refusal->what(), true) << " [" << estimate.refusal->reason()
+              << "]\n";
   } else {
     std::cout << "accepted if sent now\n";
   }

@@ -173,12 +173,14 @@ void AddScheduling(CLI::App& app, Scheduling& scheduling) {
          "Which waiting job is next: high counts as 10 minutes older, low as 10 minutes younger [normal]")
       ->check(CLI::IsMember({"low", "normal", "high"}).description(""))
       ->type_name("low|normal|high");
-  app.add_option("--deadline", scheduling.timeout_seconds,
-                 "The server fails the job if it has not ended so long after it was accepted, whoever waits for it")
+  app.add_option_function<double>(
+         "--deadline", [&scheduling](const double& seconds) { scheduling.timeout = Seconds(seconds); },
+         "The server fails the job if it has not ended so long after it was accepted, whoever waits for it")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
       ->type_name("SECONDS");
-  app.add_option("--budget", scheduling.compute_budget_seconds,
-                 "The server stops the job when it has run for so long, and delivers the best map that it has then")
+  app.add_option_function<double>(
+         "--budget", [&scheduling](const double& seconds) { scheduling.compute_budget = Seconds(seconds); },
+         "The server stops the job when it has run for so long, and delivers the best map that it has then")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
       ->type_name("SECONDS");
   app.add_flag("--fresh", scheduling.fresh, "The server computes anew even if it has the result for this mesh already");

@@ -100,9 +100,9 @@ int List(const Arguments& arguments, Client& client) {
 void PrintScheduling(const Job& job) {
   const Scheduling& scheduling = job.scheduling;
   if (scheduling.priority != Priority::kNormal) std::cout << "priority " << ToString(scheduling.priority) << "\n";
-  if (scheduling.timeout_seconds > 0) std::cout << "deadline " << Duration(scheduling.timeout_seconds) << "\n";
-  if (scheduling.compute_budget_seconds > 0) {
-    std::cout << "budget   " << Duration(scheduling.compute_budget_seconds) << "\n";
+  if (scheduling.timeout.count() > 0) std::cout << "deadline " << Duration(scheduling.timeout.count()) << "\n";
+  if (scheduling.compute_budget.count() > 0) {
+    std::cout << "budget   " << Duration(scheduling.compute_budget.count()) << "\n";
   }
   if (job.memory_bytes > 0) std::cout << "memory   " << Megabytes(job.memory_bytes) << " while it runs\n";
   if (job.attempts > 1) std::cout << "attempts " << job.attempts << "\n";
@@ -128,11 +128,11 @@ void PrintJob(const Job& job) {
               << ", residual " << Scientific(job.progress->residual.Worst()) << "\n";
   }
   if (job.error)
-    std::cout << "error    " << Printable(job.error->message + " [" + job.error->reason + "]", true) << "\n";
+    std::cout << "error    " << Printable(job.error->what() + (" [" + job.error->reason() + "]"), true) << "\n";
   if (job.report) {
     Report report = *job.report;
     if (job.create_time && job.end_time) {
-      report.seconds.total = std::chrono::duration<double>(*job.end_time - *job.create_time).count();
+      report.times.total = *job.end_time - *job.create_time;
     }
     std::cout << "\n" << Summary(report, "", Terminal());
   }

@@ -36,7 +36,7 @@ Json ProgressJson(const Progress& progress) {
           {"residual", ResidualJson(progress.residual)},
           {"energy", progress.energy},
           {"step_length", progress.step_length},
-          {"elapsed_seconds", progress.elapsed_seconds},
+          {"elapsed_seconds", progress.elapsed.count()},
           {"tolerance", progress.tolerance}};
 }
 
@@ -103,11 +103,11 @@ Json QualityJson(const Quality& quality) {
           {"seam_length", quality.seam_length}};
 }
 
-Json SecondsJson(const StageSeconds& seconds) {
-  return {{"upload", seconds.upload},     {"queue", seconds.queue},   {"decode", seconds.decode},
-          {"charts", seconds.charts},     {"solve", seconds.solve},   {"layout", seconds.layout},
-          {"pack", seconds.pack},         {"verify", seconds.verify}, {"encode", seconds.encode},
-          {"download", seconds.download}, {"total", seconds.total}};
+Json SecondsJson(const StageTimes& times) {
+  return {{"upload", times.upload.count()},     {"queue", times.queue.count()},   {"decode", times.decode.count()},
+          {"charts", times.charts.count()},     {"solve", times.solve.count()},   {"layout", times.layout.count()},
+          {"pack", times.pack.count()},         {"verify", times.verify.count()}, {"encode", times.encode.count()},
+          {"download", times.download.count()}, {"total", times.total.count()}};
 }
 
 Json WarningsJson(const std::vector<Warning>& warnings) {
@@ -126,14 +126,17 @@ void AddReport(const Report& report, Json& json) {
   json["chart_totals"] = TotalsJson(report.chart_totals);
   json["atlas"] = AtlasJson(report.atlas);
   json["quality"] = QualityJson(report.quality);
-  json["seconds"] = SecondsJson(report.seconds);
+  json["seconds"] = SecondsJson(report.times);
   json["peak_memory_bytes"] = report.peak_memory_bytes;
   json["threads"] = report.threads;
   json["warnings"] = WarningsJson(report.warnings);
 }
 
-Json ErrorJson(const JobError& error) {
-  return {{"code", error.code}, {"reason", error.reason}, {"message", error.message}, {"metadata", error.metadata}};
+Json ErrorJson(const Error& error) {
+  return {{"code", ToString(error.code())},
+          {"reason", error.reason()},
+          {"message", error.what()},
+          {"metadata", error.metadata()}};
 }
 
 }  // namespace
@@ -160,8 +163,8 @@ Json ToJson(const Job& job) {
   if (job.state == JobState::kQueued) json["queue_position"] = job.queue_position;
   if (job.progress) json["progress"] = ProgressJson(*job.progress);
   json["scheduling"] = {{"priority", ToString(job.scheduling.priority)},
-                        {"deadline_seconds", job.scheduling.timeout_seconds},
-                        {"budget_seconds", job.scheduling.compute_budget_seconds},
+                        {"deadline_seconds", job.scheduling.timeout.count()},
+                        {"budget_seconds", job.scheduling.compute_budget.count()},
                         {"fresh", job.scheduling.fresh}};
   json["attempts"] = job.attempts;
   json["stop_requested"] = job.stop_requested;
@@ -182,9 +185,12 @@ Json ToJson(const Event& event) {
 }
 
 Json ToJson(const JobEstimate& estimate) {
-  Json json = {{"triangles", estimate.triangles},         {"vertices", estimate.vertices},
-               {"memory_bytes", estimate.memory_bytes},   {"run_seconds", estimate.run_seconds},
-               {"queue_seconds", estimate.queue_seconds}, {"accepted", !estimate.refusal.has_value()}};
+  Json json = {{"triangles", estimate.triangles},
+               {"vertices", estimate.vertices},
+               {"memory_bytes", estimate.memory_bytes},
+               {"run_seconds", estimate.run_time.count()},
+               {"queue_seconds", estimate.queue_time.count()},
+               {"accepted", !estimate.refusal.has_value()}};
   if (estimate.refusal) json["refusal"] = ErrorJson(*estimate.refusal);
   return json;
 }
@@ -206,7 +212,7 @@ Json ToJson(const Capabilities& capabilities) {
           {"memory_bytes", capabilities.memory_bytes},
           {"inline_mesh_bytes", capabilities.inline_mesh_bytes},
           {"upload_chunk_bytes", capabilities.upload_chunk_bytes},
-          {"reattach_grace_seconds", capabilities.reattach_grace_seconds},
+          {"reattach_grace_seconds", capabilities.reattach_grace.count()},
           {"durable", capabilities.durable},
           {"isolated_workers", capabilities.isolated_workers},
           {"queue_capacity", capabilities.queue_capacity},
@@ -218,7 +224,7 @@ Json ReportJson(const UnwrapResult& result, const Report& report, const std::str
   Json json = {{"job", result.job}, {"state", ToString(JobState::kSucceeded)}};
   AddReport(report, json);
   json["trace_id"] = result.trace_id;
-  json["precision"] = ToString(result.uv.precision);
+  json["precision"] = ToString(result.uv.precision());
   if (!output.empty()) json["output"] = output;
   return json;
 }

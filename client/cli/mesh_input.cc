@@ -276,7 +276,6 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoo
 }
 
 WrittenMesh MeshInput::WithUv(const Uv& uv, const std::vector<OutputOptions>& outputs) const {
-  const std::vector<double> by_triangle = uv.AsDouble();
   WrittenMesh written;
   for (std::size_t p = 0; p < parts_.size(); ++p) {
     const Part& part = parts_[p];
@@ -284,11 +283,11 @@ WrittenMesh MeshInput::WithUv(const Uv& uv, const std::vector<OutputOptions>& ou
     const std::size_t first = 3 * static_cast<std::size_t>(part.first_face);
     for (std::size_t i = 0; i < part.triangulation.corner_of_triangle.size(); ++i) {
       const auto corner = static_cast<std::size_t>(part.triangulation.corner_of_triangle[i]);
-      by_corner[2 * corner] = by_triangle[2 * (first + i)];
-      by_corner[2 * corner + 1] = by_triangle[2 * (first + i) + 1];
+      by_corner[2 * corner] = uv[2 * (first + i)];
+      by_corner[2 * corner + 1] = uv[2 * (first + i) + 1];
     }
     OutputOptions output = outputs[p];
-    output.uv_is_float = uv.precision == Precision::kFloat;
+    output.uv_is_float = uv.precision() == Precision::kFloat;
     absl::StatusOr<WrittenMesh> one = WriteMeshWithUv(part.file, by_corner, output);
     if (!one.ok()) throw ErrorFrom(one.status());
     for (OutputFile& file : one->files) written.files.push_back(std::move(file));
@@ -304,7 +303,7 @@ std::string MeshInput::Picture(const Uv& uv, double azimuth, double elevation) c
   MapPictureOptions options;
   options.azimuth = azimuth * kRadians;
   options.elevation = elevation * kRadians;
-  absl::StatusOr<std::string> png = EncodePng(DrawMap(mesh_, uv.AsDouble(), options));
+  absl::StatusOr<std::string> png = EncodePng(DrawMap(mesh_, uv.As<double>(), options));
   if (!png.ok()) throw ErrorFrom(png.status());
   return *std::move(png);
 }
@@ -312,8 +311,8 @@ std::string MeshInput::Picture(const Uv& uv, double azimuth, double elevation) c
 std::string MeshInput::Preview(const Uv& uv, const std::string& path, bool packed) const {
   UvPreviewOptions options;
   options.fit = !packed;
-  if (path.ends_with(".svg")) return UvPreviewSvg(mesh_, uv.AsDouble(), options);
-  absl::StatusOr<std::string> png = EncodePng(DrawUvPreview(mesh_, uv.AsDouble(), options));
+  if (path.ends_with(".svg")) return UvPreviewSvg(mesh_, uv.As<double>(), options);
+  absl::StatusOr<std::string> png = EncodePng(DrawUvPreview(mesh_, uv.As<double>(), options));
   if (!png.ok()) throw ErrorFrom(png.status());
   return *std::move(png);
 }

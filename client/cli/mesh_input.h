@@ -9,7 +9,7 @@
 
 #include "client/cli/seam_list.h"
 #include "client/files/mesh_output.h"
-#include "client/src/element_ids.h"
+#include "client/src/errors.h"
 #include "planish/client.h"
 
 namespace planish::cli {

@@ -225,9 +225,7 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
     return kInterrupted;
   }
 
-  Uv uv;
-  uv.precision = Precision::kFloat;
-  uv.floats = std::move(done.uv);
+  const Uv uv(std::move(done.uv));
   std::vector<Warning> warnings = WarningsOf(done, options.atlas);
   const WrittenMesh written = input.WithUv(uv, outputs);
   for (const OutputWarning& warning : written.warnings) warnings.push_back({warning.reason, warning.message, {}});

@@ -18,7 +18,7 @@ Callbacks ProgressView::AsCallbacks() {
   Callbacks callbacks;
   callbacks.on_event = [this](const Event& event) { OnEvent(event); };
   callbacks.on_download = [this](std::int64_t received, std::int64_t total) { OnDownload(received, total); };
-  callbacks.on_reconnect = [this](const Error& why, double) {
+  callbacks.on_reconnect = [this](const Error& why, Seconds) {
     OnNotice(why.reason() == "QUEUE_FULL" ? "the queue is full, waiting" : "connection lost, re-attaching");
   };
   return callbacks;

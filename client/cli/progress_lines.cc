@@ -29,7 +29,7 @@ std::string PlainLine(const Event& event, Stage& stage, int& newton_iteration) {
             " (tolerance " + Scientific(progress.tolerance) + "), " +
             Counted(progress.linear_iterations, "linear iteration", "linear iterations");
   }
-  return line + ", " + Duration(progress.elapsed_seconds);
+  return line + ", " + Duration(progress.elapsed.count());
 }
 
 void PlainProgress::OnEvent(const Event& event) {

@@ -61,7 +61,7 @@ std::string UnwrapReport(const MeshInput& input, const UnwrapResult& result, con
   const MapCheckOptions options = CheckOptionsOf(atlas.texture_size, std::max(atlas.tiles, 1), padding);
   // Of the UV that came in no distance was asked for.
   const MapCheckOptions options_before = CheckOptionsOf(atlas.texture_size, arguments.options.tiles, 0);
-  const CheckedMap after = CheckMapOf(input, result.uv.AsDouble(), options, execution);
+  const CheckedMap after = CheckMapOf(input, result.uv.As<double>(), options, execution);
   CheckedMap before;
   if (!input.CornerTexcoords().empty()) before = CheckMapOf(input, options_before, execution);
   std::vector<ReportedMap> maps;

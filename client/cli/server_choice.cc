@@ -23,7 +23,7 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
   }
   ClientOptions options = address.empty() ? needs.client : WithServerFlags(needs.client, flags);
   // A private server that is lost does not come back.
-  if (address.empty()) options.reattach_seconds = options.retry_seconds = 1;
+  if (address.empty()) options.reattach_timeout = options.retry_timeout = Seconds(1);
   client_.emplace(address.empty() ? private_server_->target() : address, options);
 }
 

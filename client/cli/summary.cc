@@ -159,7 +159,7 @@ std::string WhyNotUsable(const Report& report) {
 std::string Summary(const Report& report, const std::string& output, const Terminal& terminal) {
   const ChartTotals& totals = report.chart_totals;
   std::string text = Colored(terminal, "\x1b[1m", "Flattened " + Counted(report.triangles, "triangle", "triangles")) +
-                     " in " + Duration(report.seconds.total) +
+                     " in " + Duration(report.times.total.count()) +
                      (output.empty() || output == "-" ? "" : " into " + Printable(output, true)) + ": " +
                      (totals.charts > 1 ? Counted(totals.charts, "chart", "charts") + ", " : "") +
                      Counted(totals.newton_iterations, "Newton iteration", "Newton iterations") + ", worst residual " +

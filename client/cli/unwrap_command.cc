@@ -56,10 +56,10 @@ class ResultCommand {
 
   double Seconds() const { return timer_.Seconds(); }
 
-  // Seconds of --timeout that are left for the server; 0: no limit.
-  double TimeLeft() const {
-    if (arguments_.timeout_seconds <= 0) return 0;
-    return std::max(0.001, arguments_.timeout_seconds - timer_.Seconds());
+  // What is left of --timeout for the server; 0: no limit.
+  planish::Seconds TimeLeft() const {
+    if (arguments_.timeout_seconds <= 0) return {};
+    return planish::Seconds(std::max(0.001, arguments_.timeout_seconds - timer_.Seconds()));
   }
 
   int Deliver(UnwrapResult result, const Arguments& arguments) {
@@ -72,7 +72,7 @@ class ResultCommand {
     if (!arguments.preview.empty()) {
       WriteOutput(arguments.preview, input.Preview(result.uv, arguments.preview, result.report.atlas.pack));
     }
-    result.report.seconds.total = timer_.Seconds();
+    result.report.times.total = planish::Seconds(timer_.Seconds());
     if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, newton_, arguments));
     if (!arguments.quiet || !result.IsUsable()) {
       std::cerr << Summary(result.report, arguments.output, StderrTerminal());
@@ -136,7 +136,7 @@ int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, con
 // The end of a call, or nothing if it did not come within the patience after an interrupt.
 std::optional<UnwrapResult> WaitOrInterrupt(Call& call, const Interrupts& interrupts) {
   std::optional<Timer> since_interrupt;
-  while (!call.WaitFor(0.05)) {
+  while (!call.WaitFor(std::chrono::milliseconds(50))) {
     if (interrupts.interrupted() && !since_interrupt) since_interrupt.emplace();
     if (since_interrupt && since_interrupt->Seconds() > kCancelPatienceSeconds) return std::nullopt;
   }
@@ -157,7 +157,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     const std::string file_name = std::filesystem::path(arguments.input).filename();
     CallOptions call_options;
     call_options.labels = JobLabels(arguments, file_name);
-    call_options.timeout_seconds = command.TimeLeft();
+    call_options.timeout = command.TimeLeft();
     call_options.scheduling = arguments.scheduling;
     if (arguments.detach) return Detach(arguments, command.files().view(), server.client(), call_options);
 
@@ -204,7 +204,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
     interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
     CallOptions call;
     call.stop = stop.get_token();
-    call.timeout_seconds = command.TimeLeft();
+    call.timeout = command.TimeLeft();
     if (!arguments.input.empty()) {
       UnwrapResult result =
           server.client().AttachResult(arguments.job, command.files().input().view(), view->AsCallbacks(), call);
@@ -216,13 +216,13 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
     if (arguments.json) std::cout << ToText(ToJson(job)) << std::flush;
     if (job.error) {
       std::cerr << "planish: " << job.name
-                << " failed: " << Printable(job.error->message + " [" + job.error->reason + "]", true) << "\n";
+                << " failed: " << Printable(job.error->what() + (" [" + job.error->reason() + "]"), true) << "\n";
     } else if (!job.report) {
       std::cerr << "planish: " << job.name << " ended as " << ToString(job.state) << "\n";
     } else {
       Report report = *job.report;
       if (job.create_time && job.end_time) {
-        report.seconds.total = std::chrono::duration<double>(*job.end_time - *job.create_time).count();
+        report.times.total = *job.end_time - *job.create_time;
       }
       const bool usable = WhyNotUsable(report).empty();
       if (!arguments.quiet || !usable) std::cerr << Summary(report, "", StderrTerminal());

@@ -150,16 +150,16 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
 
   unwrap.option_defaults()->group("Solver");
   Choices<Solver>{{Solver::kAuto, Solver::kUzawa, Solver::kMinres, Solver::kDirect}}.AddTo(
-      unwrap, "--solver", options.solver, "Linear solver of a Newton step; direct: sparse Cholesky [auto]");
+      unwrap, "--solver", options.solver.method, "Linear solver of a Newton step; direct: sparse Cholesky [auto]");
   Choices<System>{{System::kAuto, System::kFull, System::kReduced}}.AddTo(
-      unwrap, "--system", options.system,
+      unwrap, "--system", options.solver.system,
       "System it works on; full: the paper's M; reduced: its Schur complement [auto]");
   Choices<Preconditioner>{{Preconditioner::kAuto, Preconditioner::kNone, Preconditioner::kJacobi,
                            Preconditioner::kCholesky, Preconditioner::kAmg}}
-      .AddTo(unwrap, "--preconditioner", options.preconditioner,
+      .AddTo(unwrap, "--preconditioner", options.solver.preconditioner,
              "Preconditioner of uzawa and minres; auto: multigrid, or Cholesky for small charts [auto]");
   Choices<Hessian>{{Hessian::kAuto, Hessian::kConvex, Hessian::kExact}}.AddTo(
-      unwrap, "--hessian", options.hessian,
+      unwrap, "--hessian", options.solver.hessian,
       "convex: convexified; exact: as it is, solved by MINRES; auto: convex far from the solution, exact near it "
       "[auto]");
   Choices<Boundary>{{Boundary::kFree, Boundary::kConvex}}.AddTo(
@@ -167,11 +167,13 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
       "Outline of the map; convex: a convex polygon, which never overlaps [free]");
   Choices<Precision>{{Precision::kAuto, Precision::kFloat, Precision::kDouble}}.AddTo(
       unwrap, "--precision", options.precision, "Type of the UV; auto: float where it keeps the map [auto]");
-  unwrap.add_option("--tolerance", options.tolerance, "Residual per angle at which Newton stops, up to 1e-2 [1e-9]")
+  unwrap
+      .add_option("--tolerance", options.solver.tolerance,
+                  "Residual per angle at which Newton stops, up to 1e-2 [1e-9]")
       ->check(CLI::Range(1e-300, 1e-2).description(""))
       ->type_name("RAD");
   unwrap
-      .add_option("--max-newton-iterations", options.max_newton_iterations,
+      .add_option("--max-newton-iterations", options.solver.max_newton_iterations,
                   "Newton iterations at most, up to 1000 [100]")
       ->check(CLI::Range(1, 1000).description(""))
       ->type_name("N");

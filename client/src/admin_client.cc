@@ -1,23 +1,17 @@
-#include <google/protobuf/util/time_util.h>
-
+#include "client/src/convert.h"
+#include "client/src/errors.h"
 #include "client/src/rpc.h"
 #include "planish/admin.h"
 
-namespace planish {
-inline namespace abi0 {
+namespace planish::inline abi0 {
 namespace {
 
-using google::protobuf::util::TimeUtil;
-
-std::chrono::system_clock::time_point ToTime(const google::protobuf::Timestamp& time) {
-  const std::chrono::nanoseconds since(TimeUtil::TimestampToNanoseconds(time));
-  return std::chrono::system_clock::time_point(std::chrono::duration_cast<std::chrono::system_clock::duration>(since));
-}
+using AdminStub = admin::v1::Admin::Stub;
 
 ServerStats ToStats(const admin::v1::Stats& from) {
   ServerStats stats;
   stats.version = from.version();
-  stats.start_time = ToTime(from.start_time());
+  stats.start_time = TimeFrom(from.start_time());
   stats.draining = from.draining();
   stats.workers = from.workers();
   stats.workers_ready = from.workers_ready();
@@ -27,7 +21,7 @@ ServerStats ToStats(const admin::v1::Stats& from) {
   stats.memory_bytes = from.memory_bytes();
   stats.stored_bytes = from.stored_bytes();
   stats.store_bytes = from.store_bytes();
-  stats.oldest_wait_seconds = 1e-9 * static_cast<double>(TimeUtil::DurationToNanoseconds(from.oldest_wait()));
+  stats.oldest_wait = SecondsFrom(from.oldest_wait());
   for (const admin::v1::TenantStats& tenant : from.tenants()) {
     stats.tenants.push_back({tenant.tenant(), tenant.queued(), tenant.running(), tenant.accepted(), tenant.refused()});
   }
@@ -36,35 +30,34 @@ ServerStats ToStats(const admin::v1::Stats& from) {
 
 }  // namespace
 
-class AdminClient::Impl {
- public:
-  Impl(const std::string& target, const ClientOptions& options) : rpc(target, options) {}
-
+struct AdminClient::Impl {
   Rpc rpc;
 };
 
 AdminClient::AdminClient(const std::string& target, const ClientOptions& options)
-    : impl_(std::make_unique<Impl>(target, options)) {}
-AdminClient::~AdminClient() = default;
-AdminClient::AdminClient(AdminClient&&) noexcept = default;
-AdminClient& AdminClient::operator=(AdminClient&&) noexcept = default;
+    : impl_(new Impl{{target, options}}) {}
 
-void AdminClient::Drain() {
-  impl_->rpc.Drain();
+Result<AdminClient> AdminClient::Make(const std::string& target, const ClientOptions& options) {
+  return Caught([&] { return AdminClient(target, options); });
 }
 
-void AdminClient::Undrain() {
-  impl_->rpc.Undrain();
+Result<void> AdminClient::Drain(std::nothrow_t) {
+  return Caught([&] { impl_->rpc.Call(&AdminStub::Drain, admin::v1::DrainRequest()); });
 }
 
-ServerStats AdminClient::GetStats() {
-  return ToStats(impl_->rpc.GetStats());
+Result<void> AdminClient::Undrain(std::nothrow_t) {
+  return Caught([&] { impl_->rpc.Call(&AdminStub::Undrain, admin::v1::UndrainRequest()); });
 }
 
-ServerConfig AdminClient::GetConfig() {
-  const admin::v1::Config config = impl_->rpc.GetConfig();
-  return {config.yaml(), ToTime(config.load_time())};
+Result<ServerStats> AdminClient::GetStats(std::nothrow_t) {
+  return Caught([&] { return ToStats(impl_->rpc.Call(&AdminStub::GetStats, admin::v1::GetStatsRequest())); });
 }
 
-}  // namespace abi0
-}  // namespace planish
+Result<ServerConfig> AdminClient::GetConfig(std::nothrow_t) {
+  return Caught([&] {
+    const admin::v1::Config config = impl_->rpc.Call(&AdminStub::GetConfig, admin::v1::GetConfigRequest());
+    return ServerConfig{config.yaml(), TimeFrom(config.load_time())};
+  });
+}
+
+}  // namespace planish::inline abi0

@@ -1,16 +1,12 @@
-#include "client/src/connection.h"
-
 #include <fstream>
 #include <sstream>
 #include <utility>
 
-#include "client/src/target_address.h"
+#include "absl/strings/ascii.h"
+#include "client/src/rpc.h"
 #include "client/src/tls_probe.h"
-#include "grpcpp/create_channel.h"
-#include "grpcpp/security/credentials.h"
 
 namespace planish {
-inline namespace abi0 {
 namespace {
 
 Error Invalid(const std::string& message) {
@@ -29,12 +25,6 @@ std::string ReadPem(const std::string& what, const std::string& path) {
   std::string pem = ReadFile(what, path);
   if (pem.find("-----BEGIN ") == std::string::npos) throw Invalid(path + " is no PEM file");
   return pem;
-}
-
-std::string Trimmed(const std::string& text) {
-  constexpr char kSpace[] = " \t\r\n";
-  const std::size_t begin = text.find_first_not_of(kSpace);
-  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
 }
 
 bool WantsTls(const std::string& target, const ClientOptions& options) {
@@ -80,7 +70,7 @@ std::shared_ptr<grpc::Channel> Connection::NewChannel() const {
   arguments.SetMaxReceiveMessageSize(-1);
   arguments.SetMaxSendMessageSize(-1);
   // gRPC's own pace (20 s an attempt, 1 s and more between them) is for servers that talk to servers.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(1000 * options_.connect_timeout_seconds));
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(1000 * options_.connect_timeout.count()));
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
   // A peer that vanished without a word is noticed within half a minute.
@@ -103,7 +93,7 @@ void Connection::Prepare(grpc::ClientContext& context) const {
 
 std::string Connection::Token() const {
   if (!options_.token.empty() || options_.token_file.empty()) return options_.token;
-  std::string token = Trimmed(ReadFile("the token", options_.token_file));
+  const std::string token(absl::StripAsciiWhitespace(ReadFile("the token", options_.token_file)));
   if (token.empty()) throw Invalid("there is no token in " + options_.token_file);
   CheckToken(token);
   return token;
@@ -114,16 +104,8 @@ Error Connection::WhyUnreachable(const std::string& message) const {
   const Error unreachable(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", reason + ConnectionCause(message));
   // A name that is not known would only be asked for once more.
   if (message.find("DNS resolution failed") != std::string::npos) return unreachable;
-  TlsProbe probe;
-  probe.uses_tls = uses_tls_;
-  probe.ca = ca_;
-  probe.certificate = certificate_;
-  probe.key = key_;
-  probe.server_name = options_.tls_server_name;
-  const std::string fault = FindTlsFault(target_, probe);
-  if (!fault.empty()) return Error(ErrorCode::kUnavailable, "TLS_FAILED", reason + fault);
-  return unreachable;
+  const std::string fault = FindTlsFault(target_, {uses_tls_, ca_, certificate_, key_, options_.tls_server_name});
+  return fault.empty() ? unreachable : Error(ErrorCode::kUnavailable, "TLS_FAILED", reason + fault);
 }
 
-}  // namespace abi0
 }  // namespace planish

@@ -1,30 +1,43 @@
 #include "client/src/convert.h"
 
+#include <bit>
 #include <cmath>
+#include <cstring>
 
+#include "absl/strings/str_cat.h"
 #include "client/src/errors.h"
+#include "core/base/sha256.h"
 #include "core/base/trace_context.h"
 
 namespace planish {
-inline namespace abi0 {
 
-double SecondsFrom(const google::protobuf::Duration& duration) {
-  return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
+Seconds SecondsFrom(const google::protobuf::Duration& duration) {
+  return Seconds(static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos());
 }
 
-void SetSeconds(double seconds, google::protobuf::Duration* duration) {
-  const double whole = std::floor(seconds);
-  duration->set_seconds(static_cast<std::int64_t>(whole));
-  duration->set_nanos(static_cast<std::int32_t>((seconds - whole) * 1e9));
+google::protobuf::Duration ToProto(Seconds seconds) {
+  google::protobuf::Duration duration;
+  const double whole = std::floor(seconds.count());
+  duration.set_seconds(static_cast<std::int64_t>(whole));
+  duration.set_nanos(static_cast<std::int32_t>((seconds.count() - whole) * 1e9));
+  return duration;
+}
+
+std::chrono::system_clock::time_point TimeFrom(const google::protobuf::Timestamp& time) {
+  using Clock = std::chrono::system_clock;
+  const auto since = std::chrono::seconds(time.seconds()) + std::chrono::nanoseconds(time.nanos());
+  return Clock::time_point(std::chrono::duration_cast<Clock::duration>(since));
 }
 
 namespace {
 
+static_assert(std::endian::native == std::endian::little, "UV travel little-endian");
+
 // The enums below number their values like the proto's, from SOMETHING_AUTO = 1 on. A value that only a newer
-// server knows becomes one that ToString calls "unknown".
+// server knows becomes one that ToString calls "unknown"; one that is not there is `unspecified`.
 template <typename Enum>
-Enum EnumFromProto(int value) {
-  return static_cast<Enum>(value == 0 ? 0 : value - 1);
+Enum EnumFromProto(int value, Enum unspecified = Enum()) {
+  return value == 0 ? unspecified : static_cast<Enum>(value - 1);
 }
 
 template <typename ProtoEnum, typename Enum>
@@ -45,45 +58,30 @@ static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);
 static_assert(static_cast<int>(Stage::kDownload) == v1::STAGE_DOWNLOAD);
 
-Job::Time TimeFrom(const google::protobuf::Timestamp& time) {
-  return Job::Time(std::chrono::duration_cast<Job::Time::duration>(std::chrono::seconds(time.seconds()) +
-                                                                   std::chrono::nanoseconds(time.nanos())));
-}
-
 Scheduling FromProto(const v1::Scheduling& proto) {
-  Scheduling scheduling;
-  if (proto.priority() != v1::PRIORITY_UNSPECIFIED) scheduling.priority = EnumFromProto<Priority>(proto.priority());
-  scheduling.timeout_seconds = SecondsFrom(proto.timeout());
-  scheduling.compute_budget_seconds = SecondsFrom(proto.compute_budget());
-  scheduling.fresh = proto.fresh();
-  return scheduling;
-}
-
-JobError FromProto(const google::rpc::Status& proto, const ids::Renumbering& renumbering) {
-  const Error error = Renumbered(ErrorFrom(proto), renumbering);
-  return {ToString(error.code()), error.reason(), error.what(), error.metadata()};
+  return {EnumFromProto(proto.priority(), Priority::kNormal), SecondsFrom(proto.timeout()),
+          SecondsFrom(proto.compute_budget()), proto.fresh()};
 }
 
 UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   UnwrapOptions options;
-  options.seams = proto.seams() == v1::SEAMS_UNSPECIFIED ? Seams::kAuto : EnumFromProto<Seams>(proto.seams());
-  options.solver = EnumFromProto<Solver>(proto.solver());
-  options.system = EnumFromProto<System>(proto.system());
-  options.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
-  options.hessian =
-      proto.hessian() == v1::HESSIAN_UNSPECIFIED ? Hessian::kAuto : EnumFromProto<Hessian>(proto.hessian());
-  options.boundary = EnumFromProto<Boundary>(proto.boundary());
-  options.precision = EnumFromProto<Precision>(proto.precision());
-  options.tolerance = proto.tolerance();
-  options.max_newton_iterations = proto.max_newton_iterations();
-  options.threads = proto.threads();
+  options.seams = EnumFromProto(proto.seams(), Seams::kAuto);
   options.max_stretch = proto.max_stretch();
   options.hard_edge_degrees = proto.hard_edge_degrees();
   options.pack = proto.pack() != v1::PACK_OFF;
   options.texture_size = proto.texture_size();
   if (proto.has_padding()) options.padding = proto.padding();
   options.tiles = proto.tiles();
-  if (proto.effort() != v1::EFFORT_UNSPECIFIED) options.effort = EnumFromProto<Effort>(proto.effort());
+  options.effort = EnumFromProto(proto.effort(), Effort::kNormal);
+  options.boundary = EnumFromProto<Boundary>(proto.boundary());
+  options.precision = EnumFromProto<Precision>(proto.precision());
+  options.threads = proto.threads();
+  options.solver = {EnumFromProto<Solver>(proto.solver()),
+                    EnumFromProto<System>(proto.system()),
+                    EnumFromProto<Preconditioner>(proto.preconditioner()),
+                    EnumFromProto(proto.hessian(), Hessian::kAuto),
+                    proto.tolerance(),
+                    proto.max_newton_iterations()};
   return options;
 }
 
@@ -97,27 +95,25 @@ BoundaryReport FromProto(const v1::BoundaryReport& proto) {
 }
 
 ChartReport FromProto(const v1::ChartReport& proto) {
-  ChartReport chart;
-  chart.triangles = proto.triangles();
-  chart.method = proto.method();
-  chart.solver = EnumFromProto<Solver>(proto.solver());
-  chart.system = EnumFromProto<System>(proto.system());
-  chart.preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner());
-  chart.preconditioner_note = proto.preconditioner_note();
-  chart.hessian = EnumFromProto<Hessian>(proto.hessian());
-  chart.converged = proto.converged();
-  chart.newton_iterations = proto.newton_iterations();
-  chart.linear_iterations = proto.linear_iterations();
-  chart.residual = FromProto(proto.residual());
-  chart.convexified_iterations = proto.convexified_iterations();
-  chart.stop_message = proto.stop_message();
-  chart.abf_energy = proto.abf_energy();
-  chart.indefinite_iterations = proto.indefinite_iterations();
-  chart.barrier = proto.barrier();
-  if (proto.has_boundary()) chart.boundary = FromProto(proto.boundary());  // older servers know no boundary control
-  chart.stretch_l2 = proto.stretch_l2();
-  chart.chart = proto.chart();
-  return chart;
+  return {.triangles = proto.triangles(),
+          .method = proto.method(),
+          .solver = EnumFromProto<Solver>(proto.solver()),
+          .system = EnumFromProto<System>(proto.system()),
+          .preconditioner = EnumFromProto<Preconditioner>(proto.preconditioner()),
+          .preconditioner_note = proto.preconditioner_note(),
+          .hessian = EnumFromProto<Hessian>(proto.hessian()),
+          .converged = proto.converged(),
+          .newton_iterations = proto.newton_iterations(),
+          .linear_iterations = proto.linear_iterations(),
+          .residual = FromProto(proto.residual()),
+          .convexified_iterations = proto.convexified_iterations(),
+          .indefinite_iterations = proto.indefinite_iterations(),
+          .stop_message = proto.stop_message(),
+          .abf_energy = proto.abf_energy(),
+          .barrier = proto.barrier(),
+          .boundary = proto.has_boundary() ? FromProto(proto.boundary()) : BoundaryReport(),
+          .stretch_l2 = proto.stretch_l2(),
+          .chart = proto.chart()};
 }
 
 ChartTotals FromProto(const v1::ChartTotals& proto) {
@@ -135,36 +131,53 @@ Atlas FromProto(const v1::Atlas& proto) {
           proto.padding(),
           proto.tiles(),
           proto.texels_per_unit(),
-          proto.effort() == v1::EFFORT_UNSPECIFIED ? Effort::kNormal : EnumFromProto<Effort>(proto.effort())};
+          EnumFromProto(proto.effort(), Effort::kNormal)};
 }
 
 Quality FromProto(const v1::Quality& proto) {
-  Quality quality;
-  quality.flipped = proto.flipped();
-  quality.degenerate = proto.degenerate();
-  quality.overlapping = proto.overlapping();
-  quality.angle_error_mean_deg = proto.angle_error_mean_deg();
-  quality.angle_error_max_deg = proto.angle_error_max_deg();
-  quality.abf_energy = proto.abf_energy();
-  quality.conformal_distortion_mean = proto.conformal_distortion_mean();
-  quality.conformal_distortion_max = proto.conformal_distortion_max();
-  quality.stretch_l2 = proto.stretch_l2();
-  quality.packing_efficiency = proto.packing_efficiency();
-  quality.seam_length = proto.seam_length();
-  return quality;
+  return {.flipped = proto.flipped(),
+          .degenerate = proto.degenerate(),
+          .overlapping = proto.overlapping(),
+          .angle_error_mean_deg = proto.angle_error_mean_deg(),
+          .angle_error_max_deg = proto.angle_error_max_deg(),
+          .abf_energy = proto.abf_energy(),
+          .conformal_distortion_mean = proto.conformal_distortion_mean(),
+          .conformal_distortion_max = proto.conformal_distortion_max(),
+          .stretch_l2 = proto.stretch_l2(),
+          .packing_efficiency = proto.packing_efficiency(),
+          .seam_length = proto.seam_length()};
 }
 
-StageSeconds FromProto(const v1::StageTimes& proto) {
-  StageSeconds seconds;
-  seconds.queue = SecondsFrom(proto.queue());
-  seconds.decode = SecondsFrom(proto.decode());
-  seconds.charts = SecondsFrom(proto.charts());
-  seconds.solve = SecondsFrom(proto.solve());
-  seconds.layout = SecondsFrom(proto.layout());
-  seconds.pack = SecondsFrom(proto.pack());
-  seconds.verify = SecondsFrom(proto.verify());
-  seconds.encode = SecondsFrom(proto.encode());
-  return seconds;
+Progress FromProto(const v1::Progress& proto) {
+  return {.stage = static_cast<Stage>(proto.stage()),
+          .chart = proto.chart(),
+          .chart_count = proto.chart_count(),
+          .newton_iteration = proto.newton_iteration(),
+          .linear_iterations = proto.linear_iterations(),
+          .linear_residual = proto.linear_residual(),
+          .residual = FromProto(proto.residual()),
+          .energy = proto.energy(),
+          .step_length = proto.step_length(),
+          .elapsed = SecondsFrom(proto.elapsed()),
+          .tolerance = proto.tolerance()};
+}
+
+template <typename Number>
+std::vector<Number> Numbers(const std::string& bytes) {
+  std::vector<Number> numbers(bytes.size() / sizeof(Number));
+  std::memcpy(numbers.data(), bytes.data(), bytes.size());
+  return numbers;
+}
+
+StageTimes FromProto(const v1::StageTimes& proto) {
+  return {.queue = SecondsFrom(proto.queue()),
+          .decode = SecondsFrom(proto.decode()),
+          .charts = SecondsFrom(proto.charts()),
+          .solve = SecondsFrom(proto.solve()),
+          .layout = SecondsFrom(proto.layout()),
+          .pack = SecondsFrom(proto.pack()),
+          .verify = SecondsFrom(proto.verify()),
+          .encode = SecondsFrom(proto.encode())};
 }
 
 }  // namespace
@@ -172,14 +185,14 @@ StageSeconds FromProto(const v1::StageTimes& proto) {
 v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   v1::UnwrapOptions proto;
   proto.set_seams(EnumToProto<v1::Seams>(options.seams));
-  proto.set_solver(EnumToProto<v1::Solver>(options.solver));
-  proto.set_system(EnumToProto<v1::System>(options.system));
-  proto.set_preconditioner(EnumToProto<v1::Preconditioner>(options.preconditioner));
-  proto.set_hessian(EnumToProto<v1::Hessian>(options.hessian));
+  proto.set_solver(EnumToProto<v1::Solver>(options.solver.method));
+  proto.set_system(EnumToProto<v1::System>(options.solver.system));
+  proto.set_preconditioner(EnumToProto<v1::Preconditioner>(options.solver.preconditioner));
+  proto.set_hessian(EnumToProto<v1::Hessian>(options.solver.hessian));
   proto.set_boundary(EnumToProto<v1::Boundary>(options.boundary));
   proto.set_precision(EnumToProto<v1::Precision>(options.precision));
-  proto.set_tolerance(options.tolerance);
-  proto.set_max_newton_iterations(options.max_newton_iterations);
+  proto.set_tolerance(options.solver.tolerance);
+  proto.set_max_newton_iterations(options.solver.max_newton_iterations);
   proto.set_threads(options.threads);
   proto.set_max_stretch(options.max_stretch);
   proto.set_hard_edge_degrees(options.hard_edge_degrees);
@@ -194,28 +207,10 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
 v1::Scheduling ToProto(const Scheduling& scheduling) {
   v1::Scheduling proto;
   proto.set_priority(EnumToProto<v1::Priority>(scheduling.priority));
-  if (scheduling.timeout_seconds > 0) SetSeconds(scheduling.timeout_seconds, proto.mutable_timeout());
-  if (scheduling.compute_budget_seconds > 0) {
-    SetSeconds(scheduling.compute_budget_seconds, proto.mutable_compute_budget());
-  }
+  if (scheduling.timeout > Seconds(0)) *proto.mutable_timeout() = ToProto(scheduling.timeout);
+  if (scheduling.compute_budget > Seconds(0)) *proto.mutable_compute_budget() = ToProto(scheduling.compute_budget);
   proto.set_fresh(scheduling.fresh);
   return proto;
-}
-
-Progress FromProto(const v1::Progress& proto) {
-  Progress progress;
-  progress.stage = static_cast<Stage>(proto.stage());
-  progress.chart = proto.chart();
-  progress.chart_count = proto.chart_count();
-  progress.newton_iteration = proto.newton_iteration();
-  progress.linear_iterations = proto.linear_iterations();
-  progress.linear_residual = proto.linear_residual();
-  progress.residual = FromProto(proto.residual());
-  progress.energy = proto.energy();
-  progress.step_length = proto.step_length();
-  progress.elapsed_seconds = SecondsFrom(proto.elapsed());
-  progress.tolerance = proto.tolerance();
-  return progress;
 }
 
 Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
@@ -226,7 +221,7 @@ Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
   report.chart_totals = FromProto(proto.chart_totals());
   report.atlas = FromProto(proto.atlas());
   report.quality = FromProto(proto.quality());
-  report.seconds = FromProto(proto.times());
+  report.times = FromProto(proto.times());
   report.peak_memory_bytes = proto.peak_memory_bytes();
   report.threads = proto.threads();
   for (const v1::Warning& warning : proto.warnings()) {
@@ -249,7 +244,7 @@ Job FromProto(const v1::Job& proto, const ids::Renumbering& renumbering) {
   job.mesh_bytes = proto.mesh_bytes();
   job.queue_position = proto.queue_position();
   if (proto.has_progress()) job.progress = FromProto(proto.progress());
-  if (proto.has_error()) job.error = FromProto(proto.error(), renumbering);
+  if (proto.has_error()) job.error = Renumbered(ErrorFrom(proto.error()), renumbering).set_job(proto.name());
   if (proto.has_report()) job.report = FromProto(proto.report(), renumbering);
   job.scheduling = FromProto(proto.scheduling());
   job.attempts = proto.attempts();
@@ -277,9 +272,9 @@ JobEstimate FromProto(const v1::JobEstimate& proto) {
   estimate.triangles = proto.size().triangles();
   estimate.vertices = proto.size().vertices();
   estimate.memory_bytes = proto.memory_bytes();
-  estimate.run_seconds = SecondsFrom(proto.run_time());
-  estimate.queue_seconds = SecondsFrom(proto.queue_time());
-  if (proto.has_refusal()) estimate.refusal = FromProto(proto.refusal(), {});
+  estimate.run_time = SecondsFrom(proto.run_time());
+  estimate.queue_time = SecondsFrom(proto.queue_time());
+  if (proto.has_refusal()) estimate.refusal = ErrorFrom(proto.refusal());
   return estimate;
 }
 
@@ -294,7 +289,7 @@ Capabilities FromProto(const v1::Capabilities& proto) {
   capabilities.memory_bytes = proto.memory_bytes();
   capabilities.inline_mesh_bytes = proto.inline_mesh_bytes();
   capabilities.upload_chunk_bytes = proto.upload_chunk_bytes();
-  capabilities.reattach_grace_seconds = SecondsFrom(proto.reattach_grace());
+  capabilities.reattach_grace = SecondsFrom(proto.reattach_grace());
   capabilities.durable = proto.durable();
   capabilities.isolated_workers = proto.isolated_workers();
   for (const int seams : proto.seams()) capabilities.seams.push_back(EnumFromProto<Seams>(seams));
@@ -305,5 +300,26 @@ Capabilities FromProto(const v1::Capabilities& proto) {
   return capabilities;
 }
 
-}  // namespace abi0
+Uv ParseUv(const v1::UvDescription& description, const std::string& bytes, const PackedMesh& mesh) {
+  if (description.mesh_sha256() != mesh.sha256) {
+    throw Error(ErrorCode::kFailedPrecondition, "MESH_MISMATCH",
+                "the job was made from another mesh (the SHA-256 of the mesh bytes differs): give the same file");
+  }
+  const bool is_double = description.precision() == v1::PRECISION_DOUBLE;
+  const std::size_t expected = static_cast<std::size_t>(6 * mesh.triangles) * (is_double ? 8 : 4);
+  std::string fault;
+  if (description.corner_count() != 3 * mesh.triangles) {
+    fault =
+        std::to_string(description.corner_count()) + " corners for " + std::to_string(mesh.triangles) + " triangles";
+  } else if (bytes.size() != expected) {
+    fault = absl::StrCat(bytes.size(), " bytes instead of ", expected);
+  } else if (Sha256(bytes) != description.uv_sha256()) {
+    fault = "their SHA-256 differs";
+  }
+  if (!fault.empty()) {
+    throw Error(ErrorCode::kDataLoss, "UV_CORRUPT", "the UV that arrived are not the ones the server made: " + fault);
+  }
+  return is_double ? Uv(Numbers<double>(bytes)) : Uv(Numbers<float>(bytes));
+}
+
 }  // namespace planish

@@ -1,69 +1,83 @@
 #include "client/src/errors.h"
 
+#include <cstdlib>
+#include <new>
+#include <regex>
 #include <utility>
 
 #include "core/base/error.h"
 #include "google/rpc/error_details.pb.h"
 
+namespace planish::ids {
+namespace {
+
+const IdMap& MapFor(const std::string& word, const Renumbering& renumbering) {
+  static const auto* others = new IdMap;
+  if (word == "vertex" || word == "vertices" || word == "edge" || word == "edges") return renumbering.vertex;
+  return word == "face" || word == "faces" ? renumbering.face : *others;
+}
+
+// `text` with replace(match) in the place of what matches.
+template <typename Replace>
+std::string Replaced(const std::string& text, const std::regex& pattern, const Replace& replace) {
+  std::string result;
+  auto last = text.begin();
+  for (std::sregex_iterator match(text.begin(), text.end(), pattern), end; match != end; ++match) {
+    result.append(last, (*match)[0].first).append(replace(*match));
+    last = (*match)[0].second;
+  }
+  return result.append(last, text.end());
+}
+
+std::string RenumberAll(const std::string& text, const IdMap& map) {
+  static const auto* id = new std::regex("[0-9]+");
+  if (!map) return text;
+  return Replaced(text, *id, [&](const std::smatch& match) {
+    const std::int64_t mapped = map(std::strtoll(match.str().c_str(), nullptr, 10));
+    return mapped < 0 ? match.str() : std::to_string(mapped);
+  });
+}
+
+}  // namespace
+
+std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
+                                                    const Renumbering& renumbering) {
+  std::map<std::string, std::string> result;
+  for (const auto& [key, value] : metadata) result[key] = RenumberAll(value, MapFor(key, renumbering));
+  return result;
+}
+
+std::string RenumberMessage(const std::string& message, const Renumbering& renumbering) {
+  static const auto* ids = new std::regex(
+      R"(\b(?:(vertex|edge|face) [0-9]+(?:-[0-9]+)?|(vertices|edges|faces) [0-9]+(?:-[0-9]+)?(?:, [0-9]+(?:-[0-9]+)?)*))");
+  return Replaced(message, *ids, [&](const std::smatch& match) {
+    return RenumberAll(match.str(), MapFor(match[1].matched ? match[1] : match[2], renumbering));
+  });
+}
+
+}  // namespace planish::ids
+
 namespace planish {
 inline namespace abi0 {
 
 const char* ToString(ErrorCode code) {
-  switch (code) {
-    case ErrorCode::kCancelled:
-      return "CANCELLED";
-    case ErrorCode::kUnknown:
-      return "UNKNOWN";
-    case ErrorCode::kInvalidArgument:
-      return "INVALID_ARGUMENT";
-    case ErrorCode::kDeadlineExceeded:
-      return "DEADLINE_EXCEEDED";
-    case ErrorCode::kNotFound:
-      return "NOT_FOUND";
-    case ErrorCode::kAlreadyExists:
-      return "ALREADY_EXISTS";
-    case ErrorCode::kPermissionDenied:
-      return "PERMISSION_DENIED";
-    case ErrorCode::kResourceExhausted:
-      return "RESOURCE_EXHAUSTED";
-    case ErrorCode::kFailedPrecondition:
-      return "FAILED_PRECONDITION";
-    case ErrorCode::kAborted:
-      return "ABORTED";
-    case ErrorCode::kOutOfRange:
-      return "OUT_OF_RANGE";
-    case ErrorCode::kUnimplemented:
-      return "UNIMPLEMENTED";
-    case ErrorCode::kInternal:
-      return "INTERNAL";
-    case ErrorCode::kUnavailable:
-      return "UNAVAILABLE";
-    case ErrorCode::kDataLoss:
-      return "DATA_LOSS";
-    case ErrorCode::kUnauthenticated:
-      return "UNAUTHENTICATED";
-  }
-  return "UNKNOWN";
+  static constexpr const char* kNames[] = {
+      "OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
+      "NOT_FOUND", "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION",
+      "ABORTED",   "OUT_OF_RANGE",   "UNIMPLEMENTED",     "INTERNAL",           "UNAVAILABLE",
+      "DATA_LOSS", "UNAUTHENTICATED"};
+  return kNames[static_cast<int>(code)];
 }
 
 Error::Error(ErrorCode code, std::string reason, const std::string& message, Metadata metadata)
     : std::runtime_error(message), code_(code), reason_(std::move(reason)), metadata_(std::move(metadata)) {}
 
-Error& Error::set_job(std::string job) {
-  job_ = std::move(job);
-  return *this;
+void Error::Throw() const {
+  if (cause_) std::rethrow_exception(cause_);
+  throw *this;
 }
 
-Error& Error::set_trace_id(std::string trace_id) {
-  trace_id_ = std::move(trace_id);
-  return *this;
-}
-
-Error& Error::set_retry_after_seconds(double seconds) {
-  retry_after_seconds_ = seconds;
-  return *this;
-}
-
+}  // namespace abi0
 namespace {
 
 ErrorCode CodeFrom(int code) {
@@ -76,7 +90,7 @@ Error ErrorFrom(const google::rpc::Status& status) {
   const ErrorCode code = CodeFrom(status.code());
   std::string reason = ToString(code);
   Error::Metadata metadata;
-  double retry_after_seconds = 0;
+  Seconds pause{0};
   for (const google::protobuf::Any& detail : status.details()) {
     google::rpc::ErrorInfo info;
     google::rpc::RetryInfo retry;
@@ -84,10 +98,10 @@ Error ErrorFrom(const google::rpc::Status& status) {
       reason = info.reason();
       metadata.insert(info.metadata().begin(), info.metadata().end());
     } else if (detail.UnpackTo(&retry)) {
-      retry_after_seconds = static_cast<double>(retry.retry_delay().seconds()) + 1e-9 * retry.retry_delay().nanos();
+      pause = Seconds(static_cast<double>(retry.retry_delay().seconds()) + 1e-9 * retry.retry_delay().nanos());
     }
   }
-  return Error(code, reason, status.message(), metadata).set_retry_after_seconds(retry_after_seconds);
+  return Error(code, reason, status.message(), metadata).set_retry_after(pause);
 }
 
 Error ErrorFrom(const absl::Status& status) {
@@ -101,8 +115,22 @@ Error Renumbered(const Error& error, const ids::Renumbering& renumbering) {
                ids::RenumberMetadata(error.metadata(), renumbering))
       .set_job(error.job())
       .set_trace_id(error.trace_id())
-      .set_retry_after_seconds(error.retry_after_seconds());
+      .set_retry_after(error.retry_after());
 }
 
-}  // namespace abi0
+Error CurrentError() {
+  const std::exception_ptr cause = std::current_exception();
+  try {
+    throw;
+  } catch (const Error& error) {
+    return error;
+  } catch (const std::bad_alloc&) {
+    return Error(ErrorCode::kResourceExhausted, "OUT_OF_MEMORY", "there is not enough memory").set_cause(cause);
+  } catch (const std::exception& exception) {
+    return Error(ErrorCode::kUnknown, "CALLBACK_FAILED", exception.what()).set_cause(cause);
+  } catch (...) {
+    return Error(ErrorCode::kUnknown, "CALLBACK_FAILED", "a callback threw an exception").set_cause(cause);
+  }
+}
+
 }  // namespace planish

@@ -1,206 +1,314 @@
 #include "client/src/follower.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "client/src/convert.h"
 #include "client/src/errors.h"
 #include "client/src/request_id.h"
-#include "client/src/stream_errors.h"
-#include "client/src/trace_scope.h"
 
 namespace planish {
-inline namespace abi0 {
 namespace {
 
-// Times a job is submitted anew after it was lost together with its stream.
+using Stub = v1::Planish::Stub;
+
+// Times that a job is submitted anew after it was lost together with its stream, and an upload begun anew.
 constexpr int kMostLostJobs = 3;
+constexpr int kMostLostUploads = 5;
+
+// Meshes up to this size travel inline without asking what the server advises.
+constexpr std::int64_t kAlwaysInlineBytes = std::int64_t{1} << 20;
+constexpr std::int64_t kDefaultChunkBytes = std::int64_t{1} << 20;
 
 bool IsTerminal(v1::JobState state) {
   return IsTerminal(static_cast<JobState>(state));
 }
 
-}  // namespace
-
-Follower::Follower(std::shared_ptr<Rpc> rpc, const ClientOptions& options, FollowPlan plan, const Callbacks& callbacks)
-    : rpc_(std::move(rpc)),
-      options_(options),
-      plan_(std::move(plan)),
-      callbacks_(callbacks),
-      deadline_(DeadlineAfter(plan_.call.timeout_seconds)),
-      wants_uv_(plan_.unwrap.has_value() || plan_.watch->include_uv()),
-      backoff_(options.reattach_backoff_seconds, kLongestPauseSeconds,
-               plan_.unwrap ? plan_.unwrap->request_id() : NewRequestId()) {
-  if (plan_.unwrap) sender_.emplace(rpc_, options_, plan_.mesh, plan_.call, callbacks_, deadline_);
-  if (plan_.watch) {
-    job_name_ = plan_.watch->name();
-    last_sequence_ = plan_.watch->after_sequence();
-  }
+std::int64_t SizeOf(const std::string& bytes) {
+  return static_cast<std::int64_t>(bytes.size());
 }
 
-Followed Follower::Run() {
-  const std::stop_callback on_stop(plan_.call.stop, [this] { OnStop(); });
-  const std::stop_callback on_finish(plan_.finish, [this] { OnFinish(); });
+}  // namespace
+
+Follower::Follower(Rpc& rpc, const CallOptions& call, const Callbacks& callbacks, PackedMesh* mesh,
+                   std::stop_token finish, std::function<void(const std::string&)> on_job_name)
+    : rpc_(rpc),
+      call_(call),
+      callbacks_(callbacks),
+      mesh_(mesh),
+      finish_(std::move(finish)),
+      on_job_name_(std::move(on_job_name)),
+      retry_(rpc.target(),
+             {rpc.options().reattach_timeout, rpc.options().queue_full_timeout, rpc.options().backoff, deadline_}) {}
+
+Followed Follower::Unwrap(v1::UnwrapRequest request) {
+  unwrap_ = &request;
+  return Follow();
+}
+
+Followed Follower::Watch(const std::string& job, std::int64_t after_sequence) {
+  job_name_ = job;
+  last_sequence_ = after_sequence;
+  return Follow();
+}
+
+v1::Job Follower::Create(v1::CreateJobRequest request) {
+  v1::Job job;
+  Run([&] {
+    Send(*request.mutable_spec());
+    job = rpc_.Call(&Stub::CreateJob, request, deadline_, call_.traceparent);
+    return true;
+  });
+  return job;
+}
+
+Followed Follower::Follow() {
+  Run([this] { return FollowOnce(); });
+  const Clock::time_point end = Clock::now();
+  followed_.upload_time = first_event_.value_or(end) - start_;
+  followed_.download_time = end - last_event_.value_or(end);
+  return std::move(followed_);
+}
+
+template <typename Step>
+void Follower::Run(const Step& step) {
+  const std::stop_callback on_stop(call_.stop, [this] { OnStop(); });
+  const std::stop_callback on_finish(finish_, [this] { OnFinish(); });
   try {
-    while (!IsComplete()) RunOneStream();
+    for (bool done = false; !done;) {
+      std::optional<Error> error;
+      try {
+        done = step();
+      } catch (const Error& e) {
+        if (in_callback_) throw;
+        error = e;
+      }
+      if (error) Recover(*error);
+    }
   } catch (Error& error) {
     if (error.job().empty()) error.set_job(job_name_);
     throw;
   }
-  const Clock::time_point end = Clock::now();
-  followed_.upload_seconds = std::chrono::duration<double>(first_event_.value_or(end) - start_).count();
-  followed_.download_seconds = std::chrono::duration<double>(end - last_event_.value_or(end)).count();
-  return std::move(followed_);
 }
 
-bool Follower::IsComplete() const {
-  if (!IsTerminal(followed_.job.state())) return false;
-  if (!wants_uv_ || followed_.job.state() != v1::JOB_STATE_SUCCEEDED) return true;
-  return static_cast<std::int64_t>(followed_.uv_bytes.size()) >= followed_.job.uv().total_bytes();
+// Waits, so that another step makes sense after `error`, or throws it.
+void Follower::Recover(const Error& error) {
+  if (call_.stop.stop_requested() && StopEndsCall()) ThrowCancelled();
+  if (job_name_.empty() && !upload_.name().empty()) {
+    const bool is_gone = IsUploadGone(error);
+    if (is_gone && ++lost_uploads_ > kMostLostUploads) throw error;
+    // Once, bytes may turn on the way. Twice is no accident.
+    const bool is_damaged = error.reason() == "DIGEST_MISMATCH" && !std::exchange(damaged_upload_, true);
+    if (is_gone || is_damaged) {
+      upload_.Clear();
+      upload_request_id_.clear();
+      best_committed_ = -1;
+    }
+    if (is_damaged) return;
+  }
+  if (error.code() == ErrorCode::kNotFound && unwrap_ != nullptr && !job_name_.empty() && lost_stream_) {
+    return StartAnew();  // the server that had the job, or its UV, has them no more
+  }
+  // A server that takes no new jobs is not coming back soon.
+  if (error.reason() == "DRAINING" && !first_event_ && !lost_stream_) throw error;
+  if (in_stream_ && error.code() != ErrorCode::kResourceExhausted) lost_stream_ = true;
+  const Seconds pause = retry_.PauseAfter(error, rpc_.reached());
+  Tell(callbacks_.on_reconnect, error, pause);
+  std::unique_lock lock(mutex_);
+  const bool was_stopped = stopped_;
+  stopped_changed_.wait_for(lock, pause, [&] { return stopped_ != was_stopped; });
+  if (stopped_ && StopEndsCall()) ThrowCancelled();
 }
 
-void Follower::RunOneStream() {
-  std::optional<Error> error;
-  v1::WatchJobRequest watch;
+template <typename Callback, typename... Values>
+void Follower::Tell(const Callback& callback, const Values&... values) {
+  if (!callback) return;
+  in_callback_ = true;
+  callback(values...);
+  in_callback_ = false;
+}
+
+// ---- the way of the mesh
+
+void Follower::Send(v1::JobSpec& spec) {
+  if (GoesInline()) {
+    if (!mesh_->draco.empty()) spec.set_draco(std::move(mesh_->draco));
+    return;
+  }
+  if (upload_.name().empty() || upload_.committed_bytes() < SizeOf(mesh_->draco)) Upload();
+  spec.set_upload(upload_.name());
+}
+
+bool Follower::GoesInline() {
+  if (inline_) return *inline_;
+  const std::int64_t bytes = SizeOf(mesh_->draco);
+  const std::optional<std::int64_t>& most = rpc_.options().inline_mesh_bytes;
+  if (bytes <= std::min(most.value_or(kAlwaysInlineBytes), kAlwaysInlineBytes)) return *(inline_ = true);
+  const auto server =
+      rpc_.Call(&Stub::GetCapabilities, v1::GetCapabilitiesRequest(), DeadlineAfter(kUnaryLimit), call_.traceparent);
+  const auto with_seams =
+      bytes + 4 * static_cast<std::int64_t>(mesh_->seam_corners.size() + mesh_->uncut_corners.size());
+  const std::int64_t limit = server.max_mesh_bytes();
+  if (limit > 0 && with_seams > limit) {
+    throw Error(ErrorCode::kResourceExhausted, "MESH_TOO_LARGE",
+                absl::StrCat("the mesh has ", with_seams, " bytes as sent; this server takes at most ", limit),
+                {{"bytes", absl::StrCat(with_seams)}, {"limit", absl::StrCat(limit)}});
+  }
+  chunk_bytes_ = server.upload_chunk_bytes() > 0 ? server.upload_chunk_bytes() : kDefaultChunkBytes;
+  return *(inline_ = bytes <= most.value_or(server.inline_mesh_bytes() > 0 ? server.inline_mesh_bytes() : bytes));
+}
+
+// Begins an upload, or goes on where it broke.
+void Follower::Upload() {
+  if (call_.stop.stop_requested()) ThrowCancelled();
+  const Deadline soon = DeadlineAfter(kUnaryLimit);
+  if (upload_.name().empty()) {
+    if (upload_request_id_.empty()) upload_request_id_ = NewRequestId();
+    v1::CreateUploadRequest request;
+    request.set_total_bytes(SizeOf(mesh_->draco));
+    request.set_sha256(mesh_->sha256);
+    request.set_request_id(upload_request_id_);
+    upload_ = rpc_.Call(&Stub::CreateUpload, request, soon, call_.traceparent);
+  } else {
+    upload_ = rpc_.Call(&Stub::GetUpload, Named<v1::GetUploadRequest>(upload_.name()), soon, call_.traceparent);
+  }
+  OnCommitted();
+  if (upload_.committed_bytes() == SizeOf(mesh_->draco)) return;
+  WriteRest();
+  OnCommitted();
+  if (upload_.committed_bytes() == SizeOf(mesh_->draco)) return;
+  throw Error(ErrorCode::kUnavailable, "UNAVAILABLE", "the server took a part of the mesh only");
+}
+
+void Follower::WriteRest() {
+  rpc_.Connect(deadline_);
+  const auto context = NewContext();
+  v1::Upload upload;
+  const auto writer = rpc_.stub().WriteUpload(context.get(), &upload);
   try {
-    rpc_->Connect(deadline_);
-    const bool begins = plan_.unwrap && JobName().empty();
-    if (begins) sender_->Send(*plan_.unwrap->mutable_spec());
-    bool cancel_again = false, finish_again = false;
+    v1::WriteUploadRequest message;
+    message.set_name(upload_.name());
+    const std::int64_t total = SizeOf(mesh_->draco);
+    for (std::int64_t offset = upload_.committed_bytes(); offset < total;) {
+      const std::int64_t size = std::min(chunk_bytes_, total - offset);
+      message.set_offset(offset);
+      message.set_data(mesh_->draco.data() + offset, static_cast<std::size_t>(size));
+      if (!writer->Write(message)) break;  // Finish() says why
+      message.clear_name();
+      offset += size;
+      // What the server really has may be a few messages less; it is what counts when the stream breaks.
+      Tell(callbacks_.on_upload, offset, total);
+    }
+  } catch (...) {
+    context->TryCancel();
+    writer->Finish();
+    throw;
+  }
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  if (!status.ok()) throw rpc_.ErrorOf(status);
+  upload_ = std::move(upload);
+}
+
+void Follower::OnCommitted() {
+  if (upload_.committed_bytes() <= best_committed_) return;
+  best_committed_ = upload_.committed_bytes();
+  retry_.Reset();
+  Tell(callbacks_.on_upload, best_committed_, SizeOf(mesh_->draco));
+}
+
+// ---- the way of the job
+
+bool Follower::FollowOnce() {
+  in_stream_ = false;
+  rpc_.Connect(deadline_);
+  if (unwrap_ != nullptr && job_name_.empty()) {
+    Send(*unwrap_->mutable_spec());
+    const auto context = NewContext(!call_.detached);
+    in_stream_ = true;
+    ReadAll(rpc_.stub().Unwrap(context.get(), *unwrap_), *context);
+  } else {
+    v1::WatchJobRequest watch;
+    watch.set_name(job_name_);
+    watch.set_after_sequence(last_sequence_);
+    watch.set_include_uv(mesh_ != nullptr);
+    watch.set_uv_offset(SizeOf(followed_.uv_bytes));
+    watch.set_attach(unwrap_ != nullptr && !call_.detached);
+    const auto context = NewContext();
+    in_stream_ = true;
+    auto reader = rpc_.stub().WatchJob(context.get(), watch);
     {
       const std::lock_guard lock(mutex_);
-      if (stopped_ && (begins || plan_.watch)) ThrowCancelled();
-      if (begins) {
-        stream_ = rpc_->Unwrap(*plan_.unwrap, deadline_);
-      } else {
-        watch.set_name(job_name_);
-        watch.set_after_sequence(last_sequence_);
-        watch.set_include_uv(wants_uv_);
-        watch.set_uv_offset(static_cast<std::int64_t>(followed_.uv_bytes.size()));
-        watch.set_attach(plan_.unwrap && !plan_.call.detached);
-        stream_ = rpc_->WatchJob(watch, deadline_);
-        // The first request may have been lost with the connection.
-        cancel_again = stopped_;
-        finish_again = finishing_;
-      }
+      asked_cancel_ = asked_finish_ = false;  // it may have been lost with the connection
     }
-    stream_->Start();
-    if (cancel_again) rpc_->CancelJobInBackground(job_name_);
-    if (finish_again) rpc_->StopJobInBackground(job_name_);
-    StreamItem item;
-    while (stream_->Read(item)) {
-      lost_.reset();
-      backoff_.Reset();
-      if (item.event) TakeEvent(*item.event);
-      if (item.uv) TakeUv(*item.uv);
+    Ask();
+    ReadAll(std::move(reader), *context);
+  }
+  if (!IsComplete()) throw Error(ErrorCode::kUnavailable, "UNAVAILABLE", "the stream ended before the job did");
+  const v1::Job& job = followed_.job;
+  // The server noticed the loss of the stream and cancelled the job it belonged to.
+  const bool was_dropped = job.state() == v1::JOB_STATE_CANCELLED && lost_stream_ && !call_.stop.stop_requested();
+  // The server's store has lost the mesh. It is here.
+  const bool lacks_mesh = job.state() == v1::JOB_STATE_FAILED && lost_jobs_ < kMostLostJobs &&
+                          ErrorFrom(job.error()).reason() == "MESH_LOST";
+  if (unwrap_ == nullptr || (!was_dropped && !lacks_mesh)) return true;
+  StartAnew();
+  return false;
+}
+
+template <typename Response>
+void Follower::ReadAll(std::unique_ptr<grpc::ClientReader<Response>> reader, grpc::ClientContext& context) {
+  try {
+    Response response;
+    while (reader->Read(&response)) {
+      retry_.Reset();
+      if (response.has_event()) TakeEvent(response.event());
+      if (response.has_uv()) TakeUv(response.uv());
     }
-    error = stream_->Finish();
-  } catch (const Error& e) {
-    if (!IsUnreachable(e)) throw;
-    error = e;
+  } catch (...) {
+    context.TryCancel();
+    reader->Finish();
+    throw;
   }
-  {
-    const std::lock_guard lock(mutex_);
-    stream_.reset();
-  }
-  if (error) {
-    OnStreamError(*error);
-  } else if (!IsComplete()) {
-    OnStreamError(Error(ErrorCode::kUnavailable, "CONNECTION_LOST", "the stream ended before the job did"));
-  } else if (followed_.job.state() == v1::JOB_STATE_CANCELLED && plan_.unwrap && lost_stream_ &&
-             !plan_.call.stop.stop_requested()) {
-    // The server noticed the loss of the stream and cancelled the job it belonged to.
-    StartAnew();
-  } else if (followed_.job.state() == v1::JOB_STATE_FAILED && plan_.unwrap &&
-             ErrorFrom(followed_.job.error()).reason() == "MESH_LOST" && lost_jobs_ < kMostLostJobs) {
-    // The server's store has lost the mesh. It is here.
-    StartAnew();
-  }
+  const grpc::Status status = reader->Finish();
+  if (!status.ok() && !IsComplete()) throw rpc_.ErrorOf(status);
 }
 
 void Follower::TakeEvent(const v1::JobEvent& proto) {
   if (proto.sequence() <= last_sequence_) return;  // overlap after re-attaching
-  Event event = FromProto(proto, plan_.mesh != nullptr ? plan_.mesh->ToCaller() : ids::Renumbering());
+  Event event = FromProto(proto, mesh_ != nullptr ? mesh_->ToCaller() : ids::Renumbering());
   event.skipped = proto.sequence() - last_sequence_ - 1;
   last_sequence_ = proto.sequence();
   if (!first_event_) first_event_ = Clock::now();
   if (proto.has_job()) {
     followed_.job = proto.job();
     if (IsTerminal(proto.job().state())) last_event_ = Clock::now();
-    bool cancel_now = false, finish_now = false;
-    {
+    if (job_name_.empty()) {
       const std::lock_guard lock(mutex_);
-      if (job_name_.empty()) {
-        job_name_ = proto.job().name();
-        // What came before there was a job to ask it of.
-        cancel_now = stopped_;
-        finish_now = finishing_;
-      }
+      job_name_ = proto.job().name();
     }
-    if (cancel_now) rpc_->CancelJobInBackground(job_name_);
-    if (finish_now) rpc_->StopJobInBackground(job_name_);
-    if (plan_.on_job_name) plan_.on_job_name(job_name_);
+    Ask();  // what came before there was a job to ask it of
+    if (on_job_name_) on_job_name_(job_name_);
   }
-  if (callbacks_.on_event) callbacks_.on_event(event);
+  Tell(callbacks_.on_event, event);
 }
 
 void Follower::TakeUv(const v1::UvChunk& chunk) {
-  const auto have = static_cast<std::int64_t>(followed_.uv_bytes.size());
+  const std::int64_t have = SizeOf(followed_.uv_bytes);
   if (chunk.offset() > have) {
-    throw Error(
-        ErrorCode::kDataLoss, "UV_CORRUPT",
-        "the server skipped from byte " + std::to_string(have) + " of the UV to " + std::to_string(chunk.offset()));
+    throw Error(ErrorCode::kDataLoss, "UV_CORRUPT",
+                absl::StrCat("the server skipped from byte ", have, " of the UV to ", chunk.offset()));
   }
   const auto known = static_cast<std::size_t>(have - chunk.offset());
   if (known < chunk.data().size()) followed_.uv_bytes.append(chunk.data(), known, std::string::npos);
-  if (callbacks_.on_download) {
-    callbacks_.on_download(static_cast<std::int64_t>(followed_.uv_bytes.size()), followed_.job.uv().total_bytes());
-  }
+  Tell(callbacks_.on_download, SizeOf(followed_.uv_bytes), followed_.job.uv().total_bytes());
 }
 
-void Follower::OnStreamError(const Error& error) {
-  const bool stopped = plan_.call.stop.stop_requested();
-  if (stopped && (plan_.watch || job_name_.empty())) ThrowCancelled();
-  if (plan_.unwrap && job_name_.empty()) {
-    if (AsksToWait(error)) {
-      const double pause = std::max(0.05, error.retry_after_seconds());
-      if (queue_full_waited_ + pause > options_.queue_full_wait_seconds) throw error;
-      queue_full_waited_ += pause;
-      PauseBeforeRetry(error, pause);
-      return;
-    }
-    if (sender_->ForgetUpload(error, *plan_.unwrap->mutable_spec())) return;
-  }
-  if (error.code() == ErrorCode::kNotFound && plan_.unwrap && !job_name_.empty() && lost_stream_) {
-    StartAnew();  // the server that had the job, or its UV, has them no more
-    return;
-  }
-  if (!IsBrokenStream(error)) throw error;
-  OnLost(error);
-}
-
-void Follower::OnLost(const Error& error) {
-  // A server that was never reached, or takes no new jobs, is not coming back soon: say so at once.
-  if (!rpc_->reached() || (!first_event_ && !lost_stream_ && error.reason() == "DRAINING")) throw error;
-  lost_stream_ = true;
-  const Clock::time_point now = Clock::now();
-  if (!lost_) lost_ = now;
-  const double pause = std::max(backoff_.Next(), error.retry_after_seconds());
-  if (std::chrono::duration<double>(now - *lost_).count() + pause > options_.reattach_seconds) {
-    throw Error(ErrorCode::kUnavailable, "CONNECTION_LOST",
-                "lost the planish server at " + rpc_->target() + " and could not re-attach within " +
-                    std::to_string(std::lround(options_.reattach_seconds)) + " s: " + error.what());
-  }
-  PauseBeforeRetry(error, pause);
-}
-
-void Follower::PauseBeforeRetry(const Error& why, double seconds) {
-  ThrowIfLate(deadline_, seconds, why);
-  if (callbacks_.on_reconnect) callbacks_.on_reconnect(why, seconds);
-  std::unique_lock lock(mutex_);
-  const bool was_stopped = stopped_;
-  stopped_changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return stopped_ != was_stopped; });
+bool Follower::IsComplete() const {
+  if (!IsTerminal(followed_.job.state())) return false;
+  if (mesh_ == nullptr || followed_.job.state() != v1::JOB_STATE_SUCCEEDED) return true;
+  return SizeOf(followed_.uv_bytes) >= followed_.job.uv().total_bytes();
 }
 
 void Follower::StartAnew() {
@@ -208,56 +316,60 @@ void Follower::StartAnew() {
   job_name_.clear();
   followed_ = Followed();
   last_sequence_ = 0;
-  lost_stream_ = false;
+  lost_stream_ = asked_cancel_ = asked_finish_ = false;
   // The old id stands for the job that is gone.
-  plan_.unwrap->set_request_id(NewRequestId());
+  unwrap_->set_request_id(NewRequestId());
   if (++lost_jobs_ > kMostLostJobs) {
     throw Error(ErrorCode::kUnavailable, "CONNECTION_LOST",
-                "the connection to the planish server at " + rpc_->target() + " keeps breaking, and the job with it");
+                "the connection to the planish server at " + rpc_.target() + " keeps breaking, and the job with it");
   }
 }
 
+// ---- stops
+
+std::shared_ptr<grpc::ClientContext> Follower::NewContext(bool may_be_cut_off) {
+  std::shared_ptr<grpc::ClientContext> context = rpc_.NewContext(deadline_, call_.traceparent);
+  const std::lock_guard lock(mutex_);
+  if (stopped_ && StopEndsCall()) ThrowCancelled();
+  context_ = may_be_cut_off ? context : nullptr;
+  return context;
+}
+
 void Follower::OnStop() {
-  std::string job;
   {
     const std::lock_guard lock(mutex_);
     stopped_ = true;
     stopped_changed_.notify_all();
-    if (plan_.watch) {
-      if (stream_) stream_->TryCancel();
-    } else if (!job_name_.empty()) {
-      job = job_name_;
-    } else if (stream_ && !plan_.call.detached) {
-      // Not accepted yet: the server drops the call, or the job that belongs to it.
-      stream_->TryCancel();
-    }
+    // Not accepted yet: the server drops the call, or the job that belongs to it.
+    if (StopEndsCall() && context_) context_->TryCancel();
   }
-  if (job.empty()) return;
-  const TraceScope trace(plan_.call.traceparent);  // whoever stops is on another thread
-  rpc_->CancelJobInBackground(job);
+  Ask();
 }
 
 void Follower::OnFinish() {
-  std::string job;
   {
     const std::lock_guard lock(mutex_);
     finishing_ = true;
-    job = job_name_;
   }
-  if (job.empty()) return;
-  const TraceScope trace(plan_.call.traceparent);
-  rpc_->StopJobInBackground(job);
+  Ask();
 }
 
-std::string Follower::JobName() {
+// Asks the server to cancel the job, or to bring what it has, if somebody wants that and there is a job.
+void Follower::Ask() {
   const std::lock_guard lock(mutex_);
-  return job_name_;
+  if (StopEndsCall()) return;
+  if (stopped_ && !std::exchange(asked_cancel_, true)) {
+    rpc_.InBackground<v1::CancelJobRequest>(&Stub::CancelJob, job_name_, call_.traceparent);
+  }
+  if (finishing_ && !std::exchange(asked_finish_, true)) {
+    rpc_.InBackground<v1::StopJobRequest>(&Stub::StopJob, job_name_, call_.traceparent);
+  }
 }
 
 void Follower::ThrowCancelled() const {
+  const bool watches = unwrap_ == nullptr && !job_name_.empty();
   throw Error(ErrorCode::kCancelled, "CANCELLED",
-              plan_.watch ? "stopped watching; the job goes on" : "cancelled before the server had accepted the job");
+              watches ? "stopped watching; the job goes on" : "cancelled before the server had accepted the job");
 }
 
-}  // namespace abi0
 }  // namespace planish

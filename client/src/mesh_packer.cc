@@ -4,21 +4,17 @@
 #include <limits>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
 #include "core/draco/codec.h"
 #include "planish/error.h"
 
-namespace planish {
-inline namespace abi0 {
+namespace planish::inline abi0 {
 namespace {
 
-Error BadMesh(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {}) {
+Error Invalid(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {}) {
   return Error(ErrorCode::kInvalidArgument, reason, message, metadata);
-}
-
-Error BadSeam(const std::string& message, const Error::Metadata& metadata) {
-  return Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID", message, metadata);
 }
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller id first
@@ -42,18 +38,19 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
   const auto missing = std::find(corners.begin(), corners.end(), -1);
   if (missing == corners.end()) return corners;
   const Edge& edge = edges[static_cast<std::size_t>(missing - corners.begin())];
-  const std::string a = std::to_string(edge.first), b = std::to_string(edge.second);
-  throw BadSeam("no triangle has the edge from vertex " + a + " to vertex " + b + ", which is to be a seam",
-                {{"field", "seam_corners"}, {"edges", a + "-" + b}});
+  throw Invalid("OPTIONS_INVALID",
+                absl::StrCat("no triangle has the edge from vertex ", edge.first, " to vertex ", edge.second,
+                             ", which is to be a seam"),
+                {{"field", "seam_corners"}, {"edges", absl::StrCat(edge.first, "-", edge.second)}});
 }
 
 // `corners`, all of them among 3 `triangles`.
 void CheckCorners(const std::string& field, std::span<const std::int32_t> corners, std::int64_t triangles) {
   for (const std::int32_t corner : corners) {
     if (corner >= 0 && corner < 3 * triangles) continue;
-    throw BadSeam(field + ": there is no corner " + std::to_string(corner) + ", the mesh has " +
-                      std::to_string(triangles) + " triangles",
-                  {{"field", field}, {"corner", std::to_string(corner)}});
+    throw Invalid("OPTIONS_INVALID",
+                  absl::StrCat(field, ": there is no corner ", corner, ", the mesh has ", triangles, " triangles"),
+                  {{"field", field}, {"corner", absl::StrCat(corner)}});
   }
 }
 
@@ -69,54 +66,50 @@ ids::Renumbering PackedMesh::ToCaller() const {
 }
 
 PackedMesh MeshPacker::Pack(const MeshView& view) {
-  if (view.coordinate_count_ % 3 != 0 || view.index_count_ % 3 != 0) {
-    throw BadMesh("MESH_POSITION_INVALID", "positions and triangles must come in threes; got " +
-                                               std::to_string(view.coordinate_count_) + " coordinates and " +
-                                               std::to_string(view.index_count_) + " indices");
+  const std::size_t coordinates = view.floats_.size() + view.doubles_.size();
+  if (coordinates % 3 != 0 || view.indices_.size() % 3 != 0) {
+    throw Invalid("MESH_POSITION_INVALID",
+                  absl::StrCat("positions and triangles must come in threes; got ", coordinates, " coordinates and ",
+                               view.indices_.size(), " indices"));
   }
-  if (view.index_count_ == 0) throw BadMesh("MESH_EMPTY", "the mesh has no triangles; there is nothing to flatten");
-  const std::int64_t vertex_count = view.vertex_count();
+  if (view.indices_.empty()) throw Invalid("MESH_EMPTY", "the mesh has no triangles; there is nothing to flatten");
+  const std::size_t vertex_count = coordinates / 3;
   if (vertex_count > std::numeric_limits<std::int32_t>::max()) {
-    throw BadMesh("MESH_TOO_LARGE", "the mesh has more than 2^31 vertices");
+    throw Invalid("MESH_TOO_LARGE", "the mesh has more than 2^31 vertices");
   }
-
-  std::vector<std::int32_t> sent(static_cast<std::size_t>(vertex_count), -1);
-  for (std::int64_t i = 0; i < view.index_count_; ++i) {
-    if (view.indices_[i] >= static_cast<std::uint64_t>(vertex_count)) {
-      throw BadMesh("MESH_INDEX_OUT_OF_RANGE",
-                    "face " + std::to_string(i / 3) + " refers to vertex " + std::to_string(view.indices_[i]) +
-                        ", but the mesh has " + std::to_string(vertex_count),
-                    {{"faces", std::to_string(i / 3)}});
+  std::vector<std::int32_t> sent(vertex_count, -1);
+  for (std::size_t i = 0; i < view.indices_.size(); ++i) {
+    if (view.indices_[i] < vertex_count) {
+      sent[view.indices_[i]] = 0;
+      continue;
     }
-    sent[view.indices_[i]] = 0;
+    throw Invalid(
+        "MESH_INDEX_OUT_OF_RANGE",
+        absl::StrCat("face ", i / 3, " refers to vertex ", view.indices_[i], ", but the mesh has ", vertex_count),
+        {{"faces", absl::StrCat(i / 3)}});
   }
 
   PackedMesh packed;
   packed.triangles = view.triangle_count();
   Mesh mesh;
-  for (std::int64_t v = 0; v < vertex_count; ++v) {
-    if (sent[static_cast<std::size_t>(v)] < 0) continue;
-    sent[static_cast<std::size_t>(v)] = static_cast<std::int32_t>(mesh.positions.size());
+  const auto add = [&mesh](const auto* p) { mesh.positions.emplace_back(p[0], p[1], p[2]); };
+  for (std::size_t v = 0; v < vertex_count; ++v) {
+    if (sent[v] < 0) continue;
+    sent[v] = static_cast<std::int32_t>(mesh.positions.size());
     packed.source_vertex.push_back(static_cast<std::int32_t>(v));
-    if (view.floats_ != nullptr) {
-      mesh.positions.emplace_back(view.floats_[3 * v], view.floats_[3 * v + 1], view.floats_[3 * v + 2]);
-    } else {
-      mesh.positions.emplace_back(view.doubles_[3 * v], view.doubles_[3 * v + 1], view.doubles_[3 * v + 2]);
-    }
+    view.doubles_.empty() ? add(&view.floats_[3 * v]) : add(&view.doubles_[3 * v]);
   }
-  mesh.faces.resize(static_cast<std::size_t>(view.triangle_count()));
-  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-    for (std::size_t k = 0; k < 3; ++k) mesh.faces[f][k] = sent[view.indices_[3 * f + k]];
-  }
-  if (mesh.num_vertices() == vertex_count) packed.source_vertex.clear();
+  mesh.faces.resize(view.indices_.size() / 3);
+  for (std::size_t c = 0; c < view.indices_.size(); ++c) mesh.faces[c / 3][c % 3] = sent[view.indices_[c]];
+  if (mesh.positions.size() == vertex_count) packed.source_vertex.clear();
   if (view.seam_vertices_.size() % 2 != 0) {
-    throw BadSeam("seams are pairs of vertices; got " + std::to_string(view.seam_vertices_.size()) + " ids",
+    throw Invalid("OPTIONS_INVALID",
+                  absl::StrCat("seams are pairs of vertices; got ", view.seam_vertices_.size(), " ids"),
                   {{"field", "seam_corners"}});
   }
   CheckCorners("seam_corners", view.seam_corners_, view.triangle_count());
   CheckCorners("uncut_corners", view.uncut_corners_, view.triangle_count());
-  packed.seam_corners =
-      CornersFacing(view.seam_vertices_, {view.indices_, static_cast<std::size_t>(view.index_count_)});
+  packed.seam_corners = CornersFacing(view.seam_vertices_, view.indices_);
   packed.seam_corners.insert(packed.seam_corners.end(), view.seam_corners_.begin(), view.seam_corners_.end());
   packed.uncut_corners.assign(view.uncut_corners_.begin(), view.uncut_corners_.end());
 
@@ -127,5 +120,4 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
   return packed;
 }
 
-}  // namespace abi0
-}  // namespace planish
+}  // namespace planish::inline abi0

@@ -5,11 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "client/src/element_ids.h"
+#include "client/src/errors.h"
 #include "planish/types.h"
 
-namespace planish {
-inline namespace abi0 {
+namespace planish::inline abi0 {
 
 struct PackedMesh {
   std::string draco;
@@ -33,5 +32,4 @@ class MeshPacker {
   static PackedMesh Pack(const MeshView& mesh);
 };
 
-}  // namespace abi0
-}  // namespace planish
+}  // namespace planish::inline abi0

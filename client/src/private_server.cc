@@ -3,8 +3,9 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <sys/mman.h>
+#include <spawn.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,25 +14,83 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string_view>
 #include <system_error>
+#include <thread>
 
-#include "client/src/find_planishd.h"
+#include "absl/strings/str_split.h"
+#include "client/src/errors.h"
 #include "client/src/process.h"
 #include "core/base/program_path.h"
-#include "planish/error.h"
+
+extern char** environ;
 
 namespace planish {
-inline namespace abi0 {
+namespace fs = std::filesystem;
 namespace {
 
-namespace fs = std::filesystem;
-
+// They configure the planishd of this machine, if there is one, and not the private ones that we start.
+constexpr std::string_view kServiceVariables = "PLANISHD_";
 // The server drains without grace when we let go; a planishd that hangs is not waited for much longer than that.
-constexpr double kStopSeconds = 5;
+constexpr std::chrono::seconds kStopLimit{5};
 constexpr int kSupervisorFd = 3;
 
 Error Failed(const std::string& message) {
   return Error(ErrorCode::kUnavailable, "PRIVATE_SERVER_FAILED", message);
+}
+
+// Starts `arguments[0]`, a path, in a process group of its own (so that Ctrl-C reaches only us), with an empty signal
+// mask, default signal actions, no input, no output, stderr to the file `stderr_path`, `inherited_fd` as descriptor
+// `inherited_as`, and the environment without what is for a service (PLANISHD_QUEUE, ...).
+pid_t Spawn(const std::vector<std::string>& arguments, const std::string& stderr_path, int inherited_fd,
+            int inherited_as) {
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, 2, stderr_path.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+  // Also clears close-on-exec where both numbers agree.
+  posix_spawn_file_actions_adddup2(&actions, inherited_fd, inherited_as);
+
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  sigset_t none, all;
+  sigemptyset(&none);
+  sigfillset(&all);
+  posix_spawnattr_setsigmask(&attributes, &none);
+  posix_spawnattr_setsigdefault(&attributes, &all);
+  posix_spawnattr_setpgroup(&attributes, 0);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+
+  std::vector<char*> variables;
+  for (char** entry = environ; *entry != nullptr; ++entry) {
+    if (!std::string_view(*entry).starts_with(kServiceVariables)) variables.push_back(*entry);
+  }
+  variables.push_back(nullptr);
+
+  std::vector<char*> argv;
+  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  argv.push_back(nullptr);
+  pid_t pid = -1;
+  const int error = posix_spawn(&pid, argv[0], &actions, &attributes, argv.data(), variables.data());
+  posix_spawn_file_actions_destroy(&actions);
+  posix_spawnattr_destroy(&attributes);
+  if (error != 0) throw Failed("cannot start " + arguments[0] + ": " + std::strerror(error));
+  return pid;
+}
+
+// Waits for the end of a child and reaps it; false if it still runs then.
+bool ReapWithin(pid_t pid, std::chrono::milliseconds limit, int* wait_status = nullptr) {
+  const auto end = std::chrono::steady_clock::now() + limit;
+  int status = 0;
+  while (waitpid(pid, &status, WNOHANG) == 0) {
+    if (std::chrono::steady_clock::now() >= end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  if (wait_status != nullptr) *wait_status = status;
+  return true;
 }
 
 // A directory only this user can enter, at a path short enough for a socket's name (108 bytes).
@@ -53,25 +112,58 @@ std::string HowItEnded(int wait_status) {
 
 }  // namespace
 
+void OwnedFd::Reset() {
+  if (fd_ >= 0) close(fd_);
+  fd_ = -1;
+}
+
+bool IsExecutable(const std::string& path) {
+  struct stat info;
+  return stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode) && access(path.c_str(), X_OK) == 0;
+}
+
+std::string FindPlanishd(const std::string& directory) {
+  if (!directory.empty()) {
+    for (const fs::path& candidate : {fs::path(directory) / "planishd", fs::path(directory) / "../bin/planishd"}) {
+      if (IsExecutable(candidate)) return candidate.lexically_normal();
+    }
+  }
+  const char* named = std::getenv("PLANISHD");
+  if (named != nullptr && *named != '\0') return IsExecutable(named) ? named : "";
+  const char* path = std::getenv("PATH");
+  const std::vector<std::string> entries = absl::StrSplit(path == nullptr ? "" : path, ':', absl::SkipEmpty());
+  for (const std::string& entry : entries) {
+    const fs::path candidate = fs::path(entry) / "planishd";
+    if (IsExecutable(candidate)) return candidate;
+  }
+  return "";
+}
+
+inline namespace abi0 {
+
 struct PrivateServer::State {
   std::string executable;
   std::string directory;
   std::string target;
   OwnedFd supervisor;  // end of file here tells planishd that we are gone
-  OwnedFd log;
   pid_t pid = -1;
 
   ~State() {
     supervisor.Reset();
-    if (pid > 0 && !ReapWithin(pid, kStopSeconds)) {
+    if (pid > 0 && !ReapWithin(pid, kStopLimit)) {
       kill(pid, SIGKILL);
-      ReapWithin(pid, kStopSeconds);
+      ReapWithin(pid, kStopLimit);
     }
     std::error_code ignored;
     if (!directory.empty()) fs::remove_all(directory, ignored);
   }
 
-  std::string Log() const { return log.get() < 0 ? std::string() : ReadAll(log.get()); }
+  std::string LogPath() const { return directory + "/log"; }
+
+  std::string Log() const {
+    std::ifstream in(LogPath(), std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
 
   std::string LogSuffix() const {
     std::string text = Log();
@@ -82,7 +174,6 @@ struct PrivateServer::State {
   void Start(const PrivateServerOptions& options) {
     directory = NewPrivateDirectory();
     target = "unix:" + directory + "/socket";
-    log = OwnedFd(memfd_create("planishd-stderr", MFD_CLOEXEC));
     int sockets[2];
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0) {
       throw Failed(std::string("socketpair: ") + std::strerror(errno));
@@ -94,17 +185,13 @@ struct PrivateServer::State {
                                           "--workers=" + std::to_string(options.workers), "--log-level=warn"};
     if (options.threads > 0) arguments.push_back("--threads=" + std::to_string(options.threads));
     arguments.insert(arguments.end(), options.extra_arguments.begin(), options.extra_arguments.end());
-    try {
-      pid = Spawn(arguments, log.get(), theirs.get(), kSupervisorFd);
-    } catch (const std::system_error& error) {
-      throw Failed("cannot start " + executable + ": " + error.code().message());
-    }
+    pid = Spawn(arguments, LogPath(), theirs.get(), kSupervisorFd);
     theirs.Reset();
-    WaitUntilReady(options.start_timeout_seconds);
+    WaitUntilReady(options.start_timeout);
   }
 
-  void WaitUntilReady(double seconds) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  void WaitUntilReady(Seconds limit) {
+    const auto end = std::chrono::steady_clock::now() + limit;
     std::string said;
     while (said.find('\n') == std::string::npos) {
       const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
@@ -117,7 +204,7 @@ struct PrivateServer::State {
       if (count < 0 && errno == EINTR) continue;
       if (count <= 0) {
         int wait_status = 0;
-        const bool ended = ReapWithin(pid, 1, &wait_status);
+        const bool ended = ReapWithin(pid, std::chrono::seconds(1), &wait_status);
         if (ended) pid = -1;
         throw Failed(executable + " " + (ended ? HowItEnded(wait_status) : "let go of us") + " while it started" +
                      LogSuffix());
@@ -132,7 +219,7 @@ std::string FindPrivateServer() {
   return FindPlanishd(fs::path(SelfPath()).parent_path());
 }
 
-PrivateServer::PrivateServer(const PrivateServerOptions& options) : state_(std::make_unique<State>()) {
+PrivateServer::PrivateServer(const PrivateServerOptions& options) : state_(std::make_shared<State>()) {
   state_->executable = options.executable.empty() ? FindPrivateServer() : options.executable;
   if (state_->executable.empty()) {
     const char* named = std::getenv("PLANISHD");
@@ -144,9 +231,9 @@ PrivateServer::PrivateServer(const PrivateServerOptions& options) : state_(std::
   state_->Start(options);
 }
 
-PrivateServer::~PrivateServer() = default;
-PrivateServer::PrivateServer(PrivateServer&&) noexcept = default;
-PrivateServer& PrivateServer::operator=(PrivateServer&&) noexcept = default;
+Result<PrivateServer> PrivateServer::Make(const PrivateServerOptions& options) {
+  return Caught([&] { return PrivateServer(options); });
+}
 
 const std::string& PrivateServer::target() const {
   return state_->target;

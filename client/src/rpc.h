@@ -1,122 +1,142 @@
-// The connection: stubs, deadlines and status translation. rpc.cc is the only file with generated gRPC code.
+// The connection: stubs, deadlines, traces and status translation.
 #pragma once
 
+#include <grpcpp/grpcpp.h>
+
 #include <atomic>
-#include <chrono>
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
-#include "planish/admin/v1/admin.pb.h"
+#include "client/src/retry.h"
+#include "planish/admin/v1/admin.grpc.pb.h"
 #include "planish/client.h"
-#include "planish/v1/planish.pb.h"
+#include "planish/v1/planish.grpc.pb.h"
 
 namespace planish {
-inline namespace abi0 {
 
-// When a call must be over; nothing: never.
-using Deadline = std::optional<std::chrono::system_clock::time_point>;
-Deadline DeadlineAfter(double seconds);  // 0: never
+// The W3C trace that calls belong to: `traceparent` or, if it is empty, the environment's TRACEPARENT where that is
+// valid, or else a new one. Throws INVALID_ARGUMENT with TRACEPARENT_INVALID.
+std::string TraceOf(const std::string& traceparent);
 
-// One item of Unwrap's or WatchJob's stream: exactly one is set.
-struct StreamItem {
-  std::optional<v1::JobEvent> event;
-  std::optional<v1::UvChunk> uv;
-};
+// Answers that carry no mesh must not take longer than this, connection included.
+inline constexpr Seconds kUnaryLimit{20};
 
-// A server stream. TryCancel may come from any thread at any time, the others belong to one.
-class Stream {
+template <typename Request>
+Request Named(const std::string& name) {
+  Request request;
+  request.set_name(name);
+  return request;
+}
+
+// What a connection needs beside its address: encryption, and who calls.
+// Immutable after construction, so threads may share it.
+class Connection {
  public:
-  virtual ~Stream() = default;
-  // First of all: sends the request, which may take long. The request must live until then.
-  virtual void Start() = 0;
-  // False at the end of the stream.
-  virtual bool Read(StreamItem& item) = 0;
-  // Why the stream ended, after Read returned false: nothing if all is well.
-  virtual std::optional<Error> Finish() = 0;
-  virtual void TryCancel() = 0;
+  // Throws INVALID_ARGUMENT with OPTIONS_INVALID, see Client::Client.
+  Connection(std::string target, const ClientOptions& options);
+
+  const std::string& target() const { return target_; }
+  std::shared_ptr<grpc::Channel> NewChannel() const;
+
+  // Adds the token to a call. Throws OPTIONS_INVALID if its file cannot be read.
+  void Prepare(grpc::ClientContext& context) const;
+
+  // Why no connection stands, with `message`, gRPC's own words: SERVER_UNREACHABLE or TLS_FAILED. Tries TLS by itself
+  // to find out, which may take a few seconds if the server is slow.
+  Error WhyUnreachable(const std::string& message) const;
+
+ private:
+  std::string Token() const;
+
+  const std::string target_;
+  const ClientOptions options_;
+  const bool uses_tls_;
+  std::string ca_, certificate_, key_;  // what the files held
 };
 
-// The stream of a WriteUpload. TryCancel may come from any thread at any time, the others belong to one.
-class UploadStream {
- public:
-  virtual ~UploadStream() = default;
-  // False if the stream broke: Finish() says why.
-  virtual bool Write(const v1::WriteUploadRequest& request) = 0;
-  // Ends the stream; the upload as the server has it then. Throws why it broke, or was refused.
-  virtual v1::Upload Finish() = 0;
-  virtual void TryCancel() = 0;
-};
-
-// Thread-safe. Calls belong to the trace of their thread (trace_scope.h) and throw planish::Error. Those that may be
-// repeated safely are, for retry_seconds at most, while a server that was reached before is UNAVAILABLE.
+// Thread-safe. Functions throw planish::Error.
 class Rpc {
  public:
+  template <typename Stub, typename Request, typename Response>
+  using Method = grpc::Status (Stub::*)(grpc::ClientContext*, const Request&, Response*);
+
   // Throws as Client::Client does.
   Rpc(const std::string& target, const ClientOptions& options);
-  ~Rpc();
-  const std::string& target() const;
 
-  // Whether a connection stands, waiting for it until it fails, or connect_timeout_seconds or `deadline` pass. The
-  // next call says why it failed; a peer that stays silent throws SERVER_UNREACHABLE or TLS_FAILED.
-  bool Connect(Deadline deadline);
-
+  const std::string& target() const { return connection_.target(); }
+  const ClientOptions& options() const { return options_; }
   // Whether there was a connection, ever.
   bool reached() const { return reached_; }
 
-  std::unique_ptr<Stream> Unwrap(const v1::UnwrapRequest& request, Deadline deadline);
-  std::unique_ptr<Stream> WatchJob(const v1::WatchJobRequest& request, Deadline deadline);
+  // Waits for a connection until it fails, or connect_timeout or `deadline` pass. The next call says why it failed; a
+  // peer that stays silent throws SERVER_UNREACHABLE or TLS_FAILED.
+  void Connect(Deadline deadline);
 
-  // Once, whatever happens: the caller sees to it that the mesh is there.
-  v1::Job CreateJob(const v1::CreateJobRequest& request, Deadline deadline);
+  // For one call: its deadline, a span of the trace (TraceOf()), and the token.
+  std::unique_ptr<grpc::ClientContext> NewContext(Deadline deadline, const std::string& trace) const;
+  template <typename Stub = v1::Planish::Stub>
+  Stub& stub() {
+    return *std::get<std::unique_ptr<Stub>>(stubs_);
+  }
+  // What a status that is not OK says.
+  Error ErrorOf(const grpc::Status& status) const;
 
-  // The request ids of `request` make repeating safe. For any server: uploads are named in none of its specs.
-  v1::BatchCreateJobsResponse BatchCreateJobs(const v1::BatchCreateJobsRequest& request);
-  v1::FindMissingMeshesResponse FindMissingMeshes(const v1::FindMissingMeshesRequest& request);
+  // One unary call.
+  template <typename Stub, typename Request, typename Response>
+  Response Call(Method<Stub, Request, Response> method, const Request& request,
+                Deadline deadline = DeadlineAfter(kUnaryLimit), const std::string& trace = TraceOf("")) {
+    Connect(deadline);
+    const auto context = NewContext(deadline, trace);
+    Response response;
+    const grpc::Status status = (stub<Stub>().*method)(context.get(), request, &response);
+    if (!status.ok()) throw ErrorOf(status);
+    return response;
+  }
 
-  v1::Job GetJob(const std::string& name);
-  // Answers after so many seconds at the latest, which must be fewer than a unary call may take.
-  v1::Job WaitJob(const std::string& name, double seconds);
-  // At most so many bytes, from `offset` on.
-  v1::ReadResultResponse ReadResult(const std::string& name, std::int64_t offset, std::int64_t limit);
-  v1::ListJobsResponse ListJobs(const v1::ListJobsRequest& request);
-  v1::Job StopJob(const std::string& name);
-  v1::Job CancelJob(const std::string& name);
-  void DeleteJob(const std::string& name);
-  v1::JobEstimate EstimateJob(const v1::EstimateJobRequest& request);
-  v1::Capabilities GetCapabilities();
+  // The same for calls that may be repeated, for retry_timeout. `attempts`, if given, counts them.
+  template <typename Stub, typename Request, typename Response>
+  Response Repeat(Method<Stub, Request, Response> method, const Request& request,
+                  const std::string& trace = TraceOf(""), int* attempts = nullptr) {
+    const Deadline deadline = DeadlineAfter(kUnaryLimit);
+    Retry retry(target(), {options_.retry_timeout, Seconds(0), options_.backoff, deadline});
+    while (true) {
+      try {
+        if (attempts != nullptr) ++*attempts;
+        return Call(method, request, deadline, trace);
+      } catch (const Error& error) {
+        std::this_thread::sleep_for(retry.PauseAfter(error, reached_));
+      }
+    }
+  }
 
-  // Once each.
-  v1::Upload CreateUpload(const v1::CreateUploadRequest& request);
-  v1::Upload GetUpload(const std::string& name);
-  std::unique_ptr<UploadStream> WriteUpload(Deadline deadline);
-
-  // planish.admin.v1.Admin. Once each.
-  void Drain();
-  void Undrain();
-  admin::v1::Stats GetStats();
-  admin::v1::Config GetConfig();
-
-  // Return at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
+  // Returns at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
   // waits for calls that are still out, a few seconds at most.
-  void StopJobInBackground(const std::string& name);
-  void CancelJobInBackground(const std::string& name);
+  template <typename Request>
+  void InBackground(Method<v1::Planish::Stub, Request, v1::Job> method, const std::string& job,
+                    const std::string& trace) {
+    RunInBackground(
+        [this, method, request = Named<Request>(job)](grpc::ClientContext* context) {
+          v1::Job ignored;
+          (stub().*method)(context, request, &ignored);
+        },
+        trace);
+  }
 
  private:
-  struct Stubs;
-  template <typename Call>
-  void InBackground(Call call);
+  void RunInBackground(std::function<void(grpc::ClientContext*)> call, const std::string& trace);
 
-  ClientOptions options_;
-  std::shared_ptr<Stubs> stubs_;
+  const ClientOptions options_;
+  const Connection connection_;
+  const std::shared_ptr<grpc::Channel> channel_;
+  const std::tuple<std::unique_ptr<v1::Planish::Stub>, std::unique_ptr<admin::v1::Admin::Stub>> stubs_;
   std::atomic<bool> reached_ = false;
   std::mutex background_mutex_;
-  std::vector<std::jthread> background_;  // guarded by background_mutex_; joined by their destructors
+  std::vector<std::jthread> background_;  // guarded by background_mutex_; joined before what they use goes
 };
 
-}  // namespace abi0
 }  // namespace planish

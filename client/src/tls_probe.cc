@@ -1,26 +1,26 @@
 #include "client/src/tls_probe.h"
 
-#include <netdb.h>
 #include <openssl/bio.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
-#include <sys/socket.h>
-#include <sys/time.h>
-#include <unistd.h>
 
+#include <algorithm>
+#include <ctime>
 #include <memory>
-#include <optional>
+#include <vector>
 
-#include "client/src/target_address.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_split.h"
 
 namespace planish {
-inline namespace abi0 {
 namespace {
 
-// For each step: connect, each read, each write.
-constexpr timeval kStepLimit = {2, 0};
+// For each step: connect, the handshake, what the server says then.
+constexpr int kStepSeconds = 2;
+constexpr unsigned int kNapMilliseconds = 5;
 
 struct Free {
   void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }
@@ -28,42 +28,9 @@ struct Free {
   void operator()(BIO* bio) const { BIO_free(bio); }
   void operator()(X509* certificate) const { X509_free(certificate); }
   void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
-  void operator()(addrinfo* list) const { freeaddrinfo(list); }
 };
 template <typename T>
 using Owned = std::unique_ptr<T, Free>;
-
-// A connected socket; -1 if nobody listens.
-class ProbeSocket {
- public:
-  explicit ProbeSocket(const HostPort& address) {
-    addrinfo hints = {};
-    hints.ai_socktype = SOCK_STREAM;
-    addrinfo* found = nullptr;
-    if (getaddrinfo(address.host.c_str(), address.port.c_str(), &hints, &found) != 0) return;
-    const Owned<addrinfo> list(found);
-    for (const addrinfo* each = found; each != nullptr && fd_ < 0; each = each->ai_next) Try(*each);
-  }
-  ~ProbeSocket() {
-    if (fd_ >= 0) close(fd_);
-  }
-  ProbeSocket(const ProbeSocket&) = delete;
-  ProbeSocket& operator=(const ProbeSocket&) = delete;
-  int fd() const { return fd_; }
-
- private:
-  void Try(const addrinfo& address) {
-    fd_ = socket(address.ai_family, address.ai_socktype | SOCK_CLOEXEC, 0);
-    if (fd_ < 0) return;
-    setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &kStepLimit, sizeof(kStepLimit));
-    setsockopt(fd_, SOL_SOCKET, SO_SNDTIMEO, &kStepLimit, sizeof(kStepLimit));  // connect() too
-    if (connect(fd_, address.ai_addr, address.ai_addrlen) == 0) return;
-    close(fd_);
-    fd_ = -1;
-  }
-
-  int fd_ = -1;
-};
 
 Owned<BIO> Reader(const std::string& pem) {
   return Owned<BIO>(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
@@ -108,22 +75,31 @@ void ExpectName(SSL* ssl, const std::string& name) {
   SSL_ctrl(ssl, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, const_cast<char*>(name.c_str()));
 }
 
+// What `step` comes to, or where it stands when the time is up.
+template <typename Call>
+int Step(SSL* ssl, BIO* socket, const Call& call) {
+  const std::time_t end = std::time(nullptr) + kStepSeconds;
+  int result = call();
+  while (result <= 0 && BIO_should_retry(socket) && SSL_want(ssl) != SSL_NOTHING &&
+         BIO_wait(socket, end, kNapMilliseconds) > 0) {
+    result = call();
+  }
+  return result;
+}
+
 // The server asks for a client certificate.
 int OnAsked(SSL*, void* asked) {
   *static_cast<bool*>(asked) = true;
   return 1;
 }
 
-bool HasExpired(SSL* ssl) {
-  const X509* certificate = SSL_get_certificate(ssl);
-  return certificate != nullptr && X509_cmp_current_time(X509_get0_notAfter(certificate)) < 0;
-}
-
 // A server of gRPC closes the connection without an alert where it does not like the client's certificate.
 std::string ExplainClosed(SSL* ssl, bool asked, bool has_certificate) {
   if (!asked) return "";
-  if (!has_certificate) return "the server asks for a client certificate";
-  return HasExpired(ssl) ? "the client certificate has expired" : "the server refuses the client certificate";
+  const X509* certificate = SSL_get_certificate(ssl);
+  if (!has_certificate || certificate == nullptr) return "the server asks for a client certificate";
+  const bool has_expired = X509_cmp_current_time(X509_get0_notAfter(certificate)) < 0;
+  return has_expired ? "the client certificate has expired" : "the server refuses the client certificate";
 }
 
 // The last error of a handshake or of a read after it.
@@ -154,7 +130,38 @@ std::string Explain(SSL* ssl, const std::string& name, bool has_certificate) {
   return "";
 }
 
+bool IsNumber(const std::string& text, int most) {
+  int number = 0;
+  return absl::SimpleAtoi(text, &number) && absl::ascii_isdigit(text.front()) && number <= most;
+}
+
 }  // namespace
+
+bool IsUnixTarget(const std::string& target) {
+  return target.rfind("unix:", 0) == 0 || target.rfind("unix-abstract:", 0) == 0;
+}
+
+std::optional<HostPort> ParseHostPort(const std::string& target) {
+  const std::size_t colon = target.rfind(':');
+  if (colon == std::string::npos || colon == 0 || IsUnixTarget(target)) return std::nullopt;
+  HostPort parts = {target.substr(0, colon), target.substr(colon + 1)};
+  if (parts.host.size() > 2 && parts.host.front() == '[' && parts.host.back() == ']') {
+    parts.host = parts.host.substr(1, parts.host.size() - 2);
+  } else if (parts.host.find_first_of(":/") != std::string::npos) {
+    return std::nullopt;  // a bare IPv6 address, or a scheme
+  }
+  return IsNumber(parts.port, 65535) ? std::optional(parts) : std::nullopt;
+}
+
+bool IsWithinThisMachine(const std::string& target) {
+  if (IsUnixTarget(target)) return true;
+  const std::optional<HostPort> parts = ParseHostPort(target);
+  if (!parts) return false;
+  if (parts->host == "localhost" || parts->host == "::1") return true;
+  const std::vector<std::string> numbers = absl::StrSplit(parts->host, '.');
+  return numbers.size() == 4 && numbers[0] == "127" &&
+         std::all_of(numbers.begin(), numbers.end(), [](const std::string& n) { return IsNumber(n, 255); });
+}
 
 std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   const std::optional<HostPort> address = ParseHostPort(target);
@@ -164,18 +171,20 @@ std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   SSL_CTX_set_verify(context.get(), probe.uses_tls ? SSL_VERIFY_PEER : SSL_VERIFY_NONE, nullptr);
   Trust(context.get(), probe.ca);
   if (std::string fault = Present(context.get(), probe); !fault.empty()) return fault;
-  const ProbeSocket socket(*address);
-  if (socket.fd() < 0) return "";
+  Owned<BIO> socket(BIO_new_connect(target.c_str()));
+  BIO_set_nbio(socket.get(), 1);
+  if (BIO_do_connect_retry(socket.get(), kStepSeconds, kNapMilliseconds) != 1) return "";
   const Owned<SSL> ssl(SSL_new(context.get()));
   const unsigned char http2[] = {2, 'h', '2'};
   SSL_set_alpn_protos(ssl.get(), http2, sizeof(http2));
   const std::string name = probe.server_name.empty() ? address->host : probe.server_name;
   ExpectName(ssl.get(), name);
-  SSL_set_fd(ssl.get(), socket.fd());
+  SSL_set_bio(ssl.get(), socket.get(), socket.get());
+  BIO* const connected = socket.release();  // the SSL's own
   ERR_clear_error();
   bool asked = false;
   SSL_set_cert_cb(ssl.get(), OnAsked, &asked);
-  int result = SSL_connect(ssl.get());
+  int result = Step(ssl.get(), connected, [&] { return SSL_connect(ssl.get()); });
   const bool is_done = result == 1;
   if (!probe.uses_tls) {
     // An alert is an answer in TLS as well: the server may ask for a client certificate, say.
@@ -186,12 +195,11 @@ std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   // With TLS 1.3 a server judges the client's certificate after the client is done; it says so instead of its first
   // HTTP/2 frame.
   char byte = 0;
-  if (is_done) result = SSL_read(ssl.get(), &byte, 1);
+  if (is_done) result = Step(ssl.get(), connected, [&] { return SSL_read(ssl.get(), &byte, 1); });
   if (result > 0 || SSL_get_error(ssl.get(), result) == SSL_ERROR_WANT_READ) return "";  // all is well, or too slow
   const bool has_certificate = !probe.certificate.empty();
   const std::string fault = Explain(ssl.get(), name, has_certificate);
   return fault.empty() ? ExplainClosed(ssl.get(), asked, has_certificate) : fault;
 }
 
-}  // namespace abi0
 }  // namespace planish

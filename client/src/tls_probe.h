@@ -1,10 +1,24 @@
-// Why TLS to a server fails, in words. gRPC only says that a handshake failed, or that a connection was closed.
+// What a target says, "host:port" or "unix:/path", and why TLS to it fails, in words: gRPC only says that a handshake
+// failed, or that a connection was closed.
 #pragma once
 
+#include <optional>
 #include <string>
 
 namespace planish {
-inline namespace abi0 {
+
+struct HostPort {
+  std::string host;  // without brackets
+  std::string port;
+};
+
+bool IsUnixTarget(const std::string& target);
+
+// Nothing if it is no "host:port" or "[ipv6]:port"; gRPC knows more kinds of targets.
+std::optional<HostPort> ParseHostPort(const std::string& target);
+
+// Whether what is sent there stays on this machine: a Unix socket, or a loopback address.
+bool IsWithinThisMachine(const std::string& target);
 
 // How a client would connect; PEM, as in ClientOptions.
 struct TlsProbe {
@@ -20,5 +34,4 @@ struct TlsProbe {
 // side speaks TLS. Empty if nothing is, nobody listens, or it takes more than a few seconds.
 std::string FindTlsFault(const std::string& target, const TlsProbe& probe);
 
-}  // namespace abi0
 }  // namespace planish

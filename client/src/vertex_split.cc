@@ -3,18 +3,21 @@
 #include <limits>
 #include <string>
 
+#include "absl/strings/str_cat.h"
+#include "client/src/errors.h"
 #include "core/base/corner_split.h"
 #include "planish/error.h"
 
-namespace planish {
-inline namespace abi0 {
+namespace planish::inline abi0 {
 
-VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv) {
-  const std::vector<double> corner_uv = uv.AsDouble();
+namespace {
+
+VertexSplit Split(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv) {
+  const std::vector<double> corner_uv = uv.As<double>();
   if (triangles.size() % 3 != 0 || corner_uv.size() != 2 * triangles.size()) {
     throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
-                std::to_string(triangles.size()) + " corners of triangles and " + std::to_string(corner_uv.size()) +
-                    " numbers of UV do not go together: there must be two a corner");
+                absl::StrCat(triangles.size(), " corners of triangles and ", corner_uv.size(),
+                             " numbers of UV do not go together: there must be two a corner"));
   }
   if (vertex_count < 0 || vertex_count + static_cast<std::int64_t>(triangles.size()) >
                               std::int64_t{std::numeric_limits<std::int32_t>::max()}) {
@@ -25,9 +28,9 @@ VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     if (triangles[i] >= static_cast<std::uint64_t>(vertex_count)) {
       throw Error(ErrorCode::kInvalidArgument, "MESH_INDEX_OUT_OF_RANGE",
-                  "face " + std::to_string(i / 3) + " refers to vertex " + std::to_string(triangles[i]) +
-                      ", but the mesh has " + std::to_string(vertex_count) + ", numbered from 0",
-                  {{"faces", std::to_string(i / 3)}, {"vertices", std::to_string(triangles[i])}});
+                  absl::StrCat("face ", i / 3, " refers to vertex ", triangles[i], ", but the mesh has ", vertex_count,
+                               ", numbered from 0"),
+                  {{"faces", absl::StrCat(i / 3)}, {"vertices", absl::StrCat(triangles[i])}});
     }
     corners.push_back(static_cast<std::int32_t>(triangles[i]));
   }
@@ -35,14 +38,16 @@ VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32
   VertexSplit result;
   result.source_vertex.assign(split.source.begin(), split.source.end());
   result.triangles.assign(split.corner.begin(), split.corner.end());
-  result.uv.precision = uv.precision;
-  if (uv.precision == Precision::kFloat) {
-    result.uv.floats.assign(split.uv.begin(), split.uv.end());
-  } else {
-    result.uv.doubles = split.uv;
-  }
+  result.uv =
+      uv.precision() == Precision::kDouble ? Uv(split.uv) : Uv(std::vector<float>(split.uv.begin(), split.uv.end()));
   return result;
 }
 
-}  // namespace abi0
-}  // namespace planish
+}  // namespace
+
+Result<VertexSplit> SplitVertices(std::nothrow_t, std::int64_t vertex_count, std::span<const std::uint32_t> triangles,
+                                  const Uv& uv) {
+  return Caught([&] { return Split(vertex_count, triangles, uv); });
+}
+
+}  // namespace planish::inline abi0

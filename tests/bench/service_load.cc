@@ -92,8 +92,8 @@ void Overhead(int runs) {
       solve.push_back(direct.solve);
       draco.push_back(direct.draco);
       served.push_back(SecondsOf([&] {
-        const StageSeconds in = client.Unwrap(arrays.view(), {}, {}, Fresh()).report.seconds;
-        worker.push_back(in.decode + in.charts + in.solve + in.layout + in.pack + in.verify + in.encode);
+        const StageTimes in = client.Unwrap(arrays.view(), {}, {}, Fresh()).report.times;
+        worker.push_back((in.decode + in.charts + in.solve + in.layout + in.pack + in.verify + in.encode).count());
       }));
     }
     json line = {{"bench", "overhead"}, {"triangles", mesh.num_faces()}, {"runs", count}};
@@ -215,7 +215,7 @@ void WatchersOfOneJob(int runs) {
       std::unique_ptr<Watchers> watchers;
       if (watched) watchers = std::make_unique<Watchers>(server.target, created.name, kWatchers);
       const Job job = client.WatchJob(created.name);
-      seconds[watched ? 1 : 0] = job.report->seconds.solve;
+      seconds[watched ? 1 : 0] = job.report->times.solve.count();
       if (watched) line["events"] = watchers->events();
       line[watched ? "resident_mb_watched" : "resident_mb_alone"] = server.server->ResidentBytes() >> 20;
     }

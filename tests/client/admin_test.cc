@@ -87,7 +87,7 @@ TEST_F(AdminTest, BringsWhatTheServerSays) {
   EXPECT_EQ(stats.memory_bytes, 20);
   EXPECT_EQ(stats.stored_bytes, 30);
   EXPECT_EQ(stats.store_bytes, 40);
-  EXPECT_EQ(stats.oldest_wait_seconds, 2.5);
+  EXPECT_EQ(stats.oldest_wait, Seconds(2.5));
   ASSERT_EQ(stats.tenants.size(), 1u);
   EXPECT_EQ(stats.tenants[0].name, "farm");
   EXPECT_EQ(stats.tenants[0].queued, 2);

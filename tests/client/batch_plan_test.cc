@@ -165,7 +165,7 @@ TEST_F(BatchPlanTest, SettingsAreWhatChangesBytes) {
   arguments.options.padding = 2;
   const std::string padded = SettingsDigest(arguments);
   EXPECT_NE(padded, plain);
-  arguments.options.hessian = Hessian::kExact;
+  arguments.options.solver.hessian = Hessian::kExact;
   EXPECT_NE(SettingsDigest(arguments), padded);
   arguments.options = {};
   arguments.seams.uv = true;

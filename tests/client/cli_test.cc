@@ -11,7 +11,7 @@
 #include "client/cli/json.h"
 #include "client/cli/numbers.h"
 #include "client/cli/summary.h"
-#include "client/src/element_ids.h"
+#include "client/src/errors.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -60,10 +60,10 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_EQ(arguments.input, "in.obj");
   EXPECT_EQ(arguments.output, "out.obj");
   EXPECT_EQ(arguments.server, "h:1");
-  EXPECT_EQ(arguments.options.solver, Solver::kMinres);
-  EXPECT_EQ(arguments.options.system, System::kFull);
-  EXPECT_EQ(arguments.options.preconditioner, Preconditioner::kNone);
-  EXPECT_EQ(arguments.options.hessian, Hessian::kExact);
+  EXPECT_EQ(arguments.options.solver.method, Solver::kMinres);
+  EXPECT_EQ(arguments.options.solver.system, System::kFull);
+  EXPECT_EQ(arguments.options.solver.preconditioner, Preconditioner::kNone);
+  EXPECT_EQ(arguments.options.solver.hessian, Hessian::kExact);
   EXPECT_EQ(arguments.options.boundary, Boundary::kConvex);
   EXPECT_EQ(arguments.options.precision, Precision::kDouble);
   EXPECT_EQ(arguments.options.seams, Seams::kAuto);
@@ -76,8 +76,8 @@ TEST(ArgumentsTest, UnwrapWithEverything) {
   EXPECT_TRUE(arguments.options.pack);
   EXPECT_TRUE(arguments.seams.uv && arguments.seams.materials && arguments.seams.groups);
   EXPECT_THAT(arguments.seams.edge_files, ::testing::ElementsAre("a.txt", "b.txt"));
-  EXPECT_EQ(arguments.options.tolerance, 1e-7);
-  EXPECT_EQ(arguments.options.max_newton_iterations, 7);
+  EXPECT_EQ(arguments.options.solver.tolerance, 1e-7);
+  EXPECT_EQ(arguments.options.solver.max_newton_iterations, 7);
   EXPECT_EQ(arguments.options.threads, 3);
   EXPECT_TRUE(arguments.json);
   EXPECT_EQ(arguments.progress, ProgressMode::kPlain);
@@ -206,12 +206,12 @@ TEST(ArgumentsTest, Scheduling) {
       Parse({"unwrap", "in.obj", "-o", "o.obj", "--priority=high", "--deadline=90", "--budget=2.5", "--fresh"});
   ASSERT_TRUE(parsed.arguments) << parsed.err;
   EXPECT_EQ(parsed.arguments->scheduling.priority, Priority::kHigh);
-  EXPECT_EQ(parsed.arguments->scheduling.timeout_seconds, 90);
-  EXPECT_EQ(parsed.arguments->scheduling.compute_budget_seconds, 2.5);
+  EXPECT_EQ(parsed.arguments->scheduling.timeout, Seconds(90));
+  EXPECT_EQ(parsed.arguments->scheduling.compute_budget, Seconds(2.5));
   EXPECT_TRUE(parsed.arguments->scheduling.fresh);
   const Scheduling by_default = Parse({"unwrap", "in.obj", "-o", "o.obj"}).arguments->scheduling;
   EXPECT_EQ(by_default.priority, Priority::kNormal);
-  EXPECT_EQ(by_default.timeout_seconds, 0);
+  EXPECT_EQ(by_default.timeout, Seconds(0));
   EXPECT_FALSE(by_default.fresh);
   for (const char* bad : {"--priority=urgent", "--deadline=0", "--budget=-1"}) {
     EXPECT_EQ(Parse({"unwrap", "in.obj", "-o", "o.obj", bad}).exit_code, kUsage) << bad;
@@ -434,7 +434,7 @@ TEST(ExitCodesTest, FollowTheError) {
 Report GoodReport() {
   Report report;
   report.triangles = 23062;
-  report.seconds.total = 0.82;
+  report.times.total = Seconds(0.82);
   ChartReport chart;
   chart.solver = Solver::kUzawa;
   chart.preconditioner = Preconditioner::kCholesky;

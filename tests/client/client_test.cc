@@ -35,8 +35,8 @@ const std::vector<std::uint32_t> kTrianglesOfIt = {1, 2, 4, 1, 4, 5};
 
 ClientOptions Impatient() {
   ClientOptions options;
-  options.reattach_seconds = 1;
-  options.reattach_backoff_seconds = 0.01;
+  options.reattach_timeout = std::chrono::seconds(1);
+  options.backoff = std::chrono::milliseconds(10);
   return options;
 }
 
@@ -59,8 +59,8 @@ TEST_F(ClientTest, UnwrapBringsUvAndReport) {
     return Status();
   };
   UnwrapOptions options;
-  options.solver = Solver::kMinres;
-  options.tolerance = 1e-7;
+  options.solver.method = Solver::kMinres;
+  options.solver.tolerance = 1e-7;
   CallOptions call;
   call.labels = {{"file", "square"}};
   std::vector<std::int64_t> sequences;
@@ -70,14 +70,14 @@ TEST_F(ClientTest, UnwrapBringsUvAndReport) {
   const UnwrapResult result = NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, options, callbacks, call);
 
   EXPECT_EQ(result.job, "jobs/1");
-  EXPECT_EQ(result.uv.precision, Precision::kFloat);
-  EXPECT_EQ(result.uv.floats, kUv);
-  EXPECT_TRUE(result.uv.doubles.empty());
+  EXPECT_EQ(result.uv.precision(), Precision::kFloat);
+  EXPECT_EQ(std::get<std::vector<float>>(result.uv.numbers()), kUv);
   EXPECT_TRUE(result.IsUsable());
   EXPECT_EQ(result.report.charts.at(0).solver, Solver::kDirect);
-  EXPECT_EQ(result.report.seconds.solve, 0.25);
-  EXPECT_GT(result.report.seconds.upload, 0);
-  EXPECT_GE(result.report.seconds.total, result.report.seconds.upload + result.report.seconds.download);
+  const StageTimes& times = result.report.times;
+  EXPECT_EQ(times.solve, std::chrono::milliseconds(250));
+  EXPECT_GT(times.upload, Seconds(0));
+  EXPECT_GE(times.total, times.upload + times.download);
   EXPECT_THAT(sequences, ElementsAre(1, 2, 3));
   EXPECT_EQ(seen.spec().options().solver(), v1::SOLVER_MINRES);
   EXPECT_EQ(seen.spec().options().tolerance(), 1e-7);
@@ -194,9 +194,11 @@ TEST_F(ClientTest, DoubleUvAndDoublePositions) {
   const std::vector<double> positions = {0, 0, 0, 1, 0, 0, 0, 1, 0};
   const std::vector<std::int32_t> triangles = {0, 1, 2};
   const UnwrapResult result = NewClient().Unwrap({positions, triangles});
-  EXPECT_EQ(result.uv.precision, Precision::kDouble);
-  EXPECT_EQ(result.uv.doubles, uv);
-  EXPECT_EQ(result.uv.AsDouble(), uv);
+  EXPECT_EQ(result.uv.precision(), Precision::kDouble);
+  EXPECT_EQ(std::get<std::vector<double>>(result.uv.numbers()), uv);
+  EXPECT_EQ(result.uv.As<float>(), std::vector<float>(uv.begin(), uv.end()));
+  ASSERT_EQ(result.uv.size(), uv.size());
+  EXPECT_EQ(result.uv[2], 1.0 / 3) << "one view, whatever the type";
 }
 
 TEST_F(ClientTest, FailedJobThrowsInTheCallersIds) {
@@ -249,15 +251,15 @@ TEST_F(ClientTest, WaitsForRoomInTheQueue) {
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
-  EXPECT_EQ(NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}).uv.floats, kUv);
+  EXPECT_EQ(NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}).uv.As<float>(), kUv);
   EXPECT_THAT(request_ids, ElementsAre(request_ids[0], request_ids[0], request_ids[0]));
 
   request_ids.clear();
   ClientOptions options = Impatient();
-  options.queue_full_wait_seconds = 0;
+  options.queue_full_timeout = Seconds(0);
   const Error error = ErrorOf([&] { Client(server_.target(), options).Unwrap({kWithIsolated, kTrianglesOfIt}); });
   EXPECT_EQ(error.reason(), "QUEUE_FULL");
-  EXPECT_NEAR(error.retry_after_seconds(), 0.02, 1e-6);
+  EXPECT_NEAR(error.retry_after().count(), 0.02, 1e-6);
 }
 
 TEST_F(ClientTest, ReattachesWhereTheStreamBroke) {
@@ -289,9 +291,9 @@ TEST_F(ClientTest, ReattachesWhereTheStreamBroke) {
   int reconnects = 0;
   Callbacks callbacks;
   callbacks.on_event = [&](const Event& event) { sequences.push_back(event.sequence); };
-  callbacks.on_reconnect = [&](const Error&, double) { ++reconnects; };
+  callbacks.on_reconnect = [&](const Error&, Seconds) { ++reconnects; };
   const UnwrapResult result = NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks);
-  EXPECT_EQ(result.uv.floats, kUv);
+  EXPECT_EQ(result.uv.As<float>(), kUv);
   EXPECT_THAT(sequences, ElementsAre(1, 2, 3, 4));
   EXPECT_EQ(reconnects, 3);
   ASSERT_EQ(watches.size(), 3u);
@@ -316,7 +318,7 @@ TEST_F(ClientTest, GivesUpReattachingAfterSomeTime) {
   };
   // With sanitizers on a busy machine a call takes a third of a second.
   ClientOptions options = Impatient();
-  options.reattach_seconds = 3;
+  options.reattach_timeout = std::chrono::seconds(3);
   const Error error = ErrorOf([&] { Client(server_.target(), options).Unwrap({kWithIsolated, kTrianglesOfIt}); });
   EXPECT_EQ(error.reason(), "CONNECTION_LOST");
   EXPECT_EQ(error.job(), "jobs/1");
@@ -340,7 +342,7 @@ TEST_F(ClientTest, SubmitsAnewWhenTheJobWentWithTheStream) {
     stream.Send(StateEvent(2, v1::JOB_STATE_CANCELLED));                       // the server noticed our absence
     return Status();
   };
-  EXPECT_EQ(NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}).uv.floats, kUv);
+  EXPECT_EQ(NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}).uv.As<float>(), kUv);
   ASSERT_EQ(request_ids.size(), 3u);
   EXPECT_NE(request_ids[0], request_ids[1]);
   EXPECT_NE(request_ids[1], request_ids[2]);
@@ -410,9 +412,9 @@ TEST_F(ClientCancelTest, CancelFromAnotherThreadCancelsOnTheServer) {
   };
   Call call = client.StartUnwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks);
   started_.get_future().wait();
-  EXPECT_FALSE(call.WaitFor(0.01));
+  EXPECT_FALSE(call.WaitFor(std::chrono::milliseconds(10)));
   std::thread([&] { call.Cancel(); }).join();
-  EXPECT_TRUE(call.WaitFor(10));
+  EXPECT_TRUE(call.WaitFor(std::chrono::seconds(10)));
   const Error error = ErrorOf([&] { call.Wait(); });
   EXPECT_EQ(error.code(), ErrorCode::kCancelled);
   EXPECT_EQ(call.job(), "jobs/1");
@@ -447,7 +449,7 @@ TEST_F(ClientCancelTest, DestructorCancels) {
 
 TEST_F(ClientCancelTest, DeadlineEndsTheCall) {
   CallOptions call;
-  call.timeout_seconds = 0.1;
+  call.timeout = Seconds(0.1);
   const Error error = ErrorOf([&] { NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}, {}, {}, call); });
   EXPECT_EQ(error.code(), ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(error.job(), "jobs/1");
@@ -463,6 +465,24 @@ TEST_F(ClientCancelTest, ExceptionOfACallbackComesOut) {
   EXPECT_THROW(call.Wait(), std::logic_error);
 }
 
+TEST_F(ClientCancelTest, NothrowBringsErrorsAndExceptionsInAResult) {
+  Callbacks callbacks;
+  callbacks.on_event = [](const Event&) { throw std::logic_error("mine"); };
+  Client client = NewClient();
+  Result<UnwrapResult> result = client.Unwrap(std::nothrow, {kWithIsolated, kTrianglesOfIt}, {}, callbacks);
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.error().reason(), "CALLBACK_FAILED");
+  EXPECT_EQ(result.error().trace_id().size(), 32u);
+  EXPECT_THROW(std::move(result).value(), std::logic_error) << "whose it was";
+  const Result<Client> none = Client::Make("host:1", [] {
+    ClientOptions options;
+    options.tls_key_file = "key.pem";
+    return options;
+  }());
+  EXPECT_EQ(none.error().reason(), "OPTIONS_INVALID");
+  EXPECT_EQ(Call().Wait(std::nothrow).error().reason(), "CALL_EMPTY");
+}
+
 TEST_F(ClientTest, AsynchronousCallBringsItsResult) {
   server_.on_unwrap = [&](const v1::UnwrapRequest& request, FakeStream& stream) {
     stream.Send(SuccessEvent(1, request.spec().draco(), Bytes(kUv)));
@@ -471,11 +491,11 @@ TEST_F(ClientTest, AsynchronousCallBringsItsResult) {
   };
   std::promise<std::vector<float>> delivered;
   Callbacks callbacks;
-  callbacks.on_done = [&](const UnwrapResult& result) { delivered.set_value(result.uv.floats); };
+  callbacks.on_done = [&](const UnwrapResult& result) { delivered.set_value(result.uv.As<float>()); };
   Client client = NewClient();
   Client moved = std::move(client);
   Call call = moved.StartUnwrap({kWithIsolated, kTrianglesOfIt}, {}, callbacks);
-  EXPECT_EQ(call.Wait().uv.floats, kUv);
+  EXPECT_EQ(call.Wait().uv.As<float>(), kUv);
   EXPECT_EQ(delivered.get_future().get(), kUv);
 }
 
@@ -501,8 +521,8 @@ TEST_F(ClientTest, WatchedJobThatFailedIsNoException) {
   };
   const Job job = NewClient().WatchJob("jobs/1", {}, 7);
   EXPECT_EQ(job.state, JobState::kFailed);
-  EXPECT_EQ(job.error->reason, "MESH_CLOSED");
-  EXPECT_EQ(job.error->code, "INVALID_ARGUMENT");
+  EXPECT_EQ(job.error->reason(), "MESH_CLOSED");
+  EXPECT_EQ(job.error->code(), ErrorCode::kInvalidArgument);
 }
 
 TEST_F(ClientTest, UnaryErrorsCarryTheirReason) {
@@ -528,7 +548,7 @@ TEST(ClientUnreachable, RefusedConnectionFailsAtOnce) {
 
 TEST(ClientUnreachable, SilentPeerFailsWithinTheConnectTimeout) {
   ClientOptions options;
-  options.connect_timeout_seconds = 0.3;
+  options.connect_timeout = Seconds(0.3);
   const auto start = std::chrono::steady_clock::now();
   // 192.0.2.0/24 is reserved for documentation: packets to it go nowhere, or are refused on the way.
   EXPECT_THROW(Client("192.0.2.1:50051", options).GetCapabilities(), Error);

@@ -43,7 +43,7 @@ class ErrorTable : public ::testing::TestWithParam<Refusal> {
       return Status();
     };
     server_.on_write_upload = [answer](FakeUpload&, v1::Upload&) { return answer; };
-    options_.queue_full_wait_seconds = 0;
+    options_.queue_full_timeout = Seconds(0);
     if (GetParam().by_upload) options_.inline_mesh_bytes = 0;
   }
 
@@ -56,7 +56,7 @@ class ErrorTable : public ::testing::TestWithParam<Refusal> {
       EXPECT_EQ(error.code(), GetParam().code) << error.what();
       EXPECT_EQ(error.reason(), GetParam().reason);
       EXPECT_EQ(error.metadata(), GetParam().metadata);
-      EXPECT_NEAR(error.retry_after_seconds(), GetParam().retry_after, 1e-6);
+      EXPECT_NEAR(error.retry_after().count(), GetParam().retry_after, 1e-6);
     }
   }
 

@@ -33,9 +33,9 @@ using testing::kUv;
 
 ClientOptions Patient() {
   ClientOptions options;
-  options.reattach_seconds = 10;
-  options.retry_seconds = 10;
-  options.reattach_backoff_seconds = 0.01;
+  options.reattach_timeout = Seconds(10);
+  options.retry_timeout = Seconds(10);
+  options.backoff = Seconds(0.01);
   return options;
 }
 
@@ -60,7 +60,7 @@ TEST(LostServer, UnwrapWaitsForTheServerAndGoesOnWithItsJob) {
     sequences.push_back(event.sequence);
     skipped.push_back(event.skipped);
   };
-  callbacks.on_reconnect = [&](const Error&, double) { ++reconnects; };
+  callbacks.on_reconnect = [&](const Error&, Seconds) { ++reconnects; };
   Client client(server->target(), Patient());
   Call call = client.StartUnwrap({kPositions, kTriangles}, {}, callbacks);
   running.get_future().wait();
@@ -77,7 +77,7 @@ TEST(LostServer, UnwrapWaitsForTheServerAndGoesOnWithItsJob) {
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
-  EXPECT_EQ(call.Wait().uv.floats, kUv);
+  EXPECT_EQ(call.Wait().uv.As<float>(), kUv);
   EXPECT_EQ(seen.name(), "jobs/1");
   EXPECT_EQ(seen.after_sequence(), 2);
   EXPECT_TRUE(seen.attach());
@@ -97,7 +97,7 @@ TEST(LostServer, BeforeTheFirstEventTheSameRequestIsMadeAgain) {
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
-  EXPECT_EQ(Client(server.target(), Patient()).Unwrap({kPositions, kTriangles}).uv.floats, kUv);
+  EXPECT_EQ(Client(server.target(), Patient()).Unwrap({kPositions, kTriangles}).uv.As<float>(), kUv);
   EXPECT_THAT(request_ids, ElementsAre(request_ids[0], request_ids[0], request_ids[0]));
 }
 
@@ -117,7 +117,7 @@ TEST(LostServer, MeshThatTheServerLostIsSentAgain) {
     stream.SendUv(0, Bytes(kUv));
     return Status();
   };
-  EXPECT_EQ(Client(server.target(), Patient()).Unwrap({kPositions, kTriangles}).uv.floats, kUv);
+  EXPECT_EQ(Client(server.target(), Patient()).Unwrap({kPositions, kTriangles}).uv.As<float>(), kUv);
   ASSERT_EQ(request_ids.size(), 2u);
   EXPECT_NE(request_ids[0], request_ids[1]);
 }
@@ -139,7 +139,7 @@ TEST(LostServer, DetachedJobsAreWatchedWithoutAttaching) {
   };
   CallOptions call;
   call.detached = true;
-  EXPECT_EQ(Client(server.target(), Patient()).Unwrap({kPositions, kTriangles}, {}, {}, call).uv.floats, kUv);
+  EXPECT_EQ(Client(server.target(), Patient()).Unwrap({kPositions, kTriangles}, {}, {}, call).uv.As<float>(), kUv);
 }
 
 TEST(LostServer, SafeCallsAreRepeated) {
@@ -178,7 +178,7 @@ TEST(LostServer, SafeCallsAreRepeated) {
   EXPECT_EQ(ErrorOf([&] { client.DeleteJob("jobs/1"); }).reason(), "JOB_NOT_FOUND") << "the first attempt says so";
 
   ClientOptions impatient = Patient();
-  impatient.retry_seconds = 0;
+  impatient.retry_timeout = Seconds(0);
   calls.clear();
   EXPECT_EQ(ErrorOf([&] { Client(server.target(), impatient).GetJob("jobs/1"); }).code(), ErrorCode::kUnavailable);
   EXPECT_EQ(calls["Get"], 1);
@@ -231,7 +231,7 @@ TEST(StopCall, BringsWhatTheJobHas) {
   started.get_future().wait();
   call.Stop();
   const UnwrapResult result = call.Wait();
-  EXPECT_EQ(result.uv.floats, kUv);
+  EXPECT_EQ(result.uv.As<float>(), kUv);
   EXPECT_EQ(result.report.warnings.at(0).reason, "STOPPED");
   EXPECT_EQ(stops, 1);
 }
@@ -264,7 +264,7 @@ TEST(StopCall, BeforeTheJobIsAcceptedAndOverALostStream) {
   called.get_future().wait();
   call.Stop();
   stopped.set_value();
-  EXPECT_EQ(call.Wait().uv.floats, kUv);
+  EXPECT_EQ(call.Wait().uv.As<float>(), kUv);
 }
 
 // ---- uploads
@@ -338,7 +338,7 @@ TEST_F(UploadTest, LargeMeshesTravelAhead) {
     sent.push_back(bytes);
     EXPECT_EQ(total, upload_.total_bytes());
   };
-  EXPECT_EQ(Unwrap(callbacks).uv.floats, kUv);
+  EXPECT_EQ(Unwrap(callbacks).uv.As<float>(), kUv);
   EXPECT_EQ(creates_, 1);
   EXPECT_EQ(writes_, 1);
   EXPECT_TRUE(std::is_sorted(sent.begin(), sent.end()));
@@ -377,8 +377,8 @@ TEST_F(UploadTest, ResumesWhereItBroke) {
   };
   int pauses = 0;
   Callbacks callbacks;
-  callbacks.on_reconnect = [&](const Error&, double) { ++pauses; };
-  EXPECT_EQ(Unwrap(callbacks).uv.floats, kUv);
+  callbacks.on_reconnect = [&](const Error&, Seconds) { ++pauses; };
+  EXPECT_EQ(Unwrap(callbacks).uv.As<float>(), kUv);
   EXPECT_EQ(creates_, 1) << "nothing was sent twice";
   EXPECT_EQ(writes_, 6);
   EXPECT_EQ(pauses, 5);
@@ -400,13 +400,13 @@ TEST_F(UploadTest, BeginsAgainWhenTheUploadIsGone) {
     if (++unwraps == 1) upload_.set_name("uploads/none");  // it expired while the job had to wait for room
     return unwrap(request, stream);
   };
-  EXPECT_EQ(Unwrap().uv.floats, kUv);
+  EXPECT_EQ(Unwrap().uv.As<float>(), kUv);
   EXPECT_EQ(creates_, 5);
   EXPECT_EQ(unwraps, 2);
 }
 
 TEST_F(UploadTest, GivesUp) {
-  options_.reattach_seconds = 0.3;
+  options_.reattach_timeout = Seconds(0.3);
   before_message = [](int) { return MakeStatus(kUnavailable, "Socket closed"); };
   EXPECT_EQ(ErrorOf([&] { Unwrap(); }).reason(), "CONNECTION_LOST");
   before_message = [](int) { return MakeStatus(3, "damaged", "DIGEST_MISMATCH"); };
@@ -446,7 +446,7 @@ TEST_F(UploadTest, StoppedOnTheWay) {
 
 TEST_F(UploadTest, DeadlineOfTheCall) {
   CallOptions call;
-  call.timeout_seconds = 0.3;
+  call.timeout = Seconds(0.3);
   before_message = [](int) { return MakeStatus(kUnavailable, "Socket closed"); };
   EXPECT_EQ(ErrorOf([&] { Unwrap({}, call); }).code(), ErrorCode::kDeadlineExceeded);
 }

@@ -60,13 +60,13 @@ TEST_F(MeshInputs, NameTheFileAtFault) {
 
 TEST_F(MeshInputs, GetTheirOwnPartOfTheUv) {
   const MeshInput input({File("a.obj", kSquare), File("b.obj", kQuad)});
-  Uv uv;
+  std::vector<float> numbers;
   for (int c = 0; c < 12; ++c) {
-    uv.floats.push_back(static_cast<float>(c) / 16);
-    uv.floats.push_back(c >= 9 ? 0.75f : 0.25f);
+    numbers.push_back(static_cast<float>(c) / 16);
+    numbers.push_back(c >= 9 ? 0.75f : 0.25f);
   }
   const std::string out = (directory_ / "out").string();
-  const WrittenMesh written = input.WithUv(uv, input.Outputs(out, 0));
+  const WrittenMesh written = input.WithUv(Uv(std::move(numbers)), input.Outputs(out, 0));
   ASSERT_EQ(written.files.size(), 2u);
   EXPECT_EQ(written.files[0].path, out + "/a.obj");
   EXPECT_NE(written.files[0].bytes.find("vt 0.3125 0.25\n"), std::string::npos) << written.files[0].bytes;

@@ -8,7 +8,7 @@
 #include <chrono>
 #include <filesystem>
 
-#include "client/src/find_planishd.h"
+#include "client/src/process.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"
@@ -88,7 +88,7 @@ TEST_F(PrivateServerTest, DeathAtTheStartTellsItsLastWords) {
 
 TEST_F(PrivateServerTest, SilenceIsNotWaitedForForever) {
   PrivateServerOptions options = Script("echo hm >&2\nread end <&3\n");
-  options.start_timeout_seconds = 0.3;
+  options.start_timeout = Seconds(0.3);
   EXPECT_THAT(MessageOf(options), ::testing::AllOf(HasSubstr("did not become ready"), HasSubstr("hm")));
 }
 

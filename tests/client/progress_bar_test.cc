@@ -159,7 +159,7 @@ TEST(ProgressLinesTest, OneLinePerNewtonIteration) {
   event.progress->linear_iterations = 1;
   event.progress->residual.gradient = 2e-4;
   event.progress->tolerance = 1e-9;
-  event.progress->elapsed_seconds = 0.5;
+  event.progress->elapsed = Seconds(0.5);
   EXPECT_EQ(PlainLine(event, stage, newton),
             "solve: newton 2, residual 2.0e-04 (tolerance 1.0e-09), 1 linear iteration, 0.50 s");
   event.progress->linear_iterations = 50;

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/src/target_address.h"
+#include "client/src/tls_probe.h"
 #include "planish/client.h"
 #include "planish/v1/planish.grpc.pb.h"
 #include "tests/testing/certificates.h"
@@ -143,7 +143,7 @@ TEST_F(SecureClientTest, ATokenStaysOffOtherMachinesWithoutTls) {
   options.token = "secret";
   EXPECT_THAT(Fault(options, "192.0.2.1:7741"), HasSubstr("OPTIONS_INVALID: the token would travel to 192.0.2.1:7741"));
   options.token_over_plaintext = true;
-  options.connect_timeout_seconds = 0.05;
+  options.connect_timeout = Seconds(0.05);
   EXPECT_THAT(Fault(options, "192.0.2.1:7741"), HasSubstr("SERVER_UNREACHABLE"));
   options.token = "two words";
   EXPECT_THAT(Fault(options, "192.0.2.1:7741"), HasSubstr("the token has a character"));

@@ -45,7 +45,7 @@ TEST_F(ShortCalls, WaitJobAsksUntilTheEndOrTheTimeout) {
   EXPECT_GT(asked, 1) << "calls wait on the server";
 
   calls = -1'000'000;
-  EXPECT_EQ(client.WaitJob("jobs/7", 0.02).state, JobState::kStopping) << "the timeout passed";
+  EXPECT_EQ(client.WaitJob("jobs/7", std::chrono::milliseconds(20)).state, JobState::kStopping) << "the timeout passed";
   EXPECT_LE(asked, 0.02);
 }
 
@@ -122,13 +122,13 @@ TEST_F(ShortCalls, ManyJobsByOneCall) {
   jobs[1].call.request_id = "refused";
   jobs[2].call.request_id = "b";
   jobs[3].call.request_id = "lost";
-  std::vector<CreatedJob> created = client.CreateJobs(jobs);
+  std::vector<Result<Job>> created = client.CreateJobs(jobs);
   ASSERT_EQ(created.size(), 5u);
-  EXPECT_EQ(created[0].job->name, "jobs/a");
-  EXPECT_EQ(created[1].error->reason(), "QUEUE_FULL");
-  EXPECT_EQ(created[1].error->retry_after_seconds(), 0.5);
-  EXPECT_EQ(created[2].job->name, "jobs/b");
-  EXPECT_EQ(created[4].error->reason(), "MESH_INDEX_OUT_OF_RANGE") << "it went nowhere";
+  EXPECT_EQ(created[0]->name, "jobs/a");
+  EXPECT_EQ(created[1].error().reason(), "QUEUE_FULL");
+  EXPECT_EQ(created[1].error().retry_after(), Seconds(0.5));
+  EXPECT_EQ(created[2]->name, "jobs/b");
+  EXPECT_EQ(created[4].error().reason(), "MESH_INDEX_OUT_OF_RANGE") << "it went nowhere";
   EXPECT_EQ(maker.calls, 1);
   EXPECT_EQ(maker.by_bytes, 4);
 
@@ -136,14 +136,14 @@ TEST_F(ShortCalls, ManyJobsByOneCall) {
   created = client.CreateJobs(jobs);
   EXPECT_EQ(maker.by_digest, 4) << "the server has them";
   EXPECT_EQ(maker.by_bytes, 4);
-  EXPECT_EQ(created[3].job->name, "jobs/lost") << "it had lost it by then: the mesh was sent";
+  EXPECT_EQ(created[3]->name, "jobs/lost") << "it had lost it by then: the mesh was sent";
   EXPECT_EQ(maker.single, 1);
 }
 
 TEST_F(ShortCalls, ThreadsOfABatchShareCalls) {
   JobMaker maker(&server_);
   ClientOptions options;
-  options.retry_seconds = 0;
+  options.retry_timeout = Seconds(0);
   Client client(server_.target(), options);
   cli::BatchQueue queue(&client);
   std::mutex mutex;

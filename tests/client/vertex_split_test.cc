@@ -10,26 +10,23 @@ namespace {
 constexpr std::uint32_t kSquare[] = {0, 1, 2, 0, 2, 3};
 
 Uv FloatUv(std::vector<float> values) {
-  Uv uv;
-  uv.floats = std::move(values);
-  return uv;
+  return Uv(std::move(values));
 }
 
 TEST(VertexSplit, KeepsVerticesWhereUvAgree) {
   const VertexSplit split = SplitVertices(5, kSquare, FloatUv({0, 0, 1, 0, 1, 1, -0.0f, 0, 1, 1, 0, 1}));
   EXPECT_EQ(split.source_vertex, (std::vector<std::uint32_t>{0, 1, 2, 3, 4}));
   EXPECT_EQ(split.triangles, std::vector<std::uint32_t>(std::begin(kSquare), std::end(kSquare)));
-  EXPECT_EQ(split.uv.floats, (std::vector<float>{0, 0, 1, 0, 1, 1, 0, 1, 0, 0}));
+  EXPECT_EQ(split.uv.As<float>(), (std::vector<float>{0, 0, 1, 0, 1, 1, 0, 1, 0, 0}));
 }
 
 TEST(VertexSplit, CopiesVerticesAtSeams) {
-  Uv uv;
-  uv.precision = Precision::kDouble;
-  uv.doubles = {0, 0, 1, 0, 1, 1, 0, 0, 0.1, 0.2, 0, 1};
+  const Uv uv(std::vector<double>{0, 0, 1, 0, 1, 1, 0, 0, 0.1, 0.2, 0, 1});
   const VertexSplit split = SplitVertices(5, kSquare, uv);
   EXPECT_EQ(split.source_vertex, (std::vector<std::uint32_t>{0, 1, 2, 3, 4, 2}));
   EXPECT_EQ(split.triangles, (std::vector<std::uint32_t>{0, 1, 2, 0, 5, 3}));
-  EXPECT_EQ(split.uv.doubles, (std::vector<double>{0, 0, 1, 0, 1, 1, 0, 1, 0, 0, 0.1, 0.2}));
+  EXPECT_EQ(std::get<std::vector<double>>(split.uv.numbers()),
+            (std::vector<double>{0, 0, 1, 0, 1, 1, 0, 1, 0, 0, 0.1, 0.2}));
   EXPECT_EQ(split.vertex_count(), 6);
 }
 

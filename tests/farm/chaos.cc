@@ -48,7 +48,7 @@ class FarmChaos : public FarmTest {
       options.scheduling.fresh = true;
       try {
         const UnwrapResult result = client.Unwrap(mesh.View(), {}, heard.Listen(), options);
-        if (result.uv.AsDouble().size() == 2 * mesh.triangles.size()) ++well_;
+        if (result.uv.size() == 2 * mesh.triangles.size()) ++well_;
         if (!heard.in_order()) ++out_of_order_;
         if (heard.ends() != 1) ++ended_twice_;
         if (heard.skipped() > 0) ++skipped_;

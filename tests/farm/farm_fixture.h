@@ -85,16 +85,16 @@ class FarmTest : public ::testing::Test {
 
   Client ClientOf(const std::string& name) const {
     ClientOptions options;
-    options.reattach_seconds = 60;
+    options.reattach_timeout = Seconds(60);
     return Client("unix:" + SocketOf(name), options);
   }
 
   // With a mesh of 45,000 triangles: minutes of work.
   static UnwrapOptions Slowly() {
     UnwrapOptions options;
-    options.solver = Solver::kMinres;
-    options.system = System::kFull;
-    options.preconditioner = Preconditioner::kNone;
+    options.solver.method = Solver::kMinres;
+    options.solver.system = System::kFull;
+    options.solver.preconditioner = Preconditioner::kNone;
     return options;
   }
 

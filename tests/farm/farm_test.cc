@@ -34,10 +34,10 @@ TEST_F(FarmTest, AJobOfOneFrontIsSeenAtAnother) {
   EXPECT_TRUE(heard.in_order());
   EXPECT_EQ(heard.skipped(), 0);
   EXPECT_EQ(heard.ends(), 1);
-  EXPECT_EQ(result.uv.AsDouble().size(), 2 * quick_.triangles.size());
+  EXPECT_EQ(result.uv.As<double>().size(), 2 * quick_.triangles.size());
   // The result is the farm's.
   Heard again;
-  EXPECT_EQ(a.Unwrap(quick_.View(), {}, again.Listen()).uv.AsDouble(), result.uv.AsDouble());
+  EXPECT_EQ(a.Unwrap(quick_.View(), {}, again.Listen()).uv.As<double>(), result.uv.As<double>());
   EXPECT_EQ(b.ListJobs().size(), 2u);
   EXPECT_EQ(b.GetCapabilities().workers, 1) << "of all servers";
   const ServerStats stats = AdminClient("unix:" + SocketOf("b")).GetStats();
@@ -53,8 +53,8 @@ TEST_F(FarmTest, JobsOfTwoFrontsShareTheirWork) {
   const Job first = a.CreateJob(quick_.View()), second = b.CreateJob(quick_.View());
   EXPECT_EQ(second.result_of, first.name);
   StartWorker("w");
-  EXPECT_EQ(a.WaitJob(second.name, 60).state, JobState::kSucceeded);
-  EXPECT_EQ(b.WaitJob(first.name, 60).state, JobState::kSucceeded);
+  EXPECT_EQ(a.WaitJob(second.name, Seconds(60)).state, JobState::kSucceeded);
+  EXPECT_EQ(b.WaitJob(first.name, Seconds(60)).state, JobState::kSucceeded);
 }
 
 TEST_F(FarmTest, AFrontThatIsKilledCostsItsCallersASecondOrTwo) {
@@ -87,7 +87,7 @@ TEST_F(FarmTest, AFrontThatIsKilledCostsItsCallersASecondOrTwo) {
   EXPECT_TRUE(heard.in_order());
   EXPECT_EQ(heard.skipped(), 0);
   EXPECT_EQ(heard.ends(), 1);
-  EXPECT_EQ(result.uv.AsDouble().size(), 2 * slow_.triangles.size());
+  EXPECT_EQ(result.uv.As<double>().size(), 2 * slow_.triangles.size());
 }
 
 // The example for JavaScript, with arrays and @grpc/grpc-js.
@@ -156,7 +156,7 @@ TEST_F(FarmTest, NothingIsLostWithTheDatabasesProcesses) {
   postgres_->Crash();
   usleep(300'000);
   postgres_->Start();
-  for (const std::string& job : jobs) EXPECT_EQ(client.WaitJob(job, 60).state, JobState::kSucceeded) << job;
+  for (const std::string& job : jobs) EXPECT_EQ(client.WaitJob(job, Seconds(60)).state, JobState::kSucceeded) << job;
   running.Stop();
   running.Wait();
   EXPECT_TRUE(heard.in_order());
@@ -209,7 +209,7 @@ TEST_F(FarmTest, AStandbyThatIsPromotedGoesOn) {
   CallOptions fresh;
   fresh.scheduling.fresh = true;
   for (int i = 0; i < 5; ++i)
-    EXPECT_EQ(client.Unwrap(quick_.View(), {}, {}, fresh).uv.AsDouble().size(), 2 * quick_.triangles.size());
+    EXPECT_EQ(client.Unwrap(quick_.View(), {}, {}, fresh).uv.As<double>().size(), 2 * quick_.triangles.size());
   call.Stop();
   call.Wait();
   EXPECT_EQ(heard.ends(), 1);
@@ -232,7 +232,7 @@ TEST_F(FarmTest, ABackupIsAFarm) {
   const UnwrapResult result = ClientOf("a").Unwrap(quick_.View());
   url_ = postgres_->Copy(url_);
   StartFront("b");
-  EXPECT_EQ(ClientOf("b").AttachResult(result.job, quick_.View()).uv.AsDouble(), result.uv.AsDouble());
+  EXPECT_EQ(ClientOf("b").AttachResult(result.job, quick_.View()).uv.As<double>(), result.uv.As<double>());
 }
 
 // UV that are too large for a row.
@@ -256,7 +256,7 @@ TEST_F(FarmTest, ABackupAndACopyOfTheBucketAreAFarm) {
   std::filesystem::remove_all(bucket / "farm");
   set_prefix("copy");
   StartFront("b");
-  EXPECT_EQ(ClientOf("b").AttachResult(result.job, slow_.View()).uv.AsDouble(), result.uv.AsDouble());
+  EXPECT_EQ(ClientOf("b").AttachResult(result.job, slow_.View()).uv.As<double>(), result.uv.As<double>());
 }
 
 }  // namespace

@@ -43,10 +43,9 @@ Surface BumpySquare(int n, double height) {
 
 int FlippedTriangles(const Uv& uv) {
   int flipped = 0;
-  for (std::size_t f = 0; f + 6 <= uv.floats.size(); f += 6) {
-    const float* p = uv.floats.data() + f;
-    const double x1 = static_cast<double>(p[2]) - p[0], y1 = static_cast<double>(p[3]) - p[1];
-    const double x2 = static_cast<double>(p[4]) - p[0], y2 = static_cast<double>(p[5]) - p[1];
+  for (std::size_t f = 0; f + 6 <= uv.size(); f += 6) {
+    const double x1 = uv[f + 2] - uv[f], y1 = uv[f + 3] - uv[f + 1];
+    const double x2 = uv[f + 4] - uv[f], y2 = uv[f + 5] - uv[f + 1];
     flipped += x1 * y2 - x2 * y1 <= 0 ? 1 : 0;
   }
   return flipped;
@@ -86,9 +85,9 @@ class Chaos {
 
   ClientOptions PatientOptions() const {
     ClientOptions options;
-    options.reattach_seconds = 120;
-    options.retry_seconds = 120;
-    options.queue_full_wait_seconds = 600;
+    options.reattach_timeout = Seconds(120);
+    options.retry_timeout = Seconds(120);
+    options.queue_full_timeout = Seconds(600);
     return options;
   }
 
@@ -139,7 +138,7 @@ class Chaos {
     }
     try {
       const UnwrapResult result = call.Wait();
-      if (result.uv.floats.size() != 2 * surface.triangles.size()) Wrong(name + " has UV of another mesh");
+      if (result.uv.size() != 2 * surface.triangles.size()) Wrong(name + " has UV of another mesh");
       if (FlippedTriangles(result.uv) > 0) Wrong(name + " has flipped triangles");
     } catch (const Error& error) {
       const bool wanted = cancel && error.code() == ErrorCode::kCancelled;
@@ -159,7 +158,7 @@ class Chaos {
     for (;;) {
       try {
         Rpc rpc(server_.target(), PatientOptions());
-        const std::string name = rpc.CreateJob(request, DeadlineAfter(20)).name();
+        const std::string name = rpc.Call(&v1::Planish::Stub::CreateJob, request).name();
         Accept(name);
         const Job job = client.WatchJob(name);
         if (job.state != JobState::kFailed) Wrong(name + " is malformed and ended as " + ToString(job.state));
@@ -211,7 +210,7 @@ class Chaos {
     for (const std::string& name : accepted_) {
       const Job job = client.GetJob(name);
       std::string end = ToString(job.state);
-      if (job.error) end += " " + job.error->reason;
+      if (job.error) end += " " + job.error->reason();
       ++report_.ends[end];
       if (!IsTerminal(job.state)) Wrong(name + " has not ended: " + end);
     }

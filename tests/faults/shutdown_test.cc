@@ -45,7 +45,7 @@ TEST(Shutdown, NoCallerNoticesThatTheServerWasRestartedUnderFiftyJobs) {
   for (const Face& face : bump.faces) triangles.insert(triangles.end(), face.begin(), face.end());
 
   ClientOptions patient;
-  patient.reattach_seconds = 120;
+  patient.reattach_timeout = Seconds(120);
   Client client(server.target(), patient);
   std::mutex mutex;
   std::vector<Seen> seen(kJobs);
@@ -66,13 +66,13 @@ TEST(Shutdown, NoCallerNoticesThatTheServerWasRestartedUnderFiftyJobs) {
     while (call.job().empty()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   int waiting = 0;
-  for (const Call& call : calls) waiting += call.WaitFor(0) ? 0 : 1;
+  for (const Call& call : calls) waiting += call.WaitFor(Seconds(0)) ? 0 : 1;
   const double asked = Now();
   EXPECT_EQ(server.Terminate(), 0);
   const double seconds = Now() - asked;
   EXPECT_LT(seconds, kBoundSeconds + kBusySeconds);
   int left = 0;
-  for (const Call& call : calls) left += call.WaitFor(0) ? 0 : 1;
+  for (const Call& call : calls) left += call.WaitFor(Seconds(0)) ? 0 : 1;
   EXPECT_GT(left, 0) << "or nothing was tried";
   RecordProperty("seconds_to_exit", std::to_string(seconds));
   std::cout << waiting << " callers waited at SIGTERM, " << left << " when the server was gone, after " << seconds
@@ -82,7 +82,7 @@ TEST(Shutdown, NoCallerNoticesThatTheServerWasRestartedUnderFiftyJobs) {
   std::set<std::string> names;
   for (std::size_t i = 0; i < calls.size(); ++i) {
     const UnwrapResult result = calls[i].Wait();
-    EXPECT_EQ(result.uv.floats.size(), 2 * triangles.size());
+    EXPECT_EQ(result.uv.size(), 2 * triangles.size());
     EXPECT_THAT(seen[i].names, SizeIs(1)) << "the same job before and after";
     EXPECT_TRUE(seen[i].ascending);
     names.insert(result.job);

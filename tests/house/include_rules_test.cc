@@ -60,6 +60,8 @@ const std::vector<Planted>& PlantedViolations() {
       {"client/include/planish/x.h", "#include <stdint.h>", "the standard library only"},
       {"client/src/x.cc", "#include \"core/abf/flatten.h\"", "client/src must not include core/abf"},
       {"client/src/x.cc", "#include \"server/jobs/x.h\"", "client/src must not include server"},
+      {"client/src/x.cc", "#include <sys/mman.h>", "client/src must not include headers of the system"},
+      {"client/src/x.cc", "#include <poll.h>", "client/src must not include headers of the system"},
       {"client/cli/x.cc", "#include \"planish/v1/job.pb.h\"", "client/cli must not include planish/v1"},
       {"client/cli/x.cc", "#include \"client/src/rpc.h\"", "client/cli must not include client/src/rpc.h"},
       {"client/cli/x.cc", "#include <grpcpp/channel.h>", "client/cli must not include gRPC"},

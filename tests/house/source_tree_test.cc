@@ -72,6 +72,26 @@ TEST(SourceTree, CoreNeitherPrintsNorReadsTheEnvironment) {
   EXPECT_THAT(found, IsEmpty());
 }
 
+// The library compiles on any system but for the private server, whose files these are.
+TEST(SourceTree, OnlyThePrivateServerIsBoundToLinux) {
+  const std::set<std::string> private_server = {"client/src/private_server.cc", "client/src/process.h"};
+  const std::regex use(
+      R"(.*(memfd|pidfd|signalfd|eventfd|timerfd|epoll|inotify|\bSYS_|\bsyscall|posix_spawn|/proc/).*)");
+  EXPECT_TRUE(std::regex_match("  fd = memfd_create(name, 0);", use));
+  std::size_t files = 0;
+  std::vector<std::string> found;
+  for (const SourceFile& file : ReadSources(Root(), {".cc", ".h"})) {
+    if (!file.path.starts_with("client/src/") && !file.path.starts_with("client/include/")) continue;
+    ++files;
+    if (private_server.contains(file.path)) continue;
+    for (const std::string& line : Lines(file.text)) {
+      if (std::regex_match(line, use)) found.push_back(file.path + ": " + line);
+    }
+  }
+  EXPECT_GT(files, 10u);
+  EXPECT_THAT(found, IsEmpty());
+}
+
 TEST(SourceTree, ReadsWhatIsThere) {
   const std::vector<SourceFile> files = ReadSources(Root(), {"source_tree.h", ".nothing"});
   ASSERT_THAT(files, SizeIs(1));

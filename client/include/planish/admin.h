@@ -13,17 +13,13 @@
 
 #include "planish/client.h"
 
-namespace planish {
-inline namespace abi0 {
+namespace planish::inline abi0 {
 
 struct ServerStats {
   struct Tenant {
     std::string name;
-    int queued = 0;
-    int running = 0;
-    // Since the start of the server.
-    std::int64_t accepted = 0;
-    std::int64_t refused = 0;
+    int queued = 0, running = 0;
+    std::int64_t accepted = 0, refused = 0;  // since the start of the server
   };
 
   std::string version;
@@ -34,13 +30,11 @@ struct ServerStats {
   int queued = 0;         // jobs that wait
   int running = 0;        // jobs that run or are being stopped
   // Memory that running jobs reserve, and may reserve together.
-  std::int64_t reserved_memory_bytes = 0;
-  std::int64_t memory_bytes = 0;
+  std::int64_t reserved_memory_bytes = 0, memory_bytes = 0;
   // Meshes and UV that are kept, and that may be.
-  std::int64_t stored_bytes = 0;
-  std::int64_t store_bytes = 0;
-  double oldest_wait_seconds = 0;  // of the job that waits longest; 0 if none waits
-  std::vector<Tenant> tenants;     // by name
+  std::int64_t stored_bytes = 0, store_bytes = 0;
+  Seconds oldest_wait{0};       // of the job that waits longest; 0 if none waits
+  std::vector<Tenant> tenants;  // by name
 
   bool IsIdle() const { return queued == 0 && running == 0; }
 };
@@ -58,21 +52,26 @@ class AdminClient {
  public:
   // `target`: "host:port" or "unix:/path". Of the options those about the connection count.
   explicit AdminClient(const std::string& target, const ClientOptions& options = {});
-  ~AdminClient();
-  AdminClient(AdminClient&&) noexcept;
-  AdminClient& operator=(AdminClient&&) noexcept;
+  AdminClient(AdminClient&&) = default;
+  AdminClient& operator=(AdminClient&&) = default;
+
+  // The constructor without exceptions. As in Client, calls with std::nothrow throw nothing.
+  static Result<AdminClient> Make(const std::string& target, const ClientOptions& options = {});
 
   // Returns at once. The server refuses new jobs (DRAINING) and says that it is not ready, until Undrain().
-  void Drain();
+  Result<void> Drain(std::nothrow_t);
+  void Drain() { Drain(std::nothrow).value(); }
   // SHUTTING_DOWN (kFailedPrecondition) if the server is about to end.
-  void Undrain();
-  ServerStats GetStats();
-  ServerConfig GetConfig();
+  Result<void> Undrain(std::nothrow_t);
+  void Undrain() { Undrain(std::nothrow).value(); }
+  Result<ServerStats> GetStats(std::nothrow_t);
+  ServerStats GetStats() { return GetStats(std::nothrow).value(); }
+  Result<ServerConfig> GetConfig(std::nothrow_t);
+  ServerConfig GetConfig() { return GetConfig(std::nothrow).value(); }
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  struct Impl;
+  std::shared_ptr<Impl> impl_;
 };
 
-}  // namespace abi0
-}  // namespace planish
+}  // namespace planish::inline abi0

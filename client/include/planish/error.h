@@ -1,12 +1,19 @@
-// The one exception of the library.
+// The one error of the library: thrown, or in a Result for programs that are built without exceptions.
 #pragma once
 
+#include <chrono>
+#include <exception>
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
+#include <utility>
+#include <variant>
 
-namespace planish {
-inline namespace abi0 {
+namespace planish::inline abi0 {
+
+// Times: any duration converts to it (`std::chrono::minutes(5)`), and count() is in seconds.
+using Seconds = std::chrono::duration<double>;
 
 // Numbered like google.rpc.Code.
 enum class ErrorCode {
@@ -49,6 +56,8 @@ class Error : public std::runtime_error {
   //   UV_CORRUPT             the UV do not have the promised SHA-256 or size (kDataLoss)
   //   OPTIONS_INVALID        ClientOptions that cannot be, or name files that cannot be used (kInvalidArgument)
   //   PRIVATE_SERVER_FAILED  planishd was not found or did not start (kUnavailable)
+  //   CALLBACK_FAILED        a callback threw something else than planish::Error (kUnknown)
+  //   OUT_OF_MEMORY          in this process (kResourceExhausted)
   const std::string& reason() const { return reason_; }
   // Further facts, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's own order.
   const Metadata& metadata() const { return metadata_; }
@@ -58,20 +67,58 @@ class Error : public std::runtime_error {
   // Of the trace that the call belonged to, 32 hex digits, as in the server's log; empty if it never got that far.
   const std::string& trace_id() const { return trace_id_; }
   // What the server asks to wait before the call is tried again; 0 if it does not say.
-  double retry_after_seconds() const { return retry_after_seconds_; }
+  Seconds retry_after() const { return retry_after_; }
 
-  Error& set_job(std::string job);
-  Error& set_trace_id(std::string trace_id);
-  Error& set_retry_after_seconds(double seconds);
+  Error& set_job(std::string job) { return Set(&Error::job_, std::move(job)); }
+  Error& set_trace_id(std::string trace_id) { return Set(&Error::trace_id_, std::move(trace_id)); }
+  Error& set_retry_after(Seconds pause) { return Set(&Error::retry_after_, pause); }
+  Error& set_cause(std::exception_ptr cause) { return Set(&Error::cause_, std::move(cause)); }
+
+  // Throws this error or, if it stands for an exception of somebody else's (CALLBACK_FAILED, OUT_OF_MEMORY), that one.
+  [[noreturn]] void Throw() const;
 
  private:
+  template <typename Field>
+  Error& Set(Field Error::*field, Field value) {
+    this->*field = std::move(value);
+    return *this;
+  }
+
   ErrorCode code_;
   std::string reason_;
   Metadata metadata_;
   std::string job_;
   std::string trace_id_;
-  double retry_after_seconds_ = 0;
+  Seconds retry_after_{0};
+  std::exception_ptr cause_;
 };
 
-}  // namespace abi0
-}  // namespace planish
+// What calls with std::nothrow return: a value, or the error that the same call without it throws.
+template <typename T>
+class [[nodiscard]] Result {
+ public:
+  using Value = std::conditional_t<std::is_void_v<T>, std::monostate, T>;
+
+  Result(Value value) : result_(std::move(value)) {}
+  Result(Error error) : result_(std::move(error)) {}
+
+  bool ok() const { return result_.index() == 0; }
+  explicit operator bool() const { return ok(); }
+  // For a Result that is ok(). Others end a program without exceptions, and throw std::bad_variant_access elsewhere.
+  Value& operator*() { return std::get<0>(result_); }
+  const Value& operator*() const { return std::get<0>(result_); }
+  Value* operator->() { return &**this; }
+  const Value* operator->() const { return &**this; }
+  // For one that is not.
+  const Error& error() const { return std::get<1>(result_); }
+  // The value, moved out, or throws the error.
+  T value() && {
+    if (!ok()) error().Throw();
+    if constexpr (!std::is_void_v<T>) return std::move(**this);
+  }
+
+ private:
+  std::variant<Value, Error> result_;
+};
+
+}  // namespace planish::inline abi0

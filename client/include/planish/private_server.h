@@ -5,29 +5,31 @@
 #include <string>
 #include <vector>
 
-namespace planish {
-inline namespace abi0 {
+#include "planish/error.h"
+
+namespace planish::inline abi0 {
 
 struct PrivateServerOptions {
   // Empty: planishd beside the running executable, else in ../bin from there, else $PLANISHD, else in PATH.
   std::string executable;
   int workers = 1;
   int threads = 0;  // that a job may use; 0: the cores of this machine, divided by `workers`
-  double start_timeout_seconds = 10;
+  Seconds start_timeout{10};
   std::vector<std::string> extra_arguments;
 };
 
 // Runs planishd on a Unix socket that only this user can reach. It ends with this object, and with this process
-// however that ends. Movable.
+// however that ends. Movable. Linux only; the rest of the library is not bound to a system.
 class PrivateServer {
  public:
   // Returns when the server serves. Throws planish::Error with PRIVATE_SERVER_FAILED if planishd is not found, or
   // dies or stays silent while it starts; the message ends with what it wrote to stderr.
   explicit PrivateServer(const PrivateServerOptions& options = {});
-  // Stops the server (its jobs are cancelled), waits for it and removes the socket.
-  ~PrivateServer();
-  PrivateServer(PrivateServer&&) noexcept;
-  PrivateServer& operator=(PrivateServer&&) noexcept;
+  // The same without exceptions.
+  static Result<PrivateServer> Make(const PrivateServerOptions& options = {});
+  // The destructor stops the server (its jobs are cancelled), waits for it and removes the socket.
+  PrivateServer(PrivateServer&&) = default;
+  PrivateServer& operator=(PrivateServer&&) = default;
 
   // For planish::Client.
   const std::string& target() const;
@@ -42,11 +44,10 @@ class PrivateServer {
 
  private:
   struct State;
-  std::unique_ptr<State> state_;
+  std::shared_ptr<State> state_;
 };
 
 // The planishd that PrivateServer would start; empty if there is none.
 std::string FindPrivateServer();
 
-}  // namespace abi0
-}  // namespace planish
+}  // namespace planish::inline abi0

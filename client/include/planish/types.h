@@ -4,50 +4,67 @@
 // libplanish.so.0, so that two versions of the library can be in one process; a program never names it.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
-namespace planish {
-inline namespace abi0 {
+#include "planish/error.h"
+
+namespace planish::inline abi0 {
 
 // A triangle mesh that belongs to the caller; nothing is copied. `positions` holds x, y, z per vertex in any unit;
 // `triangles` holds three 0-based vertex ids per triangle, counter-clockwise seen from outside. Positions travel as
 // float. Vertices without a triangle are allowed and ignored.
 class MeshView {
  public:
-  MeshView(std::span<const float> positions, std::span<const std::uint32_t> triangles);
-  MeshView(std::span<const double> positions, std::span<const std::uint32_t> triangles);
-  MeshView(std::span<const float> positions, std::span<const std::int32_t> triangles);
-  MeshView(std::span<const double> positions, std::span<const std::int32_t> triangles);
+  MeshView(std::span<const float> positions, std::span<const std::uint32_t> triangles)
+      : floats_(positions), indices_(triangles) {}
+  MeshView(std::span<const double> positions, std::span<const std::uint32_t> triangles)
+      : doubles_(positions), indices_(triangles) {}
+  MeshView(std::span<const float> positions, std::span<const std::int32_t> triangles)
+      : MeshView(positions, Unsigned(triangles)) {}
+  MeshView(std::span<const double> positions, std::span<const std::int32_t> triangles)
+      : MeshView(positions, Unsigned(triangles)) {}
 
   // The same mesh with given seams: edges along which charts part, in addition to hard edges
   // (UnwrapOptions::hard_edge_degrees); what Seams adds to them is its own affair. By the two vertices of each edge,
   // two ids per edge in any order: a pair that no triangle has as an edge is refused (OPTIONS_INVALID, metadata
   // "edges").
-  MeshView WithSeams(std::span<const std::uint32_t> vertex_pairs) const;
-  MeshView WithSeams(std::span<const std::int32_t> vertex_pairs) const;
+  MeshView WithSeams(std::span<const std::uint32_t> pairs) const { return With(&MeshView::seam_vertices_, pairs); }
+  MeshView WithSeams(std::span<const std::int32_t> pairs) const { return WithSeams(Unsigned(pairs)); }
   // By corners: number 3 t + k stands for the edge that corner k of triangle t faces, between its other two corners.
   // May be used beside WithSeams.
-  MeshView WithSeamCorners(std::span<const std::int32_t> corners) const;
+  MeshView WithSeamCorners(std::span<const std::int32_t> c) const { return With(&MeshView::seam_corners_, c); }
   // Edges, by corners in the same way, along which no seam is added: diagonals of the polygons that the triangles come
   // from. Given seams part charts all the same.
-  MeshView WithUncutCorners(std::span<const std::int32_t> corners) const;
+  MeshView WithUncutCorners(std::span<const std::int32_t> c) const { return With(&MeshView::uncut_corners_, c); }
 
-  std::int64_t vertex_count() const { return coordinate_count_ / 3; }
-  std::int64_t triangle_count() const { return index_count_ / 3; }
+  std::int64_t vertex_count() const { return static_cast<std::int64_t>(floats_.size() + doubles_.size()) / 3; }
+  std::int64_t triangle_count() const { return static_cast<std::int64_t>(indices_.size()) / 3; }
 
  private:
   friend class MeshPacker;
-  const float* floats_ = nullptr;
-  const double* doubles_ = nullptr;
-  const std::uint32_t* indices_ = nullptr;  // negative ids wrap and are refused as out of range
-  std::int64_t coordinate_count_ = 0;
-  std::int64_t index_count_ = 0;
+  // Signed and unsigned variants of one type may alias. Negative ids wrap, and are refused as out of range.
+  static std::span<const std::uint32_t> Unsigned(std::span<const std::int32_t> ids) {
+    return {reinterpret_cast<const std::uint32_t*>(ids.data()), ids.size()};
+  }
+  template <typename Member>
+  MeshView With(Member MeshView::*member, Member value) const {
+    MeshView view = *this;
+    view.*member = value;
+    return view;
+  }
+
+  std::span<const float> floats_;
+  std::span<const double> doubles_;
+  std::span<const std::uint32_t> indices_;
   std::span<const std::uint32_t> seam_vertices_;
   std::span<const std::int32_t> seam_corners_;
   std::span<const std::int32_t> uncut_corners_;
@@ -102,6 +119,16 @@ const char* ToString(Effort effort);
 // Whether a job in this state will never change again.
 bool IsTerminal(JobState state);
 
+// How Newton's method goes about the angles of a chart. What is chosen changes cost, hardly the map.
+struct SolverOptions {
+  Solver method = Solver::kAuto;  // of the linear system of a Newton step
+  System system = System::kAuto;
+  Preconditioner preconditioner = Preconditioner::kAuto;
+  Hessian hessian = Hessian::kAuto;
+  double tolerance = 0;           // radians per angle, in (0, 1e-2]; 0: the server's default, 1e-9
+  int max_newton_iterations = 0;  // in [1, 1000]; 0: the server's default, 100
+};
+
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
   double max_stretch = 0;           // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
@@ -111,15 +138,10 @@ struct UnwrapOptions {
   std::optional<int> padding;       // texels between charts, half as many at the rim, in [0, 64]; unset: 2
   int tiles = 0;                    // at most so many: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
   Effort effort = Effort::kNormal;  // of packing
-  Solver solver = Solver::kAuto;
-  System system = System::kAuto;
-  Preconditioner preconditioner = Preconditioner::kAuto;
-  Hessian hessian = Hessian::kAuto;
-  Boundary boundary = Boundary::kFree;  // kConvex: the outline of the map is a convex polygon
-  Precision precision = Precision::kAuto;
-  double tolerance = 0;           // radians per angle, in (0, 1e-2]; 0: the server's default, 1e-9
-  int max_newton_iterations = 0;  // in [1, 1000]; 0: the server's default, 100
+  Boundary boundary = Boundary::kFree;     // kConvex: the outline of the map is a convex polygon
+  Precision precision = Precision::kAuto;  // of the UV; kAuto: kFloat where floats keep the map
   int threads = 0;  // in [1, 256], at most what the server allows; 0: that many. The UV do not depend on it
+  SolverOptions solver;
 };
 
 enum class Priority { kLow, kNormal, kHigh };
@@ -130,20 +152,17 @@ struct Scheduling {
   // A waiting job counts as 10 minutes older with kHigh, younger with kLow; the oldest is next.
   Priority priority = Priority::kNormal;
   // From acceptance on: a job that has not ended then fails with DEADLINE_EXCEEDED, whoever waits for it; 0: none.
-  double timeout_seconds = 0;
+  Seconds timeout{0};
   // Of running: a job that runs longer is stopped, and delivers the best map it has then; 0: none.
-  double compute_budget_seconds = 0;
+  Seconds compute_budget{0};
   bool fresh = false;  // compute anew even if the server has the result for this mesh and these options
 };
 
 // Largest residual of each constraint family and of the scaled gradient, in radians (wheel: a logarithm).
 struct Residual {
-  double triangle = 0;
-  double vertex = 0;
-  double wheel = 0;
-  double gradient = 0;
+  double triangle = 0, vertex = 0, wheel = 0, gradient = 0;
 
-  double Worst() const;
+  double Worst() const { return std::max({triangle, vertex, wheel, gradient}); }
 };
 
 struct Progress {
@@ -155,9 +174,9 @@ struct Progress {
   double linear_residual = 0;          // relative, of the present linear solve; 0 between solves
   Residual residual;                   // after newton_iteration steps
   double energy = 0;
-  double step_length = 0;      // fraction of the last Newton step taken
-  double elapsed_seconds = 0;  // since the worker began
-  double tolerance = 0;        // largest residual that ends the solve as converged
+  double step_length = 0;  // fraction of the last Newton step taken
+  Seconds elapsed{0};      // since the worker began
+  double tolerance = 0;    // largest residual that ends the solve as converged
 };
 
 // How the boundary control of a chart went.
@@ -196,8 +215,7 @@ struct ChartReport {
 struct ChartTotals {
   int charts = 0;
   int not_converged = 0;
-  std::int64_t newton_iterations = 0;
-  std::int64_t linear_iterations = 0;
+  std::int64_t newton_iterations = 0, linear_iterations = 0;
   Residual residual;  // the largest of each family
   double stretch_l2_max = 1;
 };
@@ -217,30 +235,19 @@ struct Quality {
   std::int64_t flipped = 0;
   std::int64_t degenerate = 0;
   std::int64_t overlapping = 0;  // pairs of UV triangles whose interiors meet
-  double angle_error_mean_deg = 0;
-  double angle_error_max_deg = 0;
+  double angle_error_mean_deg = 0, angle_error_max_deg = 0;
   double abf_energy = 0;
-  double conformal_distortion_mean = 1;
-  double conformal_distortion_max = 1;
+  double conformal_distortion_mean = 1, conformal_distortion_max = 1;
   double stretch_l2 = 1;
   double packing_efficiency = 0;
   double seam_length = 0;  // of the seams on the surface, over the square root of its area
 };
 
-// Wall-clock seconds of each stage: upload (encode, send, accept), download and total as this client saw them, the
-// others as the server did.
-struct StageSeconds {
-  double upload = 0;
-  double queue = 0;
-  double decode = 0;
-  double charts = 0;
-  double solve = 0;
-  double layout = 0;
-  double pack = 0;
-  double verify = 0;
-  double encode = 0;
-  double download = 0;
-  double total = 0;
+// Wall-clock time of each stage: upload (encode, send, accept), download and total as this client saw them, the others
+// as the server did.
+struct StageTimes {
+  Seconds upload{0}, queue{0}, decode{0}, charts{0}, solve{0}, layout{0}, pack{0}, verify{0}, encode{0}, download{0};
+  Seconds total{0};
 };
 
 // A promise that was not kept, or something the caller should know; reasons as in planish.v1.Warning.
@@ -251,25 +258,16 @@ struct Warning {
 };
 
 struct Report {
-  std::int64_t triangles = 0;
-  std::int64_t vertices = 0;
+  std::int64_t triangles = 0, vertices = 0;
   // One per chart, ascending; of more than 1024 those that did not converge, then those of the largest stretch.
   std::vector<ChartReport> charts;
   ChartTotals chart_totals;
   Atlas atlas;
   Quality quality;
-  StageSeconds seconds;
+  StageTimes times;
   std::int64_t peak_memory_bytes = 0;
   int threads = 0;  // the job could use: UnwrapOptions::threads, or less where the server allowed less
   std::vector<Warning> warnings;
-};
-
-// Why a job failed, as data; planish::Error is the same thing thrown.
-struct JobError {
-  std::string code;    // "INVALID_ARGUMENT", ...
-  std::string reason;  // "MESH_CLOSED", ...
-  std::string message;
-  std::map<std::string, std::string> metadata;
 };
 
 struct Job {
@@ -279,13 +277,11 @@ struct Job {
   JobState state = JobState::kUnspecified;
   std::map<std::string, std::string> labels;  // as given by whoever created it
   UnwrapOptions options;
-  std::optional<Time> create_time;
-  std::optional<Time> start_time;
-  std::optional<Time> end_time;
+  std::optional<Time> create_time, start_time, end_time;
   std::int64_t mesh_bytes = 0;
   int queue_position = 0;            // jobs ahead while QUEUED
   std::optional<Progress> progress;  // while RUNNING or STOPPING
-  std::optional<JobError> error;     // when FAILED; ids in the order of the mesh as sent
+  std::optional<Error> error;        // when FAILED; ids in the order of the mesh as sent
   std::optional<Report> report;      // when SUCCEEDED
   Scheduling scheduling;
   int attempts = 0;                 // times a worker began with it; above 1 after a worker or the server died
@@ -299,12 +295,11 @@ struct Job {
 
 // What a job would need, and how long it would wait, before it is created.
 struct JobEstimate {
-  std::int64_t triangles = 0;
-  std::int64_t vertices = 0;
-  std::int64_t memory_bytes = 0;    // reserved while it runs
-  double run_seconds = 0;           // on one idle core, roughly
-  double queue_seconds = 0;         // until a job created now would start, roughly
-  std::optional<JobError> refusal;  // what CreateJob would be refused with now
+  std::int64_t triangles = 0, vertices = 0;
+  std::int64_t memory_bytes = 0;  // reserved while it runs
+  Seconds run_time{0};            // on one idle core, roughly
+  Seconds queue_time{0};          // until a job created now would start, roughly
+  std::optional<Error> refusal;   // what CreateJob would be refused with now
 };
 
 // Something that happened to a job: exactly one of `job` (after a change of state) and `progress` is set.
@@ -316,15 +311,34 @@ struct Event {
   std::optional<Progress> progress;
 };
 
-// UV of every corner in the caller's own order: numbers 2 (3 f + k) and 2 (3 f + k) + 1 are (u, v) of corner k of
-// triangle f. The server chose `precision` (UnwrapOptions::precision kAuto): exactly one vector is filled.
-struct Uv {
-  Precision precision = Precision::kFloat;  // kFloat or kDouble
-  std::vector<float> floats;
-  std::vector<double> doubles;
+// UV as float or double, whichever UnwrapOptions::precision asked for or, with kAuto, the server chose: of every corner
+// in the caller's own order. Numbers 2 (3 f + k) and 2 (3 f + k) + 1 are (u, v) of corner k of triangle f.
+class Uv {
+ public:
+  using Numbers = std::variant<std::vector<float>, std::vector<double>>;
 
-  // Either kind as double.
-  std::vector<double> AsDouble() const;
+  Uv() = default;
+  explicit Uv(Numbers numbers) : numbers_(std::move(numbers)) {}
+
+  // kFloat or kDouble.
+  Precision precision() const { return numbers_.index() == 0 ? Precision::kFloat : Precision::kDouble; }
+  std::size_t size() const {
+    return std::visit([](const auto& numbers) { return numbers.size(); }, numbers_);
+  }
+  // Number i < size(), whatever the type.
+  double operator[](std::size_t i) const {
+    return std::visit([i](const auto& numbers) -> double { return numbers[i]; }, numbers_);
+  }
+  // All of them as T, rounded where T is float and they are not.
+  template <typename T>
+  std::vector<T> As() const {
+    return std::visit([](const auto& numbers) { return std::vector<T>(numbers.begin(), numbers.end()); }, numbers_);
+  }
+  // As they came, for std::visit and std::get_if: nobody reads floats where there are doubles.
+  const Numbers& numbers() const { return numbers_; }
+
+ private:
+  Numbers numbers_;
 };
 
 struct UnwrapResult {
@@ -334,7 +348,9 @@ struct UnwrapResult {
   Report report;
 
   // Every chart converged and no UV triangle is flipped or degenerate. (Overlaps are warnings.)
-  bool IsUsable() const;
+  bool IsUsable() const {
+    return report.chart_totals.not_converged == 0 && report.quality.flipped == 0 && report.quality.degenerate == 0;
+  }
 };
 
 struct SolverCombination {
@@ -355,10 +371,9 @@ struct Capabilities {
   std::int64_t memory_bytes = 0;        // that running jobs may reserve together
   std::int64_t inline_mesh_bytes = 0;   // larger meshes travel by a resumable upload; 0: none do
   std::int64_t upload_chunk_bytes = 0;  // in a message of an upload
-  double reattach_grace_seconds = 0;    // that the job of a caller that went away waits for it to come back
+  Seconds reattach_grace{0};            // that the job of a caller that went away waits for it to come back
   bool durable = false;                 // jobs, meshes and results outlive a restart of the server
   bool isolated_workers = false;        // jobs run in processes of their own
 };
 
-}  // namespace abi0
-}  // namespace planish
+}  // namespace planish::inline abi0

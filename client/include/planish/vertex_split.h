@@ -2,13 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <new>
 #include <span>
 #include <vector>
 
 #include "planish/types.h"
 
-namespace planish {
-inline namespace abi0 {
+namespace planish::inline abi0 {
 
 // A mesh whose vertices have one UV each. Those of the mesh that came in keep their numbers; what has several UV, at
 // seams, gets a copy behind all of them for each further one. To carry an attribute over:
@@ -26,7 +26,10 @@ struct VertexSplit {
 // Corners of a vertex share a new one if their UV are equal (0 and -0 alike). Needs no server, takes linear time, and
 // gives the same answer for the same input. Throws planish::Error (kInvalidArgument): MESH_INDEX_OUT_OF_RANGE, and
 // OPTIONS_INVALID for another number of UV.
-VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv);
+Result<VertexSplit> SplitVertices(std::nothrow_t, std::int64_t vertex_count, std::span<const std::uint32_t> triangles,
+                                  const Uv& uv);
+inline VertexSplit SplitVertices(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv) {
+  return SplitVertices(std::nothrow, vertex_count, triangles, uv).value();
+}
 
-}  // namespace abi0
-}  // namespace planish
+}  // namespace planish::inline abi0

@@ -1,3 +1,4 @@
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <vector>
@@ -13,7 +14,7 @@ int main(int, char** argv) {
   const planish::PrivateServer server(options);
   planish::Client client(server.target());
   const planish::UnwrapResult result = client.Unwrap({positions, triangles});
-  for (const double number : result.uv.AsDouble()) std::printf("%g ", number);
+  for (std::size_t i = 0; i < result.uv.size(); ++i) std::printf("%g ", result.uv[i]);
   std::printf("\n");
   return result.IsUsable() ? 0 : 1;
 }
