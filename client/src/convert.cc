@@ -117,6 +117,7 @@ ChartReport FromProto(const v1::ChartReport& proto) {
   if (proto.has_boundary()) chart.boundary = FromProto(proto.boundary());  // older servers know no boundary control
   chart.stretch_l2 = proto.stretch_l2();
   chart.chart = proto.chart();
+  chart.newton_residuals.assign(proto.newton_residuals().begin(), proto.newton_residuals().end());
   return chart;
 }
 
@@ -126,7 +127,8 @@ ChartTotals FromProto(const v1::ChartTotals& proto) {
           proto.newton_iterations(),
           proto.linear_iterations(),
           FromProto(proto.residual()),
-          proto.stretch_l2_max()};
+          proto.stretch_l2_max(),
+          {proto.newton_residuals().begin(), proto.newton_residuals().end()}};
 }
 
 Atlas FromProto(const v1::Atlas& proto) {
