@@ -85,8 +85,11 @@ std::string CheckBatch(const Arguments& arguments) {
   for (const std::string& input : Inputs(arguments)) {
     if (input == "-") return "- (standard input) is one mesh, and cannot be one of a batch";
   }
-  if (!arguments.picture.empty() || !arguments.preview.empty() || !arguments.report.empty()) {
-    return "--picture, --preview and --report draw one mesh; in a batch there is no telling which";
+  if (!arguments.picture.empty() || !arguments.preview.empty()) {
+    return "--picture and --preview draw one mesh; of a batch --report=DIR shows all";
+  }
+  if (!arguments.report.empty() && arguments.detach) {
+    return "--detach does not wait for UV, so there is nothing to draw; --report goes with the run that fetches them";
   }
   if (!arguments.seams.edge_files.empty() || !arguments.seams.uncut_files.empty()) {
     return "--seams=edges:FILE and uncut:FILE list the vertices of one mesh; a batch cannot use them";
@@ -111,12 +114,31 @@ std::string CheckInputs(Arguments& arguments) {
   return "";
 }
 
+// Whether `report` makes a page of each file, and a sheet.
+bool IsSheet(const Arguments& arguments) {
+  const std::vector<std::string> inputs = Inputs(arguments);
+  return inputs.size() > 2 || IsDirectory(arguments.output) || arguments.output.ends_with('/') ||
+         std::any_of(inputs.begin(), inputs.end(), IsDirectory);
+}
+
+// What a sheet cannot be made of; empty if all is well.
+std::string CheckSheet(const Arguments& arguments) {
+  if (arguments.output == "-") return "-o - takes one page; those of many files need -o DIRECTORY/";
+  if (!arguments.job_report.empty()) return "--job-report is about one file, and -o about many";
+  const std::vector<std::string> inputs = Inputs(arguments);
+  if (std::count(inputs.begin(), inputs.end(), "-") > 0) {
+    return "- (standard input) is one mesh, and cannot be one of many";
+  }
+  return "";
+}
+
 // Decides what depends on several flags and on whether inputs are directories (`batch`), completes the job's name, and
 // returns what is wrong, in words; empty if nothing.
 std::string CheckTogether(Arguments& arguments) {
   if (arguments.command == Command::kUnwrap) {
     if (const std::string problem = CheckInputs(arguments); !problem.empty()) return problem;
   }
+  if (arguments.command == Command::kReport) arguments.sheet = IsSheet(arguments);
   const std::vector<std::string> inputs = Inputs(arguments);
   const auto streams = std::count(inputs.begin(), inputs.end(), "-");
   if (streams > 1 || (streams == 1 && arguments.check.all_texcoords)) {
@@ -124,7 +146,7 @@ std::string CheckTogether(Arguments& arguments) {
            (streams == 1 ? "; --texcoord=all reads a file once for each set of UV" : "");
   }
   const bool judges_several = arguments.command == Command::kCheck && !arguments.more_inputs.empty();
-  if (arguments.texcoord > 0 && !judges_several && !arguments.batch && !arguments.input.empty() &&
+  if (arguments.texcoord > 0 && !judges_several && !arguments.batch && !arguments.sheet && !arguments.input.empty() &&
       !IsStream(arguments.input) && !IsGltf(arguments.input)) {
     return "--texcoord=" + std::to_string(arguments.texcoord) + ": " + arguments.input +
            " is no glTF; other formats have one set of UV, number 0";
@@ -189,8 +211,7 @@ std::string CheckTogether(Arguments& arguments) {
     case Command::kReport:
       if (arguments.output.empty())
         return "where should the page go? planish report " + arguments.input + " -o report.html";
-      if (arguments.more_inputs.size() > 1) return "report compares two files at most";
-      return "";
+      return arguments.sheet ? CheckSheet(arguments) : "";
     case Command::kCheck:
     case Command::kInspect:
     case Command::kVersion:

@@ -81,8 +81,9 @@ struct Arguments {
   std::optional<int> output_texcoord;  // and become this one; without a value the one they are read from
   std::string picture;                 // a PNG of the map; empty: none
   std::string preview;                 // a PNG or SVG of the UV layout; empty: none
-  std::string report;                  // unwrap: an HTML page about the map (report_page.h); empty: none
-  std::string job_report;              // report: what `unwrap --json` printed, a file; empty: none
+  std::string report;      // unwrap: an HTML page about the map (report_page.h); of a batch a sheet; empty: none
+  bool sheet = false;      // report: a page per file, and an index of them (report_sheet.h)
+  std::string job_report;  // report: what `unwrap --json` printed, a file; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;

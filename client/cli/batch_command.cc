@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <system_error>
 #include <thread>
@@ -48,6 +49,24 @@ std::string NextStep(const BatchTotals& totals, const BatchRun& run, bool interr
   return "";
 }
 
+std::vector<SheetRow> SheetRows(const BatchPlan& plan, const std::vector<BatchRow>& rows) {
+  std::vector<SheetRow> sheet;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const BatchRow& row = rows[i];
+    SheetRow& entry = sheet.emplace_back();
+    entry.name = row.name;
+    entry.result = ToString(row.result);
+    entry.message = row.message;
+    entry.card = row.card;
+    if (row.card.is_object()) {
+      entry.page = ReportSheet::PageOf(plan.items[i].key);
+      entry.seconds = row.seconds;
+    }
+    entry.triangles = row.triangles;
+  }
+  return sheet;
+}
+
 int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& plan) {
   const Timer timer;
   if (!arguments.quiet) std::cerr << SkippedText(plan);
@@ -56,12 +75,15 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   ServerChoice server(arguments.server, arguments.server_flags, interrupts, NeedsOf(arguments, plan));
   const Capabilities capabilities = server.client().GetCapabilities();
 
+  std::optional<ReportSheet> sheet;
+  if (!arguments.report.empty()) sheet.emplace(arguments.report).Prepare();
   BatchQueue queue(&server.client());
   std::stop_source stop;
   const BatchContext context{arguments,
                              state,
                              server.client(),
                              queue,
+                             sheet ? &*sheet : nullptr,
                              SettingsDigest(arguments),
                              std::string(Version()) + " " + capabilities.version,
                              stop.get_token()};
@@ -80,6 +102,7 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   const std::vector<BatchRow> rows = run.Run();
   interrupts.SetCancel({});
   view->Finish();
+  if (sheet) sheet->Write(SheetRows(plan, rows));
 
   const BatchTotals totals = TotalsOf(rows, timer.Seconds());
   const int exit_code = BatchExitCode(rows, interrupts.interrupted(), run.server_lost());

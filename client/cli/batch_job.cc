@@ -12,6 +12,7 @@
 #include "absl/strings/escaping.h"
 #include "client/cli/batch_digest.h"
 #include "client/cli/mesh_input.h"
+#include "client/cli/report_command.h"
 #include "client/cli/summary.h"
 #include "client/cli/unwrap_files.h"
 #include "client/src/request_id.h"
@@ -176,6 +177,12 @@ class BatchJob {
     if (!fetched) end_.queue_seconds = report.times.queue.count();
     BeginJson();
     end_.json.update(ReportJson(result, report, item_.output));
+    if (context_.sheet != nullptr) end_.row.card = WritePage(PageJob(record_), files_->input(), result, arguments_);
+  }
+
+  SheetPageJob PageJob(const BatchRecord& record) const {
+    const std::string made = record.input + record.settings + record.version + Json(record.files).dump();
+    return {*context_.sheet, ReportSheet::PageOf(item_.key), item_.output, absl::BytesToHexString(Sha256(made))};
   }
 
   void Keep(const BatchRecord& record) {
@@ -188,6 +195,9 @@ class BatchJob {
     end_.json["chart_totals"] = {{"charts", record.charts}};
     end_.json["seconds"] = {{"total", record.seconds}};
     end_.json["output"] = item_.output;
+    if (context_.sheet != nullptr) {
+      end_.row.card = KeepPage(PageJob(record), arguments_.output_texcoord.value_or(item_.texcoord), arguments_);
+    }
   }
 
   void FillRow(const BatchRecord& record) {

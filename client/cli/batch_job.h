@@ -10,6 +10,7 @@
 #include "client/cli/batch_state.h"
 #include "client/cli/batch_table.h"
 #include "client/cli/json.h"
+#include "client/cli/report_sheet.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -19,9 +20,10 @@ struct BatchContext {
   const Arguments& arguments;
   BatchState& state;
   Client& client;
-  BatchQueue& queue;     // of the same client
-  std::string settings;  // SettingsDigest
-  std::string version;   // BatchRecord::version
+  BatchQueue& queue;                   // of the same client
+  const ReportSheet* sheet = nullptr;  // where pages go; null: nowhere
+  std::string settings;                // SettingsDigest
+  std::string version;                 // BatchRecord::version
   // Cancels attached jobs on the server; those that are detached go on.
   std::stop_token stop;
 };

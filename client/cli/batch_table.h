@@ -34,6 +34,7 @@ struct BatchRow {
   std::string reason;        // of a failure: "FILE_MALFORMED"; the name of a job that is queued
   std::string message;       // a sentence: why it failed or is not usable
   ExitCode exit_code = kOk;  // as if the file had been the only one
+  Json card;                 // of its page (report_page.h), if there is one
 };
 
 struct BatchTotals {

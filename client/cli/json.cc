@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <ctime>
 
+#include "client/cli/numbers.h"
+
 namespace planish::cli {
 namespace {
 
@@ -48,6 +50,13 @@ Json BoundaryJson(const BoundaryReport& boundary) {
           {"settled", boundary.settled}};
 }
 
+// Four digits are enough to draw.
+Json ResidualsJson(const std::vector<float>& residuals) {
+  Json json = Json::array();
+  for (const float residual : residuals) json.push_back(Json::parse(Significant(residual, 4)));
+  return json;
+}
+
 Json ChartsJson(const std::vector<ChartReport>& charts) {
   Json json = Json::array();
   for (const ChartReport& chart : charts) {
@@ -65,6 +74,7 @@ Json ChartsJson(const std::vector<ChartReport>& charts) {
                     {"convexified_iterations", chart.convexified_iterations},
                     {"indefinite_iterations", chart.indefinite_iterations},
                     {"residual", ResidualJson(chart.residual)},
+                    {"newton_residuals", ResidualsJson(chart.newton_residuals)},
                     {"stop_message", chart.stop_message},
                     {"abf_energy", chart.abf_energy},
                     {"barrier", chart.barrier},
@@ -80,6 +90,7 @@ Json TotalsJson(const ChartTotals& totals) {
           {"newton_iterations", totals.newton_iterations},
           {"linear_iterations", totals.linear_iterations},
           {"residual", ResidualJson(totals.residual)},
+          {"newton_residuals", ResidualsJson(totals.newton_residuals)},
           {"stretch_l2_max", totals.stretch_l2_max}};
 }
 

@@ -68,11 +68,17 @@ constexpr char kReportHelp[] = R"(Examples:
   planish report hero.glb -o hero.html
   planish report hero_blender.obj hero_planish.obj -o compare.html   with the same camera
   planish unwrap hero.glb -o flat.glb --report=hero.html   before, after, and the solve
+  planish report props/ hero.glb -o sheet/                 a contact sheet, and a page per file
+  planish unwrap props/ -o done/ --report=sheet.html       the same of a batch
 
 The page is one file, opened from disk; it asks the network for nothing. It shows the surface and the layout, linked by
 hovering and clicking, with checker, charts, stretch, angle error, seams or colours; a table of charts; and warnings, which
-lead to the triangles that they are about. It needs a browser with WebGL 2. Exit codes: 0 written, 1 a file has no UV, 2 bad
-usage or an unreadable file.)";
+lead to the triangles that they are about. It needs a browser with WebGL 2.
+
+More than two files, a directory, or a directory after -o make a contact sheet: an index with a small picture and the key
+figures of each file, sorted as you like, and a page for each. DIR has the index as DIR/index.html and the pages beside it
+(DIR/props/a.obj.html); FILE.html is the index itself, and FILE_files has the pages. unwrap --report does the same for a
+batch, with what failed. Exit codes: 0 written, 1 a file has no UV, 2 bad usage or an unreadable file.)";
 
 // "skin=2"; the name may have equals signs.
 void AddMaterialWeight(const std::string& text, Arguments* arguments) {
@@ -158,12 +164,15 @@ void DefineCheck(CLI::App& app, Arguments& arguments) {
 }
 
 void DefineReport(CLI::App& app, Arguments& arguments) {
-  CLI::App& report = *app.add_subcommand("report", "Write a page that shows the UV of a mesh, or of two side by side");
+  CLI::App& report =
+      *app.add_subcommand("report", "Write a page that shows the UV of a mesh, of two side by side, or of many");
   report.parse_complete_callback([&arguments] { arguments.command = Command::kReport; });
   report.footer(kReportHelp);
   report.add_option("A", arguments.input, "Mesh file with UV, as for unwrap")->required()->type_name("");
-  report.add_option("B", arguments.more_inputs, "A second one to compare with it")->type_name("");
-  report.add_option("-o,--output", arguments.output, "Where the page goes; - is stdout")->type_name("HTML");
+  report.add_option("B", arguments.more_inputs, "A second one to compare with it; or more, and directories: a sheet")
+      ->type_name("");
+  report.add_option("-o,--output", arguments.output, "Where the page goes; - is stdout; a directory takes a sheet")
+      ->type_name("HTML|DIR");
   report
       .add_option("--job-report", arguments.job_report,
                   "What unwrap --json printed about the last file: methods of charts, times, warnings")

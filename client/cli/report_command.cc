@@ -5,12 +5,18 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <system_error>
 #include <thread>
 #include <utility>
 
+#include "client/cli/batch_plan.h"
+#include "client/cli/batch_table.h"
 #include "client/cli/commands.h"
 #include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
+#include "client/cli/numbers.h"
+#include "client/cli/summary.h"
+#include "client/cli/terminal.h"
 #include "client/files/file_io.h"
 #include "client/src/errors.h"
 
@@ -49,13 +55,17 @@ MapCheckOptions CheckOptionsOf(int texture_size, int tiles, double padding) {
   return options;
 }
 
-}  // namespace
+// Of a page about the UV that a file has.
+double PaddingOf(const Arguments& arguments) {
+  return arguments.options.padding.value_or(2);
+}
 
-std::string UnwrapReport(const MeshInput& input, const UnwrapResult& result, const NewtonLog& newton,
-                         const Arguments& arguments) {
-  ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
-  Execution execution;
-  execution.team = &team;
+// Newton stops there unless told otherwise (planish.v1.UnwrapOptions.tolerance).
+constexpr double kDefaultTolerance = 1e-9;
+
+// `output`: where the mesh went; empty: to stdout.
+FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, const std::string& output,
+                        const Arguments& arguments, const Execution& execution, const SheetMember* member) {
   const Atlas& atlas = result.report.atlas;
   const double padding = atlas.pack ? atlas.padding : 0;
   const MapCheckOptions options = CheckOptionsOf(atlas.texture_size, std::max(atlas.tiles, 1), padding);
@@ -66,12 +76,116 @@ std::string UnwrapReport(const MeshInput& input, const UnwrapResult& result, con
   if (!input.CornerTexcoords().empty()) before = CheckMapOf(input, options_before, execution);
   std::vector<ReportedMap> maps;
   if (before.has_uv()) maps.push_back({"before", input, before, options_before, 0});
-  const std::string name = arguments.output.empty() || arguments.output == "-" ? input.path() : arguments.output;
-  maps.push_back({before.has_uv() ? "after" : FileName(name), input, after, options, padding});
+  std::error_code ignored;
+  const bool has_name = !FileName(output).empty() && !std::filesystem::is_directory(output, ignored);
+  const std::string name = FileName(has_name ? output : input.path());
+  maps.push_back({before.has_uv() ? "after" : name, input, after, options, padding});
   Json json = ReportJson(result, result.report, "");
-  json["newton"] = newton.ToJson();
-  json["tolerance"] = newton.tolerance();
-  return ReportPage(maps, json);
+  json["tolerance"] = arguments.options.tolerance > 0 ? arguments.options.tolerance : kDefaultTolerance;
+  if (member == nullptr) return ReportPage(maps, json);
+  SheetMember whole = *member;
+  whole.picture = SheetPicture(after.mesh, after.uv);
+  return ReportPage(maps, json, whole);
+}
+
+// Writes the page about the UV that a file has.
+Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, const Arguments& arguments,
+                   const Execution& execution) {
+  const double padding = PaddingOf(arguments);
+  const MapCheckOptions options = CheckOptionsOf(arguments.options.texture_size, arguments.options.tiles, padding);
+  const CheckedMap map = CheckMapOf(input, options, execution);
+  if (execution.IsCancelled()) return nullptr;
+  RequireUv(input, map);
+  const SheetMember member = {job.sheet.SheetFrom(job.page), job.made, SheetPicture(map.mesh, map.uv)};
+  const FinishedPage page = ReportPage({{FileName(input.path()), input, map, options, padding}}, std::nullopt, member);
+  job.sheet.WritePage(job.page, page.html);
+  return page.card;
+}
+
+int ReportOne(const Arguments& arguments, const Execution& execution) {
+  std::optional<Json> job_report;
+  if (!arguments.job_report.empty()) job_report = ReadJobReport(arguments.job_report);
+  if (arguments.output != "-") CheckOutput(arguments.output);
+  const double padding = PaddingOf(arguments);
+  const MapCheckOptions options = CheckOptionsOf(arguments.options.texture_size, arguments.options.tiles, padding);
+  const MeshInput first({arguments.input}, arguments.texcoord);
+  const CheckedMap first_map = CheckMapOf(first, options, execution);
+  if (!execution.IsCancelled()) RequireUv(first, first_map);
+  std::optional<MeshInput> second;
+  CheckedMap second_map;
+  if (!arguments.more_inputs.empty()) {
+    const std::string& path = arguments.more_inputs.front();
+    const bool is_gltf = FormatOfPath(path) == MeshFormat::kGltf || FormatOfPath(path) == MeshFormat::kGlb;
+    second.emplace(std::vector<std::string>{path}, is_gltf ? arguments.texcoord : 0);
+    second_map = CheckMapOf(*second, options, execution);
+    if (!execution.IsCancelled()) RequireUv(*second, second_map);
+  }
+  if (execution.IsCancelled()) return kInterrupted;
+  std::string name = FileName(arguments.input), second_name = second ? FileName(second->path()) : "";
+  if (name == second_name) name += " (A)", second_name += " (B)";
+  std::vector<ReportedMap> maps = {{name, first, first_map, options, padding}};
+  if (second) maps.push_back({second_name, *second, second_map, options, padding});
+  WriteOutput(arguments.output, ReportPage(maps, job_report).html);
+  return kOk;
+}
+
+int ReportMany(const Arguments& arguments, const Execution& execution) {
+  const ReportSheet sheet(arguments.output);
+  Arguments as_batch = arguments;
+  as_batch.output = sheet.pages().string();
+  const BatchPlan plan = PlanBatch(as_batch);
+  std::cerr << SkippedText(plan);
+  sheet.Prepare();
+  std::vector<SheetRow> rows;
+  std::int64_t failed = 0, unreadable = 0;
+  for (const BatchItem& item : plan.items) {
+    SheetRow& row = rows.emplace_back();
+    row.name = item.name;
+    row.result = ToString(BatchResult::kNotTried);
+    if (execution.IsCancelled()) continue;
+    try {
+      if (item.problem) throw *item.problem;
+      const SheetPageJob job = {sheet, ReportSheet::PageOf(item.name), "", ""};
+      row.card = WriteFilePage(job, MeshInput({item.input}, item.texcoord), arguments, execution);
+      if (row.card.is_null()) continue;
+      row.page = job.page;
+      row.result = "shown";
+    } catch (const Error& error) {
+      row.result = ToString(BatchResult::kFailed);
+      row.message = error.what();
+      ++(error.reason() == "UV_MISSING" ? failed : unreadable);
+      std::cerr << ErrorText(error, "", StderrTerminal());
+    }
+  }
+  sheet.Write(rows);
+  std::cerr << sheet.index().string() << ": " << Counted(static_cast<std::int64_t>(rows.size()), "file", "files")
+            << (failed + unreadable == 0 ? "" : ", " + WithCommas(failed + unreadable) + " without a page") << "\n";
+  return unreadable > 0 ? kUsage : failed > 0 ? kFailed : kOk;
+}
+
+}  // namespace
+
+FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const Arguments& arguments) {
+  ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
+  Execution execution;
+  execution.team = &team;
+  const std::string output = arguments.output == "-" ? "" : arguments.output;
+  return UnwrapPage(input, result, output, arguments, execution, nullptr);
+}
+
+Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result,
+               const Arguments& arguments) {
+  const SheetMember member = {job.sheet.SheetFrom(job.page), job.made, ""};
+  const FinishedPage page = UnwrapPage(input, result, job.output, arguments, {}, &member);
+  job.sheet.WritePage(job.page, page.html);
+  return page.card;
+}
+
+Json KeepPage(const SheetPageJob& job, int texcoord, const Arguments& arguments) {
+  Json card = ReadCard(job.sheet.PathOf(job.page));
+  if (card.is_object() && card.value("made", "") == job.made) return card;
+  const MeshInput input({job.output}, texcoord);
+  return WriteFilePage(job, input, arguments, {});
 }
 
 int RunReport(const Arguments& arguments, Interrupts& interrupts) {
@@ -81,35 +195,14 @@ int RunReport(const Arguments& arguments, Interrupts& interrupts) {
   execution.team = &team;
   execution.cancel = interrupter.get();
   interrupts.SetCancel([interrupter] { interrupter->Interrupt(); });
-
-  std::optional<Json> job_report;
-  if (!arguments.job_report.empty()) job_report = ReadJobReport(arguments.job_report);
-  if (arguments.output != "-") CheckOutput(arguments.output);
-  const double padding = arguments.options.padding.value_or(2);
-  const MapCheckOptions options = CheckOptionsOf(arguments.options.texture_size, arguments.options.tiles, padding);
-  const MeshInput first({arguments.input}, arguments.texcoord);
-  const CheckedMap first_map = CheckMapOf(first, options, execution);
-  RequireUv(first, first_map);
-  std::optional<MeshInput> second;
-  CheckedMap second_map;
-  if (!arguments.more_inputs.empty()) {
-    const std::string& path = arguments.more_inputs.front();
-    const bool is_gltf = FormatOfPath(path) == MeshFormat::kGltf || FormatOfPath(path) == MeshFormat::kGlb;
-    second.emplace(std::vector<std::string>{path}, is_gltf ? arguments.texcoord : 0);
-    second_map = CheckMapOf(*second, options, execution);
-    RequireUv(*second, second_map);
-  }
+  const int exit_code = arguments.sheet ? ReportMany(arguments, execution) : ReportOne(arguments, execution);
   interrupts.SetCancel({});
   if (interrupter->IsInterrupted()) {
-    std::cerr << "planish: interrupted; nothing was written\n";
+    std::cerr << "planish: interrupted; " << (arguments.sheet ? "the sheet has what was done" : "nothing was written")
+              << "\n";
     return kInterrupted;
   }
-  std::string name = FileName(arguments.input), second_name = second ? FileName(second->path()) : "";
-  if (name == second_name) name += " (A)", second_name += " (B)";
-  std::vector<ReportedMap> maps = {{name, first, first_map, options, padding}};
-  if (second) maps.push_back({second_name, *second, second_map, options, padding});
-  WriteOutput(arguments.output, ReportPage(maps, job_report));
-  return kOk;
+  return exit_code;
 }
 
 }  // namespace planish::cli

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <set>
@@ -24,6 +25,9 @@ constexpr double kStretchOctaves = 4;            // that the page tells apart (c
 constexpr int kTopByte = 254, kNoStretch = 255;  // of a byte
 constexpr std::uint8_t kMirroredFace = 16;
 constexpr std::size_t kMaxFindingFaces = 2000, kMaxNamedPairs = 20;
+constexpr std::size_t kMostResiduals = 10000;  // of steps of charts: 100 KB
+constexpr std::string_view kCardBegin = "<script type=\"application/json\" id=\"planish-card\">";
+constexpr std::size_t kMostBytesBeforeCardEnds = std::size_t{1} << 20;
 
 void AppendVarint(std::uint64_t value, std::string* bytes) {
   for (; value >= 128; value >>= 7) bytes->push_back(static_cast<char>(value | 128));
@@ -65,6 +69,10 @@ std::string Planes(std::size_t count, int components, const std::function<double
   return bytes;
 }
 
+Json Rounded(double value, int digits) {
+  return std::isfinite(value) ? Json::parse(Significant(value, digits)) : Json();
+}
+
 std::string Deflated(const std::string& bytes) {
   uLongf size = compressBound(bytes.size());
   std::string result(size, '\0');
@@ -74,13 +82,6 @@ std::string Deflated(const std::string& bytes) {
   }
   result.resize(size);
   return result;
-}
-
-// JSON inside a <script>: nothing in it looks like the end of that.
-std::string ForScript(const Json& json) {
-  std::string text = ToLine(json);
-  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos; at += 6) text.replace(at, 1, "\\u003c");
-  return text;
 }
 
 // One map as data: bytes of sections, and a JSON that tells what they are.
@@ -204,8 +205,6 @@ class MapWriter {
     return charts;
   }
 
-  static Json Rounded(double value, int digits) { return Json::parse(Significant(value, digits)); }
-
   Json Materials() const {
     Json materials = Json::array();
     const std::vector<std::string> names = reported_.input.MaterialNames();
@@ -243,7 +242,7 @@ class MapWriter {
       findings.push_back({{"kind", "near"},
                           {"text", "charts " + std::to_string(pair.a) + " and " + std::to_string(pair.b) + " are " +
                                        Significant(pair.distance, 3) + " texels apart"},
-                          {"chart", pair.a}});
+                          {"charts", {pair.a, pair.b}}});
     }
     const auto missing = static_cast<std::int64_t>(map_.without_uv.size() + map_.not_finite.size());
     if (missing > 0) {
@@ -279,6 +278,39 @@ std::set<std::int64_t> NumbersIn(const std::string& text) {
   return numbers;
 }
 
+// What the page tells of how the map was made: `unwrap` without what it does not show. Charts that took most steps have
+// their residuals, as many as there is room for.
+Json SolveJson(const Json& unwrap) {
+  Json kept = Json::object();
+  for (const char* key : {"charts", "seconds", "warnings", "tolerance"}) {
+    if (unwrap.contains(key)) kept[key] = unwrap.at(key);
+  }
+  kept["largest"] = unwrap.value("chart_totals", Json::object()).value("newton_residuals", Json::array());
+  std::vector<std::pair<std::size_t, Json*>> by_steps;
+  for (Json& chart : kept["charts"]) {
+    Json solve = Json::object();
+    for (const char* key :
+         {"chart", "triangles", "method", "solver", "preconditioner", "converged", "newton_iterations", "stretch_l2"}) {
+      if (chart.contains(key)) solve[key] = chart[key];
+    }
+    double worst = 0;
+    for (const Json& residual : chart.value("residual", Json::object())) {
+      worst = std::max(worst, residual.get<double>());
+    }
+    solve["residual"] = Rounded(worst, 4);
+    solve["steps"] = chart.value("newton_residuals", Json::array());
+    chart = std::move(solve);
+    by_steps.emplace_back(chart["steps"].size(), &chart);
+  }
+  std::stable_sort(by_steps.begin(), by_steps.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::size_t numbers = 0;
+  for (const auto& [size, chart] : by_steps) {
+    numbers += size;
+    if (numbers > kMostResiduals) chart->erase("steps");
+  }
+  return kept;
+}
+
 // Warnings of the unwrap that name faces can be shown, as findings of the map; the others stay in `unwrap`.
 void ShowWarnings(const ReportedMap& reported, Json* unwrap, Json* findings) {
   Json others = Json::array();
@@ -305,7 +337,24 @@ void ShowWarnings(const ReportedMap& reported, Json* unwrap, Json* findings) {
 
 }  // namespace
 
-std::string ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap) {
+std::string ForScript(const Json& json) {
+  std::string text = ToLine(json);
+  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos; at += 6) text.replace(at, 1, "\\u003c");
+  return text;
+}
+
+std::string FillTemplate(std::string_view page, const std::string& data) {
+  constexpr std::string_view kPlace = "<!--PLANISH_DATA-->";
+  const std::size_t place = page.find(kPlace);
+  if (place == std::string_view::npos) {
+    throw Error(ErrorCode::kInternal, "INTERNAL", "the report's template is damaged");
+  }
+  return std::string(page.substr(0, place)) + data + std::string(page.substr(place + kPlace.size()));
+}
+
+FinishedPage ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap,
+                        const std::optional<SheetMember>& member) {
+  FinishedPage finished;
   Json page = {{"version", Version()}, {"maps", Json::array()}};
   std::string blobs;
   for (std::size_t i = 0; i < maps.size(); ++i) {
@@ -314,58 +363,44 @@ std::string ReportPage(const std::vector<ReportedMap>& maps, const std::optional
     blobs += "<script type=\"text/plain\" id=\"planish-map-" + std::to_string(i) + "\">" +
              absl::Base64Escape(Deflated(bytes)) + "</script>\n";
   }
+  std::size_t other_warnings = 0;
   if (unwrap) {
-    Json kept = Json::object();
-    for (const char* key : {"charts", "seconds", "warnings", "newton", "tolerance"}) {
-      if (unwrap->contains(key)) kept[key] = unwrap->at(key);
-    }
-    for (Json& chart : kept["charts"]) {
-      Json solve = Json::object();
-      for (const char* key : {"chart", "triangles", "method", "solver", "preconditioner", "converged",
-                              "newton_iterations", "stretch_l2"}) {
-        if (chart.contains(key)) solve[key] = chart[key];
-      }
-      double worst = 0;
-      for (const Json& residual : chart.value("residual", Json::object()))
-        worst = std::max(worst, residual.get<double>());
-      solve["residual"] = worst;
-      chart = std::move(solve);
-    }
+    Json kept = SolveJson(*unwrap);
     ShowWarnings(maps.back(), &kept, &page["maps"].back()["findings"]);
+    other_warnings = kept["warnings"].size();
     page["unwrap"] = std::move(kept);
   }
-  const std::string_view text = ReportTemplate();
-  constexpr std::string_view kPlace = "<!--PLANISH_DATA-->";
-  const std::size_t place = text.find(kPlace);
-  if (place == std::string_view::npos)
-    throw Error(ErrorCode::kInternal, "INTERNAL", "the report's template is damaged");
-  return std::string(text.substr(0, place)) + "<script type=\"application/json\" id=\"planish-page\">" +
-         ForScript(page) + "</script>\n" + blobs + std::string(text.substr(place + kPlace.size()));
-}
-
-void NewtonLog::OnEvent(const Event& event) {
-  if (!event.progress || event.progress->stage != Stage::kSolve) return;
-  const Progress& progress = *event.progress;
-  const double residual = progress.residual.Worst();
-  if (!(residual > 0) || !std::isfinite(residual)) return;
-  tolerance_ = progress.tolerance;
-  std::vector<Step>& steps = steps_[progress.chart];
-  // A chart that is solved anew, or told once more, begins again.
-  while (!steps.empty() && steps.back().iteration >= progress.newton_iteration) steps.pop_back();
-  steps.push_back({progress.newton_iteration, residual});
-}
-
-Json NewtonLog::ToJson() const {
-  constexpr std::size_t kMostCharts = 200;
-  std::vector<std::pair<std::size_t, int>> order;
-  for (const auto& [chart, steps] : steps_) order.emplace_back(steps.size(), chart);
-  std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-  order.resize(std::min(order.size(), kMostCharts));
-  Json json = Json::array();
-  for (const auto& [count, chart] : order) {
-    for (const Step& step : steps_.at(chart)) json.push_back({chart, step.iteration, step.residual});
+  const CheckedMap& map = maps.back().map;
+  finished.card = {{"triangles", map.triangles},
+                   {"charts", map.topology.num_charts},
+                   {"stretch", Rounded(map.check.stretch_l2, 5)},
+                   {"efficiency", Rounded(map.check.packing_efficiency, 4)},
+                   {"overlaps", map.check.overlaps.pairs},
+                   {"flipped", map.check.flipped},
+                   {"warnings", page["maps"].back()["findings"].size() + other_warnings}};
+  std::string data;
+  if (member) {
+    page["sheet"] = member->sheet;
+    finished.card["made"] = member->made;
+    finished.card["picture"] = absl::Base64Escape(member->picture);
+    data = std::string(kCardBegin) + ForScript(finished.card) + "</script>\n";
   }
-  return json;
+  data += "<script type=\"application/json\" id=\"planish-page\">" + ForScript(page) + "</script>\n" + blobs;
+  finished.html = FillTemplate(ReportTemplate(), data);
+  return finished;
+}
+
+Json ReadCard(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string bytes(kMostBytesBeforeCardEnds, '\0');
+  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  const std::size_t begin = bytes.find(kCardBegin);
+  const std::size_t end = bytes.find("</script>", begin);
+  if (begin == std::string::npos || end == std::string::npos) return nullptr;
+  const std::size_t first = begin + kCardBegin.size();
+  const Json card = Json::parse(bytes.substr(first, end - first), nullptr, false);
+  return card.is_object() ? card : Json();
 }
 
 }  // namespace planish::cli

@@ -1,9 +1,9 @@
 // The page of a report: one HTML file with all it shows, for browsers with WebGL 2.
 #pragma once
 
-#include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/cli/check_map.h"
@@ -21,27 +21,33 @@ struct ReportedMap {
   double padding = 0;  // texels round charts that the layout shows
 };
 
-// The page: client/report/template.html with the data in it. Positions and UV are rounded to 16 bits of their extent;
-// the data take some 10 bytes a triangle. `unwrap` is what `unwrap --json` printed about the last map, with "newton"
-// (NewtonLog::ToJson) if that is known; null: nothing. At most two maps. Deterministic.
-std::string ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap);
-
-// The Newton steps of a job as they are reported.
-class NewtonLog {
- public:
-  // Not thread-safe, as events come one by one.
-  void OnEvent(const Event& event);
-  // [chart, steps taken, largest residual] of each step that was told; of more than 200 charts those of most steps.
-  Json ToJson() const;
-  double tolerance() const { return tolerance_; }
-
- private:
-  struct Step {
-    int iteration;
-    double residual;
-  };
-  std::map<int, std::vector<Step>> steps_;  // by chart
-  double tolerance_ = 0;
+// What belongs to a page of a sheet (report_sheet.h).
+struct SheetMember {
+  std::string sheet;    // where the sheet is, seen from the page: "../index.html"
+  std::string made;     // what the page was made of, so that a later run knows it again
+  std::string picture;  // of the map, a PNG file
 };
+
+struct FinishedPage {
+  std::string html;
+  // What a sheet shows of the last map: "triangles", "charts", "stretch" (L2), "efficiency", "overlaps" (pairs),
+  // "flipped", "warnings" (as many as the page lists); of a member "made" and "picture" (base64) too.
+  Json card;
+};
+
+// The page: client/report/template.html with the data in it. Positions and UV are rounded to 16 bits of their extent;
+// the data take some 10 bytes a triangle. `unwrap` is what `unwrap --json` printed about the last map, with "tolerance"
+// if that is known; null: nothing. At most two maps. A member of a sheet has its card in it: ReadCard(). Deterministic.
+FinishedPage ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap,
+                        const std::optional<SheetMember>& member = std::nullopt);
+
+// The card of the page in the file `path`; null if that is no page of a sheet.
+Json ReadCard(const std::string& path);
+
+// `json` for the inside of a <script>: nothing in it looks like the end of that.
+std::string ForScript(const Json& json);
+
+// A page of client/report with `data` where its data belong.
+std::string FillTemplate(std::string_view page, const std::string& data);
 
 }  // namespace planish::cli

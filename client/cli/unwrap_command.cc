@@ -13,7 +13,6 @@
 #include "client/cli/json.h"
 #include "client/cli/progress.h"
 #include "client/cli/report_command.h"
-#include "client/cli/report_page.h"
 #include "client/cli/server_choice.h"
 #include "client/cli/summary.h"
 #include "client/cli/terminal.h"
@@ -44,16 +43,6 @@ class ResultCommand {
 
   const UnwrapFiles& files() const { return *files_; }
 
-  // Those of `view`, and what the report needs to know.
-  Callbacks CallbacksFor(ProgressView& view) {
-    Callbacks callbacks = view.AsCallbacks();
-    callbacks.on_event = [this, told = std::move(callbacks.on_event)](const Event& event) {
-      newton_.OnEvent(event);
-      told(event);
-    };
-    return callbacks;
-  }
-
   double Seconds() const { return timer_.Seconds(); }
 
   // What is left of --timeout for the server; 0: no limit.
@@ -73,7 +62,7 @@ class ResultCommand {
       WriteOutput(arguments.preview, input.Preview(result.uv, arguments.preview, result.report.atlas.pack));
     }
     result.report.times.total = planish::Seconds(timer_.Seconds());
-    if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, newton_, arguments));
+    if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, arguments).html);
     if (!arguments.quiet || !result.IsUsable()) {
       std::cerr << Summary(result.report, arguments.output, StderrTerminal());
     }
@@ -116,7 +105,6 @@ class ResultCommand {
   const Arguments& arguments_;
   Timer timer_;
   std::optional<UnwrapFiles> files_;
-  NewtonLog newton_;
 };
 
 int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, const CallOptions& call) {
@@ -163,7 +151,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
 
     view = NewProgressView(arguments.progress, file_name);
     Call call = server.client().StartUnwrap(command.files().view(), command.files().Options(arguments.options),
-                                            command.CallbacksFor(*view), call_options);
+                                            view->AsCallbacks(), call_options);
     interrupts.SetCancel([&] {
       view->OnNotice(kCancelling);
       call.Cancel();

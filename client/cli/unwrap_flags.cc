@@ -62,8 +62,9 @@ void AddPicture(CLI::App& app, Arguments& arguments) {
 
 void AddReport(CLI::App& app, Arguments& arguments) {
   app.add_option("--report", arguments.report,
-                 "Write a page that shows the map: surface, layout, charts, warnings, how it was solved; see report")
-      ->type_name("HTML");
+                 "Write a page that shows the map: surface, layout, charts, warnings, how it was solved; of a batch "
+                 "a contact sheet; see report")
+      ->type_name("HTML|DIR");
 }
 
 void AddSeams(CLI::App& app, Arguments& arguments) {

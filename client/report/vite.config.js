@@ -1,4 +1,5 @@
-// Builds template.html: the whole page in one file, with a place for the data (client/cli/report_page.cc).
+// Builds template.html, or with --mode=sheet sheet_template.html: a whole page in one file, with a place for the data
+// (client/cli/report_page.cc, report_sheet.cc).
 import { readFileSync, writeFileSync } from 'node:fs';
 import { defineConfig } from 'vite';
 
@@ -29,22 +30,26 @@ function oneFile() {
 
 const out = process.env.PLANISH_REPORT_OUT ?? '.';
 
-export default defineConfig({
-  base: './',
-  build: {
-    target: 'es2022',
-    outDir: 'dist',
-    assetsInlineLimit: 0,
-    modulePreload: false,
-    reportCompressedSize: false,
-  },
-  plugins: [
-    oneFile(),
-    {
-      name: 'template',
-      closeBundle() {
-        writeFileSync(`${out}/template.html`, readFileSync('dist/index.html'));
-      },
+export default defineConfig(({ mode }) => {
+  const [page, template] = mode === 'sheet' ? ['sheet.html', 'sheet_template.html'] : ['index.html', 'template.html'];
+  return {
+    base: './',
+    build: {
+      target: 'es2022',
+      outDir: 'dist',
+      assetsInlineLimit: 0,
+      modulePreload: false,
+      reportCompressedSize: false,
+      rollupOptions: { input: page },
     },
-  ],
+    plugins: [
+      oneFile(),
+      {
+        name: 'template',
+        closeBundle() {
+          writeFileSync(`${out}/${template}`, readFileSync(`dist/${page}`));
+        },
+      },
+    ],
+  };
 });

@@ -113,7 +113,8 @@ ChartReport FromProto(const v1::ChartReport& proto) {
           .barrier = proto.barrier(),
           .boundary = proto.has_boundary() ? FromProto(proto.boundary()) : BoundaryReport(),
           .stretch_l2 = proto.stretch_l2(),
-          .chart = proto.chart()};
+          .chart = proto.chart(),
+          .newton_residuals = {proto.newton_residuals().begin(), proto.newton_residuals().end()}};
 }
 
 ChartTotals FromProto(const v1::ChartTotals& proto) {
@@ -122,7 +123,8 @@ ChartTotals FromProto(const v1::ChartTotals& proto) {
           proto.newton_iterations(),
           proto.linear_iterations(),
           FromProto(proto.residual()),
-          proto.stretch_l2_max()};
+          proto.stretch_l2_max(),
+          {proto.newton_residuals().begin(), proto.newton_residuals().end()}};
 }
 
 Atlas FromProto(const v1::Atlas& proto) {

@@ -209,6 +209,9 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   flat_ = newton.IsFlat() || summary_.converged;
   ++solves_;
   summary_.newton_iterations += before.newton_iterations;
+  // The last residual of a solve gives way to the first one of the next.
+  summary_.residuals.insert(summary_.residuals.begin(), before.residuals.begin(),
+                            before.residuals.begin() + before.newton_iterations);
   summary_.linear_iterations += before.linear_iterations;
   summary_.linear_solves += before.linear_solves;
   summary_.linear_failures += before.linear_failures;
@@ -326,6 +329,7 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
   }
   const BoundaryReport& boundary = result.summary.boundary;
   result.summary.newton_iterations = summary_.newton_iterations;
+  result.summary.residuals = summary_.residuals;
   result.summary.linear_iterations = summary_.linear_iterations;
   result.summary.linear_solves = summary_.linear_solves;
   result.summary.linear_failures = summary_.linear_failures;

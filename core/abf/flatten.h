@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "absl/status/statusor.h"
@@ -122,6 +123,7 @@ struct FlattenSummary {
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps taken with the exact Hessian where it was not positive, by MINRES
   Residual residual;
+  std::vector<float> residuals;  // Residual::Max() where Newton's method began, and after each of its steps
   BoundaryReport boundary;
   // The weight tau of the barrier (objective.h) that stayed because f alone has no minimum with positive angles on this
   // mesh; 0: no barrier. With a barrier, residual.gradient is that of f_tau.

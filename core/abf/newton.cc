@@ -289,6 +289,9 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
   bool moved = false;
   while (true) {
     Evaluate();
+    // A step that led nowhere, or another objective, changes the last one.
+    summary_.residuals.resize(static_cast<std::size_t>(summary_.newton_iterations) + 1);
+    summary_.residuals.back() = static_cast<float>(summary_.residual.Max());
     Report(0, 0);
     if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
     if (summary_.residual.Max() <= tolerance) return Ending::kConverged;

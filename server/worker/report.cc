@@ -71,6 +71,7 @@ v1::ChartReport ToProto(const ChartReport& chart) {
   *proto.mutable_boundary() = ToProto(flatten.boundary);
   proto.set_stretch_l2(chart.stretch_l2);
   proto.set_preconditioner_note(flatten.preconditioner_note);
+  proto.mutable_newton_residuals()->Assign(flatten.residuals.begin(), flatten.residuals.end());
   return proto;
 }
 
@@ -87,6 +88,24 @@ std::vector<std::size_t> ReportedCharts(const std::vector<ChartReport>& charts) 
   ids.erase(kept, ids.end());
   std::sort(ids.begin(), ids.end());
   return ids;
+}
+
+// The largest residual of any chart after each Newton step.
+std::vector<float> LargestResiduals(const std::vector<ChartReport>& charts) {
+  std::size_t most = 0;
+  for (const ChartReport& chart : charts) most = std::max(most, chart.flatten.residuals.size());
+  std::vector<float> largest(most), ended(most);  // ended: of charts whose last residual stands before that step
+  for (const ChartReport& chart : charts) {
+    const std::vector<float>& residuals = chart.flatten.residuals;
+    for (std::size_t i = 0; i < residuals.size(); ++i) largest[i] = std::max(largest[i], residuals[i]);
+    if (!residuals.empty()) ended[residuals.size() - 1] = std::max(ended[residuals.size() - 1], residuals.back());
+  }
+  float last = 0;
+  for (std::size_t i = 0; i < most; ++i) {
+    largest[i] = std::max(largest[i], last);
+    last = std::max(last, ended[i]);
+  }
+  return largest;
 }
 
 v1::ChartTotals Totals(const std::vector<ChartReport>& charts) {
@@ -107,6 +126,8 @@ v1::ChartTotals Totals(const std::vector<ChartReport>& charts) {
   totals.set_charts(static_cast<std::int32_t>(charts.size()));
   *totals.mutable_residual() = ToProto(worst);
   totals.set_stretch_l2_max(stretch);
+  const std::vector<float> residuals = LargestResiduals(charts);
+  totals.mutable_newton_residuals()->Assign(residuals.begin(), residuals.end());
   return totals;
 }
 

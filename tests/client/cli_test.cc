@@ -442,7 +442,7 @@ Report GoodReport() {
   chart.newton_iterations = 8;
   chart.residual.vertex = 3e-12;
   report.charts = {chart};
-  report.chart_totals = {1, 0, 8, 0, chart.residual, 1.897};
+  report.chart_totals = {1, 0, 8, 0, chart.residual, 1.897, {}};
   report.atlas = {true, 1024, 2, 1, 341.2};
   report.quality.angle_error_mean_deg = 1.204;
   report.quality.angle_error_max_deg = 33.96;
@@ -495,7 +495,7 @@ TEST(SummaryTest, ManyChartsMakeNoLongerText) {
     report.charts.push_back(chart);
     report.warnings.push_back({"NOT_CONVERGED", "chart " + std::to_string(i) + " is slow", {}});
   }
-  report.chart_totals = {5000, 12, 40000, 0, report.charts[0].residual, 1.31};
+  report.chart_totals = {5000, 12, 40000, 0, report.charts[0].residual, 1.31, {}};
   report.atlas.tiles = 2;
   report.quality.packing_efficiency = 0.784;
   EXPECT_EQ(Summary(report, "out.obj", Terminal()),

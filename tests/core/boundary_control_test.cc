@@ -167,14 +167,18 @@ TEST(BoundaryControl, CountsAndInterruptsOverAllSolves) {
   FlattenOptions options;
   options.boundary = BoundaryType::kConvex;
   int points = 0, newton = 0;
+  std::vector<float> residuals;
   FlattenControl control;
   control.on_progress = [&](const FlattenProgress& progress) {
     ++points;
     EXPECT_GE(progress.newton_iteration, newton);
     newton = progress.newton_iteration;
+    residuals.resize(newton + 1);
+    residuals.back() = static_cast<float>(progress.residual.Max());
   };
   const Flattening result = FlattenAngles(disc.topology, disc.target, options, control).value();
   EXPECT_EQ(newton, result.summary.newton_iterations);
+  EXPECT_EQ(result.summary.residuals, residuals);
   EXPECT_EQ(result.angles, disc.Flatten().angles) << "the same bytes every time";
   for (const int at : {1, points / 2, points - 2}) {
     Interrupter interrupter;

@@ -197,6 +197,21 @@ TEST(Flatten, GivesTheSameBytesEveryTime) {
   EXPECT_EQ(disc.Flatten().angles, disc.Flatten().angles);
 }
 
+TEST(Flatten, TellsTheResidualOfEveryStep) {
+  std::vector<float> residuals;
+  FlattenControl control;
+  control.on_progress = [&](const FlattenProgress& progress) {
+    residuals.resize(static_cast<std::size_t>(progress.newton_iteration) + 1);
+    residuals.back() = static_cast<float>(progress.residual.Max());
+  };
+  const Disc disc(testing::Hills(12, 10, 2));
+  const Flattening result = FlattenAngles(disc.topology, disc.target, {}, control).value();
+  EXPECT_GT(result.summary.newton_iterations, 3);
+  EXPECT_EQ(static_cast<int>(result.summary.residuals.size()), result.summary.newton_iterations + 1);
+  EXPECT_EQ(result.summary.residuals, residuals);
+  EXPECT_EQ(result.summary.residuals.back(), static_cast<float>(result.summary.residual.Max()));
+}
+
 TEST(Flatten, StopsAtTheIterationLimitAndSaysSo) {
   FlattenOptions options;
   options.max_newton_iterations = 1;

@@ -1,10 +1,11 @@
 // Pages of `planish report` in a browser, opened from disk.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { mkdtempSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { mkdirSync, mkdtempSync, rmSync, statSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
+import { fileURLToPath, pathToFileURL } from 'node:url';
 import { chromium } from 'playwright-core';
 import { spoiled, threeMaterials } from './meshes.mjs';
 
@@ -28,7 +29,7 @@ after(async () => {
 // A page that is open, with all it asked for and complained of.
 class Report {
   static async open(file, options = {}) {
-    const report = new Report();
+    const report = new this();
     report.page = await browser.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: 'light', ...options });
     report.requests = [];
     report.complaints = [];
@@ -37,7 +38,7 @@ class Report {
       if (['error', 'warning'].includes(message.type())) report.complaints.push(message.text());
     });
     report.page.on('pageerror', (error) => report.complaints.push(String(error)));
-    await report.page.goto(`file://${file}`);
+    await report.page.goto(pathToFileURL(file).href);
     await report.settle();
     return report;
   }
@@ -88,6 +89,11 @@ class Report {
     await this.page.mouse.move(200, 12);
     await this.settle();
   }
+}
+
+// A contact sheet, which draws nothing later.
+class Sheet extends Report {
+  async settle() {}
 }
 
 // A triangle of the surface that is seen.
@@ -188,14 +194,46 @@ test('the page of spot shows, links and selects', async () => {
   await report.close();
 });
 
+test('every chart has all of its Newton steps', async () => {
+  const json = JSON.parse(planish(
+    'unwrap', join(process.env.PLANISH_TEST_DATA, 'spot_seam.obj'), '-o', at('charts.obj'), '--json', '--max-stretch=1.02',
+    `--report=${at('charts.html')}`).toString());
+  assert.ok(json.charts.length > 3);
+  const report = await Report.open(at('charts.html'));
+  const { page } = report;
+  await page.click('[data-tab=solve]');
+  // A chart that is flat takes no step, and has a ring only.
+  const stepping = json.charts.filter((chart) => chart.newton_iterations > 0).length;
+  assert.equal(await page.locator('.plot path.line').count(), stepping);
+  assert.equal(await page.locator('.plot .end').count(), json.charts.length);
+  assert.equal(await page.locator('.plot path.largest').count(), 1);
+  // The thick line has a place for each step of the chart that took most, and falls below the tolerance at last.
+  const most = Math.max(...json.charts.map((chart) => chart.newton_iterations));
+  assert.equal((await page.getAttribute('.plot path.largest', 'd')).match(/[ML]/g).length, most + 1);
+  const limit = Number((await page.getAttribute('.plot .limit', 'd')).match(/^M\S+ ([\d.]+)H/)[1]);
+  const end = Number((await page.getAttribute('.plot path.largest', 'd')).match(/ ([\d.]+)$/)[1]);
+  assert.ok(end >= limit, `${end} ${limit}`);
+
+  // A ring selects its chart, whose line then stands out.
+  assert.equal(await page.locator('.plot .chosen').count(), 0);
+  const ring = page.locator('.plot .end[data-chart]').last();
+  const chart = Number(await ring.getAttribute('data-chart'));
+  await ring.click({ force: true });
+  await report.settle();
+  assert.equal((await report.state()).selected.chart, chart);
+  assert.equal(await page.locator('.plot path.line.chosen').count(), 1);
+  assert.match(await page.textContent('p.chosen'), new RegExp(`^Chart ${chart}: .* Newton steps?, residual`));
+  await report.close();
+});
+
 test('one chart has all of its Newton steps', async () => {
   const json = JSON.parse(planish(
     'unwrap', join(process.env.PLANISH_TEST_DATA, 'spot_seam.obj'), '-o', at('disc.obj'), '--seams=none', '--json',
     `--report=${at('disc.html')}`).toString());
   const report = await Report.open(at('disc.html'));
   await report.page.click('[data-tab=solve]');
-  assert.equal(await report.page.locator('.plot .line').count(), 1);
-  assert.ok((await report.page.locator('.plot .step').count()) >= json.charts[0].newton_iterations);
+  assert.equal(await report.page.locator('.plot path.line').count(), 1);
+  assert.equal(await report.page.locator('.plot g.largest .step').count(), json.charts[0].newton_iterations + 1);
   await report.close();
 });
 
@@ -302,4 +340,69 @@ test('before and after have the same camera', async () => {
   await page.click('[data-show="1"]');
   assert.deepEqual((await report.state()).shown, [1]);
   await report.close();
+});
+
+test('a sheet of a batch shows every file and leads to its page', async () => {
+  mkdirSync(at('in/props'), { recursive: true });
+  writeFileSync(at('in/three materials #1.gltf'), threeMaterials().json);
+  writeFileSync(at('in/props/spoiled.obj'), spoiled());
+  writeFileSync(at('in/props/bad.obj'), 'v 0 0 zero\n');
+  assert.throws(() => planish('unwrap', at('in'), '-o', at('done'), `--report=${at('sheet.html')}`), { status: 1 });
+  const sheet = await Sheet.open(at('sheet.html'));
+  const { page } = sheet;
+  const names = () => page.locator('.card h2').allTextContents();
+  assert.deepEqual(await names(), ['props/bad.obj', 'props/spoiled.obj', 'three materials #1.gltf']);
+  assert.match(await page.textContent('header p'), /^3 files: 1 failed, 2 usable/);
+  assert.equal(await page.locator('.card.bad').count(), 1);
+  assert.match(await page.textContent('.card.bad .message'), /bad\.obj/);
+  assert.equal(await page.locator('a.card').count(), 2);
+  // Pictures are there and no two are alike.
+  const pictures = await page.locator('.card img').evaluateAll((images) => images.map((i) => [i.complete && i.naturalWidth, i.src]));
+  assert.deepEqual(pictures.map(([width]) => width), [320, 320]);
+  assert.notEqual(pictures[0][1], pictures[1][1]);
+
+  // Sorted by each figure, up and down; what has none comes last.
+  const charts = () => page.locator('.card .charts dd').allTextContents();
+  await page.click('.toolbar [data-sort=charts]');
+  const down = (await charts()).map(Number);
+  assert.deepEqual(down, [...down].sort((a, b) => b - a));
+  assert.equal((await names()).at(-1), 'props/bad.obj');
+  await page.click('.toolbar [data-sort=charts]');
+  assert.deepEqual((await charts()).map(Number), [...down].reverse());
+  assert.equal((await names()).at(-1), 'props/bad.obj');
+  await page.click('.toolbar [data-sort=result]');
+  assert.equal((await names())[0], 'props/bad.obj');
+  for (const key of ['efficiency', 'stretch', 'warnings', 'seconds']) await page.click(`.toolbar [data-sort=${key}]`);
+
+  await page.click('[data-view=table]');
+  assert.equal(await page.locator('tbody tr').count(), 3);
+  await page.click('th [data-sort=name]');
+  assert.equal(await page.getAttribute('th >> nth=0', 'aria-sort'), 'ascending');
+  await page.keyboard.press('/');
+  await page.keyboard.type('MATERIALS');
+  assert.equal(await page.locator('tbody tr').count(), 1);
+  const color = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+  const light = await color();
+  await page.click('#theme');
+  assert.notEqual(await color(), light);
+  const address = await page.evaluate(() => document.querySelector('tbody a').href);
+  await sheet.close();
+
+  // The page of a file leads back.
+  const report = await Report.open(fileURLToPath(address));
+  assert.equal(await report.page.textContent('header h1'), 'before → after');
+  const back = await report.page.evaluate(() => document.querySelector('header a').href);
+  assert.equal(fileURLToPath(back), at('sheet.html'));
+  await report.close();
+});
+
+test('a sheet of maps that are there', async () => {
+  planish('report', at('in/three materials #1.gltf'), at('in/props/spoiled.obj'), '-o', `${at('maps')}/`);
+  const sheet = await Sheet.open(at('maps/index.html'));
+  assert.deepEqual(await sheet.page.locator('.card h2').allTextContents(), ['three materials #1.gltf', 'spoiled.obj']);
+  assert.equal(await sheet.page.locator('[data-sort=seconds]').count(), 0);
+  await sheet.page.click('.toolbar [data-sort=warnings]');
+  assert.equal(await sheet.page.textContent('.card h2 >> nth=0'), 'spoiled.obj');
+  assert.ok(Number(await sheet.page.textContent('.card .warnings.some dd')) >= 3);
+  await sheet.close();
 });

@@ -209,6 +209,8 @@ struct ChartReport {
   BoundaryReport boundary;
   double stretch_l2 = 1;  // as Quality::stretch_l2, of this chart by itself
   int chart = 0;          // its number, 0-based
+  // The largest residual where Newton's method began, and after each of its steps; older servers do not tell.
+  std::vector<float> newton_residuals;
 };
 
 // Over all charts, however many.
@@ -218,6 +220,7 @@ struct ChartTotals {
   std::int64_t newton_iterations = 0, linear_iterations = 0;
   Residual residual;  // the largest of each family
   double stretch_l2_max = 1;
+  std::vector<float> newton_residuals;  // the largest of any chart after so many steps
 };
 
 // Where the charts went, in texels of the texture that was asked for.

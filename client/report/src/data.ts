@@ -12,7 +12,7 @@ export interface Finding {
   kind: string;
   text: string;
   fault?: number; // bit of Faces.faults: what it is about
-  chart?: number;
+  charts?: number[];
   faces?: number[]; // triangles
 }
 
@@ -44,13 +44,14 @@ export interface ChartSolve {
   newton_iterations: number;
   stretch_l2: number;
   residual: number; // the largest when it ended
+  steps?: number[]; // the largest where Newton's method began and after each step; not of every chart
 }
 
 export interface Unwrap {
   charts?: ChartSolve[];
   seconds?: Record<string, number>;
   warnings?: { reason: string; message: string; metadata?: Record<string, string> }[];
-  newton?: [number, number, number][]; // chart, Newton step, largest residual
+  largest?: number[]; // as ChartSolve.steps, of whichever chart is worst
   tolerance?: number;
 }
 
@@ -58,6 +59,7 @@ export interface PageInfo {
   version: string;
   maps: MapInfo[];
   unwrap?: Unwrap; // how the last map was made
+  sheet?: string; // address of the contact sheet that this page belongs to
 }
 
 export interface MapData {
@@ -125,12 +127,12 @@ function decode(info: MapInfo, bytes: Uint8Array): MapData {
     section[name] = bytes.subarray(at, at + size);
     at += size;
   }
-  const lists = JSON.parse(new TextDecoder().decode(section.charts)) as Record<keyof ChartInfo, number[]>;
+  const lists = JSON.parse(new TextDecoder().decode(section.charts)) as Record<keyof ChartInfo, (number | null)[]>;
   info.charts = lists.triangles.map((triangles, i) => ({
-    triangles,
-    stretch: lists.stretch[i]!,
-    angle: lists.angle[i]!,
-    density: lists.density[i]!,
+    triangles: triangles!,
+    stretch: lists.stretch[i] ?? Infinity,
+    angle: lists.angle[i] ?? Infinity,
+    density: lists.density[i] ?? Infinity,
     mirrored: lists.mirrored[i] === 1,
   }));
   const n = info.triangles;

@@ -3,6 +3,7 @@ import { angleOf, FAULTS, readPage, STRETCH_RANGE, stretchOf, type Finding } fro
 import { Panels } from './panels';
 import { escape } from './plots';
 import { MODES, type Mode } from './shaders';
+import './colors.css';
 import './style.css';
 import { Viewer, type Hit } from './viewer';
 
@@ -23,10 +24,10 @@ interface State {
   hovered: Hit | null;
 }
 
-function frame(title: string, summary: string, maps: string[]): string {
+function frame(title: string, summary: string, maps: string[], sheet: string | undefined): string {
   return `
     <header>
-      <h1>${escape(title)}</h1><p>${escape(summary)}</p>
+      ${sheet === undefined ? '' : `<a href="${escape(encodeURI(sheet))}" title="The contact sheet">← all files</a>`}<h1>${escape(title)}</h1><p>${escape(summary)}</p>
       <span class="space"></span>
       ${maps.length > 1 ? `<div class="group" role="group" aria-label="Which maps">${['both', ...maps.keys()].map((m) => `<button data-show="${m}">${m === 'both' ? 'Both' : escape(maps[m as number]!)}</button>`).join('')}</div>` : ''}
       <button id="theme" title="Dark or light (T)" aria-label="Dark or light">◐</button>
@@ -60,6 +61,7 @@ async function start(): Promise<void> {
     page.maps.map((m) => m.name).filter((name, i, all) => all.indexOf(name) === i).join(' → '),
     `${last.triangles.toLocaleString('en')} triangles, ${last.charts.length.toLocaleString('en')} charts · planish ${page.version}`,
     page.maps.map((m) => m.name),
+    page.sheet,
   );
   const element = <T extends HTMLElement>(selector: string): T => app.querySelector<T>(selector)!;
   const canvas = element<HTMLCanvasElement>('canvas');
@@ -126,7 +128,7 @@ async function start(): Promise<void> {
     state.selected = null;
     if (!state.shown.includes(map)) show([map]);
     // The first connected thing, not the middle of all of them.
-    viewer.flyTo(map, finding.chart !== undefined || faces.length <= 4 ? faces : faces.slice(0, 1));
+    viewer.flyTo(map, finding.charts !== undefined || faces.length <= 4 ? faces : faces.slice(0, 1));
     apply();
   };
   const show = (shown: number[]): void => {

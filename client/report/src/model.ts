@@ -349,7 +349,7 @@ export class MapModel {
     const { faults, chart } = this.data;
     for (let f = 0; f < faults.length; ++f) {
       if (finding.fault !== undefined && (faults[f]! & finding.fault) !== 0) faces.push(f);
-      if (finding.chart !== undefined && chart[f] === finding.chart) faces.push(f);
+      else if (finding.charts?.includes(chart[f]!)) faces.push(f);
     }
     return faces;
   }

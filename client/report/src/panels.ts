@@ -1,6 +1,6 @@
 // The side of the page: numbers, charts, warnings, and how the map was solved.
 import type { ChartInfo, ChartSolve, Finding, MapInfo, PageInfo } from './data';
-import { escape, residualPlot, stagePlot } from './plots';
+import { escape, residualPlot, stagePlot, type Solved } from './plots';
 
 const ROWS_AT_ONCE = 200;
 const MOST_LISTED = 12;
@@ -20,18 +20,22 @@ interface Row extends ChartInfo {
 const COLUMNS: Column[] = [
   { key: 'id', title: '#', help: 'Number of the chart', text: (r) => String(r.id) },
   { key: 'triangles', title: 'triangles', help: 'Triangles in the chart', text: (r) => r.triangles.toLocaleString('en') },
-  { key: 'stretch', title: 'stretch', help: 'Root mean square stretch of the chart by itself; 1: none', text: (r) => r.stretch.toFixed(3) },
-  { key: 'angle', title: 'angle', help: 'Mean error of its angles, degrees', text: (r) => `${r.angle.toFixed(2)}°` },
-  { key: 'density', title: 'texels', help: 'Texels per unit of length', text: (r) => Number(r.density.toPrecision(3)).toString() },
+  { key: 'stretch', title: 'stretch', help: 'Root mean square stretch of the chart by itself; 1: none', text: (r) => number(r.stretch, 3) },
+  { key: 'angle', title: 'angle', help: 'Mean error of its angles, degrees', text: (r) => `${number(r.angle, 2)}°` },
+  { key: 'density', title: 'texels', help: 'Texels per unit of length', text: (r) => (Number.isFinite(r.density) ? Number(r.density.toPrecision(3)).toString() : '∞') },
 ];
 const METHOD: Column = {
   key: 'solve', title: 'method', help: 'How the chart was solved, and in how many Newton steps',
-  text: (r) => (r.solve ? methodOf(r.solve) : ''),
+  text: (r) => (r.solve ? `${methodOf(r.solve)}, ${r.solve.newton_iterations}${r.solve.converged ? '' : ', not converged'}` : ''),
 };
+
+function number(value: number, digits: number): string {
+  return Number.isFinite(value) ? value.toFixed(digits) : '∞';
+}
 
 function methodOf(solve: ChartSolve): string {
   const solver = solve.preconditioner === 'none' || solve.solver === 'direct' ? solve.solver : `${solve.solver}+${solve.preconditioner}`;
-  return `${solve.method === 'abf' ? solver : solve.method}, ${solve.newton_iterations}${solve.converged ? '' : ', not converged'}`;
+  return solve.method === 'abf' ? solver : solve.method;
 }
 
 // Which chart of the solver became which of the map: those of as many triangles and the same stretch.
@@ -183,10 +187,17 @@ export class Panels {
   }
 
   private solve(): string {
-    const unwrap = this.page.unwrap!;
-    const residuals = residualPlot(unwrap);
+    const unwrap = this.page.unwrap!, last = this.page.maps.length - 1;
+    const chartOf = new Map(this.rows[last]!.flatMap((row) => (row.solve ? [[row.solve, row.id] as const] : [])));
+    const charts: Solved[] = (unwrap.charts ?? []).map((solve) => ({ solve, chart: chartOf.get(solve) }));
+    const selected = this.map === last ? this.selected : -1;
+    const residuals = residualPlot(unwrap, charts, selected);
     const seconds = unwrap.seconds;
-    return `${residuals ? `<h3>Largest residual after each Newton step</h3>${residuals}<p>Lines: the steps that the server told, all of them where there is one chart. Rings: where each chart ended. Dashed: the tolerance.</p>` : ''}
+    const chosen = this.rows[last]![selected]?.solve;
+    const left = this.page.maps[last]!.charts.length - charts.length;
+    return `${residuals ? `<h3>Largest residual after each Newton step</h3>${residuals}
+      <p>Thick: the worst of all charts. Thin: each chart${left > 0 ? `, but for ${left.toLocaleString('en')} of which the server told no more` : ''}; a click selects it. Rings: where each ended. Dashed: the tolerance.</p>` : ''}
+      ${chosen ? `<p class="chosen"><b>Chart ${selected}</b>: ${chosen.triangles.toLocaleString('en')} triangles, ${escape(methodOf(chosen))}, ${chosen.newton_iterations} Newton ${chosen.newton_iterations === 1 ? 'step' : 'steps'}${chosen.converged ? '' : ', not converged'}, residual ${chosen.residual.toExponential(1)}</p>` : ''}
       ${seconds ? `<h3>Time by stage, ${(seconds.total ?? 0).toFixed(2)} s in all</h3>${stagePlot(seconds)}` : ''}`;
   }
 }

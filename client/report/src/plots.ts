@@ -1,5 +1,5 @@
 // Plots of how a map was solved, as SVG text.
-import type { Unwrap } from './data';
+import type { ChartSolve, Unwrap } from './data';
 
 const WIDTH = 320, HEIGHT = 190, LEFT = 42, RIGHT = 8, TOP = 8, BOTTOM = 30;
 
@@ -7,20 +7,23 @@ export function escape(text: string): string {
   return text.replace(/[&<>"]/g, (c) => ({ '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;' })[c]!);
 }
 
-// The largest residual after each Newton step, on a log axis: a line for the steps of a chart that the server told, and a
-// ring where each chart ended.
-export function residualPlot(unwrap: Unwrap): string {
-  const series = new Map<number, [number, number][]>();
-  for (const [chart, step, residual] of unwrap.newton ?? []) {
-    if (residual > 0) series.set(chart, [...(series.get(chart) ?? []), [step, residual]]);
-  }
-  const ends = (unwrap.charts ?? []).filter((c) => c.residual > 0);
-  const all = [...[...series.values()].flat(), ...ends.map((c): [number, number] => [c.newton_iterations, c.residual])];
-  if (all.length === 0) return '';
-  const steps = Math.max(1, ...all.map(([step]) => step));
-  const values = all.map(([, residual]) => Math.log10(residual));
+// A chart of the solver on the plot.
+export interface Solved {
+  solve: ChartSolve;
+  chart: number | undefined; // of the page
+}
+
+// Residuals after each Newton step, on a log axis: the largest of all charts, thin lines for charts, and a ring where each
+// chart ended. `selected`: a chart of the page, which stands out.
+export function residualPlot(unwrap: Unwrap, charts: Solved[], selected: number): string {
+  const largest = (unwrap.largest ?? []).filter((residual) => residual > 0);
+  const ends = charts.filter(({ solve }) => solve.residual > 0);
+  const residuals = [...largest, ...ends.flatMap(({ solve }) => [solve.residual, ...(solve.steps ?? [])])].filter((r) => r > 0);
+  if (residuals.length === 0) return '';
+  const steps = Math.max(1, largest.length - 1, ...ends.map(({ solve }) => Math.max(solve.newton_iterations, (solve.steps?.length ?? 1) - 1)));
+  const values = residuals.map(Math.log10);
   const tolerance = unwrap.tolerance && unwrap.tolerance > 0 ? Math.log10(unwrap.tolerance) : null;
-  const low = Math.floor(Math.min(...values, tolerance ?? 0)), high = Math.ceil(Math.max(...values) + 1e-9);
+  const low = Math.floor(values.reduce((a, b) => Math.min(a, b), tolerance ?? 0)), high = Math.ceil(values.reduce((a, b) => Math.max(a, b)) + 1e-9);
   const x = (step: number): number => LEFT + (step / steps) * (WIDTH - LEFT - RIGHT);
   const y = (log: number): number => TOP + ((high - log) / Math.max(1, high - low)) * (HEIGHT - TOP - BOTTOM);
   let svg = `<svg class="plot" viewBox="0 0 ${WIDTH} ${HEIGHT}" role="img" aria-label="Largest residual after each Newton step">`;
@@ -34,15 +37,25 @@ export function residualPlot(unwrap: Unwrap): string {
   }
   svg += `<text x="${(LEFT + WIDTH) / 2}" y="${HEIGHT - 3}" text-anchor="middle">Newton step</text>`;
   if (tolerance !== null) svg += `<path class="limit" d="M${LEFT} ${y(tolerance)}H${WIDTH - RIGHT}"/>`;
-  for (const [chart, points] of series) {
-    points.sort((a, b) => a[0] - b[0]);
-    const path = points.map(([s, r], i) => `${i === 0 ? 'M' : 'L'}${x(s).toFixed(1)} ${y(Math.log10(r)).toFixed(1)}`).join('');
-    svg += `<path class="line" d="${path}"><title>chart ${chart} of the solver</title></path>`;
-    for (const [s, r] of points) svg += `<circle class="step" cx="${x(s).toFixed(1)}" cy="${y(Math.log10(r)).toFixed(1)}" r="1.6"/>`;
+  const place = (step: number, residual: number): string => `${x(step).toFixed(1)} ${y(Math.log10(residual)).toFixed(1)}`;
+  const line = (points: number[]): string => `M${points.flatMap((r, step) => (r > 0 ? [place(step, r)] : [])).join('L')}`;
+  const dots = (points: number[]): string =>
+    points.map((r, step) => (r > 0 ? `<circle class="step" cx="${x(step).toFixed(1)}" cy="${y(Math.log10(r)).toFixed(1)}" r="1.8"/>` : '')).join('');
+  const title = ({ solve, chart }: Solved): string =>
+    `<title>${chart === undefined ? 'a chart' : `chart ${chart}`}: ${solve.triangles.toLocaleString('en')} triangles, ${solve.newton_iterations} steps${solve.converged ? '' : ', not converged'}</title>`;
+  const link = ({ chart }: Solved): string => (chart === undefined ? '' : ` data-chart="${chart}"`);
+  // What is selected comes last, over the others.
+  const order = [...ends].sort((a, b) => Number(a.chart === selected) - Number(b.chart === selected));
+  for (const each of order) {
+    const of = each.chart === selected && selected >= 0 ? ' chosen' : '';
+    if (each.solve.steps && each.solve.steps.length > 1) svg += `<path class="line${of}"${link(each)} d="${line(each.solve.steps)}">${title(each)}</path>`;
+    if (of) svg += `<g class="chosen">${dots(each.solve.steps ?? [])}</g>`;
   }
-  for (const chart of ends) {
-    const at = `cx="${x(chart.newton_iterations).toFixed(1)}" cy="${y(Math.log10(chart.residual)).toFixed(1)}"`;
-    svg += `<circle class="${chart.converged ? 'end' : 'end bad'}" ${at} r="3"><title>${chart.triangles.toLocaleString('en')} triangles, ${chart.newton_iterations} steps${chart.converged ? '' : ', not converged'}</title></circle>`;
+  if (largest.length > 0) svg += `<path class="largest" d="${line(largest)}"><title>the largest of all charts</title></path><g class="largest">${dots(largest)}</g>`;
+  for (const each of order) {
+    const of = each.chart === selected && selected >= 0 ? ' chosen' : '';
+    const at = `cx="${x(each.solve.newton_iterations).toFixed(1)}" cy="${y(Math.log10(each.solve.residual)).toFixed(1)}"`;
+    svg += `<circle class="end${each.solve.converged ? '' : ' bad'}${of}"${link(each)} ${at} r="${of ? 4 : 3}">${title(each)}</circle>`;
   }
   return svg + '</svg>';
 }

@@ -303,6 +303,7 @@ UnwrapResult ManyCharts(std::size_t count) {
     chart.flatten.converged = true;
     chart.flatten.newton_iterations = 3;
     chart.flatten.residual.vertex = 1e-10;
+    chart.flatten.residuals = {1, 1e-2f, 1e-5f, 1e-10f};
   }
   return result;
 }
@@ -311,6 +312,8 @@ TEST(Report, DescribesEveryChartOfAThousand) {
   UnwrapResult result = ManyCharts(kMaxChartReports);
   result.charts[7].flatten.residual.wheel = 1e-3;
   result.charts[9].flatten.converged = false;
+  result.charts[9].flatten.residuals = {0.5f, 1e-3f};  // ends early, above the others' last ones
+  result.charts[11].flatten.residuals = {2, 1e-4f, 1e-4f, 1e-4f, 1e-10f};
   const v1::Report report = ToProto(result, Mesh(), {});
   ASSERT_EQ(report.charts_size(), static_cast<int>(kMaxChartReports));
   EXPECT_EQ(report.charts(7).triangles(), 8);
@@ -321,6 +324,8 @@ TEST(Report, DescribesEveryChartOfAThousand) {
   EXPECT_EQ(report.chart_totals().residual().wheel(), 1e-3);
   EXPECT_EQ(report.chart_totals().residual().vertex(), 1e-10);
   EXPECT_EQ(report.chart_totals().stretch_l2_max(), 1.999);
+  EXPECT_THAT(report.charts(11).newton_residuals(), ::testing::ElementsAre(2, 1e-4f, 1e-4f, 1e-4f, 1e-10f));
+  EXPECT_THAT(report.chart_totals().newton_residuals(), ::testing::ElementsAre(2, 1e-2f, 1e-3f, 1e-3f, 1e-3f));
 }
 
 TEST(Report, OfMoreChartsDescribesTheWorst) {

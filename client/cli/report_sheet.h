@@ -1,0 +1,59 @@
+// A contact sheet: an index page with a small picture and the key figures of every file, and a page for each.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "client/cli/json.h"
+#include "client/cli/report_page.h"
+#include "core/mesh/mesh.h"
+
+namespace planish::cli {
+
+// A file on the sheet.
+struct SheetRow {
+  std::string name;
+  std::string page;            // place of its page below ReportSheet::pages(), with '/'; empty: there is none
+  std::string result;          // "usable", "failed", ...: ToString(BatchResult); "shown" where nothing was unwrapped
+  std::string message;         // why it failed or is not usable
+  Json card;                   // FinishedPage::card; null without a page
+  double seconds = -1;         // that the unwrap took; negative: nothing was unwrapped
+  std::int64_t triangles = 0;  // where there is no card; 0: not known
+};
+
+// Where the pages of a sheet are.
+class ReportSheet {
+ public:
+  // `place`, as --report or -o has it: DIR holds index.html and the pages, FILE.html is the sheet itself and FILE_files
+  // holds the pages.
+  explicit ReportSheet(const std::string& place);
+
+  const std::filesystem::path& index() const { return index_; }
+  const std::filesystem::path& pages() const { return pages_; }
+  // "props/a.obj" has the page "props/a.obj.html".
+  static std::string PageOf(const std::string& key) { return key + ".html"; }
+  std::string PathOf(const std::string& page) const { return (pages_ / page).string(); }
+  // Where the sheet is, seen from a page.
+  std::string SheetFrom(const std::string& page) const;
+
+  // Makes the directory of the pages. Throws planish::Error: FILE_UNWRITABLE.
+  void Prepare() const;
+  // Writes a page, in a directory that need not exist yet. Throws FILE_UNWRITABLE.
+  void WritePage(const std::string& page, const std::string& html) const;
+  // Writes the sheet. Throws FILE_UNWRITABLE.
+  void Write(const std::vector<SheetRow>& rows) const;
+
+ private:
+  std::filesystem::path index_, pages_;
+};
+
+// The sheet: client/report/sheet.html with the rows in it. Pictures of all rows are in the page.
+std::string SheetPage(const std::string& title, const std::string& pages_from_sheet, const std::vector<SheetRow>& rows);
+
+// A PNG file of some 20 KB: the surface with a checkerboard in its UV, and the layout beside it. `uv` as in DrawMap(),
+// but anywhere; what is not inside the unit square is drawn smaller.
+std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
+
+}  // namespace planish::cli
