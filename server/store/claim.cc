@@ -1,7 +1,9 @@
 // JobStore::Claim: whose turn it is (fair_share.h), and what fits.
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <limits>
@@ -27,7 +29,11 @@ class Claimer {
       : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed) {}
 
   absl::Status Run() {
-    if (request_.work.empty()) PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner)));
+    if (request_.work.empty()) {
+      // Another lane each time: those who share one would queue there while others are empty.
+      static std::atomic<std::uint64_t> claims = 0;
+      PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner) + claims++));
+    }
     SqlRows accounts;
     PLANISH_RETURN_IF_ERROR(transaction_.AskLeaseNow());
     PLANISH_RETURN_IF_ERROR(sql_.RunLater(AccountsSql(), {}, &accounts));

@@ -28,6 +28,9 @@ namespace {
 
 constexpr std::int64_t kPostgresVersion = std::size(kPostgresMigrations);
 
+// Slots of the transactions that took no turn.
+constexpr std::int64_t kSlots = 16;
+
 // Of advisory locks: whoever migrates.
 constexpr std::int64_t kMigrationKey = 0x706c616e697368;
 
@@ -47,7 +50,6 @@ std::string PostgresWord(std::string_view word) {
   if (word == "skip") return "FOR UPDATE SKIP LOCKED";
   if (word == "next_number") return "nextval('job_numbers')";
   if (word == "outcome") return "outcome";
-  if (word == "slot") return "(pg_backend_pid() % 16)";
   if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
   return "";
 }
@@ -225,6 +227,7 @@ class PostgresConnection : public SqlConnection {
 
   absl::Status Begin(Durability durability) override {
     in_transaction_ = true;
+    slot_ = PQbackendPID(connection_.get()) % kSlots;
     waiting_.push_back({"BEGIN", {}});
     if (durability == Durability::kLater) waiting_.push_back({"SET LOCAL synchronous_commit = off", {}});
     return absl::OkStatus();
@@ -257,10 +260,13 @@ class PostgresConnection : public SqlConnection {
   // LOCK waits without a snapshot, as an advisory lock does not: with hundreds that wait and hold one no old version of
   // a row could be thrown away. So that no look at the catalog holds one either, a LOCK that never waits goes before.
   absl::Status TakeTurn(std::uint64_t number) override {
+    slot_ = kSlots + static_cast<std::int64_t>(number % kTurns);
     const std::string lock = absl::StrCat("LOCK TABLE turns_", number % kTurns);
     PLANISH_RETURN_IF_ERROR(RunLater(absl::StrCat(lock, " IN ACCESS SHARE MODE"), {}, nullptr));
     return RunLater(absl::StrCat(lock, " IN EXCLUSIVE MODE"), {}, nullptr);
   }
+
+  std::int64_t Slot() const override { return slot_; }
 
   absl::Status RunLater(const std::string& sql, const std::vector<SqlValue>& values, SqlRows* rows) override {
     if (!in_transaction_) return SqlConnection::RunLater(sql, values, rows);
@@ -441,6 +447,7 @@ class PostgresConnection : public SqlConnection {
 
   std::unique_ptr<PGconn, Closer> connection_;
   bool in_transaction_ = false;     // between Begin() and its end, even if the server does not know yet
+  std::int64_t slot_ = 0;           // of the transaction
   std::vector<Statement> waiting_;  // of RunLater()
   std::unordered_map<std::string, std::string> prepared_;  // from statement to name
   std::int64_t last_name_ = 0;

@@ -4,8 +4,6 @@
 //   {lock}         after a SELECT within a transaction: nobody else changes these rows before it ends
 //   {skip}         likewise, and rows that somebody else has locked are left out
 //   {next_number}  a number for a new job, above all earlier ones
-//   {slot}         a small number that connections which write at the same time seldom share: for rows that all of them
-//                  add to
 //   {outcome}      the state of a job, where the statement says that it has ended
 //   {now}          the database's own time, nanoseconds since 1970 (PostgreSQL only: SqlDatabase::has_clock())
 #pragma once
@@ -95,6 +93,11 @@ class SqlConnection {
   // that all want the head of one queue. The more there are at the same time, the more rows each passes by that others
   // have locked, and the less any of them gets done. `number`: as even as can be over those who come.
   virtual absl::Status TakeTurn(std::uint64_t) { return absl::OkStatus(); }
+
+  // A small number, for this transaction, that those which write at the same time seldom share: of the row to add to,
+  // where all of them add to one sum. Those that took a turn share theirs with no others, which may hold a row until
+  // their commit is on the disk.
+  virtual std::int64_t Slot() const { return 0; }
 };
 
 // Connections to one database. Thread-safe.

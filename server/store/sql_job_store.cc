@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
+#include <set>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -175,11 +177,9 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
                                                  const std::string& work) override {
-    // In one order everywhere, as above.
     const auto works = [&](JobTransaction& transaction) {
-      return transaction.sql().Run(
-          "SELECT name FROM works WHERE running = 1 AND owner = ? AND (? = '' OR name = ?) ORDER BY name",
-          {std::string_view(owner), std::string_view(work), std::string_view(work)});
+      return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner = ? AND (? = '' OR name = ?)",
+                                   {std::string_view(owner), std::string_view(work), std::string_view(work)});
     };
     return ForWorks(context, works,
                     [&owner](JobTransaction& transaction, const LockedWork& held, JobChange* change) -> absl::Status {
@@ -198,14 +198,16 @@ class SqlJobStore : public JobStore {
       if (!work.running) return false;
       return sole_owner.empty() ? work.lease_until <= now : work.owner != sole_owner;
     };
+    // In the order of an index: asked for names in theirs, PostgreSQL may walk through all that wait.
     const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
       PLANISH_ASSIGN_OR_RETURN(now, transaction.LeaseNow());
       if (!sole_owner.empty()) {
-        return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY name LIMIT ?",
-                                     {std::string_view(sole_owner), most});
+        return transaction.sql().Run(
+            "SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY lease_until LIMIT ?",
+            {std::string_view(sole_owner), most});
       }
       return transaction.sql().Run(
-          "SELECT name FROM works WHERE running = 1 AND lease_until <= ? ORDER BY name LIMIT ?", {now, most});
+          "SELECT name FROM works WHERE running = 1 AND lease_until <= ? ORDER BY lease_until LIMIT ?", {now, most});
     };
     return ForWorks(context, works,
                     [&](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
@@ -229,7 +231,7 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<JobChange>> EndOverdue(const VerbContext& context, int most) override {
     const auto works = [&](JobTransaction& transaction) {
-      return transaction.sql().Run("SELECT DISTINCT work FROM jobs WHERE ended = 0 AND due <= ? ORDER BY work LIMIT ?",
+      return transaction.sql().Run("SELECT work FROM jobs WHERE ended = 0 AND due <= ? ORDER BY due LIMIT ?",
                                    {absl::ToUnixNanos(context.now), most});
     };
     return ForWorks(context, works, EndIfOverdue);
@@ -408,9 +410,12 @@ class SqlJobStore : public JobStore {
     }
     const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) -> absl::Status {
       changes.clear();
-      PLANISH_ASSIGN_OR_RETURN(const SqlRows names, works(transaction));
-      for (std::size_t i = 0; i < names.size(); ++i) {
-        PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction.LockWork(names.Bytes(i, 0)));
+      PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, works(transaction));
+      // In one order everywhere, so that no two wait for each other.
+      std::set<std::string> names;
+      for (std::size_t i = 0; i < rows.size(); ++i) names.insert(rows.Bytes(i, 0));
+      for (const std::string& name : names) {
+        PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction.LockWork(name));
         if (work.has_value()) PLANISH_RETURN_IF_ERROR(ForJobs(&transaction, &*work, body, &changes));
       }
       return absl::OkStatus();

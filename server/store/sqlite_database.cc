@@ -146,7 +146,6 @@ constexpr std::size_t kMostStatements = 200;
 std::string SqliteWord(std::string_view word) {
   if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs)";
   if (word == "outcome") return "state";
-  if (word == "slot") return "0";
   return "";  // a writer has the database to itself
 }
 

@@ -74,21 +74,21 @@ absl::Status AccountChanges::Write(SqlConnection* sql) const {
     if (change == TenantAccount()) continue;
     PLANISH_RETURN_IF_ERROR(sql->RunLater(
         "INSERT INTO tenants (tenant, slot, waiting, waiting_bytes, running, started, charged, received, "
-        "ended, result_bytes) VALUES (?, {slot}, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (tenant, slot) DO UPDATE "
+        "ended, result_bytes) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (tenant, slot) DO UPDATE "
         "SET waiting = tenants.waiting + excluded.waiting, "
         "waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
         "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
         "charged = tenants.charged + excluded.charged, received = tenants.received + excluded.received, "
         "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes",
-        {std::string_view(tenant), change.waiting, change.waiting_bytes, change.running, change.started, change.charged,
-         change.received, change.ended, change.result_bytes}));
+        {std::string_view(tenant), sql->Slot(), change.waiting, change.waiting_bytes, change.running, change.started,
+         change.charged, change.received, change.ended, change.result_bytes}));
   }
   if (virtual_time_ > 0) {
-    PLANISH_RETURN_IF_ERROR(sql->RunLater(
-        "INSERT INTO tenants VALUES ('', {slot}, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE "
-        "SET received = CASE WHEN excluded.received > tenants.received THEN excluded.received "
-        "ELSE tenants.received END",
-        {virtual_time_}));
+    PLANISH_RETURN_IF_ERROR(
+        sql->RunLater("INSERT INTO tenants VALUES ('', ?, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE "
+                      "SET received = CASE WHEN excluded.received > tenants.received THEN excluded.received "
+                      "ELSE tenants.received END",
+                      {sql->Slot(), virtual_time_}));
   }
   return absl::OkStatus();
 }

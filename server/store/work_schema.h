@@ -4,10 +4,10 @@
 namespace planish {
 
 // works: one row for each piece of work that has not ended (WorkRow). `running` is 1 while there is a lease.
-// tenants: what a tenant has is the sum over its rows (TenantAccount). There are several, by {slot}, so that those who
-// write at the same time need not wait for each other. The rows of the tenant '' hold the virtual time as `received`.
-// jobs.due: when EndOverdue() has to look at the job, nanoseconds since 1970.
-// events.kind: 0 one JobEvent, 1 an EventBatch with a change of state, 2 one with progress only.
+// tenants: what a tenant has is the sum over its rows (TenantAccount). There are several, by SqlConnection::Slot(), so
+// that those who write at the same time need not wait for each other. The rows of the tenant '' hold the virtual time
+// as `received`. jobs.due: when EndOverdue() has to look at the job, nanoseconds since 1970. events.kind: 0 one
+// JobEvent, 1 an EventBatch with a change of state, 2 one with progress only.
 inline constexpr char kWorkMigration[] = R"sql(
   CREATE TABLE works (
     name TEXT NOT NULL PRIMARY KEY,

@@ -4,8 +4,8 @@
 // claim.
 //
 //   "fill"       jobs a second while as many jobs as are to wait are accepted
-//   "saturated"  machines claim in batches, finish, renew; fronts accept as many as end; old jobs are deleted; from
-//                time to time a job of a tenant that has nothing waits for its claim
+//   "saturated"  machines claim in batches, finish, renew, and look for the jobs of others; fronts accept as many as
+//                end; old jobs are deleted; from time to time a job of a tenant that has nothing waits for its claim
 //   "steady"     the same with workers that take their time, so that they can end half of what bare SQL does (--load):
 //                what the store is promised to take
 //   "light"      the same with half of that
@@ -55,6 +55,7 @@ struct Flags {
   int fronts = 16;    // threads that accept
   int jobs = 20'000;  // that are finished in one round
   int rounds = 3;
+  std::vector<std::string> kinds = {"saturated", "steady", "light"};
   double load = 0.5;  // of what bare SQL takes: the jobs a second that the workers of "steady" can end
   double worker_seconds = 3;
   int sleeping_machines = 50;
@@ -217,17 +218,21 @@ struct Round {
   std::map<std::string, Clock::time_point> lone;  // jobs of the tenant that has no others
 };
 
-// What a machine does until the round is over, as JobRunner does it: one thread claims what its free workers may take,
-// with `claim_interval` seconds between two claims (JobRunner::ClaimInterval), the other one ends it after `sleep`.
+// Seconds between two of what each machine asks of the store, as JobRunner and JobManager have them.
+struct Intervals {
+  explicit Intervals(int machines) : claims(machines / 250.0 > 0.02 ? machines / 250.0 : 0), looks(machines / 20.0) {}
+
+  double claims;
+  double renewals = 3;  // a fifth of a lease of 15 s
+  double looks;         // for jobs that are overdue, and for servers that are gone
+};
+
+// What a machine does until the round is over: one thread claims what its free workers may take, the other one ends it
+// after `sleep` seconds, renews leases, and looks for the jobs of others.
 class Machine {
  public:
-  Machine(JobStore* store, std::string owner, int slots, double sleep, double claim_interval, Round* round)
-      : store_(*store),
-        owner_(std::move(owner)),
-        slots_(slots),
-        sleep_(sleep),
-        claim_interval_(claim_interval),
-        round_(*round) {}
+  Machine(JobStore* store, std::string owner, int slots, double sleep, Intervals intervals, Round* round)
+      : store_(*store), owner_(std::move(owner)), slots_(slots), sleep_(sleep), intervals_(intervals), round_(*round) {}
 
   void Claim() {
     std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner_)));
@@ -235,7 +240,7 @@ class Machine {
     while (!round_.over) {
       ClaimRequest request;
       request.owner = owner_;
-      request.lease = absl::Seconds(30);
+      request.lease = absl::Seconds(15);
       {
         std::unique_lock lock(mutex_);
         changed_.wait_for(lock, kLook, [&] { return static_cast<int>(running_.size()) < slots_; });
@@ -251,12 +256,13 @@ class Machine {
       }
       changed_.notify_all();
       for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
-      std::this_thread::sleep_for(std::chrono::duration<double>(std::max(claim_interval_, claimed.empty() ? 0.02 : 0)));
+      std::this_thread::sleep_for(
+          std::chrono::duration<double>(std::max(intervals_.claims, claimed.empty() ? 0.02 : 0)));
     }
   }
 
   void Finish() {
-    Clock::time_point renewed = Clock::now(), asked = renewed;
+    Clock::time_point renewed = Clock::now(), asked = renewed, looked = renewed;
     while (!round_.over) {
       std::optional<Lease> due;
       std::vector<Lease> leases;  // to be renewed
@@ -266,7 +272,8 @@ class Machine {
         changed_.wait_until(lock, std::min(next, Clock::now() + kLook),
                             [&] { return !running_.empty() && running_.begin()->first <= Clock::now(); });
         if (!running_.empty() && running_.begin()->first <= Clock::now()) due = running_.begin()->second;
-        for (auto i = running_.begin(); Since(renewed) > 5 && i != running_.end(); ++i) leases.push_back(i->second);
+        for (auto i = running_.begin(); Since(renewed) > intervals_.renewals && i != running_.end(); ++i)
+          leases.push_back(i->second);
       }
       if (due.has_value()) {
         const Clock::time_point start = Clock::now();
@@ -283,8 +290,13 @@ class Machine {
         asked = Clock::now();
       }
       if (!leases.empty()) {
-        Get(store_.Renew(leases, absl::Seconds(30)));
+        Get(store_.Renew(leases, absl::Seconds(15)));
         renewed = Clock::now();
+      }
+      if (Since(looked) > intervals_.looks) {
+        Get(store_.EndOverdue(Now(), 100));
+        Get(store_.Reap(Now(), "", 100));
+        looked = Clock::now();
       }
     }
   }
@@ -308,7 +320,8 @@ class Machine {
   JobStore& store_;
   const std::string owner_;
   const int slots_;
-  const double sleep_, claim_interval_;
+  const double sleep_;
+  const Intervals intervals_;
   Round& round_;
 
   std::mutex mutex_;
@@ -332,17 +345,11 @@ class Machinery {
   Crowd crowd_;
 };
 
-// As JobRunner's.
-double ClaimInterval(int machines) {
-  const double seconds = machines / 250.0;
-  return seconds > 0.02 ? seconds : 0;
-}
-
 Machinery::Machinery(const Flags& flags, int machines, double sleep, double stagger, Round* round) {
   for (int i = 0; i < machines; ++i) {
     stores_.push_back(OpenStore(flags, machines, 2, /*must_hear=*/false));
     machines_.push_back(std::make_unique<Machine>(stores_.back().get(), absl::StrCat("machine", i), flags.slots, sleep,
-                                                  ClaimInterval(machines), round));
+                                                  Intervals(machines), round));
   }
   for (int i = 0; i < machines; ++i) {
     Machine* const machine = machines_[std::size_t(i)].get();
@@ -533,6 +540,10 @@ int Main(int argc, char** argv) {
   app.add_option("--waiting", flags.waiting, "jobs that wait")->check(CLI::NonNegativeNumber)->capture_default_str();
   app.add_option("--jobs", flags.jobs, "that end in a round")->check(CLI::PositiveNumber)->capture_default_str();
   app.add_option("--rounds", flags.rounds)->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--kinds", flags.kinds, "of what each round measures")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"saturated", "steady", "light"}))
+      ->capture_default_str();
   app.add_option("--load", flags.load, "of bare SQL's jobs a second, what the workers of \"steady\" can end")
       ->check(CLI::Range(0.01, 1.0))
       ->capture_default_str();
@@ -548,10 +559,12 @@ int Main(int argc, char** argv) {
   for (int i = 0; i < flags.rounds; ++i) {
     const nlohmann::json bare = Bare(flags);
     print(bare);
-    print(Store(flags, "saturated", 0, flags.jobs));
     const double offered = flags.load * bare["jobs_per_second"].get<double>();
-    print(Store(flags, "steady", flags.machines * flags.slots / offered, flags.jobs));
-    print(Store(flags, "light", flags.machines * flags.slots / (offered / 2), flags.jobs / 2));
+    for (const std::string& kind : flags.kinds) {
+      if (kind == "saturated") print(Store(flags, kind, 0, flags.jobs));
+      if (kind == "steady") print(Store(flags, kind, flags.machines * flags.slots / offered, flags.jobs));
+      if (kind == "light") print(Store(flags, kind, flags.machines * flags.slots / (offered / 2), flags.jobs / 2));
+    }
   }
   if (flags.sleeping_machines > 0) print(Machines(flags));
   return 0;

@@ -57,6 +57,7 @@ class FailingConnection : public SqlConnection {
   absl::Status TakeTurn(std::uint64_t number) override {
     return Try([&] { return connection_.TakeTurn(number); });
   }
+  std::int64_t Slot() const override { return connection_.Slot(); }
   absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override { return connection_.Serialize(key, wait); }
 
  private:

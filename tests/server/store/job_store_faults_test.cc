@@ -1,4 +1,5 @@
 // The second half of the conformance suite: restarts, connections that die, crowds.
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <functional>
@@ -66,6 +67,7 @@ TEST_P(JobStoreTest, AConnectionMayDieInsideEveryVerb) {
     Accept(job);
   };
   const auto add_overdue = [&] {
+    ASSERT_TRUE(store_->EndOverdue(context_, 10'000).ok());  // those of other cases
     add_attached();
     ASSERT_TRUE(store_->SetCallersUntil({"jobs/" + work}, context_.now).ok());
   };
@@ -344,7 +346,7 @@ TEST_F(PostgresTest, RowsAskedForLaterComeWithTheNextJourney) {
 
 TEST_F(PostgresTest, TurnsAreTakenByAFewAtATime) {
   PostgresServer server;
-  const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({server.NewDatabase(), 4});
+  const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({server.NewDatabase(), 5});
   const auto begin = [&database](std::uint64_t number) {
     SqlDatabase::Lease connection = *database->Connect(SqlDatabase::Use::kWrite);
     EXPECT_TRUE(connection->Begin(Durability::kLater).ok());
@@ -360,6 +362,11 @@ TEST_F(PostgresTest, TurnsAreTakenByAFewAtATime) {
     EXPECT_TRUE(second->Commit().ok());
   });
   const SqlDatabase::Lease other = begin(1);  // of another number: at once
+  const SqlDatabase::Lease plain = *database->Connect(SqlDatabase::Use::kWrite);
+  EXPECT_TRUE(plain->Begin(Durability::kNow).ok());
+  EXPECT_LT(plain->Slot(), std::min(first->Slot(), other->Slot())) << "whoever waits for the disk is not in their way";
+  EXPECT_NE(first->Slot(), other->Slot());
+  EXPECT_TRUE(plain->Commit().ok());
   const auto locks = [&] {
     const auto rows = (*database->Connect(SqlDatabase::Use::kRead))
                           ->Run(
