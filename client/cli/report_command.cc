@@ -82,10 +82,10 @@ FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, cons
   maps.push_back({before.has_uv() ? "after" : name, input, after, options, padding});
   Json json = ReportJson(result, result.report, "");
   json["tolerance"] = arguments.options.tolerance > 0 ? arguments.options.tolerance : kDefaultTolerance;
-  if (member == nullptr) return ReportPage(maps, json);
+  if (member == nullptr) return ReportPage(maps, json, name);
   SheetMember whole = *member;
   whole.picture = SheetPicture(after.mesh, after.uv);
-  return ReportPage(maps, json, whole);
+  return ReportPage(maps, json, name, whole);
 }
 
 // Writes the page about the UV that a file has.
@@ -97,7 +97,8 @@ Json WriteFilePage(const SheetPageJob& job, const MeshInput& input, const Argume
   if (execution.IsCancelled()) return nullptr;
   RequireUv(input, map);
   const SheetMember member = {job.sheet.SheetFrom(job.page), job.made, SheetPicture(map.mesh, map.uv)};
-  const FinishedPage page = ReportPage({{FileName(input.path()), input, map, options, padding}}, std::nullopt, member);
+  const FinishedPage page =
+      ReportPage({{FileName(input.path()), input, map, options, padding}}, std::nullopt, "", member);
   job.sheet.WritePage(job.page, page.html);
   return page.card;
 }

@@ -353,9 +353,10 @@ std::string FillTemplate(std::string_view page, const std::string& data) {
 }
 
 FinishedPage ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap,
-                        const std::optional<SheetMember>& member) {
+                        const std::string& title, const std::optional<SheetMember>& member) {
   FinishedPage finished;
   Json page = {{"version", Version()}, {"maps", Json::array()}};
+  if (!title.empty()) page["title"] = title;
   std::string blobs;
   for (std::size_t i = 0; i < maps.size(); ++i) {
     std::string bytes;

@@ -37,9 +37,10 @@ struct FinishedPage {
 
 // The page: client/report/template.html with the data in it. Positions and UV are rounded to 16 bits of their extent;
 // the data take some 10 bytes a triangle. `unwrap` is what `unwrap --json` printed about the last map, with "tolerance"
-// if that is known; null: nothing. At most two maps. A member of a sheet has its card in it: ReadCard(). Deterministic.
+// if that is known; null: nothing. `title`: what the page is about; empty: the names of the maps. At most two maps. A
+// member of a sheet has its card in it: ReadCard(). Deterministic.
 FinishedPage ReportPage(const std::vector<ReportedMap>& maps, const std::optional<Json>& unwrap,
-                        const std::optional<SheetMember>& member = std::nullopt);
+                        const std::string& title = "", const std::optional<SheetMember>& member = std::nullopt);
 
 // The card of the page in the file `path`; null if that is no page of a sheet.
 Json ReadCard(const std::string& path);

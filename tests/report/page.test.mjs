@@ -390,7 +390,7 @@ test('a sheet of a batch shows every file and leads to its page', async () => {
 
   // The page of a file leads back.
   const report = await Report.open(fileURLToPath(address));
-  assert.equal(await report.page.textContent('header h1'), 'before → after');
+  assert.equal(await report.page.textContent('header h1'), 'three materials #1.gltf');
   const back = await report.page.evaluate(() => document.querySelector('header a').href);
   assert.equal(fileURLToPath(back), at('sheet.html'));
   await report.close();

@@ -59,6 +59,7 @@ export interface PageInfo {
   version: string;
   maps: MapInfo[];
   unwrap?: Unwrap; // how the last map was made
+  title?: string; // what the page is about
   sheet?: string; // address of the contact sheet that this page belongs to
 }
 

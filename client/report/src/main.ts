@@ -56,9 +56,10 @@ async function start(): Promise<void> {
   app.innerHTML = '<p class="loading">Unpacking…</p>';
   const { page, maps } = await readPage();
   const last = page.maps.at(-1)!;
-  document.title = `${last.name} – planish report`;
+  const title = page.title ?? page.maps.map((m) => m.name).filter((name, i, all) => all.indexOf(name) === i).join(' → ');
+  document.title = `${title} – planish report`;
   app.innerHTML = frame(
-    page.maps.map((m) => m.name).filter((name, i, all) => all.indexOf(name) === i).join(' → '),
+    title,
     `${last.triangles.toLocaleString('en')} triangles, ${last.charts.length.toLocaleString('en')} charts · planish ${page.version}`,
     page.maps.map((m) => m.name),
     page.sheet,

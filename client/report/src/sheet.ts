@@ -124,7 +124,7 @@ function render(): void {
   for (const button of app.querySelectorAll<HTMLElement>('.toolbar [data-sort]')) {
     const isOn = button.dataset.sort === state.sortBy;
     button.setAttribute('aria-pressed', String(isOn));
-    button.dataset.direction = isOn ? (state.isDescending ? 'down' : 'up') : '';
+    button.dataset.direction = isOn && state.sortBy !== 'order' ? (state.isDescending ? 'down' : 'up') : '';
   }
   for (const button of app.querySelectorAll<HTMLElement>('[data-view]')) {
     button.setAttribute('aria-pressed', String((button.dataset.view === 'table') === state.isTable));
