@@ -75,23 +75,18 @@ void JoinFaces(const Topology& topology, const Execution& execution, const Edges
 
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = 0;
+
+  void Add(const Range& other) {
+    low = std::min(low, other.low);
+    high = std::max(high, other.high);
+  }
 };
 
 Range SquaredLengths(const Topology& topology, const Edges& edges, const Execution& execution) {
-  Range range;
-  for (const Range& part : execution.Collect<Range>(topology.num_corners(), [&](std::int64_t begin, std::int64_t end) {
-         Range chunk;
-         for (std::int64_t c = begin; c < end; ++c) {
-           const double squared_length = edges[c].SquaredNorm();
-           chunk.low = std::min(chunk.low, squared_length);
-           chunk.high = std::max(chunk.high, squared_length);
-         }
-         return chunk;
-       })) {
-    range.low = std::min(range.low, part.low);
-    range.high = std::max(range.high, part.high);
-  }
-  return range;
+  return execution.SumUp<Range>(topology.num_corners(), [&](std::int64_t c, Range* range) {
+    const double squared_length = edges[c].SquaredNorm();
+    range->Add({squared_length, squared_length});
+  });
 }
 
 // Half-edges that wait for their turn, those of the shortest class first, in a class those that came first. A class

@@ -52,6 +52,20 @@ struct Execution {
     return results;
   }
 
+  // The sum of what each(i, &sum) adds for every i in [0, n): by chunks, whose sums Sum::Add() adds in order.
+  template <typename Sum, typename Each>
+  Sum SumUp(std::int64_t n, const Each& each) const {
+    Sum sum;
+    for (const Sum& part : Collect<Sum>(n, [&](std::int64_t begin, std::int64_t end) {
+           Sum chunk;
+           for (std::int64_t i = begin; i < end; ++i) each(i, &chunk);
+           return chunk;
+         })) {
+      sum.Add(part);
+    }
+    return sum;
+  }
+
   // How many of [0, n) fulfil `predicate`.
   template <typename Predicate>
   std::int64_t Count(std::int64_t n, const Predicate& predicate) const {

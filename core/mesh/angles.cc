@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "Eigen/Geometry"
 #include "core/base/portable_math.h"
 
 namespace planish {

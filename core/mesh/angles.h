@@ -1,11 +1,14 @@
-// Angles of triangles on the surface.
+// Angles and sizes of triangles.
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 #include "Eigen/Core"
+#include "Eigen/Geometry"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 
@@ -24,6 +27,20 @@ Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const std::vector<std::int32_t>
 template <typename Point>
 double LongestEdgeSquared(const Point& a, const Point& b, const Point& c) {
   return std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+}
+
+template <typename Point>
+double LongestEdge(const std::array<Point, 3>& p) {
+  return std::sqrt(LongestEdgeSquared(p[0], p[1], p[2]));
+}
+
+// Twice the area of a triangle. In the plane negative if it runs clockwise.
+inline double DoubleArea(const std::array<Vec2, 3>& p) {
+  const Vec2 u = p[1] - p[0], v = p[2] - p[0];
+  return u.x() * v.y() - u.y() * v.x();
+}
+inline double DoubleArea(const std::array<Vec3, 3>& p) {
+  return (p[1] - p[0]).cross(p[2] - p[0]).norm();
 }
 
 // Whether the three points span no area at working precision: 2 area <= 1e-14 times the longest edge squared.

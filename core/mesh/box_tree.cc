@@ -25,16 +25,9 @@ Vec2 HalfCentre(const Box& box) {
 // Numbers of the boxes along a Z-curve through their centres.
 std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Execution& execution) {
   const auto n = static_cast<std::int64_t>(boxes.size());
-  Box all;
-  for (const Box& part : execution.Collect<Box>(n, [&](std::int64_t begin, std::int64_t end) {
-         Box chunk;
-         for (std::int64_t i = begin; i < end; ++i) {
-           if (boxes[i].Meets(boxes[i])) chunk.Add(HalfCentre(boxes[i]));
-         }
-         return chunk;
-       })) {
-    all.Add(part);
-  }
+  const Box all = execution.SumUp<Box>(n, [&](std::int64_t i, Box* box) {
+    if (boxes[i].Meets(boxes[i])) box->Add(HalfCentre(boxes[i]));
+  });
   constexpr double kLastCell = (std::int64_t{1} << 31) - 1;
   const double extent = (all.high - all.low).maxCoeff(), scale = extent > 0 ? kLastCell / extent : 0;
   std::vector<KeyedIndex> entries(boxes.size());

@@ -203,9 +203,7 @@ void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& executio
   result->angle_min_degrees = angles.minCoeff();
   result->angle_max_degrees = angles.maxCoeff();
   for (std::int64_t f = 0; f < finite.num_faces(); ++f) {
-    const auto& [a, b, c] = finite.faces[f];
-    const Vec3& p = finite.positions[a];
-    result->area += (finite.positions[b] - p).cross(finite.positions[c] - p).norm() / 2;
+    result->area += DoubleArea(TriangleOf(finite.positions, finite.faces[f])) / 2;
     if (angles.segment<3>(3 * f).minCoeff() < kNeedleDegrees) Add(source[f], &result->needles);
   }
 }

@@ -21,6 +21,12 @@ struct Mesh {
   std::int64_t num_faces() const { return static_cast<std::int64_t>(faces.size()); }
 };
 
+// The corners of a face, at the positions of its vertices.
+template <typename Point>
+std::array<Point, 3> TriangleOf(const std::vector<Point>& positions, const Face& face) {
+  return {positions[face[0]], positions[face[1]], positions[face[2]]};
+}
+
 // Corner k of face f is number 3 f + k wherever values per corner are stored: angles, UV.
 constexpr int Next(int k) {
   return k == 2 ? 0 : k + 1;

@@ -1,6 +1,8 @@
 // Geometric predicates on doubles (floats are doubles): exact unless said otherwise.
 #pragma once
 
+#include <array>
+
 #include "core/mesh/mesh.h"
 
 namespace planish {
@@ -8,6 +10,9 @@ namespace planish {
 // Sign of the area of triangle (a, b, c): 1 counter-clockwise, -1 clockwise, 0 collinear. Exact for all finite inputs
 // whose products neither overflow nor underflow: a floating-point filter, then an expansion (Shewchuk 1997).
 int Orientation(const Vec2& a, const Vec2& b, const Vec2& c);
+inline int Orientation(const std::array<Vec2, 3>& triangle) {
+  return Orientation(triangle[0], triangle[1], triangle[2]);
+}
 
 // Whether the interiors of two triangles, both counter-clockwise and not degenerate, meet. Exact.
 bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]);

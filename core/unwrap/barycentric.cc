@@ -47,9 +47,7 @@ class BarycentricMap {
       MapSums all;
       for (const Face& face : disc_.faces) {
         MapSums one;
-        const Vec2 p[3] = {positions[face[0]], positions[face[1]], positions[face[2]]};
-        const Vec3 q[3] = {places_[face[0]], places_[face[1]], places_[face[2]]};
-        one.Add(p, q);
+        one.Add(TriangleOf(positions, face).data(), TriangleOf(places_, face).data());
         if (!(one.surface_area > 0)) continue;
         all.Add(one);
         for (const std::int32_t v : face) around[v].Add(one);
@@ -201,10 +199,8 @@ absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, 
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   summary.energy = 0;
   for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
-    const Face& face = chart.topology.faces[f];
-    const Vec2 p[3] = {positions[face[0]], positions[face[1]], positions[face[2]]};
     double angles[3];
-    TriangleAngles(p, angles);
+    TriangleAngles(TriangleOf(positions, chart.topology.faces[f]).data(), angles);
     for (int k = 0; k < 3; ++k) {
       const double off = angles[k] - target.angle[3 * f + k];
       summary.energy += target.weight[3 * f + k] * off * off;

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/abf/layout.h"
 #include "core/base/error.h"
+#include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
 #include "core/mesh/tri_mesh.h"
@@ -17,6 +18,9 @@
 
 namespace planish {
 namespace {
+
+using Corners2 = std::array<Vec2, 3>;  // in the plane
+using Corners3 = std::array<Vec3, 3>;  // on the surface
 
 // Corners at different vertices of the chart that are one in the mesh: each with the one before it.
 std::vector<std::pair<std::int32_t, std::int32_t>> CornersOfOneVertex(const Mesh& mesh, const Chart& chart) {
@@ -79,47 +83,21 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
     if (moves[v]) moved[v] = middle[joined.Find(v)] / count[joined.Find(v)];
   }
   for (const Face& face : faces) {
-    const auto& [a, b, c] = face;
-    if (!moves[a] && !moves[b] && !moves[c]) continue;
-    if (Orientation((*positions)[a], (*positions)[b], (*positions)[c]) > 0 &&
-        Orientation(moved[a], moved[b], moved[c]) <= 0) {
-      return {};
-    }
+    if (!moves[face[0]] && !moves[face[1]] && !moves[face[2]]) continue;
+    if (Orientation(TriangleOf(*positions, face)) > 0 && Orientation(TriangleOf(moved, face)) <= 0) return {};
   }
   *positions = std::move(moved);
   return closed;
 }
 
-// The sum of body(face of the chart, corners in the plane, corners on the surface, sum) over the faces; place(f, k) is
-// corner k of face f in the plane.
-template <typename Sum, typename Place, typename Body>
-Sum SumOverFaces(const Mesh& mesh, const Chart& chart, const Place& place, const Execution& execution,
-                 const Body& body) {
-  Sum sum;
-  for (const Sum& part : execution.Collect<Sum>(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-         Sum chunk;
-         for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
-           Vec2 p[3];
-           Vec3 q[3];
-           for (int k = 0; k < 3; ++k) {
-             p[k] = place(f, k);
-             q[k] = mesh.positions[mesh.faces[chart.faces[f]][k]];
-           }
-           body(f, p, q, &chunk);
-         }
-         return chunk;
-       })) {
-    sum.Add(part);
-  }
-  return sum;
-}
-
-// The same with positions of the chart's vertices.
-template <typename Sum, typename Body>
-Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& positions, const Execution& execution,
+// The sum of body(face of the chart, its corners in the plane, on the surface, sum) over the faces; in_plane(f) are the
+// corners of face f in the plane.
+template <typename Sum, typename InPlane, typename Body>
+Sum OverFaces(const Mesh& mesh, const Chart& chart, const InPlane& in_plane, const Execution& execution,
               const Body& body) {
-  const auto place = [&](std::int32_t f, int k) { return positions[chart.topology.faces[f][k]]; };
-  return SumOverFaces<Sum>(mesh, chart, place, execution, body);
+  return execution.SumUp<Sum>(chart.topology.num_faces(), [&](std::int64_t f, Sum* sum) {
+    body(static_cast<std::int32_t>(f), in_plane(f), TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]), sum);
+  });
 }
 
 struct Extent {
@@ -140,20 +118,18 @@ constexpr double kLeastArea = 1e-4;
 // To the area of the surface, widened faces left out; where that is next to nothing, to the length of its edges. Then
 // larger as Chart::enlargement says.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
-  const auto extent = OverFaces<Extent>(mesh, chart, *positions, execution,
-                                        [&](std::int32_t f, const Vec2 p[3], const Vec3 q[3], Extent* sum) {
-                                          for (int k = 0; k < 3; ++k) {
-                                            sum->map_edges += (p[Next(k)] - p[k]).norm();
-                                            sum->surface_edges += (q[Next(k)] - q[k]).norm();
-                                          }
-                                          if (chart.is_widened(f)) return;
-                                          const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
-                                          sum->map_area += std::abs(e1.x() * e2.y() - e1.y() * e2.x()) / 2;
-                                          sum->surface_area += (q[1] - q[0]).cross(q[2] - q[0]).norm() / 2;
-                                          for (int k = 0; k < 3; ++k) {
-                                            sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
-                                          }
-                                        });
+  const auto extent = OverFaces<Extent>(
+      mesh, chart, [&](std::int64_t f) { return TriangleOf(*positions, chart.topology.faces[f]); }, execution,
+      [&](std::int32_t f, const Corners2& p, const Corners3& q, Extent* sum) {
+        for (int k = 0; k < 3; ++k) {
+          sum->map_edges += (p[Next(k)] - p[k]).norm();
+          sum->surface_edges += (q[Next(k)] - q[k]).norm();
+        }
+        if (chart.is_widened(f)) return;
+        sum->map_area += std::abs(DoubleArea(p)) / 2;
+        sum->surface_area += DoubleArea(q) / 2;
+        for (int k = 0; k < 3; ++k) sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
+      });
   const double by_edges = extent.map_edges > 0 ? extent.surface_edges / extent.map_edges : 1;
   const double by_area = extent.map_area > 0 ? std::sqrt(extent.surface_area / extent.map_area) : 0;
   const bool has_area = extent.surface_area > kLeastArea * extent.surface_squares && by_area > 1e-3 * by_edges;
@@ -197,6 +173,14 @@ struct ChartUv {
     for (const std::int32_t f : chart.faces) ignored.push_back(ignored_in_mesh[f]);
   }
 
+  void Place(const Chart& chart, const std::vector<Vec2>& positions) {
+    for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+      const Vec2& p = positions[chart.topology.faces[c / 3][c % 3]];
+      uv[2 * c] = p.x();
+      uv[2 * c + 1] = p.y();
+    }
+  }
+
   Overlaps FindOverlaps(const std::vector<std::int32_t>& opposite, const Execution& execution,
                         OrientationFaults* orientation) const {
     *orientation = CheckOrientations(uv, execution, ignored);
@@ -208,10 +192,10 @@ struct ChartUv {
 
 double StretchOf(const Mesh& mesh, const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored,
                  const Execution& execution) {
-  return SumOverFaces<MapSums>(
-             mesh, chart, [&](std::int32_t f, int k) { return UvOf(uv, 3 * chart.faces[f] + k); }, execution,
-             [&](std::int32_t f, const Vec2 p[3], const Vec3 q[3], MapSums* sum) {
-               if (ignored.empty() || !ignored[chart.faces[f]]) sum->Add(p, q);
+  return OverFaces<MapSums>(
+             mesh, chart, [&](std::int64_t f) { return TriangleOf(uv, chart.faces[f]); }, execution,
+             [&](std::int32_t f, const Corners2& p, const Corners3& q, MapSums* sum) {
+               if (ignored.empty() || !ignored[chart.faces[f]]) sum->Add(p.data(), q.data());
              })
       .StretchL2();
 }
@@ -246,15 +230,10 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
     }
     rounded.ignored.assign(chart.faces.size(), 0);
     for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
-      const auto& [a, b, c] = chart.topology.faces[f];
-      rounded.ignored[f] =
-          (!own.ignored.empty() && own.ignored[f] != 0) || Orientation(positions[a], positions[b], positions[c]) <= 0;
+      rounded.ignored[f] = (!own.ignored.empty() && own.ignored[f] != 0) ||
+                           Orientation(TriangleOf(positions, chart.topology.faces[f])) <= 0;
     }
-    for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-      const Vec2& p = positions[chart.topology.faces[c / 3][c % 3]];
-      rounded.uv[2 * c] = p.x();
-      rounded.uv[2 * c + 1] = p.y();
-    }
+    rounded.Place(chart, positions);
     OrientationFaults orientation;
     const Overlaps overlaps = rounded.FindOverlaps(opposite, execution, &orientation);
     if (overlaps.pairs > 0) return overlaps;
@@ -267,18 +246,15 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution) {
   ChartFaults faults;
-  const auto sums = OverFaces<MapSums>(mesh, chart, map.positions, execution,
-                                       [&](std::int32_t f, const Vec2 p[3], const Vec3 q[3], MapSums* sum) {
-                                         const bool counts = ignored.empty() || !ignored[chart.faces[f]];
-                                         if (counts && !chart.is_widened(f)) sum->Add(p, q);
-                                       });
+  const auto sums = OverFaces<MapSums>(
+      mesh, chart, [&](std::int64_t f) { return TriangleOf(map.positions, chart.topology.faces[f]); }, execution,
+      [&](std::int32_t f, const Corners2& p, const Corners3& q, MapSums* sum) {
+        const bool counts = ignored.empty() || !ignored[chart.faces[f]];
+        if (counts && !chart.is_widened(f)) sum->Add(p.data(), q.data());
+      });
   faults.stretch = sums.StretchL2();
   ChartUv own(chart, ignored);
-  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-    const Vec2& p = map.positions[chart.topology.faces[c / 3][c % 3]];
-    own.uv[2 * c] = p.x();
-    own.uv[2 * c + 1] = p.y();
-  }
+  own.Place(chart, map.positions);
   OrientationFaults orientation;
   const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map);
   Overlaps overlaps = own.FindOverlaps(opposite, execution, &orientation);
@@ -321,7 +297,8 @@ absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd meas
 namespace {
 
 // A triangle by itself, by its edges. Its angles do not tell as much: where two of them are `a` radians, their rounding
-// moves a corner along the longest edge by the part eps / a of the edge, which is far more than the altitude of a needle.
+// moves a corner along the longest edge by the part eps / a of the edge, which is far more than the altitude of a
+// needle.
 std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
   const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
   int first = 0;  // of the longest edge

@@ -1,13 +1,16 @@
 #include "core/unwrap/distortion.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
 
 #include "Eigen/Geometry"
 #include "core/base/portable_math.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/half_edges.h"
 
 namespace planish {
 
@@ -62,38 +65,39 @@ double MapSums::StretchL2() const {
   return surface_area > 0 ? std::sqrt(stretch / surface_area) * std::sqrt(uv_area / surface_area) : 1;
 }
 
+double SeamLength(const Mesh& mesh, const std::function<bool(std::int32_t)>& is_joined,
+                  const std::vector<char>& takes_part, const Execution& execution) {
+  const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, takes_part);
+  double length = 0;
+  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+    const std::span<const std::int32_t> at = edges.edge(e);
+    const auto pairs = static_cast<std::int64_t>(at.size() / 2);
+    const std::int64_t joined = std::count_if(at.begin(), at.end(), is_joined);
+    const Vec3 along = mesh.positions[Target(mesh.faces, at[0])] - mesh.positions[Origin(mesh.faces, at[0])];
+    length += static_cast<double>(pairs - joined / 2) * along.norm();
+  }
+  return length;
+}
+
 void MeasureDistortion(const Mesh& mesh, const Eigen::VectorXd& measured, const TargetAngles& target,
                        const CornerUv& uv, const std::vector<char>& ignored, Quality* quality,
                        const Execution& execution) {
-  Sums sums;
-  for (const Sums& part : execution.Collect<Sums>(mesh.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-         Sums chunk;
-         for (std::int64_t f = begin; f < end; ++f) {
-           if (!ignored.empty() && ignored[f]) continue;
-           Vec2 p[3];
-           Vec3 q[3];
-           for (int k = 0; k < 3; ++k) {
-             p[k] = Vec2(uv[2 * (3 * f + k)], uv[2 * (3 * f + k) + 1]);
-             q[k] = mesh.positions[mesh.faces[f][k]];
-           }
-           double angles[3];
-           TriangleAngles(p, angles);
-           for (int k = 0; k < 3; ++k) {
-             const Eigen::Index c = 3 * f + k;
-             const double error = std::abs(angles[k] - measured[c]);
-             chunk.angle_error += error;
-             chunk.angle_error_max = std::max(chunk.angle_error_max, error);
-             chunk.energy += target.weight[c] * (angles[k] - target.angle[c]) * (angles[k] - target.angle[c]);
-           }
-           chunk.map.Add(p, q);
-           ++chunk.faces;
-         }
-         return chunk;
-       })) {
-    sums.Add(part);
-  }
-  if (execution.IsCancelled()) return;
-  if (sums.faces == 0) return;
+  const auto sums = execution.SumUp<Sums>(mesh.num_faces(), [&](std::int64_t f, Sums* sum) {
+    if (!ignored.empty() && ignored[f]) return;
+    const std::array<Vec2, 3> p = TriangleOf(uv, f);
+    double angles[3];
+    TriangleAngles(p.data(), angles);
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Index c = 3 * f + k;
+      const double error = std::abs(angles[k] - measured[c]);
+      sum->angle_error += error;
+      sum->angle_error_max = std::max(sum->angle_error_max, error);
+      sum->energy += target.weight[c] * (angles[k] - target.angle[c]) * (angles[k] - target.angle[c]);
+    }
+    sum->map.Add(p.data(), TriangleOf(mesh.positions, mesh.faces[f]).data());
+    ++sum->faces;
+  });
+  if (execution.IsCancelled() || sums.faces == 0) return;
   const double num_angles = 3.0 * static_cast<double>(sums.faces);
   constexpr double kDegrees = 180 / std::numbers::pi;
   quality->angle_error_mean_deg = sums.angle_error / num_angles * kDegrees;

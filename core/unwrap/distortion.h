@@ -1,6 +1,8 @@
 // How far a map is from keeping angles and areas.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "Eigen/Core"
@@ -24,6 +26,12 @@ struct MapSums {
   // Quality::stretch_l2; 1 for surfaces without area.
   double StretchL2() const;
 };
+
+// Length of the seams on the surface, of the faces that `takes_part` marks (Quality::seam_length, before it is
+// divided): an edge of n faces counts for each of its n / 2 pairs that are apart in the map. `is_joined`, per
+// half-edge: the map goes on behind it.
+double SeamLength(const Mesh& mesh, const std::function<bool(std::int32_t)>& is_joined,
+                  const std::vector<char>& takes_part, const Execution& execution);
 
 // Fills the distortion measures and packing_efficiency of `quality` (definitions at planish.v1.Quality; efficiency per
 // unit square, as for one tile); leaves the counts alone. `measured` are the angles on the surface. Faces marked in

@@ -1,9 +1,9 @@
 #include "core/unwrap/long_needles.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
-#include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
 #include "core/mesh/angles.h"
 #include "core/unwrap/warnings.h"
@@ -24,8 +24,8 @@ FaceSize SizeOf(const Mesh& mesh, const Face& face) {
   for (const std::int32_t v : face) {
     if (v < 0 || v >= mesh.num_vertices() || !mesh.positions[v].allFinite()) return {};
   }
-  const Vec3 &p = mesh.positions[face[0]], &q = mesh.positions[face[1]], &r = mesh.positions[face[2]];
-  return {(q - p).cross(r - p).norm() / 2, std::sqrt(LongestEdgeSquared(p, q, r))};
+  const std::array<Vec3, 3> p = TriangleOf(mesh.positions, face);
+  return {DoubleArea(p) / 2, LongestEdge(p)};
 }
 
 double AreaOf(const Mesh& mesh, const std::vector<char>& left_out) {

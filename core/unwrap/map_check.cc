@@ -55,24 +55,14 @@ class MapJudge {
  private:
   std::int64_t num_faces() const { return mesh_.num_faces(); }
 
-  std::array<Vec2, 3> InMap(std::int64_t f) const {
-    const auto c = static_cast<std::int32_t>(3 * f);
-    return {UvOf(uv_, c), UvOf(uv_, c + 1), UvOf(uv_, c + 2)};
-  }
-  std::array<Vec3, 3> OnSurface(std::int64_t f) const {
-    const Face& face = mesh_.faces[f];
-    return {mesh_.positions[face[0]], mesh_.positions[face[1]], mesh_.positions[face[2]]};
-  }
+  std::array<Vec2, 3> InMap(std::int64_t f) const { return TriangleOf(uv_, f); }
+  std::array<Vec3, 3> OnSurface(std::int64_t f) const { return TriangleOf(mesh_.positions, mesh_.faces[f]); }
 
   void MeasureFaces() {
     sizes_.resize(mesh_.faces.size());
     execution_.For(num_faces(), [&](std::int64_t begin, std::int64_t end) {
       for (std::int64_t f = begin; f < end; ++f) {
-        const std::array<Vec2, 3> p = InMap(f);
-        const std::array<Vec3, 3> q = OnSurface(f);
-        const Vec2 e1 = p[1] - p[0], e2 = p[2] - p[0];
-        sizes_[f] = {Orientation(p[0], p[1], p[2]), (e1.x() * e2.y() - e1.y() * e2.x()) / 2,
-                     (q[1] - q[0]).cross(q[2] - q[0]).norm() / 2};
+        sizes_[f] = {Orientation(InMap(f)), DoubleArea(InMap(f)) / 2, DoubleArea(OnSurface(f)) / 2};
       }
     });
   }
@@ -171,10 +161,8 @@ class MapJudge {
     const double scale = Scale();
     for (std::int64_t f = 0; f < num_faces(); ++f) {
       if (!sizes_[f].HasStretch()) continue;
-      const std::array<Vec2, 3> p = InMap(f);
-      const std::array<Vec3, 3> q = OnSurface(f);
       MapSums own;
-      own.Add(p.data(), q.data());
+      own.Add(InMap(f).data(), OnSurface(f).data());
       all.Add(own);
       of_chart[topology_.chart_of_face[f]].Add(own);
       // From the mean of the squares of both singular values of the inverse map, and their product.
@@ -262,20 +250,11 @@ class MapJudge {
     return has;
   }
 
-  // As Quality::seam_length: an edge of n faces counts for each of its n / 2 pairs that are apart in the map.
   void MeasureSeams() {
-    const EdgeGroups edges =
-        GroupHalfEdges(mesh_.faces, mesh_.num_vertices(), execution_, WithThreeCorners(mesh_.faces));
-    double length = 0;
-    for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-      const std::span<const std::int32_t> at = edges.edge(e);
-      const auto pairs = static_cast<std::int64_t>(at.size() / 2);
-      const std::int64_t joined =
-          std::count_if(at.begin(), at.end(), [&](std::int32_t c) { return is_joined_[c] != 0; });
-      const Vec3 along = mesh_.positions[Target(mesh_.faces, at[0])] - mesh_.positions[Origin(mesh_.faces, at[0])];
-      length += static_cast<double>(pairs - joined / 2) * along.norm();
-    }
-    if (check_.surface_area > 0) check_.seam_length = length / std::sqrt(check_.surface_area);
+    if (!(check_.surface_area > 0)) return;
+    const double length = SeamLength(
+        mesh_, [&](std::int32_t c) { return is_joined_[c] != 0; }, WithThreeCorners(mesh_.faces), execution_);
+    check_.seam_length = length / std::sqrt(check_.surface_area);
   }
 
   void MeasureSpacing() {

@@ -8,7 +8,8 @@
 #include <utility>
 
 #include "core/base/portable_math.h"
-#include "core/mesh/predicates.h"
+#include "core/mesh/box_tree.h"
+#include "core/pack/outline.h"
 
 namespace planish {
 namespace {
@@ -91,25 +92,6 @@ std::vector<Vec2> HullCandidates(const std::vector<Vec2>& points, const Executio
   return candidates;
 }
 
-// Counter-clockwise, without collinear points (Andrew's monotone chain).
-std::vector<Vec2> ConvexHull(std::vector<Vec2> points, const Execution& execution) {
-  std::sort(points.begin(), points.end(),
-            [](const Vec2& a, const Vec2& b) { return a.x() < b.x() || (a.x() == b.x() && a.y() < b.y()); });
-  std::vector<Vec2> hull;
-  for (const bool lower : {true, false}) {
-    const std::size_t start = hull.size();
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      if (execution.IsCancelledAt(static_cast<std::int64_t>(i))) return {};
-      const Vec2& p = points[i];
-      while (hull.size() >= start + 2 && Orientation(hull[hull.size() - 2], hull.back(), p) <= 0) hull.pop_back();
-      hull.push_back(p);
-    }
-    hull.pop_back();
-    if (lower) std::reverse(points.begin(), points.end());
-  }
-  return hull;
-}
-
 // Unit vector along the side of the least rectangle that has the longer extent. The rectangle has a side on a hull
 // edge; the points where its other sides touch go round the hull with that edge (rotating calipers).
 Vec2 LongAxis(const std::vector<Vec2>& hull, const Execution& execution) {
@@ -141,35 +123,19 @@ Vec2 LongAxis(const std::vector<Vec2>& hull, const Execution& execution) {
   return best_axis;
 }
 
-struct Bounds {
-  Vec2 low = Vec2::Constant(kInfinity), high = Vec2::Constant(-kInfinity);
-
-  void Add(const Bounds& other) {
-    low = low.cwiseMin(other.low);
-    high = high.cwiseMax(other.high);
-  }
-};
-
 }  // namespace
 
 double PlaceInUnitSquare(std::vector<Vec2>* points, const Execution& execution) {
   if (points->empty()) return 1;
   std::vector<Vec2> candidates = HullCandidates(*points, execution);
   if (execution.IsCancelled()) return 1;
-  const Vec2 u = LongAxis(ConvexHull(std::move(candidates), execution), execution), v(-u.y(), u.x());
+  const Vec2 u = LongAxis(ConvexHull(std::move(candidates)), execution), v(-u.y(), u.x());
   const auto n = static_cast<std::int64_t>(points->size());
-  Bounds bounds;
-  for (const Bounds& part : execution.Collect<Bounds>(n, [&](std::int64_t begin, std::int64_t end) {
-         Bounds chunk;
-         for (std::int64_t i = begin; i < end; ++i) {
-           Vec2& p = (*points)[i];
-           p = Vec2(p.dot(u), p.dot(v));
-           chunk.Add({p, p});
-         }
-         return chunk;
-       })) {
-    bounds.Add(part);
-  }
+  const Box bounds = execution.SumUp<Box>(n, [&](std::int64_t i, Box* box) {
+    Vec2& p = (*points)[i];
+    p = Vec2(p.dot(u), p.dot(v));
+    box->Add(p);
+  });
   const double side = (bounds.high - bounds.low).maxCoeff();
   if (!(side > 0)) return 1;
   execution.For(n, [&](std::int64_t begin, std::int64_t end) {

@@ -5,6 +5,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
+#include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
@@ -28,22 +29,38 @@ std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
   return outline;
 }
 
+// Per face of the chart: the number of its group, the faces that it must not be parted from.
+std::vector<std::int32_t> UncutGroups(const Surface& surface, const Chart& chart, std::int32_t* count) {
+  const Topology& topology = chart.topology;
+  return ConnectedPieces(
+      topology.num_faces(), count, [](std::int32_t) { return true; },
+      [&](std::int32_t f, int k) {
+        const std::int32_t o = topology.opposite[3 * f + k];
+        return o >= 0 && surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
+      });
+}
+
+// `part`, per face of the chart, in the order of the segmentation.
+std::vector<std::int32_t> InOrderOf(const Segmentation& segmentation, std::int32_t number, const Chart& chart,
+                                    const std::vector<std::int32_t>& part) {
+  const std::vector<std::int32_t>& faces = segmentation.charts()[number];
+  std::vector<std::int32_t> ordered(part.size());
+  for (std::size_t f = 0; f < part.size(); ++f) {
+    ordered[std::lower_bound(faces.begin(), faces.end(), chart.faces[f]) - faces.begin()] = part[f];
+  }
+  return ordered;
+}
+
 // Per face: the middle of all faces that it must not be parted from, itself included.
 std::vector<Vec2> Middles(const Surface& surface, const Chart& chart, const ChartMap& map) {
   const Topology& topology = chart.topology;
   std::vector<Vec2> middle(topology.num_faces());
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const auto& [a, b, c] = topology.faces[f];
-    middle[f] = (map.positions[a] + map.positions[b] + map.positions[c]) / 3;
+    const auto [a, b, c] = TriangleOf(map.positions, topology.faces[f]);
+    middle[f] = (a + b + c) / 3;
   }
-  // The pieces of what must stay together.
   std::int32_t count = 0;
-  const std::vector<std::int32_t> group = ConnectedPieces(
-      topology.num_faces(), &count, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t o = topology.opposite[3 * f + k];
-        return o >= 0 && surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
-      });
+  const std::vector<std::int32_t> group = UncutGroups(surface, chart, &count);
   std::vector<Vec2> sum(count, Vec2::Zero());
   std::vector<double> members(count, 0);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
@@ -80,18 +97,14 @@ std::vector<std::int32_t> Pieces(const Topology& topology, const std::vector<Vec
       });
 }
 
-double DoubleArea(const ChartMap& map, const Face& face) {
-  const auto& [a, b, c] = face;
-  const Vec2 u = map.positions[b] - map.positions[a], v = map.positions[c] - map.positions[a];
-  return std::abs(u.x() * v.y() - u.y() * v.x());
-}
-
 // All but the largest `most` pieces go to a neighbour, the one with the longest common border, smallest pieces first.
 void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std::int32_t count,
                  std::vector<std::int32_t>* piece) {
   const Topology& topology = chart.topology;
   std::vector<double> area(count, 0);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) area[(*piece)[f]] += DoubleArea(map, topology.faces[f]);
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    area[(*piece)[f]] += std::abs(DoubleArea(TriangleOf(map.positions, topology.faces[f])));
+  }
   std::vector<std::int32_t> order(count);
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) { return area[a] < area[b]; });
@@ -134,9 +147,8 @@ std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart
 std::vector<char> TurnedFaces(const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored) {
   std::vector<char> turned(chart.faces.size(), 0);
   for (std::size_t f = 0; f < turned.size(); ++f) {
-    const std::int32_t c = 3 * chart.faces[f];
     if (!ignored.empty() && ignored[chart.faces[f]] != 0) continue;
-    turned[f] = Orientation(UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)) <= 0;
+    turned[f] = Orientation(TriangleOf(uv, chart.faces[f])) <= 0;
   }
   return turned;
 }
@@ -146,14 +158,8 @@ std::vector<char> TurnedFaces(const Chart& chart, const CornerUv& uv, const std:
 std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, const std::vector<char>& marked) {
   const Chart& chart = charts.charts[number].chart;
   const Topology& topology = chart.topology;
-  const Surface& surface = *charts.surface;
   std::int32_t groups = 0, parts = 0;
-  const std::vector<std::int32_t> group = ConnectedPieces(
-      topology.num_faces(), &groups, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t o = topology.opposite[3 * f + k];
-        return o >= 0 && surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
-      });
+  const std::vector<std::int32_t> group = UncutGroups(*charts.surface, chart, &groups);
   std::vector<char> is_alone(groups, 0);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) is_alone[group[f]] |= marked[f];
   const std::vector<std::int32_t> part = ConnectedPieces(
@@ -164,12 +170,7 @@ std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, co
         return is_alone[group[f]] || is_alone[group[o / 3]] ? -1 : o / 3;
       });
   if (parts < 2 || std::find(is_alone.begin(), is_alone.end(), 1) == is_alone.end()) return {};
-  const std::vector<std::int32_t>& faces = charts.segmentation->charts()[number];
-  std::vector<std::int32_t> ordered(part.size());
-  for (std::size_t f = 0; f < part.size(); ++f) {
-    ordered[std::lower_bound(faces.begin(), faces.end(), chart.faces[f]) - faces.begin()] = part[f];
-  }
-  return ordered;
+  return InOrderOf(*charts.segmentation, number, chart, part);
 }
 
 // All that pack better in parts.
@@ -178,14 +179,7 @@ std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const NeckOpti
   for (std::int32_t i = 0; i < charts.count(); ++i) {
     const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
     const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, options);
-    if (part.empty()) continue;
-    Segmentation::Cut cut = {i};
-    cut.part.resize(part.size());
-    const std::vector<std::int32_t>& faces = charts.segmentation->charts()[i];
-    for (std::size_t f = 0; f < part.size(); ++f) {
-      cut.part[std::lower_bound(faces.begin(), faces.end(), chart.faces[f]) - faces.begin()] = part[f];
-    }
-    cuts.push_back(std::move(cut));
+    if (!part.empty()) cuts.push_back({i, -1, -1, InOrderOf(*charts.segmentation, i, chart, part)});
   }
   return cuts;
 }

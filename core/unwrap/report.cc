@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -9,7 +8,6 @@
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/disc_check.h"
-#include "core/mesh/half_edges.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/warnings.h"
@@ -76,21 +74,13 @@ Overlaps FindOverlaps(const Job& job, const Charts& charts, const CornerUv& uv, 
   return all;
 }
 
-// Quality::seam_length: an edge of n faces counts for each of its n / 2 pairs that are apart in the UV.
-double SeamLength(const Mesh& mesh, const Charts& charts, const Execution& execution) {
+double RelativeSeamLength(const Mesh& mesh, const Charts& charts, const Execution& execution) {
   if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
   const std::vector<std::int32_t> opposite = charts.Opposite(mesh);
   std::vector<char> has_chart;
   for (const std::int32_t chart : charts.FaceChart(mesh)) has_chart.push_back(chart >= 0);
-  const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, has_chart);
-  double length = 0;
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-    const std::span<const std::int32_t> at = edges.edge(e);
-    const auto pairs = static_cast<std::int64_t>(at.size() / 2);
-    const std::int64_t joined = std::count_if(at.begin(), at.end(), [&](std::int32_t c) { return opposite[c] >= 0; });
-    const Vec3 along = mesh.positions[Target(mesh.faces, at[0])] - mesh.positions[Origin(mesh.faces, at[0])];
-    length += static_cast<double>(pairs - joined / 2) * along.norm();
-  }
+  const double length = SeamLength(
+      mesh, [&](std::int32_t c) { return opposite[c] >= 0; }, has_chart, execution);
   return length / std::sqrt(charts.total_area);
 }
 
@@ -180,7 +170,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   result.quality.packing_efficiency /= result.tiles;
-  result.quality.seam_length = SeamLength(job->mesh, charts, job->execution);
+  result.quality.seam_length = RelativeSeamLength(job->mesh, charts, job->execution);
   result.quality.flipped = orientation.flipped;
   result.quality.degenerate = orientation.degenerate;
   result.quality.overlapping = overlaps.pairs;

@@ -83,8 +83,7 @@ bool HasThinner(const Mesh& mesh, const Charts& charts, double resolution) {
   const Surface& surface = *charts.surface;
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
     if (!surface.takes_part[f] || surface.is_flat[f]) continue;
-    const auto& [a, b, c] = mesh.faces[f];
-    const double longest = std::sqrt(LongestEdgeSquared(mesh.positions[a], mesh.positions[b], mesh.positions[c]));
+    const double longest = LongestEdge(TriangleOf(mesh.positions, mesh.faces[f]));
     const double reduction = charts.reduction.empty() ? 1 : charts.reduction[f];
     if (2 * surface.area[f] * reduction < resolution / 2 * longest) return true;
   }

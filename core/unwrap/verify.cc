@@ -29,7 +29,7 @@ OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& executi
              OrientationFaults chunk;
              for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
                if (!ignored.empty() && ignored[f]) continue;
-               const int orientation = Orientation(UvOf(uv, 3 * f), UvOf(uv, 3 * f + 1), UvOf(uv, 3 * f + 2));
+               const int orientation = Orientation(TriangleOf(uv, f));
                if (orientation > 0) continue;
                ++(orientation < 0 ? chunk.flipped : chunk.degenerate);
                if (chunk.faces.size() < kMaxNamed) chunk.faces.push_back(f);
@@ -236,12 +236,9 @@ class PairwiseCheck {
     std::vector<Box> boxes(num_faces_);
     execution_.For(num_faces_, [&](std::int64_t begin, std::int64_t end) {
       for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
-        Triangle& t = triangles_[f];
-        for (int k = 0; k < 3; ++k) {
-          t[k] = UvOf(uv, 3 * f + k);
-          boxes[f].Add(t[k]);
-        }
-        const int sign = Orientation(t[0], t[1], t[2]);
+        Triangle& t = triangles_[f] = TriangleOf(uv, f);
+        for (const Vec2& p : t) boxes[f].Add(p);
+        const int sign = Orientation(t);
         if (sign < 0) std::swap(t[1], t[2]);
         // Without an interior it meets nothing.
         if (sign == 0 || (!ignored.empty() && ignored[f])) boxes[f] = Box();
@@ -340,8 +337,7 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
   const bool all_upright =
       orientation.flipped == 0 && orientation.degenerate == 0 &&
       (ignored.empty() || execution.Count(static_cast<std::int64_t>(ignored.size()), [&](std::int64_t f) {
-        const auto c = static_cast<std::int32_t>(3 * f);
-        return ignored[f] && Orientation(UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)) <= 0;
+        return ignored[f] && Orientation(TriangleOf(uv, f)) <= 0;
       }) == 0);
   return all_upright && OutlinesAreApart(opposite, uv, max_tests, execution);
 }

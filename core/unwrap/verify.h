@@ -1,6 +1,7 @@
 // The verifier: judges delivered UV, whoever made them, by exact predicates.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -15,6 +16,11 @@ using CornerUv = std::vector<double>;
 
 inline Vec2 UvOf(const CornerUv& uv, std::int32_t corner) {
   return {uv[2 * corner], uv[2 * corner + 1]};
+}
+
+inline std::array<Vec2, 3> TriangleOf(const CornerUv& uv, std::int64_t face) {
+  const auto c = static_cast<std::int32_t>(3 * face);
+  return {UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)};
 }
 
 // `uv` rounded to float.

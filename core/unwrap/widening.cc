@@ -28,18 +28,15 @@ constexpr double kMostExtent = 1e5;
 // Radians. Of a thicker face that is turned over all the same the shape is not the reason.
 constexpr double kThin = 1e-4;
 
-double LongestEdge(const Corners& p) {
-  return std::sqrt(LongestEdgeSquared(p[0], p[1], p[2]));
+double LongestOnSurface(const Mesh& mesh, std::int32_t f) {
+  return LongestEdge(TriangleOf(mesh.positions, mesh.faces[f]));
 }
 
-double LongestEdge(const Mesh& mesh, std::int32_t f) {
-  const auto& [a, b, c] = mesh.faces[f];
-  return std::sqrt(LongestEdgeSquared(mesh.positions[a], mesh.positions[b], mesh.positions[c]));
-}
-
-double DoubleAreaOf(const Corners& p) {
-  const Vec2 u = p[1] - p[0], v = p[2] - p[0];
-  return u.x() * v.y() - u.y() * v.x();
+// What the corners of a face as delivered are rounded to multiples of.
+double GrainOf(const Corners& p, Precision precision) {
+  const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
+  const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});
+  return std::ldexp(1.0, std::ilogb(farthest) + 1 - digits);
 }
 
 // The angles of a triangle with the least of them raised to `least`, at the cost of the largest.
@@ -126,14 +123,13 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
   ThinFaces thin;
   const double reduction = std::min(1.0, chart->enlargement);
   for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
-    const auto& [a, b, c] = chart->topology.faces[f];
-    const Corners p = {map.positions[a], map.positions[b], map.positions[c]};
+    const Corners p = TriangleOf(map.positions, chart->topology.faces[f]);
     thin.AddCorners(p);
     if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
     // Where the map is shrunk, more so than the surface says, the shape of this face is not the reason.
-    const double longest = std::max(LongestEdge(p), reduction * LongestEdge(mesh, chart->faces[f]));
-    const double altitude = DoubleAreaOf(p) / LongestEdge(p);
-    if (altitude >= kLeastAltitude * grain && Orientation(p[0], p[1], p[2]) > 0) continue;
+    const double longest = std::max(LongestEdge(p), reduction * LongestOnSurface(mesh, chart->faces[f]));
+    const double altitude = DoubleArea(p) / LongestEdge(p);
+    if (altitude >= kLeastAltitude * grain && Orientation(p) > 0) continue;
     thin.faces.push_back({f, grain, longest, altitude});
   }
   return Widen(mesh, thin, chart);
@@ -142,34 +138,28 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
 std::vector<std::int32_t> HardlyHeld(const CornerUv& uv, Precision precision, const std::vector<char>& ignored,
                                      const Chart& chart) {
   std::vector<std::int32_t> faces;
-  const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
   for (const std::int32_t f : chart.faces) {
     if (!ignored.empty() && ignored[f] != 0) continue;
-    const Corners p = {UvOf(uv, 3 * f), UvOf(uv, 3 * f + 1), UvOf(uv, 3 * f + 2)};
-    const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});
-    const double grain = std::ldexp(1.0, std::ilogb(farthest) + 1 - digits);
-    if (DoubleAreaOf(p) < kHeldAltitude * grain * LongestEdge(p)) faces.push_back(f);
+    const Corners p = TriangleOf(uv, f);
+    if (DoubleArea(p) < kHeldAltitude * GrainOf(p, precision) * LongestEdge(p)) faces.push_back(f);
   }
   return faces;
 }
 
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                     const std::vector<char>& ignored, Chart* chart) {
-  const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
   ThinFaces thin;
   bool any_turned = false;
   const double reduction = std::min(1.0, chart->enlargement);
   for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
-    const std::int32_t c = 3 * chart->faces[f];
-    const Corners p = {UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)};
+    const Corners p = TriangleOf(uv, chart->faces[f]);
     thin.AddCorners(p);
     if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
-    const double farthest = std::max({p[0].maxCoeff(), p[1].maxCoeff(), p[2].maxCoeff(), kLeastPlace});
-    const double grain = std::ldexp(1.0, std::ilogb(farthest) + 1 - digits);
-    const bool is_turned = Orientation(p[0], p[1], p[2]) <= 0;
-    if (!is_turned && DoubleAreaOf(p) >= kLeastAltitude * grain * LongestEdge(p)) continue;
+    const double grain = GrainOf(p, precision);
+    const bool is_turned = Orientation(p) <= 0;
+    if (!is_turned && DoubleArea(p) >= kLeastAltitude * grain * LongestEdge(p)) continue;
     any_turned |= is_turned;
-    const double longest = std::max(LongestEdge(p), scale * reduction * LongestEdge(mesh, chart->faces[f]));
+    const double longest = std::max(LongestEdge(p), scale * reduction * LongestOnSurface(mesh, chart->faces[f]));
     thin.faces.push_back({f, grain, longest, 0, is_turned});
   }
   // Needles beside a face that is widened would be squashed.
