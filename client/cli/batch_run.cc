@@ -15,7 +15,8 @@ constexpr double kLongestPauseSeconds = 5;
 
 }  // namespace
 
-BatchRun::BatchRun(const BatchContext& context, const BatchPlan& plan, const BatchRunOptions& options, BatchView& view)
+BatchRun::BatchRun(const BatchContext& context, const BatchPlan& plan, const BatchRunOptions& options,
+                   ProgressView& view)
     : context_(context),
       plan_(plan),
       options_(options),
@@ -53,7 +54,7 @@ void BatchRun::Work() {
 }
 
 BatchEnd BatchRun::DoWithPatience(std::size_t file) {
-  Callbacks callbacks = view_.CallbacksOf(file);
+  Callbacks callbacks = view_.CallbacksOf(file, context_.arguments.verbose);
   const auto told = callbacks.on_reconnect;
   callbacks.on_reconnect = [this, told](const Error& why, double seconds) {
     if (why.reason() == "QUEUE_FULL") flight_.OnQueueFull();

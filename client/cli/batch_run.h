@@ -8,7 +8,7 @@
 
 #include "client/cli/batch_flight.h"
 #include "client/cli/batch_job.h"
-#include "client/cli/batch_view.h"
+#include "client/cli/progress_view.h"
 
 namespace planish::cli {
 
@@ -21,7 +21,7 @@ struct BatchRunOptions {
 class BatchRun {
  public:
   // All must outlive the run.
-  BatchRun(const BatchContext& context, const BatchPlan& plan, const BatchRunOptions& options, BatchView& view);
+  BatchRun(const BatchContext& context, const BatchPlan& plan, const BatchRunOptions& options, ProgressView& view);
 
   // A row per item of the plan, in its order. Once.
   std::vector<BatchRow> Run();
@@ -38,7 +38,7 @@ class BatchRun {
   const BatchContext& context_;
   const BatchPlan& plan_;
   const BatchRunOptions options_;
-  BatchView& view_;
+  ProgressView& view_;
   BatchFlight flight_;
   std::atomic<bool> server_lost_ = false;
   std::mutex mutex_;  // guards what follows, and stdout

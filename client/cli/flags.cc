@@ -98,9 +98,14 @@ void AddTerminal(CLI::App& app, Arguments& arguments) {
 void AddProgress(CLI::App& app, Arguments& arguments) {
   Choices<ProgressMode>{
       {ProgressMode::kAuto, ProgressMode::kBar, ProgressMode::kPlain, ProgressMode::kJson, ProgressMode::kNone}}
-      .AddTo(
-          app, "--progress", arguments.progress,
-          "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file)");
+      .AddTo(app, "--progress", arguments.progress,
+             "What stderr shows of a running job; auto: a bar on a terminal, else nothing (of a batch a line per file; "
+             "with "
+             "--verbose as plain)");
+  app.add_flag("-v,--verbose", arguments.verbose,
+               "Say on stderr which server answers and what is sent, and of the result also the seconds of each stage, "
+               "memory, charts and every warning")
+      ->excludes("--quiet");
 }
 
 void AddOutput(CLI::App& app, Arguments& arguments) {
@@ -173,15 +178,17 @@ void AddScheduling(CLI::App& app, Scheduling& scheduling) {
          "Which waiting job is next: high counts as 10 minutes older, low as 10 minutes younger [normal]")
       ->check(CLI::IsMember({"low", "normal", "high"}).description(""))
       ->type_name("low|normal|high");
-  app.add_option("--deadline", scheduling.timeout_seconds,
-                 "The server fails the job if it has not ended so long after it was accepted, whoever waits for it")
+  app.add_option(
+         "--deadline", scheduling.timeout_seconds,
+         "The server fails the job if it has not ended so long after it was accepted, time in the queue included")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
       ->type_name("SECONDS");
   app.add_option("--budget", scheduling.compute_budget_seconds,
-                 "The server stops the job when it has run for so long, and delivers the best map that it has then")
+                 "The server stops the job when it has run for so long, and delivers the best map that there is then")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""))
       ->type_name("SECONDS");
-  app.add_flag("--fresh", scheduling.fresh, "The server computes anew even if it has the result for this mesh already");
+  app.add_flag("--fresh", scheduling.fresh,
+               "The server computes anew even if it has kept the result for this mesh and these options");
 }
 
 ClientOptions WithServerFlags(ClientOptions options, const ServerFlags& flags) {

@@ -65,13 +65,14 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
   AddJobCommand(jobs, arguments, Command::kJobsShow, "show", "One job with its report");
   CLI::App& watch = AddJobCommand(jobs, arguments, Command::kJobsWatch, "watch",
                                   "Follow a job to its end; with --mesh and -o, write its UV");
-  AddProgress(watch, arguments);
   watch.add_option("--mesh", arguments.input, "The file that was sent; the UV go into a copy of it")->type_name("IN");
   AddOutput(watch, arguments);
   AddPreview(watch, arguments);
   AddTexcoord(watch, arguments);
   AddOutputTexcoord(watch, arguments);
   AddTimeout(watch, arguments, "Stop watching after so long; the job goes on");
+  AddTerminal(watch, arguments);
+  AddProgress(watch, arguments);
   AddJobCommand(jobs, arguments, Command::kJobsStop, "stop", "End a job soon, with the best map that it has then");
   AddJobCommand(jobs, arguments, Command::kJobsCancel, "cancel", "End a job and discard what it has");
   AddJobCommand(jobs, arguments, Command::kJobsDelete, "delete", "Forget a job that ended");

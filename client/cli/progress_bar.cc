@@ -1,7 +1,5 @@
 #include "client/cli/progress_bar.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,12 +13,15 @@ namespace {
 constexpr std::size_t kSparklineLength = 16;
 constexpr int kLongestBar = 32;
 constexpr int kShortestBar = 8;
+constexpr int kNarrowestBar = 24;  // columns that a bar keeps beside its name
+constexpr int kShortestName = 8;
+constexpr char kEraseLine[] = "\x1b[K";
+constexpr char kEraseBelow[] = "\x1b[J";
 
 const char kBold[] = "\x1b[1m";
 const char kDim[] = "\x1b[2m";
 const char kCyan[] = "\x1b[36m";
 const char kGreen[] = "\x1b[32m";
-const char kRed[] = "\x1b[31m";
 const char kYellow[] = "\x1b[33m";
 
 std::string Repeat(const std::string& text, int count) {
@@ -29,35 +30,34 @@ std::string Repeat(const std::string& text, int count) {
   return result;
 }
 
-std::string Mark(const BarState& state, const Terminal& terminal, int frame) {
-  if (state.ending == BarState::Ending::kSucceeded) return Colored(terminal, kGreen, terminal.utf8 ? "✓" : "+");
-  if (state.ending == BarState::Ending::kFailed) return Colored(terminal, kRed, terminal.utf8 ? "✗" : "x");
+std::string Mark(const JobProgress& progress, const Terminal& terminal, int frame) {
+  if (progress.has_succeeded) return Colored(terminal, kGreen, terminal.utf8 ? "✓" : "+");
   static constexpr std::array<const char*, 10> kDots = {"⠋", "⠙", "⠹", "⠸", "⠼", "⠴", "⠦", "⠧", "⠇", "⠏"};
   static constexpr std::array<const char*, 4> kTurns = {"|", "/", "-", "\\"};
   const auto at = static_cast<std::size_t>(frame);
   return Colored(terminal, kCyan, terminal.utf8 ? kDots[at % kDots.size()] : kTurns[at % kTurns.size()]);
 }
 
-std::string StageText(const BarState& state) {
-  if (state.ending == BarState::Ending::kSucceeded) return "done";
-  if (!state.notice.empty()) return state.notice;
-  if (state.stage == Stage::kQueue && state.queue_position > 0) {
-    return "queue (" + std::to_string(state.queue_position) + " ahead)";
+std::string StageText(const JobProgress& progress) {
+  if (progress.has_succeeded) return "done";
+  if (!progress.notice.empty()) return progress.notice;
+  if (progress.stage == Stage::kQueue && progress.queue_position > 0) {
+    return "queue (" + std::to_string(progress.queue_position) + " ahead)";
   }
-  if (state.stage == Stage::kDownload && state.total_bytes > 0) {
-    return "download " + std::to_string(100 * state.received_bytes / state.total_bytes) + " %";
+  if (progress.stage == Stage::kDownload && progress.total_bytes > 0) {
+    return "download " + std::to_string(100 * progress.received_bytes / progress.total_bytes) + " %";
   }
-  std::string text = ToString(state.stage);
-  if (state.chart_count > 1) {
-    text += " " + std::to_string(state.chart + 1) + "/" + std::to_string(state.chart_count);
+  std::string text = ToString(progress.stage);
+  if (progress.chart_count > 1) {
+    text += " " + std::to_string(progress.chart + 1) + "/" + std::to_string(progress.chart_count);
   }
   return text;
 }
 
-std::string Bar(const BarState& state, const Terminal& terminal, int width) {
-  const double filled = state.Fraction() * width;
+std::string Bar(const JobProgress& progress, const Terminal& terminal, int width) {
+  const double filled = progress.Fraction() * width;
   const int whole = static_cast<int>(filled);
-  const char* color = state.ending == BarState::Ending::kSucceeded ? kGreen : kCyan;
+  const char* color = progress.has_succeeded ? kGreen : kCyan;
   if (!terminal.utf8) {
     return "[" + Colored(terminal, color, std::string(static_cast<std::size_t>(whole), '#')) +
            std::string(static_cast<std::size_t>(width - whole), '.') + "]";
@@ -72,6 +72,22 @@ struct Piece {
   std::string text;
   int rank;  // pieces of the highest rank go first when space is short
 };
+
+std::string TotalsLine(const ProgressState& state, std::size_t hidden) {
+  std::string text = WithCommas(state.ended) + " of " + Counted(state.jobs_in_all, "file", "files");
+  if (state.bad > 0) text += ", " + WithCommas(state.bad) + " failed or not usable";
+  if (!state.jobs.empty()) text += ", " + std::to_string(state.jobs.size()) + " in flight";
+  if (hidden > 0) text += " (" + std::to_string(hidden) + " not shown)";
+  const bool ticking = state.elapsed_seconds < 59.95;
+  text += ", " + (ticking ? Fixed(state.elapsed_seconds, 1) + " s" : Duration(state.elapsed_seconds));
+  return state.notice.empty() ? text : state.notice + ": " + text;
+}
+
+// The beginning of `text`, which has no colours.
+std::string CutBehind(const std::string& text, int columns) {
+  if (DisplayWidth(text) <= columns) return text;
+  return text.substr(0, static_cast<std::size_t>(std::max(0, columns)));
+}
 
 }  // namespace
 
@@ -89,75 +105,30 @@ std::string Sparkline(const std::vector<double>& values, double floor) {
   return line;
 }
 
-void BarState::Apply(const Event& event) {
-  if (notice != kCancelling) notice.clear();
-  if (event.job) {
-    queue_position = event.job->queue_position;
-    if (event.job->state == JobState::kQueued) {
-      // A job that was lost and submitted anew begins again.
-      *this = BarState();
-      stage = Stage::kQueue;
-      queue_position = event.job->queue_position;
-    }
-    if (event.job->state == JobState::kRunning && stage <= Stage::kQueue) stage = Stage::kDecode;
-    if (event.job->state == JobState::kStopping) notice = kCancelling;
-    if (event.job->state == JobState::kSucceeded) stage = Stage::kDownload;
-  }
-  if (!event.progress) return;
-  const Progress& progress = *event.progress;
-  stage = progress.stage;
-  if (progress.chart != chart) residuals.clear();
-  chart = progress.chart;
-  chart_count = progress.chart_count;
-  newton_iteration = progress.newton_iteration;
-  linear_iterations = progress.linear_iterations;
-  if (progress.tolerance > 0) tolerance = progress.tolerance;
-  const double worst = progress.residual.Worst();
-  if (progress.stage < Stage::kSolve || !(worst > 0) || !std::isfinite(worst)) return;
-  // Events may be skipped, so iterations that were not seen take the value of the next one.
-  const auto count = static_cast<std::size_t>(std::max(0, progress.newton_iteration)) + 1;
-  if (residuals.size() < count) residuals.resize(count, worst);
-  residuals[count - 1] = worst;
-  if (chart_count > 1) reached = Fraction();
-}
-
-double BarState::Fraction() const {
-  if (ending == Ending::kSucceeded || stage > Stage::kSolve) return 1;
-  if (chart_count <= 1) return ChartFraction();
-  return std::clamp((chart + ChartFraction()) / chart_count, reached, 1.0);
-}
-
-double BarState::ChartFraction() const {
-  if (residuals.empty() || tolerance <= 0) return 0;
-  const double first = *std::max_element(residuals.begin(), residuals.end());
-  const double least = *std::min_element(residuals.begin(), residuals.end());
-  if (first <= tolerance) return 1;
-  return std::clamp(std::log(first / least) / std::log(first / tolerance), 0.0, 1.0);
-}
-
-std::string RenderBar(const BarState& state, const Terminal& terminal, int frame) {
+std::string RenderBar(const JobProgress& progress, const Terminal& terminal, int frame) {
   const int width = terminal.width - 1;  // the last column would wrap on some terminals
-  const char* stage_color = !state.notice.empty() && state.ending == BarState::Ending::kNone ? kYellow : kBold;
+  const char* stage_color = !progress.notice.empty() && !progress.has_succeeded ? kYellow : kBold;
   std::vector<Piece> pieces;
   pieces.push_back(
-      {Mark(state, terminal, frame) + " " + Colored(terminal, stage_color, Padded(StageText(state), 8)), 0});
+      {Mark(progress, terminal, frame) + " " + Colored(terminal, stage_color, Padded(StageText(progress), 8)), 0});
   const std::size_t bar_at = pieces.size();
   pieces.push_back({"", 2});
-  if (!state.residuals.empty()) {
-    std::string residual = Scientific(state.residuals.back());
-    if (state.tolerance > 0 && state.ending == BarState::Ending::kNone) {
-      residual += Colored(terminal, kDim, (terminal.utf8 ? " → " : " -> ") + Scientific(state.tolerance));
+  if (!progress.residuals.empty()) {
+    std::string residual = Scientific(progress.residuals.back());
+    if (progress.tolerance > 0 && !progress.has_succeeded) {
+      residual += Colored(terminal, kDim, (terminal.utf8 ? " → " : " -> ") + Scientific(progress.tolerance));
     }
     pieces.push_back({residual, 3});
-    if (terminal.utf8) pieces.push_back({Colored(terminal, kCyan, Sparkline(state.residuals, state.tolerance)), 5});
-    pieces.push_back({"newton " + std::to_string(state.newton_iteration), 1});
-    if (state.linear_iterations > 0) {
-      pieces.push_back({Colored(terminal, kDim, WithCommas(state.linear_iterations) + " linear"), 4});
+    if (terminal.utf8)
+      pieces.push_back({Colored(terminal, kCyan, Sparkline(progress.residuals, progress.tolerance)), 5});
+    pieces.push_back({"newton " + std::to_string(progress.newton_iteration), 1});
+    if (progress.linear_iterations > 0) {
+      pieces.push_back({Colored(terminal, kDim, WithCommas(progress.linear_iterations) + " linear"), 4});
     }
   }
   // Hundredths would flicker while the clock ticks.
-  const double seconds = state.elapsed_seconds;
-  const bool ticking = state.ending == BarState::Ending::kNone && seconds < 59.95;
+  const double seconds = progress.elapsed_seconds;
+  const bool ticking = !progress.has_succeeded && seconds < 59.95;
   pieces.push_back({ticking ? Fixed(seconds, 1) + " s" : Duration(seconds), 1});
 
   const auto total = [&pieces](int bar_width) {
@@ -174,7 +145,7 @@ std::string RenderBar(const BarState& state, const Terminal& terminal, int frame
                  pieces.end());
   }
   const int bar_width = std::min(kLongestBar, width - total(frame_columns + 1) + 1);
-  if (bar_width >= kShortestBar) pieces[bar_at].text = Bar(state, terminal, bar_width);
+  if (bar_width >= kShortestBar) pieces[bar_at].text = Bar(progress, terminal, bar_width);
 
   std::string line;
   for (const Piece& piece : pieces) {
@@ -185,61 +156,41 @@ std::string RenderBar(const BarState& state, const Terminal& terminal, int frame
   return line;
 }
 
-ProgressBar::ProgressBar() : painter_([this] { PaintUntilStopped(); }) {}
+std::vector<std::string> RenderBatch(const ProgressState& state, const Terminal& terminal, int frame) {
+  // One row for the totals, one for the cursor; what scrolls off the top cannot be painted over.
+  const auto room = static_cast<std::size_t>(std::max(0, terminal.height - 2));
+  const std::size_t shown = std::min(room, state.jobs.size());
+  const int width = terminal.width - 1;
+  int name_width = 0;
+  for (std::size_t j = 0; j < shown; ++j) name_width = std::max(name_width, DisplayWidth(state.jobs[j].name));
+  name_width = std::min(name_width, std::max(kShortestName, std::min(width / 3, width - kNarrowestBar)));
 
-ProgressBar::~ProgressBar() {
-  if (painter_.joinable()) Finish(false);
-}
-
-void ProgressBar::OnEvent(const Event& event) {
-  const std::lock_guard lock(mutex_);
-  state_.Apply(event);
-}
-
-void ProgressBar::OnDownload(std::int64_t received, std::int64_t total) {
-  const std::lock_guard lock(mutex_);
-  state_.received_bytes = received;
-  state_.total_bytes = total;
-}
-
-void ProgressBar::OnNotice(const std::string& notice) {
-  const std::lock_guard lock(mutex_);
-  state_.notice = notice;
-}
-
-std::string ProgressBar::Painting(int frame) {
-  state_.elapsed_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  // One write, the old line overwritten and only its rest erased: nothing ever blinks.
-  return "\r" + RenderBar(state_, StderrTerminal(), frame) + "\x1b[K";
-}
-
-void ProgressBar::PaintUntilStopped() {
-  std::unique_lock lock(mutex_);
-  for (int frame = 0; !stopped_; ++frame) {
-    // A quick job should not flash a bar at all before its last line.
-    if (frame > 0) {
-      const std::string painting = Painting(frame);
-      lock.unlock();
-      [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, painting.data(), painting.size());
-      lock.lock();
-    }
-    changed_.wait_for(lock, kFrame, [this] { return stopped_; });
+  std::vector<std::string> lines;
+  for (std::size_t j = 0; j < shown; ++j) {
+    const std::string& name = state.jobs[j].name;
+    std::string line =
+        CutToWidth(Padded(CutToWidth(name, name_width, terminal.utf8), name_width), width, terminal.utf8);
+    Terminal rest = terminal;
+    rest.width = terminal.width - name_width - 2;
+    if (rest.width > 1) line += "  " + RenderBar(state.jobs[j].progress, rest, frame);
+    lines.push_back(line);
   }
+  lines.push_back(CutBehind(TotalsLine(state, state.jobs.size() - shown), width));
+  return lines;
 }
 
-void ProgressBar::Finish(bool succeeded) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (stopped_) return;
-    stopped_ = true;
-    changed_.notify_all();
-  }
-  painter_.join();
-  const std::lock_guard lock(mutex_);
-  state_.ending = succeeded ? BarState::Ending::kSucceeded : BarState::Ending::kFailed;
-  // What went wrong is told by others, in words.
-  const std::string last = succeeded ? Painting(0) + "\n" : "\r\x1b[K";
-  [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, last.data(), last.size());
+std::string Repaint(const std::vector<std::string>& before, const std::vector<std::string>& ended,
+                    const std::vector<std::string>& live, const Terminal& terminal) {
+  const int width = std::max(1, terminal.width);
+  int rows = 0;
+  for (const std::string& line : before) rows += std::max(1, (DisplayWidth(line) + width - 1) / width);
+  rows = std::min(rows, std::max(0, terminal.height - 1));
+  std::string text = "\r";
+  if (rows > 0) text += "\x1b[" + std::to_string(rows) + "A";
+  // Lines are overwritten and only their rests erased: nothing blinks.
+  for (const std::string& line : ended) text += line + kEraseLine + "\n";
+  for (const std::string& line : live) text += line + kEraseLine + "\n";
+  return text + kEraseBelow;
 }
 
 }  // namespace planish::cli

@@ -2,11 +2,13 @@
 
 #include <filesystem>
 
+#include "client/cli/numbers.h"
+
 namespace planish::cli {
 
 ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
                            const ServerNeeds& needs)
-    : interrupts_(interrupts) {
+    : address_(address), interrupts_(interrupts) {
   if (address.empty()) {
     PrivateServerOptions options;
     options.workers = needs.workers;
@@ -25,6 +27,13 @@ ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags,
   // A private server that is lost does not come back.
   if (address.empty()) options.reattach_seconds = options.retry_seconds = 1;
   client_.emplace(address.empty() ? private_server_->target() : address, options);
+}
+
+std::string ServerChoice::Description() {
+  const Capabilities capabilities = client_->GetCapabilities();
+  return (private_server_ ? "Private server " + private_server_->executable() : "Server " + address_) + ": planishd " +
+         capabilities.version + ", " + Counted(capabilities.workers, "worker", "workers") + ", " +
+         Counted(capabilities.threads, "thread", "threads") + " a job";
 }
 
 ServerChoice::~ServerChoice() {

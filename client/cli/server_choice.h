@@ -26,10 +26,13 @@ class ServerChoice {
   ~ServerChoice();
 
   Client& client() { return *client_; }
+  // For --verbose: "Server farm:7741: planishd 0.1.0, 4 workers, 8 threads a job". Asks the server.
+  std::string Description();
   // Null if the server is somebody else's.
   const PrivateServer* private_server() const { return private_server_ ? &*private_server_ : nullptr; }
 
  private:
+  const std::string address_;
   Interrupts& interrupts_;
   std::optional<PrivateServer> private_server_;
   std::optional<Client> client_;

@@ -9,8 +9,9 @@
 namespace planish::cli {
 
 // Two to four lines on what was done and how good it is, however many charts there are; the first few warnings of each
-// kind; and, if the result is not usable, why. `output` is the file that was written; empty if none.
-std::string Summary(const Report& report, const std::string& output, const Terminal& terminal);
+// kind; and, if the result is not usable, why. `output` is the file that was written; empty if none. `verbose`: also
+// the seconds of each stage, memory, the largest charts, and every warning.
+std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose = false);
 
 // Why the result is not usable; empty if it is.
 std::string WhyNotUsable(const Report& report);

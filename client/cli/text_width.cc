@@ -1,43 +1,52 @@
 #include "client/cli/text_width.h"
 
+#include <utf8proc.h>
+
 #include <algorithm>
-#include <array>
-#include <cstdint>
+#include <cstddef>
+#include <vector>
 
 namespace planish::cli {
 namespace {
 
-// Code points that terminals show two columns wide (the blocks of Unicode's EastAsianWidth W and F, and emoji).
-constexpr std::array<std::array<std::uint32_t, 2>, 10> kWide = {{{0x1100, 0x115F},
-                                                                 {0x2E80, 0x303E},
-                                                                 {0x3041, 0xA4CF},
-                                                                 {0xAC00, 0xD7A3},
-                                                                 {0xF900, 0xFAFF},
-                                                                 {0xFE30, 0xFE6F},
-                                                                 {0xFF00, 0xFF60},
-                                                                 {0xFFE0, 0xFFE6},
-                                                                 {0x1F300, 0x1FAFF},
-                                                                 {0x20000, 0x3FFFD}}};
+struct Character {
+  std::size_t begin = 0, size = 1;  // bytes
+  utf8proc_int32_t code = -1;       // -1: no UTF-8; a byte by itself
 
-bool IsContinuation(char byte) {
-  return (static_cast<unsigned char>(byte) & 0xC0) == 0x80;
+  int Width() const { return code < 0 ? 1 : utf8proc_charwidth(code); }
+};
+
+Character CharacterAt(const std::string& text, std::size_t at) {
+  Character character = {at};
+  const auto* bytes = reinterpret_cast<const utf8proc_uint8_t*>(text.data());
+  const utf8proc_ssize_t size =
+      utf8proc_iterate(bytes + at, static_cast<utf8proc_ssize_t>(text.size() - at), &character.code);
+  if (size > 0) {
+    character.size = static_cast<std::size_t>(size);
+  } else {
+    character.code = -1;
+  }
+  return character;
 }
 
-// Bytes of the character that begins at `at`.
-std::size_t LengthAt(const std::string& text, std::size_t at) {
-  std::size_t end = at + 1;
-  while (end < text.size() && IsContinuation(text[end])) ++end;
-  return end - at;
-}
-
-int WidthAt(const std::string& text, std::size_t at, std::size_t length) {
-  const auto first = static_cast<unsigned char>(text[at]);
-  std::uint32_t code = length == 3 ? first & 0x0Fu : length == 4 ? first & 0x07u : first;
-  if (length < 3) return 1;
-  for (std::size_t i = 1; i < length; ++i) code = code << 6 | (static_cast<unsigned char>(text[at + i]) & 0x3Fu);
-  const bool wide = std::any_of(kWide.begin(), kWide.end(),
-                                [code](const auto& range) { return code >= range[0] && code <= range[1]; });
-  return wide ? 2 : 1;
+// A terminal may act on it, or show what follows in another order.
+bool IsControl(const Character& character) {
+  const utf8proc_property_t& property = *utf8proc_get_property(character.code);
+  switch (property.bidi_class) {
+    case UTF8PROC_BIDI_CLASS_LRE:
+    case UTF8PROC_BIDI_CLASS_LRO:
+    case UTF8PROC_BIDI_CLASS_RLE:
+    case UTF8PROC_BIDI_CLASS_RLO:
+    case UTF8PROC_BIDI_CLASS_PDF:
+    case UTF8PROC_BIDI_CLASS_LRI:
+    case UTF8PROC_BIDI_CLASS_RLI:
+    case UTF8PROC_BIDI_CLASS_FSI:
+    case UTF8PROC_BIDI_CLASS_PDI:
+      return true;
+    default:
+      return property.category == UTF8PROC_CATEGORY_CC || property.category == UTF8PROC_CATEGORY_ZL ||
+             property.category == UTF8PROC_CATEGORY_ZP;
+  }
 }
 
 }  // namespace
@@ -50,23 +59,20 @@ int DisplayWidth(const std::string& text) {
       ++i;
       continue;
     }
-    const std::size_t length = LengthAt(text, i);
-    width += WidthAt(text, i, length);
-    i += length;
+    const Character character = CharacterAt(text, i);
+    width += character.Width();
+    i += character.size;
   }
   return width;
 }
 
 std::string Printable(const std::string& name, bool utf8) {
   std::string text;
-  for (std::size_t i = 0; i < name.size(); i += LengthAt(name, i)) {
-    const auto byte = static_cast<unsigned char>(name[i]);
-    const bool is_ascii = byte < 0x80;
-    const bool is_control = byte < 0x20 || byte == 0x7F;
-    // U+0080 to U+009F are control characters as well.
-    const bool is_c1 = byte == 0xC2 && i + 1 < name.size() && static_cast<unsigned char>(name[i + 1]) < 0xA0;
-    const bool is_torn = !is_ascii && (LengthAt(name, i) == 1 || IsContinuation(name[i]));
-    text += is_control || is_c1 || is_torn || (!is_ascii && !utf8) ? "?" : name.substr(i, LengthAt(name, i));
+  for (std::size_t i = 0; i < name.size();) {
+    const Character character = CharacterAt(name, i);
+    const bool is_shown = character.code >= 0 && !IsControl(character) && (utf8 || character.code < 0x80);
+    text += is_shown ? name.substr(i, character.size) : "?";
+    i += character.size;
   }
   return text;
 }
@@ -87,13 +93,12 @@ std::string CutToWidth(const std::string& text, int columns, bool utf8) {
   const std::string ellipsis = utf8 ? "…" : "..";
   int left = columns - DisplayWidth(ellipsis);
   if (left <= 0) return std::string(static_cast<std::size_t>(std::max(0, columns)), '.');
+  std::vector<Character> characters;
+  for (std::size_t i = 0; i < text.size(); i += characters.back().size) characters.push_back(CharacterAt(text, i));
+  // What takes no column, as an accent, belongs to the character before it and stays only with that.
   std::size_t begin = text.size();
-  while (begin > 0) {
-    std::size_t before = begin - 1;
-    while (before > 0 && IsContinuation(text[before])) --before;
-    left -= WidthAt(text, before, begin - before);
-    if (left < 0) break;
-    begin = before;
+  for (auto it = characters.rbegin(); it != characters.rend() && (left -= it->Width()) >= 0; ++it) {
+    if (it->Width() > 0) begin = it->begin;
   }
   return ellipsis + text.substr(begin);
 }

@@ -5,10 +5,12 @@
 
 namespace planish::cli {
 
-// Columns of a UTF-8 text without its colour codes; East Asian wide characters and emoji take two.
+// Columns of a UTF-8 text without its colour codes: two for East Asian wide characters and emoji, none for accents that
+// combine with the character before. A byte that is no UTF-8 takes one.
 int DisplayWidth(const std::string& text);
 
-// A file's name as it may be shown: control characters, and where `utf8` is false all that is not ASCII, as '?'.
+// A file's name as it may be shown. Control characters, those that turn the direction of writing, bytes that are no
+// UTF-8, and, where `utf8` is false, all that is not ASCII become '?'.
 std::string Printable(const std::string& name, bool utf8);
 
 // The same of text that may have several lines.

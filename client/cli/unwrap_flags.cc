@@ -44,7 +44,10 @@ void AddBatch(CLI::App& app, Arguments& arguments) {
   app.add_option("--format", arguments.format, "Of the outputs of a batch [that of each input; STL becomes OBJ]")
       ->check(CLI::IsMember({"obj", "ply", "off", "gltf", "glb", "drc"}).description(""))
       ->type_name("obj|ply|off|gltf|glb|drc");
-  app.add_flag("--again", arguments.again, "Of a batch: redo files whose outputs are up to date (see --fresh)");
+  app.add_flag(
+      "--again", arguments.again,
+      "Of a batch: send files again whose outputs are up to date; the server may answer with a result that it has "
+      "kept, unless --fresh is given too");
 }
 
 void AddPicture(CLI::App& app, Arguments& arguments) {
@@ -144,7 +147,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.add_flag(
       "--detach", arguments.detach,
       "Queue the job, print its name and leave; see jobs watch; of a batch the same command fetches what is done");
-  AddTimeout(unwrap, arguments, "This command gives up so long after its start, and cancels the job");
+  AddTimeout(unwrap, arguments, "This command waits no longer than that from its start on, and cancels the job");
   AddScheduling(unwrap, arguments.scheduling);
   AddLabels(unwrap, arguments, "Label of the job, to find it again; may be repeated [file=the file's name]");
 

@@ -78,6 +78,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/draco", "tests"}},
       {std::regex(R"(^meshoptimizer\.h$)"), "meshoptimizer", {"client/files", "tests"}},
+      {std::regex(R"(^utf8proc\.h$)"), "utf8proc", {"client/cli/text_width.cc"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/mesh/tri_mesh.h"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h|cblas.*\.h|omp\.h)$)"), "BLAS, CHOLMOD and OpenMP", {}},
       {std::regex(R"(^spdlog/.*)"), "spdlog", {"server/log"}},
