@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/seam_list.h"
-#include "client/cli/terminal.h"
+#include "client/cli/seams.h"
+#include "client/cli/text.h"
 #include "planish/client.h"
 #include "planish/types.h"
 

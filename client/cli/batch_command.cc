@@ -6,17 +6,14 @@
 #include <system_error>
 #include <thread>
 
-#include "client/cli/batch_digest.h"
+#include "client/cli/batch_job.h"
 #include "client/cli/batch_plan.h"
-#include "client/cli/batch_run.h"
-#include "client/cli/batch_state.h"
 #include "client/cli/batch_table.h"
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
 #include "client/cli/progress_view.h"
-#include "client/cli/server_choice.h"
+#include "client/cli/session.h"
 #include "client/cli/summary.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {

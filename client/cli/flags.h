@@ -59,6 +59,6 @@ void AddProgress(CLI::App& app, Arguments& arguments);
 // Each adds subcommands.
 void DefineUnwrap(CLI::App& app, Arguments& arguments);          // unwrap_flags.cc
 void DefineMapCommands(CLI::App& app, Arguments& arguments);     // map_flags.cc: pack, check, report, inspect
-void DefineServerCommands(CLI::App& app, Arguments& arguments);  // job_flags.cc: estimate, jobs, health, admin, version
+void DefineServerCommands(CLI::App& app, Arguments& arguments);  // flags.cc: estimate, jobs, health, admin, version
 
 }  // namespace planish::cli

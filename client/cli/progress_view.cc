@@ -12,10 +12,8 @@
 #include <utility>
 
 #include "client/cli/json.h"
-#include "client/cli/numbers.h"
-#include "client/cli/progress_bar.h"
-#include "client/cli/terminal.h"
-#include "client/cli/text_width.h"
+#include "client/cli/progress.h"
+#include "client/cli/text.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
@@ -250,7 +248,11 @@ Callbacks ProgressView::CallbacksOf(std::size_t job, bool verbose) {
     OnNotice(job, why.reason() == "QUEUE_FULL" ? "the queue is full, waiting" : "connection lost, re-attaching");
   };
   if (!verbose) return callbacks;
-  const auto say = [this, job](const std::string& text) { Say(Printable(names_[job] + ": " + text, true)); };
+  // Of a job that is watched the name is the job's own.
+  const auto say = [this, job](const std::string& text) {
+    const bool is_named = text.rfind(names_[job] + ",", 0) == 0;
+    Say(Printable(is_named ? text : names_[job] + ": " + text, true));
+  };
   callbacks.on_event = [say, told = callbacks.on_event, known = std::string()](const Event& event) mutable {
     // A job that was lost goes on under another name.
     if (event.job && event.job->name != known) {

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
 #include "client/files/file_io.h"
 #include "client/src/errors.h"

@@ -5,8 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/cli/numbers.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 namespace {

@@ -9,16 +9,14 @@
 #include <vector>
 
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
+#include "client/cli/mesh_input.h"
 #include "client/cli/progress_view.h"
 #include "client/cli/report_command.h"
 #include "client/cli/report_page.h"
-#include "client/cli/server_choice.h"
+#include "client/cli/session.h"
 #include "client/cli/summary.h"
-#include "client/cli/terminal.h"
-#include "client/cli/text_width.h"
-#include "client/cli/unwrap_files.h"
+#include "client/cli/text.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {

@@ -3,12 +3,12 @@
 #include <sstream>
 #include <thread>
 
-#include "client/cli/batch_flight.h"
+#include "client/cli/batch_job.h"
 #include "client/cli/batch_table.h"
 #include "client/cli/json.h"
-#include "client/cli/progress_bar.h"
+#include "client/cli/progress.h"
 #include "client/cli/progress_view.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 

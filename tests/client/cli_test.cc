@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "client/cli/arguments.h"
-#include "client/cli/exit_codes.h"
+#include "client/cli/commands.h"
 #include "client/cli/json.h"
-#include "client/cli/numbers.h"
 #include "client/cli/summary.h"
+#include "client/cli/text.h"
 #include "client/src/element_ids.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

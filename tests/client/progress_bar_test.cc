@@ -1,8 +1,6 @@
 // The progress of a job: what it is made of, the bar as text, the lines.
-#include "client/cli/progress_bar.h"
-
 #include "client/cli/progress.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 #include "gtest/gtest.h"
 
 namespace planish::cli {
