@@ -13,14 +13,15 @@ build="
   libgrpc++-dev protobuf-compiler-grpc protobuf-compiler libprotobuf-dev libabsl-dev
   libeigen3-dev libopenmesh-dev libdraco-dev libmeshoptimizer-dev
   libpng-dev zlib1g-dev libsqlite3-dev libpq-dev libseccomp-dev libcli11-dev libspdlog-dev nlohmann-json3-dev libssl-dev
-  libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev libcurl4-openssl-dev libexpat1-dev"
+  libyaml-cpp-dev prometheus-cpp-dev libcpp-httplib-dev libcurl4-openssl-dev libexpat1-dev
+  libutf8proc-dev"
 
 # What only the tests need. PROGRAM:PACKAGE: the package, unless there is such a program already, whoever made it. Blender,
 # Node.js and kubectl are used where they are installed; tests/allowed_skips.txt says why they are not here.
 test="
   libgtest-dev libgmock-dev postgresql-15
   python3-grpcio python3-protobuf python3-numpy python3-setuptools python3-wheel
-  haproxy:haproxy nginx:nginx promtool:prometheus zsh:zsh man:man-db openssl:openssl"
+  haproxy:haproxy nginx:nginx promtool:prometheus zsh:zsh fish:fish man:man-db openssl:openssl"
 
 # What only tests/bench/run.sh needs: plots, and the programs of others that it measures. tests/files reads its files with
 # Blender as well where that is installed (its glTF importer needs numpy).
@@ -36,7 +37,7 @@ packaging="python3-setuptools python3-wheel dpkg-dev xz-utils"
 runtime="
   libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libopenmesh1 libdraco7 libmeshoptimizer2d
   libpng16-16 zlib1g libsqlite3-0 libpq5 libcurl4 libexpat1 libseccomp2 libspdlog1.10 libfmt9 libssl3
-  libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 ca-certificates"
+  libyaml-cpp0.7 libprometheus-cpp-core1.0 libcpp-httplib0.11 libutf8proc2 ca-certificates"
 
 fail() {
   echo "install-packages: $*" >&2

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/seam_list.h"
-#include "client/cli/terminal.h"
+#include "client/cli/seams.h"
+#include "client/cli/text.h"
 #include "planish/client.h"
 #include "planish/types.h"
 
@@ -65,7 +65,8 @@ struct Arguments {
   ServerFlags server_flags;
   bool json = false;
   ProgressMode progress = ProgressMode::kAuto;
-  bool quiet = false;  // `progress` is kNone then, unless the caller chose one
+  bool quiet = false;    // `progress` is kNone then, unless the caller chose one
+  bool verbose = false;  // not with `quiet`
   ColorMode color = ColorMode::kAuto;
 
   // unwrap, pack and inspect; jobs watch has the mesh in `input` if it was given.

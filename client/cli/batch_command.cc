@@ -7,16 +7,14 @@
 #include <system_error>
 #include <thread>
 
-#include "client/cli/batch_digest.h"
+#include "client/cli/batch_job.h"
 #include "client/cli/batch_plan.h"
-#include "client/cli/batch_run.h"
-#include "client/cli/batch_state.h"
 #include "client/cli/batch_table.h"
-#include "client/cli/batch_view.h"
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
-#include "client/cli/server_choice.h"
+#include "client/cli/progress_view.h"
+#include "client/cli/session.h"
 #include "client/cli/summary.h"
+#include "client/cli/text.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
@@ -93,7 +91,8 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   options.print_json = arguments.json;
   std::vector<std::string> names;
   for (const BatchItem& item : plan.items) names.push_back(item.name);
-  const std::unique_ptr<BatchView> view = NewBatchView(arguments.progress, names);
+  const std::unique_ptr<ProgressView> view = NewProgressView(arguments, names, /*is_batch=*/true);
+  if (arguments.verbose) view->Say(Printable(server.Description(), true));
   BatchRun run(context, plan, options, *view);
   interrupts.SetCancel([&]() {
     view->OnNotice(arguments.detach ? "interrupted" : "cancelling what is in flight; Ctrl-C again leaves at once");

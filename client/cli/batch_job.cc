@@ -3,23 +3,124 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
 #include <exception>
 #include <filesystem>
+#include <iostream>
 #include <mutex>
 #include <new>
 #include <system_error>
+#include <thread>
+#include <utility>
 
 #include "absl/strings/escaping.h"
-#include "client/cli/batch_digest.h"
+#include "client/cli/batch_plan.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/report_command.h"
 #include "client/cli/summary.h"
-#include "client/cli/unwrap_files.h"
 #include "client/src/request_id.h"
 #include "core/base/sha256.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
+namespace {
+
+// A job that waited for less found an idle worker.
+constexpr double kIdleSeconds = 0.005;
+// Threads of this command; a server with more workers is kept busy by several commands.
+constexpr int kMostThreads = 256;
+
+int Spare(int workers) {
+  return std::max(2, workers / 2);
+}
+
+}  // namespace
+
+BatchFlight::BatchFlight(int workers, std::int64_t most_bytes)
+    : most_(std::min(kMostThreads, 4 * std::max(1, workers))),
+      most_bytes_(most_bytes),
+      limit_(std::min(most_, std::max(1, workers) + Spare(workers))),
+      first_jobs_(limit_) {}
+
+int BatchFlight::limit() const {
+  const std::lock_guard lock(mutex_);
+  return limit_;
+}
+
+bool BatchFlight::Enter(std::int64_t bytes) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock,
+                [&] { return stopped_ || in_flight_ == 0 || (in_flight_ < limit_ && bytes_ + bytes <= most_bytes_); });
+  if (stopped_) return false;
+  ++in_flight_;
+  bytes_ += bytes;
+  return true;
+}
+
+void BatchFlight::Leave(std::int64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  --in_flight_;
+  bytes_ -= bytes;
+  changed_.notify_all();
+}
+
+void BatchFlight::Stop() {
+  const std::lock_guard lock(mutex_);
+  stopped_ = true;
+  changed_.notify_all();
+}
+
+void BatchFlight::OnQueueFull() {
+  const std::lock_guard lock(mutex_);
+  // Those that wait for room in the queue are in memory for nothing.
+  limit_ = std::max(1, std::min(limit_, in_flight_) - 1);
+}
+
+void BatchFlight::OnDone(double queue_seconds) {
+  const std::lock_guard lock(mutex_);
+  if (first_jobs_ > 0) {
+    --first_jobs_;
+    return;
+  }
+  if (queue_seconds >= kIdleSeconds) return;
+  limit_ = std::min(most_, limit_ + 1);
+  changed_.notify_all();
+}
+
+Job BatchQueue::Create(const NewJob& job) {
+  Waiting mine;
+  mine.job = &job;
+  std::unique_lock lock(mutex_);
+  waiting_.push_back(&mine);
+  while (!mine.done) {
+    if (busy_) {
+      changed_.wait(lock);
+      continue;
+    }
+    busy_ = true;
+    const std::vector<Waiting*> together = std::exchange(waiting_, {});
+    lock.unlock();
+    CreateTogether(together);
+    lock.lock();
+    for (Waiting* each : together) each->done = true;
+    busy_ = false;
+    changed_.notify_all();
+  }
+  if (mine.failure) std::rethrow_exception(mine.failure);
+  return std::move(*mine.created).value();
+}
+
+void BatchQueue::CreateTogether(const std::vector<Waiting*>& together) {
+  try {
+    std::vector<NewJob> jobs;
+    for (const Waiting* each : together) jobs.push_back(*each->job);
+    std::vector<Result<Job>> created = client_->CreateJobs(jobs);
+    for (std::size_t i = 0; i < together.size(); ++i) together[i]->created = std::move(created[i]);
+  } catch (...) {
+    for (Waiting* each : together) each->failure = std::current_exception();
+  }
+}
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -275,6 +376,83 @@ BatchEnd NotTried(const BatchItem& item) {
   end.row.name = item.name;
   end.json = {{"file", item.name}, {"result", ToString(end.row.result)}, {"kept", false}};
   return end;
+}
+
+namespace {
+
+// Files in flight are in memory as they are, as meshes and as what was sent: some five times as much.
+constexpr std::int64_t kMostBytesInFlight = std::int64_t{512} << 20;
+constexpr double kLongestPauseSeconds = 5;
+
+}  // namespace
+
+BatchRun::BatchRun(const BatchContext& context, const BatchPlan& plan, const BatchRunOptions& options,
+                   ProgressView& view)
+    : context_(context),
+      plan_(plan),
+      options_(options),
+      view_(view),
+      flight_(options.workers, kMostBytesInFlight),
+      rows_(plan.items.size()) {}
+
+std::vector<BatchRow> BatchRun::Run() {
+  const std::stop_callback on_stop(context_.stop, [this] { flight_.Stop(); });
+  {
+    std::vector<std::jthread> threads;
+    const auto count = std::min(plan_.items.size(), static_cast<std::size_t>(flight_.most()));
+    for (std::size_t t = 0; t < count; ++t) threads.emplace_back([this] { Work(); });
+  }
+  for (; next_ < plan_.items.size(); ++next_) Record(next_, NotTried(plan_.items[next_]));
+  return std::move(rows_);
+}
+
+void BatchRun::Work() {
+  for (;;) {
+    std::size_t file;
+    {
+      // Files are taken up in order, so whoever waits for room waits with the next one in hand.
+      const std::lock_guard lock(mutex_);
+      if (next_ == plan_.items.size() || ShouldStop()) return;
+      file = next_++;
+    }
+    const std::int64_t bytes = plan_.items[file].bytes;
+    if (!flight_.Enter(bytes)) return Record(file, NotTried(plan_.items[file]));
+    view_.Begin(file);
+    const BatchEnd end = DoWithPatience(file);
+    Record(file, end);
+    flight_.Leave(bytes);
+  }
+}
+
+BatchEnd BatchRun::DoWithPatience(std::size_t file) {
+  Callbacks callbacks = view_.CallbacksOf(file, context_.arguments.verbose);
+  const auto told = callbacks.on_reconnect;
+  callbacks.on_reconnect = [this, told](const Error& why, Seconds wait) {
+    if (why.reason() == "QUEUE_FULL") flight_.OnQueueFull();
+    told(why, wait);
+  };
+  const Timer timer;
+  double pause = 0.5;
+  for (;;) {
+    BatchEnd end = DoBatchItem(context_, plan_.items[file], callbacks);
+    if (end.queue_seconds) flight_.OnDone(*end.queue_seconds);
+    if (!end.server_error || ShouldStop()) return end;
+    if (timer.Seconds() + pause > options_.server_patience_seconds) {
+      server_lost_ = true;
+      flight_.Stop();
+      return end;
+    }
+    view_.OnNotice(file, "no server, waiting");
+    if (!PauseUnlessStopped(context_.stop, pause)) return end;
+    pause = std::min(kLongestPauseSeconds, 2 * pause);
+  }
+}
+
+void BatchRun::Record(std::size_t file, const BatchEnd& end) {
+  view_.End(file, end.row);
+  const std::lock_guard lock(mutex_);
+  rows_[file] = end.row;
+  if (options_.print_json) std::cout << ToLine(end.json) + "\n" << std::flush;
 }
 
 }  // namespace planish::cli

@@ -1,19 +1,91 @@
-// One file of a batch, from its bytes to its output and the record of it.
+// The jobs of a batch: one file from its bytes to its output and the record of it, and all of them, several at a time.
 #pragma once
 
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <exception>
+#include <mutex>
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "client/cli/batch_plan.h"
-#include "client/cli/batch_queue.h"
-#include "client/cli/batch_state.h"
 #include "client/cli/batch_table.h"
 #include "client/cli/json.h"
+#include "client/cli/progress_view.h"
 #include "client/cli/report_sheet.h"
 #include "planish/client.h"
 
 namespace planish::cli {
+
+// ---- How many files are in flight, that is in memory and with the server
+
+// The limit begins with the server's workers and some more, so that the next mesh is there when a worker becomes free.
+// A job that did not wait raises the limit, except for the first few jobs; a full queue lowers it. Thread-safe.
+class BatchFlight {
+ public:
+  // Files of together more than `most_bytes` are not in flight at a time, unless it is a single one.
+  BatchFlight(int workers, std::int64_t most_bytes);
+
+  // The limit is never above this: so many threads are enough.
+  int most() const { return most_; }
+  int limit() const;
+
+  // Waits until there is room for a file of `bytes`; false after Stop().
+  bool Enter(std::int64_t bytes);
+  void Leave(std::int64_t bytes);
+  // Nobody enters any more.
+  void Stop();
+
+  void OnQueueFull();
+  // A job ended that had waited for a worker for so long.
+  void OnDone(double queue_seconds);
+
+ private:
+  const int most_;
+  const std::int64_t most_bytes_;
+  mutable std::mutex mutex_;  // guards what follows
+  std::condition_variable changed_;
+  int limit_;
+  int in_flight_ = 0;
+  int first_jobs_;  // that have yet to end: they had the workers for themselves
+  std::int64_t bytes_ = 0;
+  bool stopped_ = false;
+};
+
+// ---- One call for the jobs that several threads have ready at the same time
+
+// Jobs that come while a call is under way wait and share the next call. Thread-safe.
+class BatchQueue {
+ public:
+  // `client` outlives the queue.
+  explicit BatchQueue(Client* client) : client_(client) {}
+
+  // As Client::CreateJob, but does not wait for room in the server's queue.
+  Job Create(const NewJob& job);
+
+ private:
+  struct Waiting {
+    const NewJob* job = nullptr;
+    bool done = false;
+    std::optional<Result<Job>> created;
+    std::exception_ptr failure;  // of the whole call
+  };
+
+  // Without the lock.
+  void CreateTogether(const std::vector<Waiting*>& together);
+
+  Client* const client_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  // Guarded by mutex_.
+  std::vector<Waiting*> waiting_;
+  bool busy_ = false;
+};
+
+// ---- One file, from its bytes to its output and its record
 
 // What all files share.
 struct BatchContext {
@@ -35,9 +107,9 @@ struct BatchEnd {
   std::optional<double> queue_seconds;  // of a job that ran
 };
 
-// Looks whether the file is done and current; if not, fetches the result of the job that an earlier run has queued for
-// it, or else has it done; or, with --detach, only queues it. Whatever fails is in the row. `callbacks` as in
-// planish/client.h. Thread-safe for different items.
+// Does nothing for a file that is up to date. Otherwise fetches the result of the job that an earlier run has queued,
+// or runs a job; with --detach it only queues the job. Errors are in the row. `callbacks` as in planish/client.h.
+// Thread-safe for different items.
 BatchEnd DoBatchItem(const BatchContext& context, const BatchItem& item, const Callbacks& callbacks);
 
 // Waits; false if the stop came first.
@@ -45,5 +117,41 @@ bool PauseUnlessStopped(const std::stop_token& stop, double seconds);
 
 // Of a file that was not tried.
 BatchEnd NotTried(const BatchItem& item);
+
+// ---- All files, several at a time
+
+struct BatchRunOptions {
+  int workers = 1;                     // of the server
+  double server_patience_seconds = 0;  // for a server that went away to come back
+  bool print_json = false;             // a line on stdout per file as it ends
+};
+
+class BatchRun {
+ public:
+  // All must outlive the run.
+  BatchRun(const BatchContext& context, const BatchPlan& plan, const BatchRunOptions& options, ProgressView& view);
+
+  // A row per item of the plan, in its order. Once.
+  std::vector<BatchRow> Run();
+
+  // After the run: the server went away and did not come back; the rest of the files was not tried.
+  bool server_lost() const { return server_lost_; }
+
+ private:
+  void Work();
+  BatchEnd DoWithPatience(std::size_t file);
+  void Record(std::size_t file, const BatchEnd& end);
+  bool ShouldStop() const { return server_lost_ || context_.stop.stop_requested(); }
+
+  const BatchContext& context_;
+  const BatchPlan& plan_;
+  const BatchRunOptions options_;
+  ProgressView& view_;
+  BatchFlight flight_;
+  std::atomic<bool> server_lost_ = false;
+  std::mutex mutex_;  // guards what follows, and stdout
+  std::size_t next_ = 0;
+  std::vector<BatchRow> rows_;
+};
 
 }  // namespace planish::cli

@@ -1,20 +1,24 @@
-// What `planish unwrap a.obj b.glb dir/ -o out/` is about to do: decided in full before anything runs.
-//
-// Every file that was named, and every mesh file in a directory that was named, becomes one job and one output. The
-// output of a named file lies in the output directory itself, that of a file found in a directory at the same place
-// below the output directory as the file below the directory that was named.
+// Before a batch runs: what it will do, what its results depend on, and what earlier runs have done.
 #pragma once
 
 #include <cstdint>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "client/cli/arguments.h"
+#include "client/src/process.h"
 #include "planish/error.h"
 
 namespace planish::cli {
+
+// ---- What `planish unwrap a.obj b.glb dir/ -o out/` is about to do: decided in full before anything runs.
+//
+// Every file that was named, and every mesh file in a directory that was named, becomes one job and one output. The
+// output of a named file lies in the output directory itself, that of a file found in a directory at the same place
+// below the output directory as the file below the directory that was named.
 
 struct BatchItem {
   std::string name;    // place below the directory that was named, or the file's own name: no two are alike
@@ -40,5 +44,78 @@ BatchPlan PlanBatch(const Arguments& arguments);
 
 // "Skipped in directories: 12 .mtl, 3 .png, 1 hidden.\n"; empty if nothing was.
 std::string SkippedText(const BatchPlan& plan);
+
+// ---- Digests of what a result depends on: bytes and options
+
+// The SHA-256 in hexadecimal of what is in the file `path`, and for a .gltf of the buffers that it refers to as well.
+// Throws planish::Error: FILE_UNREADABLE. A buffer that cannot be read counts as missing.
+std::string InputDigest(const std::string& path);
+
+// The SHA-256 in hexadecimal of one file's bytes; empty if it cannot be read.
+std::string FileDigest(const std::string& path);
+
+// The SHA-256 in hexadecimal of every option that changes a byte of the output (`threads` does not).
+std::string SettingsDigest(const Arguments& arguments);
+
+// ---- The record of a batch, from which the next run knows what is done
+//
+// OUT/.planish-batch.json holds one JSON object per line. A line is appended when the outputs of a file are in place;
+// with
+// --detach before a job is asked for and when it is queued; and when a queued job turns out to have failed. The last
+// line about an output counts. A half line, which a killed run leaves, does not count.
+
+inline constexpr char kBatchStateFile[] = ".planish-batch.json";
+
+struct BatchRecord {
+  std::string key;  // BatchItem::key
+  // What the result depends on: a record says something about a run only if all three are its own.
+  std::string input;
+  std::string settings;
+  std::string version;  // of planish and planishd: "0.1.0 0.1.0"
+
+  std::string job;         // the job that did it, or
+  bool queued = false;     // that will do it, on
+  std::string server;      // this server
+  std::string request_id;  // with which a job was asked for there, if the answer is not known; else empty
+
+  // Of one that is done.
+  bool usable = false;
+  std::string why;  // it is not usable
+  std::int64_t triangles = 0;
+  int charts = 0;
+  double seconds = 0;
+  std::map<std::string, std::string>
+      files;  // below the output directory, and the SHA-256 of what was written; empty: nothing
+
+  bool IsOf(const BatchRecord& other) const {
+    return key == other.key && input == other.input && settings == other.settings && version == other.version;
+  }
+};
+
+// One line, without line break; and back. Nothing for what is no record.
+std::string ToLine(const BatchRecord& record);
+std::optional<BatchRecord> ParseRecord(const std::string& line);
+
+// Thread-safe.
+class BatchState {
+ public:
+  // Reads and locks the file in `directory`, or creates it. Throws planish::Error: BATCH_RUNNING if another batch has
+  // it; FILE_UNREADABLE, FILE_UNWRITABLE.
+  explicit BatchState(const std::string& directory);
+
+  std::optional<BatchRecord> Find(const std::string& key) const;
+  // Throws FILE_UNWRITABLE.
+  void Append(const BatchRecord& record);
+  // Whether every file of the record is there, as it was written.
+  bool IsIntact(const BatchRecord& record) const;
+
+ private:
+  const std::string directory_;
+  const std::string path_;
+  OwnedFd file_;
+  mutable std::mutex mutex_;  // guards what follows
+  bool torn_ = false;         // the file does not end with a line break
+  std::map<std::string, BatchRecord> records_;
+};
 
 }  // namespace planish::cli

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "client/cli/numbers.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 namespace {

@@ -1,4 +1,4 @@
-// What became of the files of a batch, in words and as JSON. Pure functions.
+// The results of a batch, in words and as JSON. Pure functions.
 #pragma once
 
 #include <cstdint>
@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "client/cli/batch_plan.h"
-#include "client/cli/exit_codes.h"
+#include "client/cli/commands.h"
 #include "client/cli/json.h"
-#include "client/cli/terminal.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 

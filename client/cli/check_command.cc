@@ -8,11 +8,9 @@
 
 #include "client/cli/check_report.h"
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
-#include "client/cli/numbers.h"
 #include "client/cli/summary.h"
-#include "client/cli/terminal.h"
+#include "client/cli/text.h"
 #include "client/files/mesh_file.h"
 
 namespace planish::cli {

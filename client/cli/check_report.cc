@@ -7,8 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "client/cli/numbers.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 namespace {

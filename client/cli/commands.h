@@ -1,10 +1,36 @@
-// What the subcommands do. Each returns an exit code and throws planish::Error for what stops it.
+// What the subcommands do, and what their exit codes mean.
 #pragma once
 
+#include <string>
+
 #include "client/cli/arguments.h"
-#include "client/cli/interrupts.h"
+#include "client/cli/session.h"
+#include "planish/error.h"
 
 namespace planish::cli {
+
+// ---- Exit codes
+
+enum ExitCode : int {
+  kOk = 0,                 // a usable result
+  kFailed = 1,             // the job failed, or its result is not usable
+  kUsage = 2,              // bad usage, unreadable input, or credentials that the server refuses
+  kServerUnreachable = 3,  // no server, or a full queue: try later, or another server
+  kInterrupted = 130,      // Ctrl-C
+};
+
+inline ExitCode ExitCodeOf(const Error& error) {
+  const std::string& reason = error.reason();
+  if (reason.rfind("FILE_", 0) == 0 || reason.rfind("BATCH_", 0) == 0 || reason == "OPTIONS_INVALID" ||
+      reason == "REQUEST_INVALID" || reason == "OUTPUT_UNSUPPORTED") {
+    return kUsage;
+  }
+  if (error.code() == ErrorCode::kUnauthenticated || error.code() == ErrorCode::kPermissionDenied) return kUsage;
+  if (error.code() == ErrorCode::kUnavailable || reason == "QUEUE_FULL") return kServerUnreachable;
+  return kFailed;
+}
+
+// ---- Commands. Each returns an exit code, or throws planish::Error
 
 int RunUnwrap(const Arguments& arguments, Interrupts& interrupts);
 int RunBatch(const Arguments& arguments, Interrupts& interrupts);   // unwrap of several files

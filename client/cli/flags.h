@@ -52,13 +52,13 @@ void AddOutputTexcoord(CLI::App& app, Arguments& arguments);
 void AddAtlasSize(CLI::App& app, Arguments& arguments);
 void AddTiles(CLI::App& app, Arguments& arguments);
 void AddPacking(CLI::App& app, Arguments& arguments);
-// --quiet and --color. It begins a group, so it comes last, but for AddProgress().
+// --quiet and --color. It begins a group, so it comes last, but for AddProgress(), which adds --progress and --verbose.
 void AddTerminal(CLI::App& app, Arguments& arguments);
 void AddProgress(CLI::App& app, Arguments& arguments);
 
 // Each adds subcommands.
 void DefineUnwrap(CLI::App& app, Arguments& arguments);          // unwrap_flags.cc
 void DefineMapCommands(CLI::App& app, Arguments& arguments);     // map_flags.cc: pack, check, report, inspect
-void DefineServerCommands(CLI::App& app, Arguments& arguments);  // job_flags.cc: estimate, jobs, health, admin, version
+void DefineServerCommands(CLI::App& app, Arguments& arguments);  // flags.cc: estimate, jobs, health, admin, version
 
 }  // namespace planish::cli

@@ -1,9 +1,8 @@
 #include <iostream>
 
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
 #include "client/cli/inspection.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 

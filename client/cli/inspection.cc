@@ -6,8 +6,8 @@
 #include <map>
 #include <utility>
 
-#include "client/cli/numbers.h"
-#include "client/cli/seam_edges.h"
+#include "client/cli/seams.h"
+#include "client/cli/text.h"
 #include "client/src/errors.h"
 #include "core/mesh/disc_check.h"
 

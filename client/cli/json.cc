@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <ctime>
 
-#include "client/cli/numbers.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 namespace {

@@ -5,11 +5,10 @@
 
 #include "client/cli/arguments.h"
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
-#include "client/cli/interrupts.h"
 #include "client/cli/json.h"
+#include "client/cli/session.h"
 #include "client/cli/summary.h"
-#include "client/cli/terminal.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 namespace {

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/seam_list.h"
+#include "client/cli/arguments.h"
+#include "client/cli/seams.h"
 #include "client/files/mesh_output.h"
 #include "client/src/errors.h"
 #include "planish/client.h"
@@ -45,7 +46,7 @@ class MeshInput {
   // By these ids, red, green and blue from 0 to 1; grey where a file has none.
   std::vector<std::array<double, 3>> MaterialColors() const;
 
-  // What `list` takes from the files, in the order of view() (seam_edges.h).
+  // What `list` takes from the files, in the order of view() (seams.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;
   // The corners that face a diagonal of a polygon, or an edge that `list` wants uncut.
   std::vector<std::int32_t> UncutCorners(const SeamList& list) const;
@@ -98,5 +99,36 @@ class MeshInput {
 void WriteOutput(const std::string& path, const std::string& bytes);
 // Whether WriteOutput has a chance; throws FILE_UNWRITABLE if not, before minutes are spent on a solve.
 void CheckOutput(const std::string& path);
+
+// ---- One unwrap, from input files to output files
+
+// The labels of a job on this file: those of the arguments, and "file" with the file's name unless the arguments have
+// it.
+std::map<std::string, std::string> JobLabels(const Arguments& arguments, const std::string& file);
+
+class UnwrapFiles {
+ public:
+  // Reads the files, which become one mesh, and the seams that `seams` takes from them. `output` as for
+  // MeshInput::Outputs; empty: nothing will be written. Throws what that and the constructor of MeshInput throw, and
+  // OPTIONS_INVALID for seams that the files do not have.
+  UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output, int texcoord,
+              int output_texcoord);
+
+  const MeshInput& input() const { return input_; }
+  // The mesh with the seams that the files give, its polygons whole; lives as long as this object.
+  MeshView view() const { return input_.view().WithSeamCorners(seam_corners_).WithUncutCorners(uncut_corners_); }
+  // What to ask the server for: `options`, in float where that is all that the output can hold. Throws
+  // OUTPUT_UNSUPPORTED where `options` insist on double.
+  UnwrapOptions Options(UnwrapOptions options) const;
+  // The output with the UV of `result`, whose warnings become those of the files: in their own ids, and with what was
+  // noticed on the way. Writes nothing.
+  WrittenMesh WithResult(UnwrapResult& result) const;
+
+ private:
+  MeshInput input_;
+  std::vector<std::int32_t> seam_corners_;
+  std::vector<std::int32_t> uncut_corners_;
+  std::vector<OutputOptions> outputs_;
+};
 
 }  // namespace planish::cli

@@ -12,11 +12,9 @@
 #include "client/cli/batch_plan.h"
 #include "client/cli/batch_table.h"
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
-#include "client/cli/numbers.h"
+#include "client/cli/text.h"
 #include "client/cli/summary.h"
-#include "client/cli/terminal.h"
 #include "client/files/file_io.h"
 #include "client/src/errors.h"
 

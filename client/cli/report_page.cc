@@ -14,8 +14,8 @@
 #include "Eigen/Geometry"
 #include "absl/strings/escaping.h"
 #include "client/cli/check_report.h"
-#include "client/cli/numbers.h"
 #include "client/cli/report_template.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 namespace {

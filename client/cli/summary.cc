@@ -5,14 +5,14 @@
 #include <utility>
 #include <vector>
 
-#include "client/cli/numbers.h"
-#include "client/cli/text_width.h"
+#include "client/cli/text.h"
 
 namespace planish::cli {
 namespace {
 
 constexpr std::size_t kMaxNamedCharts = 3;
 constexpr std::size_t kMaxWarningsOfAKind = 3;
+constexpr std::size_t kMaxListedCharts = 20;
 
 std::string Join(const std::vector<std::string>& parts, const std::string& last_separator) {
   std::string text;
@@ -49,16 +49,19 @@ std::string UnconvergedText(const Report& report) {
          Counted(report.chart_totals.charts, "chart", "charts") + " (" + Join(names, " and ") + ") did not converge";
 }
 
+// "uzawa+amg"
+std::string SolverName(const ChartReport& chart) {
+  std::string name = ToString(chart.solver);
+  if (chart.preconditioner != Preconditioner::kNone && chart.solver != Solver::kDirect) {
+    name += std::string("+") + ToString(chart.preconditioner);
+  }
+  return name;
+}
+
 // The solvers in use, those of most triangles first: " (uzawa+amg, uzawa+cholesky)".
 std::string SolversText(const std::vector<ChartReport>& charts) {
   std::map<std::string, std::int64_t> triangles;
-  for (const ChartReport& chart : charts) {
-    std::string name = ToString(chart.solver);
-    if (chart.preconditioner != Preconditioner::kNone && chart.solver != Solver::kDirect) {
-      name += std::string("+") + ToString(chart.preconditioner);
-    }
-    triangles[name] += chart.triangles;
-  }
+  for (const ChartReport& chart : charts) triangles[SolverName(chart)] += chart.triangles;
   std::vector<std::pair<std::string, std::int64_t>> ranked(triangles.begin(), triangles.end());
   std::stable_sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
   std::vector<std::string> names;
@@ -102,18 +105,59 @@ std::string MostStretchedText(const Report& report) {
          Counted(most->triangles, "triangle", "triangles") + ")";
 }
 
-// A line each; of many with the same reason the first few.
-std::string WarningsText(const std::vector<Warning>& warnings, const Terminal& terminal) {
+// The largest charts, a line each under a heading.
+std::string ChartsText(const Report& report) {
+  std::vector<const ChartReport*> charts;
+  for (const ChartReport& chart : report.charts) charts.push_back(&chart);
+  std::stable_sort(charts.begin(), charts.end(),
+                   [](const ChartReport* a, const ChartReport* b) { return a->triangles > b->triangles; });
+  if (charts.size() > kMaxListedCharts) charts.resize(kMaxListedCharts);
+  std::string text = "CHART  TRIANGLES  SOLVER             NEWTON  LINEAR  RESIDUAL  STRETCH\n";
+  for (const ChartReport* chart : charts) {
+    text += Padded(std::to_string(chart->chart), 5, true) + "  " + Padded(WithCommas(chart->triangles), 9, true) +
+            "  " + Padded(SolverName(*chart), 17) + "  " + Padded(std::to_string(chart->newton_iterations), 6, true) +
+            "  " + Padded(WithCommas(chart->linear_iterations), 6, true) + "  " +
+            Padded(Scientific(chart->residual.Worst()), 8, true) + "  " + Padded(Fixed(chart->stretch_l2, 3), 7, true) +
+            "\n";
+  }
+  const auto left_out = report.chart_totals.charts - static_cast<std::int64_t>(charts.size());
+  if (left_out > 0) text += "(" + Counted(left_out, "smaller chart is", "smaller charts are") + " left out here)\n";
+  return text;
+}
+
+// What --verbose adds.
+std::string Details(const Report& report) {
+  const StageTimes& times = report.times;
+  std::string text = "Seconds:";
+  const auto add = [&](const char* stage, Seconds value) {
+    text += (text.back() == ':' ? " " : ", ") + std::string(stage) + " " + Fixed(value.count(), 3);
+  };
+  add("upload", times.upload);
+  add("queue", times.queue);
+  add("decode", times.decode);
+  add("charts", times.charts);
+  add("solve", times.solve);
+  add("layout", times.layout);
+  add("pack", times.pack);
+  add("verify", times.verify);
+  add("encode", times.encode);
+  add("download", times.download);
+  return text + ".\nMemory of the worker: " + Megabytes(report.peak_memory_bytes) + " at most, with " +
+         Counted(report.threads, "thread", "threads") + ".\n" + ChartsText(report);
+}
+
+// A line each; of many with the same reason the first few, unless `all` are wanted.
+std::string WarningsText(const std::vector<Warning>& warnings, bool all, const Terminal& terminal) {
   std::map<std::string, std::size_t> count;
   std::string text;
   const std::string mark = Colored(terminal, "\x1b[33m", "warning:") + " ";
   for (const Warning& warning : warnings) {
-    if (++count[warning.reason] <= kMaxWarningsOfAKind) {
+    if (++count[warning.reason] <= kMaxWarningsOfAKind || all) {
       text += mark + Printable(warning.message + " [" + warning.reason + "]", true) + "\n";
     }
   }
   for (const auto& [reason, number] : count) {
-    if (number <= kMaxWarningsOfAKind) continue;
+    if (number <= kMaxWarningsOfAKind || all) continue;
     text += mark + WithCommas(static_cast<std::int64_t>(number - kMaxWarningsOfAKind)) + " more of [" + reason +
             "]; --json has them all\n";
   }
@@ -156,7 +200,7 @@ std::string WhyNotUsable(const Report& report) {
   return Join(reasons, " and ");
 }
 
-std::string Summary(const Report& report, const std::string& output, const Terminal& terminal) {
+std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose) {
   const ChartTotals& totals = report.chart_totals;
   std::string text = Colored(terminal, "\x1b[1m", "Flattened " + Counted(report.triangles, "triangle", "triangles")) +
                      " in " + Duration(report.times.total.count()) +
@@ -173,7 +217,8 @@ std::string Summary(const Report& report, const std::string& output, const Termi
       MostStretchedText(report) +
       (quality.seam_length > 0 ? "; seam length " + Fixed(quality.seam_length, 1) + " (in roots of the area)" : "") +
       ".\n";
-  text += WarningsText(report.warnings, terminal);
+  if (verbose) text += Details(report);
+  text += WarningsText(report.warnings, verbose, terminal);
   if (const std::string why = WhyNotUsable(report); !why.empty()) {
     text += Colored(terminal, "\x1b[31m", "planish: not usable:") + " " + why +
             (output.empty() ? "" : "; it was written all the same, for you to look at") + "\n";

@@ -1,16 +1,17 @@
-// The words a command ends with, for people.
+// What a command says at its end, for people.
 #pragma once
 
 #include <string>
 
-#include "client/cli/terminal.h"
+#include "client/cli/text.h"
 #include "planish/client.h"
 
 namespace planish::cli {
 
-// Two to four lines on what was done and how good it is, however many charts there are; the first few warnings of each
-// kind; and, if the result is not usable, why. `output` is the file that was written; empty if none.
-std::string Summary(const Report& report, const std::string& output, const Terminal& terminal);
+// Two to four lines about result and quality, for any number of charts; the first few warnings of each kind; and, if
+// the result is not usable, why. `output` is the file that was written; empty if none. `verbose`: also the seconds of
+// each stage, memory, the largest charts, and every warning.
+std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose = false);
 
 // Why the result is not usable; empty if it is.
 std::string WhyNotUsable(const Report& report);

@@ -9,15 +9,13 @@
 #include <vector>
 
 #include "client/cli/commands.h"
-#include "client/cli/exit_codes.h"
 #include "client/cli/json.h"
-#include "client/cli/progress.h"
+#include "client/cli/mesh_input.h"
+#include "client/cli/progress_view.h"
 #include "client/cli/report_command.h"
-#include "client/cli/server_choice.h"
+#include "client/cli/session.h"
 #include "client/cli/summary.h"
-#include "client/cli/terminal.h"
-#include "client/cli/text_width.h"
-#include "client/cli/unwrap_files.h"
+#include "client/cli/text.h"
 #include "core/base/timer.h"
 
 namespace planish::cli {
@@ -64,7 +62,7 @@ class ResultCommand {
     result.report.times.total = planish::Seconds(timer_.Seconds());
     if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, arguments).html);
     if (!arguments.quiet || !result.IsUsable()) {
-      std::cerr << Summary(result.report, arguments.output, StderrTerminal());
+      std::cerr << Summary(result.report, arguments.output, StderrTerminal(), arguments.verbose);
     }
     if (arguments.json) {
       std::cout << ToText(ReportJson(result, result.report, arguments.output == "-" ? "" : arguments.output))
@@ -106,6 +104,14 @@ class ResultCommand {
   Timer timer_;
   std::optional<UnwrapFiles> files_;
 };
+
+// Of a view of one job.
+void End(ProgressView& view, bool succeeded) {
+  BatchRow row;
+  row.result = succeeded ? BatchResult::kUsable : BatchResult::kFailed;
+  view.End(0, row);
+  view.Finish();
+}
 
 int Detach(const Arguments& arguments, const MeshView& mesh, Client& client, const CallOptions& call) {
   const Job job = client.CreateJob(mesh, arguments.options, call);
@@ -149,11 +155,13 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     call_options.scheduling = arguments.scheduling;
     if (arguments.detach) return Detach(arguments, command.files().view(), server.client(), call_options);
 
-    view = NewProgressView(arguments.progress, file_name);
+    view = NewProgressView(arguments, {file_name}, /*is_batch=*/false);
+    if (arguments.verbose) view->Say(Printable(server.Description(), true));
+    view->Begin(0);
     Call call = server.client().StartUnwrap(command.files().view(), command.files().Options(arguments.options),
-                                            view->AsCallbacks(), call_options);
+                                            view->CallbacksOf(0, arguments.verbose), call_options);
     interrupts.SetCancel([&] {
-      view->OnNotice(kCancelling);
+      view->OnNotice(0, kCancelling);
       call.Cancel();
     });
     std::optional<UnwrapResult> result;
@@ -164,7 +172,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
       error = e;
     }
     interrupts.SetCancel({});
-    view->Finish(result.has_value() && !interrupts.interrupted());
+    End(*view, result.has_value() && !interrupts.interrupted());
     if (interrupts.interrupted()) {
       const Error cancelled = Error(ErrorCode::kCancelled, "CANCELLED", "interrupted").set_job(call.job());
       const bool confirmed = result.has_value() || (error && error->code() == ErrorCode::kCancelled);
@@ -175,7 +183,7 @@ int RunUnwrap(const Arguments& arguments, Interrupts& interrupts) {
     if (error) return command.Fail(*error);
     return command.Deliver(*std::move(result), arguments);
   } catch (const Error& error) {
-    if (view) view->Finish(false);
+    if (view) End(*view, false);
     return command.Fail(error);
   }
 }
@@ -187,20 +195,22 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
   try {
     command.LoadInput();
     ServerChoice server(arguments.server, arguments.server_flags, interrupts);
-    view = NewProgressView(arguments.progress, arguments.job);
+    view = NewProgressView(arguments, {arguments.job}, /*is_batch=*/false);
+    if (arguments.verbose) view->Say(Printable(server.Description(), true));
+    view->Begin(0);
     // The job is not ours to cancel.
     interrupts.SetCancel([stop]() mutable { stop.request_stop(); });
     CallOptions call;
     call.stop = stop.get_token();
     call.timeout = command.TimeLeft();
     if (!arguments.input.empty()) {
-      UnwrapResult result =
-          server.client().AttachResult(arguments.job, command.files().input().view(), view->AsCallbacks(), call);
-      view->Finish(true);
+      UnwrapResult result = server.client().AttachResult(arguments.job, command.files().input().view(),
+                                                         view->CallbacksOf(0, arguments.verbose), call);
+      End(*view, true);
       return command.Deliver(std::move(result), arguments);
     }
-    const Job job = server.client().WatchJob(arguments.job, view->AsCallbacks(), 0, call);
-    view->Finish(job.state == JobState::kSucceeded);
+    const Job job = server.client().WatchJob(arguments.job, view->CallbacksOf(0, arguments.verbose), 0, call);
+    End(*view, job.state == JobState::kSucceeded);
     if (arguments.json) std::cout << ToText(ToJson(job)) << std::flush;
     if (job.error) {
       std::cerr << "planish: " << job.name
@@ -213,12 +223,12 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
         report.times.total = *job.end_time - *job.create_time;
       }
       const bool usable = WhyNotUsable(report).empty();
-      if (!arguments.quiet || !usable) std::cerr << Summary(report, "", StderrTerminal());
+      if (!arguments.quiet || !usable) std::cerr << Summary(report, "", StderrTerminal(), arguments.verbose);
       return usable ? kOk : kFailed;
     }
     return kFailed;
   } catch (const Error& error) {
-    if (view) view->Finish(false);
+    if (view) End(*view, false);
     if (interrupts.interrupted()) {
       return command.Interrupted("stopped watching; the job goes on. To end it: planish jobs cancel " + arguments.job,
                                  error);

@@ -19,23 +19,25 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap a.obj b.glb props/ -o done/                   a batch: a job and an output per file
   planish unwrap a.obj b.glb -o done/ --one-atlas              one job: both in one atlas
 
-Batches: several files, or a directory, which is searched for mesh files, become one job and one file in the directory
-OUT each, of the same name (and the same place below the directory that was named). One that fails hurts no other. The
-same command goes on where the last one ended: OUT/.planish-batch.json holds what was made of which bytes with which
-options. With --json there is one line per file, and a last one {"summary": ...}. --timeout is for each file.
+Batches: several files, or a directory, are a batch. A directory is searched for mesh files. Each
+file becomes a job of its own and a file in the directory OUT, of the same name and at the same
+place below the directory that was named. A file that fails does not affect the others. The same
+command, given again, goes on where the last one ended: OUT/.planish-batch.json records input,
+options and output of each file. --json prints a line for each file and a last line
+{"summary": ...}. --timeout is for each file.
 
 Seams: --seams takes a comma-separated list of at most one policy and any number of sources.
   auto         the given seams, and as many more as keep every chart's stretch below --max-stretch
   needed       the given seams, and more only where a piece is no disc or no map keeps its borders;
-               what sources without a policy mean
+               the default where sources are given without a policy
   keep         the given seams and no others: a piece that is no disc is refused
   none         no cut: the mesh must be a disc
   uv           borders of the UV islands that the file has
   materials    between faces of different materials
   groups       between faces of different objects or groups
-  hard[:DEG]   edges whose faces' normals are further apart than DEG degrees [66]
+  hard[:DEG]   edges between faces whose normals differ by more than DEG degrees [66]
   edges:FILE   two vertex numbers per line, as the file counts them (an OBJ from 1, others from 0)
-  uncut:FILE   no source: edges, listed likewise, at which no seam is added
+  uncut:FILE   the reverse of a source: edges, listed in the same way, at which no seam is added
 
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
 
@@ -44,7 +46,10 @@ void AddBatch(CLI::App& app, Arguments& arguments) {
   app.add_option("--format", arguments.format, "Of the outputs of a batch [that of each input; STL becomes OBJ]")
       ->check(CLI::IsMember({"obj", "ply", "off", "gltf", "glb", "drc"}).description(""))
       ->type_name("obj|ply|off|gltf|glb|drc");
-  app.add_flag("--again", arguments.again, "Of a batch: redo files whose outputs are up to date (see --fresh)");
+  app.add_flag(
+      "--again", arguments.again,
+      "Of a batch: send files again whose outputs are up to date; the server may answer with a result that it has "
+      "kept, unless --fresh is given too");
 }
 
 void AddPicture(CLI::App& app, Arguments& arguments) {
@@ -145,7 +150,7 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
   unwrap.add_flag(
       "--detach", arguments.detach,
       "Queue the job, print its name and leave; see jobs watch; of a batch the same command fetches what is done");
-  AddTimeout(unwrap, arguments, "This command gives up so long after its start, and cancels the job");
+  AddTimeout(unwrap, arguments, "This command waits no longer than that from its start on, and cancels the job");
   AddScheduling(unwrap, arguments.scheduling);
   AddLabels(unwrap, arguments, "Label of the job, to find it again; may be repeated [file=the file's name]");
 

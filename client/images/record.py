@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Records what a command shows on a terminal, as an animated SVG that browsers and GitHub play without a script.
 
-    client/images/record.py OUT.svg [--columns N] [--rows N] -- COMMAND...
+    client/images/record.py OUT.svg [--columns N] [--rows N] [--interval SECONDS] -- COMMAND...
 
-The command runs in a detached tmux, whose screen is read ten times a second; frames that are like the one before are
-left out. Needs tmux.
+The command runs in a detached tmux, whose screen is read ten times a second, or every --interval; frames that are like the
+one before are left out. Needs tmux.
 """
 
 import argparse
@@ -19,7 +19,6 @@ import time
 COLORS = {31: "#ff7b72", 32: "#7ee787", 33: "#e3b341", 36: "#76e3ea"}
 TEXT, DIM, BACKGROUND = "#e6edf3", "#6e7681", "#0d1117"
 CELL_WIDTH, CELL_HEIGHT, MARGIN = 8.4, 18, 14
-INTERVAL = 0.1  # seconds between two looks
 PAUSE = 4.0  # seconds that the last frame stays
 
 
@@ -49,7 +48,7 @@ class Tmux:
         self.directory.cleanup()
 
 
-def record(columns, rows, command):
+def record(columns, rows, interval, command):
     """The frames, as (second at which it is first seen, text with colour codes), and when the command ended."""
     tmux = Tmux(columns, rows, command)
     frames, start = [], time.monotonic()
@@ -61,7 +60,7 @@ def record(columns, rows, command):
             frames.append((now, screen))
         if ended:
             break
-        time.sleep(INTERVAL)
+        time.sleep(interval)
     tmux.close()
     return frames, now
 
@@ -139,10 +138,11 @@ def main():
     parser.add_argument("out")
     parser.add_argument("--columns", type=int, default=100)
     parser.add_argument("--rows", type=int, default=12)
+    parser.add_argument("--interval", type=float, default=0.1, help="seconds between two looks")
     parser.add_argument("command", nargs="+")
     arguments = parser.parse_args()
     os.environ["TERM"] = "screen-256color"
-    frames, seconds = record(arguments.columns, arguments.rows, arguments.command)
+    frames, seconds = record(arguments.columns, arguments.rows, arguments.interval, arguments.command)
     prompt = " ".join(arguments.command)
     used = max(len(screen.split("\n")) for _, screen in frames)
     with open(arguments.out, "w", encoding="utf-8") as file:

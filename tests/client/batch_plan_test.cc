@@ -5,7 +5,6 @@
 
 #include <filesystem>
 
-#include "client/cli/batch_digest.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/testing/files.h"

@@ -1,11 +1,9 @@
 // The memory of a batch: what killed runs leave behind.
-#include "client/cli/batch_state.h"
-
 #include <filesystem>
 #include <thread>
 #include <vector>
 
-#include "client/cli/batch_digest.h"
+#include "client/cli/batch_plan.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"
 #include "tests/testing/files.h"

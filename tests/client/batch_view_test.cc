@@ -1,11 +1,14 @@
 // A batch as people see it: bars, the table, the exit code; and how many of its files are in flight.
 #include <atomic>
+#include <sstream>
 #include <thread>
 
-#include "client/cli/batch_bars.h"
-#include "client/cli/batch_flight.h"
+#include "client/cli/batch_job.h"
 #include "client/cli/batch_table.h"
-#include "client/cli/text_width.h"
+#include "client/cli/json.h"
+#include "client/cli/progress.h"
+#include "client/cli/progress_view.h"
+#include "client/cli/text.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -25,19 +28,20 @@ Terminal Screen(int width, int height, bool utf8 = true) {
   return terminal;
 }
 
-BatchBarsState TwoJobs() {
-  BatchBarsState state;
-  state.files = 12;
+ProgressState TwoJobs() {
+  ProgressState state;
+  state.jobs_in_all = 12;
   state.ended = 3;
   state.bad = 1;
   state.elapsed_seconds = 4.12;
-  BarState solving;
+  JobProgress solving;
   solving.stage = Stage::kSolve;
   solving.newton_iteration = 3;
   solving.residuals = {1e-1, 1e-2, 1e-3, 1e-5};
   solving.tolerance = 1e-9;
-  solving.elapsed_seconds = 3.21;
-  BarState queued;
+  solving.elapsed_seconds = solving.worker_began = 3.21;
+  solving.reached = 0.5;
+  JobProgress queued;
   queued.stage = Stage::kQueue;
   queued.queue_position = 2;
   queued.elapsed_seconds = 0.4;
@@ -54,8 +58,8 @@ TEST(BatchBarsTest, LinePerJob) {
 }
 
 TEST(BatchBarsTest, FitsAnyTerminal) {
-  BatchBarsState state = TwoJobs();
-  state.jobs.push_back({"a/very/long/way/down/to/a/file/of/the/name/文件/文件/文件.obj", BarState()});
+  ProgressState state = TwoJobs();
+  state.jobs.push_back({"a/very/long/way/down/to/a/file/of/the/name/文件/文件/文件.obj", JobProgress()});
   for (int height = 1; height < 8; ++height) {
     for (int width = 1; width < 150; ++width) {
       for (const bool utf8 : {true, false}) {
@@ -113,6 +117,30 @@ TEST(BatchBarsTest, EndedLinesStayAboveTheLiveOnes) {
   EXPECT_THAT(Shown(text), ElementsAre("before", "a ok", "b ok", "c ok"));
 }
 
+TEST(ProgressJsonTest, EveryEventHasTheFraction) {
+  Arguments arguments;
+  arguments.progress = ProgressMode::kJson;
+  Event event;
+  event.progress.emplace();
+  event.progress->stage = Stage::kPack;
+  event.progress->elapsed = Seconds(3);
+  ::testing::internal::CaptureStderr();
+  const auto view = NewProgressView(arguments, {"a.obj"}, /*is_batch=*/false);
+  view->Begin(0);
+  view->OnEvent(0, event);
+  view->Say("a line");
+  view->Finish();
+  std::istringstream lines(::testing::internal::GetCapturedStderr());
+  std::string line, note;
+  ASSERT_TRUE(std::getline(lines, line) && std::getline(lines, note));
+  const Json told = Json::parse(line);
+  EXPECT_EQ(told["progress"]["stage"], "pack");
+  EXPECT_GT(told["fraction"], 0.5);
+  EXPECT_LT(told["fraction"], 1);
+  EXPECT_FALSE(told.contains("file"));
+  EXPECT_EQ(Json::parse(note), Json({{"note", "a line"}}));
+}
+
 std::vector<BatchRow> Rows() {
   BatchRow good;
   good.name = "props/lamp.obj";
@@ -140,15 +168,17 @@ std::vector<BatchRow> Rows() {
 TEST(BatchBarsTest, LeavesOnlyWhatEnded) {
   ::testing::internal::CaptureStderr();
   {
-    BatchBars bars({"props/lamp.obj", "b.obj", "c.obj"});
-    for (std::size_t file = 0; file < 3; ++file) bars.Begin(file);
+    Arguments arguments;
+    arguments.progress = ProgressMode::kBar;
+    const auto bars = NewProgressView(arguments, {"props/lamp.obj", "b.obj", "c.obj"}, /*is_batch=*/true);
+    for (std::size_t file = 0; file < 3; ++file) bars->Begin(file);
     Event event;
     event.progress.emplace();
     event.progress->stage = Stage::kSolve;
-    bars.OnEvent(2, event);
-    bars.OnNotice(1, "the queue is full, waiting");
-    for (std::size_t file = 0; file < 3; ++file) bars.End(file, Rows()[file]);
-    bars.Finish();
+    bars->OnEvent(2, event);
+    bars->OnNotice(1, "the queue is full, waiting");
+    for (std::size_t file = 0; file < 3; ++file) bars->End(file, Rows()[file]);
+    bars->Finish();
   }
   const std::vector<std::string> shown = Shown(::testing::internal::GetCapturedStderr());
   ASSERT_EQ(shown.size(), 2u) << "of what was done before only the totals tell";
@@ -203,6 +233,14 @@ TEST(TextWidthTest, WideCharactersAndControls) {
   EXPECT_EQ(CutToWidth("path/to.obj", 8, false), "..to.obj");
   EXPECT_EQ(CutToWidth("short", 8, true), "short");
   EXPECT_EQ(Padded("文", 4), "文  ");
+  // An accent that combines takes no column and is never cut from its letter; emoji take two.
+  EXPECT_EQ(DisplayWidth("e\u0301"), 1);
+  EXPECT_EQ(DisplayWidth("🎲.obj"), 6);
+  EXPECT_EQ(CutToWidth("path/e\u0301x.obj", 7, true), "…e\u0301x.obj");
+  EXPECT_EQ(CutToWidth("path/e\u0301x.obj", 6, true), "…x.obj");
+  // What turns the direction of writing could show another name than there is; a torn character is no name at all.
+  EXPECT_EQ(Printable("a\u202ejbo.exe", true), "a?jbo.exe");
+  EXPECT_EQ(Printable("a\xff\x80\xe6\x96", true), "a????");
 }
 
 TEST(BatchFlightTest, FollowsTheServer) {

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "client/cli/arguments.h"
-#include "client/cli/exit_codes.h"
+#include "client/cli/commands.h"
 #include "client/cli/json.h"
-#include "client/cli/numbers.h"
 #include "client/cli/summary.h"
+#include "client/cli/text.h"
 #include "client/src/errors.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -389,6 +389,9 @@ TEST(ArgumentsTest, ShortHelpHasTheMostUsedFlagsAndLongHelpAll) {
 TEST(ArgumentsTest, QuietShowsNoProgressUnlessItIsAskedFor) {
   EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj"}).arguments->progress, ProgressMode::kAuto);
   EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "-q"}).arguments->progress, ProgressMode::kNone);
+  EXPECT_TRUE(Parse({"unwrap", "a.obj", "-o", "b.obj", "-v"}).arguments->verbose);
+  EXPECT_THAT(Parse({"unwrap", "a.obj", "-o", "b.obj", "-v", "-q"}).err, HasSubstr("--quiet excludes --verbose"));
+  EXPECT_TRUE(Parse({"jobs", "watch", "1", "--server=a:1", "--quiet"}).arguments->quiet);
   EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "-q", "--progress=json"}).arguments->progress,
             ProgressMode::kJson);
   EXPECT_EQ(Parse({"unwrap", "a.obj", "-o", "b.obj", "--color=never"}).arguments->color, ColorMode::kNever);
@@ -456,6 +459,30 @@ TEST(SummaryTest, UsableResult) {
             "(uzawa+cholesky).\n"
             "No flipped, degenerate or overlapping triangles; angles off by 1.20 deg on average, 34.0 at most; "
             "stretch 1.90.\n");
+}
+
+TEST(SummaryTest, VerboseHasStagesTheLargestChartsAndEveryWarning) {
+  Report report = GoodReport();
+  report.times.solve = Seconds(0.25);
+  report.peak_memory_bytes = 84'000'000;
+  report.threads = 2;
+  report.charts[0].triangles = 18062;
+  for (int i = 1; i < 30; ++i) {
+    ChartReport chart = report.charts[0];
+    chart.chart = i;
+    chart.triangles = i;
+    report.charts.push_back(chart);
+    report.warnings.push_back({"NOT_CONVERGED", "chart " + std::to_string(i) + " is slow", {}});
+  }
+  report.chart_totals.charts = 30;
+  const std::string text = Summary(report, "", Terminal(), /*verbose=*/true);
+  EXPECT_THAT(text, HasSubstr("Seconds: upload 0.000, queue 0.000, decode 0.000, charts 0.000, solve 0.250, "));
+  EXPECT_THAT(text, HasSubstr("Memory of the worker: 84 MB at most, with 2 threads.\n"
+                              "CHART  TRIANGLES  SOLVER             NEWTON  LINEAR  RESIDUAL  STRETCH\n"
+                              "    0     18,062  uzawa+cholesky          8       0   3.0e-12    1.000\n"
+                              "   29         29  uzawa+cholesky "));
+  EXPECT_THAT(text, HasSubstr("(10 smaller charts are left out here)\n"));
+  EXPECT_THAT(text, HasSubstr("warning: chart 29 is slow [NOT_CONVERGED]\n"));
 }
 
 TEST(SummaryTest, SaysWhatBecameOfTheOutline) {

@@ -5,7 +5,7 @@
 #include <map>
 #include <sstream>
 
-#include "client/cli/seam_edges.h"
+#include "client/cli/seams.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/testing/files.h"

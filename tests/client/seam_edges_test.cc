@@ -1,8 +1,7 @@
 // Seams that a file has or that a list names, found in the triangulation.
-#include "client/cli/seam_edges.h"
-
 #include <filesystem>
 
+#include "client/cli/seams.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"

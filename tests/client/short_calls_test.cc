@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "client/cli/batch_queue.h"
+#include "client/cli/batch_job.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/client.h"

@@ -1,6 +1,6 @@
 #!/bin/sh
-# What the completion in bash or zsh offers. Exit code 77: skipped, and why is printed.
-#   completion.sh bash|zsh BIN_DIR
+# What the completion in bash, zsh or fish offers. Exit code 77: skipped, and why is printed.
+#   completion.sh bash|zsh|fish BIN_DIR
 set -eu
 shell=$1
 export PATH="$2:$PATH"
@@ -34,6 +34,14 @@ zsh)
       source <("$1" --generate=zsh)' zsh "$@" | tr '\n' ' '
   }
   ;;
+fish)
+  # Lines of a word, a tab and what it is about.
+  complete() {
+    HOME=/nonexistent fish --no-config -c '
+      source ($argv[1] --generate=fish | psub)
+      complete --do-complete "$argv"' "$@" | cut -f 1 | tr '\n' ' '
+  }
+  ;;
 esac
 
 failed=0
@@ -57,7 +65,11 @@ expect "--limit --label" "--solver" planish jobs list --l
 expect "auto uzawa minres direct" "--solver" planish unwrap --solver ""
 expect "--listen --log-level" "--sandbox" planishd --l
 expect "auto off require" "process" planishd --sandbox ""
-if [ "$shell" = bash ]; then
+if [ "$shell" = fish ]; then
+  expect "--solver=auto --solver=uzawa" "--solver=pack" planish unwrap --solver=
+  expect "" "unwrap list" planish unwrap ""
+  expect "--generate" "--solver" planish --gen
+elif [ "$shell" = bash ]; then
   expect "auto uzawa minres direct" "" planish unwrap --solver =
   expect "minres" "uzawa" planish unwrap --solver = m
 else

@@ -147,9 +147,12 @@ TEST_F(ServerTest, DetachAndFetchLater) {
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_THAT(run.err, HasSubstr("MESH_MISMATCH"));
 
-  run = Planish(With({"jobs", "watch", name, "--progress=plain"}));
+  run = Planish(With({"jobs", "watch", name, "--progress=plain", "--verbose"}));
   EXPECT_EQ(run.exit_code, 0);
   EXPECT_THAT(run.err, HasSubstr("Flattened 800 triangles"));
+  for (const char* said : {"Server ", ": planishd ", " bytes sent, ", "\nSeconds: upload ", "\nCHART  TRIANGLES  "}) {
+    EXPECT_THAT(run.err, HasSubstr(said));
+  }
 }
 
 TEST_F(ServerTest, JobsListShowCancelDelete) {

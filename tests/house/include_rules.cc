@@ -78,6 +78,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^google/protobuf/.*)"), "protobuf", {"server", "client/src", "proto", "tests"}},
       {std::regex(R"(^draco/.*)"), "Draco", {"core/draco", "tests"}},
       {std::regex(R"(^meshoptimizer\.h$)"), "meshoptimizer", {"client/files", "tests"}},
+      {std::regex(R"(^utf8proc\.h$)"), "utf8proc", {"client/cli/text.cc"}},
       {std::regex(R"(^OpenMesh/.*)"), "OpenMesh", {"core/mesh/tri_mesh.h"}},
       {std::regex(R"(^(suitesparse/.*|cholmod.*\.h|cblas.*\.h|omp\.h)$)"), "BLAS, CHOLMOD and OpenMP", {}},
       {std::regex(R"(^spdlog/.*)"), "spdlog", {"server/log"}},
@@ -87,7 +88,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^(curl/.*|expat\.h)$)"), "libcurl and Expat", {"server/blobs"}},
       {std::regex(R"(^(httplib\.h|prometheus/.*)$)"),
        "HTTP and Prometheus",
-       {"server/metrics", "client/cli/health_command.cc", "tests"}},
+       {"server/metrics", "client/cli/server_commands.cc", "tests"}},
       // The library but for its private server is bound to no system.
       {std::regex(R"(^((sys|linux|netinet|arpa)/.*|(dlfcn|fcntl|netdb|poll|pthread|signal|spawn|unistd)\.h)$)"),
        "headers of the system",

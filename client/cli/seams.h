@@ -1,13 +1,40 @@
-// Seams that a mesh file has, or that another file names for it.
+// --seams=LIST: its meaning, and the edges that it takes from files.
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
-#include "client/cli/seam_list.h"
 #include "client/files/mesh_file.h"
+#include "planish/types.h"
 
 namespace planish::cli {
+
+// ---- The list
+
+// A policy, and where the given seams come from.
+struct SeamList {
+  Seams policy = Seams::kAuto;
+  double hard_edge_degrees = 0;          // 0: none
+  bool uv = false;                       // borders of the file's UV islands
+  bool materials = false;                // edges between faces of different materials
+  bool groups = false;                   // edges between faces of different objects or groups
+  std::vector<std::string> edge_files;   // of two vertex numbers per line
+  std::vector<std::string> uncut_files;  // edges at which no seam is added, in the same format
+
+  // Whether any of the seams comes from a file, which the client reads.
+  bool NeedsFile() const { return uv || materials || groups || !edge_files.empty(); }
+};
+
+// Angle of "hard" without one, degrees.
+inline constexpr double kDefaultHardEdge = 66;
+
+// Reads a comma-separated list of at most one policy (none, keep, needed, auto) and any number of sources (uv, hard,
+// hard:DEG, edges:FILE, materials, groups), and of uncut:FILE. Sources without a policy mean needed. Returns what is
+// wrong with `text`, empty if nothing.
+std::string ParseSeamList(const std::string& text, SeamList* list);
+
+// ---- Edges from files
 
 // The edges of a file's polygons at which its triangles meet. Diagonals, which only the triangulation has, are not
 // among them, nor edges of triangles that name a vertex twice.
@@ -23,14 +50,14 @@ class PolygonEdges {
   std::vector<std::int32_t> MaterialBorders() const;
   std::vector<std::int32_t> GroupBorders() const;
 
-  // The edges that the text file at `path` lists, likewise: two vertex numbers per line, as the mesh file numbers its
-  // vertices (from 1 in an OBJ, from 0 in others); blank lines and what follows a # are skipped. Throws planish::Error:
-  // FILE_UNREADABLE; FILE_MALFORMED, with path and line, also for a pair that is no edge and for an STL, whose vertices
-  // have no numbers.
+  // The edges that the text file at `path` lists, in the same form: two vertex numbers per line, as the mesh file
+  // numbers its vertices (from 1 in an OBJ, from 0 in others); blank lines and what follows a # are skipped. Throws
+  // planish::Error: FILE_UNREADABLE; FILE_MALFORMED, with path and line, also for a pair that is no edge and for an
+  // STL, whose vertices have no numbers.
   std::vector<std::int32_t> ListedIn(const std::string& path) const;
 
-  // Pieces into which the UV borders (and edges of one or of more than two polygons) part the surface. Polygons without
-  // an edge are none.
+  // Pieces of the surface between UV borders, and edges of one or of more than two polygons. Polygons without an edge
+  // do not count.
   std::int64_t CountUvIslands() const;
 
  private:

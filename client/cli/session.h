@@ -1,0 +1,79 @@
+// Ctrl-C, and the server that a command talks to.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "client/cli/arguments.h"
+#include "client/src/process.h"
+#include "planish/client.h"
+
+namespace planish::cli {
+
+// ---- Ctrl-C, SIGTERM and SIGHUP: the first asks to cancel, the second leaves at once
+
+// One per process, made in main() before any other thread, because threads inherit its signal mask. Signals are read
+// from a descriptor by a thread, so that what they set off may do anything a thread may.
+class Interrupts {
+ public:
+  Interrupts();
+  ~Interrupts();
+
+  // What the first signal sets off, on the thread of this class; must return soon. Without it the first signal
+  // leaves at once.
+  void SetCancel(std::function<void()> cancel);
+  // Done before leaving at once: what destructors would have done.
+  void SetLastWords(std::function<void()> last_words);
+
+  bool interrupted() const { return interrupted_; }
+  // For what must not be left half done: SetCancel([] {}) before it, this behind it.
+  void LeaveIfInterrupted();
+
+ private:
+  void Watch();
+  [[noreturn]] void LeaveAtOnce();
+
+  OwnedFd signals_;
+  OwnedFd stop_;
+  std::mutex mutex_;  // guards the two functions
+  std::function<void()> cancel_;
+  std::function<void()> last_words_;
+  std::atomic<bool> interrupted_ = false;
+  std::thread watcher_;
+};
+
+// ---- The server: the one that --server names, or a private one
+
+struct ServerNeeds {
+  // Of a private server: jobs at a time, and threads that each may use (0: the cores, divided by `workers`).
+  int workers = 1;
+  int threads = 0;
+  ClientOptions client;
+};
+
+class ServerChoice {
+ public:
+  // An empty address starts a private server, which needs none of `flags`; throws planish::Error if that fails, or as
+  // Client::Client does.
+  ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,
+               const ServerNeeds& needs = {});
+  ~ServerChoice();
+
+  Client& client() { return *client_; }
+  // For --verbose: "Server farm:7741: planishd 0.1.0, 4 workers, 8 threads a job". Asks the server.
+  std::string Description();
+  // Null if --server names the server.
+  const PrivateServer* private_server() const { return private_server_ ? &*private_server_ : nullptr; }
+
+ private:
+  const std::string address_;
+  Interrupts& interrupts_;
+  std::optional<PrivateServer> private_server_;
+  std::optional<Client> client_;
+};
+
+}  // namespace planish::cli

@@ -1,0 +1,62 @@
+// What commands print: how wide text is on a terminal, numbers for people, what the terminal can do.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace planish::cli {
+
+// ---- Text on a terminal
+
+// Columns of a UTF-8 text without its colour codes: two for East Asian wide characters and emoji, none for accents that
+// combine with the character before. A byte that is no UTF-8 takes one.
+int DisplayWidth(const std::string& text);
+
+// A file's name as it may be shown. Control characters, those that turn the direction of writing, bytes that are no
+// UTF-8, and, unless `utf8`, characters that are not ASCII become '?'.
+std::string Printable(const std::string& name, bool utf8);
+
+// The same of text that may have several lines.
+std::string PrintableLines(const std::string& text, bool utf8);
+
+// `text`, which has no colour codes; if it is wider than `columns`, an ellipsis and the end of it.
+std::string CutToWidth(const std::string& text, int columns, bool utf8);
+
+// `text` filled with spaces to `columns`, behind it or, with `right`, before it.
+std::string Padded(const std::string& text, int columns, bool right = false);
+
+// ---- Numbers for people
+
+std::string WithCommas(std::int64_t number);         // "23,062"
+std::string Scientific(double number);               // "3.2e-05"
+std::string Fixed(double number, int digits);        // "1.25"
+std::string Significant(double number, int digits);  // "3.02e+07", "341", "0.0125"
+std::string Duration(double seconds);                // "0.42 s", "12.3 s", "3:05", "1:02:09"
+std::string Megabytes(std::int64_t bytes);           // "0.3 MB", "1,204 MB"
+std::string Counted(std::int64_t count, const std::string& one, const std::string& many);  // "1 face", "2,000 faces"
+
+// ---- The terminal behind stderr
+
+struct Terminal {
+  bool is_tty = false;
+  bool is_dumb = false;  // no cursor movement: a bar would only make a mess
+  bool utf8 = false;
+  bool color = false;
+  int width = 80;   // columns, as of now
+  int height = 24;  // rows
+};
+
+// Looks at stderr, $TERM, $NO_COLOR and the locale (LC_ALL, LC_CTYPE, LANG), and obeys SetColorMode().
+Terminal StderrTerminal();
+
+// kAuto: colours on a terminal that can show them, unless $NO_COLOR is set.
+enum class ColorMode { kAuto, kAlways, kNever };
+
+// Decides for the whole process. main() calls it before anything is printed in colour.
+void SetColorMode(ColorMode mode);
+
+// `text` between the escape sequence `color` and the sequence that resets it. Unchanged if the terminal has no color or
+// the text is empty.
+std::string Colored(const Terminal& terminal, const char* color, const std::string& text);
+
+}  // namespace planish::cli
