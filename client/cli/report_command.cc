@@ -13,8 +13,8 @@
 #include "client/cli/batch_table.h"
 #include "client/cli/commands.h"
 #include "client/cli/json.h"
-#include "client/cli/text.h"
 #include "client/cli/summary.h"
+#include "client/cli/text.h"
 #include "client/files/file_io.h"
 #include "client/src/errors.h"
 
@@ -79,7 +79,7 @@ FinishedPage UnwrapPage(const MeshInput& input, const UnwrapResult& result, cons
   const std::string name = FileName(has_name ? output : input.path());
   maps.push_back({before.has_uv() ? "after" : name, input, after, options, padding});
   Json json = ReportJson(result, result.report, "");
-  json["tolerance"] = arguments.options.tolerance > 0 ? arguments.options.tolerance : kDefaultTolerance;
+  json["tolerance"] = arguments.options.solver.tolerance > 0 ? arguments.options.solver.tolerance : kDefaultTolerance;
   if (member == nullptr) return ReportPage(maps, json, name);
   SheetMember whole = *member;
   whole.picture = SheetPicture(after.mesh, after.uv);
