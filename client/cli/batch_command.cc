@@ -101,10 +101,16 @@ int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& pla
   const std::vector<BatchRow> rows = run.Run();
   interrupts.SetCancel({});
   view->Finish();
-  if (sheet) sheet->Write(SheetRows(plan, rows));
 
   const BatchTotals totals = TotalsOf(rows, timer.Seconds());
-  const int exit_code = BatchExitCode(rows, interrupts.interrupted(), run.server_lost());
+  int exit_code = BatchExitCode(rows, interrupts.interrupted(), run.server_lost());
+  try {
+    if (sheet) sheet->Write(SheetRows(plan, rows));
+  } catch (const Error& error) {
+    // The meshes are written all the same.
+    std::cerr << ErrorText(error, "", StderrTerminal());
+    if (exit_code == kOk) exit_code = kFailed;
+  }
   if (!arguments.quiet || exit_code != kOk) {
     std::cerr << BatchTable(rows, totals, StderrTerminal()) << NextStep(totals, run, interrupts.interrupted());
   }
