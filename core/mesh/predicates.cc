@@ -51,15 +51,16 @@ int ExactOrientation(const Vec2& a, const Vec2& b, const Vec2& c) {
   return determinant.Sign();
 }
 
-// Whether some edge of the counter-clockwise triangle s has all of t on its outer side or on it.
-bool EdgeSeparates(const Vec2 s[3], const Vec2 t[3]) {
+// The first corner k of the counter-clockwise triangle s so that its edge from k to the next one has all of t on its
+// outer side or on it; -1 if there is none.
+int SeparatingEdge(const Vec2 s[3], const Vec2 t[3]) {
   for (int k = 0; k < 3; ++k) {
     const Vec2 &from = s[k], &to = s[Next(k)];
     if (Orientation(from, to, t[0]) <= 0 && Orientation(from, to, t[1]) <= 0 && Orientation(from, to, t[2]) <= 0) {
-      return true;
+      return k;
     }
   }
-  return false;
+  return -1;
 }
 
 bool InBox(const Vec2& p, const Vec2& a, const Vec2& b) {
@@ -83,7 +84,14 @@ int Orientation(const Vec2& a, const Vec2& b, const Vec2& c) {
 }
 
 bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]) {
-  return !EdgeSeparates(s, t) && !EdgeSeparates(t, s);
+  return SeparatingEdge(s, t) < 0 && SeparatingEdge(t, s) < 0;
+}
+
+int VerticalOrder(const Vec2 s[3], const Vec2 t[3]) {
+  // An edge that runs to the right has its own triangle above.
+  if (const int k = SeparatingEdge(s, t); k >= 0) return SweepsFirst(s[k], s[Next(k)]) ? 1 : -1;
+  if (const int k = SeparatingEdge(t, s); k >= 0) return SweepsFirst(t[k], t[Next(k)]) ? -1 : 1;
+  return 0;
 }
 
 bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {

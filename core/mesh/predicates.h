@@ -17,6 +17,16 @@ inline int Orientation(const std::array<Vec2, 3>& triangle) {
 // Whether the interiors of two triangles, both counter-clockwise and not degenerate, meet. Exact.
 bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]);
 
+// Whether a vertical line that moves to the right reaches `p` before `q`. Vertical lines count as tilted to the left by
+// an infinitely small angle, so that they meet one point after another and no edge is vertical.
+inline bool SweepsFirst(const Vec2& p, const Vec2& q) {
+  return p.x() < q.x() || (p.x() == q.x() && p.y() < q.y());
+}
+
+// Of two triangles as for InteriorsMeet() that some vertical line crosses both: 1 if the interior of `s` lies above
+// that of `t` there, -1 if it lies below, 0 if the interiors meet. Exact.
+int VerticalOrder(const Vec2 s[3], const Vec2 t[3]);
+
 // Whether the segments ab and cd share a point, ends included. Exact.
 bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 
 namespace planish {
 namespace {
@@ -71,15 +72,20 @@ Rim MakeRim(const Silhouette& s, int most) {
   if (count > most) {
     for (int i = 0; i < most; ++i) rim.cells[i] = rim.cells[i * count / most];
     rim.cells.resize(most);
+    rim.cells.shrink_to_fit();  // thousands are kept
   }
   return rim;
 }
 
-Board::Board(int side) : side_(side), size_(side + 2 * kMargin), stride_((size_ + 63) / 64 + 2) {
-  int levels = 1;
-  while ((1 << levels) <= size_) ++levels;
+Board::Board(int side, int longest) : side_(side), size_(side + 2 * kMargin), stride_((size_ + 63) / 64 + 2) {
+  // What tells of the longest span that fits.
+  const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size_)));
   levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size_, kAll));
-  for (int k = 0; k < levels; ++k) {
+  Clear();
+}
+
+void Board::Clear() {
+  for (std::size_t k = 0; k < levels_.size(); ++k) {
     std::vector<std::uint64_t> row(stride_, kAll);
     for (int x = kMargin; x < kMargin + side_ + 1 - (1 << k); ++x) row[x >> 6] &= ~(std::uint64_t{1} << (x & 63));
     for (int y = kMargin; y < kMargin + side_; ++y) {
@@ -138,6 +144,7 @@ bool Board::FreePlacesOf(const Silhouette& s, const std::vector<std::int32_t>& r
     for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1] && any != 0; ++i) {
       const int length = s.spans[i].end - s.spans[i].begin;
       const int k = std::bit_width(static_cast<unsigned>(length)) - 1;
+      assert(k < std::ssize(levels_));
       const std::uint64_t* row = Row(k, y + r);
       const int shift_a = s.spans[i].begin, shift_b = s.spans[i].end - (1 << k);
       const std::uint64_t* a = row + (shift_a >> 6);

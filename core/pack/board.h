@@ -33,8 +33,10 @@ class Board {
  public:
   static constexpr int kMargin = 2;  // cells round the free square that count as taken
 
-  // side x side free cells, from (kMargin, kMargin) on.
-  explicit Board(int side);
+  // side x side free cells, from (kMargin, kMargin) on, for silhouettes at most `longest` cells wide.
+  Board(int side, int longest);
+  // All cells are free again.
+  void Clear();
 
   int side() const { return side_; }
   bool IsTaken(int x, int y) const { return (Row(0, y)[x >> 6] >> (x & 63) & 1) != 0; }

@@ -50,8 +50,15 @@ struct Start {
 class Pyramid {
  public:
   explicit Pyramid(int side) {
-    for (int level = 0; level < kLevels && (side >> level) << level == side; ++level)
-      boards_.emplace_back(side >> level);
+    int levels = 1;
+    while (levels < kLevels && (side >> levels) << levels == side) ++levels;
+    // Longer charts are looked for on the next board: each row of cells with far fewer runs than fit in it.
+    for (int level = 0; level < levels; ++level) {
+      boards_.emplace_back(side >> level, level + 1 < levels ? 2 * kCellsOfLarge - 1 : side);
+    }
+  }
+  void Clear() {
+    for (Board& board : boards_) board.Clear();
   }
   int levels() const { return static_cast<int>(boards_.size()); }
   const Board& board(int level) const { return boards_[level]; }
@@ -66,15 +73,18 @@ class Pyramid {
 
 }  // namespace
 
-// What trials at the same scales and angles share.
+// What trials at the same scales and angles share; and the tiles, which each trial clears.
 struct TrialSeries::Kept {
-  explicit Kept(const TrialGrid& grid) : empty(grid.side) {}
+  explicit Kept(const TrialGrid& grid) {
+    tiles.reserve(grid.tiles);
+    for (int tile = 0; tile < grid.tiles; ++tile) tiles.emplace_back(grid.side);
+  }
 
   std::vector<double> scales;
   int angles = 0;
   std::vector<std::unique_ptr<Shape>> shapes;           // by chart and turn
   std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot
-  Pyramid empty;
+  std::vector<Pyramid> tiles;
 };
 
 namespace {
@@ -85,14 +95,16 @@ class Trial {
   using Fixed = std::vector<std::unique_ptr<FixedSilhouette>>;
 
   Trial(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
-        const TrialPlan& plan, const Pyramid& empty, Shapes* shapes, Fixed* fixed)
+        const TrialPlan& plan, std::vector<Pyramid>* tiles, Shapes* shapes, Fixed* fixed)
       : outlines_(outlines),
         scales_(scales),
         grid_(grid),
         plan_(plan),
-        tiles_(grid.tiles, empty),
+        tiles_(*tiles),
         shapes_(*shapes),
-        fixed_(*fixed) {}
+        fixed_(*fixed) {
+    for (Pyramid& tile : tiles_) tile.Clear();
+  }
 
   TrialResult Run(double most_missing, const Execution& execution, std::vector<Pose>* poses) {
     TrialResult result;
@@ -143,6 +155,7 @@ class Trial {
     work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
     *fixed = MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i] / grid_.cell, grid_.radius / grid_.cell,
                                  cells * shape.silhouette.centre);
+    if (fixed != &own) fixed->silhouette.spans.shrink_to_fit();
     tiles_[found.tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y);
   }
 
@@ -166,8 +179,8 @@ class Trial {
       work_ += kKeptWork;
       return *shapes_[Slot(i, turn)];
     }
-    // A turn by more than a right angle is always made of the one a right angle before: a silhouette made of the outline
-    // anew could lie elsewhere in its cells.
+    // A turn by more than a right angle is always made of the one a right angle before: a silhouette made of the
+    // outline anew could lie elsewhere in its cells.
     const int quarter = plan_.angles % 4 == 0 ? plan_.angles / 4 : plan_.angles;
     const Shape* before = nullptr;
     if (turn >= quarter && keeps) before = shapes_[Slot(i, turn - quarter)].get();
@@ -185,6 +198,7 @@ class Trial {
     shape.rim = MakeRim(shape.silhouette, kRimCells);
     shape.row_order = RowOrder(shape.silhouette);
     if (keeps) {
+      shape.silhouette.spans.shrink_to_fit();
       shapes_[Slot(i, turn)] = std::make_unique<Shape>(std::move(shape));
       return *shapes_[Slot(i, turn)];
     }
@@ -250,7 +264,7 @@ class Trial {
   const std::vector<double>& scales_;
   const TrialGrid& grid_;
   const TrialPlan& plan_;
-  std::vector<Pyramid> tiles_;
+  std::vector<Pyramid>& tiles_;
   Shapes& shapes_;
   Fixed& fixed_;
   Shape passing_;  // of a chart at a turn, as it was needed last
@@ -280,7 +294,7 @@ TrialResult TrialSeries::Run(const std::vector<double>& scales, const TrialPlan&
       kept_->fixed.resize(slots);
     }
   }
-  return Trial(outlines_, scales, grid_, plan, kept_->empty, &kept_->shapes, &kept_->fixed)
+  return Trial(outlines_, scales, grid_, plan, &kept_->tiles, &kept_->shapes, &kept_->fixed)
       .Run(most_missing, execution, poses);
 }
 

@@ -9,21 +9,31 @@
 namespace planish {
 namespace {
 
-// Measured by tests/bench/run.sh memory; figures are what was measured, or a quarter more.
-constexpr double kFixedBytes = 8e6;        // code and tables that are touched first
-constexpr double kPackBytes = 12e6;        // the boards on which charts are packed, and their silhouettes
+// Measured by tests/bench/run.sh memory, and by planish_hunt --cases over all families of meshes, of 20 to 60,000
+// faces: figures are what was measured, or a quarter more.
+constexpr double kFixedBytes = 6e6;        // code and tables that are touched first
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
 // Beside that: charts of few faces, as of sparse isosurfaces. In meshes of more than kReferenceFaces these are not all
 // there is, and what multigrid would take is enough for them.
-constexpr double kChartBytesPerFace = 300;
+constexpr double kChartBytesPerFace = 200;
+// The packer's silhouettes: of as many charts as there may be, and at most. With PackEffort::kBest up to
+// PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond the first.
+constexpr double kPackBytesPerFace = 1500, kMostPackBytes = 2e6;
+constexpr double kBestBytesPerFace = 60e3, kMostBestBytes = 60e6;
+constexpr double kBytesPerTile = 0.25e6;
 // A Cholesky factorization instead: of meshes up to kReferenceFaces, and how that grows beyond. Measured: 1,310 bytes a
 // face of 50,000, 1,390 of 200,000.
 constexpr double kFactorBytesPerFace = 1650, kFactorBytesPower = 0.1;
-constexpr double kBytesPerPiece = 11e3;  // a chart of a single face, with its outline and its place
-constexpr double kBytesPerByte = 2;      // encoded bytes, while they are decoded
+constexpr double kBytesPerPiece =
+    2500;                            // a chart of a single face beside kBytesPerFace, with its outline and its place
+constexpr double kBytesPerByte = 2;  // encoded bytes, while they are decoded
 // The vertices that a triangle by itself has beyond half a vertex a face, which is what closed surfaces have.
 constexpr double kLooseVerticesPerPiece = 2.5;
+// Surfaces have fewer vertices a face only where they have very many handles, or where more than two faces meet at
+// edges. Below the first of these most edges are of the latter kind, below the second nearly all: each face may become
+// a chart.
+constexpr double kFewVertices = 0.42, kFewestVertices = 0.32;
 
 constexpr double kSecondsPerByte = 1e-8;
 constexpr double kSecondsPerPiece = 0.1e-3;  // charts and maps
@@ -60,6 +70,19 @@ bool IsSlow(const FlattenOptions& options) {
          options.preconditioner == PreconditionerType::kJacobi;
 }
 
+// Faces that are charts by themselves, as far as the counts tell.
+double Pieces(double faces, double vertices) {
+  const double loose = std::max(0.0, vertices - faces / 2) / kLooseVerticesPerPiece;
+  const double tangled = (kFewVertices * faces - vertices) / (kFewVertices - kFewestVertices);
+  return std::max(loose, std::clamp(tangled, 0.0, faces));
+}
+
+double PackBytes(double faces, const PackOptions& options) {
+  const double shapes = options.effort == PackEffort::kBest ? std::min(kMostBestBytes, kBestBytesPerFace * faces)
+                                                            : std::min(kMostPackBytes, kPackBytesPerFace * faces);
+  return shapes + kBytesPerTile * (options.tiles - 1) + kChartBytesPerFace * std::min(faces, kReferenceFaces);
+}
+
 double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptions& options) {
   const SeamPolicy policy = options.seams.policy;
   const double size = std::max(1.0, faces / kReferenceFaces);
@@ -83,8 +106,7 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
                         const UnwrapOptions& options) {
   const auto f = static_cast<double>(faces), v = static_cast<double>(vertices), b = static_cast<double>(mesh_bytes);
   // A disc has no pieces, and many vertices only if there are many faces.
-  const double pieces =
-      options.seams.policy == SeamPolicy::kNone ? 0 : std::max(0.0, v - f / 2) / kLooseVerticesPerPiece;
+  const double pieces = options.seams.policy == SeamPolicy::kNone ? 0 : Pieces(f, v);
   const double factor_per_face = kFactorBytesPerFace * std::pow(std::max(1.0, f / kReferenceFaces), kFactorBytesPower);
   const double per_face = Factorizes(options.flatten) ? factor_per_face : kBytesPerFace;
   // Where multigrid fails on a chart, a factorization takes its place: one for each thread at a time.
@@ -93,7 +115,7 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
                               : (kFactorBytesPerFace - kBytesPerFace) *
                                     std::min(f, static_cast<double>(kMostFallbackFaces) * options.threads);
   const bool packs = options.pack && options.seams.policy != SeamPolicy::kNone;
-  const double charts = packs ? kPackBytes + kChartBytesPerFace * std::min(f, kReferenceFaces) : 0;
+  const double charts = packs ? PackBytes(f, options.atlas) : 0;
   const double bytes = kFixedBytes + charts + kBytesPerThread * (options.threads - 1) + per_face * f + fallback +
                        kBytesPerPiece * pieces + kBytesPerByte * b;
   Estimate estimate;

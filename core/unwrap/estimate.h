@@ -12,7 +12,9 @@ struct Estimate {
   // estimate: on the meshes of tests/bench/results/memory.md above what was measured. Beyond 33 MB a thread, for a
   // Cholesky factorization that may have to take the place of multigrid (kMostFallbackFaces in core/abf/step_solver.h),
   // it is at most 1.6 times that for a disc from 20,000 triangles on, and up to three times where SeamPolicy::kAuto
-  // makes many charts, of which only some are solved at a time: that cannot be known before.
+  // makes many charts, of which only some are solved at a time: that cannot be known before. Nor can it be known where
+  // a mesh with the counts of a closed surface falls into charts of single faces, as triangles on random vertices do:
+  // from some 10,000 faces on such a mesh takes more, up to 1.5 times as much.
   std::int64_t peak_bytes = 0;
   // With one thread, to decode and unwrap, within a factor of about 3 for scans and models on a machine like that of
   // memory.md.
@@ -20,8 +22,8 @@ struct Estimate {
 };
 
 // `mesh_bytes` is the size of the encoded mesh, `faces` and `vertices` are what it declares (core/draco/header.h);
-// all at least 0. Valid `options` of any kind: solvers and seams that take more count for more. Monotonous in the
-// numbers. Overflow ends at the largest number.
+// all at least 0. Valid `options` of any kind: solvers and seams that take more count for more. Monotonous in
+// faces and bytes. Overflow ends at the largest number.
 Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t mesh_bytes,
                         const UnwrapOptions& options);
 

@@ -145,6 +145,10 @@ class MapJudge {
     constexpr std::int64_t kTestsPerFace = 30;  // beyond that pairs are no slower
     if (OutlinesProveNoOverlap(opposite_, uv_, orientation, kTestsPerFace * num_faces(), execution_)) return;
     check_.overlaps = FindOverlaps(uv_, kMaxOverlapTests, &check_.overlapping_pairs, execution_);
+    if (check_.overlaps.limited && check_.overlaps.pairs == 0) {  // a large fan
+      check_.overlaps = FindOneOverlap(uv_, execution_);
+      check_.overlapping_pairs = check_.overlaps.faces;
+    }
     for (const std::int32_t f : check_.overlapping_pairs) {
       check_.overlapping += (check_.faults[f] & kOverlappingFace) == 0;
       check_.faults[f] |= kOverlappingFace;

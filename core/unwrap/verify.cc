@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <limits>
+#include <functional>
+#include <iterator>
 #include <optional>
+#include <set>
 #include <span>
 #include <utility>
 
@@ -228,6 +230,16 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
          !execution.IsCancelled();
 }
 
+using Triangle = std::array<Vec2, 3>;  // counter-clockwise
+
+// Turns face f so that it is counter-clockwise. False if it has no interior that counts.
+bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int32_t f, Triangle* triangle) {
+  Triangle& t = *triangle = TriangleOf(uv, f);
+  const int sign = Orientation(t);
+  if (sign < 0) std::swap(t[1], t[2]);
+  return sign != 0 && (ignored.empty() || !ignored[f]);
+}
+
 // Every triangle against all later ones.
 class PairwiseCheck {
  public:
@@ -236,12 +248,8 @@ class PairwiseCheck {
     std::vector<Box> boxes(num_faces_);
     execution_.For(num_faces_, [&](std::int64_t begin, std::int64_t end) {
       for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
-        Triangle& t = triangles_[f] = TriangleOf(uv, f);
-        for (const Vec2& p : t) boxes[f].Add(p);
-        const int sign = Orientation(t);
-        if (sign < 0) std::swap(t[1], t[2]);
-        // Without an interior it meets nothing.
-        if (sign == 0 || (!ignored.empty() && ignored[f])) boxes[f] = Box();
+        if (!HasInterior(uv, ignored, f, &triangles_[f])) continue;
+        for (const Vec2& p : triangles_[f]) boxes[f].Add(p);
       }
     });
     tree_.emplace(std::move(boxes), execution_);
@@ -287,8 +295,6 @@ class PairwiseCheck {
   }
 
  private:
-  using Triangle = std::array<Vec2, 3>;  // counter-clockwise
-
   // So far.
   struct Counts {
     std::atomic<std::int64_t> pairs = 0, tests = 0;
@@ -321,6 +327,62 @@ class PairwiseCheck {
   std::optional<BoxTree> tree_;
 };
 
+// A vertical line sweeps over the triangles from left to right (Shamos and Hoey 1976) and holds those that it crosses
+// in their order along it. Left of the first place at which two interiors meet, interiors are apart and their order is
+// one. There the two are neighbours on the line: one of them has just come, or all that lay between them have just
+// ended, since what is convex does not narrow to a point and widen again. So it is enough to compare a triangle with
+// its neighbours when it comes, and those that become neighbours when one ends. Exact, as VerticalOrder() is.
+class Sweep {
+ public:
+  Sweep(const CornerUv& uv, const std::vector<char>& ignored, const Execution& execution)
+      : execution_(execution), triangles_(uv.size() / 6) {
+    for (std::int32_t f = 0; f < static_cast<std::int32_t>(triangles_.size()); ++f) {
+      if (HasInterior(uv, ignored, f, &triangles_[f])) events_.insert(events_.end(), {2 * f, 2 * f + 1});
+    }
+    const auto place = [this](std::int32_t event) {
+      const Triangle& t = triangles_[event / 2];
+      return event % 2 == 0 ? *std::min_element(t.begin(), t.end(), SweepsFirst)
+                            : *std::max_element(t.begin(), t.end(), SweepsFirst);
+    };
+    // What ends in a place ends before others come there.
+    std::sort(events_.begin(), events_.end(), [&](std::int32_t a, std::int32_t b) {
+      const Vec2 p = place(a), q = place(b);
+      if (p != q) return SweepsFirst(p, q);
+      return a % 2 != b % 2 ? a % 2 > b % 2 : a < b;
+    });
+  }
+
+  // Two faces whose interiors meet, or the same one twice: none do, or cancelled.
+  std::array<std::int32_t, 2> Run() {
+    std::set<std::int32_t, std::function<bool(std::int32_t, std::int32_t)>> line(
+        [this](std::int32_t a, std::int32_t b) { return IsBelow(a, b); });
+    std::vector<decltype(line)::iterator> place(triangles_.size());
+    for (std::size_t i = 0; i < events_.size() && !execution_.IsCancelledAt(i); ++i) {
+      const std::int32_t f = events_[i] / 2;
+      if (events_[i] % 2 == 0) {
+        place[f] = line.insert(f).first;
+      } else if (const auto next = line.erase(place[f]); next != line.begin() && next != line.end()) {
+        IsBelow(*std::prev(next), *next);
+      }
+      if (meet_[0] != meet_[1]) break;
+    }
+    return meet_;
+  }
+
+ private:
+  bool IsBelow(std::int32_t a, std::int32_t b) {
+    if (a == b) return false;
+    const int order = VerticalOrder(triangles_[a].data(), triangles_[b].data());
+    if (order == 0) meet_ = {std::min(a, b), std::max(a, b)};
+    return order < 0;
+  }
+
+  const Execution& execution_;
+  std::vector<Triangle> triangles_;
+  std::vector<std::int32_t> events_;  // 2 f: face f comes, 2 f + 1: it ends; in the order of the sweep
+  std::array<std::int32_t, 2> meet_ = {0, 0};
+};
+
 }  // namespace
 
 Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs,
@@ -329,6 +391,13 @@ Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<st
   const PairwiseCheck check(uv, ignored, execution);
   if (execution.IsCancelled()) return {0, true, {}};
   return check.Run(max_tests, pairs);
+}
+
+Overlaps FindOneOverlap(const CornerUv& uv, const Execution& execution, const std::vector<char>& ignored) {
+  if (execution.IsCancelled()) return {0, true, {}};
+  const auto [f, g] = Sweep(uv, ignored, execution).Run();
+  if (f != g) return {1, true, {f, g}};
+  return {0, execution.IsCancelled(), {}};
 }
 
 bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
@@ -345,9 +414,13 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution,
                        const std::vector<char>& ignored) {
-  constexpr std::int64_t kNoLimit = std::numeric_limits<std::int64_t>::max();
-  if (OutlinesProveNoOverlap(opposite, uv, orientation, kNoLimit, execution, ignored)) return {};
-  return FindOverlaps(uv, kNoLimit, nullptr, execution, ignored);
+  // Far more than triangles of ordinary shapes need; 2,000 of any shape are compared all with all.
+  constexpr std::int64_t kTests = 2'000'000, kTestsPerFace = 64;
+  const std::int64_t max_tests = kTests + kTestsPerFace * static_cast<std::int64_t>(uv.size() / 6);
+  if (OutlinesProveNoOverlap(opposite, uv, orientation, max_tests, execution, ignored)) return {};
+  const Overlaps overlaps = FindOverlaps(uv, max_tests, nullptr, execution, ignored);
+  if (!overlaps.limited || overlaps.pairs > 0) return overlaps;
+  return FindOneOverlap(uv, execution, ignored);
 }
 
 }  // namespace planish

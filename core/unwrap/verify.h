@@ -41,7 +41,7 @@ OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& executi
 
 struct Overlaps {
   std::int64_t pairs = 0;           // triangles whose interiors meet; at least this many if `limited`
-  bool limited = false;             // counting stopped at kMaxOverlaps, or was interrupted
+  bool limited = false;             // counting stopped at kMaxOverlaps or after too many tests, or was interrupted
   std::vector<std::int32_t> faces;  // of the first few pairs, two by two
 };
 inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
@@ -52,6 +52,10 @@ inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 // a few thousand triangles' pairs more; then `limited` is set. The same result whatever the team, but for an interrupt.
 Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs = nullptr,
                       const Execution& execution = {}, const std::vector<char>& ignored = {});
+
+// Exact, by a sweep: O(F log F) whatever the shapes, needles that fan out from one vertex included. At most one pair is
+// found; then `limited` is set.
+Overlaps FindOneOverlap(const CornerUv& uv, const Execution& execution = {}, const std::vector<char>& ignored = {});
 
 // Whether outlines alone prove that no two triangles overlap, as CheckOverlaps() says. False where they do not, and
 // where more than `max_tests` pairs of boxes would have to be looked at.
@@ -64,8 +68,9 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
 // other, a chart is injective: every point is covered as often as its outlines wind round it, once (they are simple
 // curves, one of which runs counter-clockwise round all the others, which run clockwise). Charts then overlap only if
 // one lies inside another, which their winding numbers tell. This takes O(b log b) for b outline edges; only otherwise
-// does FindOverlaps() look at pairs of triangles, without a limit. Triangles without area have no interior, and faces
-// marked in `ignored` (empty: none) count neither way.
+// does FindOverlaps() look at pairs of triangles. Where too many boxes meet, as in large fans, FindOneOverlap()
+// decides: O(F log F) in all. Triangles without area have no interior, and faces marked in `ignored` (empty: none)
+// count neither way.
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution = {},
                        const std::vector<char>& ignored = {});

@@ -1,8 +1,9 @@
-// planish_hunt [--first=N] [--seeds=N] [--faces=N] [--most-faces=N] [--out=DIR] [FAMILY...]: unwraps random members of
-// families of meshes (tests/testing/families.h) and says, a line each, which promises were broken: those of the result
-// (tests/core/promises.h), and those of the estimate (core/unwrap/estimate.h). Each unwrap is a process of its own that
-// can have no more memory than was estimated (--memory), and that is ended long after the seconds estimated. Exit code
-// 1 if any promise was broken. With --mesh=FILE (repeatable): of these OBJ files instead.
+// planish_hunt [--first=N] [--seeds=N] [--faces=N] [--most-faces=N] [--out=DIR] [--cases=FILE] [FAMILY...]: unwraps
+// random members of families of meshes (tests/testing/families.h) and says, a line each, which promises were broken:
+// those of the result (tests/core/promises.h), and those of the estimate (core/unwrap/estimate.h). Each unwrap is a
+// process of its own that can have no more memory than was estimated (--memory), and that is ended long after the
+// seconds estimated. Exit code 1 if any promise was broken. With --mesh=FILE (repeatable): of these OBJ files instead.
+// With --cases=FILE: a line for each unwrap there, with what it took and the estimates, separated by tabs.
 #include <malloc.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -16,6 +17,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <new>
 #include <sstream>
 #include <string>
@@ -110,8 +112,8 @@ std::string UnwrapInThisProcess(const Mesh& given, const UnwrapOptions& options,
     const std::int64_t bytes = StatusBytes("VmHWM") - held;
     setrlimit(RLIMIT_DATA, &none);
     text << seconds << ' ' << bytes << ' ' << (result.ok() ? result->charts.size() : 0) << ' '
-         << (result.ok() ? result->widened.size() : 0) << ' '
-         << (result.ok() ? result->quality.packing_efficiency : 0) << '\n';
+         << (result.ok() ? result->widened.size() : 0) << ' ' << (result.ok() ? result->quality.packing_efficiency : 0)
+         << '\n';
     for (const std::string& sentence : testing::BrokenPromises(mesh, options, result)) text << sentence << '\n';
   } catch (const std::bad_alloc&) {
     setrlimit(RLIMIT_DATA, &none);
@@ -120,8 +122,7 @@ std::string UnwrapInThisProcess(const Mesh& given, const UnwrapOptions& options,
   return text.str();
 }
 
-Outcome UnwrapApart(const Mesh& mesh, const UnwrapOptions& options, std::int64_t most_bytes,
-                    double seconds_estimated) {
+Outcome UnwrapApart(const Mesh& mesh, const UnwrapOptions& options, std::int64_t most_bytes, double seconds_estimated) {
   int ends[2] = {};
   Outcome outcome;
   malloc_trim(0);
@@ -162,8 +163,12 @@ int SizeOf(std::uint64_t seed, int least, int most) {
 // What was found so far.
 class Hunt {
  public:
-  Hunt(const UnwrapOptions& options, double memory, const std::string& out)
-      : options_(options), memory_(memory), out_(out) {}
+  Hunt(const UnwrapOptions& options, double memory, const std::string& out, const std::string& cases)
+      : options_(options), memory_(memory), out_(out) {
+    if (cases.empty()) return;
+    cases_.open(cases);
+    cases_ << "name\tfaces\tvertices\tcharts\tseconds\testimated\tbytes\testimated\n";
+  }
 
   void Try(const std::string& name, const Mesh& mesh) {
     const Estimate estimate =
@@ -181,6 +186,9 @@ class Hunt {
       outcome.broken.push_back(std::to_string(static_cast<std::int64_t>(outcome.bytes)) + " bytes, " +
                                std::to_string(of_bytes) + " times the estimate");
     }
+    cases_ << name << '\t' << mesh.num_faces() << '\t' << mesh.num_vertices() << '\t' << outcome.charts << '\t'
+           << outcome.seconds << '\t' << estimate.seconds << '\t' << outcome.bytes << '\t' << estimate.peak_bytes
+           << std::endl;
     near_seconds_ += of_seconds >= kNear;
     near_bytes_ += of_bytes >= kNear;
     most_seconds_ = std::max(most_seconds_, of_seconds);
@@ -203,11 +211,12 @@ class Hunt {
   // Prints the figures since the last call.
   void EndFamily(const std::string& family) {
     std::printf(
-        "%-16s %d of %d broke a promise; %lld triangles (%lld widened), %lld charts, efficiency %.2f; the slowest %.2f s; of the "
+        "%-16s %d of %d broke a promise; %lld triangles (%lld widened), %lld charts, efficiency %.2f; the slowest %.2f "
+        "s; of the "
         "estimates at most %.2f of seconds, %.2f of bytes; a third or more in %d and %d\n",
         family.c_str(), family_failed_, of_family_, static_cast<long long>(triangles_),
-        static_cast<long long>(widened_), static_cast<long long>(charts_), efficiency_ / std::max(of_family_, 1), slowest_, most_seconds_, most_bytes_,
-        near_seconds_, near_bytes_);
+        static_cast<long long>(widened_), static_cast<long long>(charts_), efficiency_ / std::max(of_family_, 1),
+        slowest_, most_seconds_, most_bytes_, near_seconds_, near_bytes_);
     std::fflush(stdout);
     tried_ += of_family_;
     failed_ += family_failed_;
@@ -225,6 +234,7 @@ class Hunt {
   const UnwrapOptions& options_;
   const double memory_;
   const std::string& out_;
+  std::ofstream cases_;
   int tried_ = 0, failed_ = 0;
   int of_family_ = 0, family_failed_ = 0, near_seconds_ = 0, near_bytes_ = 0;
   double most_seconds_ = 0, most_bytes_ = 0, slowest_ = 0, efficiency_ = 0;
@@ -237,7 +247,7 @@ int Main(int argc, char** argv) {
   int seeds = 100, faces = 2000, most_faces = 0;
   bool as_float = false;
   double memory = 1;
-  std::string out;
+  std::string out, cases;
   std::vector<std::string> families, files;
   UnwrapOptions options;
   app.add_option("--first", first, "the first seed");
@@ -246,13 +256,21 @@ int Main(int argc, char** argv) {
   app.add_option("--most-faces", most_faces, "random sizes, from --faces to so many");
   app.add_option("--max-stretch", options.seams.max_stretch);
   app.add_option("--out", out, "an existing folder, for the meshes on which promises were broken (OBJ)");
+  app.add_option("--cases", cases, "a file to write");
+  app.add_option("--effort", options.atlas.effort, "of packing: fast, normal or best")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, PackEffort>{
+          {"fast", PackEffort::kFast}, {"normal", PackEffort::kNormal}, {"best", PackEffort::kBest}}));
+  app.add_option("--tiles", options.atlas.tiles);
+  app.add_option("--texture-size", options.atlas.texture_size);
+  app.add_option("--padding", options.atlas.padding);
+  app.add_option("--threads", options.threads);
   app.add_flag("--float", as_float, "deliver float, even where only double keeps every triangle");
   app.add_option("--memory", memory, "a process may have so many times the memory that was estimated");
   app.add_option("--mesh", files, "OBJ files instead of families");
   app.add_option("families", families);
   CLI11_PARSE(app, argc, argv);
   if (as_float) options.precision = Precision::kFloat;
-  Hunt hunt(options, memory, out);
+  Hunt hunt(options, memory, out, cases);
   for (const std::string& file : files) {
     const Mesh mesh = ReadObj(file);
     if (!mesh.faces.empty()) hunt.Try(std::filesystem::path(file).stem(), mesh);

@@ -31,8 +31,8 @@ TEST(Estimate, GrowsWithTheMesh) {
 TEST(Estimate, IsAboveWhatWasMeasuredButNotFar) {
   const Estimate koala = EstimateUnwrap(99'994, 49'999, 840'000, WithSeams(SeamPolicy::kAuto));
   EXPECT_GT(koala.peak_bytes, 54'000'000);
-  // 33 MB of these are for a fallback to Cholesky, 23 MB for the packer and for charts of few faces.
-  EXPECT_LT(koala.peak_bytes, 176'000'000);
+  // 33 MB of these are for a fallback to Cholesky, 12 MB for the packer and for charts of few faces.
+  EXPECT_LT(koala.peak_bytes, 160'000'000);
   EXPECT_GT(koala.seconds, 0.6);
   EXPECT_LT(koala.seconds, 5.4);
   const Estimate foot = EstimateUnwrap(1'000'000, 501'000, 8'700'000, WithSeams(SeamPolicy::kNone));
@@ -58,8 +58,18 @@ TEST(Estimate, KnowsWhatCostsMore) {
   threads.threads = 8;
   EXPECT_GT(of(threads).peak_bytes, plain.peak_bytes);
   // Triangles that share no vertices make a chart each.
-  EXPECT_GT(of({}, 300'000).peak_bytes, 5 * plain.peak_bytes);
+  EXPECT_GT(of({}, 300'000).peak_bytes, 2 * plain.peak_bytes);
   EXPECT_GT(of({}, 300'000).seconds, 3 * plain.seconds);
+  // So do triangles that share few vertices at random; surfaces with many handles have hardly fewer than closed ones.
+  EXPECT_GT(of({}, 30'000).peak_bytes, 2 * plain.peak_bytes);
+  EXPECT_GT(of({}, 30'000).seconds, 3 * plain.seconds);
+  EXPECT_LE(of({}, 45'000).peak_bytes, plain.peak_bytes);
+  UnwrapOptions many_tiles;
+  many_tiles.atlas.tiles = 100;
+  EXPECT_GT(of(many_tiles).peak_bytes, plain.peak_bytes);
+  UnwrapOptions best;
+  best.atlas.effort = PackEffort::kBest;
+  EXPECT_GT(of(best).peak_bytes, plain.peak_bytes);
 }
 
 TEST(Estimate, HugeNumbersDoNotOverflow) {
