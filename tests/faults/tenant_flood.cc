@@ -146,22 +146,37 @@ class Flood {
   }
 
   TenantFloodReport BothFlood() {
-    for (int i = 0; i < options_.flood; ++i) Create(kSingle);
-    const std::size_t before = Ended("flood").size();
+    v1::Job last;
+    for (int i = 0; i < options_.flood; ++i) last = *manager_->Get(kSingle, Create(kSingle));
+    // Both have jobs waiting from here on. What ended before says nothing about shares.
+    const auto ended_since = [&](const std::string& tenant) {
+      std::vector<v1::Job> jobs = Ended(tenant);
+      std::erase_if(jobs, [&](const v1::Job& job) { return job.end_time() < last.create_time(); });
+      return jobs;
+    };
+    const std::size_t wanted = static_cast<std::size_t>(options_.both);
+    while (ended_since("flood").size() + ended_since("single").size() < wanted) Sleep();
+
+    // The first of them, in the order in which they ended: the two lists are not of the same moment.
+    std::vector<std::pair<v1::Job, bool>> jobs;
+    for (v1::Job& job : ended_since("flood")) jobs.emplace_back(std::move(job), true);
+    for (v1::Job& job : ended_since("single")) jobs.emplace_back(std::move(job), false);
+    std::sort(jobs.begin(), jobs.end(),
+              [](const auto& a, const auto& b) { return a.first.end_time() < b.first.end_time(); });
+    jobs.resize(wanted);
+    const google::protobuf::Timestamp end = jobs.back().first.end_time();
+    for (const char* const tenant : {"flood", "single"}) {
+      const std::vector<v1::Job> all = book_.Jobs(tenant);
+      if (std::none_of(all.begin(), all.end(),
+                       [&](const v1::Job& job) { return !job.has_start_time() || job.start_time() > end; })) {
+        throw std::runtime_error(std::string(tenant) + " had no job waiting any more: more jobs are needed");
+      }
+    }
     TenantFloodReport report;
-    std::vector<v1::Job> flood, other;
-    do {
-      Sleep();
-      flood = Ended("flood");
-      other = Ended("single");
-    } while (flood.size() - before + other.size() < static_cast<std::size_t>(options_.both));
-    report.flood_ended = static_cast<int>(flood.size() - before);
-    report.other_ended = static_cast<int>(other.size());
-    for (const v1::Job& job : other) report.other_worker_seconds += SecondsBetween(job.start_time(), job.end_time());
-    std::sort(flood.begin(), flood.end(),
-              [](const v1::Job& a, const v1::Job& b) { return a.end_time() < b.end_time(); });
-    for (std::size_t i = before; i < flood.size(); ++i) {
-      report.flood_worker_seconds += SecondsBetween(flood[i].start_time(), flood[i].end_time());
+    for (const auto& [job, is_flood] : jobs) {
+      ++(is_flood ? report.flood_ended : report.other_ended);
+      (is_flood ? report.flood_worker_seconds : report.other_worker_seconds) +=
+          SecondsBetween(job.start_time(), job.end_time());
     }
     return report;
   }
