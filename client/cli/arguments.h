@@ -83,7 +83,7 @@ struct Arguments {
   std::string picture;                 // a PNG of the map; empty: none
   std::string preview;                 // a PNG or SVG of the UV layout; empty: none
   std::string report;      // unwrap: an HTML page about the map (report_page.h); of a batch a sheet; empty: none
-  bool sheet = false;      // report: a page per file, and an index of them (report_sheet.h)
+  bool sheet = false;      // report: a page per file, and an index of them (report.h)
   std::string job_report;  // report: what `unwrap --json` printed, a file; empty: none
   double view_azimuth = 35, view_elevation = 17;  // of the picture, degrees
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`

@@ -12,8 +12,8 @@
 #include "client/cli/batch_table.h"
 #include "client/cli/commands.h"
 #include "client/cli/progress_view.h"
+#include "client/cli/results.h"
 #include "client/cli/session.h"
-#include "client/cli/summary.h"
 #include "client/cli/text.h"
 #include "core/base/timer.h"
 

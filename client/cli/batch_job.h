@@ -13,9 +13,9 @@
 
 #include "client/cli/batch_plan.h"
 #include "client/cli/batch_table.h"
-#include "client/cli/json.h"
 #include "client/cli/progress_view.h"
-#include "client/cli/report_sheet.h"
+#include "client/cli/report.h"
+#include "client/cli/results.h"
 #include "planish/client.h"
 
 namespace planish::cli {

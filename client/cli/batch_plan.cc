@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "absl/strings/escaping.h"
-#include "client/cli/json.h"
+#include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "client/files/file_io.h"
 #include "client/files/mesh_file.h"

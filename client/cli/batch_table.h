@@ -7,7 +7,7 @@
 
 #include "client/cli/batch_plan.h"
 #include "client/cli/commands.h"
-#include "client/cli/json.h"
+#include "client/cli/results.h"
 #include "client/cli/text.h"
 
 namespace planish::cli {

@@ -57,8 +57,8 @@ void AddTerminal(CLI::App& app, Arguments& arguments);
 void AddProgress(CLI::App& app, Arguments& arguments);
 
 // Each adds subcommands.
-void DefineUnwrap(CLI::App& app, Arguments& arguments);          // unwrap_flags.cc
-void DefineMapCommands(CLI::App& app, Arguments& arguments);     // map_flags.cc: pack, check, report, inspect
+void DefineUnwrap(CLI::App& app, Arguments& arguments);          // mesh_flags.cc
+void DefineMapCommands(CLI::App& app, Arguments& arguments);     // mesh_flags.cc: pack, check, report, inspect
 void DefineServerCommands(CLI::App& app, Arguments& arguments);  // flags.cc: estimate, jobs, health, admin, version
 
 }  // namespace planish::cli

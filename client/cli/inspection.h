@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/json.h"
 #include "client/cli/mesh_input.h"
+#include "client/cli/results.h"
 #include "core/mesh/diagnosis.h"
 
 namespace planish::cli {
@@ -50,7 +50,7 @@ Inspection Inspect(const MeshInput& input);
 // For people: a few dozen lines at most, whatever the mesh.
 std::string InspectionText(const MeshInput& input, const Inspection& inspection);
 
-// For programs; the fields are described in client/README.md.
+// For programs; the fields are described in client/JSON.md.
 Json InspectionJson(const MeshInput& input, const Inspection& inspection);
 
 }  // namespace planish::cli

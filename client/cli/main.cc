@@ -5,9 +5,8 @@
 
 #include "client/cli/arguments.h"
 #include "client/cli/commands.h"
-#include "client/cli/json.h"
+#include "client/cli/results.h"
 #include "client/cli/session.h"
-#include "client/cli/summary.h"
 #include "client/cli/text.h"
 
 namespace planish::cli {

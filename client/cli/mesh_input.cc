@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client/cli/json.h"
+#include "client/cli/results.h"
 #include "client/cli/seams.h"
 #include "client/files/file_io.h"
 #include "client/pictures/map_picture.h"

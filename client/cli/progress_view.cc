@@ -11,8 +11,8 @@
 #include <thread>
 #include <utility>
 
-#include "client/cli/json.h"
 #include "client/cli/progress.h"
+#include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "core/base/timer.h"
 

@@ -17,9 +17,8 @@
 
 #include "Eigen/Geometry"
 #include "client/cli/commands.h"
-#include "client/cli/json.h"
 #include "client/cli/mesh_input.h"
-#include "client/cli/summary.h"
+#include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "client/files/uv_islands.h"
 #include "core/base/timer.h"

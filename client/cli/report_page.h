@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
-#include "client/cli/check_map.h"
-#include "client/cli/json.h"
+#include "client/cli/check.h"
 #include "client/cli/mesh_input.h"
+#include "client/cli/results.h"
 
 namespace planish::cli {
 
@@ -21,7 +21,7 @@ struct ReportedMap {
   double padding = 0;  // texels round charts that the layout shows
 };
 
-// What belongs to a page of a sheet (report_sheet.h).
+// What belongs to a page of a sheet (report.h).
 struct SheetMember {
   std::string sheet;    // where the sheet is, seen from the page: "../index.html"
   std::string made;     // what the page was made of, so that a later run knows it again
@@ -50,5 +50,9 @@ std::string ForScript(const Json& json);
 
 // A page of client/report with `data` where its data belong.
 std::string FillTemplate(std::string_view page, const std::string& data);
+
+// The built pages of client/report, as they are in the repository.
+std::string_view ReportTemplate();  // of one mesh, or two
+std::string_view SheetTemplate();   // of many: report.h
 
 }  // namespace planish::cli

@@ -13,10 +13,9 @@
 
 #include "client/cli/arguments.h"
 #include "client/cli/commands.h"
-#include "client/cli/json.h"
 #include "client/cli/mesh_input.h"
+#include "client/cli/results.h"
 #include "client/cli/session.h"
-#include "client/cli/summary.h"
 #include "client/cli/text.h"
 #include "planish/admin.h"
 #include "planish/error.h"

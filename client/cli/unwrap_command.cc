@@ -9,12 +9,11 @@
 #include <vector>
 
 #include "client/cli/commands.h"
-#include "client/cli/json.h"
 #include "client/cli/mesh_input.h"
 #include "client/cli/progress_view.h"
-#include "client/cli/report_command.h"
+#include "client/cli/report.h"
+#include "client/cli/results.h"
 #include "client/cli/session.h"
-#include "client/cli/summary.h"
 #include "client/cli/text.h"
 #include "core/base/timer.h"
 

@@ -1,5 +1,5 @@
 // Builds template.html, or with --mode=sheet sheet_template.html: a whole page in one file, with a place for the data
-// (client/cli/report_page.cc, report_sheet.cc).
+// (client/cli/report_page.cc, report.cc).
 import { readFileSync, writeFileSync } from 'node:fs';
 import { defineConfig } from 'vite';
 

@@ -5,9 +5,9 @@
 
 #include "client/cli/batch_job.h"
 #include "client/cli/batch_table.h"
-#include "client/cli/json.h"
 #include "client/cli/progress.h"
 #include "client/cli/progress_view.h"
+#include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

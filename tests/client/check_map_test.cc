@@ -1,6 +1,4 @@
 // The judge of UV: every kind of fault is found where one was made, and only there.
-#include "client/cli/check_map.h"
-
 #include <array>
 #include <cmath>
 #include <limits>
@@ -9,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/check_report.h"
+#include "client/cli/check.h"
 #include "core/mesh/predicates.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

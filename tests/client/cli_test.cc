@@ -8,8 +8,7 @@
 
 #include "client/cli/arguments.h"
 #include "client/cli/commands.h"
-#include "client/cli/json.h"
-#include "client/cli/summary.h"
+#include "client/cli/results.h"
 #include "client/cli/text.h"
 #include "client/src/errors.h"
 #include "gmock/gmock.h"

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/check_map.h"
+#include "client/cli/check.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"
 #include "tests/testing/files.h"

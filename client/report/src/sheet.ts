@@ -3,7 +3,7 @@ import { escape } from './plots';
 import './colors.css';
 import './sheet.css';
 
-// As client/cli/report_sheet.cc writes it.
+// As client/cli/report.cc writes it.
 interface Row {
   name: string;
   result: string;

@@ -1,15 +1,87 @@
-#include "client/cli/check_report.h"
+#include "client/cli/check.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <iostream>
+#include <memory>
 #include <optional>
+#include <string>
+#include <thread>
 #include <utility>
+#include <vector>
 
+#include "client/cli/commands.h"
+#include "client/cli/results.h"
 #include "client/cli/text.h"
+#include "client/files/mesh_file.h"
+#include "client/files/uv_islands.h"
 
 namespace planish::cli {
+namespace {
+
+bool AreFinite(const Mesh& mesh, const CornerUv& uv, std::size_t t) {
+  return std::all_of(uv.begin() + 6 * static_cast<std::ptrdiff_t>(t),
+                     uv.begin() + 6 * static_cast<std::ptrdiff_t>(t + 1), [](double x) { return std::isfinite(x); }) &&
+         std::all_of(mesh.faces[t].begin(), mesh.faces[t].end(),
+                     [&](std::int32_t v) { return mesh.positions[v].allFinite(); });
+}
+
+// `has_uv(t)`: whether triangle t has UV at all.
+template <typename HasUv>
+CheckedMap CheckTriangles(const MeshInput& input, const CornerUv& uv, MapCheckOptions options,
+                          const Execution& execution, const HasUv& has_uv) {
+  CheckedMap map;
+  const Mesh& all = input.mesh();
+  map.triangles = all.num_faces();
+  const std::vector<std::int32_t> materials = input.FaceMaterials();
+  std::vector<std::int64_t> polygons;
+  for (std::size_t t = 0; t < all.faces.size(); ++t) {
+    const auto id = static_cast<std::int32_t>(t);
+    if (!has_uv(t)) {
+      map.without_uv.push_back(id);
+    } else if (!AreFinite(all, uv, t)) {
+      map.not_finite.push_back(id);
+    } else {
+      map.mesh.faces.push_back(all.faces[t]);
+      map.triangle_of_face.push_back(id);
+      map.uv.insert(map.uv.end(), uv.begin() + 6 * static_cast<std::ptrdiff_t>(t),
+                    uv.begin() + 6 * static_cast<std::ptrdiff_t>(t + 1));
+      polygons.push_back(input.PolygonOf(id));
+      if (!materials.empty()) map.material_of_face.push_back(materials[t]);
+    }
+  }
+  if (map.mesh.faces.empty()) return map;
+  map.mesh.positions = all.positions;
+  UvIslands islands = FindUvIslands(map.mesh, map.uv, polygons);
+  map.topology = {std::move(islands.place_of_corner), islands.num_places, std::move(islands.island_of_face),
+                  islands.count, std::move(islands.is_outline)};
+  map.first_face_of_chart.assign(static_cast<std::size_t>(map.topology.num_charts), -1);
+  for (std::size_t f = 0; f < map.mesh.faces.size(); ++f) {
+    std::int32_t& first = map.first_face_of_chart[static_cast<std::size_t>(map.topology.chart_of_face[f])];
+    if (first < 0) first = static_cast<std::int32_t>(f);
+  }
+  options.material_of_face = map.material_of_face;
+  options.num_materials = materials.empty() ? 0 : *std::max_element(materials.begin(), materials.end()) + 1;
+  map.check = CheckMap(map.mesh, map.uv, map.topology, options, execution);
+  return map;
+}
+
+}  // namespace
+
+CheckedMap CheckMapOf(const MeshInput& input, const MapCheckOptions& options, const Execution& execution) {
+  const std::vector<std::int32_t> ids = input.CornerTexcoords();
+  return CheckTriangles(input, input.CornerUv(), options, execution, [&](std::size_t t) {
+    return !ids.empty() && std::min({ids[3 * t], ids[3 * t + 1], ids[3 * t + 2]}) >= 0;
+  });
+}
+
+CheckedMap CheckMapOf(const MeshInput& input, const CornerUv& uv, const MapCheckOptions& options,
+                      const Execution& execution) {
+  return CheckTriangles(input, uv, options, execution, [](std::size_t) { return true; });
+}
+
 namespace {
 
 constexpr std::size_t kInText = 5, kInJson = 100;  // elements that are named
@@ -326,6 +398,100 @@ Json CheckJson(const MeshInput& input, int uv_set, const std::vector<int>& uv_se
   }
   json["ok"] = AreMet(results);
   return json;
+}
+
+namespace {
+
+// Judges file after file, and counts.
+class CheckRun {
+ public:
+  CheckRun(const Arguments& arguments, const Execution& execution) : arguments_(arguments), execution_(execution) {
+    if (arguments.options.texture_size != 0) options_.texture_size = arguments.options.texture_size;
+    if (arguments.options.tiles != 0) options_.tiles = arguments.options.tiles;
+    options_.min_padding = arguments.check.min_padding;
+  }
+
+  void File(const std::string& path) {
+    ++files_;
+    try {
+      const int first = arguments_.check.all_texcoords || !HasSets(path) ? 0 : arguments_.texcoord;
+      const MeshInput input({path}, first);
+      const std::vector<int> sets = UvSets(input.file());
+      if (!arguments_.check.all_texcoords || sets.empty()) return Map(input, first, sets);
+      for (const int set : sets) {
+        if (!execution_.IsCancelled()) Map(MeshInput({path}, set), set, sets);
+      }
+    } catch (const Error& error) {
+      ++unreadable_;
+      std::cerr << ErrorText(error, "", StderrTerminal());
+      if (arguments_.json) {
+        Print({{"file", path},
+               {"error", {{"reason", error.reason()}, {"message", error.what()}, {"metadata", error.metadata()}}},
+               {"ok", false}});
+      }
+    }
+  }
+
+  int End() const {
+    if (IsSeveral()) {
+      if (arguments_.json) {
+        Print({{"summary", {{"files", files_}, {"maps", maps_}, {"failed", failed_}, {"unreadable", unreadable_}}}});
+      } else {
+        std::cout << Counted(files_, "file", "files") << ", " << Counted(maps_, "map", "maps") << ": "
+                  << (failed_ == 0 ? "all as required" : WithCommas(failed_) + " not as required")
+                  << (unreadable_ == 0 ? "" : ", " + Counted(unreadable_, "file is unreadable", "files are unreadable"))
+                  << ".\n";
+      }
+    }
+    std::cout << std::flush;
+    return unreadable_ > 0 ? kUsage : failed_ > 0 ? kFailed : kOk;
+  }
+
+ private:
+  static bool HasSets(const std::string& path) {
+    const std::optional<MeshFormat> format = FormatOfPath(path);
+    return IsStream(path) || format == MeshFormat::kGltf || format == MeshFormat::kGlb;
+  }
+  bool IsSeveral() const { return !arguments_.more_inputs.empty() || arguments_.check.all_texcoords; }
+
+  void Print(const Json& json) const { std::cout << (IsSeveral() ? ToLine(json) + "\n" : ToText(json)) << std::flush; }
+
+  void Map(const MeshInput& input, int set, const std::vector<int>& sets) {
+    const CheckedMap map = CheckMapOf(input, options_, execution_);
+    if (execution_.IsCancelled()) return;
+    ++maps_;
+    const std::vector<RequirementResult> results = CheckRequirements(arguments_.check, map);
+    failed_ += AreMet(results) ? 0 : 1;
+    if (arguments_.json) return Print(CheckJson(input, set, sets, options_, map, results));
+    std::cout << CheckText(input, set, sets, options_, map, results) << std::flush;
+  }
+
+  const Arguments& arguments_;
+  const Execution& execution_;
+  MapCheckOptions options_;
+  std::int64_t files_ = 0, maps_ = 0, failed_ = 0, unreadable_ = 0;
+};
+
+}  // namespace
+
+int RunCheck(const Arguments& arguments, Interrupts& interrupts) {
+  const auto interrupter = std::make_shared<Interrupter>();
+  ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
+  Execution execution;
+  execution.team = &team;
+  execution.cancel = interrupter.get();
+  interrupts.SetCancel([interrupter] { interrupter->Interrupt(); });
+  CheckRun run(arguments, execution);
+  run.File(arguments.input);
+  for (const std::string& path : arguments.more_inputs) {
+    if (!interrupter->IsInterrupted()) run.File(path);
+  }
+  interrupts.SetCancel({});
+  if (interrupter->IsInterrupted()) {
+    std::cerr << "planish: interrupted\n";
+    return kInterrupted;
+  }
+  return run.End();
 }
 
 }  // namespace planish::cli

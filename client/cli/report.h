@@ -1,4 +1,5 @@
-// A contact sheet: an index page with a small picture and the key figures of every file, and a page for each.
+// The pages that `report` and `unwrap --report` write, and the contact sheet of many: an index page with a small
+// picture and the key figures of every file, and a page for each.
 #pragma once
 
 #include <cstdint>
@@ -6,8 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "client/cli/json.h"
+#include "client/cli/arguments.h"
+#include "client/cli/mesh_input.h"
 #include "client/cli/report_page.h"
+#include "client/cli/results.h"
 #include "core/mesh/mesh.h"
 
 namespace planish::cli {
@@ -55,5 +58,24 @@ std::string SheetPage(const std::string& title, const std::string& pages_from_sh
 // A PNG file of some 20 KB: the surface with a checkerboard in its UV, and the layout beside it. `uv` as in DrawMap(),
 // but anywhere; what is not inside the unit square is drawn smaller.
 std::string SheetPicture(const Mesh& mesh, const std::vector<double>& uv);
+
+// The map of `result`, whose warnings have the file's ids, and beside it the UV that `input` had, if all of it has
+// some.
+FinishedPage UnwrapReport(const MeshInput& input, const UnwrapResult& result, const Arguments& arguments);
+
+// A page of a batch's sheet.
+struct SheetPageJob {
+  const ReportSheet& sheet;
+  std::string page;    // its place on the sheet
+  std::string output;  // the file that the batch wrote
+  std::string made;    // SheetMember::made
+};
+
+// Writes the page of a file that was unwrapped; gives its card.
+Json WritePage(const SheetPageJob& job, const MeshInput& input, const UnwrapResult& result, const Arguments& arguments);
+
+// The same for a file that an earlier run has done: its page stays if it was made of the same. Otherwise there is a new
+// one of the output alone, without what it was before and how it was solved.
+Json KeepPage(const SheetPageJob& job, int texcoord, const Arguments& arguments);
 
 }  // namespace planish::cli
