@@ -50,7 +50,7 @@ class Error : public std::runtime_error {
   //   SERVER_UNREACHABLE     no connection (kUnavailable)
   //   TLS_FAILED             no connection, because of a certificate, or one side speaks TLS alone (kUnavailable)
   //   CONNECTION_LOST        the stream broke and re-attaching failed (kUnavailable)
-  //   DEADLINE_EXCEEDED      CallOptions::timeout_seconds passed
+  //   DEADLINE_EXCEEDED      CallOptions::timeout passed
   //   CANCELLED              by the caller, or by someone else on the server
   //   MESH_MISMATCH          the job's mesh is not the one that was given (kFailedPrecondition)
   //   UV_CORRUPT             the UV do not have the promised SHA-256 or size (kDataLoss)
