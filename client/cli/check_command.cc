@@ -37,7 +37,7 @@ class CheckRun {
       }
     } catch (const Error& error) {
       ++unreadable_;
-      std::cerr << ErrorText(error, "", StderrTerminal());
+      std::cerr << ErrorText(error, Places(error.metadata()), StderrTerminal());
       if (arguments_.json) {
         Print({{"file", path},
                {"error", {{"reason", error.reason()}, {"message", error.what()}, {"metadata", error.metadata()}}},

@@ -17,25 +17,17 @@ const IdMap& MapFor(const std::string& word, const Renumbering& renumbering) {
   return word == "face" || word == "faces" ? renumbering.face : *others;
 }
 
-// `text` with replace(match) in the place of what matches.
-template <typename Replace>
-std::string Replaced(const std::string& text, const std::regex& pattern, const Replace& replace) {
-  std::string result;
-  auto last = text.begin();
-  for (std::sregex_iterator match(text.begin(), text.end(), pattern), end; match != end; ++match) {
-    result.append(last, (*match)[0].first).append(replace(*match));
-    last = (*match)[0].second;
-  }
-  return result.append(last, text.end());
-}
-
 std::string RenumberAll(const std::string& text, const IdMap& map) {
   static const auto* id = new std::regex("[0-9]+");
   if (!map) return text;
-  return Replaced(text, *id, [&](const std::smatch& match) {
-    const std::int64_t mapped = map(std::strtoll(match.str().c_str(), nullptr, 10));
-    return mapped < 0 ? match.str() : std::to_string(mapped);
-  });
+  std::string result;
+  auto last = text.begin();
+  for (std::sregex_iterator match(text.begin(), text.end(), *id), end; match != end; ++match) {
+    const std::int64_t mapped = map(std::strtoll(match->str().c_str(), nullptr, 10));
+    result.append(last, (*match)[0].first).append(mapped < 0 ? match->str() : std::to_string(mapped));
+    last = (*match)[0].second;
+  }
+  return result.append(last, text.end());
 }
 
 }  // namespace
@@ -45,14 +37,6 @@ std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, 
   std::map<std::string, std::string> result;
   for (const auto& [key, value] : metadata) result[key] = RenumberAll(value, MapFor(key, renumbering));
   return result;
-}
-
-std::string RenumberMessage(const std::string& message, const Renumbering& renumbering) {
-  static const auto* ids = new std::regex(
-      R"(\b(?:(vertex|edge|face) [0-9]+(?:-[0-9]+)?|(vertices|edges|faces) [0-9]+(?:-[0-9]+)?(?:, [0-9]+(?:-[0-9]+)?)*))");
-  return Replaced(message, *ids, [&](const std::smatch& match) {
-    return RenumberAll(match.str(), MapFor(match[1].matched ? match[1] : match[2], renumbering));
-  });
 }
 
 }  // namespace planish::ids
@@ -111,8 +95,7 @@ Error ErrorFrom(const absl::Status& status) {
 }
 
 Error Renumbered(const Error& error, const ids::Renumbering& renumbering) {
-  return Error(error.code(), error.reason(), ids::RenumberMessage(error.what(), renumbering),
-               ids::RenumberMetadata(error.metadata(), renumbering))
+  return Error(error.code(), error.reason(), error.what(), ids::RenumberMetadata(error.metadata(), renumbering))
       .set_job(error.job())
       .set_trace_id(error.trace_id())
       .set_retry_after(error.retry_after());

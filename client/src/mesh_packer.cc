@@ -38,9 +38,7 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
   const auto missing = std::find(corners.begin(), corners.end(), -1);
   if (missing == corners.end()) return corners;
   const Edge& edge = edges[static_cast<std::size_t>(missing - corners.begin())];
-  throw Invalid("OPTIONS_INVALID",
-                absl::StrCat("no triangle has the edge from vertex ", edge.first, " to vertex ", edge.second,
-                             ", which is to be a seam"),
+  throw Invalid("OPTIONS_INVALID", "an edge that is to be a seam is no edge of any triangle",
                 {{"field", "seam_corners"}, {"edges", absl::StrCat(edge.first, "-", edge.second)}});
 }
 
@@ -85,7 +83,7 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
     }
     throw Invalid(
         "MESH_INDEX_OUT_OF_RANGE",
-        absl::StrCat("face ", i / 3, " refers to vertex ", view.indices_[i], ", but the mesh has ", vertex_count),
+        absl::StrCat("a face has the index ", view.indices_[i], ", but the mesh has ", vertex_count, " vertices"),
         {{"faces", absl::StrCat(i / 3)}});
   }
 
