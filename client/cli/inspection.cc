@@ -326,7 +326,7 @@ std::string InspectionText(const MeshInput& input, const Inspection& inspection)
   for (const Finding& finding : inspection.findings) {
     if (finding.count == 0) continue;
     findings.push_back(finding.text);
-    findings.push_back("  " + (finding.places));
+    findings.push_back("  " + finding.places);
   }
   if (findings.empty()) findings.emplace_back("none");
   text += "\n" + Paragraph("Findings", findings) + "\n";

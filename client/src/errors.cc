@@ -9,33 +9,26 @@
 #include "google/rpc/error_details.pb.h"
 
 namespace planish::ids {
-namespace {
-
-const IdMap& MapFor(const std::string& word, const Renumbering& renumbering) {
-  static const auto* others = new IdMap;
-  if (word == "vertex" || word == "vertices" || word == "edge" || word == "edges") return renumbering.vertex;
-  return word == "face" || word == "faces" ? renumbering.face : *others;
-}
-
-std::string RenumberAll(const std::string& text, const IdMap& map) {
-  static const auto* id = new std::regex("[0-9]+");
-  if (!map) return text;
-  std::string result;
-  auto last = text.begin();
-  for (std::sregex_iterator match(text.begin(), text.end(), *id), end; match != end; ++match) {
-    const std::int64_t mapped = map(std::strtoll(match->str().c_str(), nullptr, 10));
-    result.append(last, (*match)[0].first).append(mapped < 0 ? match->str() : std::to_string(mapped));
-    last = (*match)[0].second;
-  }
-  return result.append(last, text.end());
-}
-
-}  // namespace
 
 std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
                                                     const Renumbering& renumbering) {
-  std::map<std::string, std::string> result;
-  for (const auto& [key, value] : metadata) result[key] = RenumberAll(value, MapFor(key, renumbering));
+  static const auto* vertex_key = new std::regex("vert(ex|ices)|edges?");
+  static const auto* face_key = new std::regex("faces?");
+  static const auto* id = new std::regex("[0-9]+");
+  std::map<std::string, std::string> result = metadata;
+  for (auto& [key, value] : result) {
+    const bool is_face = std::regex_match(key, *face_key);
+    const IdMap& map = is_face ? renumbering.face : renumbering.vertex;
+    if (!map || !(is_face || std::regex_match(key, *vertex_key))) continue;
+    const std::string text = std::exchange(value, "");
+    auto last = text.begin();
+    for (std::sregex_iterator match(text.begin(), text.end(), *id), end; match != end; ++match) {
+      const std::int64_t mapped = map(std::strtoll(match->str().c_str(), nullptr, 10));
+      value.append(last, (*match)[0].first).append(mapped < 0 ? match->str() : std::to_string(mapped));
+      last = (*match)[0].second;
+    }
+    value.append(last, text.end());
+  }
   return result;
 }
 

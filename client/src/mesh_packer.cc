@@ -55,12 +55,10 @@ void CheckCorners(const std::string& field, std::span<const std::int32_t> corner
 }  // namespace
 
 ids::Renumbering PackedMesh::ToCaller() const {
-  ids::Renumbering renumbering;
-  if (source_vertex.empty()) return renumbering;
-  renumbering.vertex = [this](std::int64_t v) -> std::int64_t {
+  const auto vertex = [this](std::int64_t v) -> std::int64_t {
     return v < static_cast<std::int64_t>(source_vertex.size()) ? source_vertex[static_cast<std::size_t>(v)] : -1;
   };
-  return renumbering;
+  return {vertex, {}};
 }
 
 PackedMesh MeshPacker::Pack(const MeshView& view) {
