@@ -324,7 +324,7 @@ class BatchJob {
     if (interrupted && end_.row.result == BatchResult::kQueued) return;
     const MeshInput* const input = files_ ? &files_->input() : nullptr;
     const Error error = input != nullptr ? input->InFileIds(sent_error) : sent_error;
-    const std::string places = input != nullptr ? input->Places(error.metadata()) : "";
+    const std::string places = Places(error.metadata(), input);
     const bool cancelled = error.code() == ErrorCode::kCancelled;
     BatchRow& row = end_.row;
     row.result = cancelled ? BatchResult::kCancelled : BatchResult::kFailed;

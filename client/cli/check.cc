@@ -131,13 +131,12 @@ class FileFaces {
     return Polygons(triangles, most);
   }
 
-  // " (face 3 (a.obj:12), face 9 (a.obj:40))", or the bare numbers where files have no lines.
+  // " (face 3 (a.obj:12), face 9 (a.obj:40))"
   std::string Named(const std::vector<std::int64_t>& polygons) const {
     if (polygons.empty()) return "";
     std::string ids;
     for (const std::int64_t polygon : polygons) ids += (ids.empty() ? "" : ", ") + std::to_string(polygon);
-    const std::string places = input_.Places({{"faces", ids}});
-    return " (" + (places.empty() ? (polygons.size() == 1 ? "face " : "faces ") + ids : places) + ")";
+    return " (" + Places({{"faces", ids}}, &input_) + ")";
   }
 
  private:
@@ -423,7 +422,7 @@ class CheckRun {
       }
     } catch (const Error& error) {
       ++unreadable_;
-      std::cerr << ErrorText(error, "", StderrTerminal());
+      std::cerr << ErrorText(error, Places(error.metadata()), StderrTerminal());
       if (arguments_.json) {
         Print({{"file", path},
                {"error", {{"reason", error.reason()}, {"message", error.what()}, {"metadata", error.metadata()}}},

@@ -53,14 +53,14 @@ class Findings {
   void Faces(const std::string& name, const ElementList& list, const std::string& one, const std::string& many) {
     Finding finding = {name, Counted(list.count, "triangle " + one, "triangles " + many), list.count, {}, {}, {}, ""};
     finding.faces = Polygons(input_, list.first);
-    finding.places = input_.Places({{"faces", IdList(finding.faces)}});
+    finding.places = Places({{"faces", IdList(finding.faces)}}, &input_);
     all_.push_back(std::move(finding));
   }
 
   void Vertices(const std::string& name, const ElementList& list, const std::string& one, const std::string& many) {
     Finding finding = {name, Counted(list.count, "vertex " + one, "vertices " + many), list.count, {}, {}, {}, ""};
     finding.vertices = list.first;
-    finding.places = input_.Places({{"vertices", IdList(finding.vertices)}});
+    finding.places = Places({{"vertices", IdList(finding.vertices)}}, &input_);
     all_.push_back(std::move(finding));
   }
 
@@ -68,7 +68,7 @@ class Findings {
     Finding finding = {name, Counted(list.count, "edge " + one, "edges " + many), list.count, {}, {}, {}, ""};
     finding.faces = Polygons(input_, list.faces);
     finding.edges = list.first;
-    finding.places = input_.Places({{"faces", IdList(finding.faces)}});
+    finding.places = Places({{"faces", IdList(finding.faces)}}, &input_);
     all_.push_back(std::move(finding));
   }
 
@@ -136,7 +136,7 @@ std::optional<Error> RefusalToSend(const MeshInput& input) {
     const Vec3& p = positions[static_cast<std::size_t>(v)];
     if (!p.allFinite() || p.cast<float>().allFinite()) continue;
     return Error(ErrorCode::kInvalidArgument, "MESH_POSITION_INVALID",
-                 "the position of vertex " + std::to_string(v) + " does not fit a float, as which positions travel",
+                 "the position of a vertex does not fit a float, as which positions travel",
                  {{"vertices", std::to_string(v)}});
   }
   return std::nullopt;
@@ -174,18 +174,6 @@ std::string Names(const std::vector<std::string>& names) {
   std::string text = WithCommas(static_cast<std::int64_t>(names.size()));
   for (std::size_t i = 0; i < std::min(names.size(), kMaxNames); ++i) text += (i == 0 ? ": " : ", ") + names[i];
   return names.size() > kMaxNames ? text + ", ..." : text;
-}
-
-// For files without lines: "faces 3, 7, 9, 12, ...".
-std::string FirstIds(const Finding& finding) {
-  constexpr std::size_t kMaxIds = 4;
-  const std::vector<std::int64_t>& ids = finding.faces.empty() ? finding.vertices : finding.faces;
-  std::string text =
-      finding.faces.empty() ? (finding.count == 1 ? "vertex" : "vertices") : (ids.size() == 1 ? "face" : "faces");
-  for (std::size_t i = 0; i < std::min(ids.size(), kMaxIds); ++i) {
-    text += (i == 0 ? " " : ", ") + std::to_string(ids[i]);
-  }
-  return ids.size() > kMaxIds ? text + ", ..." : text;
 }
 
 // Lines under a heading in the margin.
@@ -310,9 +298,7 @@ Inspection Inspect(const MeshInput& input) {
   }
   if (!inspection.refusal) inspection.plan = PlanFor(inspection.diagnosis);
   if (const absl::Status status = CheckDisc(mesh); !status.ok()) {
-    const Error error = Renumbered(ErrorFrom(status), to_file);
-    inspection.not_a_disc_reason = error.reason();
-    inspection.not_a_disc_message = error.what();
+    inspection.not_a_disc = Renumbered(ErrorFrom(status), to_file);
   }
   return inspection;
 }
@@ -342,13 +328,12 @@ std::string InspectionText(const MeshInput& input, const Inspection& inspection)
   for (const Finding& finding : inspection.findings) {
     if (finding.count == 0) continue;
     findings.push_back(finding.text);
-    findings.push_back("  " + (finding.places.empty() ? FirstIds(finding) : finding.places));
+    findings.push_back("  " + finding.places);
   }
   if (findings.empty()) findings.emplace_back("none");
   text += "\n" + Paragraph("Findings", findings) + "\n";
   if (inspection.refusal) {
-    text += Paragraph("Unwrap", {std::string("refuses it: ") + inspection.refusal->what() + " [" +
-                                 inspection.refusal->reason() + "]"});
+    text += Paragraph("Unwrap", {"refuses it: " + ErrorLine(*inspection.refusal, &input)});
   } else {
     text += Paragraph("Unwrap", inspection.plan);
   }
@@ -368,9 +353,11 @@ Json InspectionJson(const MeshInput& input, const Inspection& inspection) {
                        {"metadata", inspection.refusal->metadata()}};
   }
   unwrap["plan"] = inspection.plan;
-  unwrap["seams_none"] = {{"accepted", inspection.not_a_disc_reason.empty()},
-                          {"reason", inspection.not_a_disc_reason},
-                          {"message", inspection.not_a_disc_message}};
+  const std::optional<Error>& not_a_disc = inspection.not_a_disc;
+  unwrap["seams_none"] = {{"accepted", !not_a_disc.has_value()},
+                          {"reason", not_a_disc ? not_a_disc->reason() : ""},
+                          {"message", not_a_disc ? not_a_disc->what() : ""},
+                          {"metadata", not_a_disc ? not_a_disc->metadata() : Error::Metadata()}};
   return {{"file", input.path()},
           {"format", FormatName(input.file().format)},
           {"vertices", d.vertices},

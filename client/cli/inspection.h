@@ -39,9 +39,8 @@ struct Inspection {
   std::optional<Error> refusal;
   // What unwrap does with default options, a phrase each: "adds seams to open 1 closed component".
   std::vector<std::string> plan;
-  // Why --seams=none would refuse the mesh; empty if it is a disc.
-  std::string not_a_disc_reason;   // "MESH_CLOSED"
-  std::string not_a_disc_message;  // in the file's ids
+  // Why --seams=none would refuse the mesh, in the file's ids; nothing if it is a disc.
+  std::optional<Error> not_a_disc;
 };
 
 // Throws planish::Error for a mesh too large to be looked at.

@@ -189,11 +189,9 @@ Error MeshInput::InFileIds(const Error& error) const {
 }
 
 Warning MeshInput::InFileIds(const Warning& warning) const {
-  return {warning.reason, ids::RenumberMessage(warning.message, ToFile()),
-          ids::RenumberMetadata(warning.metadata, ToFile())};
+  return {warning.reason, warning.message, ids::RenumberMetadata(warning.metadata, ToFile())};
 }
 
-// One element, with the line that it stands on; empty if there is nothing to say.
 std::string MeshInput::Place(const char* element, std::int64_t id) const {
   const bool is_face = std::string_view(element) == "face";
   std::int64_t Part::*const first = is_face ? &Part::first_polygon : &Part::first_file_vertex;
@@ -209,16 +207,16 @@ std::string MeshInput::Place(const char* element, std::int64_t id) const {
     return what + " (" + element + " " + std::to_string(own) + " of " + name + (line.empty() ? "" : ", line " + line) +
            ")";
   }
-  return line.empty() ? "" : what + " (" + name + ":" + line + ")";
+  return line.empty() ? what : what + " (" + name + ":" + line + ")";
 }
 
-std::string MeshInput::Places(const std::map<std::string, std::string>& metadata) const {
+std::string Places(const std::map<std::string, std::string>& metadata, const MeshInput* input) {
   std::string text;
   std::size_t count = 0;
   const auto add = [&](const char* element, std::int64_t id) {
-    const std::string place = Place(element, id);
-    if (place.empty() || ++count > kMaxPlaces) return;
-    text += (text.empty() ? "" : ", ") + place;
+    if (++count > kMaxPlaces) return;
+    text += text.empty() ? "" : ", ";
+    text += input != nullptr ? input->Place(element, id) : element + (" " + std::to_string(id));
   };
   // Where faces are named, the vertices of the edges between them add nothing.
   for (const auto& [key, value] : metadata) {
@@ -232,6 +230,11 @@ std::string MeshInput::Places(const std::map<std::string, std::string>& metadata
   }
   // The server names only the first few as well, so there is no telling how many more.
   return count > kMaxPlaces ? text + ", ..." : text;
+}
+
+std::string ErrorLine(const Error& error, const MeshInput* input) {
+  const std::string places = Places(error.metadata(), input);
+  return error.what() + (" [" + error.reason() + "]") + (places.empty() ? "" : ", at " + places);
 }
 
 std::string MeshInput::OutputPath(const Part& part, const std::string& out, bool is_directory) const {

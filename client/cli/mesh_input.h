@@ -56,9 +56,9 @@ class MeshInput {
   // The error in the files' own ids, 0-based: faces (polygons) and vertices as the file counts them.
   Error InFileIds(const Error& error) const;
   Warning InFileIds(const Warning& warning) const;
-  // "face 12 (in.obj:345), vertex 7 (in.obj:8)" for the elements that `metadata` (in file ids) names; empty if it
-  // names none or the file has no lines. With several files "face 12 (face 2 of b.obj, line 345)".
-  std::string Places(const std::map<std::string, std::string>& metadata) const;
+  // A "face" or "vertex" in file ids, with its line if the file has lines: "face 12 (in.obj:345)"; of several files
+  // "face 12 (face 2 of b.obj, line 345)".
+  std::string Place(const char* element, std::int64_t id) const;
 
   // Where the results go for `-o out`: to `out` itself, in the format that its name says ("-" and what lies in /dev:
   // the file's own, or OBJ if that is STL); or, with several files, or where `out` ends in '/' or is a directory, to
@@ -88,12 +88,17 @@ class MeshInput {
   template <typename Find>
   std::vector<std::int32_t> OfAllParts(const Find& find) const;
   ids::Renumbering ToFile() const;
-  std::string Place(const char* element, std::int64_t id) const;
   std::string OutputPath(const Part& part, const std::string& out, bool is_directory) const;
 
   std::vector<Part> parts_;
   Mesh mesh_;  // of all parts
 };
+
+// "face 12 (in.obj:345), vertex 7 (in.obj:8)" for the first few elements that `metadata` names, in the file ids of
+// `input`; without one, where the file is not at hand, just "face 12, vertex 7". Empty if it names none.
+std::string Places(const std::map<std::string, std::string>& metadata, const MeshInput* input = nullptr);
+// "9 faces have no area [MESH_FACE_DEGENERATE], at face 12 (in.obj:345)", on one line.
+std::string ErrorLine(const Error& error, const MeshInput* input = nullptr);
 
 // Throws planish::Error (FILE_UNWRITABLE).
 void WriteOutput(const std::string& path, const std::string& bytes);

@@ -246,7 +246,7 @@ namespace {
 
 constexpr std::size_t kMaxNamedFaces = 8;
 
-// "faces 3, 4 and 7 more have no UV": throws if any triangle is `at_fault`, with the file's faces, each once.
+// "9 faces have no UV": throws if any triangle is `at_fault`, with the file's faces, each once.
 void RefuseFaces(const MeshInput& input, const std::string& reason, const std::string& one, const std::string& many,
                  const std::function<bool(std::size_t)>& at_fault) {
   std::int64_t count = 0, last = -1;
@@ -258,9 +258,7 @@ void RefuseFaces(const MeshInput& input, const std::string& reason, const std::s
     if (++count <= static_cast<std::int64_t>(kMaxNamedFaces)) ids += (ids.empty() ? "" : ",") + std::to_string(face);
   }
   if (count == 0) return;
-  const std::string more = count > static_cast<std::int64_t>(kMaxNamedFaces) ? ", ..." : "";
-  throw Error(ErrorCode::kInvalidArgument, reason,
-              input.path() + ": " + Counted(count, "face " + one, "faces " + many) + " (" + ids + more + ")",
+  throw Error(ErrorCode::kInvalidArgument, reason, input.path() + ": " + Counted(count, "face " + one, "faces " + many),
               {{count == 1 ? "face" : "faces", ids}});
 }
 
@@ -386,7 +384,7 @@ Json PackJson(const MeshInput& input, const Arguments& arguments, const PackOpti
 }
 
 int Fail(const Arguments& arguments, const MeshInput* input, const Error& error, double seconds) {
-  std::cerr << ErrorText(error, input != nullptr ? input->Places(error.metadata()) : "", StderrTerminal());
+  std::cerr << ErrorText(error, Places(error.metadata(), input), StderrTerminal());
   if (arguments.json) {
     Failure failure = FailureOf(error);
     if (input != nullptr) {

@@ -248,7 +248,7 @@ int ReportMany(const Arguments& arguments, const Execution& execution) {
       row.result = ToString(BatchResult::kFailed);
       row.message = error.what();
       ++(error.reason() == "UV_MISSING" ? failed : unreadable);
-      std::cerr << ErrorText(error, "", StderrTerminal());
+      std::cerr << ErrorText(error, Places(error.metadata()), StderrTerminal());
     }
   }
   sheet.Write(rows);

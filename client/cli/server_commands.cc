@@ -33,8 +33,7 @@ void Print(const JobEstimate& estimate) {
                                                 : "none")
             << "\n";
   if (estimate.refusal) {
-    std::cout << "refused  " << Printable(estimate.refusal->what(), true) << " [" << estimate.refusal->reason()
-              << "]\n";
+    std::cout << "refused  " << Printable(ErrorLine(*estimate.refusal), true) << "\n";
   } else {
     std::cout << "accepted if sent now\n";
   }
@@ -170,8 +169,7 @@ void PrintJob(const Job& job) {
     std::cout << "at       " << ToString(job.progress->stage) << ", newton " << job.progress->newton_iteration
               << ", residual " << Scientific(job.progress->residual.Worst()) << "\n";
   }
-  if (job.error)
-    std::cout << "error    " << Printable(job.error->what() + (" [" + job.error->reason() + "]"), true) << "\n";
+  if (job.error) std::cout << "error    " << Printable(ErrorLine(*job.error), true) << "\n";
   if (job.report) {
     Report report = *job.report;
     if (job.create_time && job.end_time) {

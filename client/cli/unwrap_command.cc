@@ -73,7 +73,7 @@ class ResultCommand {
   int Fail(const Error& sent_error) {
     const MeshInput* const input = files_ ? &files_->input() : nullptr;
     const Error error = input != nullptr ? input->InFileIds(sent_error) : sent_error;
-    const std::string places = input != nullptr ? input->Places(error.metadata()) : "";
+    const std::string places = Places(error.metadata(), input);
     // A private server's job is of no use to anybody afterwards.
     Error told = error;
     if (arguments_.server.empty()) told.set_job("");
@@ -212,8 +212,7 @@ int RunJobsWatch(const Arguments& arguments, Interrupts& interrupts) {
     End(*view, job.state == JobState::kSucceeded);
     if (arguments.json) std::cout << ToText(ToJson(job)) << std::flush;
     if (job.error) {
-      std::cerr << "planish: " << job.name
-                << " failed: " << Printable(job.error->what() + (" [" + job.error->reason() + "]"), true) << "\n";
+      std::cerr << "planish: " << job.name << " failed: " << Printable(ErrorLine(*job.error), true) << "\n";
     } else if (!job.report) {
       std::cerr << "planish: " << job.name << " ended as " << ToString(job.state) << "\n";
     } else {

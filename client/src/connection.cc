@@ -4,7 +4,6 @@
 
 #include "absl/strings/ascii.h"
 #include "client/src/rpc.h"
-#include "client/src/tls_probe.h"
 
 namespace planish {
 namespace {
@@ -49,17 +48,19 @@ std::string ConnectionCause(const std::string& message) {
 }  // namespace
 
 Connection::Connection(std::string target, const ClientOptions& options)
-    : target_(std::move(target)), options_(options), uses_tls_(WantsTls(target_, options)) {
+    : target_(std::move(target)),
+      options_(options),
+      tls_{WantsTls(target_, options), "", "", "", options.tls_server_name} {
   if (options_.tls_cert_file.empty() != options_.tls_key_file.empty()) {
     throw Invalid("a client certificate takes two files: the certificate and its key");
   }
-  if (uses_tls_) {
-    ca_ = ReadPem("the CA", options_.tls_ca_file);
-    certificate_ = ReadPem("the client certificate", options_.tls_cert_file);
-    key_ = ReadPem("the client's key", options_.tls_key_file);
+  if (tls_.uses_tls) {
+    tls_.ca = ReadPem("the CA", options_.tls_ca_file);
+    tls_.certificate = ReadPem("the client certificate", options_.tls_cert_file);
+    tls_.key = ReadPem("the client's key", options_.tls_key_file);
   }
   const bool has_token = !options_.token.empty() || !options_.token_file.empty();
-  if (has_token && !uses_tls_ && !options_.token_over_plaintext && !IsWithinThisMachine(target_)) {
+  if (has_token && !tls_.uses_tls && !options_.token_over_plaintext && !IsWithinThisMachine(target_)) {
     throw Invalid("the token would travel to " + target_ + " unencrypted, for everybody on the way to read: use TLS");
   }
   if (has_token) CheckToken(Token());
@@ -81,9 +82,9 @@ std::shared_ptr<grpc::Channel> Connection::NewChannel() const {
   arguments.SetUserAgentPrefix(std::string("planish/") + Version());
   // What stays on this machine must not go through a proxy on another.
   if (IsWithinThisMachine(target_)) arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  if (!uses_tls_) return grpc::CreateCustomChannel(target_, grpc::InsecureChannelCredentials(), arguments);
+  if (!tls_.uses_tls) return grpc::CreateCustomChannel(target_, grpc::InsecureChannelCredentials(), arguments);
   if (!options_.tls_server_name.empty()) arguments.SetSslTargetNameOverride(options_.tls_server_name);
-  return grpc::CreateCustomChannel(target_, grpc::SslCredentials({ca_, key_, certificate_}), arguments);
+  return grpc::CreateCustomChannel(target_, grpc::SslCredentials({tls_.ca, tls_.key, tls_.certificate}), arguments);
 }
 
 void Connection::Prepare(grpc::ClientContext& context) const {
@@ -104,7 +105,7 @@ Error Connection::WhyUnreachable(const std::string& message) const {
   const Error unreachable(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", reason + ConnectionCause(message));
   // A name that is not known would only be asked for once more.
   if (message.find("DNS resolution failed") != std::string::npos) return unreachable;
-  const std::string fault = FindTlsFault(target_, {uses_tls_, ca_, certificate_, key_, options_.tls_server_name});
+  const std::string fault = FindTlsFault(target_, tls_);
   return fault.empty() ? unreachable : Error(ErrorCode::kUnavailable, "TLS_FAILED", reason + fault);
 }
 

@@ -228,7 +228,7 @@ Report FromProto(const v1::Report& proto, const ids::Renumbering& renumbering) {
   report.threads = proto.threads();
   for (const v1::Warning& warning : proto.warnings()) {
     report.warnings.push_back(
-        {warning.reason(), ids::RenumberMessage(warning.message(), renumbering),
+        {warning.reason(), warning.message(),
          ids::RenumberMetadata({warning.metadata().begin(), warning.metadata().end()}, renumbering)});
   }
   return report;

@@ -9,50 +9,27 @@
 #include "google/rpc/error_details.pb.h"
 
 namespace planish::ids {
-namespace {
-
-const IdMap& MapFor(const std::string& word, const Renumbering& renumbering) {
-  static const auto* others = new IdMap;
-  if (word == "vertex" || word == "vertices" || word == "edge" || word == "edges") return renumbering.vertex;
-  return word == "face" || word == "faces" ? renumbering.face : *others;
-}
-
-// `text` with replace(match) in the place of what matches.
-template <typename Replace>
-std::string Replaced(const std::string& text, const std::regex& pattern, const Replace& replace) {
-  std::string result;
-  auto last = text.begin();
-  for (std::sregex_iterator match(text.begin(), text.end(), pattern), end; match != end; ++match) {
-    result.append(last, (*match)[0].first).append(replace(*match));
-    last = (*match)[0].second;
-  }
-  return result.append(last, text.end());
-}
-
-std::string RenumberAll(const std::string& text, const IdMap& map) {
-  static const auto* id = new std::regex("[0-9]+");
-  if (!map) return text;
-  return Replaced(text, *id, [&](const std::smatch& match) {
-    const std::int64_t mapped = map(std::strtoll(match.str().c_str(), nullptr, 10));
-    return mapped < 0 ? match.str() : std::to_string(mapped);
-  });
-}
-
-}  // namespace
 
 std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
                                                     const Renumbering& renumbering) {
-  std::map<std::string, std::string> result;
-  for (const auto& [key, value] : metadata) result[key] = RenumberAll(value, MapFor(key, renumbering));
+  static const auto* vertex_key = new std::regex("vert(ex|ices)|edges?");
+  static const auto* face_key = new std::regex("faces?");
+  static const auto* id = new std::regex("[0-9]+");
+  std::map<std::string, std::string> result = metadata;
+  for (auto& [key, value] : result) {
+    const bool is_face = std::regex_match(key, *face_key);
+    const IdMap& map = is_face ? renumbering.face : renumbering.vertex;
+    if (!map || !(is_face || std::regex_match(key, *vertex_key))) continue;
+    const std::string text = std::exchange(value, "");
+    auto last = text.begin();
+    for (std::sregex_iterator match(text.begin(), text.end(), *id), end; match != end; ++match) {
+      const std::int64_t mapped = map(std::strtoll(match->str().c_str(), nullptr, 10));
+      value.append(last, (*match)[0].first).append(mapped < 0 ? match->str() : std::to_string(mapped));
+      last = (*match)[0].second;
+    }
+    value.append(last, text.end());
+  }
   return result;
-}
-
-std::string RenumberMessage(const std::string& message, const Renumbering& renumbering) {
-  static const auto* ids = new std::regex(
-      R"(\b(?:(vertex|edge|face) [0-9]+(?:-[0-9]+)?|(vertices|edges|faces) [0-9]+(?:-[0-9]+)?(?:, [0-9]+(?:-[0-9]+)?)*))");
-  return Replaced(message, *ids, [&](const std::smatch& match) {
-    return RenumberAll(match.str(), MapFor(match[1].matched ? match[1] : match[2], renumbering));
-  });
 }
 
 }  // namespace planish::ids
@@ -111,8 +88,7 @@ Error ErrorFrom(const absl::Status& status) {
 }
 
 Error Renumbered(const Error& error, const ids::Renumbering& renumbering) {
-  return Error(error.code(), error.reason(), ids::RenumberMessage(error.what(), renumbering),
-               ids::RenumberMetadata(error.metadata(), renumbering))
+  return Error(error.code(), error.reason(), error.what(), ids::RenumberMetadata(error.metadata(), renumbering))
       .set_job(error.job())
       .set_trace_id(error.trace_id())
       .set_retry_after(error.retry_after());

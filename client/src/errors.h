@@ -26,10 +26,6 @@ struct Renumbering {
 std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
                                                     const Renumbering& renumbering);
 
-// The ids in a message as the server words it: one after "vertex", "edge", "face"; a comma-separated list after the
-// plurals.
-std::string RenumberMessage(const std::string& message, const Renumbering& renumbering);
-
 }  // namespace planish::ids
 
 namespace planish {

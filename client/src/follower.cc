@@ -74,7 +74,7 @@ Followed Follower::Follow() {
 template <typename Step>
 void Follower::Run(const Step& step) {
   const std::stop_callback on_stop(call_.stop, [this] { OnStop(); });
-  const std::stop_callback on_finish(finish_, [this] { OnFinish(); });
+  const std::stop_callback on_finish(finish_, [this] { Ask(); });
   try {
     for (bool done = false; !done;) {
       std::optional<Error> error;
@@ -346,14 +346,6 @@ void Follower::OnStop() {
   Ask();
 }
 
-void Follower::OnFinish() {
-  {
-    const std::lock_guard lock(mutex_);
-    finishing_ = true;
-  }
-  Ask();
-}
-
 // Asks the server to cancel the job, or to bring what it has, if somebody wants that and there is a job.
 void Follower::Ask() {
   const std::lock_guard lock(mutex_);
@@ -361,7 +353,7 @@ void Follower::Ask() {
   if (stopped_ && !std::exchange(asked_cancel_, true)) {
     rpc_.InBackground<v1::CancelJobRequest>(&Stub::CancelJob, job_name_, call_.traceparent);
   }
-  if (finishing_ && !std::exchange(asked_finish_, true)) {
+  if (finish_.stop_requested() && !std::exchange(asked_finish_, true)) {
     rpc_.InBackground<v1::StopJobRequest>(&Stub::StopJob, job_name_, call_.traceparent);
   }
 }

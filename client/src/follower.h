@@ -69,7 +69,6 @@ class Follower {
   // The context of the next stream. Throws CANCELLED after a stop if there is no job that must be cancelled.
   std::shared_ptr<grpc::ClientContext> NewContext(bool may_be_cut_off = true);
   void OnStop();
-  void OnFinish();
   void Ask();
   // Whether a stop ends this call and nothing else.
   bool StopEndsCall() const { return unwrap_ == nullptr || job_name_.empty(); }
@@ -105,7 +104,7 @@ class Follower {
   // Guarded by mutex_: what a stop from another thread touches. Only the thread of Run() changes job_name_.
   std::mutex mutex_;
   std::condition_variable stopped_changed_;
-  bool stopped_ = false, finishing_ = false;          // what the caller wants of the job
+  bool stopped_ = false;                              // what the caller wants of the job, beside finish_
   bool asked_cancel_ = false, asked_finish_ = false;  // and what the server was told
   std::string job_name_;
   std::shared_ptr<grpc::ClientContext> context_;

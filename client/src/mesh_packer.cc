@@ -38,9 +38,7 @@ std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pa
   const auto missing = std::find(corners.begin(), corners.end(), -1);
   if (missing == corners.end()) return corners;
   const Edge& edge = edges[static_cast<std::size_t>(missing - corners.begin())];
-  throw Invalid("OPTIONS_INVALID",
-                absl::StrCat("no triangle has the edge from vertex ", edge.first, " to vertex ", edge.second,
-                             ", which is to be a seam"),
+  throw Invalid("OPTIONS_INVALID", "an edge that is to be a seam is no edge of any triangle",
                 {{"field", "seam_corners"}, {"edges", absl::StrCat(edge.first, "-", edge.second)}});
 }
 
@@ -57,12 +55,10 @@ void CheckCorners(const std::string& field, std::span<const std::int32_t> corner
 }  // namespace
 
 ids::Renumbering PackedMesh::ToCaller() const {
-  ids::Renumbering renumbering;
-  if (source_vertex.empty()) return renumbering;
-  renumbering.vertex = [this](std::int64_t v) -> std::int64_t {
+  const auto vertex = [this](std::int64_t v) -> std::int64_t {
     return v < static_cast<std::int64_t>(source_vertex.size()) ? source_vertex[static_cast<std::size_t>(v)] : -1;
   };
-  return renumbering;
+  return {vertex, {}};
 }
 
 PackedMesh MeshPacker::Pack(const MeshView& view) {
@@ -85,7 +81,7 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
     }
     throw Invalid(
         "MESH_INDEX_OUT_OF_RANGE",
-        absl::StrCat("face ", i / 3, " refers to vertex ", view.indices_[i], ", but the mesh has ", vertex_count),
+        absl::StrCat("a face has the index ", view.indices_[i], ", but the mesh has ", vertex_count, " vertices"),
         {{"faces", absl::StrCat(i / 3)}});
   }
 

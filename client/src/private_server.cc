@@ -20,6 +20,7 @@
 #include <system_error>
 #include <thread>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_split.h"
 #include "client/src/errors.h"
 #include "client/src/process.h"
@@ -42,17 +43,16 @@ Error Failed(const std::string& message) {
 }
 
 // Starts `arguments[0]`, a path, in a process group of its own (so that Ctrl-C reaches only us), with an empty signal
-// mask, default signal actions, no input, no output, stderr to the file `stderr_path`, `inherited_fd` as descriptor
-// `inherited_as`, and the environment without what is for a service (PLANISHD_QUEUE, ...).
-pid_t Spawn(const std::vector<std::string>& arguments, const std::string& stderr_path, int inherited_fd,
-            int inherited_as) {
+// mask, default signal actions, no input, no output, stderr to the file `stderr_path`, `supervisor` as descriptor
+// kSupervisorFd, and the environment without what is for a service (PLANISHD_QUEUE, ...).
+pid_t Spawn(const std::vector<std::string>& arguments, const std::string& stderr_path, int supervisor) {
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
   posix_spawn_file_actions_addopen(&actions, 2, stderr_path.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
   // Also clears close-on-exec where both numbers agree.
-  posix_spawn_file_actions_adddup2(&actions, inherited_fd, inherited_as);
+  posix_spawn_file_actions_adddup2(&actions, supervisor, kSupervisorFd);
 
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
@@ -167,7 +167,7 @@ struct PrivateServer::State {
 
   std::string LogSuffix() const {
     std::string text = Log();
-    while (!text.empty() && text.back() == '\n') text.pop_back();
+    absl::StripTrailingAsciiWhitespace(&text);
     return text.empty() ? "" : "\n" + text;
   }
 
@@ -185,7 +185,7 @@ struct PrivateServer::State {
                                           "--workers=" + std::to_string(options.workers), "--log-level=warn"};
     if (options.threads > 0) arguments.push_back("--threads=" + std::to_string(options.threads));
     arguments.insert(arguments.end(), options.extra_arguments.begin(), options.extra_arguments.end());
-    pid = Spawn(arguments, LogPath(), theirs.get(), kSupervisorFd);
+    pid = Spawn(arguments, LogPath(), theirs.get());
     theirs.Reset();
     WaitUntilReady(options.start_timeout);
   }

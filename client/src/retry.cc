@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <utility>
 
 namespace planish {
@@ -34,16 +33,11 @@ Deadline DeadlineAfter(Seconds timeout) {
   return Wall::now() + std::chrono::duration_cast<Wall::duration>(timeout);
 }
 
-bool IsUnreachable(const Error& error) {
-  return error.reason() == "SERVER_UNREACHABLE" || error.reason() == "TLS_FAILED";
-}
-
 bool IsUploadGone(const Error& error) {
   return error.reason() == "UPLOAD_NOT_FOUND" || error.reason() == "UPLOAD_INCOMPLETE";
 }
 
-Retry::Retry(std::string target, const Limits& limits)
-    : target_(std::move(target)), limits_(limits), random_(std::random_device()()) {}
+Retry::Retry(std::string target, const Limits& limits) : target_(std::move(target)), limits_(limits) {}
 
 void Retry::Reset() {
   losses_ = 0;
@@ -58,9 +52,8 @@ Seconds Retry::PauseAfter(const Error& error, bool reached) {
   Seconds pause = kLeastPauseForRoom;
   if (!is_full) {
     // Clients that lost the same server at the same moment come back at different ones.
-    random_ = random_ * 6364136223846793005u + 1442695040888963407u;  // Knuth's MMIX
     pause = std::min(kLongestPause, limits_.first_pause * std::ldexp(1, std::min(losses_++, 30))) *
-            (0.5 + std::ldexp(static_cast<double>(random_ >> 11), -54));
+            std::uniform_real_distribution(0.5, 1.0)(random_);
   }
   pause = std::max(pause, error.retry_after());
   std::optional<Clock::time_point>& since = is_full ? full_since_ : lost_since_;

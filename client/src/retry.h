@@ -2,8 +2,8 @@
 #pragma once
 
 #include <chrono>
-#include <cstdint>
 #include <optional>
+#include <random>
 #include <string>
 
 #include "planish/error.h"
@@ -13,9 +13,6 @@ namespace planish {
 // When a call must be over; nothing: never.
 using Deadline = std::optional<std::chrono::system_clock::time_point>;
 Deadline DeadlineAfter(Seconds timeout);  // 0: never
-
-// Whether there was no connection at all.
-bool IsUnreachable(const Error& error);
 
 // Whether `error` says that the upload of a mesh is gone: it must begin again.
 bool IsUploadGone(const Error& error);
@@ -45,7 +42,7 @@ class Retry {
 
   const std::string target_;
   const Limits limits_;
-  std::uint64_t random_;
+  std::minstd_rand random_{std::random_device()()};
   int losses_ = 0;
   std::optional<Clock::time_point> lost_since_, full_since_;
 };

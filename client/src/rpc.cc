@@ -4,18 +4,11 @@
 #include <cstdint>
 #include <cstdlib>
 #include <random>
-#include <utility>
 
-#include "client/src/errors.h"
 #include "core/base/trace_context.h"
 
 namespace planish {
 namespace {
-
-using WallClock = std::chrono::system_clock;
-
-// A call in the background keeps its Rpc alive for so long at most.
-constexpr Seconds kBackgroundLimit{5};
 
 std::uint64_t Entropy() {
   std::random_device random;
@@ -34,14 +27,13 @@ std::string TraceOf(const std::string& traceparent) {
 }
 
 Rpc::Rpc(const std::string& target, const ClientOptions& options)
-    : options_(options),
-      connection_(target, options),
+    : connection_(target, options),
       channel_(connection_.NewChannel()),
       stubs_(v1::Planish::NewStub(channel_), admin::v1::Admin::NewStub(channel_)) {}
 
 void Rpc::Connect(Deadline deadline) {
-  WallClock::time_point until =
-      WallClock::now() + std::chrono::duration_cast<WallClock::duration>(options_.connect_timeout);
+  auto until = std::chrono::system_clock::now() +
+               std::chrono::duration_cast<std::chrono::system_clock::duration>(options().connect_timeout);
   if (deadline) until = std::min(until, *deadline);
   auto state = channel_->GetState(true);
   for (; state == GRPC_CHANNEL_IDLE || state == GRPC_CHANNEL_CONNECTING; state = channel_->GetState(true)) {
@@ -68,21 +60,6 @@ Error Rpc::ErrorOf(const grpc::Status& status) const {
   rich.set_code(static_cast<int>(status.error_code()));
   rich.set_message(is_late ? "the time given to the call passed" : status.error_message());
   return ErrorFrom(rich);
-}
-
-// Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
-// would have to wait for themselves. Whether the call got through shows in the job's own stream.
-void Rpc::RunInBackground(std::function<void(grpc::ClientContext*)> call, const std::string& trace) {
-  const std::lock_guard lock(background_mutex_);
-  background_.emplace_back([this, call = std::move(call), trace] {
-    std::unique_ptr<grpc::ClientContext> context;
-    try {
-      context = NewContext(DeadlineAfter(kBackgroundLimit), trace);
-    } catch (const Error&) {
-      return;  // no token any more: the call would be refused
-    }
-    call(context.get());
-  });
 }
 
 }  // namespace planish

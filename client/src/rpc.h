@@ -4,7 +4,6 @@
 #include <grpcpp/grpcpp.h>
 
 #include <atomic>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -12,7 +11,9 @@
 #include <tuple>
 #include <vector>
 
+#include "client/src/errors.h"
 #include "client/src/retry.h"
+#include "client/src/tls_probe.h"
 #include "planish/admin/v1/admin.grpc.pb.h"
 #include "planish/client.h"
 #include "planish/v1/planish.grpc.pb.h"
@@ -25,6 +26,8 @@ std::string TraceOf(const std::string& traceparent);
 
 // Answers that carry no mesh must not take longer than this, connection included.
 inline constexpr Seconds kUnaryLimit{20};
+// A call in the background keeps its Rpc alive for so long at most.
+inline constexpr Seconds kBackgroundLimit{5};
 
 template <typename Request>
 Request Named(const std::string& name) {
@@ -41,6 +44,7 @@ class Connection {
   Connection(std::string target, const ClientOptions& options);
 
   const std::string& target() const { return target_; }
+  const ClientOptions& options() const { return options_; }
   std::shared_ptr<grpc::Channel> NewChannel() const;
 
   // Adds the token to a call. Throws OPTIONS_INVALID if its file cannot be read.
@@ -55,8 +59,7 @@ class Connection {
 
   const std::string target_;
   const ClientOptions options_;
-  const bool uses_tls_;
-  std::string ca_, certificate_, key_;  // what the files held
+  TlsProbe tls_;  // with what the files held
 };
 
 // Thread-safe. Functions throw planish::Error.
@@ -69,7 +72,7 @@ class Rpc {
   Rpc(const std::string& target, const ClientOptions& options);
 
   const std::string& target() const { return connection_.target(); }
-  const ClientOptions& options() const { return options_; }
+  const ClientOptions& options() const { return connection_.options(); }
   // Whether there was a connection, ever.
   bool reached() const { return reached_; }
 
@@ -103,7 +106,7 @@ class Rpc {
   Response Repeat(Method<Stub, Request, Response> method, const Request& request,
                   const std::string& trace = TraceOf(""), int* attempts = nullptr) {
     const Deadline deadline = DeadlineAfter(kUnaryLimit);
-    Retry retry(target(), {options_.retry_timeout, Seconds(0), options_.backoff, deadline});
+    Retry retry(target(), {options().retry_timeout, Seconds(0), options().backoff, deadline});
     while (true) {
       try {
         if (attempts != nullptr) ++*attempts;
@@ -119,18 +122,16 @@ class Rpc {
   template <typename Request>
   void InBackground(Method<v1::Planish::Stub, Request, v1::Job> method, const std::string& job,
                     const std::string& trace) {
-    RunInBackground(
-        [this, method, request = Named<Request>(job)](grpc::ClientContext* context) {
-          v1::Job ignored;
-          (stub().*method)(context, request, &ignored);
-        },
-        trace);
+    // Not by gRPC's callbacks: the last reference to the channel must not go on one of the channel's own threads, which
+    // would have to wait for themselves.
+    const std::lock_guard lock(background_mutex_);
+    background_.emplace_back([this, method, request = Named<Request>(job), trace] {
+      // Whether it got through shows in the job's own stream.
+      (void)Caught([&] { Call(method, request, DeadlineAfter(kBackgroundLimit), trace); });
+    });
   }
 
  private:
-  void RunInBackground(std::function<void(grpc::ClientContext*)> call, const std::string& trace);
-
-  const ClientOptions options_;
   const Connection connection_;
   const std::shared_ptr<grpc::Channel> channel_;
   const std::tuple<std::unique_ptr<v1::Planish::Stub>, std::unique_ptr<admin::v1::Admin::Stub>> stubs_;

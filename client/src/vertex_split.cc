@@ -28,9 +28,8 @@ VertexSplit Split(std::int64_t vertex_count, std::span<const std::uint32_t> tria
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     if (triangles[i] >= static_cast<std::uint64_t>(vertex_count)) {
       throw Error(ErrorCode::kInvalidArgument, "MESH_INDEX_OUT_OF_RANGE",
-                  absl::StrCat("face ", i / 3, " refers to vertex ", triangles[i], ", but the mesh has ", vertex_count,
-                               ", numbered from 0"),
-                  {{"faces", absl::StrCat(i / 3)}, {"vertices", absl::StrCat(triangles[i])}});
+                  absl::StrCat("a face has the index ", triangles[i], ", but the mesh has ", vertex_count, " vertices"),
+                  {{"faces", absl::StrCat(i / 3)}});
     }
     corners.push_back(static_cast<std::int32_t>(triangles[i]));
   }

@@ -59,10 +59,9 @@ absl::Status CheckEncodable(const Mesh& mesh) {
     // NaN and infinity are told to the caller by the mesh check, which sees all of them.
     const double largest = mesh.positions[v].array().isFinite().select(mesh.positions[v].array().abs(), 0.0).maxCoeff();
     if (static_cast<double>(static_cast<float>(largest)) > std::numeric_limits<float>::max()) {
-      return InvalidDraco(
-          "MESH_POSITION_INVALID",
-          "vertex " + std::to_string(v) + " lies outside the range of float (3.4e38); scale the mesh down",
-          {{"vertices", std::to_string(v)}});
+      return InvalidDraco("MESH_POSITION_INVALID",
+                          "a vertex lies outside the range of float (3.4e38); scale the mesh down",
+                          {{"vertices", std::to_string(v)}});
     }
   }
   return absl::OkStatus();

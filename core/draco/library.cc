@@ -60,9 +60,9 @@ bool IsBacked(const draco::PointAttribute& attribute, std::uint32_t num_points) 
 
 absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_t count) {
   return InvalidDraco("MESH_INDEX_OUT_OF_RANGE",
-                      "face " + std::to_string(face) + " refers to vertex " + std::to_string(vertex) +
-                          ", but the mesh has " + std::to_string(count) + ", numbered from 0",
-                      {{"faces", std::to_string(face)}, {"vertices", std::to_string(vertex)}});
+                      "a face has the index " + std::to_string(vertex) + ", but the mesh has " + std::to_string(count) +
+                          " vertices, numbered from 0",
+                      {{"faces", std::to_string(face)}});
 }
 
 absl::StatusOr<std::string> EncodeInOrder(std::int64_t point_bytes, const draco::Mesh& mesh,

@@ -26,7 +26,6 @@ void Add(std::int64_t id, ElementList* list) {
 }
 
 void AddEdge(const std::vector<Face>& faces, std::span<const std::int32_t> at, EdgeList* list) {
-  list->face_count += static_cast<std::int64_t>(at.size());
   if (++list->count > static_cast<std::int64_t>(kMaxDiagnosed)) return;
   const auto [low, high] = std::minmax({Origin(faces, at[0]), Target(faces, at[0])});
   list->first.push_back({low, high});
@@ -210,12 +209,8 @@ void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& executio
 
 }  // namespace
 
-std::string Elements(const char* one, const char* many, std::int64_t count, const std::vector<std::int64_t>& first) {
-  const std::size_t named = std::min<std::size_t>(4, first.size());
-  std::string text = absl::StrCat(count == 1 ? one : many, " ", absl::StrJoin(std::span(first).first(named), ", "));
-  const std::int64_t more = count - static_cast<std::int64_t>(named);
-  if (more > 0) absl::StrAppend(&text, " and ", more, " more");
-  return text;
+std::string Counted(std::int64_t count, const std::string& one, const std::string& many) {
+  return absl::StrCat(count, " ", count == 1 ? one : many);
 }
 
 absl::Status MeshFault(const std::string& reason, const std::string& message, std::int64_t count,
@@ -256,13 +251,13 @@ absl::Status Diagnosis::Refusal() const {
   if (faces == 0) return MeshFault("MESH_EMPTY", "the mesh has no faces; there is nothing to flatten", 0, {});
   if (const auto& [count, first] = faces_out_of_range; count > 0) {
     return MeshFault("MESH_INDEX_OUT_OF_RANGE",
-                     absl::StrCat(Elements("face", "faces", count, first), count == 1 ? " refers" : " refer",
+                     absl::StrCat(Counted(count, "face refers", "faces refer"),
                                   " to vertices that do not exist (the mesh has ", vertices, ")"),
                      count, {{"faces", absl::StrJoin(first, ",")}});
   }
   if (const auto& [count, first] = vertices_not_finite; count > 0) {
     return MeshFault("MESH_POSITION_NOT_FINITE",
-                     absl::StrCat("the position of ", Elements("vertex", "vertices", count, first),
+                     absl::StrCat("the position of ", Counted(count, "vertex", "vertices"),
                                   " is NaN or infinite; give every vertex finite coordinates"),
                      count, {{"vertices", absl::StrJoin(first, ",")}});
   }

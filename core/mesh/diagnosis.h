@@ -29,7 +29,6 @@ struct EdgeList {
   std::int64_t count = 0;
   std::vector<std::array<std::int64_t, 2>> first;
   std::vector<std::int64_t> faces;
-  std::int64_t face_count = 0;  // at all of the edges, faces at several of them as often
 };
 
 // A piece of the surface: faces that hang together over edges of exactly two faces, whichever way these are wound. It
@@ -98,8 +97,8 @@ struct Diagnosis {
   absl::Status Refusal() const;
 };
 
-// "vertex 4", "vertices 4, 7", "vertices 4, 7, 9, 12 and 80 more": of `count` elements, the first of which are given.
-std::string Elements(const char* one, const char* many, std::int64_t count, const std::vector<std::int64_t>& first);
+// "1 vertex has", "3 vertices have".
+std::string Counted(std::int64_t count, const std::string& one, const std::string& many);
 // INVALID_ARGUMENT with this reason and message, and "count" added to the metadata.
 absl::Status MeshFault(const std::string& reason, const std::string& message, std::int64_t count,
                        std::map<std::string, std::string> metadata);

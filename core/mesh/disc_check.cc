@@ -24,21 +24,12 @@ std::string IdList(const std::vector<std::int64_t>& ids) {
   return absl::StrJoin(std::span(ids).first(std::min(kMaxDiagnosed, ids.size())), ",");
 }
 
-// "edge 1-2 (faces 3, 4)" and the ids for metadata.
-struct NamedEdges {
-  std::string where, faces;
-  std::map<std::string, std::string> metadata;
-
-  explicit NamedEdges(const EdgeList& list) {
-    std::vector<std::string> names;
-    for (const auto& [low, high] : list.first) names.push_back(absl::StrCat(low, "-", high));
-    metadata = {{"edges", absl::StrJoin(names, ",")}, {"faces", IdList(list.faces)}};
-    const auto shown = std::span(names).first(std::min<std::size_t>(4, names.size()));
-    where = absl::StrCat(list.count == 1 ? "edge " : "edges ", absl::StrJoin(shown, ", "),
-                         list.count > 4 ? absl::StrCat(" and ", list.count - 4, " more") : "", " (",
-                         Elements("face", "faces", list.face_count, list.faces), ")");
-  }
-};
+// `before` and `after` stand round the number of edges.
+absl::Status FaultAtEdges(const std::string& reason, const char* before, const EdgeList& list, const char* after) {
+  const auto name = [](std::string* out, const auto& edge) { absl::StrAppend(out, edge[0], "-", edge[1]); };
+  return MeshFault(reason, absl::StrCat(before, Counted(list.count, "edge", "edges"), after), list.count,
+                   {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", IdList(list.faces)}});
+}
 
 absl::Status CheckFaces(const Diagnosis& d) {
   if (d.faces == 0 || d.faces_out_of_range.count > 0 || d.vertices_not_finite.count > 0) return d.Refusal();
@@ -47,13 +38,13 @@ absl::Status CheckFaces(const Diagnosis& d) {
              d.faces_without_area.first.begin(), d.faces_without_area.first.end(), std::back_inserter(degenerate));
   if (const std::int64_t count = d.faces_repeating_a_vertex.count + d.faces_without_area.count; count > 0) {
     return MeshFault("MESH_FACE_DEGENERATE",
-                     absl::StrCat(Elements("face", "faces", count, degenerate), count == 1 ? " has" : " have",
+                     absl::StrCat(Counted(count, "face has", "faces have"),
                                   " no area, so no angles to keep; remove or collapse ", count == 1 ? "it" : "them"),
                      count, {{"faces", IdList(degenerate)}});
   }
   if (const auto& [count, first] = d.duplicate_faces; count > 0) {
     return MeshFault("MESH_FACE_DUPLICATE",
-                     absl::StrCat(Elements("face", "faces", count, first), count == 1 ? " has" : " have",
+                     absl::StrCat(Counted(count, "face has", "faces have"),
                                   " the same three vertices as an earlier face; remove the copies"),
                      count, {{"faces", IdList(first)}});
   }
@@ -62,28 +53,22 @@ absl::Status CheckFaces(const Diagnosis& d) {
 
 absl::Status CheckManifold(const Diagnosis& d) {
   if (d.non_manifold_edges.count > 0) {
-    const NamedEdges edges(d.non_manifold_edges);
-    return MeshFault("MESH_EDGE_NON_MANIFOLD",
-                     absl::StrCat("more than two faces meet at ", edges.where, "; split the surface there"),
-                     d.non_manifold_edges.count, edges.metadata);
+    return FaultAtEdges("MESH_EDGE_NON_MANIFOLD", "more than two faces meet at ", d.non_manifold_edges,
+                        "; split the surface there");
   }
   if (d.inconsistent_edges.count > 0) {
-    const NamedEdges edges(d.inconsistent_edges);
     if (!d.is_orientable()) {
-      return MeshFault("MESH_NOT_ORIENTABLE",
-                       absl::StrCat("the surface has one side only, like a Moebius strip: orientations clash at ",
-                                    edges.where, " and turning faces over cannot help; cut it open"),
-                       d.inconsistent_edges.count, edges.metadata);
+      return FaultAtEdges("MESH_NOT_ORIENTABLE",
+                          "the surface has one side only, like a Moebius strip: orientations clash at ",
+                          d.inconsistent_edges, " and turning faces over cannot help; cut it open");
     }
-    return MeshFault(
-        "MESH_ORIENTATION_INCONSISTENT",
-        absl::StrCat("the faces at ", edges.where, " run round in opposite senses; turn faces over so that all agree"),
-        d.inconsistent_edges.count, edges.metadata);
+    return FaultAtEdges("MESH_ORIENTATION_INCONSISTENT", "the faces at ", d.inconsistent_edges,
+                        " run round in opposite senses; turn faces over so that all agree");
   }
   if (const auto& [count, first] = d.non_manifold_vertices; count > 0) {
     return MeshFault("MESH_VERTEX_NON_MANIFOLD",
                      absl::StrCat("parts of the surface that share no edge touch at ",
-                                  Elements("vertex", "vertices", count, first), "; give each part a vertex of its own"),
+                                  Counted(count, "vertex", "vertices"), "; give each part a vertex of its own"),
                      count, {{"vertices", IdList(first)}});
   }
   return absl::OkStatus();
@@ -97,12 +82,10 @@ absl::Status CheckOneComponent(const Diagnosis& d) {
     first_faces.push_back(component.first_face);
   }
   const auto count = static_cast<std::int64_t>(d.components.size());
-  return MeshFault(
-      "MESH_SEVERAL_COMPONENTS",
-      absl::StrCat("the mesh has ", count, " separate components (of ", absl::StrJoin(sizes, ", "),
-                   count > 4 ? ", ... faces" : " faces", "; they begin at ",
-                   Elements("face", "faces", count, first_faces), "); a disc is one: send them one by one"),
-      count, {{"faces", IdList(first_faces)}});
+  return MeshFault("MESH_SEVERAL_COMPONENTS",
+                   absl::StrCat("the mesh has ", count, " separate components (of ", absl::StrJoin(sizes, ", "),
+                                count > 4 ? ", ..." : "", " faces); a disc is one: send them one by one"),
+                   count, {{"faces", IdList(first_faces)}});
 }
 
 struct BoundaryLoop {
@@ -139,24 +122,23 @@ absl::Status CheckLoopsAndHandles(const Diagnosis& d, const TriMesh& mesh) {
                                   "; a disc has one boundary loop: cut the surface open along a seam"),
                      0, {{"genus", genus}});
   }
-  std::vector<std::string> names;
-  std::vector<std::int64_t> vertices;
+  std::vector<std::int64_t> sizes, vertices;
   for (const BoundaryLoop& loop : loops) {
-    if (names.size() < 4) names.push_back(absl::StrCat(loop.edges, " edges through vertex ", loop.vertex));
+    if (sizes.size() < 4) sizes.push_back(loop.edges);
     vertices.push_back(loop.vertex);
   }
   const auto count = static_cast<std::int64_t>(loops.size());
   if (count > 1) {
-    return MeshFault(
-        "MESH_SEVERAL_LOOPS",
-        absl::StrCat("the mesh has ", count, " boundary loops", counted(" and "), " (", absl::StrJoin(names, ", "),
-                     count > 4 ? ", ..." : "", "); a disc has one: fill the holes, or cut from one loop to the next"),
-        count, {{"vertices", IdList(vertices)}, {"genus", genus}});
+    return MeshFault("MESH_SEVERAL_LOOPS",
+                     absl::StrCat("the mesh has ", count, " boundary loops", counted(" and "), " (of ",
+                                  absl::StrJoin(sizes, ", "), count > 4 ? ", ..." : "",
+                                  " edges); a disc has one: fill the holes, or cut from one loop to the next"),
+                     count, {{"vertices", IdList(vertices)}, {"genus", genus}});
   }
   if (handles == 0) return absl::OkStatus();
   return MeshFault("MESH_HAS_HANDLES",
-                   absl::StrCat("the mesh has", counted(" "), " (genus ", handles, ", one boundary loop of ", names[0],
-                                "); a disc has none: cut it open along a seam"),
+                   absl::StrCat("the mesh has", counted(" "), " (genus ", handles, ", one boundary loop of ", sizes[0],
+                                " edges); a disc has none: cut it open along a seam"),
                    handles, {{"vertices", IdList(vertices)}, {"genus", genus}});
 }
 

@@ -15,7 +15,7 @@ namespace planish {
 //   MESH_EMPTY  MESH_INDEX_OUT_OF_RANGE  MESH_POSITION_NOT_FINITE  MESH_FACE_DEGENERATE  MESH_FACE_DUPLICATE
 //   MESH_EDGE_NON_MANIFOLD  MESH_NOT_ORIENTABLE  MESH_ORIENTATION_INCONSISTENT  MESH_VERTEX_NON_MANIFOLD
 //   MESH_SEVERAL_COMPONENTS  MESH_CLOSED  MESH_SEVERAL_LOOPS  MESH_HAS_HANDLES
-// The message names the first few elements; metadata has "count" and, as they apply, "faces" and "vertices"
+// The message counts, but names no element. Metadata has "count" and, as they apply, "faces" and "vertices"
 // (comma-separated 0-based ids) and "edges" ("a-b,c-d", vertex ids), at most 16 of each.
 //
 // CANCELLED after a cancellation.

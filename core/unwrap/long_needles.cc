@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/diagnosis.h"
 #include "core/unwrap/warnings.h"
 
 namespace planish {

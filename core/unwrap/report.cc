@@ -7,6 +7,7 @@
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/diagnosis.h"
 #include "core/mesh/disc_check.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"

@@ -33,8 +33,7 @@ absl::Status CheckPieces(const Segmentation& segmentation) {
   return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
                    absl::StrCat(count, count == 1 ? " piece" : " pieces",
                                 " between the given seams cannot lie flat without another seam (closed, with several "
-                                "boundary loops or with a handle): at face ",
-                                absl::StrJoin(first_faces, ", "), "; give more seams, or allow them to be added"),
+                                "boundary loops or with a handle); give more seams, or allow them to be added"),
                    {{"count", absl::StrCat(count)}, {"faces", absl::StrJoin(first_faces, ",")}});
 }
 

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/diagnosis.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/warnings.h"
 

@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/mesh/diagnosis.h"
 
 namespace planish {
 namespace {
@@ -35,10 +36,6 @@ std::map<std::string, std::string> ChartMetadata(const std::vector<int>& found) 
 }
 
 }  // namespace
-
-std::string Counted(std::int64_t count, const std::string& one, const std::string& many) {
-  return absl::StrCat(count, " ", count == 1 ? one : many);
-}
 
 std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces) {
   return {{"count", std::to_string(count)}, {"faces", absl::StrJoin(faces, ",")}};

@@ -10,9 +10,6 @@
 
 namespace planish {
 
-// "1 vertex has", "3 vertices have".
-std::string Counted(std::int64_t count, const std::string& one, const std::string& many);
-
 // FACES_WITHOUT_AREA, EDGES_NON_MANIFOLD, ORIENTATION_INCONSISTENT. `ignored` marks the faces without area.
 void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings);
 

@@ -52,9 +52,10 @@ absl::StatusOr<Mesh> ReadMeshArrays(std::string_view bytes, std::int64_t vertice
     std::memcpy(triangle.data(), at, sizeof triangle);
     for (std::size_t k = 0; k < 3; ++k) {
       if (triangle[k] >= vertices) {
-        return MakeError(absl::StatusCode::kInvalidArgument, "MESH_INDEX_OUT_OF_RANGE",
-                         absl::StrCat("face ", f, " refers to vertex ", triangle[k], ", but the mesh has ", vertices),
-                         {{"faces", absl::StrCat(f)}});
+        return MakeError(
+            absl::StatusCode::kInvalidArgument, "MESH_INDEX_OUT_OF_RANGE",
+            absl::StrCat("a face has the index ", triangle[k], ", but the mesh has ", vertices, " vertices"),
+            {{"faces", absl::StrCat(f)}});
       }
       mesh.faces[static_cast<std::size_t>(f)][k] = static_cast<std::int32_t>(triangle[k]);
     }

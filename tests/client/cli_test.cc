@@ -543,9 +543,9 @@ TEST(SummaryTest, ManyChartsMakeNoLongerText) {
 }
 
 TEST(SummaryTest, ErrorSaysWhatWhereAndWhatToDo) {
-  EXPECT_EQ(ErrorText(Error(ErrorCode::kInvalidArgument, "MESH_FACE_DEGENERATE", "face 12 has no area"),
+  EXPECT_EQ(ErrorText(Error(ErrorCode::kInvalidArgument, "MESH_FACE_DEGENERATE", "1 face has no area"),
                       "face 12 (in.obj:345)", Terminal()),
-            "planish: error: face 12 has no area [MESH_FACE_DEGENERATE]\n  at face 12 (in.obj:345)\n");
+            "planish: error: 1 face has no area [MESH_FACE_DEGENERATE]\n  at face 12 (in.obj:345)\n");
   EXPECT_THAT(ErrorText(Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", "x"), "", Terminal()), HasSubstr("hint:"));
   // Servers and files cannot write to the terminal.
   EXPECT_EQ(ErrorText(Error(ErrorCode::kInternal, "A\x1b[2J", "no\x1b]0;x\x07"), "b\x1b[1m.obj:3", Terminal()),
@@ -580,16 +580,24 @@ TEST(NumbersTest, ForPeople) {
   EXPECT_EQ(Duration(3725), "1:02:05");
 }
 
-TEST(ElementIdsTest, MessagesKeepWhatIsNoId) {
+TEST(ElementIdsTest, MetadataKeepsWhatIsNoId) {
   ids::Renumbering plus;
-  plus.vertex = [](std::int64_t v) { return v + 100; };
+  plus.vertex = [](std::int64_t v) { return v == 9 ? -1 : v + 100; };
   plus.face = [](std::int64_t f) { return f + 1000; };
-  EXPECT_EQ(ids::RenumberMessage("faces 1, 2 and 80 more meet at edges 3-4, 5-6 (vertex 7, 8 edges)", plus),
-            "faces 1001, 1002 and 80 more meet at edges 103-104, 105-106 (vertex 107, 8 edges)");
-  EXPECT_EQ(ids::RenumberMessage("20 edges through vertex 5, 40 edges through vertex 9", plus),
-            "20 edges through vertex 105, 40 edges through vertex 109");
-  EXPECT_EQ(ids::RenumberMessage("vertices that do not exist (the mesh has 9)", plus),
-            "vertices that do not exist (the mesh has 9)");
+  const Error::Metadata metadata = {{"count", "82"},      {"face", "3"},   {"faces", "1,2"},    {"edge", "1-2"},
+                                    {"edges", "3-4,5-6"}, {"vertex", "7"}, {"vertices", "5,9"}, {"genus", "1"}};
+  const Error::Metadata moved = {{"count", "82"},
+                                 {"face", "1003"},
+                                 {"faces", "1001,1002"},
+                                 {"edge", "101-102"},
+                                 {"edges", "103-104,105-106"},
+                                 {"vertex", "107"},
+                                 {"vertices", "105,9"},
+                                 {"genus", "1"}};
+  EXPECT_EQ(ids::RenumberMetadata(metadata, plus), moved);
+  const Error error = Renumbered(Error(ErrorCode::kInvalidArgument, "X", "82 faces meet at 2 edges", metadata), plus);
+  EXPECT_EQ(error.metadata(), moved);
+  EXPECT_STREQ(error.what(), "82 faces meet at 2 edges") << "messages have counts, no ids";
 }
 
 }  // namespace

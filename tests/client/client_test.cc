@@ -205,7 +205,7 @@ TEST_F(ClientTest, FailedJobThrowsInTheCallersIds) {
   server_.on_unwrap = [&](const v1::UnwrapRequest&, FakeStream& stream) {
     v1::JobEvent failed = StateEvent(1, v1::JOB_STATE_FAILED);
     *failed.mutable_job()->mutable_error() =
-        MakeStatus(3, "edges 0-3, 1-2 meet at face 1 of 2 faces", "MESH_EDGE_NON_MANIFOLD",
+        MakeStatus(3, "more than two faces meet at 2 edges", "MESH_EDGE_NON_MANIFOLD",
                    {{"edges", "0-3,1-2"}, {"vertices", "2"}, {"faces", "1"}, {"count", "2"}});
     stream.Send(failed);
     return Status();
@@ -213,7 +213,7 @@ TEST_F(ClientTest, FailedJobThrowsInTheCallersIds) {
   const Error error = ErrorOf([&] { NewClient().Unwrap({kWithIsolated, kTrianglesOfIt}); });
   EXPECT_EQ(error.code(), ErrorCode::kInvalidArgument);
   EXPECT_EQ(error.reason(), "MESH_EDGE_NON_MANIFOLD");
-  EXPECT_STREQ(error.what(), "edges 1-5, 2-4 meet at face 1 of 2 faces");
+  EXPECT_STREQ(error.what(), "more than two faces meet at 2 edges");
   EXPECT_EQ(error.metadata().at("edges"), "1-5,2-4");
   EXPECT_EQ(error.metadata().at("vertices"), "4");
   EXPECT_EQ(error.metadata().at("faces"), "1");

@@ -45,7 +45,7 @@ TEST_F(InspectionTest, Disc) {
   const MeshInput input = Input(kDisc);
   const Inspection inspection = Inspect(input);
   EXPECT_FALSE(inspection.refusal);
-  EXPECT_EQ(inspection.not_a_disc_reason, "");
+  EXPECT_FALSE(inspection.not_a_disc);
   EXPECT_THAT(inspection.plan, ::testing::Contains(HasSubstr("one disc, one chart")));
   const std::string text = InspectionText(input, inspection);
   EXPECT_THAT(text, HasSubstr("Disc.obj: 4 vertices, 2 triangles in 1 polygon\n"));
@@ -77,13 +77,16 @@ TEST_F(InspectionTest, FindingsHavePlacesInTheFile) {
   EXPECT_THAT(Named(inspection, "faces_repeating_a_vertex").faces, ElementsAre(2));
   EXPECT_THAT(Named(inspection, "duplicate_faces").faces, ElementsAre(3));
   EXPECT_THAT(inspection.plan, ::testing::Contains(HasSubstr("gives UV to 3 triangles without area")));
-  EXPECT_EQ(inspection.not_a_disc_reason, "MESH_FACE_DEGENERATE");
-  EXPECT_THAT(inspection.not_a_disc_message, HasSubstr("faces 1, 2, 4"));
+  ASSERT_TRUE(inspection.not_a_disc);
+  EXPECT_EQ(inspection.not_a_disc->reason(), "MESH_FACE_DEGENERATE");
+  EXPECT_THAT(inspection.not_a_disc->what(), HasSubstr("3 faces have no area"));
+  EXPECT_EQ(inspection.not_a_disc->metadata().at("faces"), "1,2,4");
 
   const Json json = InspectionJson(input, inspection);
   EXPECT_EQ(json["findings"]["faces_without_area"]["count"], 2);
   EXPECT_EQ(json["findings"]["faces_without_area"]["lines"], Json({9, 12}));
   EXPECT_EQ(json["findings"]["non_manifold_edges"]["count"], 0) << "every kind is there";
+  EXPECT_EQ(json["unwrap"]["seams_none"]["metadata"]["faces"], "1,2,4");
   EXPECT_EQ(json["findings"].size(), 11u);
 }
 
@@ -96,7 +99,8 @@ TEST_F(InspectionTest, EdgesOfThreeFacesAreNamed) {
   EXPECT_THAT(edges.edges[0], ElementsAre(1, 2));
   EXPECT_THAT(edges.faces, ElementsAre(0, 1, 2));
   EXPECT_THAT(inspection.plan, ::testing::Contains("cuts along 1 edge of more than two triangles"));
-  EXPECT_EQ(inspection.not_a_disc_reason, "MESH_EDGE_NON_MANIFOLD");
+  ASSERT_TRUE(inspection.not_a_disc);
+  EXPECT_EQ(inspection.not_a_disc->reason(), "MESH_EDGE_NON_MANIFOLD");
 }
 
 TEST_F(InspectionTest, RefusalsSayWhy) {

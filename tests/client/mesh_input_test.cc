@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/testing/files.h"
 
@@ -49,13 +50,26 @@ TEST_F(MeshInputs, TravelAsOneMesh) {
 
 TEST_F(MeshInputs, NameTheFileAtFault) {
   const MeshInput input({File("a.obj", kSquare), File("b.obj", kQuad)});
-  const Error sent(ErrorCode::kInvalidArgument, "X", "face 3 and vertex 4", {{"faces", "3"}, {"vertices", "4"}});
+  const Error sent(ErrorCode::kInvalidArgument, "X", "2 faults", {{"faces", "3"}, {"vertices", "4"}});
   const Error told = input.InFileIds(sent);
-  EXPECT_STREQ(told.what(), "face 2 and vertex 5");
-  EXPECT_EQ(input.Places(told.metadata()), "face 2 (face 0 of b.obj, line 7), vertex 5 (vertex 0 of b.obj, line 1)");
+  EXPECT_STREQ(told.what(), "2 faults");
+  EXPECT_EQ(Places(told.metadata(), &input), "face 2 (face 0 of b.obj, line 7), vertex 5 (vertex 0 of b.obj, line 1)");
   const MeshInput one(File("a.obj", kSquare));
-  EXPECT_EQ(one.Places(one.InFileIds(Error(ErrorCode::kInvalidArgument, "X", "", {{"vertices", "0"}})).metadata()),
-            "vertex 1 (a.obj:2)");
+  const Error of_one = one.InFileIds(Error(ErrorCode::kInvalidArgument, "X", "fault", {{"vertices", "0"}}));
+  EXPECT_EQ(Places(of_one.metadata(), &one), "vertex 1 (a.obj:2)");
+  EXPECT_EQ(ErrorLine(of_one, &one), "fault [X], at vertex 1 (a.obj:2)");
+}
+
+TEST_F(MeshInputs, NameElementsOfFilesWithoutLines) {
+  const MeshInput stl(File("a.stl",
+                           "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+                           "endloop\nendfacet\nendsolid\n"));
+  const Error::Metadata metadata = {{"count", "9"}, {"edges", "0-1"}, {"faces", "0"}};
+  EXPECT_EQ(Places({{"count", "9"}}), "");
+  EXPECT_EQ(Places({{"edges", "3-4"}, {"count", "1"}}), "vertex 3, vertex 4");
+  EXPECT_EQ(Places({{"faces", "3,5,6,7,8"}}), "face 3, face 5, face 6, face 7, ...") << "of a file that is not at hand";
+  EXPECT_THAT(Places(metadata, &stl), ::testing::StartsWith("face 0"));
+  EXPECT_EQ(ErrorLine(Error(ErrorCode::kInvalidArgument, "X", "fault")), "fault [X]");
 }
 
 TEST_F(MeshInputs, GetTheirOwnPartOfTheUv) {

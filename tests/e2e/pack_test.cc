@@ -99,7 +99,7 @@ TEST_F(PackTest, RefusesWhatHasNoUvWithItsPlace) {
   const std::string part = std::string(kTwoIslands) + "f 1 3 6\nf 2/1 3/1 6/1\nf 1 4 5\n";
   const Outcome some = Planish({"pack", File("part.obj", part), "-o", directory_.Path("x.obj")});
   EXPECT_EQ(some.exit_code, 1);
-  EXPECT_THAT(some.err, HasSubstr("2 faces have no UV (2,4)"));
+  EXPECT_THAT(some.err, HasSubstr("2 faces have no UV [UV_MISSING]"));
   EXPECT_THAT(some.err, HasSubstr("face 2 (part.obj:17), face 4 (part.obj:19)"));
 
   const std::string wild = "v 0 0 0\nv 1 0 0\nv 0 1 nan\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";

@@ -2,6 +2,7 @@
 #include <limits>
 #include <random>
 
+#include "core/base/error.h"
 #include "core/draco/codec.h"
 #include "draco/compression/expert_encode.h"
 #include "draco/mesh/mesh.h"
@@ -139,7 +140,8 @@ TEST(Draco, WhatCannotBeEncoded) {
     mesh.faces[1][2] = index;
     const absl::Status status = EncodeDraco(mesh).status();
     EXPECT_EQ(Reason(status), "MESH_INDEX_OUT_OF_RANGE");
-    EXPECT_THAT(std::string(status.message()), HasSubstr("face 1 refers to vertex " + std::to_string(index)));
+    EXPECT_THAT(std::string(status.message()), HasSubstr("a face has the index " + std::to_string(index)));
+    EXPECT_EQ(ErrorInfoOf(status).metadata.at("faces"), "1");
   }
 
   mesh = good;
@@ -152,7 +154,8 @@ TEST(Draco, WhatCannotBeEncoded) {
   mesh.positions[2].y() = -1e39;
   const absl::Status status = EncodeDraco(mesh).status();
   EXPECT_EQ(Reason(status), "MESH_POSITION_INVALID");
-  EXPECT_THAT(std::string(status.message()), HasSubstr("vertex 2"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("a vertex lies outside the range of float"));
+  EXPECT_EQ(ErrorInfoOf(status).metadata.at("vertices"), "2");
   // Rounds down to the largest float, not up to infinity.
   mesh.positions[2].y() = 3.4028235e38;
   EXPECT_TRUE(EncodeDraco(mesh).ok());

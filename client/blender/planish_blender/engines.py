@@ -398,7 +398,7 @@ def _read_uv(path):
 def _check_positions(sheet):
     bad = np.flatnonzero(~np.isfinite(sheet.positions).all(axis=1))
     if len(bad) > 0:
-        message = f"vertex {bad[0]} has a position that is no number"
+        message = f"{len(bad)} {'vertex has a position' if len(bad) == 1 else 'vertices have positions'} that is no number"
         raise Failed(message, "MESH_POSITION_NOT_FINITE", vertices=bad[:16].tolist())
 
 

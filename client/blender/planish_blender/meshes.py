@@ -1,6 +1,5 @@
 """From Blender's meshes to arrays of triangles, and UV back to the loops of polygons."""
 
-import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,8 @@ import numpy as np
 
 #: UV of one vertex that are further apart belong to two islands.
 _UV_GAP = 1e-5
+#: Elements that a message names.
+_MOST_NAMED = 4
 
 
 class Unusable(Exception):
@@ -172,18 +173,21 @@ class Sheet:
         p = int(np.searchsorted(self._first_vertex, vertex, side="right")) - 1
         return p, int(vertex - self._first_vertex[p])
 
-    def in_own_words(self, message):
-        """The message with the elements numbered as in Blender."""
+    def places(self, faces, edges, vertices):
+        """The first few of these elements in words, numbered as in Blender; empty if there are none."""
 
-        def numbers(find, digits):
-            p, element = find(int(digits))
-            return str(element) if len(self.parts) == 1 else f"{element} of {self.parts[p].object.name}"
+        def number(p, *elements):
+            own = "-".join(map(str, elements))
+            return own if len(self.parts) == 1 else f"{own} of {self.parts[p].object.name}"
 
-        def renumbered(match):
-            find = self.polygon_of if match[1].startswith("face") else self.vertex_of
-            return match[1] + re.sub(r"\d+", lambda digits: numbers(find, digits[0]), match[2])
-
-        return re.sub(r"\b((?:faces?|vertex|vertices|edges?) )(\d+(?:(?:, |-| and )\d+)*)", renumbered, message)
+        ends = [(self.vertex_of(a), self.vertex_of(b)[1]) for a, b in edges]
+        kinds = {
+            "face": [number(*self.polygon_of(face)) for face in faces],
+            "edge": [number(p, a, b) for (p, a), b in ends],
+            "vertex": [number(*self.vertex_of(vertex)) for vertex in vertices],
+        }
+        words = [f"{kind} {own}" for kind, numbers in kinds.items() for own in dict.fromkeys(numbers)]
+        return ", ".join(words[:_MOST_NAMED]) + (", ..." if len(words) > _MOST_NAMED else "")
 
     def select(self, faces, edges, vertices):
         """Selects these elements and nothing else in the objects of this sheet. Whether there were any."""

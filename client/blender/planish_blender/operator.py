@@ -175,9 +175,10 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         for sheet, error in batch.outcomes:
             if not isinstance(error, engines.Failed):
                 continue
-            selected = sheet.select(error.faces, error.edges, error.vertices)
-            note = " (selected)" if selected else ""
-            self.report({"ERROR"}, f"{sheet.name}: {sheet.in_own_words(str(error))}{note}")
+            elements = (error.faces, error.edges, error.vertices)
+            selected = sheet.select(*elements)
+            note = f"; at {sheet.places(*elements)} (selected)" if selected else ""
+            self.report({"ERROR"}, f"{sheet.name}: {error}{note}")
             if selected and not selects:
                 selects = True
                 _show_selection(context, error)
@@ -192,7 +193,7 @@ class UV_OT_planish_unwrap(bpy.types.Operator):
         if torn:
             self.report({"WARNING"}, f"{torn} faces had to be cut along a diagonal, and are not mapped properly")
         for warning in outcome.warnings:
-            self.report({"WARNING"}, f"{sheet.name}: {sheet.in_own_words(warning)}")
+            self.report({"WARNING"}, f"{sheet.name}: {warning}")
 
 
 def _objects(context):

@@ -59,7 +59,8 @@ class Error : public std::runtime_error {
   //   CALLBACK_FAILED        a callback threw something else than planish::Error (kUnknown)
   //   OUT_OF_MEMORY          in this process (kResourceExhausted)
   const std::string& reason() const { return reason_; }
-  // Further facts, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's own order.
+  // Further facts, e.g. {"vertices", "12,40"}: ids are 0-based in the caller's own order. Here alone stands which
+  // elements are at fault; what() counts them.
   const Metadata& metadata() const { return metadata_; }
 
   // Name of the job that failed; empty if the call was refused before there was one.

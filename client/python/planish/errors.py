@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from typing import Any, Dict, List, Mapping, Optional, Tuple, Type
 
+_MOST_NAMED = 4  # of a kind, in str(error)
+
 
 class Error(Exception):
-    """A call that failed, or a job that was waited for and did not succeed. ``str(error)`` is a sentence for people.
+    """A call that failed, or a job that was waited for and did not succeed. ``str(error)`` is a sentence for people, with
+    the first few of the elements at fault; ``error.message`` is the sentence alone.
 
     ``reason`` is for programs: a reason of ``planish.v1.Job.error`` or of a call, or one of this package's own:
 
@@ -68,6 +71,16 @@ class Error(Exception):
 
     def _ids(self, *keys: str) -> List[int]:
         return [int(digits) for key in keys for digits in re.findall(r"\d+", self.metadata.get(key, ""))]
+
+    def __str__(self) -> str:
+        edges = [f"{a}-{b}" for a, b in self.edges]
+        kinds = (("face", "faces", self.faces), ("edge", "edges", edges), ("vertex", "vertices", self.vertices))
+        places = [
+            (one if len(ids) == 1 else many) + " " + ", ".join(map(str, ids[:_MOST_NAMED])) + (", ..." if len(ids) > _MOST_NAMED else "")
+            for one, many, ids in kinds
+            if ids
+        ]
+        return f"{self.message} ({'; '.join(places)})" if places else self.message
 
     def __reduce__(self) -> Tuple[Any, ...]:
         # Exceptions travel between the processes of a pool.

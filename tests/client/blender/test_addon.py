@@ -260,7 +260,7 @@ class AddOn(unittest.TestCase):
             np.testing.assert_array_equal(uv_of(cube.data), before)
 
             cube.data.vertices[5].co.x = float("nan")
-            with self.assertRaisesRegex(RuntimeError, r"Cube.*: vertex 5 .*\(selected\)"):
+            with self.assertRaisesRegex(RuntimeError, r"Cube.*: 1 vertex has .*at vertex 5 \(selected\)"):
                 unwrap()
             self.assertEqual([vertex.index for vertex in cube.data.vertices if vertex.select], [5])
 
@@ -363,9 +363,12 @@ class Words(unittest.TestCase):
             return meshes.Part(Named(name), np.zeros((vertices, 3)), faces, faces, np.array(polygon), empty, empty, 0)
 
         one = meshes.Sheet([part("a", [0, 0, 1], 4)])
-        self.assertEqual(one.in_own_words("at face 2, near vertex 3"), "at face 1, near vertex 3")
+        self.assertEqual(one.places([2], [], [3]), "face 1, vertex 3")
+        self.assertEqual(one.places([0, 1, 2], [], []), "face 0, face 1", "triangles of one polygon")
+        self.assertEqual(one.places([], [], []), "")
         two = meshes.Sheet([part("a", [0, 0, 1], 4), part("b", [7, 7], 9)])
-        self.assertEqual(two.in_own_words("faces 1, 4: edge 3-4"), "faces 0 of a, 7 of b: edge 3 of a-0 of b")
+        self.assertEqual(two.places([1, 4], [(4, 6)], []), "face 0 of a, face 7 of b, edge 0-2 of b")
+        self.assertEqual(two.places([], [], range(5)), "vertex 0 of a, vertex 1 of a, vertex 2 of a, vertex 3 of a, ...")
 
 
 if __name__ == "__main__":

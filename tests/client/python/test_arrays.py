@@ -195,6 +195,13 @@ class Errors(unittest.TestCase):
         self.assertEqual(vars(again), vars(error))
         self.assertIsInstance(again, planish.ArrayError)
         self.assertEqual(again.edges, [(1, 2), (3, 4)])
+        self.assertEqual(str(again), str(error))
+
+    def test_name_the_first_elements_once(self):
+        self.assertEqual(str(planish.Error("2 faults", metadata={"edges": "1-2,3-4", "count": "2"})), "2 faults (edges 1-2, 3-4)")
+        error = planish.InvalidArgument("6 faults", metadata={"faces": "3,5,6,7,8,9", "vertices": "4"})
+        self.assertEqual(str(error), "6 faults (faces 3, 5, 6, 7, ...; vertex 4)")
+        self.assertEqual(error.message, "6 faults")
 
     def test_every_code_has_its_class(self):
         import grpc
