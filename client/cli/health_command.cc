@@ -1,11 +1,12 @@
-// `planish health`. Apart from other commands: httplib.h brings macros of <resolv.h> that Eigen's headers cannot bear.
-#include <httplib.h>
-
+// `planish health`.
 #include <iostream>
 #include <string>
 
 #include "client/cli/commands.h"
 #include "planish/error.h"
+
+// Last, and in no other file of the command: it brings macros of <resolv.h> (_res) that Eigen's headers have as names.
+#include <httplib.h>
 
 namespace planish::cli {
 namespace {
