@@ -1,6 +1,4 @@
-// What is about servers and their jobs: estimate, jobs (watch is in unwrap_command.cc), admin, health, version.
-#include <httplib.h>
-
+// What is about servers and their jobs: estimate, jobs (watch is in unwrap_command.cc), admin, version.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -310,30 +308,6 @@ int RunAdmin(const Arguments& arguments, Interrupts& interrupts) {
     Print(stats);
   }
   return kOk;
-}
-
-namespace {
-
-constexpr int kHttpOk = 200;
-constexpr int kSeconds = 3;
-
-}  // namespace
-
-int RunHealth(const Arguments& arguments) {
-  const std::string& url = arguments.health_url;
-  // "http://HOST:PORT/PATH"; ParseArguments() looked at it.
-  const std::size_t path = url.find('/', std::string("http://").size());
-  httplib::Client client(url.substr(0, path));
-  client.set_connection_timeout(kSeconds);
-  client.set_read_timeout(kSeconds);
-  const httplib::Result answer = client.Get(url.substr(path));
-  if (!answer) {
-    throw Error(ErrorCode::kUnavailable, "SERVER_UNREACHABLE", url + " does not answer: " + to_string(answer.error()));
-  }
-  std::string text = answer->body.empty() ? "HTTP " + std::to_string(answer->status) : answer->body;
-  if (text.back() != '\n') text += '\n';
-  (answer->status == kHttpOk ? std::cout : std::cerr) << text << std::flush;
-  return answer->status == kHttpOk ? kOk : kFailed;
 }
 
 namespace {

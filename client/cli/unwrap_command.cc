@@ -10,6 +10,7 @@
 
 #include "client/cli/commands.h"
 #include "client/cli/mesh_input.h"
+#include "client/cli/progress.h"
 #include "client/cli/progress_view.h"
 #include "client/cli/report.h"
 #include "client/cli/results.h"

@@ -88,7 +88,7 @@ const std::vector<External>& Externals() {
       {std::regex(R"(^(curl/.*|expat\.h)$)"), "libcurl and Expat", {"server/blobs"}},
       {std::regex(R"(^(httplib\.h|prometheus/.*)$)"),
        "HTTP and Prometheus",
-       {"server/metrics", "client/cli/server_commands.cc", "tests"}},
+       {"server/metrics", "client/cli/health_command.cc", "tests"}},
       // The library but for its private server is bound to no system.
       {std::regex(R"(^((sys|linux|netinet|arpa)/.*|(dlfcn|fcntl|netdb|poll|pthread|signal|spawn|unistd)\.h)$)"),
        "headers of the system",
