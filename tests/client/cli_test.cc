@@ -10,7 +10,6 @@
 #include "client/cli/commands.h"
 #include "client/cli/results.h"
 #include "client/cli/text.h"
-#include "client/src/errors.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -578,26 +577,6 @@ TEST(NumbersTest, ForPeople) {
   EXPECT_EQ(Duration(12.34), "12.3 s");
   EXPECT_EQ(Duration(59.96), "1:00");
   EXPECT_EQ(Duration(3725), "1:02:05");
-}
-
-TEST(ElementIdsTest, MetadataKeepsWhatIsNoId) {
-  ids::Renumbering plus;
-  plus.vertex = [](std::int64_t v) { return v == 9 ? -1 : v + 100; };
-  plus.face = [](std::int64_t f) { return f + 1000; };
-  const Error::Metadata metadata = {{"count", "82"},      {"face", "3"},   {"faces", "1,2"},    {"edge", "1-2"},
-                                    {"edges", "3-4,5-6"}, {"vertex", "7"}, {"vertices", "5,9"}, {"genus", "1"}};
-  const Error::Metadata moved = {{"count", "82"},
-                                 {"face", "1003"},
-                                 {"faces", "1001,1002"},
-                                 {"edge", "101-102"},
-                                 {"edges", "103-104,105-106"},
-                                 {"vertex", "107"},
-                                 {"vertices", "105,9"},
-                                 {"genus", "1"}};
-  EXPECT_EQ(ids::RenumberMetadata(metadata, plus), moved);
-  const Error error = Renumbered(Error(ErrorCode::kInvalidArgument, "X", "82 faces meet at 2 edges", metadata), plus);
-  EXPECT_EQ(error.metadata(), moved);
-  EXPECT_STREQ(error.what(), "82 faces meet at 2 edges") << "messages have counts, no ids";
 }
 
 }  // namespace
