@@ -10,8 +10,8 @@ namespace planish {
 namespace {
 
 // Measured by tests/bench/run.sh memory, and by planish_hunt --cases over all families of meshes, of 20 to 60,000
-// faces: figures are what was measured, or a quarter more. kFixedBytes is twice that: what threads and malloc add to it
-// differs from run to run.
+// faces: figures are what was measured, or a quarter more. kFixedBytes is twice that: a
+// margin that no measurement asks for.
 constexpr double kFixedBytes = 12e6;       // code and tables that are touched first
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
