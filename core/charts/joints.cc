@@ -21,19 +21,28 @@ std::vector<HalfedgeHandle> OutlineFrom(const Gluing& gluing, HalfedgeHandle sta
   return outline;
 }
 
-std::vector<Stretch> StretchesAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc, std::int32_t d,
+namespace {
+
+// The disc that outline half-edge h borders on; -1: none, or its own.
+std::int32_t Neighbour(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h) {
+  const std::int32_t f = gluing.surface().face_across(h);
+  return f < 0 || disc[f] == disc[gluing.mesh().face_handle(h).idx()] ? -1 : disc[f];
+}
+
+// Whether outline half-edge `next`, which comes after h, goes on with the same stretch.
+bool GoesOn(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h, HalfedgeHandle next) {
+  const std::int32_t other = Neighbour(gluing, disc, h);
+  return other >= 0 && Neighbour(gluing, disc, next) == other &&
+         gluing.After(gluing.mesh().opposite_halfedge_handle(next)) == gluing.mesh().opposite_halfedge_handle(h);
+}
+
+}  // namespace
+
+std::vector<Stretch> StretchesAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc,
                                     const std::vector<HalfedgeHandle>& outline) {
-  const TriMesh& mesh = gluing.mesh();
   const auto n = static_cast<std::int32_t>(outline.size());
-  const auto neighbour = [&](std::int32_t i) {
-    const std::int32_t f = gluing.surface().face_across(outline[i]);
-    return f < 0 || disc[f] == d ? -1 : disc[f];
-  };
-  // Whether half-edge i + 1 of the outline goes on with the same stretch as half-edge i.
   const auto goes_on = [&](std::int32_t i) {
-    const std::int32_t next = i + 1 == n ? 0 : i + 1;
-    return neighbour(i) >= 0 && neighbour(next) == neighbour(i) &&
-           gluing.After(mesh.opposite_halfedge_handle(outline[next])) == mesh.opposite_halfedge_handle(outline[i]);
+    return GoesOn(gluing, disc, outline[i], outline[i + 1 == n ? 0 : i + 1]);
   };
   std::int32_t begin = 0;
   while (begin < n && goes_on(begin == 0 ? n - 1 : begin - 1)) ++begin;
@@ -44,9 +53,27 @@ std::vector<Stretch> StretchesAlong(const Gluing& gluing, const std::vector<std:
     std::int32_t edges = 1;
     while (edges < n && goes_on((start + edges - 1) % n)) ++edges;
     done += edges;
-    if (neighbour(start) >= 0) stretches.push_back({start, edges, neighbour(start)});
+    const std::int32_t other = Neighbour(gluing, disc, outline[start]);
+    if (other >= 0) stretches.push_back({start, edges, other});
   }
   return stretches;
+}
+
+std::vector<HalfedgeHandle> StretchThrough(const Gluing& gluing, const std::vector<std::int32_t>& disc,
+                                           HalfedgeHandle h) {
+  if (Neighbour(gluing, disc, h) < 0) return {};
+  HalfedgeHandle first = h;
+  for (HalfedgeHandle before = gluing.Before(first); GoesOn(gluing, disc, before, first);) {
+    if (before == h) return {};
+    first = before;
+    before = gluing.Before(first);
+  }
+  std::vector<HalfedgeHandle> stretch = {first};
+  for (HalfedgeHandle next = gluing.After(first); GoesOn(gluing, disc, stretch.back(), next);
+       next = gluing.After(next)) {
+    stretch.push_back(next);
+  }
+  return stretch;
 }
 
 Seamed GlueStretch(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {

@@ -21,9 +21,14 @@ struct Stretch {
   std::int32_t other = -1;            // the disc across
 };
 
-// All of them along the outline of disc d, in its order; none where two discs make a sphere. `disc`: per face.
-std::vector<Stretch> StretchesAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc, std::int32_t d,
+// All of them along the outline of a disc, in its order; none where two discs make a sphere. `disc`: per face.
+std::vector<Stretch> StretchesAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc,
                                     const std::vector<HalfedgeHandle>& outline);
+
+// The stretch that an outline half-edge is on, from its beginning to its end; none if the half-edge borders on no other
+// disc, or if the two discs make a sphere.
+std::vector<HalfedgeHandle> StretchThrough(const Gluing& gluing, const std::vector<std::int32_t>& disc,
+                                           HalfedgeHandle h);
 
 // What gluing two discs along a stretch has done.
 struct Seamed {

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <queue>
+#include <unordered_set>
 #include <utility>
 
 #include "core/charts/joints.h"
@@ -21,9 +23,10 @@ struct Disc {
   double perimeter = 0;
   StretchEstimate::Sums sums;
   std::size_t estimated = 0;  // faces when it was last solved for as a whole
+  std::size_t walked = 0;     // faces when joints along the whole outline were last queued
   HalfedgeHandle outline;     // one half-edge of it
   std::int32_t outline_edges = 0;
-  std::int32_t version = 0;
+  std::int32_t version = 0;  // joints of an older one are replaced by newer ones, or by none
 
   double Compactness() const { return 4 * std::numbers::pi * sums.area / (perimeter * perimeter); }
 };
@@ -60,7 +63,11 @@ class Merging {
  private:
   double EdgeWeight(HalfedgeHandle h) const;
   void WalkOutline(std::int32_t d);
+  std::optional<Joint> JointAlong(const HalfedgeHandle* begin, const HalfedgeHandle* end, std::int32_t d,
+                                  std::int32_t other) const;
+  std::optional<Joint> JointAt(HalfedgeHandle h);
   void PushJoints(std::int32_t d, bool all);
+  void PushJointsNear(const std::vector<std::int32_t>& faces);
   void TryJoint(const Joint& joint);
   StretchEstimate::Sums Estimate(Disc* large, const Disc& small);
   bool HasFailed(const Joint& joint) const;
@@ -78,7 +85,8 @@ class Merging {
   StretchEstimate estimate_;
   std::vector<Disc> discs_;
   std::priority_queue<Joint> queue_;
-  std::vector<HalfedgeHandle> walk_;  // an outline
+  std::vector<HalfedgeHandle> walk_;  // an outline, or a stretch of one
+  std::unordered_set<int> near_;      // half-edges of PushJointsNear() whose joints are queued
   // Faces of two discs when they could not be joined for stretch, by their numbers.
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> failed_;
 };
@@ -98,26 +106,61 @@ void Merging::WalkOutline(std::int32_t d) {
   disc.outline_edges = static_cast<std::int32_t>(walk_.size());
 }
 
+// The joint of discs d and other along a stretch of the outline of d; none if they must not be joined there.
+std::optional<Joint> Merging::JointAlong(const HalfedgeHandle* begin, const HalfedgeHandle* end, std::int32_t d,
+                                         std::int32_t other) const {
+  const auto edges = static_cast<std::int32_t>(end - begin);
+  const Disc &one = discs_[d], &two = discs_[other];
+  if (one.outline_edges + two.outline_edges - 2 * edges < 3) return std::nullopt;
+  double weight = 0, length = 0;
+  for (const HalfedgeHandle* h = begin; h != end; ++h) {
+    weight += EdgeWeight(*h);
+    length += surface_.length(*h);
+  }
+  const double shorter = std::min(one.perimeter, two.perimeter);
+  const double area = one.sums.area + two.sums.area;
+  const double perimeter = one.perimeter + two.perimeter - 2 * length;
+  const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
+  const Disc& larger = one.sums.area < two.sums.area ? two : one;
+  if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
+  const double score = shorter > 0 ? weight / shorter * std::sqrt(std::min(1.0, compactness)) : 1;
+  return Joint{
+      std::llround(score / kScoreUnit), CornerOf(mesh_, *begin), *begin, edges, d, other, one.version, two.version};
+}
+
+// The joint along the whole stretch that an outline half-edge is on.
+std::optional<Joint> Merging::JointAt(HalfedgeHandle h) {
+  walk_ = StretchThrough(gluing_, disc_of_, h);
+  if (walk_.empty()) return std::nullopt;
+  const std::int32_t d = disc_of_[mesh_.face_handle(h).idx()], other = disc_of_[surface_.face_across(h)];
+  return JointAlong(walk_.data(), walk_.data() + walk_.size(), d, other);
+}
+
+// Queues what borders on disc d; unless `all`, only on discs of higher numbers.
 void Merging::PushJoints(std::int32_t d, bool all) {
   WalkOutline(d);
+  discs_[d].walked = discs_[d].faces.size();
+  const std::vector<Stretch> stretches = StretchesAlong(gluing_, disc_of_, walk_);
   const std::size_t n = walk_.size();
-  for (const auto& [start, edges, other] : StretchesAlong(gluing_, disc_of_, d, walk_)) {
+  walk_.resize(2 * n);  // stretches may go on from the end to the beginning
+  std::copy_n(walk_.begin(), n, walk_.begin() + static_cast<std::ptrdiff_t>(n));
+  for (const auto& [start, edges, other] : stretches) {
     if (!all && other < d) continue;
-    if (discs_[d].outline_edges + discs_[other].outline_edges - 2 * edges < 3) continue;
-    double weight = 0, length = 0;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(edges); ++i) {
-      weight += EdgeWeight(walk_[(start + i) % n]);
-      length += surface_.length(walk_[(start + i) % n]);
+    const HalfedgeHandle* const begin = walk_.data() + start;
+    if (const std::optional<Joint> joint = JointAlong(begin, begin + edges, d, other)) queue_.push(*joint);
+  }
+}
+
+// Queues what borders on these faces of a disc.
+void Merging::PushJointsNear(const std::vector<std::int32_t>& faces) {
+  near_.clear();
+  for (const std::int32_t f : faces) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh_, FaceHandle(f))) {
+      if (!gluing_.IsOutline(h) || near_.contains(h.idx())) continue;
+      const std::optional<Joint> joint = JointAt(h);
+      for (const HalfedgeHandle of_stretch : walk_) near_.insert(of_stretch.idx());
+      if (joint) queue_.push(*joint);
     }
-    const double shorter = std::min(discs_[d].perimeter, discs_[other].perimeter);
-    const double area = discs_[d].sums.area + discs_[other].sums.area;
-    const double perimeter = discs_[d].perimeter + discs_[other].perimeter - 2 * length;
-    const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
-    const Disc& larger = discs_[discs_[d].sums.area < discs_[other].sums.area ? other : d];
-    if (compactness < tuning_.compactness && compactness < larger.Compactness()) continue;
-    const double score = shorter > 0 ? weight / shorter * std::sqrt(std::min(1.0, compactness)) : 1;
-    queue_.push({std::llround(score / kScoreUnit), CornerOf(mesh_, walk_[start]), walk_[start], edges, d, other,
-                 discs_[d].version, discs_[other].version});
   }
 }
 
@@ -162,15 +205,21 @@ void Merging::TryJoint(const Joint& joint) {
   }
   estimate_.Keep();
   if (IsWhole(large, small)) large.estimated = faces;
-  for (const std::int32_t f : small.faces) disc_of_[f] = to;
-  large.faces.insert(large.faces.end(), small.faces.begin(), small.faces.end());
+  const std::vector<std::int32_t> joined = std::exchange(small.faces, {});
+  for (const std::int32_t f : joined) disc_of_[f] = to;
+  large.faces.insert(large.faces.end(), joined.begin(), joined.end());
   large.sums = sums;
+  large.perimeter += small.perimeter;
+  for (const HalfedgeHandle h : seamed.glued) large.perimeter -= 2 * surface_.length(h);
+  large.outline_edges += small.outline_edges - 2 * static_cast<std::int32_t>(seamed.glued.size());
   for (const HalfedgeHandle e : seamed.ends) {
     if (gluing_.IsOutline(e)) large.outline = e;
   }
-  ++large.version;
   ++small.version;
-  small.faces = {};
+  if (static_cast<double>(faces) <= (1 + tuning_.outline_growth) * static_cast<double>(large.walked)) {
+    return PushJointsNear(joined);
+  }
+  ++large.version;
   PushJoints(to, true);
 }
 
@@ -187,11 +236,28 @@ void Merging::Run(const Execution& execution) {
     WalkOutline(d);
   }
   for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) PushJoints(d, false);
-  while (!queue_.empty() && !execution.IsCancelled() && !execution.IsStopRequested()) {
-    const Joint joint = queue_.top();
-    queue_.pop();
-    if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
-    TryJoint(joint);
+  const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
+  while (!queue_.empty() && goes_on()) {
+    while (!queue_.empty() && goes_on()) {
+      const Joint joint = queue_.top();
+      queue_.pop();
+      if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
+      if (!gluing_.IsOutline(joint.first)) continue;
+      // The discs may have grown elsewhere since: the joint is looked at again, and waits if it is worth less now.
+      const std::optional<Joint> now = JointAt(joint.first);
+      if (!now) continue;
+      if (now->score < joint.score || now->edges != joint.edges) {
+        queue_.push(*now);
+      } else {
+        TryJoint(*now);
+      }
+    }
+    // What must not be joined when it was looked at may be joined to what the disc has become.
+    for (std::int32_t d = 0; d < count && goes_on(); ++d) {
+      if (discs_[d].faces.size() <= discs_[d].walked) continue;
+      ++discs_[d].version;
+      PushJoints(d, true);
+    }
   }
   std::vector<std::int32_t> number(count, -1);
   std::int32_t charts = 0;

@@ -222,7 +222,7 @@ std::vector<Segmentation::Joint> Segmentation::Joints() const {
   }
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(faces_.size()); ++i) {
     if (faces_[i].empty()) continue;
-    for (const auto& [begin, edges, other] : StretchesAlong(gluing_, chart_, i, outlines[i])) {
+    for (const auto& [begin, edges, other] : StretchesAlong(gluing_, chart_, outlines[i])) {
       if (other < i || std::ssize(outlines[i]) + std::ssize(outlines[other]) - 2 * edges < 3) continue;
       Joint joint = {i, other, {}};
       for (std::int32_t k = 0; k < edges; ++k) {

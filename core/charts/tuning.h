@@ -32,6 +32,10 @@ struct AtlasTuning {
   // solved for as a whole.
   int estimate_reach = 8;
   double estimate_growth = 1;
+  // All that borders on a disc is queued anew, with its outline as it is then, when the disc has so many more faces, as
+  // a share; until then only what borders on the faces that joined it. Without that, a sheet that takes in thousands of
+  // small discs costs its outline for each.
+  double outline_growth = 0.02;
 
   // ---- Smoothing of outlines (charts/smoothing.h).
   int smoothing_sweeps = 40;          // at most

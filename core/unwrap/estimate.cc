@@ -10,9 +10,8 @@ namespace planish {
 namespace {
 
 // Measured by tests/bench/run.sh memory, and by planish_hunt --cases over all families of meshes, of 20 to 60,000
-// faces: figures are what was measured, or a quarter more. kFixedBytes is a third more: the smallest meshes have
-// hardly anything beside it, and a job must not die of how the heap happened to lie.
-constexpr double kFixedBytes = 9e6;        // code and tables that are touched first
+// faces: figures are what was measured, or a quarter more.
+constexpr double kFixedBytes = 7e6;        // half of it code and tables, in a process that has not touched them yet
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
 // Beside that: charts of few faces, as of sparse isosurfaces. In meshes of more than kReferenceFaces these are not all

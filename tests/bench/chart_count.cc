@@ -28,6 +28,7 @@ int Main(int argc, char** argv) {
   app.add_option("--widest", tuning.widest, "radians");
   app.add_option("--estimate-reach", tuning.estimate_reach);
   app.add_option("--estimate-growth", tuning.estimate_growth);
+  app.add_option("--outline-growth", tuning.outline_growth);
   app.add_option("--hull-gain", tuning.hull_gain);
   app.add_option("--join-rounds", tuning.join_rounds);
   app.add_option("--join-faces", tuning.join_faces);
