@@ -258,7 +258,8 @@ struct Atlas {
   double texels_per_unit = 0;  // of length on the surface, at weight 1, the least of all atlases; 0 without packing
   Effort effort = Effort::kNormal;
   AtlasLayout layout = AtlasLayout::kUdim;
-  std::vector<AtlasPart> atlases;  // with WithFaceAtlas: one for each number, ascending, 1024 at most; otherwise empty
+  // With WithFaceAtlas: one for each number, ascending, 1024 at most; otherwise empty.
+  std::vector<AtlasPart> atlases = {};
 };
 
 // Measured on the delivered UV with exact predicates.
