@@ -140,6 +140,24 @@ std::string CheckAtlas(const UnwrapOptions& options) {
   return "";
 }
 
+// What several atlases, or weights, do not go with.
+std::string CheckParts(const Arguments& arguments) {
+  const UnwrapOptions& options = arguments.options;
+  const bool is_stacked = options.atlas_layout == AtlasLayout::kStacked;
+  if (is_stacked && !arguments.atlas_per) return "--atlas-layout says where the atlases of --atlas-per go; give both";
+  if (is_stacked && !arguments.report.empty()) {
+    return "--report shows one texture, and --atlas-layout=stacked makes several that lie one over the other; leave "
+           "one "
+           "of them out";
+  }
+  if (!arguments.atlas_per && arguments.material_weights.empty()) return "";
+  const std::string flag = arguments.atlas_per ? "--atlas-per" : "--weight";
+  if (!options.pack) return flag + " is about charts in an atlas; with --pack=off there is none";
+  if (options.seams == Seams::kNone)
+    return flag + " needs charts; with --seams=none the mesh is one that fills its tile";
+  return "";
+}
+
 // "For example: planish unwrap in.stl -o in_uv.obj (or -o - for stdout)"
 std::string OutputExample(const std::string& command, const std::string& input) {
   if (input == "-") return "For example: planish " + command + " - -o out.obj (or -o - for stdout)";
@@ -184,13 +202,15 @@ std::string CheckBatch(const Arguments& arguments) {
 std::string CheckInputs(Arguments& arguments) {
   const std::vector<std::string> inputs = Inputs(arguments);
   const auto directory = std::find_if(inputs.begin(), inputs.end(), IsDirectory);
-  if (arguments.one_atlas) {
-    if (directory != inputs.end()) return "--one-atlas takes files; " + *directory + " is a directory";
+  const bool per_file = arguments.atlas_per == AtlasPer::kFile;
+  if (arguments.one_atlas || per_file) {
+    const std::string flag = per_file ? "--atlas-per=file" : "--one-atlas";
+    if (directory != inputs.end()) return flag + " takes files; " + *directory + " is a directory";
     if (inputs.size() > 1 && arguments.output.empty() && !arguments.detach) {
       return "where should the results go? Several files need -o DIRECTORY/";
     }
   }
-  arguments.batch = !arguments.one_atlas && (inputs.size() > 1 || directory != inputs.end());
+  arguments.batch = !arguments.one_atlas && !per_file && (inputs.size() > 1 || directory != inputs.end());
   if (arguments.batch) return CheckBatch(arguments);
   if (!arguments.format.empty()) return "--format is for batches; the name after -o says the format of one file";
   if (arguments.again) return "--again is for batches; one file is always done again";
@@ -245,13 +265,16 @@ std::string CheckTogether(Arguments& arguments) {
   switch (arguments.command) {
     case Command::kUnwrap:
       if (const std::string problem = CheckAtlas(arguments.options); !problem.empty()) return problem;
+      if (const std::string problem = CheckParts(arguments); !problem.empty()) return problem;
       if (arguments.detach && arguments.server.empty()) {
         return "--detach needs --server (or PLANISH_SERVER): a private server ends with this command, and the job "
                "with it";
       }
       if (arguments.batch) return "";
       if (arguments.detach && !arguments.more_inputs.empty()) {
-        return "--detach with --one-atlas takes one file: jobs watch could not write the UV of several";
+        return "--detach takes one file where several are one job (--one-atlas, --atlas-per=file): jobs watch could "
+               "not write "
+               "the UV of several";
       }
       if (arguments.detach && !(arguments.preview.empty() && arguments.picture.empty() && arguments.report.empty())) {
         return "--detach does not wait for UV, so there is nothing to draw; jobs watch JOB --mesh IN -o OUT takes "

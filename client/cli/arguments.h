@@ -59,6 +59,10 @@ struct CheckArguments {
   bool all_texcoords = false;  // every set of UV that the file has; otherwise Arguments::texcoord
 };
 
+// Of `planish unwrap`: what gets an atlas of its own.
+enum class AtlasPer { kFile, kMesh, kMaterial, kGroup };
+const char* ToString(AtlasPer per);  // "file", ...
+
 struct Arguments {
   Command command = Command::kUnwrap;
   std::string server;  // empty: a private one
@@ -73,6 +77,7 @@ struct Arguments {
   std::string input;
   std::vector<std::string> more_inputs;  // further files
   bool one_atlas = false;                // the files are one mesh and share the atlas
+  std::optional<AtlasPer> atlas_per;     // with kFile the files are one mesh, too; not with one_atlas
   // Several files, or a directory, that become a job and an output each (batch_plan.h). The next two are for it only.
   bool batch = false;
   std::string format;                  // of the outputs, as the end of a name: "glb"; empty: that of each input
@@ -89,7 +94,7 @@ struct Arguments {
   UnwrapOptions options;                          // seams and hard_edge_degrees as in `seams`
   SeamList seams;
   bool keep_density = false;                       // pack; texture_size, padding and tiles are those of `options`
-  std::map<std::string, double> material_weights;  // pack: times the texels per length, in [0.01, 100]
+  std::map<std::string, double> material_weights;  // unwrap and pack: times the texels per length, in [0.01, 100]
   CheckArguments check;
   bool detach = false;
   Scheduling scheduling;

@@ -165,7 +165,7 @@ class BatchJob {
       if (known->server == arguments_.server) request_id = known->request_id;
     }
     MakeDirectory();
-    files_.emplace(std::vector<std::string>{item_.input}, arguments_.seams, item_.output, item_.texcoord,
+    files_.emplace(std::vector<std::string>{item_.input}, arguments_, item_.output, item_.texcoord,
                    arguments_.output_texcoord.value_or(item_.texcoord));
     if (context_.stop.stop_requested()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
     if (!job.empty() && arguments_.detach && !HasEnded(&job)) return Queued(job);
@@ -277,7 +277,7 @@ class BatchJob {
     end_.row.warnings = report.warnings.size();
     if (!fetched) end_.queue_seconds = report.times.queue.count();
     BeginJson();
-    end_.json.update(ReportJson(result, report, item_.output));
+    end_.json.update(ReportJson(result, report, item_.output, files_->atlas_names()));
     if (context_.sheet != nullptr) end_.row.card = WritePage(PageJob(record_), files_->input(), result, arguments_);
   }
 

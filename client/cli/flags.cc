@@ -158,7 +158,8 @@ void AddAtlasSize(CLI::App& app, Arguments& arguments) {
 }
 
 void AddTiles(CLI::App& app, Arguments& arguments) {
-  app.add_option("--tiles", arguments.options.tiles, "Tiles (UDIM 1001, 1002, ...) that may be used, up to 100 [1]")
+  app.add_option("--tiles", arguments.options.tiles,
+                 "Tiles (UDIM 1001, 1002, ...) that may be used, by each atlas, up to 100 [1]")
       ->check(CLI::Range(1, 100).description(""))
       ->type_name("N");
 }

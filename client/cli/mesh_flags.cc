@@ -26,6 +26,9 @@ constexpr char kUnwrapExamples[] = R"(Examples:
   planish unwrap level.glb -o lit.glb --preset=lightmap      a second set of UV; the first one stays
   planish unwrap a.obj b.glb props/ -o done/                   a batch: a job and an output per file
   planish unwrap a.obj b.glb -o done/ --one-atlas              one job: both in one atlas
+  planish unwrap a.obj b.glb -o done/ --atlas-per=file         one job: a UDIM tile for each
+  planish unwrap hero.glb -o uv.glb --atlas-per=material       a UDIM tile for each material
+  planish unwrap hero.glb -o uv.glb --weight=face=2            twice the texels per length for one
 
 Batches: several files, or a directory, are a batch. A directory is searched for mesh files. Each
 file becomes a job of its own and a file in the directory OUT, of the same name and at the same
@@ -47,6 +50,17 @@ Seams: --seams takes a comma-separated list of at most one policy and any number
   edges:FILE   two vertex numbers per line, as the file counts them (an OBJ from 1, others from 0)
   uncut:FILE   the reverse of a source: edges, listed in the same way, at which no seam is added
 
+Atlases: a job has one atlas for all of its charts. --atlas-per gives one to each
+  file         of several, which are one job then; without it they are a batch, a job and an atlas each
+  mesh         object (o) of an OBJ, mesh of a glTF
+  material     faces without one have an atlas too, the last
+  group        object and group (o, g) of an OBJ, mesh of a glTF
+in their order, and charts end between them. --atlas-layout says where the atlases go.
+  udim         each into tiles of its own from 1001 on, at most 100: one set of textures, so the texel
+               density is the same everywhere, and the fullest tile decides it
+  stacked      all into the same tiles, one over the other: textures of their own, which may differ in
+               size, so each is filled as far as it goes
+
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
 
 void AddBatch(CLI::App& app, Arguments& arguments) {
@@ -58,6 +72,51 @@ void AddBatch(CLI::App& app, Arguments& arguments) {
       "--again", arguments.again,
       "Of a batch: send files again whose outputs are up to date; the server may answer with a result that it has "
       "kept, unless --fresh is given too");
+}
+
+void AddAtlases(CLI::App& app, Arguments& arguments) {
+  const Choices<AtlasPer> choices{{AtlasPer::kFile, AtlasPer::kMesh, AtlasPer::kMaterial, AtlasPer::kGroup}};
+  app.add_option_function<std::string>(
+         "--atlas-per",
+         [&arguments, choices](const std::string& name) {
+           for (const AtlasPer per : choices.values) {
+             if (name == ToString(per)) arguments.atlas_per = per;
+           }
+         },
+         "What gets an atlas of its own, see below [one for all of a job]")
+      ->check(CLI::IsMember(choices.Names()).description(""))
+      ->type_name("file|mesh|material|group")
+      ->excludes("--one-atlas");
+  Choices<AtlasLayout>{{AtlasLayout::kUdim, AtlasLayout::kStacked}}.AddTo(
+      app, "--atlas-layout", arguments.options.atlas_layout,
+      "Where these go: udim, into tiles of their own; stacked, one over the other, as textures of their own [udim]");
+}
+
+// "skin=2"; the name may have equals signs.
+void AddMaterialWeight(const std::string& text, Arguments* arguments) {
+  const std::size_t equals = text.rfind('=');
+  double weight = 0;
+  if (equals != std::string::npos) {
+    const char* const end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(text.data() + equals + 1, end, weight);
+    if (error != std::errc() || rest != end) weight = 0;
+  }
+  if (!(weight >= 0.01 && weight <= 100)) {
+    throw CLI::ValidationError("--weight", text + " is not MATERIAL=X with X from 0.01 to 100");
+  }
+  arguments->material_weights[text.substr(0, equals)] = weight;
+}
+
+// `pieces`: what the command packs.
+void AddWeights(CLI::App& app, Arguments& arguments, const std::string& pieces) {
+  app.add_option_function<std::vector<std::string>>(
+         "--weight",
+         [&arguments](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) AddMaterialWeight(text, &arguments);
+         },
+         "So many times the texels per length for the " + pieces +
+             " of a material, 0.01 to 100; several times for several")
+      ->type_name("MATERIAL=X");
 }
 
 void AddPicture(CLI::App& app, Arguments& arguments) {
@@ -147,6 +206,8 @@ void DefineUnwrap(CLI::App& app, Arguments& arguments) {
 
   unwrap.option_defaults()->group("Atlas");
   AddPacking(unwrap, arguments);
+  AddAtlases(unwrap, arguments);
+  AddWeights(unwrap, arguments, "charts");
   unwrap
       .add_option_function<std::string>(
           "--pack", [&options](const std::string& word) { options.pack = word == "on"; },
@@ -270,21 +331,6 @@ figures of each file, sorted as you like, and a page for each. DIR has the index
 (DIR/props/a.obj.html); FILE.html is the index itself, and FILE_files has the pages. unwrap --report does the same for a
 batch, with what failed. Exit codes: 0 written, 1 a file has no UV, 2 bad usage or an unreadable file.)";
 
-// "skin=2"; the name may have equals signs.
-void AddMaterialWeight(const std::string& text, Arguments* arguments) {
-  const std::size_t equals = text.rfind('=');
-  double weight = 0;
-  if (equals != std::string::npos) {
-    const char* const end = text.data() + text.size();
-    const auto [rest, error] = std::from_chars(text.data() + equals + 1, end, weight);
-    if (error != std::errc() || rest != end) weight = 0;
-  }
-  if (!(weight >= 0.01 && weight <= 100)) {
-    throw CLI::ValidationError("--weight", text + " is not MATERIAL=X with X from 0.01 to 100");
-  }
-  arguments->material_weights[text.substr(0, equals)] = weight;
-}
-
 void DefinePack(CLI::App& app, Arguments& arguments) {
   CLI::App& pack = *app.add_subcommand("pack", "Pack the UV islands that a mesh has anew, without solving");
   pack.parse_complete_callback([&arguments] { arguments.command = Command::kPack; });
@@ -303,13 +349,7 @@ void DefinePack(CLI::App& app, Arguments& arguments) {
           "equal: as many texels per area of the surface in every island; keep: their sizes relative to each other")
       ->check(CLI::IsMember({"equal", "keep"}).description(""))
       ->type_name("equal|keep");
-  pack.add_option_function<std::vector<std::string>>(
-          "--weight",
-          [&arguments](const std::vector<std::string>& texts) {
-            for (const std::string& text : texts) AddMaterialWeight(text, &arguments);
-          },
-          "So many times the texels per length for the islands of a material, 0.01 to 100; several times for several")
-      ->type_name("MATERIAL=X");
+  AddWeights(pack, arguments, "islands");
   AddTexcoord(pack, arguments);
   AddOutputTexcoord(pack, arguments);
   AddPreview(pack, arguments);
@@ -398,6 +438,20 @@ void DefineInspect(CLI::App& app, Arguments& arguments) {
 }
 
 }  // namespace
+
+const char* ToString(AtlasPer per) {
+  switch (per) {
+    case AtlasPer::kFile:
+      return "file";
+    case AtlasPer::kMesh:
+      return "mesh";
+    case AtlasPer::kMaterial:
+      return "material";
+    case AtlasPer::kGroup:
+      return "group";
+  }
+  return "";
+}
 
 const char* ToString(Requirement requirement) {
   switch (requirement) {

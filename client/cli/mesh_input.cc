@@ -169,6 +169,89 @@ std::vector<std::array<double, 3>> MeshInput::MaterialColors() const {
   return result;
 }
 
+namespace {
+
+// What is an atlas by itself in a file: per polygon its number, and the names.
+struct FileParts {
+  const std::vector<std::int32_t>* of_polygon = nullptr;
+  const std::vector<std::string>* names = nullptr;
+  const char* what = "";  // if there are none
+};
+
+FileParts PartsOf(const MeshFile& file, AtlasPer per) {
+  const PolygonMesh& mesh = file.mesh;
+  switch (per) {
+    case AtlasPer::kFile:
+      break;
+    case AtlasPer::kMesh:
+      if (file.gltf != nullptr) return {&mesh.polygon_group, &mesh.group_names, "meshes"};
+      return {&mesh.polygon_object, &mesh.object_names, "objects, which are an OBJ's meshes"};
+    case AtlasPer::kMaterial:
+      return {&mesh.polygon_material, &mesh.material_names, "materials"};
+    case AtlasPer::kGroup:
+      return {&mesh.polygon_group, &mesh.group_names, "objects or groups"};
+  }
+  return {};
+}
+
+}  // namespace
+
+FaceAtlases MeshInput::AtlasesPer(AtlasPer per) const {
+  FaceAtlases atlases;
+  for (const Part& part : parts_) {
+    const FileParts parts = PartsOf(part.file, per);
+    if (parts.of_polygon == nullptr) {
+      const auto number = static_cast<std::int32_t>(atlases.names.size());
+      atlases.of_face.insert(atlases.of_face.end(), part.triangulation.source_polygon.size(), number);
+      atlases.names.push_back(std::filesystem::path(part.file.path).filename());
+      continue;
+    }
+    if (parts.of_polygon->empty()) {
+      throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                  std::string("--atlas-per=") + ToString(per) + ": " + part.file.path + " has no " + parts.what,
+                  {{"field", "face_atlas"}});
+    }
+    // Faces without one count as the last.
+    const auto none = static_cast<std::int32_t>(parts.names->size());
+    std::vector<std::int32_t> number(parts.names->size() + 1, -1), of_triangle;
+    for (const std::int64_t polygon : part.triangulation.source_polygon) {
+      const std::int32_t id = (*parts.of_polygon)[static_cast<std::size_t>(polygon)];
+      of_triangle.push_back(id < 0 ? none : id);
+      number[static_cast<std::size_t>(of_triangle.back())] = 0;
+    }
+    for (std::size_t id = 0; id < number.size(); ++id) {
+      if (number[id] < 0) continue;
+      number[id] = static_cast<std::int32_t>(atlases.names.size());
+      atlases.names.push_back(id < parts.names->size() ? (*parts.names)[id] : std::string("none"));
+    }
+    for (const std::int32_t id : of_triangle) atlases.of_face.push_back(number[static_cast<std::size_t>(id)]);
+  }
+  return atlases;
+}
+
+std::vector<double> MeshInput::FaceWeights(const std::map<std::string, double>& material_weights) const {
+  if (material_weights.empty()) return {};
+  const std::vector<std::string> names = MaterialNames();
+  for (const auto& [name, weight] : material_weights) {
+    if (std::find(names.begin(), names.end(), name) != names.end()) continue;
+    std::string list;
+    for (const std::string& known : std::set<std::string>(names.begin(), names.end())) {
+      list += (list.empty() ? "" : ", ") + known;
+    }
+    throw Error(ErrorCode::kInvalidArgument, "MATERIAL_UNKNOWN",
+                "--weight=" + name + ": " + path() + " has no such material" +
+                    (list.empty() ? ", nor any other" : "; it has " + list),
+                {{"material", name}});
+  }
+  std::vector<double> weights;
+  for (const std::int32_t material : FaceMaterials()) {
+    const auto found =
+        material < 0 ? material_weights.end() : material_weights.find(names[static_cast<std::size_t>(material)]);
+    weights.push_back(found == material_weights.end() ? 1 : found->second);
+  }
+  return weights;
+}
+
 std::int64_t MeshInput::PolygonOf(std::int64_t triangle) const {
   const Part& part = PartOf(parts_, &Part::first_face, triangle);
   return part.first_polygon + part.triangulation.source_polygon[static_cast<std::size_t>(triangle - part.first_face)];
@@ -356,10 +439,36 @@ std::map<std::string, std::string> JobLabels(const Arguments& arguments, const s
   return labels;
 }
 
-UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output,
+UnwrapFiles::UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
                          int texcoord, int output_texcoord)
-    : input_(inputs, texcoord), seam_corners_(input_.SeamCorners(seams)), uncut_corners_(input_.UncutCorners(seams)) {
+    : input_(inputs, texcoord),
+      seam_corners_(input_.SeamCorners(arguments.seams)),
+      uncut_corners_(input_.UncutCorners(arguments.seams)) {
+  if (arguments.atlas_per) {
+    constexpr std::size_t kMaxTiles = 100;
+    atlases_ = input_.AtlasesPer(*arguments.atlas_per);
+    const std::size_t tiles = atlases_.names.size() * static_cast<std::size_t>(std::max(1, arguments.options.tiles));
+    if (arguments.options.atlas_layout == AtlasLayout::kUdim && tiles > kMaxTiles) {
+      throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
+                  std::string("--atlas-per=") + ToString(*arguments.atlas_per) + ": " + input_.path() + " makes " +
+                      Counted(static_cast<std::int64_t>(atlases_.names.size()), "atlas", "atlases") + ", which take " +
+                      std::to_string(tiles) + " tiles; UDIM has " + std::to_string(kMaxTiles) +
+                      " here. --atlas-layout=stacked has no such limit",
+                  {{"field", "face_atlas"}});
+    }
+  }
+  for (const double weight : input_.FaceWeights(arguments.material_weights)) {
+    weights_.push_back(static_cast<float>(weight));
+  }
   if (!output.empty()) outputs_ = input_.Outputs(output, output_texcoord);
+}
+
+MeshView UnwrapFiles::view() const {
+  return input_.view()
+      .WithSeamCorners(seam_corners_)
+      .WithUncutCorners(uncut_corners_)
+      .WithFaceAtlas(atlases_.of_face)
+      .WithFaceWeights(weights_);
 }
 
 UnwrapOptions UnwrapFiles::Options(UnwrapOptions options) const {

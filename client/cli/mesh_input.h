@@ -15,7 +15,13 @@
 
 namespace planish::cli {
 
-// Several files are one mesh on the way to the server and back, and get one atlas; none of their vertices are joined.
+// Which atlas each face goes into, from 0 on, and what these are called.
+struct FaceAtlases {
+  std::vector<std::int32_t> of_face;
+  std::vector<std::string> names;
+};
+
+// Several files are one mesh on the way to the server and back; none of their vertices are joined.
 // Their faces and vertices are then counted through, in the order of the files.
 class MeshInput {
  public:
@@ -45,6 +51,12 @@ class MeshInput {
 
   // By these ids, red, green and blue from 0 to 1; grey where a file has none.
   std::vector<std::array<double, 3>> MaterialColors() const;
+
+  // Every part of this kind that has faces, in their order, files first; faces without one come last. Throws
+  // OPTIONS_INVALID where a file has none of this kind.
+  FaceAtlases AtlasesPer(AtlasPer per) const;
+  // Per face what its material weighs, 1 if nothing is said of that; empty without weights. Throws MATERIAL_UNKNOWN.
+  std::vector<double> FaceWeights(const std::map<std::string, double>& material_weights) const;
 
   // What `list` takes from the files, in the order of view() (seams.h).
   std::vector<std::int32_t> SeamCorners(const SeamList& list) const;
@@ -113,15 +125,18 @@ std::map<std::string, std::string> JobLabels(const Arguments& arguments, const s
 
 class UnwrapFiles {
  public:
-  // Reads the files, which become one mesh, and the seams that `seams` takes from them. `output` as for
-  // MeshInput::Outputs; empty: nothing will be written. Throws what that and the constructor of MeshInput throw, and
-  // OPTIONS_INVALID for seams that the files do not have.
-  UnwrapFiles(const std::vector<std::string>& inputs, const SeamList& seams, const std::string& output, int texcoord,
-              int output_texcoord);
+  // Reads the files, which become one mesh, and the seams, atlases and weights that `arguments` take from them; other
+  // paths in `arguments` do not matter. `output` as for MeshInput::Outputs; empty: nothing will be written. Throws what
+  // that and the constructor of MeshInput throw, OPTIONS_INVALID for seams and atlases that the files do not have or
+  // that are too many, and MATERIAL_UNKNOWN.
+  UnwrapFiles(const std::vector<std::string>& inputs, const Arguments& arguments, const std::string& output,
+              int texcoord, int output_texcoord);
 
   const MeshInput& input() const { return input_; }
-  // The mesh with the seams that the files give, its polygons whole; lives as long as this object.
-  MeshView view() const { return input_.view().WithSeamCorners(seam_corners_).WithUncutCorners(uncut_corners_); }
+  // The mesh with the seams, atlases and weights that the files give, its polygons whole; lives as long as this object.
+  MeshView view() const;
+  // Of the atlases, by their numbers; empty without --atlas-per.
+  const std::vector<std::string>& atlas_names() const { return atlases_.names; }
   // What to ask the server for: `options`, in float where that is all that the output can hold. Throws
   // OUTPUT_UNSUPPORTED where `options` insist on double.
   UnwrapOptions Options(UnwrapOptions options) const;
@@ -133,6 +148,8 @@ class UnwrapFiles {
   MeshInput input_;
   std::vector<std::int32_t> seam_corners_;
   std::vector<std::int32_t> uncut_corners_;
+  FaceAtlases atlases_;
+  std::vector<float> weights_;
   std::vector<OutputOptions> outputs_;
 };
 

@@ -290,29 +290,6 @@ void CheckUv(const MeshInput& input, const Arguments& arguments) {
               });
 }
 
-// Per face of the input what its material weighs; empty without weights. Throws for materials that there are not.
-std::vector<double> FaceWeights(const MeshInput& input, const std::map<std::string, double>& material_weights) {
-  if (material_weights.empty()) return {};
-  const std::vector<std::string> names = input.MaterialNames();
-  for (const auto& [name, weight] : material_weights) {
-    if (std::find(names.begin(), names.end(), name) != names.end()) continue;
-    std::string list;
-    for (const std::string& known : std::set<std::string>(names.begin(), names.end())) {
-      list += (list.empty() ? "" : ", ") + known;
-    }
-    throw Error(ErrorCode::kInvalidArgument, "MATERIAL_UNKNOWN",
-                "--weight=" + name + ": " + input.path() + " has no such material" +
-                    (list.empty() ? ", nor any other" : "; it has " + list),
-                {{"material", name}});
-  }
-  std::vector<double> weights;
-  for (const std::int32_t material : input.FaceMaterials()) {
-    const auto found = material < 0 ? material_weights.end() : material_weights.find(names[material]);
-    weights.push_back(found == material_weights.end() ? 1 : found->second);
-  }
-  return weights;
-}
-
 std::vector<Warning> WarningsOf(const Repacking& done, const PackOptions& atlas) {
   std::vector<Warning> warnings;
   if (done.packing.padding < atlas.padding) {
@@ -416,7 +393,7 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
 
   RepackOptions options;
   options.keep_density = arguments.keep_density;
-  options.face_weights = FaceWeights(input, arguments.material_weights);
+  options.face_weights = input.FaceWeights(arguments.material_weights);
   if (arguments.options.texture_size != 0) options.atlas.texture_size = arguments.options.texture_size;
   options.atlas.padding = arguments.options.padding.value_or(options.atlas.padding);
   options.atlas.effort = ToPackEffort(arguments.options.effort);

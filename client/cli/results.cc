@@ -98,10 +98,33 @@ Json TotalsJson(const ChartTotals& totals) {
           {"stretch_l2_max", totals.stretch_l2_max}};
 }
 
-Json AtlasJson(const Atlas& atlas) {
-  return {{"pack", atlas.pack ? "on" : "off"}, {"texture_size", atlas.texture_size},
-          {"padding", atlas.padding},          {"tiles", atlas.tiles},
-          {"effort", ToString(atlas.effort)},  {"texels_per_unit", atlas.texels_per_unit}};
+constexpr int kFirstUdim = 1001;
+
+// The name of an atlas, if it is known.
+std::string NameOf(const AtlasPart& part, const std::vector<std::string>& names) {
+  const auto number = static_cast<std::size_t>(part.atlas);
+  return part.atlas >= 0 && number < names.size() ? names[number] : std::string();
+}
+
+Json AtlasJson(const Atlas& atlas, const std::vector<std::string>& names) {
+  Json json = {{"pack", atlas.pack ? "on" : "off"}, {"texture_size", atlas.texture_size},
+               {"padding", atlas.padding},          {"tiles", atlas.tiles},
+               {"effort", ToString(atlas.effort)},  {"texels_per_unit", atlas.texels_per_unit}};
+  if (atlas.atlases.empty()) return json;
+  json["layout"] = ToString(atlas.layout);
+  json["atlases"] = Json::array();
+  for (const AtlasPart& part : atlas.atlases) {
+    Json entry = {{"atlas", part.atlas}};
+    if (const std::string name = NameOf(part, names); !name.empty()) entry["name"] = name;
+    entry.update({{"triangles", part.triangles},
+                  {"charts", part.charts},
+                  {"udim", kFirstUdim + part.first_tile},
+                  {"tiles", part.tiles},
+                  {"texels_per_unit", part.texels_per_unit},
+                  {"packing_efficiency", part.packing_efficiency}});
+    json["atlases"].push_back(entry);
+  }
+  return json;
 }
 
 Json QualityJson(const Quality& quality) {
@@ -135,11 +158,11 @@ Json WarningsJson(const std::vector<Warning>& warnings) {
   return json;
 }
 
-void AddReport(const Report& report, Json& json) {
+void AddReport(const Report& report, Json& json, const std::vector<std::string>& atlas_names = {}) {
   json["input"] = {{"triangles", report.triangles}, {"vertices", report.vertices}};
   json["charts"] = ChartsJson(report.charts);
   json["chart_totals"] = TotalsJson(report.chart_totals);
-  json["atlas"] = AtlasJson(report.atlas);
+  json["atlas"] = AtlasJson(report.atlas, atlas_names);
   json["quality"] = QualityJson(report.quality);
   json["seconds"] = SecondsJson(report.times);
   json["peak_memory_bytes"] = report.peak_memory_bytes;
@@ -235,9 +258,10 @@ Json ToJson(const Capabilities& capabilities) {
           {"solvers", solvers}};
 }
 
-Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output) {
+Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output,
+                const std::vector<std::string>& atlas_names) {
   Json json = {{"job", result.job}, {"state", ToString(JobState::kSucceeded)}};
-  AddReport(report, json);
+  AddReport(report, json, atlas_names);
   json["trace_id"] = result.trace_id;
   json["precision"] = ToString(result.uv.precision());
   if (!output.empty()) json["output"] = output;
@@ -354,10 +378,32 @@ std::string AtlasText(const Report& report) {
   if (report.chart_totals.charts <= 1 && atlas.tiles <= 1) return "";
   if (!atlas.pack) return "Not packed: charts lie one over the other, at the surface's scale.\n";
   const std::string size = WithCommas(atlas.texture_size);
-  return "Packed into " + Counted(atlas.tiles, "tile", "tiles") + " of " + size + " x " + size + " texels, " +
-         Fixed(100 * report.quality.packing_efficiency, 0) + " % covered, " +
-         Counted(atlas.padding, "texel", "texels") + " between charts, " + Significant(atlas.texels_per_unit, 3) +
-         " texels per unit of length.\n";
+  const bool is_stacked = !atlas.atlases.empty() && atlas.layout == AtlasLayout::kStacked;
+  const std::string into = is_stacked ? Counted(static_cast<std::int64_t>(atlas.atlases.size()), "atlas", "atlases") +
+                                            " of their own, tiles of "
+                                      : Counted(atlas.tiles, "tile", "tiles") + " of ";
+  return "Packed into " + into + size + " x " + size + " texels, " + Fixed(100 * report.quality.packing_efficiency, 0) +
+         " % covered, " + Counted(atlas.padding, "texel", "texels") + " between charts, " +
+         (is_stacked ? "at least " : "") + Significant(atlas.texels_per_unit, 3) + " texels per unit of length.\n";
+}
+
+constexpr std::size_t kMaxListedAtlases = 20;
+
+// "Atlas skin: tile 1002, 12 charts, 61 % covered, 480 texels per unit of length."
+std::string AtlasesText(const Atlas& atlas, const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < std::min(atlas.atlases.size(), kMaxListedAtlases); ++i) {
+    const AtlasPart& part = atlas.atlases[i];
+    const std::string name = NameOf(part, names);
+    const int first = kFirstUdim + part.first_tile, last = first + part.tiles - 1;
+    text += "Atlas " + (name.empty() ? std::to_string(part.atlas) : Printable(name, true)) + ": tile" +
+            (last > first ? "s " + std::to_string(first) + " to " : " ") + std::to_string(last) + ", " +
+            Counted(part.charts, "chart", "charts") + ", " + Fixed(100 * part.packing_efficiency, 0) + " % covered, " +
+            Significant(part.texels_per_unit, 3) + " texels per unit of length.\n";
+  }
+  const auto left_out = static_cast<std::int64_t>(atlas.atlases.size()) - static_cast<std::int64_t>(kMaxListedAtlases);
+  if (left_out > 0) text += "(" + Counted(left_out, "more atlas", "more atlases") + "; --json has them all)\n";
+  return text;
 }
 
 std::string MostStretchedText(const Report& report) {
@@ -464,7 +510,8 @@ std::string WhyNotUsable(const Report& report) {
   return Join(reasons, " and ");
 }
 
-std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose) {
+std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose,
+                    const std::vector<std::string>& atlas_names) {
   const ChartTotals& totals = report.chart_totals;
   std::string text = Colored(terminal, "\x1b[1m", "Flattened " + Counted(report.triangles, "triangle", "triangles")) +
                      " in " + Duration(report.times.total.count()) +
@@ -473,6 +520,7 @@ std::string Summary(const Report& report, const std::string& output, const Termi
                      Counted(totals.newton_iterations, "Newton iteration", "Newton iterations") + ", worst residual " +
                      Scientific(totals.residual.Worst()) + SolversText(report.charts) + ".\n";
   text += AtlasText(report);
+  text += AtlasesText(report.atlas, atlas_names);
   text += OutlinesText(report.charts);
   const Quality& quality = report.quality;
   text +=

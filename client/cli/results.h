@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "client/cli/text.h"
 #include "nlohmann/json.hpp"
@@ -25,7 +26,9 @@ Json ToJson(const JobEstimate& estimate);
 Json ToJson(const Capabilities& capabilities);
 
 // The report object of a job that succeeded, with `report` in place of the result's own. `output` is left out if empty.
-Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output);
+// `atlas_names`: of Atlas::atlases by their numbers, where they are known.
+Json ReportJson(const UnwrapResult& result, const Report& report, const std::string& output,
+                const std::vector<std::string>& atlas_names = {});
 
 // What is known of a job that did not.
 struct Failure {
@@ -43,10 +46,12 @@ struct Failure {
 Failure FailureOf(const Error& error);
 Json ReportJson(const Failure& failure);
 
-// Two to four lines about result and quality, for any number of charts; the first few warnings of each kind; and, if
+// Two to four lines about result and quality, for any number of charts; a line for each of several atlases, up to 20;
+// the first few warnings of each kind; and, if
 // the result is not usable, why. `output` is the file that was written; empty if none. `verbose`: also the seconds of
 // each stage, memory, the largest charts, and every warning.
-std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose = false);
+std::string Summary(const Report& report, const std::string& output, const Terminal& terminal, bool verbose = false,
+                    const std::vector<std::string>& atlas_names = {});
 
 // Why the result is not usable; empty if it is.
 std::string WhyNotUsable(const Report& report);

@@ -36,7 +36,7 @@ class ResultCommand {
     if (!arguments_.report.empty()) CheckOutput(arguments_.report);
     std::vector<std::string> paths = {arguments_.input};
     paths.insert(paths.end(), arguments_.more_inputs.begin(), arguments_.more_inputs.end());
-    files_.emplace(paths, arguments_.seams, arguments_.output, arguments_.texcoord, arguments_.OutputTexcoord());
+    files_.emplace(paths, arguments_, arguments_.output, arguments_.texcoord, arguments_.OutputTexcoord());
   }
 
   const UnwrapFiles& files() const { return *files_; }
@@ -62,11 +62,11 @@ class ResultCommand {
     result.report.times.total = planish::Seconds(timer_.Seconds());
     if (!arguments.report.empty()) WriteOutput(arguments.report, UnwrapReport(input, result, arguments).html);
     if (!arguments.quiet || !result.IsUsable()) {
-      std::cerr << Summary(result.report, arguments.output, StderrTerminal(), arguments.verbose);
+      std::cerr << Summary(result.report, arguments.output, StderrTerminal(), arguments.verbose, files_->atlas_names());
     }
     if (arguments.json) {
-      std::cout << ToText(ReportJson(result, result.report, arguments.output == "-" ? "" : arguments.output))
-                << std::flush;
+      const std::string output = arguments.output == "-" ? "" : arguments.output;
+      std::cout << ToText(ReportJson(result, result.report, output, files_->atlas_names())) << std::flush;
     }
     return result.IsUsable() ? kOk : kFailed;
   }

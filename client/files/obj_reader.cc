@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::int64_t kMaxIndex = std::numeric_limits<std::int32_t>::max();
 
-// The name that stands over each polygon: of its material, or of its object and group.
+// The name that stands over each polygon: of its material, its object, or its object and group.
 class Sections {
  public:
   void Enter(const std::string& name) {
@@ -56,6 +56,7 @@ class ObjReader {
         materials_.Enter(RestOf(tokens));
       } else if (keyword == "o") {
         object_ = RestOf(tokens);
+        objects_.Enter(object_);
         groups_.Enter(object_);
       } else if (keyword == "g") {
         const std::string group = RestOf(tokens);
@@ -65,6 +66,7 @@ class ObjReader {
     PLANISH_RETURN_IF_ERROR(CheckForwardReferences());
     FinishTexcoords();
     materials_.MoveTo(&mesh_.polygon_material, &mesh_.material_names);
+    objects_.MoveTo(&mesh_.polygon_object, &mesh_.object_names);
     groups_.MoveTo(&mesh_.polygon_group, &mesh_.group_names);
     if (mesh_.num_polygons() == 0) {
       return FileMalformed(path_, 0, text_.empty() ? "the file is empty" : "no faces: an OBJ mesh needs \"f\" lines");
@@ -175,6 +177,7 @@ class ObjReader {
     mesh_.polygon_begin.push_back(end);
     mesh_.polygon_line.push_back(statement_.line);
     materials_.AddPolygon();
+    objects_.AddPolygon();
     groups_.AddPolygon();
     return absl::OkStatus();
   }
@@ -212,6 +215,7 @@ class ObjReader {
   std::vector<std::int32_t> texcoord_of_line_;  // per vt statement
   std::string object_;
   Sections materials_;
+  Sections objects_;
   Sections groups_;
   PolygonMesh mesh_;
 };

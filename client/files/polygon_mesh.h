@@ -31,6 +31,9 @@ struct PolygonMesh {
   // Likewise for objects and groups (OBJ "o" and "g" together; glTF meshes): polygons of the same one share an id.
   std::vector<std::int32_t> polygon_group;
   std::vector<std::string> group_names;
+  // Likewise for the objects of an OBJ alone ("o").
+  std::vector<std::int32_t> polygon_object;
+  std::vector<std::string> object_names;
 
   // 1-based line of each vertex and polygon in a text file; empty for binary files.
   std::vector<std::int64_t> vertex_line;

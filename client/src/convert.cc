@@ -52,6 +52,7 @@ static_assert(static_cast<int>(Hessian::kAuto) + 1 == v1::HESSIAN_AUTO);
 static_assert(static_cast<int>(Boundary::kConvex) + 1 == v1::BOUNDARY_CONVEX);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Effort::kBest) + 1 == v1::EFFORT_BEST);
+static_assert(static_cast<int>(AtlasLayout::kStacked) + 1 == v1::ATLAS_LAYOUT_STACKED);
 static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
 static_assert(static_cast<int>(Seams::kAuto) + 1 == v1::SEAMS_AUTO);
 static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
@@ -73,6 +74,7 @@ UnwrapOptions FromProto(const v1::UnwrapOptions& proto) {
   if (proto.has_padding()) options.padding = proto.padding();
   options.tiles = proto.tiles();
   options.effort = EnumFromProto(proto.effort(), Effort::kNormal);
+  options.atlas_layout = EnumFromProto(proto.atlas_layout(), AtlasLayout::kUdim);
   options.boundary = EnumFromProto<Boundary>(proto.boundary());
   options.precision = EnumFromProto<Precision>(proto.precision());
   options.threads = proto.threads();
@@ -128,12 +130,19 @@ ChartTotals FromProto(const v1::ChartTotals& proto) {
 }
 
 Atlas FromProto(const v1::Atlas& proto) {
-  return {proto.pack() != v1::PACK_OFF,
-          proto.texture_size(),
-          proto.padding(),
-          proto.tiles(),
-          proto.texels_per_unit(),
-          EnumFromProto(proto.effort(), Effort::kNormal)};
+  Atlas atlas = {proto.pack() != v1::PACK_OFF,
+                 proto.texture_size(),
+                 proto.padding(),
+                 proto.tiles(),
+                 proto.texels_per_unit(),
+                 EnumFromProto(proto.effort(), Effort::kNormal),
+                 EnumFromProto(proto.layout(), AtlasLayout::kUdim),
+                 {}};
+  for (const v1::AtlasPart& part : proto.atlases()) {
+    atlas.atlases.push_back({part.atlas(), part.triangles(), part.charts(), part.first_tile(), part.tiles(),
+                             part.texels_per_unit(), part.packing_efficiency()});
+  }
+  return atlas;
 }
 
 Quality FromProto(const v1::Quality& proto) {
@@ -203,6 +212,7 @@ v1::UnwrapOptions ToProto(const UnwrapOptions& options) {
   if (options.padding) proto.set_padding(*options.padding);
   proto.set_tiles(options.tiles);
   proto.set_effort(EnumToProto<v1::Effort>(options.effort));
+  proto.set_atlas_layout(EnumToProto<v1::AtlasLayout>(options.atlas_layout));
   return proto;
 }
 

@@ -147,13 +147,12 @@ bool Follower::GoesInline() {
   if (bytes <= std::min(most.value_or(kAlwaysInlineBytes), kAlwaysInlineBytes)) return *(inline_ = true);
   const auto server =
       rpc_.Call(&Stub::GetCapabilities, v1::GetCapabilitiesRequest(), DeadlineAfter(kUnaryLimit), call_.traceparent);
-  const auto with_seams =
-      bytes + 4 * static_cast<std::int64_t>(mesh_->seam_corners.size() + mesh_->uncut_corners.size());
+  const std::int64_t whole = mesh_->ByteCount();
   const std::int64_t limit = server.max_mesh_bytes();
-  if (limit > 0 && with_seams > limit) {
+  if (limit > 0 && whole > limit) {
     throw Error(ErrorCode::kResourceExhausted, "MESH_TOO_LARGE",
-                absl::StrCat("the mesh has ", with_seams, " bytes as sent; this server takes at most ", limit),
-                {{"bytes", absl::StrCat(with_seams)}, {"limit", absl::StrCat(limit)}});
+                absl::StrCat("the mesh has ", whole, " bytes as sent; this server takes at most ", limit),
+                {{"bytes", absl::StrCat(whole)}, {"limit", absl::StrCat(limit)}});
   }
   chunk_bytes_ = server.upload_chunk_bytes() > 0 ? server.upload_chunk_bytes() : kDefaultChunkBytes;
   return *(inline_ = bytes <= most.value_or(server.inline_mesh_bytes() > 0 ? server.inline_mesh_bytes() : bytes));

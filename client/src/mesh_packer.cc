@@ -52,7 +52,23 @@ void CheckCorners(const std::string& field, std::span<const std::int32_t> corner
   }
 }
 
+template <typename Number>
+std::vector<Number> OfEachTriangle(const std::string& field, std::span<const Number> numbers, std::int64_t triangles) {
+  if (!numbers.empty() && static_cast<std::int64_t>(numbers.size()) != triangles) {
+    throw Invalid("OPTIONS_INVALID",
+                  absl::StrCat(field, ": ", numbers.size(), " numbers for a mesh of ", triangles, " triangles"),
+                  {{"field", field}});
+  }
+  return {numbers.begin(), numbers.end()};
+}
+
 }  // namespace
+
+std::int64_t PackedMesh::ByteCount() const {
+  constexpr std::size_t kNumberBytes = 4;
+  const std::size_t numbers = seam_corners.size() + uncut_corners.size() + face_atlas.size() + face_weights.size();
+  return static_cast<std::int64_t>(draco.size() + kNumberBytes * numbers);
+}
 
 ids::Renumbering PackedMesh::ToCaller() const {
   const auto vertex = [this](std::int64_t v) -> std::int64_t {
@@ -108,6 +124,8 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
   packed.seam_corners = CornersFacing(view.seam_vertices_, view.indices_);
   packed.seam_corners.insert(packed.seam_corners.end(), view.seam_corners_.begin(), view.seam_corners_.end());
   packed.uncut_corners.assign(view.uncut_corners_.begin(), view.uncut_corners_.end());
+  packed.face_atlas = OfEachTriangle("face_atlas", view.face_atlas_, view.triangle_count());
+  packed.face_weights = OfEachTriangle("face_weights", view.face_weights_, view.triangle_count());
 
   absl::StatusOr<std::string> draco = EncodeDraco(mesh);
   if (!draco.ok()) throw Renumbered(ErrorFrom(draco.status()), packed.ToCaller());

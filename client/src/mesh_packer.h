@@ -16,10 +16,14 @@ struct PackedMesh {
   // Given seams, as planish.v1.UnwrapRequest.seam_corners: triangles travel in the caller's order.
   std::vector<std::int32_t> seam_corners;
   std::vector<std::int32_t> uncut_corners;  // likewise
+  std::vector<std::int32_t> face_atlas;
+  std::vector<float> face_weights;
   std::int64_t triangles = 0;
   // Caller's vertex id per vertex sent; empty if all were sent and ids agree.
   std::vector<std::int32_t> source_vertex;
 
+  // Of all that is sent, as the server counts them.
+  std::int64_t ByteCount() const;
   // From ids as sent to the caller's.
   ids::Renumbering ToCaller() const;
 };
@@ -27,8 +31,8 @@ struct PackedMesh {
 class MeshPacker {
  public:
   // Leaves out vertices without a triangle and encodes the rest. Throws planish::Error: MESH_EMPTY,
-  // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID; OPTIONS_INVALID for seams that are no edges ("edges") or
-  // corners that do not exist ("corner").
+  // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID; OPTIONS_INVALID for seams that are no edges ("edges"),
+  // corners that do not exist ("corner"), or atlases or weights that are not as many as triangles.
   static PackedMesh Pack(const MeshView& mesh);
 };
 

@@ -50,6 +50,9 @@ const char* ToString(Priority priority) {
   return NameOf(priority, {"low", "normal", "high"});
 }
 
+const char* ToString(AtlasLayout layout) {
+  return NameOf(layout, {"udim", "stacked"});
+}
 const char* ToString(Effort effort) {
   return NameOf(effort, {"fast", "normal", "best"});
 }

@@ -51,14 +51,16 @@ void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
     std::erase_if(at, [&](std::int32_t c) { return is_seam[c] != 0; });
     if (at.size() > 1) crowded_edges->push_back(std::move(at));
   }
-  if (surface.hard_cosine < -1 && seams.kind.empty()) return;
+  if (surface.hard_cosine < -1 && seams.kind.empty() && seams.part.empty()) return;
   std::vector<char> is_uncut(opposite.size(), 0);
   for (const std::int32_t c : seams.uncut_corners) {
     if (opposite[c] >= 0) is_uncut[c] = is_uncut[opposite[c]] = 1;
   }
   for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
     const std::int32_t d = opposite[c];
-    if (d >= c && !is_uncut[c] && !surface.MayJoin(c / 3, d / 3)) cut(c);
+    if (d < c) continue;
+    const bool parts = !seams.part.empty() && seams.part[c / 3] != seams.part[d / 3];
+    if (parts || (!is_uncut[c] && !surface.MayJoin(c / 3, d / 3))) cut(c);
   }
 }
 
@@ -67,6 +69,7 @@ void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
 // The normals of two neighbours may be further apart than the angle of a hard edge if one has no area.
 bool Surface::MayJoin(std::int32_t f, std::int32_t g) const {
   if (!kind.empty() && kind[f] != kind[g]) return false;
+  if (!part.empty() && part[f] != part[g]) return false;
   if (hard_cosine < -1 || is_flat[f] || is_flat[g]) return true;
   return area_normal[f].dot(area_normal[g]) >= hard_cosine * area[f] * area[g];
 }
@@ -84,6 +87,7 @@ absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, c
     surface.hard_cosine = portable::Cos(seams.hard_edge_degrees * std::numbers::pi / 180);
   }
   surface.kind = seams.kind;
+  surface.part = seams.part;
   Cut(surface, seams, &pairing, &surface.crowded_edges);
   surface.mesh = ImportMesh(mesh, pairing.opposite);
   for (const std::int32_t c : seams.uncut_corners) {

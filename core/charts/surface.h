@@ -16,8 +16,9 @@ struct GivenSeams {
   std::vector<std::int32_t> corners;  // edges by the corner that faces them, from either side
   // Edges that no other rule may make seams: diagonals of polygons.
   std::vector<std::int32_t> uncut_corners;
-  double hard_edge_degrees = 0;  // edges whose faces' normals are further apart than this; 0: none
-  std::vector<char> kind = {};   // per face: edges between faces of different kinds; empty: none
+  double hard_edge_degrees = 0;         // edges whose faces' normals are further apart than this; 0: none
+  std::vector<char> kind = {};          // per face: edges between faces of different kinds; empty: none
+  std::vector<std::int32_t> part = {};  // per face: edges between different parts, uncut or not; empty: none
 };
 
 // Constant after construction.
@@ -41,8 +42,9 @@ struct Surface {
   // Edges of more than two faces: the half-edges, by corner, that no given seam parts. Any two of different directions
   // may be joined (MayJoin(), Rejoin()).
   std::vector<std::vector<std::int32_t>> crowded_edges;
-  double hard_cosine = -2;  // of GivenSeams::hard_edge_degrees; -2: no edge is hard
-  std::vector<char> kind;   // GivenSeams::kind
+  double hard_cosine = -2;         // of GivenSeams::hard_edge_degrees; -2: no edge is hard
+  std::vector<char> kind;          // GivenSeams::kind
+  std::vector<std::int32_t> part;  // GivenSeams::part
 
   std::int64_t non_manifold_edges = 0;  // of more than two faces
   std::int64_t clashing_edges = 0;      // of two faces that run round in opposite senses

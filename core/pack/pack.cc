@@ -25,10 +25,14 @@ class Packer {
   Packer(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution)
       : charts_(charts), options_(options), tuning_(options.tuning), execution_(execution) {
     for (const PackChart& chart : charts) outlines_.push_back(MakeOutline(chart));
+    std::vector<double> areas(options.atlases, 0.0);
     for (std::size_t i = 0; i < charts.size(); ++i) {
       const double density = charts[i].density;
+      atlas_.push_back(charts[i].atlas);
+      areas[charts[i].atlas] += outlines_[i].area * density * density;
       total_area_ += outlines_[i].area * density * density;
     }
+    largest_area_ = *std::max_element(areas.begin(), areas.end());
     budget_ = Budget();
     order_.resize(charts.size());
     std::iota(order_.begin(), order_.end(), 0);
@@ -85,27 +89,29 @@ class Packer {
 
   // Beyond which the area, or some chart, is too large for the tiles. 1 if all charts are points.
   double LargestScale() const {
-    double largest = total_area_ > 0 ? std::sqrt(options_.tiles / total_area_) : kHuge;
+    double largest = largest_area_ > 0 ? std::sqrt(options_.tiles / largest_area_) : kHuge;
     for (std::size_t i = 0; i < charts_.size(); ++i) {
       if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * charts_[i].density));
     }
     return largest < kHuge ? largest : 1;
   }
 
-  // The scale at which the charts with half of the padding round them would fill `fill` of the tiles.
+  // The scale at which the charts with half of the padding round them would fill `fill` of the tiles of some atlas.
   double ScaleForFill(double fill) const {
     double low = 0, high = LargestScale();
     const double radius = grid_.radius + grid_.cell / 2;
     for (int step = 0; step < 60; ++step) {
       const double middle = (low + high) / 2;
       const std::vector<double> scales = Scales(middle);
-      double area = 0;
+      std::vector<double> areas(options_.atlases, 0.0);
       for (std::size_t i = 0; i < charts_.size(); ++i) {
         double perimeter = 0;
         const std::vector<Vec2>& hull = outlines_[i].hull;
         for (std::size_t k = 0; k < hull.size(); ++k) perimeter += (hull[(k + 1) % hull.size()] - hull[k]).norm();
-        area += outlines_[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
+        areas[atlas_[i]] +=
+            outlines_[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
       }
+      const double area = *std::max_element(areas.begin(), areas.end());
       (area > fill * options_.tiles * grid_.cell * grid_.cell * grid_.side * grid_.side ? high : low) = middle;
     }
     return low;
@@ -117,6 +123,7 @@ class Packer {
     padding_ = padding;
     margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
     grid_.tiles = options_.tiles;
+    grid_.atlases = options_.atlases;
     grid_.radius = distance / 2;
     SetGrid();
     if (charts_.size() == 1 && outlines_[0].radius > 0) {
@@ -157,7 +164,7 @@ class Packer {
       plan_.angles *= 2;
     plan_.gives_up = order_.size() > tuning_.many_charts;
     plan_.thorough = order_.size() <= tuning_.many_charts;
-    series_ = std::make_unique<TrialSeries>(outlines_, grid_);
+    series_ = std::make_unique<TrialSeries>(outlines_, atlas_, grid_);
     starts_.clear();
     double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(charts_.size());
@@ -272,6 +279,23 @@ class Packer {
     return placed > 0 ? all / placed : kHuge;
   }
 
+  // Empty if there is no room in some atlas.
+  std::vector<Shelf> LayAtlasesOnShelves(const std::vector<Vec2>& extents) const {
+    std::vector<std::vector<std::size_t>> charts(grid_.atlases);
+    for (std::size_t i = 0; i < atlas_.size(); ++i) charts[atlas_[i]].push_back(i);
+    std::vector<Shelf> all(extents.size());
+    for (int a = 0; a < grid_.atlases; ++a) {
+      std::vector<Vec2> own;
+      for (const std::size_t i : charts[a]) own.push_back(extents[i]);
+      const std::vector<Shelf> shelves = LayOnShelves(own, 1 - 2 * margin_, grid_.tiles);
+      if (shelves.size() < own.size()) return {};
+      for (std::size_t k = 0; k < own.size(); ++k) {
+        all[charts[a][k]] = {shelves[k].low, a * grid_.tiles + shelves[k].tile};
+      }
+    }
+    return all;
+  }
+
   // Each in a box of its own.
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
@@ -282,7 +306,7 @@ class Packer {
       for (std::size_t i = 0; i < charts_.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
       }
-      const std::vector<Shelf> shelves = LayOnShelves(extents, 1 - 2 * margin_, grid_.tiles);
+      const std::vector<Shelf> shelves = LayAtlasesOnShelves(extents);
       if (shelves.empty()) continue;
       poses_.resize(charts_.size());
       for (std::size_t i = 0; i < charts_.size(); ++i) {
@@ -300,12 +324,13 @@ class Packer {
     const Box box = BoxAt(outlines_[0], angle);
     const double low = margin_ + grid_.radius;
     scale_ = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_[0].density);
-    poses_ = {{angle, (Vec2::Constant(grid_.radius) - scale_ * charts_[0].density * box.low) / grid_.cell, 0}};
+    poses_ = {{angle, (Vec2::Constant(grid_.radius) - scale_ * charts_[0].density * box.low) / grid_.cell,
+               atlas_[0] * grid_.tiles}};
   }
 
   // A multiple of 8 cells, so that the coarser boards of a trial have whole cells.
   void SetGrid() {
-    const double charts = static_cast<double>(charts_.size()) / grid_.tiles;
+    const double charts = static_cast<double>(MostCharts(atlas_, grid_.atlases)) / grid_.tiles;
     grid_.side = std::clamp(static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts)), tuning_.fewest_cells,
                             tuning_.most_cells) /
                  8 * 8;
@@ -319,6 +344,7 @@ class Packer {
     options.distance = 2 * grid_.radius;
     options.low = margin_ + grid_.radius;
     options.tiles = grid_.tiles;
+    options.atlases = grid_.atlases;
     options.work = work;
     options.tuning = tuning_;
     std::vector<double> relative = Scales(scale_);
@@ -332,7 +358,7 @@ class Packer {
             {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
       }
     }
-    const Arrangement arrangement = Tighten(outlines_, relative, options, execution_, arrangements);
+    const Arrangement arrangement = Tighten(outlines_, atlas_, relative, options, execution_, arrangements);
     scale_ = arrangement.scale;
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const Body& body = arrangement.bodies[i];
@@ -350,7 +376,7 @@ class Packer {
       chart.angle = poses_[i].angle;
       chart.scale = scales[i];
       chart.tile = poses_[i].tile;
-      const Vec2 corner(chart.tile % kTilesInRow + margin_, chart.tile / kTilesInRow + margin_);
+      const Vec2 corner = CornerOfTile(chart.tile) + Vec2::Constant(margin_);
       chart.offset = Vec2::Zero();
       chart.offset = corner + grid_.cell * poses_[i].centre - chart(outlines_[i].centre);
       packing->tiles = std::max(packing->tiles, chart.tile + 1);
@@ -364,9 +390,10 @@ class Packer {
   const PackTuning& tuning_;
   const Execution& execution_;
   std::vector<Outline> outlines_;
-  std::vector<double> size_;         // of each chart
-  std::vector<std::int32_t> order_;  // large to small
-  double total_area_ = 0;
+  std::vector<double> size_;                  // of each chart
+  std::vector<std::int32_t> order_;           // large to small
+  std::vector<int> atlas_;                    // of each chart
+  double total_area_ = 0, largest_area_ = 0;  // of all charts, of those of one atlas
   TrialGrid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
   double padding_ = 0;  // texels
@@ -389,6 +416,10 @@ class Packer {
 Vec2 ChartPlacement::operator()(const Vec2& p) const {
   const double c = portable::Cos(angle), s = portable::Sin(angle);
   return scale * Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()) + offset;
+}
+
+Vec2 CornerOfTile(int tile) {
+  return {tile % kTilesInRow, tile / kTilesInRow};
 }
 
 Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution) {

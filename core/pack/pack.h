@@ -22,6 +22,7 @@ struct PackOptions {
   int texture_size = 1024;  // texels per side of a tile, in [16, 65536]
   int padding = 2;  // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
   int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
+  int atlases = 1;  // with so many tiles each: those of atlas a are a * tiles and following; in [1, 100] all together
   PackEffort effort = PackEffort::kNormal;
   PackTuning tuning = {};
 };
@@ -31,6 +32,7 @@ struct PackChart {
   std::vector<Vec2> positions;
   std::vector<Face> faces;  // counter-clockwise
   double density = 1;       // length in the texture over length here, relative to the other charts; above 0
+  int atlas = 0;            // whose tiles it goes to, in [0, PackOptions::atlases)
 };
 
 // Where a chart goes: p becomes scale * (R p) + offset, R being the turn by `angle` (radians, counter-clockwise).
@@ -42,10 +44,12 @@ struct ChartPlacement {
 
   Vec2 operator()(const Vec2& p) const;
 };
+// The lower left corner of a tile.
+Vec2 CornerOfTile(int tile);
 
 struct Packing {
   std::vector<ChartPlacement> charts;  // in the order given
-  int tiles = 1;                       // used
+  int tiles = 1;                       // up to the last that is used
   double scale = 1;                    // of a chart with density 1
   double padding = 0;                  // texels kept: options.padding, or less where the charts are too many for that
   double efficiency = 0;               // area of the faces over that of the tiles used
@@ -56,6 +60,8 @@ struct Packing {
 // and charts find new places, are pushed apart and grow until they are jammed, again and again (tighten.h). Lengths
 // that count are exact in the end (clearance.h). libnest2d, which Debian has, lays polygons of a given scale at turns
 // from a given list, by their convex hulls unless told otherwise: not enough.
+//
+// Atlases are packed together, at one scale, which the fullest of them decides.
 //
 // The largest scale that was found at which all charts fit. Distances of `padding` texels and a little more (so that
 // they outlast rounding to float) are kept between any two charts; faces inside of one chart may lie as they like, on

@@ -57,12 +57,13 @@ struct CellPose {
 
 class Search {
  public:
-  Search(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
+  Search(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const std::vector<DistanceField>& fields,
          const std::vector<double>& scales, const RearrangeOptions& options, const std::vector<Body>& bodies)
-      : outlines_(outlines), fields_(fields), scales_(scales), options_(options), random_(options.seed) {
+      : outlines_(outlines), atlas_(atlas), fields_(fields), scales_(scales), options_(options), random_(options.seed) {
     pixel_ = (1 - 2 * options.low) / options.side;
     stride_ = options.side + 2 * kBorder + 1;
-    images_.assign(options.tiles, std::vector<std::int32_t>(static_cast<std::size_t>(stride_) * stride_, 0));
+    images_.assign(options.tiles * options.atlases,
+                   std::vector<std::int32_t>(static_cast<std::size_t>(stride_) * stride_, 0));
     const std::size_t n = outlines.size();
     pairs_.resize(n);
     overlaps_.assign(n, 0);
@@ -129,7 +130,7 @@ class Search {
     for (int k = 0; k < options_.swaps; ++k) {
       const int a = std::min(random_.Below(n), random_.Below(n));
       const int b = std::clamp(a + 1 + random_.Below(3), 0, n - 1);
-      std::swap(place[order[a]], place[order[b]]);
+      if (atlas_[order[a]] == atlas_[order[b]]) std::swap(place[order[a]], place[order[b]]);
     }
     return place;
   }
@@ -297,7 +298,7 @@ class Search {
     pose->turned = kFineTurns * random_.Below(options_.angles);
     const Turned& turned = At(i, pose->turned);
     if (!FitsTile(turned)) return false;
-    pose->tile = options_.tiles == 1 ? 0 : random_.Below(options_.tiles);
+    pose->tile = atlas_[i] * options_.tiles + (options_.tiles == 1 ? 0 : random_.Below(options_.tiles));
     const auto [x0, x1] = Range(turned, 0);
     const auto [y0, y1] = Range(turned, 1);
     pose->x = x0 + random_.Below(x1 - x0 + 1);
@@ -433,6 +434,7 @@ class Search {
   }
 
   const std::vector<Outline>& outlines_;
+  const std::vector<int>& atlas_;
   const std::vector<DistanceField>& fields_;
   const std::vector<double>& scales_;
   const RearrangeOptions& options_;
@@ -458,10 +460,11 @@ class Search {
 
 }  // namespace
 
-bool Rearrange(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
-               const std::vector<double>& scales, const RearrangeOptions& options, const Execution& execution,
-               std::vector<Body>* bodies, std::int64_t* work) {
-  Search search(outlines, fields, scales, options, *bodies);
+bool Rearrange(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
+               const std::vector<DistanceField>& fields, const std::vector<double>& scales,
+               const RearrangeOptions& options, const Execution& execution, std::vector<Body>* bodies,
+               std::int64_t* work) {
+  Search search(outlines, atlas, fields, scales, options, *bodies);
   const bool apart = search.Run(execution);
   search.Export(bodies);
   *work += search.work();

@@ -11,7 +11,8 @@ namespace planish {
 
 struct RearrangeOptions {
   int side = 128;  // pixels of a tile; what overlaps by less than half a pixel counts as apart
-  int tiles = 1;
+  int tiles = 1;   // of each atlas
+  int atlases = 1;
   int angles = 16;                // turns that are tried at random places, from the present one on
   int tries = 100;                // random places a chart looks at when it moves
   std::int64_t moves = 1000;      // at most, of one chart
@@ -27,12 +28,13 @@ struct RearrangeOptions {
 // two- and three-dimensional nesting problems" (2007), with random places as in Gardeyn and Wauters, "An open-source
 // heuristic to reboot 2D nesting research" (2025), on images: every pixel holds how deep it lies in the charts there,
 // times their weights. One chart after the other is taken out and put where the pixels under its samples add up to
-// least. Charts that go on overlapping gain weight.
+// least. Charts that go on overlapping gain weight. Each stays on the tiles of its atlas.
 //
 // Returns whether nothing overlaps any more (but for half a pixel); *bodies has what came out last. Adds to *work what
 // it cost, in about nanoseconds, counted in steps of the algorithm.
-bool Rearrange(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
-               const std::vector<double>& scales, const RearrangeOptions& options, const Execution& execution,
-               std::vector<Body>* bodies, std::int64_t* work);
+bool Rearrange(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
+               const std::vector<DistanceField>& fields, const std::vector<double>& scales,
+               const RearrangeOptions& options, const Execution& execution, std::vector<Body>* bodies,
+               std::int64_t* work);
 
 }  // namespace planish

@@ -17,16 +17,17 @@ constexpr std::size_t kLanes = 2;
 
 class Tightener {
  public:
-  Tightener(const std::vector<Outline>& outlines, const std::vector<double>& relative, const TightenOptions& options,
-            const Execution& execution, const std::vector<Arrangement>& starts)
+  Tightener(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const std::vector<double>& relative,
+            const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts)
       : outlines_(outlines),
+        atlas_(atlas),
         relative_(relative),
         options_(options),
         tuning_(options.tuning),
         execution_(execution),
         starts_(starts),
         arrangement_(starts.back()) {
-    width_ = std::sqrt(options.tiles / static_cast<double>(outlines.size()));
+    width_ = std::sqrt(options.tiles / static_cast<double>(MostCharts(atlas, options.atlases)));
     relax_.distance = options.distance;
     relax_.low = options.low;
     relax_.spacing = std::clamp(width_ / 40, 1.0 / 1024, 1.0 / 300);
@@ -95,6 +96,7 @@ class Tightener {
           RearrangeOptions rearrange;
           rearrange.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
           rearrange.tiles = options_.tiles;
+          rearrange.atlases = options_.atlases;
           rearrange.angles = 24;
           rearrange.tries = 60;
           rearrange.moves = at_once;
@@ -136,7 +138,8 @@ class Tightener {
   std::optional<Arrangement> Attempt(double least_scale, double scale, const RearrangeOptions& coarse,
                                      Arrangement* from, std::int64_t* work) const {
     from->scale = scale;
-    if (!Rearrange(outlines_, fields_, Scales(scale), coarse, execution_, &from->bodies, work)) return std::nullopt;
+    if (!Rearrange(outlines_, atlas_, fields_, Scales(scale), coarse, execution_, &from->bodies, work))
+      return std::nullopt;
     if (std::optional<Arrangement> grown = SeparateAndGrow(*from, least_scale, coarse.work, work)) return grown;
     // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
     RearrangeOptions fine = coarse;
@@ -144,7 +147,8 @@ class Tightener {
     fine.slack = tuning_.fine_slack;
     fine.swaps = 0;
     fine.moves = coarse.moves / 2;
-    if (!Rearrange(outlines_, fields_, Scales(scale), fine, execution_, &from->bodies, work)) return std::nullopt;
+    if (!Rearrange(outlines_, atlas_, fields_, Scales(scale), fine, execution_, &from->bodies, work))
+      return std::nullopt;
     return SeparateAndGrow(*from, least_scale, coarse.work, work);
   }
 
@@ -196,22 +200,30 @@ class Tightener {
   }
 
   const std::vector<Outline>& outlines_;
+  const std::vector<int>& atlas_;
   const std::vector<double>& relative_;
   const TightenOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
   const std::vector<Arrangement>& starts_;
   Arrangement arrangement_;  // the best that keeps the distances exactly
-  double width_;             // of an average chart
+  double width_;             // of an average chart of the atlas with the most charts
   RelaxOptions relax_;
   std::vector<DistanceField> fields_;
 };
 
 }  // namespace
 
-Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
-                    const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts) {
-  return Tightener(outlines, relative_scales, options, execution, starts).Run();
+std::int64_t MostCharts(const std::vector<int>& atlas, int atlases) {
+  std::vector<std::int64_t> count(atlases, 0);
+  for (const int a : atlas) ++count[a];
+  return *std::max_element(count.begin(), count.end());
+}
+
+Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
+                    const std::vector<double>& relative_scales, const TightenOptions& options,
+                    const Execution& execution, const std::vector<Arrangement>& starts) {
+  return Tightener(outlines, atlas, relative_scales, options, execution, starts).Run();
 }
 
 }  // namespace planish

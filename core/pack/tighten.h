@@ -14,7 +14,8 @@ namespace planish {
 struct TightenOptions {
   double distance = 0;  // kept between two charts, in the texture
   double low = 0;       // charts stay within [low, 1 - low]^2
-  int tiles = 1;
+  int tiles = 1;        // of each atlas
+  int atlases = 1;
   std::int64_t work = 0;  // to be spent about: nanoseconds, counted in steps of the algorithms
   PackTuning tuning;
 };
@@ -28,7 +29,12 @@ struct Arrangement {
 // some percent, lets charts find new places until they are apart (rearrange.h), lets them grow again, and so on until
 // the work is spent. All of `starts` must keep the distances, each at a scale at least that of the one before; what
 // comes out keeps them exactly (clearance.h) at the scale of the last or a larger one.
-Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
-                    const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts);
+// `atlas`: whose tiles each chart is on.
+Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
+                    const std::vector<double>& relative_scales, const TightenOptions& options,
+                    const Execution& execution, const std::vector<Arrangement>& starts);
+
+// How many charts the atlas with the most of them has.
+std::int64_t MostCharts(const std::vector<int>& atlas, int atlases);
 
 }  // namespace planish

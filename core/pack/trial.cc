@@ -1,7 +1,6 @@
 #include "core/pack/trial.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <numbers>
@@ -34,7 +33,7 @@ struct Shape {
   std::vector<std::int32_t> row_order;
 };
 
-// A place on one of the tiles, and where the search for the next chart of this size begins.
+// A place on one of the tiles of the chart's atlas, and where the search for the next chart of this size begins.
 struct Found {
   Spot spot;
   int tile = -1, first_row = 0;
@@ -76,8 +75,9 @@ class Pyramid {
 // What trials at the same scales and angles share; and the tiles, which each trial clears.
 struct TrialSeries::Kept {
   explicit Kept(const TrialGrid& grid) {
-    tiles.reserve(grid.tiles);
-    for (int tile = 0; tile < grid.tiles; ++tile) tiles.emplace_back(grid.side);
+    const int count = grid.tiles * grid.atlases;
+    tiles.reserve(count);
+    for (int tile = 0; tile < count; ++tile) tiles.emplace_back(grid.side);
   }
 
   std::vector<double> scales;
@@ -94,9 +94,10 @@ class Trial {
   using Shapes = std::vector<std::unique_ptr<Shape>>;
   using Fixed = std::vector<std::unique_ptr<FixedSilhouette>>;
 
-  Trial(const std::vector<Outline>& outlines, const std::vector<double>& scales, const TrialGrid& grid,
-        const TrialPlan& plan, std::vector<Pyramid>* tiles, Shapes* shapes, Fixed* fixed)
+  Trial(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const std::vector<double>& scales,
+        const TrialGrid& grid, const TrialPlan& plan, std::vector<Pyramid>* tiles, Shapes* shapes, Fixed* fixed)
       : outlines_(outlines),
+        atlas_(atlas),
         scales_(scales),
         grid_(grid),
         plan_(plan),
@@ -104,6 +105,7 @@ class Trial {
         shapes_(*shapes),
         fixed_(*fixed) {
     for (Pyramid& tile : tiles_) tile.Clear();
+    if (!plan_.thorough) starts_.resize(grid_.atlases * kStarts);
   }
 
   TrialResult Run(double most_missing, const Execution& execution, std::vector<Pose>* poses) {
@@ -135,10 +137,11 @@ class Trial {
     const Vec2 spot(found.spot.x - Board::kMargin, found.spot.y - Board::kMargin);
     const Shape& shape = At(i, found.turn, level);
     const double cells = 1 << level;
-    *pose = {Angle(i, found.turn), cells * (spot + shape.silhouette.centre), found.tile};
+    const int tile = FirstTile(i) + found.tile;
+    *pose = {Angle(i, found.turn), cells * (spot + shape.silhouette.centre), tile};
     const int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
     if (level == 0) {
-      tiles_[found.tile].Add(shape.silhouette, x, y);
+      tiles_[tile].Add(shape.silhouette, x, y);
       return;
     }
     FixedSilhouette own;
@@ -146,7 +149,7 @@ class Trial {
     if (Slot(i, found.turn) < fixed_.size()) {
       std::unique_ptr<FixedSilhouette>& kept = fixed_[Slot(i, found.turn)];
       if (kept != nullptr) {
-        tiles_[found.tile].Add(kept->silhouette, x + kept->x, y + kept->y);
+        tiles_[tile].Add(kept->silhouette, x + kept->x, y + kept->y);
         return;
       }
       kept = std::make_unique<FixedSilhouette>();
@@ -156,8 +159,10 @@ class Trial {
     *fixed = MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i] / grid_.cell, grid_.radius / grid_.cell,
                                  cells * shape.silhouette.centre);
     if (fixed != &own) fixed->silhouette.spans.shrink_to_fit();
-    tiles_[found.tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y);
+    tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y);
   }
+
+  int FirstTile(std::int32_t i) const { return atlas_[i] * grid_.tiles; }
 
   int LevelOf(std::int32_t i) const {
     const double cells = 2 * (outlines_[i].radius * scales_[i] + grid_.radius) / grid_.cell;
@@ -208,20 +213,22 @@ class Trial {
     return passing_;
   }
 
-  // Of charts whose width and height are the same but for a factor of the square root of two.
-  Start* StartFor(const Outline& outline, double scale, int level) {
+  // Of charts of one atlas whose width and height are the same but for a factor of the square root of two.
+  Start* StartFor(std::int32_t i, int level) {
+    const Outline& outline = outlines_[i];
+    const double scale = scales_[i];
     const Box box = BoxAt(outline, outline.upright);
     const Vec2 cells = (box.high - box.low) * (scale / grid_.cell) + Vec2::Constant(2 * grid_.radius / grid_.cell);
     const auto size = [](double extent) {
       const auto whole = static_cast<std::uint64_t>(std::clamp(extent, 1.0, 65536.0));
       return static_cast<std::size_t>(std::bit_width(whole * whole));
     };
-    return &starts_[(level * kSizes + size(cells.x())) * kSizes + size(cells.y())];
+    return &starts_[atlas_[i] * kStarts + (level * kSizes + size(cells.x())) * kSizes + size(cells.y())];
   }
 
   Found Find(std::int32_t i, int level) {
     if (plan_.thorough) return FindFrom(i, level, {});
-    Start* const start = StartFor(outlines_[i], scales_[i], level);
+    Start* const start = StartFor(i, level);
     Found best = FindFrom(i, level, *start);
     // Charts of a size differ a little, so there may be room below.
     if (best.tile < 0 && (start->tile > 0 || start->row > 0)) best = FindFrom(i, level, {});
@@ -243,8 +250,8 @@ class Trial {
         Spot spot;
         const int height = shape.silhouette.height, first = t == start.tile ? start.row - height : 0;
         const int last_row = best.tile == t ? best.first_row + height / kRowsBeyond : grid_.side;
-        const int row = tiles_[t].board(level).FindSpot(shape.silhouette, shape.rim, shape.row_order, first, last_row,
-                                                        height / 2, &spot, &work_);
+        const int row = tiles_[FirstTile(i) + t].board(level).FindSpot(shape.silhouette, shape.rim, shape.row_order,
+                                                                       first, last_row, height / 2, &spot, &work_);
         if (row < 0) continue;
         if (best.tile < 0 || t < best.tile || spot.snugness > best.spot.snugness) {
           const int first_row = best.tile == t ? std::min(best.first_row, row) : row;
@@ -258,9 +265,10 @@ class Trial {
     return best;
   }
 
-  static constexpr std::size_t kSizes = 40;
+  static constexpr std::size_t kSizes = 40, kStarts = kLevels * kSizes * kSizes;
 
   const std::vector<Outline>& outlines_;
+  const std::vector<int>& atlas_;
   const std::vector<double>& scales_;
   const TrialGrid& grid_;
   const TrialPlan& plan_;
@@ -270,14 +278,14 @@ class Trial {
   Shape passing_;  // of a chart at a turn, as it was needed last
   std::int32_t passing_chart_ = -1;
   int passing_turn_ = 0;
-  std::array<Start, kLevels * kSizes * kSizes> starts_;
+  std::vector<Start> starts_;  // kStarts for each atlas
   std::int64_t work_ = 0;
 };
 
 }  // namespace
 
-TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const TrialGrid& grid)
-    : outlines_(outlines), grid_(grid), kept_(std::make_unique<Kept>(grid)) {}
+TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid)
+    : outlines_(outlines), atlas_(atlas), grid_(grid), kept_(std::make_unique<Kept>(grid)) {}
 
 TrialSeries::~TrialSeries() = default;
 
@@ -294,7 +302,7 @@ TrialResult TrialSeries::Run(const std::vector<double>& scales, const TrialPlan&
       kept_->fixed.resize(slots);
     }
   }
-  return Trial(outlines_, scales, grid_, plan, &kept_->tiles, &kept_->shapes, &kept_->fixed)
+  return Trial(outlines_, atlas_, scales, grid_, plan, &kept_->tiles, &kept_->shapes, &kept_->fixed)
       .Run(most_missing, execution, poses);
 }
 

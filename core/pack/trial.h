@@ -12,8 +12,9 @@ namespace planish {
 
 // Tiles as grids of side x side cells.
 struct TrialGrid {
-  int side = 256;  // cells
-  int tiles = 1;
+  int side = 256;     // cells
+  int tiles = 1;      // of each atlas
+  int atlases = 1;    // one after the other
   double cell = 1;    // length of a cell in the texture
   double radius = 0;  // half of the padding, in the texture
 };
@@ -43,7 +44,8 @@ struct TrialResult {
 
 class TrialSeries {
  public:
-  TrialSeries(const std::vector<Outline>& outlines, const TrialGrid& grid);
+  // `atlas`: whose tiles each chart goes to.
+  TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid);
   ~TrialSeries();
 
   // A chart goes next to the lowest row with room for it, where it lies snuggest. `scales` has what each chart is
@@ -56,6 +58,7 @@ class TrialSeries {
   struct Kept;
 
   const std::vector<Outline>& outlines_;
+  const std::vector<int>& atlas_;
   const TrialGrid grid_;
   std::unique_ptr<Kept> kept_;
 };

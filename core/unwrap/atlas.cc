@@ -1,5 +1,8 @@
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -10,6 +13,88 @@
 
 namespace planish {
 namespace {
+
+// Of the faces of a chart, by their area on the surface; by their number where they have none.
+double WeightOf(const UnwrapOptions& options, const Surface& surface, const Chart& chart) {
+  if (options.face_weights.empty()) return 1;
+  double area = 0, by_area = 0, by_number = 0;
+  for (const std::int32_t f : chart.faces) {
+    const double weight = options.face_weights[f];
+    area += surface.area[f];
+    by_area += surface.area[f] * weight;
+    by_number += weight;
+  }
+  return area > 0 ? by_area / area : by_number / static_cast<double>(chart.faces.size());
+}
+
+// The numbers of the atlases, ascending; 0 alone if there is one for all.
+std::vector<std::int32_t> AtlasNumbers(const UnwrapOptions& options) {
+  std::vector<std::int32_t> numbers = options.face_atlas;
+  std::sort(numbers.begin(), numbers.end());
+  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+  if (numbers.empty()) numbers.push_back(0);
+  return numbers;
+}
+
+// Packs all at one scale, each atlas into its own tiles.
+void PackTogether(const UnwrapOptions& options, std::vector<PackChart> charts, const Execution& execution, Atlas* atlas,
+                  std::vector<ChartPlacement>* placements) {
+  const std::vector<std::int32_t> numbers = AtlasNumbers(options);
+  PackOptions tiles = options.atlas;
+  tiles.atlases = numbers.back() + 1;
+  Packing packing = Pack(charts, tiles, execution);
+  atlas->tiles = packing.tiles;
+  atlas->scale = packing.scale;
+  atlas->padding = packing.padding;
+  *placements = std::move(packing.charts);
+  if (options.face_atlas.empty()) return;
+  std::map<std::int32_t, AtlasReport> atlases;
+  for (const std::int32_t number : numbers) {
+    AtlasReport& report = atlases[number];
+    report.atlas = number;
+    report.first_tile = number * tiles.tiles;
+    report.texels_per_unit = packing.scale * tiles.texture_size;
+  }
+  for (std::size_t i = 0; i < charts.size(); ++i) {
+    AtlasReport& report = atlases[charts[i].atlas];
+    ++report.charts;
+    report.tiles = std::max(report.tiles, (*placements)[i].tile + 1 - report.first_tile);
+  }
+  for (const auto& [number, report] : atlases) atlas->atlases.push_back(report);
+}
+
+// Packs each atlas by itself, all into the same tiles.
+void PackApart(const UnwrapOptions& options, std::vector<PackChart> charts, const Execution& execution, Atlas* atlas,
+               std::vector<ChartPlacement>* placements) {
+  const std::vector<std::int32_t> numbers = AtlasNumbers(options);
+  std::map<std::int32_t, std::vector<std::size_t>> charts_of;
+  for (std::size_t i = 0; i < charts.size(); ++i) charts_of[charts[i].atlas].push_back(i);
+  PackOptions tiles = options.atlas;
+  // All together have as much as one.
+  tiles.tuning.least_work /= static_cast<double>(numbers.size());
+  atlas->scale = std::numeric_limits<double>::infinity();
+  atlas->padding = tiles.padding;
+  for (const std::int32_t number : numbers) {
+    AtlasReport report;
+    report.atlas = number;
+    const std::vector<std::size_t>& own = charts_of[number];
+    if (!own.empty() && !execution.IsCancelled()) {
+      std::vector<PackChart> to_pack;
+      for (const std::size_t i : own) to_pack.push_back(std::move(charts[i]));
+      for (PackChart& chart : to_pack) chart.atlas = 0;
+      const Packing packing = Pack(to_pack, tiles, execution);
+      for (std::size_t k = 0; k < own.size(); ++k) (*placements)[own[k]] = packing.charts[k];
+      report.charts = static_cast<std::int32_t>(own.size());
+      report.tiles = packing.tiles;
+      report.texels_per_unit = packing.scale * tiles.texture_size;
+      atlas->tiles = std::max(atlas->tiles, packing.tiles);
+      atlas->scale = std::min(atlas->scale, packing.scale);
+      if (own.size() > 1) atlas->padding = std::min(atlas->padding, packing.padding);
+    }
+    atlas->atlases.push_back(report);
+  }
+  if (!std::isfinite(atlas->scale)) atlas->scale = 1;
+}
 
 // Sets where each chart's map goes.
 Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* charts,
@@ -30,21 +115,21 @@ Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* ch
   }
   std::vector<PackChart> to_pack;
   for (const MappedChart& mapped : charts->charts) {
-    to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces});
+    to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces,
+                       WeightOf(options, *charts->surface, mapped.chart), AtlasOf(options, mapped.chart)});
   }
-  Packing packing = Pack(to_pack, options.atlas, execution);
-  atlas.tiles = packing.tiles;
-  atlas.scale = packing.scale;
-  atlas.padding = packing.padding;
-  *placements = std::move(packing.charts);
+  const bool apart = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
+  (apart ? PackApart : PackTogether)(options, std::move(to_pack), execution, &atlas, placements);
   return atlas;
 }
 
-// The UV of the two ends of an edge between two vertices, or of one corner at a vertex, wherever a face has UV there.
+// The UV of the two ends of an edge between two vertices, or of one corner at a vertex, wherever a face of the same
+// atlas has UV there.
 class ElsewhereUv {
  public:
-  ElsewhereUv(const Mesh& mesh, const std::vector<std::int32_t>& face_chart, const CornerUv& uv)
-      : mesh_(mesh), uv_(uv) {
+  ElsewhereUv(const Mesh& mesh, const UnwrapOptions& options, const std::vector<std::int32_t>& face_chart,
+              const CornerUv& uv)
+      : mesh_(mesh), options_(options), uv_(uv) {
     corners_.resize(mesh.positions.size());
     std::vector<char> wanted(mesh.positions.size(), 0);
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
@@ -60,7 +145,9 @@ class ElsewhereUv {
   }
 
   // Of each corner of a face without a chart.
-  std::array<Vec2, 3> Of(const Face& face) const {
+  std::array<Vec2, 3> Of(std::size_t f) const {
+    const Face& face = mesh_.faces[f];
+    const std::int32_t atlas = AtlasOfFace(f);
     // From a face that has both of its vertices, if there is one.
     for (int k = 0; k < 3; ++k) {
       const std::int32_t v = face[k], w = face[Next(k)];
@@ -68,7 +155,7 @@ class ElsewhereUv {
       for (const std::int32_t c : corners_[v]) {
         for (int j = 0; j < 3; ++j) {
           const std::int32_t d = 3 * (c / 3) + j;
-          if (mesh_.faces[c / 3][j] != w) continue;
+          if (mesh_.faces[c / 3][j] != w || AtlasOfFace(c / 3) != atlas) continue;
           std::array<Vec2, 3> places;
           for (int i = 0; i < 3; ++i) places[i] = At(face[i] == v ? c : d);
           return places;
@@ -76,20 +163,30 @@ class ElsewhereUv {
       }
     }
     for (const std::int32_t v : face) {
-      if (!corners_[v].empty()) return {At(corners_[v].front()), At(corners_[v].front()), At(corners_[v].front())};
+      for (const std::int32_t c : corners_[v]) {
+        if (AtlasOfFace(c / 3) == atlas) return {At(c), At(c), At(c)};
+      }
     }
-    return {Vec2::Zero(), Vec2::Zero(), Vec2::Zero()};
+    const int tile = options_.layout == AtlasLayout::kUdim ? atlas * options_.atlas.tiles : 0;
+    const Vec2 corner = CornerOfTile(tile);
+    return {corner, corner, corner};
   }
 
  private:
+  std::int32_t AtlasOfFace(std::size_t f) const { return options_.face_atlas.empty() ? 0 : options_.face_atlas[f]; }
   Vec2 At(std::int32_t corner) const { return {uv_[2 * corner], uv_[2 * corner + 1]}; }
 
   const Mesh& mesh_;
+  const UnwrapOptions& options_;
   const CornerUv& uv_;
   std::vector<std::vector<std::int32_t>> corners_;  // with UV, per vertex of faces without
 };
 
 }  // namespace
+
+std::int32_t AtlasOf(const UnwrapOptions& options, const Chart& chart) {
+  return options.face_atlas.empty() ? 0 : options.face_atlas[chart.faces.front()];
+}
 
 absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts) {
   Timer timer;
@@ -122,10 +219,10 @@ absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts) {
   }
   if (!charts->ignored.empty()) {
     const std::vector<std::int32_t> face_chart = charts->FaceChart(mesh);
-    const ElsewhereUv elsewhere(mesh, face_chart, atlas.uv);
+    const ElsewhereUv elsewhere(mesh, job->options, face_chart, atlas.uv);
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
       if (face_chart[f] >= 0) continue;
-      const std::array<Vec2, 3> places = elsewhere.Of(mesh.faces[f]);
+      const std::array<Vec2, 3> places = elsewhere.Of(f);
       for (std::size_t k = 0; k < 3; ++k) set(3 * f + k, places[k]);
     }
   }

@@ -213,10 +213,10 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) 
       (map.flatten.barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
   double area = 0;
   for (const std::int32_t f : chart.faces) area += charts.surface->area[f];
+  const double whole = charts.AreaOfAtlas(job.options, chart);
   const bool is_stretched =
       seams.policy == SeamPolicy::kAuto && faults.stretch > tuning.stretch_slack * seams.max_stretch;
-  const bool is_long =
-      area < tuning.whole_area * charts.total_area && faults.extent > tuning.max_extent * std::sqrt(charts.total_area);
+  const bool is_long = area < tuning.whole_area * whole && faults.extent > tuning.max_extent * std::sqrt(whole);
   const bool is_awkward = seams.policy == SeamPolicy::kAuto && job.options.pack && is_long;
   return !is_sound || faults.does_overlap || is_stretched || is_awkward;
 }

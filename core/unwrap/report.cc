@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -57,20 +58,55 @@ void WarnOfCoarseFloat(UnwrapResult* result) {
        {{"abf_energy_lost", absl::StrFormat("%g", lost)}}});
 }
 
+// Adds what was found in a part of the mesh that has these faces.
+void AddOverlaps(const Overlaps& found, const std::vector<std::int32_t>& faces, Overlaps* all) {
+  all->pairs += found.pairs;
+  all->limited |= found.limited;
+  for (const std::int32_t f : found.faces) {
+    if (all->faces.size() < kMaxNamed) all->faces.push_back(faces[f]);
+  }
+}
+
+// Atlases that are stacked lie one over the other: each is looked at by itself.
+Overlaps OverlapsWithinAtlases(const Job& job, const Charts& charts, const CornerUv& uv,
+                               const OrientationFaults& orientation) {
+  std::map<std::int32_t, std::vector<const MappedChart*>> atlases;
+  for (const MappedChart& mapped : charts.charts) atlases[AtlasOf(job.options, mapped.chart)].push_back(&mapped);
+  Overlaps all;
+  for (const auto& [number, own] : atlases) {
+    if (job.execution.IsCancelled()) break;
+    std::vector<std::int32_t> faces, opposite;
+    CornerUv own_uv;
+    std::vector<char> ignored;
+    for (const MappedChart* const mapped : own) {
+      const auto first = static_cast<std::int32_t>(opposite.size());
+      for (const std::int32_t c : OppositeWithClosedSlits(mapped->chart, mapped->map)) {
+        opposite.push_back(c < 0 ? -1 : first + c);
+      }
+      for (const std::int32_t f : mapped->chart.faces) {
+        faces.push_back(f);
+        own_uv.insert(own_uv.end(), uv.begin() + 6 * std::ptrdiff_t{f}, uv.begin() + 6 * std::ptrdiff_t{f} + 6);
+        if (!charts.ignored.empty()) ignored.push_back(charts.ignored[f]);
+      }
+    }
+    AddOverlaps(CheckOverlaps(opposite, own_uv, orientation, job.execution, ignored), faces, &all);
+  }
+  return all;
+}
+
 // Charts that were not packed lie one over the other: each is looked at by itself.
 Overlaps FindOverlaps(const Job& job, const Charts& charts, const CornerUv& uv, const OrientationFaults& orientation) {
-  if (job.options.pack) {
+  const UnwrapOptions& options = job.options;
+  if (!options.face_atlas.empty() && options.layout == AtlasLayout::kStacked) {
+    return OverlapsWithinAtlases(job, charts, uv, orientation);
+  }
+  if (options.pack) {
     return CheckOverlaps(charts.Opposite(job.mesh), uv, orientation, job.execution, charts.ignored);
   }
   Overlaps all;
   for (const MappedChart& mapped : charts.charts) {
     if (job.execution.IsCancelled()) break;
-    const Overlaps found = OverlapsWithin(mapped.chart, mapped.map, uv, charts.ignored, job.execution);
-    all.pairs += found.pairs;
-    all.limited |= found.limited;
-    for (const std::int32_t f : found.faces) {
-      if (all.faces.size() < kMaxNamed) all.faces.push_back(mapped.chart.faces[f]);
-    }
+    AddOverlaps(OverlapsWithin(mapped.chart, mapped.map, uv, charts.ignored, job.execution), mapped.chart.faces, &all);
   }
   return all;
 }
@@ -83,6 +119,22 @@ double RelativeSeamLength(const Mesh& mesh, const Charts& charts, const Executio
   const double length = SeamLength(
       mesh, [&](std::int32_t c) { return opposite[c] >= 0; }, has_chart, execution);
   return length / std::sqrt(charts.total_area);
+}
+
+// With how many faces each atlas has, and how full it is.
+std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv) {
+  std::vector<AtlasReport> reports = atlas.atlases;
+  std::map<std::int32_t, AtlasReport*> by_number;
+  for (AtlasReport& report : reports) by_number[report.atlas] = &report;
+  const std::vector<std::int32_t>& face_atlas = job.options.face_atlas;
+  for (std::size_t f = 0; f < face_atlas.size(); ++f) {
+    AtlasReport& report = *by_number.at(face_atlas[f]);
+    ++report.faces;
+    if (!charts.ignored.empty() && charts.ignored[f] != 0) continue;
+    report.packing_efficiency += std::abs(DoubleArea(TriangleOf(uv, static_cast<std::int64_t>(f)))) / 2;
+  }
+  for (AtlasReport& report : reports) report.packing_efficiency /= report.tiles;
+  return reports;
 }
 
 // Target angles and weights of every corner of the mesh; those of faces without a chart are 0.
@@ -170,7 +222,10 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
                       job->execution);
   }
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
-  result.quality.packing_efficiency /= result.tiles;
+  result.atlases = AtlasReports(*job, charts, atlas, result.uv);
+  int tiles = result.atlases.empty() ? result.tiles : 0;
+  for (const AtlasReport& each : result.atlases) tiles += each.charts > 0 ? each.tiles : 0;
+  result.quality.packing_efficiency /= std::max(tiles, 1);
   result.quality.seam_length = RelativeSeamLength(job->mesh, charts, job->execution);
   result.quality.flipped = orientation.flipped;
   result.quality.degenerate = orientation.degenerate;

@@ -2,6 +2,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -54,6 +55,10 @@ std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
   return face_chart;
 }
 
+double Charts::AreaOfAtlas(const UnwrapOptions& options, const Chart& chart) const {
+  return atlas_area.empty() ? total_area : atlas_area.at(AtlasOf(options, chart));
+}
+
 std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
   std::vector<std::int32_t> opposite(3 * mesh.faces.size(), -1);
   for (const auto& [chart, is_few, flattening, map, faults, status] : charts) {
@@ -67,13 +72,52 @@ std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
 
 namespace {
 
+// Per face: numbers that differ where charts must end because of atlases and weights. Empty: nowhere.
+std::vector<std::int32_t> PartOfFaces(const UnwrapOptions& options) {
+  const std::vector<float>& weights = options.face_weights;
+  const bool by_weight = !weights.empty() && options.seams.policy != SeamPolicy::kKeep;
+  if (!by_weight) return options.face_atlas;
+  std::map<std::pair<std::int32_t, float>, std::int32_t> numbers;
+  std::vector<std::int32_t> part(weights.size());
+  for (std::size_t f = 0; f < part.size(); ++f) {
+    const std::pair key(options.face_atlas.empty() ? 0 : options.face_atlas[f], weights[f]);
+    part[f] = numbers.emplace(key, static_cast<std::int32_t>(numbers.size())).first->second;
+  }
+  return part;
+}
+
+// The area of the surface as the texture sees it, in units of what has the least weight.
+double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
+  double area = 0;
+  const double least = weights.empty() ? 1 : *std::min_element(weights.begin(), weights.end());
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
+    const double weight = weights.empty() ? 1 : weights[f] / least;
+    area += surface.area[f] * weight * weight;
+  }
+  return area;
+}
+
+std::map<std::int32_t, double> AreasOfAtlases(const Surface& surface, const UnwrapOptions& options) {
+  std::map<std::int32_t, double> areas;
+  for (std::size_t f = 0; f < options.face_atlas.size(); ++f) areas[options.face_atlas[f]] += surface.area[f];
+  if (options.layout == AtlasLayout::kStacked) return areas;
+  double most = 0;
+  for (const auto& [atlas, area] : areas) most = std::max(most, area);
+  for (auto& [atlas, area] : areas) area = most;
+  return areas;
+}
+
 // What places in the tiles that may be used are rounded to, in the units of the surface. Charts fill a part of the
 // tiles, and the last digit is worth most at the far end of a row of them: `last_digit` is that of numbers from 1/2
 // to 1.
 double Resolution(const UnwrapOptions& options, double area, double last_digit) {
   constexpr double kFilled = 0.5;
   const int tiles = options.pack ? options.atlas.tiles : 1;
-  const auto columns = static_cast<unsigned>(std::min(tiles, 10));
+  int last = tiles;
+  if (options.layout == AtlasLayout::kUdim) {
+    for (const std::int32_t atlas : options.face_atlas) last = std::max(last, (atlas + 1) * tiles);
+  }
+  const auto columns = static_cast<unsigned>(std::min(last, 10));
   return last_digit * std::bit_ceil(columns) * std::sqrt(area / (kFilled * tiles));
 }
 
@@ -118,9 +162,10 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const bool by_stretch = seams.policy == SeamPolicy::kAuto;
   std::vector<char> needles;
   if (by_stretch && job->options.pack) needles = FindLongNeedles(job->mesh, job->options.tuning);
-  PLANISH_ASSIGN_OR_RETURN(
-      Surface surface,
-      MakeSurface(job->mesh, {seams.corners, seams.uncut_corners, seams.hard_edge_degrees, needles}, job->execution));
+  PLANISH_ASSIGN_OR_RETURN(Surface surface, MakeSurface(job->mesh,
+                                                        {seams.corners, seams.uncut_corners, seams.hard_edge_degrees,
+                                                         needles, PartOfFaces(job->options)},
+                                                        job->execution));
   std::vector<char> without_area(surface.num_faces());
   for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
     charts.total_area += surface.area[f];
@@ -129,8 +174,10 @@ absl::StatusOr<Charts> Segment(Job* job) {
   if (std::find(without_area.begin(), without_area.end(), 1) != without_area.end()) {
     charts.ignored = std::move(without_area);
   }
-  const double of_float = Resolution(job->options, charts.total_area, 0x1p-24);
-  const double of_solve = Resolution(job->options, charts.total_area, std::ldexp(1.0, -kDigitsOfSolve));
+  charts.atlas_area = AreasOfAtlases(surface, job->options);
+  const double drawn_area = WeightedArea(surface, job->options.face_weights);
+  const double of_float = Resolution(job->options, drawn_area, 0x1p-24);
+  const double of_solve = Resolution(job->options, drawn_area, std::ldexp(1.0, -kDigitsOfSolve));
   charts.resolution = job->options.precision == Precision::kDouble ? 0 : of_float;
   charts.grain = job->options.precision == Precision::kFloat ? of_float : of_solve;
   WarnOfSurface(surface, charts.ignored, &job->warnings);

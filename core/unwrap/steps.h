@@ -16,6 +16,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -63,6 +64,9 @@ struct Charts {
   std::optional<Segmentation> segmentation;
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
+  // By atlas (UnwrapOptions::face_atlas): the area of what goes into its tiles or, where all have one texel density,
+  // into those of the fullest atlas. Empty: one atlas.
+  std::map<std::int32_t, double> atlas_area;
   // What places are rounded to, about, in the units of the surface: with float, if it may be delivered (otherwise 0),
   // and with the last type that is tried, which faces are widened for.
   double resolution = 0, grain = 0;
@@ -74,6 +78,8 @@ struct Charts {
   bool are_joined = false;          // those that do as well together are (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
+  // Of what goes into the tiles that the chart goes into: the square of a length that its own can be compared with.
+  double AreaOfAtlas(const UnwrapOptions& options, const Chart& chart) const;
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
   std::vector<std::int32_t> FaceChart(const Mesh& mesh) const;
   // Per half-edge of the mesh: the one it is joined to in its chart, closed slits included; -1 on outlines.
@@ -119,18 +125,23 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
 // request. CANCELLED after a cancellation.
 absl::Status JoinCharts(Job* job, Charts* charts);
 
+// The number of the atlas that the chart goes into.
+std::int32_t AtlasOf(const UnwrapOptions& options, const Chart& chart);
+
 // Where the charts go.
 struct Atlas {
   CornerUv uv;  // as packed, before rounding
   int tiles = 1;
-  double scale = 1;    // UV length per length on the surface
+  double scale = 1;    // UV length per length on the surface, at weight 1; the least of all atlases
   double padding = 0;  // texels that are free between charts, PackOptions::padding unless there is no room
+  std::vector<AtlasReport> atlases;  // as UnwrapResult::atlases; faces and efficiency are not set
 };
 
 // Packs the charts (core/pack/pack.h). The one chart of SeamPolicy::kNone fills the unit square as far as it goes,
 // without padding: it has no neighbours, and scales that vary over many orders of magnitude outlast rounding best next
 // to 0. Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. Faces without a chart
-// (Surface::takes_part) get the UV of an edge they lie on, or else of a vertex. CANCELLED after a cancellation.
+// (Surface::takes_part) get the UV of an edge of their atlas they lie on, or else of a vertex, or else of a tile's
+// corner. CANCELLED after a cancellation.
 absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts);
 
 // The UV in the type in which they are delivered, and their faults.

@@ -56,6 +56,7 @@ absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control) {
   PLANISH_RETURN_IF_ERROR(options.Validate());
   PLANISH_RETURN_IF_ERROR(options.ValidateSeams(mesh.num_faces()));
+  PLANISH_RETURN_IF_ERROR(options.ValidateFaces(mesh.num_faces()));
   ThreadTeam team(options.threads);
   Job job = {mesh, options, control, {&team, control.cancel, control.stop}};
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));

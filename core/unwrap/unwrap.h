@@ -51,11 +51,23 @@ struct SeamOptions {
   double max_stretch = 1.05;
 };
 
+// Where several atlases go (UnwrapOptions::face_atlas).
+enum class AtlasLayout {
+  kUdim,     // into tiles of their own, those of atlas a beginning at a * PackOptions::tiles; one texel density
+  kStacked,  // all into the same tiles, as textures of their own, each as large as it fits there
+};
+
 struct UnwrapOptions {
   FlattenOptions flatten;
   SeamOptions seams;
-  bool pack = true;  // false: charts as they were solved, to the surface's scale, one over the other
-  PackOptions atlas;
+  bool pack = true;   // false: charts as they were solved, to the surface's scale, one over the other
+  PackOptions atlas;  // of each atlas; `atlases` is not for callers
+  // Per face: the number of the atlas that it goes into, from 0 on; empty: one for all. Charts end where it differs.
+  std::vector<std::int32_t> face_atlas;
+  AtlasLayout layout = AtlasLayout::kUdim;
+  // Per face: so many times the texels per length, in [kLeastWeight, kMostWeight]; empty: 1. Charts end where it
+  // differs; with SeamPolicy::kKeep they do not, and have the mean of their faces by area.
+  std::vector<float> face_weights;
   AtlasTuning tuning;  // constants, for benches; results are promised for the defaults
   Precision precision = Precision::kAuto;
   // Threads the job may use, the calling one included. In [1, kMaxThreads]. The result is the same bytes for any
@@ -67,8 +79,13 @@ struct UnwrapOptions {
   // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces; otherwise OPTIONS_INVALID
   // with metadata "field" (seam_corners or uncut_corners) and "corner", the first that is not.
   absl::Status ValidateSeams(std::int64_t num_faces) const;
+  // Whether face_atlas and face_weights are those of a mesh of so many faces, and go with the other options; otherwise
+  // OPTIONS_INVALID with metadata "field" and, for a number out of range, "face".
+  absl::Status ValidateFaces(std::int64_t num_faces) const;
 };
 inline constexpr int kMaxThreads = 256;
+inline constexpr int kMaxTiles = 100;
+inline constexpr float kLeastWeight = 0.01F, kMostWeight = 100;
 
 enum class UnwrapStage { kCharts, kSolve, kLayout, kPack, kVerify };
 
@@ -115,6 +132,17 @@ struct ChartReport {
   double stretch_l2 = 1;        // as Quality::stretch_l2, of this chart by itself
 };
 
+// One of several atlases.
+struct AtlasReport {
+  std::int32_t atlas = 0;  // its number in UnwrapOptions::face_atlas
+  std::int64_t faces = 0;
+  std::int32_t charts = 0;  // 0 where no face has a corner to map
+  int first_tile = 0;
+  int tiles = 1;                  // from first_tile to the last that is used
+  double texels_per_unit = 0;     // at weight 1
+  double packing_efficiency = 0;  // area of the faces over that of the tiles
+};
+
 struct UnwrapResult {
   // (u, v) of every corner, 2 * 3F numbers in [0, 1]: entries 2 (3 f + k) and 2 (3 f + k) + 1 belong to corner
   // k of face f. When precision is kFloat every number is a float exactly.
@@ -123,21 +151,24 @@ struct UnwrapResult {
   std::vector<ChartReport> charts;
   std::vector<std::int32_t> face_chart;  // per face: its chart, an index into `charts`
   std::vector<std::int32_t> widened;     // faces too thin for `precision` that were widened, ascending (FACES_WIDENED)
-  int tiles = 1;                         // of the texture that are used
-  double texels_per_unit = 0;            // texture_size times UV length per length on the surface; 0 without packing
-  Quality quality;                       // of `uv` as delivered
+  int tiles = 1;                         // of the texture, up to the last that is used
+  // texture_size times UV length per length on the surface, at weight 1, the least of all atlases; 0 without packing.
+  double texels_per_unit = 0;
+  std::vector<AtlasReport> atlases;  // ascending; empty without UnwrapOptions::face_atlas
+  Quality quality;                   // of `uv` as delivered
   UnwrapSeconds seconds;
   std::vector<UnwrapWarning> warnings;
 };
 
 // Flattens `mesh`, which must be a disc (core/mesh/disc_check.h); deterministic.
-// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (seams.corners beyond the mesh included); CANCELLED
-// after a cancellation (within a few dozen linear iterations or one sparse factorization); INTERNAL with SOLVER_FAILED
-// if no finite map came out, or if multigrid failed on a chart that is too large for a Cholesky factorization in its
-// place; ABORTED with STOPPED_EARLY if there was no map without flips yet when `control.stop` came. A solve that stops
-// early is not an error: see FlattenSummary::converged and the warnings. Warning STOPPED, metadata "charts_cut_short"
-// (how many charts' solves were ended early, may be 0): `control.stop` was set before the verifier began. A later stop
-// changes nothing. Thread-safe: calls share nothing, each has a team of threads of its own.
+// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (ValidateSeams and ValidateFaces included);
+// CANCELLED after a cancellation (within a few dozen linear iterations or one sparse factorization); INTERNAL with
+// SOLVER_FAILED if no finite map came out, or if multigrid failed on a chart that is too large for a Cholesky
+// factorization in its place; ABORTED with STOPPED_EARLY if there was no map without flips yet when `control.stop`
+// came. A solve that stops early is not an error: see FlattenSummary::converged and the warnings. Warning STOPPED,
+// metadata "charts_cut_short" (how many charts' solves were ended early, may be 0): `control.stop` was set before the
+// verifier began. A later stop changes nothing. Thread-safe: calls share nothing, each has a team of threads of its
+// own.
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control);
 
 }  // namespace planish

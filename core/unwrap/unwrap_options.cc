@@ -37,7 +37,7 @@ absl::Status CheckSeams(const SeamOptions& seams) {
 absl::Status CheckAtlas(const PackOptions& atlas) {
   PLANISH_RETURN_IF_ERROR(CheckRange("texture_size", atlas.texture_size, 16, 65536));
   PLANISH_RETURN_IF_ERROR(CheckRange("padding", atlas.padding, 0, 64));
-  PLANISH_RETURN_IF_ERROR(CheckRange("tiles", atlas.tiles, 1, 100));
+  PLANISH_RETURN_IF_ERROR(CheckRange("tiles", atlas.tiles, 1, kMaxTiles));
   if (2 * ((atlas.padding + 1) / 2) >= atlas.texture_size) {
     return OptionError("padding", absl::StrCat(atlas.padding, " texels leave no room in a tile of ", atlas.texture_size,
                                                ", which keeps half of them free at every rim"));
@@ -55,7 +55,54 @@ absl::Status CheckCorners(const std::string& field, const std::vector<std::int32
                      {{"corner", absl::StrCat(*beyond)}});
 }
 
+absl::Status CheckCount(const std::string& field, std::size_t count, std::int64_t num_faces) {
+  if (static_cast<std::int64_t>(count) == num_faces) return absl::OkStatus();
+  return OptionError(field,
+                     absl::StrCat(count, " numbers for a mesh of ", num_faces, " faces; one for each is needed"));
+}
+
+// What several atlases, or weights, do not go with.
+absl::Status CheckIsPacked(const std::string& field, const UnwrapOptions& options) {
+  if (!options.pack) return OptionError(field, "charts that are not packed have no atlas; leave pack on");
+  if (options.seams.policy != SeamPolicy::kNone) return absl::OkStatus();
+  return OptionError(field, "with seams none the mesh is one chart, which fills its tile; choose keep, needed or auto");
+}
+
+absl::Status CheckAtlases(const UnwrapOptions& options, std::int64_t num_faces) {
+  const std::vector<std::int32_t>& atlas = options.face_atlas;
+  if (atlas.empty()) return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(CheckCount("face_atlas", atlas.size(), num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckIsPacked("face_atlas", options));
+  const int most = options.layout == AtlasLayout::kUdim ? kMaxTiles / options.atlas.tiles : INT32_MAX;
+  const auto wrong = std::find_if(atlas.begin(), atlas.end(), [&](std::int32_t a) { return a < 0 || a >= most; });
+  if (wrong == atlas.end()) return absl::OkStatus();
+  const std::string face = absl::StrCat(wrong - atlas.begin());
+  if (*wrong < 0) return OptionError("face_atlas", absl::StrCat("there is no atlas ", *wrong), {{"face", face}});
+  return OptionError(
+      "face_atlas",
+      absl::StrCat("there is no room for atlas ", *wrong, ": UDIM has ", kMaxTiles, " tiles here, so atlases 0 to ",
+                   most - 1, "; use fewer, or stack them as textures of their own"),
+      {{"face", face}});
+}
+
+absl::Status CheckWeights(const UnwrapOptions& options, std::int64_t num_faces) {
+  const std::vector<float>& weights = options.face_weights;
+  if (weights.empty()) return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(CheckCount("face_weights", weights.size(), num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckIsPacked("face_weights", options));
+  const auto wrong =
+      std::find_if(weights.begin(), weights.end(), [](float w) { return !(w >= kLeastWeight && w <= kMostWeight); });
+  if (wrong == weights.end()) return absl::OkStatus();
+  return OptionError("face_weights", absl::StrFormat("%g is not in [%g, %g]", *wrong, kLeastWeight, kMostWeight),
+                     {{"face", absl::StrCat(wrong - weights.begin())}});
+}
+
 }  // namespace
+
+absl::Status UnwrapOptions::ValidateFaces(std::int64_t num_faces) const {
+  PLANISH_RETURN_IF_ERROR(CheckAtlases(*this, num_faces));
+  return CheckWeights(*this, num_faces);
+}
 
 absl::Status UnwrapOptions::Validate() const {
   PLANISH_RETURN_IF_ERROR(flatten.Validate());

@@ -145,11 +145,11 @@ absl::StatusOr<AcceptedJob> JobAdmission::Accept(const Caller& caller, JobReques
   const JobManagerOptions& options = context_.options;
   PLANISH_RETURN_IF_ERROR(ValidateJobRequest(request, options.max_mesh_bytes, options.validate_options));
   PLANISH_ASSIGN_OR_RETURN(const JobNeeds needs, NeedsOf(request.Mesh(), request.array_vertices, request.MeshBytes(),
-                                                         v1::MeshSize(), request.options));
+                                                         v1::MeshSize(), request.OptionsForNeeds()));
   if (request.mesh_sha256.empty()) request.mesh_sha256 = Sha256(request.Mesh());
-  const std::string corners = PackCorners(request);
-  const std::string corners_sha256 = corners.empty() ? std::string() : Sha256(corners);
-  const std::string work_key = WorkKey(caller.tenant, request, request.mesh_sha256, corners_sha256);
+  const std::string numbers = PackNumbers(request);
+  const std::string numbers_sha256 = numbers.empty() ? std::string() : Sha256(numbers);
+  const std::string work_key = WorkKey(caller.tenant, request, request.mesh_sha256, numbers_sha256);
   PLANISH_ASSIGN_OR_RETURN(std::optional<AcceptedJob> known, FindKnown(caller, request, work_key));
   if (known.has_value()) return *std::move(known);
   PLANISH_RETURN_IF_ERROR(refusal);
@@ -162,25 +162,25 @@ absl::StatusOr<AcceptedJob> JobAdmission::Accept(const Caller& caller, JobReques
     if (!shares) return room;
   }
   // Held until the record refers to them.
-  BlobHold mesh_hold = retention_.Hold({caller.tenant, request.mesh_sha256}), corners_hold;
+  BlobHold mesh_hold = retention_.Hold({caller.tenant, request.mesh_sha256}), numbers_hold;
   absl::StatusOr<StoredBlobPtr> mesh = retention_.Put(caller.tenant, request.Mesh(), request.mesh_sha256);
-  absl::StatusOr<StoredBlobPtr> seams = StoredBlobPtr();
-  if (!corners.empty()) {
-    corners_hold = retention_.Hold({caller.tenant, corners_sha256});
-    seams = retention_.Put(caller.tenant, corners, corners_sha256);
+  absl::StatusOr<StoredBlobPtr> kept_numbers = StoredBlobPtr();
+  if (!numbers.empty()) {
+    numbers_hold = retention_.Hold({caller.tenant, numbers_sha256});
+    kept_numbers = retention_.Put(caller.tenant, numbers, numbers_sha256);
   }
-  for (const auto& blob : {mesh, seams}) {
+  for (const auto& blob : {mesh, kept_numbers}) {
     if (!blob.ok()) return WithRetryDelay(blob.status(), options.retry_delay);
   }
 
   NewJob job;
   job.record = NewRecord(caller, request);
   job.record.set_work_key(work_key);
-  job.record.set_seams_sha256(corners_sha256);
+  job.record.set_seams_sha256(numbers_sha256);
   job.record.mutable_job()->set_memory_bytes(needs.memory_bytes);
   job.run_time = absl::Seconds(needs.run_seconds);
   job.limits = LimitsOf(caller.tenant);
-  job.blobs = retention_.Pending(caller.tenant, {request.mesh_sha256, corners_sha256});
+  job.blobs = retention_.Pending(caller.tenant, {request.mesh_sha256, numbers_sha256});
   if (result.has_value()) job.result_of = result->name;
   std::shared_ptr<JobEventLog> events = feed_.OpenNew(job.record.job().name());
   absl::StatusOr<AcceptedChange> accepted = context_.store.Accept(context_.Verb(), job);
@@ -283,6 +283,8 @@ JobRecord JobAdmission::NewRecord(const Caller& caller, const JobRequest& reques
   record.set_mesh_sha256(request.mesh_sha256);
   record.set_seam_corners(static_cast<std::int64_t>(request.seam_corners.size()));
   record.set_uncut_corners(static_cast<std::int64_t>(request.uncut_corners.size()));
+  record.set_face_atlases(static_cast<std::int64_t>(request.face_atlas.size()));
+  record.set_face_weights(static_cast<std::int64_t>(request.face_weights.size()));
   if (request.array_vertices.has_value()) record.set_array_vertices(*request.array_vertices);
   record.set_attached(request.attached);
   if (request.attached) *record.mutable_callers_until() = ToTimestamp(callers_.Until());
@@ -310,7 +312,8 @@ absl::StatusOr<v1::JobEstimate> JobAdmission::Estimate(const Caller& caller, con
   PLANISH_RETURN_IF_ERROR(CheckOptions(request.options, options.validate_options));
   if (mesh_bytes <= 0) mesh_bytes = request.MeshBytes();
   v1::JobEstimate estimate;
-  absl::StatusOr<JobNeeds> needs = NeedsOf(request.Mesh(), request.array_vertices, mesh_bytes, size, request.options);
+  absl::StatusOr<JobNeeds> needs =
+      NeedsOf(request.Mesh(), request.array_vertices, mesh_bytes, size, request.OptionsForNeeds());
   if (!needs.ok() && needs.status().code() == absl::StatusCode::kInvalidArgument) return needs.status();
   if (!needs.ok()) {
     *estimate.mutable_refusal() = ToRpcStatus(needs.status());

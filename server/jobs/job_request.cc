@@ -1,6 +1,8 @@
 #include "server/jobs/job_request.h"
 
 #include <algorithm>
+#include <bit>
+#include <climits>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
@@ -19,6 +21,7 @@ constexpr std::size_t kMaxLabels = 32;
 constexpr std::size_t kMaxLabelValue = 256;
 constexpr std::size_t kVertexBytes = 3 * sizeof(float);
 constexpr std::size_t kTriangleBytes = 3 * sizeof(std::uint32_t);
+constexpr std::size_t kBytesPerNumber = sizeof(std::uint32_t);
 // A hundred years: time is counted in nanoseconds, of which 64 bits hold no more than three times as many.
 constexpr std::int64_t kMaxDurationSeconds = std::int64_t{100} * 365 * 86'400;
 constexpr std::int32_t kNanosPerSecond = 1'000'000'000;
@@ -32,8 +35,9 @@ absl::Status BadArrays(const std::string& reason, const std::string& field, cons
   return MakeError(absl::StatusCode::kInvalidArgument, reason, absl::StrCat(field, ": ", message), {{"field", field}});
 }
 
-std::vector<std::int32_t> TakeNumbers(google::protobuf::RepeatedField<std::int32_t>* field) {
-  google::protobuf::RepeatedField<std::int32_t> taken;
+template <typename Number>
+std::vector<Number> TakeNumbers(google::protobuf::RepeatedField<Number>* field) {
+  google::protobuf::RepeatedField<Number> taken;
   taken.Swap(field);
   return {taken.begin(), taken.end()};
 }
@@ -62,6 +66,66 @@ absl::Status CheckCorners(const std::string& field, const std::vector<std::int32
   return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID",
                    absl::StrCat(field, ": there is no corner ", *negative),
                    {{"field", field}, {"corner", absl::StrCat(*negative)}});
+}
+
+// What is wrong with a list of numbers for the faces, as far as it is known before the mesh is decoded; `wrong` says
+// what is wrong with one of them, or nothing. With Draco data their count is compared later.
+template <typename Number>
+absl::Status CheckFaces(const std::string& field, const JobRequest& request, const std::vector<Number>& numbers,
+                        const std::function<std::string(Number)>& wrong) {
+  if (numbers.empty()) return absl::OkStatus();
+  const auto invalid = [&](const std::string& message, std::map<std::string, std::string> metadata) {
+    metadata["field"] = field;
+    return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", absl::StrCat(field, ": ", message),
+                     metadata);
+  };
+  if (request.options.pack() == v1::PACK_OFF) return invalid("charts that are not packed have no atlas", {});
+  if (request.options.seams() == v1::SEAMS_NONE) {
+    return invalid("with SEAMS_NONE the mesh is one chart, which fills its tile", {});
+  }
+  if (request.array_vertices.has_value()) {
+    const std::int64_t faces = SizeOfArrays(request.Mesh().size(), *request.array_vertices).triangles();
+    if (static_cast<std::int64_t>(numbers.size()) != faces) {
+      return invalid(absl::StrCat(numbers.size(), " numbers for a mesh of ", faces, " triangles"), {});
+    }
+  }
+  for (std::size_t f = 0; f < numbers.size(); ++f) {
+    if (const std::string message = wrong(numbers[f]); !message.empty()) {
+      return invalid(message, {{"face", absl::StrCat(f)}});
+    }
+  }
+  return absl::OkStatus();
+}
+
+constexpr int kMaxTiles = 100;
+constexpr float kLeastWeight = 0.01F, kMostWeight = 100;
+
+absl::Status CheckAtlases(const JobRequest& request) {
+  const v1::UnwrapOptions& options = request.options;
+  const bool stacked = options.atlas_layout() == v1::ATLAS_LAYOUT_STACKED;
+  // Tiles out of range are found with the options.
+  const int most = stacked ? INT32_MAX : kMaxTiles / std::clamp(options.tiles(), 1, kMaxTiles);
+  return CheckFaces<std::int32_t>("face_atlas", request, request.face_atlas, [&](std::int32_t atlas) -> std::string {
+    if (atlas < 0) return absl::StrCat("there is no atlas ", atlas);
+    if (atlas < most) return "";
+    return absl::StrCat("there is no room for atlas ", atlas, ": UDIM has ", kMaxTiles, " tiles here, so atlases 0 to ",
+                        most - 1, "; use fewer, or ATLAS_LAYOUT_STACKED");
+  });
+}
+
+absl::Status CheckWeights(const JobRequest& request) {
+  return CheckFaces<float>("face_weights", request, request.face_weights, [](float weight) -> std::string {
+    if (weight >= kLeastWeight && weight <= kMostWeight) return "";
+    return absl::StrCat(weight, " is not in [0.01, 100]");
+  });
+}
+
+template <typename Number>
+void AppendNumbers(const std::vector<Number>& numbers, std::string* bytes) {
+  for (const Number number : numbers) {
+    const auto value = std::bit_cast<std::uint32_t>(number);
+    for (int shift = 0; shift < 32; shift += 8) bytes->push_back(static_cast<char>(value >> shift));
+  }
 }
 
 absl::Status CheckDuration(const std::string& field, bool is_set, const google::protobuf::Duration& duration) {
@@ -119,6 +183,8 @@ absl::StatusOr<JobRequest> TakeJobRequest(v1::JobSpec* spec) {
   }
   job.seam_corners = TakeNumbers(spec->mutable_seam_corners());
   job.uncut_corners = TakeNumbers(spec->mutable_uncut_corners());
+  job.face_atlas = TakeNumbers(spec->mutable_face_atlas());
+  job.face_weights = TakeNumbers(spec->mutable_face_weights());
   job.options = spec->options();
   job.scheduling = spec->scheduling();
   job.labels = {spec->labels().begin(), spec->labels().end()};
@@ -133,14 +199,28 @@ v1::MeshSize SizeOfArrays(std::size_t bytes, std::int64_t vertices) {
   return size;
 }
 
+std::size_t JobRequest::NumberCount() const {
+  return seam_corners.size() + uncut_corners.size() + face_atlas.size() + face_weights.size();
+}
+
 std::int64_t JobRequest::MeshBytes() const {
-  return static_cast<std::int64_t>(Mesh().size() + sizeof(std::int32_t) * (seam_corners.size() + uncut_corners.size()));
+  return static_cast<std::int64_t>(Mesh().size() + kBytesPerNumber * NumberCount());
+}
+
+v1::UnwrapOptions JobRequest::OptionsForNeeds() const {
+  v1::UnwrapOptions with_tiles = options;
+  if (face_atlas.empty() || options.atlas_layout() == v1::ATLAS_LAYOUT_STACKED) return with_tiles;
+  const std::int64_t atlases = std::int64_t{1} + *std::max_element(face_atlas.begin(), face_atlas.end());
+  const std::int64_t tiles = std::clamp<std::int64_t>(atlases * std::max(1, options.tiles()), 1, kMaxTiles);
+  with_tiles.set_tiles(static_cast<std::int32_t>(tiles));
+  return with_tiles;
 }
 
 absl::Status MeshTooLarge(std::int64_t bytes, std::int64_t limit) {
-  return MakeError(absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
-                   absl::StrCat("the mesh has ", bytes, " bytes with its seams; this server takes at most ", limit),
-                   {{"bytes", absl::StrCat(bytes)}, {"limit", absl::StrCat(limit)}});
+  return MakeError(
+      absl::StatusCode::kResourceExhausted, "MESH_TOO_LARGE",
+      absl::StrCat("the mesh has ", bytes, " bytes with its seams and atlases; this server takes at most ", limit),
+      {{"bytes", absl::StrCat(bytes)}, {"limit", absl::StrCat(limit)}});
 }
 
 absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh_bytes,
@@ -156,33 +236,34 @@ absl::Status ValidateJobRequest(const JobRequest& request, std::int64_t max_mesh
   PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", request.seam_corners));
   PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", request.uncut_corners));
   PLANISH_RETURN_IF_ERROR(CheckScheduling(request.scheduling));
-  return CheckOptions(request.options, validate_options);
+  PLANISH_RETURN_IF_ERROR(CheckOptions(request.options, validate_options));
+  PLANISH_RETURN_IF_ERROR(CheckAtlases(request));
+  return CheckWeights(request);
 }
 
 absl::Status CheckOptions(const v1::UnwrapOptions& options, const OptionsValidator& validate) {
   return validate == nullptr ? absl::OkStatus() : WithinField(validate(options), "options.");
 }
 
-std::string PackCorners(const JobRequest& request) {
+std::string PackNumbers(const JobRequest& request) {
   std::string bytes;
-  bytes.reserve(sizeof(std::int32_t) * (request.seam_corners.size() + request.uncut_corners.size()));
-  for (const auto* corners : {&request.seam_corners, &request.uncut_corners}) {
-    for (const std::int32_t corner : *corners) {
-      const auto value = static_cast<std::uint32_t>(corner);
-      for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<char>(value >> shift));
-    }
-  }
+  bytes.reserve(kBytesPerNumber * request.NumberCount());
+  AppendNumbers(request.seam_corners, &bytes);
+  AppendNumbers(request.uncut_corners, &bytes);
+  AppendNumbers(request.face_atlas, &bytes);
+  AppendNumbers(request.face_weights, &bytes);
   return bytes;
 }
 
 std::string WorkKey(const std::string& tenant, const JobRequest& request, std::string_view mesh_sha256,
-                    std::string_view corners_sha256) {
+                    std::string_view numbers_sha256) {
   v1::UnwrapOptions options = request.options;
   options.clear_threads();
   // Lengths keep one field from running into the next.
   return Sha256(absl::StrCat(
       PLANISH_VERSION "/", tenant, "/", absl::AlphaNum(absl::string_view(mesh_sha256.data(), mesh_sha256.size())), "/",
-      absl::string_view(corners_sha256.data(), corners_sha256.size()), "/", request.seam_corners.size(), "/",
+      absl::string_view(numbers_sha256.data(), numbers_sha256.size()), "/", request.seam_corners.size(), "/",
+      request.uncut_corners.size(), "/", request.face_atlas.size(), "/",
       request.array_vertices.has_value() ? absl::StrCat(*request.array_vertices) : "draco", "/",
       request.failpoint.size(), request.failpoint, Deterministic(options)));
 }

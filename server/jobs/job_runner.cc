@@ -206,6 +206,8 @@ bool JobRunner::Prepare(const ClaimedWork& work, JobAssignment* assignment) {
   request.set_max_threads(context_.options.threads);
   request.set_seam_corners(record.seam_corners());
   request.set_uncut_corners(record.uncut_corners());
+  request.set_face_atlases(record.face_atlases());
+  request.set_face_weights(record.face_weights());
   if (record.has_array_vertices()) request.set_array_vertices(record.array_vertices());
   // What was reserved is all there is: the jobs beside it have the rest.
   request.set_expected_bytes(work.memory_bytes);

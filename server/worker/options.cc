@@ -36,6 +36,10 @@ constexpr Choice<v1::Effort, PackEffort> kEfforts[] = {
     {v1::EFFORT_NORMAL, PackEffort::kNormal},
     {v1::EFFORT_BEST, PackEffort::kBest},
 };
+constexpr Choice<v1::AtlasLayout, AtlasLayout> kLayouts[] = {
+    {v1::ATLAS_LAYOUT_UDIM, AtlasLayout::kUdim},
+    {v1::ATLAS_LAYOUT_STACKED, AtlasLayout::kStacked},
+};
 constexpr Choice<v1::Solver, SolverType> kSolvers[] = {
     {v1::SOLVER_AUTO, SolverType::kAuto},
     {v1::SOLVER_UZAWA, SolverType::kUzawa},
@@ -95,6 +99,7 @@ absl::StatusOr<UnwrapOptions> ToCore(const v1::UnwrapOptions& options) {
   FlattenOptions& flatten = core.flatten;
   PLANISH_RETURN_IF_ERROR(Choose("seams", kSeams, options.seams(), &core.seams.policy));
   PLANISH_RETURN_IF_ERROR(Choose("pack", kPacks, options.pack(), &core.pack));
+  PLANISH_RETURN_IF_ERROR(Choose("atlas_layout", kLayouts, options.atlas_layout(), &core.layout));
   PLANISH_RETURN_IF_ERROR(Choose("effort", kEfforts, options.effort(), &core.atlas.effort));
   PLANISH_RETURN_IF_ERROR(Choose("solver", kSolvers, options.solver(), &flatten.solver));
   PLANISH_RETURN_IF_ERROR(Choose("system", kSystems, options.system(), &flatten.system));
@@ -160,6 +165,9 @@ v1::Preconditioner ToProto(PreconditionerType type) {
 }
 v1::Hessian ToProto(HessianType type) {
   return Find(kHessians, type);
+}
+v1::AtlasLayout ToProto(AtlasLayout layout) {
+  return Find(kLayouts, layout);
 }
 v1::Effort ToProto(PackEffort effort) {
   return Find(kEfforts, effort);

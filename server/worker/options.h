@@ -28,6 +28,7 @@ v1::Solver ToProto(SolverType type);
 v1::System ToProto(SystemType type);
 v1::Preconditioner ToProto(PreconditionerType type);
 v1::Hessian ToProto(HessianType type);
+v1::AtlasLayout ToProto(AtlasLayout layout);
 v1::Effort ToProto(PackEffort effort);
 v1::Boundary ToProto(BoundaryType type);
 v1::Precision ToProto(Precision precision);

@@ -139,6 +139,18 @@ v1::Atlas AtlasOf(const UnwrapResult& result, const UnwrapOptions& options) {
   atlas.set_tiles(result.tiles);
   atlas.set_effort(ToProto(options.atlas.effort));
   atlas.set_texels_per_unit(result.texels_per_unit);
+  atlas.set_layout(ToProto(options.layout));
+  for (std::size_t i = 0; i < std::min(result.atlases.size(), kMaxAtlasParts); ++i) {
+    const AtlasReport& report = result.atlases[i];
+    v1::AtlasPart& part = *atlas.add_atlases();
+    part.set_atlas(report.atlas);
+    part.set_triangles(report.faces);
+    part.set_charts(report.charts);
+    part.set_first_tile(report.first_tile);
+    part.set_tiles(report.tiles);
+    part.set_texels_per_unit(report.texels_per_unit);
+    part.set_packing_efficiency(report.packing_efficiency);
+  }
   return atlas;
 }
 

@@ -17,6 +17,8 @@ v1::Progress ToProto(const UnwrapProgress& progress);
 
 // Charts that a report describes one by one (planish.v1.Report.charts): a few hundred KB.
 inline constexpr std::size_t kMaxChartReports = 1024;
+// AtlasParts in a report at most.
+inline constexpr std::size_t kMaxAtlasParts = 1024;
 
 // Without times.queue, times.decode, times.encode, peak_memory_bytes and threads. `result` came from `options`.
 v1::Report ToProto(const UnwrapResult& result, const Mesh& mesh, const UnwrapOptions& options);

@@ -28,35 +28,39 @@ namespace {
 
 using worker::v1::WorkRequest;
 
-// The int32 numbers of the second blob.
-class Corners {
+// The numbers of the second blob, one kind after the other.
+class Numbers {
  public:
-  static absl::StatusOr<Corners> Find(const WorkRequest& request, const std::vector<BlobPtr>& blobs) {
-    const std::int64_t seams = request.seam_corners(), uncut = request.uncut_corners();
+  static absl::StatusOr<Numbers> Find(const WorkRequest& request, const std::vector<BlobPtr>& blobs) {
     const std::string_view bytes = blobs.size() > 1 ? blobs[1]->bytes() : std::string_view();
-    const auto count = static_cast<std::int64_t>(bytes.size() / sizeof(std::int32_t));
-    if (blobs.empty() || seams < 0 || uncut < 0 || seams > count || uncut != count - seams ||
-        bytes.size() % sizeof(std::int32_t) != 0) {
+    auto left = static_cast<std::int64_t>(bytes.size() / sizeof(std::int32_t));
+    bool sound = !blobs.empty() && bytes.size() % sizeof(std::int32_t) == 0;
+    for (const std::int64_t count :
+         {request.seam_corners(), request.uncut_corners(), request.face_atlases(), request.face_weights()}) {
+      sound = sound && count >= 0 && count <= left;
+      if (sound) left -= count;
+    }
+    if (!sound || left != 0) {
       return InternalError("the server sent a job whose bytes are not those it announced");
     }
-    return Corners(bytes, seams);
+    return Numbers(bytes);
   }
 
-  std::vector<std::int32_t> seams() const { return Copy(bytes_.substr(0, seam_bytes_)); }
-  std::vector<std::int32_t> uncut() const { return Copy(bytes_.substr(seam_bytes_)); }
-
- private:
-  Corners(std::string_view bytes, std::int64_t seams)
-      : bytes_(bytes), seam_bytes_(static_cast<std::size_t>(seams) * sizeof(std::int32_t)) {}
-
-  static std::vector<std::int32_t> Copy(std::string_view bytes) {
-    std::vector<std::int32_t> numbers(bytes.size() / sizeof(std::int32_t));
-    if (!bytes.empty()) std::memcpy(numbers.data(), bytes.data(), bytes.size());
+  // The next so many.
+  template <typename Number>
+  std::vector<Number> Take(std::int64_t count) {
+    static_assert(sizeof(Number) == sizeof(std::int32_t));
+    std::vector<Number> numbers(static_cast<std::size_t>(count));
+    const std::string_view own = bytes_.substr(0, numbers.size() * sizeof(Number));
+    if (!own.empty()) std::memcpy(numbers.data(), own.data(), own.size());
+    bytes_.remove_prefix(own.size());
     return numbers;
   }
 
+ private:
+  explicit Numbers(std::string_view bytes) : bytes_(bytes) {}
+
   std::string_view bytes_;
-  std::size_t seam_bytes_;
 };
 
 class Work {
@@ -68,9 +72,11 @@ class Work {
     PLANISH_ASSIGN_OR_RETURN(UnwrapOptions options, ToCore(request_.options()));
     const int max_threads = std::clamp(request_.max_threads(), 1, kMaxThreads);
     options.threads = request_.options().threads() == 0 ? max_threads : std::min(options.threads, max_threads);
-    PLANISH_ASSIGN_OR_RETURN(const Corners corners, Corners::Find(request_, blobs_));
-    options.seams.corners = corners.seams();
-    options.seams.uncut_corners = corners.uncut();
+    PLANISH_ASSIGN_OR_RETURN(Numbers numbers, Numbers::Find(request_, blobs_));
+    options.seams.corners = numbers.Take<std::int32_t>(request_.seam_corners());
+    options.seams.uncut_corners = numbers.Take<std::int32_t>(request_.uncut_corners());
+    options.face_atlas = numbers.Take<std::int32_t>(request_.face_atlases());
+    options.face_weights = numbers.Take<float>(request_.face_weights());
     tolerance_ = options.flatten.tolerance;
 
     ReportStage(v1::STAGE_DECODE);

@@ -131,6 +131,13 @@ TEST(ArgumentsTest, SeveralFilesAreABatchUnlessTheyShareAnAtlas) {
   EXPECT_FALSE(Parse({"unwrap", "a.obj", "-o", "out/"}).arguments->batch);
 }
 
+TEST(ArgumentsTest, AtlasesPerFileMakeOneJobAndOthersABatch) {
+  EXPECT_FALSE(Parse({"unwrap", "a.obj", "b.glb", "-o", "out/", "--atlas-per=file"}).arguments->batch);
+  const ParsedArguments parsed = Parse({"unwrap", "a.obj", "b.glb", "-o", "out/", "--atlas-per=mesh"});
+  EXPECT_TRUE(parsed.arguments->batch);
+  EXPECT_EQ(parsed.arguments->atlas_per, AtlasPer::kMesh);
+}
+
 TEST(ArgumentsTest, Pack) {
   ParsedArguments parsed = Parse({"pack", "in.glb", "-o", "o.glb", "--texture-size=2048", "--padding=8", "--tiles=2",
                                   "--density=keep", "--texcoord=1", "--preview=p.svg"});
@@ -316,6 +323,16 @@ TEST(ArgumentsTest, BadUsageExitsWith2AndAHint) {
       {{"unwrap", "a.obj", "b.obj", "--one-atlas"}, "-o DIRECTORY/"},
       {{"unwrap", "a.obj", ".", "--one-atlas", "-o", "out"}, "is a directory"},
       {{"unwrap", "a.obj", "b.obj", "--one-atlas", "--detach", "--server=h:1"}, "one file"},
+      {{"unwrap", "a.obj", ".", "--atlas-per=file", "-o", "out"}, "--atlas-per=file takes files; . is a directory"},
+      {{"unwrap", "a.obj", "b.obj", "--atlas-per=file", "--detach", "--server=h:1"}, "one file"},
+      {{"unwrap", "a.obj", "b.obj", "-o", "out", "--one-atlas", "--atlas-per=group"}, "--one-atlas"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--atlas-per=group", "--pack=off"},
+       "--atlas-per is about charts in an atlas"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--atlas-per=group", "--seams=none"}, "--atlas-per needs charts"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--atlas-layout=stacked"}, "give both"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--atlas-per=group", "--atlas-layout=stacked", "--report=x.html"},
+       "--report"},
+      {{"unwrap", "in.obj", "-o", "x.obj", "--weight=skin=2", "--seams=none"}, "--weight needs charts"},
       {{"unwrap", "in.glb", "-o", "x.glb", "--texcoord=8"}, "texcoord"},
       {{"unwrap", "in.obj", "-o", "-", "--json"}, "stdout"},
       {{"unwrap", "in.obj", "--detach"}, "--server"},

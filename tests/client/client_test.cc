@@ -101,6 +101,15 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
     report.mutable_atlas()->set_tiles(3);
     report.mutable_atlas()->set_texels_per_unit(12.5);
     report.mutable_atlas()->set_effort(v1::EFFORT_BEST);
+    report.mutable_atlas()->set_layout(v1::ATLAS_LAYOUT_STACKED);
+    v1::AtlasPart& part = *report.mutable_atlas()->add_atlases();
+    part.set_atlas(7);
+    part.set_triangles(1);
+    part.set_charts(2);
+    part.set_first_tile(3);
+    part.set_tiles(4);
+    part.set_texels_per_unit(5);
+    part.set_packing_efficiency(0.5);
     *success.mutable_job()->mutable_options() = request.spec().options();
     stream.Send(success);
     stream.SendUv(0, Bytes(kUv));
@@ -114,6 +123,7 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   options.padding = 0;
   options.tiles = 4;
   options.effort = Effort::kFast;
+  options.atlas_layout = AtlasLayout::kStacked;
   options.pack = false;
   Job echo;
   Callbacks callbacks;
@@ -121,12 +131,21 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   const std::vector<std::uint32_t> edges = {4, 1, 5, 4};  // the diagonal, in the caller's ids, and an outer edge
   const std::vector<std::int32_t> corners = {0};          // faces the edge 2-4
   const std::vector<std::int32_t> uncut = {5, 1};
-  const UnwrapResult result = NewClient().Unwrap(
-      MeshView(kWithIsolated, kTrianglesOfIt).WithSeams(edges).WithSeamCorners(corners).WithUncutCorners(uncut),
-      options, callbacks);
+  const std::vector<std::int32_t> atlas = {0, 7};
+  const std::vector<float> weights = {1, 0.5F};
+  const UnwrapResult result = NewClient().Unwrap(MeshView(kWithIsolated, kTrianglesOfIt)
+                                                     .WithSeams(edges)
+                                                     .WithSeamCorners(corners)
+                                                     .WithUncutCorners(uncut)
+                                                     .WithFaceAtlas(atlas)
+                                                     .WithFaceWeights(weights),
+                                                 options, callbacks);
 
   EXPECT_THAT(seen.spec().seam_corners(), ElementsAre(1, 3, 0));
   EXPECT_THAT(seen.spec().uncut_corners(), ElementsAre(5, 1));
+  EXPECT_THAT(seen.spec().face_atlas(), ElementsAre(0, 7));
+  EXPECT_THAT(seen.spec().face_weights(), ElementsAre(1, 0.5F));
+  EXPECT_EQ(seen.spec().options().atlas_layout(), v1::ATLAS_LAYOUT_STACKED);
   EXPECT_EQ(seen.spec().options().seams(), v1::SEAMS_KEEP);
   EXPECT_EQ(seen.spec().options().hard_edge_degrees(), 30);
   EXPECT_EQ(seen.spec().options().max_stretch(), 2);
@@ -147,6 +166,16 @@ TEST_F(ClientTest, SeamsAndAtlasTravel) {
   EXPECT_EQ(result.report.atlas.tiles, 3);
   EXPECT_EQ(result.report.atlas.texels_per_unit, 12.5);
   EXPECT_EQ(result.report.atlas.effort, Effort::kBest);
+  EXPECT_EQ(result.report.atlas.layout, AtlasLayout::kStacked);
+  ASSERT_EQ(result.report.atlas.atlases.size(), 1u);
+  const AtlasPart& part = result.report.atlas.atlases[0];
+  EXPECT_EQ(part.atlas, 7);
+  EXPECT_EQ(part.triangles, 1);
+  EXPECT_EQ(part.charts, 2);
+  EXPECT_EQ(part.first_tile, 3);
+  EXPECT_EQ(part.tiles, 4);
+  EXPECT_EQ(part.texels_per_unit, 5);
+  EXPECT_EQ(part.packing_efficiency, 0.5);
   EXPECT_FALSE(result.IsUsable()) << "two charts did not converge, be they described or not";
 }
 
@@ -182,6 +211,10 @@ TEST_F(ClientTest, SeamsThatAreNoneAreRefusedBeforeTheyTravel) {
     error = ErrorOf([&] { NewClient().Unwrap(mesh.WithUncutCorners(std::vector<std::int32_t>{corner})); });
     EXPECT_EQ(error.metadata().at("field"), "uncut_corners");
   }
+  error = ErrorOf([&] { NewClient().Unwrap(mesh.WithFaceAtlas(std::vector<std::int32_t>{0})); });
+  EXPECT_EQ(error.metadata().at("field"), "face_atlas") << "of two triangles";
+  error = ErrorOf([&] { NewClient().Unwrap(mesh.WithFaceWeights(std::vector<float>{1, 1, 1})); });
+  EXPECT_EQ(error.metadata().at("field"), "face_weights");
 }
 
 TEST_F(ClientTest, DoubleUvAndDoublePositions) {

@@ -7,8 +7,8 @@
 #include "core/base/sha256.h"
 #include "planish/v1/planish.pb.h"
 #include "server/access/caller.h"
-#include "server/store/job_filter.h"
 #include "server/jobs/job_request.h"
+#include "server/store/job_filter.h"
 #include "server/worker/mesh_arrays.h"
 #include "server/worker/needs.h"
 #include "server/worker/options.h"
@@ -71,10 +71,11 @@ void CheckJobRequest(v1::JobSpec spec, const std::string& request_id) {
   }
   Require(!job.bytes.empty() && job.MeshBytes() <= kMaxMeshBytes, "a mesh within the limit");
   if (job.array_vertices.has_value()) CheckArrays(job);
-  const std::string corners = PackCorners(job);
-  Require(corners.size() == 4 * (job.seam_corners.size() + job.uncut_corners.size()), "four bytes a corner");
-  const std::string key = WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(corners));
-  Require(key.size() == 32 && key == WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(corners)),
+  const std::string numbers = PackNumbers(job);
+  Require(numbers.size() == 4 * job.NumberCount(), "four bytes a number");
+  Require(job.OptionsForNeeds().tiles() <= std::max(100, job.options.tiles()), "tiles are in range");
+  const std::string key = WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(numbers));
+  Require(key.size() == 32 && key == WorkKey(kDefaultTenant, job, Sha256(job.bytes), Sha256(numbers)),
           "the same key for the same work");
   for (const auto& [name, value] : job.labels) Require(IsLabelKey(name) && value.size() <= 256, "labels are in range");
   for (const auto* duration : {&job.scheduling.timeout(), &job.scheduling.compute_budget()}) {

@@ -46,6 +46,13 @@ class MeshView {
   // from. Given seams part charts all the same.
   MeshView WithUncutCorners(std::span<const std::int32_t> c) const { return With(&MeshView::uncut_corners_, c); }
 
+  // The atlas that each triangle goes into: a number for each, from 0 on. Charts end where it differs;
+  // UnwrapOptions::atlas_layout says where atlases go, and Atlas::atlases what became of each.
+  MeshView WithFaceAtlas(std::span<const std::int32_t> atlas) const { return With(&MeshView::face_atlas_, atlas); }
+  // So many times the texels per length: a number for each triangle, in [0.01, 100]. Charts end where it differs; with
+  // Seams::kKeep they do not, and have the mean of their triangles by area.
+  MeshView WithFaceWeights(std::span<const float> weights) const { return With(&MeshView::face_weights_, weights); }
+
   std::int64_t vertex_count() const { return static_cast<std::int64_t>(floats_.size() + doubles_.size()) / 3; }
   std::int64_t triangle_count() const { return static_cast<std::int64_t>(indices_.size()) / 3; }
 
@@ -68,6 +75,8 @@ class MeshView {
   std::span<const std::uint32_t> seam_vertices_;
   std::span<const std::int32_t> seam_corners_;
   std::span<const std::int32_t> uncut_corners_;
+  std::span<const std::int32_t> face_atlas_;
+  std::span<const float> face_weights_;
 };
 
 enum class JobState { kUnspecified, kQueued, kRunning, kStopping, kSucceeded, kFailed, kCancelled, kExpired };
@@ -97,6 +106,10 @@ enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class Hessian { kConvex, kExact, kAuto };
 enum class Boundary { kFree, kConvex };
 enum class Precision { kAuto, kFloat, kDouble };
+enum class AtlasLayout {
+  kUdim,     // each atlas into UDIM tiles of its own, all at one texel density
+  kStacked,  // all into the same tiles, as textures of their own, each as large as it fits there
+};
 enum class Effort {
   kFast,    // packing costs about a quarter of the rest of the unwrap
   kNormal,  // about half of the rest
@@ -115,6 +128,7 @@ const char* ToString(Hessian hessian);
 const char* ToString(Boundary boundary);
 const char* ToString(Precision precision);
 const char* ToString(Effort effort);
+const char* ToString(AtlasLayout layout);  // "udim", "stacked"
 
 // Whether a job in this state will never change again.
 bool IsTerminal(JobState state);
@@ -131,15 +145,16 @@ struct SolverOptions {
 
 struct UnwrapOptions {
   Seams seams = Seams::kAuto;
-  double max_stretch = 0;           // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
-  double hard_edge_degrees = 0;     // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
-  bool pack = true;                 // false: charts as they were solved, at the surface's scale, one over the other
-  int texture_size = 0;             // texels per side of a tile, in [16, 65536]; 0: 1024
-  std::optional<int> padding;       // texels between charts, half as many at the rim, in [0, 64]; unset: 2
-  int tiles = 0;                    // at most so many: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
-  Effort effort = Effort::kNormal;  // of packing
-  Boundary boundary = Boundary::kFree;     // kConvex: the outline of the map is a convex polygon
-  Precision precision = Precision::kAuto;  // of the UV; kAuto: kFloat where floats keep the map
+  double max_stretch = 0;        // of any chart (ChartReport::stretch_l2), with kAuto; in [1.001, 100]; 0: 1.05
+  double hard_edge_degrees = 0;  // edges whose faces' normals are further apart are given seams; (0, 180], 0: none
+  bool pack = true;              // false: charts as they were solved, at the surface's scale, one over the other
+  int texture_size = 0;          // texels per side of a tile, in [16, 65536]; 0: 1024
+  std::optional<int> padding;    // texels between charts, half as many at the rim, in [0, 64]; unset: 2
+  int tiles = 0;                 // of each atlas: UDIM 1001, 1002, ..., ten in a row; in [1, 100]; 0: 1
+  AtlasLayout atlas_layout = AtlasLayout::kUdim;  // with MeshView::WithFaceAtlas
+  Effort effort = Effort::kNormal;                // of packing
+  Boundary boundary = Boundary::kFree;            // kConvex: the outline of the map is a convex polygon
+  Precision precision = Precision::kAuto;         // of the UV; kAuto: kFloat where floats keep the map
   int threads = 0;  // in [1, 256], at most what the server allows; 0: that many. The UV do not depend on it
   SolverOptions solver;
 };
@@ -224,13 +239,27 @@ struct ChartTotals {
 };
 
 // Where the charts went, in texels of the texture that was asked for.
+// One of several atlases.
+struct AtlasPart {
+  int atlas = 0;  // its number (MeshView::WithFaceAtlas)
+  std::int64_t triangles = 0;
+  int charts = 0;
+  int first_tile = 0;             // 0 is UDIM 1001
+  int tiles = 1;                  // from first_tile to the last that is used
+  double texels_per_unit = 0;     // of length on the surface, at weight 1
+  double packing_efficiency = 0;  // area of the triangles over that of the tiles
+};
+
 struct Atlas {
   bool pack = true;
   int texture_size = 0;
   int padding = 0;
-  int tiles = 1;               // that are used
-  double texels_per_unit = 0;  // of length on the surface; 0 without packing
+  int tiles = 1;               // up to the last that is used
+  double texels_per_unit = 0;  // of length on the surface, at weight 1, the least of all atlases; 0 without packing
   Effort effort = Effort::kNormal;
+  AtlasLayout layout = AtlasLayout::kUdim;
+  // With WithFaceAtlas: one for each number, ascending, 1024 at most; otherwise empty.
+  std::vector<AtlasPart> atlases = {};
 };
 
 // Measured on the delivered UV with exact predicates.

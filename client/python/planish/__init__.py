@@ -41,6 +41,7 @@ from .errors import (
     Unimplemented,
 )
 from .job import (
+    AtlasPart,
     AtlasReport,
     Capabilities,
     ChartReport,
@@ -69,6 +70,7 @@ __all__ = [
     "ArrayError",
     "AsyncClient",
     "Atlas",
+    "AtlasPart",
     "AtlasReport",
     "Call",
     "Callbacks",

@@ -12,6 +12,8 @@ from .job import Scheduling, UnwrapOptions, enum_number
 from .mesh import PackedMesh, pack_mesh
 from .v1 import job_pb2, planish_pb2
 
+#: What belongs to corners and faces of the mesh, beside the mesh itself.
+OF_MESH = ("seam_edges", "seam_corners", "parts", "uncut_corners", "face_atlas", "face_weights")
 _OPTION_NAMES = frozenset(each.name for each in dataclasses.fields(UnwrapOptions))
 
 
@@ -25,6 +27,10 @@ class NewJob:
     seam_corners: Any = None  #: corner 3 f + k faces the edge between the other two corners of triangle f: a given seam
     parts: Any = None  #: (F,), integers: a given seam runs wherever the labels of two triangles differ
     uncut_corners: Any = None  #: corners that face edges at which no seam is added, as diagonals of polygons
+    face_atlas: Any = None  #: (F,), integers from 0 on: the atlas that each triangle goes into; charts end where it differs
+    #: (F,), numbers in [0.01, 100]: so many times the texels per length. Charts end where it differs; with seams="keep" they do
+    #: not, and have the mean of their triangles by area.
+    face_weights: Any = None
     options: UnwrapOptions = field(default_factory=UnwrapOptions)
     scheduling: Scheduling = field(default_factory=Scheduling)
     #: Whatever helps to find the job again. At most 32; keys of a-z, 0-9, "-" and "_", values of at most 256 bytes.
@@ -41,6 +47,8 @@ class NewJob:
             seam_corners=self.seam_corners,
             parts=self.parts,
             uncut_corners=self.uncut_corners,
+            face_atlas=self.face_atlas,
+            face_weights=self.face_weights,
         )
 
 
@@ -53,8 +61,8 @@ def new_job(
     request_id: str,
     more: Dict[str, Any],
 ) -> NewJob:
-    """`more`: seams and fields of UnwrapOptions, as keywords of the call."""
-    seams = {key: more.pop(key, None) for key in ("seam_edges", "seam_corners", "parts", "uncut_corners")}
+    """`more`: what :data:`OF_MESH` names and fields of UnwrapOptions, as keywords of the call."""
+    of_mesh = {key: more.pop(key, None) for key in OF_MESH}
     unknown = sorted(set(more) - _OPTION_NAMES)
     if unknown:
         raise TypeError(f"there is no option {unknown[0]!r}; planish.UnwrapOptions has those that there are")
@@ -65,7 +73,7 @@ def new_job(
         scheduling=scheduling or Scheduling(),
         labels=labels or {},
         request_id=request_id,
-        **seams,
+        **of_mesh,
     )
 
 
@@ -89,6 +97,8 @@ def spec_message(job: NewJob, mesh: Optional[PackedMesh], upload: str = "") -> A
             set_arrays(spec, mesh)
         spec.seam_corners.extend(mesh.seam_corners.tolist())
         spec.uncut_corners.extend(mesh.uncut_corners.tolist())
+        spec.face_atlas.extend(mesh.face_atlas.tolist())
+        spec.face_weights.extend(mesh.face_weights.tolist())
     _fill_options(job.options, spec.options)
     _fill_scheduling(job.scheduling, spec.scheduling)
     try:

@@ -32,8 +32,11 @@ class UnwrapOptions:
     texture_size: Optional[int] = None
     #: Texels between charts, half as many at the rim. In [0, 64]; None: 2.
     padding: Optional[int] = None
-    #: Tiles that may be used, UDIM 1001, 1002, ..., ten in a row. In [1, 100]; None: 1.
+    #: Tiles that each atlas may use, UDIM 1001, 1002, ..., ten in a row. In [1, 100]; None: 1.
     tiles: Optional[int] = None
+    #: With `face_atlas`: ``"udim"``, each atlas into tiles of its own, all at one texel density; or ``"stacked"``, all into the same
+    #: tiles, as textures of their own, each as large as it fits there.
+    atlas_layout: str = "udim"
     #: What packing may cost: ``"fast"`` a quarter of the rest of the unwrap, ``"normal"`` half, ``"best"`` a hundred times that.
     effort: str = "normal"
     #: ``"auto"``, ``"uzawa"``, ``"minres"`` or ``"direct"``.
@@ -133,15 +136,31 @@ class ChartTotals:
 
 
 @dataclass(frozen=True)
+class AtlasPart:
+    """One of several atlases."""
+
+    atlas: int = 0  #: its number in `face_atlas`
+    triangles: int = 0
+    charts: int = 0  #: 0 where its triangles are without area
+    first_tile: int = 0  #: 0 is UDIM 1001
+    tiles: int = 1  #: from first_tile to the last that is used
+    texels_per_unit: float = 0.0  #: of length on the surface, at weight 1
+    packing_efficiency: float = 0.0  #: area of the triangles over that of the tiles
+
+
+@dataclass(frozen=True)
 class AtlasReport:
     """Where the charts went, in texels of the texture that was asked for."""
 
     pack: str = "on"  #: or "off"
     texture_size: int = 0
     padding: int = 0
-    tiles: int = 1  #: that are used
-    texels_per_unit: float = 0.0  #: of length on the surface; 0 without packing
+    tiles: int = 1  #: up to the last that is used
+    #: Of length on the surface, at weight 1, the least of all atlases; 0 without packing.
+    texels_per_unit: float = 0.0
     effort: str = "normal"
+    layout: str = "udim"
+    atlases: List[AtlasPart] = field(default_factory=list)  #: with `face_atlas`: one for each number, 1024 at most
 
 
 @dataclass(frozen=True)
@@ -294,6 +313,7 @@ _NESTED: Dict[str, Type[Any]] = {
     "planish.v1.ChartReport": ChartReport,
     "planish.v1.ChartTotals": ChartTotals,
     "planish.v1.Atlas": AtlasReport,
+    "planish.v1.AtlasPart": AtlasPart,
     "planish.v1.Quality": Quality,
     "planish.v1.StageTimes": StageSeconds,
     "planish.v1.Warning": JobWarning,

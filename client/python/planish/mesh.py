@@ -25,6 +25,8 @@ class PackedMesh:
     triangles: bytes  # uint32, little-endian, 12 bytes a triangle
     seam_corners: Any  # int32 array: the edges that they face are given seams
     uncut_corners: Any  # int32 array: no seam is added at the edges that they face
+    face_atlas: Any  # int32 array, empty or a number for each triangle
+    face_weights: Any  # float32 array, likewise
     indices: Any  # the triangles as an array, (F, 3)
 
     @property
@@ -34,8 +36,8 @@ class PackedMesh:
     @property
     def byte_count(self) -> int:
         """As the server counts it against its limit."""
-        corners = len(self.seam_corners) + len(self.uncut_corners)
-        return len(self.positions) + len(self.triangles) + 4 * corners
+        numbers = sum(len(each) for each in (self.seam_corners, self.uncut_corners, self.face_atlas, self.face_weights))
+        return len(self.positions) + len(self.triangles) + 4 * numbers
 
     def sha256(self) -> bytes:
         digest = hashlib.sha256(self.positions)
@@ -67,6 +69,8 @@ def pack_mesh(
     seam_corners: Any = None,
     parts: Any = None,
     uncut_corners: Any = None,
+    face_atlas: Any = None,
+    face_weights: Any = None,
 ) -> PackedMesh:
     """Checks the arrays of a mesh and lays them out for the wire. Raises :class:`planish.ArrayError`, which names the argument.
 
@@ -84,6 +88,8 @@ def pack_mesh(
         triangles=faces.tobytes(),
         seam_corners=np.concatenate(given),
         uncut_corners=_corners("uncut_corners", uncut_corners, len(faces)),
+        face_atlas=_of_faces("face_atlas", face_atlas, len(faces), "iu", "integers", 0, 2**31 - 1).astype(np.int32),
+        face_weights=_of_faces("face_weights", face_weights, len(faces), "fiu", "real numbers", 0.01, 100).astype(np.float32),
         indices=faces,
     )
 
@@ -184,6 +190,22 @@ def _corners(argument: str, value: Any, faces: int) -> Any:
             {"field": argument, "corner": str(corner)},
         )
     return array.astype(np.int32)
+
+
+def _of_faces(argument: str, value: Any, faces: int, kinds: str, wanted: str, low: float, high: float) -> Any:
+    """One number for each triangle, or none at all."""
+    if value is None:
+        return np.zeros(0)
+    array = _as_array(argument, value, kinds, wanted, "OPTIONS_INVALID")
+    _check_shape(argument, array, None, "OPTIONS_INVALID")
+    if len(array) != faces:
+        raise _refused(argument, f" has {len(array)} numbers for {faces} triangles", "OPTIONS_INVALID", {"field": argument})
+    bad = np.flatnonzero(~((array >= low) & (array <= high)))
+    if len(bad) > 0:
+        f = int(bad[0])
+        message = f"[{f}] is {array[f]}; it must be in [{low}, {high}]"
+        raise _refused(argument, message, "OPTIONS_INVALID", {"field": argument, "face": str(f)})
+    return array
 
 
 # Seams ------------------------------------------------------------------------------------------------------------------

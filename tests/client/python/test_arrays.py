@@ -72,6 +72,22 @@ class Arrays(unittest.TestCase):
         for bad in ([1, 2], np.zeros((12, 1), int), np.zeros(12)):
             self.refused("parts", "OPTIONS_INVALID", parts=bad)
 
+    def test_numbers_of_faces(self):
+        for bad in ([0] * 11, [[0]] * 12, [0.5] * 12, [0] * 11 + [-1]):
+            self.refused("face_atlas", "OPTIONS_INVALID", face_atlas=bad)
+        for bad in ([1] * 13, [1] * 11 + [0.001], [1] * 11 + [np.nan], ["a"] * 12):
+            self.refused("face_weights", "OPTIONS_INVALID", face_weights=bad)
+        error = self.refused("face_weights", "OPTIONS_INVALID", face_weights=[1, 101] + [1] * 10)
+        self.assertEqual(error.metadata["face"], "1")
+        positions, triangles = support.cube()
+        labels = np.arange(12, dtype=np.uint8) // 6
+        job = new_job(positions, triangles, None, None, None, "", {"face_atlas": labels, "face_weights": 1 + labels})
+        packed = job.pack()
+        spec = spec_message(job, packed)
+        self.assertEqual(list(spec.face_atlas), labels.tolist())
+        self.assertEqual(list(spec.face_weights), (1.0 + labels).tolist())
+        self.assertEqual(packed.byte_count, pack_mesh(positions, triangles).byte_count + 2 * 4 * 12)
+
     def test_what_numpy_takes_is_taken(self):
         positions, triangles = support.cube()
         plain = pack_mesh(positions.tolist(), triangles.tolist())

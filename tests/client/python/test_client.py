@@ -139,6 +139,23 @@ class Unwrap(WithServer):
         self.assertEqual(result.chart_count, 4)
         self.assertEqual(len(set(zip(result.face_charts().tolist(), parts.tolist()))), 4)
 
+    def test_atlases_and_weights(self):
+        positions, triangles = support.bump()
+        labels = (positions[triangles].mean(axis=1)[:, 0] > 0.5).astype(int)
+        result = self.client.unwrap(positions, triangles, face_atlas=2 * labels, face_weights=1.0 + labels)
+        self.assertEqual(set(np.floor(result.uv[labels == 0][..., 0]).ravel()), {0})
+        self.assertEqual(set(np.floor(result.uv[labels == 1][..., 0]).ravel()), {2})
+        atlases = result.report.atlas.atlases
+        self.assertEqual([each.atlas for each in atlases], [0, 2])
+        self.assertEqual([each.triangles for each in atlases], np.bincount(labels).tolist())
+        self.assertGreater(atlases[1].packing_efficiency, 2 * atlases[0].packing_efficiency)
+        stacked = self.client.unwrap(positions, triangles, face_atlas=labels, atlas_layout="stacked")
+        self.assertEqual(stacked.report.atlas.layout, "stacked")
+        self.assertLess(stacked.uv.max(), 1)
+        with self.assertRaises(planish.InvalidArgument) as raised:
+            self.client.unwrap(positions, triangles, face_atlas=100 * labels)
+        self.assertEqual(raised.exception.metadata["field"], "spec.face_atlas")
+
     def test_seam_edges(self):
         positions, triangles = support.bump(4)
         middle = np.flatnonzero(positions[:, 0] == 0.5)

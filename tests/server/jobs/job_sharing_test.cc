@@ -51,7 +51,7 @@ TEST_F(JobSharingTest, OneResultForAll) {
 }
 
 TEST_F(JobSharingTest, OtherOptionsSeamsOrFailpointsAreOtherWork) {
-  options_.limits.queue_capacity = 10;
+  options_.limits.queue_capacity = 20;
   Restart();
   CreateSame();
   const auto joins = [this](const std::function<void(JobRequest*)>& change) {
@@ -61,6 +61,9 @@ TEST_F(JobSharingTest, OtherOptionsSeamsOrFailpointsAreOtherWork) {
   EXPECT_FALSE(joins([](JobRequest* request) { request->options.set_tolerance(1e-6); }));
   EXPECT_FALSE(joins([](JobRequest* request) { request->seam_corners = {1}; }));
   EXPECT_FALSE(joins([](JobRequest* request) { request->uncut_corners = {1}; }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->face_atlas = {1}; }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->face_weights = {1}; }));
+  EXPECT_FALSE(joins([](JobRequest* request) { request->options.set_atlas_layout(v1::ATLAS_LAYOUT_STACKED); }));
   EXPECT_FALSE(joins([](JobRequest* request) { request->failpoint = "solve=abort"; }));
   EXPECT_FALSE(joins([](JobRequest* request) { request->scheduling.set_fresh(true); }));
 }

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <bit>
 #include <cstring>
 #include <limits>
 #include <new>
@@ -279,6 +280,34 @@ TEST(Work, SeamCornersBeyondTheMeshAreRefusedByNumber) {
     AddCorners({}, {corner}, &uncut);
     EXPECT_EQ(Reason(RunOnce(uncut)), "OPTIONS_INVALID") << corner;
   }
+}
+
+TEST(Work, AtlasesAndWeightsComeBehindTheCorners) {
+  Job job = JobOf(Bump(4));  // 32 faces
+  AddCorners({95}, {}, &job);
+  std::vector<std::int32_t> numbers = {95};
+  for (int f = 0; f < 32; ++f) numbers.push_back(f < 16 ? 0 : 4);
+  for (int f = 0; f < 32; ++f) numbers.push_back(std::bit_cast<std::int32_t>(f < 16 ? 1.0F : 2.0F));
+  job.blobs[1] = *Blob::Copy({reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(std::int32_t)});
+  job.request.set_face_atlases(32);
+  job.request.set_face_weights(32);
+  const worker::v1::WorkResult result = RunOnce(job);
+  ASSERT_EQ(result.status().code(), 0) << result.status().message();
+  const v1::Atlas& atlas = result.report().atlas();
+  EXPECT_EQ(atlas.layout(), v1::ATLAS_LAYOUT_UDIM);
+  ASSERT_EQ(atlas.atlases_size(), 2);
+  EXPECT_EQ(atlas.atlases(1).atlas(), 4);
+  EXPECT_EQ(atlas.atlases(1).first_tile(), 4);
+  EXPECT_EQ(atlas.atlases(1).triangles(), 16);
+  EXPECT_GE(atlas.atlases(1).charts(), 1);
+  EXPECT_GT(atlas.atlases(1).packing_efficiency(), 2 * atlas.atlases(0).packing_efficiency()) << "of twice the weight";
+  EXPECT_EQ(atlas.tiles(), 5);
+
+  job.request.set_face_weights(31);
+  EXPECT_EQ(RunOnce(job).status().code(), static_cast<int>(absl::StatusCode::kInternal)) << "not what was announced";
+  job.request.set_face_atlases(33);
+  const worker::v1::WorkResult wrong = RunOnce(job);
+  EXPECT_EQ(Reason(wrong), "OPTIONS_INVALID") << "one too many";
 }
 
 TEST(Work, ReportsTheAtlasThatWasAskedFor) {
