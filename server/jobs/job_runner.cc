@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -21,8 +22,8 @@ constexpr double kMostFactor = 100;
 // Between two looks for work where no news came; likewise where none come, and for wishes, too.
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
-// Claims that all servers of a farm make together: each waits the longer after one the more there are, and takes more
-// with the next.
+// Claims that all servers of a farm make together: each has one in an interval, which is the longer the more there are,
+// and takes more with it.
 constexpr double kClaimsPerSecond = 250;
 constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
 // Renewals in the time that a lease lasts.
@@ -37,6 +38,10 @@ constexpr double kReportsPerSecond = 200;
 // Another attempt would need as much.
 bool IsOutOfMemory(const WorkerLoss& loss) {
   return loss.reason == "OUT_OF_MEMORY";
+}
+
+bool IsSameLease(const Lease& one, const Lease& other) {
+  return one.work == other.work && one.attempt == other.attempt && one.owner == other.owner;
 }
 
 // Of one of the jobs that share the work.
@@ -133,17 +138,25 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   } else {
     Postpone(claimed.status());
   }
-  const absl::Duration pause = ClaimInterval();
+  const absl::Time next_claim = NextClaim();
   lock->lock();
   claiming_ = false;
-  next_claim_ = context_.options.steady_clock() + pause;
+  next_claim_ = next_claim;
   if (claimed.ok()) {
     const absl::Time now = context_.options.steady_clock();
     for (const ClaimedWork& work : *claimed) {
       Attempt& attempt = attempts_[work.lease.work];
+      // The database forgot that this was claimed (its last moments are lost when it crashes), and gave it once more
+      // under the same lease: the worker that is at it goes on, and no other one begins.
+      if (IsSameLease(attempt.work.lease, work.lease)) {
+        attempt.renewed = now;
+        attempt.look = true;
+        continue;
+      }
+      if (attempt.link != nullptr) attempt.link->Close();
       attempt = Attempt();
       attempt.work = work;
-      attempt.start = attempt.reported = now;
+      attempt.start = attempt.reported = attempt.renewed = now;
       attempt.wish = work.wish;
       attempt.look = missed_;
       ready_.push_back(work);
@@ -155,8 +168,13 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   changed_.notify_all();
 }
 
-absl::Duration JobRunner::ClaimInterval() const {
-  return context_.Pace(kClaimsPerSecond, kLeastClaimInterval);
+absl::Time JobRunner::NextClaim() const {
+  const absl::Time now = context_.options.steady_clock();
+  const absl::Duration interval = context_.Pace(kClaimsPerSecond, kLeastClaimInterval);
+  if (interval == absl::ZeroDuration()) return now;
+  // Servers that once waited for the same thing would otherwise come together from then on.
+  const double place = static_cast<double>(std::hash<std::string>()(owner_) % 1000) / 1000;
+  return now + interval - (now - absl::UnixEpoch() + place * interval) % interval;
 }
 
 absl::Status JobRunner::MeshLost(const absl::Status& why) {
@@ -294,6 +312,7 @@ void JobRunner::LookForWishes() {
 }
 
 void JobRunner::Renew(const std::vector<Lease>& leases) {
+  const absl::Time now = context_.options.steady_clock();
   const absl::StatusOr<std::vector<Wish>> wishes = context_.store.Renew(leases, context_.options.lease);
   if (!wishes.ok()) context_.TellError(wishes.status());
   const std::lock_guard lock(mutex_);
@@ -304,6 +323,7 @@ void JobRunner::Renew(const std::vector<Lease>& leases) {
       attempt->look = true;
       continue;
     }
+    attempt->renewed = now;
     const Wish wish = (*wishes)[i];
     if (wish == Wish::kGiveUp) {
       // Nobody wants the result any more, or somebody else is at it.
@@ -329,12 +349,14 @@ void JobRunner::Tick() {
   {
     const std::lock_guard lock(mutex_);
     const absl::Time now = context_.options.steady_clock();
+    const absl::Duration renewal = context_.options.lease / kRenewals;
     for (auto& [name, attempt] : attempts_) {
-      if (now >= next_renewal_) leases.push_back(attempt.work.lease);
+      // A lease that is younger than half of that has its turn next time: much work is short.
+      if (now >= next_renewal_ && now - attempt.renewed >= renewal / 2) leases.push_back(attempt.work.lease);
       const bool due = now - attempt.reported >= interval;
       if (due && !attempt.progress.empty()) reports.push_back(name);
     }
-    if (now >= next_renewal_) next_renewal_ = now + context_.options.lease / kRenewals;
+    if (now >= next_renewal_) next_renewal_ = now + renewal;
     for (auto& [name, ending] : unwritten_) endings.push_back(std::move(ending));
     unwritten_.clear();
     if (now >= next_look_) {

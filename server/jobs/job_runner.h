@@ -78,8 +78,9 @@ class JobRunner : public JobSource {
 
  private:
   struct Attempt {
-    ClaimedWork work;  // as claimed
-    absl::Time start;  // by the steady clock
+    ClaimedWork work;    // as claimed
+    absl::Time start;    // by the steady clock
+    absl::Time renewed;  // likewise: the lease, at the latest then
     std::shared_ptr<WorkerLink> link;
     Wish wish = Wish::kGoOn;
     Wish told = Wish::kGoOn;  // to the worker
@@ -117,8 +118,8 @@ class JobRunner : public JobSource {
   void Renew(const std::vector<Lease>& leases);
   // Asks what is wanted where no news of that come in (JobStore::hears_others).
   void LookForWishes();
-  // Between two claims.
-  absl::Duration ClaimInterval() const;
+  // When the next claim may be: at this server's place in the next interval between claims.
+  absl::Time NextClaim() const;
   // Between two reports of one job.
   absl::Duration ReportInterval() const;
   // Writes the progress that waits, unless somebody is at it.

@@ -54,7 +54,7 @@ class Claimer {
       runs_alone_ = next->alone;
       Choose(*std::move(next));
     }
-    PLANISH_ASSIGN_OR_RETURN(std::vector<LockedWork> works, transaction_.LoadJobs(std::move(chosen_)));
+    PLANISH_ASSIGN_OR_RETURN(std::vector<LockedWork> works, transaction_.LoadJobs(std::move(chosen_), jobs_));
     for (LockedWork& work : works) PLANISH_RETURN_IF_ERROR(Start(std::move(work)));
     return absl::OkStatus();
   }
@@ -134,8 +134,8 @@ class Claimer {
     return tenants;
   }
 
-  // Locks what is next of the first tenants, with one journey to the database: of all that are as good as the first
-  // one, and of as many more as there is work to claim, each with its part of that.
+  // Locks what is next of the first tenants, and reads its jobs, with one journey to the database: of all that are as
+  // good as the first one, and of as many more as there is work to claim, each with its part of that.
   absl::Status Fetch(const std::vector<std::string>& order) {
     const std::int64_t first_turn = TurnOf(order.front());
     const auto lacks = [this](const std::string& tenant) {
@@ -153,6 +153,7 @@ class Claimer {
       Fetched* of;
       std::size_t limit;
       SqlRows rows;
+      std::deque<SqlRows> jobs;
     };
     std::deque<Answer> answers;  // whose elements stay where they are
     for (std::size_t i = 0; i < order.size(); ++i) {
@@ -161,24 +162,48 @@ class Claimer {
       Fetched& fetched = fetched_[order[i]];
       // This transaction sees again what it chose. Few different limits: each is a statement that is prepared.
       const std::size_t limit = std::bit_ceil(fetched.names.size() + part);
-      Answer& answer = answers.emplace_back(Answer{&fetched, limit, {}});
+      Answer& answer = answers.emplace_back(Answer{&fetched, limit, {}, {}});
       PLANISH_RETURN_IF_ERROR(
           sql_.RunLater(absl::StrCat("SELECT ", kWorkColumns,
                                      " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? "
                                      "ORDER BY turn_time, number LIMIT ",
                                      limit, " {skip}"),
                         {std::string_view(order[i]), most}, &answer.rows));
+      if (i >= wanted) continue;  // of many that are equally good few are chosen
+      for (std::size_t j = fetched.names.size(); j < fetched.names.size() + part; ++j) {
+        PLANISH_RETURN_IF_ERROR(sql_.RunLater(JobsOfHeadSql(),
+                                              {std::string_view(order[i]), most, static_cast<std::int64_t>(j)},
+                                              &answer.jobs.emplace_back()));
+      }
     }
     if (answers.empty()) return absl::OkStatus();
     PLANISH_RETURN_IF_ERROR(sql_.Flush());
-    for (const Answer& answer : answers) {
+    for (Answer& answer : answers) {
       answer.of->all = answer.rows.size() < answer.limit;
       for (WorkRow& work : WorkRowsOf(answer.rows)) {
         if (answer.of->names.insert(work.name).second) answer.of->heads.push_back(std::move(work));
       }
+      for (SqlRows& jobs : answer.jobs) {
+        // Whatever was locked only after the rows above is not among them: its jobs may be of before the lock.
+        if (!jobs.empty() && answer.of->names.contains(jobs.Bytes(0, kJobWorkColumn))) {
+          const std::string work = jobs.Bytes(0, kJobWorkColumn);
+          jobs_.insert_or_assign(work, std::move(jobs));
+        }
+      }
     }
     return absl::OkStatus();
   }
+
+  // The jobs of the tenant's work at one place of its queue (not further ahead than what is locked): of the tenant, of
+  // so many bytes at most, behind so many others.
+  static const std::string& JobsOfHeadSql() {
+    static const std::string sql = absl::StrCat(
+        "SELECT ", kJobColumns,
+        ", work FROM jobs WHERE ended = 0 AND work = (SELECT name FROM works WHERE tenant = ? AND running = 0 AND "
+        "memory_bytes <= ? ORDER BY turn_time, number LIMIT 1 OFFSET ? {skip}) ORDER BY number");
+    return sql;
+  }
+  static constexpr std::size_t kJobWorkColumn = 4;
 
   // Whoever counts against a limit is the only one that does so, to the end of the transaction.
   absl::StatusOr<bool> MayRun(const std::string& tenant) {
@@ -265,6 +290,7 @@ class Claimer {
     bool all = false;             // there is no more
   };
   std::map<std::string, Fetched> fetched_;
+  std::map<std::string, SqlRows> jobs_;  // of locked work, by its name, where they have been read
   // Of this owner.
   std::int64_t running_ = 0;
   std::int64_t memory_ = 0;

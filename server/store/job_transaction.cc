@@ -202,10 +202,15 @@ absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::st
   return LockedWorkOf(std::move(WorkRowsOf(rows).front()), jobs);
 }
 
-absl::StatusOr<std::vector<LockedWork>> JobTransaction::LoadJobs(std::vector<WorkRow> rows) {
+absl::StatusOr<std::vector<LockedWork>> JobTransaction::LoadJobs(std::vector<WorkRow> rows,
+                                                                 const std::map<std::string, SqlRows>& known) {
   std::vector<SqlRows> jobs(rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    PLANISH_RETURN_IF_ERROR(sql_.RunLater(JobsSql(), {std::string_view(rows[i].name)}, &jobs[i]));
+    if (const auto found = known.find(rows[i].name); found != known.end()) {
+      jobs[i] = found->second;
+    } else {
+      PLANISH_RETURN_IF_ERROR(sql_.RunLater(JobsSql(), {std::string_view(rows[i].name)}, &jobs[i]));
+    }
   }
   PLANISH_RETURN_IF_ERROR(sql_.Flush());
   std::vector<LockedWork> works;
@@ -391,15 +396,31 @@ absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
   return absl::OkStatus();
 }
 
-absl::Status JobTransaction::Delete(const JobRow& job) {
-  const std::int64_t number = job.record.number();
-  for (const char* statement :
-       {"DELETE FROM events WHERE job = ?", "DELETE FROM labels WHERE job = ?", "DELETE FROM jobs WHERE number = ?"}) {
-    PLANISH_RETURN_IF_ERROR(sql_.RunLater(statement, {number}));
+absl::Status JobTransaction::Delete(const std::vector<JobRow>& jobs) {
+  // Each number of places is a statement that is prepared: so there are two.
+  static constexpr std::size_t kTogether = 16;
+  static const auto statements_for = [](const std::string& places) {
+    std::vector<std::string> statements;
+    for (const char* rows : {"events WHERE job", "labels WHERE job", "jobs WHERE number"}) {
+      statements.push_back(absl::StrCat("DELETE FROM ", rows, " IN (", places, ")"));
+    }
+    return statements;
+  };
+  static const std::vector<std::string> one = statements_for("?");
+  static const std::vector<std::string> many = statements_for("?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?");
+  for (std::size_t i = 0; i < jobs.size();) {
+    const std::size_t end = jobs.size() - i >= kTogether ? i + kTogether : i + 1;
+    const std::vector<std::string>& statements = end == i + 1 ? one : many;
+    std::vector<SqlValue> numbers;
+    for (; i < end; ++i) {
+      const JobRecord& record = jobs[i].record;
+      numbers.emplace_back(record.number());
+      TenantAccount& account = accounts_.of(record.job().tenant());
+      account.ended -= 1;
+      account.result_bytes -= jobs[i].result_bytes;
+    }
+    for (const std::string& statement : statements) PLANISH_RETURN_IF_ERROR(sql_.RunLater(statement, numbers));
   }
-  TenantAccount& account = accounts_.of(job.record.job().tenant());
-  account.ended -= 1;
-  account.result_bytes -= job.result_bytes;
   return absl::OkStatus();
 }
 

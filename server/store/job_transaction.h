@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -95,8 +96,10 @@ class JobTransaction {
 
   // Empty: the work has ended, or, without `wait`, somebody else has locked it.
   absl::StatusOr<std::optional<LockedWork>> LockWork(const std::string& work, bool wait = true);
-  // Of work whose rows are locked, with one journey to the database.
-  absl::StatusOr<std::vector<LockedWork>> LoadJobs(std::vector<WorkRow> rows);
+  // Of work whose rows are locked, with one journey to the database, or none: `known` has rows of kJobColumns, by the
+  // name of the work, that were read since it was locked.
+  absl::StatusOr<std::vector<LockedWork>> LoadJobs(std::vector<WorkRow> rows,
+                                                   const std::map<std::string, SqlRows>& known = {});
 
   // LockWork() of the job's work, and where the job is in it; no place: it ended, and is the only row.
   struct Locked {
@@ -127,8 +130,8 @@ class JobTransaction {
   // the state does not allow it. Neither writes the row.
   absl::Status Act(JobAction action, JobChange* change);
   absl::Status Announce(JobChange* change);
-  // The row of a job that ended goes, with all that belongs to it.
-  absl::Status Delete(const JobRow& job);
+  // The rows of jobs that ended go, with all that belongs to them.
+  absl::Status Delete(const std::vector<JobRow>& jobs);
 
   // Writes `event` with the job's next sequence.
   absl::Status AddEvent(JobChange* change, v1::JobEvent event);

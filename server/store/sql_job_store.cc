@@ -107,7 +107,8 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) override {
     // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets
-    // the last claims has the work waiting again, and what their owners say under the old leases changes nothing.
+    // the last claims has the work waiting again, and what their owners say under the old leases changes nothing: the
+    // next attempt has the same number, but another owner. If it is the same owner, JobRunner goes on with the first.
     const Durability durability = database_->is_shared() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
     const absl::Status status = Change(
@@ -262,7 +263,7 @@ class SqlJobStore : public JobStore {
         return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_FINISHED",
                          absl::StrCat(name, " has not ended: cancel it first"), {{"job", name}});
       }
-      return transaction.Delete(jobs[0]);
+      return transaction.Delete(jobs);
     });
   }
 
@@ -278,10 +279,8 @@ class SqlJobStore : public JobStore {
       values.emplace_back(std::int64_t{most});
       PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, transaction.sql().Run(sql, values));
       PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobRowsOf(rows));
-      for (JobRow& job : jobs) {
-        PLANISH_RETURN_IF_ERROR(transaction.Delete(job));
-        gone.push_back(std::move(job.record));
-      }
+      PLANISH_RETURN_IF_ERROR(transaction.Delete(jobs));
+      for (JobRow& job : jobs) gone.push_back(std::move(job.record));
       return absl::OkStatus();
     });
     PLANISH_RETURN_IF_ERROR(status);

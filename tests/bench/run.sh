@@ -22,10 +22,11 @@
 # small ones; memory measures shared meshes beside its own. Packages: deploy/install-packages.sh build test bench.
 # What others' programs measure is left out, and said so, where they are missing. atlas gets xatlas through npm
 # (WebAssembly). XATLAS names a program to use instead, made of xatlas' source, best without threads: it is called with
-# MESH.obj MAP.obj PADDING SIZE and does what tests/bench/xatlas_unwrap.mjs does. In the environment, too: CORE, the core
-# that everything on one core runs on (default 0), ROUNDS of atlas and farm (default 3), LIMIT, the seconds after
-# which atlas gives up on a tool (default 300), INPUTS of mutations (default 100,000), SEEDS of chaos, which choose what
-# dies when (default "1 2 3"), and JOBS for the build (default 2).
+# MESH.obj MAP.obj PADDING SIZE and does what tests/bench/xatlas_unwrap.mjs does. In the environment, too: CORE, the
+# core that everything on one core runs on (default 0), ROUNDS of atlas and farm (default 3), STANDBY_ROUNDS of farm's
+# second half (default ROUNDS), LIMIT, the seconds after which atlas gives up on a tool (default 300), INPUTS of
+# mutations (default 100,000), SEEDS of chaos, which choose what dies when (default "1 2 3"), and JOBS for the build
+# (default 2).
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -400,7 +401,7 @@ farm() {
   postgres psql -h "$primary" -U planish -d postgres -qc "ALTER SYSTEM SET synchronous_standby_names = '*'" \
     -c "SELECT pg_reload_conf()" >/dev/null
   echo "with a synchronous standby" >&2
-  load mirrored synchronous --sleeping-machines 0
+  load mirrored synchronous --sleeping-machines 0 ${STANDBY_ROUNDS:+--rounds "$STANDBY_ROUNDS"}
   stop_postgres
   trap - EXIT
   rm -rf "$primary" "$standby"

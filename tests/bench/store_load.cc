@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <cstdio>
 #include <functional>
@@ -223,7 +224,7 @@ struct Intervals {
   explicit Intervals(int machines) : claims(machines / 250.0 > 0.02 ? machines / 250.0 : 0), looks(machines / 20.0) {}
 
   double claims;
-  double renewals = 3;  // a fifth of a lease of 15 s
+  double renewals = 3;  // a fifth of a lease of 15 s; of leases that are older than half of that
   double looks;         // for jobs that are overdue, and for servers that are gone
 };
 
@@ -252,12 +253,13 @@ class Machine {
       round_.claims.Add(Since(start));
       {
         const std::lock_guard lock(mutex_);
-        for (const ClaimedWork& work : claimed) running_.emplace(After(sleep_ * jitter(random)), work.lease);
+        for (const ClaimedWork& work : claimed) {
+          running_.emplace(After(sleep_ * jitter(random)), Held{work.lease, Clock::now()});
+        }
       }
       changed_.notify_all();
       for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
-      std::this_thread::sleep_for(
-          std::chrono::duration<double>(std::max(intervals_.claims, claimed.empty() ? 0.02 : 0)));
+      std::this_thread::sleep_for(std::chrono::duration<double>(std::max(Pause(), claimed.empty() ? 0.02 : 0)));
     }
   }
 
@@ -271,9 +273,15 @@ class Machine {
         const Clock::time_point next = running_.empty() ? After(1) : running_.begin()->first;
         changed_.wait_until(lock, std::min(next, Clock::now() + kLook),
                             [&] { return !running_.empty() && running_.begin()->first <= Clock::now(); });
-        if (!running_.empty() && running_.begin()->first <= Clock::now()) due = running_.begin()->second;
-        for (auto i = running_.begin(); Since(renewed) > intervals_.renewals && i != running_.end(); ++i)
-          leases.push_back(i->second);
+        if (!running_.empty() && running_.begin()->first <= Clock::now()) due = running_.begin()->second.lease;
+        if (Since(renewed) > intervals_.renewals) {
+          renewed = Clock::now();
+          for (auto& [end, held] : running_) {
+            if (Since(held.renewed) < intervals_.renewals / 2) continue;
+            held.renewed = renewed;
+            leases.push_back(held.lease);
+          }
+        }
       }
       if (due.has_value()) {
         const Clock::time_point start = Clock::now();
@@ -282,17 +290,14 @@ class Machine {
         ++round_.finished;
         const std::lock_guard lock(mutex_);
         running_.erase(std::find_if(running_.begin(), running_.end(),
-                                    [&](const auto& entry) { return entry.second.work == due->work; }));
+                                    [&](const auto& entry) { return entry.second.lease.work == due->work; }));
         changed_.notify_all();
       }
       if (Since(asked) > 1 && !store_.hears_others()) {
         Get(store_.Wishes(owner_));
         asked = Clock::now();
       }
-      if (!leases.empty()) {
-        Get(store_.Renew(leases, absl::Seconds(15)));
-        renewed = Clock::now();
-      }
+      if (!leases.empty()) Get(store_.Renew(leases, absl::Seconds(15)));
       if (Since(looked) > intervals_.looks) {
         Get(store_.EndOverdue(Now(), 100));
         Get(store_.Reap(Now(), "", 100));
@@ -308,6 +313,14 @@ class Machine {
 
   static Clock::time_point After(double seconds) {
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  }
+
+  // To this machine's place in the next interval between claims.
+  double Pause() const {
+    if (intervals_.claims == 0) return 0;
+    const double place = double(std::hash<std::string>()(owner_) % 1000) / 1000;
+    const double now = std::chrono::duration<double>(Clock::now().time_since_epoch()).count() / intervals_.claims;
+    return (1 - std::fmod(now + place, 1)) * intervals_.claims;
   }
 
   void NoteLone(const v1::Job& job) {
@@ -326,7 +339,11 @@ class Machine {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::multimap<Clock::time_point, Lease> running_;  // by when each ends; guarded by mutex_
+  struct Held {
+    Lease lease;
+    Clock::time_point renewed;
+  };
+  std::multimap<Clock::time_point, Held> running_;  // by when each ends; guarded by mutex_
 };
 
 // Machines and the threads of each. Ends with the round.
