@@ -94,7 +94,7 @@ TEST(LostServer, UnwrapWaitsForTheServerAndGoesOnWithItsJob) {
   EXPECT_THAT(skipped, ElementsAre(0, 0, 1022, 0));
 }
 
-// Listens, hangs up on everybody, and knows the first byte that each has sent.
+// Listens, hangs up on everybody who says something, and knows the first byte that each has sent.
 class Stranger {
  public:
   Stranger() : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
@@ -105,13 +105,17 @@ class Stranger {
     EXPECT_EQ(getsockname(socket_.get(), reinterpret_cast<sockaddr*>(&address_), &size), 0);
     EXPECT_EQ(listen(socket_.get(), 16), 0);
     thread_ = std::thread([this] {
+      std::vector<std::jthread> readers;  // one each: a peer may keep silent for as long as it likes
       while (true) {
-        const Descriptor peer(accept(socket_.get(), nullptr, nullptr));
-        char byte = 0;
+        Descriptor peer(accept(socket_.get(), nullptr, nullptr));
         if (peer.get() < 0) return;
-        if (recv(peer.get(), &byte, 1, 0) != 1) continue;
-        const std::lock_guard lock(mutex_);
-        first_bytes_ += byte;
+        readers.emplace_back([this, peer = std::move(peer)]() mutable {
+          const Descriptor hung_up_at_the_end = std::move(peer);
+          char byte = 0;
+          if (recv(hung_up_at_the_end.get(), &byte, 1, 0) != 1) return;
+          const std::lock_guard lock(mutex_);
+          first_bytes_ += byte;
+        });
       }
     });
   }
