@@ -18,7 +18,7 @@
 #include "client/cli/mesh_input.h"
 #include "client/cli/report.h"
 #include "client/cli/results.h"
-#include "client/src/request_id.h"
+#include "core/base/random_id.h"
 #include "core/base/sha256.h"
 #include "core/base/timer.h"
 
@@ -172,7 +172,7 @@ class BatchJob {
     if (!job.empty()) {
       if (std::optional<UnwrapResult> result = Fetch(job)) return Deliver(*std::move(result), true);
     }
-    if (arguments_.detach) return Queued(Queue(request_id.empty() ? NewRequestId() : request_id));
+    if (arguments_.detach) return Queued(Queue(request_id.empty() ? NewUuid() : request_id));
     CallOptions call = Call();
     call.request_id = request_id;
     Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, call), false);

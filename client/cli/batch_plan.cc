@@ -314,7 +314,7 @@ std::optional<BatchRecord> ParseRecord(const std::string& line) {
 
 BatchState::BatchState(const std::string& directory)
     : directory_(directory), path_(directory + (directory.ends_with("/") ? "" : "/") + kBatchStateFile) {
-  file_ = OwnedFd(open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+  file_ = Descriptor(open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
   if (file_.get() < 0) throw FileError("FILE_UNWRITABLE", path_, "cannot be opened");
   // File systems without locks have none to lose.
   if (flock(file_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {

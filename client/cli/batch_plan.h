@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "client/cli/arguments.h"
-#include "client/src/process.h"
+#include "core/base/descriptor.h"
 #include "planish/error.h"
 
 namespace planish::cli {
@@ -112,7 +112,7 @@ class BatchState {
  private:
   const std::string directory_;
   const std::string path_;
-  OwnedFd file_;
+  Descriptor file_;
   mutable std::mutex mutex_;  // guards what follows
   bool torn_ = false;         // the file does not end with a line break
   std::map<std::string, BatchRecord> records_;

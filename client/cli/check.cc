@@ -5,10 +5,8 @@
 #include <cstddef>
 #include <functional>
 #include <iostream>
-#include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -474,23 +472,20 @@ class CheckRun {
 }  // namespace
 
 int RunCheck(const Arguments& arguments, Interrupts& interrupts) {
-  const auto interrupter = std::make_shared<Interrupter>();
-  ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
-  Execution execution;
-  execution.team = &team;
-  execution.cancel = interrupter.get();
-  interrupts.SetCancel([interrupter] { interrupter->Interrupt(); });
-  CheckRun run(arguments, execution);
-  run.File(arguments.input);
-  for (const std::string& path : arguments.more_inputs) {
-    if (!interrupter->IsInterrupted()) run.File(path);
-  }
-  interrupts.SetCancel({});
-  if (interrupter->IsInterrupted()) {
+  int exit_code = kOk;
+  const bool is_interrupted = IsInterruptedIn(interrupts, [&](const Execution& execution) {
+    CheckRun run(arguments, execution);
+    run.File(arguments.input);
+    for (const std::string& path : arguments.more_inputs) {
+      if (!execution.IsCancelled()) run.File(path);
+    }
+    if (!execution.IsCancelled()) exit_code = run.End();
+  });
+  if (is_interrupted) {
     std::cerr << "planish: interrupted\n";
     return kInterrupted;
   }
-  return run.End();
+  return exit_code;
 }
 
 }  // namespace planish::cli

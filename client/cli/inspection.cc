@@ -39,12 +39,6 @@ std::vector<std::int64_t> Polygons(const MeshInput& input, const std::vector<std
   return polygons;
 }
 
-std::string IdList(const std::vector<std::int64_t>& ids) {
-  std::string text;
-  for (const std::int64_t id : ids) text += (text.empty() ? "" : ",") + std::to_string(id);
-  return text;
-}
-
 // Collects findings in the order in which they are told.
 class Findings {
  public:
@@ -53,14 +47,14 @@ class Findings {
   void Faces(const std::string& name, const ElementList& list, const std::string& one, const std::string& many) {
     Finding finding = {name, Counted(list.count, "triangle " + one, "triangles " + many), list.count, {}, {}, {}, ""};
     finding.faces = Polygons(input_, list.first);
-    finding.places = Places({{"faces", IdList(finding.faces)}}, &input_);
+    finding.places = Places({{"faces", ids::IdList(finding.faces)}}, &input_);
     all_.push_back(std::move(finding));
   }
 
   void Vertices(const std::string& name, const ElementList& list, const std::string& one, const std::string& many) {
     Finding finding = {name, Counted(list.count, "vertex " + one, "vertices " + many), list.count, {}, {}, {}, ""};
     finding.vertices = list.first;
-    finding.places = Places({{"vertices", IdList(finding.vertices)}}, &input_);
+    finding.places = Places({{"vertices", ids::IdList(finding.vertices)}}, &input_);
     all_.push_back(std::move(finding));
   }
 
@@ -68,7 +62,7 @@ class Findings {
     Finding finding = {name, Counted(list.count, "edge " + one, "edges " + many), list.count, {}, {}, {}, ""};
     finding.faces = Polygons(input_, list.faces);
     finding.edges = list.first;
-    finding.places = Places({{"faces", IdList(finding.faces)}}, &input_);
+    finding.places = Places({{"faces", ids::IdList(finding.faces)}}, &input_);
     all_.push_back(std::move(finding));
   }
 

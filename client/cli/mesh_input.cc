@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <numbers>
 #include <optional>
@@ -22,18 +21,6 @@ namespace planish::cli {
 namespace {
 
 constexpr std::size_t kMaxPlaces = 4;
-
-// "12,40" and "3-7,7-9" alike, as numbers in order.
-std::vector<std::int64_t> IdsIn(const std::string& text) {
-  std::vector<std::int64_t> found;
-  for (const char* at = text.data(); at < text.data() + text.size();) {
-    std::int64_t id = 0;
-    const auto [end, error] = std::from_chars(*at == '-' ? at + 1 : at, text.data() + text.size(), id);
-    if (error == std::errc()) found.push_back(id);
-    at = error == std::errc() ? end : at + 1;
-  }
-  return found;
-}
 
 // The last part that begins at `id` or before.
 template <typename Part>
@@ -304,12 +291,12 @@ std::string Places(const std::map<std::string, std::string>& metadata, const Mes
   // Where faces are named, the vertices of the edges between them add nothing.
   for (const auto& [key, value] : metadata) {
     if (key != "face" && key != "faces") continue;
-    for (const std::int64_t id : IdsIn(value)) add("face", id);
+    for (const std::int64_t id : ids::IdsIn(value)) add("face", id);
   }
   for (const auto& [key, value] : metadata) {
     const bool is_edge = key == "edge" || key == "edges";
     if (key != "vertex" && key != "vertices" && !(is_edge && count == 0)) continue;
-    for (const std::int64_t id : IdsIn(value)) add("vertex", id);
+    for (const std::int64_t id : ids::IdsIn(value)) add("vertex", id);
   }
   // The server names only the first few as well, so there is no telling how many more.
   return count > kMaxPlaces ? text + ", ..." : text;

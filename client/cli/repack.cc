@@ -8,11 +8,9 @@
 #include <iostream>
 #include <limits>
 #include <map>
-#include <memory>
 #include <optional>
 #include <set>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "Eigen/Geometry"
@@ -399,17 +397,13 @@ int PackFile(const MeshInput& input, const Arguments& arguments, Interrupts& int
   options.atlas.effort = ToPackEffort(arguments.options.effort);
   if (arguments.options.tiles != 0) options.atlas.tiles = arguments.options.tiles;
 
-  const auto interrupter = std::make_shared<Interrupter>();
-  ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
-  Execution execution;
-  execution.team = &team;
-  execution.cancel = interrupter.get();
-  interrupts.SetCancel([interrupter] { interrupter->Interrupt(); });
   const Timer pack_timer;
-  Repacking done = Repack(input.mesh(), input.CornerUv(), input.triangulation().source_polygon, options, execution);
+  Repacking done;
+  const bool is_interrupted = IsInterruptedIn(interrupts, [&](const Execution& execution) {
+    done = Repack(input.mesh(), input.CornerUv(), input.triangulation().source_polygon, options, execution);
+  });
   const double pack_seconds = pack_timer.Seconds();
-  interrupts.SetCancel({});
-  if (interrupter->IsInterrupted()) {
+  if (is_interrupted) {
     std::cerr << "planish: interrupted; nothing was written\n";
     if (arguments.json) {
       Failure failure = FailureOf(Error(ErrorCode::kCancelled, "CANCELLED", "interrupted"));

@@ -283,15 +283,11 @@ Json KeepPage(const SheetPageJob& job, int texcoord, const Arguments& arguments)
 }
 
 int RunReport(const Arguments& arguments, Interrupts& interrupts) {
-  const auto interrupter = std::make_shared<Interrupter>();
-  ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
-  Execution execution;
-  execution.team = &team;
-  execution.cancel = interrupter.get();
-  interrupts.SetCancel([interrupter] { interrupter->Interrupt(); });
-  const int exit_code = arguments.sheet ? ReportMany(arguments, execution) : ReportOne(arguments, execution);
-  interrupts.SetCancel({});
-  if (interrupter->IsInterrupted()) {
+  int exit_code = kOk;
+  const bool is_interrupted = IsInterruptedIn(interrupts, [&](const Execution& execution) {
+    exit_code = arguments.sheet ? ReportMany(arguments, execution) : ReportOne(arguments, execution);
+  });
+  if (is_interrupted) {
     std::cerr << "planish: interrupted; " << (arguments.sheet ? "the sheet has what was done" : "nothing was written")
               << "\n";
     return kInterrupted;

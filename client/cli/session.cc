@@ -6,8 +6,10 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <memory>
 #include <utility>
 
 #include "client/cli/commands.h"
@@ -27,8 +29,8 @@ Interrupts::Interrupts() {
   pthread_sigmask(SIG_BLOCK, &watched, nullptr);
   // Writing to a pipe whose reader left must be an error, not the end.
   signal(SIGPIPE, SIG_IGN);
-  signals_ = OwnedFd(signalfd(-1, &watched, SFD_CLOEXEC));
-  stop_ = OwnedFd(eventfd(0, EFD_CLOEXEC));
+  signals_ = Descriptor(signalfd(-1, &watched, SFD_CLOEXEC));
+  stop_ = Descriptor(eventfd(0, EFD_CLOEXEC));
   watcher_ = std::thread([this] { Watch(); });
 }
 
@@ -69,6 +71,18 @@ void Interrupts::LeaveIfInterrupted() {
 void Interrupts::LeaveAtOnce() {
   if (last_words_) last_words_();
   _exit(kInterrupted);
+}
+
+bool IsInterruptedIn(Interrupts& interrupts, const std::function<void(const Execution&)>& work) {
+  const auto interrupter = std::make_shared<Interrupter>();
+  ThreadTeam team(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
+  Execution execution;
+  execution.team = &team;
+  execution.cancel = interrupter.get();
+  interrupts.SetCancel([interrupter] { interrupter->Interrupt(); });
+  work(execution);
+  interrupts.SetCancel({});
+  return interrupter->IsInterrupted();
 }
 
 ServerChoice::ServerChoice(const std::string& address, const ServerFlags& flags, Interrupts& interrupts,

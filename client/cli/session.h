@@ -9,7 +9,8 @@
 #include <thread>
 
 #include "client/cli/arguments.h"
-#include "client/src/process.h"
+#include "core/base/descriptor.h"
+#include "core/base/execution.h"
 #include "planish/client.h"
 
 namespace planish::cli {
@@ -37,14 +38,19 @@ class Interrupts {
   void Watch();
   [[noreturn]] void LeaveAtOnce();
 
-  OwnedFd signals_;
-  OwnedFd stop_;
+  Descriptor signals_;
+  Descriptor stop_;
   std::mutex mutex_;  // guards the two functions
   std::function<void()> cancel_;
   std::function<void()> last_words_;
   std::atomic<bool> interrupted_ = false;
   std::thread watcher_;
 };
+
+// ---- Work of this process itself
+
+// `work` on all cores; the first signal cancels it. Whether that happened.
+bool IsInterruptedIn(Interrupts& interrupts, const std::function<void(const Execution&)>& work);
 
 // ---- The server: the one that --server names, or a private one
 

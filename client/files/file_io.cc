@@ -12,6 +12,7 @@
 #include <map>
 #include <system_error>
 
+#include "core/base/descriptor.h"
 #include "core/base/error.h"
 #include "core/base/number.h"
 #include "core/base/status_macros.h"
@@ -59,20 +60,6 @@ std::string Quoted(std::string_view token) {
 
 namespace {
 
-class Descriptor {
- public:
-  explicit Descriptor(int value) : value_(value) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (value_ >= 0) ::close(value_);
-  }
-  int value() const { return value_; }
-
- private:
-  int value_;
-};
-
 // Reads up to the end of the file, however long its size says it is: pipes have none. At most `limit` bytes.
 absl::StatusOr<std::string> ReadAll(const std::string& path, int descriptor, std::size_t expected, std::size_t limit) {
   std::string bytes;
@@ -94,12 +81,12 @@ absl::StatusOr<std::string> Read(const std::string& path, bool regular_only, std
   const Descriptor descriptor(path == "-"
                                   ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
                                   : ::open(path.c_str(), O_RDONLY | O_CLOEXEC | (regular_only ? O_NONBLOCK : 0)));
-  if (descriptor.value() < 0) return FileUnreadable(path, "cannot open", errno);
+  if (descriptor.get() < 0) return FileUnreadable(path, "cannot open", errno);
   struct stat status;
-  if (::fstat(descriptor.value(), &status) != 0) return FileUnreadable(path, "cannot open", errno);
+  if (::fstat(descriptor.get(), &status) != 0) return FileUnreadable(path, "cannot open", errno);
   if (S_ISDIR(status.st_mode)) return FileUnreadable(path, "cannot read", EISDIR);
   if (regular_only && !S_ISREG(status.st_mode)) return FileUnreadable(path, "not a regular file", EINVAL);
-  return ReadAll(path, descriptor.value(), static_cast<std::size_t>(status.st_size), limit);
+  return ReadAll(path, descriptor.get(), static_cast<std::size_t>(status.st_size), limit);
 }
 
 }  // namespace

@@ -11,8 +11,8 @@
 #include "client/src/errors.h"
 #include "client/src/follower.h"
 #include "client/src/mesh_packer.h"
-#include "client/src/request_id.h"
 #include "client/src/rpc.h"
+#include "core/base/random_id.h"
 #include "core/base/trace_context.h"
 
 namespace planish::inline abi0 {
@@ -43,36 +43,34 @@ Request NewJobRequest(const PackedMesh& mesh, const UnwrapOptions& options, cons
   *spec.mutable_options() = ToProto(options);
   *spec.mutable_scheduling() = ToProto(call.scheduling);
   spec.mutable_labels()->insert(call.labels.begin(), call.labels.end());
-  request.set_request_id(call.request_id.empty() ? NewRequestId() : call.request_id);
+  request.set_request_id(call.request_id.empty() ? NewUuid() : call.request_id);
   return request;
 }
 
 // The UV of a job that ended, or why it has none.
-UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh, Clock::time_point start) {
+UnwrapResult ResultOf(const Followed& followed, const PackedMesh& mesh, Clock::time_point start) try {
   const v1::Job& job = followed.job;
   if (job.state() == v1::JOB_STATE_FAILED && job.has_error()) {
-    throw Renumbered(ErrorFrom(job.error()), mesh.ToCaller()).set_job(job.name());
+    throw Renumbered(ErrorFrom(job.error()), mesh.ToCaller());
   }
   if (job.state() == v1::JOB_STATE_CANCELLED) {
-    throw Error(ErrorCode::kCancelled, "CANCELLED", "the job was cancelled").set_job(job.name());
+    throw Error(ErrorCode::kCancelled, "CANCELLED", "the job was cancelled");
   }
   if (job.state() != v1::JOB_STATE_SUCCEEDED) {
     const std::string state = v1::JobState_Name(job.state());
-    throw Error(ErrorCode::kInternal, "INTERNAL", "the job ended as " + state + " without a word").set_job(job.name());
+    throw Error(ErrorCode::kInternal, "INTERNAL", "the job ended as " + state + " without a word");
   }
   UnwrapResult result;
   result.job = job.name();
   result.trace_id = TraceIdOf(job.traceparent());
-  try {
-    result.uv = ParseUv(job.uv(), followed.uv_bytes, mesh);
-  } catch (Error& error) {
-    throw error.set_job(job.name());
-  }
+  result.uv = ParseUv(job.uv(), followed.uv_bytes, mesh);
   result.report = FromProto(job.report(), mesh.ToCaller());
   result.report.times.upload = followed.upload_time;
   result.report.times.download = followed.download_time;
   result.report.times.total = Clock::now() - start;
   return result;
+} catch (Error& error) {
+  throw error.set_job(followed.job.name());
 }
 
 // What `work` returns, or throws, with the call as part of one trace, which an error names.
@@ -115,12 +113,13 @@ struct Client::Impl {
   struct Pending {
     PackedMesh mesh;
     const NewJob* job;
-    std::optional<Result<Job>>* result;
+    Result<Job>* result;
     bool is_known = false;  // the server has the mesh
   };
 
   std::vector<Result<Job>> CreateMany(std::span<const NewJob> jobs, const std::string& trace) {
-    std::vector<std::optional<Result<Job>>> results(jobs.size());
+    const Error unanswered(ErrorCode::kInternal, "INTERNAL", "the server did not answer to this job");
+    std::vector<Result<Job>> results(jobs.size(), unanswered);
     for (std::size_t i = 0; i < jobs.size();) {
       // So many meshes as fit into a call are in memory at a time.
       std::vector<Pending> batch;
@@ -135,9 +134,7 @@ struct Client::Impl {
       }
       if (!batch.empty()) CreateBatch(std::move(batch), trace);
     }
-    std::vector<Result<Job>> created;
-    for (std::optional<Result<Job>>& each : results) created.push_back(*std::move(each));
-    return created;
+    return results;
   }
 
   void CreateBatch(std::vector<Pending> batch, const std::string& trace) {
@@ -165,10 +162,8 @@ struct Client::Impl {
     v1::BatchCreateJobsResponse response;
     // The request ids make repeating safe.
     if (!together.empty()) response = rpc.Repeat(&Stub::BatchCreateJobs, request, trace);
-    if (static_cast<std::size_t>(response.results_size()) < together.size()) {
-      throw Error(ErrorCode::kInternal, "INTERNAL", "the server answered to fewer jobs than it was asked for");
-    }
-    for (std::size_t i = 0; i < together.size(); ++i) {
+    const std::size_t answers = std::min(together.size(), static_cast<std::size_t>(response.results_size()));
+    for (std::size_t i = 0; i < answers; ++i) {
       const auto& result = response.results(static_cast<int>(i));
       if (result.has_job()) {
         *together[i]->result = FromProto(result.job());

@@ -1,38 +1,10 @@
 #include "client/src/errors.h"
 
-#include <cstdlib>
 #include <new>
-#include <regex>
 #include <utility>
 
 #include "core/base/error.h"
 #include "google/rpc/error_details.pb.h"
-
-namespace planish::ids {
-
-std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
-                                                    const Renumbering& renumbering) {
-  static const auto* vertex_key = new std::regex("vert(ex|ices)|edges?");
-  static const auto* face_key = new std::regex("faces?");
-  static const auto* id = new std::regex("[0-9]+");
-  std::map<std::string, std::string> result = metadata;
-  for (auto& [key, value] : result) {
-    const bool is_face = std::regex_match(key, *face_key);
-    const IdMap& map = is_face ? renumbering.face : renumbering.vertex;
-    if (!map || !(is_face || std::regex_match(key, *vertex_key))) continue;
-    const std::string text = std::exchange(value, "");
-    auto last = text.begin();
-    for (std::sregex_iterator match(text.begin(), text.end(), *id), end; match != end; ++match) {
-      const std::int64_t mapped = map(std::strtoll(match->str().c_str(), nullptr, 10));
-      value.append(last, (*match)[0].first).append(mapped < 0 ? match->str() : std::to_string(mapped));
-      last = (*match)[0].second;
-    }
-    value.append(last, text.end());
-  }
-  return result;
-}
-
-}  // namespace planish::ids
 
 namespace planish {
 inline namespace abi0 {
@@ -79,6 +51,10 @@ Error ErrorFrom(const google::rpc::Status& status) {
     }
   }
   return Error(code, reason, status.message(), metadata).set_retry_after(pause);
+}
+
+Error Invalid(const std::string& reason, const std::string& message, const Error::Metadata& metadata) {
+  return Error(ErrorCode::kInvalidArgument, reason, message, metadata);
 }
 
 Error ErrorFrom(const absl::Status& status) {

@@ -1,34 +1,18 @@
 // Other people's errors as planish::Error: the one place where they are translated.
 #pragma once
 
-#include <cstdint>
-#include <functional>
-#include <map>
 #include <string>
 #include <type_traits>
 
 #include "absl/status/status.h"
+#include "core/base/element_ids.h"
 #include "google/rpc/status.pb.h"
 #include "planish/error.h"
 
-// Element ids in errors and warnings, moved from the numbering of the mesh as sent to somebody else's.
-namespace planish::ids {
-
-// New id of an old one. An empty function keeps ids; a negative answer keeps that id.
-using IdMap = std::function<std::int64_t(std::int64_t)>;
-
-struct Renumbering {
-  IdMap vertex;
-  IdMap face;
-};
-
-// Metadata values under "vertex", "vertices", "edge", "edges" (as in "3-7,7-9") and "face", "faces"; others stay.
-std::map<std::string, std::string> RenumberMetadata(const std::map<std::string, std::string>& metadata,
-                                                    const Renumbering& renumbering);
-
-}  // namespace planish::ids
-
 namespace planish {
+
+// kInvalidArgument, of what the caller gave.
+Error Invalid(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {});
 
 // `status` must not be OK. Reason and metadata come from an ErrorInfo in the details; without one the reason is the
 // name of the code.

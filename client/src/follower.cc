@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/src/convert.h"
 #include "client/src/errors.h"
-#include "client/src/request_id.h"
+#include "core/base/random_id.h"
 
 namespace planish {
 namespace {
@@ -77,14 +77,12 @@ void Follower::Run(const Step& step) {
   const std::stop_callback on_finish(finish_, [this] { Ask(); });
   try {
     for (bool done = false; !done;) {
-      std::optional<Error> error;
       try {
         done = step();
-      } catch (const Error& e) {
+      } catch (const Error& error) {
         if (in_callback_) throw;
-        error = e;
+        Recover(error);
       }
-      if (error) Recover(*error);
     }
   } catch (Error& error) {
     if (error.job().empty()) error.set_job(job_name_);
@@ -136,7 +134,7 @@ void Follower::Send(v1::JobSpec& spec) {
     if (!mesh_->draco.empty()) spec.set_draco(std::move(mesh_->draco));
     return;
   }
-  if (upload_.name().empty() || upload_.committed_bytes() < SizeOf(mesh_->draco)) Upload();
+  if (!IsUploaded()) Upload();
   spec.set_upload(upload_.name());
 }
 
@@ -158,12 +156,16 @@ bool Follower::GoesInline() {
   return *(inline_ = bytes <= most.value_or(server.inline_mesh_bytes() > 0 ? server.inline_mesh_bytes() : bytes));
 }
 
+bool Follower::IsUploaded() const {
+  return !upload_.name().empty() && upload_.committed_bytes() == SizeOf(mesh_->draco);
+}
+
 // Begins an upload, or goes on where it broke.
 void Follower::Upload() {
   if (call_.stop.stop_requested()) ThrowCancelled();
   const Deadline soon = DeadlineAfter(kUnaryLimit);
   if (upload_.name().empty()) {
-    if (upload_request_id_.empty()) upload_request_id_ = NewRequestId();
+    if (upload_request_id_.empty()) upload_request_id_ = NewUuid();
     v1::CreateUploadRequest request;
     request.set_total_bytes(SizeOf(mesh_->draco));
     request.set_sha256(mesh_->sha256);
@@ -173,11 +175,11 @@ void Follower::Upload() {
     upload_ = rpc_.Call(&Stub::GetUpload, Named<v1::GetUploadRequest>(upload_.name()), soon, call_.traceparent);
   }
   OnCommitted();
-  if (upload_.committed_bytes() == SizeOf(mesh_->draco)) return;
-  WriteRest();
-  OnCommitted();
-  if (upload_.committed_bytes() == SizeOf(mesh_->draco)) return;
-  throw Error(ErrorCode::kUnavailable, "UNAVAILABLE", "the server took a part of the mesh only");
+  if (!IsUploaded()) {
+    WriteRest();
+    OnCommitted();
+  }
+  if (!IsUploaded()) throw Error(ErrorCode::kUnavailable, "UNAVAILABLE", "the server took a part of the mesh only");
 }
 
 void Follower::WriteRest() {
@@ -317,7 +319,7 @@ void Follower::StartAnew() {
   last_sequence_ = 0;
   lost_stream_ = asked_cancel_ = asked_finish_ = false;
   // The old id stands for the job that is gone.
-  unwrap_->set_request_id(NewRequestId());
+  unwrap_->set_request_id(NewUuid());
   if (++lost_jobs_ > kMostLostJobs) {
     throw Error(ErrorCode::kUnavailable, "CONNECTION_LOST",
                 "the connection to the planish server at " + rpc_.target() + " keeps breaking, and the job with it");

@@ -52,6 +52,7 @@ class Follower {
   // Puts the mesh into `spec`, or the name of a complete upload of it.
   void Send(v1::JobSpec& spec);
   bool GoesInline();
+  bool IsUploaded() const;
   void Upload();
   void WriteRest();
   void OnCommitted();

@@ -13,10 +13,6 @@
 namespace planish::inline abi0 {
 namespace {
 
-Error Invalid(const std::string& reason, const std::string& message, const Error::Metadata& metadata = {}) {
-  return Error(ErrorCode::kInvalidArgument, reason, message, metadata);
-}
-
 using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller id first
 
 // A corner that faces each of the edges, which `triangles` (three ids each) must have.
@@ -70,6 +66,15 @@ std::int64_t PackedMesh::ByteCount() const {
   return static_cast<std::int64_t>(draco.size() + kNumberBytes * numbers);
 }
 
+void CheckIndices(std::span<const std::uint32_t> triangles, std::size_t vertex_count) {
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    if (triangles[i] < vertex_count) continue;
+    throw Invalid("MESH_INDEX_OUT_OF_RANGE",
+                  absl::StrCat("a face has the index ", triangles[i], ", but the mesh has ", vertex_count, " vertices"),
+                  {{"faces", absl::StrCat(i / 3)}});
+  }
+}
+
 ids::Renumbering PackedMesh::ToCaller() const {
   const auto vertex = [this](std::int64_t v) -> std::int64_t {
     return v < static_cast<std::int64_t>(source_vertex.size()) ? source_vertex[static_cast<std::size_t>(v)] : -1;
@@ -89,17 +94,9 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
   if (vertex_count > std::numeric_limits<std::int32_t>::max()) {
     throw Invalid("MESH_TOO_LARGE", "the mesh has more than 2^31 vertices");
   }
+  CheckIndices(view.indices_, vertex_count);
   std::vector<std::int32_t> sent(vertex_count, -1);
-  for (std::size_t i = 0; i < view.indices_.size(); ++i) {
-    if (view.indices_[i] < vertex_count) {
-      sent[view.indices_[i]] = 0;
-      continue;
-    }
-    throw Invalid(
-        "MESH_INDEX_OUT_OF_RANGE",
-        absl::StrCat("a face has the index ", view.indices_[i], ", but the mesh has ", vertex_count, " vertices"),
-        {{"faces", absl::StrCat(i / 3)}});
-  }
+  for (const std::uint32_t v : view.indices_) sent[v] = 0;
 
   PackedMesh packed;
   packed.triangles = view.triangle_count();

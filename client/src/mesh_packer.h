@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,9 @@ struct PackedMesh {
   // From ids as sent to the caller's.
   ids::Renumbering ToCaller() const;
 };
+
+// Throws MESH_INDEX_OUT_OF_RANGE ("faces") for an id that is not below `vertex_count`.
+void CheckIndices(std::span<const std::uint32_t> triangles, std::size_t vertex_count);
 
 class MeshPacker {
  public:

@@ -3,12 +3,11 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
@@ -23,8 +22,10 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_split.h"
 #include "client/src/errors.h"
-#include "client/src/process.h"
+#include "client/src/find_planishd.h"
+#include "core/base/descriptor.h"
 #include "core/base/program_path.h"
+#include "core/base/spawn.h"
 
 extern char** environ;
 
@@ -40,45 +41,6 @@ constexpr int kSupervisorFd = 3;
 
 Error Failed(const std::string& message) {
   return Error(ErrorCode::kUnavailable, "PRIVATE_SERVER_FAILED", message);
-}
-
-// Starts `arguments[0]`, a path, in a process group of its own (so that Ctrl-C reaches only us), with an empty signal
-// mask, default signal actions, no input, no output, stderr to the file `stderr_path`, `supervisor` as descriptor
-// kSupervisorFd, and the environment without what is for a service (PLANISHD_QUEUE, ...).
-pid_t Spawn(const std::vector<std::string>& arguments, const std::string& stderr_path, int supervisor) {
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 2, stderr_path.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
-  // Also clears close-on-exec where both numbers agree.
-  posix_spawn_file_actions_adddup2(&actions, supervisor, kSupervisorFd);
-
-  posix_spawnattr_t attributes;
-  posix_spawnattr_init(&attributes);
-  sigset_t none, all;
-  sigemptyset(&none);
-  sigfillset(&all);
-  posix_spawnattr_setsigmask(&attributes, &none);
-  posix_spawnattr_setsigdefault(&attributes, &all);
-  posix_spawnattr_setpgroup(&attributes, 0);
-  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-
-  std::vector<char*> variables;
-  for (char** entry = environ; *entry != nullptr; ++entry) {
-    if (!std::string_view(*entry).starts_with(kServiceVariables)) variables.push_back(*entry);
-  }
-  variables.push_back(nullptr);
-
-  std::vector<char*> argv;
-  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
-  argv.push_back(nullptr);
-  pid_t pid = -1;
-  const int error = posix_spawn(&pid, argv[0], &actions, &attributes, argv.data(), variables.data());
-  posix_spawn_file_actions_destroy(&actions);
-  posix_spawnattr_destroy(&attributes);
-  if (error != 0) throw Failed("cannot start " + arguments[0] + ": " + std::strerror(error));
-  return pid;
 }
 
 // Waits for the end of a child and reaps it; false if it still runs then.
@@ -105,38 +67,24 @@ std::string NewPrivateDirectory() {
                std::string(std::strerror(errno)));
 }
 
-std::string HowItEnded(int wait_status) {
-  if (WIFSIGNALED(wait_status)) return "was killed by signal " + std::to_string(WTERMSIG(wait_status));
-  return "exited with code " + std::to_string(WEXITSTATUS(wait_status));
+bool IsExecutable(const std::string& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored) && access(path.c_str(), X_OK) == 0;
 }
 
 }  // namespace
 
-void OwnedFd::Reset() {
-  if (fd_ >= 0) close(fd_);
-  fd_ = -1;
-}
-
-bool IsExecutable(const std::string& path) {
-  struct stat info;
-  return stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode) && access(path.c_str(), X_OK) == 0;
-}
-
 std::string FindPlanishd(const std::string& directory) {
-  if (!directory.empty()) {
-    for (const fs::path& candidate : {fs::path(directory) / "planishd", fs::path(directory) / "../bin/planishd"}) {
-      if (IsExecutable(candidate)) return candidate.lexically_normal();
-    }
+  std::vector<fs::path> candidates;
+  if (!directory.empty()) candidates = {fs::path(directory) / "planishd", fs::path(directory) / "../bin/planishd"};
+  if (const char* named = std::getenv("PLANISHD"); named != nullptr && *named != '\0') {
+    candidates.emplace_back(named);
+  } else if (const char* path = std::getenv("PATH"); path != nullptr) {
+    const std::vector<std::string> entries = absl::StrSplit(path, ':', absl::SkipEmpty());
+    for (const std::string& entry : entries) candidates.push_back(fs::path(entry) / "planishd");
   }
-  const char* named = std::getenv("PLANISHD");
-  if (named != nullptr && *named != '\0') return IsExecutable(named) ? named : "";
-  const char* path = std::getenv("PATH");
-  const std::vector<std::string> entries = absl::StrSplit(path == nullptr ? "" : path, ':', absl::SkipEmpty());
-  for (const std::string& entry : entries) {
-    const fs::path candidate = fs::path(entry) / "planishd";
-    if (IsExecutable(candidate)) return candidate;
-  }
-  return "";
+  const auto found = std::find_if(candidates.begin(), candidates.end(), IsExecutable);
+  return found == candidates.end() ? "" : found->lexically_normal();
 }
 
 inline namespace abi0 {
@@ -145,11 +93,11 @@ struct PrivateServer::State {
   std::string executable;
   std::string directory;
   std::string target;
-  OwnedFd supervisor;  // end of file here tells planishd that we are gone
+  Descriptor supervisor;  // end of file here tells planishd that we are gone
   pid_t pid = -1;
 
   ~State() {
-    supervisor.Reset();
+    supervisor = Descriptor();
     if (pid > 0 && !ReapWithin(pid, kStopLimit)) {
       kill(pid, SIGKILL);
       ReapWithin(pid, kStopLimit);
@@ -178,15 +126,23 @@ struct PrivateServer::State {
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0) {
       throw Failed(std::string("socketpair: ") + std::strerror(errno));
     }
-    supervisor = OwnedFd(sockets[0]);
-    OwnedFd theirs(sockets[1]);
-    std::vector<std::string> arguments = {executable, "--listen=" + target,
-                                          "--supervisor-fd=" + std::to_string(kSupervisorFd),
-                                          "--workers=" + std::to_string(options.workers), "--log-level=warn"};
-    if (options.threads > 0) arguments.push_back("--threads=" + std::to_string(options.threads));
-    arguments.insert(arguments.end(), options.extra_arguments.begin(), options.extra_arguments.end());
-    pid = Spawn(arguments, LogPath(), theirs.get());
-    theirs.Reset();
+    supervisor = Descriptor(sockets[0]);
+    Descriptor theirs(sockets[1]);
+    NewProcess planishd;
+    planishd.program = executable;
+    planishd.arguments = {executable, "--listen=" + target, "--supervisor-fd=" + std::to_string(kSupervisorFd),
+                          "--workers=" + std::to_string(options.workers), "--log-level=warn"};
+    if (options.threads > 0) planishd.arguments.push_back("--threads=" + std::to_string(options.threads));
+    planishd.arguments.insert(planishd.arguments.end(), options.extra_arguments.begin(), options.extra_arguments.end());
+    for (char** entry = environ; *entry != nullptr; ++entry) {
+      if (!std::string_view(*entry).starts_with(kServiceVariables)) planishd.variables.emplace_back(*entry);
+    }
+    const Descriptor log(open(LogPath().c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600));
+    planishd.descriptors = {-1, -1, log.get(), theirs.get()};  // the last one is kSupervisorFd
+    planishd.own_group = true;
+    const int error = Spawn(planishd, &pid);
+    if (error != 0) throw Failed("cannot start " + executable + ": " + std::strerror(error));
+    theirs = Descriptor();
     WaitUntilReady(options.start_timeout);
   }
 

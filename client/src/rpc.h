@@ -36,32 +36,6 @@ Request Named(const std::string& name) {
   return request;
 }
 
-// What a connection needs beside its address: encryption, and who calls.
-// Immutable after construction, so threads may share it.
-class Connection {
- public:
-  // Throws INVALID_ARGUMENT with OPTIONS_INVALID, see Client::Client.
-  Connection(std::string target, const ClientOptions& options);
-
-  const std::string& target() const { return target_; }
-  const ClientOptions& options() const { return options_; }
-  std::shared_ptr<grpc::Channel> NewChannel() const;
-
-  // Adds the token to a call. Throws OPTIONS_INVALID if its file cannot be read.
-  void Prepare(grpc::ClientContext& context) const;
-
-  // Why no connection stands, with `message`, gRPC's own words: SERVER_UNREACHABLE or TLS_FAILED. Tries TLS by itself
-  // to find out, which may take a few seconds if the server is slow.
-  Error WhyUnreachable(const std::string& message) const;
-
- private:
-  std::string Token() const;
-
-  const std::string target_;
-  const ClientOptions options_;
-  TlsProbe tls_;  // with what the files held
-};
-
 // Thread-safe. Functions throw planish::Error.
 class Rpc {
  public:
@@ -71,8 +45,8 @@ class Rpc {
   // Throws as Client::Client does.
   Rpc(const std::string& target, const ClientOptions& options);
 
-  const std::string& target() const { return connection_.target(); }
-  const ClientOptions& options() const { return connection_.options(); }
+  const std::string& target() const { return target_; }
+  const ClientOptions& options() const { return options_; }
   // Whether there was a connection, ever.
   bool reached() const { return reached_; }
 
@@ -80,13 +54,15 @@ class Rpc {
   // peer that stays silent throws SERVER_UNREACHABLE or TLS_FAILED.
   void Connect(Deadline deadline);
 
-  // For one call: its deadline, a span of the trace (TraceOf()), and the token.
+  // For one call: its deadline, a span of the trace (TraceOf()), and the token. Throws OPTIONS_INVALID if the token's
+  // file cannot be read.
   std::unique_ptr<grpc::ClientContext> NewContext(Deadline deadline, const std::string& trace) const;
   template <typename Stub = v1::Planish::Stub>
   Stub& stub() {
     return *std::get<std::unique_ptr<Stub>>(stubs_);
   }
-  // What a status that is not OK says.
+  // What a status that is not OK says. Without a connection it tries TLS by itself to find out why, which may take a
+  // few seconds if the server is slow.
   Error ErrorOf(const grpc::Status& status) const;
 
   // One unary call.
@@ -118,7 +94,7 @@ class Rpc {
   }
 
   // Returns at once. The answer is not waited for: whoever stops or cancels watches the job's stream. The destructor
-  // waits for calls that are still out, a few seconds at most.
+  // waits for calls that are still out, kBackgroundLimit at most.
   template <typename Request>
   void InBackground(Method<v1::Planish::Stub, Request, v1::Job> method, const std::string& job,
                     const std::string& trace) {
@@ -126,13 +102,23 @@ class Rpc {
     // would have to wait for themselves.
     const std::lock_guard lock(background_mutex_);
     background_.emplace_back([this, method, request = Named<Request>(job), trace] {
-      // Whether it got through shows in the job's own stream.
-      (void)Caught([&] { Call(method, request, DeadlineAfter(kBackgroundLimit), trace); });
+      // Whether it got through shows in the job's own stream, so nobody is told why it did not.
+      (void)Caught([&] {
+        v1::Job ignored;
+        (stub().*method)(NewContext(DeadlineAfter(kBackgroundLimit), trace).get(), request, &ignored);
+      });
     });
   }
 
  private:
-  const Connection connection_;
+  std::shared_ptr<grpc::Channel> NewChannel() const;
+  std::string Token() const;
+  // SERVER_UNREACHABLE or TLS_FAILED, with `message`, gRPC's own words.
+  Error WhyUnreachable(const std::string& message) const;
+
+  const std::string target_;
+  const ClientOptions options_;
+  const TlsProbe tls_;  // with what the files held
   const std::shared_ptr<grpc::Channel> channel_;
   const std::tuple<std::unique_ptr<v1::Planish::Stub>, std::unique_ptr<admin::v1::Admin::Stub>> stubs_;
   std::atomic<bool> reached_ = false;

@@ -2,18 +2,15 @@
 
 #include <openssl/bio.h>
 #include <openssl/err.h>
-#include <openssl/pem.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 
-#include <algorithm>
 #include <ctime>
 #include <memory>
 #include <vector>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/numbers.h"
-#include "absl/strings/str_split.h"
+#include "core/base/pem.h"
+#include "core/base/target.h"
 
 namespace planish {
 namespace {
@@ -26,44 +23,28 @@ struct Free {
   void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }
   void operator()(SSL* ssl) const { SSL_free(ssl); }
   void operator()(BIO* bio) const { BIO_free(bio); }
-  void operator()(X509* certificate) const { X509_free(certificate); }
-  void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
 };
 template <typename T>
 using Owned = std::unique_ptr<T, Free>;
 
-Owned<BIO> Reader(const std::string& pem) {
-  return Owned<BIO>(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
-}
-
 void Trust(SSL_CTX* context, const std::string& ca) {
-  if (ca.empty()) {
-    SSL_CTX_set_default_verify_paths(context);
-    return;
-  }
-  const Owned<BIO> reader = Reader(ca);
-  while (X509* next = PEM_read_bio_X509(reader.get(), nullptr, nullptr, nullptr)) {
-    const Owned<X509> root(next);
+  if (ca.empty()) SSL_CTX_set_default_verify_paths(context);
+  for (const CertificatePtr& root : CertificatesIn(ca)) {
     X509_STORE_add_cert(SSL_CTX_get_cert_store(context), root.get());
   }
-  ERR_clear_error();
 }
 
 // What is wrong with the client's own files; empty if nothing.
 std::string Present(SSL_CTX* context, const TlsProbe& probe) {
   if (probe.certificate.empty()) return "";
-  const Owned<BIO> certificates = Reader(probe.certificate), keys = Reader(probe.key);
-  const Owned<X509> certificate(PEM_read_bio_X509(certificates.get(), nullptr, nullptr, nullptr));
-  const Owned<EVP_PKEY> key(PEM_read_bio_PrivateKey(keys.get(), nullptr, nullptr, nullptr));
-  if (certificate == nullptr) return "the client certificate cannot be read";
+  const std::vector<CertificatePtr> chain = CertificatesIn(probe.certificate);
+  const KeyPtr key = KeyIn(probe.key);
+  if (chain.empty()) return "the client certificate cannot be read";
   if (key == nullptr) return "the client's key cannot be read";
-  if (SSL_CTX_use_certificate(context, certificate.get()) != 1 || SSL_CTX_use_PrivateKey(context, key.get()) != 1) {
+  if (SSL_CTX_use_certificate(context, chain[0].get()) != 1 || SSL_CTX_use_PrivateKey(context, key.get()) != 1) {
     return "the client certificate does not belong to the client's key";
   }
-  while (X509* next = PEM_read_bio_X509(certificates.get(), nullptr, nullptr, nullptr)) {
-    SSL_CTX_add0_chain_cert(context, next);
-  }
-  ERR_clear_error();
+  for (std::size_t i = 1; i < chain.size(); ++i) SSL_CTX_add1_chain_cert(context, chain[i].get());
   return "";
 }
 
@@ -130,38 +111,7 @@ std::string Explain(SSL* ssl, const std::string& name, bool has_certificate) {
   return "";
 }
 
-bool IsNumber(const std::string& text, int most) {
-  int number = 0;
-  return absl::SimpleAtoi(text, &number) && absl::ascii_isdigit(text.front()) && number <= most;
-}
-
 }  // namespace
-
-bool IsUnixTarget(const std::string& target) {
-  return target.rfind("unix:", 0) == 0 || target.rfind("unix-abstract:", 0) == 0;
-}
-
-std::optional<HostPort> ParseHostPort(const std::string& target) {
-  const std::size_t colon = target.rfind(':');
-  if (colon == std::string::npos || colon == 0 || IsUnixTarget(target)) return std::nullopt;
-  HostPort parts = {target.substr(0, colon), target.substr(colon + 1)};
-  if (parts.host.size() > 2 && parts.host.front() == '[' && parts.host.back() == ']') {
-    parts.host = parts.host.substr(1, parts.host.size() - 2);
-  } else if (parts.host.find_first_of(":/") != std::string::npos) {
-    return std::nullopt;  // a bare IPv6 address, or a scheme
-  }
-  return IsNumber(parts.port, 65535) ? std::optional(parts) : std::nullopt;
-}
-
-bool IsWithinThisMachine(const std::string& target) {
-  if (IsUnixTarget(target)) return true;
-  const std::optional<HostPort> parts = ParseHostPort(target);
-  if (!parts) return false;
-  if (parts->host == "localhost" || parts->host == "::1") return true;
-  const std::vector<std::string> numbers = absl::StrSplit(parts->host, '.');
-  return numbers.size() == 4 && numbers[0] == "127" &&
-         std::all_of(numbers.begin(), numbers.end(), [](const std::string& n) { return IsNumber(n, 255); });
-}
 
 std::string FindTlsFault(const std::string& target, const TlsProbe& probe) {
   const std::optional<HostPort> address = ParseHostPort(target);

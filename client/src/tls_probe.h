@@ -1,24 +1,9 @@
-// What a target says, "host:port" or "unix:/path", and why TLS to it fails, in words: gRPC only says that a handshake
-// failed, or that a connection was closed.
+// Why TLS to a target fails, in words: gRPC only says that a handshake failed, or that a connection was closed.
 #pragma once
 
-#include <optional>
 #include <string>
 
 namespace planish {
-
-struct HostPort {
-  std::string host;  // without brackets
-  std::string port;
-};
-
-bool IsUnixTarget(const std::string& target);
-
-// Nothing if it is no "host:port" or "[ipv6]:port"; gRPC knows more kinds of targets.
-std::optional<HostPort> ParseHostPort(const std::string& target);
-
-// Whether what is sent there stays on this machine: a Unix socket, or a loopback address.
-bool IsWithinThisMachine(const std::string& target);
 
 // How a client would connect; PEM, as in ClientOptions.
 struct TlsProbe {

@@ -1,12 +1,11 @@
 #include "planish/vertex_split.h"
 
 #include <limits>
-#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "client/src/errors.h"
+#include "client/src/mesh_packer.h"
 #include "core/base/corner_split.h"
-#include "planish/error.h"
 
 namespace planish::inline abi0 {
 
@@ -15,24 +14,15 @@ namespace {
 VertexSplit Split(std::int64_t vertex_count, std::span<const std::uint32_t> triangles, const Uv& uv) {
   const std::vector<double> corner_uv = uv.As<double>();
   if (triangles.size() % 3 != 0 || corner_uv.size() != 2 * triangles.size()) {
-    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID",
-                absl::StrCat(triangles.size(), " corners of triangles and ", corner_uv.size(),
-                             " numbers of UV do not go together: there must be two a corner"));
+    throw Invalid("OPTIONS_INVALID", absl::StrCat(triangles.size(), " corners of triangles and ", corner_uv.size(),
+                                                  " numbers of UV do not go together: there must be two a corner"));
   }
   if (vertex_count < 0 || vertex_count + static_cast<std::int64_t>(triangles.size()) >
                               std::int64_t{std::numeric_limits<std::int32_t>::max()}) {
-    throw Error(ErrorCode::kInvalidArgument, "OPTIONS_INVALID", "too many vertices, or fewer than none");
+    throw Invalid("OPTIONS_INVALID", "too many vertices, or fewer than none");
   }
-  std::vector<std::int32_t> corners;
-  corners.reserve(triangles.size());
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    if (triangles[i] >= static_cast<std::uint64_t>(vertex_count)) {
-      throw Error(ErrorCode::kInvalidArgument, "MESH_INDEX_OUT_OF_RANGE",
-                  absl::StrCat("a face has the index ", triangles[i], ", but the mesh has ", vertex_count, " vertices"),
-                  {{"faces", absl::StrCat(i / 3)}});
-    }
-    corners.push_back(static_cast<std::int32_t>(triangles[i]));
-  }
+  CheckIndices(triangles, static_cast<std::size_t>(vertex_count));
+  const std::vector<std::int32_t> corners(triangles.begin(), triangles.end());
   const CornerSplit split = SplitCorners(vertex_count, corners, corner_uv);
   VertexSplit result;
   result.source_vertex.assign(split.source.begin(), split.source.end());

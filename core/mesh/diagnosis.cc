@@ -9,7 +9,7 @@
 
 #include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "core/base/element_ids.h"
 #include "core/base/error.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
@@ -253,13 +253,13 @@ absl::Status Diagnosis::Refusal() const {
     return MeshFault("MESH_INDEX_OUT_OF_RANGE",
                      absl::StrCat(Counted(count, "face refers", "faces refer"),
                                   " to vertices that do not exist (the mesh has ", vertices, ")"),
-                     count, {{"faces", absl::StrJoin(first, ",")}});
+                     count, {{"faces", ids::IdList(first)}});
   }
   if (const auto& [count, first] = vertices_not_finite; count > 0) {
     return MeshFault("MESH_POSITION_NOT_FINITE",
                      absl::StrCat("the position of ", Counted(count, "vertex", "vertices"),
                                   " is NaN or infinite; give every vertex finite coordinates"),
-                     count, {{"vertices", absl::StrJoin(first, ",")}});
+                     count, {{"vertices", ids::IdList(first)}});
   }
   if (surface_faces == 0) {
     return MeshFault("MESH_FACE_DEGENERATE", "no face of the mesh has any area, so there are no angles to keep", faces,

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/base/element_ids.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
@@ -20,15 +21,15 @@
 namespace planish {
 namespace {
 
-std::string IdList(const std::vector<std::int64_t>& ids) {
-  return absl::StrJoin(std::span(ids).first(std::min(kMaxDiagnosed, ids.size())), ",");
+std::string FirstIds(const std::vector<std::int64_t>& list) {
+  return ids::IdList(std::span(list).first(std::min(kMaxDiagnosed, list.size())));
 }
 
 // `before` and `after` stand round the number of edges.
 absl::Status FaultAtEdges(const std::string& reason, const char* before, const EdgeList& list, const char* after) {
   const auto name = [](std::string* out, const auto& edge) { absl::StrAppend(out, edge[0], "-", edge[1]); };
   return MeshFault(reason, absl::StrCat(before, Counted(list.count, "edge", "edges"), after), list.count,
-                   {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", IdList(list.faces)}});
+                   {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", FirstIds(list.faces)}});
 }
 
 absl::Status CheckFaces(const Diagnosis& d) {
@@ -40,13 +41,13 @@ absl::Status CheckFaces(const Diagnosis& d) {
     return MeshFault("MESH_FACE_DEGENERATE",
                      absl::StrCat(Counted(count, "face has", "faces have"),
                                   " no area, so no angles to keep; remove or collapse ", count == 1 ? "it" : "them"),
-                     count, {{"faces", IdList(degenerate)}});
+                     count, {{"faces", FirstIds(degenerate)}});
   }
   if (const auto& [count, first] = d.duplicate_faces; count > 0) {
     return MeshFault("MESH_FACE_DUPLICATE",
                      absl::StrCat(Counted(count, "face has", "faces have"),
                                   " the same three vertices as an earlier face; remove the copies"),
-                     count, {{"faces", IdList(first)}});
+                     count, {{"faces", FirstIds(first)}});
   }
   return absl::OkStatus();
 }
@@ -69,7 +70,7 @@ absl::Status CheckManifold(const Diagnosis& d) {
     return MeshFault("MESH_VERTEX_NON_MANIFOLD",
                      absl::StrCat("parts of the surface that share no edge touch at ",
                                   Counted(count, "vertex", "vertices"), "; give each part a vertex of its own"),
-                     count, {{"vertices", IdList(first)}});
+                     count, {{"vertices", FirstIds(first)}});
   }
   return absl::OkStatus();
 }
@@ -85,7 +86,7 @@ absl::Status CheckOneComponent(const Diagnosis& d) {
   return MeshFault("MESH_SEVERAL_COMPONENTS",
                    absl::StrCat("the mesh has ", count, " separate components (of ", absl::StrJoin(sizes, ", "),
                                 count > 4 ? ", ..." : "", " faces); a disc is one: send them one by one"),
-                   count, {{"faces", IdList(first_faces)}});
+                   count, {{"faces", FirstIds(first_faces)}});
 }
 
 struct BoundaryLoop {
@@ -133,13 +134,13 @@ absl::Status CheckLoopsAndHandles(const Diagnosis& d, const TriMesh& mesh) {
                      absl::StrCat("the mesh has ", count, " boundary loops", counted(" and "), " (of ",
                                   absl::StrJoin(sizes, ", "), count > 4 ? ", ..." : "",
                                   " edges); a disc has one: fill the holes, or cut from one loop to the next"),
-                     count, {{"vertices", IdList(vertices)}, {"genus", genus}});
+                     count, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
   }
   if (handles == 0) return absl::OkStatus();
   return MeshFault("MESH_HAS_HANDLES",
                    absl::StrCat("the mesh has", counted(" "), " (genus ", handles, ", one boundary loop of ", sizes[0],
                                 " edges); a disc has none: cut it open along a seam"),
-                   handles, {{"vertices", IdList(vertices)}, {"genus", genus}});
+                   handles, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
 }
 
 }  // namespace

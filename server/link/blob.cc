@@ -28,20 +28,6 @@ absl::Status Failed(const char* what) {
 
 }  // namespace
 
-Descriptor::Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-
-Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
-  if (this != &other) {
-    if (fd_ >= 0) close(fd_);
-    fd_ = std::exchange(other.fd_, -1);
-  }
-  return *this;
-}
-
-Descriptor::~Descriptor() {
-  if (fd_ >= 0) close(fd_);
-}
-
 absl::StatusOr<BlobPtr> Blob::Copy(std::string_view bytes) {
   PLANISH_ASSIGN_OR_RETURN(BlobWriter writer, BlobWriter::Make(bytes.size()));
   if (!bytes.empty()) std::memcpy(writer.data(), bytes.data(), bytes.size());

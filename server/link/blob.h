@@ -7,27 +7,13 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
+#include "core/base/descriptor.h"
 
 namespace planish {
 
 class Blob;
 class BlobWriter;
 using BlobPtr = std::shared_ptr<const Blob>;
-
-// Closes a file descriptor. Movable.
-class Descriptor {
- public:
-  Descriptor() = default;
-  explicit Descriptor(int fd) : fd_(fd) {}
-  Descriptor(Descriptor&& other) noexcept;
-  Descriptor& operator=(Descriptor&& other) noexcept;
-  ~Descriptor();
-
-  int get() const { return fd_; }  // -1: none
-
- private:
-  int fd_ = -1;
-};
 
 // Thread-safe: nothing changes after construction.
 class Blob {

@@ -1,8 +1,6 @@
 #include "server/link/process_link.h"
 
-#include <fcntl.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -22,6 +20,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/error.h"
+#include "core/base/spawn.h"
 #include "core/base/status_macros.h"
 #include "server/link/frame_socket.h"
 
@@ -33,8 +32,6 @@ using worker::v1::ToWorker;
 
 constexpr int kWorkerFd = 3;
 constexpr int kStderrFd = 4;
-// Above all numbers that descriptors get in the worker.
-constexpr int kFirstFree = 10;
 // Of the last words of a worker.
 constexpr std::size_t kMostWords = 4096;
 // What the C library, the loader, sanitizers and numerical libraries look at.
@@ -53,70 +50,6 @@ absl::Status CannotStart(const std::string& what, int error) {
   }
   return InternalError(message);
 }
-
-std::string SignalName(int number) {
-  const char* const name = sigabbrev_np(number);
-  return name == nullptr ? absl::StrCat("signal ", number) : absl::StrCat("SIG", name);
-}
-
-// How to start a process, as posix_spawn wants to be told.
-class Spawn {
- public:
-  Spawn() {
-    posix_spawn_file_actions_init(&actions_);
-    posix_spawnattr_init(&attributes_);
-  }
-  ~Spawn() {
-    posix_spawn_file_actions_destroy(&actions_);
-    posix_spawnattr_destroy(&attributes_);
-  }
-  Spawn(const Spawn&) = delete;
-  Spawn& operator=(const Spawn&) = delete;
-
-  // Returns an errno, 0 for success.
-  int Run(const std::string& program, int socket, int words, int stderr_fd, const std::vector<std::string>& arguments,
-          pid_t* pid) {
-    // Their numbers may be those that the worker's get.
-    const Descriptor sources[] = {Descriptor(fcntl(socket, F_DUPFD_CLOEXEC, kFirstFree)),
-                                  Descriptor(fcntl(stderr_fd, F_DUPFD_CLOEXEC, kFirstFree)),
-                                  Descriptor(fcntl(words, F_DUPFD_CLOEXEC, kFirstFree))};
-    for (const Descriptor& source : sources) {
-      if (source.get() < 0) return errno;
-    }
-    int error = posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDWR, 0);
-    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, 0, 1);
-    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, sources[0].get(), kWorkerFd);
-    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, sources[1].get(), kStderrFd);
-    if (error == 0) error = posix_spawn_file_actions_adddup2(&actions_, sources[2].get(), STDERR_FILENO);
-    if (error == 0) error = posix_spawn_file_actions_addclosefrom_np(&actions_, kStderrFd + 1);
-    if (error != 0) return error;
-    // Ctrl-C and a service manager's SIGTERM reach every process there is; a worker ends when its server says so.
-    sigset_t deaf, none_ignored;
-    sigemptyset(&deaf);
-    for (const int number : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&deaf, number);
-    sigfillset(&none_ignored);
-    posix_spawnattr_setsigmask(&attributes_, &deaf);
-    posix_spawnattr_setsigdefault(&attributes_, &none_ignored);
-    posix_spawnattr_setflags(&attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-
-    std::vector<char*> argv;
-    static char name[] = "planishd-worker";
-    argv.push_back(name);
-    for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
-    argv.push_back(nullptr);
-    std::vector<char*> variables;
-    for (char** variable = environ; *variable != nullptr; ++variable) {
-      const std::string_view text = *variable;
-      if (IsForWorkers(text.substr(0, text.find('=')))) variables.push_back(*variable);
-    }
-    variables.push_back(nullptr);
-    return posix_spawn(pid, program.c_str(), &actions_, &attributes_, argv.data(), variables.data());
-  }
-
- private:
-  posix_spawn_file_actions_t actions_;
-  posix_spawnattr_t attributes_;
-};
 
 // How many processes the kernel has killed for want of memory since the machine started; 0 where it does not say.
 std::int64_t KillsForMemory() {
@@ -197,17 +130,15 @@ class ProcessWorkerLink : public WorkerLink {
     if (!fault_.empty()) return {"INTERNAL", "the worker broke the protocol: it sent " + fault_, {}};
     if (given_up) return {"WORKER_HUNG", "the worker was given up and killed", {}};
     if (hung_after_closing_) return {"WORKER_HUNG", "the worker closed its link and went on; it was killed", {}};
+    const std::string message = "the worker " + HowItEnded(status_);
     if (WIFSIGNALED(status_)) {
-      const int number = WTERMSIG(status_);
-      const std::string name = SignalName(number);
-      std::string message = absl::StrCat("the worker was killed by signal ", number, " (", name, ")");
-      if (number == SIGKILL && KillsForMemory() > kills_before_) {
+      const std::string name = SignalName(WTERMSIG(status_));
+      if (WTERMSIG(status_) == SIGKILL && KillsForMemory() > kills_before_) {
         return {"OUT_OF_MEMORY", message + " as the machine's memory ran out", {{"signal", name}}};
       }
-      return {"WORKER_CRASHED", std::move(message), {{"signal", name}}};
+      return {"WORKER_CRASHED", message, {{"signal", name}}};
     }
-    const std::string code = absl::StrCat(WEXITSTATUS(status_));
-    return {"WORKER_CRASHED", "the worker exited with code " + code, {{"exit_code", code}}};
+    return {"WORKER_CRASHED", message, {{"exit_code", absl::StrCat(WEXITSTATUS(status_))}}};
   }
 
   // Of a worker that never got ready: for people, and passed on to where others write.
@@ -289,8 +220,19 @@ absl::StatusOr<std::shared_ptr<WorkerLink>> StartProcessWorker(const WorkerProce
   Descriptor words(memfd_create("planish-worker-words", MFD_CLOEXEC));
   if (words.get() < 0) return CannotStart("memfd_create", errno);
   const int stderr_fd = options.stderr_fd >= 0 ? options.stderr_fd : STDERR_FILENO;
+  NewProcess worker;
+  worker.program = options.program;
+  worker.arguments = ToCommandLine(arguments);
+  worker.arguments.insert(worker.arguments.begin(), "planishd-worker");
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    const std::string_view text = *variable;
+    if (IsForWorkers(text.substr(0, text.find('=')))) worker.variables.emplace_back(text);
+  }
+  worker.descriptors = {-1, -1, words.get(), theirs.get(), stderr_fd};  // kWorkerFd and kStderrFd at the end
+  // Ctrl-C and a service manager's SIGTERM reach every process there is; a worker ends when its server says so.
+  worker.blocked_signals = {SIGINT, SIGTERM, SIGHUP};
   pid_t pid = 0;
-  const int error = Spawn().Run(options.program, theirs.get(), words.get(), stderr_fd, ToCommandLine(arguments), &pid);
+  const int error = Spawn(worker, &pid);
   if (error != 0) return CannotStart("cannot start " + options.program, error);
   return std::make_shared<ProcessWorkerLink>(pid, std::move(socket), std::move(words), stderr_fd);
 }

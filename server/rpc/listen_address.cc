@@ -1,6 +1,5 @@
 #include "server/rpc/listen_address.h"
 
-#include <arpa/inet.h>
 #include <netdb.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -12,9 +11,9 @@
 #include <system_error>
 
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "core/base/target.h"
 
 namespace planish {
 namespace {
@@ -52,18 +51,6 @@ const sockaddr* Generic(const sockaddr_un& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-struct HostPort {
-  std::string host;
-  std::string port;
-};
-
-HostPort Split(const std::string& text) {
-  const std::size_t colon = text.rfind(':');
-  std::string host = text.substr(0, colon);
-  if (absl::StartsWith(host, "[") && absl::EndsWith(host, "]")) host = host.substr(1, host.size() - 2);
-  return {host, text.substr(colon + 1)};
-}
-
 int TryTcp(const addrinfo& address) {
   const Socket socket(address.ai_family, SOCK_STREAM);
   if (socket.fd() < 0) return errno;
@@ -88,11 +75,7 @@ absl::StatusOr<ListenAddress> ParseListenAddress(const std::string& text) {
     address.grpc = kUnix + address.unix_path;
     return address;
   }
-  int port = -1;
-  const HostPort parts = Split(text);
-  const bool bare_ipv6 = text.find(':') != text.rfind(':') && text[0] != '[';
-  if (text.find(':') == std::string::npos || parts.host.empty() || bare_ipv6 || !absl::SimpleAtoi(parts.port, &port) ||
-      port < 0 || port > 65535) {
+  if (!ParseHostPort(text)) {
     return absl::InvalidArgumentError(text + ": expected HOST:PORT, [IPV6]:PORT or unix:PATH");
   }
   address.grpc = text;
@@ -100,11 +83,7 @@ absl::StatusOr<ListenAddress> ParseListenAddress(const std::string& text) {
 }
 
 bool IsLocal(const ListenAddress& address) {
-  if (!address.unix_path.empty()) return true;
-  const std::string host = Split(address.text).host;
-  in_addr ipv4 = {};
-  if (inet_pton(AF_INET, host.c_str(), &ipv4) == 1) return ntohl(ipv4.s_addr) >> 24 == 127;
-  return host == "localhost" || host == "::1";
+  return IsWithinThisMachine(address.grpc);
 }
 
 absl::Status RemoveStaleSocket(const std::string& path) {
@@ -134,7 +113,7 @@ std::string WhyNotListening(const ListenAddress& address) {
       error = errno;
     }
   } else {
-    const HostPort parts = Split(address.text);
+    const HostPort parts = ParseHostPort(address.text).value_or(HostPort());
     addrinfo hints = {};
     hints.ai_socktype = SOCK_STREAM;
     hints.ai_flags = AI_PASSIVE;

@@ -1,9 +1,8 @@
 #include "server/rpc/trace_header.h"
 
-#include <cstdint>
-#include <random>
 #include <string_view>
 
+#include "core/base/random_id.h"
 #include "core/base/trace_context.h"
 
 namespace planish {
@@ -15,10 +14,7 @@ std::string TraceparentOf(const grpc::CallbackServerContext& context) {
     traceparent = ParseTraceparent(std::string_view(first->second.data(), first->second.size()));
   }
   if (!traceparent.empty()) return traceparent;
-  return NewTraceparent([] {
-    std::random_device random;
-    return (std::uint64_t{random()} << 32) | random();
-  });
+  return NewTraceparent(Entropy);
 }
 
 }  // namespace planish

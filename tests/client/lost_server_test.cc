@@ -1,9 +1,15 @@
 // The library against servers and networks that come and go.
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
 #include <atomic>
 #include <chrono>
 #include <future>
 #include <thread>
 
+#include "client/src/rpc.h"
+#include "core/base/descriptor.h"
 #include "core/base/sha256.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -13,13 +19,16 @@
 namespace planish {
 namespace {
 
+using ::testing::AllOf;
 using testing::Bytes;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using testing::ErrorOf;
 using testing::FakeServer;
 using testing::FakeStream;
 using testing::FakeUpload;
 using testing::MakeStatus;
+using ::testing::Not;
 using testing::ProgressEvent;
 using testing::StateEvent;
 using testing::SuccessEvent;
@@ -33,8 +42,8 @@ using testing::kUv;
 
 ClientOptions Patient() {
   ClientOptions options;
-  options.reattach_timeout = Seconds(10);
-  options.retry_timeout = Seconds(10);
+  options.reattach_timeout = Seconds(60);
+  options.retry_timeout = Seconds(60);
   options.backoff = Seconds(0.01);
   return options;
 }
@@ -83,6 +92,64 @@ TEST(LostServer, UnwrapWaitsForTheServerAndGoesOnWithItsJob) {
   EXPECT_TRUE(seen.attach());
   EXPECT_THAT(sequences, ElementsAre(1, 2, 1025, 1026));
   EXPECT_THAT(skipped, ElementsAre(0, 0, 1022, 0));
+}
+
+// Listens, hangs up on everybody who says something, and knows the first byte that each has sent.
+class Stranger {
+ public:
+  Stranger() : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    address_.sin_family = AF_INET;
+    address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address_;
+    EXPECT_EQ(bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address_), size), 0);
+    EXPECT_EQ(getsockname(socket_.get(), reinterpret_cast<sockaddr*>(&address_), &size), 0);
+    EXPECT_EQ(listen(socket_.get(), 16), 0);
+    thread_ = std::thread([this] {
+      std::vector<std::jthread> readers;  // one each: a peer may keep silent for as long as it likes
+      while (true) {
+        Descriptor peer(accept(socket_.get(), nullptr, nullptr));
+        if (peer.get() < 0) return;
+        readers.emplace_back([this, peer = std::move(peer)]() mutable {
+          const Descriptor hung_up_at_the_end = std::move(peer);
+          char byte = 0;
+          if (recv(hung_up_at_the_end.get(), &byte, 1, 0) != 1) return;
+          const std::lock_guard lock(mutex_);
+          first_bytes_ += byte;
+        });
+      }
+    });
+  }
+  ~Stranger() {
+    shutdown(socket_.get(), SHUT_RDWR);
+    thread_.join();
+  }
+
+  std::string target() const { return "127.0.0.1:" + std::to_string(ntohs(address_.sin_port)); }
+  std::string first_bytes() {
+    const std::lock_guard lock(mutex_);
+    return first_bytes_;
+  }
+
+ private:
+  const Descriptor socket_;
+  sockaddr_in address_ = {};
+  std::mutex mutex_;
+  std::string first_bytes_;  // guarded by mutex_
+  std::thread thread_;
+};
+
+TEST(LostServer, CallsInTheBackgroundDoNotTryTls) {
+  constexpr char kHttp2 = 'P', kTls = 0x16;
+  Stranger stranger;
+  {
+    Rpc rpc(stranger.target(), {});
+    rpc.InBackground<v1::CancelJobRequest>(&v1::Planish::Stub::CancelJob, "jobs/1", TraceOf(""));
+  }
+  EXPECT_THAT(stranger.first_bytes(), AllOf(Contains(kHttp2), Not(Contains(kTls))));
+  Rpc rpc(stranger.target(), {});
+  EXPECT_EQ(ErrorOf([&] { rpc.Call(&v1::Planish::Stub::CancelJob, Named<v1::CancelJobRequest>("jobs/1")); }).code(),
+            ErrorCode::kUnavailable);
+  EXPECT_THAT(stranger.first_bytes(), Contains(kTls)) << "others do, to say what is wrong";
 }
 
 TEST(LostServer, BeforeTheFirstEventTheSameRequestIsMadeAgain) {

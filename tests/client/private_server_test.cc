@@ -8,7 +8,7 @@
 #include <chrono>
 #include <filesystem>
 
-#include "client/src/process.h"
+#include "client/src/find_planishd.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"

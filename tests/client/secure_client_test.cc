@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/src/tls_probe.h"
+#include "core/base/target.h"
 #include "planish/client.h"
 #include "planish/v1/planish.grpc.pb.h"
 #include "tests/testing/certificates.h"

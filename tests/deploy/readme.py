@@ -5,7 +5,6 @@
 """
 
 import os
-import random
 import re
 import shutil
 import signal
@@ -16,24 +15,14 @@ import tempfile
 import time
 import zlib
 
+from ports import free_port
+
 SOURCE, BIN = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
 README = open(os.path.join(SOURCE, "README.md"), encoding="utf-8").read()
 
 
 def fail(message):
     sys.exit(f"README.md: {message}")
-
-
-def free_port():
-    """Below the ports that the kernel gives out: nobody takes it by accident."""
-    while True:
-        port = random.randint(10_000, 30_000)
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                continue
-            return port
 
 
 def wait_for(port):

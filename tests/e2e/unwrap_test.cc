@@ -11,7 +11,6 @@
 #include <set>
 #include <thread>
 
-#include "client/src/process.h"
 #include "core/base/sanitizers.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

@@ -55,7 +55,7 @@ const std::vector<Layer>& Layers() {
       {"client/cli",
        {"core/base", "core/mesh", "core/pack", "core/unwrap/chart_spacing.h", "core/unwrap/map_check.h",
         "core/unwrap/verify.h", "client/files", "client/pictures", "client/include/planish", "client/cli",
-        "client/src/errors.h", "client/src/process.h", "client/src/request_id.h"}},
+        "client/src/errors.h"}},
       {"proto", {"proto"}},
       {"deploy/packages", {}},
       {"tests", {"core", "proto", "server", "client", "tests"}},
@@ -92,7 +92,7 @@ const std::vector<External>& Externals() {
       // The library but for its private server is bound to no system.
       {std::regex(R"(^((sys|linux|netinet|arpa)/.*|(dlfcn|fcntl|netdb|poll|pthread|signal|spawn|unistd)\.h)$)"),
        "headers of the system",
-       {"core", "server", "client/src/private_server.cc", "client/src/process.h", "client/cli", "client/files",
+       {"core", "server", "client/src/private_server.cc", "client/cli", "client/files",
         "deploy", "tests"}},
       {std::regex(R"(^(sys/(socket|un)\.h|netinet/.*|arpa/.*|netdb\.h)$)"), "sockets", {"server", "client", "tests"}},
   };

@@ -121,6 +121,8 @@ class ChartReport:
     abf_energy: float = 0.0
     barrier: float = 0.0
     stretch_l2: float = 1.0
+    #: The largest residual where Newton's method began, and after each of its steps; older servers do not tell.
+    newton_residuals: List[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,8 @@ class ChartTotals:
     linear_iterations: int = 0
     residual: Residual = field(default_factory=Residual)
     stretch_l2_max: float = 1.0
+    #: The largest of any chart after so many Newton steps; a chart that needed fewer counts with its last.
+    newton_residuals: List[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -359,6 +363,8 @@ def _value(message: Any, descriptor: Any) -> Any:
     if hasattr(value, "items"):
         return dict(value)
     if hasattr(value, "MergeFrom") and hasattr(value, "__len__"):  # repeated
+        if descriptor.message_type is None:
+            return list(value)
         return [from_proto(_NESTED[descriptor.message_type.full_name], each) for each in value]
     if descriptor.enum_type is not None:
         return enum_name(descriptor.enum_type, value)

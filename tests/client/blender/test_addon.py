@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 
 # Blender does not look at PYTHONPATH.
-sys.path.insert(0, os.path.join(os.environ["PLANISH_SOURCE_TREE"], "tests/client/python"))
+for folder in ("tests/client/python", "tests/testing"):
+    sys.path.insert(0, os.path.join(os.environ["PLANISH_SOURCE_TREE"], folder))
 import support  # noqa: E402
 
 bpy.ops.preferences.addon_install(filepath=os.environ["PLANISH_ADDON"])

@@ -2,7 +2,6 @@
 
 import os
 import pathlib
-import random
 import signal
 import socket
 import subprocess
@@ -10,6 +9,7 @@ import sys
 import tempfile
 
 import numpy as np
+from ports import free_port
 
 PLANISHD = os.environ["PLANISHD"]
 PLANISH = os.environ["PLANISH_COMMAND"]
@@ -130,18 +130,6 @@ def secure_server(directory):
 
     flags = {"tls-cert": "server.pem", "tls-key": "server-key.pem", "access-file": "access.yaml"}
     return Server(*(f"--{flag}={path(name)}" for flag, name in flags.items()), target=f"127.0.0.1:{free_port()}"), path
-
-
-def free_port():
-    """That nobody has, and nobody gets who does not ask for that number: it is below those that the kernel gives out."""
-    while True:
-        port = random.randint(10_000, 30_000)
-        with socket.socket() as probe:
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                continue
-            return port
 
 
 def run_python(code, *arguments, **more):

@@ -52,7 +52,12 @@ class Unwrap(WithServer):
         )
         self.check(result, triangles)
         self.assertEqual(result.chart_count, 1)
-        self.assertTrue(result.charts[0].converged)
+        chart = result.charts[0]
+        self.assertTrue(chart.converged)
+        self.assertEqual(len(chart.newton_residuals), chart.newton_iterations + 1)
+        self.assertGreater(chart.newton_residuals[0], chart.newton_residuals[-1])
+        self.assertLess(chart.newton_residuals[-1], 1e-9)
+        self.assertEqual(result.report.chart_totals.newton_residuals, chart.newton_residuals)
         self.assertEqual(result.report.vertices, len(positions))
         self.assertGreater(result.report.seconds.total, result.report.seconds.solve)
         self.assertIn("solve", {each.stage for each in progress})
