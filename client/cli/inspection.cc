@@ -11,7 +11,7 @@
 #include "client/cli/seams.h"
 #include "client/cli/text.h"
 #include "client/src/errors.h"
-#include "core/mesh/disc_check.h"
+#include "core/mesh/diagnosis.h"
 
 namespace planish::cli {
 namespace {

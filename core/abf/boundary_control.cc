@@ -19,11 +19,10 @@ ActiveSet::ActiveSet(const Topology& topology, const TargetAngles& target)
     : topology_(topology), position_(topology.num_vertices, -1) {
   std::int32_t last = topology.num_corners() - 1;
   while (topology.opposite[last] >= 0) --last;
-  const FlatLinks links = {topology.opposite};
-  for (std::int32_t c = last, v; position_[v = Origin(topology.faces, c)] < 0; c = NextOnBoundary(links, c)) {
-    position_[v] = num_vertices();
-    vertices_.push_back(v);
-  }
+  ForEachOnLoop(FlatLinks{topology.opposite}, last, [&](std::int32_t c) {
+    position_[Origin(topology.faces, c)] = num_vertices();
+    vertices_.push_back(Origin(topology.faces, c));
+  });
   active_.assign(vertices_.size(), 0);
 
   compliance_ = Eigen::VectorXd::Zero(num_vertices());
@@ -269,7 +268,7 @@ absl::Status ActiveSetMethod::Settle() {
     PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
     usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
     const bool done = same_set && tolerance <= options_.tolerance && summary_.converged;
-    if (IsInterrupted(control_.stop) && !done && !summary_.stopped) {
+    if (control_.IsStopRequested() && !done && !summary_.stopped) {
       // Good enough to stop at (FlattenControl::flat_enough), whatever is left to do for the outline.
       summary_.stopped = true;
       summary_.converged = false;

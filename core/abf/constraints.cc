@@ -89,21 +89,6 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
   return h;
 }
 
-ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x) {
-  return EvaluateConstraints(topology, x, Sines(x));
-}
-
-Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::VectorXd& x) {
-  Eigen::VectorXd product = Eigen::VectorXd::Ones(topology.num_interior);
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    const std::int32_t f = c / 3, k = c % 3;
-    if (const std::int32_t v = topology.corner_row[c]; topology.has_wheel(v)) {
-      product[v] *= portable::Sin(x[3 * f + Next(k)]) / portable::Sin(x[3 * f + Prev(k)]);
-    }
-  }
-  return product.array() - 1;
-}
-
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
                    ThreadTeam& team) {
   y->resize(2 * topology.num_rows);
@@ -136,40 +121,6 @@ void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
       for (int k = 0; k < 3; ++k) (*x)[3 * f + k] += cot[3 * f + k] * (wheel[Prev(k)] - wheel[Next(k)]);
     }
   });
-}
-
-SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form) {
-  const Eigen::VectorXd cot = Cotangents(x);
-  // d(P/Q) = P/Q (d log P - d log Q) and d(P - Q) = P d log P - Q d log Q: eq. 6 with its entries scaled.
-  Eigen::VectorXd scale_after = Eigen::VectorXd::Ones(topology.num_rows), scale_before = scale_after;
-  if (form == WheelForm::kProduct) {
-    scale_after.head(topology.num_interior).array() += EvaluateWheelProducts(topology, x).array();
-    scale_before = scale_after;
-  } else if (form == WheelForm::kDifference) {
-    for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-      const std::int32_t f = c / 3, k = c % 3;
-      if (const std::int32_t v = topology.corner_row[c]; v >= 0) {
-        scale_after[v] *= portable::Sin(x[3 * f + Next(k)]);
-        scale_before[v] *= portable::Sin(x[3 * f + Prev(k)]);
-      }
-    }
-  }
-  std::vector<Eigen::Triplet<double, int>> entries;
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    const std::int32_t f = c / 3, k = c % 3;
-    entries.emplace_back(f, c, 1.0);
-    const std::int32_t v = topology.corner_row[c];
-    if (v < 0) continue;
-    const std::int32_t vertex_row = topology.num_faces() + 2 * v, wheel_row = vertex_row + 1;
-    const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
-    entries.emplace_back(vertex_row, c, 1.0);
-    if (!topology.has_wheel(v)) continue;
-    entries.emplace_back(wheel_row, after, scale_after[v] * cot[after]);
-    entries.emplace_back(wheel_row, before, -scale_before[v] * cot[before]);
-  }
-  SparseMatrix jacobian(topology.num_faces() + 2 * topology.num_rows, topology.num_corners());
-  jacobian.setFromTriplets(entries.begin(), entries.end());
-  return jacobian;
 }
 
 }  // namespace planish

@@ -4,8 +4,7 @@
 // Per interior vertex v:     vertex consistency (eq. 2)    sum of the angles at v, minus 2 pi
 //                            wheel condition (eq. 6)       sum of log sin(beta) - log sin(gamma) over the faces at v
 // Per active boundary vertex b (boundary_control.h):       sum of the angles at b, minus pi
-// where beta is the angle after v and gamma the angle before v in each face, counter-clockwise. The product form of the
-// wheel condition (eq. 3) is here for comparison.
+// where beta is the angle after v and gamma the angle before v in each face, counter-clockwise.
 //
 // Multipliers and constraint values are ordered: F triangle entries, then one pair (vertex, wheel) per row of the
 // topology. Boundary vertices have no wheel condition: the second of their pair has the value 0 and an empty row of B.
@@ -30,10 +29,6 @@ Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team = Alone())
 // h(x) with eq. 6; angles in (0, pi). `sine` are the sines of x. Eq. 6 is evaluated as the logarithm of a product.
 ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x, const Eigen::VectorXd& sine,
                                      ThreadTeam& team = Alone());
-ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x);
-
-// Eq. 3, one value per interior vertex: product of sin(beta) / sin(gamma), minus 1.
-Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::VectorXd& x);
 
 // y = J x, J the pair rows of B at the angles whose cotangents are `cot`. y is overwritten.
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
@@ -43,15 +38,5 @@ void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const E
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x,
                            ThreadTeam& team = Alone());
-
-// Three forms of the wheel condition. P_v is the product of sin(beta) and Q_v that of sin(gamma) over the faces at v.
-enum class WheelForm {
-  kLogarithm,   // eq. 6: log P_v - log Q_v
-  kProduct,     // eq. 3: P_v / Q_v - 1
-  kDifference,  // eq. 3 times Q_v: P_v - Q_v, as the original ABF (reference [17] of the paper) has it
-};
-
-// B as a matrix, (F + 2 num_rows) x 3F. For tests and comparisons; the solvers never form B.
-SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form);
 
 }  // namespace planish

@@ -11,8 +11,7 @@
 #include "core/abf/target_angles.h"
 #include "core/abf/topology.h"
 #include "core/abf/tuning.h"
-#include "core/base/interrupter.h"
-#include "core/base/thread_team.h"
+#include "core/base/execution.h"
 
 namespace planish {
 
@@ -22,7 +21,7 @@ enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class HessianType { kConvex, kExact, kAuto };
 enum class BoundaryType { kFree, kConvex };
 
-// Names as on the command line and in reports: "uzawa", "reduced", ...
+// Names as on the command line and in reports: "uzawa", "reduced", ... (in the order of the enumerators).
 const char* Name(SolverType type);
 const char* Name(SystemType type);
 const char* Name(PreconditionerType type);
@@ -71,20 +70,17 @@ struct FlattenProgress {
   double step_length = 0;              // fraction of the last Newton step taken, in (0, 1]; 0: none was taken
 };
 
-struct FlattenControl {
-  const Interrupter* cancel = nullptr;
-  // Requests an early end with the best angles within reach: a linear solve under way is cut short, and Newton's method
-  // takes a few more steps at most (StopTuning), until the constraints hold well enough for a map without flips.
-  // FlattenSummary::stopped says whether that happened. Any thread may set it at any time.
-  const Interrupter* stop = nullptr;
-  // After a stop is requested: the largest violation of a constraint that is well enough, radians. On 15 discs, no
-  // angles with violations below 0.05 had a flip in their layout; most discs are there after two steps.
+// Of Execution: a stop request asks for an early end with the best angles within reach. A linear solve under way is cut
+// short, and Newton's method takes a few more steps at most (StopTuning), until the constraints hold well enough for a
+// map without flips; FlattenSummary::stopped says whether that happened. The team works on the solver's loops, and on
+// nothing else meanwhile.
+struct FlattenControl : Execution {
+  // After a stop request: the largest violation of a constraint that is well enough, radians. On 15 discs, no angles
+  // with violations below 0.05 had a flip in their layout; most discs are there after two steps.
   double flat_enough = 2e-2;
   // Ends, not converged, where angles collapse, instead of going on with a barrier: for charts that can be cut.
   bool gives_up = false;
-  std::function<void(const FlattenProgress&)> on_progress;
-  // Works on the solver's loops, and on nothing else meanwhile. Null: the calling thread works alone.
-  ThreadTeam* team = nullptr;
+  std::function<void(const FlattenProgress&)> on_progress = {};
 };
 
 // How BoundaryType::kConvex went.
@@ -138,10 +134,10 @@ struct Flattening {
 };
 
 // Minimizes f (eq. 4) subject to eq. 1, 2 and 6 and to the boundary control asked for, by Newton's method on the
-// Lagrangian, from StartingAngles() and mu = 0. Deterministic. INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED:
-// FlattenControl::cancel was set. INTERNAL: SOLVER_FAILED, multigrid failed and a Cholesky factorization may not take
-// its place (StepSolver::Solve); the message says why and what to do. Running out of iterations is not an error: see
-// FlattenSummary::converged.
+// Lagrangian, from StartingAngles() and mu = 0. Deterministic, but for stop requests. INVALID_ARGUMENT:
+// OPTIONS_INVALID. CANCELLED: FlattenControl::cancel was set. INTERNAL: SOLVER_FAILED, multigrid failed and a Cholesky
+// factorization may not take its place (StepSolver::Solve); the message says why and what to do. Neither the iteration
+// limit nor a stop request is an error: see FlattenSummary::converged and stopped.
 absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control);
 

@@ -5,76 +5,29 @@
 #include "core/base/error.h"
 
 namespace planish {
-namespace {
-
-absl::Status OptionError(const std::string& field, const std::string& message) {
-  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", field + ": " + message, {{"field", field}});
-}
-
-}  // namespace
-
 const char* Name(SolverType type) {
-  switch (type) {
-    case SolverType::kAuto:
-      return "auto";
-    case SolverType::kUzawa:
-      return "uzawa";
-    case SolverType::kMinres:
-      return "minres";
-    case SolverType::kDirect:
-      return "direct";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"auto", "uzawa", "minres", "direct"};
+  return kNames[static_cast<int>(type)];
 }
 
 const char* Name(SystemType type) {
-  switch (type) {
-    case SystemType::kAuto:
-      return "auto";
-    case SystemType::kFull:
-      return "full";
-    case SystemType::kReduced:
-      return "reduced";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"auto", "full", "reduced"};
+  return kNames[static_cast<int>(type)];
 }
 
 const char* Name(PreconditionerType type) {
-  switch (type) {
-    case PreconditionerType::kAuto:
-      return "auto";
-    case PreconditionerType::kNone:
-      return "none";
-    case PreconditionerType::kJacobi:
-      return "jacobi";
-    case PreconditionerType::kCholesky:
-      return "cholesky";
-    case PreconditionerType::kAmg:
-      return "amg";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"auto", "none", "jacobi", "cholesky", "amg"};
+  return kNames[static_cast<int>(type)];
 }
 
 const char* Name(HessianType type) {
-  switch (type) {
-    case HessianType::kConvex:
-      return "convex";
-    case HessianType::kExact:
-      return "exact";
-    case HessianType::kAuto:
-      return "auto";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"convex", "exact", "auto"};
+  return kNames[static_cast<int>(type)];
 }
 
 const char* Name(BoundaryType type) {
-  switch (type) {
-    case BoundaryType::kFree:
-      return "free";
-    case BoundaryType::kConvex:
-      return "convex";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"free", "convex"};
+  return kNames[static_cast<int>(type)];
 }
 
 double Residual::Max() const {
@@ -92,24 +45,19 @@ absl::Status FlattenOptions::Validate() const {
     return OptionError("linear_tolerance", absl::StrFormat("%g is not in [0, 0.01]", linear_tolerance));
   }
   if (system == SystemType::kFull && solver == SolverType::kDirect) {
-    return OptionError("system",
-                       "the direct solver factorizes the reduced "
-                       "system; use reduced, or another solver");
+    return OptionError("system", "the direct solver factorizes the reduced system; use reduced, or another solver");
   }
   if (system == SystemType::kFull &&
       (preconditioner == PreconditionerType::kCholesky || preconditioner == PreconditionerType::kAmg)) {
     return OptionError("preconditioner",
-                       "cholesky and amg are made from the reduced system; use "
-                       "reduced, or none or jacobi");
+                       "cholesky and amg are made from the reduced system; use reduced, or none or jacobi");
   }
   if (solver == SolverType::kDirect && preconditioner != PreconditionerType::kAuto &&
       preconditioner != PreconditionerType::kCholesky) {
     return OptionError("preconditioner", "the direct solver takes no preconditioner but cholesky");
   }
   if (hessian == HessianType::kExact && solver != SolverType::kMinres && solver != SolverType::kAuto) {
-    return OptionError("hessian",
-                       "the exact Hessian may be indefinite, which "
-                       "only the minres solver can take");
+    return OptionError("hessian", "the exact Hessian may be indefinite, which only the minres solver can take");
   }
   return absl::OkStatus();
 }

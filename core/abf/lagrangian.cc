@@ -48,11 +48,6 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
   return hessian;
 }
 
-Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
-                                  const Multipliers& mu) {
-  return LagrangianHessian(topology, objective.Curvature(x), Sines(x), mu);
-}
-
 namespace {
 
 // The polarization of e (plane.h): e(a - t b) = e(a) - t m(a, b) + t^2 e(b).

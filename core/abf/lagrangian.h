@@ -31,8 +31,6 @@ Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& ob
 // that x_i has in eq. 6. `curvature` is f''(x), `sine` the sines of x.
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
                                   const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team = Alone());
-Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
-                                  const Multipliers& mu);
 
 // How a Hessian is convexified.
 enum class Convexification {

@@ -183,46 +183,21 @@ std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const R
   return positions;
 }
 
-double LargestGap(const Topology& topology, const Edges& edges, const std::vector<Vec2>& positions,
-                  const Execution& execution) {
-  double largest = 0;
-  for (const double part : execution.Collect<double>(topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-         double chunk = 0;
-         for (std::int64_t f = begin; f < end; ++f) {
-           const Face& face = topology.faces[f];
-           for (int k = 0; k < 3; ++k) {
-             const Complex& edge = edges[3 * f + k];
-             const Vec2 got = positions[face[Prev(k)]] - positions[face[Next(k)]];
-             const double gap = (got - Vec2(edge.re, edge.im)).squaredNorm();
-             if (gap > chunk * edge.SquaredNorm()) chunk = gap / edge.SquaredNorm();
-           }
-         }
-         return chunk;
-       })) {
-    largest = std::max(largest, part);
-  }
-  return std::sqrt(largest);
-}
-
 }  // namespace
 
-Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution) {
+std::vector<Vec2> LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution) {
   const Edges edges = FaceShapes(angles, execution);
   if (execution.IsCancelled()) return {};
   JoinFaces(topology, execution, edges);
   const Range squared = SquaredLengths(topology, edges, execution);
-  Layout layout;
   if (execution.IsCancelled()) return {};
-  layout.positions = SumEdges(topology, edges, squared, execution);
-  if (layout.positions.empty()) return {};
-  layout.scale_range = std::sqrt(squared.high / squared.low);
-  layout.largest_gap = LargestGap(topology, edges, layout.positions, execution);
+  std::vector<Vec2> positions = SumEdges(topology, edges, squared, execution);
   const double unit = 1 / std::sqrt(squared.high);
-  execution.For(topology.num_vertices, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v) layout.positions[v] *= unit;
+  execution.For(std::ssize(positions), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t v = begin; v < end; ++v) positions[v] *= unit;
   });
   if (execution.IsCancelled()) return {};
-  return layout;
+  return positions;
 }
 
 }  // namespace planish

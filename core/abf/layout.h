@@ -15,17 +15,8 @@
 
 namespace planish {
 
-struct Layout {
-  // Per vertex, in units of the longest edge. Vertices without a face are at 0.
-  std::vector<Vec2> positions;
-  // Over all edges of all triangles: the largest difference between the edge as laid out and the edge as the angles
-  // have it, relative to its length.
-  double largest_gap = 0;
-  // Longest over shortest edge.
-  double scale_range = 1;
-};
-
-// `angles` are 3F planar angles that meet the constraints. O(F). After a cancellation `positions` is empty.
-Layout LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution = {});
+// Positions of the vertices, in units of the longest edge; vertices without a face are at 0. `angles` are 3F planar
+// angles that meet the constraints. O(F). Empty after a cancellation.
+std::vector<Vec2> LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution = {});
 
 }  // namespace planish

@@ -78,15 +78,14 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   LinearSolveOptions linear;
   if (options_.linear_tolerance > 0) {
     linear.relative_tolerance = options_.linear_tolerance;
-  } else if (exact_steps_) {
+  } else if (course_.exact_steps) {
     linear.relative_tolerance = tuning_.forcing.min_term;
   } else {
     linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance, tuning_.forcing);
-    linear.rough =
-        RoughForcing(summary_.residual, Sum(team_, h.pair.cwiseAbs()), options_.tolerance, tuning_.forcing);
+    linear.rough = RoughForcing(summary_.residual, Sum(team_, h.pair.cwiseAbs()), options_.tolerance, tuning_.forcing);
   }
   linear.cancel = control_.cancel;
-  const bool stopping = IsInterrupted(control_.stop);
+  const bool stopping = control_.IsStopRequested();
   if (stopping) {
     linear.relative_tolerance = std::max(linear.relative_tolerance, tuning_.stop.tolerance);
     if (!linear.rough.empty()) linear.rough.push_back({.energy = tuning_.stop.tolerance, .residual = kAnyResidual});
@@ -100,15 +99,14 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   summary_.linear_iterations += solved.iterations;
   if (stopping) iterations_after_stop_ += solved.iterations;
   if (solved.termination == LinearTermination::kInterrupted) {
-    if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
+    if (control_.IsCancelled()) return absl::CancelledError("cancelled");
     cut_short_ = true;
   } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
     cut_short_ = true;
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
     if (summary_.linear_failure.empty()) {
-      summary_.linear_failure =
-          absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", Describe(solved));
+      summary_.linear_failure = absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", Describe(solved));
     }
   }
   return solved;
@@ -118,7 +116,8 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
                                          NewtonStep* step, double* slope) {
   PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, weak_faces_, control_.cancel));
   if (summary_.preconditioner_note.empty() && !steps_.left_out().empty()) {
-    summary_.preconditioner_note = absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", steps_.left_out());
+    summary_.preconditioner_note =
+        absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", steps_.left_out());
   }
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
   if (!step->x.allFinite()) return false;
@@ -192,7 +191,7 @@ absl::StatusOr<bool> Newton::TakeStep() {
   Eigen::VectorXd convex = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
   Eigen::VectorXd hessian;  // where it is not convex itself
   const double residual = summary_.residual.Max();
-  const double before = std::exchange(last_residual_, residual);
+  const double before = std::exchange(course_.last_residual, residual);
   const ConvexityTuning& convexity = tuning_.convexity;
   const bool gains = residual > convexity.very_near_solution && residual <= convexity.fast_gain * before;
   const bool near = residual <= convexity.near_solution && !gains;
@@ -206,7 +205,7 @@ absl::StatusOr<bool> Newton::TakeStep() {
   if (changed && try_exact) absolute = AbsoluteHessian(curvature_, hessian, team_, convexity);
   if (!changed) hessian.resize(0);
   curvature_.resize(0);
-  if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
+  if (control_.IsCancelled()) return absl::CancelledError("cancelled");
   at_.sine.resize(0);
 
   NewtonStep step;
@@ -242,13 +241,8 @@ void Newton::Start() {
 
 void Newton::Forget() {
   bounds_.set_z({});
-  collapsed_ = tuning_.barrier.collapsed;
-  narrow_ = tuning_.barrier.narrow;
   merit_.Reset();
-  whole_step_ = false;
-  last_residual_ = 0;
-  short_steps_ = narrow_steps_ = 0;
-  exact_steps_ = false;
+  course_ = {.collapsed = tuning_.barrier.collapsed, .narrow = tuning_.barrier.narrow};
 }
 
 double Newton::SmallestRatio() const {
@@ -258,13 +252,13 @@ double Newton::SmallestRatio() const {
 bool Newton::AnglesCollapse() {
   if (objective_.barrier() != 0) return false;
   const double ratio = SmallestRatio();
-  if (ratio < collapsed_) return true;
-  if (ratio >= narrow_) {
-    narrow_steps_ = 0;
-  } else if (summary_.residual.Max() > tuning_.barrier.fast_decrease * last_residual_) {
-    ++narrow_steps_;
+  if (ratio < course_.collapsed) return true;
+  if (ratio >= course_.narrow) {
+    course_.narrow_steps = 0;
+  } else if (summary_.residual.Max() > tuning_.barrier.fast_decrease * course_.last_residual) {
+    ++course_.narrow_steps;
   }
-  return narrow_steps_ > tuning_.barrier.narrow_steps;
+  return course_.narrow_steps > tuning_.barrier.narrow_steps;
 }
 
 std::int64_t Newton::MostIterationsAfterStop() const {
@@ -274,11 +268,11 @@ std::int64_t Newton::MostIterationsAfterStop() const {
 bool Newton::IsFlat() const {
   const Residual& r = summary_.residual;
   // Where the surface bends little, the constraints hold well before the first step and the map would still fold.
-  return whole_step_ && std::max({r.triangle, r.vertex, r.wheel}) <= control_.flat_enough;
+  return course_.whole_step && std::max({r.triangle, r.vertex, r.wheel}) <= control_.flat_enough;
 }
 
 bool Newton::EndsEarly() {
-  if (!IsInterrupted(control_.stop)) return false;
+  if (!control_.IsStopRequested()) return false;
   if (IsFlat()) return true;
   if (iterations_after_stop_ >= tuning_.stop.min_steps * MostIterationsAfterStop()) return true;
   return steps_after_stop_++ >= std::max(tuning_.stop.min_steps, tuning_.stop.step_faces / topology_.num_faces());
@@ -293,7 +287,7 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     summary_.residuals.resize(static_cast<std::size_t>(summary_.newton_iterations) + 1);
     summary_.residuals.back() = static_cast<float>(summary_.residual.Max());
     Report(0, 0);
-    if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
+    if (control_.IsCancelled()) return absl::CancelledError("cancelled");
     if (summary_.residual.Max() <= tolerance) return Ending::kConverged;
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
     if (EndsEarly()) return Ending::kStopped;
@@ -303,18 +297,18 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
     moved = *taken;
-    whole_step_ = moved && step_length_ == 1 && !cut_short_;
+    course_.whole_step = moved && step_length_ == 1 && !cut_short_;
     if (cut_short_ && !moved) continue;  // which says nothing about whole solves
     // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
     // ever going down.
-    if (step_length_ < tuning_.line_search.tiny_step && !exact_steps_) {
-      exact_steps_ = true;
+    if (step_length_ < tuning_.line_search.tiny_step && !course_.exact_steps) {
+      course_.exact_steps = true;
       continue;
     }
     if (moved && objective_.barrier() == 0 && step_length_ < barrier.cut_step) return Ending::kStuck;
-    short_steps_ = step_length_ < barrier.short_step ? short_steps_ + 1 : 0;
-    if (short_steps_ > barrier.short_steps) return Ending::kStuck;
-    if (!moved && std::exchange(exact_steps_, true)) return Ending::kStuck;
+    course_.short_steps = step_length_ < barrier.short_step ? course_.short_steps + 1 : 0;
+    if (course_.short_steps > barrier.short_steps) return Ending::kStuck;
+    if (!moved && std::exchange(course_.exact_steps, true)) return Ending::kStuck;
   }
 }
 
@@ -330,7 +324,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
       objective_.set_barrier(tau);
       PLANISH_ASSIGN_OR_RETURN(ending, Iterate(tau > barrier.weakest ? barrier.rough_tolerance : options_.tolerance));
       if (ending == Ending::kStopped) break;
-      short_steps_ = 0;
+      course_.short_steps = 0;
     }
   }
   if (ending != Ending::kConverged) return ending;
@@ -338,7 +332,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   const Point kept = at_;
   const Multipliers kept_mu = mu_;
   objective_.set_barrier(0);
-  collapsed_ = narrow_ = std::min(barrier.narrow, barrier.collapsed_after * SmallestRatio());
+  course_.collapsed = course_.narrow = std::min(barrier.narrow, barrier.collapsed_after * SmallestRatio());
   PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
   if (ending == Ending::kConverged) return ending;
   // f has no minimum with positive angles nearby: the minimum with the barrier stands.
@@ -351,7 +345,7 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
 
 absl::StatusOr<FlattenSummary> Newton::Run() {
   Start();
-  if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
+  if (control_.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
   if (ending == Ending::kStuck && !control_.gives_up) {
     PLANISH_ASSIGN_OR_RETURN(ending, GoOnWithABarrier());
@@ -365,7 +359,7 @@ absl::StatusOr<FlattenSummary> Newton::RunFrom(NewtonIterate start) {
   mu_ = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   bounds_.set_z(std::move(start.z));
-  if (IsInterrupted(control_.cancel)) return absl::CancelledError("cancelled");
+  if (control_.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_ASSIGN_OR_RETURN(const Ending ending, Iterate(options_.tolerance));
   return Finish(ending);
 }

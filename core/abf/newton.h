@@ -108,31 +108,39 @@ class Newton {
   // Writes summary_.stop_message: `why`, and the residuals.
   void DescribeEnd(const std::string& why);
 
+  // What the steps since Forget() have left.
+  struct Course {
+    double collapsed = 0, narrow = 0;  // ratios: BarrierTuning
+    int narrow_steps = 0;              // in a row
+    double last_residual = 0;          // before the last step; 0 before the first
+    int short_steps = 0;               // in a row
+    bool exact_steps = false;          // all linear solves have the least forcing term
+    bool whole_step = false;           // the last step had full length and no stop cut its linear solve short
+  };
+
+  // The arguments.
   const Topology& topology_;
   const TargetAngles& target_;
   ThreadTeam& team_;
   const FlattenOptions& options_;
   const NewtonTuning& tuning_;
   const FlattenControl& control_;
+  // The parts.
   Objective objective_;
   BoundMultipliers bounds_;
   StepSolver steps_;
-
+  MeritFunction merit_;
+  // The iterate, and what Evaluate() computes there.
   Point at_;
   Multipliers mu_;
   Eigen::VectorXd curvature_, cot_, gradient_;  // curvature_: empty once a step has been computed from it
   std::vector<std::int32_t> weak_faces_;        // of the present step
-  MeritFunction merit_;
-  double collapsed_ = 0, narrow_ = 0;  // ratios: BarrierTuning
-  int narrow_steps_ = 0;               // in a row
-  double last_residual_ = 0;           // before the last step; 0 before the first
-  double step_length_ = 0;             // of the last TakeStep(); 0: it took none
-  int short_steps_ = 0;                // in a row
-  bool exact_steps_ = false;           // all linear solves have the least forcing term
-  bool whole_step_ = false;            // the last step had full length and no stop cut its linear solve short
-  bool cut_short_ = false;             // control_.stop ended a linear solve of the present step
-  std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;  // after control_.stop
+  // How it goes.
+  Course course_;
+  double step_length_ = 0;       // of the last TakeStep(); 0: it took none
+  bool cut_short_ = false;       // a stop request ended a linear solve of the present step
   bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
+  std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;  // after a stop request
   FlattenSummary summary_;
 };
 

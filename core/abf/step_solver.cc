@@ -43,17 +43,13 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
                                  const Eigen::VectorXd& cot, bool indefinite, std::vector<std::int32_t> weak_faces,
                                  const Interrupter* interrupter) {
-  indefinite_ = indefinite;
+  iterate_ = {&hessian, &convex, &cot, indefinite, std::move(weak_faces)};
   const SaddlePointOperator* system;
   if (system_type_ == SystemType::kFull) {
     full_ = std::make_unique<FullSystem>(topology_, hessian, cot);
     system = full_.get();
   } else {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    weak_faces_ = std::move(weak_faces);
-    hessian_ = &hessian;
-    convex_ = &convex;
-    cot_ = &cot;
     reduced_ = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
     PLANISH_RETURN_IF_ERROR(PrepareReduced(interrupter));
     system = reduced_.get();
@@ -75,10 +71,6 @@ absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
   return PrepareExact();
 }
 
-bool StepSolver::IsWornOut(std::int64_t tolerated_iterations) const {
-  return uses_ < 0 || (uses_ > 0 && last_iterations_ > first_iterations_ + tolerated_iterations);
-}
-
 absl::Status StepSolver::TurnToCholesky(const std::string& why) {
   multigrid_failure_ = why;
   if (topology_.num_faces() > kMostFallbackFaces) {
@@ -89,7 +81,7 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
                                      why, kMostFallbackFaces, topology_.num_faces()));
   }
   preconditioner_type_ = PreconditionerType::kCholesky;
-  uses_ = -1;
+  wear_.solves = -1;
   rounded_matrix_.reset();
   multigrid_ = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
   factorization_.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
@@ -98,9 +90,9 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
 
 absl::Status StepSolver::PrepareExact() {
   if (!matrix_) matrix_ = std::make_unique<ReducedMatrix<double>>(topology_, team_);
-  const BlockMatrix<double>& s = matrix_->Assemble(*convex_, *cot_);
+  const BlockMatrix<double>& s = matrix_->Assemble(*iterate_.convex, *iterate_.cot);
   if (preconditioner_type_ == PreconditionerType::kCholesky) {
-    if (IsWornOut(tuning_.step.worn_out_factorization) || solver_type_ == SolverType::kDirect) {
+    if (wear_.IsOut(tuning_.step.worn_out_factorization) || solver_type_ == SolverType::kDirect) {
       const absl::Status factorized = factorization_.Factorize(s);
       if (absl::IsResourceExhausted(factorized)) {
         return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
@@ -108,11 +100,11 @@ absl::Status StepSolver::PrepareExact() {
                                       ": cut the mesh into charts (--seams=auto)"));
       }
       PLANISH_RETURN_IF_ERROR(factorized);
-      uses_ = 0;
+      wear_.solves = 0;
     }
     preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
   }
-  if (hessian_ != convex_) matrix_->Assemble(*hessian_, *cot_);
+  if (iterate_.hessian != iterate_.convex) matrix_->Assemble(*iterate_.hessian, *iterate_.cot);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
@@ -121,11 +113,12 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   if (!rounded_matrix_) rounded_matrix_ = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   // The first numbers stand on an unfolding with angles that do not close up.
-  const bool first = uses_ < 0;
-  const bool renew = first || !multigrid_closed_ || indefinite_ || IsWornOut(tuning_.step.worn_out_multigrid);
+  const bool first = wear_.solves < 0;
+  const bool renew =
+      first || !multigrid_closed_ || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
   std::vector<std::complex<double>> z;
-  const BlockMatrix<float>& s = rounded_matrix_->Assemble(*convex_, *cot_, [&] {
-    if (renew) z = UnfoldRows(topology_, *cot_);
+  const BlockMatrix<float>& s = rounded_matrix_->Assemble(*iterate_.convex, *iterate_.cot, [&] {
+    if (renew) z = UnfoldRows(topology_, *iterate_.cot);
   });
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   if (renew) {
@@ -135,17 +128,17 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
     PLANISH_RETURN_IF_ERROR(first ? multigrid_->Build(s, z, topology_.num_interior, team_, interrupter)
                                   : multigrid_->Refresh(s, z, interrupter));
     multigrid_closed_ = !first;
-    uses_ = 0;
+    wear_.solves = 0;
   }
   preconditioner_ = std::make_unique<MultigridPreconditioner>(multigrid_.get());
   SolveWeakRowsExactly(s);
-  if (hessian_ != convex_) rounded_matrix_->Assemble(*hessian_, *cot_);
+  if (iterate_.hessian != iterate_.convex) rounded_matrix_->Assemble(*iterate_.hessian, *iterate_.cot);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
 
 void StepSolver::SolveWeakRowsExactly(const BlockMatrix<float>& s) {
-  std::vector<std::int32_t> rows = RowsOfFaces(topology_, weak_faces_);
+  std::vector<std::int32_t> rows = RowsOfFaces(topology_, iterate_.weak_faces);
   if (rows.empty()) return;
   constexpr char kWithout[] = "no exact solves on the vertices of weak faces: ";
   if (static_cast<std::int64_t>(rows.size()) * tuning_.step.rows_per_weak_row > topology_.num_rows) {
@@ -170,9 +163,10 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
     watched.rough.clear();
   }
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
-  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !indefinite_;
-  if (indefinite_ && limit_indefinite_) {
-    watched.max_iterations = std::max(tuning.max_indefinite_iterations, tuning.indefinite_factor * last_iterations_);
+  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !iterate_.is_indefinite;
+  if (iterate_.is_indefinite && limit_indefinite_) {
+    watched.max_iterations =
+        std::max(tuning.max_indefinite_iterations, tuning.indefinite_factor * wear_.last_iterations);
   }
   if (multigrid) {
     const bool may_fall_back = topology_.num_faces() <= kMostFallbackFaces;
@@ -180,8 +174,9 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
                                                                             : tuning.max_iterations_without_fallback);
   }
   const std::int64_t most = watched.max_iterations;
-  if (preconditioner_type_ == PreconditionerType::kCholesky && solver_type_ != SolverType::kDirect && uses_ > 0) {
-    watched.max_iterations = std::min(most, first_iterations_ + tuning.useless_factorization);
+  if (preconditioner_type_ == PreconditionerType::kCholesky && solver_type_ != SolverType::kDirect &&
+      wear_.solves > 0) {
+    watched.max_iterations = std::min(most, wear_.first_iterations + tuning.useless_factorization);
   }
   LinearSummary summary = SolveOnce(gradient, h, watched, step);
   const auto solve_again = [&](const LinearSolveOptions& with) {
@@ -190,7 +185,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
     summary.iterations += wasted;
   };
   if (summary.termination == LinearTermination::kIterationLimit && summary.iterations < most) {
-    last_iterations_ = summary.iterations;
+    wear_.last_iterations = summary.iterations;
     const absl::Status prepared = PrepareReduced(options.cancel);
     if (!prepared.ok() && !absl::IsFailedPrecondition(prepared)) return prepared;
     if (prepared.ok()) {
@@ -213,7 +208,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
 
 LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                     const LinearSolveOptions& options, NewtonStep* step) {
-  const LinearSolver& solver = indefinite_ && minres_ != nullptr ? *minres_ : *solver_;
+  const LinearSolver& solver = iterate_.is_indefinite && minres_ != nullptr ? *minres_ : *solver_;
   LinearSummary summary;
   if (system_type_ == SystemType::kFull) {
     SaddlePointSolution solution;
@@ -232,9 +227,9 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
     summary = solver.SolveSchur(*reduced_, *preconditioner_, rhs, options, &step->mu.pair);
     reduced_->Recover(gradient, h.triangle, step->mu.pair, &step->x, &step->mu.triangle);
   }
-  if (indefinite_) return summary;  // says nothing about how well the preconditioner has kept
-  last_iterations_ = summary.iterations;
-  if (uses_++ == 0) first_iterations_ = summary.iterations;
+  if (iterate_.is_indefinite) return summary;  // says nothing about how well the preconditioner has kept
+  wear_.last_iterations = summary.iterations;
+  if (wear_.solves++ == 0) wear_.first_iterations = summary.iterations;
   return summary;
 }
 

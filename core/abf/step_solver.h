@@ -75,9 +75,24 @@ class StepSolver {
   }
 
  private:
-  // Whether the preconditioner must be made, for the first time or because the last solve with it took more than
-  // `tolerated_iterations` more than the first.
-  bool IsWornOut(std::int64_t tolerated_iterations) const;
+  // What Prepare() was given.
+  struct Iterate {
+    const Eigen::VectorXd *hessian = nullptr, *convex = nullptr, *cot = nullptr;
+    bool is_indefinite = false;
+    std::vector<std::int32_t> weak_faces = {};
+  };
+  // How the factorization or the multigrid in use has served.
+  struct Wear {
+    int solves = -1;                                         // with it; -1 before there is one
+    std::int64_t first_iterations = 0, last_iterations = 0;  // of the first and the latest of these solves
+
+    // Whether it must be made, for the first time or because the last solve took more than so many iterations more than
+    // the first.
+    bool IsOut(std::int64_t tolerated_iterations) const {
+      return solves < 0 || (solves > 0 && last_iterations > first_iterations + tolerated_iterations);
+    }
+  };
+
   // Assembles the matrix of the reduced system and makes the preconditioner.
   absl::Status PrepareReduced(const Interrupter* interrupter);
   // PrepareReduced() with S in float for multigrid, or in double for everything else. The preconditioner is made from S
@@ -101,24 +116,22 @@ class StepSolver {
   PreconditionerType preconditioner_type_;
   std::unique_ptr<LinearSolver> solver_;
   std::unique_ptr<LinearSolver> minres_ = MakeMinresSolver();  // of indefinite systems
-  bool indefinite_ = false, limit_indefinite_ = true;
+  bool limit_indefinite_ = true;
+  // The system of the present iterate.
+  Iterate iterate_;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
   // S: rounded to float for multigrid, which works in float itself; in double for all others.
   std::unique_ptr<ReducedMatrix<float>> rounded_matrix_;
   std::unique_ptr<ReducedMatrix<double>> matrix_;
-  std::vector<std::int32_t> weak_faces_;
-  const Eigen::VectorXd *hessian_ = nullptr, *convex_ = nullptr, *cot_ = nullptr;  // of Prepare()
+  // The preconditioner.
   SparseCholesky factorization_;
   std::unique_ptr<Multigrid> multigrid_;
   std::string multigrid_failure_, left_out_;
   // Whether the multigrid's numbers were made after the first step, from an unfolding that nearly closes up.
   bool multigrid_closed_ = false;
   std::unique_ptr<Preconditioner> preconditioner_;
-  // The solves with the factorization or the multigrid in use, -1 before there is one; and the iterations of the first
-  // and the latest of these solves.
-  int uses_ = -1;
-  std::int64_t first_iterations_ = 0, last_iterations_ = 0;
+  Wear wear_;
 };
 
 }  // namespace planish

@@ -47,7 +47,7 @@ struct Topology {
 Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution = {});
 
 // The topology of a mesh that is a disc. Faces and vertices keep the mesh's numbers. Errors as CheckDisc()
-// (core/mesh/disc_check.h).
+// (core/mesh/diagnosis.h).
 absl::StatusOr<Topology> DiscTopology(const Mesh& mesh, const Execution& execution = {});
 
 // `vertices` in the order of a Hilbert curve through the box round them: vertices with near numbers are near in space.

@@ -19,6 +19,12 @@ absl::Status MakeError(absl::StatusCode code, const std::string& reason, const s
   return status;
 }
 
+absl::Status OptionError(const std::string& field, const std::string& message,
+                         std::map<std::string, std::string> metadata) {
+  metadata["field"] = field;
+  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", field + ": " + message, metadata);
+}
+
 ErrorInfo ErrorInfoOf(const absl::Status& status) {
   ErrorInfo info;
   const auto payload = status.GetPayload(kPayloadUrl);

@@ -19,6 +19,10 @@ struct ErrorInfo {
 absl::Status MakeError(absl::StatusCode code, const std::string& reason, const std::string& message,
                        const std::map<std::string, std::string>& metadata = {});
 
+// INVALID_ARGUMENT, OPTIONS_INVALID, with the name of the field in message and metadata.
+absl::Status OptionError(const std::string& field, const std::string& message,
+                         std::map<std::string, std::string> metadata = {});
+
 // The reason and metadata given to MakeError; an empty reason for any other status.
 ErrorInfo ErrorInfoOf(const absl::Status& status);
 

@@ -1,5 +1,3 @@
-#include "core/charts/merging.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +8,8 @@
 #include <unordered_set>
 #include <utility>
 
-#include "core/charts/joints.h"
+#include "core/charts/gluing.h"
+#include "core/charts/steps.h"
 #include "core/charts/stretch_estimate.h"
 
 namespace planish {

@@ -1,11 +1,10 @@
-#include "core/charts/patches.h"
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <queue>
 #include <utility>
 
+#include "core/charts/steps.h"
 #include "core/mesh/half_edges.h"
 
 namespace planish {

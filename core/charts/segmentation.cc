@@ -7,9 +7,7 @@
 #include <queue>
 #include <utility>
 
-#include "core/charts/merging.h"
-#include "core/charts/patches.h"
-#include "core/charts/smoothing.h"
+#include "core/charts/steps.h"
 
 namespace planish {
 namespace {

@@ -7,7 +7,6 @@
 
 #include "core/base/execution.h"
 #include "core/charts/gluing.h"
-#include "core/charts/joints.h"
 #include "core/charts/surface.h"
 #include "core/charts/tuning.h"
 

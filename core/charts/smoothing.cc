@@ -1,6 +1,6 @@
-#include "core/charts/smoothing.h"
-
 #include <algorithm>
+
+#include "core/charts/steps.h"
 
 namespace planish {
 namespace {

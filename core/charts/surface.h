@@ -23,12 +23,12 @@ struct GivenSeams {
 
 // Constant after construction.
 struct Surface {
-  // The import of the caller's mesh, face by face. Its boundary is where charts must end: at boundaries and given
-  // seams, where faces are wound against each other, and between those of more than two faces at an edge that are not
-  // the flattest pairs.
+  // The import of the caller's mesh, face by face. Charts must end at its boundary: at boundaries of the caller's mesh,
+  // at given seams, and where faces are wound against each other. Of more than two faces at an edge the flattest pairs
+  // are joined; charts must end between the others.
   TriMesh mesh;
-  // Per face: whether it is part of the surface. Not those that name a vertex twice, or whose vertices all
-  // lie in one point, which have no inside to map.
+  // Per face: whether it is part of the surface. Faces that name a vertex twice, or whose three corners coincide, are
+  // not: there is nothing to map.
   std::vector<char> takes_part;
   // Per face: without area though its vertices differ. Its angles are those of slightly longer edges
   // (MeasuredAngles()).
@@ -55,8 +55,8 @@ struct Surface {
   // Whether a half-edge must be glued to the one across.
   bool is_uncut(HalfedgeHandle h) const { return mesh.data(mesh.edge_handle(h)).is_uncut; }
   // Of the angle between the normals of the two faces at a half-edge that has one across; 1 where one has no area.
-  double bend_cosine(HalfedgeHandle h) const {
-    const std::int32_t f = mesh.face_handle(h).idx(), g = face_across(h);
+  double bend_cosine(HalfedgeHandle h) const { return bend_cosine(mesh.face_handle(h).idx(), face_across(h)); }
+  double bend_cosine(std::int32_t f, std::int32_t g) const {
     const double lengths = area[f] * area[g];
     return lengths > 0 ? area_normal[f].dot(area_normal[g]) / lengths : 1;
   }

@@ -8,11 +8,11 @@ namespace planish {
 // Chosen on spot, koala, boot_g12, human_neutral, box_animated and voxelsheets by the number of charts at equal L2
 // stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
 struct AtlasTuning {
-  // ---- Patches (charts/patches.h): the start, from which charts are merged.
+  // ---- Patches (charts/patches.cc): the start, from which charts are merged.
   double patch_deviation = 0.08;  // 1 - length of the mean normal: a spherical cap of 33 degrees from its middle
   double patch_cosine = 0.7;      // least, between the mean normals of two patches that are joined
 
-  // ---- Merging (charts/merging.h).
+  // ---- Merging (charts/merging.cc).
   // Weight of an edge of a joint: the cosine of the bend, but at least this, so that right angles are joined last.
   double sharp_weight = 0.02;
   // Least 4 pi area / perimeter^2 of a chart: 1 for a disc, 0.12 for a strip of 1 to 24; less only where the larger
@@ -37,7 +37,7 @@ struct AtlasTuning {
   // small discs costs its outline for each.
   double outline_growth = 0.02;
 
-  // ---- Smoothing of outlines (charts/smoothing.h).
+  // ---- Smoothing of outlines (charts/smoothing.cc).
   int smoothing_sweeps = 40;          // at most
   double smoothing_sharp_cost = 0.1;  // of an edge at which the surface bends by a right angle or more, per length
 

@@ -18,7 +18,6 @@ struct BlockMatrix {
   std::vector<Scalar> value;
 
   std::int32_t num_rows() const { return static_cast<std::int32_t>(row_begin.size()) - 1; }
-  std::int64_t num_blocks() const { return static_cast<std::int64_t>(column.size()); }
 };
 
 // y = A x, summed up in double. For float and double.

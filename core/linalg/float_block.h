@@ -44,12 +44,5 @@ inline Float4 Transposed(const Float4& a) {
 inline Float4 ComplexBlock(const Float2& z) {
   return Float4{z[0], -z[1], z[1], z[0]};
 }
-inline Float2 ComplexProduct(const Float2& a, const Float2& b) {
-  return Float2{a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]};
-}
-// conj(a) b.
-inline Float2 ConjugateProduct(const Float2& a, const Float2& b) {
-  return Float2{a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0]};
-}
 
 }  // namespace planish

@@ -13,24 +13,9 @@ namespace {
 using Index = std::int32_t;
 
 template <int N>
-Eigen::Matrix<double, N, N> DenseBlock(const float* block) {
-  Eigen::Matrix<double, N, N> dense;
-  for (int p = 0; p < N; ++p) {
-    for (int q = 0; q < N; ++q) {
-      const int part = N == 2 ? 0 : 8 * (p / 2) + 4 * (q / 2);
-      dense(p, q) = block[part + 2 * (p % 2) + q % 2];
-    }
-  }
-  return dense;
-}
-
-template <int N>
 void StoreDense(const Eigen::Matrix<double, N, N>& dense, float* block) {
   for (int p = 0; p < N; ++p) {
-    for (int q = 0; q < N; ++q) {
-      const int part = N == 2 ? 0 : 8 * (p / 2) + 4 * (q / 2);
-      block[part + 2 * (p % 2) + q % 2] = static_cast<float>(dense(p, q));
-    }
+    for (int q = 0; q < N; ++q) block[PlaceInBlock<N>(p, q)] = static_cast<float>(dense(p, q));
   }
 }
 
@@ -40,10 +25,7 @@ void StoreDense(const Eigen::Matrix<double, N, N>& dense, float* block) {
 template <int N>
 Eigen::Matrix<double, N, 1> Damping(const LevelMatrix<N>& a, Index i, const Eigen::Matrix<double, N, N>& own,
                                     double undamped_part) {
-  const auto number = [](const float* block, int p, int q) {
-    const int part = N == 2 ? 0 : 8 * (p / 2) + 4 * (q / 2);
-    return double{block[part + 2 * (p % 2) + q % 2]};
-  };
+  const auto number = [](const float* block, int p, int q) { return double{block[PlaceInBlock<N>(p, q)]}; };
   Eigen::Matrix<double, N, 1> sums = Eigen::Matrix<double, N, 1>::Zero();
   for (Index k = a.outside_begin[i]; k < a.row_begin[i + 1]; ++k) {
     const float *block = a.Block(k), *other = a.Block(a.diagonal[a.column[k]]);

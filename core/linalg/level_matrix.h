@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "Eigen/Core"
 #include "absl/status/status.h"
 #include "core/base/thread_team.h"
 #include "core/linalg/block_matrix.h"
@@ -14,11 +15,24 @@ namespace planish {
 // Rows that one thread works on at a time in loops other than the smoother's.
 inline constexpr std::int64_t kRowsPerChunk = 4096;
 
-// N x N blocks, N = 2 on the finest level and 4 on the others. Row i holds [row_begin[i], row_begin[i + 1]) in this
-// order: columns of its own chunk before i, the diagonal at diagonal[i], columns of its own chunk after i, and from
-// outside_begin[i] on columns of other chunks.
-//
-// A block of 2x2 is stored by rows; one of 4x4 as its four 2x2 parts (00, 01, 10, 11), each by rows.
+// Where a block of N x N has its entry (p, q): by rows for N = 2; its four 2x2 parts (00, 01, 10, 11), each by rows,
+// for N = 4.
+template <int N>
+constexpr int PlaceInBlock(int p, int q) {
+  return (N == 2 ? 0 : 8 * (p / 2) + 4 * (q / 2)) + 2 * (p % 2) + q % 2;
+}
+template <int N>
+Eigen::Matrix<double, N, N> DenseBlock(const float* block) {
+  Eigen::Matrix<double, N, N> dense;
+  for (int p = 0; p < N; ++p) {
+    for (int q = 0; q < N; ++q) dense(p, q) = block[PlaceInBlock<N>(p, q)];
+  }
+  return dense;
+}
+
+// N x N blocks (PlaceInBlock), N = 2 on the finest level and 4 on the others. Row i holds [row_begin[i], row_begin[i +
+// 1]) in this order: columns of its own chunk before i, the diagonal at diagonal[i], columns of its own chunk after i,
+// and from outside_begin[i] on columns of other chunks.
 template <int N>
 struct LevelMatrix {
   static constexpr std::int64_t kBlockSize = N * N;

@@ -10,24 +10,30 @@
 namespace planish {
 
 const char* Name(LinearTermination termination) {
-  switch (termination) {
-    case LinearTermination::kConverged:
-      return "converged";
-    case LinearTermination::kIterationLimit:
-      return "iteration limit";
-    case LinearTermination::kIndefinite:
-      return "indefinite system";
-    case LinearTermination::kStagnated:
-      return "stagnation";
-    case LinearTermination::kInterrupted:
-      return "interrupted";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"converged", "iteration limit", "indefinite system", "stagnation", "interrupted"};
+  return kNames[static_cast<int>(termination)];
 }
 
 std::string Describe(const LinearSummary& summary) {
   return absl::StrFormat("%s after %d iteration%s, residual %.1e of the right-hand side", Name(summary.termination),
                          summary.iterations, summary.iterations == 1 ? "" : "s", summary.true_residual);
+}
+
+bool GoesOn(double residual, bool is_good_enough, const LinearSolveOptions& options, LinearSummary* summary) {
+  if (!std::isfinite(residual)) {
+    summary->termination = LinearTermination::kStagnated;
+  } else if (is_good_enough) {
+    summary->termination = LinearTermination::kConverged;
+  } else if (summary->iterations >= options.max_iterations) {
+    summary->termination = LinearTermination::kIterationLimit;
+  } else {
+    if (summary->iterations % kProgressInterval == 0 && options.on_progress) {
+      options.on_progress(summary->iterations, residual);
+    }
+    if (!IsInterrupted(options.cancel) && !IsInterrupted(options.stop)) return true;
+    summary->termination = LinearTermination::kInterrupted;
+  }
+  return false;
 }
 
 bool IsMet(const std::vector<RoughTolerance>& rough, double energy, const Eigen::VectorXd& residual, ThreadTeam& team) {
@@ -136,6 +142,48 @@ void LinearSolver::Refine(const SaddlePointOperator& system, const Preconditione
     const double before = std::exchange(summary->true_residual, measure());
     if (!(summary->true_residual < before / 2)) break;
   }
+}
+
+namespace {
+
+// Iterative refinement from lambda = 0 with the factorization as the inverse of M.
+class DirectSolver final : public LinearSolver {
+  LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                          Eigen::VectorXd* lambda) const override {
+    LinearSummary summary;
+    Eigen::VectorXd residual, correction;
+    double first = 0;
+    while (true) {
+      system.ApplySchur(*lambda, &residual);
+      residual = rhs - residual;
+      const double norm = residual.norm();
+      if (summary.iterations == 0) first = norm;
+      if (!std::isfinite(norm)) {
+        summary.termination = LinearTermination::kStagnated;
+        break;
+      }
+      if (norm <= options.relative_tolerance * first) break;
+      if (summary.iterations >= options.tuning.max_direct_refinements) {
+        summary.termination = LinearTermination::kStagnated;
+        break;
+      }
+      if (IsInterrupted(options.cancel) || IsInterrupted(options.stop)) {
+        summary.termination = LinearTermination::kInterrupted;
+        break;
+      }
+      preconditioner.Apply(residual, &correction);
+      *lambda += correction;
+      ++summary.iterations;
+    }
+    return summary;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<LinearSolver> MakeDirectSolver() {
+  return std::make_unique<DirectSolver>();
 }
 
 }  // namespace planish

@@ -75,6 +75,11 @@ struct LinearSummary {
   double energy_taken = std::numeric_limits<double>::quiet_NaN();
 };
 
+// For solvers, before each iteration: whether another one is to follow. If not, summary->termination says why.
+// `residual` is relative; `is_good_enough` says whether the solver's own measure meets the tolerance. Calls
+// on_progress.
+bool GoesOn(double residual, bool is_good_enough, const LinearSolveOptions& options, LinearSummary* summary);
+
 // One sentence: "iteration limit after 300 iterations, residual 1.2e-03 of the right-hand side".
 std::string Describe(const LinearSummary& summary);
 

@@ -35,24 +35,10 @@ class MinresSolver final : public LinearSolver {
     double delta_bar = 0, epsilon = 0;
     double phi_bar = beta1;  // norm of the residual
     double cs = -1, sn = 0;
-    while (true) {
-      if (!std::isfinite(phi_bar)) {
-        summary.termination = LinearTermination::kStagnated;
-        break;
-      }
-      if (rough ? IsMet(options.rough, phi_bar / beta1, r, team) : phi_bar <= options.relative_tolerance * beta1) break;
-      if (summary.iterations >= options.max_iterations) {
-        summary.termination = LinearTermination::kIterationLimit;
-        break;
-      }
-      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
-        options.on_progress(summary.iterations, phi_bar / beta1);
-      }
-      if (IsInterrupted(options.cancel) || IsInterrupted(options.stop)) {
-        summary.termination = LinearTermination::kInterrupted;
-        break;
-      }
-
+    const auto is_good_enough = [&] {
+      return rough ? IsMet(options.rough, phi_bar / beta1, r, team) : phi_bar <= options.relative_tolerance * beta1;
+    };
+    while (GoesOn(phi_bar / beta1, is_good_enough(), options, &summary)) {
       Assign(team, y / beta, &v);
       system.ApplySchur(v, &y);
       if (summary.iterations > 0) Assign(team, y - (beta / old_beta) * r1, &y);

@@ -9,28 +9,9 @@
 #include "Eigen/Cholesky"
 #include "absl/strings/str_format.h"
 #include "core/base/status_macros.h"
-#include "core/linalg/multigrid_level.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
-struct Multigrid::Impl {
-  absl::Status Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
-                     std::int32_t num_coupled, const Interrupter* interrupter);
-  absl::Status Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
-                       const Interrupter* interrupter);
-  absl::Status FactorizeCoarsest();
-  // One cycle on the finest level, and on coarse level l.
-  void Cycle();
-  void Cycle(std::size_t l);
-
-  MultigridTuning tuning;
-  ThreadTeam* team = nullptr;
-  MultigridLevel<2> finest;
-  std::vector<MultigridLevel<4>> coarse;
-  // Inverse of the coarsest matrix.
-  Eigen::MatrixXf inverse;
-};
-
 namespace {
 
 // Dense matrices of so many block rows take some 400 bytes for each row of the finest level, which is within what
@@ -42,148 +23,126 @@ std::int64_t MostDenseRows(std::int64_t finest_rows, const MultigridTuning& tuni
 
 }  // namespace
 
-absl::Status Multigrid::Impl::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
-                                    std::int32_t num_coupled, const Interrupter* interrupter) {
-  coarse.clear();
-  finest.a.SetPattern(matrix.row_begin, matrix.column, tuning.chunk_rows, team);
+absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
+                              std::int32_t num_coupled, ThreadTeam& team, const Interrupter* interrupter) {
+  team_ = &team;
+  coarse_.clear();
+  finest_.a.SetPattern(matrix.row_begin, matrix.column, tuning_.chunk_rows, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  SetValues(matrix, &finest.a, team);
-  finest.coordinates.centre = z;
-  finest.ResizeVectors();
-  PLANISH_RETURN_IF_ERROR(finest.a.InvertDiagonal(tuning.undamped_part, team));
-  double theta = tuning.strength;
+  SetValues(matrix, &finest_.a, team_);
+  finest_.coordinates.centre = z;
+  finest_.ResizeVectors();
+  PLANISH_RETURN_IF_ERROR(finest_.a.InvertDiagonal(tuning_.undamped_part, team_));
+  double theta = tuning_.strength;
   // Adds a level below `level`; false if that cannot be coarsened.
   const auto coarsen = [&](auto* level, std::int32_t coupled) -> absl::StatusOr<bool> {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     MultigridLevel<4> next;
-    const bool built = level->BuildCoarse(tuning, theta, coupled, &next.a, team, interrupter);
+    const bool built = level->BuildCoarse(tuning_, theta, coupled, &next.a, team_, interrupter);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     if (!built) return false;
-    level->FillCoarse(&next.coordinates, &next.a, team, interrupter);
+    level->FillCoarse(&next.coordinates, &next.a, team_, interrupter);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    PLANISH_RETURN_IF_ERROR(next.a.InvertDiagonal(tuning.undamped_part, team));
+    PLANISH_RETURN_IF_ERROR(next.a.InvertDiagonal(tuning_.undamped_part, team_));
     next.ResizeVectors();
-    coarse.push_back(std::move(next));
+    coarse_.push_back(std::move(next));
     return true;
   };
-  coarse.reserve(static_cast<std::size_t>(tuning.max_levels));
-  PLANISH_ASSIGN_OR_RETURN(bool more, coarsen(&finest, num_coupled));
+  coarse_.reserve(static_cast<std::size_t>(tuning_.max_levels));
+  PLANISH_ASSIGN_OR_RETURN(bool more, coarsen(&finest_, num_coupled));
   if (!more) return absl::FailedPreconditionError("multigrid: the rows are coupled too weakly to be aggregated");
-  while (more && coarse.back().num_rows() > tuning.coarsest_rows &&
-         coarse.size() < static_cast<std::size_t>(tuning.max_levels)) {
-    theta *= tuning.strength_ratio;
-    PLANISH_ASSIGN_OR_RETURN(more, coarsen(&coarse.back(), coarse.back().num_rows()));
+  while (more && coarse_.back().num_rows() > tuning_.coarsest_rows &&
+         coarse_.size() < static_cast<std::size_t>(tuning_.max_levels)) {
+    theta *= tuning_.strength_ratio;
+    PLANISH_ASSIGN_OR_RETURN(more, coarsen(&coarse_.back(), coarse_.back().num_rows()));
   }
-  const std::int64_t most = MostDenseRows(finest.num_rows(), tuning);
-  if (coarse.back().num_rows() > most) {
+  const std::int64_t most = MostDenseRows(finest_.num_rows(), tuning_);
+  if (coarse_.back().num_rows() > most) {
     return absl::FailedPreconditionError(
         absl::StrFormat("multigrid: coarsening ended at %d rows on level %d; the coarsest level may have %d",
-                        coarse.back().num_rows(), coarse.size() + 1, most));
+                        coarse_.back().num_rows(), coarse_.size() + 1, most));
   }
-  return FactorizeCoarsest();
+  return InvertCoarsest();
 }
 
-absl::Status Multigrid::Impl::Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
-                                      const Interrupter* interrupter) {
-  SetValues(matrix, &finest.a, team);
-  finest.coordinates.centre = z;
-  PLANISH_RETURN_IF_ERROR(finest.a.InvertDiagonal(tuning.undamped_part, team));
+absl::Status Multigrid::Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
+                                const Interrupter* interrupter) {
+  SetValues(matrix, &finest_.a, team_);
+  finest_.coordinates.centre = z;
+  PLANISH_RETURN_IF_ERROR(finest_.a.InvertDiagonal(tuning_.undamped_part, team_));
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  finest.FillCoarse(&coarse[0].coordinates, &coarse[0].a, team, interrupter);
+  finest_.FillCoarse(&coarse_[0].coordinates, &coarse_[0].a, team_, interrupter);
   for (std::size_t l = 0;; ++l) {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    PLANISH_RETURN_IF_ERROR(coarse[l].a.InvertDiagonal(tuning.undamped_part, team));
-    if (l + 1 == coarse.size()) break;
-    coarse[l].FillCoarse(&coarse[l + 1].coordinates, &coarse[l + 1].a, team, interrupter);
+    PLANISH_RETURN_IF_ERROR(coarse_[l].a.InvertDiagonal(tuning_.undamped_part, team_));
+    if (l + 1 == coarse_.size()) break;
+    coarse_[l].FillCoarse(&coarse_[l + 1].coordinates, &coarse_[l + 1].a, team_, interrupter);
   }
-  return FactorizeCoarsest();
+  return InvertCoarsest();
 }
 
-absl::Status Multigrid::Impl::FactorizeCoarsest() {
-  const LevelMatrix<4>& a = coarse.back().a;
+absl::Status Multigrid::InvertCoarsest() {
+  const LevelMatrix<4>& a = coarse_.back().a;
   // Factorized in its place: these are the largest matrices of a small mesh.
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(4 * a.num_rows(), 4 * a.num_rows());
   for (std::int32_t i = 0; i < a.num_rows(); ++i) {
     for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
-      for (int p = 0; p < 4; ++p) {
-        for (int q = 0; q < 4; ++q) {
-          dense(4 * i + p, 4 * a.column[k] + q) = a.Block(k)[8 * (p / 2) + 4 * (q / 2) + 2 * (p % 2) + q % 2];
-        }
-      }
+      dense.block<4, 4>(4 * i, 4 * a.column[k]) = DenseBlock<4>(a.Block(k));
     }
   }
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factorization(dense);
   if (factorization.info() != Eigen::Success) {
     return absl::FailedPreconditionError("multigrid: the coarsest matrix is not positive definite");
   }
-  inverse = factorization.solve(Eigen::MatrixXd::Identity(dense.rows(), dense.cols())).cast<float>();
+  inverse_ = factorization.solve(Eigen::MatrixXd::Identity(dense.rows(), dense.cols())).cast<float>();
   return absl::OkStatus();
 }
 
-void Multigrid::Impl::Cycle() {
-  finest.RelaxFromZero(team);
-  finest.Restrict(&coarse[0].b, team);
+void Multigrid::Cycle() const {
+  finest_.RelaxFromZero(team_);
+  finest_.Restrict(&coarse_[0].b, team_);
   Cycle(0);
-  finest.CorrectAndRelax(coarse[0].x, team);
+  finest_.CorrectAndRelax(coarse_[0].x, team_);
 }
 
-void Multigrid::Impl::Cycle(std::size_t l) {
-  MultigridLevel<4>& level = coarse[l];
-  if (l + 1 == coarse.size()) {
-    const Eigen::Index n = inverse.rows();
+void Multigrid::Cycle(std::size_t l) const {
+  MultigridLevel<4>& level = coarse_[l];
+  if (l + 1 == coarse_.size()) {
+    const Eigen::Index n = inverse_.rows();
     Eigen::Map<Eigen::VectorXf>(level.x.data(), n).noalias() =
-        inverse * Eigen::Map<const Eigen::VectorXf>(level.b.data(), n);
+        inverse_ * Eigen::Map<const Eigen::VectorXf>(level.b.data(), n);
     return;
   }
-  level.RelaxFromZero(team);
-  level.Restrict(&coarse[l + 1].b, team);
+  level.RelaxFromZero(team_);
+  level.Restrict(&coarse_[l + 1].b, team_);
   Cycle(l + 1);
-  level.CorrectAndRelax(coarse[l + 1].x, team);
-}
-
-Multigrid::Multigrid(const MultigridTuning& tuning) : impl_(std::make_unique<Impl>()) {
-  impl_->tuning = tuning;
-}
-Multigrid::~Multigrid() = default;
-
-absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
-                              std::int32_t num_coupled, ThreadTeam& team, const Interrupter* interrupter) {
-  impl_->team = &team;
-  return impl_->Build(matrix, z, num_coupled, interrupter);
-}
-absl::Status Multigrid::Refresh(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
-                                const Interrupter* interrupter) {
-  return impl_->Refresh(matrix, z, interrupter);
+  level.CorrectAndRelax(coarse_[l + 1].x, team_);
 }
 
 void Multigrid::Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const {
   // The cycle is linear; scaling keeps small residuals clear of float's underflow.
-  const double scale = Largest(*impl_->team, r.cwiseAbs());
+  const double scale = Largest(*team_, r.cwiseAbs());
   if (scale == 0) {
     *z = r;
     return;
   }
-  MultigridLevel<2>& finest = impl_->finest;
   const Eigen::Index n = r.size();
   z->resize(n);
   constexpr std::int64_t kChunk = 16384;
-  impl_->team->For(n, kChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) finest.b[static_cast<std::size_t>(i)] = static_cast<float>(r[i] / scale);
+  team_->For(n, kChunk, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i)
+      finest_.b[static_cast<std::size_t>(i)] = static_cast<float>(r[i] / scale);
   });
-  impl_->Cycle();
-  impl_->team->For(n, kChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) (*z)[i] = scale * finest.x[static_cast<std::size_t>(i)];
+  Cycle();
+  team_->For(n, kChunk, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) (*z)[i] = scale * finest_.x[static_cast<std::size_t>(i)];
   });
-}
-
-int Multigrid::num_levels() const {
-  return static_cast<int>(impl_->coarse.size()) + 1;
 }
 
 double Multigrid::operator_complexity() const {
-  double numbers = static_cast<double>(impl_->finest.a.value.size());
-  for (const MultigridLevel<4>& level : impl_->coarse) numbers += static_cast<double>(level.a.value.size());
-  return numbers / static_cast<double>(impl_->finest.a.value.size());
+  double numbers = static_cast<double>(finest_.a.value.size());
+  for (const MultigridLevel<4>& level : coarse_) numbers += static_cast<double>(level.a.value.size());
+  return numbers / static_cast<double>(finest_.a.value.size());
 }
 
 }  // namespace planish

@@ -28,7 +28,6 @@
 
 #include <complex>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "Eigen/Core"
@@ -36,6 +35,7 @@
 #include "core/base/interrupter.h"
 #include "core/base/thread_team.h"
 #include "core/linalg/block_matrix.h"
+#include "core/linalg/multigrid_level.h"
 #include "core/linalg/preconditioner.h"
 #include "core/linalg/tuning.h"
 
@@ -44,10 +44,7 @@ namespace planish {
 // Not thread-safe.
 class Multigrid {
  public:
-  explicit Multigrid(const MultigridTuning& tuning = {});
-  ~Multigrid();
-  Multigrid(const Multigrid&) = delete;
-  Multigrid& operator=(const Multigrid&) = delete;
+  explicit Multigrid(const MultigridTuning& tuning = {}) : tuning_(tuning) {}
 
   // Builds aggregates and numbers for `matrix` and the places z of its rows, known up to a similarity; if all z are
   // zero, the coarse spaces hold the constants alone. Rows from `num_coupled` on (boundary control) have no second
@@ -63,13 +60,22 @@ class Multigrid {
   // z = one V-cycle on r from zero.
   void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const;
 
-  int num_levels() const;
+  int num_levels() const { return static_cast<int>(coarse_.size()) + 1; }
   // Entries of the matrices of all levels over those of the finest.
   double operator_complexity() const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  absl::Status InvertCoarsest();
+  // One cycle on the finest level, and on coarse level l.
+  void Cycle() const;
+  void Cycle(std::size_t l) const;
+
+  const MultigridTuning tuning_;
+  ThreadTeam* team_ = nullptr;
+  // Apply() works in their vectors.
+  mutable MultigridLevel<2> finest_;
+  mutable std::vector<MultigridLevel<4>> coarse_;
+  Eigen::MatrixXf inverse_;  // of the coarsest matrix
 };
 
 // K^-1 = one V-cycle of `multigrid`, which must outlive this.

@@ -1,6 +1,8 @@
 // Symmetric positive definite approximations of the inverse of a Schur complement.
 #pragma once
 
+#include <cmath>
+
 #include "Eigen/Core"
 #include "core/linalg/sparse_cholesky.h"
 
@@ -21,7 +23,8 @@ class IdentityPreconditioner final : public Preconditioner {
 // K = the magnitudes of `diagonal`, which has negative entries for an indefinite system; entries of 0 count as 1.
 class JacobiPreconditioner final : public Preconditioner {
  public:
-  explicit JacobiPreconditioner(const Eigen::VectorXd& diagonal);
+  explicit JacobiPreconditioner(const Eigen::VectorXd& diagonal)
+      : inverse_(diagonal.unaryExpr([](double d) { return d == 0 ? 1.0 : 1.0 / std::abs(d); })) {}
   void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const override { *z = inverse_.cwiseProduct(r); }
 
  private:

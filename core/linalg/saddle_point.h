@@ -8,13 +8,9 @@
 #pragma once
 
 #include "Eigen/Core"
-#include "Eigen/SparseCore"
 #include "core/base/thread_team.h"
 
 namespace planish {
-
-// Column-compressed, 32-bit indices.
-using SparseMatrix = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
 
 // Implementations are immutable while a solver uses them. Output vectors are resized.
 class SaddlePointOperator {

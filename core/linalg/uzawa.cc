@@ -59,30 +59,14 @@ class UzawaSolver final : public LinearSolver {
     double qz = 1;
     const double first = Norm(team, q);
     ErrorEstimate error(options.tuning.slowest_rate);
-    const auto good_enough = [&](double norm) {
-      if (options.rough.empty()) return norm <= options.relative_tolerance * first;
-      return norm == 0 || IsMet(options.rough, error.Left(), q, team);
+    double residual = first;
+    const auto is_good_enough = [&] {
+      if (options.rough.empty()) return residual <= options.relative_tolerance * first;
+      return residual == 0 || IsMet(options.rough, error.Left(), q, team);
     };
 
     LinearSummary summary;
-    double residual = first;
-    while (true) {
-      if (!std::isfinite(residual)) {
-        summary.termination = LinearTermination::kStagnated;
-        break;
-      }
-      if (good_enough(residual)) break;
-      if (summary.iterations >= options.max_iterations) {
-        summary.termination = LinearTermination::kIterationLimit;
-        break;
-      }
-      if (summary.iterations % kProgressInterval == 0 && options.on_progress) {
-        options.on_progress(summary.iterations, residual / first);
-      }
-      if (IsInterrupted(options.cancel) || IsInterrupted(options.stop)) {
-        summary.termination = LinearTermination::kInterrupted;
-        break;
-      }
+    while (GoesOn(residual / first, is_good_enough(), options, &summary)) {
       preconditioner.Apply(q, &z);
       const double next_qz = Dot(team, q, z);
       const double beta = next_qz / qz;

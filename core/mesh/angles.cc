@@ -17,12 +17,6 @@ double CrossNorm(const Vec2& u, const Vec2& v) {
 }
 
 template <typename Point>
-double Angle(const Point& o, const Point& a, const Point& b) {
-  const Point u = a - o, v = b - o;
-  return portable::Atan2(CrossNorm(u, v), u.dot(v));
-}
-
-template <typename Point>
 void Angles(const Point p[3], double angles[3]) {
   // Edge k faces corner k. The largest angle, which faces the longest edge, is what the others leave of pi: they are
   // acute, and as exact as the area, which the two shorter edges give.
@@ -38,15 +32,6 @@ void Angles(const Point p[3], double angles[3]) {
 }
 
 }  // namespace
-
-template <>
-double AngleAt<Vec3>(const Vec3& o, const Vec3& a, const Vec3& b) {
-  return Angle(o, a, b);
-}
-template <>
-double AngleAt<Vec2>(const Vec2& o, const Vec2& a, const Vec2& b) {
-  return Angle(o, a, b);
-}
 
 template <>
 void TriangleAngles<Vec3>(const Vec3 p[3], double angles[3]) {

@@ -46,10 +46,6 @@ inline double DoubleArea(const std::array<Vec3, 3>& p) {
 // Whether the three points span no area at working precision: 2 area <= 1e-14 times the longest edge squared.
 bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c);
 
-// The angle at `o` between the rays to `a` and `b`, in [0, pi].
-template <typename Point>
-double AngleAt(const Point& o, const Point& a, const Point& b);
-
 // The angles of the triangle `p`, in [0, pi], corner k's in angles[k]. They add up to pi. If the triangle has no area,
 // two are 0.
 template <typename Point>

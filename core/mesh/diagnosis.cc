@@ -2,15 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <tuple>
 #include <utility>
 
 #include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "core/base/element_ids.h"
 #include "core/base/error.h"
+#include "core/base/status_macros.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/import.h"
@@ -49,18 +53,22 @@ void ListFaces(const Pairing& pairing, Diagnosis* result) {
   }
 }
 
+bool IsInRange(const Mesh& mesh, const Face& face) {
+  return std::all_of(face.begin(), face.end(), [&](std::int32_t v) { return v >= 0 && v < mesh.num_vertices(); });
+}
+
 // Per vertex: whether a face in range refers to it.
-std::vector<char> UsedVertices(const Mesh& mesh, const Pairing& pairing) {
+std::vector<char> UsedVertices(const Mesh& mesh) {
   std::vector<char> used(mesh.positions.size(), 0);
-  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
-    if (pairing.kind[f] == FaceKind::kOutOfRange) continue;
-    for (const std::int32_t v : mesh.faces[f]) used[v] = 1;
+  for (const Face& face : mesh.faces) {
+    if (!IsInRange(mesh, face)) continue;
+    for (const std::int32_t v : face) used[v] = 1;
   }
   return used;
 }
 
-void ListVertices(const Mesh& mesh, const Pairing& pairing, Diagnosis* result) {
-  const std::vector<char> used = UsedVertices(mesh, pairing);
+void ListVertices(const Mesh& mesh, Diagnosis* result) {
+  const std::vector<char> used = UsedVertices(mesh);
   for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
     if (!used[v]) Add(v, &result->isolated_vertices);
     if (used[v] && !mesh.positions[v].allFinite()) Add(v, &result->vertices_not_finite);
@@ -81,20 +89,17 @@ void ListComponents(const Pairing& pairing, const TriMesh& imported, const Execu
   const std::vector<std::int32_t> piece = ConnectedPieces(
       static_cast<std::int32_t>(imported.n_faces()), &num_pieces,
       [&](std::int32_t f) { return IsOfSurface(pairing, f); },
-      [&](std::int32_t f, int k) {
-        const HalfedgeHandle h = HalfEdgesOf(imported, FaceHandle(f))[k];
-        return imported.face_handle(imported.opposite_halfedge_handle(h)).idx();
-      });
+      [&](std::int32_t f, int k) { return pairing.opposite[3 * f + k] < 0 ? -1 : pairing.opposite[3 * f + k] / 3; });
   if (execution.IsCancelled()) return;
   // A component is a set of pieces, a fan one of vertices. Pieces come twice in `sides`, as they are and turned over.
   // Over every inconsistent edge a piece goes with the other side of its neighbour; where it goes with its own, the
   // component is not orientable.
   UnionFind components(num_pieces), sides(2 * num_pieces), fans(imported.n_vertices());
-  std::vector<char> is_inner(imported.n_edges(), 0);
+  std::vector<char> is_inner(pairing.opposite.size(), 0);  // per half-edge
   for (const auto& [c, d] : pairing.inconsistent) {
     if (piece[c / 3] < 0) continue;  // copies
     const HalfedgeHandle g = HalfEdgeOf(imported, c), h = HalfEdgeOf(imported, d);
-    is_inner[imported.edge_handle(g).idx()] = is_inner[imported.edge_handle(h).idx()] = 1;
+    is_inner[c] = is_inner[d] = 1;
     components.Join(piece[c / 3], piece[d / 3]);
     sides.Join(2 * piece[c / 3], 2 * piece[d / 3] + 1);
     sides.Join(2 * piece[c / 3] + 1, 2 * piece[d / 3]);
@@ -120,25 +125,25 @@ void ListComponents(const Pairing& pairing, const TriMesh& imported, const Execu
   const auto component_of = [&](FaceHandle f) -> Component& { return result->components[number[piece[f.idx()]]]; };
   UnionFind loops(imported.n_vertices());
   std::vector<std::int64_t> inner(result->components.size(), 0);
-  for (const EdgeHandle e : imported.edges()) {
-    const HalfedgeHandle h = imported.halfedge_handle(e, 0);
-    if (!of_surface(imported.face_handle(h))) continue;
-    Component& component = component_of(imported.face_handle(h));
-    if (is_inner[e.idx()]) {
+  std::vector<std::int32_t> ends;  // of boundary edges
+  for (std::int32_t c = 0; c < std::ssize(pairing.opposite); ++c) {
+    const std::int32_t o = pairing.opposite[c];
+    if ((o >= 0 && o < c) || !IsOfSurface(pairing, c / 3)) continue;
+    Component& component = component_of(FaceHandle(c / 3));
+    if (is_inner[c]) {
       ++inner[&component - result->components.data()];  // comes twice
       continue;
     }
     --component.euler_characteristic;
-    if (!imported.is_boundary(e)) continue;
+    if (o >= 0) continue;
     ++component.boundary_edges;
-    loops.Join(fans.Find(imported.from_vertex_handle(h).idx()), fans.Find(imported.to_vertex_handle(h).idx()));
+    const HalfedgeHandle h = HalfEdgeOf(imported, c);
+    ends.push_back(fans.Find(imported.to_vertex_handle(h).idx()));
+    loops.Join(fans.Find(imported.from_vertex_handle(h).idx()), ends.back());
   }
   for (std::size_t i = 0; i < inner.size(); ++i) result->components[i].euler_characteristic -= inner[i] / 2;
   std::vector<char> on_boundary(imported.n_vertices(), 0);
-  for (const EdgeHandle e : imported.edges()) {
-    if (!imported.is_boundary(e) || is_inner[e.idx()]) continue;
-    on_boundary[loops.Find(fans.Find(imported.to_vertex_handle(imported.halfedge_handle(e, 0)).idx()))] = 1;
-  }
+  for (const std::int32_t v : ends) on_boundary[loops.Find(v)] = 1;
   std::int32_t last_source = -1;  // vertices are in the order of their sources
   std::int64_t fans_there = 0;
   for (const VertexHandle v : imported.vertices()) {
@@ -179,7 +184,7 @@ void ListCoincidentVertices(const Mesh& mesh, Diagnosis* result) {
 
 void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& execution, Diagnosis* result) {
   bool any = false;
-  const std::vector<char> used = UsedVertices(mesh, pairing);
+  const std::vector<char> used = UsedVertices(mesh);
   for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
     const Vec3& p = mesh.positions[v];
     if (!used[v] || !p.allFinite()) continue;
@@ -273,7 +278,7 @@ Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing) {
   result.vertices = mesh.num_vertices();
   result.faces = mesh.num_faces();
   ListFaces(pairing, &result);
-  ListVertices(mesh, pairing, &result);
+  ListVertices(mesh, &result);
   return result;
 }
 
@@ -306,6 +311,155 @@ absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution)
   Measure(mesh, pairing, execution, &result);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   return result;
+}
+
+namespace {
+
+std::string FirstIds(const std::vector<std::int64_t>& list) {
+  return ids::IdList(std::span(list).first(std::min(kMaxDiagnosed, list.size())));
+}
+
+// `before` and `after` stand round the number of edges.
+absl::Status FaultAtEdges(const std::string& reason, const char* before, const EdgeList& list, const char* after) {
+  const auto name = [](std::string* out, const auto& edge) { absl::StrAppend(out, edge[0], "-", edge[1]); };
+  return MeshFault(reason, absl::StrCat(before, Counted(list.count, "edge", "edges"), after), list.count,
+                   {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", FirstIds(list.faces)}});
+}
+
+absl::Status CheckFaces(const Diagnosis& d) {
+  if (d.faces == 0 || d.faces_out_of_range.count > 0 || d.vertices_not_finite.count > 0) return d.Refusal();
+  std::vector<std::int64_t> degenerate;
+  std::merge(d.faces_repeating_a_vertex.first.begin(), d.faces_repeating_a_vertex.first.end(),
+             d.faces_without_area.first.begin(), d.faces_without_area.first.end(), std::back_inserter(degenerate));
+  if (const std::int64_t count = d.faces_repeating_a_vertex.count + d.faces_without_area.count; count > 0) {
+    return MeshFault("MESH_FACE_DEGENERATE",
+                     absl::StrCat(Counted(count, "face has", "faces have"),
+                                  " no area, so no angles to keep; remove or collapse ", count == 1 ? "it" : "them"),
+                     count, {{"faces", FirstIds(degenerate)}});
+  }
+  if (const auto& [count, first] = d.duplicate_faces; count > 0) {
+    return MeshFault("MESH_FACE_DUPLICATE",
+                     absl::StrCat(Counted(count, "face has", "faces have"),
+                                  " the same three vertices as an earlier face; remove the copies"),
+                     count, {{"faces", FirstIds(first)}});
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckManifold(const Diagnosis& d) {
+  if (d.non_manifold_edges.count > 0) {
+    return FaultAtEdges("MESH_EDGE_NON_MANIFOLD", "more than two faces meet at ", d.non_manifold_edges,
+                        "; split the surface there");
+  }
+  if (d.inconsistent_edges.count > 0) {
+    if (!d.is_orientable()) {
+      return FaultAtEdges("MESH_NOT_ORIENTABLE",
+                          "the surface has one side only, like a Moebius strip: orientations clash at ",
+                          d.inconsistent_edges, " and turning faces over cannot help; cut it open");
+    }
+    return FaultAtEdges("MESH_ORIENTATION_INCONSISTENT", "the faces at ", d.inconsistent_edges,
+                        " run round in opposite senses; turn faces over so that all agree");
+  }
+  if (const auto& [count, first] = d.non_manifold_vertices; count > 0) {
+    return MeshFault("MESH_VERTEX_NON_MANIFOLD",
+                     absl::StrCat("parts of the surface that share no edge touch at ",
+                                  Counted(count, "vertex", "vertices"), "; give each part a vertex of its own"),
+                     count, {{"vertices", FirstIds(first)}});
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckOneComponent(const Diagnosis& d) {
+  if (d.components.size() == 1) return absl::OkStatus();
+  std::vector<std::int64_t> sizes, first_faces;
+  for (const Component& component : d.components) {
+    if (sizes.size() < 4) sizes.push_back(component.faces);
+    first_faces.push_back(component.first_face);
+  }
+  const auto count = static_cast<std::int64_t>(d.components.size());
+  return MeshFault("MESH_SEVERAL_COMPONENTS",
+                   absl::StrCat("the mesh has ", count, " separate components (of ", absl::StrJoin(sizes, ", "),
+                                count > 4 ? ", ..." : "", " faces); a disc is one: send them one by one"),
+                   count, {{"faces", FirstIds(first_faces)}});
+}
+
+struct BoundaryLoop {
+  std::int64_t edges, vertex;  // one on the loop, the lowest
+};
+
+// Longest first, then by their vertices.
+std::vector<BoundaryLoop> LoopsOf(const TriMesh& mesh) {
+  const Loops<HalfedgeHandle> loops = BoundaryLoops(mesh);
+  std::vector<BoundaryLoop> found;
+  for (std::int32_t i = 0; i < loops.count(); ++i) {
+    BoundaryLoop loop = {static_cast<std::int64_t>(loops.loop(i).size()), std::numeric_limits<std::int64_t>::max()};
+    for (const HalfedgeHandle h : loops.loop(i)) {
+      loop.vertex = std::min<std::int64_t>(loop.vertex, mesh.data(mesh.from_vertex_handle(h)).source);
+    }
+    found.push_back(loop);
+  }
+  std::sort(found.begin(), found.end(),
+            [](const auto& a, const auto& b) { return std::pair(-a.edges, a.vertex) < std::pair(-b.edges, b.vertex); });
+  return found;
+}
+
+absl::Status CheckLoopsAndHandles(const Diagnosis& d, const TriMesh& mesh) {
+  const std::int64_t handles = d.handles();
+  const auto counted = [&](const char* before) {
+    return handles == 0 ? "" : absl::StrCat(before, handles, handles == 1 ? " handle" : " handles");
+  };
+  const std::string genus = absl::StrCat(handles);
+  const std::vector<BoundaryLoop> loops = LoopsOf(mesh);
+  if (loops.empty()) {
+    return MeshFault("MESH_CLOSED",
+                     absl::StrCat("the mesh is closed: no boundary edge among ", d.edges, " edges",
+                                  handles == 0 ? "" : absl::StrCat(" (genus ", handles, ")"),
+                                  "; a disc has one boundary loop: cut the surface open along a seam"),
+                     0, {{"genus", genus}});
+  }
+  std::vector<std::int64_t> sizes, vertices;
+  for (const BoundaryLoop& loop : loops) {
+    if (sizes.size() < 4) sizes.push_back(loop.edges);
+    vertices.push_back(loop.vertex);
+  }
+  const auto count = static_cast<std::int64_t>(loops.size());
+  if (count > 1) {
+    return MeshFault("MESH_SEVERAL_LOOPS",
+                     absl::StrCat("the mesh has ", count, " boundary loops", counted(" and "), " (of ",
+                                  absl::StrJoin(sizes, ", "), count > 4 ? ", ..." : "",
+                                  " edges); a disc has one: fill the holes, or cut from one loop to the next"),
+                     count, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
+  }
+  if (handles == 0) return absl::OkStatus();
+  return MeshFault("MESH_HAS_HANDLES",
+                   absl::StrCat("the mesh has", counted(" "), " (genus ", handles, ", one boundary loop of ", sizes[0],
+                                " edges); a disc has none: cut it open along a seam"),
+                   handles, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
+}
+
+}  // namespace
+
+absl::StatusOr<TriMesh> ImportDisc(const Mesh& mesh, const Execution& execution) {
+  const Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  TriMesh imported = ImportMesh(mesh, pairing.opposite);
+  const Diagnosis diagnosis = DescribeImport(mesh, pairing, imported, execution);
+  // What was found after a cancellation may be wrong.
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  PLANISH_RETURN_IF_ERROR(CheckFaces(diagnosis));
+  PLANISH_RETURN_IF_ERROR(CheckManifold(diagnosis));
+  PLANISH_RETURN_IF_ERROR(CheckOneComponent(diagnosis));
+  PLANISH_RETURN_IF_ERROR(CheckLoopsAndHandles(diagnosis, imported));
+  return imported;
+}
+
+absl::Status CheckDisc(const Mesh& mesh, const Execution& execution) {
+  return ImportDisc(mesh, execution).status();
+}
+
+std::int64_t CountIsolatedVertices(const Mesh& mesh) {
+  const std::vector<char> used = UsedVertices(mesh);
+  return std::count(used.begin(), used.end(), 0);
 }
 
 }  // namespace planish

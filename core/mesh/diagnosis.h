@@ -88,7 +88,7 @@ struct Diagnosis {
   std::int64_t handles() const;
   bool is_orientable() const;
   // One component that is a disc, and none of the faults but isolated and coincident vertices and needles: what
-  // CheckDisc (core/mesh/disc_check.h) takes.
+  // CheckDisc() takes.
   bool is_disc() const;
 
   // Why no map of the mesh is possible, as an INVALID_ARGUMENT with reason, message and element ids in metadata; OK
@@ -116,5 +116,24 @@ Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const TriMesh
 // Takes any mesh whatever. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED
 // after a cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces or 2^31 vertices.
 absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution = {});
+
+// OK if `mesh` is a disc: manifold, consistently oriented, in one piece, with one boundary loop, no handles and no face
+// without area. Vertices without a face are ignored (see CountIsolatedVertices). ImportDisc() (core/mesh/import.h) has
+// the mesh as well.
+//
+// Otherwise INVALID_ARGUMENT. The first fault found, in this order, is the reason:
+//   MESH_EMPTY  MESH_INDEX_OUT_OF_RANGE  MESH_POSITION_NOT_FINITE  MESH_FACE_DEGENERATE  MESH_FACE_DUPLICATE
+//   MESH_EDGE_NON_MANIFOLD  MESH_NOT_ORIENTABLE  MESH_ORIENTATION_INCONSISTENT  MESH_VERTEX_NON_MANIFOLD
+//   MESH_SEVERAL_COMPONENTS  MESH_CLOSED  MESH_SEVERAL_LOOPS  MESH_HAS_HANDLES
+// The message counts, but names no element. Metadata has "count" and, as they apply, "faces" and "vertices"
+// (comma-separated 0-based ids) and "edges" ("a-b,c-d", vertex ids), at most 16 of each.
+//
+// CANCELLED after a cancellation.
+//
+// O(F) time and memory.
+absl::Status CheckDisc(const Mesh& mesh, const Execution& execution = {});
+
+// Vertices that no face refers to. Indices must be in range.
+std::int64_t CountIsolatedVertices(const Mesh& mesh);
 
 }  // namespace planish

@@ -1,16 +1,15 @@
 // Half-edges: how they are numbered in flat arrays, which lie on the same edge, and the walks from one to the next,
 // round a vertex, along the boundary, from face to face.
 //
-// The walks are the only ones there are. They take any `links`: FlatLinks below for flat arrays, MeshLinks
-// (core/mesh/tri_mesh.h) for a TriMesh, Gluing (core/charts/gluing.h) for the charts of a surface. Next() and Prev() go
-// round a face, Across() leads to the half-edge of the neighbouring face on the same edge, or to an invalid one on the
-// boundary.
+// Nothing in core walks along half-edges in another way. The walks take any `links`: FlatLinks below for flat arrays,
+// MeshLinks (core/mesh/tri_mesh.h) for a TriMesh, Gluing (core/charts/gluing.h) for the charts of a surface. Next() and
+// Prev() go round a face, Across() leads to the half-edge of the neighbouring face on the same edge, or to an invalid
+// one on the boundary.
 #pragma once
 
 #include <cstdint>
 #include <numeric>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -79,6 +78,16 @@ typename Links::HalfEdge PreviousOnBoundary(const Links& links, typename Links::
   }
 }
 
+// Calls visit(h) for every half-edge h of the boundary loop of `start`, from there on.
+template <typename Links, typename Visit>
+void ForEachOnLoop(const Links& links, typename Links::HalfEdge start, const Visit& visit) {
+  auto h = start;
+  do {
+    visit(h);
+    h = NextOnBoundary(links, h);
+  } while (h != start);
+}
+
 // Half-edges on the boundary, counter-clockwise round the faces, loop by loop.
 template <typename HalfEdge>
 struct Loops {
@@ -99,7 +108,10 @@ Loops<typename Links::HalfEdge> BoundaryLoops(const Links& links, const std::vec
   std::vector<char> seen(size, 0);
   for (const auto start : boundary) {
     if (seen[index(start)]) continue;
-    for (auto h = start; !std::exchange(seen[index(h)], 1); h = NextOnBoundary(links, h)) loops.half_edge.push_back(h);
+    ForEachOnLoop(links, start, [&](const auto h) {
+      seen[index(h)] = 1;
+      loops.half_edge.push_back(h);
+    });
     loops.begin.push_back(static_cast<std::int32_t>(loops.half_edge.size()));
   }
   return loops;

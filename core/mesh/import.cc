@@ -120,10 +120,9 @@ void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pai
 // surface. `open_edges`: per face.
 void JoinAtNonManifoldEdges(const Mesh& mesh, const std::vector<char>& open_edges, const Execution& execution,
                             Pairing* pairing) {
-  constexpr std::size_t kMost = 64;  // bounds the work, which grows with the square
   for (std::int64_t e = 0; e < std::ssize(pairing->non_manifold) && !execution.IsCancelledAt(e); ++e) {
     const std::vector<std::int32_t>& at = pairing->non_manifold[e];
-    if (at.size() <= kMost) JoinFlattest(mesh, at, open_edges, pairing);
+    if (at.size() <= kMostFacesAtAnEdge) JoinFlattest(mesh, at, open_edges, pairing);
   }
 }
 

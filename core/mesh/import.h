@@ -16,6 +16,9 @@
 
 namespace planish {
 
+// At an edge of more faces than this none are joined: bounds the work, which grows with the square.
+inline constexpr std::size_t kMostFacesAtAnEdge = 64;
+
 // The first that applies.
 enum class FaceKind : char {
   kOutOfRange,        // refers to a vertex that does not exist
@@ -49,7 +52,7 @@ struct Pairing {
   bool is_copy(std::int64_t f) const { return !layer.empty() && layer[f] > 0; }
 };
 
-// Takes any mesh whatever of at most 2^31 / 3 faces. O(F) for bounded valence. Of no use after a cancellation.
+// Takes any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. Of no use after a cancellation.
 Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution = {});
 
 // The mesh with these half-edges joined (Pairing::opposite). Face f is face f of `mesh`; vertices are in the order of
@@ -64,7 +67,7 @@ TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
                   const std::function<std::int32_t(std::int32_t face)>& source_face,
                   const std::vector<Vec3>& positions);
 
-// The mesh, if it is a disc; otherwise the error of CheckDisc() (core/mesh/disc_check.h).
+// The mesh, if it is a disc; otherwise the error of CheckDisc() (core/mesh/diagnosis.h).
 absl::StatusOr<TriMesh> ImportDisc(const Mesh& mesh, const Execution& execution = {});
 
 }  // namespace planish

@@ -25,8 +25,8 @@ namespace planish {
 std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution);
 
 // The same for a chart, by that of `filled` if it is not null; then all its slits are closed. `summary` is that of the
-// solve which it takes the place of: it becomes the map's, with the energy of this one. `measured` as for
-// FlattenChart(). CANCELLED after a cancellation; INTERNAL, SOLVER_FAILED, if there is no such map.
+// solve which it takes the place of: it becomes the map's, with the energy of this one. `measured` is that
+// of AnglesToKeep(). CANCELLED after a cancellation; INTERNAL, SOLVER_FAILED, if there is no such map.
 absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, const FilledChart* filled,
                                           const Eigen::VectorXd& measured, FlattenSummary summary,
                                           const Execution& execution);

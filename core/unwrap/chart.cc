@@ -190,16 +190,6 @@ struct ChartUv {
 
 }  // namespace
 
-double StretchOf(const Mesh& mesh, const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored,
-                 const Execution& execution) {
-  return OverFaces<MapSums>(
-             mesh, chart, [&](std::int64_t f) { return TriangleOf(uv, chart.faces[f]); }, execution,
-             [&](std::int32_t f, const Corners2& p, const Corners3& q, MapSums* sum) {
-               if (ignored.empty() || !ignored[chart.faces[f]]) sum->Add(p.data(), q.data());
-             })
-      .StretchL2();
-}
-
 Overlaps OverlapsWithin(const Chart& chart, const ChartMap& map, const CornerUv& uv, const std::vector<char>& ignored,
                         const Execution& execution) {
   ChartUv own(chart, ignored);
@@ -278,22 +268,6 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   return faults;
 }
 
-FlattenControl ControlOf(const Execution& execution) {
-  FlattenControl control;
-  control.cancel = execution.cancel;
-  control.stop = execution.stop;
-  control.team = execution.team;
-  return control;
-}
-
-absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd measured, const FlattenOptions& options,
-                                        const FlattenControl& control, const Execution& execution) {
-  const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
-  measured.resize(0);
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  return FlattenAngles(chart.topology, target, options, control);
-}
-
 namespace {
 
 // A triangle by itself, by its edges. Its angles do not tell as much: where two of them are `a` radians, their rounding
@@ -332,8 +306,8 @@ absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flatt
   if (IsTriangleAsMeasured(chart)) {
     return PlaceChart(mesh, chart, std::move(flattening.summary), LayOutTriangle(mesh, chart), execution);
   }
-  Layout layout = LayOut(chart.topology, flattening.angles, execution);
-  return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(layout.positions), execution);
+  return PlaceChart(mesh, chart, std::move(flattening.summary), LayOut(chart.topology, flattening.angles, execution),
+                    execution);
 }
 
 absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,

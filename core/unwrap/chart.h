@@ -16,17 +16,17 @@
 
 namespace planish {
 
-// Its faces have numbers of their own, in the order in which the solver likes them.
+// Its faces are numbered in the order of its topology (MakeTopology()).
 struct Chart {
   Topology topology;
   std::vector<std::int32_t> faces;  // the mesh's, of each face: FaceTraits::source
   // Corners that face the same edge from either side of a slit, where the chart's outline meets itself on the surface.
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
-  // Per face: what the angles of its map are to be at least, radians (widening.h); 0: those on the surface are kept.
+  // Per face: the least angle that its map may have, radians (widening.h); 0: the angles on the surface are kept.
   // Empty: all 0.
   std::vector<double> least_angle;
-  // The lengths of its map are so many times those on the surface: more where its faces are too small as a whole
-  // (widening.h), less where they are too long (long_needles.h).
+  // Length in the map over length on the surface: above 1 where all faces are too small (widening.h), below 1 where
+  // they are too long (long_needles.h).
   double enlargement = 1;
 
   bool is_widened(std::int32_t f) const { return !least_angle.empty() && least_angle[f] > 0; }
@@ -42,17 +42,15 @@ struct ChartMap {
   // Per vertex of the chart's topology; the area of the map is that of the surface, widened faces left out of both,
   // before Chart::enlargement.
   std::vector<Vec2> positions;
-  bool is_barycentric = false;  // not by ABF (barycentric.h): `flatten` tells of a solve whose map was no use
+  bool is_barycentric = false;             // not by ABF (barycentric.h); `flatten` then describes the solve that failed
   std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };
 
 // Topology::opposite of the chart with the slits joined that the map has closed.
 std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map);
 
-// Judged by UV of the mesh's corners, as delivered: stretch as Quality::stretch_l2, and pairs of triangles of the chart
-// that overlap, with face numbers of the chart.
-double StretchOf(const Mesh& mesh, const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored,
-                 const Execution& execution);
+// Pairs of triangles of the chart that overlap by UV of the mesh's corners, as delivered; with face numbers of the
+// chart.
 Overlaps OverlapsWithin(const Chart& chart, const ChartMap& map, const CornerUv& uv, const std::vector<char>& ignored,
                         const Execution& execution);
 
@@ -70,13 +68,6 @@ struct ChartFaults {
 // do not.
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution);
-
-// The same ends and threads for a solve.
-FlattenControl ControlOf(const Execution& execution);
-
-// Angles by ABF. `measured` are the angles that the map is to keep (AnglesToKeep()). Errors as FlattenAngles().
-absl::StatusOr<Flattening> FlattenChart(const Chart& chart, Eigen::VectorXd measured, const FlattenOptions& options,
-                                        const FlattenControl& control, const Execution& execution);
 
 // Positions from angles. Slits whose sides come to lie on each other, up to rounding, are closed: as around a hole in a
 // flat sheet. INTERNAL, SOLVER_FAILED: a position is not finite.

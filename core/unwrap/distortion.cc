@@ -14,25 +14,6 @@
 
 namespace planish {
 
-namespace {
-
-// Of some faces.
-struct Sums {
-  double angle_error = 0, angle_error_max = 0, energy = 0;
-  std::int64_t faces = 0;
-  MapSums map;
-
-  void Add(const Sums& other) {
-    angle_error += other.angle_error;
-    angle_error_max = std::max(angle_error_max, other.angle_error_max);
-    energy += other.energy;
-    faces += other.faces;
-    map.Add(other.map);
-  }
-};
-
-}  // namespace
-
 void MapSums::Add(const Vec2 p[3], const Vec3 q[3]) {
   // The map from the plane to the surface is affine with the columns su and sv; its singular values are
   // larger >= smaller, whose product is the ratio of areas.
@@ -79,16 +60,38 @@ double SeamLength(const Mesh& mesh, const std::function<bool(std::int32_t)>& is_
   return length;
 }
 
-void MeasureDistortion(const Mesh& mesh, const Eigen::VectorXd& measured, const TargetAngles& target,
-                       const CornerUv& uv, const std::vector<char>& ignored, Quality* quality,
-                       const Execution& execution) {
-  const auto sums = execution.SumUp<Sums>(mesh.num_faces(), [&](std::int64_t f, Sums* sum) {
+void DistortionSums::Add(const DistortionSums& other) {
+  angle_error += other.angle_error;
+  angle_error_max = std::max(angle_error_max, other.angle_error_max);
+  energy += other.energy;
+  faces += other.faces;
+  map.Add(other.map);
+}
+
+void DistortionSums::Fill(Quality* quality) const {
+  if (faces == 0) return;
+  const double num_angles = 3.0 * static_cast<double>(faces);
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  quality->angle_error_mean_deg = angle_error / num_angles * kDegrees;
+  quality->angle_error_max_deg = angle_error_max * kDegrees;
+  quality->abf_energy = energy / num_angles;
+  quality->conformal_distortion_mean = map.conformal / map.surface_area;
+  quality->conformal_distortion_max = map.conformal_max;
+  quality->stretch_l2 = map.StretchL2();
+  quality->packing_efficiency = map.uv_area;
+}
+
+DistortionSums MeasureDistortion(const Mesh& mesh, const std::vector<std::int32_t>& faces,
+                                 const Eigen::VectorXd& measured, const TargetAngles& target, const CornerUv& uv,
+                                 const std::vector<char>& ignored, const Execution& execution) {
+  return execution.SumUp<DistortionSums>(std::ssize(faces), [&](std::int64_t i, DistortionSums* sum) {
+    const std::int32_t f = faces[i];
     if (!ignored.empty() && ignored[f]) return;
     const std::array<Vec2, 3> p = TriangleOf(uv, f);
     double angles[3];
     TriangleAngles(p.data(), angles);
     for (int k = 0; k < 3; ++k) {
-      const Eigen::Index c = 3 * f + k;
+      const Eigen::Index c = 3 * i + k;
       const double error = std::abs(angles[k] - measured[c]);
       sum->angle_error += error;
       sum->angle_error_max = std::max(sum->angle_error_max, error);
@@ -97,16 +100,6 @@ void MeasureDistortion(const Mesh& mesh, const Eigen::VectorXd& measured, const 
     sum->map.Add(p.data(), TriangleOf(mesh.positions, mesh.faces[f]).data());
     ++sum->faces;
   });
-  if (execution.IsCancelled() || sums.faces == 0) return;
-  const double num_angles = 3.0 * static_cast<double>(sums.faces);
-  constexpr double kDegrees = 180 / std::numbers::pi;
-  quality->angle_error_mean_deg = sums.angle_error / num_angles * kDegrees;
-  quality->angle_error_max_deg = sums.angle_error_max * kDegrees;
-  quality->abf_energy = sums.energy / num_angles;
-  quality->conformal_distortion_mean = sums.map.conformal / sums.map.surface_area;
-  quality->conformal_distortion_max = sums.map.conformal_max;
-  quality->stretch_l2 = sums.map.StretchL2();
-  quality->packing_efficiency = sums.map.uv_area;
 }
 
 }  // namespace planish

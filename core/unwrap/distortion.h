@@ -33,12 +33,24 @@ struct MapSums {
 double SeamLength(const Mesh& mesh, const std::function<bool(std::int32_t)>& is_joined,
                   const std::vector<char>& takes_part, const Execution& execution);
 
-// Fills the distortion measures and packing_efficiency of `quality` (definitions at planish.v1.Quality; efficiency per
-// unit square, as for one tile); leaves the counts alone. `measured` are the angles on the surface. Faces marked in
-// `ignored` (empty: none) do not count. A UV triangle without area has infinite distortion. Changes nothing after a
-// cancellation.
-void MeasureDistortion(const Mesh& mesh, const Eigen::VectorXd& measured, const TargetAngles& target,
-                       const CornerUv& uv, const std::vector<char>& ignored, Quality* quality,
-                       const Execution& execution = {});
+// What faces add to the distortion measures of a Quality.
+struct DistortionSums {
+  double angle_error = 0, angle_error_max = 0;  // radians, over all angles
+  double energy = 0;                            // of ABF
+  std::int64_t faces = 0;
+  MapSums map;
+
+  void Add(const DistortionSums& other);
+  // Sets the distortion measures and packing_efficiency (per unit square, as for one tile) of `quality`; leaves the
+  // other fields alone, and all of them if there are no faces.
+  void Fill(Quality* quality) const;
+};
+
+// Over `faces` of the mesh. `measured`, the angles on the surface, and `target` have those of corner k of faces[i] at
+// 3 i + k. Faces marked in `ignored` (per face of the mesh; empty: none) do not count. A UV triangle without area has
+// infinite distortion. Incomplete after a cancellation.
+DistortionSums MeasureDistortion(const Mesh& mesh, const std::vector<std::int32_t>& faces,
+                                 const Eigen::VectorXd& measured, const TargetAngles& target, const CornerUv& uv,
+                                 const std::vector<char>& ignored, const Execution& execution = {});
 
 }  // namespace planish

@@ -39,8 +39,7 @@ struct Fallback {
 };
 
 absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
-  return MapFilled(c.job->mesh, c.mapped->chart, *c.filled, c.measured, c.job->options.flatten, ControlOf(c.execution),
-                   c.execution);
+  return MapFilled(c.job->mesh, c.mapped->chart, *c.filled, c.measured, c.job->options.flatten, c.execution);
 }
 
 absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {

@@ -74,7 +74,7 @@ std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const
 
 absl::StatusOr<ChartMap> MapFilled(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
                                    const Eigen::VectorXd& measured, const FlattenOptions& options,
-                                   const FlattenControl& control, const Execution& execution) {
+                                   const Execution& execution) {
   const Topology& topology = filled.topology;
   Eigen::VectorXd angles(topology.num_corners());
   std::vector<double> sum(topology.num_vertices, 0);
@@ -97,15 +97,16 @@ absl::StatusOr<ChartMap> MapFilled(const Mesh& mesh, const Chart& chart, const F
     if (filled.corner[c] < 0) target.weight[c] *= kFanWeight;
   }
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options, control));
-  const Layout layout = LayOut(topology, flattening.angles, execution);
+  PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options, {execution}));
+  const std::vector<Vec2> laid_out = LayOut(topology, flattening.angles, execution);
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   std::vector<Vec2> positions(chart.topology.num_vertices);
   const TargetAngles own = MakeTargetAngles(chart.topology, measured, execution);
   double energy = 0;
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     const std::int32_t o = filled.corner[c];
     if (o < 0) continue;
-    positions[chart.topology.faces[o / 3][o % 3]] = layout.positions[topology.faces[c / 3][c % 3]];
+    positions[chart.topology.faces[o / 3][o % 3]] = laid_out[topology.faces[c / 3][c % 3]];
     const double off = flattening.angles[c] - own.angle[o];
     energy += own.weight[o] * off * off;
   }

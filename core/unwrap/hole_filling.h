@@ -23,10 +23,10 @@ struct FilledChart {
 std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution);
 
 // The map of the chart by that of the filled one; all its slits are closed. Fans take the angles that the faces round a
-// hole leave them, and weigh little. The energy is that of the chart's own angles. `measured` as for FlattenChart().
-// Errors as FlattenAngles() and LayOutChart().
+// hole leave them, and weigh little. The energy is that of the chart's own angles. `measured` is that of
+// AnglesToKeep(). Errors as FlattenAngles() and LayOutChart().
 absl::StatusOr<ChartMap> MapFilled(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
                                    const Eigen::VectorXd& measured, const FlattenOptions& options,
-                                   const FlattenControl& control, const Execution& execution);
+                                   const Execution& execution);
 
 }  // namespace planish

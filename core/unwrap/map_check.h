@@ -1,4 +1,4 @@
-// The judge of a map that is there already, whoever made it: what is wrong with it and how good it is.
+// Judges the map that a mesh has already, from any tool: its faults and its quality.
 #pragma once
 
 #include <cstdint>

@@ -9,7 +9,6 @@
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/diagnosis.h"
-#include "core/mesh/disc_check.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/warnings.h"
@@ -137,23 +136,6 @@ std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, cons
   return reports;
 }
 
-// Target angles and weights of every corner of the mesh; those of faces without a chart are 0.
-TargetAngles Targets(const Job& job, const Charts& charts, const Eigen::VectorXd& measured) {
-  TargetAngles all = {Eigen::VectorXd::Zero(measured.size()), Eigen::VectorXd::Zero(measured.size())};
-  for (const MappedChart& mapped : charts.charts) {
-    const std::vector<std::int32_t>& faces = mapped.chart.faces;
-    Eigen::VectorXd own(3 * static_cast<Eigen::Index>(faces.size()));
-    for (std::size_t f = 0; f < faces.size(); ++f)
-      own.segment<3>(3 * f) = measured.segment<3>(3 * Eigen::Index{faces[f]});
-    const TargetAngles target = MakeTargetAngles(mapped.chart.topology, own, job.execution);
-    for (std::size_t f = 0; f < faces.size(); ++f) {
-      all.angle.segment<3>(3 * Eigen::Index{faces[f]}) = target.angle.segment<3>(3 * f);
-      all.weight.segment<3>(3 * Eigen::Index{faces[f]}) = target.weight.segment<3>(3 * f);
-    }
-  }
-  return all;
-}
-
 }  // namespace
 
 absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
@@ -212,15 +194,16 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   const OrientationFaults& orientation = delivery.orientation;
   const Overlaps& overlaps = delivery.overlaps;
   result.face_chart = charts.FaceChart(job->mesh);
+  DistortionSums all;
   for (const auto& [chart, is_few, flattening, map, faults, status] : charts.charts) {
-    result.charts.push_back({chart.topology.num_faces(), map.flatten, map.is_barycentric,
-                             StretchOf(job->mesh, chart, result.uv, charts.ignored, job->execution)});
+    const Eigen::VectorXd measured = MeasuredAngles(job->mesh, chart.faces, job->execution);
+    const DistortionSums own =
+        MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(chart.topology, measured, job->execution),
+                          result.uv, charts.ignored, job->execution);
+    all.Add(own);
+    result.charts.push_back({chart.topology.num_faces(), map.flatten, map.is_barycentric, own.map.StretchL2()});
   }
-  {
-    const Eigen::VectorXd measured = MeasuredAngles(job->mesh, job->execution);
-    MeasureDistortion(job->mesh, measured, Targets(*job, charts, measured), result.uv, charts.ignored, &result.quality,
-                      job->execution);
-  }
+  all.Fill(&result.quality);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   result.atlases = AtlasReports(*job, charts, atlas, result.uv);
   int tiles = result.atlases.empty() ? result.tiles : 0;

@@ -10,7 +10,7 @@
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
-#include "core/charts/rejoining.h"
+#include "core/charts/steps.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"

@@ -92,7 +92,7 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
 
 absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std::int32_t number, BoundaryType boundary,
                                        const Execution& execution, bool reports) {
-  FlattenControl control = ControlOf(execution);
+  FlattenControl control = {execution};
   // The sides of a slit must come to lie on each other, or overlap.
   if (!mapped.chart.slits.empty()) control.flat_enough = job->options.flatten.tolerance;
   if (reports && job->control.on_progress) {
@@ -109,7 +109,10 @@ absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std:
     options.max_newton_iterations = std::min(options.max_newton_iterations, job->options.tuning.newton_steps);
     control.gives_up = !execution.IsStopRequested();
   }
-  return FlattenChart(mapped.chart, AnglesToKeep(job->mesh, mapped.chart, execution), options, control, execution);
+  const Topology& topology = mapped.chart.topology;
+  const TargetAngles target = MakeTargetAngles(topology, AnglesToKeep(job->mesh, mapped.chart, execution), execution);
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  return FlattenAngles(topology, target, options, control);
 }
 
 absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* charts) {

@@ -32,7 +32,7 @@
 
 namespace planish {
 
-// One call of Unwrap(): what it was given, and what its caller is told.
+// One call of Unwrap(): its arguments, and what it has to report so far.
 struct Job {
   const Mesh& mesh;
   const UnwrapOptions& options;
@@ -51,7 +51,7 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
-  bool is_few = true;     // of few faces, or those of one polygon: is solved to the end, since a cut may not help
+  bool is_few = true;     // it has few faces, or those of one polygon: it is solved to the end, as a cut may not help
   Flattening flattening;  // from solve to layout
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
@@ -74,8 +74,8 @@ struct Charts {
   std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
   int widenings = 0;                // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;   // no vector: charts are added to many that are large
-  bool are_parted = false;          // those that pack better in parts are (Refine)
-  bool are_joined = false;          // those that do as well together are (JoinCharts)
+  bool are_parted = false;          // charts that pack better in parts have been cut (Refine)
+  bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   // Of what goes into the tiles that the chart goes into: the square of a length that its own can be compared with.

@@ -1,4 +1,4 @@
-// The facade of the core: a disc mesh in, verified UV and a report out.
+// The facade of the core: a triangle mesh in, verified UV and a report out.
 //
 //   planish::Mesh mesh = ...;
 //   absl::StatusOr<planish::UnwrapResult> result = planish::Unwrap(mesh, {}, {});
@@ -96,15 +96,15 @@ struct UnwrapProgress {
   FlattenProgress flatten;  // meaningful from kSolve on
 };
 
-// What one call may bring along. The callback runs on the calling thread, at the start of every stage, at every
+// How a call is watched and ended. The callback runs on the calling thread, at the start of every stage, at every
 // Newton iteration and every few dozen linear iterations; it must return quickly.
 struct UnwrapControl {
   const Interrupter* cancel = nullptr;  // ends the call with CANCELLED
-  // Stop: ends the search for anything better. Any thread may set it at any time; both must outlive the call. From then
-  // on a linear solve under way is cut short, Newton's method takes a few rough steps at most until the angles make a
-  // map without flips, charts are no longer merged, are cut only where they overlap themselves, and go where they first
-  // find room. What comes out is verified like any other result, with the warning STOPPED (see Unwrap()); it depends on
-  // when the stop came.
+  // Requests the best valid map within reach. Any thread may set it at any time; both must outlive the call. From then
+  // on a linear solve under way is cut short, and Newton's method takes a few rough steps at most, until the angles
+  // make a map without flips. Charts are no longer merged. They are cut only where they overlap themselves, and each
+  // goes to the first place with room. The result is verified like any other, and has the warning STOPPED (see
+  // Unwrap()). It depends on when the request came.
   const Interrupter* stop = nullptr;
   std::function<void(const UnwrapProgress&)> on_progress;
 };
@@ -144,8 +144,9 @@ struct AtlasReport {
 };
 
 struct UnwrapResult {
-  // (u, v) of every corner, 2 * 3F numbers in [0, 1]: entries 2 (3 f + k) and 2 (3 f + k) + 1 belong to corner
-  // k of face f. When precision is kFloat every number is a float exactly.
+  // (u, v) of every corner, 2 * 3F numbers: entries 2 (3 f + k) and 2 (3 f + k) + 1 belong to corner k of face f. In
+  // [0, 1], or with several tiles in the squares of `tiles` (UDIM, ten in a row); without packing at least 0. When
+  // precision is kFloat every number is a float exactly.
   std::vector<double> uv;
   Precision precision = Precision::kFloat;  // kFloat or kDouble
   std::vector<ChartReport> charts;
@@ -160,15 +161,21 @@ struct UnwrapResult {
   std::vector<UnwrapWarning> warnings;
 };
 
-// Flattens `mesh`, which must be a disc (core/mesh/disc_check.h); deterministic.
-// Errors: INVALID_ARGUMENT with a MESH_* or OPTIONS_INVALID reason (ValidateSeams and ValidateFaces included);
-// CANCELLED after a cancellation (within a few dozen linear iterations or one sparse factorization); INTERNAL with
-// SOLVER_FAILED if no finite map came out, or if multigrid failed on a chart that is too large for a Cholesky
-// factorization in its place; ABORTED with STOPPED_EARLY if there was no map without flips yet when `control.stop`
-// came. A solve that stops early is not an error: see FlattenSummary::converged and the warnings. Warning STOPPED,
-// metadata "charts_cut_short" (how many charts' solves were ended early, may be 0): `control.stop` was set before the
-// verifier began. A later stop changes nothing. Thread-safe: calls share nothing, each has a team of threads of its
-// own.
+// Cuts `mesh` into charts as SeamOptions::policy says, flattens and packs them, and verifies the result. With
+// SeamPolicy::kNone the mesh must be a disc (CheckDisc() in core/mesh/diagnosis.h). Deterministic, but for stop
+// requests. Thread-safe: calls share nothing, each has a team of threads of its own.
+//
+// Errors:
+//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateSeams(), ValidateFaces()); PIECE_NOT_A_DISC with
+//                     SeamPolicy::kKeep
+//   CANCELLED         `control.cancel` was set; noticed within a few dozen linear iterations or a sparse factorization
+//   ABORTED           STOPPED_EARLY: there was no map without flips yet when `control.stop` came
+//   INTERNAL          SOLVER_FAILED: no finite map came out, or multigrid failed on a chart that is too large for a
+//                     Cholesky factorization in its place
+//
+// A solve that ends before it has converged is no error: see FlattenSummary::converged and the warnings. The warning
+// STOPPED says that `control.stop` was set before the verifier began; its metadata "charts_cut_short" counts the charts
+// whose solves were ended early (maybe 0). A later stop request changes nothing.
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control);
 
 }  // namespace planish

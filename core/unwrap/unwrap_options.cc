@@ -9,12 +9,6 @@
 namespace planish {
 namespace {
 
-absl::Status OptionError(const std::string& field, const std::string& message,
-                         std::map<std::string, std::string> metadata = {}) {
-  metadata["field"] = field;
-  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", absl::StrCat(field, ": ", message), metadata);
-}
-
 absl::Status CheckRange(const std::string& field, int value, int low, int high) {
   if (value >= low && value <= high) return absl::OkStatus();
   return OptionError(field, absl::StrCat(value, " is not in [", low, ", ", high, "]"));

@@ -1,4 +1,4 @@
-// The verifier: judges delivered UV, whoever made them, by exact predicates.
+// The verifier: judges UV as delivered, of any origin, by exact predicates.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@ inline std::array<Vec2, 3> TriangleOf(const CornerUv& uv, std::int64_t face) {
 // `uv` rounded to float.
 CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution = {});
 
-// So many elements of each kind of fault are named.
+// The most elements of each kind of fault that are named.
 inline constexpr std::size_t kMaxNamed = 16;
 
 struct OrientationFaults {
@@ -48,8 +48,8 @@ inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 
 // Exact, by looking at pairs of triangles whose boxes meet: O(F log F) where few do. Triangles may have either
 // orientation; those without area have no interior, and those marked in `ignored` (empty: none) do not count. `pairs`
-// gets the triangles of every pair that was counted, two by two. At most `max_tests` pairs of boxes are looked at, or
-// a few thousand triangles' pairs more; then `limited` is set. The same result whatever the team, but for an interrupt.
+// gets the triangles of every pair that was counted, two by two. After `max_tests` pairs of boxes, or those of a few
+// thousand triangles more, the search ends and `limited` is set. The same result for any team, but for a cancellation.
 Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs = nullptr,
                       const Execution& execution = {}, const std::vector<char>& ignored = {});
 

@@ -22,8 +22,8 @@ namespace planish {
 // Binary digits of a place in a map that a solve and a layout in double keep; a double has 53.
 inline constexpr int kDigitsOfSolve = 44;
 
-// So many times at most a chart is solved again with faces widened more. A round multiplies angles that did not
-// suffice by at least 4.
+// The most rounds in which a chart is solved again with its faces widened further. Each round multiplies angles that
+// did not suffice by at least 4.
 inline constexpr int kMostWidenings = 12;
 
 // The angles that a map of the chart is to keep: those on the surface, the least ones of widened faces raised

@@ -5,7 +5,7 @@
 
 #include "core/abf/topology.h"
 #include "core/mesh/angles.h"
-#include "core/mesh/disc_check.h"
+#include "core/mesh/diagnosis.h"
 #include "gtest/gtest.h"
 
 namespace planish::bench {

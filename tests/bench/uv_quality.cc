@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
@@ -88,8 +89,10 @@ int Judge(const Flags& flags) {
   const TargetAngles target = topology.ok() ? MakeTargetAngles(*topology, measured)
                                             : TargetAngles{measured, Eigen::VectorXd::Zero(measured.size())};
   Quality quality, of_area;
-  MeasureDistortion(mesh, measured, target, *uv, flat_surface, &quality);
-  MeasureDistortion(mesh, measured, target, *uv, flat, &of_area);
+  std::vector<std::int32_t> all(mesh.faces.size());
+  std::iota(all.begin(), all.end(), 0);
+  MeasureDistortion(mesh, all, measured, target, *uv, flat_surface).Fill(&quality);
+  MeasureDistortion(mesh, all, measured, target, *uv, flat).Fill(&of_area);
   const OrientationFaults faults = CheckOrientations(*uv, {}, flat_surface);
   // A triangle that has area in the map alone still joins its neighbours into one chart.
   const UvIslands islands = FindUvIslands(mesh, *uv, flat_map);

@@ -15,6 +15,7 @@
 #include "core/mesh/angles.h"
 #include "gtest/gtest.h"
 #include "tests/core/differences.h"
+#include "tests/core/kkt.h"
 #include "tests/core/shapes.h"
 
 namespace planish {

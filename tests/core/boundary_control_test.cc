@@ -53,7 +53,7 @@ double LargestBoundaryAngle(const Mesh& mesh, const CornerUv& uv) {
   Eigen::VectorXd x(disc.topology.num_corners());
   const auto at = [&](std::int32_t f, int k) { return Vec2(uv[2 * (3 * f + k)], uv[2 * (3 * f + k) + 1]); };
   for (std::int32_t c = 0; c < disc.topology.num_corners(); ++c) {
-    x[c] = AngleAt(at(c / 3, c % 3), at(c / 3, Next(c % 3)), at(c / 3, Prev(c % 3)));
+    x[c] = testing::AngleAt(at(c / 3, c % 3), at(c / 3, Next(c % 3)), at(c / 3, Prev(c % 3)));
   }
   return kPi + disc.Excess(x).maxCoeff();
 }

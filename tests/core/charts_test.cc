@@ -6,9 +6,8 @@
 #include <set>
 
 #include "Eigen/Geometry"
-#include "core/charts/merging.h"
-#include "core/charts/rejoining.h"
 #include "core/charts/segmentation.h"
+#include "core/charts/steps.h"
 #include "core/charts/stretch_estimate.h"
 #include "core/charts/surface.h"
 #include "gtest/gtest.h"

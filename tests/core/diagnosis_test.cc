@@ -5,7 +5,6 @@
 
 #include "core/base/error.h"
 #include "core/base/interrupter.h"
-#include "core/mesh/disc_check.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"

@@ -13,12 +13,34 @@
 
 #include <cstdint>
 
+#include "Eigen/SparseCore"
 #include "absl/status/statusor.h"
 #include "core/abf/constraints.h"
 #include "core/abf/lagrangian.h"
 #include "core/abf/objective.h"
 
 namespace planish {
+
+// Column-compressed, 32-bit indices.
+using SparseMatrix = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
+
+// Three forms of the wheel condition. P_v is the product of sin(beta) and Q_v that of sin(gamma) over the faces at v.
+enum class WheelForm {
+  kLogarithm,   // eq. 6: log P_v - log Q_v
+  kProduct,     // eq. 3: P_v / Q_v - 1
+  kDifference,  // eq. 3 times Q_v: P_v - Q_v, as the original ABF (reference [17] of the paper) has it
+};
+
+// B as a matrix, (F + 2 num_rows) x 3F; the solvers never form B.
+SparseMatrix ConstraintJacobian(const Topology& topology, const Eigen::VectorXd& x, WheelForm form);
+
+// Eq. 3, one value per interior vertex: product of sin(beta) / sin(gamma), minus 1.
+Eigen::VectorXd EvaluateWheelProducts(const Topology& topology, const Eigen::VectorXd& x);
+
+// core/abf's functions of these names, for angles whose sines are not at hand.
+ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x);
+Eigen::VectorXd LagrangianHessian(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
+                                  const Multipliers& mu);
 
 // P_v and Q_v, the products of sin(beta) and of sin(gamma) over the faces at interior vertex v.
 struct WheelSines {

@@ -13,6 +13,7 @@
 #include "core/mesh/angles.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/core/kkt.h"
 #include "tests/core/shapes.h"
 
 namespace planish {

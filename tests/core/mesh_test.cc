@@ -7,7 +7,7 @@
 #include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
-#include "core/mesh/disc_check.h"
+#include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
 #include "gmock/gmock.h"
@@ -208,7 +208,7 @@ TEST(TriangleAngles, AreThoseOfTheCornersAndAddUpToPi) {
     double angles[3];
     TriangleAngles(p, angles);
     EXPECT_NEAR(angles[0] + angles[1] + angles[2], M_PI, 1e-15);
-    for (int k = 0; k < 3; ++k) EXPECT_NEAR(angles[k] / AngleAt(p[k], p[Next(k)], p[Prev(k)]), 1, 1e-8);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(angles[k] / testing::AngleAt(p[k], p[Next(k)], p[Prev(k)]), 1, 1e-8);
   }
 }
 

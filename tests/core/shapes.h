@@ -1,9 +1,11 @@
 // Small meshes for the tests, all made by formula.
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <string>
 
+#include "Eigen/Geometry"
 #include "core/mesh/mesh.h"
 
 namespace planish::testing {
@@ -25,6 +27,14 @@ Mesh Hills(int columns, int rows, double height = 1, double jitter = 0.2);
 Mesh PuncturedSphere(int rings, double hole);
 // `valence` triangles round one interior vertex at height `height`.
 Mesh Cone(int valence, double height);
+
+// The angle at `o` between the rays to `a` and `b`, in [0, pi].
+inline double AngleAt(const Vec3& o, const Vec3& a, const Vec3& b) {
+  return std::atan2((a - o).cross(b - o).norm(), (a - o).dot(b - o));
+}
+inline double AngleAt(const Vec2& o, const Vec2& a, const Vec2& b) {
+  return AngleAt(Vec3(o.x(), o.y(), 0), Vec3(a.x(), a.y(), 0), Vec3(b.x(), b.y(), 0));
+}
 
 Mesh Tetrahedron();
 Mesh Torus(int columns, int rows);

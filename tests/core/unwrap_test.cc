@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <random>
 #include <utility>
 
@@ -15,7 +16,7 @@
 #include "core/base/execution.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
-#include "core/mesh/disc_check.h"
+#include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/placement.h"
@@ -91,6 +92,12 @@ TEST(Verify, ShortCutAgreesWithAllPairs) {
   }
 }
 
+std::vector<std::int32_t> AllFaces(const Mesh& mesh) {
+  std::vector<std::int32_t> faces(mesh.faces.size());
+  std::iota(faces.begin(), faces.end(), 0);
+  return faces;
+}
+
 TEST(Distortion, OfKnownMaps) {
   const Mesh mesh = testing::Plane(5, 4, 0.3);
   const Topology topology = DiscTopology(mesh).value();
@@ -104,7 +111,7 @@ TEST(Distortion, OfKnownMaps) {
       uv[i + 1] = p.y();
     }
     Quality q;
-    MeasureDistortion(mesh, measured, target, uv, {}, &q);
+    MeasureDistortion(mesh, AllFaces(mesh), measured, target, uv, {}).Fill(&q);
     return q;
   };
   Eigen::Matrix2d similarity, stretch;
@@ -152,7 +159,7 @@ TEST(Interrupt, IsNoticedInEveryStage) {
     const Execution execution = {&team, &interrupter};
     EXPECT_EQ(CheckDisc(mesh, execution).code(), absl::StatusCode::kCancelled);
     EXPECT_EQ(GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution).num_edges(), 0);
-    EXPECT_TRUE(LayOut(topology, measured, execution).positions.empty());
+    EXPECT_TRUE(LayOut(topology, measured, execution).empty());
     std::vector<Vec2> points = {{0, 0}, {4, 0}, {4, 1}, {0, 1}};
     PlaceInUnitSquare(&points, execution);
     EXPECT_EQ(points[2], Vec2(4, 1));
@@ -163,7 +170,7 @@ TEST(Interrupt, IsNoticedInEveryStage) {
     EXPECT_TRUE(overlaps.limited);
     EXPECT_EQ(overlaps.pairs, 0);
     Quality quality;
-    MeasureDistortion(mesh, measured, target, collapsed, {}, &quality, execution);
+    MeasureDistortion(mesh, AllFaces(mesh), measured, target, collapsed, {}, execution).Fill(&quality);
     EXPECT_EQ(quality.packing_efficiency, 0);
     EXPECT_EQ(quality.stretch_l2, 1);
     const BoxTree tree(std::vector<Box>(9000, {{0, 0}, {1, 1}}), execution);
