@@ -27,8 +27,10 @@ struct Arrangement {
 // Lets the charts grow until they are jammed (relax.h), from each of `starts`, and goes on from the best: scales up by
 // some percent, lets charts find new places until they are apart (rearrange.h), lets them grow again, and so on until
 // the work is spent. All of `starts` must keep the distances, each at a scale at least that of the one before; what
-// comes out keeps them exactly (clearance.h) at the scale of the last or a larger one.
-Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<double>& relative_scales,
-                    const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts);
+// comes out keeps them exactly (clearance.h) at the scale of the last or a larger one. `simple` has the outlines as
+// Simplified() makes them, for everything but exact distances.
+Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<Outline>& simple,
+                    const std::vector<double>& relative_scales, const TightenOptions& options,
+                    const Execution& execution, const std::vector<Arrangement>& starts);
 
 }  // namespace planish
