@@ -56,7 +56,6 @@ int Main(int argc, char** argv) {
   app.add_option("--normal-share", tuning.normal_share);
   app.add_option("--least-work", tuning.least_work);
   app.add_option("--least-per-chart", tuning.least_per_chart);
-  app.add_option("--simple-within", tuning.simple_within);
   app.add_option("--cells-per-chart", tuning.cells_per_chart);
   app.add_option("--fewest-cells", tuning.fewest_cells);
   app.add_option("--most-angles", tuning.most_angles);
