@@ -9,35 +9,47 @@ namespace {
 
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
+// Of bits that are 0.
+int LongestRun(const std::uint64_t* words, int count) {
+  int longest = 0, run = 0;
+  for (int w = 0; w < count; ++w) {
+    for (int at = 0; at < 64;) {
+      const std::uint64_t rest = words[w] >> at;
+      const int zeros = std::min(std::countr_zero(rest), 64 - at);
+      run += zeros;
+      longest = std::max(longest, run);
+      at += zeros;
+      if (at == 64) break;
+      run = 0;
+      at += std::min(std::countr_one(words[w] >> at), 64 - at);
+    }
+  }
+  return longest;
+}
+
 }  // namespace
 
 // The longest first, then spread out.
-std::vector<std::int32_t> RowOrder(const Silhouette& s) {
-  std::vector<std::int32_t> order;
-  order.reserve(s.height);
-  std::int32_t longest = 0, at = 0;
-  for (std::int32_t i = 0; i < static_cast<std::int32_t>(s.spans.size()); ++i) {
-    const std::int32_t length = s.spans[i].end - s.spans[i].begin;
-    if (length > longest) {
-      longest = length;
-      at =
-          static_cast<std::int32_t>(std::upper_bound(s.row_begin.begin(), s.row_begin.end(), i) - s.row_begin.begin()) -
-          1;
+RowOrder::RowOrder(const Silhouette& s) {
+  rows.reserve(s.height);
+  std::vector<std::int32_t> longest_of(s.height, 0);
+  for (std::int32_t y = 0; y < s.height; ++y) {
+    for (std::int32_t i = s.row_begin[y]; i < s.row_begin[y + 1]; ++i) {
+      longest_of[y] = std::max(longest_of[y], s.spans[i].end - s.spans[i].begin);
     }
   }
-  order.push_back(at);
   std::vector<char> used(s.height, 0);
-  used[at] = 1;
   const auto use = [&](std::int32_t y) {
-    if (!used[y]) order.push_back(y);
+    if (!used[y]) rows.push_back(y);
     used[y] = 1;
   };
+  use(static_cast<std::int32_t>(std::max_element(longest_of.begin(), longest_of.end()) - longest_of.begin()));
   use(0);
   use(s.height - 1);
   for (std::int32_t step = std::bit_floor(static_cast<std::uint32_t>(s.height)); step >= 1; step /= 2) {
     for (std::int32_t y = step; y < s.height; y += step) use(y);
   }
-  return order;
+  for (std::size_t k = 0; k < std::min(kChecked, rows.size()); ++k) longest[k] = longest_of[rows[k]];
 }
 
 Rim MakeRim(const Silhouette& s, int most) {
@@ -49,12 +61,6 @@ Rim MakeRim(const Silhouette& s, int most) {
   for (int y = -1; y <= s.height; ++y) {
     const std::pair<std::int32_t, std::int32_t> range = row(y);
     const std::int32_t begin = range.first, end = range.second;
-    const auto covered = [&](int x) {
-      for (int i = begin; i < end; ++i) {
-        if (x >= s.spans[i].begin && x < s.spans[i].end) return true;
-      }
-      return false;
-    };
     for (int i = begin; i < end; ++i) {
       rim.cells.push_back({s.spans[i].begin - 1, y});
       if (i + 1 == end || s.spans[i + 1].begin > s.spans[i].end + 1) rim.cells.push_back({s.spans[i].end, y});
@@ -62,9 +68,16 @@ Rim MakeRim(const Silhouette& s, int most) {
     for (const int other : {y - 1, y + 1}) {
       const auto [other_begin, other_end] = row(other);
       for (int i = other_begin; i < other_end; ++i) {
-        for (int x = s.spans[i].begin; x < s.spans[i].end; ++x) {
-          if (!covered(x)) rim.cells.push_back({x, y});
+        // The parts of the span that lie between those of row y.
+        int x = s.spans[i].begin;
+        const auto add_until = [&](int to) {
+          for (; x < std::min(to, s.spans[i].end); ++x) rim.cells.push_back({x, y});
+        };
+        for (int k = begin; k < end && s.spans[k].begin < s.spans[i].end; ++k) {
+          add_until(s.spans[k].begin);
+          x = std::max(x, s.spans[k].end);
         }
+        add_until(s.spans[i].end);
       }
     }
   }
@@ -85,6 +98,8 @@ Board::Board(int side, int longest) : side_(side), size_(side + 2 * kMargin), st
 }
 
 void Board::Clear() {
+  longest_free_.assign(size_, 0);
+  std::fill_n(longest_free_.begin() + kMargin, side_, side_);
   for (std::size_t k = 0; k < levels_.size(); ++k) {
     std::vector<std::uint64_t> row(stride_, kAll);
     for (int x = kMargin; x < kMargin + side_ + 1 - (1 << k); ++x) row[x >> 6] &= ~(std::uint64_t{1} << (x & 63));
@@ -116,6 +131,7 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
       }
     }
     if (highest < 0) continue;
+    longest_free_[row] = LongestRun(taken, stride_);
     for (std::size_t k = 1; k < levels_.size(); ++k) {
       // Runs that hold one of these cells begin less than their length before it.
       const int begin_word = std::max(0, lowest - (1 << k) + 1) >> 6, end_word = (highest >> 6) + 1;
@@ -132,15 +148,15 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
 }
 
 template <int kWords>
-bool Board::FreePlacesOf(const Silhouette& s, const std::vector<std::int32_t>& row_order, int y, std::uint64_t* places,
-                         int words, std::int64_t* work) const {
+bool Board::FreePlacesOf(const Silhouette& s, const RowOrder& row_order, int y, std::uint64_t* places, int words,
+                         std::int64_t* work) const {
   const int count = kWords > 0 ? kWords : words;
   std::uint64_t own[kWords > 0 ? kWords : 1];
   std::uint64_t* const free = kWords > 0 ? own : places;
   for (int w = 0; w < count; ++w) free[w] = kAll;
   std::int64_t spans = 0;
   std::uint64_t any = kAll;
-  for (const std::int32_t r : row_order) {
+  for (const std::int32_t r : row_order.rows) {
     for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1] && any != 0; ++i) {
       const int length = s.spans[i].end - s.spans[i].begin;
       const int k = std::bit_width(static_cast<unsigned>(length)) - 1;
@@ -168,8 +184,12 @@ bool Board::FreePlacesOf(const Silhouette& s, const std::vector<std::int32_t>& r
   return true;
 }
 
-bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row_order, int y, std::uint64_t* places,
-                       int words, std::int64_t* work) const {
+bool Board::FreePlaces(const Silhouette& s, const RowOrder& row_order, int y, std::uint64_t* places, int words,
+                       std::int64_t* work) const {
+  ++*work;
+  for (std::size_t k = 0; k < std::min(RowOrder::kChecked, row_order.rows.size()); ++k) {
+    if (longest_free_[y + row_order.rows[k]] < row_order.longest[k]) return false;
+  }
   switch (words) {
     case 1:
       return FreePlacesOf<1>(s, row_order, y, places, words, work);
@@ -184,8 +204,8 @@ bool Board::FreePlaces(const Silhouette& s, const std::vector<std::int32_t>& row
   }
 }
 
-int Board::FindSpot(const Silhouette& s, const Rim& rim, const std::vector<std::int32_t>& row_order, int first,
-                    int last, int rows_beyond, Spot* best, std::int64_t* work) const {
+int Board::FindSpot(const Silhouette& s, const Rim& rim, const RowOrder& row_order, int first, int last,
+                    int rows_beyond, Spot* best, std::int64_t* work) const {
   const int columns = size_ - s.width + 1, rows = size_ - s.height + 1;
   if (columns <= 0 || rows <= 0) return -1;
   const int words = (columns + 63) / 64;

@@ -1,6 +1,7 @@
 // A tile while charts are laid on it: which cells are taken, and where a silhouette still fits.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -17,7 +18,15 @@ struct Rim {
 };
 
 // Rows in an order in which a place that does not fit is found out early.
-std::vector<std::int32_t> RowOrder(const Silhouette& silhouette);
+struct RowOrder {
+  RowOrder() = default;
+  explicit RowOrder(const Silhouette& silhouette);
+
+  std::vector<std::int32_t> rows;
+  // The longest spans of the first few of them.
+  static constexpr std::size_t kChecked = 4;
+  std::array<std::int32_t, kChecked> longest = {};
+};
 
 // At most `most` cells that touch the silhouette from outside, evenly along it.
 Rim MakeRim(const Silhouette& silhouette, int most);
@@ -50,24 +59,25 @@ class Board {
   // looks at the places where the silhouette fits but cannot move both ways along u, nor both ways along v. Replaces
   // *best by the snuggest if that is snugger; of equals the one nearest to the corner (0, 0) counts. Returns the first
   // row with a place, -1 if there is none. Adds the words it read to *work.
-  int FindSpot(const Silhouette& silhouette, const Rim& rim, const std::vector<std::int32_t>& row_order, int first,
-               int last, int rows_beyond, Spot* best, std::int64_t* work) const;
+  int FindSpot(const Silhouette& silhouette, const Rim& rim, const RowOrder& row_order, int first, int last,
+               int rows_beyond, Spot* best, std::int64_t* work) const;
 
  private:
   const std::uint64_t* Row(int level, int y) const {
     return levels_[level].data() + static_cast<std::size_t>(y) * stride_;
   }
   // Places in row y, one bit each; returns whether there are any.
-  bool FreePlaces(const Silhouette& silhouette, const std::vector<std::int32_t>& row_order, int y,
-                  std::uint64_t* places, int words, std::int64_t* work) const;
+  bool FreePlaces(const Silhouette& silhouette, const RowOrder& row_order, int y, std::uint64_t* places, int words,
+                  std::int64_t* work) const;
   // The same for a number of words that is known beforehand, or for any: 0.
   template <int kWords>
-  bool FreePlacesOf(const Silhouette& silhouette, const std::vector<std::int32_t>& row_order, int y,
-                    std::uint64_t* places, int words, std::int64_t* work) const;
+  bool FreePlacesOf(const Silhouette& silhouette, const RowOrder& row_order, int y, std::uint64_t* places, int words,
+                    std::int64_t* work) const;
 
   int side_, size_, stride_;
   // Level k, row y, bit x: whether one of the cells x .. x + 2^k - 1 is taken. Two words more than a row needs.
   std::vector<std::vector<std::uint64_t>> levels_;
+  std::vector<std::int32_t> longest_free_;  // per row: the longest run of free cells
 };
 
 }  // namespace planish

@@ -13,14 +13,33 @@ namespace {
 
 struct Segment {
   Vec2 a, b;
-  Box box;
+
+  Box BoxRound() const {
+    Box box;
+    box.Add(a);
+    box.Add(b);
+    return box;
+  }
 };
+
+constexpr std::size_t kEdgesOfBlock = 16;  // edges that follow each other, in a box
 
 // Chart in its place.
 struct Placed {
   std::vector<Vec2> points;
   Box box;
+  std::vector<Box> blocks;  // round kEdgesOfBlock edges of the outline each
 };
+
+Segment EdgeOf(const Outline& outline, const Placed& placed, std::size_t e) {
+  return {placed.points[outline.edges[e][0]], placed.points[outline.edges[e][1]]};
+}
+
+Box Around(Box box, double reach) {
+  box.low -= Vec2::Constant(reach);
+  box.high += Vec2::Constant(reach);
+  return box;
+}
 
 double SquareOfDistance(const Segment& s, const Segment& t) {
   const double square = std::min({SquaredDistanceToSegment(s.a, t.a, t.b), SquaredDistanceToSegment(s.b, t.a, t.b),
@@ -39,18 +58,28 @@ bool IsInside(const Vec2& p, const Outline& outline, const Placed& placed) {
   return winding != 0;
 }
 
-// Edges of a chart that come within `reach` of a box.
-std::vector<Segment> EdgesNear(const Outline& outline, const Placed& placed, Box box, double reach) {
-  box.low -= Vec2::Constant(reach);
-  box.high += Vec2::Constant(reach);
-  std::vector<Segment> segments;
-  for (const auto& [from, to] : outline.edges) {
-    Segment segment{placed.points[from], placed.points[to], {}};
-    segment.box.Add(segment.a);
-    segment.box.Add(segment.b);
-    if (segment.box.Meets(box)) segments.push_back(segment);
+// The least distance between edges of two charts; its square, and that of `distance` if all are farther apart.
+double SquareOfLeastDistance(const Outline& outline_a, const Placed& a, const Outline& outline_b, const Placed& b,
+                             double distance) {
+  double nearest = distance * distance;
+  const Box near_b = Around(b.box, distance);
+  for (std::size_t i = 0; i < a.blocks.size(); ++i) {
+    if (!a.blocks[i].Meets(near_b)) continue;
+    const Box near_block = Around(a.blocks[i], distance);
+    for (std::size_t j = 0; j < b.blocks.size(); ++j) {
+      if (!b.blocks[j].Meets(near_block)) continue;
+      for (std::size_t k = kEdgesOfBlock * i; k < std::min(kEdgesOfBlock * (i + 1), outline_a.edges.size()); ++k) {
+        const Segment s = EdgeOf(outline_a, a, k);
+        const Box near_s = Around(s.BoxRound(), distance);
+        if (!b.blocks[j].Meets(near_s)) continue;
+        for (std::size_t m = kEdgesOfBlock * j; m < std::min(kEdgesOfBlock * (j + 1), outline_b.edges.size()); ++m) {
+          const Segment t = EdgeOf(outline_b, b, m);
+          if (t.BoxRound().Meets(near_s)) nearest = std::min(nearest, SquareOfDistance(s, t));
+        }
+      }
+    }
   }
-  return segments;
+  return nearest;
 }
 
 }  // namespace
@@ -63,9 +92,14 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
   std::vector<Placed> placed(n);
   for (std::size_t i = 0; i < n; ++i) {
     const double c = scales[i] * portable::Cos(bodies[i].angle), s = scales[i] * portable::Sin(bodies[i].angle);
+    placed[i].points.reserve(outlines[i].points.size());
     for (const Vec2& p : outlines[i].points) {
       placed[i].points.push_back(bodies[i].centre + Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
       placed[i].box.Add(placed[i].points.back());
+    }
+    placed[i].blocks.resize((outlines[i].edges.size() + kEdgesOfBlock - 1) / kEdgesOfBlock);
+    for (std::size_t e = 0; e < outlines[i].edges.size(); ++e) {
+      placed[i].blocks[e / kEdgesOfBlock].Add(EdgeOf(outlines[i], placed[i], e).BoxRound());
     }
     const double out = std::max((Vec2::Constant(low) - placed[i].box.low).maxCoeff(),
                                 (placed[i].box.high - Vec2::Constant(1 - low)).maxCoeff());
@@ -84,17 +118,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
       if (bodies[a].tile != bodies[b].tile) continue;
       if (placed[b].box.low.y() > placed[a].box.high.y() + distance) continue;
       if (placed[a].box.low.y() > placed[b].box.high.y() + distance) continue;
-      const std::vector<Segment> of_a = EdgesNear(outlines[a], placed[a], placed[b].box, distance);
-      const std::vector<Segment> of_b = EdgesNear(outlines[b], placed[b], placed[a].box, distance);
-      double nearest = distance * distance;
-      for (const Segment& s : of_a) {
-        Box box = s.box;
-        box.low -= Vec2::Constant(distance);
-        box.high += Vec2::Constant(distance);
-        for (const Segment& t : of_b) {
-          if (t.box.Meets(box)) nearest = std::min(nearest, SquareOfDistance(s, t));
-        }
-      }
+      double nearest = SquareOfLeastDistance(outlines[a], placed[a], outlines[b], placed[b], distance);
       if (nearest == distance * distance && (IsInside(placed[a].points[0], outlines[b], placed[b]) ||
                                              IsInside(placed[b].points[0], outlines[a], placed[a]))) {
         nearest = 0;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 
 #include "core/base/portable_math.h"
 #include "core/mesh/predicates.h"
@@ -35,6 +36,31 @@ namespace {
 
 double Cross(const Vec2& a, const Vec2& b) {
   return a.x() * b.y() - a.y() * b.x();
+}
+
+// Puts edges behind one another wherever one ends at the start of another: loop by loop.
+void OrderAlongLoops(std::size_t points, std::vector<std::array<std::int32_t, 2>>* edges) {
+  std::vector<std::size_t> begin_of(points + 1, 0);
+  for (const auto& edge : *edges) ++begin_of[edge[0] + 1];
+  std::partial_sum(begin_of.begin(), begin_of.end(), begin_of.begin());
+  std::vector<std::size_t> from(edges->size()), next(begin_of.begin(), begin_of.end() - 1);
+  for (std::size_t e = 0; e < edges->size(); ++e) from[next[(*edges)[e][0]]++] = e;
+  std::copy(begin_of.begin(), begin_of.end() - 1, next.begin());  // the first edge at each point that is not used yet
+  std::vector<char> used(edges->size(), 0);
+  std::vector<std::array<std::int32_t, 2>> ordered;
+  ordered.reserve(edges->size());
+  for (std::size_t start = 0; start < edges->size(); ++start) {
+    for (std::size_t e = start; !used[e];) {
+      used[e] = 1;
+      ordered.push_back((*edges)[e]);
+      std::size_t& at = next[ordered.back()[1]];
+      const std::size_t end = begin_of[ordered.back()[1] + 1];
+      while (at < end && used[from[at]]) ++at;
+      if (at == end) break;
+      e = from[at];
+    }
+  }
+  *edges = std::move(ordered);
 }
 
 double UprightAngle(const std::vector<Vec2>& hull) {
@@ -74,7 +100,6 @@ Outline MakeOutline(const PackChart& chart) {
   // Half-edges, those of faces that turn the wrong way reversed; what has its opposite beside it is inside.
   struct HalfEdge {
     std::int32_t from, to;
-    bool reversed;
   };
   std::vector<HalfEdge> half_edges;
   half_edges.reserve(3 * chart.faces.size());
@@ -86,28 +111,32 @@ Outline MakeOutline(const PackChart& chart) {
     for (const Vec2& p : {a, b, c}) box.Add(p);
     for (int k = 0; k < 3; ++k) {
       const std::int32_t from = face[k], to = face[Next(k)];
-      half_edges.push_back(twice_area < 0 ? HalfEdge{to, from, true} : HalfEdge{from, to, false});
+      half_edges.push_back(twice_area < 0 ? HalfEdge{to, from} : HalfEdge{from, to});
     }
   }
   if (chart.faces.empty()) {
     for (const Vec2& p : chart.positions) box.Add(p);
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(chart.positions.size()); ++i) {
-      half_edges.push_back({i, i, false});
+      half_edges.push_back({i, i});
     }
     if (chart.positions.empty()) box.Add(Vec2::Zero());
   }
   outline.centre = box.low + (box.high - box.low) / 2;
 
-  std::vector<std::size_t> order(half_edges.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  const auto key = [&](std::size_t i) {
-    const HalfEdge& e = half_edges[i];
-    return std::array<std::int32_t, 3>{std::min(e.from, e.to), std::max(e.from, e.to), e.from < e.to ? 0 : 1};
-  };
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    const auto ka = key(a), kb = key(b);
-    return ka != kb ? ka < kb : a < b;
-  });
+  // Those of an edge side by side, edges by their lower and then by their higher vertex: a few start at each vertex.
+  const auto low_of = [](const HalfEdge& e) { return std::min(e.from, e.to); };
+  const auto high_of = [](const HalfEdge& e) { return std::max(e.from, e.to); };
+  std::vector<std::size_t> begin_of(chart.positions.size() + 1, 0);
+  for (const HalfEdge& e : half_edges) ++begin_of[low_of(e) + 1];
+  std::partial_sum(begin_of.begin(), begin_of.end(), begin_of.begin());
+  std::vector<HalfEdge> sorted(half_edges.size());
+  std::vector<std::size_t> next(begin_of.begin(), begin_of.end() - 1);
+  for (const HalfEdge& e : half_edges) sorted[next[low_of(e)]++] = e;
+  for (std::size_t v = 0; v + 1 < begin_of.size(); ++v) {
+    std::sort(sorted.begin() + static_cast<std::ptrdiff_t>(begin_of[v]),
+              sorted.begin() + static_cast<std::ptrdiff_t>(begin_of[v + 1]),
+              [&](const HalfEdge& a, const HalfEdge& b) { return high_of(a) < high_of(b); });
+  }
   std::vector<std::int32_t> local(chart.positions.size(), -1);
   const auto local_id = [&](std::int32_t v) {
     if (local[v] < 0) {
@@ -116,15 +145,13 @@ Outline MakeOutline(const PackChart& chart) {
     }
     return local[v];
   };
-  for (std::size_t begin = 0; begin < order.size();) {
+  for (std::size_t begin = 0; begin < sorted.size();) {
+    const std::int32_t low = low_of(sorted[begin]), high = high_of(sorted[begin]);
     std::size_t end = begin;
     std::int64_t forward = 0;
-    while (end < order.size() && key(order[end])[0] == key(order[begin])[0] &&
-           key(order[end])[1] == key(order[begin])[1]) {
-      forward += key(order[end])[2] == 0 ? 1 : -1;
-      ++end;
+    for (; end < sorted.size() && low_of(sorted[end]) == low && high_of(sorted[end]) == high; ++end) {
+      forward += sorted[end].from < sorted[end].to ? 1 : -1;
     }
-    const std::int32_t low = key(order[begin])[0], high = key(order[begin])[1];
     if (low == high) {
       outline.edges.push_back({local_id(low), local_id(low)});
     } else {
@@ -142,10 +169,49 @@ Outline MakeOutline(const PackChart& chart) {
       outline.edges.push_back({0, 0});
     }
   }
+  OrderAlongLoops(outline.points.size(), &outline.edges);
   for (const Vec2& p : outline.points) outline.radius = std::max(outline.radius, p.norm());
   outline.hull = ConvexHull(outline.points);
   outline.upright = UprightAngle(outline.hull);
   return outline;
+}
+
+Outline Simplified(const Outline& outline, double tolerance) {
+  constexpr std::size_t kLongestRun = 32;  // edges that become one, at most: the search is linear then
+  Outline simple = outline;
+  simple.points.clear();
+  simple.edges.clear();
+  std::vector<std::int32_t> local(outline.points.size(), -1);
+  const auto local_id = [&](std::int32_t v) {
+    if (local[v] < 0) {
+      local[v] = static_cast<std::int32_t>(simple.points.size());
+      simple.points.push_back(outline.points[v]);
+    }
+    return local[v];
+  };
+  const auto& edges = outline.edges;
+  double slack2 = outline.slack * outline.slack;
+  for (std::size_t begin = 0; begin < edges.size();) {
+    const Vec2& a = outline.points[edges[begin][0]];
+    std::size_t last = begin;
+    double slack2_of_run = 0;
+    for (std::size_t e = begin + 1; e < std::min(edges.size(), begin + kLongestRun); ++e) {
+      if (edges[e][0] != edges[e - 1][1]) break;
+      const Vec2& b = outline.points[edges[e][1]];
+      double farthest2 = 0;
+      for (std::size_t k = begin; k < e && farthest2 <= tolerance * tolerance; ++k) {
+        farthest2 = std::max(farthest2, SquaredDistanceToSegment(outline.points[edges[k][1]], a, b));
+      }
+      if (farthest2 > tolerance * tolerance) break;
+      last = e;
+      slack2_of_run = farthest2;
+    }
+    slack2 = std::max(slack2, slack2_of_run);
+    simple.edges.push_back({local_id(edges[begin][0]), local_id(edges[last][1])});
+    begin = last + 1;
+  }
+  simple.slack = std::sqrt(slack2);
+  return simple;
 }
 
 Box BoxAt(const Outline& outline, double angle) {

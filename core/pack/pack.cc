@@ -139,7 +139,16 @@ class Packer {
 
   bool HasNoTime() const { return order_.size() > tuning_.many_charts && execution_.IsStopRequested(); }
 
+  void Simplify() {
+    const std::vector<double> scales = Scales(LargestScale());
+    simple_.clear();
+    for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_.cell / scales[i]));
+    }
+  }
+
   bool SearchPlaces(double least) {
+    Simplify();
     if (!TryScales(least)) return false;
     if (HasNoTime()) return true;
     const double left = budget_ - static_cast<double>(work_);
@@ -155,7 +164,7 @@ class Packer {
   // Trials at one scale after the other, each nearer to the largest scale at which all charts fit.
   bool TryScales(double least) {
     double per_turn = 0;
-    for (const Outline& outline : outlines_) {
+    for (const Outline& outline : simple_) {
       per_turn += tuning_.trial_work + tuning_.trial_work_per_edge * static_cast<double>(outline.edges.size());
     }
     plan_.order = order_;
@@ -164,7 +173,7 @@ class Packer {
       plan_.angles *= 2;
     plan_.gives_up = order_.size() > tuning_.many_charts;
     plan_.thorough = order_.size() <= tuning_.many_charts;
-    series_ = std::make_unique<TrialSeries>(outlines_, atlas_, grid_);
+    series_ = std::make_unique<TrialSeries>(simple_, atlas_, grid_);
     starts_.clear();
     double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(charts_.size());
@@ -358,7 +367,7 @@ class Packer {
             {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
       }
     }
-    const Arrangement arrangement = Tighten(outlines_, atlas_, relative, options, execution_, arrangements);
+    const Arrangement arrangement = Tighten(outlines_, simple_, atlas_, relative, options, execution_, arrangements);
     scale_ = arrangement.scale;
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const Body& body = arrangement.bodies[i];
@@ -389,7 +398,7 @@ class Packer {
   const PackOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
-  std::vector<Outline> outlines_;
+  std::vector<Outline> outlines_, simple_;
   std::vector<double> size_;                  // of each chart
   std::vector<std::int32_t> order_;           // large to small
   std::vector<int> atlas_;                    // of each chart

@@ -23,6 +23,12 @@ constexpr std::int64_t kWeightUnit = 16;
 // In nanoseconds: to turn a sample, to measure a pixel's depth, to draw a row.
 constexpr std::int64_t kTurnWork = 12, kDepthWork = 4, kRowWork = 12;
 
+// The nearest whole number, of two the larger one; |x| < 2^20. std::lround is a call into the C library.
+int Rounded(double x) {
+  constexpr int kShift = 1 << 20;
+  return static_cast<int>(x + (kShift + 0.5)) - kShift;
+}
+
 // xorshift64*.
 class Random {
  public:
@@ -43,6 +49,8 @@ class Random {
 struct Turned {
   double angle = 0;
   Vec2 low, high;                                   // of its points
+  bool fits = false;                                // the tile
+  std::array<std::pair<int, int>, 2> range;         // of x and y of its places; the middle where it does not fit
   std::vector<std::int32_t> samples;                // offsets in the image
   std::vector<std::array<std::int16_t, 2>> places;  // the same, (x, y)
   int left = 0, bottom = 0, width = 0, height = 0;
@@ -80,7 +88,7 @@ class Search {
       const Body& body = bodies[place[i]];
       const Vec2 at = (body.centre - Vec2::Constant(options.low)) / pixel_;
       int first = 0;
-      while (first < turns_ && !FitsTile(At(static_cast<std::int32_t>(i), first))) ++first;
+      while (first < turns_ && !At(static_cast<std::int32_t>(i), first).fits) ++first;
       if (first == turns_) too_large_ = true;
       poses_[i] = {first % turns_, body.tile, static_cast<int>(std::lround(at.x())),
                    static_cast<int>(std::lround(at.y()))};
@@ -182,12 +190,13 @@ class Search {
     for (const Vec2& p : outlines_[i].hull) box.Add(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
     turned.low = box.low;
     turned.high = box.high;
+    turned.fits = (turned.high - turned.low).maxCoeff() <= options_.side + 1;
+    turned.range = {Range(turned, 0), Range(turned, 1)};
     work_ += kTurnWork * std::ssize(samples);
     turned.samples.reserve(samples.size());
     turned.places.reserve(samples.size());
     for (const Vec2& p : samples) {
-      const auto x = static_cast<std::int32_t>(std::lround(c * p.x() - s * p.y()));
-      const auto y = static_cast<std::int32_t>(std::lround(s * p.x() + c * p.y()));
+      const std::int32_t x = Rounded(c * p.x() - s * p.y()), y = Rounded(s * p.x() + c * p.y());
       turned.samples.push_back(y * stride_ + x);
       turned.places.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
     }
@@ -203,12 +212,10 @@ class Search {
     return {middle, middle};
   }
 
-  bool FitsTile(const Turned& turned) const { return (turned.high - turned.low).maxCoeff() <= options_.side + 1; }
-
   void Clamp(std::int32_t i, CellPose* pose) const {
     const Turned& turned = At(i, pose->turned);
-    const auto [x0, x1] = Range(turned, 0);
-    const auto [y0, y1] = Range(turned, 1);
+    const auto [x0, x1] = turned.range[0];
+    const auto [y0, y1] = turned.range[1];
     pose->x = std::clamp(pose->x, x0, x1);
     pose->y = std::clamp(pose->y, y0, y1);
   }
@@ -297,10 +304,10 @@ class Search {
   bool RandomPose(std::int32_t i, CellPose* pose) {
     pose->turned = kFineTurns * random_.Below(options_.angles);
     const Turned& turned = At(i, pose->turned);
-    if (!FitsTile(turned)) return false;
+    if (!turned.fits) return false;
     pose->tile = atlas_[i] * options_.tiles + (options_.tiles == 1 ? 0 : random_.Below(options_.tiles));
-    const auto [x0, x1] = Range(turned, 0);
-    const auto [y0, y1] = Range(turned, 1);
+    const auto [x0, x1] = turned.range[0];
+    const auto [y0, y1] = turned.range[1];
     pose->x = x0 + random_.Below(x1 - x0 + 1);
     pose->y = y0 + random_.Below(y1 - y0 + 1);
     return true;
@@ -312,7 +319,7 @@ class Search {
       CellPose best = *pose;
       std::int64_t best_cost = *cost;
       const auto look = [&](CellPose other) {
-        if (!FitsTile(At(i, other.turned))) return;
+        if (!At(i, other.turned).fits) return;
         Clamp(i, &other);
         const std::int64_t value = Cost(i, other, best_cost);
         if (value < best_cost) {

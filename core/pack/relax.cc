@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "Eigen/Cholesky"
 #include "core/base/portable_math.h"
 #include "core/mesh/box_tree.h"
 
@@ -24,10 +23,13 @@ constexpr double kShare = 0.5;  // of what is missing that one of two charts giv
 // Along the edges, no more than `spacing` apart; every vertex that is no closer than half of that to the last.
 std::vector<Vec2> SampleOutline(const Outline& outline, double spacing) {
   std::vector<Vec2> samples;
+  std::int32_t last = -1;  // where the edge before ended
   for (const auto& [from, to] : outline.edges) {
     const Vec2 &a = outline.points[from], &b = outline.points[to];
     const int parts = std::max(1, static_cast<int>(std::ceil((b - a).norm() / spacing)));
-    for (int i = 0; i < parts; ++i) samples.push_back(a + (1.0 * i / parts) * (b - a));
+    const bool is_near = from == last && (a - samples.back()).squaredNorm() < spacing * spacing / 4;
+    for (int i = is_near ? 1 : 0; i < parts; ++i) samples.push_back(a + (1.0 * i / parts) * (b - a));
+    last = to;
   }
   return samples;
 }
@@ -76,7 +78,8 @@ void Relaxer::FindContacts() {
   const std::size_t n = bodies_.size();
   // In the texture: of each body, how it is turned and scaled, where its blocks lie, and a box round them.
   std::vector<Vec2> turns(n);
-  std::vector<std::vector<Vec2>> centres(n);
+  std::vector<Vec2> centres;
+  std::vector<std::size_t> first_centre(n);
   std::vector<Box> boxes(n);
   const double reach = options_.distance + skin_;
   const auto place = [&](std::int32_t i, const Vec2& u) {
@@ -86,11 +89,11 @@ void Relaxer::FindContacts() {
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
     const double unit = scale_ * relative_[i];
     turns[i] = unit * Vec2(portable::Cos(bodies_[i].angle), portable::Sin(bodies_[i].angle));
-    centres[i].reserve(shapes_[i].blocks.size());
+    first_centre[i] = centres.size();
     const double low = options_.low + skin_, high = 1 - low;
     for (const Block& block : shapes_[i].blocks) {
       const Vec2 centre = place(i, block.centre), extent = Vec2::Constant(block.radius * unit);
-      centres[i].push_back(centre);
+      centres.push_back(centre);
       boxes[i].Add(centre - extent);
       boxes[i].Add(centre + extent);
       if ((centre - extent).minCoeff() >= low && (centre + extent).maxCoeff() <= high) continue;
@@ -126,7 +129,7 @@ void Relaxer::FindContacts() {
     for (std::size_t i = 0; i < shapes_[a].blocks.size(); ++i) {
       const Block& block = shapes_[a].blocks[i];
       const double around = reach + block.radius * a_unit;
-      const Vec2& centre = centres[a][i];
+      const Vec2& centre = centres[first_centre[a] + i];
       if (centre.x() < boxes[b].low.x() - around || centre.x() > boxes[b].high.x() + around ||
           centre.y() < boxes[b].low.y() - around || centre.y() > boxes[b].high.y() + around) {
         continue;
@@ -156,9 +159,10 @@ double Relaxer::Step() {
   if (age_ == 0) FindContacts();
   work_ += kContactWork * std::ssize(contacts_) + kBodyWork * std::ssize(bodies_);
   age_ = (age_ + 1) % kContactLife;
+  // Sums of missing * row and of row * row^T, whose upper half is kept.
   struct Pull {
-    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
-    Vec3 gradient = Vec3::Zero();
+    double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
+    double x = 0, y = 0, t = 0;
   };
   const std::size_t n = bodies_.size();
   std::vector<Pull> pulls(n);
@@ -168,9 +172,17 @@ double Relaxer::Step() {
   const auto push = [&](std::int32_t body, const Vec2& p, const Vec2& direction, double missing) {
     const Vec2 arm = p - bodies_[body].centre;
     const double radius = shapes_[body].turning_radius * scale_ * relative_[body];
-    const Vec3 row(direction.x(), direction.y(), (arm.x() * direction.y() - arm.y() * direction.x()) / radius);
-    pulls[body].hessian += row * row.transpose();
-    pulls[body].gradient += missing * row;
+    const double x = direction.x(), y = direction.y(), t = (arm.x() * y - arm.y() * x) / radius;
+    Pull& pull = pulls[body];
+    pull.xx += x * x;
+    pull.xy += x * y;
+    pull.xt += x * t;
+    pull.yy += y * y;
+    pull.yt += y * t;
+    pull.tt += t * t;
+    pull.x += missing * x;
+    pull.y += missing * y;
+    pull.t += missing * t;
   };
   for (const Contact& contact : contacts_) {
     const std::int32_t a = contact.body;
@@ -207,10 +219,10 @@ double Relaxer::Step() {
       const double other_unit = scale_ * relative_[b];
       const Vec2 q = (p - bodies_[b].centre) / other_unit;
       const Vec2 local(turns[b].x() * q.x() + turns[b].y() * q.y(), turns[b].x() * q.y() - turns[b].y() * q.x());
-      if (!fields_[b].Contains(local)) continue;
-      const DistanceField::Value value = fields_[b].At(local);
-      missing = options_.distance + margins_[a] + margins_[b] - value.distance * other_unit;
+      // Most are far enough: their gradients are not needed.
+      missing = options_.distance + margins_[a] + margins_[b] - fields_[b].DistanceNear(local, kFar) * other_unit;
       if (missing <= 0) continue;
+      const DistanceField::Value value = fields_[b].At(local);
       direction = Vec2(turns[b].x() * value.gradient.x() - turns[b].y() * value.gradient.y(),
                        turns[b].y() * value.gradient.x() + turns[b].x() * value.gradient.y());
       push(a, p, direction, missing);
@@ -223,11 +235,16 @@ double Relaxer::Step() {
   last_energy_ = energy;
   for (std::size_t i = 0; i < n; ++i) {
     Vec3 step = Vec3::Zero();
-    if (pulls[i].hessian(0, 0) + pulls[i].hessian(1, 1) > 0) {
-      Eigen::Matrix3d hessian = pulls[i].hessian;
-      const double damping = 0.05 * (hessian(0, 0) + hessian(1, 1));
-      hessian.diagonal().array() += damping;
-      step = kShare * hessian.ldlt().solve(pulls[i].gradient);
+    const Pull& pull = pulls[i];
+    if (pull.xx + pull.yy > 0) {
+      // L D L^T of the damped matrix, which is positive definite.
+      const double damping = 0.05 * (pull.xx + pull.yy);
+      const double d0 = pull.xx + damping, l10 = pull.xy / d0, l20 = pull.xt / d0;
+      const double d1 = pull.yy + damping - l10 * pull.xy, l21 = (pull.yt - l20 * pull.xy) / d1;
+      const double d2 = pull.tt + damping - l20 * pull.xt - l21 * (pull.yt - l20 * pull.xy);
+      const double z1 = pull.y - l10 * pull.x, z2 = pull.t - l20 * pull.x - l21 * z1;
+      const double t = z2 / d2, y = z1 / d1 - l21 * t;
+      step = kShare * Vec3(pull.x / d0 - l10 * y - l20 * t, y, t);
       const double most = skin_;
       const double length = step.norm();
       if (length > most) step *= most / length;

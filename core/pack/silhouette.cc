@@ -1,6 +1,7 @@
 #include "core/pack/silhouette.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 
@@ -11,6 +12,16 @@ namespace planish {
 namespace {
 
 constexpr double kRounding = 1e-9;  // cells, relative to 1; added wherever a cell could be missed
+
+// std::floor and std::ceil, which are calls into the C library. Of what an int holds.
+int Floor(double x) {
+  const int whole = static_cast<int>(x);
+  return whole - (x < whole ? 1 : 0);
+}
+int Ceil(double x) {
+  const int whole = static_cast<int>(x);
+  return whole + (x > whole ? 1 : 0);
+}
 
 // The cells within `radius` of the segment ab, row by row.
 struct Capsule {
@@ -81,6 +92,24 @@ class Grid {
     row[last] |= tail;
   }
 
+  // Rows become columns.
+  Grid Transposed() const {
+    Grid to(height_, width_);
+    std::array<std::uint64_t, 64> block;
+    for (int top = 0; top < height_; top += 64) {
+      const int rows = std::min(64, height_ - top);
+      for (int w = 0; w < words_; ++w) {
+        for (int y = 0; y < rows; ++y) block[y] = bits_[static_cast<std::size_t>(top + y) * words_ + w];
+        std::fill(block.begin() + rows, block.end(), 0);
+        Transpose(&block);
+        for (int x = 0; x < std::min(64, width_ - 64 * w); ++x) {
+          to.bits_[static_cast<std::size_t>(64 * w + x) * to.words_ + top / 64] = block[x];
+        }
+      }
+    }
+    return to;
+  }
+
   void Extract(Silhouette* s) const {
     s->width = width_;
     s->height = height_;
@@ -102,6 +131,22 @@ class Grid {
   }
 
  private:
+  // Of 64 rows of 64 bits. Squares of 32 bits on both sides of the diagonal change places, then those of 16 within
+  // each.
+  static void Transpose(std::array<std::uint64_t, 64>* rows) {
+    std::uint64_t low = ~std::uint64_t{0} >> 32;  // the lower half of each square, in a row
+    for (int half = 32; half >= 1; half /= 2) {
+      for (int y = 0; y < 64; ++y) {
+        if ((y & half) != 0) continue;
+        std::uint64_t &above = (*rows)[y], &below = (*rows)[y + half];
+        const std::uint64_t differ = (above >> half ^ below) & low;
+        above ^= differ << half;
+        below ^= differ;
+      }
+      low ^= low << half / 2;
+    }
+  }
+
   // First bit from x on that differs from those of `flip`; width_ or more if there is none.
   int Find(const std::uint64_t* row, int x, std::uint64_t flip) const {
     int w = x >> 6;
@@ -122,6 +167,7 @@ class Grid {
 Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius,
                      const std::function<Vec2(const Vec2& centre)>& shift) {
   const double c = scale * portable::Cos(angle), s = scale * portable::Sin(angle);
+  radius += scale * outline.slack;
   std::vector<Vec2> points(outline.points.size());
   Box box;
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -136,8 +182,8 @@ Silhouette Rasterize(const Outline& outline, double angle, double scale, double 
   silhouette.centre += shifted;
   for (Vec2& p : points) p += silhouette.centre;
   const Vec2 extent = box.high - box.low + Vec2::Constant(2 * margin) + shifted;
-  const int width = std::max(1, static_cast<int>(std::ceil(extent.x())));
-  const int height = std::max(1, static_cast<int>(std::ceil(extent.y())));
+  const int width = std::max(1, Ceil(extent.x()));
+  const int height = std::max(1, Ceil(extent.y()));
   Grid grid(width, height);
 
   // Where the line through the middle of a row crosses the outline: (row, first cell beyond, change of winding).
@@ -148,20 +194,19 @@ Silhouette Rasterize(const Outline& outline, double angle, double scale, double 
   const double slack = margin - radius;
   for (const auto& [from, to] : outline.edges) {
     const Capsule capsule(points[from], points[to], radius + slack);
-    const int first = std::max(0, static_cast<int>(std::floor(capsule.a.y() - capsule.radius)));
-    const int last = std::min(height - 1, static_cast<int>(std::floor(capsule.b.y() + capsule.radius)));
+    const int first = std::max(0, Floor(capsule.a.y() - capsule.radius));
+    const int last = std::min(height - 1, Floor(capsule.b.y() + capsule.radius));
     for (int y = first; y <= last; ++y) {
       const double left = -capsule.Farthest(y, y + 1, -1), right = capsule.Farthest(y, y + 1, 1);
-      grid.Set(y, static_cast<int>(std::floor(left)), static_cast<int>(std::floor(right)) + 1);
+      grid.Set(y, Floor(left), Floor(right) + 1);
     }
-    const int begin = static_cast<int>(std::ceil(capsule.a.y() - 0.5)),
-              end = static_cast<int>(std::ceil(capsule.b.y() - 0.5));
+    const int begin = Ceil(capsule.a.y() - 0.5), end = Ceil(capsule.b.y() - 0.5);
     const std::int32_t change =
         points[from].y() > points[to].y() ? 1 : -1;  // the inside lies to the right of a descent
     for (int y = begin; y < end; ++y) {
       const double t = (y + 0.5 - capsule.a.y()) / (capsule.b.y() - capsule.a.y());
       const double x = capsule.a.x() + t * (capsule.b.x() - capsule.a.x());
-      crossings.push_back({y, static_cast<std::int32_t>(std::ceil(x - 0.5)), change});
+      crossings.push_back({y, Ceil(x - 0.5), change});
     }
   }
   std::sort(crossings.begin(), crossings.end(),
@@ -183,30 +228,15 @@ Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, do
 
 Silhouette QuarterTurn(const Silhouette& s) {
   Silhouette turned;
-  turned.width = s.height;
-  turned.height = s.width;
-  turned.cells = s.cells;
   turned.centre = Vec2(s.height - s.centre.y(), s.centre.x());
   // A row of the new grid is a column of the old one, read from the top.
-  std::vector<std::vector<Span>> rows(s.width);
-  for (int y = s.height - 1; y >= 0; --y) {
-    const std::int32_t at = s.height - 1 - y;
+  Grid grid(s.width, s.height);
+  for (int y = 0; y < s.height; ++y) {
     for (std::int32_t i = s.row_begin[y]; i < s.row_begin[y + 1]; ++i) {
-      for (std::int32_t x = s.spans[i].begin; x < s.spans[i].end; ++x) {
-        if (!rows[x].empty() && rows[x].back().end == at) {
-          ++rows[x].back().end;
-        } else {
-          rows[x].push_back({at, at + 1});
-        }
-      }
+      grid.Set(s.height - 1 - y, s.spans[i].begin, s.spans[i].end);
     }
   }
-  turned.row_begin.reserve(s.width + 1);
-  for (const std::vector<Span>& row : rows) {
-    turned.row_begin.push_back(static_cast<std::int32_t>(turned.spans.size()));
-    turned.spans.insert(turned.spans.end(), row.begin(), row.end());
-  }
-  turned.row_begin.push_back(static_cast<std::int32_t>(turned.spans.size()));
+  grid.Transposed().Extract(&turned);
   return turned;
 }
 

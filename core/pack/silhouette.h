@@ -23,7 +23,8 @@ struct Silhouette {
 
 // Every cell that comes within `radius` cells of the outline or its inside, after a turn by `angle` and a scaling to
 // `scale` cells per unit; moved so that it touches both axes. Never too few cells, and few too many: a cell whose
-// closed square has no such point is left out, but for rounding.
+// closed square has no such point is left out, but for rounding. `radius` is measured from the chart's own outline,
+// which may lie Outline::slack farther out.
 //
 // Two silhouettes with the same radius that share no cell keep their outlines 2 radius apart.
 Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius);

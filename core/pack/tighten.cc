@@ -17,9 +17,11 @@ constexpr std::size_t kLanes = 2;
 
 class Tightener {
  public:
-  Tightener(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const std::vector<double>& relative,
-            const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts)
+  Tightener(const std::vector<Outline>& outlines, const std::vector<Outline>& simple, const std::vector<int>& atlas,
+            const std::vector<double>& relative, const TightenOptions& options, const Execution& execution,
+            const std::vector<Arrangement>& starts)
       : outlines_(outlines),
+        simple_(simple),
         atlas_(atlas),
         relative_(relative),
         options_(options),
@@ -36,7 +38,7 @@ class Tightener {
       const double unit = relative[i] * arrangement_.scale;
       const double reach = 1.1 * (relax_.distance + 2 * relax_.spacing);
       const double spacing = std::max(std::min(relax_.spacing, outlines[i].radius * unit / 6), reach / 16);
-      fields_.emplace_back(outlines[i], spacing / unit, reach / unit);
+      fields_.emplace_back(simple[i], spacing / unit, reach / unit);
     }
   }
 
@@ -61,7 +63,7 @@ class Tightener {
 
  private:
   Relaxer MakeRelaxer(const Arrangement& arrangement) const {
-    Relaxer relaxer(outlines_, fields_, relative_, arrangement.scale, relax_, execution_);
+    Relaxer relaxer(simple_, fields_, relative_, arrangement.scale, relax_, execution_);
     relaxer.bodies() = arrangement.bodies;
     std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
     return relaxer;
@@ -138,7 +140,7 @@ class Tightener {
   std::optional<Arrangement> Attempt(double least_scale, double scale, const RearrangeOptions& coarse,
                                      Arrangement* from, std::int64_t* work) const {
     from->scale = scale;
-    if (!Rearrange(outlines_, atlas_, fields_, Scales(scale), coarse, execution_, &from->bodies, work))
+    if (!Rearrange(simple_, atlas_, fields_, Scales(scale), coarse, execution_, &from->bodies, work))
       return std::nullopt;
     if (std::optional<Arrangement> grown = SeparateAndGrow(*from, least_scale, coarse.work, work)) return grown;
     // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
@@ -147,8 +149,7 @@ class Tightener {
     fine.slack = tuning_.fine_slack;
     fine.swaps = 0;
     fine.moves = coarse.moves / 2;
-    if (!Rearrange(outlines_, atlas_, fields_, Scales(scale), fine, execution_, &from->bodies, work))
-      return std::nullopt;
+    if (!Rearrange(simple_, atlas_, fields_, Scales(scale), fine, execution_, &from->bodies, work)) return std::nullopt;
     return SeparateAndGrow(*from, least_scale, coarse.work, work);
   }
 
@@ -199,7 +200,7 @@ class Tightener {
     return false;
   }
 
-  const std::vector<Outline>& outlines_;
+  const std::vector<Outline>&outlines_, &simple_;
   const std::vector<int>& atlas_;
   const std::vector<double>& relative_;
   const TightenOptions& options_;
@@ -220,10 +221,10 @@ std::int64_t MostCharts(const std::vector<int>& atlas, int atlases) {
   return *std::max_element(count.begin(), count.end());
 }
 
-Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
-                    const std::vector<double>& relative_scales, const TightenOptions& options,
-                    const Execution& execution, const std::vector<Arrangement>& starts) {
-  return Tightener(outlines, atlas, relative_scales, options, execution, starts).Run();
+Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<Outline>& simple,
+                    const std::vector<int>& atlas, const std::vector<double>& relative_scales,
+                    const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts) {
+  return Tightener(outlines, simple, atlas, relative_scales, options, execution, starts).Run();
 }
 
 }  // namespace planish

@@ -30,7 +30,7 @@ constexpr std::size_t kMostKept = 4096;
 struct Shape {
   Silhouette silhouette;
   Rim rim;
-  std::vector<std::int32_t> row_order;
+  RowOrder row_order;
 };
 
 // A place on one of the tiles of the chart's atlas, and where the search for the next chart of this size begins.

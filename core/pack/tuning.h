@@ -18,6 +18,8 @@ struct PackTuning {
   // Trials (trial.h). Cells along a chart of average size, and along a tile: more lay charts closer and cost more.
   double cells_per_chart = 24;
   int fewest_cells = 192, most_cells = 4096;
+  // How far simplified outlines may lie from those of the charts, in cells.
+  double simple_within = 0.02;
   // Turns that a trial tries of each chart, as a power of two: as many as leave room for so many trials.
   int least_angles = 2, most_angles = 16, typical_trials = 5;
   // What a trial costs for a chart and a turn, and for each edge of its outline, about.

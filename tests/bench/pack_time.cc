@@ -1,4 +1,5 @@
-// planish_pack_time [options] CHARTS...: packs charts (see pack_charts.h) and prints, a line each, what came out.
+// planish_pack_time [options] CHARTS...: packs charts (see pack_charts.h) and prints, a line each, what came out, and
+// then the means of efficiency and the sums of seconds. What the constants of core/pack/tuning.h were chosen by.
 #include <cstdio>
 #include <ctime>
 #include <fstream>
@@ -49,6 +50,27 @@ int Main(int argc, char** argv) {
   app.add_option("--effort", options.effort)->transform(CLI::CheckedTransformer(efforts));
   app.add_option("--threads", threads);
   app.add_option("--svg", svg, "draws the last packing");
+  PackTuning& tuning = options.tuning;
+  app.add_option("--rest-per-face", tuning.rest_per_face);
+  app.add_option("--rest-per-chart", tuning.rest_per_chart);
+  app.add_option("--normal-share", tuning.normal_share);
+  app.add_option("--least-work", tuning.least_work);
+  app.add_option("--least-per-chart", tuning.least_per_chart);
+  app.add_option("--cells-per-chart", tuning.cells_per_chart);
+  app.add_option("--fewest-cells", tuning.fewest_cells);
+  app.add_option("--most-angles", tuning.most_angles);
+  app.add_option("--typical-trials", tuning.typical_trials);
+  app.add_option("--most-trials", tuning.most_trials);
+  app.add_option("--tighten-per-chart", tuning.tighten_per_chart);
+  app.add_option("--first-step", tuning.first_step);
+  app.add_option("--moves-at-once", tuning.moves_at_once);
+  app.add_option("--moves-at-once-per-chart", tuning.moves_at_once_per_chart);
+  app.add_option("--pixels-per-chart", tuning.pixels_per_chart);
+  app.add_option("--growing-share", tuning.growing_share);
+  app.add_option("--settling-share", tuning.settling_share);
+  app.add_option("--fewest-orders", tuning.fewest_orders);
+  app.add_option("--orders-share", tuning.orders_share);
+  app.add_option("--starts", tuning.starts);
   app.add_option("charts", names)->required();
   CLI11_PARSE(app, argc, argv);
   ThreadTeam team(threads);
@@ -56,6 +78,7 @@ int Main(int argc, char** argv) {
   execution.team = &team;
   std::printf("%-28s %6s %7s %10s %5s %7s %8s %8s\n", "charts", "n", "faces", "efficiency", "tiles", "padding",
               "seconds", "CPU");
+  double efficiencies = 0, seconds_of_all = 0, cpu_of_all = 0;
   for (const std::string& name : names) {
     const auto charts = testing::MakeCharts(name);
     if (!charts.ok()) {
@@ -72,8 +95,13 @@ int Main(int argc, char** argv) {
     std::printf("%-28s %6zu %7zu %10.4f %5d %7.2f %8.3f %8.3f\n", name.substr(name.rfind('/') + 1).c_str(),
                 charts->size(), faces, packing.efficiency, packing.tiles, packing.padding, seconds, cpu_seconds);
     std::fflush(stdout);
+    efficiencies += packing.efficiency;
+    seconds_of_all += seconds;
+    cpu_of_all += cpu_seconds;
     if (!svg.empty()) Draw(svg, *charts, packing);
   }
+  std::printf("%-28s %6s %7s %10.4f %5s %7s %8.3f %8.3f\n", "mean and sums", "", "",
+              efficiencies / static_cast<double>(names.size()), "", "", seconds_of_all, cpu_of_all);
   return 0;
 }
 
