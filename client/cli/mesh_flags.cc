@@ -51,15 +51,15 @@ Seams: --seams takes a comma-separated list of at most one policy and any number
   uncut:FILE   the reverse of a source: edges, listed in the same way, at which no seam is added
 
 Atlases: a job has one atlas for all of its charts. --atlas-per gives one to each
-  file         of several, which are one job then; without it they are a batch, a job and an atlas each
+  file         of several files, which are one job then, not a batch of jobs
   mesh         object (o) of an OBJ, mesh of a glTF
   material     faces without one have an atlas too, the last
   group        object and group (o, g) of an OBJ, mesh of a glTF
 in their order, and charts end between them. --atlas-layout says where the atlases go.
-  udim         each into tiles of its own from 1001 on, at most 100: one set of textures, so the texel
-               density is the same everywhere, and the fullest tile decides it
-  stacked      all into the same tiles, one over the other: textures of their own, which may differ in
-               size, so each is filled as far as it goes
+  udim         each into tiles of its own from 1001 on, at most 100: one set of textures, so the
+               texel density is the same everywhere, and the fullest tile decides it
+  stacked      all into the same tiles, one over the other: textures of their own, which may
+               differ in size, so each is filled as far as it goes
 
 The first of several choices is the default. An OBJ comes back byte for byte except for its vt and f lines.)";
 

@@ -139,7 +139,7 @@ TEST_F(AtlasTest, FilesAreOneJobWithAnAtlasEach) {
 TEST_F(AtlasTest, SaysWhatAFileLacksOrHasTooManyOf) {
   const auto refused = [&](const std::string& input, const std::string& flag) {
     const Outcome run = Planish({"unwrap", input, "-o", directory_.Path("out.obj"), flag});
-    EXPECT_EQ(run.exit_code, 1) << run.err;
+    EXPECT_EQ(run.exit_code, 2) << run.err;
     return run.err;
   };
   const std::string plain = File("plain.obj", GridObj(3));
