@@ -96,24 +96,9 @@ inline constexpr const char* kPostgresMigrations[] = {
       CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0 AND seams_sha256 != '';
       CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1 AND uv_sha256 != '';
     )sql",
-    // More of what TakeTurn() locks.
-    R"sql(
-      CREATE TABLE turns_4 ();
-      CREATE TABLE turns_5 ();
-      CREATE TABLE turns_6 ();
-      CREATE TABLE turns_7 ();
-      CREATE TABLE turns_8 ();
-      CREATE TABLE turns_9 ();
-      CREATE TABLE turns_10 ();
-      CREATE TABLE turns_11 ();
-      CREATE TABLE turns_12 ();
-      CREATE TABLE turns_13 ();
-      CREATE TABLE turns_14 ();
-      CREATE TABLE turns_15 ();
-    )sql",
 };
 
 // Transactions between TakeTurn() and their ends; the tables turns_N.
-inline constexpr std::uint64_t kTurns = 16;
+inline constexpr std::uint64_t kTurns = 4;
 
 }  // namespace planish
