@@ -24,6 +24,7 @@ class Packer {
  public:
   Packer(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution)
       : charts_(charts), options_(options), tuning_(options.tuning), execution_(execution) {
+    outlines_.reserve(charts.size());
     for (const PackChart& chart : charts) outlines_.push_back(MakeOutline(chart));
     std::vector<double> areas(options.atlases, 0.0);
     for (std::size_t i = 0; i < charts.size(); ++i) {
@@ -142,6 +143,7 @@ class Packer {
   void Simplify() {
     const std::vector<double> scales = Scales(LargestScale());
     simple_.clear();
+    simple_.reserve(outlines_.size());
     for (std::size_t i = 0; i < outlines_.size(); ++i) {
       simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_.cell / scales[i]));
     }

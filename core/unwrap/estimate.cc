@@ -19,7 +19,7 @@ constexpr double kBytesPerFace = 1000;     // multigrid
 constexpr double kChartBytesPerFace = 200;
 // The packer's silhouettes: of as many charts as there may be, and at most. With PackEffort::kBest up to
 // PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond the first.
-constexpr double kPackBytesPerFace = 1500, kMostPackBytes = 2e6;
+constexpr double kPackBytesPerFace = 1500, kMostPackBytes = 6e6;
 constexpr double kBestBytesPerFace = 60e3, kMostBestBytes = 60e6;
 constexpr double kBytesPerTile = 0.25e6;
 // A Cholesky factorization instead: of meshes up to kReferenceFaces, and how that grows beyond. Measured: 1,310 bytes a
