@@ -100,8 +100,8 @@ class FarmTest : public ::testing::Test {
 
   TempDir dir_;
   std::string url_;
-  std::vector<std::string> blobs_;  // flags that say where blobs are
-  const Arrays quick_{40}, slow_{150};
+  std::vector<std::string> blobs_;      // flags that say where blobs are
+  const Arrays quick_{40}, slow_{200};  // the slow one still runs when a test has killed what it kills
   std::map<std::string, std::unique_ptr<Daemon>> daemons_;
   std::unique_ptr<Process> proxy_;
   static inline std::unique_ptr<PostgresServer> postgres_;
