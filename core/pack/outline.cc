@@ -179,7 +179,7 @@ Outline MakeOutline(const PackChart& chart) {
 Outline Simplified(const Outline& outline, double tolerance) {
   constexpr std::size_t kLongestRun = 32;  // edges that become one, at most: the search is linear then
   Outline simple = outline;
-  simple.points.clear();  // what they held is room enough
+  simple.points.clear();  // their memory stays, and is enough
   simple.edges.clear();
   std::vector<std::int32_t> local(outline.points.size(), -1);
   const auto local_id = [&](std::int32_t v) {
