@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <compare>
+#include <numeric>
+#include <span>
 #include <utility>
 
 #include "core/mesh/half_edges.h"
@@ -9,24 +12,55 @@
 namespace planish {
 namespace {
 
-// Position first. -0 becomes 0, so that comparing numbers and comparing places is the same.
-using Place = std::array<double, 5>;
+// Per vertex, equal exactly where positions are: a number below that of the vertices. Vertices without a face have -1.
+std::vector<std::int32_t> NumberPositions(const Mesh& mesh) {
+  std::vector<char> is_used(mesh.positions.size(), 0);
+  for (const Face& face : mesh.faces) {
+    for (const std::int32_t v : face) is_used[v] = 1;
+  }
+  // -0 becomes 0, so that comparing numbers and comparing places is the same.
+  std::vector<std::pair<std::array<double, 3>, std::int32_t>> positions;
+  for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+    const Vec3& p = mesh.positions[v];
+    if (is_used[v]) positions.push_back({{p.x() + 0.0, p.y() + 0.0, p.z() + 0.0}, static_cast<std::int32_t>(v)});
+  }
+  std::sort(positions.begin(), positions.end());
+  std::vector<std::int32_t> number(mesh.positions.size(), -1);
+  std::int32_t last = -1;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    if (i == 0 || positions[i].first != positions[i - 1].first) ++last;
+    number[positions[i].second] = last;
+  }
+  return number;
+}
 
+// Corners are grouped by position first, which takes no comparison of theirs; each group is sorted by UV.
 void FindPlaces(const Mesh& mesh, const std::vector<double>& uv, UvIslands* islands) {
+  struct At {
+    double u, v;
+    std::int32_t corner;
+    auto operator<=>(const At&) const = default;
+  };
   const std::size_t num_corners = 3 * mesh.faces.size();
-  std::vector<std::pair<Place, std::int32_t>> places(num_corners);
+  const std::vector<std::int32_t> position = NumberPositions(mesh);
+  const auto position_of = [&](std::size_t c) { return position[mesh.faces[c / 3][c % 3]]; };
+  std::vector<std::int32_t> begin(mesh.positions.size() + 1, 0);
+  for (std::size_t c = 0; c < num_corners; ++c) ++begin[position_of(c) + 1];
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<At> corners(num_corners);
+  std::vector<std::int32_t> next(begin.begin(), begin.end() - 1);
   for (std::size_t c = 0; c < num_corners; ++c) {
-    const Vec3& p = mesh.positions[mesh.faces[c / 3][c % 3]];
-    places[c] = {{p.x() + 0.0, p.y() + 0.0, p.z() + 0.0, uv[2 * c] + 0.0, uv[2 * c + 1] + 0.0},
-                 static_cast<std::int32_t>(c)};
+    corners[next[position_of(c)]++] = {uv[2 * c] + 0.0, uv[2 * c + 1] + 0.0, static_cast<std::int32_t>(c)};
   }
-  std::sort(places.begin(), places.end());
   islands->place_of_corner.resize(num_corners);
-  for (std::size_t i = 0; i < num_corners; ++i) {
-    if (i > 0 && places[i].first != places[i - 1].first) ++islands->num_places;
-    islands->place_of_corner[places[i].second] = islands->num_places;
+  for (std::size_t p = 0; p + 1 < begin.size(); ++p) {
+    std::sort(corners.begin() + begin[p], corners.begin() + begin[p + 1]);
+    for (std::int32_t i = begin[p]; i < begin[p + 1]; ++i) {
+      const At& at = corners[i];
+      if (i == begin[p] || at.u != corners[i - 1].u || at.v != corners[i - 1].v) ++islands->num_places;
+      islands->place_of_corner[at.corner] = islands->num_places - 1;
+    }
   }
-  if (num_corners > 0) ++islands->num_places;
 }
 
 // Faces that are one place have no edge: they go with the first face that has more than it, or else with each other.
@@ -47,32 +81,22 @@ void JoinPointFaces(const std::vector<std::int32_t>& place, std::int32_t num_pla
   }
 }
 
-struct Edge {
-  std::int32_t low, high, half_edge;
-  auto operator<=>(const Edge&) const = default;
-};
-
 }  // namespace
 
 UvIslands FindUvIslands(const Mesh& mesh, const std::vector<double>& uv, const std::vector<std::int64_t>& polygon) {
   UvIslands islands;
   FindPlaces(mesh, uv, &islands);
-  std::vector<Edge> edges;
-  edges.reserve(3 * mesh.faces.size());
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(3 * mesh.faces.size()); ++c) {
-    const std::int32_t f = c - c % 3;
-    const auto [low, high] =
-        std::minmax(islands.place_of_corner[f + Next(c % 3)], islands.place_of_corner[f + Prev(c % 3)]);
-    if (low != high) edges.push_back({low, high, c});
-  }
-  std::sort(edges.begin(), edges.end());
+  std::vector<Face> faces(mesh.faces.size());
+  for (std::size_t c = 0; c < 3 * faces.size(); ++c) faces[c / 3][c % 3] = islands.place_of_corner[c];
+  const EdgeGroups edges = GroupHalfEdges(faces, islands.num_places);
 
   UnionFind sets(mesh.faces.size());
   islands.is_outline.assign(3 * mesh.faces.size(), 0);
-  for (auto begin = edges.begin(), end = begin; begin != edges.end(); begin = end) {
-    end = std::find_if(begin, edges.end(), [&](const Edge& e) { return e.low != begin->low || e.high != begin->high; });
-    islands.is_outline[begin->half_edge] = end - begin == 1;
-    for (auto other = begin + 1; other != end; ++other) sets.Join(begin->half_edge / 3, other->half_edge / 3);
+  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+    const std::span<const std::int32_t> at = edges.edge(e);
+    if (Origin(faces, at[0]) == Target(faces, at[0])) continue;
+    islands.is_outline[at[0]] = at.size() == 1;
+    for (const std::int32_t other : at.subspan(1)) sets.Join(at[0] / 3, other / 3);
   }
   JoinPointFaces(islands.place_of_corner, islands.num_places, &sets);
   for (std::size_t f = 1; f < polygon.size(); ++f) {

@@ -51,12 +51,12 @@ while [ $# -gt 0 ]; do
   shift
 done
 case $bench in
-  paper | scale | peers | atlas | memory | tuning | service | farm | chaos | mutations) ;;
-  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, farm, chaos, mutations)" ;;
+  paper | scale | peers | atlas | memory | tuning | service | farm | chaos | mutations | report) ;;
+  *) fail "no such bench: $bench (paper, scale, peers, atlas, memory, tuning, service, farm, chaos, mutations, report)" ;;
 esac
 [ -n "$out" ] || { [ -n "$quick" ] && out=$build/results || out=$here/results; }
 case $bench in
-  memory | tuning | service | farm | chaos | mutations) ;;
+  memory | tuning | service | farm | chaos | mutations | report) ;;
   *) command -v gnuplot >/dev/null || fail "no gnuplot: deploy/install-packages.sh bench" ;;
 esac
 
