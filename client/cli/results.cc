@@ -235,8 +235,8 @@ Json ToJson(const JobEstimate& estimate) {
 
 Json ToJson(const Capabilities& capabilities) {
   Json solvers = Json::array();
-  for (const SolverCombination& combination : capabilities.solvers) {
-    solvers.push_back({{"solver", ToString(combination.solver)},
+  for (const SolverOptions& combination : capabilities.solvers) {
+    solvers.push_back({{"solver", ToString(combination.method)},
                        {"system", ToString(combination.system)},
                        {"preconditioner", ToString(combination.preconditioner)}});
   }

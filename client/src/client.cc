@@ -1,7 +1,7 @@
 #include "planish/client.h"
 
 #include <algorithm>
-#include <condition_variable>
+#include <future>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -109,6 +109,11 @@ struct Client::Impl {
     return FromProto(Follower(rpc, call, none, &mesh).Create(std::move(request)));
   }
 
+  JobEstimate Estimate(v1::EstimateJobRequest request, const UnwrapOptions& options) {
+    *request.mutable_spec()->mutable_options() = ToProto(options);
+    return FromProto(rpc.Repeat(&Stub::EstimateJob, request));
+  }
+
   // One of the jobs of CreateMany() on its way.
   struct Pending {
     PackedMesh mesh;
@@ -124,7 +129,7 @@ struct Client::Impl {
       // So many meshes as fit into a call are in memory at a time.
       std::vector<Pending> batch;
       for (std::size_t bytes = 0; i < jobs.size() && batch.size() < kMostInBatch && bytes < kMostBatchBytes; ++i) {
-        Result<PackedMesh> mesh = Caught([&] { return MeshPacker::Pack(jobs[i].mesh); });
+        Result<PackedMesh> mesh = Caught([&] { return PackedMesh::Of(jobs[i].mesh); });
         if (!mesh.ok()) {
           results[i] = mesh.error();
           continue;
@@ -181,58 +186,50 @@ struct Client::Impl {
   }
 };
 
-// Of the Call; the thread has what it shares with it.
 struct Call::State {
-  struct Shared {
-    std::stop_source stop;    // cancels
-    std::stop_source finish;  // stops
+  // What the thread knows as well, which may outlive the Call.
+  struct JobName {
     std::mutex mutex;
-    std::condition_variable changed;
-    std::string job;                             // guarded by mutex
-    std::optional<Result<UnwrapResult>> result;  // guarded by mutex; at the end
+    std::string text;  // guarded by mutex
   };
 
   ~State() {
-    if (!thread.joinable()) return;
-    shared->stop.request_stop();
+    stop.request_stop();
     if (thread.get_id() == std::this_thread::get_id()) {
       thread.detach();  // ended from within its own callback
-    } else {
+    } else if (thread.joinable()) {
       thread.join();
     }
   }
 
-  const std::shared_ptr<Shared> shared = std::make_shared<Shared>();
+  std::stop_source stop;    // cancels
+  std::stop_source finish;  // stops
+  const std::shared_ptr<JobName> job = std::make_shared<JobName>();
+  std::future<Result<UnwrapResult>> result;
   std::thread thread;
 };
 
 void Call::Cancel() {
-  if (state_ != nullptr) state_->shared->stop.request_stop();
+  if (state_ != nullptr) state_->stop.request_stop();
 }
 
 void Call::Stop() {
-  if (state_ != nullptr) state_->shared->finish.request_stop();
+  if (state_ != nullptr) state_->finish.request_stop();
 }
 
 std::string Call::job() const {
   if (state_ == nullptr) return {};
-  const std::lock_guard lock(state_->shared->mutex);
-  return state_->shared->job;
+  const std::lock_guard lock(state_->job->mutex);
+  return state_->job->text;
 }
 
 bool Call::WaitFor(Seconds timeout) const {
-  if (state_ == nullptr) return true;
-  State::Shared& shared = *state_->shared;
-  std::unique_lock lock(shared.mutex);
-  return shared.changed.wait_for(lock, timeout, [&] { return shared.result.has_value(); });
+  return state_ == nullptr || !state_->result.valid() || state_->result.wait_for(timeout) == std::future_status::ready;
 }
 
 Result<UnwrapResult> Call::Wait(std::nothrow_t) {
-  if (state_ == nullptr) return Error(ErrorCode::kFailedPrecondition, "CALL_EMPTY", "this call was never started");
-  State::Shared& shared = *state_->shared;
-  std::unique_lock lock(shared.mutex);
-  shared.changed.wait(lock, [&] { return shared.result.has_value(); });
-  return *std::move(shared.result);
+  if (state_ != nullptr && state_->result.valid()) return state_->result.get();
+  return Error(ErrorCode::kFailedPrecondition, "CALL_EMPTY", "this call was never started, or has been waited for");
 }
 
 Client::Client(const std::string& target, const ClientOptions& options) : impl_(new Impl{{target, options}}) {}
@@ -248,7 +245,7 @@ const std::string& Client::target() const {
 Result<UnwrapResult> Client::Unwrap(std::nothrow_t, const MeshView& mesh, const UnwrapOptions& options,
                                     const Callbacks& callbacks, const CallOptions& call) {
   return Traced(call, [&, start = Clock::now()](const CallOptions& traced) {
-    return impl_->Unwrap(MeshPacker::Pack(mesh), start, options, callbacks, traced);
+    return impl_->Unwrap(PackedMesh::Of(mesh), start, options, callbacks, traced);
   });
 }
 
@@ -259,37 +256,34 @@ Result<Call> Client::StartUnwrap(std::nothrow_t, const MeshView& mesh, const Unw
     auto state = std::make_shared<Call::State>();
     // A token of the caller's works as well as Call::Cancel().
     auto callers_stop = std::make_shared<std::stop_callback<std::function<void()>>>(
-        call.stop, [stop = state->shared->stop]() mutable { stop.request_stop(); });
-    call.stop = state->shared->stop.get_token();
-    state->thread =
-        std::thread([impl = impl_, shared = state->shared, callers_stop, start, packed = MeshPacker::Pack(mesh),
-                     options, callbacks = std::move(callbacks), call = std::move(call)]() mutable {
+        call.stop, [stop = state->stop]() mutable { stop.request_stop(); });
+    call.stop = state->stop.get_token();
+    std::packaged_task<Result<UnwrapResult>()> task(
+        [impl = impl_, job = state->job, finish = state->finish.get_token(), callers_stop, start,
+         packed = PackedMesh::Of(mesh), options, callbacks = std::move(callbacks), call = std::move(call)]() mutable {
           const auto on_job_name = [&](const std::string& name) {
-            const std::lock_guard lock(shared->mutex);
-            shared->job = name;
+            const std::lock_guard lock(job->mutex);
+            job->text = name;
           };
           Result<UnwrapResult> result = Traced(call, [&](const CallOptions& traced) {
-            UnwrapResult brought = impl->Unwrap(std::move(packed), start, options, callbacks, traced,
-                                                shared->finish.get_token(), on_job_name);
+            UnwrapResult brought =
+                impl->Unwrap(std::move(packed), start, options, callbacks, traced, finish, on_job_name);
             if (callbacks.on_done) callbacks.on_done(brought);
             return brought;
           });
-          if (!result.ok() && callbacks.on_error) {
-            const Result<void> told = Caught([&] { callbacks.on_error(result.error()); });
-            if (!told.ok()) result = told.error();
-          }
-          const std::lock_guard lock(shared->mutex);
-          shared->result = std::move(result);
-          shared->changed.notify_all();
+          if (result.ok() || !callbacks.on_error) return result;
+          const Result<void> told = Caught([&] { callbacks.on_error(result.error()); });
+          return told.ok() ? result : told.error();
         });
+    state->result = task.get_future();
+    state->thread = std::thread(std::move(task));
     return Call(state);
   });
 }
 
 Result<Job> Client::CreateJob(std::nothrow_t, const MeshView& mesh, const UnwrapOptions& options,
                               const CallOptions& call) {
-  return Traced(call,
-                [&](const CallOptions& traced) { return impl_->Create(MeshPacker::Pack(mesh), options, traced); });
+  return Traced(call, [&](const CallOptions& traced) { return impl_->Create(PackedMesh::Of(mesh), options, traced); });
 }
 
 Result<std::vector<Result<Job>>> Client::CreateJobs(std::nothrow_t, std::span<const NewJob> jobs) {
@@ -299,7 +293,7 @@ Result<std::vector<Result<Job>>> Client::CreateJobs(std::nothrow_t, std::span<co
 Result<UnwrapResult> Client::AttachResult(std::nothrow_t, const std::string& job, const MeshView& mesh,
                                           const Callbacks& callbacks, const CallOptions& call) {
   return Traced(call, [&, start = Clock::now()](const CallOptions& traced) {
-    PackedMesh packed = MeshPacker::Pack(mesh);
+    PackedMesh packed = PackedMesh::Of(mesh);
     UnwrapResult result = ResultOf(Follower(impl_->rpc, traced, callbacks, &packed).Watch(job, 0), packed, start);
     result.report.times.upload = {};
     return result;
@@ -385,12 +379,11 @@ Result<void> Client::DeleteJob(std::nothrow_t, const std::string& job) {
 
 Result<JobEstimate> Client::Estimate(std::nothrow_t, const MeshView& mesh, const UnwrapOptions& options) {
   return Caught([&] {
-    const PackedMesh packed = MeshPacker::Pack(mesh);
+    const std::string draco = PackedMesh::Of(mesh).draco;
     v1::EstimateJobRequest request;
-    request.mutable_spec()->set_draco(packed.draco.substr(0, kEstimateBytes));
-    request.set_mesh_bytes(static_cast<std::int64_t>(packed.draco.size()));
-    *request.mutable_spec()->mutable_options() = ToProto(options);
-    return FromProto(impl_->rpc.Repeat(&Stub::EstimateJob, request));
+    request.mutable_spec()->set_draco(draco.substr(0, kEstimateBytes));
+    request.set_mesh_bytes(static_cast<std::int64_t>(draco.size()));
+    return impl_->Estimate(std::move(request), options);
   });
 }
 
@@ -400,8 +393,7 @@ Result<JobEstimate> Client::Estimate(std::nothrow_t, std::int64_t triangles, std
     v1::EstimateJobRequest request;
     request.mutable_size()->set_triangles(triangles);
     request.mutable_size()->set_vertices(vertices > 0 ? vertices : triangles / 2);
-    *request.mutable_spec()->mutable_options() = ToProto(options);
-    return FromProto(impl_->rpc.Repeat(&Stub::EstimateJob, request));
+    return impl_->Estimate(std::move(request), options);
   });
 }
 

@@ -1,7 +1,9 @@
 #include "client/src/convert.h"
 
+#include <google/protobuf/util/time_util.h>
+
 #include <bit>
-#include <cmath>
+#include <chrono>
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
@@ -11,22 +13,18 @@
 
 namespace planish {
 
+using google::protobuf::util::TimeUtil;
+
 Seconds SecondsFrom(const google::protobuf::Duration& duration) {
-  return Seconds(static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos());
+  return std::chrono::nanoseconds(TimeUtil::DurationToNanoseconds(duration));
 }
 
 google::protobuf::Duration ToProto(Seconds seconds) {
-  google::protobuf::Duration duration;
-  const double whole = std::floor(seconds.count());
-  duration.set_seconds(static_cast<std::int64_t>(whole));
-  duration.set_nanos(static_cast<std::int32_t>((seconds.count() - whole) * 1e9));
-  return duration;
+  return TimeUtil::MicrosecondsToDuration(std::chrono::duration_cast<std::chrono::microseconds>(seconds).count());
 }
 
-std::chrono::system_clock::time_point TimeFrom(const google::protobuf::Timestamp& time) {
-  using Clock = std::chrono::system_clock;
-  const auto since = std::chrono::seconds(time.seconds()) + std::chrono::nanoseconds(time.nanos());
-  return Clock::time_point(std::chrono::duration_cast<Clock::duration>(since));
+Job::Time TimeFrom(const google::protobuf::Timestamp& time) {
+  return Job::Time(std::chrono::nanoseconds(TimeUtil::TimestampToNanoseconds(time)));
 }
 
 namespace {
@@ -53,7 +51,6 @@ static_assert(static_cast<int>(Boundary::kConvex) + 1 == v1::BOUNDARY_CONVEX);
 static_assert(static_cast<int>(Precision::kDouble) + 1 == v1::PRECISION_DOUBLE);
 static_assert(static_cast<int>(Effort::kBest) + 1 == v1::EFFORT_BEST);
 static_assert(static_cast<int>(AtlasLayout::kStacked) + 1 == v1::ATLAS_LAYOUT_STACKED);
-static_assert(static_cast<int>(Seams::kNone) + 1 == v1::SEAMS_NONE);
 static_assert(static_cast<int>(Seams::kAuto) + 1 == v1::SEAMS_AUTO);
 static_assert(static_cast<int>(Priority::kHigh) + 1 == v1::PRIORITY_HIGH);
 static_assert(static_cast<int>(JobState::kExpired) == v1::JOB_STATE_EXPIRED);

@@ -13,7 +13,7 @@ namespace planish {
 
 Seconds SecondsFrom(const google::protobuf::Duration& duration);
 google::protobuf::Duration ToProto(Seconds seconds);
-std::chrono::system_clock::time_point TimeFrom(const google::protobuf::Timestamp& time);
+Job::Time TimeFrom(const google::protobuf::Timestamp& time);
 
 v1::UnwrapOptions ToProto(const UnwrapOptions& options);
 v1::Scheduling ToProto(const Scheduling& scheduling);

@@ -3,19 +3,15 @@
 #include <new>
 #include <utility>
 
+#include "client/src/convert.h"
 #include "core/base/error.h"
 #include "google/rpc/error_details.pb.h"
 
 namespace planish {
 inline namespace abi0 {
 
-const char* ToString(ErrorCode code) {
-  static constexpr const char* kNames[] = {
-      "OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
-      "NOT_FOUND", "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION",
-      "ABORTED",   "OUT_OF_RANGE",   "UNIMPLEMENTED",     "INTERNAL",           "UNAVAILABLE",
-      "DATA_LOSS", "UNAUTHENTICATED"};
-  return kNames[static_cast<int>(code)];
+std::string ToString(ErrorCode code) {
+  return absl::StatusCodeToString(static_cast<absl::StatusCode>(code));
 }
 
 Error::Error(ErrorCode code, std::string reason, const std::string& message, Metadata metadata)
@@ -47,7 +43,7 @@ Error ErrorFrom(const google::rpc::Status& status) {
       reason = info.reason();
       metadata.insert(info.metadata().begin(), info.metadata().end());
     } else if (detail.UnpackTo(&retry)) {
-      pause = Seconds(static_cast<double>(retry.retry_delay().seconds()) + 1e-9 * retry.retry_delay().nanos());
+      pause = SecondsFrom(retry.retry_delay());
     }
   }
   return Error(code, reason, status.message(), metadata).set_retry_after(pause);
@@ -64,10 +60,7 @@ Error ErrorFrom(const absl::Status& status) {
 }
 
 Error Renumbered(const Error& error, const ids::Renumbering& renumbering) {
-  return Error(error.code(), error.reason(), error.what(), ids::RenumberMetadata(error.metadata(), renumbering))
-      .set_job(error.job())
-      .set_trace_id(error.trace_id())
-      .set_retry_after(error.retry_after());
+  return Error(error).set_metadata(ids::RenumberMetadata(error.metadata(), renumbering));
 }
 
 Error CurrentError() {

@@ -6,7 +6,6 @@
 #include "absl/strings/str_cat.h"
 #include "client/src/convert.h"
 #include "client/src/errors.h"
-#include "core/base/random_id.h"
 
 namespace planish {
 namespace {
@@ -100,7 +99,7 @@ void Follower::Recover(const Error& error) {
     const bool is_damaged = error.reason() == "DIGEST_MISMATCH" && !std::exchange(damaged_upload_, true);
     if (is_gone || is_damaged) {
       upload_.Clear();
-      upload_request_id_.clear();
+      upload_request_id_ = NewUuid();
       best_committed_ = -1;
     }
     if (is_damaged) return;
@@ -145,7 +144,9 @@ bool Follower::GoesInline() {
   if (bytes <= std::min(most.value_or(kAlwaysInlineBytes), kAlwaysInlineBytes)) return *(inline_ = true);
   const auto server =
       rpc_.Call(&Stub::GetCapabilities, v1::GetCapabilitiesRequest(), DeadlineAfter(kUnaryLimit), call_.traceparent);
-  const std::int64_t whole = mesh_->ByteCount();
+  const std::size_t numbers =
+      mesh_->seam_corners.size() + mesh_->uncut_corners.size() + mesh_->face_atlas.size() + mesh_->face_weights.size();
+  const std::int64_t whole = bytes + 4 * static_cast<std::int64_t>(numbers);  // as the server counts
   const std::int64_t limit = server.max_mesh_bytes();
   if (limit > 0 && whole > limit) {
     throw Error(ErrorCode::kResourceExhausted, "MESH_TOO_LARGE",
@@ -165,7 +166,6 @@ void Follower::Upload() {
   if (call_.stop.stop_requested()) ThrowCancelled();
   const Deadline soon = DeadlineAfter(kUnaryLimit);
   if (upload_.name().empty()) {
-    if (upload_request_id_.empty()) upload_request_id_ = NewUuid();
     v1::CreateUploadRequest request;
     request.set_total_bytes(SizeOf(mesh_->draco));
     request.set_sha256(mesh_->sha256);
@@ -175,10 +175,7 @@ void Follower::Upload() {
     upload_ = rpc_.Call(&Stub::GetUpload, Named<v1::GetUploadRequest>(upload_.name()), soon, call_.traceparent);
   }
   OnCommitted();
-  if (!IsUploaded()) {
-    WriteRest();
-    OnCommitted();
-  }
+  if (!IsUploaded()) WriteRest();
   if (!IsUploaded()) throw Error(ErrorCode::kUnavailable, "UNAVAILABLE", "the server took a part of the mesh only");
 }
 
@@ -210,6 +207,7 @@ void Follower::WriteRest() {
   const grpc::Status status = writer->Finish();
   if (!status.ok()) throw rpc_.ErrorOf(status);
   upload_ = std::move(upload);
+  OnCommitted();
 }
 
 void Follower::OnCommitted() {
@@ -227,7 +225,6 @@ bool Follower::FollowOnce() {
   if (unwrap_ != nullptr && job_name_.empty()) {
     Send(*unwrap_->mutable_spec());
     const auto context = NewContext(!call_.detached);
-    in_stream_ = true;
     ReadAll(rpc_.stub().Unwrap(context.get(), *unwrap_), *context);
   } else {
     v1::WatchJobRequest watch;
@@ -237,12 +234,7 @@ bool Follower::FollowOnce() {
     watch.set_uv_offset(SizeOf(followed_.uv_bytes));
     watch.set_attach(unwrap_ != nullptr && !call_.detached);
     const auto context = NewContext();
-    in_stream_ = true;
     auto reader = rpc_.stub().WatchJob(context.get(), watch);
-    {
-      const std::lock_guard lock(mutex_);
-      asked_cancel_ = asked_finish_ = false;  // it may have been lost with the connection
-    }
     Ask();
     ReadAll(std::move(reader), *context);
   }
@@ -260,6 +252,7 @@ bool Follower::FollowOnce() {
 
 template <typename Response>
 void Follower::ReadAll(std::unique_ptr<grpc::ClientReader<Response>> reader, grpc::ClientContext& context) {
+  in_stream_ = true;
   try {
     Response response;
     while (reader->Read(&response)) {
@@ -317,7 +310,7 @@ void Follower::StartAnew() {
   job_name_.clear();
   followed_ = Followed();
   last_sequence_ = 0;
-  lost_stream_ = asked_cancel_ = asked_finish_ = false;
+  lost_stream_ = false;
   // The old id stands for the job that is gone.
   unwrap_->set_request_id(NewUuid());
   if (++lost_jobs_ > kMostLostJobs) {
@@ -333,6 +326,7 @@ std::shared_ptr<grpc::ClientContext> Follower::NewContext(bool may_be_cut_off) {
   const std::lock_guard lock(mutex_);
   if (stopped_ && StopEndsCall()) ThrowCancelled();
   context_ = may_be_cut_off ? context : nullptr;
+  asked_cancel_ = asked_finish_ = false;  // what was asked may have been lost with the connection
   return context;
 }
 

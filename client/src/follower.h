@@ -13,6 +13,7 @@
 
 #include "client/src/mesh_packer.h"
 #include "client/src/rpc.h"
+#include "core/base/random_id.h"
 
 namespace planish {
 
@@ -89,7 +90,7 @@ class Follower {
   std::optional<bool> inline_;
   std::int64_t chunk_bytes_ = 0;
   v1::Upload upload_;
-  std::string upload_request_id_;
+  std::string upload_request_id_ = NewUuid();
   std::int64_t best_committed_ = -1;
   int lost_uploads_ = 0;
   bool damaged_upload_ = false;

@@ -8,7 +8,6 @@
 #include "client/src/errors.h"
 #include "core/base/sha256.h"
 #include "core/draco/codec.h"
-#include "planish/error.h"
 
 namespace planish::inline abi0 {
 namespace {
@@ -18,24 +17,27 @@ using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller id first
 // A corner that faces each of the edges, which `triangles` (three ids each) must have.
 std::vector<std::int32_t> CornersFacing(std::span<const std::uint32_t> vertex_pairs,
                                         std::span<const std::uint32_t> triangles) {
-  std::vector<Edge> edges(vertex_pairs.size() / 2);
-  for (std::size_t i = 0; i < edges.size(); ++i) edges[i] = std::minmax({vertex_pairs[2 * i], vertex_pairs[2 * i + 1]});
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-  std::vector<std::int32_t> corners(edges.size(), -1);
+  std::vector<std::pair<Edge, std::int32_t>> seams;  // with the first corner that faces each; -1: none yet
+  for (std::size_t i = 0; i + 1 < vertex_pairs.size(); i += 2) {
+    seams.emplace_back(std::minmax({vertex_pairs[i], vertex_pairs[i + 1]}), -1);
+  }
+  std::sort(seams.begin(), seams.end());
+  seams.erase(std::unique(seams.begin(), seams.end()), seams.end());
   for (std::size_t c = 0; c < triangles.size(); ++c) {
     const std::size_t first = c - c % 3;
     const Edge edge = std::minmax({triangles[first + (c + 1) % 3], triangles[first + (c + 2) % 3]});
-    const auto found = std::lower_bound(edges.begin(), edges.end(), edge);
-    if (found == edges.end() || *found != edge) continue;
-    std::int32_t& corner = corners[static_cast<std::size_t>(found - edges.begin())];
-    if (corner < 0) corner = static_cast<std::int32_t>(c);
+    const auto found = std::lower_bound(seams.begin(), seams.end(), std::pair(edge, -1));
+    if (found != seams.end() && *found == std::pair(edge, -1)) found->second = static_cast<std::int32_t>(c);
   }
-  const auto missing = std::find(corners.begin(), corners.end(), -1);
-  if (missing == corners.end()) return corners;
-  const Edge& edge = edges[static_cast<std::size_t>(missing - corners.begin())];
-  throw Invalid("OPTIONS_INVALID", "an edge that is to be a seam is no edge of any triangle",
-                {{"field", "seam_corners"}, {"edges", absl::StrCat(edge.first, "-", edge.second)}});
+  std::vector<std::int32_t> corners;
+  for (const auto& [edge, corner] : seams) {
+    if (corner < 0) {
+      throw Invalid("OPTIONS_INVALID", "an edge that is to be a seam is no edge of any triangle",
+                    {{"field", "seam_corners"}, {"edges", absl::StrCat(edge.first, "-", edge.second)}});
+    }
+    corners.push_back(corner);
+  }
+  return corners;
 }
 
 // `corners`, all of them among 3 `triangles`.
@@ -60,12 +62,6 @@ std::vector<Number> OfEachTriangle(const std::string& field, std::span<const Num
 
 }  // namespace
 
-std::int64_t PackedMesh::ByteCount() const {
-  constexpr std::size_t kNumberBytes = 4;
-  const std::size_t numbers = seam_corners.size() + uncut_corners.size() + face_atlas.size() + face_weights.size();
-  return static_cast<std::int64_t>(draco.size() + kNumberBytes * numbers);
-}
-
 void CheckIndices(std::span<const std::uint32_t> triangles, std::size_t vertex_count) {
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     if (triangles[i] < vertex_count) continue;
@@ -82,8 +78,8 @@ ids::Renumbering PackedMesh::ToCaller() const {
   return {vertex, {}};
 }
 
-PackedMesh MeshPacker::Pack(const MeshView& view) {
-  const std::size_t coordinates = view.floats_.size() + view.doubles_.size();
+PackedMesh PackedMesh::Of(const MeshView& view) {
+  const std::size_t coordinates = std::visit([](auto numbers) { return numbers.size(); }, view.positions_);
   if (coordinates % 3 != 0 || view.indices_.size() % 3 != 0) {
     throw Invalid("MESH_POSITION_INVALID",
                   absl::StrCat("positions and triangles must come in threes; got ", coordinates, " coordinates and ",
@@ -101,12 +97,11 @@ PackedMesh MeshPacker::Pack(const MeshView& view) {
   PackedMesh packed;
   packed.triangles = view.triangle_count();
   Mesh mesh;
-  const auto add = [&mesh](const auto* p) { mesh.positions.emplace_back(p[0], p[1], p[2]); };
   for (std::size_t v = 0; v < vertex_count; ++v) {
     if (sent[v] < 0) continue;
     sent[v] = static_cast<std::int32_t>(mesh.positions.size());
     packed.source_vertex.push_back(static_cast<std::int32_t>(v));
-    view.doubles_.empty() ? add(&view.floats_[3 * v]) : add(&view.doubles_[3 * v]);
+    std::visit([&](auto p) { mesh.positions.emplace_back(p[3 * v], p[3 * v + 1], p[3 * v + 2]); }, view.positions_);
   }
   mesh.faces.resize(view.indices_.size() / 3);
   for (std::size_t c = 0; c < view.indices_.size(); ++c) mesh.faces[c / 3][c % 3] = sent[view.indices_[c]];

@@ -12,6 +12,11 @@
 namespace planish::inline abi0 {
 
 struct PackedMesh {
+  // Leaves out vertices without a triangle and encodes the rest. Throws planish::Error: MESH_EMPTY,
+  // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID; OPTIONS_INVALID for seams that are no edges ("edges"),
+  // corners that do not exist ("corner"), or atlases or weights that are not as many as triangles.
+  static PackedMesh Of(const MeshView& mesh);
+
   std::string draco;
   std::string sha256;  // of draco
   // Given seams, as planish.v1.UnwrapRequest.seam_corners: triangles travel in the caller's order.
@@ -23,21 +28,11 @@ struct PackedMesh {
   // Caller's vertex id per vertex sent; empty if all were sent and ids agree.
   std::vector<std::int32_t> source_vertex;
 
-  // Of all that is sent, as the server counts them.
-  std::int64_t ByteCount() const;
   // From ids as sent to the caller's.
   ids::Renumbering ToCaller() const;
 };
 
 // Throws MESH_INDEX_OUT_OF_RANGE ("faces") for an id that is not below `vertex_count`.
 void CheckIndices(std::span<const std::uint32_t> triangles, std::size_t vertex_count);
-
-class MeshPacker {
- public:
-  // Leaves out vertices without a triangle and encodes the rest. Throws planish::Error: MESH_EMPTY,
-  // MESH_INDEX_OUT_OF_RANGE ("faces"), MESH_POSITION_INVALID; OPTIONS_INVALID for seams that are no edges ("edges"),
-  // corners that do not exist ("corner"), or atlases or weights that are not as many as triangles.
-  static PackedMesh Pack(const MeshView& mesh);
-};
 
 }  // namespace planish::inline abi0

@@ -22,7 +22,6 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_split.h"
 #include "client/src/errors.h"
-#include "client/src/find_planishd.h"
 #include "core/base/descriptor.h"
 #include "core/base/program_path.h"
 #include "core/base/spawn.h"
@@ -74,6 +73,8 @@ bool IsExecutable(const std::string& path) {
 
 }  // namespace
 
+inline namespace abi0 {
+
 std::string FindPlanishd(const std::string& directory) {
   std::vector<fs::path> candidates;
   if (!directory.empty()) candidates = {fs::path(directory) / "planishd", fs::path(directory) / "../bin/planishd"};
@@ -86,8 +87,6 @@ std::string FindPlanishd(const std::string& directory) {
   const auto found = std::find_if(candidates.begin(), candidates.end(), IsExecutable);
   return found == candidates.end() ? "" : found->lexically_normal();
 }
-
-inline namespace abi0 {
 
 struct PrivateServer::State {
   std::string executable;
@@ -106,16 +105,13 @@ struct PrivateServer::State {
     if (!directory.empty()) fs::remove_all(directory, ignored);
   }
 
-  std::string LogPath() const { return directory + "/log"; }
-
   std::string Log() const {
-    std::ifstream in(LogPath(), std::ios::binary);
+    std::ifstream in(directory + "/log", std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};
   }
 
   std::string LogSuffix() const {
-    std::string text = Log();
-    absl::StripTrailingAsciiWhitespace(&text);
+    const std::string log = Log(), text(absl::StripTrailingAsciiWhitespace(log));
     return text.empty() ? "" : "\n" + text;
   }
 
@@ -137,7 +133,7 @@ struct PrivateServer::State {
     for (char** entry = environ; *entry != nullptr; ++entry) {
       if (!std::string_view(*entry).starts_with(kServiceVariables)) planishd.variables.emplace_back(*entry);
     }
-    const Descriptor log(open(LogPath().c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600));
+    const Descriptor log(open((directory + "/log").c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600));
     planishd.descriptors = {-1, -1, log.get(), theirs.get()};  // the last one is kSupervisorFd
     planishd.own_group = true;
     const int error = Spawn(planishd, &pid);
@@ -171,12 +167,9 @@ struct PrivateServer::State {
   }
 };
 
-std::string FindPrivateServer() {
-  return FindPlanishd(fs::path(SelfPath()).parent_path());
-}
-
 PrivateServer::PrivateServer(const PrivateServerOptions& options) : state_(std::make_shared<State>()) {
-  state_->executable = options.executable.empty() ? FindPrivateServer() : options.executable;
+  state_->executable =
+      options.executable.empty() ? FindPlanishd(fs::path(SelfPath()).parent_path()) : options.executable;
   if (state_->executable.empty()) {
     const char* named = std::getenv("PLANISHD");
     throw Failed(named != nullptr && *named != '\0'

@@ -8,7 +8,6 @@
 #include <chrono>
 #include <filesystem>
 
-#include "client/src/find_planishd.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "planish/error.h"

@@ -155,9 +155,9 @@ class Client {
 
   const std::string& target() const;
 
-  // Flattens `mesh` and waits for the UV. If the stream breaks, or the server is restarted, the library re-attaches to
-  // the job. Throws INVALID_ARGUMENT (MESH_*, OPTIONS_INVALID), RESOURCE_EXHAUSTED (QUEUE_FULL, STORAGE_FULL,
-  // MEMORY_LIMIT, MESH_TOO_LARGE), ALREADY_EXISTS (REQUEST_ID_REUSED), and whatever the job failed with.
+  // Flattens `mesh` and waits for the UV. Throws INVALID_ARGUMENT (MESH_*, OPTIONS_INVALID), RESOURCE_EXHAUSTED
+  // (QUEUE_FULL, STORAGE_FULL, MEMORY_LIMIT, MESH_TOO_LARGE), ALREADY_EXISTS (REQUEST_ID_REUSED), and whatever the job
+  // failed with.
   Result<UnwrapResult> Unwrap(std::nothrow_t, const MeshView& mesh, const UnwrapOptions& options = {},
                               const Callbacks& callbacks = {}, const CallOptions& call = {});
   UnwrapResult Unwrap(const MeshView& mesh, const UnwrapOptions& options = {}, const Callbacks& callbacks = {},

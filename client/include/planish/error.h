@@ -36,7 +36,7 @@ enum class ErrorCode {
 };
 
 // "INVALID_ARGUMENT", ...
-const char* ToString(ErrorCode code);
+std::string ToString(ErrorCode code);
 
 // Thrown when a call fails and when a job that was waited for does not succeed. what() is a sentence for people.
 class Error : public std::runtime_error {
@@ -70,6 +70,7 @@ class Error : public std::runtime_error {
   // What the server asks to wait before the call is tried again; 0 if it does not say.
   Seconds retry_after() const { return retry_after_; }
 
+  Error& set_metadata(Metadata metadata) { return Set(&Error::metadata_, std::move(metadata)); }
   Error& set_job(std::string job) { return Set(&Error::job_, std::move(job)); }
   Error& set_trace_id(std::string trace_id) { return Set(&Error::trace_id_, std::move(trace_id)); }
   Error& set_retry_after(Seconds pause) { return Set(&Error::retry_after_, pause); }

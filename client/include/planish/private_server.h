@@ -47,7 +47,8 @@ class PrivateServer {
   std::shared_ptr<State> state_;
 };
 
-// The planishd that PrivateServer would start; empty if there is none.
-std::string FindPrivateServer();
+// The planishd that PrivateServer would start if the running executable were in `directory` (empty: nowhere); empty if
+// there is none.
+std::string FindPlanishd(const std::string& directory);
 
 }  // namespace planish::inline abi0

@@ -6,11 +6,15 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <span>
 #include <string>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -24,14 +28,11 @@ namespace planish::inline abi0 {
 // float. Vertices without a triangle are allowed and ignored.
 class MeshView {
  public:
-  MeshView(std::span<const float> positions, std::span<const std::uint32_t> triangles)
-      : floats_(positions), indices_(triangles) {}
-  MeshView(std::span<const double> positions, std::span<const std::uint32_t> triangles)
-      : doubles_(positions), indices_(triangles) {}
-  MeshView(std::span<const float> positions, std::span<const std::int32_t> triangles)
-      : MeshView(positions, Unsigned(triangles)) {}
-  MeshView(std::span<const double> positions, std::span<const std::int32_t> triangles)
-      : MeshView(positions, Unsigned(triangles)) {}
+  using Positions = std::variant<std::span<const float>, std::span<const double>>;
+
+  MeshView(Positions positions, std::span<const std::uint32_t> triangles)
+      : positions_(positions), indices_(triangles) {}
+  MeshView(Positions positions, std::span<const std::int32_t> triangles) : MeshView(positions, Unsigned(triangles)) {}
 
   // The same mesh with given seams: edges along which charts part, in addition to hard edges
   // (UnwrapOptions::hard_edge_degrees); what Seams adds to them is its own affair. By the two vertices of each edge,
@@ -53,11 +54,13 @@ class MeshView {
   // Seams::kKeep they do not, and have the mean of their triangles by area.
   MeshView WithFaceWeights(std::span<const float> weights) const { return With(&MeshView::face_weights_, weights); }
 
-  std::int64_t vertex_count() const { return static_cast<std::int64_t>(floats_.size() + doubles_.size()) / 3; }
+  std::int64_t vertex_count() const {
+    return std::visit([](auto numbers) { return static_cast<std::int64_t>(numbers.size()); }, positions_) / 3;
+  }
   std::int64_t triangle_count() const { return static_cast<std::int64_t>(indices_.size()) / 3; }
 
  private:
-  friend class MeshPacker;
+  friend struct PackedMesh;
   // Signed and unsigned variants of one type may alias. Negative ids wrap, and are refused as out of range.
   static std::span<const std::uint32_t> Unsigned(std::span<const std::int32_t> ids) {
     return {reinterpret_cast<const std::uint32_t*>(ids.data()), ids.size()};
@@ -69,8 +72,7 @@ class MeshView {
     return view;
   }
 
-  std::span<const float> floats_;
-  std::span<const double> doubles_;
+  Positions positions_;
   std::span<const std::uint32_t> indices_;
   std::span<const std::uint32_t> seam_vertices_;
   std::span<const std::int32_t> seam_corners_;
@@ -106,6 +108,7 @@ enum class Preconditioner { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class Hessian { kConvex, kExact, kAuto };
 enum class Boundary { kFree, kConvex };
 enum class Precision { kAuto, kFloat, kDouble };
+enum class Priority { kLow, kNormal, kHigh };
 enum class AtlasLayout {
   kUdim,     // each atlas into UDIM tiles of its own, all at one texel density
   kStacked,  // all into the same tiles, as textures of their own, each as large as it fits there
@@ -116,22 +119,38 @@ enum class Effort {
   kBest,    // a hundred times kNormal
 };
 
-// As the command line and the JSON report spell them: "SUCCEEDED", "solve", "uzawa", ...; "unknown" for a value
-// that only a newer server knows.
-const char* ToString(JobState state);
-const char* ToString(Stage stage);
-const char* ToString(Seams seams);
-const char* ToString(Solver solver);
-const char* ToString(System system);
-const char* ToString(Preconditioner preconditioner);
-const char* ToString(Hessian hessian);
-const char* ToString(Boundary boundary);
-const char* ToString(Precision precision);
-const char* ToString(Effort effort);
-const char* ToString(AtlasLayout layout);  // "udim", "stacked"
+template <typename Enum>
+struct EnumNames {
+  const char* of[11];  // by value; null beyond the last one
+};
+inline constexpr std::tuple kEnumNames = {
+    EnumNames<JobState>{"unknown", "QUEUED", "RUNNING", "STOPPING", "SUCCEEDED", "FAILED", "CANCELLED", "EXPIRED"},
+    EnumNames<Stage>{"unknown", "upload", "queue", "decode", "charts", "solve", "layout", "pack", "verify", "encode",
+                     "download"},
+    EnumNames<Seams>{"none", "keep", "needed", "auto"},
+    EnumNames<Solver>{"auto", "uzawa", "minres", "direct"},
+    EnumNames<System>{"auto", "full", "reduced"},
+    EnumNames<Preconditioner>{"auto", "none", "jacobi", "cholesky", "amg"},
+    EnumNames<Hessian>{"convex", "exact", "auto"},
+    EnumNames<Boundary>{"free", "convex"},
+    EnumNames<Precision>{"auto", "float", "double"},
+    EnumNames<Priority>{"low", "normal", "high"},
+    EnumNames<AtlasLayout>{"udim", "stacked"},
+    EnumNames<Effort>{"fast", "normal", "best"}};
+
+// As the command line and the JSON report spell the enums above; "unknown" for a value that only a newer server knows.
+template <typename Enum>
+requires std::is_enum_v<Enum>
+const char* ToString(Enum value) {
+  const auto& names = std::get<EnumNames<Enum>>(kEnumNames).of;
+  const auto i = static_cast<std::size_t>(value);
+  return i < std::size(names) && names[i] != nullptr ? names[i] : "unknown";
+}
 
 // Whether a job in this state will never change again.
-bool IsTerminal(JobState state);
+inline bool IsTerminal(JobState state) {
+  return state >= JobState::kSucceeded && state <= JobState::kExpired;
+}
 
 // How Newton's method goes about the angles of a chart. What is chosen changes cost, hardly the map.
 struct SolverOptions {
@@ -158,9 +177,6 @@ struct UnwrapOptions {
   int threads = 0;  // in [1, 256], at most what the server allows; 0: that many. The UV do not depend on it
   SolverOptions solver;
 };
-
-enum class Priority { kLow, kNormal, kHigh };
-const char* ToString(Priority priority);  // "low", ...
 
 // When a job runs, and for how long. Does not change what comes out unless a limit is met.
 struct Scheduling {
@@ -238,7 +254,6 @@ struct ChartTotals {
   std::vector<float> newton_residuals;  // the largest of any chart after so many steps
 };
 
-// Where the charts went, in texels of the texture that was asked for.
 // One of several atlases.
 struct AtlasPart {
   int atlas = 0;  // its number (MeshView::WithFaceAtlas)
@@ -250,6 +265,7 @@ struct AtlasPart {
   double packing_efficiency = 0;  // area of the triangles over that of the tiles
 };
 
+// Where the charts went, in texels of the texture that was asked for.
 struct Atlas {
   bool pack = true;
   int texture_size = 0;
@@ -385,20 +401,14 @@ struct UnwrapResult {
   }
 };
 
-struct SolverCombination {
-  Solver solver = Solver::kAuto;
-  System system = System::kAuto;
-  Preconditioner preconditioner = Preconditioner::kAuto;
-};
-
 struct Capabilities {
   std::string version;
   std::int64_t max_mesh_bytes = 0;
   int workers = 0;
   int queue_capacity = 0;
   std::vector<Seams> seams;
-  std::vector<SolverCombination> solvers;
-  int threads = 0;  // a job may use at most
+  std::vector<SolverOptions> solvers;  // the method, system and preconditioner that go together
+  int threads = 0;                     // a job may use at most
   std::int64_t max_triangles = 0;
   std::int64_t memory_bytes = 0;        // that running jobs may reserve together
   std::int64_t inline_mesh_bytes = 0;   // larger meshes travel by a resumable upload; 0: none do

@@ -9,6 +9,7 @@ import csv
 import sys
 import time
 import unittest
+import warnings
 
 import numpy as np
 
@@ -48,6 +49,24 @@ class SharedMeshes(unittest.TestCase):
                           quality.overlapping, "overlapping,", [warning.reason for warning in report.warnings])
                 self.assertEqual(int((areas < 0).sum()), report.quality.flipped)
                 self.assertEqual((report.quality.flipped, report.quality.overlapping), (0, 0))
+                self.check_atlas(positions, triangles)
+
+    def check_atlas(self, positions, triangles):
+        """As public pipelines use it, with options."""
+        atlas = xatlas.Atlas()
+        atlas.add_mesh(positions, triangles)
+        chart_options, pack_options = xatlas.ChartOptions(), xatlas.PackOptions()
+        chart_options.max_iterations = 4
+        pack_options.resolution, pack_options.padding = 2048, 4
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", xatlas.OptionIgnored)
+            atlas.generate(chart_options, pack_options)
+        vmapping, indices, uvs = atlas[0]
+        np.testing.assert_array_equal(vmapping[indices], triangles)
+        self.assertEqual((atlas.width, atlas.height), (2048, 2048))
+        used = np.abs(support.uv_areas(uvs[indices].astype(float))).sum()
+        self.assertAlmostEqual(atlas.utilization, used, delta=1e-3)
+        self.assertGreater(atlas.chart_count, 0)
 
 
 if __name__ == "__main__":
