@@ -111,14 +111,12 @@ void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x, ThreadTeam& team) {
   team.For(topology.num_faces(), kConstraintFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
-      const std::int32_t* vertex = &topology.corner_row[3 * f];
-      double wheel[3];
+      const std::array<double, 3> wheel = WheelDifferences(topology, f, pair);
       for (int k = 0; k < 3; ++k) {
-        wheel[k] = topology.has_wheel(vertex[k]) ? pair[2 * vertex[k] + 1] : 0;
-        if (vertex[k] >= 0) (*x)[3 * f + k] += pair[2 * vertex[k]];
+        double& angle = (*x)[3 * f + k];
+        if (const std::int32_t row = topology.corner_row[3 * f + k]; row >= 0) angle += pair[2 * row];
+        angle += cot[3 * f + k] * wheel[k];
       }
-      // Angle k comes after the vertex at Prev(k) and before the vertex at Next(k).
-      for (int k = 0; k < 3; ++k) (*x)[3 * f + k] += cot[3 * f + k] * (wheel[Prev(k)] - wheel[Next(k)]);
     }
   });
 }

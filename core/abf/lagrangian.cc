@@ -6,7 +6,6 @@
 #include "Eigen/Cholesky"
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
-#include "core/abf/plane.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
@@ -34,14 +33,10 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
   Eigen::VectorXd hessian(curvature.size());
   team.For(topology.num_faces(), kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
-      double wheel[3];
-      for (int k = 0; k < 3; ++k) {
-        const std::int32_t v = topology.corner_row[3 * f + k];
-        wheel[k] = topology.has_wheel(v) ? mu.pair[2 * v + 1] : 0;
-      }
+      const std::array<double, 3> wheel = WheelDifferences(topology, f, mu.pair);
       for (int k = 0; k < 3; ++k) {
         const double s = sine[3 * f + k];
-        hessian[3 * f + k] = curvature[3 * f + k] - (wheel[Prev(k)] - wheel[Next(k)]) / (s * s);
+        hessian[3 * f + k] = curvature[3 * f + k] - wheel[k] / (s * s);
       }
     }
   });
@@ -50,7 +45,7 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
 
 namespace {
 
-// The polarization of e (plane.h): e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
+// The polarization of e (lagrangian.h): e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
 double PlanePolarization(const double* a, const double* b) {
   return a[0] * (b[1] + b[2]) + a[1] * (b[2] + b[0]) + a[2] * (b[0] + b[1]);
 }

@@ -73,6 +73,11 @@ class Newton {
   };
   Point PointAt(Eigen::VectorXd x) const;
 
+  // What Evaluate() computes at the iterate.
+  struct Derivatives {
+    Eigen::VectorXd curvature, cot, gradient;  // curvature: empty once a step has been computed from it
+  };
+
   // Goes to StartingAngles() and mu = 0, and forgets the steps so far.
   void Start();
   // Forgets what earlier steps have left besides x and mu: penalties, bound multipliers, counts.
@@ -118,6 +123,17 @@ class Newton {
     bool whole_step = false;           // the last step had full length and no stop cut its linear solve short
   };
 
+  struct LatestStep {
+    double length = 0;                          // 0: no step was taken
+    bool cut_short = false;                     // a stop request ended a linear solve
+    std::vector<std::int32_t> weak_faces = {};  // where the Hessian was convexified, or nearly so: Convexify()
+  };
+
+  // What has been done since a stop was requested.
+  struct AfterStop {
+    std::int64_t steps = 0, iterations = 0;
+  };
+
   // The arguments.
   const Topology& topology_;
   const TargetAngles& target_;
@@ -130,17 +146,15 @@ class Newton {
   BoundMultipliers bounds_;
   StepSolver steps_;
   MeritFunction merit_;
-  // The iterate, and what Evaluate() computes there.
+  // The iterate.
   Point at_;
   Multipliers mu_;
-  Eigen::VectorXd curvature_, cot_, gradient_;  // curvature_: empty once a step has been computed from it
-  std::vector<std::int32_t> weak_faces_;        // of the present step
+  Derivatives derivatives_;
   // How it goes.
   Course course_;
-  double step_length_ = 0;       // of the last TakeStep(); 0: it took none
-  bool cut_short_ = false;       // a stop request ended a linear solve of the present step
+  LatestStep latest_;
+  AfterStop after_stop_;
   bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
-  std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;  // after a stop request
   FlattenSummary summary_;
 };
 

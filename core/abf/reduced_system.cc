@@ -1,8 +1,9 @@
 #include "core/abf/reduced_system.h"
 
 #include <algorithm>
+#include <array>
 
-#include "core/abf/plane.h"
+#include "core/abf/lagrangian.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
@@ -42,16 +43,17 @@ void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::Vecto
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
   team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t face = begin; face < end; ++face) {
-      const double *a = &hessian_[3 * face], *in = &f[3 * face];
-      double* out = &(*x)[3 * face];
-      // Differences first: P annihilates the constants, and a large common part of f must not drown the rest.
-      const double d01 = in[0] - in[1], d12 = in[1] - in[2], d20 = in[2] - in[0];
-      out[0] = (a[2] * d01 - a[1] * d20) * inverse_e_[face];
-      out[1] = (a[0] * d12 - a[2] * d01) * inverse_e_[face];
-      out[2] = (a[1] * d20 - a[0] * d12) * inverse_e_[face];
-    }
+    for (std::int64_t face = begin; face < end; ++face) SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]);
   });
+}
+
+void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, double* x) const {
+  const double *a = &hessian_[3 * face], inverse = inverse_e_[face];
+  // Differences first: P annihilates the constants, and a large common part of r must not drown the rest.
+  const double d01 = r[0] - r[1], d12 = r[1] - r[2], d20 = r[2] - r[0];
+  x[0] = (a[2] * d01 - a[1] * d20 - h * a[1] * a[2]) * inverse;
+  x[1] = (a[0] * d12 - a[2] * d01 - h * a[2] * a[0]) * inverse;
+  x[2] = (a[1] * d20 - a[0] * d12 - h * a[0] * a[1]) * inverse;
 }
 
 void ReducedSystem::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
@@ -93,18 +95,13 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
   team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t f = begin; f < end; ++f) {
       const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
-      const std::int32_t* row = &topology_.corner_row[3 * f];
-      double vertex[3], wheel[3], r[3];  // r = f - J^t lambda_2
+      const std::array<double, 3> wheel = WheelDifferences(topology_, f, lambda2);
+      double r[3];  // f - J^t lambda_2
       for (int k = 0; k < 3; ++k) {
-        vertex[k] = row[k] < 0 ? 0 : lambda2[2 * row[k]];
-        wheel[k] = topology_.has_wheel(row[k]) ? lambda2[2 * row[k] + 1] : 0;
+        const std::int32_t row = topology_.corner_row[3 * f + k];
+        r[k] = -g[k] - (row < 0 ? 0 : lambda2[2 * row]) - c[k] * wheel[k];
       }
-      for (int k = 0; k < 3; ++k) r[k] = -g[k] - vertex[k] - c[k] * (wheel[Prev(k)] - wheel[Next(k)]);
-      const double d01 = r[0] - r[1], d12 = r[1] - r[2], d20 = r[2] - r[0];
-      double* out = &(*x)[3 * f];
-      out[0] = (a[2] * d01 - a[1] * d20 - h1[f] * a[1] * a[2]) * inverse_e_[f];
-      out[1] = (a[0] * d12 - a[2] * d01 - h1[f] * a[2] * a[0]) * inverse_e_[f];
-      out[2] = (a[1] * d20 - a[0] * d12 - h1[f] * a[0] * a[1]) * inverse_e_[f];
+      SolveFace(f, r, h1[f], &(*x)[3 * f]);
       if (lambda1 == nullptr) continue;
       (*lambda1)[f] =
           (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];

@@ -30,14 +30,14 @@ struct Execution {
 
   // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
   template <typename Body>
-  void For(std::int64_t n, const Body& body) const {
+  void For(std::int64_t n, const Body& body, std::int64_t chunk = kChunk) const {
     const auto run = [&](std::int64_t begin, std::int64_t end) {
       if (!IsCancelled()) body(begin, end);
     };
     if (team != nullptr) {
-      team->For(n, kChunk, run);
+      team->For(n, chunk, run);
     } else {
-      for (std::int64_t begin = 0; begin < n; begin += kChunk) run(begin, begin + kChunk < n ? begin + kChunk : n);
+      for (std::int64_t begin = 0; begin < n; begin += chunk) run(begin, begin + chunk < n ? begin + chunk : n);
     }
   }
 
@@ -69,15 +69,11 @@ struct Execution {
   // How many of [0, n) fulfil `predicate`.
   template <typename Predicate>
   std::int64_t Count(std::int64_t n, const Predicate& predicate) const {
-    std::int64_t count = 0;
-    for (const std::int64_t part : Collect<std::int64_t>(n, [&](std::int64_t begin, std::int64_t end) {
-           std::int64_t fulfilling = 0;
-           for (std::int64_t i = begin; i < end; ++i) fulfilling += predicate(i) ? 1 : 0;
-           return fulfilling;
-         })) {
-      count += part;
-    }
-    return count;
+    struct Total {
+      std::int64_t count = 0;
+      void Add(const Total& other) { count += other.count; }
+    };
+    return SumUp<Total>(n, [&](std::int64_t i, Total* total) { total->count += predicate(i) ? 1 : 0; }).count;
   }
 };
 

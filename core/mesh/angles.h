@@ -35,12 +35,16 @@ double LongestEdge(const std::array<Point, 3>& p) {
 }
 
 // Twice the area of a triangle. In the plane negative if it runs clockwise.
-inline double DoubleArea(const std::array<Vec2, 3>& p) {
-  const Vec2 u = p[1] - p[0], v = p[2] - p[0];
+inline double DoubleArea(const Vec2& a, const Vec2& b, const Vec2& c) {
+  const Vec2 u = b - a, v = c - a;
   return u.x() * v.y() - u.y() * v.x();
 }
-inline double DoubleArea(const std::array<Vec3, 3>& p) {
-  return (p[1] - p[0]).cross(p[2] - p[0]).norm();
+inline double DoubleArea(const Vec3& a, const Vec3& b, const Vec3& c) {
+  return (b - a).cross(c - a).norm();
+}
+template <typename Point>
+double DoubleArea(const std::array<Point, 3>& p) {
+  return DoubleArea(p[0], p[1], p[2]);
 }
 
 // Whether the three points span no area at working precision: 2 area <= 1e-14 times the longest edge squared.

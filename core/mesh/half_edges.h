@@ -182,8 +182,8 @@ struct EdgeGroups {
   }
 };
 
-// O(F) for bounded valence. Of the faces for which `takes_part` has something but 0 (empty: all), which must have three
-// distinct vertices in [0, num_vertices). No groups after a cancellation.
+// O(F) for bounded valence. Of the faces for which `takes_part` has something but 0 (empty: all), with vertices in
+// [0, num_vertices). Half-edges from a vertex to itself are a group, too. No groups after a cancellation.
 EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_vertices, const Execution& execution = {},
                           const std::vector<char>& takes_part = {});
 

@@ -3,14 +3,27 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
+#include "core/base/portable_math.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
 
 struct PackChart;
+
+// Turns points counter-clockwise about 0 by `angle`, radians, and scales them.
+struct Rotation {
+  double cosine, sine;  // times the scale
+
+  explicit Rotation(double angle = 0, double scale = 1)
+      : cosine(scale * portable::Cos(angle)), sine(scale * portable::Sin(angle)) {}
+  Vec2 operator()(const Vec2& p) const { return {cosine * p.x() - sine * p.y(), sine * p.x() + cosine * p.y()}; }
+  // Turns clockwise; scales alike.
+  Vec2 Back(const Vec2& p) const { return {cosine * p.x() + sine * p.y(), cosine * p.y() - sine * p.x()}; }
+};
 
 // Round `centre`, in the units of the chart. The winding number of `edges` is above 0 on every face, whichever way that
 // one turns, and 0 elsewhere.
@@ -28,12 +41,46 @@ struct Outline {
 // Counter-clockwise, without points on its sides: one or two points if all lie on a line.
 std::vector<Vec2> ConvexHull(std::vector<Vec2> points);
 
+// The rectangle of least area round a convex hull of two points or more. It has a side on an edge of the hull.
+struct HullRectangle {
+  Vec2 along = Vec2(1, 0);  // unit, along that side
+  double width = 0;         // in that direction
+  double height = 0;        // across
+};
+HullRectangle LeastRectangle(const std::vector<Vec2>& hull);
+
 // Charts without faces are their points.
 Outline MakeOutline(const PackChart& chart);
 
 // An outline with fewer edges, nowhere farther than `tolerance` from the one given: runs of edges become one where all
 // of their points lie that near. `slack` is how far they do. Everything but points and edges stays.
 Outline Simplified(const Outline& outline, double tolerance);
+
+// std::floor and std::ceil, which are calls into the C library. Of what an int holds.
+inline int Floor(double x) {
+  const int whole = static_cast<int>(x);
+  return whole - (x < whole ? 1 : 0);
+}
+inline int Ceil(double x) {
+  const int whole = static_cast<int>(x);
+  return whole + (x > whole ? 1 : 0);
+}
+
+// Which cells of the rows of a grid lie inside of an outline, by winding numbers.
+class ScanLines {
+ public:
+  // An edge of the outline. Cell (x, y) stands for the point (x + offset, y + offset).
+  void AddEdge(Vec2 from, Vec2 to, double offset);
+  // Calls fill(y, begin, end) for cells [begin, end) of row y that lie inside; they may be none. Once, after all edges.
+  void ForEachInside(const std::function<void(int y, int begin, int end)>& fill);
+
+ private:
+  // Of an edge and the line through the points of a row: the winding number changes from cell x on.
+  struct Crossing {
+    int y, x, change;
+  };
+  std::vector<Crossing> crossings_;
+};
 
 // Round the hull after a turn by `angle`.
 Box BoxAt(const Outline& outline, double angle);

@@ -17,6 +17,11 @@ enum class PackEffort {
   kNormal,  // about half of that, or 20 ms where that is more
   kBest,    // a hundred times kNormal, for the last per cent
 };
+// What packing may cost over what the charts and their maps cost.
+double ShareOfRest(PackEffort effort, const PackTuning& tuning = {});
+
+// Tiles lie as UDIM has them: this many side by side, then the next row above.
+inline constexpr int kTilesInRow = 10;
 
 struct PackOptions {
   int texture_size = 1024;  // texels per side of a tile, in [16, 65536]

@@ -13,12 +13,12 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
+#include "core/pack/pack.h"
 #include "core/unwrap/distortion.h"
 
 namespace planish {
 namespace {
 
-constexpr int kTilesInRow = 10;
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 // One face in the map and on the surface.
