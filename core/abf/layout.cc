@@ -35,18 +35,16 @@ using Edges = std::unique_ptr<Complex[]>;
 // The half-edges of every face by itself: half-edge 0 along the real axis, unit the diameter of the circumcircle.
 Edges FaceShapes(const Eigen::VectorXd& angles, const Execution& execution) {
   Edges edges = std::make_unique_for_overwrite<Complex[]>(angles.size());
-  execution.For(angles.size() / 3, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const auto [sin0, cos0] = SineAndCosine(angles[3 * f]);
-      const double sin1 = SineAndCosine(angles[3 * f + 1]).sine;
-      const auto [sin2, cos2] = SineAndCosine(angles[3 * f + 2]);
-      // Half-edge k has the length of the sine of the angle it faces and ends at v_{k+2}, where the exterior angle
-      // leads on to half-edge k + 1.
-      const Complex turn1 = {-cos2, sin2}, turn2 = turn1 * Complex{-cos0, sin0};
-      edges[3 * f] = {sin0, 0};
-      edges[3 * f + 1] = {sin1 * turn1.re, sin1 * turn1.im};
-      edges[3 * f + 2] = {sin2 * turn2.re, sin2 * turn2.im};
-    }
+  execution.ForEach(angles.size() / 3, [&](std::int64_t f) {
+    const auto [sin0, cos0] = SineAndCosine(angles[3 * f]);
+    const double sin1 = SineAndCosine(angles[3 * f + 1]).sine;
+    const auto [sin2, cos2] = SineAndCosine(angles[3 * f + 2]);
+    // Half-edge k has the length of the sine of the angle it faces and ends at v_{k+2}, where the exterior angle
+    // leads on to half-edge k + 1.
+    const Complex turn1 = {-cos2, sin2}, turn2 = turn1 * Complex{-cos0, sin0};
+    edges[3 * f] = {sin0, 0};
+    edges[3 * f + 1] = {sin1 * turn1.re, sin1 * turn1.im};
+    edges[3 * f + 2] = {sin2 * turn2.re, sin2 * turn2.im};
   });
   return edges;
 }
@@ -193,9 +191,7 @@ std::vector<Vec2> LayOut(const Topology& topology, const Eigen::VectorXd& angles
   if (execution.IsCancelled()) return {};
   std::vector<Vec2> positions = SumEdges(topology, edges, squared, execution);
   const double unit = 1 / std::sqrt(squared.high);
-  execution.For(std::ssize(positions), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v) positions[v] *= unit;
-  });
+  execution.ForEach(std::ssize(positions), [&](std::int64_t v) { positions[v] *= unit; });
   if (execution.IsCancelled()) return {};
   return positions;
 }

@@ -16,7 +16,8 @@
 namespace planish {
 
 // Positions of the vertices, in units of the longest edge; vertices without a face are at 0. `angles` are 3F planar
-// angles that meet the constraints. O(F). Empty after a cancellation.
+// angles in (0, pi) that meet the constraints; as far as they do not, edges do not close up either. Where the scale of
+// the map exceeds the range of a double, positions are not finite. O(F). Empty after a cancellation.
 std::vector<Vec2> LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution = {});
 
 }  // namespace planish

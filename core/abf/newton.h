@@ -78,9 +78,9 @@ class Newton {
     Eigen::VectorXd curvature, cot, gradient;  // curvature: empty once a step has been computed from it
   };
 
-  // Goes to StartingAngles() and mu = 0, and forgets the steps so far.
+  // Goes to StartingAngles() and mu = 0, and calls Forget().
   void Start();
-  // Forgets what earlier steps have left besides x and mu: penalties, bound multipliers, counts.
+  // Resets what earlier steps have left besides x and mu: penalties, bound multipliers, course_.
   void Forget();
   // The rest of Run() once angles have collapsed.
   absl::StatusOr<Ending> GoOnWithABarrier();
@@ -113,7 +113,7 @@ class Newton {
   // Writes summary_.stop_message: `why`, and the residuals.
   void DescribeEnd(const std::string& why);
 
-  // What the steps since Forget() have left.
+  // How the steps since Forget() went.
   struct Course {
     double collapsed = 0, narrow = 0;  // ratios: BarrierTuning
     int narrow_steps = 0;              // in a row
@@ -126,7 +126,7 @@ class Newton {
   struct LatestStep {
     double length = 0;                          // 0: no step was taken
     bool cut_short = false;                     // a stop request ended a linear solve
-    std::vector<std::int32_t> weak_faces = {};  // where the Hessian was convexified, or nearly so: Convexify()
+    std::vector<std::int32_t> weak_faces = {};  // of Convexify()
   };
 
   // What has been done since a stop was requested.

@@ -26,9 +26,8 @@ std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
                              ThreadTeam& team)
     : topology_(topology), team_(team), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
-  team_.For(topology.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]);
-  });
+  team_.ForEach(topology.num_faces(), kAssemblyFaces,
+                [&](std::int64_t f) { inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]); });
 }
 
 void ReducedSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
@@ -42,9 +41,8 @@ void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::Vecto
 
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
-  team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t face = begin; face < end; ++face) SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]);
-  });
+  team_.ForEach(topology_.num_faces(), kAssemblyFaces,
+                [&](std::int64_t face) { SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]); });
 }
 
 void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, double* x) const {
@@ -92,20 +90,18 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
                             Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const {
   x->resize(num_unknowns());
   if (lambda1 != nullptr) lambda1->resize(topology_.num_faces());
-  team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
-      const std::array<double, 3> wheel = WheelDifferences(topology_, f, lambda2);
-      double r[3];  // f - J^t lambda_2
-      for (int k = 0; k < 3; ++k) {
-        const std::int32_t row = topology_.corner_row[3 * f + k];
-        r[k] = -g[k] - (row < 0 ? 0 : lambda2[2 * row]) - c[k] * wheel[k];
-      }
-      SolveFace(f, r, h1[f], &(*x)[3 * f]);
-      if (lambda1 == nullptr) continue;
-      (*lambda1)[f] =
-          (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];
+  team_.ForEach(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t f) {
+    const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
+    const std::array<double, 3> wheel = WheelDifferences(topology_, f, lambda2);
+    double r[3];  // f - J^t lambda_2
+    for (int k = 0; k < 3; ++k) {
+      const std::int32_t row = topology_.corner_row[3 * f + k];
+      r[k] = -g[k] - (row < 0 ? 0 : lambda2[2 * row]) - c[k] * wheel[k];
     }
+    SolveFace(f, r, h1[f], &(*x)[3 * f]);
+    if (lambda1 == nullptr) return;
+    (*lambda1)[f] =
+        (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];
   });
 }
 

@@ -50,17 +50,15 @@ void MeasureFlatFace(const Vec3 p[3], double angles[3]) {
 template <typename FaceAt>
 Eigen::VectorXd Measure(const Mesh& mesh, std::int64_t num_faces, const FaceAt& face_at, const Execution& execution) {
   Eigen::VectorXd angles(3 * num_faces);
-  execution.For(num_faces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) {
-      const auto& [a, b, c] = mesh.faces[face_at(i)];
-      const Vec3 p[3] = {mesh.positions[a], mesh.positions[b], mesh.positions[c]};
-      if (a == b || b == c || c == a || (p[0] == p[1] && p[1] == p[2])) {
-        angles.segment<3>(3 * i).setZero();
-      } else if (IsDegenerateTriangle(p[0], p[1], p[2])) {
-        MeasureFlatFace(p, &angles[3 * i]);
-      } else {
-        TriangleAngles(p, &angles[3 * i]);
-      }
+  execution.ForEach(num_faces, [&](std::int64_t i) {
+    const auto& [a, b, c] = mesh.faces[face_at(i)];
+    const Vec3 p[3] = {mesh.positions[a], mesh.positions[b], mesh.positions[c]};
+    if (a == b || b == c || c == a || (p[0] == p[1] && p[1] == p[2])) {
+      angles.segment<3>(3 * i).setZero();
+    } else if (IsDegenerateTriangle(p[0], p[1], p[2])) {
+      MeasureFlatFace(p, &angles[3 * i]);
+    } else {
+      TriangleAngles(p, &angles[3 * i]);
     }
   });
   return angles;

@@ -54,7 +54,8 @@ void ForEachNearPair(const std::vector<Box>& boxes, double reach, const Visit& v
   }
 }
 
-// Constant after construction: O(n). Empty boxes meet nothing. Finds nothing if that was interrupted.
+// Constant after construction, which takes O(n). Empty boxes meet nothing. If the construction was cancelled, the tree
+// finds nothing.
 class BoxTree {
  public:
   explicit BoxTree(std::vector<Box> boxes, const Execution& execution = {});

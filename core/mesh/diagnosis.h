@@ -114,7 +114,7 @@ Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing);
 Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const TriMesh& imported,
                          const Execution& execution = {});
 
-// Takes any mesh whatever. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED
+// Takes any mesh. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED
 // after a cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces or 2^31 vertices.
 absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution = {});
 

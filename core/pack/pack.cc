@@ -425,7 +425,7 @@ double ShareOfRest(PackEffort effort, const PackTuning& tuning) {
 }
 
 Vec2 CornerOfTile(int tile) {
-  return {tile % kTilesInRow, tile / kTilesInRow};
+  return {tile % PackOptions::kTilesInRow, tile / PackOptions::kTilesInRow};
 }
 
 Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution) {

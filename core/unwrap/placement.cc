@@ -90,9 +90,7 @@ double PlaceInUnitSquare(std::vector<Vec2>* points, const Execution& execution) 
   });
   const double side = (bounds.high - bounds.low).maxCoeff();
   if (!(side > 0)) return 1;
-  execution.For(n, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) (*points)[i] = ((*points)[i] - bounds.low) / side;
-  });
+  execution.ForEach(n, [&](std::int64_t i) { (*points)[i] = ((*points)[i] - bounds.low) / side; });
   return 1 / side;
 }
 

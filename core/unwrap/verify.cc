@@ -18,9 +18,8 @@ namespace planish {
 
 CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution) {
   CornerUv rounded(uv.size());
-  execution.For(static_cast<std::int64_t>(uv.size()), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) rounded[i] = static_cast<double>(static_cast<float>(uv[i]));
-  });
+  execution.ForEach(static_cast<std::int64_t>(uv.size()),
+                    [&](std::int64_t i) { rounded[i] = static_cast<double>(static_cast<float>(uv[i])); });
   return rounded;
 }
 
@@ -236,11 +235,9 @@ class PairwiseCheck {
   PairwiseCheck(const CornerUv& uv, const std::vector<char>& ignored, const Execution& execution)
       : execution_(execution), num_faces_(static_cast<std::int32_t>(uv.size() / 6)), triangles_(num_faces_) {
     std::vector<Box> boxes(num_faces_);
-    execution_.For(num_faces_, [&](std::int64_t begin, std::int64_t end) {
-      for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
-        if (!HasInterior(uv, ignored, f, &triangles_[f])) continue;
-        for (const Vec2& p : triangles_[f]) boxes[f].Add(p);
-      }
+    execution_.ForEach(num_faces_, [&](std::int32_t f) {
+      if (!HasInterior(uv, ignored, f, &triangles_[f])) return;
+      for (const Vec2& p : triangles_[f]) boxes[f].Add(p);
     });
     tree_.emplace(std::move(boxes), execution_);
   }
