@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/abf/bound_multipliers.h"
 #include "core/abf/constraints.h"
 #include "core/abf/flatten.h"
 #include "core/abf/lagrangian.h"

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/abf/unfolding.h"
+#include "core/abf/layout.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/linalg/patch_preconditioner.h"

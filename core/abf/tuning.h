@@ -132,7 +132,7 @@ struct BarrierTuning {
   double cut_step = 0.3;
   double short_step = 0.1;
   std::int64_t short_steps = 2;
-  // Bound multipliers begin as tau / x, with angles of at least this ratio (bound_multipliers.h). Smaller: angles that
+  // Bound multipliers begin as tau / x, with angles of at least this ratio (objective.h). Smaller: angles that
   // are nearly 0 are held there by their own curvature.
   double min_start_ratio = 3e-2;
   // z stays within this factor of tau / x, at least 1: kappa_Sigma of Waechter and Biegler 2006, eq. 16, who take 1e10.
