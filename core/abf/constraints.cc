@@ -66,25 +66,21 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
                                      ThreadTeam& team) {
   ConstraintValues h;
   h.triangle.resize(topology.num_faces());
-  team.For(topology.num_faces(), kConstraintFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f)
-      h.triangle[f] = x[3 * f] + x[3 * f + 1] + x[3 * f + 2] - std::numbers::pi;
-  });
+  team.ForEach(topology.num_faces(), kConstraintFaces,
+               [&](std::int64_t f) { h.triangle[f] = x[3 * f] + x[3 * f + 1] + x[3 * f + 2] - std::numbers::pi; });
   h.pair.resize(2 * topology.num_rows);
-  team.For(topology.num_rows, kConstraintRows, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v) {
-      const bool has_wheel = topology.has_wheel(static_cast<std::int32_t>(v));
-      double sum = has_wheel ? -2 * std::numbers::pi : -std::numbers::pi;
-      LogQuotient wheel;
-      for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
-        const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
-        sum += x[c];
-        wheel.Multiply(sine[3 * f + Next(k)]);
-        wheel.Divide(sine[3 * f + Prev(k)]);
-      }
-      h.pair[2 * v] = sum;
-      h.pair[2 * v + 1] = has_wheel ? wheel.Value() : 0;
+  team.ForEach(topology.num_rows, kConstraintRows, [&](std::int64_t v) {
+    const bool has_wheel = topology.has_wheel(static_cast<std::int32_t>(v));
+    double sum = has_wheel ? -2 * std::numbers::pi : -std::numbers::pi;
+    LogQuotient wheel;
+    for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
+      const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
+      sum += x[c];
+      wheel.Multiply(sine[3 * f + Next(k)]);
+      wheel.Divide(sine[3 * f + Prev(k)]);
     }
+    h.pair[2 * v] = sum;
+    h.pair[2 * v + 1] = has_wheel ? wheel.Value() : 0;
   });
   return h;
 }
@@ -92,33 +88,27 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
                    ThreadTeam& team) {
   y->resize(2 * topology.num_rows);
-  team.For(topology.num_rows, kConstraintRows, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v) {
-      double sum = 0, wheel = 0;
-      for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
-        const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
-        const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
-        sum += x[c];
-        wheel += cot[after] * x[after] - cot[before] * x[before];
-      }
-      (*y)[2 * v] = sum;
-      (*y)[2 * v + 1] = topology.has_wheel(static_cast<std::int32_t>(v)) ? wheel : 0;
+  team.ForEach(topology.num_rows, kConstraintRows, [&](std::int64_t v) {
+    double sum = 0, wheel = 0;
+    for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
+      const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
+      const std::int32_t after = 3 * f + Next(k), before = 3 * f + Prev(k);
+      sum += x[c];
+      wheel += cot[after] * x[after] - cot[before] * x[before];
     }
+    (*y)[2 * v] = sum;
+    (*y)[2 * v + 1] = topology.has_wheel(static_cast<std::int32_t>(v)) ? wheel : 0;
   });
 }
 
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x, ThreadTeam& team) {
-  team.For(topology.num_faces(), kConstraintFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const std::int32_t* vertex = &topology.corner_row[3 * f];
-      double wheel[3];
-      for (int k = 0; k < 3; ++k) {
-        wheel[k] = topology.has_wheel(vertex[k]) ? pair[2 * vertex[k] + 1] : 0;
-        if (vertex[k] >= 0) (*x)[3 * f + k] += pair[2 * vertex[k]];
-      }
-      // Angle k comes after the vertex at Prev(k) and before the vertex at Next(k).
-      for (int k = 0; k < 3; ++k) (*x)[3 * f + k] += cot[3 * f + k] * (wheel[Prev(k)] - wheel[Next(k)]);
+  team.ForEach(topology.num_faces(), kConstraintFaces, [&](std::int64_t f) {
+    const std::array<double, 3> wheel = WheelDifferences(topology, f, pair);
+    for (int k = 0; k < 3; ++k) {
+      double& angle = (*x)[3 * f + k];
+      if (const std::int32_t row = topology.corner_row[3 * f + k]; row >= 0) angle += pair[2 * row];
+      angle += cot[3 * f + k] * wheel[k];
     }
   });
 }

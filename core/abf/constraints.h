@@ -10,6 +10,9 @@
 // topology. Boundary vertices have no wheel condition: the second of their pair has the value 0 and an empty row of B.
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "Eigen/Core"
 #include "core/abf/topology.h"
 #include "core/base/thread_team.h"
@@ -29,6 +32,18 @@ Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team = Alone())
 // h(x) with eq. 6; angles in (0, pi). `sine` are the sines of x. Eq. 6 is evaluated as the logarithm of a product.
 ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x, const Eigen::VectorXd& sine,
                                      ThreadTeam& team = Alone());
+
+// For each angle of a face: the wheel multiplier of the vertex before it minus that of the vertex after it, both from
+// `pair`; 0 stands for the multiplier of a vertex without a wheel condition.
+inline std::array<double, 3> WheelDifferences(const Topology& topology, std::int64_t face,
+                                              const Eigen::Ref<const Eigen::VectorXd>& pair) {
+  double wheel[3];
+  for (int k = 0; k < 3; ++k) {
+    const std::int32_t row = topology.corner_row[3 * face + k];
+    wheel[k] = topology.has_wheel(row) ? pair[2 * row + 1] : 0;
+  }
+  return {wheel[2] - wheel[1], wheel[0] - wheel[2], wheel[1] - wheel[0]};
+}
 
 // y = J x, J the pair rows of B at the angles whose cotangents are `cot`. y is overwritten.
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,

@@ -70,16 +70,18 @@ struct FlattenProgress {
   double step_length = 0;              // fraction of the last Newton step taken, in (0, 1]; 0: none was taken
 };
 
-// Of Execution: a stop request asks for an early end with the best angles within reach. A linear solve under way is cut
-// short, and Newton's method takes a few more steps at most (StopTuning), until the constraints hold well enough for a
-// map without flips; FlattenSummary::stopped says whether that happened. The team works on the solver's loops, and on
-// nothing else meanwhile.
+// How one call is watched and ended. A stop request (Execution::stop) asks for an early end with the best angles within
+// reach: the linear solve under way is cut short, and Newton's method takes at most a few more steps (StopTuning),
+// until the constraints hold well enough for a map without flips. FlattenSummary::stopped says whether that happened.
+// While the call runs, the team (Execution::team) works on the loops of this solve only.
 struct FlattenControl : Execution {
-  // After a stop request: the largest violation of a constraint that is well enough, radians. On 15 discs, no angles
-  // with violations below 0.05 had a flip in their layout; most discs are there after two steps.
+  // After a stop request the method ends once no constraint is violated by more than this, radians. On 15 discs, angles
+  // with violations below 0.05 had no flip in their layout; most discs are there after two steps.
   double flat_enough = 2e-2;
-  // Ends, not converged, where angles collapse, instead of going on with a barrier: for charts that can be cut.
+  // Where angles collapse, the method ends without having converged instead of going on with a barrier. For charts that
+  // can be cut.
   bool gives_up = false;
+  // Called on the calling thread: at the start, after every Newton step and every few dozen linear iterations.
   std::function<void(const FlattenProgress&)> on_progress = {};
 };
 
@@ -104,6 +106,7 @@ struct FlattenSummary {
   std::string multigrid_failure;        // why multigrid failed; empty if it did not
   // What multigrid had to do without, and why (StepSolver::left_out); empty if it had everything in every step.
   std::string preconditioner_note;
+  // As asked for; for kAuto: kExact if some step was taken with the exact Hessian where it was not positive.
   HessianType hessian = HessianType::kConvex;
   bool converged = false;
   bool stopped = false;  // FlattenControl::stop ended the solve early
@@ -134,10 +137,12 @@ struct Flattening {
 };
 
 // Minimizes f (eq. 4) subject to eq. 1, 2 and 6 and to the boundary control asked for, by Newton's method on the
-// Lagrangian, from StartingAngles() and mu = 0. Deterministic, but for stop requests. INVALID_ARGUMENT:
-// OPTIONS_INVALID. CANCELLED: FlattenControl::cancel was set. INTERNAL: SOLVER_FAILED, multigrid failed and a Cholesky
-// factorization may not take its place (StepSolver::Solve); the message says why and what to do. Neither the iteration
-// limit nor a stop request is an error: see FlattenSummary::converged and stopped.
+// Lagrangian, from StartingAngles() and mu = 0. Deterministic unless a stop is requested: the same bits with any team.
+// Thread-safe: calls share nothing but arguments that they only read; each needs a team of its own.
+//
+// INVALID_ARGUMENT: OPTIONS_INVALID. CANCELLED: FlattenControl::cancel was set. INTERNAL: SOLVER_FAILED, multigrid
+// failed and a Cholesky factorization may not take its place (StepSolver::Solve); the message says why and what to do.
+// Neither the iteration limit nor a stop request is an error: see FlattenSummary::converged and stopped.
 absl::StatusOr<Flattening> FlattenAngles(const Topology& topology, const TargetAngles& target,
                                          const FlattenOptions& options, const FlattenControl& control);
 

@@ -6,7 +6,6 @@
 #include "Eigen/Cholesky"
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
-#include "core/abf/plane.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
@@ -20,10 +19,8 @@ constexpr std::int64_t kHessianFaces = 4096;  // of one chunk
 Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                    const Eigen::VectorXd& cot, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd gradient = objective.Gradient(x);
-  team.For(topology.num_faces(), kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      for (int k = 0; k < 3; ++k) gradient[3 * f + k] += mu.triangle[f];
-    }
+  team.ForEach(topology.num_faces(), kHessianFaces, [&](std::int64_t f) {
+    for (int k = 0; k < 3; ++k) gradient[3 * f + k] += mu.triangle[f];
   });
   AddPairRowsTransposed(topology, cot, mu.pair, &gradient, team);
   return gradient;
@@ -32,17 +29,11 @@ Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& ob
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
                                   const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd hessian(curvature.size());
-  team.For(topology.num_faces(), kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      double wheel[3];
-      for (int k = 0; k < 3; ++k) {
-        const std::int32_t v = topology.corner_row[3 * f + k];
-        wheel[k] = topology.has_wheel(v) ? mu.pair[2 * v + 1] : 0;
-      }
-      for (int k = 0; k < 3; ++k) {
-        const double s = sine[3 * f + k];
-        hessian[3 * f + k] = curvature[3 * f + k] - (wheel[Prev(k)] - wheel[Next(k)]) / (s * s);
-      }
+  team.ForEach(topology.num_faces(), kHessianFaces, [&](std::int64_t f) {
+    const std::array<double, 3> wheel = WheelDifferences(topology, f, mu.pair);
+    for (int k = 0; k < 3; ++k) {
+      const double s = sine[3 * f + k];
+      hessian[3 * f + k] = curvature[3 * f + k] - wheel[k] / (s * s);
     }
   });
   return hessian;
@@ -50,7 +41,7 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
 
 namespace {
 
-// The polarization of e (plane.h): e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
+// The polarization of e (lagrangian.h): e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
 double PlanePolarization(const double* a, const double* b) {
   return a[0] * (b[1] + b[2]) + a[1] * (b[2] + b[0]) + a[2] * (b[0] + b[1]);
 }
@@ -112,22 +103,20 @@ Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::V
     return plane;
   };
   Eigen::VectorXd absolute = hessian;
-  team.For(hessian.size() / 3, kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      double* a = &absolute[3 * f];
-      const double* b = &curvature[3 * f];
-      if (SmallestPlaneEigenvalue(a, b) >= tuning.min_curvature) continue;
-      const Eigen::Matrix2d root = Eigen::LLT<Eigen::Matrix2d>(on_plane(b)).matrixL();
-      const Eigen::Matrix2d inverse = root.inverse();
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
-      eigen.computeDirect(inverse * on_plane(a) * inverse.transpose());
-      const Eigen::Vector2d values = eigen.eigenvalues().cwiseAbs().cwiseMax(tuning.min_magnitude);
-      const Eigen::Matrix2d vectors = root * eigen.eigenvectors();
-      const Eigen::Matrix2d plane = vectors * values.asDiagonal() * vectors.transpose();
-      a[0] = plane(0, 0) - plane(0, 1);
-      a[1] = plane(1, 1) - plane(0, 1);
-      a[2] = plane(0, 1);
-    }
+  team.ForEach(hessian.size() / 3, kHessianFaces, [&](std::int64_t f) {
+    double* a = &absolute[3 * f];
+    const double* b = &curvature[3 * f];
+    if (SmallestPlaneEigenvalue(a, b) >= tuning.min_curvature) return;
+    const Eigen::Matrix2d root = Eigen::LLT<Eigen::Matrix2d>(on_plane(b)).matrixL();
+    const Eigen::Matrix2d inverse = root.inverse();
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+    eigen.computeDirect(inverse * on_plane(a) * inverse.transpose());
+    const Eigen::Vector2d values = eigen.eigenvalues().cwiseAbs().cwiseMax(tuning.min_magnitude);
+    const Eigen::Matrix2d vectors = root * eigen.eigenvectors();
+    const Eigen::Matrix2d plane = vectors * values.asDiagonal() * vectors.transpose();
+    a[0] = plane(0, 0) - plane(0, 1);
+    a[1] = plane(1, 1) - plane(0, 1);
+    a[2] = plane(0, 1);
   });
   return absolute;
 }

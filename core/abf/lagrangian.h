@@ -32,6 +32,12 @@ Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& ob
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
                                   const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team = Alone());
 
+// e(a) = a0 a1 + a1 a2 + a2 a0: up to a constant factor, the determinant of diag(a) on the plane of angle changes of
+// one face that sum to zero. That plane is where the face's part of a Newton step lies.
+inline double PlaneDeterminant(const double* a) {
+  return a[0] * a[1] + a[1] * a[2] + a[2] * a[0];
+}
+
 // How a Hessian is convexified.
 enum class Convexification {
   kNone,

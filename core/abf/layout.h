@@ -7,6 +7,7 @@
 // scale varies over the mesh.
 #pragma once
 
+#include <complex>
 #include <vector>
 
 #include "Eigen/Core"
@@ -16,7 +17,14 @@
 namespace planish {
 
 // Positions of the vertices, in units of the longest edge; vertices without a face are at 0. `angles` are 3F planar
-// angles that meet the constraints. O(F). Empty after a cancellation.
+// angles in (0, pi) that meet the constraints; as far as they do not, edges do not close up either. Where the scale of
+// the map exceeds the range of a double, positions are not finite. O(F). Empty after a cancellation.
 std::vector<Vec2> LayOut(const Topology& topology, const Eigen::VectorXd& angles, const Execution& execution = {});
+
+// A rough layout for the multigrid (core/linalg/multigrid.h): unfolds the mesh triangle by triangle, breadth first,
+// with the angles whose cotangents are `cot`. Every triangle has its shape, beside the one from which it was reached;
+// where two paths meet, the places agree as far as the angles meet the constraints. One complex number per row; all are
+// zero if numbers overflow, and multigrid then has the constants alone for its coarse spaces. O(F).
+std::vector<std::complex<double>> UnfoldRows(const Topology& topology, const Eigen::VectorXd& cot);
 
 }  // namespace planish

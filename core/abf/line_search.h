@@ -8,7 +8,7 @@
 
 namespace planish {
 
-// The fraction to the boundary rule: the largest alpha in (0, 1] for which no angle of x + alpha step goes further than
+// The fraction-to-the-boundary rule: the largest alpha in (0, 1] for which no angle of x + alpha step goes further than
 // LineSearchTuning::fraction_to_boundary of its way to 0 or pi.
 double LargestStepLength(const Eigen::VectorXd& x, const Eigen::VectorXd& step, ThreadTeam& team = Alone(),
                          const LineSearchTuning& tuning = {});

@@ -47,10 +47,10 @@ Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
 
 void Newton::Evaluate() {
   if (at_.sine.size() == 0) at_.sine = Sines(at_.x, team_);
-  cot_ = Cotangents(at_.x, team_);
-  curvature_ = bounds_.Curvature(at_.x);
-  gradient_ = LagrangianGradient(topology_, objective_, at_.x, cot_, mu_, team_);
-  summary_.residual = MeasureResidual(curvature_, at_.h, gradient_, team_);
+  derivatives_.cot = Cotangents(at_.x, team_);
+  derivatives_.curvature = bounds_.Curvature(at_.x);
+  derivatives_.gradient = LagrangianGradient(topology_, objective_, at_.x, derivatives_.cot, mu_, team_);
+  summary_.residual = MeasureResidual(derivatives_.curvature, at_.h, derivatives_.gradient, team_);
   summary_.energy = at_.energy;
 }
 
@@ -62,7 +62,7 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
   progress.linear_residual = linear_residual;
   progress.residual = summary_.residual;
   progress.energy = summary_.energy;
-  progress.step_length = step_length_;
+  progress.step_length = latest_.length;
   control_.on_progress(progress);
 }
 
@@ -97,12 +97,12 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, steps_.Solve(gradient, h, linear, step));
   ++summary_.linear_solves;
   summary_.linear_iterations += solved.iterations;
-  if (stopping) iterations_after_stop_ += solved.iterations;
+  if (stopping) after_stop_.iterations += solved.iterations;
   if (solved.termination == LinearTermination::kInterrupted) {
     if (control_.IsCancelled()) return absl::CancelledError("cancelled");
-    cut_short_ = true;
+    latest_.cut_short = true;
   } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
-    cut_short_ = true;
+    latest_.cut_short = true;
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
     if (summary_.linear_failure.empty()) {
@@ -114,12 +114,13 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
 
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step, double* slope) {
-  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, cot_, indefinite, weak_faces_, control_.cancel));
+  PLANISH_RETURN_IF_ERROR(
+      steps_.Prepare(hessian, convex, derivatives_.cot, indefinite, latest_.weak_faces, control_.cancel));
   if (summary_.preconditioner_note.empty() && !steps_.left_out().empty()) {
     summary_.preconditioner_note =
         absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", steps_.left_out());
   }
-  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(gradient_, at_.h, step));
+  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(derivatives_.gradient, at_.h, step));
   if (!step->x.allFinite()) return false;
   if (indefinite && solved.termination != LinearTermination::kConverged &&
       !(solved.true_residual <= tuning_.convexity.usable_residual)) {
@@ -132,7 +133,7 @@ absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const E
   // The slope is that of a step which meets the linearized constraints; where they hold already, what the linear solver
   // has left of them counts for more.
   Eigen::VectorXd left;
-  ApplyPairRows(topology_, cot_, step->x, &left, team_);
+  ApplyPairRows(topology_, derivatives_.cot, step->x, &left, team_);
   Assign(team_, left + at_.h.pair, &left);
   return derivative.slope <= derivative.noise + merit_.PairPenalty(left);
 }
@@ -178,7 +179,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     found = lowers_merit(step.x, alpha);
   }
   if (!found) return false;
-  step_length_ = alpha;
+  latest_.length = alpha;
   bounds_.Follow(at_.x, trial.x, alpha);
   at_ = std::move(trial);
   Assign(team_, mu_.triangle + alpha * step.mu.triangle, &mu_.triangle);
@@ -187,8 +188,8 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  step_length_ = 0;  // until a step has been taken
-  Eigen::VectorXd convex = LagrangianHessian(topology_, curvature_, at_.sine, mu_, team_);
+  latest_.length = 0;  // until a step has been taken
+  Eigen::VectorXd convex = LagrangianHessian(topology_, derivatives_.curvature, at_.sine, mu_, team_);
   Eigen::VectorXd hessian;  // where it is not convex itself
   const double residual = summary_.residual.Max();
   const double before = std::exchange(course_.last_residual, residual);
@@ -198,13 +199,13 @@ absl::StatusOr<bool> Newton::TakeStep() {
   const bool try_exact =
       options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
   if (try_exact) hessian = convex;
-  const bool changed =
-      Convexify(curvature_, steps_.RequiredConvexification(), &convex, team_, &weak_faces_, convexity) > 0;
+  const bool changed = Convexify(derivatives_.curvature, steps_.RequiredConvexification(), &convex, team_,
+                                 &latest_.weak_faces, convexity) > 0;
 
   Eigen::VectorXd absolute;
-  if (changed && try_exact) absolute = AbsoluteHessian(curvature_, hessian, team_, convexity);
+  if (changed && try_exact) absolute = AbsoluteHessian(derivatives_.curvature, hessian, team_, convexity);
   if (!changed) hessian.resize(0);
-  curvature_.resize(0);
+  derivatives_.curvature.resize(0);
   if (control_.IsCancelled()) return absl::CancelledError("cancelled");
   at_.sine.resize(0);
 
@@ -274,8 +275,8 @@ bool Newton::IsFlat() const {
 bool Newton::EndsEarly() {
   if (!control_.IsStopRequested()) return false;
   if (IsFlat()) return true;
-  if (iterations_after_stop_ >= tuning_.stop.min_steps * MostIterationsAfterStop()) return true;
-  return steps_after_stop_++ >= std::max(tuning_.stop.min_steps, tuning_.stop.step_faces / topology_.num_faces());
+  if (after_stop_.iterations >= tuning_.stop.min_steps * MostIterationsAfterStop()) return true;
+  return after_stop_.steps++ >= std::max(tuning_.stop.min_steps, tuning_.stop.step_faces / topology_.num_faces());
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
@@ -292,21 +293,21 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
     if (EndsEarly()) return Ending::kStopped;
     if (moved && AnglesCollapse()) return Ending::kStuck;
-    cut_short_ = false;
+    latest_.cut_short = false;
     const absl::StatusOr<bool> taken = TakeStep();
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
     moved = *taken;
-    course_.whole_step = moved && step_length_ == 1 && !cut_short_;
-    if (cut_short_ && !moved) continue;  // which says nothing about whole solves
+    course_.whole_step = moved && latest_.length == 1 && !latest_.cut_short;
+    if (latest_.cut_short && !moved) continue;  // which says nothing about whole solves
     // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
     // ever going down.
-    if (step_length_ < tuning_.line_search.tiny_step && !course_.exact_steps) {
+    if (latest_.length < tuning_.line_search.tiny_step && !course_.exact_steps) {
       course_.exact_steps = true;
       continue;
     }
-    if (moved && objective_.barrier() == 0 && step_length_ < barrier.cut_step) return Ending::kStuck;
-    course_.short_steps = step_length_ < barrier.short_step ? course_.short_steps + 1 : 0;
+    if (moved && objective_.barrier() == 0 && latest_.length < barrier.cut_step) return Ending::kStuck;
+    course_.short_steps = latest_.length < barrier.short_step ? course_.short_steps + 1 : 0;
     if (course_.short_steps > barrier.short_steps) return Ending::kStuck;
     if (!moved && std::exchange(course_.exact_steps, true)) return Ending::kStuck;
   }
@@ -376,7 +377,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
   summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
-  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && steps_after_stop_ > 0);
+  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && after_stop_.steps > 0);
   std::string why = ending == Ending::kConverged ? "converged"
                     : ending == Ending::kStopped ? "stopped"
                     : ending == Ending::kStuck   ? "no further progress"

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/abf/bound_multipliers.h"
 #include "core/abf/constraints.h"
 #include "core/abf/flatten.h"
 #include "core/abf/lagrangian.h"
@@ -73,9 +72,14 @@ class Newton {
   };
   Point PointAt(Eigen::VectorXd x) const;
 
-  // Goes to StartingAngles() and mu = 0, and forgets the steps so far.
+  // What Evaluate() computes at the iterate.
+  struct Derivatives {
+    Eigen::VectorXd curvature, cot, gradient;  // curvature: empty once a step has been computed from it
+  };
+
+  // Goes to StartingAngles() and mu = 0, and calls Forget().
   void Start();
-  // Forgets what earlier steps have left besides x and mu: penalties, bound multipliers, counts.
+  // Resets what earlier steps have left besides x and mu: penalties, bound multipliers, course_.
   void Forget();
   // The rest of Run() once angles have collapsed.
   absl::StatusOr<Ending> GoOnWithABarrier();
@@ -108,7 +112,7 @@ class Newton {
   // Writes summary_.stop_message: `why`, and the residuals.
   void DescribeEnd(const std::string& why);
 
-  // What the steps since Forget() have left.
+  // How the steps since Forget() went.
   struct Course {
     double collapsed = 0, narrow = 0;  // ratios: BarrierTuning
     int narrow_steps = 0;              // in a row
@@ -116,6 +120,17 @@ class Newton {
     int short_steps = 0;               // in a row
     bool exact_steps = false;          // all linear solves have the least forcing term
     bool whole_step = false;           // the last step had full length and no stop cut its linear solve short
+  };
+
+  struct LatestStep {
+    double length = 0;                          // 0: no step was taken
+    bool cut_short = false;                     // a stop request ended a linear solve
+    std::vector<std::int32_t> weak_faces = {};  // of Convexify()
+  };
+
+  // What has been done since a stop was requested.
+  struct AfterStop {
+    std::int64_t steps = 0, iterations = 0;
   };
 
   // The arguments.
@@ -130,17 +145,15 @@ class Newton {
   BoundMultipliers bounds_;
   StepSolver steps_;
   MeritFunction merit_;
-  // The iterate, and what Evaluate() computes there.
+  // The iterate.
   Point at_;
   Multipliers mu_;
-  Eigen::VectorXd curvature_, cot_, gradient_;  // curvature_: empty once a step has been computed from it
-  std::vector<std::int32_t> weak_faces_;        // of the present step
+  Derivatives derivatives_;
   // How it goes.
   Course course_;
-  double step_length_ = 0;       // of the last TakeStep(); 0: it took none
-  bool cut_short_ = false;       // a stop request ended a linear solve of the present step
+  LatestStep latest_;
+  AfterStop after_stop_;
   bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
-  std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;  // after a stop request
   FlattenSummary summary_;
 };
 

@@ -1,6 +1,7 @@
 // The objective of Newton's method: f of eq. 4, or f with a barrier that keeps angles from collapsing.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -43,6 +44,37 @@ class Objective {
   const TargetAngles& target_;
   ThreadTeam& team_;
   double barrier_ = 0;
+};
+
+// The curvature of the barrier by a primal-dual interior point method for f_tau (Waechter and Biegler 2006, "On the
+// implementation of an interior-point filter line-search algorithm for large-scale nonlinear programming", sections 2.1
+// and 2.2; Nocedal and Wright 2006, "Numerical Optimization", section 19.2): multipliers z of the bounds x > 0. At a
+// minimum of f_tau they are tau / x; on the way there z_i / x_i takes the place of tau / x_i^2, the barrier's own
+// second derivative, in the Hessian. With z an angle that is far too small for tau returns in one step; with the second
+// derivative no step can more than double the angle.
+class BoundMultipliers {
+ public:
+  // `target`, `objective` and `team` must outlive this.
+  BoundMultipliers(const TargetAngles& target, const Objective& objective, ThreadTeam& team,
+                   const BarrierTuning& tuning = {})
+      : target_(target), objective_(objective), team_(team), tuning_(tuning) {}
+
+  const Eigen::VectorXd& z() const { return z_; }
+  // Takes the multipliers of an earlier iterate, with the same barrier or another. Empty: z begins anew.
+  void set_z(Eigen::VectorXd z) { z_ = std::move(z); }
+  // The diagonal of the Hessian with z, positive: 2 w_i + z_i / x_i. If z is empty, begins with tau / x, where angles
+  // count as at least BarrierTuning::min_start_ratio of their targets. Without a barrier: the diagonal f''.
+  Eigen::VectorXd Curvature(const Eigen::VectorXd& x);
+  // Takes the step of z that belongs to a step of the angles from x to `next`, of step length `length` in (0, 1]. Every
+  // z_i stays within BarrierTuning::multiplier_range of tau / next_i. Without a barrier nothing changes.
+  void Follow(const Eigen::VectorXd& x, const Eigen::VectorXd& next, double length);
+
+ private:
+  const TargetAngles& target_;
+  const Objective& objective_;
+  ThreadTeam& team_;
+  const BarrierTuning tuning_;
+  Eigen::VectorXd z_;  // empty: none yet
 };
 
 }  // namespace planish

@@ -1,8 +1,9 @@
 #include "core/abf/reduced_system.h"
 
 #include <algorithm>
+#include <array>
 
-#include "core/abf/plane.h"
+#include "core/abf/lagrangian.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
@@ -25,9 +26,8 @@ std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
                              ThreadTeam& team)
     : topology_(topology), team_(team), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
-  team_.For(topology.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]);
-  });
+  team_.ForEach(topology.num_faces(), kAssemblyFaces,
+                [&](std::int64_t f) { inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]); });
 }
 
 void ReducedSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
@@ -41,17 +41,17 @@ void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::Vecto
 
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
-  team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t face = begin; face < end; ++face) {
-      const double *a = &hessian_[3 * face], *in = &f[3 * face];
-      double* out = &(*x)[3 * face];
-      // Differences first: P annihilates the constants, and a large common part of f must not drown the rest.
-      const double d01 = in[0] - in[1], d12 = in[1] - in[2], d20 = in[2] - in[0];
-      out[0] = (a[2] * d01 - a[1] * d20) * inverse_e_[face];
-      out[1] = (a[0] * d12 - a[2] * d01) * inverse_e_[face];
-      out[2] = (a[1] * d20 - a[0] * d12) * inverse_e_[face];
-    }
-  });
+  team_.ForEach(topology_.num_faces(), kAssemblyFaces,
+                [&](std::int64_t face) { SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]); });
+}
+
+void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, double* x) const {
+  const double *a = &hessian_[3 * face], inverse = inverse_e_[face];
+  // Differences first: P annihilates the constants, and a large common part of r must not drown the rest.
+  const double d01 = r[0] - r[1], d12 = r[1] - r[2], d20 = r[2] - r[0];
+  x[0] = (a[2] * d01 - a[1] * d20 - h * a[1] * a[2]) * inverse;
+  x[1] = (a[0] * d12 - a[2] * d01 - h * a[2] * a[0]) * inverse;
+  x[2] = (a[1] * d20 - a[0] * d12 - h * a[0] * a[1]) * inverse;
 }
 
 void ReducedSystem::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
@@ -90,25 +90,18 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
                             Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const {
   x->resize(num_unknowns());
   if (lambda1 != nullptr) lambda1->resize(topology_.num_faces());
-  team_.For(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
-      const std::int32_t* row = &topology_.corner_row[3 * f];
-      double vertex[3], wheel[3], r[3];  // r = f - J^t lambda_2
-      for (int k = 0; k < 3; ++k) {
-        vertex[k] = row[k] < 0 ? 0 : lambda2[2 * row[k]];
-        wheel[k] = topology_.has_wheel(row[k]) ? lambda2[2 * row[k] + 1] : 0;
-      }
-      for (int k = 0; k < 3; ++k) r[k] = -g[k] - vertex[k] - c[k] * (wheel[Prev(k)] - wheel[Next(k)]);
-      const double d01 = r[0] - r[1], d12 = r[1] - r[2], d20 = r[2] - r[0];
-      double* out = &(*x)[3 * f];
-      out[0] = (a[2] * d01 - a[1] * d20 - h1[f] * a[1] * a[2]) * inverse_e_[f];
-      out[1] = (a[0] * d12 - a[2] * d01 - h1[f] * a[2] * a[0]) * inverse_e_[f];
-      out[2] = (a[1] * d20 - a[0] * d12 - h1[f] * a[0] * a[1]) * inverse_e_[f];
-      if (lambda1 == nullptr) continue;
-      (*lambda1)[f] =
-          (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];
+  team_.ForEach(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t f) {
+    const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
+    const std::array<double, 3> wheel = WheelDifferences(topology_, f, lambda2);
+    double r[3];  // f - J^t lambda_2
+    for (int k = 0; k < 3; ++k) {
+      const std::int32_t row = topology_.corner_row[3 * f + k];
+      r[k] = -g[k] - (row < 0 ? 0 : lambda2[2 * row]) - c[k] * wheel[k];
     }
+    SolveFace(f, r, h1[f], &(*x)[3 * f]);
+    if (lambda1 == nullptr) return;
+    (*lambda1)[f] =
+        (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];
   });
 }
 

@@ -60,6 +60,9 @@ class ReducedSystem final : public SaddlePointOperator {
   Eigen::Matrix<double, 6, 6> FaceBlock(std::int32_t face) const;
 
  private:
+  // x = P r - h D 1 / s for one face (the letters above).
+  void SolveFace(std::int64_t face, const double* r, double h, double* x) const;
+
   const Topology& topology_;
   ThreadTeam& team_;
   const Eigen::VectorXd &hessian_, &cot_;

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/abf/unfolding.h"
+#include "core/abf/layout.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 #include "core/linalg/patch_preconditioner.h"
@@ -37,8 +37,9 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
       solver_type_(solver),
       system_type_(system),
       preconditioner_type_(preconditioner),
-      solver_(MakeSolver(solver)),
-      multigrid_(std::make_unique<Multigrid>(tuning.multigrid)) {}
+      solver_(MakeSolver(solver)) {
+  multigrid_.multigrid = std::make_unique<Multigrid>(tuning.multigrid);
+}
 
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
                                  const Eigen::VectorXd& cot, bool indefinite, std::vector<std::int32_t> weak_faces,
@@ -72,7 +73,7 @@ absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
 }
 
 absl::Status StepSolver::TurnToCholesky(const std::string& why) {
-  multigrid_failure_ = why;
+  multigrid_.failure = why;
   if (topology_.num_faces() > kMostFallbackFaces) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                      absl::StrFormat("%s; a Cholesky factorization in its place is for charts of at most %d triangles, "
@@ -82,57 +83,57 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
   }
   preconditioner_type_ = PreconditionerType::kCholesky;
   wear_.solves = -1;
-  rounded_matrix_.reset();
-  multigrid_ = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
-  factorization_.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
+  multigrid_.s.reset();
+  multigrid_.multigrid = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
+  exact_.factorization.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareExact() {
-  if (!matrix_) matrix_ = std::make_unique<ReducedMatrix<double>>(topology_, team_);
-  const BlockMatrix<double>& s = matrix_->Assemble(*iterate_.convex, *iterate_.cot);
+  if (!exact_.s) exact_.s = std::make_unique<ReducedMatrix<double>>(topology_, team_);
+  const BlockMatrix<double>& s = exact_.s->Assemble(*iterate_.convex, *iterate_.cot);
   if (preconditioner_type_ == PreconditionerType::kCholesky) {
     if (wear_.IsOut(tuning_.step.worn_out_factorization) || solver_type_ == SolverType::kDirect) {
-      const absl::Status factorized = factorization_.Factorize(s);
+      const absl::Status factorized = exact_.factorization.Factorize(s);
       if (absl::IsResourceExhausted(factorized)) {
         return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
-                         absl::StrCat(multigrid_failure_, multigrid_failure_.empty() ? "" : "; ", factorized.message(),
+                         absl::StrCat(multigrid_.failure, multigrid_.failure.empty() ? "" : "; ", factorized.message(),
                                       ": cut the mesh into charts (--seams=auto)"));
       }
       PLANISH_RETURN_IF_ERROR(factorized);
       wear_.solves = 0;
     }
-    preconditioner_ = std::make_unique<CholeskyPreconditioner>(&factorization_);
+    preconditioner_ = std::make_unique<CholeskyPreconditioner>(&exact_.factorization);
   }
-  if (iterate_.hessian != iterate_.convex) matrix_->Assemble(*iterate_.hessian, *iterate_.cot);
+  if (iterate_.hessian != iterate_.convex) exact_.s->Assemble(*iterate_.hessian, *iterate_.cot);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
-  if (!rounded_matrix_) rounded_matrix_ = std::make_unique<ReducedMatrix<float>>(topology_, team_);
+  if (!multigrid_.s) multigrid_.s = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   // The first numbers stand on an unfolding with angles that do not close up.
   const bool first = wear_.solves < 0;
   const bool renew =
-      first || !multigrid_closed_ || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
+      first || !multigrid_.is_closed || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
   std::vector<std::complex<double>> z;
-  const BlockMatrix<float>& s = rounded_matrix_->Assemble(*iterate_.convex, *iterate_.cot, [&] {
+  const BlockMatrix<float>& s = multigrid_.s->Assemble(*iterate_.convex, *iterate_.cot, [&] {
     if (renew) z = UnfoldRows(topology_, *iterate_.cot);
   });
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   if (renew) {
     if (std::all_of(z.begin(), z.end(), [](std::complex<double> place) { return place == 0.0; })) {
-      left_out_ = "coarse spaces hold the constants alone: unfolding the triangles overflows";
+      multigrid_.left_out = "coarse spaces hold the constants alone: unfolding the triangles overflows";
     }
-    PLANISH_RETURN_IF_ERROR(first ? multigrid_->Build(s, z, topology_.num_interior, team_, interrupter)
-                                  : multigrid_->Refresh(s, z, interrupter));
-    multigrid_closed_ = !first;
+    PLANISH_RETURN_IF_ERROR(first ? multigrid_.multigrid->Build(s, z, topology_.num_interior, team_, interrupter)
+                                  : multigrid_.multigrid->Refresh(s, z, interrupter));
+    multigrid_.is_closed = !first;
     wear_.solves = 0;
   }
-  preconditioner_ = std::make_unique<MultigridPreconditioner>(multigrid_.get());
+  preconditioner_ = std::make_unique<MultigridPreconditioner>(multigrid_.multigrid.get());
   SolveWeakRowsExactly(s);
-  if (iterate_.hessian != iterate_.convex) rounded_matrix_->Assemble(*iterate_.hessian, *iterate_.cot);
+  if (iterate_.hessian != iterate_.convex) multigrid_.s->Assemble(*iterate_.hessian, *iterate_.cot);
   reduced_->set_matrix(&s);
   return absl::OkStatus();
 }
@@ -142,14 +143,14 @@ void StepSolver::SolveWeakRowsExactly(const BlockMatrix<float>& s) {
   if (rows.empty()) return;
   constexpr char kWithout[] = "no exact solves on the vertices of weak faces: ";
   if (static_cast<std::int64_t>(rows.size()) * tuning_.step.rows_per_weak_row > topology_.num_rows) {
-    left_out_ = absl::StrFormat("%sthere are %d of %d, more than one in %d", kWithout, rows.size(), topology_.num_rows,
-                                tuning_.step.rows_per_weak_row);
+    multigrid_.left_out = absl::StrFormat("%sthere are %d of %d, more than one in %d", kWithout, rows.size(),
+                                          topology_.num_rows, tuning_.step.rows_per_weak_row);
     return;
   }
   auto patched = std::make_unique<PatchPreconditioner>(std::move(preconditioner_));
   const std::int64_t max_bytes = std::max(kLeastPatchBytes, kPatchBytesPerFace * topology_.num_faces());
   if (const absl::Status set = patched->SetPatch(s, std::move(rows), max_bytes); !set.ok()) {
-    left_out_ = absl::StrCat(kWithout, set.message());  // multigrid alone is as good as there is
+    multigrid_.left_out = absl::StrCat(kWithout, set.message());  // multigrid alone is as good as there is
   }
   preconditioner_ = std::move(patched);
 }

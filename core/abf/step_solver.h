@@ -58,10 +58,10 @@ class StepSolver {
   // The preconditioner in use: the one asked for, or kCholesky once multigrid has failed.
   PreconditionerType preconditioner() const { return preconditioner_type_; }
   // Why multigrid failed; empty if it has not.
-  const std::string& multigrid_failure() const { return multigrid_failure_; }
+  const std::string& multigrid_failure() const { return multigrid_.failure; }
   // What multigrid had to do without in some Prepare(), and why, for the latest one; empty if it had everything:
   // exact solves on the rows of weak faces (linalg/patch_preconditioner.h), or coarse spaces from an unfolding.
-  const std::string& left_out() const { return left_out_; }
+  const std::string& left_out() const { return multigrid_.left_out; }
 
   // For tests of failed solves: `solver` takes the place of all others, MINRES for indefinite systems included.
   void set_solver(std::unique_ptr<LinearSolver> solver) {
@@ -121,15 +121,20 @@ class StepSolver {
   Iterate iterate_;
   std::unique_ptr<FullSystem> full_;
   std::unique_ptr<ReducedSystem> reduced_;
-  // S: rounded to float for multigrid, which works in float itself; in double for all others.
-  std::unique_ptr<ReducedMatrix<float>> rounded_matrix_;
-  std::unique_ptr<ReducedMatrix<double>> matrix_;
-  // The preconditioner.
-  SparseCholesky factorization_;
-  std::unique_ptr<Multigrid> multigrid_;
-  std::string multigrid_failure_, left_out_;
-  // Whether the multigrid's numbers were made after the first step, from an unfolding that nearly closes up.
-  bool multigrid_closed_ = false;
+  // The preconditioners that are kept from step to step, and S: in float for multigrid, which works in float itself, in
+  // double for all others.
+  struct ByMultigrid {
+    std::unique_ptr<ReducedMatrix<float>> s;
+    std::unique_ptr<Multigrid> multigrid;
+    bool is_closed = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
+    std::string failure, left_out;
+  };
+  struct ByFactorization {
+    std::unique_ptr<ReducedMatrix<double>> s;
+    SparseCholesky factorization;
+  };
+  ByMultigrid multigrid_;
+  ByFactorization exact_;
   std::unique_ptr<Preconditioner> preconditioner_;
   Wear wear_;
 };

@@ -8,31 +8,26 @@ TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& m
   TargetAngles target;
   target.angle = measured;
   target.weight.resize(measured.size());
-  execution.For(topology.num_interior, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v) {
-      const std::int32_t first = topology.row_corner_begin[v], last = topology.row_corner_begin[v + 1];
-      double sum = 0;
-      for (std::int32_t i = first; i < last; ++i) sum += measured[topology.row_corner[i]];
-      const double scale = 2 * std::numbers::pi / sum;
-      for (std::int32_t i = first; i < last; ++i) target.angle[topology.row_corner[i]] *= scale;
-    }
+  execution.ForEach(topology.num_interior, [&](std::int64_t v) {
+    const std::int32_t first = topology.row_corner_begin[v], last = topology.row_corner_begin[v + 1];
+    double sum = 0;
+    for (std::int32_t i = first; i < last; ++i) sum += measured[topology.row_corner[i]];
+    const double scale = 2 * std::numbers::pi / sum;
+    for (std::int32_t i = first; i < last; ++i) target.angle[topology.row_corner[i]] *= scale;
   });
-  execution.For(measured.size(), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t c = begin; c < end; ++c) target.weight[c] = 1 / (target.angle[c] * target.angle[c]);
-  });
+  execution.ForEach(measured.size(),
+                    [&](std::int64_t c) { target.weight[c] = 1 / (target.angle[c] * target.angle[c]); });
   return target;
 }
 
 Eigen::VectorXd StartingAngles(const TargetAngles& target, ThreadTeam& team) {
   constexpr std::int64_t kFaces = 4096;  // of one chunk
   Eigen::VectorXd start(target.angle.size());
-  team.For(start.size() / 3, kFaces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const auto a = target.angle.segment<3>(3 * f);
-      // By Cauchy and Schwarz (sum - pi) a_i < a_1^2 + a_2^2 + a_3^2 wherever a_i < 2 pi.
-      const Eigen::Vector3d give = target.weight.segment<3>(3 * f).cwiseInverse();
-      start.segment<3>(3 * f) = a + (std::numbers::pi - a.sum()) / give.sum() * give;
-    }
+  team.ForEach(start.size() / 3, kFaces, [&](std::int64_t f) {
+    const auto a = target.angle.segment<3>(3 * f);
+    // By Cauchy and Schwarz (sum - pi) a_i < a_1^2 + a_2^2 + a_3^2 wherever a_i < 2 pi.
+    const Eigen::Vector3d give = target.weight.segment<3>(3 * f).cwiseInverse();
+    start.segment<3>(3 * f) = a + (std::numbers::pi - a.sum()) / give.sum() * give;
   });
   return start;
 }

@@ -76,15 +76,13 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, con
   const double extent = (high / 2 - low / 2).maxCoeff();
   constexpr double kLastCell = (1 << kCellBits) - 1;
   std::vector<KeyedIndex> entries(vertices.size());
-  execution.For(static_cast<std::int64_t>(vertices.size()), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t j = begin; j < end; ++j) {
-      const std::int32_t v = vertices[j];
-      std::array<std::uint32_t, 3> cell = {};
-      for (int i = 0; extent > 0 && i < 3; ++i) {
-        cell[i] = static_cast<std::uint32_t>((positions[v][i] / 2 - low[i] / 2) / extent * kLastCell);
-      }
-      entries[j] = {HilbertIndex(cell), v};
+  execution.ForEach(static_cast<std::int64_t>(vertices.size()), [&](std::int64_t j) {
+    const std::int32_t v = vertices[j];
+    std::array<std::uint32_t, 3> cell = {};
+    for (int i = 0; extent > 0 && i < 3; ++i) {
+      cell[i] = static_cast<std::uint32_t>((positions[v][i] / 2 - low[i] / 2) / extent * kLastCell);
     }
+    entries[j] = {HilbertIndex(cell), v};
   });
   SortByKey(&entries);
   std::vector<std::int32_t> order;

@@ -18,9 +18,10 @@ namespace planish {
 
 // How exactly the linear system of a step is solved: the forcing terms of an inexact Newton method. With tolerances
 // proportional to the residual, convergence stays quadratic (Dembo, Eisenstat, Steihaug 1982, "Inexact Newton methods",
-// theorem 3.3; Eisenstat and Walker 1996, "Choosing the forcing terms in an inexact Newton method"). A step that may be
-// the last one is not solved beyond what the tolerance of Newton's method needs (Kelley 1995, "Iterative Methods for
-// Linear and Nonlinear Equations", eq. 6.20). Smaller numbers: more linear iterations; larger: more Newton steps.
+// section 3). Solving more exactly than the linear model is worth wastes iterations (Eisenstat and Walker 1996,
+// "Choosing the forcing terms in an inexact Newton method"); in particular, a step that may be the last one is not
+// solved beyond what the tolerance of Newton's method needs (Kelley 1995, "Iterative Methods for Linear and Nonlinear
+// Equations", section 6.3). Smaller numbers: more linear iterations; larger: more Newton steps.
 struct ForcingTuning {
   // Solvers with multigrid or a factorization (RoughTolerance in linalg/linear_solver.h). The error over that of
   // lambda = 0 is at most `error_of_residual` (1/rad) times the residual, and at most `max_error`; the solve leaves of
@@ -49,9 +50,10 @@ struct ForcingTuning {
   double min_term = 1e-10;
 };
 
-// Where the Hessian of the Lagrangian is made positive, and when the exact one is used. Making it positive face by face
-// is what Teran, Sifakis, Irving, Fedkiw 2005 ("Robust quasistatic finite elements and flesh simulation") do with
-// elements; Nocedal and Wright 2006, section 3.4, is about modified Hessians in general.
+// Where the Hessian of the Lagrangian is made positive, and when the exact one is used. Modified Hessians in general:
+// Nocedal and Wright 2006, "Numerical Optimization", section 3.4. Teran, Sifakis, Irving, Fedkiw 2005 ("Robust
+// quasistatic finite elements and flesh simulation") make the Hessian of each finite element positive by itself, by
+// clamping its eigenvalues. Here each face's block moves towards diag(f'') instead, which keeps it diagonal.
 struct ConvexityTuning {
   // Smallest eigenvalue of a face's 3x3 block, relative to diag(f'') on the plane of angle changes that sum to zero. A
   // face below is moved towards diag(f'') just as far as brings it there. Smaller: longer steps into directions that
@@ -130,7 +132,7 @@ struct BarrierTuning {
   double cut_step = 0.3;
   double short_step = 0.1;
   std::int64_t short_steps = 2;
-  // Bound multipliers begin as tau / x, with angles of at least this ratio (bound_multipliers.h). Smaller: angles that
+  // Bound multipliers begin as tau / x, with angles of at least this ratio (objective.h). Smaller: angles that
   // are nearly 0 are held there by their own curvature.
   double min_start_ratio = 3e-2;
   // z stays within this factor of tau / x, at least 1: kappa_Sigma of Waechter and Biegler 2006, eq. 16, who take 1e10.

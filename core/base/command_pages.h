@@ -1,4 +1,4 @@
-// A command's flags, as CLI11 knows them, told in all the places where people read of them: help, man page, completion.
+// Help, man page and shell completion of a command, made from its flags as CLI11 knows them.
 #pragma once
 
 #include <string>
@@ -22,7 +22,7 @@ struct ManFrame {
 void AddHelp(CLI::App& app);
 
 // Adds --generate=man|bash|zsh|fish, which prints the man page, or the completion for a shell, of `app` with all its
-// subcommands, and ends. Flags and subcommands in the group "" are nobody's business.
+// subcommands, and ends. Flags and subcommands in the group "" are left out.
 void AddGenerate(CLI::App& app, const std::string& version, const ManFrame& frame);
 
 }  // namespace planish

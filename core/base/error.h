@@ -26,7 +26,7 @@ absl::Status OptionError(const std::string& field, const std::string& message,
 // The reason and metadata given to MakeError; an empty reason for any other status.
 ErrorInfo ErrorInfoOf(const absl::Status& status);
 
-// Reason "INTERNAL": a bug of ours.
+// INTERNAL, reason "INTERNAL": a fault of this program, not of its input.
 absl::Status InternalError(const std::string& message);
 
 }  // namespace planish

@@ -1,4 +1,5 @@
-// What a stage of the work may use, and what may end it.
+// What a computation may use (a team of threads) and what may end it (requests to cancel or to stop), handed from stage
+// to stage.
 #pragma once
 
 #include <cstdint>
@@ -9,36 +10,44 @@
 
 namespace planish {
 
-// After a cancellation loops leave out what is left of them: whoever reads their results must ask IsCancelled() before.
-// After a stop request results are whole and valid all the same; only searches for better ones end.
+// After a cancellation, loops skip the chunks that are left: whoever reads their results must ask IsCancelled() first.
+// After a stop request, results are complete and valid all the same; only searches for better ones end.
 struct Execution {
   ThreadTeam* team = nullptr;           // null: the calling thread alone
   const Interrupter* cancel = nullptr;  // null: nothing ends it
   const Interrupter* stop = nullptr;    // null: there is time for the best result
 
-  // Some milliseconds of work on a mesh at most, so that a cancellation is noticed soon.
+  // Iterations of a chunk: at most some milliseconds of work on a mesh, so that a cancellation is noticed soon.
   static constexpr std::int64_t kChunk = 4096;
-  // For loops that are no chunks: how many steps may pass between two calls of IsCancelled(). A power of two.
+  // For loops without chunks: the steps between two calls of IsCancelled(). A power of two.
   static constexpr std::int64_t kStride = 16384;
 
   bool IsCancelled() const { return IsInterrupted(cancel); }
   bool IsStopRequested() const { return IsInterrupted(stop); }
-  // With the same ends, for one thread alone.
+  // The same requests, without the team.
   Execution ForOneThread() const { return {nullptr, cancel, stop}; }
   // IsCancelled(), asked once in kStride steps.
   bool IsCancelledAt(std::int64_t step) const { return step % kStride == 0 && IsCancelled(); }
 
   // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
   template <typename Body>
-  void For(std::int64_t n, const Body& body) const {
+  void For(std::int64_t n, const Body& body, std::int64_t chunk = kChunk) const {
     const auto run = [&](std::int64_t begin, std::int64_t end) {
       if (!IsCancelled()) body(begin, end);
     };
     if (team != nullptr) {
-      team->For(n, kChunk, run);
+      team->For(n, chunk, run);
     } else {
-      for (std::int64_t begin = 0; begin < n; begin += kChunk) run(begin, begin + kChunk < n ? begin + kChunk : n);
+      for (std::int64_t begin = 0; begin < n; begin += chunk) run(begin, begin + chunk < n ? begin + chunk : n);
     }
+  }
+
+  // each(i) for every i of [0, n), a chunk of them after one another.
+  template <typename Each>
+  void ForEach(std::int64_t n, const Each& each) const {
+    For(n, [&](std::int64_t begin, std::int64_t end) {
+      for (std::int64_t i = begin; i < end; ++i) each(i);
+    });
   }
 
   // The results of body(begin, end) for every chunk, in order: what is made of them does not depend on the team.
@@ -69,15 +78,11 @@ struct Execution {
   // How many of [0, n) fulfil `predicate`.
   template <typename Predicate>
   std::int64_t Count(std::int64_t n, const Predicate& predicate) const {
-    std::int64_t count = 0;
-    for (const std::int64_t part : Collect<std::int64_t>(n, [&](std::int64_t begin, std::int64_t end) {
-           std::int64_t fulfilling = 0;
-           for (std::int64_t i = begin; i < end; ++i) fulfilling += predicate(i) ? 1 : 0;
-           return fulfilling;
-         })) {
-      count += part;
-    }
-    return count;
+    struct Total {
+      std::int64_t count = 0;
+      void Add(const Total& other) { count += other.count; }
+    };
+    return SumUp<Total>(n, [&](std::int64_t i, Total* total) { total->count += predicate(i) ? 1 : 0; }).count;
   }
 };
 

@@ -1,5 +1,5 @@
-// The process's heap between one large piece of work and the next. For programs, not for libraries, and from one
-// thread.
+// What a process keeps of freed memory between one large piece of work and the next. For programs, not for libraries;
+// to be called from one thread.
 #pragma once
 
 #include <cstddef>
@@ -15,8 +15,8 @@ void KeepFreedMemory();
 // Hands back what is free, but for `keep` bytes that the next piece of work gets without asking the kernel.
 void ReturnFreedMemory(std::size_t keep = 0);
 
-// Huge pages, after KeepFreedMemory(), for the next `bytes` of the heap (1 GiB at most): for a caller that has handed
-// back free memory itself and may not take as much as ReturnFreedMemory() prepares for.
+// After KeepFreedMemory(): asks for huge pages for the next `bytes` of the heap, at most 1 GiB. For a caller that has
+// handed back free memory itself, and whose limit is below the 1 GiB that ReturnFreedMemory() prepares.
 void ReserveHeap(std::size_t bytes);
 
 }  // namespace planish

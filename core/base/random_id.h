@@ -1,4 +1,4 @@
-// Ids that nobody else has, from the system's source of randomness. Thread-safe.
+// Unique ids from the system's source of randomness. Thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -3,8 +3,8 @@
 
 namespace planish {
 
-// The address or the thread sanitizer is in it: it wants terabytes of addresses, files and processes for itself, takes
-// a limit on memory for its own, and is slow.
+// Whether the address or the thread sanitizer is built in. Such a program reserves terabytes of addresses, needs files
+// and processes of its own, fails under a limit on its memory, and is slow.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kSanitized = true;
 #else

@@ -41,7 +41,15 @@ class ThreadTeam {
     }
   }
 
-  // The same, and task() beside it: one thread's, taken up first. It must not write what the chunks read.
+  // each(i) for every i of [0, n), a chunk of them after one another.
+  template <typename Each>
+  void ForEach(std::int64_t n, std::int64_t chunk_size, const Each& each) {
+    For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {
+      for (std::int64_t i = begin; i < end; ++i) each(i);
+    });
+  }
+
+  // For(), and task() beside it: one thread's, taken up first. It must not write what the chunks read.
   template <typename Body, typename Task>
   void ForBeside(const Task& task, std::int64_t n, std::int64_t chunk_size, const Body& body) {
     For(1 + (n + chunk_size - 1) / chunk_size, 1, [&](std::int64_t item, std::int64_t) {

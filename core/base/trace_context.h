@@ -1,5 +1,5 @@
-// W3C Trace Context, level 1 (https://www.w3.org/TR/trace-context-1/): the header "traceparent" by which one thing that
-// somebody asked for can be followed through programs and logs.
+// W3C Trace Context, level 1 (https://www.w3.org/TR/trace-context-1/): the header "traceparent", by which one request
+// can be followed through programs and logs.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace planish {
 using RandomBits = std::function<std::uint64_t()>;
 
 // `header` as version 00, "00-TRACE-SPAN-FLAGS" with 32, 16 and 2 lower-case hex digits; "" if it is malformed, its
-// version is ff, or an id is all zeros. What later versions may append is cut off, as the standard wants it.
+// version is ff, or an id is all zeros. Anything that a later version appends is cut off, as the standard demands.
 std::string ParseTraceparent(std::string_view header);
 
 // The 32 digits of the trace's id in a valid traceparent; "" for any other text.

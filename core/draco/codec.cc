@@ -38,16 +38,11 @@ absl::Status CheckCounts(std::optional<std::int64_t> faces, std::optional<std::i
 }
 
 absl::Status CheckEncodable(const Mesh& mesh) {
-  if (mesh.num_faces() == 0) return InvalidDraco("MESH_EMPTY", "the mesh has no faces");
   if (mesh.num_faces() > std::numeric_limits<std::int32_t>::max() / 3) {
     return InvalidDraco("MESH_TOO_LARGE", "the mesh has " + std::to_string(mesh.num_faces()) +
                                               " triangles, Draco takes 715827882 at most");
   }
-  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
-    for (const std::int32_t vertex : mesh.faces[f]) {
-      if (vertex < 0 || vertex >= mesh.num_vertices()) return IndexOutOfRange(f, vertex, mesh.num_vertices());
-    }
-  }
+  PLANISH_RETURN_IF_ERROR(CheckFaces(mesh.faces, mesh.num_vertices()));
   if (mesh.num_vertices() > 3 * mesh.num_faces()) {
     return InvalidDraco("MESH_DECODE_FAILED",
                         "the mesh has " + std::to_string(mesh.num_vertices()) + " vertices for " +
@@ -77,12 +72,7 @@ void FillDraco(const Mesh& mesh, draco::Mesh* draco_mesh) {
     const Eigen::Vector3f rounded = mesh.positions[v].cast<float>();
     result.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(v)), rounded.data());
   }
-  result.SetNumFaces(mesh.faces.size());
-  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
-    draco::Mesh::Face face;
-    for (int k = 0; k < 3; ++k) face[k] = static_cast<std::uint32_t>(mesh.faces[f][k]);
-    result.SetFace(draco::FaceIndex(static_cast<std::uint32_t>(f)), face);
-  }
+  SetFaces(mesh.faces, &result);
 }
 
 absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh) {
@@ -102,12 +92,6 @@ absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh)
     return InvalidDraco("MESH_POSITION_INVALID", "the Draco mesh has fewer positions than its points refer to");
   }
   return position;
-}
-
-Point PositionValue(const draco::PointAttribute& position, std::uint32_t value) {
-  Point point;
-  std::memcpy(point.data(), position.GetAddress(draco::AttributeValueIndex(value)), sizeof(point));
-  return point;
 }
 
 // The bytes of all attributes of a point except POSITION.
@@ -178,7 +162,8 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& li
   }
   mesh.positions.resize(position->size());
   for (std::uint32_t v = 0; v < position->size(); ++v) {
-    const Point point = PositionValue(*position, v);
+    Point point;
+    std::memcpy(point.data(), position->GetAddress(draco::AttributeValueIndex(v)), sizeof(point));
     mesh.positions[v] = Vec3(point[0], point[1], point[2]);
   }
   // With a mapping of its own POSITION already is as its sender had it, cuts included.

@@ -32,10 +32,10 @@ struct DracoLimits {
 //
 // Never trusts the bytes: geometry type, one POSITION attribute of three floats and the index range are checked;
 // positions may still be NaN or infinite. `limits` hold for what the first bytes declare, before anything is decoded or
-// allocated (draco_header.h; points count as vertices there), and again for what was decoded. What is not checked is
-// the cost: Draco itself wants 3 bytes a face of
-// sequential data, but the entropy coding of Edgebreaker and of quantized values leaves no bound on what a few bytes
-// may honestly hold. A damaged file of 1.5 KB took 13 s and 600 MB: call it where time and memory are limited.
+// allocated (core/draco/header.h; points count as vertices there), and again for what was decoded. The cost is not
+// checked: Draco itself demands 3 bytes a face of sequential data, but the entropy coding of Edgebreaker and of
+// quantized values sets no bound to what a few bytes may rightly hold. A damaged file of 1.5 KB took 13 s and 600 MB:
+// call this where time and memory are limited.
 // INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY, MESH_POSITION_INVALID,
 // MESH_INDEX_OUT_OF_RANGE; RESOURCE_EXHAUSTED: OUT_OF_MEMORY, and MESH_TOO_LARGE with metadata "element" ("faces" or
 // "vertices"), "declared" (how many, before or after) and "limit".

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <string>
 
-#include "core/base/error.h"
+#include "core/draco/library.h"
 #include "draco/compression/config/compression_shared.h"
 #include "draco/core/decoder_buffer.h"
 #include "draco/core/varint_decoding.h"
@@ -109,9 +109,7 @@ absl::StatusOr<DracoCounts> PeekDraco(std::string_view bytes) {
   std::uint16_t flags = 0;
   if (!buffer.Decode(magic.data(), magic.size()) || std::string_view(magic.data(), magic.size()) != kDracoMagic ||
       !buffer.Decode(head.data(), head.size()) || !buffer.Decode(&flags)) {
-    return MakeError(
-        absl::StatusCode::kInvalidArgument, "MESH_DECODE_FAILED",
-        "these " + std::to_string(bytes.size()) + " bytes are not Draco data: they need a Draco header at their start");
+    return NotDraco(bytes);
   }
   DracoCounts counts;
   counts.version_major = head[0];

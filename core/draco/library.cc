@@ -14,13 +14,17 @@ absl::Status InvalidDraco(const std::string& reason, const std::string& message,
   return MakeError(absl::StatusCode::kInvalidArgument, reason, message, metadata);
 }
 
+absl::Status NotDraco(std::string_view bytes) {
+  return InvalidDraco("MESH_DECODE_FAILED", "these " + std::to_string(bytes.size()) +
+                                                " bytes are not Draco data: they need a Draco header at their start");
+}
+
 absl::StatusOr<std::unique_ptr<draco::Mesh>> OpenDraco(std::string_view bytes, bool keep_quantized) {
   draco::DecoderBuffer buffer;
   buffer.Init(bytes.data(), bytes.size());
   const auto type = draco::Decoder::GetEncodedGeometryType(&buffer);
   if (!type.ok() || type.value() == draco::INVALID_GEOMETRY_TYPE) {
-    return InvalidDraco("MESH_DECODE_FAILED", "these " + std::to_string(bytes.size()) +
-                                                  " bytes are not Draco data: they need a Draco header at their start");
+    return NotDraco(bytes);
   }
   if (type.value() != draco::TRIANGULAR_MESH) {
     return InvalidDraco("MESH_NOT_A_MESH", "the Draco data hold a point cloud; only triangle meshes can be unwrapped");
@@ -63,6 +67,25 @@ absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_
                       "a face has the index " + std::to_string(vertex) + ", but the mesh has " + std::to_string(count) +
                           " vertices, numbered from 0",
                       {{"faces", std::to_string(face)}});
+}
+
+absl::Status CheckFaces(const std::vector<Face>& faces, std::int64_t count) {
+  if (faces.empty()) return InvalidDraco("MESH_EMPTY", "the mesh has no faces");
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    for (const std::int32_t v : faces[f]) {
+      if (v < 0 || v >= count) return IndexOutOfRange(static_cast<std::int64_t>(f), v, count);
+    }
+  }
+  return absl::OkStatus();
+}
+
+void SetFaces(const std::vector<Face>& faces, draco::Mesh* mesh) {
+  mesh->SetNumFaces(faces.size());
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    draco::Mesh::Face face;
+    for (int k = 0; k < 3; ++k) face[k] = static_cast<std::uint32_t>(faces[f][k]);
+    mesh->SetFace(draco::FaceIndex(static_cast<std::uint32_t>(f)), face);
+  }
 }
 
 absl::StatusOr<std::string> EncodeInOrder(std::int64_t point_bytes, const draco::Mesh& mesh,

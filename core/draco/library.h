@@ -8,9 +8,11 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/base/error.h"
+#include "core/mesh/mesh.h"
 #include "draco/compression/expert_encode.h"
 #include "draco/mesh/mesh.h"
 
@@ -19,6 +21,9 @@ namespace planish {
 // INVALID_ARGUMENT with `reason`.
 absl::Status InvalidDraco(const std::string& reason, const std::string& message,
                           const std::map<std::string, std::string>& metadata = {});
+
+// INVALID_ARGUMENT, MESH_DECODE_FAILED: `bytes` do not begin like Draco data.
+absl::Status NotDraco(std::string_view bytes);
 
 // Decodes a triangle mesh, of which nothing more is checked. With `keep_quantized`, quantized values stay integers and
 // carry how they were rounded. INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY. May throw what
@@ -32,8 +37,14 @@ absl::StatusOr<draco::Mesh::Face> CheckedFace(const draco::Mesh& mesh, std::uint
 // promises neither. The entries themselves may still be out of range.
 bool IsBacked(const draco::PointAttribute& attribute, std::uint32_t num_points);
 
-// INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: "face F refers to vertex V, ...".
+// INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: "a face has the index V, ...".
 absl::Status IndexOutOfRange(std::int64_t face, std::int64_t vertex, std::int64_t count);
+
+// That faces to be encoded are there, and within `count` points. INVALID_ARGUMENT: MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE.
+absl::Status CheckFaces(const std::vector<Face>& faces, std::int64_t count);
+
+// Gives `mesh` these faces.
+void SetFaces(const std::vector<Face>& faces, draco::Mesh* mesh);
 
 // Encodes faces and points in their order. `point_bytes`: of all values of a point that are not rounded.
 absl::StatusOr<std::string> EncodeInOrder(std::int64_t point_bytes, const draco::Mesh& mesh,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <set>
+#include <utility>
 
 #include "core/base/number.h"
 #include "core/base/status_macros.h"
@@ -17,53 +18,33 @@ namespace planish {
 const int kDracoFloat32 = draco::DT_FLOAT32;
 
 int GlTypeOfDraco(int component) {
-  switch (component) {
-    case draco::DT_INT8:
-      return 5120;
-    case draco::DT_UINT8:
-      return 5121;
-    case draco::DT_INT16:
-      return 5122;
-    case draco::DT_UINT16:
-      return 5123;
-    case draco::DT_UINT32:
-      return 5125;
-    case draco::DT_FLOAT32:
-      return 5126;
-    default:
-      return 0;
+  constexpr std::pair<int, int> kTypes[] = {{draco::DT_INT8, 5120},   {draco::DT_UINT8, 5121},
+                                            {draco::DT_INT16, 5122},  {draco::DT_UINT16, 5123},
+                                            {draco::DT_UINT32, 5125}, {draco::DT_FLOAT32, 5126}};
+  for (const auto& [type, gl_type] : kTypes) {
+    if (type == component) return gl_type;
   }
+  return 0;
 }
 
 namespace {
 
+constexpr std::pair<DracoKind, draco::GeometryAttribute::Type> kKinds[] = {
+    {DracoKind::kPosition, draco::GeometryAttribute::POSITION},
+    {DracoKind::kNormal, draco::GeometryAttribute::NORMAL},
+    {DracoKind::kColor, draco::GeometryAttribute::COLOR},
+    {DracoKind::kTexcoord, draco::GeometryAttribute::TEX_COORD}};
+
 DracoKind KindOf(draco::GeometryAttribute::Type type) {
-  switch (type) {
-    case draco::GeometryAttribute::POSITION:
-      return DracoKind::kPosition;
-    case draco::GeometryAttribute::NORMAL:
-      return DracoKind::kNormal;
-    case draco::GeometryAttribute::COLOR:
-      return DracoKind::kColor;
-    case draco::GeometryAttribute::TEX_COORD:
-      return DracoKind::kTexcoord;
-    default:
-      return DracoKind::kGeneric;
+  for (const auto& [kind, theirs] : kKinds) {
+    if (theirs == type) return kind;
   }
+  return DracoKind::kGeneric;
 }
 
 draco::GeometryAttribute::Type TypeOf(DracoKind kind) {
-  switch (kind) {
-    case DracoKind::kPosition:
-      return draco::GeometryAttribute::POSITION;
-    case DracoKind::kNormal:
-      return draco::GeometryAttribute::NORMAL;
-    case DracoKind::kColor:
-      return draco::GeometryAttribute::COLOR;
-    case DracoKind::kTexcoord:
-      return draco::GeometryAttribute::TEX_COORD;
-    case DracoKind::kGeneric:
-      break;
+  for (const auto& [ours, type] : kKinds) {
+    if (ours == kind) return type;
   }
   return draco::GeometryAttribute::GENERIC;
 }
@@ -165,12 +146,7 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
     mesh.attribute(id)->set_unique_id(attribute.unique_id);
     if (!quantize[static_cast<std::size_t>(id)]) point_bytes += attribute.value_size;
   }
-  mesh.SetNumFaces(points.faces.size());
-  for (std::size_t f = 0; f < points.faces.size(); ++f) {
-    draco::Mesh::Face face;
-    for (int k = 0; k < 3; ++k) face[k] = static_cast<std::uint32_t>(points.faces[f][k]);
-    mesh.SetFace(draco::FaceIndex(static_cast<std::uint32_t>(f)), face);
-  }
+  SetFaces(points.faces, &mesh);
   if (points.metadata != nullptr) {
     mesh.AddMetadata(
         std::make_unique<draco::GeometryMetadata>(*static_cast<const draco::GeometryMetadata*>(points.metadata.get())));
@@ -182,18 +158,6 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
     encoder.options().SetAttributeOptions(static_cast<int>(i), QuantizationOptions(attribute));
   }
   return EncodeInOrder(point_bytes, mesh, &encoder);
-}
-
-absl::Status CheckEncodable(const DracoPoints& points) {
-  if (points.faces.empty()) return InvalidDraco("MESH_EMPTY", "the mesh has no faces");
-  for (const Face& face : points.faces) {
-    for (const std::int32_t point : face) {
-      if (point < 0 || point >= points.num_points) {
-        return InvalidDraco("MESH_INDEX_OUT_OF_RANGE", "a face refers to point " + std::to_string(point));
-      }
-    }
-  }
-  return absl::OkStatus();
 }
 
 // Which attributes of `points` come back from `bytes` as they are; nothing if the faces do not.
@@ -231,7 +195,7 @@ absl::StatusOr<DracoPoints> DecodeDracoPoints(const std::string& bytes, bool wan
 }
 
 absl::StatusOr<std::string> EncodeDracoPoints(const DracoPoints& points) {
-  PLANISH_RETURN_IF_ERROR(CheckEncodable(points));
+  PLANISH_RETURN_IF_ERROR(CheckFaces(points.faces, points.num_points));
   return CatchOutOfMemory("encode", [&] { return EncodeAndCompare(points); });
 }
 

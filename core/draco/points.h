@@ -15,7 +15,7 @@ enum class DracoKind { kPosition, kNormal, kColor, kTexcoord, kGeneric };
 
 struct DracoAttribute {
   DracoKind kind = DracoKind::kGeneric;
-  std::uint32_t unique_id = 0;  // in files of Draco before 1.0 it is none: then the number of the attribute
+  std::uint32_t unique_id = 0;  // the number of the attribute where ids are not unique, as in files of Draco before 1.0
   int component = 0;   // Draco's number of the type; kDracoFloat32 is the only one that callers make themselves
   int components = 0;  // of a value
   bool normalized = false;
@@ -38,8 +38,8 @@ struct DracoPoints {
   std::shared_ptr<const void> metadata;  // of the file, for EncodeDracoPoints; may be null
 };
 
-// Decodes any Draco triangle mesh. Points and faces keep the order of the decoded bytes; all is checked and costs may
-// be high, as for DecodeDraco (core/draco/codec.h). With `want_quantization` the bytes are decoded twice, the second
+// Decodes any Draco triangle mesh. Points and faces keep the order of the decoded bytes. Bytes are not trusted, and may
+// cost much, as for DecodeDraco (core/draco/codec.h). With `want_quantization` the bytes are decoded twice, the second
 // time to find out how values were rounded.
 // INVALID_ARGUMENT: MESH_DECODE_FAILED, MESH_NOT_A_MESH, MESH_EMPTY, MESH_INDEX_OUT_OF_RANGE; RESOURCE_EXHAUSTED:
 // OUT_OF_MEMORY.

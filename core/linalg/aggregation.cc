@@ -19,17 +19,14 @@ std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta, st
   constexpr std::int64_t kRows = 4096;
   const std::int32_t n = matrix.num_rows();
   std::vector<float> diagonal(n);
-  team->For(n, kRows, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) diagonal[i] = std::sqrt(SquaredNorm(matrix.Block(matrix.diagonal[i])));
-  });
+  team->ForEach(n, kRows,
+                [&](std::int64_t i) { diagonal[i] = std::sqrt(SquaredNorm(matrix.Block(matrix.diagonal[i]))); });
   const auto threshold = static_cast<float>(theta * theta);
   std::vector<char> strong(matrix.column.size());
-  team->For(std::min(n, num_coupled), kRows, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) {
-      for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-        const std::int32_t j = matrix.column[k];
-        strong[k] = j != i && j < num_coupled && SquaredNorm(matrix.Block(k)) >= threshold * diagonal[i] * diagonal[j];
-      }
+  team->ForEach(std::min(n, num_coupled), kRows, [&](std::int64_t i) {
+    for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
+      const std::int32_t j = matrix.column[k];
+      strong[k] = j != i && j < num_coupled && SquaredNorm(matrix.Block(k)) >= threshold * diagonal[i] * diagonal[j];
     }
   });
   return strong;

@@ -1,4 +1,4 @@
-// Sets of strongly coupled neighbours, the coarse unknowns of the multigrid.
+// Aggregates: sets of strongly coupled rows, each of which becomes one row of the next coarser level of the multigrid.
 #pragma once
 
 #include <cstdint>

@@ -7,18 +7,16 @@ void Multiply(const BlockMatrix<Scalar>& a, const Eigen::VectorXd& x, Eigen::Vec
   using Block = Eigen::Array<Scalar, 2, 1>;
   constexpr std::int64_t kRows = 2048;
   y->resize(x.size());
-  team.For(a.num_rows(), kRows, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) {
-      Eigen::Array2d upper(0, 0), lower(0, 0);
-      for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
-        const Scalar* block = &a.value[4 * static_cast<std::size_t>(k)];
-        const Eigen::Array2d at = x.segment<2>(2 * Eigen::Index{a.column[k]}).array();
-        upper += Eigen::Map<const Block>(block).template cast<double>() * at;
-        lower += Eigen::Map<const Block>(block + 2).template cast<double>() * at;
-      }
-      (*y)[2 * i] = upper.sum();
-      (*y)[2 * i + 1] = lower.sum();
+  team.ForEach(a.num_rows(), kRows, [&](std::int64_t i) {
+    Eigen::Array2d upper(0, 0), lower(0, 0);
+    for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+      const Scalar* block = &a.value[4 * static_cast<std::size_t>(k)];
+      const Eigen::Array2d at = x.segment<2>(2 * Eigen::Index{a.column[k]}).array();
+      upper += Eigen::Map<const Block>(block).template cast<double>() * at;
+      lower += Eigen::Map<const Block>(block + 2).template cast<double>() * at;
     }
+    (*y)[2 * i] = upper.sum();
+    (*y)[2 * i + 1] = lower.sum();
   });
 }
 

@@ -220,35 +220,33 @@ void MultigridLevel<N>::FillProlongation(ThreadTeam* team) {
   Prolongation& p = prolongation;
   const std::vector<Index>& aggregate = p.aggregates.of_row;
   const auto omega = static_cast<float>(p.omega);
-  team->For(num_rows(), kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      const Index row = p.row_begin[i], row_end = p.row_begin[i + 1];
-      if (row == row_end) continue;
-      std::fill(&p.value[4 * N * std::size_t(row)], p.value.data() + 4 * N * std::size_t(row_end), 0.0F);
-      const bool smoothed = a.row_begin[i + 1] - a.row_begin[i] <= p.most_smoothed_couplings;
-      for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
-        const Index j = a.column[k], c = aggregate[j];
-        if (c < 0 || (!smoothed && i != j)) continue;
-        // W = delta_ij - omega D_i^-1 A_ij, by parts, then W P_0j.
-        Float4 w[kParts][kParts];
-        for (int r = 0; r < kParts; ++r) {
-          for (int q = 0; q < kParts; ++q) {
-            w[r][q] = i == j && r == q ? Float4{1, 0, 0, 1} : Float4{};
-            for (int s = 0; smoothed && s < kParts; ++s) {
-              w[r][q] -= omega * Product(Load<Float4>(&a.inverse[N * N * std::size_t(i)] + 4 * (kParts * r + s)),
-                                         Load<Float4>(a.Block(k) + 4 * (kParts * s + q)));
-            }
+  team->ForEach(num_rows(), kRowsPerChunk, [&](Index i) {
+    const Index row = p.row_begin[i], row_end = p.row_begin[i + 1];
+    if (row == row_end) return;
+    std::fill(&p.value[4 * N * std::size_t(row)], p.value.data() + 4 * N * std::size_t(row_end), 0.0F);
+    const bool smoothed = a.row_begin[i + 1] - a.row_begin[i] <= p.most_smoothed_couplings;
+    for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
+      const Index j = a.column[k], c = aggregate[j];
+      if (c < 0 || (!smoothed && i != j)) continue;
+      // W = delta_ij - omega D_i^-1 A_ij, by parts, then W P_0j.
+      Float4 w[kParts][kParts];
+      for (int r = 0; r < kParts; ++r) {
+        for (int q = 0; q < kParts; ++q) {
+          w[r][q] = i == j && r == q ? Float4{1, 0, 0, 1} : Float4{};
+          for (int s = 0; smoothed && s < kParts; ++s) {
+            w[r][q] -= omega * Product(Load<Float4>(&a.inverse[N * N * std::size_t(i)] + 4 * (kParts * r + s)),
+                                       Load<Float4>(a.Block(k) + 4 * (kParts * s + q)));
           }
         }
-        const Index at = static_cast<Index>(std::find(&p.column[row], &p.column[row_end - 1], c) - p.column.data());
-        float* to = &p.value[4 * N * std::size_t(at)];
-        const Float4 offset = ComplexBlock(Load<Float2>(&p.offset[2 * std::size_t(j)]));
-        for (int r = 0; r < kParts; ++r) {
-          Store(Load<Float4>(to + 8 * r) + w[r][0], to + 8 * r);
-          Float4 beta = Product(w[r][0], offset);
-          if (N == 4) beta += w[r][kParts - 1] * p.scale[j];
-          Store(Load<Float4>(to + 8 * r + 4) + beta, to + 8 * r + 4);
-        }
+      }
+      const Index at = static_cast<Index>(std::find(&p.column[row], &p.column[row_end - 1], c) - p.column.data());
+      float* to = &p.value[4 * N * std::size_t(at)];
+      const Float4 offset = ComplexBlock(Load<Float2>(&p.offset[2 * std::size_t(j)]));
+      for (int r = 0; r < kParts; ++r) {
+        Store(Load<Float4>(to + 8 * r) + w[r][0], to + 8 * r);
+        Float4 beta = Product(w[r][0], offset);
+        if (N == 4) beta += w[r][kParts - 1] * p.scale[j];
+        Store(Load<Float4>(to + 8 * r + 4) + beta, to + 8 * r + 4);
       }
     }
   });

@@ -108,15 +108,13 @@ template struct LevelMatrix<2>;
 template struct LevelMatrix<4>;
 
 void SetValues(const BlockMatrix<float>& matrix, LevelMatrix<2>* level, ThreadTeam* team) {
-  team->For(level->num_rows(), kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      const Index first = i / level->chunk_rows * level->chunk_rows, last = first + level->chunk_rows;
-      Index inside = level->row_begin[i], outside = level->outside_begin[i];
-      for (Index k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-        const Index j = matrix.column[k];
-        float* to = level->Block(j < first || j >= last ? outside++ : inside++);
-        std::copy_n(&matrix.value[4 * static_cast<std::size_t>(k)], 4, to);
-      }
+  team->ForEach(level->num_rows(), kRowsPerChunk, [&](Index i) {
+    const Index first = i / level->chunk_rows * level->chunk_rows, last = first + level->chunk_rows;
+    Index inside = level->row_begin[i], outside = level->outside_begin[i];
+    for (Index k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
+      const Index j = matrix.column[k];
+      float* to = level->Block(j < first || j >= last ? outside++ : inside++);
+      std::copy_n(&matrix.value[4 * static_cast<std::size_t>(k)], 4, to);
     }
   });
 }

@@ -151,31 +151,20 @@ class DirectSolver final : public LinearSolver {
   LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
                           const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
                           Eigen::VectorXd* lambda) const override {
+    LinearSolveOptions limited = options;
+    limited.max_iterations = options.tuning.max_direct_refinements;
     LinearSummary summary;
-    Eigen::VectorXd residual, correction;
-    double first = 0;
-    while (true) {
-      system.ApplySchur(*lambda, &residual);
-      residual = rhs - residual;
-      const double norm = residual.norm();
-      if (summary.iterations == 0) first = norm;
-      if (!std::isfinite(norm)) {
-        summary.termination = LinearTermination::kStagnated;
-        break;
-      }
-      if (norm <= options.relative_tolerance * first) break;
-      if (summary.iterations >= options.tuning.max_direct_refinements) {
-        summary.termination = LinearTermination::kStagnated;
-        break;
-      }
-      if (IsInterrupted(options.cancel) || IsInterrupted(options.stop)) {
-        summary.termination = LinearTermination::kInterrupted;
-        break;
-      }
+    Eigen::VectorXd residual = rhs, correction;
+    const double first = rhs.norm();
+    for (double norm = first; GoesOn(norm / first, norm <= options.relative_tolerance * first, limited, &summary);
+         norm = residual.norm()) {
       preconditioner.Apply(residual, &correction);
       *lambda += correction;
+      system.ApplySchur(*lambda, &residual);
+      residual = rhs - residual;
       ++summary.iterations;
     }
+    if (summary.termination == LinearTermination::kIterationLimit) summary.termination = LinearTermination::kStagnated;
     return summary;
   }
 };

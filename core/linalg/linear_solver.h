@@ -75,9 +75,8 @@ struct LinearSummary {
   double energy_taken = std::numeric_limits<double>::quiet_NaN();
 };
 
-// For solvers, before each iteration: whether another one is to follow. If not, summary->termination says why.
-// `residual` is relative; `is_good_enough` says whether the solver's own measure meets the tolerance. Calls
-// on_progress.
+// A solver asks before each iteration whether to make it. If not, summary->termination says why. `residual` is
+// relative; `is_good_enough` says whether the solver's own measure meets the tolerance. Calls on_progress.
 bool GoesOn(double residual, bool is_good_enough, const LinearSolveOptions& options, LinearSummary* summary);
 
 // One sentence: "iteration limit after 300 iterations, residual 1.2e-03 of the right-hand side".
@@ -123,8 +122,9 @@ std::unique_ptr<LinearSolver> MakeMinresSolver();
 // Second approach (section 7.2): the modified Uzawa algorithm with conjugate directions. M must be positive definite.
 std::unique_ptr<LinearSolver> MakeUzawaSolver();
 
-// The preconditioner must be a factorization of M: applies it, and corrects the solution by what is left until the
-// tolerance is met, LinearTuning::max_direct_refinements times in all. M must be positive definite.
+// Iterative refinement. The preconditioner must be a factorization of M, which must be positive definite. The solver
+// applies it to what is left of the right-hand side until the tolerance is met, at most
+// LinearTuning::max_direct_refinements times; beyond, the solve counts as kStagnated.
 std::unique_ptr<LinearSolver> MakeDirectSolver();
 
 }  // namespace planish

@@ -129,14 +129,10 @@ void Multigrid::Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const {
   const Eigen::Index n = r.size();
   z->resize(n);
   constexpr std::int64_t kChunk = 16384;
-  team_->For(n, kChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i)
-      finest_.b[static_cast<std::size_t>(i)] = static_cast<float>(r[i] / scale);
-  });
+  team_->ForEach(n, kChunk,
+                 [&](std::int64_t i) { finest_.b[static_cast<std::size_t>(i)] = static_cast<float>(r[i] / scale); });
   Cycle();
-  team_->For(n, kChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) (*z)[i] = scale * finest_.x[static_cast<std::size_t>(i)];
-  });
+  team_->ForEach(n, kChunk, [&](std::int64_t i) { (*z)[i] = scale * finest_.x[static_cast<std::size_t>(i)]; });
 }
 
 double Multigrid::operator_complexity() const {

@@ -1,5 +1,5 @@
-// Smoothed-aggregation multigrid (Vanek, Mandel, Brezina 1996) for the reduced system S. A preconditioner: one V-cycle
-// in float.
+// Smoothed-aggregation multigrid (Vanek, Mandel, Brezina 1996, "Algebraic multigrid by smoothed aggregation for second
+// and fourth order elliptic problems") for the reduced system S. A preconditioner: one V-cycle in float.
 //
 // The near-null vectors. Read the pair of row i as a complex number lambda_i = u_i + i w_i, u of the vertex and w of
 // the wheel multiplier. Let the angles meet the constraints, and let z_i be the vertices' places in the plane. Then S
@@ -18,7 +18,7 @@
 //   smoother       Gauss-Seidel within chunks of rows and Jacobi between them, forward before and backward after the
 //                  coarse correction: the cycle is symmetric. With couplings Out between chunks, and M what a forward
 //                  sweep inverts, the cycle is positive definite if M + M^t - A is (Baker, Falgout, Kolev, Yang 2011,
-//                  "Multigrid smoothers for ultraparallel computing", section 2). For M = D + L, with L the part below
+//                  "Multigrid smoothers for ultraparallel computing"). For M = D + L, with L the part below
 //                  the diagonal within chunks, M + M^t - A is D - Out, which need not be positive: on a foot of ten
 //                  million triangles it was not, and conjugate directions broke down. So M = D + L + E, with a diagonal
 //                  matrix E just large enough that D + 2 E - Out is positive (the l1 smoother of that paper;

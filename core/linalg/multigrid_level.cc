@@ -51,11 +51,9 @@ void MultigridLevel<N>::ResizeVectors() {
 
 template <int N>
 void MultigridLevel<N>::RelaxFromZero(ThreadTeam* team) {
-  team->For(num_rows(), a.chunk_rows, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      const Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data());
-      Store(SolveRow(a, i, r), &x[N * std::size_t(i)]);
-    }
+  team->ForEach(num_rows(), a.chunk_rows, [&](Index i) {
+    const Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data());
+    Store(SolveRow(a, i, r), &x[N * std::size_t(i)]);
   });
 }
 
@@ -63,24 +61,20 @@ template <int N>
 void MultigridLevel<N>::Restrict(std::vector<float>* coarse_b, ThreadTeam* team) {
   const Prolongation& p = prolongation;
   // With (D + L + E) x = b, b - A x is what is right of the diagonal, and E x.
-  team->For(num_rows(), kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      Vector r = -RowProduct(a, a.diagonal[i] + 1, a.row_begin[i + 1], x.data());
-      if (a.HasOutside(i)) {
-        r += Load<Vector>(&a.damping[N * std::size_t(i)]) * Load<Vector>(&x[N * std::size_t(i)]);
-      }
-      Store(r, &old[N * std::size_t(i)]);
+  team->ForEach(num_rows(), kRowsPerChunk, [&](Index i) {
+    Vector r = -RowProduct(a, a.diagonal[i] + 1, a.row_begin[i + 1], x.data());
+    if (a.HasOutside(i)) {
+      r += Load<Vector>(&a.damping[N * std::size_t(i)]) * Load<Vector>(&x[N * std::size_t(i)]);
     }
+    Store(r, &old[N * std::size_t(i)]);
   });
-  team->For(p.aggregates.count, kRowsPerChunk / 16, [&](std::int64_t begin, std::int64_t end) {
-    for (auto c = static_cast<Index>(begin); c < end; ++c) {
-      Restricted sum;
-      for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
-        const auto [row, block] = p.transposed[t];
-        sum.Add(&p.value[4 * N * std::size_t(block)], Load<Vector>(&old[N * std::size_t(row)]));
-      }
-      Store(sum.Value(), &(*coarse_b)[4 * std::size_t(c)]);
+  team->ForEach(p.aggregates.count, kRowsPerChunk / 16, [&](Index c) {
+    Restricted sum;
+    for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
+      const auto [row, block] = p.transposed[t];
+      sum.Add(&p.value[4 * N * std::size_t(block)], Load<Vector>(&old[N * std::size_t(row)]));
     }
+    Store(sum.Value(), &(*coarse_b)[4 * std::size_t(c)]);
   });
 }
 
@@ -88,16 +82,14 @@ template <int N>
 void MultigridLevel<N>::CorrectAndRelax(const std::vector<float>& coarse_x, ThreadTeam* team) {
   const Index n = num_rows();
   const Prolongation& p = prolongation;
-  team->For(n, kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<Index>(begin); i < end; ++i) {
-      std::conditional_t<N == 2, Prolonged2, Prolonged4> correction;
-      for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) {
-        correction.Add(&p.value[4 * N * std::size_t(k)], Load<Float4>(&coarse_x[4 * std::size_t(p.column[k])]));
-      }
-      const Vector corrected = Load<Vector>(&x[N * std::size_t(i)]) + correction.Value();
-      Store(corrected, &x[N * std::size_t(i)]);
-      Store(corrected, &old[N * std::size_t(i)]);
+  team->ForEach(n, kRowsPerChunk, [&](Index i) {
+    std::conditional_t<N == 2, Prolonged2, Prolonged4> correction;
+    for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) {
+      correction.Add(&p.value[4 * N * std::size_t(k)], Load<Float4>(&coarse_x[4 * std::size_t(p.column[k])]));
     }
+    const Vector corrected = Load<Vector>(&x[N * std::size_t(i)]) + correction.Value();
+    Store(corrected, &x[N * std::size_t(i)]);
+    Store(corrected, &old[N * std::size_t(i)]);
   });
   team->For(n, a.chunk_rows, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<Index>(end) - 1; i >= begin; --i) {

@@ -14,8 +14,8 @@
 
 namespace planish {
 
-// For a matrix S, another preconditioner M^-1 and a patch: the rows of blocks for which M^-1 serves badly. With P^-1
-// the inverse of the patch's own part of S, and zero elsewhere,
+// Improves another preconditioner M^-1 of a matrix S on a patch: on the rows of blocks for which M^-1 serves badly.
+// With P^-1 the inverse of the patch's own part of S, and zero elsewhere,
 //   1 - K^-1 S = (1 - P^-1 S) (1 - M^-1 S) (1 - P^-1 S).
 // K^-1 is symmetric, and positive definite if M^-1 is.
 class PatchPreconditioner final : public Preconditioner {

@@ -1,4 +1,5 @@
-// Symmetric positive definite approximations of the inverse of a Schur complement.
+// Symmetric positive definite approximations K^-1 of the inverse of a Schur complement. Not thread-safe: some work in
+// vectors of their own.
 #pragma once
 
 #include <cmath>
@@ -11,7 +12,7 @@ namespace planish {
 class Preconditioner {
  public:
   virtual ~Preconditioner() = default;
-  // z = K^-1 r.
+  // z = K^-1 r. z is resized, and must not be r.
   virtual void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const = 0;
 };
 

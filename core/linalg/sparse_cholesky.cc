@@ -55,7 +55,7 @@ std::vector<std::int32_t> MinimumDegreeOrder(const BlockMatrix<double>& matrix) 
 
 struct SparseCholesky::Impl {
   // The order, the elimination tree and the pattern of L.
-  absl::Status Analyze(const BlockMatrix<double>& matrix);
+  void Analyze(const BlockMatrix<double>& matrix);
   absl::Status FactorizeNumbers(const BlockMatrix<double>& matrix);
   // Writes the columns of row k of L, which are the nodes of the elimination tree on the paths from the columns of row
   // k of the matrix up to k, to the end of `pattern` from the returned place on: each after those that it depends on.
@@ -95,7 +95,7 @@ std::int32_t SparseCholesky::Impl::RowPattern(const BlockMatrix<double>& matrix,
   return top;
 }
 
-absl::Status SparseCholesky::Impl::Analyze(const BlockMatrix<double>& matrix) {
+void SparseCholesky::Impl::Analyze(const BlockMatrix<double>& matrix) {
   const std::int32_t n = matrix.num_rows();
   order = MinimumDegreeOrder(matrix);
   place.resize(n);
@@ -119,7 +119,8 @@ absl::Status SparseCholesky::Impl::Analyze(const BlockMatrix<double>& matrix) {
     for (std::int32_t t = RowPattern(matrix, k, &mark, &pattern); t < n; ++t) ++begin[pattern[t] + 1];
   }
   for (std::int32_t j = 0; j < n; ++j) begin[j + 1] += begin[j];
-  return absl::OkStatus();
+  row_begin = matrix.row_begin;
+  column = matrix.column;
 }
 
 absl::Status SparseCholesky::Impl::FactorizeNumbers(const BlockMatrix<double>& matrix) {
@@ -195,21 +196,20 @@ std::int64_t SparseCholesky::bytes() const {
 
 absl::Status SparseCholesky::Factorize(const BlockMatrix<double>& matrix) {
   Impl& f = *impl_;
-  const auto give_up = [&](const std::string& why) {
+  const auto forget = [&] {
     const std::int64_t limit = f.max_bytes;
     f = Impl();
     f.max_bytes = limit;
+  };
+  const auto give_up = [&](const std::string& why) {
+    forget();
     return absl::ResourceExhaustedError(why);
   };
   if (matrix.num_rows() == 0) return absl::OkStatus();
   try {
     if (f.begin.empty() || f.row_begin != matrix.row_begin || f.column != matrix.column) {
-      const std::int64_t limit = f.max_bytes;
-      f = Impl();
-      f.max_bytes = limit;
-      if (absl::Status status = f.Analyze(matrix); !status.ok()) return status;
-      f.row_begin = matrix.row_begin;
-      f.column = matrix.column;
+      forget();
+      f.Analyze(matrix);
     }
     if (bytes() > f.max_bytes) {
       return give_up(absl::StrFormat(

@@ -1,7 +1,7 @@
 // Sparse Cholesky factorization S = L L^t of symmetric positive definite matrices of 2x2 blocks.
 //
 // Without BLAS: one thread, no locks, and the same bits on every machine. The factorization goes row by row (the
-// "up-looking" method of Davis, Direct Methods for Sparse Linear Systems, 2006, section 4.8), on blocks of 2x2 in the
+// "up-looking" method: Davis 2006, "Direct Methods for Sparse Linear Systems", chapter 4), with blocks of 2x2 in the
 // place of numbers: one index serves four numbers, and the inner loop has 16 operations for each block that it reads.
 #pragma once
 

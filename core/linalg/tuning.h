@@ -42,7 +42,7 @@ struct LinearTuning {
 // The multigrid's hierarchy and smoother (multigrid.h).
 struct MultigridTuning {
   // theta, in [0, 1): couplings weaker than this part of the diagonal do not bind rows into one aggregate. On level l
-  // it is strength * strength_ratio^l; the values are those of Vanek, Mandel, Brezina 1996, section 4. Sweep: with
+  // it is strength * strength_ratio^l; the values are those of Vanek, Mandel, Brezina 1996. Sweep: with
   // double the strength up to a third fewer iterations and a tenth more time; with half, a few iterations more and
   // about the same time.
   double strength = 0.08;
@@ -63,7 +63,7 @@ struct MultigridTuning {
   // level, since the dense matrix would take more memory than all other levels.
   std::int64_t max_dense_rows = 500;
   // omega times the largest eigenvalue of D^-1 A: the damping of the prolongation's smoother that is best for all
-  // eigenvalues at once (Vanek, Mandel, Brezina 1996, section 3). Sweep: half of it costs half as many iterations again
+  // eigenvalues at once (Vanek, Mandel, Brezina 1996). Sweep: half of it costs half as many iterations again
   // on easy discs, double of it twice as many.
   double omega = 4.0 / 3;
   // Couplings of a row above which its part of the prolongation is not smoothed: it would bring all its neighbours'

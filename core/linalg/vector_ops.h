@@ -49,7 +49,7 @@ double Largest(ThreadTeam& team, const Expression& expression) {
   return largest;
 }
 
-// Smallest entry of an expression with positive entries only.
+// Smallest entry of an expression with positive entries only, to within rounding.
 template <typename Expression>
 double Smallest(ThreadTeam& team, const Expression& expression) {
   return 1 / Largest(team, expression.cwiseInverse());

@@ -7,17 +7,9 @@
 #include "core/base/portable_math.h"
 
 namespace planish {
-namespace {
-
-double CrossNorm(const Vec3& u, const Vec3& v) {
-  return u.cross(v).norm();
-}
-double CrossNorm(const Vec2& u, const Vec2& v) {
-  return std::abs(u.x() * v.y() - u.y() * v.x());
-}
 
 template <typename Point>
-void Angles(const Point p[3], double angles[3]) {
+void TriangleAngles(const Point p[3], double angles[3]) {
   // Edge k faces corner k. The largest angle, which faces the longest edge, is what the others leave of pi: they are
   // acute, and as exact as the area, which the two shorter edges give.
   const Point edge[3] = {p[2] - p[1], p[0] - p[2], p[1] - p[0]};
@@ -25,26 +17,17 @@ void Angles(const Point p[3], double angles[3]) {
   const int largest =
       squared[0] >= squared[1] ? (squared[0] >= squared[2] ? 0 : 2) : (squared[1] >= squared[2] ? 1 : 2);
   const int next = Next(largest), prev = Prev(largest);
-  const double twice_area = CrossNorm(edge[next], edge[prev]);
+  const double twice_area = std::abs(DoubleArea(p[largest], p[next], p[prev]));
   angles[next] = portable::Atan2(twice_area, -edge[largest].dot(edge[prev]));
   angles[prev] = portable::Atan2(twice_area, -edge[largest].dot(edge[next]));
   angles[largest] = std::numbers::pi - angles[next] - angles[prev];
 }
 
-}  // namespace
-
-template <>
-void TriangleAngles<Vec3>(const Vec3 p[3], double angles[3]) {
-  Angles(p, angles);
-}
-template <>
-void TriangleAngles<Vec2>(const Vec2 p[3], double angles[3]) {
-  Angles(p, angles);
-}
+template void TriangleAngles(const Vec2 p[3], double angles[3]);
+template void TriangleAngles(const Vec3 p[3], double angles[3]);
 
 bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c) {
-  const double twice_area = (b - a).cross(c - a).norm();
-  return !(twice_area > 1e-14 * LongestEdgeSquared(a, b, c));
+  return !(DoubleArea(a, b, c) > 1e-14 * LongestEdgeSquared(a, b, c));
 }
 
 namespace {
@@ -67,17 +50,15 @@ void MeasureFlatFace(const Vec3 p[3], double angles[3]) {
 template <typename FaceAt>
 Eigen::VectorXd Measure(const Mesh& mesh, std::int64_t num_faces, const FaceAt& face_at, const Execution& execution) {
   Eigen::VectorXd angles(3 * num_faces);
-  execution.For(num_faces, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) {
-      const auto& [a, b, c] = mesh.faces[face_at(i)];
-      const Vec3 p[3] = {mesh.positions[a], mesh.positions[b], mesh.positions[c]};
-      if (a == b || b == c || c == a || (p[0] == p[1] && p[1] == p[2])) {
-        angles.segment<3>(3 * i).setZero();
-      } else if (IsDegenerateTriangle(p[0], p[1], p[2])) {
-        MeasureFlatFace(p, &angles[3 * i]);
-      } else {
-        TriangleAngles(p, &angles[3 * i]);
-      }
+  execution.ForEach(num_faces, [&](std::int64_t i) {
+    const auto& [a, b, c] = mesh.faces[face_at(i)];
+    const Vec3 p[3] = {mesh.positions[a], mesh.positions[b], mesh.positions[c]};
+    if (a == b || b == c || c == a || (p[0] == p[1] && p[1] == p[2])) {
+      angles.segment<3>(3 * i).setZero();
+    } else if (IsDegenerateTriangle(p[0], p[1], p[2])) {
+      MeasureFlatFace(p, &angles[3 * i]);
+    } else {
+      TriangleAngles(p, &angles[3 * i]);
     }
   });
   return angles;

@@ -19,7 +19,7 @@ namespace planish {
 // are longer by a thousandth of its longest edge ("intrinsic mollification", Sharp and Crane 2020, but only there): no
 // angle is 0. One that names a vertex twice, or lies in one point, has no angles: 0. Of no use after a cancellation.
 Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const Execution& execution = {});
-// Those of these faces alone: corner k of faces[i] at 3 i + k.
+// The angles of these faces alone: corner k of faces[i] at 3 i + k.
 Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const std::vector<std::int32_t>& faces,
                                const Execution& execution = {});
 
@@ -35,19 +35,23 @@ double LongestEdge(const std::array<Point, 3>& p) {
 }
 
 // Twice the area of a triangle. In the plane negative if it runs clockwise.
-inline double DoubleArea(const std::array<Vec2, 3>& p) {
-  const Vec2 u = p[1] - p[0], v = p[2] - p[0];
+inline double DoubleArea(const Vec2& a, const Vec2& b, const Vec2& c) {
+  const Vec2 u = b - a, v = c - a;
   return u.x() * v.y() - u.y() * v.x();
 }
-inline double DoubleArea(const std::array<Vec3, 3>& p) {
-  return (p[1] - p[0]).cross(p[2] - p[0]).norm();
+inline double DoubleArea(const Vec3& a, const Vec3& b, const Vec3& c) {
+  return (b - a).cross(c - a).norm();
+}
+template <typename Point>
+double DoubleArea(const std::array<Point, 3>& p) {
+  return DoubleArea(p[0], p[1], p[2]);
 }
 
 // Whether the three points span no area at working precision: 2 area <= 1e-14 times the longest edge squared.
 bool IsDegenerateTriangle(const Vec3& a, const Vec3& b, const Vec3& c);
 
-// The angles of the triangle `p`, in [0, pi], corner k's in angles[k]. They add up to pi. If the triangle has no area,
-// two are 0.
+// angles[k]: the angle of the triangle `p` at corner k, radians, in [0, pi]. The three add up to pi. If the triangle
+// has no area, two are 0. For Vec2 and Vec3.
 template <typename Point>
 void TriangleAngles(const Point p[3], double angles[3]);
 

@@ -31,14 +31,12 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Ex
   constexpr double kLastCell = (std::int64_t{1} << 31) - 1;
   const double extent = (all.high - all.low).maxCoeff(), scale = extent > 0 ? kLastCell / extent : 0;
   std::vector<KeyedIndex> entries(boxes.size());
-  execution.For(n, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) {
-      const bool is_empty = !boxes[i].Meets(boxes[i]);
-      const Vec2 cell = is_empty ? Vec2(0, 0) : Vec2((HalfCentre(boxes[i]) - all.low) * scale);
-      const std::uint64_t key =
-          Spread(static_cast<std::uint64_t>(cell.x())) << 1 | Spread(static_cast<std::uint64_t>(cell.y()));
-      entries[i] = {key, static_cast<std::int32_t>(i)};
-    }
+  execution.ForEach(n, [&](std::int64_t i) {
+    const bool is_empty = !boxes[i].Meets(boxes[i]);
+    const Vec2 cell = is_empty ? Vec2(0, 0) : Vec2((HalfCentre(boxes[i]) - all.low) * scale);
+    const std::uint64_t key =
+        Spread(static_cast<std::uint64_t>(cell.x())) << 1 | Spread(static_cast<std::uint64_t>(cell.y()));
+    entries[i] = {key, static_cast<std::int32_t>(i)};
   });
   if (execution.IsCancelled()) return {};
   SortByKey(&entries);
@@ -57,11 +55,9 @@ BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(st
   std::int32_t leaves = 1;
   while (std::int64_t{kLeafSize} * leaves < n) leaves *= 2;
   std::vector<Box> nodes(2 * leaves - 1);
-  execution.For(leaves, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t leaf = begin; leaf < end; ++leaf) {
-      for (std::int64_t i = kLeafSize * leaf; i < kLeafSize * (leaf + 1) && i < n; ++i) {
-        nodes[leaves - 1 + leaf].Add(boxes_[order_[i]]);
-      }
+  execution.ForEach(leaves, [&](std::int64_t leaf) {
+    for (std::int64_t i = kLeafSize * leaf; i < kLeafSize * (leaf + 1) && i < n; ++i) {
+      nodes[leaves - 1 + leaf].Add(boxes_[order_[i]]);
     }
   });
   if (execution.IsCancelled()) return;

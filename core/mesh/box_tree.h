@@ -1,9 +1,11 @@
 // Which boxes meet: a bounding-volume tree over axis-aligned boxes in the plane.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -14,6 +16,9 @@ namespace planish {
 struct Box {
   Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity());
   Vec2 high = Vec2::Constant(-std::numeric_limits<double>::infinity());
+
+  // Round a segment.
+  static Box Round(const Vec2& a, const Vec2& b) { return {a.cwiseMin(b), a.cwiseMax(b)}; }
 
   void Add(const Vec2& p) {
     low = low.cwiseMin(p);
@@ -26,9 +31,31 @@ struct Box {
   bool Meets(const Box& other) const {
     return (low.array() <= other.high.array()).all() && (other.low.array() <= high.array()).all();
   }
+  // Larger by `reach` on every side.
+  Box Grown(double reach) const { return {low - Vec2::Constant(reach), high + Vec2::Constant(reach)}; }
 };
 
-// Constant after construction: O(n). Empty boxes meet nothing. Finds nothing if that was interrupted.
+// Calls visit(a, b) once for every two boxes that are at most `reach` apart along both axes, from left to right. A
+// sweep that compares all boxes above each other: for few, or for boxes spread out from left to right.
+template <typename Visit>
+void ForEachNearPair(const std::vector<Box>& boxes, double reach, const Visit& visit) {
+  std::vector<std::int32_t> order(boxes.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
+    return boxes[a].low.x() != boxes[b].low.x() ? boxes[a].low.x() < boxes[b].low.x() : a < b;
+  });
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Box& box = boxes[order[i]];
+    for (std::size_t j = i + 1; j < order.size() && boxes[order[j]].low.x() <= box.high.x() + reach; ++j) {
+      const Box& other = boxes[order[j]];
+      if (other.low.y() > box.high.y() + reach || box.low.y() > other.high.y() + reach) continue;
+      visit(order[i], order[j]);
+    }
+  }
+}
+
+// Constant after construction, which takes O(n). Empty boxes meet nothing. If the construction was cancelled, the tree
+// finds nothing.
 class BoxTree {
  public:
   explicit BoxTree(std::vector<Box> boxes, const Execution& execution = {});

@@ -224,21 +224,9 @@ absl::Status MeshFault(const std::string& reason, const std::string& message, st
   return MakeError(absl::StatusCode::kInvalidArgument, reason, message, metadata);
 }
 
-std::int64_t Diagnosis::boundary_loops() const {
+std::int64_t Diagnosis::Sum(std::int64_t Component::*number) const {
   std::int64_t sum = 0;
-  for (const Component& component : components) sum += component.boundary_loops;
-  return sum;
-}
-
-std::int64_t Diagnosis::euler_characteristic() const {
-  std::int64_t sum = 0;
-  for (const Component& component : components) sum += component.euler_characteristic;
-  return sum;
-}
-
-std::int64_t Diagnosis::handles() const {
-  std::int64_t sum = 0;
-  for (const Component& component : components) sum += component.handles;
+  for (const Component& component : components) sum += component.*number;
   return sum;
 }
 

@@ -83,9 +83,10 @@ struct Diagnosis {
   Vec3 box_min = Vec3::Zero();  // of the vertices with a face
   Vec3 box_max = Vec3::Zero();
 
-  std::int64_t boundary_loops() const;
-  std::int64_t euler_characteristic() const;  // of all components, cut as they are
-  std::int64_t handles() const;
+  std::int64_t Sum(std::int64_t Component::*number) const;  // over the components
+  std::int64_t boundary_loops() const { return Sum(&Component::boundary_loops); }
+  std::int64_t euler_characteristic() const { return Sum(&Component::euler_characteristic); }
+  std::int64_t handles() const { return Sum(&Component::handles); }
   bool is_orientable() const;
   // One component that is a disc, and none of the faults but isolated and coincident vertices and needles: what
   // CheckDisc() takes.
@@ -113,7 +114,7 @@ Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing);
 Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const TriMesh& imported,
                          const Execution& execution = {});
 
-// Takes any mesh whatever. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED
+// Takes any mesh. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED
 // after a cancellation; INVALID_ARGUMENT with MESH_TOO_LARGE for more than 2^31 / 3 faces or 2^31 vertices.
 absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution = {});
 

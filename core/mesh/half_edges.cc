@@ -27,12 +27,10 @@ EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_verti
     const auto [low, high] = std::minmax({Origin(faces, c), Target(faces, c)});
     entries[cursor[low]++] = {high, c};
   }
-  execution.For(num_vertices, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v) {
-      std::sort(entries.begin() + bucket[v], entries.begin() + bucket[v + 1], [](const Entry& a, const Entry& b) {
-        return std::pair(a.larger_end, a.half_edge) < std::pair(b.larger_end, b.half_edge);
-      });
-    }
+  execution.ForEach(num_vertices, [&](std::int64_t v) {
+    std::sort(entries.begin() + bucket[v], entries.begin() + bucket[v + 1], [](const Entry& a, const Entry& b) {
+      return std::pair(a.larger_end, a.half_edge) < std::pair(b.larger_end, b.half_edge);
+    });
   });
   if (execution.IsCancelled()) return {};
 

@@ -1,7 +1,7 @@
-// Half-edges: how they are numbered in flat arrays, which lie on the same edge, and the walks from one to the next,
-// round a vertex, along the boundary, from face to face.
+// Half-edges: how they are numbered in flat arrays, which of them lie on the same edge, and how to walk from one to the
+// next: round a vertex, along the boundary, from face to face.
 //
-// Nothing in core walks along half-edges in another way. The walks take any `links`: FlatLinks below for flat arrays,
+// These are the only such walks in core. They take any `links`: FlatLinks below for flat arrays,
 // MeshLinks (core/mesh/tri_mesh.h) for a TriMesh, Gluing (core/charts/gluing.h) for the charts of a surface. Next() and
 // Prev() go round a face, Across() leads to the half-edge of the neighbouring face on the same edge, or to an invalid
 // one on the boundary.

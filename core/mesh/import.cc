@@ -132,12 +132,10 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
   Pairing pairing;
   pairing.kind.resize(mesh.faces.size());
   std::vector<char> is_joined(mesh.faces.size());
-  execution.For(mesh.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      const FaceKind kind = pairing.kind[f] = KindOf(mesh, mesh.faces[f]);
-      is_joined[f] = kind == FaceKind::kWithArea || kind == FaceKind::kNotFinite ||
-                     (kind == FaceKind::kWithoutArea && purpose == JoinFor::kCharts);
-    }
+  execution.ForEach(mesh.num_faces(), [&](std::int64_t f) {
+    const FaceKind kind = pairing.kind[f] = KindOf(mesh, mesh.faces[f]);
+    is_joined[f] = kind == FaceKind::kWithArea || kind == FaceKind::kNotFinite ||
+                   (kind == FaceKind::kWithoutArea && purpose == JoinFor::kCharts);
   });
   pairing.opposite.assign(3 * mesh.faces.size(), -1);
   const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, is_joined);

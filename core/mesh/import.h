@@ -19,7 +19,7 @@ namespace planish {
 // At an edge of more faces than this none are joined: bounds the work, which grows with the square.
 inline constexpr std::size_t kMostFacesAtAnEdge = 64;
 
-// The first that applies.
+// What a face is like: the first of these that applies.
 enum class FaceKind : char {
   kOutOfRange,        // refers to a vertex that does not exist
   kRepeatingAVertex,  // names a vertex twice
@@ -29,11 +29,12 @@ enum class FaceKind : char {
   kWithArea,
 };
 
-// What the pairing is for. Charts map faces without area as well, and go on through edges of more than two faces, where
-// pairs of faces stay joined. A diagnosis sets faces without area aside and cuts the surface along such edges.
+// What half-edges are paired for. kCharts: faces without area are joined like others, since charts map them too, and at
+// edges of more than two faces pairs of faces stay joined. kDiagnosis: faces without area are not joined, and the
+// surface is cut along edges of more than two faces.
 enum class JoinFor { kCharts, kDiagnosis };
 
-// Which half-edges import joins, and what it came across. Half-edges are numbered by the corner that faces them.
+// Which half-edges import joins, and what it found in the mesh. Half-edges are numbered by the corner that faces them.
 struct Pairing {
   std::vector<FaceKind> kind;  // per face
   // Per face: how many earlier faces have the same three vertices, in any order. Empty: no face has such a copy.
@@ -52,16 +53,17 @@ struct Pairing {
   bool is_copy(std::int64_t f) const { return !layer.empty() && layer[f] > 0; }
 };
 
-// Takes any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. Of no use after a cancellation.
+// Takes any mesh of at most 2^31 / 3 faces. O(F) for bounded valence. After a cancellation the result is incomplete and
+// must not be used.
 Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execution = {});
 
 // The mesh with these half-edges joined (Pairing::opposite). Face f is face f of `mesh`; vertices are in the order of
 // those they come from. Vertices without a face are left out. O(F).
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite);
 
-// The same for faces that come from elsewhere: half-edges are numbered 3 f + k, source_vertex(c) is the number in
-// `positions` of the vertex at corner c, source_face(f) becomes the face's source. Vertices are numbered in the order
-// of their lowest corners.
+// ImportMesh() for faces that are not those of a Mesh: half-edges are numbered 3 f + k, source_vertex(c) is the number
+// in `positions` of the vertex at corner c, source_face(f) becomes the face's source. Vertices are numbered in the
+// order of their lowest corners.
 TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
                   const std::function<std::int32_t(std::int32_t corner)>& source_vertex,
                   const std::function<std::int32_t(std::int32_t face)>& source_face,

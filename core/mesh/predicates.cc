@@ -109,4 +109,10 @@ double SquaredDistanceToSegment(const Vec2& p, const Vec2& a, const Vec2& b) {
   return (p - a - t * along).squaredNorm();
 }
 
+double SquaredDistance(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
+  const double square = std::min({SquaredDistanceToSegment(a, c, d), SquaredDistanceToSegment(b, c, d),
+                                  SquaredDistanceToSegment(c, a, b), SquaredDistanceToSegment(d, a, b)});
+  return square > 0 && SegmentsMeet(a, b, c, d) ? 0 : square;
+}
+
 }  // namespace planish

@@ -32,5 +32,7 @@ bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d);
 
 // From `p` to the nearest point of the segment ab. Rounded.
 double SquaredDistanceToSegment(const Vec2& p, const Vec2& a, const Vec2& b);
+// Between the segments ab and cd. 0 exactly where they meet; otherwise rounded.
+double SquaredDistance(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d);
 
 }  // namespace planish

@@ -66,7 +66,7 @@ inline HalfedgeHandle HalfEdgeOf(const TriMesh& mesh, std::int32_t corner) {
   return HalfEdgesOf(mesh, FaceHandle(corner / 3))[corner % 3];
 }
 
-// The other way round; h must have a face.
+// The corner 3 f + k that half-edge h faces. h must have a face.
 inline std::int32_t CornerOf(const TriMesh& mesh, HalfedgeHandle h) {
   const FaceHandle face = mesh.face_handle(h);
   const HalfedgeHandle first = mesh.halfedge_handle(face);
@@ -87,7 +87,7 @@ struct MeshLinks {
   static bool IsValid(HalfedgeHandle h) { return h.is_valid(); }
 };
 
-// All of them, by their lowest half-edges; each half-edge has a face.
+// All boundary loops, by half-edges that have a face; loops ascend by their lowest half-edges.
 inline Loops<HalfedgeHandle> BoundaryLoops(const TriMesh& mesh) {
   std::vector<HalfedgeHandle> boundary;
   for (const EdgeHandle e : mesh.edges()) {

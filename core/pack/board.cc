@@ -122,13 +122,7 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
       if (begin > last) continue;
       lowest = std::min(lowest, begin);
       highest = std::max(highest, last);
-      const int first_word = begin >> 6, last_word = last >> 6;
-      for (int w = first_word; w <= last_word; ++w) {
-        std::uint64_t mask = kAll;
-        if (w == first_word) mask &= kAll << (begin & 63);
-        if (w == last_word) mask &= kAll >> (63 - (last & 63));
-        taken[w] |= mask;
-      }
+      SetBits(taken, begin, last + 1);
     }
     if (highest < 0) continue;
     longest_free_[row] = LongestRun(taken, stride_);

@@ -9,7 +9,8 @@
 
 namespace planish {
 
-// Cells of a silhouette's surroundings, to measure how snugly it lies: offsets from its corner (0, 0).
+// Cells that touch a silhouette from outside, by which Board measures how snugly it lies: offsets from its corner (0,
+// 0).
 struct Rim {
   struct Cell {
     std::int32_t x, y;
@@ -17,13 +18,13 @@ struct Rim {
   std::vector<Cell> cells;
 };
 
-// Rows in an order in which a place that does not fit is found out early.
+// The rows of a silhouette in an order that rules out places without room early.
 struct RowOrder {
   RowOrder() = default;
   explicit RowOrder(const Silhouette& silhouette);
 
   std::vector<std::int32_t> rows;
-  // The longest spans of the first few of them.
+  // The lengths of the longest spans of the first few rows.
   static constexpr std::size_t kChecked = 4;
   std::array<std::int32_t, kChecked> longest = {};
 };

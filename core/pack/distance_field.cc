@@ -6,6 +6,7 @@
 #include "core/mesh/box_tree.h"
 
 namespace planish {
+
 DistanceField::DistanceField(const Outline& outline, double spacing, double reach)
     : spacing_(spacing), per_unit_(1 / spacing) {
   Box box;
@@ -97,10 +98,9 @@ void DistanceField::Sample(const Vec2& first, const Vec2& step, int count, float
   std::fill(distances, distances + begin, kFar);
   std::fill(distances + end, distances + count, kFar);
   for (int k = begin; k < end; ++k) {
-    const double x = g.x() + k * d.x(), y = g.y() + k * d.y();
-    const int column = static_cast<int>(x), row = static_cast<int>(y);
-    const auto s = static_cast<float>(x - column), t = static_cast<float>(y - row);
-    const float* node = values_.data() + static_cast<std::size_t>(row) * columns_ + column;
+    const Cell cell = CellAt(g.x() + k * d.x(), g.y() + k * d.y());
+    const auto s = static_cast<float>(cell.s), t = static_cast<float>(cell.t);
+    const float* node = cell.node;
     const float below = node[0] + s * (node[1] - node[0]);
     const float above = node[columns_] + s * (node[columns_ + 1] - node[columns_]);
     distances[k] = below + t * (above - below);
@@ -108,31 +108,13 @@ void DistanceField::Sample(const Vec2& first, const Vec2& step, int count, float
 }
 
 void DistanceField::Sign(const Outline& outline) {
-  struct Crossing {
-    int row, column, change;  // from `column` on
-  };
-  std::vector<Crossing> crossings;
+  ScanLines lines;
   for (const auto& [from, to] : outline.edges) {
-    Vec2 a = (outline.points[from] - low_) / spacing_, b = (outline.points[to] - low_) / spacing_;
-    const int change = a.y() > b.y() ? 1 : -1;
-    if (change > 0) std::swap(a, b);
-    const int end = static_cast<int>(std::ceil(b.y()));
-    for (int y = static_cast<int>(std::ceil(a.y())); y < end; ++y) {
-      const double x = a.x() + (y - a.y()) / (b.y() - a.y()) * (b.x() - a.x());
-      crossings.push_back({y, static_cast<int>(std::ceil(x)), change});
-    }
+    lines.AddEdge((outline.points[from] - low_) / spacing_, (outline.points[to] - low_) / spacing_, 0);
   }
-  std::sort(crossings.begin(), crossings.end(),
-            [](const Crossing& a, const Crossing& b) { return a.row != b.row ? a.row < b.row : a.column < b.column; });
-  int winding = 0;
-  for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
-    winding += crossings[i].change;
-    if (winding == 0 || crossings[i + 1].row != crossings[i].row) continue;
-    for (int x = crossings[i].column; x < crossings[i + 1].column; ++x) {
-      float& node = Node(x, crossings[i].row);
-      node = -node;
-    }
-  }
+  lines.ForEachInside([&](int y, int begin, int end) {
+    for (int x = begin; x < end; ++x) Node(x, y) = -Node(x, y);
+  });
 }
 
 }  // namespace planish

@@ -3,17 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/mesh/angles.h"
 #include "core/mesh/predicates.h"
 
 namespace planish {
 namespace {
 
 constexpr std::size_t kMostPoints = 64;  // of a part that are looked at
-
-double Cross(const Vec2& a, const Vec2& b, const Vec2& c) {
-  const Vec2 u = b - a, v = c - a;
-  return u.x() * v.y() - u.y() * v.x();
-}
 
 // A part of the outline: points by their numbers there, counter-clockwise.
 using Part = std::vector<std::int32_t>;
@@ -60,16 +56,16 @@ class GrowingHull {
   void Add(const Vec2& p) {
     const std::size_t n = hull_.size();
     if (n < 3) {
-      if (n < 2 || Cross(hull_[0], hull_[1], p) != 0) {
+      if (n < 2 || DoubleArea(hull_[0], hull_[1], p) != 0) {
         hull_.push_back(p);
-        if (n == 2 && Cross(hull_[0], hull_[1], p) < 0) std::swap(hull_[1], hull_[2]);
+        if (n == 2 && DoubleArea(hull_[0], hull_[1], p) < 0) std::swap(hull_[1], hull_[2]);
       } else if ((p - hull_[0]).squaredNorm() > (hull_[1] - hull_[0]).squaredNorm()) {
         hull_[1] = p;
       }
       return;
     }
     // The sides that p sees from outside are a chain; their inner points go, p comes in their place.
-    const auto sees = [&](std::size_t i) { return Cross(hull_[i], hull_[i + 1 == n ? 0 : i + 1], p) < 0; };
+    const auto sees = [&](std::size_t i) { return DoubleArea(hull_[i], hull_[i + 1 == n ? 0 : i + 1], p) < 0; };
     std::size_t first = 0;
     while (first < n && !sees(first)) ++first;
     if (first == n) return;
@@ -93,7 +89,7 @@ class GrowingHull {
 
   double Area() const {
     double area = 0;
-    for (std::size_t i = 2; i < hull_.size(); ++i) area += Cross(hull_[0], hull_[i - 1], hull_[i]);
+    for (std::size_t i = 2; i < hull_.size(); ++i) area += DoubleArea(hull_[0], hull_[i - 1], hull_[i]);
     return area / 2;
   }
 
@@ -135,7 +131,7 @@ Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOp
   double area = 0;
   for (std::size_t i = 0; i < n; ++i) {
     all.Add(polygon[i]);
-    if (i > 1) area += Cross(polygon[0], polygon[i - 1], polygon[i]) / 2;
+    if (i > 1) area += DoubleArea(polygon[0], polygon[i - 1], polygon[i]) / 2;
   }
   const double whole = all.Area();
   if (!(whole - area > options.least_gain)) return {};  // no cut can gain more

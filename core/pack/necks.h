@@ -10,14 +10,15 @@
 namespace planish {
 
 struct NeckOptions {
-  double least_gain = 0;  // of area between the outline and its convex hull, per cut
-  double width = 0;       // what a cut costs: this times its length
+  double least_gain = 0;  // that a cut must bring, an area
+  double width = 0;       // a cut costs the area of a strip of this width along it
 };
 
-// Chords between two points of `outline`, a simple polygon run round counter-clockwise: indices (i, j), i < j. Each
-// cuts the part that it lies in in two, and the hulls of the two have less area between them than that of the part, by
-// least_gain and what the cut costs; the best cuts first. No chords cross. O(n) for each cut in the number of points,
-// beside a fixed amount of work: of an outline with many points only those that matter most are looked at.
+// Where to cut, as chords between two points of `outline`, a simple polygon that runs counter-clockwise: their indices
+// (i, j), i < j. The gain of a cut is what it takes off the area of convex hulls, that of the part being cut minus
+// those of its two parts, less the cost of the cut. Each part is cut where the gain is largest, and no further once
+// that is below least_gain. No two chords cross. Only the few dozen points that show a part's shape best are looked at:
+// O(n) for each cut, and a fixed amount of work.
 std::vector<std::pair<std::int32_t, std::int32_t>> FindNecks(const std::vector<Vec2>& outline,
                                                              const NeckOptions& options);
 

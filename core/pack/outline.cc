@@ -6,7 +6,8 @@
 #include <numbers>
 #include <numeric>
 
-#include "core/base/portable_math.h"
+#include "core/mesh/angles.h"
+#include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
 #include "core/pack/pack.h"
 
@@ -34,10 +35,6 @@ std::vector<Vec2> ConvexHull(std::vector<Vec2> points) {
 
 namespace {
 
-double Cross(const Vec2& a, const Vec2& b) {
-  return a.x() * b.y() - a.y() * b.x();
-}
-
 // Puts edges behind one another wherever one ends at the start of another: loop by loop.
 void OrderAlongLoops(std::size_t points, std::vector<std::array<std::int32_t, 2>>* edges) {
   std::vector<std::size_t> begin_of(points + 1, 0);
@@ -63,10 +60,13 @@ void OrderAlongLoops(std::size_t points, std::vector<std::array<std::int32_t, 2>
   *edges = std::move(ordered);
 }
 
-double UprightAngle(const std::vector<Vec2>& hull) {
+}  // namespace
+
+// Rotating calipers.
+HullRectangle LeastRectangle(const std::vector<Vec2>& hull) {
+  HullRectangle best;
+  double least = std::numeric_limits<double>::infinity();
   const std::size_t n = hull.size();
-  if (n < 2) return 0;
-  double best_area = std::numeric_limits<double>::infinity(), best_angle = 0;
   // Farthest along the side, along its normal, and against the side; they only move on.
   std::size_t right = 0, top = 0, left = 0;
   for (std::size_t i = 0; i < n; ++i) {
@@ -85,58 +85,31 @@ double UprightAngle(const std::vector<Vec2>& hull) {
     if (i == 0) left = top;
     advance(&left, -along);
     const double width = (hull[right] - hull[left]).dot(along), height = (hull[top] - hull[i]).dot(normal);
-    if (width * height < best_area) {
-      best_area = width * height;
-      best_angle = -portable::Atan2(along.y(), along.x()) + (height > width ? std::numbers::pi / 2 : 0);
-    }
+    if (!(width * height < least)) continue;
+    least = width * height;
+    best = {along, width, height};
   }
-  return best_angle;
+  return best;
 }
-
-}  // namespace
 
 Outline MakeOutline(const PackChart& chart) {
   Outline outline;
-  // Half-edges, those of faces that turn the wrong way reversed; what has its opposite beside it is inside.
-  struct HalfEdge {
-    std::int32_t from, to;
-  };
-  std::vector<HalfEdge> half_edges;
-  half_edges.reserve(3 * chart.faces.size());
   Box box;
+  std::vector<char> is_reversed;  // per face: runs clockwise
+  is_reversed.reserve(chart.faces.size());
   for (const Face& face : chart.faces) {
-    const Vec2 &a = chart.positions[face[0]], &b = chart.positions[face[1]], &c = chart.positions[face[2]];
-    const double twice_area = Cross(b - a, c - a);
+    const std::array<Vec2, 3> triangle = TriangleOf(chart.positions, face);
+    const double twice_area = DoubleArea(triangle);
     outline.area += std::abs(twice_area) / 2;
-    for (const Vec2& p : {a, b, c}) box.Add(p);
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t from = face[k], to = face[Next(k)];
-      half_edges.push_back(twice_area < 0 ? HalfEdge{to, from} : HalfEdge{from, to});
-    }
+    is_reversed.push_back(twice_area < 0);
+    for (const Vec2& p : triangle) box.Add(p);
   }
   if (chart.faces.empty()) {
     for (const Vec2& p : chart.positions) box.Add(p);
-    for (std::int32_t i = 0; i < static_cast<std::int32_t>(chart.positions.size()); ++i) {
-      half_edges.push_back({i, i});
-    }
     if (chart.positions.empty()) box.Add(Vec2::Zero());
   }
   outline.centre = box.low + (box.high - box.low) / 2;
 
-  // Those of an edge side by side, edges by their lower and then by their higher vertex: a few start at each vertex.
-  const auto low_of = [](const HalfEdge& e) { return std::min(e.from, e.to); };
-  const auto high_of = [](const HalfEdge& e) { return std::max(e.from, e.to); };
-  std::vector<std::size_t> begin_of(chart.positions.size() + 1, 0);
-  for (const HalfEdge& e : half_edges) ++begin_of[low_of(e) + 1];
-  std::partial_sum(begin_of.begin(), begin_of.end(), begin_of.begin());
-  std::vector<HalfEdge> sorted(half_edges.size());
-  std::vector<std::size_t> next(begin_of.begin(), begin_of.end() - 1);
-  for (const HalfEdge& e : half_edges) sorted[next[low_of(e)]++] = e;
-  for (std::size_t v = 0; v + 1 < begin_of.size(); ++v) {
-    std::sort(sorted.begin() + static_cast<std::ptrdiff_t>(begin_of[v]),
-              sorted.begin() + static_cast<std::ptrdiff_t>(begin_of[v + 1]),
-              [&](const HalfEdge& a, const HalfEdge& b) { return high_of(a) < high_of(b); });
-  }
   std::vector<std::int32_t> local(chart.positions.size(), -1);
   const auto local_id = [&](std::int32_t v) {
     if (local[v] < 0) {
@@ -145,25 +118,35 @@ Outline MakeOutline(const PackChart& chart) {
     }
     return local[v];
   };
-  for (std::size_t begin = 0; begin < sorted.size();) {
-    const std::int32_t low = low_of(sorted[begin]), high = high_of(sorted[begin]);
-    std::size_t end = begin;
+  const auto add_edge = [&](std::int32_t from, std::int32_t to) {
+    const std::int32_t first = local_id(from);
+    outline.edges.push_back({first, local_id(to)});
+  };
+  // What has its opposite beside it is inside; half-edges of reversed faces count the other way round.
+  const EdgeGroups groups = GroupHalfEdges(chart.faces, std::ssize(chart.positions));
+  for (std::int32_t e = 0; e < groups.num_edges(); ++e) {
+    const std::int32_t first = groups.edge(e)[0];
+    const auto [low, high] = std::minmax({Origin(chart.faces, first), Target(chart.faces, first)});
     std::int64_t forward = 0;
-    for (; end < sorted.size() && low_of(sorted[end]) == low && high_of(sorted[end]) == high; ++end) {
-      forward += sorted[end].from < sorted[end].to ? 1 : -1;
+    for (const std::int32_t c : groups.edge(e)) {
+      forward += (Origin(chart.faces, c) == low) != (is_reversed[c / 3] != 0) ? 1 : -1;
     }
-    if (low == high) {
-      outline.edges.push_back({local_id(low), local_id(low)});
-    } else {
-      for (std::int64_t i = 0; i < std::abs(forward); ++i) {
-        const std::int32_t a = local_id(low), b = local_id(high);
-        outline.edges.push_back(forward > 0 ? std::array<std::int32_t, 2>{a, b} : std::array<std::int32_t, 2>{b, a});
-      }
-    }
-    begin = end;
+    if (low == high) forward = 1;
+    if (forward == 0) continue;
+    const std::int32_t a = local_id(low), b = local_id(high);
+    for (; forward > 0; --forward) outline.edges.push_back({a, b});
+    for (; forward < 0; ++forward) outline.edges.push_back({b, a});
+  }
+  if (chart.faces.empty()) {
+    for (std::int32_t v = 0; v < std::ssize(chart.positions); ++v) add_edge(v, v);
   }
   if (outline.edges.empty()) {  // faces that are folded onto each other
-    for (const HalfEdge& e : half_edges) outline.edges.push_back({local_id(e.from), local_id(e.to)});
+    for (std::size_t f = 0; f < chart.faces.size(); ++f) {
+      for (int k = 0; k < 3; ++k) {
+        const std::int32_t from = chart.faces[f][k], to = chart.faces[f][Next(k)];
+        is_reversed[f] != 0 ? add_edge(to, from) : add_edge(from, to);
+      }
+    }
     if (outline.points.empty()) {
       outline.points.push_back(Vec2::Zero());
       outline.edges.push_back({0, 0});
@@ -172,7 +155,11 @@ Outline MakeOutline(const PackChart& chart) {
   OrderAlongLoops(outline.points.size(), &outline.edges);
   for (const Vec2& p : outline.points) outline.radius = std::max(outline.radius, p.norm());
   outline.hull = ConvexHull(outline.points);
-  outline.upright = UprightAngle(outline.hull);
+  if (outline.hull.size() > 1) {
+    const HullRectangle rectangle = LeastRectangle(outline.hull);
+    outline.upright = -portable::Atan2(rectangle.along.y(), rectangle.along.x()) +
+                      (rectangle.height > rectangle.width ? std::numbers::pi / 2 : 0);
+  }
   return outline;
 }
 
@@ -214,10 +201,32 @@ Outline Simplified(const Outline& outline, double tolerance) {
   return simple;
 }
 
+void ScanLines::AddEdge(Vec2 from, Vec2 to, double offset) {
+  const int change = from.y() > to.y() ? 1 : -1;  // the inside lies to the right of a descent
+  if (change > 0) std::swap(from, to);
+  const int end = Ceil(to.y() - offset);
+  for (int y = Ceil(from.y() - offset); y < end; ++y) {
+    const double t = (y + offset - from.y()) / (to.y() - from.y());
+    const double x = from.x() + t * (to.x() - from.x());
+    crossings_.push_back({y, Ceil(x - offset), change});
+  }
+}
+
+void ScanLines::ForEachInside(const std::function<void(int y, int begin, int end)>& fill) {
+  std::sort(crossings_.begin(), crossings_.end(),
+            [](const Crossing& a, const Crossing& b) { return a.y != b.y ? a.y < b.y : a.x < b.x; });
+  int winding = 0;
+  for (std::size_t i = 0; i + 1 < crossings_.size(); ++i) {
+    winding += crossings_[i].change;
+    if (winding == 0 || crossings_[i + 1].y != crossings_[i].y) continue;
+    fill(crossings_[i].y, crossings_[i].x, crossings_[i + 1].x);
+  }
+}
+
 Box BoxAt(const Outline& outline, double angle) {
-  const double c = portable::Cos(angle), s = portable::Sin(angle);
+  const Rotation rotate(angle);
   Box box;
-  for (const Vec2& p : outline.hull) box.Add(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
+  for (const Vec2& p : outline.hull) box.Add(rotate(p));
   return box;
 }
 

@@ -6,7 +6,6 @@
 #include <numeric>
 #include <optional>
 
-#include "core/base/portable_math.h"
 #include "core/pack/outline.h"
 #include "core/pack/shelves.h"
 #include "core/pack/tighten.h"
@@ -17,7 +16,6 @@ namespace {
 
 // Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it.
 constexpr double kGap = 4e-6;
-constexpr int kTilesInRow = 10;
 constexpr double kHuge = 1e300;
 
 class Packer {
@@ -66,15 +64,9 @@ class Packer {
     for (const PackChart& chart : charts_) faces += static_cast<double>(chart.faces.size());
     const auto charts = static_cast<double>(charts_.size());
     const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
-    switch (options_.effort) {
-      case PackEffort::kFast:
-        return tuning_.fast_share * rest;
-      case PackEffort::kNormal:
-        return std::max({tuning_.normal_share * rest, tuning_.least_work, tuning_.least_per_chart * charts});
-      case PackEffort::kBest:
-        return tuning_.best_share * rest;
-    }
-    return 0;
+    const double share = ShareOfRest(options_.effort, tuning_) * rest;
+    if (options_.effort != PackEffort::kNormal) return share;
+    return std::max({share, tuning_.least_work, tuning_.least_per_chart * charts});
   }
 
   std::vector<double> Scales(double scale) const {
@@ -186,7 +178,7 @@ class Packer {
       trial_work_ = result.work;
       if (result.placed == order_.size()) {
         good = scale;
-        poses_ = poses;
+        best_.poses = poses;
       } else {
         bad = scale;
       }
@@ -205,7 +197,7 @@ class Packer {
                             tuning_.farthest_change);
       }
     }
-    scale_ = good;
+    best_.scale = good;
     return good > 0;
   }
 
@@ -223,7 +215,7 @@ class Packer {
     TrialPlan plan = plan_;
     plan.turn.assign(n, -1);
     std::vector<Pose> poses(n);
-    double scale = tuning_.order_step * scale_, missing = kHuge;
+    double scale = tuning_.order_step * best_.scale, missing = kHuge;
     std::vector<double> scales = Scales(scale);
     int in_vain = 0;
     std::int32_t first_missing = 0;
@@ -262,8 +254,8 @@ class Packer {
       plan = std::move(other);
       if (missing > 0) continue;
       Remember();
-      scale_ = scale;
-      poses_ = poses;
+      best_.scale = scale;
+      best_.poses = poses;
       scale *= tuning_.order_step;
       scales = Scales(scale);
       missing = kHuge;
@@ -272,7 +264,7 @@ class Packer {
 
   // Keeps what was found so far as a place to tighten from.
   void Remember() {
-    starts_.push_back({poses_, scale_});
+    starts_.push_back(best_);
     if (starts_.size() > static_cast<std::size_t>(tuning_.starts)) starts_.erase(starts_.begin());
   }
 
@@ -312,17 +304,17 @@ class Packer {
     std::vector<Box> boxes;
     for (const Outline& outline : outlines_) boxes.push_back(BoxAt(outline, outline.upright));
     std::vector<Vec2> extents(charts_.size());
-    for (scale_ = LargestScale(); scale_ > least && !execution_.IsCancelled(); scale_ /= 1.03) {
-      const std::vector<double> scales = Scales(scale_);
+    for (best_.scale = LargestScale(); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
+      const std::vector<double> scales = Scales(best_.scale);
       for (std::size_t i = 0; i < charts_.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
       }
       const std::vector<Shelf> shelves = LayAtlasesOnShelves(extents);
       if (shelves.empty()) continue;
-      poses_.resize(charts_.size());
+      best_.poses.resize(charts_.size());
       for (std::size_t i = 0; i < charts_.size(); ++i) {
         const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
-        poses_[i] = {outlines_[i].upright, centre / grid_.cell, shelves[i].tile};
+        best_.poses[i] = {outlines_[i].upright, centre / grid_.cell, shelves[i].tile};
       }
       return true;
     }
@@ -334,9 +326,9 @@ class Packer {
     const double angle = AngleOfSmallestSquare(outlines_[0]);
     const Box box = BoxAt(outlines_[0], angle);
     const double low = margin_ + grid_.radius;
-    scale_ = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_[0].density);
-    poses_ = {{angle, (Vec2::Constant(grid_.radius) - scale_ * charts_[0].density * box.low) / grid_.cell,
-               atlas_[0] * grid_.tiles}};
+    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_[0].density);
+    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * charts_[0].density * box.low) / grid_.cell,
+                    atlas_[0] * grid_.tiles}};
   }
 
   // A multiple of 8 cells, so that the coarser boards of a trial have whole cells.
@@ -358,8 +350,8 @@ class Packer {
     options.atlases = grid_.atlases;
     options.work = work;
     options.tuning = tuning_;
-    std::vector<double> relative = Scales(scale_);
-    for (double& r : relative) r /= scale_;
+    std::vector<double> relative = Scales(best_.scale);
+    for (double& r : relative) r /= best_.scale;
     std::vector<Arrangement> arrangements;
     Remember();
     for (const auto& [poses, scale] : starts_) {
@@ -370,26 +362,26 @@ class Packer {
       }
     }
     const Arrangement arrangement = Tighten(outlines_, simple_, atlas_, relative, options, execution_, arrangements);
-    scale_ = arrangement.scale;
-    for (std::size_t i = 0; i < poses_.size(); ++i) {
+    best_.scale = arrangement.scale;
+    for (std::size_t i = 0; i < best_.poses.size(); ++i) {
       const Body& body = arrangement.bodies[i];
-      poses_[i] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
+      best_.poses[i] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
     }
   }
 
   void Finish(Packing* packing) const {
-    const std::vector<double> scales = Scales(scale_);
-    packing->scale = scale_;
+    const std::vector<double> scales = Scales(best_.scale);
+    packing->scale = best_.scale;
     packing->padding = padding_;
     double area = 0;
     for (std::size_t i = 0; i < charts_.size(); ++i) {
       ChartPlacement& chart = packing->charts[i];
-      chart.angle = poses_[i].angle;
+      chart.angle = best_.poses[i].angle;
       chart.scale = scales[i];
-      chart.tile = poses_[i].tile;
+      chart.tile = best_.poses[i].tile;
       const Vec2 corner = CornerOfTile(chart.tile) + Vec2::Constant(margin_);
       chart.offset = Vec2::Zero();
-      chart.offset = corner + grid_.cell * poses_[i].centre - chart(outlines_[i].centre);
+      chart.offset = corner + grid_.cell * best_.poses[i].centre - chart(outlines_[i].centre);
       packing->tiles = std::max(packing->tiles, chart.tile + 1);
       area += outlines_[i].area * scales[i] * scales[i];
     }
@@ -408,29 +400,32 @@ class Packer {
   TrialGrid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
   double padding_ = 0;  // texels
-  std::vector<Pose> poses_;
-  double scale_ = 0;
+  struct Found {
+    std::vector<Pose> poses;
+    double scale = 0;
+  };
+  Found best_;
   double budget_ = 0;            // of work, in nanoseconds
   std::int64_t work_ = 0;        // done
   std::int64_t trial_work_ = 0;  // of the last trial
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
-  struct Found {
-    std::vector<Pose> poses;
-    double scale;
-  };
   std::vector<Found> starts_;  // the last few that fitted, each at a larger scale
 };
 
 }  // namespace
 
 Vec2 ChartPlacement::operator()(const Vec2& p) const {
-  const double c = portable::Cos(angle), s = portable::Sin(angle);
-  return scale * Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()) + offset;
+  return scale * Rotation(angle)(p) + offset;
+}
+
+double ShareOfRest(PackEffort effort, const PackTuning& tuning) {
+  if (effort == PackEffort::kFast) return tuning.fast_share;
+  return effort == PackEffort::kNormal ? tuning.normal_share : tuning.best_share;
 }
 
 Vec2 CornerOfTile(int tile) {
-  return {tile % kTilesInRow, tile / kTilesInRow};
+  return {tile % PackOptions::kTilesInRow, tile / PackOptions::kTilesInRow};
 }
 
 Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution) {

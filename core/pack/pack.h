@@ -10,21 +10,25 @@
 
 namespace planish {
 
-// What the search for places may cost. Work is counted, not timed, so that the result is the same on any machine; the
-// times here are those of a core of the year 2022.
+// What the search for places may cost. Work is counted in steps of the algorithms, not in seconds, so that the result
+// is the same on any machine. Times in comments are those of one core of the year 2022.
 enum class PackEffort {
   kFast,    // about a quarter of what the charts and their maps cost
   kNormal,  // about half of that, or 20 ms where that is more
   kBest,    // a hundred times kNormal, for the last per cent
 };
+// What packing may cost over what the charts and their maps cost.
+double ShareOfRest(PackEffort effort, const PackTuning& tuning = {});
 
 struct PackOptions {
   int texture_size = 1024;  // texels per side of a tile, in [16, 65536]
   int padding = 2;  // texels that stay free between two charts, in [0, 64]; half as many (rounded up) at the rim
-  int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t, up to 10 in a row
+  int tiles = 1;    // as many as may be used, in [1, 100]; tile t is UDIM 1001 + t
   int atlases = 1;  // with so many tiles each: those of atlas a are a * tiles and following; in [1, 100] all together
   PackEffort effort = PackEffort::kNormal;
   PackTuning tuning = {};
+
+  static constexpr int kTilesInRow = 10;  // of UDIM: side by side, then the next row above
 };
 
 // One chart in the plane, drawn to the scale of the surface.
@@ -51,25 +55,25 @@ struct Packing {
   std::vector<ChartPlacement> charts;  // in the order given
   int tiles = 1;                       // up to the last that is used
   double scale = 1;                    // of a chart with density 1
-  double padding = 0;                  // texels kept: options.padding, or less where the charts are too many for that
+  double padding = 0;                  // texels kept: options.padding, or less where there are too many charts for that
   double efficiency = 0;               // area of the faces over that of the tiles used
 };
 
-// How: charts are laid one after the other, from large to small, each where it lies snuggest, on bit grids (trial.h),
-// at one scale after the other. With the work that is left, and charts that are not too many for it, the scale goes up,
-// and charts find new places, are pushed apart and grow until they are jammed, again and again (tighten.h). Lengths
-// that count are exact in the end (clearance.h). libnest2d, which Debian has, lays polygons of a given scale at turns
-// from a given list, by their convex hulls unless told otherwise: not enough.
+// Packs the charts at the largest scale that the search finds. All atlases have one scale, which the fullest of them
+// decides. Any two charts keep a distance of `padding` texels and a little more, so that rounding to float does not
+// bring them nearer; where there is no room for that, Packing::padding says what is kept. Faces of one chart may lie on
+// each other. Charts are turned, not mirrored. A chart that would be smaller than a texel is enlarged to one, or to
+// what there is room for. Positions must be finite.
 //
-// Atlases are packed together, at one scale, which the fullest of them decides.
+// How: at one scale after the other, charts are laid on bit grids (trial.h), from large to small, each where it lies
+// snuggest. With the work that is left, unless there are too many charts for it, the scale goes up, and charts find new
+// places, are pushed apart and grow until they are jammed, again and again (tighten.h). In the end, distances are
+// measured exactly (clearance.h). libnest2d, which Debian has, searches for no scale: it lays polygons of a given one
+// at turns from a given list, by default by their convex hulls.
 //
-// The largest scale that was found at which all charts fit. Distances of `padding` texels and a little more (so that
-// they outlast rounding to float) are kept between any two charts; faces inside of one chart may lie as they like, on
-// each other too. Charts that would be smaller than a texel are enlarged to one, or to what there is room for.
-//
-// Deterministic; the same result for any number of threads, wherever the charts lie. Work is near-linear in the charts.
-// No reflections. After a stop request the first places that keep the distances stand. Of no use after a cancellation.
-// Positions must be finite.
+// Deterministic: the result depends neither on the number of threads nor on where the charts lie at first. Thread-safe.
+// Work is near-linear in the number of charts. After a stop request the first places that keep the distances stand.
+// After a cancellation the result is incomplete and must not be used.
 Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution = {});
 
 }  // namespace planish

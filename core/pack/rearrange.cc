@@ -185,9 +185,9 @@ class Search {
   Turned Turn(std::int32_t i, double angle, const std::vector<Vec2>& samples) const {
     Turned turned;
     turned.angle = angle;
-    const double unit = scales_[i] / pixel_, c = unit * portable::Cos(angle), s = unit * portable::Sin(angle);
+    const Rotation rotate(angle, scales_[i] / pixel_);
     Box box;
-    for (const Vec2& p : outlines_[i].hull) box.Add(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()));
+    for (const Vec2& p : outlines_[i].hull) box.Add(rotate(p));
     turned.low = box.low;
     turned.high = box.high;
     turned.fits = (turned.high - turned.low).maxCoeff() <= options_.side + 1;
@@ -196,7 +196,8 @@ class Search {
     turned.samples.reserve(samples.size());
     turned.places.reserve(samples.size());
     for (const Vec2& p : samples) {
-      const std::int32_t x = Rounded(c * p.x() - s * p.y()), y = Rounded(s * p.x() + c * p.y());
+      const Vec2 turned_sample = rotate(p);
+      const std::int32_t x = Rounded(turned_sample.x()), y = Rounded(turned_sample.y());
       turned.samples.push_back(y * stride_ + x);
       turned.places.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
     }

@@ -10,7 +10,7 @@
 namespace planish {
 
 struct RearrangeOptions {
-  int side = 128;  // pixels of a tile; what overlaps by less than half a pixel counts as apart
+  int side = 128;  // pixels along a tile; charts that overlap by less than half a pixel count as apart
   int tiles = 1;   // of each atlas
   int atlases = 1;
   int angles = 16;                // turns that are tried at random places, from the present one on

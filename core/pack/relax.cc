@@ -2,10 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
-
-#include "core/base/portable_math.h"
-#include "core/mesh/box_tree.h"
 
 namespace planish {
 namespace {
@@ -77,18 +73,15 @@ void Relaxer::FindContacts() {
   contacts_.clear();
   const std::size_t n = bodies_.size();
   // In the texture: of each body, how it is turned and scaled, where its blocks lie, and a box round them.
-  std::vector<Vec2> turns(n);
+  std::vector<Rotation> turns(n);
   std::vector<Vec2> centres;
   std::vector<std::size_t> first_centre(n);
   std::vector<Box> boxes(n);
   const double reach = options_.distance + skin_;
-  const auto place = [&](std::int32_t i, const Vec2& u) {
-    return Vec2(bodies_[i].centre +
-                Vec2(turns[i].x() * u.x() - turns[i].y() * u.y(), turns[i].y() * u.x() + turns[i].x() * u.y()));
-  };
+  const auto place = [&](std::int32_t i, const Vec2& u) { return Vec2(bodies_[i].centre + turns[i](u)); };
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
     const double unit = scale_ * relative_[i];
-    turns[i] = unit * Vec2(portable::Cos(bodies_[i].angle), portable::Sin(bodies_[i].angle));
+    turns[i] = Rotation(bodies_[i].angle, unit);
     first_centre[i] = centres.size();
     const double low = options_.low + skin_, high = 1 - low;
     for (const Block& block : shapes_[i].blocks) {
@@ -109,19 +102,15 @@ void Relaxer::FindContacts() {
       }
     }
   }
-  std::vector<std::int32_t> order(n);
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
-    return boxes[a].low.x() != boxes[b].low.x() ? boxes[a].low.x() < boxes[b].low.x() : a < b;
-  });
   const auto collect = [&](std::int32_t a, std::int32_t b) {  // samples of a near b
     const double a_unit = scale_ * relative_[a], unit = scale_ * relative_[b];
-    const double c = turns[b].x() / (unit * unit), s = turns[b].y() / (unit * unit);
     const DistanceField& field = fields_[b];
     // From the frame of a to that of b.
-    const Vec2 turn(c * turns[a].x() + s * turns[a].y(), c * turns[a].y() - s * turns[a].x());
-    const Vec2 offset = bodies_[a].centre - bodies_[b].centre;
-    const Vec2 shift(c * offset.x() + s * offset.y(), c * offset.y() - s * offset.x());
+    Rotation own = turns[b];
+    own.cosine /= unit * unit;
+    own.sine /= unit * unit;
+    const Vec2 turn = own.Back({turns[a].cosine, turns[a].sine});
+    const Vec2 shift = own.Back(bodies_[a].centre - bodies_[b].centre);
     const auto local = [&](const Vec2& u) {
       return Vec2(shift.x() + turn.x() * u.x() - turn.y() * u.y(), shift.y() + turn.y() * u.x() + turn.x() * u.y());
     };
@@ -142,16 +131,11 @@ void Relaxer::FindContacts() {
       }
     }
   };
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::int32_t a = order[i];
-    for (std::size_t j = i + 1; j < n && boxes[order[j]].low.x() <= boxes[a].high.x() + reach; ++j) {
-      const std::int32_t b = order[j];
-      if (bodies_[a].tile != bodies_[b].tile) continue;
-      if (boxes[b].low.y() > boxes[a].high.y() + reach || boxes[a].low.y() > boxes[b].high.y() + reach) continue;
-      collect(a, b);
-      collect(b, a);
-    }
-  }
+  ForEachNearPair(boxes, reach, [&](std::int32_t a, std::int32_t b) {
+    if (bodies_[a].tile != bodies_[b].tile) return;
+    collect(a, b);
+    collect(b, a);
+  });
 }
 
 double Relaxer::Step() {
@@ -166,8 +150,8 @@ double Relaxer::Step() {
   };
   const std::size_t n = bodies_.size();
   std::vector<Pull> pulls(n);
-  std::vector<Vec2> turns(n);
-  for (std::size_t i = 0; i < n; ++i) turns[i] = Vec2(portable::Cos(bodies_[i].angle), portable::Sin(bodies_[i].angle));
+  std::vector<Rotation> turns;
+  for (const Body& body : bodies_) turns.emplace_back(body.angle);
   double worst = 0, energy = 0;
   const auto push = [&](std::int32_t body, const Vec2& p, const Vec2& direction, double missing) {
     const Vec2 arm = p - bodies_[body].centre;
@@ -187,44 +171,25 @@ double Relaxer::Step() {
   for (const Contact& contact : contacts_) {
     const std::int32_t a = contact.body;
     const double unit = scale_ * relative_[a];
-    const Vec2& u = shapes_[a].samples[contact.sample];
-    const Vec2 p = bodies_[a].centre + unit * Vec2(turns[a].x() * u.x() - turns[a].y() * u.y(),
-                                                   turns[a].y() * u.x() + turns[a].x() * u.y());
+    const Vec2 p = bodies_[a].centre + unit * turns[a](shapes_[a].samples[contact.sample]);
     double missing = 0;
-    Vec2 direction;
     if (contact.other < 0) {
-      const double low = options_.low + 2 * margins_[a], high = 1 - low;
-      switch (contact.other) {
-        case -1:
-          missing = low - p.x();
-          direction = Vec2(1, 0);
-          break;
-        case -2:
-          missing = p.x() - high;
-          direction = Vec2(-1, 0);
-          break;
-        case -3:
-          missing = low - p.y();
-          direction = Vec2(0, 1);
-          break;
-        default:
-          missing = p.y() - high;
-          direction = Vec2(0, -1);
-          break;
-      }
+      const int axis = contact.other >= -2 ? 0 : 1;
+      const bool is_low = contact.other == -1 || contact.other == -3;
+      const double low = options_.low + 2 * margins_[a];
+      missing = is_low ? low - p[axis] : p[axis] - (1 - low);
       if (missing <= 0) continue;
+      Vec2 direction = Vec2::Zero();
+      direction[axis] = is_low ? 1 : -1;
       push(a, p, direction, 2 * missing);
     } else {
       const std::int32_t b = contact.other;
       const double other_unit = scale_ * relative_[b];
-      const Vec2 q = (p - bodies_[b].centre) / other_unit;
-      const Vec2 local(turns[b].x() * q.x() + turns[b].y() * q.y(), turns[b].x() * q.y() - turns[b].y() * q.x());
+      const Vec2 local = turns[b].Back((p - bodies_[b].centre) / other_unit);
       // Most are far enough: their gradients are not needed.
       missing = options_.distance + margins_[a] + margins_[b] - fields_[b].DistanceNear(local, kFar) * other_unit;
       if (missing <= 0) continue;
-      const DistanceField::Value value = fields_[b].At(local);
-      direction = Vec2(turns[b].x() * value.gradient.x() - turns[b].y() * value.gradient.y(),
-                       turns[b].y() * value.gradient.x() + turns[b].x() * value.gradient.y());
+      const Vec2 direction = turns[b](fields_[b].Gradient(local));
       push(a, p, direction, missing);
       push(b, p, -direction, missing);
     }

@@ -1,4 +1,5 @@
-// Growing charts that lie apart until they are jammed: each is pushed and turned by those that come too near.
+// Lets charts that lie apart grow until they are jammed: each is pushed and turned by those that come too near.
+// Distances are sampled, so they may be short of what is demanded by a little (clearance.h measures them exactly).
 #pragma once
 
 #include <cstdint>
@@ -10,13 +11,14 @@
 
 namespace planish {
 
-// In the texture: tile 0 is the unit square, and all others are laid over it.
+// Where a chart lies in its tile, which is the unit square.
 struct Body {
-  Vec2 centre = Vec2::Zero();
-  double angle = 0;
+  Vec2 centre = Vec2::Zero();  // of the outline
+  double angle = 0;            // radians
   int tile = 0;
 };
 
+// Lengths in units of a tile.
 struct RelaxOptions {
   double distance = 0;      // to be kept between two charts
   double low = 0;           // charts stay within [low, 1 - low]^2
@@ -26,7 +28,7 @@ struct RelaxOptions {
 
 class Relaxer {
  public:
-  // `relative_scales` times Scale() is what charts are scaled by.
+  // Chart i is scaled by relative_scales[i] times scale(). The first two arguments and `execution` must outlive this.
   Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
           std::vector<double> relative_scales, double scale, const RelaxOptions& options, const Execution& execution);
 
@@ -35,14 +37,15 @@ class Relaxer {
   void set_scale(double scale) { scale_ = scale; }
   // What it has cost so far, in about nanoseconds, counted in steps of the algorithm.
   std::int64_t work() const { return work_; }
-  // Kept beside the distance, per chart.
+  // Per chart: kept in addition to the distance; 0 at first.
   std::vector<double>& margins() { return margins_; }
 
-  // Grows the charts as long as they can make room for each other; ends with the largest scale at which no distance
-  // was short of more than the tolerance. Ends early after `most_work` more.
+  // Grows the charts as long as they can make room for each other: until `patience` steps in a row have not brought
+  // them apart, or after about `most_work`. Ends with the largest scale at which no distance lacked more than the
+  // tolerance.
   void Grow(int patience, std::int64_t most_work);
-  // Moves charts at the present scale until no distance is short of more than the tolerance; returns whether that came
-  // about within `steps` and `most_work` more.
+  // Moves charts at the present scale until no distance lacks more than the tolerance; returns whether that came about
+  // within `steps` steps and about `most_work`.
   bool Separate(int steps, std::int64_t most_work);
 
  private:

@@ -5,23 +5,12 @@
 #include <cmath>
 #include <functional>
 
-#include "core/base/portable_math.h"
 #include "core/mesh/box_tree.h"
 
 namespace planish {
 namespace {
 
 constexpr double kRounding = 1e-9;  // cells, relative to 1; added wherever a cell could be missed
-
-// std::floor and std::ceil, which are calls into the C library. Of what an int holds.
-int Floor(double x) {
-  const int whole = static_cast<int>(x);
-  return whole - (x < whole ? 1 : 0);
-}
-int Ceil(double x) {
-  const int whole = static_cast<int>(x);
-  return whole + (x > whole ? 1 : 0);
-}
 
 // The cells within `radius` of the segment ab, row by row.
 struct Capsule {
@@ -79,17 +68,7 @@ class Grid {
   void Set(int y, int begin, int end) {
     begin = std::max(begin, 0);
     end = std::min(end, width_);
-    if (begin >= end) return;
-    std::uint64_t* row = bits_.data() + static_cast<std::size_t>(y) * words_;
-    const int first = begin >> 6, last = (end - 1) >> 6;
-    const std::uint64_t head = ~std::uint64_t{0} << (begin & 63), tail = ~std::uint64_t{0} >> (63 - ((end - 1) & 63));
-    if (first == last) {
-      row[first] |= head & tail;
-      return;
-    }
-    row[first] |= head;
-    for (int w = first + 1; w < last; ++w) row[w] = ~std::uint64_t{0};
-    row[last] |= tail;
+    if (begin < end) SetBits(bits_.data() + static_cast<std::size_t>(y) * words_, begin, end);
   }
 
   // Rows become columns.
@@ -166,13 +145,12 @@ class Grid {
 // shift(centre): how far, in [0, 1), everything is moved on from where it touches both axes.
 Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius,
                      const std::function<Vec2(const Vec2& centre)>& shift) {
-  const double c = scale * portable::Cos(angle), s = scale * portable::Sin(angle);
+  const Rotation rotate(angle, scale);
   radius += scale * outline.slack;
   std::vector<Vec2> points(outline.points.size());
   Box box;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vec2& p = outline.points[i];
-    points[i] = Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y());
+    points[i] = rotate(outline.points[i]);
     box.Add(points[i]);
   }
   const double margin = radius + kRounding * (1 + scale * outline.radius);
@@ -186,11 +164,7 @@ Silhouette Rasterize(const Outline& outline, double angle, double scale, double 
   const int height = std::max(1, Ceil(extent.y()));
   Grid grid(width, height);
 
-  // Where the line through the middle of a row crosses the outline: (row, first cell beyond, change of winding).
-  struct Crossing {
-    std::int32_t row, cell, change;
-  };
-  std::vector<Crossing> crossings;
+  ScanLines middles;
   const double slack = margin - radius;
   for (const auto& [from, to] : outline.edges) {
     const Capsule capsule(points[from], points[to], radius + slack);
@@ -200,22 +174,9 @@ Silhouette Rasterize(const Outline& outline, double angle, double scale, double 
       const double left = -capsule.Farthest(y, y + 1, -1), right = capsule.Farthest(y, y + 1, 1);
       grid.Set(y, Floor(left), Floor(right) + 1);
     }
-    const int begin = Ceil(capsule.a.y() - 0.5), end = Ceil(capsule.b.y() - 0.5);
-    const std::int32_t change =
-        points[from].y() > points[to].y() ? 1 : -1;  // the inside lies to the right of a descent
-    for (int y = begin; y < end; ++y) {
-      const double t = (y + 0.5 - capsule.a.y()) / (capsule.b.y() - capsule.a.y());
-      const double x = capsule.a.x() + t * (capsule.b.x() - capsule.a.x());
-      crossings.push_back({y, Ceil(x - 0.5), change});
-    }
+    middles.AddEdge(points[from], points[to], 0.5);
   }
-  std::sort(crossings.begin(), crossings.end(),
-            [](const Crossing& a, const Crossing& b) { return a.row != b.row ? a.row < b.row : a.cell < b.cell; });
-  for (std::size_t i = 0, winding = 0; i < crossings.size(); ++i) {
-    winding += static_cast<std::size_t>(crossings[i].change);
-    const bool inside = winding != 0 && i + 1 < crossings.size() && crossings[i + 1].row == crossings[i].row;
-    if (inside) grid.Set(crossings[i].row, crossings[i].cell, crossings[i + 1].cell);
-  }
+  middles.ForEachInside([&](int y, int begin, int end) { grid.Set(y, begin, end); });
   grid.Extract(&silhouette);
   return silhouette;
 }

@@ -12,6 +12,19 @@ struct Span {
   std::int32_t begin, end;  // cells [begin, end)
 };
 
+// Sets bits [begin, end), which are not none, of a row of words.
+inline void SetBits(std::uint64_t* row, int begin, int end) {
+  const int first = begin >> 6, last = (end - 1) >> 6;
+  const std::uint64_t head = ~std::uint64_t{0} << (begin & 63), tail = ~std::uint64_t{0} >> (63 - ((end - 1) & 63));
+  if (first == last) {
+    row[first] |= head & tail;
+    return;
+  }
+  row[first] |= head;
+  for (int w = first + 1; w < last; ++w) row[w] = ~std::uint64_t{0};
+  row[last] |= tail;
+}
+
 // Cells (x, y) with 0 <= x < width, 0 <= y < height.
 struct Silhouette {
   int width = 0, height = 0;

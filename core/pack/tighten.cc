@@ -93,29 +93,23 @@ class Tightener {
       std::array<std::optional<Arrangement>, kLanes> results;
       std::array<std::int64_t, kLanes> work = {};
       const double best = found->back().scale;
-      const auto run = [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t lane = begin; lane < end; ++lane) {
-          RearrangeOptions rearrange;
-          rearrange.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
-          rearrange.tiles = options_.tiles;
-          rearrange.atlases = options_.atlases;
-          rearrange.angles = 24;
-          rearrange.tries = 60;
-          rearrange.moves = at_once;
-          rearrange.work = budget - used;
-          rearrange.slack = tuning_.coarse_slack;
-          rearrange.distance = options_.distance;
-          rearrange.low = options_.low;
-          rearrange.swaps = failed[lane] == 0 ? 0 : 1 + (failed[lane] - 1) % tuning_.most_swaps;
-          rearrange.seed = kLanes * round + lane;
-          results[lane] = Attempt(best, best * (1 + steps[lane]), rearrange, &from[lane], &work[lane]);
-        }
+      const auto run = [&](std::int64_t lane, std::int64_t) {
+        RearrangeOptions rearrange;
+        rearrange.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
+        rearrange.tiles = options_.tiles;
+        rearrange.atlases = options_.atlases;
+        rearrange.angles = 24;
+        rearrange.tries = 60;
+        rearrange.moves = at_once;
+        rearrange.work = budget - used;
+        rearrange.slack = tuning_.coarse_slack;
+        rearrange.distance = options_.distance;
+        rearrange.low = options_.low;
+        rearrange.swaps = failed[lane] == 0 ? 0 : 1 + (failed[lane] - 1) % tuning_.most_swaps;
+        rearrange.seed = kLanes * round + lane;
+        results[lane] = Attempt(best, best * (1 + steps[lane]), rearrange, &from[lane], &work[lane]);
       };
-      if (execution_.team != nullptr) {
-        execution_.team->For(kLanes, 1, run);
-      } else {
-        run(0, kLanes);
-      }
+      execution_.For(kLanes, run, 1);
       bool better = false;
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
         used += work[lane];

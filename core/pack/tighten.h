@@ -16,7 +16,7 @@ struct TightenOptions {
   double low = 0;       // charts stay within [low, 1 - low]^2
   int tiles = 1;        // of each atlas
   int atlases = 1;
-  std::int64_t work = 0;  // to be spent about: nanoseconds, counted in steps of the algorithms
+  std::int64_t work = 0;  // about what may be spent: nanoseconds, counted in steps of the algorithms
   PackTuning tuning;
 };
 

@@ -1,5 +1,5 @@
-// The numbers that the packer works by, in one place. tests/bench/pack_time.cc chose them where nothing else is said,
-// on the charts of the shared assets and of tests/testing/families.h: efficiency against work.
+// The constants of the packer that are chosen, not derived. Where nothing else is said, tests/bench/pack_time.cc chose
+// them, by efficiency against work, on the charts of the shared assets and of tests/testing/families.h.
 #pragma once
 
 #include <cstdint>
@@ -53,15 +53,18 @@ struct PackTuning {
   double growing_share = 0.4, settling_share = 1;
   int settling_rounds = 25;
 
-  // Other orders: sizes count for up to half of this share larger or smaller, scales grow by this factor, and less work
-  // than for so many trials is not worth beginning.
-  double order_spread = 0.3, order_step = 1.005, fewest_orders = 8;
-  // Their share of the work that is left where tightening follows. Changes in vain after which a new order is taken,
-  // the chance that a change is one of a turn, and arrangements that tightening begins with.
-  double orders_share = 0.35;
-  int orders_in_vain = 25;
+  // Trials in other orders than by size. A new order sorts by sizes that are changed at random, by up to half of this
+  // share.
+  double order_spread = 0.3;
+  double order_step = 1.005;  // from the scale of the best trial to the one that is tried next
+  // The search for orders begins only if there is work left for so many trials. It has this share of the work where
+  // tightening follows, and all of it otherwise.
+  double fewest_orders = 8, orders_share = 0.35;
+  int orders_in_vain = 25;  // changes of an order that do not help, after which a new order is taken
+  // Chances that a change gives a chart a fixed turn (or frees it) instead of another place in the order, and that it
+  // is made to the first chart for which there was no room.
   double turn_chance = 0.3, missing_chance = 0.2;
-  int starts = 3;
+  int starts = 3;  // arrangements that tightening begins with
 
   // After a stop request, from so many charts on, what would take longer than some milliseconds ends at once.
   std::size_t many_charts = 300;

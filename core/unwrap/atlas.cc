@@ -207,13 +207,11 @@ absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts) {
     const Chart& chart = charts->charts[i].chart;
     const std::vector<Vec2>& positions = charts->charts[i].map.positions;
     const ChartPlacement& place = placements[i];
-    job->execution.For(chart.topology.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-      for (std::int64_t f = begin; f < end; ++f) {
-        const std::size_t corner = 3 * static_cast<std::size_t>(chart.faces[f]);
-        for (std::size_t k = 0; k < 3; ++k) {
-          const Vec2& p = positions[chart.topology.faces[f][k]];
-          set(corner + k, stays ? Vec2(p + place.offset) : place(p));
-        }
+    job->execution.ForEach(chart.topology.num_faces(), [&](std::int64_t f) {
+      const std::size_t corner = 3 * static_cast<std::size_t>(chart.faces[f]);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Vec2& p = positions[chart.topology.faces[f][k]];
+        set(corner + k, stays ? Vec2(p + place.offset) : place(p));
       }
     });
   }

@@ -11,12 +11,6 @@
 namespace planish {
 namespace {
 
-double SquaredDistance(const OutlineSegment& s, const OutlineSegment& t) {
-  const double square = std::min({SquaredDistanceToSegment(s.a, t.a, t.b), SquaredDistanceToSegment(s.b, t.a, t.b),
-                                  SquaredDistanceToSegment(t.a, s.a, s.b), SquaredDistanceToSegment(t.b, s.a, s.b)});
-  return square > 0 && SegmentsMeet(s.a, s.b, t.a, t.b) ? 0 : square;
-}
-
 class SpacingSearch {
  public:
   SpacingSearch(const std::vector<OutlineSegment>& segments, const std::vector<std::int32_t>& tile,
@@ -65,11 +59,9 @@ class SpacingSearch {
 
  private:
   static std::vector<Box> BoxesOf(const std::vector<OutlineSegment>& segments) {
-    std::vector<Box> boxes(segments.size());
-    for (std::size_t i = 0; i < segments.size(); ++i) {
-      boxes[i].Add(segments[i].a);
-      boxes[i].Add(segments[i].b);
-    }
+    std::vector<Box> boxes;
+    boxes.reserve(segments.size());
+    for (const OutlineSegment& s : segments) boxes.push_back(Box::Round(s.a, s.b));
     return boxes;
   }
 
@@ -81,15 +73,11 @@ class SpacingSearch {
   template <typename Radius, typename Visit>
   void ForEachPair(const Radius& radius, const Visit& visit) {
     for (std::size_t i = 0; i < segments_.size() && tests_left_ > 0; ++i) {
-      const double r = radius();
-      Box box = tree_.boxes()[i];
-      box.low -= Vec2::Constant(r);
-      box.high += Vec2::Constant(r);
-      tree_.ForEachMeeting(box, [&](std::int32_t j) {
+      tree_.ForEachMeeting(tree_.boxes()[i].Grown(radius()), [&](std::int32_t j) {
         if (--tests_left_ <= 0) return false;
         const OutlineSegment &s = segments_[i], &t = segments_[j];
         if (static_cast<std::size_t>(j) <= i || !AreComparable(s.chart, t.chart)) return true;
-        const double distance = std::sqrt(SquaredDistance(s, t));
+        const double distance = std::sqrt(SquaredDistance(s.a, s.b, t.a, t.b));
         if (distance <= radius()) visit(std::min(s.chart, t.chart), std::max(s.chart, t.chart), distance);
         return true;
       });

@@ -47,19 +47,6 @@ constexpr double kFactorization = 4;      // times kSolve
 constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
 constexpr double kUnpreconditioned = 60;  // times kSolve
 
-// What packing takes of the seconds of the rest (PackEffort).
-double PackShare(PackEffort effort) {
-  switch (effort) {
-    case PackEffort::kFast:
-      return 0.25;
-    case PackEffort::kNormal:
-      return 0.5;
-    case PackEffort::kBest:
-      return 50;
-  }
-  return 0;
-}
-
 bool Factorizes(const FlattenOptions& options) {
   return options.solver == SolverType::kDirect || options.preconditioner == PreconditionerType::kCholesky;
 }
@@ -95,7 +82,7 @@ double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptio
   if (policy == SeamPolicy::kAuto) seconds += kMerge * faces * std::pow(size, kMergePower);
   if (policy == SeamPolicy::kNeeded) seconds += kNeeded * faces;
   seconds += kSecondsPerPiece * pieces;
-  if (options.pack) seconds *= 1 + PackShare(options.atlas.effort);
+  if (options.pack) seconds *= 1 + ShareOfRest(options.atlas.effort);
   if (options.pack && options.atlas.effort != PackEffort::kFast) seconds += kPackSeconds;
   return seconds;
 }

@@ -77,23 +77,19 @@ std::vector<double> ReduceLongNeedles(const Mesh& mesh, const std::vector<char>&
   const double side = std::sqrt(AreaOf(mesh, needles) / options.atlas.tiles);
   const double longest = side * std::min(tuning.needle_length, room / (across * static_cast<double>(found.size())));
   std::vector<double> reduction(mesh.faces.size(), 1.0);
-  std::int64_t faces = 0;
-  std::vector<std::int32_t> first;
+  std::vector<std::int32_t> faces;
   for (const std::int32_t i : found) {
     double length = 0;
     for (const std::int32_t f : charts[i]) length = std::max(length, SizeOf(mesh, mesh.faces[f]).longest);
     for (const std::int32_t f : charts[i]) reduction[f] = std::min(1.0, longest / length);
-    faces += std::ssize(charts[i]);
-    for (const std::int32_t f : charts[i]) {
-      if (first.size() < kMaxNamed) first.push_back(f);
-    }
+    faces.insert(faces.end(), charts[i].begin(), charts[i].end());
   }
   if (found.empty()) return reduction;
-  warnings->push_back(
-      {"CHARTS_REDUCED",
-       absl::StrCat(Counted(faces, "face is a needle", "faces are needles"), " much longer than the texture would be; ",
-                    "their charts are drawn smaller than the others, which leaves room for these"),
-       FaceMetadata(faces, first)});
+  warnings->push_back({"CHARTS_REDUCED",
+                       absl::StrCat(Counted(std::ssize(faces), "face is a needle", "faces are needles"),
+                                    " much longer than the texture would be; ",
+                                    "their charts are drawn smaller than the others, which leaves room for these"),
+                       FaceMetadata(std::ssize(faces), faces)});
   return reduction;
 }
 

@@ -13,12 +13,12 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
+#include "core/pack/pack.h"
 #include "core/unwrap/distortion.h"
 
 namespace planish {
 namespace {
 
-constexpr int kTilesInRow = 10;
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 // One face in the map and on the surface.
@@ -60,10 +60,8 @@ class MapJudge {
 
   void MeasureFaces() {
     sizes_.resize(mesh_.faces.size());
-    execution_.For(num_faces(), [&](std::int64_t begin, std::int64_t end) {
-      for (std::int64_t f = begin; f < end; ++f) {
-        sizes_[f] = {Orientation(InMap(f)), DoubleArea(InMap(f)) / 2, DoubleArea(OnSurface(f)) / 2};
-      }
+    execution_.ForEach(num_faces(), [&](std::int64_t f) {
+      sizes_[f] = {Orientation(InMap(f)), DoubleArea(InMap(f)) / 2, DoubleArea(OnSurface(f)) / 2};
     });
   }
 
@@ -100,9 +98,9 @@ class MapJudge {
   // centre.
   std::int32_t TileOf(const Eigen::AlignedBox2d& box) const {
     const Vec2 low = box.center().array().floor();
-    if (!(low.x() >= 0 && low.x() < kTilesInRow && low.y() >= 0 && low.y() < options_.tiles)) return -1;
+    if (!(low.x() >= 0 && low.x() < PackOptions::kTilesInRow && low.y() >= 0 && low.y() < options_.tiles)) return -1;
     if (!Eigen::AlignedBox2d(low, low + Vec2::Ones()).contains(box)) return -1;
-    const int tile = static_cast<int>(low.x()) + kTilesInRow * static_cast<int>(low.y());
+    const int tile = static_cast<int>(low.x()) + PackOptions::kTilesInRow * static_cast<int>(low.y());
     return tile < options_.tiles ? tile : -1;
   }
 

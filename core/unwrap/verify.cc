@@ -18,33 +18,26 @@ namespace planish {
 
 CornerUv RoundToFloat(const CornerUv& uv, const Execution& execution) {
   CornerUv rounded(uv.size());
-  execution.For(static_cast<std::int64_t>(uv.size()), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) rounded[i] = static_cast<double>(static_cast<float>(uv[i]));
-  });
+  execution.ForEach(static_cast<std::int64_t>(uv.size()),
+                    [&](std::int64_t i) { rounded[i] = static_cast<double>(static_cast<float>(uv[i])); });
   return rounded;
 }
 
 OrientationFaults CheckOrientations(const CornerUv& uv, const Execution& execution, const std::vector<char>& ignored) {
-  OrientationFaults faults;
-  for (const OrientationFaults& part : execution.Collect<OrientationFaults>(
-           static_cast<std::int64_t>(uv.size() / 6), [&](std::int64_t begin, std::int64_t end) {
-             OrientationFaults chunk;
-             for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
-               if (!ignored.empty() && ignored[f]) continue;
-               const int orientation = Orientation(TriangleOf(uv, f));
-               if (orientation > 0) continue;
-               ++(orientation < 0 ? chunk.flipped : chunk.degenerate);
-               if (chunk.faces.size() < kMaxNamed) chunk.faces.push_back(f);
-             }
-             return chunk;
-           })) {
-    faults.flipped += part.flipped;
-    faults.degenerate += part.degenerate;
-    for (const std::int32_t f : part.faces) {
-      if (faults.faces.size() < kMaxNamed) faults.faces.push_back(f);
-    }
-  }
-  return faults;
+  const auto check = [&](std::int64_t f, OrientationFaults* faults) {
+    const int orientation = !ignored.empty() && ignored[f] ? 1 : Orientation(TriangleOf(uv, f));
+    if (orientation > 0) return;
+    ++(orientation < 0 ? faults->flipped : faults->degenerate);
+    if (faults->faces.size() < kMaxNamed) faults->faces.push_back(static_cast<std::int32_t>(f));
+  };
+  return execution.SumUp<OrientationFaults>(std::ssize(uv) / 6, check);
+}
+
+void OrientationFaults::Add(const OrientationFaults& other) {
+  flipped += other.flipped;
+  degenerate += other.degenerate;
+  const std::size_t room = std::min(kMaxNamed - faces.size(), other.faces.size());
+  faces.insert(faces.end(), other.faces.begin(), other.faces.begin() + room);
 }
 
 namespace {
@@ -65,28 +58,25 @@ Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, co
   struct Part {
     std::vector<std::int32_t> outline;
     bool is_torn = false;
+    void Add(const Part& other) {
+      is_torn |= other.is_torn;
+      outline.insert(outline.end(), other.outline.begin(), other.outline.end());
+    }
   };
+  const Part all = execution.SumUp<Part>(std::ssize(opposite), [&](std::int64_t i, Part* part) {
+    const auto c = static_cast<std::int32_t>(i);
+    const std::int32_t o = opposite[c];
+    if (o < 0) {
+      part->outline.push_back(c);
+    } else if (o < c && (From(uv, c) != To(uv, o) || To(uv, c) != From(uv, o))) {
+      part->is_torn = true;
+    }
+  });
   Outlines outlines;
-  std::vector<std::int32_t> starts;
-  for (const Part& part :
-       execution.Collect<Part>(static_cast<std::int64_t>(opposite.size()), [&](std::int64_t begin, std::int64_t end) {
-         Part chunk;
-         for (auto c = static_cast<std::int32_t>(begin); c < end; ++c) {
-           const std::int32_t o = opposite[c];
-           if (o < 0) {
-             chunk.outline.push_back(c);
-           } else if (o < c && (From(uv, c) != To(uv, o) || To(uv, c) != From(uv, o))) {
-             chunk.is_torn = true;
-           }
-         }
-         return chunk;
-       })) {
-    outlines.is_torn |= part.is_torn;
-    starts.insert(starts.end(), part.outline.begin(), part.outline.end());
-  }
+  outlines.is_torn = all.is_torn;
   if (outlines.is_torn || execution.IsCancelled()) return outlines;
   static_cast<Loops<std::int32_t>&>(outlines) =
-      BoundaryLoops(FlatLinks{opposite}, starts, opposite.size(), [](std::int32_t c) { return c; });
+      BoundaryLoops(FlatLinks{opposite}, all.outline, opposite.size(), [](std::int32_t c) { return c; });
   for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
   return outlines;
 }
@@ -105,8 +95,7 @@ std::vector<std::int32_t> ChartsOf(const std::vector<std::int32_t>& opposite, co
 BoxTree TreeOf(const Outlines& outlines, const CornerUv& uv, const Execution& execution) {
   std::vector<Box> boxes(outlines.half_edge.size());
   for (std::size_t i = 0; i < boxes.size(); ++i) {
-    boxes[i].Add(From(uv, outlines.half_edge[i]));
-    boxes[i].Add(To(uv, outlines.half_edge[i]));
+    boxes[i] = Box::Round(From(uv, outlines.half_edge[i]), To(uv, outlines.half_edge[i]));
   }
   return BoxTree(std::move(boxes), execution);
 }
@@ -246,11 +235,9 @@ class PairwiseCheck {
   PairwiseCheck(const CornerUv& uv, const std::vector<char>& ignored, const Execution& execution)
       : execution_(execution), num_faces_(static_cast<std::int32_t>(uv.size() / 6)), triangles_(num_faces_) {
     std::vector<Box> boxes(num_faces_);
-    execution_.For(num_faces_, [&](std::int64_t begin, std::int64_t end) {
-      for (auto f = static_cast<std::int32_t>(begin); f < end; ++f) {
-        if (!HasInterior(uv, ignored, f, &triangles_[f])) continue;
-        for (const Vec2& p : triangles_[f]) boxes[f].Add(p);
-      }
+    execution_.ForEach(num_faces_, [&](std::int32_t f) {
+      if (!HasInterior(uv, ignored, f, &triangles_[f])) return;
+      for (const Vec2& p : triangles_[f]) boxes[f].Add(p);
     });
     tree_.emplace(std::move(boxes), execution_);
   }
@@ -264,17 +251,11 @@ class PairwiseCheck {
       const std::int64_t end = std::min<std::int64_t>(begin + kBlock * kBlocks, num_faces_);
       const std::int64_t tests_before = counts.tests;
       std::array<std::vector<std::int32_t>, kBlocks> found;
-      const auto look = [&](std::int64_t first, std::int64_t last) {
-        for (std::int64_t i = first; i < last; ++i) {
-          const std::int64_t from = std::min(begin + i * kBlock, end);
-          Look(from, std::min(from + kBlock, end), max_tests, &counts, &found[i]);
-        }
+      const auto look = [&](std::int64_t i, std::int64_t) {
+        const std::int64_t from = std::min(begin + i * kBlock, end);
+        Look(from, std::min(from + kBlock, end), max_tests, &counts, &found[i]);
       };
-      if (execution_.team != nullptr) {
-        execution_.team->For(kBlocks, 1, look);
-      } else {
-        look(0, kBlocks);
-      }
+      execution_.For(kBlocks, look, 1);
       all.limited = counts.pairs >= kMaxOverlaps || counts.tests >= max_tests || execution_.IsCancelled();
       if (all.limited) {
         // Blocks were cut short, who knows where: once more, one after the other.

@@ -32,7 +32,10 @@ inline constexpr std::size_t kMaxNamed = 16;
 struct OrientationFaults {
   std::int64_t flipped = 0;         // clockwise triangles
   std::int64_t degenerate = 0;      // collinear triangles
-  std::vector<std::int32_t> faces;  // the first few of both
+  std::vector<std::int32_t> faces;  // the first few of both, at most kMaxNamed
+
+  // `other` has later faces.
+  void Add(const OrientationFaults& other);
 };
 
 // Exact. O(F). Faces marked in `ignored` (empty: none) do not count. Incomplete after a cancellation.

@@ -1,6 +1,8 @@
 #include "core/unwrap/warnings.h"
 
+#include <algorithm>
 #include <functional>
+#include <span>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -31,25 +33,23 @@ std::string Where(const std::vector<ChartReport>& charts, const std::vector<int>
 }
 
 std::map<std::string, std::string> ChartMetadata(const std::vector<int>& found) {
-  const std::vector<int> first(found.begin(), found.begin() + std::min(found.size(), kMaxNamed));
+  const auto first = std::span(found).first(std::min(found.size(), kMaxNamed));
   return {{"charts", absl::StrJoin(first, ",")}, {"chart_count", absl::StrCat(found.size())}};
 }
 
 }  // namespace
 
 std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces) {
-  return {{"count", std::to_string(count)}, {"faces", absl::StrJoin(faces, ",")}};
+  return {{"count", absl::StrCat(count)},
+          {"faces", absl::StrJoin(std::span(faces).first(std::min(faces.size(), kMaxNamed)), ",")}};
 }
 
 void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings) {
-  std::int64_t count = 0;
   std::vector<std::int32_t> faces;
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(ignored.size()); ++f) {
-    if (!ignored[f]) continue;
-    ++count;
-    if (faces.size() < kMaxNamed) faces.push_back(f);
+    if (ignored[f]) faces.push_back(f);
   }
-  if (count > 0) {
+  if (const std::int64_t count = std::ssize(faces); count > 0) {
     warnings->push_back(
         {"FACES_WITHOUT_AREA",
          absl::StrCat(Counted(count, "face has", "faces have"), " no area; they get UV, but no promise holds for them"),
@@ -73,13 +73,12 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
 void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision,
                    std::vector<UnwrapWarning>* warnings) {
   if (widened.empty()) return;
-  const std::vector<std::int32_t> first(widened.begin(), widened.begin() + std::min(widened.size(), kMaxNamed));
   warnings->push_back(
       {"FACES_WIDENED",
        absl::StrCat(Counted(std::ssize(widened), "face is thinner", "faces are thinner"), " than ",
                     precision == Precision::kFloat ? "float" : "double",
                     " can hold; the map stretches them across, so that they are neither flipped nor collapsed"),
-       FaceMetadata(std::ssize(widened), first)});
+       FaceMetadata(std::ssize(widened), widened)});
 }
 
 void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings) {

@@ -31,7 +31,7 @@ void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarnin
 // UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps, std::vector<UnwrapWarning>* warnings);
 
-// {"count", "faces"}, as metadata.
+// {"count", "faces"} as metadata, the latter with the first kMaxNamed of these faces.
 std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces);
 
 }  // namespace planish

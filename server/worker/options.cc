@@ -9,11 +9,6 @@
 namespace planish {
 namespace {
 
-absl::Status Invalid(const std::string& field, const std::string& message) {
-  return MakeError(absl::StatusCode::kInvalidArgument, "OPTIONS_INVALID", absl::StrCat(field, ": ", message),
-                   {{"field", field}});
-}
-
 // The default of an unset field is the core's own.
 template <typename Proto, typename Core>
 struct Choice {
@@ -81,7 +76,7 @@ absl::Status Choose(const std::string& field, const Choice<Proto, Core> (&choice
     *core = choice.core;
     return absl::OkStatus();
   }
-  return Invalid(field, absl::StrCat("this server does not know the value ", static_cast<int>(proto)));
+  return OptionError(field, absl::StrCat("this server does not know the value ", static_cast<int>(proto)));
 }
 
 template <typename Proto, typename Core, std::size_t size>

@@ -5,11 +5,11 @@
 #include <random>
 
 #include "Eigen/Core"
-#include "core/abf/bound_multipliers.h"
 #include "core/abf/boundary_control.h"
 #include "core/abf/constraints.h"
 #include "core/abf/full_system.h"
 #include "core/abf/lagrangian.h"
+#include "core/abf/objective.h"
 #include "core/abf/reduced_system.h"
 #include "core/abf/topology.h"
 #include "core/mesh/angles.h"

@@ -7,9 +7,9 @@
 #include <random>
 
 #include "core/abf/lagrangian.h"
+#include "core/abf/layout.h"
 #include "core/abf/reduced_system.h"
 #include "core/abf/topology.h"
-#include "core/abf/unfolding.h"
 #include "core/linalg/aggregation.h"
 #include "core/linalg/linear_solver.h"
 #include "core/linalg/patch_preconditioner.h"
