@@ -96,9 +96,6 @@ inline constexpr const char* kPostgresMigrations[] = {
       CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0 AND seams_sha256 != '';
       CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1 AND uv_sha256 != '';
     )sql",
-    // A renewal then changes no index, and its row can stay on its page. Leases that are over are found among all that
-    // run, which are as many as there are workers.
-    "DROP INDEX works_by_lease",
 };
 
 // Transactions between TakeTurn() and their ends; the tables turns_N.

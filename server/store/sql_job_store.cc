@@ -213,11 +213,11 @@ class SqlJobStore : public JobStore {
     const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
       PLANISH_ASSIGN_OR_RETURN(now, transaction.LeaseNow());
       if (!sole_owner.empty()) {
-        return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY owner LIMIT ?",
+        return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY lease_until LIMIT ?",
                                      {std::string_view(sole_owner), most});
       }
       return transaction.sql().Run(
-          "SELECT name FROM works WHERE running = 1 AND lease_until <= ? ORDER BY owner LIMIT ?", {now, most});
+          "SELECT name FROM works WHERE running = 1 AND lease_until <= ? ORDER BY lease_until LIMIT ?", {now, most});
     };
     return ForWorks(context, works,
                     [&](JobTransaction& transaction, const LockedWork& work, JobChange* change) -> absl::Status {
