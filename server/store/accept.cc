@@ -21,20 +21,6 @@ bool MayJoin(const std::vector<JobRow>& jobs) {
   });
 }
 
-absl::StatusOr<std::optional<JobRecord>> Known(SqlConnection* sql, const JobRecord& record) {
-  static const std::string by_name = absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE name = ?");
-  static const std::string by_request =
-      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE tenant = ? AND request_id = ?");
-  PLANISH_ASSIGN_OR_RETURN(SqlRows rows, sql->Run(by_name, {std::string_view(record.job().name())}));
-  if (rows.empty() && !record.request_id().empty()) {
-    PLANISH_ASSIGN_OR_RETURN(
-        rows, sql->Run(by_request, {std::string_view(record.job().tenant()), std::string_view(record.request_id())}));
-  }
-  if (rows.empty()) return std::nullopt;
-  PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> jobs, JobRowsOf(rows));
-  return std::move(jobs.front().record);
-}
-
 absl::StatusOr<std::optional<JobRecord>> Result(JobTransaction* transaction, const NewJob& job) {
   if (job.result_of.empty()) return std::nullopt;
   PLANISH_RETURN_IF_ERROR(
@@ -47,17 +33,13 @@ absl::StatusOr<std::optional<JobRecord>> Result(JobTransaction* transaction, con
   return std::move(source->record);
 }
 
-// The newest work with this key; empty if there is none to join.
-absl::StatusOr<std::optional<LockedWork>> WorkToJoin(JobTransaction* transaction, const JobRecord& record) {
-  PLANISH_ASSIGN_OR_RETURN(
-      const SqlRows works,
-      transaction->sql().Run(
-          "SELECT work FROM jobs WHERE work_key = ? AND tenant = ? AND ended = 0 ORDER BY number DESC LIMIT 1",
-          {SqlBytes{record.work_key()}, std::string_view(record.job().tenant())}));
-  if (works.empty()) return std::nullopt;
-  PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction->LockWork(works.Bytes(0, 0)));
-  if (work.has_value() && !MayJoin(work->jobs)) work.reset();
-  return work;
+// The next number, and the newest work with the key of the job, "": none.
+absl::StatusOr<SqlRows> NumberAndWork(SqlConnection* sql, const JobRecord& record) {
+  if (record.job().scheduling().fresh()) return sql->Run("SELECT {next_number}, ''", {});
+  return sql->Run(
+      "SELECT {next_number}, (SELECT work FROM jobs WHERE work_key = ? AND tenant = ? AND ended = 0 "
+      "ORDER BY number DESC LIMIT 1)",
+      {SqlBytes{record.work_key()}, std::string_view(record.job().tenant())});
 }
 
 // Whether the job had room if twice as much were waiting as these accounts say.
@@ -76,15 +58,18 @@ bool HasAmpleRoom(FairAccounts accounts, const NewJob& job) {
 // matters to one that has none.
 class AccountsToRead {
  public:
-  AccountsToRead(SqlConnection* sql, RecentAccounts* recent) : sql_(*sql), recent_(*recent) {}
+  AccountsToRead(JobTransaction* transaction, RecentAccounts* recent)
+      : transaction_(*transaction), sql_(transaction->sql()), recent_(*recent) {}
 
   absl::Status Ask(const NewJob& job) {
     tenant_ = job.record.job().tenant();
     known_ = recent_.Get();
     if (known_.has_value() && !HasAmpleRoom(*known_, job)) known_.reset();
-    if (!known_.has_value()) return sql_.RunLater(AccountsSql(), {}, &rows_);
-    reads_own_ = known_->tenants[tenant_].waiting < kManyWaiting;
-    return reads_own_ ? sql_.RunLater(OwnAccountSql(), {std::string_view(tenant_)}, &rows_) : absl::OkStatus();
+    reads_own_ = known_.has_value() && known_->tenants[tenant_].waiting < kManyWaiting;
+    if (known_.has_value() && !reads_own_) return absl::OkStatus();
+    PLANISH_RETURN_IF_ERROR(transaction_.AskLeaseNow());  // for LiftIn()
+    return reads_own_ ? sql_.RunLater(OwnAccountSql(), {std::string_view(tenant_)}, &rows_)
+                      : sql_.RunLater(AccountsSql(), {}, &rows_);
   }
 
   // After the answer has come.
@@ -101,6 +86,7 @@ class AccountsToRead {
  private:
   static constexpr std::int64_t kManyWaiting = 200;  // more than are claimed while accounts are recent
 
+  JobTransaction& transaction_;
   SqlConnection& sql_;
   RecentAccounts& recent_;
   std::string tenant_;
@@ -113,6 +99,7 @@ class AccountsToRead {
 
 absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAccounts* recent,
                       AcceptedChange* accepted) {
+  *accepted = {};
   SqlConnection& sql = transaction->sql();
   const v1::Job& asked = job.record.job();
   JobChange& change = accepted->change;
@@ -121,21 +108,30 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAcco
   if (!asked.has_create_time()) {
     *change.record.mutable_job()->mutable_create_time() = ToTimestamp(transaction->context().now);
   }
-  JobRow row;
   std::optional<JobRecord> result;
   std::optional<LockedWork> others;
-  AccountsToRead read(&sql, recent);
-  PLANISH_RETURN_IF_ERROR(transaction->AskLeaseNow());
+  AccountsToRead read(transaction, recent);
   if (!asked.scheduling().fresh()) {
     // Of two that come at the same time the second one finds the first.
     PLANISH_RETURN_IF_ERROR(sql.Serialize(job.record.work_key(), /*wait=*/true).status());
     PLANISH_ASSIGN_OR_RETURN(result, Result(transaction, job));
-    if (!result.has_value()) {
-      PLANISH_RETURN_IF_ERROR(read.Ask(job));
-      PLANISH_ASSIGN_OR_RETURN(others, WorkToJoin(transaction, job.record));
-    }
+  }
+  if (!result.has_value()) PLANISH_RETURN_IF_ERROR(read.Ask(job));
+  PLANISH_ASSIGN_OR_RETURN(const SqlRows found, NumberAndWork(&sql, job.record));
+  change.record.set_number(found.Int(0, 0));
+  if (!result.has_value() && !found.Bytes(0, 1).empty()) {
+    PLANISH_ASSIGN_OR_RETURN(others, transaction->LockWork(found.Bytes(0, 1)));
+    if (others.has_value() && !MayJoin(others->jobs)) others.reset();
   }
   accepted->shares = result.has_value() || others.has_value();
+  std::optional<FairAccounts> accounts;
+  if (!accepted->shares) {
+    accounts = read.Take();
+    if (job.limits.has_value()) {
+      accepted->room = RoomFor(*accounts, *job.limits, asked.tenant(), asked.mesh_bytes());
+      if (accepted->room != Room::kYes) return absl::OkStatus();
+    }
+  }
   PLANISH_RETURN_IF_ERROR(transaction->Announce(&change));
   if (result.has_value()) {
     const v1::Job& source = result->job();
@@ -152,49 +148,26 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAcco
     change.events.front().mutable_job()->set_result_of(work.name);
     if (work.running) PLANISH_RETURN_IF_ERROR(transaction->Start({work.name, work.attempt, work.owner}, &change));
   }
-  std::optional<FairAccounts> accounts;
-  if (!accepted->shares) {
-    if (asked.scheduling().fresh()) {
-      PLANISH_RETURN_IF_ERROR(read.Ask(job));
-      PLANISH_RETURN_IF_ERROR(sql.Flush());
-    }
-    accounts = read.Take();
-  }
-  if (accounts.has_value() && job.limits.has_value()) {
-    const Room room = RoomFor(*accounts, *job.limits, asked.tenant(), asked.mesh_bytes());
-    if (room != Room::kYes) {
-      // A job that is there needs none.
-      PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> known, Known(&sql, job.record));
-      *accepted = known.has_value() ? AcceptedChange{false, false, Room::kYes, {*std::move(known), {}}}
-                                    : AcceptedChange{false, false, room, {}};
-      return absl::OkStatus();
-    }
-  }
+  accepted->created = true;
+  JobRow row;
   row.record = std::move(change.record);
-  PLANISH_ASSIGN_OR_RETURN(accepted->created, transaction->Insert(&row));
-  if (accepted->created) {
-    if (accounts.has_value()) {
-      if (IsIdle(*accounts)) {
-        accounts.emplace();
-        PLANISH_RETURN_IF_ERROR(BeginAnew(&sql));
-      }
-      const double share = job.limits.has_value() ? job.limits->share : 1;
-      PLANISH_RETURN_IF_ERROR(transaction->LiftIn(*accounts, asked.tenant(), share));
-      PLANISH_RETURN_IF_ERROR(transaction->AddWork(row, job.run_time));
+  PLANISH_RETURN_IF_ERROR(transaction->Insert(&row));
+  if (accounts.has_value()) {
+    if (IsIdle(*accounts)) {
+      accounts.emplace();
+      PLANISH_RETURN_IF_ERROR(BeginAnew(&sql));
     }
-    change.record = std::move(row.record);
-    if (others.has_value()) {
-      others->jobs.push_back(std::move(row));
-      PLANISH_RETURN_IF_ERROR(transaction->Settle(&*others));
-    }
-    PLANISH_RETURN_IF_ERROR(transaction->PutBlobs(job.blobs));
-    return transaction->WriteEvents(&change);
+    const double share = job.limits.has_value() ? job.limits->share : 1;
+    PLANISH_RETURN_IF_ERROR(transaction->LiftIn(*accounts, asked.tenant(), share));
+    PLANISH_RETURN_IF_ERROR(transaction->AddWork(row, job.run_time));
   }
-  // Its name or its request id is taken.
-  PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> known, Known(&sql, job.record));
-  if (!known.has_value()) return StoreUnavailable("two jobs came at the same time; try again");
-  *accepted = {false, false, Room::kYes, {*std::move(known), {}}};
-  return absl::OkStatus();
+  change.record = std::move(row.record);
+  if (others.has_value()) {
+    others->jobs.push_back(std::move(row));
+    PLANISH_RETURN_IF_ERROR(transaction->Settle(&*others));
+  }
+  PLANISH_RETURN_IF_ERROR(transaction->PutBlobs(job.blobs));
+  return transaction->WriteEvents(&change);
 }
 
 }  // namespace planish

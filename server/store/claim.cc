@@ -262,7 +262,7 @@ class Claimer {
     for (JobRow& job : work.jobs) {
       JobChange change = {std::move(job.record), {}};
       PLANISH_RETURN_IF_ERROR(transaction_.Start(taken.lease, &change));
-      PLANISH_RETURN_IF_ERROR(transaction_.Save(&job, &change.record));
+      transaction_.Save(&job, &change.record);
       PLANISH_RETURN_IF_ERROR(transaction_.WriteEvents(&change));
       taken.jobs.push_back(std::move(change));
     }

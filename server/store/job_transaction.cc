@@ -164,6 +164,13 @@ std::int64_t LockedWork::Size() const {
   return std::count_if(jobs.begin(), jobs.end(), [](const JobRow& job) { return !job.standing.ended; });
 }
 
+JobTransaction::JobTransaction(SqlConnection* connection, const VerbContext* context, const LeaseClock* clock)
+    : sql_(*connection),
+      context_(*context),
+      clock_(*clock),
+      events_(RowBatch::Of("INSERT INTO events (job, sequence, event, kind) VALUES {rows}")),
+      works_(WorkUpdates()) {}
+
 absl::StatusOr<std::int64_t> JobTransaction::LeaseNow() {
   if (now_.has_value()) return *now_;
   if (clock_ != nullptr) {
@@ -293,7 +300,8 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
   if (!row.running && (before.running || gone)) news_.work = true;
   if (before.running && (!row.running || row.wish != before.wish)) news_.works.push_back(row.name);
   if (gone) return DeleteWork(&sql_, row.name);
-  return row == before ? absl::OkStatus() : UpdateWork(&sql_, row);
+  if (row != before) UpdateWork(row, &works_);
+  return absl::OkStatus();
 }
 
 absl::Status JobTransaction::Lift(const std::string& tenant, double share) {
@@ -328,30 +336,26 @@ absl::Status JobTransaction::AddWork(const JobRow& job, absl::Duration run_time)
 }
 
 absl::Status JobTransaction::Flush() {
+  for (auto& [columns, batch] : saves_) PLANISH_RETURN_IF_ERROR(batch.Send(&sql_));
+  PLANISH_RETURN_IF_ERROR(events_.Send(&sql_));
+  PLANISH_RETURN_IF_ERROR(works_.Send(&sql_));
   return accounts_.Write(&sql_);
 }
 
-absl::StatusOr<bool> JobTransaction::Insert(JobRow* row) {
+absl::Status JobTransaction::Insert(JobRow* row) {
   JobRecord& record = row->record;
   const v1::Job& job = record.job();
   const std::string bytes = BytesWithoutReport(&record, record.mutable_job());
   const std::string report = job.report().SerializeAsString();
-  static const std::string insert =
+  PLANISH_RETURN_IF_ERROR(sql_.RunLater(
       "INSERT INTO jobs (number, name, tenant, request_id, state, ended, end_time, work_key, mesh_sha256, "
-      "seams_sha256, "
-      "uv_sha256, uv_bytes, record, report, create_time, work, due) "
-      "VALUES ({next_number}, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
-      "ON CONFLICT DO NOTHING RETURNING number";
-  PLANISH_ASSIGN_OR_RETURN(
-      const SqlRows number,
-      sql_.Run(insert, {std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record), job.state(),
-                        IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()),
-                        SqlBytes{record.work_key()}, SqlBytes{record.mesh_sha256()}, SqlBytes{record.seams_sha256()},
-                        SqlBytes{job.uv().uv_sha256()}, job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report},
-                        TimeUtil::TimestampToNanoseconds(job.create_time()), std::string_view(record.work()),
-                        DueColumn(record)}));
-  if (number.empty()) return false;
-  record.set_number(number.Int(0, 0));
+      "seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+      {record.number(), std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record), job.state(),
+       IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()), SqlBytes{record.work_key()},
+       SqlBytes{record.mesh_sha256()}, SqlBytes{record.seams_sha256()}, SqlBytes{job.uv().uv_sha256()},
+       job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report}, TimeUtil::TimestampToNanoseconds(job.create_time()),
+       std::string_view(record.work()), DueColumn(record)}));
   Account(*row, record);
   row->standing = StandingOf(record, context_.max_attempts);
   news_.jobs.push_back(job.name());
@@ -359,67 +363,51 @@ absl::StatusOr<bool> JobTransaction::Insert(JobRow* row) {
     PLANISH_RETURN_IF_ERROR(sql_.RunLater("INSERT INTO labels VALUES (?, ?, ?)",
                                           {record.number(), std::string_view(key), std::string_view(value)}));
   }
-  return true;
-}
-
-absl::Status JobTransaction::Save(JobRow* row, JobRecord* record) {
-  // Each column that a statement names costs the indexes that it is in, changed or not: so there are several.
-  static const std::vector<std::string> statements = [] {
-    std::vector<std::string> all;
-    for (int i = 0; i < 8; ++i) {
-      all.push_back(
-          absl::StrCat("UPDATE jobs SET state = ?, record = ?", (i & 1) != 0 ? ", request_id = NULL" : "",
-                       (i & 2) != 0 ? ", ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = ?, report = ?" : "",
-                       (i & 4) != 0 ? ", due = ?" : "", " WHERE number = ?"));
-    }
-    return all;
-  }();
-  const v1::Job& job = record->job();
-  const std::string bytes = BytesWithoutReport(record, record->mutable_job());
-  std::string report;
-  std::vector<SqlValue> values = {std::int64_t{job.state()}, SqlBytes{bytes}};
-  const bool forgets = row->had_request_id && record->request_id().empty();
-  const bool ends = IsTerminal(job.state());
-  const std::int64_t due = DueColumn(*record);
-  if (ends) {
-    report = job.report().SerializeAsString();
-    values.insert(values.end(), {TimeUtil::TimestampToNanoseconds(job.end_time()), SqlBytes{job.uv().uv_sha256()},
-                                 job.uv().total_bytes(), SqlBytes{report}});
-  }
-  if (due != row->due) values.emplace_back(due);
-  values.emplace_back(record->number());
-  const std::size_t which = (forgets ? 1u : 0u) + (ends ? 2u : 0u) + (due != row->due ? 4u : 0u);
-  PLANISH_RETURN_IF_ERROR(sql_.RunLater(statements[which], values));
-  Account(*row, *record);
-  row->standing = StandingOf(*record, context_.max_attempts);
-  news_.jobs.push_back(job.name());
   return absl::OkStatus();
 }
 
-absl::Status JobTransaction::Delete(const std::vector<JobRow>& jobs) {
-  // Each number of places is a statement that is prepared: so there are two.
-  static constexpr std::size_t kTogether = 16;
-  static const auto statements_for = [](const std::string& places) {
-    std::vector<std::string> statements;
-    for (const char* rows : {"events WHERE job", "labels WHERE job", "jobs WHERE number"}) {
-      statements.push_back(absl::StrCat("DELETE FROM ", rows, " IN (", places, ")"));
+void JobTransaction::Save(JobRow* row, JobRecord* record) {
+  const v1::Job& job = record->job();
+  const std::string bytes = BytesWithoutReport(record, record->mutable_job());
+  const std::string report = job.report().SerializeAsString();
+  const std::int64_t due = DueColumn(*record);
+  // Each column that a statement names costs the indexes that it is in, changed or not: so there are several.
+  std::vector<std::string> columns = {"state", "record"};
+  std::vector<SqlValue> values = {std::int64_t{job.state()}, SqlBytes{bytes}};
+  unsigned which = 0;
+  const auto set = [&](unsigned bit, const std::vector<std::pair<std::string, SqlValue>>& changes) {
+    which |= bit;
+    for (const auto& [column, value] : changes) {
+      columns.push_back(column);
+      values.push_back(value);
     }
-    return statements;
   };
-  static const std::vector<std::string> one = statements_for("?");
-  static const std::vector<std::string> many = statements_for("?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?");
-  for (std::size_t i = 0; i < jobs.size();) {
-    const std::size_t end = jobs.size() - i >= kTogether ? i + kTogether : i + 1;
-    const std::vector<std::string>& statements = end == i + 1 ? one : many;
-    std::vector<SqlValue> numbers;
-    for (; i < end; ++i) {
-      const JobRecord& record = jobs[i].record;
-      numbers.emplace_back(record.number());
-      TenantAccount& account = accounts_.of(record.job().tenant());
-      account.ended -= 1;
-      account.result_bytes -= jobs[i].result_bytes;
-    }
-    for (const std::string& statement : statements) PLANISH_RETURN_IF_ERROR(sql_.RunLater(statement, numbers));
+  if (row->had_request_id && record->request_id().empty()) set(1, {{"request_id", std::monostate()}});
+  if (IsTerminal(job.state())) {
+    set(2, {{"ended", std::int64_t{1}},
+            {"end_time", TimeUtil::TimestampToNanoseconds(job.end_time())},
+            {"uv_sha256", SqlBytes{job.uv().uv_sha256()}},
+            {"uv_bytes", job.uv().total_bytes()},
+            {"report", SqlBytes{report}}});
+  }
+  if (due != row->due) set(4, {{"due", due}});
+  values.emplace_back(record->number());
+  saves_.try_emplace(which, RowBatch::Update("jobs", columns, "number")).first->second.Add(values);
+  Account(*row, *record);
+  row->standing = StandingOf(*record, context_.max_attempts);
+  news_.jobs.push_back(job.name());
+}
+
+absl::Status JobTransaction::Delete(const std::vector<JobRow>& jobs) {
+  for (const std::string from : {"events WHERE job", "labels WHERE job", "jobs WHERE number"}) {
+    RowBatch rows = RowBatch::Of("DELETE FROM " + from + " IN (VALUES {rows})");
+    for (const JobRow& job : jobs) rows.Add({job.record.number()});
+    PLANISH_RETURN_IF_ERROR(rows.Send(&sql_));
+  }
+  for (const JobRow& job : jobs) {
+    TenantAccount& account = accounts_.of(job.record.job().tenant());
+    account.ended -= 1;
+    account.result_bytes -= job.result_bytes;
   }
   return absl::OkStatus();
 }
@@ -471,9 +459,8 @@ absl::Status JobTransaction::WriteEvents(JobChange* change) {
                                      {change->record.number(), last - kKeptProgress, std::int64_t{kProgressOnly}})
                                 .status());
   }
-  return sql_.RunLater(
-      "INSERT INTO events (job, sequence, event, kind) VALUES (?, ?, ?, ?)",
-      {change->record.number(), change->events.back().sequence(), SqlBytes{bytes}, std::int64_t{kind}});
+  events_.Add({change->record.number(), last, SqlBytes{bytes}, std::int64_t{kind}});
+  return absl::OkStatus();
 }
 
 absl::Status JobTransaction::Announce(JobChange* change) {

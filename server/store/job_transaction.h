@@ -77,8 +77,7 @@ using LeaseClock = std::function<absl::Time()>;
 class JobTransaction {
  public:
   // All outlive the object.
-  JobTransaction(SqlConnection* connection, const VerbContext* context, const LeaseClock* clock)
-      : sql_(*connection), context_(*context), clock_(*clock) {}
+  JobTransaction(SqlConnection* connection, const VerbContext* context, const LeaseClock* clock);
 
   SqlConnection& sql() { return sql_; }
   const VerbContext& context() const { return context_; }
@@ -117,13 +116,14 @@ class JobTransaction {
   absl::Status LiftIn(const FairAccounts& accounts, const std::string& tenant, double share);
   // Work that a job just inserted brings.
   absl::Status AddWork(const JobRow& job, absl::Duration run_time);
-  // Everything that comes last.
+  // Writes what was changed, the accounts last. What is there before is read as it was, but for rows that were added.
   absl::Status Flush();
 
-  // Adds a job with its labels and gives it its number; false if its name or request id is taken.
-  absl::StatusOr<bool> Insert(JobRow* row);
+  // Adds a job with its labels, under the number that it has. ALREADY_EXISTS, at the latest from the commit, if its
+  // name or request id is taken.
+  absl::Status Insert(JobRow* row);
   // Writes the record of a job that is there. Its end and the loss of its request id are for good.
-  absl::Status Save(JobRow* row, JobRecord* record);
+  void Save(JobRow* row, JobRecord* record);
   absl::Status PutBlobs(const std::vector<BlobRow>& blobs);
 
   // Changes the record by Advance() and adds the event to it, or one that says what the record says now. INTERNAL where
@@ -166,6 +166,9 @@ class JobTransaction {
   std::optional<SqlRows> asked_now_;  // rows: the answer has come
   AccountChanges accounts_;
   StoreNews news_;
+  // To be written by Flush().
+  std::map<unsigned, RowBatch> saves_;  // by the columns that change
+  RowBatch events_, works_;
 };
 
 // When the job is to be ended or stopped; the infinite future: never.

@@ -9,7 +9,8 @@
 
 namespace planish {
 
-// JobStore::Accept. `accepted` is as constructed.
+// JobStore::Accept, of a job that is not there: without room `accepted` says so alone. ALREADY_EXISTS, at the latest
+// from the commit, where its name or its request id is taken.
 absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAccounts* recent, AcceptedChange* accepted);
 
 // JobStore::Claim. `claimed` is empty.

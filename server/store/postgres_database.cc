@@ -206,10 +206,12 @@ class PostgresConnection : public SqlConnection {
     }
     PQsetNoticeProcessor(
         raw, [](void*, const char*) {}, nullptr);
-    // Whoever hangs in the middle of a transaction holds locks that others wait for. Bitmaps have no order: with the
-    // statistics of a queue that grew from nothing within a minute PostgreSQL would sort all that wait for one of them.
+    // Whoever hangs in the middle of a transaction holds locks that others wait for. With no statistics, or those of a
+    // queue that grew from nothing within a minute, PostgreSQL would read whole tables for a few rows, and sort all that
+    // wait for one of them, since bitmaps have no order: there is an index for whatever is asked often.
     PLANISH_RETURN_IF_ERROR(connection->Execute(
-        "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off"));
+        "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off; "
+        "SET enable_seqscan = off"));
     return connection;
   }
 
@@ -437,6 +439,7 @@ class PostgresConnection : public SqlConnection {
     if (state == "53100" || state == "53200") {  // disk_full, out_of_memory
       return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", absl::StrCat("the job store: ", message));
     }
+    if (state == "23505") return absl::AlreadyExistsError(absl::StrCat("the job store: ", message));
     // Of the connection (08), by the operator (57P), by other transactions (40), of locks and limits (53, 55, 57014,
     // 25P03), of a server that takes no writes: a standby (25006).
     const bool passes = !IsGood() || state.empty() || state.starts_with("08") || state.starts_with("57") ||

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <string>
@@ -59,6 +60,7 @@ class SqlRows {
 //   RESOURCE_EXHAUSTED with STORAGE_FULL      the disk is full
 //   UNAVAILABLE with STORE_UNAVAILABLE        the database is away, or gave up this transaction for another one; a
 //                                             Commit() that ends so may or may not have been done
+//   ALREADY_EXISTS                            there is a row with a key that was to be unique
 //   INTERNAL                                  a bug, or damage
 class SqlConnection {
  public:
@@ -140,6 +142,31 @@ class SqlDatabase {
 
 // UNAVAILABLE with STORE_UNAVAILABLE.
 absl::Status StoreUnavailable(const std::string& why);
+
+// The same change of many rows, by as few statements as there can be: each costs a database more than the rows it
+// writes.
+class RowBatch {
+ public:
+  // `{rows}` in the statement stands for the rows of values: (?, ?), (?, ?), ...
+  static RowBatch Of(std::string statement);
+  // Sets these columns of the rows that have the key; the key comes last in the rows of values.
+  static RowBatch Update(const std::string& table, const std::vector<std::string>& columns, const std::string& key);
+
+  // Values are copied.
+  void Add(const std::vector<SqlValue>& row);
+  // Has all rows written (RunLater()), and forgets them.
+  absl::Status Send(SqlConnection* sql);
+
+ private:
+  // The statement for so many rows of so many values.
+  using Text = std::function<std::string(std::size_t rows, std::size_t columns)>;
+
+  explicit RowBatch(Text text) : text_(std::move(text)) {}
+
+  Text text_;
+  std::vector<std::vector<SqlValue>> rows_;
+  std::deque<std::string> bytes_;  // of the values; each stays where it is
+};
 
 // Runs `body` in a transaction: commits if it returns OK, otherwise leaves everything as it was.
 absl::Status Transact(SqlDatabase* database, Durability durability,

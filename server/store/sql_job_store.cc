@@ -55,8 +55,18 @@ class SqlJobStore : public JobStore {
     const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) {
       return AcceptIn(&transaction, job, &recent_accounts_, &accepted);
     });
-    PLANISH_RETURN_IF_ERROR(status);
-    return accepted;
+    if (status.ok() && accepted.created) return accepted;
+    const bool is_taken = absl::IsAlreadyExists(status);
+    if (!is_taken) PLANISH_RETURN_IF_ERROR(status);
+    // A job that is there needs no room.
+    const JobRecord& record = job.record;
+    PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> known, Find(record.job().name()));
+    if (!known.has_value() && !record.request_id().empty()) {
+      PLANISH_ASSIGN_OR_RETURN(known, FindByRequestId(record.job().tenant(), record.request_id()));
+    }
+    if (known.has_value()) return AcceptedChange{false, false, Room::kYes, {*std::move(known), {}}};
+    if (is_taken) return StoreUnavailable("a job of the same name or request id came and went; try again");
+    return AcceptedChange{false, false, accepted.room, {}};
   }
 
   absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why,
@@ -97,7 +107,7 @@ class SqlJobStore : public JobStore {
         PLANISH_RETURN_IF_ERROR(locked.status());
         if (!locked->place.has_value() || !locked->row().record.attached()) continue;
         *locked->row().record.mutable_callers_until() = ToTimestamp(until);
-        PLANISH_RETURN_IF_ERROR(transaction.Save(&locked->row(), &locked->row().record));
+        transaction.Save(&locked->row(), &locked->row().record);
       }
       return absl::OkStatus();
     });
@@ -199,13 +209,12 @@ class SqlJobStore : public JobStore {
       if (!work.running) return false;
       return sole_owner.empty() ? work.lease_until <= now : work.owner != sole_owner;
     };
-    // In the order of an index: asked for names in theirs, PostgreSQL may walk through all that wait.
+    // In the order of the index of what runs: without one PostgreSQL may walk through all that wait.
     const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
       PLANISH_ASSIGN_OR_RETURN(now, transaction.LeaseNow());
       if (!sole_owner.empty()) {
-        return transaction.sql().Run(
-            "SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY lease_until LIMIT ?",
-            {std::string_view(sole_owner), most});
+        return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY lease_until LIMIT ?",
+                                     {std::string_view(sole_owner), most});
       }
       return transaction.sql().Run(
           "SELECT name FROM works WHERE running = 1 AND lease_until <= ? ORDER BY lease_until LIMIT ?", {now, most});
@@ -247,7 +256,8 @@ class SqlJobStore : public JobStore {
       change = {std::move(row.record), {}};
       if (!Advance(JobAction::kExpire, context.now, change.record.mutable_job()).ok()) return absl::OkStatus();
       change.record.clear_request_id();  // a caller that asks again wants UV
-      return transaction.Save(&row, &change.record);
+      transaction.Save(&row, &change.record);
+      return absl::OkStatus();
     });
     PLANISH_RETURN_IF_ERROR(status);
     return change;
@@ -358,7 +368,7 @@ class SqlJobStore : public JobStore {
 
   // Writes what changed of a job that is there.
   static absl::Status Write(JobTransaction* transaction, JobRow* row, JobChange* change) {
-    PLANISH_RETURN_IF_ERROR(transaction->Save(row, &change->record));
+    transaction->Save(row, &change->record);
     return transaction->WriteEvents(change);
   }
 

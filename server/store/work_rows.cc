@@ -56,13 +56,17 @@ absl::Status InsertWork(SqlConnection* sql, const WorkRow& work) {
        std::string_view(work.owner), work.attempt, work.lease_until, work.start_time, work.charge, work.share});
 }
 
-absl::Status UpdateWork(SqlConnection* sql, const WorkRow& work) {
-  return sql->RunLater(
-      "UPDATE works SET number = ?, running = ?, turn_time = ?, alone = ?, wish = ?, owner = ?, attempt = ?, "
-      "lease_until = ?, start_time = ?, charge = ?, share = ? WHERE name = ?",
-      {work.number, work.running ? 1 : 0, work.turn_time, work.alone ? 1 : 0, static_cast<std::int64_t>(work.wish),
-       std::string_view(work.owner), work.attempt, work.lease_until, work.start_time, work.charge, work.share,
-       std::string_view(work.name)});
+RowBatch WorkUpdates() {
+  return RowBatch::Update("works",
+                          {"number", "running", "turn_time", "alone", "wish", "owner", "attempt", "lease_until",
+                           "start_time", "charge", "share"},
+                          "name");
+}
+
+void UpdateWork(const WorkRow& work, RowBatch* updates) {
+  updates->Add({work.number, work.running ? 1 : 0, work.turn_time, work.alone ? 1 : 0,
+                static_cast<std::int64_t>(work.wish), std::string_view(work.owner), work.attempt, work.lease_until,
+                work.start_time, work.charge, work.share, std::string_view(work.name)});
 }
 
 absl::Status DeleteWork(SqlConnection* sql, const std::string& name) {
@@ -70,27 +74,24 @@ absl::Status DeleteWork(SqlConnection* sql, const std::string& name) {
 }
 
 absl::Status AccountChanges::Write(SqlConnection* sql) const {
+  RowBatch sums = RowBatch::Of(
+      "INSERT INTO tenants (tenant, slot, waiting, waiting_bytes, running, started, charged, received, ended, "
+      "result_bytes) VALUES {rows} ON CONFLICT (tenant, slot) DO UPDATE SET "
+      "waiting = tenants.waiting + excluded.waiting, waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
+      "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
+      "charged = tenants.charged + excluded.charged, received = tenants.received + excluded.received, "
+      "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes");
   for (const auto& [tenant, change] : changes_) {
     if (change == TenantAccount()) continue;
-    PLANISH_RETURN_IF_ERROR(sql->RunLater(
-        "INSERT INTO tenants (tenant, slot, waiting, waiting_bytes, running, started, charged, received, "
-        "ended, result_bytes) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (tenant, slot) DO UPDATE "
-        "SET waiting = tenants.waiting + excluded.waiting, "
-        "waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
-        "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
-        "charged = tenants.charged + excluded.charged, received = tenants.received + excluded.received, "
-        "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes",
-        {std::string_view(tenant), sql->Slot(), change.waiting, change.waiting_bytes, change.running, change.started,
-         change.charged, change.received, change.ended, change.result_bytes}));
+    sums.Add({std::string_view(tenant), sql->Slot(), change.waiting, change.waiting_bytes, change.running,
+              change.started, change.charged, change.received, change.ended, change.result_bytes});
   }
-  if (virtual_time_ > 0) {
-    PLANISH_RETURN_IF_ERROR(
-        sql->RunLater("INSERT INTO tenants VALUES ('', ?, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE "
-                      "SET received = CASE WHEN excluded.received > tenants.received THEN excluded.received "
-                      "ELSE tenants.received END",
-                      {sql->Slot(), virtual_time_}));
-  }
-  return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(sums.Send(sql));
+  if (virtual_time_ <= 0) return absl::OkStatus();
+  return sql->RunLater(
+      "INSERT INTO tenants VALUES ('', ?, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE SET received = "
+      "CASE WHEN excluded.received > tenants.received THEN excluded.received ELSE tenants.received END",
+      {sql->Slot(), virtual_time_});
 }
 
 absl::Status BeginAnew(SqlConnection* sql) {

@@ -24,8 +24,10 @@ inline constexpr char kWorkColumns[] =
 std::vector<WorkRow> WorkRowsOf(const SqlRows& rows);
 
 absl::Status InsertWork(SqlConnection* sql, const WorkRow& work);
-absl::Status UpdateWork(SqlConnection* sql, const WorkRow& work);
 absl::Status DeleteWork(SqlConnection* sql, const std::string& name);
+// Works that change, for UpdateWork().
+RowBatch WorkUpdates();
+void UpdateWork(const WorkRow& work, RowBatch* updates);
 
 // What a transaction adds to accounts, written at its end: whoever holds rows of tenants takes no other locks, so that
 // no two transactions wait for each other.
