@@ -119,7 +119,8 @@ await browser.close();
 const ratios = empty.map((ms, i) => report[i] / ms);
 table.push(`| opening in chromium | ${median(empty).toFixed(0)} ms | ${median(report).toFixed(0)} ms | ` +
   `${median(ratios).toFixed(2)} (${Math.min(...ratios).toFixed(2)} to ${Math.max(...ratios).toFixed(2)}) |`);
-console.log(`${triangles.toLocaleString('en')} triangles; a page of ${(bytes / triangles).toFixed(1)} bytes a triangle.
+console.log(`
+${triangles.toLocaleString('en')} triangles; a page of ${(bytes / triangles).toFixed(1)} bytes a triangle.
 
 | | without | with a report | ratio, median (least to most) |
 |---|--:|--:|--:|

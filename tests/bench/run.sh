@@ -10,6 +10,7 @@
 #   tests/bench/run.sh farm             jobs a second that one PostgreSQL takes, 200 machines and 100,000 waiting jobs
 #   tests/bench/run.sh chaos            1,000 jobs through a farm whose fronts, workers and database are killed
 #   tests/bench/run.sh service          what a server costs beside the work, 1,000 watchers, 500 jobs and 50 kills
+#   tests/bench/run.sh report           what a report of a million triangles adds to an unwrap, and how long it takes to open
 #   tests/bench/run.sh mutations        100,000 damaged meshes and messages against a server (--quick: 2,000)
 #
 #   --quick      small sizes and few rounds, to see that it works; results go to BUILD/results
@@ -23,7 +24,7 @@
 # What others' programs measure is left out, and said so, where they are missing. atlas gets xatlas through npm
 # (WebAssembly). XATLAS names a program to use instead, made of xatlas' source, best without threads: it is called with
 # MESH.obj MAP.obj PADDING SIZE and does what tests/bench/xatlas_unwrap.mjs does. In the environment, too: CORE, the
-# core that everything on one core runs on (default 0), ROUNDS of atlas and farm (default 3), STANDBY_ROUNDS of farm's
+# core that everything on one core runs on (default 0), ROUNDS of atlas, farm and report (default 3), STANDBY_ROUNDS of farm's
 # second half (default ROUNDS), LIMIT, the seconds after which atlas gives up on a tool (default 300), INPUTS of
 # mutations (default 100,000), SEEDS of chaos, which choose what dies when (default "1 2 3"), and JOBS for the build
 # (default 2).
@@ -63,7 +64,7 @@ esac
 [ -f "$build/CMakeCache.txt" ] ||
   cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DPLANISH_BUILD_BENCHMARKS=ON >/dev/null
 targets=(planish_bench)
-[ "$bench" != atlas ] && [ "$bench" != service ] || targets+=(planish planishd)
+case $bench in atlas | service | report) targets+=(planish planishd) ;; esac
 [ "$bench" != tuning ] || targets=(planish_tuning_sweep planish_bench_report)
 [ "$bench" != farm ] || targets=(planish_store_load planish_bench_report)
 [ "$bench" != chaos ] || targets=(planish_farm_chaos)
@@ -462,6 +463,18 @@ and nothing was left of it but its record and its result."
     done
     echo '```'
   } >"$out/chaos.md"
+}
+
+report() {
+  local mesh=$work/mesh.obj triangles=1000000
+  [ -z "$quick" ] || triangles=20000
+  command -v npm >/dev/null && command -v chromium >/dev/null || fail "no npm or no chromium"
+  "$bin/planish_write_mesh" "foot:$triangles" "$mesh" >&2
+  npm install --prefix "$work" --ignore-scripts --no-audit --no-fund playwright-core@1.49.1 three@0.170.0 >&2
+  heading "A report" "\`foot\` by formula, the whole command, with one thread. The page is opened from disk and drawn without a graphics
+card; the empty page is one by three.js that draws the same triangles, positions and UV in one colour, in two views (\`tests/bench/report_page.mjs\`)." \
+    >"$out/report.md"
+  node "$here/report_page.mjs" "$bin/planish" "$(command -v chromium)" "$mesh" "$work" "${ROUNDS:-3}" >>"$out/report.md"
 }
 
 mutations() {
