@@ -207,8 +207,8 @@ class PostgresConnection : public SqlConnection {
     PQsetNoticeProcessor(
         raw, [](void*, const char*) {}, nullptr);
     // Whoever hangs in the middle of a transaction holds locks that others wait for. With no statistics, or those of a
-    // queue that grew from nothing within a minute, PostgreSQL would read whole tables for a few rows, and sort all that
-    // wait for one of them, since bitmaps have no order: there is an index for whatever is asked often.
+    // queue that grew from nothing within a minute, PostgreSQL would read whole tables for a few rows, and sort all
+    // that wait for one of them, since bitmaps have no order: there is an index for whatever is asked often.
     PLANISH_RETURN_IF_ERROR(connection->Execute(
         "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off; "
         "SET enable_seqscan = off"));

@@ -213,8 +213,9 @@ class SqlJobStore : public JobStore {
     const auto works = [&](JobTransaction& transaction) -> absl::StatusOr<SqlRows> {
       PLANISH_ASSIGN_OR_RETURN(now, transaction.LeaseNow());
       if (!sole_owner.empty()) {
-        return transaction.sql().Run("SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY lease_until LIMIT ?",
-                                     {std::string_view(sole_owner), most});
+        return transaction.sql().Run(
+            "SELECT name FROM works WHERE running = 1 AND owner != ? ORDER BY lease_until LIMIT ?",
+            {std::string_view(sole_owner), most});
       }
       return transaction.sql().Run(
           "SELECT name FROM works WHERE running = 1 AND lease_until <= ? ORDER BY lease_until LIMIT ?", {now, most});
