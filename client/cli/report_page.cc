@@ -46,6 +46,7 @@ constexpr std::uint8_t kMirroredFace = 16;
 constexpr std::size_t kMaxFindingFaces = 2000, kMaxNamedPairs = 20;
 constexpr std::size_t kMostResiduals = 10000;  // of steps of charts: 100 KB
 constexpr std::string_view kCardBegin = "<script type=\"application/json\" id=\"planish-card\">";
+constexpr int kZlibLevel = 3;  // level 6 takes twice as long for a page of a million triangles and saves 5 % of it
 constexpr std::size_t kMostBytesBeforeCardEnds = std::size_t{1} << 20;
 
 void AppendVarint(std::uint64_t value, std::string* bytes) {
@@ -96,7 +97,7 @@ std::string Deflated(const std::string& bytes) {
   uLongf size = compressBound(bytes.size());
   std::string result(size, '\0');
   if (compress2(reinterpret_cast<Bytef*>(result.data()), &size, reinterpret_cast<const Bytef*>(bytes.data()),
-                bytes.size(), 6) != Z_OK) {
+                bytes.size(), kZlibLevel) != Z_OK) {
     throw Error(ErrorCode::kInternal, "OUT_OF_MEMORY", "the report's data cannot be compressed");
   }
   result.resize(size);
