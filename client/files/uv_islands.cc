@@ -7,17 +7,15 @@
 #include <span>
 #include <utility>
 
+#include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
 
 namespace planish {
 namespace {
 
-// Per vertex, equal exactly where positions are: a number below that of the vertices. Vertices without a face have -1.
+// Per vertex the number of its position, in [0, num_vertices); equal positions share one. -1: no face has the vertex.
 std::vector<std::int32_t> NumberPositions(const Mesh& mesh) {
-  std::vector<char> is_used(mesh.positions.size(), 0);
-  for (const Face& face : mesh.faces) {
-    for (const std::int32_t v : face) is_used[v] = 1;
-  }
+  const std::vector<char> is_used = UsedVertices(mesh);
   // -0 becomes 0, so that comparing numbers and comparing places is the same.
   std::vector<std::pair<std::array<double, 3>, std::int32_t>> positions;
   for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
@@ -34,7 +32,7 @@ std::vector<std::int32_t> NumberPositions(const Mesh& mesh) {
   return number;
 }
 
-// Corners are grouped by position first, which takes no comparison of theirs; each group is sorted by UV.
+// Groups corners by position, which takes no sorting of corners, and sorts each group by UV.
 void FindPlaces(const Mesh& mesh, const std::vector<double>& uv, UvIslands* islands) {
   struct At {
     double u, v;

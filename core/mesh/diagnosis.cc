@@ -57,7 +57,8 @@ bool IsInRange(const Mesh& mesh, const Face& face) {
   return std::all_of(face.begin(), face.end(), [&](std::int32_t v) { return v >= 0 && v < mesh.num_vertices(); });
 }
 
-// Per vertex: whether a face in range refers to it.
+}  // namespace
+
 std::vector<char> UsedVertices(const Mesh& mesh) {
   std::vector<char> used(mesh.positions.size(), 0);
   for (const Face& face : mesh.faces) {
@@ -66,6 +67,8 @@ std::vector<char> UsedVertices(const Mesh& mesh) {
   }
   return used;
 }
+
+namespace {
 
 void ListVertices(const Mesh& mesh, Diagnosis* result) {
   const std::vector<char> used = UsedVertices(mesh);

@@ -134,6 +134,9 @@ absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution 
 // O(F) time and memory.
 absl::Status CheckDisc(const Mesh& mesh, const Execution& execution = {});
 
+// Per vertex: whether a face refers to it whose vertices are all in range. O(F).
+std::vector<char> UsedVertices(const Mesh& mesh);
+
 // Vertices that no face refers to. Indices must be in range.
 std::int64_t CountIsolatedVertices(const Mesh& mesh);
 
