@@ -195,7 +195,8 @@ class LinesView : public ProgressView {
   std::vector<LastLine> said_;
 };
 
-// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}; {"note"} is about the whole command, and
+// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}; {"note"} is about the whole command,
+// and
 // --verbose has more of them. In a batch "file" comes first, and there are notices, {"file", "notice"}, and ends,
 // {"file", "result"}.
 class JsonView : public ProgressView {
