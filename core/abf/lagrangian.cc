@@ -10,16 +10,10 @@
 
 namespace planish {
 
-namespace {
-
-constexpr std::int64_t kHessianFaces = 4096;  // of one chunk
-
-}  // namespace
-
 Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                    const Eigen::VectorXd& cot, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd gradient = objective.Gradient(x);
-  team.ForEach(topology.num_faces(), kHessianFaces, [&](std::int64_t f) {
+  team.ForEach(topology.num_faces(), [&](std::int64_t f) {
     for (int k = 0; k < 3; ++k) gradient[3 * f + k] += mu.triangle[f];
   });
   AddPairRowsTransposed(topology, cot, mu.pair, &gradient, team);
@@ -29,7 +23,7 @@ Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& ob
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
                                   const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd hessian(curvature.size());
-  team.ForEach(topology.num_faces(), kHessianFaces, [&](std::int64_t f) {
+  team.ForEach(topology.num_faces(), [&](std::int64_t f) {
     const std::array<double, 3> wheel = WheelDifferences(topology, f, mu.pair);
     for (int k = 0; k < 3; ++k) {
       const double s = sine[3 * f + k];
@@ -61,14 +55,14 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
   if (kind == Convexification::kNone) return 0;
   const std::int64_t n = curvature.size() / 3;
   std::vector<std::vector<std::int32_t>> weak_parts(
-      static_cast<std::size_t>((n + kHessianFaces - 1) / kHessianFaces));  // of chunks
+      static_cast<std::size_t>((n + ThreadTeam::kChunk - 1) / ThreadTeam::kChunk));  // of chunks
   const auto convexify_face = [&](std::int64_t f) {
     double* a = &(*hessian)[3 * f];
     const double* b = &curvature[3 * f];
     if (kind == Convexification::kByFace) {
       const double smallest = SmallestPlaneEigenvalue(a, b);
       if (smallest < tuning.weak_curvature) {
-        weak_parts[static_cast<std::size_t>(f / kHessianFaces)].push_back(static_cast<std::int32_t>(f));
+        weak_parts[static_cast<std::size_t>(f / ThreadTeam::kChunk)].push_back(static_cast<std::int32_t>(f));
       }
       if (smallest >= tuning.min_curvature) return false;
       const double t = (tuning.min_curvature - smallest) / (1 - smallest);
@@ -83,7 +77,7 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
     }
     return change;
   };
-  const double changed_faces = team.Sum(n, kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
+  const double changed_faces = team.Sum(n, ThreadTeam::kChunk, [&](std::int64_t begin, std::int64_t end) {
     double changed = 0;
     for (std::int64_t f = begin; f < end; ++f) changed += convexify_face(f) ? 1 : 0;
     return changed;
@@ -103,7 +97,7 @@ Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::V
     return plane;
   };
   Eigen::VectorXd absolute = hessian;
-  team.ForEach(hessian.size() / 3, kHessianFaces, [&](std::int64_t f) {
+  team.ForEach(hessian.size() / 3, [&](std::int64_t f) {
     double* a = &absolute[3 * f];
     const double* b = &curvature[3 * f];
     if (SmallestPlaneEigenvalue(a, b) >= tuning.min_curvature) return;

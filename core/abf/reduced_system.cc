@@ -9,7 +9,7 @@
 namespace planish {
 namespace {
 
-constexpr std::int64_t kAssemblyFaces = 4096, kAssemblyRows = 1024;  // of one chunk
+constexpr std::int64_t kAssemblyRows = 1024;  // of one chunk
 
 // Where u is among `length` ascending columns. Rows are short: counting, which no branch depends on, takes a third of
 // the time of a search.
@@ -26,8 +26,7 @@ std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
                              ThreadTeam& team)
     : topology_(topology), team_(team), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
-  team_.ForEach(topology.num_faces(), kAssemblyFaces,
-                [&](std::int64_t f) { inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]); });
+  team_.ForEach(topology.num_faces(), [&](std::int64_t f) { inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]); });
 }
 
 void ReducedSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
@@ -41,8 +40,7 @@ void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::Vecto
 
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
-  team_.ForEach(topology_.num_faces(), kAssemblyFaces,
-                [&](std::int64_t face) { SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]); });
+  team_.ForEach(topology_.num_faces(), [&](std::int64_t face) { SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]); });
 }
 
 void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, double* x) const {
@@ -74,14 +72,15 @@ void ReducedSystem::ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::Vector
 
 Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
   Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(num_multipliers());
-  for (std::int32_t f = 0; f < topology_.num_faces(); ++f) {
-    const Eigen::Matrix<double, 6, 6> block = FaceBlock(f);
-    for (int k = 0; k < 3; ++k) {
-      if (const std::int32_t v = topology_.corner_row[3 * f + k]; v >= 0) {
-        diagonal.segment<2>(2 * v) += block.diagonal().segment<2>(2 * k);
-      }
-    }
+  for (std::int32_t c = 0; c < topology_.num_corners(); ++c) {
+    const std::int32_t f = c / 3, v = topology_.corner_row[c], after = 3 * f + Next(c % 3),
+                       before = 3 * f + Prev(c % 3);
+    if (v < 0) continue;
+    const double a0 = hessian_[c], a1 = hessian_[after], a2 = hessian_[before], c1 = cot_[after], c2 = cot_[before];
+    diagonal[2 * v] += (a1 + a2) * inverse_e_[f];
+    diagonal[2 * v + 1] += (c1 * c1 * (a2 + a0) + c2 * c2 * (a0 + a1) + 2 * c1 * c2 * a0) * inverse_e_[f];
   }
+  // Without a wheel the row is absent: anything positive.
   for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) diagonal[2 * v + 1] = diagonal[2 * v];
   return diagonal;
 }
@@ -90,7 +89,7 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
                             Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const {
   x->resize(num_unknowns());
   if (lambda1 != nullptr) lambda1->resize(topology_.num_faces());
-  team_.ForEach(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t f) {
+  team_.ForEach(topology_.num_faces(), [&](std::int64_t f) {
     const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
     const std::array<double, 3> wheel = WheelDifferences(topology_, f, lambda2);
     double r[3];  // f - J^t lambda_2
@@ -103,26 +102,6 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
     (*lambda1)[f] =
         (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];
   });
-}
-
-Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
-  const double *a = &hessian_[3 * face], *c = &cot_[3 * face];
-  Eigen::Matrix3d p;
-  p << a[1] + a[2], -a[2], -a[1],  //
-      -a[2], a[2] + a[0], -a[0],   //
-      -a[1], -a[0], a[0] + a[1];
-  p *= inverse_e_[face];
-  Eigen::Matrix<double, 6, 3> j;
-  j << 1, 0, 0,        //
-      0, c[1], -c[2],  //
-      0, 1, 0,         //
-      -c[0], 0, c[2],  //
-      0, 0, 1,         //
-      c[0], -c[1], 0;
-  for (int k = 0; k < 3; ++k) {
-    if (!topology_.has_wheel(topology_.corner_row[3 * face + k])) j.row(2 * k + 1).setZero();
-  }
-  return j * p * j.transpose();
 }
 
 std::vector<std::int32_t> RowsOfFaces(const Topology& topology, const std::vector<std::int32_t>& faces) {

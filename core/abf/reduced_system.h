@@ -56,9 +56,6 @@ class ReducedSystem final : public SaddlePointOperator {
   void Recover(const Eigen::VectorXd& gradient, const Eigen::VectorXd& h1, const Eigen::VectorXd& lambda2,
                Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const;
 
-  // S for the angles of one face: rows and columns are (vertex, wheel) of its three corners.
-  Eigen::Matrix<double, 6, 6> FaceBlock(std::int32_t face) const;
-
  private:
   // x = P r - h D 1 / s for one face (the letters above).
   void SolveFace(std::int64_t face, const double* r, double h, double* x) const;

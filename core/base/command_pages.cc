@@ -1,9 +1,7 @@
 #include "core/base/command_pages.h"
 
 #include <algorithm>
-#include <memory>
 #include <sstream>
-#include <utility>
 
 #include "CLI/CLI.hpp"
 

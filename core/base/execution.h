@@ -17,8 +17,8 @@ struct Execution {
   const Interrupter* cancel = nullptr;  // null: nothing ends it
   const Interrupter* stop = nullptr;    // null: there is time for the best result
 
-  // Iterations of a chunk: at most some milliseconds of work on a mesh, so that a cancellation is noticed soon.
-  static constexpr std::int64_t kChunk = 4096;
+  // Iterations of a chunk: so few that a cancellation is noticed soon.
+  static constexpr std::int64_t kChunk = ThreadTeam::kChunk;
   // For loops without chunks: the steps between two calls of IsCancelled(). A power of two.
   static constexpr std::int64_t kStride = 16384;
 
@@ -32,14 +32,9 @@ struct Execution {
   // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
   template <typename Body>
   void For(std::int64_t n, const Body& body, std::int64_t chunk = kChunk) const {
-    const auto run = [&](std::int64_t begin, std::int64_t end) {
+    (team != nullptr ? *team : Alone()).For(n, chunk, [&](std::int64_t begin, std::int64_t end) {
       if (!IsCancelled()) body(begin, end);
-    };
-    if (team != nullptr) {
-      team->For(n, chunk, run);
-    } else {
-      for (std::int64_t begin = 0; begin < n; begin += chunk) run(begin, begin + chunk < n ? begin + chunk : n);
-    }
+    });
   }
 
   // each(i) for every i of [0, n), a chunk of them after one another.

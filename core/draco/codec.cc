@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <limits>
 #include <memory>
 #include <numeric>
 #include <optional>
 #include <set>
-#include <utility>
 #include <vector>
 
 #include "core/base/status_macros.h"

@@ -16,14 +16,12 @@ float SquaredNorm(const float* block) {
 template <int N>
 std::vector<char> StrongCouplings(const LevelMatrix<N>& matrix, double theta, std::int32_t num_coupled,
                                   ThreadTeam* team) {
-  constexpr std::int64_t kRows = 4096;
   const std::int32_t n = matrix.num_rows();
   std::vector<float> diagonal(n);
-  team->ForEach(n, kRows,
-                [&](std::int64_t i) { diagonal[i] = std::sqrt(SquaredNorm(matrix.Block(matrix.diagonal[i]))); });
+  team->ForEach(n, [&](std::int64_t i) { diagonal[i] = std::sqrt(SquaredNorm(matrix.Block(matrix.diagonal[i]))); });
   const auto threshold = static_cast<float>(theta * theta);
   std::vector<char> strong(matrix.column.size());
-  team->ForEach(std::min(n, num_coupled), kRows, [&](std::int64_t i) {
+  team->ForEach(std::min(n, num_coupled), [&](std::int64_t i) {
     for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
       const std::int32_t j = matrix.column[k];
       strong[k] = j != i && j < num_coupled && SquaredNorm(matrix.Block(k)) >= threshold * diagonal[i] * diagonal[j];

@@ -5,9 +5,8 @@ namespace planish {
 template <typename Scalar>
 void Multiply(const BlockMatrix<Scalar>& a, const Eigen::VectorXd& x, Eigen::VectorXd* y, ThreadTeam& team) {
   using Block = Eigen::Array<Scalar, 2, 1>;
-  constexpr std::int64_t kRows = 2048;
   y->resize(x.size());
-  team.ForEach(a.num_rows(), kRows, [&](std::int64_t i) {
+  team.ForEach(a.num_rows(), [&](std::int64_t i) {
     Eigen::Array2d upper(0, 0), lower(0, 0);
     for (std::int32_t k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
       const Scalar* block = &a.value[4 * static_cast<std::size_t>(k)];

@@ -58,28 +58,16 @@ void BuildRows(Index num_rows, Index num_columns, ThreadTeam* team, const Row& r
   }
 }
 
-// c += a b and c += a^t b for blocks of 2x2 parts: a is Rows x Inner (or its transpose), b Inner x 2.
-template <int Rows, int Inner>
+// c += a b, or a^t b, for blocks of 2x2 parts: c is Rows x 2, b Inner x 2.
+template <int Rows, int Inner, bool kTransposed>
 void AddProduct(const float* a, const float* b, float* c) {
   for (int r = 0; r < Rows; ++r) {
     for (int q = 0; q < 2; ++q) {
       float* to = c + 4 * (2 * r + q);
       auto sum = Load<Float4>(to);
       for (int s = 0; s < Inner; ++s) {
-        sum += Product(Load<Float4>(a + 4 * (Inner * r + s)), Load<Float4>(b + 4 * (2 * s + q)));
-      }
-      Store(sum, to);
-    }
-  }
-}
-template <int Inner>
-void AddTransposedProduct(const float* a, const float* b, float* c) {
-  for (int r = 0; r < 2; ++r) {
-    for (int q = 0; q < 2; ++q) {
-      float* to = c + 4 * (2 * r + q);
-      auto sum = Load<Float4>(to);
-      for (int s = 0; s < Inner; ++s) {
-        sum += Product(Transposed(Load<Float4>(a + 4 * (2 * s + r))), Load<Float4>(b + 4 * (2 * s + q)));
+        const auto part = Load<Float4>(a + 4 * (kTransposed ? Rows * s + r : Inner * r + s));
+        sum += Product(kTransposed ? Transposed(part) : part, Load<Float4>(b + 4 * (2 * s + q)));
       }
       Store(sum, to);
     }
@@ -89,7 +77,7 @@ void AddTransposedProduct(const float* a, const float* b, float* c) {
 // Largest eigenvalue of D^-1 A, from below, by a few power iterations.
 template <int N>
 double LargestEigenvalue(const LevelMatrix<N>& a, std::int64_t iterations, ThreadTeam* team) {
-  using Vector = typename LevelVector<N>::Type;
+  using Vector = LevelVector<N>;
   const Index n = a.num_rows();
   std::vector<float> v(N * std::size_t(n)), next(N * std::size_t(n));
   std::uint32_t state = 1;
@@ -220,7 +208,7 @@ void MultigridLevel<N>::FillProlongation(ThreadTeam* team) {
   Prolongation& p = prolongation;
   const std::vector<Index>& aggregate = p.aggregates.of_row;
   const auto omega = static_cast<float>(p.omega);
-  team->ForEach(num_rows(), kRowsPerChunk, [&](Index i) {
+  team->ForEach(num_rows(), [&](Index i) {
     const Index row = p.row_begin[i], row_end = p.row_begin[i + 1];
     if (row == row_end) return;
     std::fill(&p.value[4 * N * std::size_t(row)], p.value.data() + 4 * N * std::size_t(row_end), 0.0F);
@@ -277,8 +265,8 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
       for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
         const Index j = a.column[k];
         for (Index m = p.row_begin[j]; m < p.row_begin[j + 1]; ++m) {
-          AddProduct<kParts, kParts>(a.Block(k), &p.value[4 * N * std::size_t(m)],
-                                     product_block(i, marks.Place(p.column[m])));
+          AddProduct<kParts, kParts, false>(a.Block(k), &p.value[4 * N * std::size_t(m)],
+                                            product_block(i, marks.Place(p.column[m])));
         }
       }
     }
@@ -294,8 +282,8 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
       for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
         const auto [i, block] = p.transposed[t];
         for (Index m = p.product_begin[i]; m < p.product_begin[i + 1]; ++m) {
-          AddTransposedProduct<kParts>(&p.value[4 * N * std::size_t(block)], product_block(i, m),
-                                       coarse->Block(marks.Place(p.product_column[m])));
+          AddProduct<2, kParts, true>(&p.value[4 * N * std::size_t(block)], product_block(i, m),
+                                      coarse->Block(marks.Place(p.product_column[m])));
         }
       }
       // An aggregate of no extent does not use its beta: any positive diagonal will do.

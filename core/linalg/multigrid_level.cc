@@ -1,6 +1,5 @@
 #include "core/linalg/multigrid_level.h"
 
-#include <cmath>
 #include <type_traits>
 
 namespace planish {
@@ -8,24 +7,7 @@ namespace {
 
 using Index = std::int32_t;
 
-// Sums of blocks of P times coarse unknowns, and of transposed blocks times rows: what one register can take is added
-// up before its parts are.
-struct Prolonged2 {
-  Float4 terms = {};
-  void Add(const float* block, const Float4& coarse) {
-    terms += Load<Float4>(block) * __builtin_shufflevector(coarse, coarse, 0, 1, 0, 1) +
-             Load<Float4>(block + 4) * __builtin_shufflevector(coarse, coarse, 2, 3, 2, 3);
-  }
-  Float2 Value() const { return RowSums(terms); }
-};
-struct Prolonged4 {
-  Prolonged2 alpha, beta;
-  void Add(const float* block, const Float4& coarse) {
-    alpha.Add(block, coarse);
-    beta.Add(block + 8, coarse);
-  }
-  Float4 Value() const { return __builtin_shufflevector(alpha.Value(), beta.Value(), 0, 1, 2, 3); }
-};
+// The sum of transposed blocks of P times rows.
 struct Restricted {
   Float4 alpha = {}, beta = {};
   void Add(const float* block, const Float2& r) {
@@ -51,39 +33,41 @@ void MultigridLevel<N>::ResizeVectors() {
 
 template <int N>
 void MultigridLevel<N>::RelaxFromZero(ThreadTeam* team) {
-  team->ForEach(num_rows(), a.chunk_rows, [&](Index i) {
+  const auto relax = [&](Index i) {
     const Vector r = Load<Vector>(&b[N * std::size_t(i)]) - RowProduct(a, a.row_begin[i], a.diagonal[i], x.data());
     Store(SolveRow(a, i, r), &x[N * std::size_t(i)]);
-  });
+  };
+  team->ForEach(num_rows(), relax, a.chunk_rows);
 }
 
 template <int N>
 void MultigridLevel<N>::Restrict(std::vector<float>* coarse_b, ThreadTeam* team) {
   const Prolongation& p = prolongation;
   // With (D + L + E) x = b, b - A x is what is right of the diagonal, and E x.
-  team->ForEach(num_rows(), kRowsPerChunk, [&](Index i) {
+  team->ForEach(num_rows(), [&](Index i) {
     Vector r = -RowProduct(a, a.diagonal[i] + 1, a.row_begin[i + 1], x.data());
     if (a.HasOutside(i)) {
       r += Load<Vector>(&a.damping[N * std::size_t(i)]) * Load<Vector>(&x[N * std::size_t(i)]);
     }
     Store(r, &old[N * std::size_t(i)]);
   });
-  team->ForEach(p.aggregates.count, kRowsPerChunk / 16, [&](Index c) {
+  const auto restrict_to = [&](Index c) {
     Restricted sum;
     for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
       const auto [row, block] = p.transposed[t];
       sum.Add(&p.value[4 * N * std::size_t(block)], Load<Vector>(&old[N * std::size_t(row)]));
     }
     Store(sum.Value(), &(*coarse_b)[4 * std::size_t(c)]);
-  });
+  };
+  team->ForEach(p.aggregates.count, restrict_to, kRowsPerChunk / 16);
 }
 
 template <int N>
 void MultigridLevel<N>::CorrectAndRelax(const std::vector<float>& coarse_x, ThreadTeam* team) {
   const Index n = num_rows();
   const Prolongation& p = prolongation;
-  team->ForEach(n, kRowsPerChunk, [&](Index i) {
-    std::conditional_t<N == 2, Prolonged2, Prolonged4> correction;
+  team->ForEach(n, [&](Index i) {
+    std::conditional_t<N == 2, Products2, Products4> correction;
     for (Index k = p.row_begin[i]; k < p.row_begin[i + 1]; ++k) {
       correction.Add(&p.value[4 * N * std::size_t(k)], Load<Float4>(&coarse_x[4 * std::size_t(p.column[k])]));
     }

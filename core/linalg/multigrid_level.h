@@ -51,7 +51,7 @@ struct Prolongation {
 
 template <int N>
 struct MultigridLevel {
-  using Vector = typename LevelVector<N>::Type;
+  using Vector = LevelVector<N>;
 
   LevelMatrix<N> a;
   LevelCoordinates coordinates;

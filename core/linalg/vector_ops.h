@@ -1,7 +1,6 @@
 // Loops over long vectors on a team of threads. Sums are added up chunk by chunk, so every team gives the same bits.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <vector>

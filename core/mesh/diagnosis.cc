@@ -1,7 +1,6 @@
 #include "core/mesh/diagnosis.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <limits>
 #include <numbers>
@@ -9,7 +8,6 @@
 #include <tuple>
 #include <utility>
 
-#include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/base/element_ids.h"

@@ -1,7 +1,6 @@
 // Charts into a texture: turns, moves and scales them so that none comes near another.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "core/base/execution.h"

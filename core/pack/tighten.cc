@@ -7,7 +7,6 @@
 
 #include "core/pack/clearance.h"
 #include "core/pack/rearrange.h"
-#include "core/pack/relax.h"
 
 namespace planish {
 namespace {

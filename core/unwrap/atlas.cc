@@ -110,7 +110,8 @@ Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* ch
     return atlas;
   }
   if (options.seams.policy == SeamPolicy::kNone) {
-    atlas.scale = PlaceInUnitSquare(&charts->charts[0].map.positions, execution);
+    MappedChart& disc = charts->charts[0];
+    atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map), &disc.map.positions, execution);
     return atlas;
   }
   std::vector<PackChart> to_pack;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
@@ -14,7 +13,6 @@
 #include "core/mesh/predicates.h"
 #include "core/mesh/tri_mesh.h"
 #include "core/unwrap/distortion.h"
-#include "core/unwrap/verify.h"
 
 namespace planish {
 namespace {
@@ -159,6 +157,15 @@ std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const Char
     opposite[d] = c;
   }
   return opposite;
+}
+
+std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
+  std::vector<Vec2> outline;
+  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
+  for (const std::int32_t c : loops.loop(0)) {
+    outline.push_back(map.positions[Origin(chart.topology.faces, c)]);
+  }
+  return outline;
 }
 
 namespace {

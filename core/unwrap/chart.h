@@ -8,7 +8,6 @@
 #include "Eigen/Core"
 #include "absl/status/statusor.h"
 #include "core/abf/flatten.h"
-#include "core/abf/target_angles.h"
 #include "core/abf/topology.h"
 #include "core/base/execution.h"
 #include "core/mesh/tri_mesh_fwd.h"
@@ -48,6 +47,9 @@ struct ChartMap {
 
 // Topology::opposite of the chart with the slits joined that the map has closed.
 std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map);
+
+// The outline of the map, counter-clockwise.
+std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map);
 
 // Pairs of triangles of the chart that overlap by UV of the mesh's corners, as delivered; with face numbers of the
 // chart.

@@ -1,7 +1,6 @@
 #include "core/unwrap/hole_filling.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 #include <span>
 #include <utility>

@@ -19,16 +19,6 @@ namespace {
 // Calls of WidenCharts() that charts may have which have been cut apart because of faces that did not hold.
 constexpr int kWideningsOfParts = 4;
 
-// The outline of the map, counter-clockwise.
-std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
-  std::vector<Vec2> outline;
-  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
-  for (const std::int32_t c : loops.loop(0)) {
-    outline.push_back(map.positions[Origin(chart.topology.faces, c)]);
-  }
-  return outline;
-}
-
 // Per face of the chart: the number of its group, the faces that it must not be parted from.
 std::vector<std::int32_t> UncutGroups(const Surface& surface, const Chart& chart, std::int32_t* count) {
   const Topology& topology = chart.topology;

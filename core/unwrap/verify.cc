@@ -1,7 +1,6 @@
 #include "core/unwrap/verify.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <functional>
 #include <iterator>
