@@ -193,23 +193,18 @@ void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& executio
     result->box_max = any ? result->box_max.cwiseMax(p).eval() : p;
     any = true;
   }
-  // Of the finite faces of the surface.
-  Mesh finite;
-  std::vector<std::int64_t> source;
-  finite.positions = mesh.positions;
-  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
-    if (pairing.kind[f] != FaceKind::kWithArea || pairing.is_copy(f)) continue;
-    finite.faces.push_back(mesh.faces[f]);
-    source.push_back(f);
+  std::vector<std::int32_t> finite;  // faces of the surface
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+    if (pairing.kind[f] == FaceKind::kWithArea && !pairing.is_copy(f)) finite.push_back(f);
   }
-  if (finite.faces.empty()) return;
-  const Eigen::VectorXd angles = MeasuredAngles(finite, execution) * (180 / std::numbers::pi);
+  if (finite.empty()) return;
+  const Eigen::VectorXd angles = MeasuredAngles(mesh, finite, execution) * (180 / std::numbers::pi);
   if (execution.IsCancelled()) return;
   result->angle_min_degrees = angles.minCoeff();
   result->angle_max_degrees = angles.maxCoeff();
-  for (std::int64_t f = 0; f < finite.num_faces(); ++f) {
-    result->area += DoubleArea(TriangleOf(finite.positions, finite.faces[f])) / 2;
-    if (angles.segment<3>(3 * f).minCoeff() < kNeedleDegrees) Add(source[f], &result->needles);
+  for (std::int64_t i = 0; i < std::ssize(finite); ++i) {
+    result->area += DoubleArea(TriangleOf(mesh.positions, mesh.faces[finite[i]])) / 2;
+    if (angles.segment<3>(3 * i).minCoeff() < kNeedleDegrees) Add(finite[i], &result->needles);
   }
 }
 

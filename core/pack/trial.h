@@ -55,12 +55,8 @@ class TrialSeries {
                   const Execution& execution, std::vector<Pose>* poses);
 
  private:
-  struct Kept;
-
-  const std::vector<Outline>& outlines_;
-  const std::vector<int>& atlas_;
-  const TrialGrid grid_;
-  std::unique_ptr<Kept> kept_;
+  class Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace planish

@@ -9,11 +9,9 @@
 #include "Eigen/Geometry"
 #include "Eigen/SparseCore"
 #include "Eigen/SparseLU"
-#include "core/abf/target_angles.h"
 #include "core/base/error.h"
 #include "core/base/portable_math.h"
 #include "core/base/status_macros.h"
-#include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/unwrap/distortion.h"
 
@@ -159,56 +157,18 @@ std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>
   return BarycentricMap(disc, places).Run(execution);
 }
 
-absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, const FilledChart* filled,
+absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
                                           const Eigen::VectorXd& measured, FlattenSummary summary,
                                           const Execution& execution) {
-  const Topology& disc = filled == nullptr ? chart.topology : filled->topology;
-  // -1 for the corners of fans that fill holes.
-  const auto own_corner = [&](std::int32_t c) { return filled == nullptr ? c : filled->corner[c]; };
-  std::vector<Vec3> places(disc.num_vertices, Vec3::Zero());
-  std::vector<char> is_placed(disc.num_vertices, 0);
-  for (std::int32_t c = 0; c < disc.num_corners(); ++c) {
-    const std::int32_t o = own_corner(c), v = disc.faces[c / 3][c % 3];
-    if (o < 0 || is_placed[v]) continue;
-    places[v] = mesh.positions[mesh.faces[chart.faces[o / 3]][o % 3]];
-    is_placed[v] = 1;
-  }
-  // The middle of a fan sees every vertex round its hole once as the first of a face.
-  std::vector<int> seen(disc.num_vertices, 0);
-  for (const Face& face : disc.faces) {
-    for (int k = 0; k < 3; ++k) {
-      if (is_placed[face[k]]) continue;
-      places[face[k]] += places[face[(k + 1) % 3]];
-      ++seen[face[k]];
-    }
-  }
-  for (std::int32_t v = 0; v < disc.num_vertices; ++v) {
-    if (seen[v] > 0) places[v] /= seen[v];
-  }
-  const std::vector<Vec2> drawn = MapByBarycentres(disc, places, execution);
+  const std::vector<Vec2> drawn = MapByBarycentres(filled.topology, filled.places, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   if (drawn.empty()) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED", "there is no barycentric map in double precision");
   }
-  std::vector<Vec2> positions(chart.topology.num_vertices);
-  for (std::int32_t c = 0; c < disc.num_corners(); ++c) {
-    const std::int32_t o = own_corner(c);
-    if (o >= 0) positions[chart.topology.faces[o / 3][o % 3]] = drawn[disc.faces[c / 3][c % 3]];
-  }
-  const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  summary.energy = 0;
-  for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
-    double angles[3];
-    TriangleAngles(TriangleOf(positions, chart.topology.faces[f]).data(), angles);
-    for (int k = 0; k < 3; ++k) {
-      const double off = angles[k] - target.angle[3 * f + k];
-      summary.energy += target.weight[3 * f + k] * off * off;
-    }
-  }
   summary.barrier = 0;
   summary.converged = true;
-  PLANISH_ASSIGN_OR_RETURN(ChartMap map, PlaceChart(mesh, chart, std::move(summary), std::move(positions), execution));
+  PLANISH_ASSIGN_OR_RETURN(ChartMap map,
+                           PlaceFilled(mesh, chart, filled, drawn, measured, std::move(summary), execution));
   map.is_barycentric = true;
   return map;
 }

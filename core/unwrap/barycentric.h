@@ -24,10 +24,9 @@ namespace planish {
 // or if there is no solution in double precision, nothing.
 std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution);
 
-// The same for a chart, by that of `filled` if it is not null; then all its slits are closed. `summary` is that of the
-// solve which it takes the place of: it becomes the map's, with the energy of this one. `measured` is that
-// of AnglesToKeep(). CANCELLED after a cancellation; INTERNAL, SOLVER_FAILED, if there is no such map.
-absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, const FilledChart* filled,
+// The same for a chart, by that of `filled`. `summary` is that of the solve which it takes the place of
+// (PlaceFilled()). CANCELLED after a cancellation; INTERNAL, SOLVER_FAILED, if there is no such map.
+absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
                                           const Eigen::VectorXd& measured, FlattenSummary summary,
                                           const Execution& execution);
 

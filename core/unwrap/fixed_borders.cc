@@ -43,8 +43,8 @@ absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
 }
 
 absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
-  return MapByBarycentres(c.job->mesh, c.mapped->chart, c.filled ? &*c.filled : nullptr, c.measured, c.summary,
-                          c.execution);
+  return MapByBarycentres(c.job->mesh, c.mapped->chart, c.filled ? *c.filled : Unfilled(c.job->mesh, c.mapped->chart),
+                          c.measured, c.summary, c.execution);
 }
 
 // A convex outline cannot run over itself.

@@ -9,6 +9,7 @@
 #include "core/abf/layout.h"
 #include "core/abf/target_angles.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
@@ -65,10 +66,42 @@ std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const
   FilledChart filled;
   std::vector<std::int32_t> order;
   filled.topology = MakeTopology(glued, &order, execution);
+  filled.places = glued.property(glued.points_property_handle()).data_vector();
   for (const std::int32_t f : order) {
     for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology.num_faces() ? 3 * f + k : -1);
   }
   return filled;
+}
+
+FilledChart Unfilled(const Mesh& mesh, const Chart& chart) {
+  const Topology& topology = chart.topology;
+  FilledChart same = {topology, std::vector<std::int32_t>(topology.num_corners()),
+                      std::vector<Vec3>(topology.num_vertices)};
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+    same.corner[c] = c;
+    same.places[topology.faces[c / 3][c % 3]] = mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]];
+  }
+  return same;
+}
+
+absl::StatusOr<ChartMap> PlaceFilled(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
+                                     const std::vector<Vec2>& places, const Eigen::VectorXd& measured,
+                                     FlattenSummary summary, const Execution& execution) {
+  const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  std::vector<Vec2> positions(chart.topology.num_vertices);
+  for (std::int32_t c = 0; c < filled.topology.num_corners(); ++c) {
+    const std::int32_t o = filled.corner[c];
+    if (o >= 0) positions[chart.topology.faces[o / 3][o % 3]] = places[filled.topology.faces[c / 3][c % 3]];
+  }
+  summary.energy = 0;
+  for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
+    Eigen::Vector3d angles;
+    TriangleAngles(TriangleOf(positions, chart.topology.faces[f]).data(), angles.data());
+    const auto off = angles - target.angle.segment<3>(3 * f);
+    summary.energy += target.weight.segment<3>(3 * f).cwiseProduct(off.cwiseAbs2()).sum();
+  }
+  return PlaceChart(mesh, chart, std::move(summary), std::move(positions), execution);
 }
 
 absl::StatusOr<ChartMap> MapFilled(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
@@ -98,19 +131,7 @@ absl::StatusOr<ChartMap> MapFilled(const Mesh& mesh, const Chart& chart, const F
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options, {execution}));
   const std::vector<Vec2> laid_out = LayOut(topology, flattening.angles, execution);
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  std::vector<Vec2> positions(chart.topology.num_vertices);
-  const TargetAngles own = MakeTargetAngles(chart.topology, measured, execution);
-  double energy = 0;
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    const std::int32_t o = filled.corner[c];
-    if (o < 0) continue;
-    positions[chart.topology.faces[o / 3][o % 3]] = laid_out[topology.faces[c / 3][c % 3]];
-    const double off = flattening.angles[c] - own.angle[o];
-    energy += own.weight[o] * off * off;
-  }
-  flattening.summary.energy = energy;
-  return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(positions), execution);
+  return PlaceFilled(mesh, chart, filled, laid_out, measured, std::move(flattening.summary), execution);
 }
 
 }  // namespace planish

@@ -6,7 +6,6 @@
 #include <limits>
 #include <numbers>
 #include <set>
-#include <span>
 #include <utility>
 
 #include "Eigen/Geometry"
@@ -120,16 +119,19 @@ class MapJudge {
     check_.packing_efficiency = check_.uv_area / check_.tiles_used;
   }
 
+  // Faces that lie at fewer than three places join nothing.
   void JoinEdges() {
-    std::vector<Face> in_map(mesh_.faces.size());
-    for (std::size_t c = 0; c < 3 * in_map.size(); ++c) in_map[c / 3][c % 3] = topology_.place_of_corner[c];
-    is_joined_.assign(3 * in_map.size(), 0);
-    opposite_.assign(3 * in_map.size(), -1);
-    const EdgeGroups edges = GroupHalfEdges(in_map, topology_.num_places, execution_, WithThreeCorners(in_map));
-    for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-      const std::span<const std::int32_t> at = edges.edge(e);
-      for (const std::int32_t c : at.first(at.size() - at.size() % 2)) is_joined_[c] = 1;
-      if (at.size() != 2 || Origin(in_map, at[0]) != Target(in_map, at[1])) continue;
+    const std::vector<std::int32_t>& place = topology_.place_of_corner;
+    is_joined_.assign(place.size(), 0);
+    opposite_.assign(place.size(), -1);
+    std::vector<std::int32_t> at;
+    for (std::int32_t e = 0; e < topology_.edges.num_edges(); ++e) {
+      at.clear();
+      for (const std::int32_t c : topology_.edges.edge(e)) {
+        if (HasThreeCorners({place[c / 3 * 3], place[c / 3 * 3 + 1], place[c / 3 * 3 + 2]})) at.push_back(c);
+      }
+      for (std::size_t i = 0; i < at.size() - at.size() % 2; ++i) is_joined_[at[i]] = 1;
+      if (at.size() != 2 || place[FlatLinks::Next(at[0])] != place[FlatLinks::Prev(at[1])]) continue;
       opposite_[at[0]] = at[1];
       opposite_[at[1]] = at[0];
     }
@@ -245,17 +247,14 @@ class MapJudge {
     }
   }
 
-  static std::vector<char> WithThreeCorners(const std::vector<Face>& faces) {
-    std::vector<char> has;
-    has.reserve(faces.size());
-    for (const Face& f : faces) has.push_back(f[0] != f[1] && f[1] != f[2] && f[2] != f[0]);
-    return has;
-  }
+  static bool HasThreeCorners(const Face& f) { return f[0] != f[1] && f[1] != f[2] && f[2] != f[0]; }
 
   void MeasureSeams() {
     if (!(check_.surface_area > 0)) return;
+    std::vector<char> takes_part;
+    for (const Face& face : mesh_.faces) takes_part.push_back(HasThreeCorners(face));
     const double length = SeamLength(
-        mesh_, [&](std::int32_t c) { return is_joined_[c] != 0; }, WithThreeCorners(mesh_.faces), execution_);
+        mesh_, [&](std::int32_t c) { return is_joined_[c] != 0; }, takes_part, execution_);
     check_.seam_length = length / std::sqrt(check_.surface_area);
   }
 
