@@ -89,8 +89,8 @@ UvIslands FindUvIslands(const Mesh& mesh, const std::vector<double>& uv, const s
 
   UnionFind sets(mesh.faces.size());
   islands.is_outline.assign(3 * mesh.faces.size(), 0);
-  for (std::int32_t e = 0; e < islands.edges.num_edges(); ++e) {
-    const std::span<const std::int32_t> at = islands.edges.edge(e);
+  for (std::int32_t e = 0; e < islands.edges.count(); ++e) {
+    const std::span<const std::int32_t> at = islands.edges[e];
     if (Origin(faces, at[0]) == Target(faces, at[0])) continue;
     islands.is_outline[at[0]] = at.size() == 1;
     for (const std::int32_t other : at.subspan(1)) sets.Join(at[0] / 3, other / 3);

@@ -2,7 +2,6 @@
 
 #include <numbers>
 
-#include "core/abf/sine.h"
 #include "core/base/portable_math.h"
 #include "core/linalg/vector_ops.h"
 
@@ -40,7 +39,7 @@ Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team) {
   team.For(x.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
     const double* angle = x.data();
     double* to = sine.data();
-    for (std::int64_t i = begin; i < end; ++i) to[i] = SineAndCosine(angle[i]).sine;
+    for (std::int64_t i = begin; i < end; ++i) to[i] = portable::SinCosInTriangle(angle[i]).sine;
   });
   return sine;
 }
@@ -51,7 +50,7 @@ Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team) {
     const double* angle = x.data();
     double* to = cot.data();
     for (std::int64_t i = begin; i < end; ++i) {
-      const auto [sine, cosine] = SineAndCosine(angle[i]);
+      const auto [sine, cosine] = portable::SinCosInTriangle(angle[i]);
       to[i] = cosine / sine;
     }
   });

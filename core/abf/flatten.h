@@ -21,13 +21,6 @@ enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class HessianType { kConvex, kExact, kAuto };
 enum class BoundaryType { kFree, kConvex };
 
-// Names as on the command line and in reports: "uzawa", "reduced", ... (in the order of the enumerators).
-const char* Name(SolverType type);
-const char* Name(SystemType type);
-const char* Name(PreconditionerType type);
-const char* Name(HessianType type);
-const char* Name(BoundaryType type);
-
 struct FlattenOptions {
   SolverType solver = SolverType::kAuto;
   SystemType system = SystemType::kAuto;

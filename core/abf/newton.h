@@ -33,7 +33,7 @@ class Newton {
          const FlattenControl& control)
       : topology_(topology),
         target_(target),
-        team_(control.team != nullptr ? *control.team : Alone()),
+        team_(control.Team()),
         options_(options),
         tuning_(options.tuning.newton),
         control_(control),

@@ -53,21 +53,11 @@ void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, doub
 }
 
 void ReducedSystem::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
-  if (matrix_ != nullptr) {
-    Multiply(*matrix_, lambda, y, team_);
-  } else if (rounded_ != nullptr) {
-    Multiply(*rounded_, lambda, y, team_);
-  } else {
-    SaddlePointOperator::ApplySchur(lambda, y);
-  }
+  multiply_ ? multiply_(lambda, y) : SaddlePointOperator::ApplySchur(lambda, y);
 }
 
 void ReducedSystem::ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
-  if (matrix_ != nullptr) {
-    Multiply(*matrix_, lambda, y, team_);
-  } else {
-    SaddlePointOperator::ApplySchur(lambda, y);
-  }
+  rounds_ ? SaddlePointOperator::ApplySchur(lambda, y) : ApplySchur(lambda, y);
 }
 
 Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
@@ -132,12 +122,11 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
     columns->erase(std::unique(columns->begin(), columns->end()), columns->end());
   };
   // Chunk by chunk, then one after the other.
-  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kAssemblyRows - 1) / kAssemblyRows));
   matrix_.row_begin.assign(n + 1, 0);
   diagonal_.resize(n);
-  team_.For(n, kAssemblyRows, [&](std::int64_t begin, std::int64_t end) {
-    std::vector<std::int32_t>& part = parts[static_cast<std::size_t>(begin / kAssemblyRows)];
-    std::vector<std::int32_t> columns;
+  using Part = std::vector<std::int32_t>;
+  std::vector<Part> parts = team_.Collect<Part>(n, kAssemblyRows, [&](std::int64_t begin, std::int64_t end) {
+    Part part, columns;
     for (std::int64_t v = begin; v < end; ++v) {
       find_columns(v, &columns);
       const auto place = std::lower_bound(columns.begin(), columns.end(), v) - columns.begin();
@@ -145,13 +134,14 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
       matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
       part.insert(part.end(), columns.begin(), columns.end());
     }
+    return part;
   });
   for (std::int32_t v = 0; v < n; ++v) {
     diagonal_[v] += matrix_.row_begin[v];
     matrix_.row_begin[v + 1] += matrix_.row_begin[v];
   }
   matrix_.column.reserve(static_cast<std::size_t>(matrix_.row_begin[n]));
-  for (std::vector<std::int32_t>& part : parts) {
+  for (Part& part : parts) {
     matrix_.column.insert(matrix_.column.end(), part.begin(), part.end());
     part = {};
   }

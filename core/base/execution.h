@@ -26,13 +26,14 @@ struct Execution {
   bool IsStopRequested() const { return IsInterrupted(stop); }
   // The same requests, without the team.
   Execution ForOneThread() const { return {nullptr, cancel, stop}; }
+  ThreadTeam& Team() const { return team != nullptr ? *team : Alone(); }
   // IsCancelled(), asked once in kStride steps.
   bool IsCancelledAt(std::int64_t step) const { return step % kStride == 0 && IsCancelled(); }
 
   // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
   template <typename Body>
   void For(std::int64_t n, const Body& body, std::int64_t chunk = kChunk) const {
-    (team != nullptr ? *team : Alone()).For(n, chunk, [&](std::int64_t begin, std::int64_t end) {
+    Team().For(n, chunk, [&](std::int64_t begin, std::int64_t end) {
       if (!IsCancelled()) body(begin, end);
     });
   }
@@ -49,11 +50,8 @@ struct Execution {
   // Result() stands for chunks that were left out.
   template <typename Result, typename Body>
   std::vector<Result> Collect(std::int64_t n, const Body& body) const {
-    std::vector<Result> results(static_cast<std::size_t>((n + kChunk - 1) / kChunk));
-    For(n, [&](std::int64_t begin, std::int64_t end) {
-      results[static_cast<std::size_t>(begin / kChunk)] = body(begin, end);
-    });
-    return results;
+    return Team().Collect<Result>(
+        n, kChunk, [&](std::int64_t begin, std::int64_t end) { return IsCancelled() ? Result() : body(begin, end); });
   }
 
   // The sum of what each(i, &sum) adds for every i in [0, n): by chunks, whose sums Sum::Add() adds in order.

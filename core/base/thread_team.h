@@ -62,6 +62,16 @@ class ThreadTeam {
     });
   }
 
+  // The results of body(begin, end) for every chunk, in order. Result() stands for chunks that a body left out.
+  template <typename Result, typename Body>
+  std::vector<Result> Collect(std::int64_t n, std::int64_t chunk_size, const Body& body) {
+    std::vector<Result> results(static_cast<std::size_t>((n + chunk_size - 1) / chunk_size));
+    For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {
+      results[static_cast<std::size_t>(begin / chunk_size)] = body(begin, end);
+    });
+    return results;
+  }
+
   // Sum over all chunks of body(begin, end), added in order.
   template <typename Body>
   double Sum(std::int64_t n, std::int64_t chunk_size, const Body& body) {

@@ -376,8 +376,8 @@ std::vector<BoundaryLoop> LoopsOf(const TriMesh& mesh) {
   const Loops<HalfedgeHandle> loops = BoundaryLoops(mesh);
   std::vector<BoundaryLoop> found;
   for (std::int32_t i = 0; i < loops.count(); ++i) {
-    BoundaryLoop loop = {static_cast<std::int64_t>(loops.loop(i).size()), std::numeric_limits<std::int64_t>::max()};
-    for (const HalfedgeHandle h : loops.loop(i)) {
+    BoundaryLoop loop = {static_cast<std::int64_t>(loops[i].size()), std::numeric_limits<std::int64_t>::max()};
+    for (const HalfedgeHandle h : loops[i]) {
       loop.vertex = std::min<std::int64_t>(loop.vertex, mesh.data(mesh.from_vertex_handle(h)).source);
     }
     found.push_back(loop);

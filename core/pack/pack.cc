@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "core/pack/outline.h"
-#include "core/pack/shelves.h"
 #include "core/pack/tighten.h"
 #include "core/pack/trial.h"
 

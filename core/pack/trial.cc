@@ -5,6 +5,7 @@
 #include <numbers>
 #include <utility>
 
+#include "core/base/radix_sort.h"
 #include "core/pack/board.h"
 
 namespace planish {
@@ -272,6 +273,33 @@ TrialSeries::~TrialSeries() = default;
 TrialResult TrialSeries::Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
                              const Execution& execution, std::vector<Pose>* poses) {
   return impl_->Run(scales, plan, most_missing, execution, poses);
+}
+
+std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, double side, int tiles) {
+  const std::vector<std::int32_t> order =
+      SortedIndices(extents.size(), [&](std::int32_t a, std::int32_t b) { return extents[a].y() > extents[b].y(); });
+  std::vector<Shelf> shelves(extents.size());
+  Vec2 at = Vec2::Zero();
+  double row = 0;
+  int tile = 0;
+  for (const std::int32_t i : order) {
+    const Vec2& extent = extents[i];
+    if (extent.x() > side || extent.y() > side) return {};
+    if (at.x() + extent.x() > side) {
+      at = Vec2(0, at.y() + row);
+      row = 0;
+    }
+    if (at.y() + extent.y() > side) {
+      at = Vec2::Zero();
+      row = 0;
+      ++tile;
+    }
+    if (tile == tiles) return {};
+    shelves[i] = {at, tile};
+    at.x() += extent.x();
+    row = std::max(row, extent.y());
+  }
+  return shelves;
 }
 
 }  // namespace planish

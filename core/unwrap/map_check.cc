@@ -125,9 +125,9 @@ class MapJudge {
     is_joined_.assign(place.size(), 0);
     opposite_.assign(place.size(), -1);
     std::vector<std::int32_t> at;
-    for (std::int32_t e = 0; e < topology_.edges.num_edges(); ++e) {
+    for (std::int32_t e = 0; e < topology_.edges.count(); ++e) {
       at.clear();
-      for (const std::int32_t c : topology_.edges.edge(e)) {
+      for (const std::int32_t c : topology_.edges[e]) {
         if (HasThreeCorners({place[c / 3 * 3], place[c / 3 * 3 + 1], place[c / 3 * 3 + 2]})) at.push_back(c);
       }
       for (std::size_t i = 0; i < at.size() - at.size() % 2; ++i) is_joined_[at[i]] = 1;
@@ -209,10 +209,7 @@ class MapJudge {
   }
 
   void MeasureDensities() {
-    struct Share {
-      double density, area;
-      bool operator<(const Share& other) const { return density < other.density; }
-    };
+    using Share = std::pair<double, double>;  // density, area on the surface
     const std::vector<std::int32_t>& materials = options_.material_of_face;
     std::vector<std::vector<Share>> shares(static_cast<std::size_t>(options_.num_materials) + 1);
     std::vector<double> uv_area(shares.size(), 0.0);
@@ -220,21 +217,21 @@ class MapJudge {
       if (!sizes_[f].HasStretch()) continue;
       const std::size_t m = materials.empty() ? 0 : static_cast<std::size_t>(materials[f] + 1);
       const double area = std::abs(sizes_[f].uv_area);
-      shares[m].push_back({std::sqrt(area / sizes_[f].surface_area), sizes_[f].surface_area});
+      shares[m].emplace_back(std::sqrt(area / sizes_[f].surface_area), sizes_[f].surface_area);
       uv_area[m] += area;
     }
     for (std::size_t m = 0; m < shares.size(); ++m) {
       if (shares[m].empty()) continue;
       std::sort(shares[m].begin(), shares[m].end());
       double total = 0;
-      for (const Share& share : shares[m]) total += share.area;
+      for (const auto& [density, area] : shares[m]) total += area;
       const auto below = [&](double part) {
         double sum = 0;
-        for (const Share& share : shares[m]) {
-          sum += share.area;
-          if (sum >= part * total) return share.density;
+        for (const auto& [density, area] : shares[m]) {
+          sum += area;
+          if (sum >= part * total) return density;
         }
-        return shares[m].back().density;
+        return shares[m].back().first;
       };
       check_.densities.push_back({static_cast<std::int32_t>(m) - 1, static_cast<std::int64_t>(shares[m].size()),
                                   std::sqrt(uv_area[m] / total) * options_.texture_size,

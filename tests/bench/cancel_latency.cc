@@ -18,10 +18,11 @@
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
+#include "core/pack/outline.h"
 #include "core/unwrap/distortion.h"
-#include "core/unwrap/placement.h"
 #include "core/unwrap/verify.h"
 #include "nlohmann/json.hpp"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {

@@ -18,13 +18,14 @@
 #include "core/mesh/box_tree.h"
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
+#include "core/pack/outline.h"
 #include "core/unwrap/distortion.h"
-#include "core/unwrap/placement.h"
 #include "core/unwrap/verify.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/disc_options.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {
@@ -158,7 +159,7 @@ TEST(Interrupt, IsNoticedInEveryStage) {
     ThreadTeam team(threads);
     const Execution execution = {&team, &interrupter};
     EXPECT_EQ(CheckDisc(mesh, execution).code(), absl::StatusCode::kCancelled);
-    EXPECT_EQ(GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution).num_edges(), 0);
+    EXPECT_EQ(GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution).count(), 0);
     EXPECT_TRUE(LayOut(topology, measured, execution).empty());
     std::vector<Vec2> points = {{0, 0}, {4, 0}, {4, 1}, {0, 1}};
     PlaceInUnitSquare(points, &points, execution);
