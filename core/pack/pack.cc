@@ -4,10 +4,8 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
-#include <optional>
 
 #include "core/pack/outline.h"
-#include "core/pack/shelves.h"
 #include "core/pack/tighten.h"
 #include "core/pack/trial.h"
 
