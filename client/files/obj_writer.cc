@@ -150,7 +150,7 @@ class ObjWriter {
       CopyUntil(static_cast<std::size_t>(corner.vertex.data() - text_.data()) + corner.vertex.size());
       if (is_face) {
         out_ += '/';
-        AppendInt(uv_.IndexOfCorner(next_corner_++), &out_);
+        AppendShortest(uv_.IndexOfCorner(next_corner_++), &out_);
       } else if (corner.after.size() > 1) {
         out_ += '/';
       }
@@ -221,9 +221,9 @@ std::string WritePlainObj(const PolygonMesh& mesh, const UvTable& uv) {
     text += 'f';
     for (std::int64_t corner = mesh.polygon_begin[polygon]; corner < mesh.polygon_begin[polygon + 1]; ++corner) {
       text += ' ';
-      AppendInt(std::int64_t{mesh.corner_vertex[corner]} + 1, &text);
+      AppendShortest(std::int64_t{mesh.corner_vertex[corner]} + 1, &text);
       text += '/';
-      AppendInt(uv.IndexOfCorner(corner), &text);
+      AppendShortest(uv.IndexOfCorner(corner), &text);
     }
     text += '\n';
   }

@@ -347,7 +347,7 @@ absl::Status PlyValues::Copy(const ElementName& element, const PlyProperty& prop
   std::int64_t length = 0;
   PLANISH_RETURN_IF_ERROR(ReadLength(element, property, &length));
   if (property.is_list) {
-    AppendInt(length, copy);
+    AppendShortest(length, copy);
     *copy += ' ';
   }
   for (std::int64_t i = 0; i < length; ++i) {

@@ -50,7 +50,7 @@ class PlySink {
 
   void Integer(std::int64_t value, PlyType type) {
     if (encoding_ == PlyEncoding::kAscii) {
-      AppendInt(value, &bytes);
+      AppendShortest(value, &bytes);
       bytes += ' ';
     } else {
       Bits(static_cast<std::uint64_t>(value), PlyTypeSize(type));

@@ -1,6 +1,5 @@
 #include "core/base/number.h"
 
-#include <charconv>
 #include <cmath>
 #include <limits>
 
@@ -13,13 +12,6 @@ namespace {
 std::string_view WithoutPlus(std::string_view token) {
   if (token.size() > 1 && token[0] == '+' && token[1] != '-') token.remove_prefix(1);
   return token;
-}
-
-template <typename T>
-void AppendChars(T value, std::string* text) {
-  char buffer[32];
-  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value).ptr;
-  text->append(buffer, end);
 }
 
 }  // namespace
@@ -49,16 +41,6 @@ bool ParseInt(std::string_view token, std::int64_t* value) {
   if (stop != end || error != std::errc()) return false;
   *value = parsed;
   return true;
-}
-
-void AppendShortest(float value, std::string* text) {
-  AppendChars(value, text);
-}
-void AppendShortest(double value, std::string* text) {
-  AppendChars(value, text);
-}
-void AppendInt(std::int64_t value, std::string* text) {
-  AppendChars(value, text);
 }
 
 }  // namespace planish

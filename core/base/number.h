@@ -1,6 +1,7 @@
 // Numbers in text, independent of the locale.
 #pragma once
 
+#include <charconv>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -19,9 +20,11 @@ bool ParseDouble(std::string_view token, double* value);
 // Reads all of `token` as a decimal integer that fits 64 bits, with an optional sign.
 bool ParseInt(std::string_view token, std::int64_t* value);
 
-// Appends the fewest digits that read back to the same float, or double.
-void AppendShortest(float value, std::string* text);
-void AppendShortest(double value, std::string* text);
-void AppendInt(std::int64_t value, std::string* text);
+// Appends the fewest digits that read back to the same number of this type.
+template <typename Number>
+void AppendShortest(Number value, std::string* text) {
+  char buffer[32];
+  text->append(buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr);
+}
 
 }  // namespace planish

@@ -111,16 +111,14 @@ absl::StatusOr<DracoCounts> PeekDraco(std::string_view bytes) {
     return NotDraco(bytes);
   }
   DracoCounts counts;
-  counts.version_major = head[0];
-  counts.version_minor = head[1];
   const auto version = static_cast<std::uint16_t>(DRACO_BITSTREAM_VERSION(head[0], head[1]));
   const bool is_mesh = head[2] == draco::TRIANGULAR_MESH;
   if (!is_mesh && head[2] != draco::POINT_CLOUD) return counts;
   counts.geometry = is_mesh ? DracoGeometry::kMesh : DracoGeometry::kPointCloud;
-  if (is_mesh && head[3] == draco::MESH_SEQUENTIAL_ENCODING) counts.method = DracoMethod::kSequential;
-  if (is_mesh && head[3] == draco::MESH_EDGEBREAKER_ENCODING) counts.method = DracoMethod::kEdgebreaker;
-  if (!is_mesh && head[3] == draco::POINT_CLOUD_SEQUENTIAL_ENCODING) counts.method = DracoMethod::kSequential;
-  if (!is_mesh && head[3] == draco::POINT_CLOUD_KD_TREE_ENCODING) counts.method = DracoMethod::kKdTree;
+  static_assert(draco::MESH_SEQUENTIAL_ENCODING == 0 && draco::POINT_CLOUD_SEQUENTIAL_ENCODING == 0 &&
+                draco::MESH_EDGEBREAKER_ENCODING == 1 && draco::POINT_CLOUD_KD_TREE_ENCODING == 1);
+  if (head[3] == 0) counts.method = DracoMethod::kSequential;
+  if (head[3] == 1) counts.method = is_mesh ? DracoMethod::kEdgebreaker : DracoMethod::kKdTree;
   const std::uint16_t newest = is_mesh ? draco::kDracoMeshBitstreamVersion : draco::kDracoPointCloudBitstreamVersion;
   if (counts.method == DracoMethod::kUnknown || head[0] < 1 || version > newest) return counts;
   if (version >= kOldestWithMetadata && (flags & METADATA_FLAG_MASK) != 0 && !SkipMetadata(&buffer)) return counts;

@@ -16,7 +16,6 @@ enum class DracoMethod { kSequential, kKdTree, kEdgebreaker, kUnknown };
 struct DracoCounts {
   DracoGeometry geometry = DracoGeometry::kUnknown;
   DracoMethod method = DracoMethod::kUnknown;
-  int version_major = 0, version_minor = 0;  // of the bitstream
   // Unknown where the bytes end before, or belong to a version, geometry or method that Draco 1.5 does not know.
   std::optional<std::int64_t> faces;  // 0 for point clouds
   // Points of sequential data and of point clouds; vertices of the connectivity of Edgebreaker data, of which seams of

@@ -94,20 +94,21 @@ HullRectangle LeastRectangle(const std::vector<Vec2>& hull) {
 
 Outline MakeOutline(const PackChart& chart) {
   Outline outline;
+  // Without faces each point is one.
+  std::vector<Face> points;
+  for (std::int32_t v = 0; chart.faces.empty() && v < std::ssize(chart.positions); ++v) points.push_back({v, v, v});
+  const std::vector<Face>& faces = chart.faces.empty() ? points : chart.faces;
   Box box;
   std::vector<char> is_reversed;  // per face: runs clockwise
-  is_reversed.reserve(chart.faces.size());
-  for (const Face& face : chart.faces) {
+  is_reversed.reserve(faces.size());
+  for (const Face& face : faces) {
     const std::array<Vec2, 3> triangle = TriangleOf(chart.positions, face);
     const double twice_area = DoubleArea(triangle);
     outline.area += std::abs(twice_area) / 2;
     is_reversed.push_back(twice_area < 0);
     for (const Vec2& p : triangle) box.Add(p);
   }
-  if (chart.faces.empty()) {
-    for (const Vec2& p : chart.positions) box.Add(p);
-    if (chart.positions.empty()) box.Add(Vec2::Zero());
-  }
+  if (faces.empty()) box.Add(Vec2::Zero());
   outline.centre = box.low + (box.high - box.low) / 2;
 
   std::vector<std::int32_t> local(chart.positions.size(), -1);
@@ -118,18 +119,14 @@ Outline MakeOutline(const PackChart& chart) {
     }
     return local[v];
   };
-  const auto add_edge = [&](std::int32_t from, std::int32_t to) {
-    const std::int32_t first = local_id(from);
-    outline.edges.push_back({first, local_id(to)});
-  };
   // What has its opposite beside it is inside; half-edges of reversed faces count the other way round.
-  const EdgeGroups groups = GroupHalfEdges(chart.faces, std::ssize(chart.positions));
+  const EdgeGroups groups = GroupHalfEdges(faces, std::ssize(chart.positions));
   for (std::int32_t e = 0; e < groups.count(); ++e) {
     const std::int32_t first = groups[e][0];
-    const auto [low, high] = std::minmax({Origin(chart.faces, first), Target(chart.faces, first)});
+    const auto [low, high] = std::minmax({Origin(faces, first), Target(faces, first)});
     std::int64_t forward = 0;
     for (const std::int32_t c : groups[e]) {
-      forward += (Origin(chart.faces, c) == low) != (is_reversed[c / 3] != 0) ? 1 : -1;
+      forward += (Origin(faces, c) == low) != (is_reversed[c / 3] != 0) ? 1 : -1;
     }
     if (low == high) forward = 1;
     if (forward == 0) continue;
@@ -137,20 +134,15 @@ Outline MakeOutline(const PackChart& chart) {
     for (; forward > 0; --forward) outline.edges.push_back({a, b});
     for (; forward < 0; ++forward) outline.edges.push_back({b, a});
   }
-  if (chart.faces.empty()) {
-    for (std::int32_t v = 0; v < std::ssize(chart.positions); ++v) add_edge(v, v);
-  }
   if (outline.edges.empty()) {  // faces that are folded onto each other
-    for (std::size_t f = 0; f < chart.faces.size(); ++f) {
-      for (int k = 0; k < 3; ++k) {
-        const std::int32_t from = chart.faces[f][k], to = chart.faces[f][Next(k)];
-        is_reversed[f] != 0 ? add_edge(to, from) : add_edge(from, to);
-      }
+    for (std::int32_t c = 0; c < 3 * std::ssize(faces); ++c) {
+      const std::int32_t from = local_id(faces[c / 3][c % 3]), to = local_id(faces[c / 3][Next(c % 3)]);
+      is_reversed[c / 3] != 0 ? outline.edges.push_back({to, from}) : outline.edges.push_back({from, to});
     }
-    if (outline.points.empty()) {
-      outline.points.push_back(Vec2::Zero());
-      outline.edges.push_back({0, 0});
-    }
+  }
+  if (outline.edges.empty()) {
+    outline.points.push_back(Vec2::Zero());
+    outline.edges.push_back({0, 0});
   }
   OrderAlongLoops(outline.points.size(), &outline.edges);
   for (const Vec2& p : outline.points) outline.radius = std::max(outline.radius, p.norm());

@@ -359,7 +359,7 @@ class Packer {
             {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
       }
     }
-    const Arrangement arrangement = Tighten(outlines_, simple_, atlas_, relative, options, execution_, arrangements);
+    const Arrangement arrangement = Tighten({outlines_, simple_, atlas_, relative}, options, execution_, arrangements);
     best_.scale = arrangement.scale;
     for (std::size_t i = 0; i < best_.poses.size(); ++i) {
       const Body& body = arrangement.bodies[i];

@@ -94,28 +94,24 @@ constexpr std::size_t kLanes = 2;
 
 class Tightener {
  public:
-  Tightener(const std::vector<Outline>& outlines, const std::vector<Outline>& simple, const std::vector<int>& atlas,
-            const std::vector<double>& relative, const TightenOptions& options, const Execution& execution,
+  Tightener(const TightenCharts& charts, const TightenOptions& options, const Execution& execution,
             const std::vector<Arrangement>& starts)
-      : outlines_(outlines),
-        simple_(simple),
-        atlas_(atlas),
-        relative_(relative),
+      : charts_(charts),
         options_(options),
         tuning_(options.tuning),
         execution_(execution),
         starts_(starts),
         arrangement_(starts.back()) {
-    width_ = std::sqrt(options.tiles / static_cast<double>(MostCharts(atlas, options.atlases)));
+    width_ = std::sqrt(options.tiles / static_cast<double>(MostCharts(charts.atlas, options.atlases)));
     relax_.distance = options.distance;
     relax_.low = options.low;
     relax_.spacing = std::clamp(width_ / 40, 1.0 / 1024, 1.0 / 300);
     relax_.tolerance = 0.0015 * width_;
-    for (std::size_t i = 0; i < outlines.size(); ++i) {
-      const double unit = relative[i] * arrangement_.scale;
+    for (std::size_t i = 0; i < charts.outlines.size(); ++i) {
+      const double unit = charts.relative_scales[i] * arrangement_.scale;
       const double reach = 1.1 * (relax_.distance + 2 * relax_.spacing);
-      const double spacing = std::max(std::min(relax_.spacing, outlines[i].radius * unit / 6), reach / 16);
-      fields_.emplace_back(simple[i], spacing / unit, reach / unit);
+      const double spacing = std::max(std::min(relax_.spacing, charts.outlines[i].radius * unit / 6), reach / 16);
+      fields_.emplace_back(charts.simple[i], spacing / unit, reach / unit);
     }
   }
 
@@ -132,7 +128,7 @@ class Tightener {
     }
     std::stable_sort(found.begin(), found.end(),
                      [](const Arrangement& a, const Arrangement& b) { return a.scale < b.scale; });
-    if (outlines_.size() <= tuning_.most_to_rearrange) Search(growing, &found);
+    if (charts_.outlines.size() <= tuning_.most_to_rearrange) Search(growing, &found);
     // What grew inside of a ring may be jammed in there at any scale; then what was found before counts.
     while (!found.empty() && !Settle(found.back(), arrangement_.scale)) found.pop_back();
     return arrangement_;
@@ -140,14 +136,14 @@ class Tightener {
 
  private:
   Relaxer MakeRelaxer(const Arrangement& arrangement) const {
-    Relaxer relaxer(simple_, fields_, relative_, arrangement.scale, relax_, execution_);
+    Relaxer relaxer(charts_.simple, fields_, charts_.relative_scales, arrangement.scale, relax_, execution_);
     relaxer.bodies() = arrangement.bodies;
     std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
     return relaxer;
   }
 
   std::vector<double> Scales(double scale) const {
-    std::vector<double> scales = relative_;
+    std::vector<double> scales = charts_.relative_scales;
     for (double& s : scales) s *= scale;
     return scales;
   }
@@ -156,7 +152,7 @@ class Tightener {
   // best arrangement so far each time. The other goes on with what its last attempt left, though charts overlap there,
   // until that has led nowhere a few times: so it gets away from the best. In both, charts change places first.
   void Search(std::int64_t growing, std::vector<Arrangement>* found) {
-    const auto n = static_cast<std::int64_t>(outlines_.size());
+    const auto n = static_cast<std::int64_t>(charts_.outlines.size());
     const std::int64_t budget = options_.work - growing,
                        at_once = tuning_.moves_at_once + tuning_.moves_at_once_per_chart * n;
     std::array<double, kLanes> steps;
@@ -211,7 +207,7 @@ class Tightener {
   std::optional<Arrangement> Attempt(double least_scale, double scale, const RearrangeOptions& coarse,
                                      Arrangement* from, std::int64_t* work) const {
     from->scale = scale;
-    if (!Rearrange(simple_, atlas_, fields_, Scales(scale), coarse, execution_, &from->bodies, work))
+    if (!Rearrange(charts_.simple, charts_.atlas, fields_, Scales(scale), coarse, execution_, &from->bodies, work))
       return std::nullopt;
     if (std::optional<Arrangement> grown = SeparateAndGrow(*from, least_scale, coarse.work, work)) return grown;
     // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
@@ -220,7 +216,8 @@ class Tightener {
     fine.slack = tuning_.fine_slack;
     fine.swaps = 0;
     fine.moves = coarse.moves / 2;
-    if (!Rearrange(simple_, atlas_, fields_, Scales(scale), fine, execution_, &from->bodies, work)) return std::nullopt;
+    if (!Rearrange(charts_.simple, charts_.atlas, fields_, Scales(scale), fine, execution_, &from->bodies, work))
+      return std::nullopt;
     return SeparateAndGrow(*from, least_scale, coarse.work, work);
   }
 
@@ -252,11 +249,12 @@ class Tightener {
     for (int round = 0;
          round < tuning_.settling_rounds && relaxer.scale() > least_scale && left() > 0 && !execution_.IsCancelled();
          ++round) {
-      if (outlines_.size() > tuning_.many_charts && execution_.IsStopRequested()) return false;
-      const std::vector<TooNear> too_near = relaxer.Separate(tuning_.separating_steps, std::llround(left()))
-                                                ? FindTooNear(outlines_, Scales(relaxer.scale()), relaxer.bodies(),
-                                                              options_.distance, options_.low, execution_)
-                                                : std::vector<TooNear>{{0, -1, 0}};
+      if (charts_.outlines.size() > tuning_.many_charts && execution_.IsStopRequested()) return false;
+      const std::vector<TooNear> too_near =
+          relaxer.Separate(tuning_.separating_steps, std::llround(left()))
+              ? FindTooNear(charts_.outlines, Scales(relaxer.scale()), relaxer.bodies(), options_.distance,
+                            options_.low, execution_)
+              : std::vector<TooNear>{{0, -1, 0}};
       if (too_near.empty()) {
         arrangement_ = {relaxer.bodies(), relaxer.scale()};
         return true;
@@ -271,9 +269,7 @@ class Tightener {
     return false;
   }
 
-  const std::vector<Outline>&outlines_, &simple_;
-  const std::vector<int>& atlas_;
-  const std::vector<double>& relative_;
+  const TightenCharts& charts_;
   const TightenOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
@@ -292,10 +288,9 @@ std::int64_t MostCharts(const std::vector<int>& atlas, int atlases) {
   return *std::max_element(count.begin(), count.end());
 }
 
-Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<Outline>& simple,
-                    const std::vector<int>& atlas, const std::vector<double>& relative_scales,
-                    const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts) {
-  return Tightener(outlines, simple, atlas, relative_scales, options, execution, starts).Run();
+Arrangement Tighten(const TightenCharts& charts, const TightenOptions& options, const Execution& execution,
+                    const std::vector<Arrangement>& starts) {
+  return Tightener(charts, options, execution, starts).Run();
 }
 
 }  // namespace planish

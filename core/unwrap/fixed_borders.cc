@@ -4,9 +4,11 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <span>
 #include <utility>
 
+#include "Eigen/Core"
 #include "Eigen/Geometry"
 #include "Eigen/SparseCore"
 #include "Eigen/SparseLU"
@@ -24,125 +26,6 @@
 #include "core/unwrap/widening.h"
 
 namespace planish {
-namespace {
-
-constexpr double kFanWeight = 0.01;     // of an angle of a fan, relative to others
-constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces round a hole leave it less
-
-// The chart with its slits glued. Face f is face f of the chart.
-TriMesh Glued(const Mesh& mesh, const Chart& chart) {
-  std::vector<std::int32_t> opposite = chart.topology.opposite;
-  for (const auto& [c, d] : chart.slits) {
-    opposite[c] = d;
-    opposite[d] = c;
-  }
-  return LinkFaces(
-      opposite, [&](std::int32_t c) { return mesh.faces[chart.faces[c / 3]][c % 3]; }, [](std::int32_t f) { return f; },
-      mesh.positions);
-}
-
-void AddFan(std::span<const HalfedgeHandle> loop, TriMesh* mesh) {
-  Vec3 sum = Vec3::Zero();
-  for (const HalfedgeHandle h : loop) sum += mesh->point(mesh->from_vertex_handle(h));
-  const VertexHandle middle = mesh->add_vertex(sum / static_cast<double>(loop.size()));
-  // Corner 0 comes last, so that halfedge_handle() of the face is the half-edge that it faces.
-  for (const HalfedgeHandle h : loop) {
-    const VertexHandle from = mesh->from_vertex_handle(h), to = mesh->to_vertex_handle(h);
-    mesh->add_face(middle, to, from);
-  }
-}
-
-}  // namespace
-
-std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution) {
-  if (chart.slits.empty()) return std::nullopt;
-  TriMesh glued = Glued(mesh, chart);
-  const auto loops = BoundaryLoops(glued);
-  const auto characteristic =
-      static_cast<std::int64_t>(glued.n_vertices() + glued.n_faces()) - static_cast<std::int64_t>(glued.n_edges());
-  if (loops.count() < 2 || characteristic != 2 - loops.count()) return std::nullopt;
-  std::int32_t outer = 0;
-  double longest = -1;
-  for (std::int32_t i = 0; i < loops.count(); ++i) {
-    if (loops[i].size() < 3) return std::nullopt;
-    double length = 0;
-    for (const HalfedgeHandle h : loops[i]) length += glued.calc_edge_length(h);
-    if (length > longest) longest = length, outer = i;
-  }
-  for (std::int32_t i = 0; i < loops.count(); ++i) {
-    if (i != outer) AddFan(loops[i], &glued);
-  }
-  FilledChart filled;
-  std::vector<std::int32_t> order;
-  filled.topology = MakeTopology(glued, &order, execution);
-  filled.places = glued.property(glued.points_property_handle()).data_vector();
-  for (const std::int32_t f : order) {
-    for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology.num_faces() ? 3 * f + k : -1);
-  }
-  return filled;
-}
-
-FilledChart Unfilled(const Mesh& mesh, const Chart& chart) {
-  const Topology& topology = chart.topology;
-  FilledChart same = {topology, std::vector<std::int32_t>(topology.num_corners()),
-                      std::vector<Vec3>(topology.num_vertices)};
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    same.corner[c] = c;
-    same.places[topology.faces[c / 3][c % 3]] = mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]];
-  }
-  return same;
-}
-
-absl::StatusOr<ChartMap> PlaceFilled(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
-                                     const std::vector<Vec2>& places, const Eigen::VectorXd& measured,
-                                     FlattenSummary summary, const Execution& execution) {
-  const TargetAngles target = MakeTargetAngles(chart.topology, measured, execution);
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  std::vector<Vec2> positions(chart.topology.num_vertices);
-  for (std::int32_t c = 0; c < filled.topology.num_corners(); ++c) {
-    const std::int32_t o = filled.corner[c];
-    if (o >= 0) positions[chart.topology.faces[o / 3][o % 3]] = places[filled.topology.faces[c / 3][c % 3]];
-  }
-  summary.energy = 0;
-  for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
-    Eigen::Vector3d angles;
-    TriangleAngles(TriangleOf(positions, chart.topology.faces[f]).data(), angles.data());
-    const auto off = angles - target.angle.segment<3>(3 * f);
-    summary.energy += target.weight.segment<3>(3 * f).cwiseProduct(off.cwiseAbs2()).sum();
-  }
-  return PlaceChart(mesh, chart, std::move(summary), std::move(positions), execution);
-}
-
-absl::StatusOr<ChartMap> MapFilled(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
-                                   const Eigen::VectorXd& measured, const FlattenOptions& options,
-                                   const Execution& execution) {
-  const Topology& topology = filled.topology;
-  Eigen::VectorXd angles(topology.num_corners());
-  std::vector<double> sum(topology.num_vertices, 0);
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (filled.corner[c] < 0) continue;
-    angles[c] = measured[filled.corner[c]];
-    sum[topology.faces[c / 3][c % 3]] += angles[c];
-  }
-  // Two corners of a fan at every vertex round a hole.
-  const auto left_over = [&](std::int32_t v) { return std::max(kLeastFanAngle, (2 * std::numbers::pi - sum[v]) / 2); };
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    if (filled.corner[3 * f] >= 0) continue;
-    const double a = left_over(topology.faces[f][0]), b = left_over(topology.faces[f][1]);
-    angles[3 * f] = a;
-    angles[3 * f + 1] = b;
-    angles[3 * f + 2] = std::max(kLeastFanAngle, std::numbers::pi - a - b);
-  }
-  TargetAngles target = MakeTargetAngles(topology, angles, execution);
-  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
-    if (filled.corner[c] < 0) target.weight[c] *= kFanWeight;
-  }
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenAngles(topology, target, options, {execution}));
-  const std::vector<Vec2> laid_out = LayOut(topology, flattening.angles, execution);
-  return PlaceFilled(mesh, chart, filled, laid_out, measured, std::move(flattening.summary), execution);
-}
-
 namespace {
 
 constexpr int kMostSolves = 30;
@@ -284,22 +167,6 @@ std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>
   return BarycentricMap(disc, places).Run(execution);
 }
 
-absl::StatusOr<ChartMap> MapByBarycentres(const Mesh& mesh, const Chart& chart, const FilledChart& filled,
-                                          const Eigen::VectorXd& measured, FlattenSummary summary,
-                                          const Execution& execution) {
-  const std::vector<Vec2> drawn = MapByBarycentres(filled.topology, filled.places, execution);
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  if (drawn.empty()) {
-    return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED", "there is no barycentric map in double precision");
-  }
-  summary.barrier = 0;
-  summary.converged = true;
-  PLANISH_ASSIGN_OR_RETURN(ChartMap map,
-                           PlaceFilled(mesh, chart, filled, drawn, measured, std::move(summary), execution));
-  map.is_barycentric = true;
-  return map;
-}
-
 namespace {
 
 constexpr double kMostStretchOfAbf = 3;       // with a barrier; others are looked for beyond, that are so much better
@@ -307,16 +174,91 @@ constexpr double kMostStretchForHoles = 1.1;  // times that of the slit map: a t
 // Beyond, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
 constexpr std::int32_t kMostFacesForConvex = 10'000, kMostFacesForBarycentres = 200'000;
 
+// A chart whose slits are glued and whose holes have faces: a fan each, round a vertex in its middle.
+struct FilledChart {
+  Topology topology;
+  std::vector<std::int32_t> corner;  // per corner: that of the chart, -1 for those of fans
+  std::vector<Vec3> places;          // per vertex: on the surface
+};
+
+constexpr double kFanWeight = 0.01;     // of an angle of a fan, relative to others
+constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces round a hole leave it less
+
+// The chart with its slits glued. Face f is face f of the chart.
+TriMesh Glued(const Mesh& mesh, const Chart& chart) {
+  std::vector<std::int32_t> opposite = chart.topology.opposite;
+  for (const auto& [c, d] : chart.slits) {
+    opposite[c] = d;
+    opposite[d] = c;
+  }
+  return LinkFaces(
+      opposite, [&](std::int32_t c) { return mesh.faces[chart.faces[c / 3]][c % 3]; }, [](std::int32_t f) { return f; },
+      mesh.positions);
+}
+
+void AddFan(std::span<const HalfedgeHandle> loop, TriMesh* mesh) {
+  Vec3 sum = Vec3::Zero();
+  for (const HalfedgeHandle h : loop) sum += mesh->point(mesh->from_vertex_handle(h));
+  const VertexHandle middle = mesh->add_vertex(sum / static_cast<double>(loop.size()));
+  // Corner 0 comes last, so that halfedge_handle() of the face is the half-edge that it faces.
+  for (const HalfedgeHandle h : loop) {
+    const VertexHandle from = mesh->from_vertex_handle(h), to = mesh->to_vertex_handle(h);
+    mesh->add_face(middle, to, from);
+  }
+}
+
+// Nothing if the chart has no slits, or is no piece of a plane with holes in it when they are glued (it is closed, or
+// has a handle). The boundary loop that is longest on the surface is the outer one. O(F log F).
+std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution) {
+  if (chart.slits.empty()) return std::nullopt;
+  TriMesh glued = Glued(mesh, chart);
+  const auto loops = BoundaryLoops(glued);
+  const auto characteristic =
+      static_cast<std::int64_t>(glued.n_vertices() + glued.n_faces()) - static_cast<std::int64_t>(glued.n_edges());
+  if (loops.count() < 2 || characteristic != 2 - loops.count()) return std::nullopt;
+  std::int32_t outer = 0;
+  double longest = -1;
+  for (std::int32_t i = 0; i < loops.count(); ++i) {
+    if (loops[i].size() < 3) return std::nullopt;
+    double length = 0;
+    for (const HalfedgeHandle h : loops[i]) length += glued.calc_edge_length(h);
+    if (length > longest) longest = length, outer = i;
+  }
+  for (std::int32_t i = 0; i < loops.count(); ++i) {
+    if (i != outer) AddFan(loops[i], &glued);
+  }
+  FilledChart filled;
+  std::vector<std::int32_t> order;
+  filled.topology = MakeTopology(glued, &order, execution);
+  filled.places = glued.property(glued.points_property_handle()).data_vector();
+  for (const std::int32_t f : order) {
+    for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology.num_faces() ? 3 * f + k : -1);
+  }
+  return filled;
+}
+
+// The chart as it is, slit.
+FilledChart Unfilled(const Mesh& mesh, const Chart& chart) {
+  const Topology& topology = chart.topology;
+  FilledChart same = {topology, std::vector<std::int32_t>(topology.num_corners()),
+                      std::vector<Vec3>(topology.num_vertices)};
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+    same.corner[c] = c;
+    same.places[topology.faces[c / 3][c % 3]] = mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]];
+  }
+  return same;
+}
+
 // A chart that may get another map.
 struct Candidate {
   Job* job;
   MappedChart* mapped;
   const Execution& execution;
-  Eigen::VectorXd measured;
+  Eigen::VectorXd measured;           // AnglesToKeep()
   FlattenSummary summary;             // of the first solve
   std::optional<FilledChart> filled;  // if it is a piece of a plane with holes, which are slit open
 
-  std::int32_t num_faces() const { return mapped->chart.topology.num_faces(); }
+  const Topology& topology() const { return mapped->chart.topology; }
   bool is_slit() const { return mapped->map.closed_slits.size() < mapped->chart.slits.size(); }
   // The present map overlaps itself, or a barrier keeps it open and stretches it.
   bool is_no_use() const {
@@ -325,19 +267,72 @@ struct Candidate {
   }
 };
 
-struct Fallback {
-  bool (*applies)(const Candidate& candidate);
-  absl::StatusOr<ChartMap> (*map)(const Candidate& candidate);
-  double better;  // how many times less stretched than the present map, if that is sound
-};
-
-absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
-  return MapFilled(c.job->mesh, c.mapped->chart, *c.filled, c.measured, c.job->options.flatten, c.execution);
+// The map of the chart by the places in the plane of the filled one's vertices. `summary` becomes the map's, with the
+// energy of the chart's own angles.
+absl::StatusOr<ChartMap> PlaceFilled(const Candidate& c, const FilledChart& filled, const std::vector<Vec2>& places,
+                                     FlattenSummary summary) {
+  const TargetAngles target = MakeTargetAngles(c.topology(), c.measured, c.execution);
+  if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
+  std::vector<Vec2> positions(c.topology().num_vertices);
+  for (std::int32_t corner = 0; corner < filled.topology.num_corners(); ++corner) {
+    const std::int32_t own = filled.corner[corner];
+    if (own < 0) continue;
+    positions[c.topology().faces[own / 3][own % 3]] = places[filled.topology.faces[corner / 3][corner % 3]];
+  }
+  summary.energy = 0;
+  for (std::int32_t f = 0; f < c.topology().num_faces(); ++f) {
+    Eigen::Vector3d angles;
+    TriangleAngles(TriangleOf(positions, c.topology().faces[f]).data(), angles.data());
+    const Eigen::Vector3d off = angles - target.angle.segment<3>(3 * f);
+    summary.energy += target.weight.segment<3>(3 * f).cwiseProduct(off.cwiseAbs2()).sum();
+  }
+  return PlaceChart(c.job->mesh, c.mapped->chart, std::move(summary), std::move(positions), c.execution);
 }
 
+// By ABF of the filled chart; all slits are closed. Fans take the angles that the faces round a hole leave them, and
+// weigh little.
+absl::StatusOr<ChartMap> MapByAbf(const Candidate& c) {
+  const FilledChart& filled = *c.filled;
+  const Topology& topology = filled.topology;
+  Eigen::VectorXd angles(topology.num_corners());
+  std::vector<double> sum(topology.num_vertices, 0);
+  for (std::int32_t corner = 0; corner < topology.num_corners(); ++corner) {
+    if (filled.corner[corner] < 0) continue;
+    angles[corner] = c.measured[filled.corner[corner]];
+    sum[topology.faces[corner / 3][corner % 3]] += angles[corner];
+  }
+  // Two corners of a fan at every vertex round a hole.
+  const auto left_over = [&](std::int32_t v) { return std::max(kLeastFanAngle, (2 * std::numbers::pi - sum[v]) / 2); };
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    if (filled.corner[3 * f] >= 0) continue;
+    const double a = left_over(topology.faces[f][0]), b = left_over(topology.faces[f][1]);
+    angles.segment<3>(3 * f) << a, b, std::max(kLeastFanAngle, std::numbers::pi - a - b);
+  }
+  TargetAngles target = MakeTargetAngles(topology, angles, c.execution);
+  for (std::int32_t corner = 0; corner < topology.num_corners(); ++corner) {
+    if (filled.corner[corner] < 0) target.weight[corner] *= kFanWeight;
+  }
+  if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
+  PLANISH_ASSIGN_OR_RETURN(Flattening flattening,
+                           FlattenAngles(topology, target, c.job->options.flatten, {c.execution}));
+  const std::vector<Vec2> laid_out = LayOut(topology, flattening.angles, c.execution);
+  return PlaceFilled(c, filled, laid_out, std::move(flattening.summary));
+}
+
+// By barycentres, of the filled chart if there is one. INTERNAL, SOLVER_FAILED: there is no such map.
 absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
-  return MapByBarycentres(c.job->mesh, c.mapped->chart, c.filled ? *c.filled : Unfilled(c.job->mesh, c.mapped->chart),
-                          c.measured, c.summary, c.execution);
+  const FilledChart filled = c.filled ? *c.filled : Unfilled(c.job->mesh, c.mapped->chart);
+  const std::vector<Vec2> drawn = MapByBarycentres(filled.topology, filled.places, c.execution);
+  if (c.execution.IsCancelled()) return absl::CancelledError("cancelled");
+  if (drawn.empty()) {
+    return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED", "there is no barycentric map in double precision");
+  }
+  FlattenSummary summary = c.summary;
+  summary.barrier = 0;
+  summary.converged = true;
+  PLANISH_ASSIGN_OR_RETURN(ChartMap map, PlaceFilled(c, filled, drawn, std::move(summary)));
+  map.is_barycentric = true;
+  return map;
 }
 
 // A convex outline cannot run over itself.
@@ -347,22 +342,30 @@ absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
   return LayOutChart(c.job->mesh, c.mapped->chart, *std::move(convex), c.execution);
 }
 
+struct Fallback {
+  bool (*applies)(const Candidate& candidate);
+  absl::StatusOr<ChartMap> (*map)(const Candidate& candidate);
+  double better;  // how many times less stretched than the present map, if that is sound
+};
+
 // In the order in which they are tried. A chart whose holes have been filled needs no slit; once it has such a map, the
 // search ends.
 const std::array<Fallback, 4> kFallbacks = {{
     // ABF of the chart with its holes filled, if they can be.
     {[](const Candidate& c) { return c.filled.has_value(); }, MapByAbf, 1 / kMostStretchForHoles},
     // A barycentric map of that.
-    {[](const Candidate& c) { return c.filled.has_value() && c.num_faces() <= kMostFacesForBarycentres; }, MapByMeans,
-     1 / kMostStretchForHoles},
+    {[](const Candidate& c) { return c.filled.has_value() && c.topology().num_faces() <= kMostFacesForBarycentres; },
+     MapByMeans, 1 / kMostStretchForHoles},
     // ABF with a convex outline, where the caller has not asked for that anyway.
     {[](const Candidate& c) {
        return c.is_no_use() && c.job->options.flatten.boundary == BoundaryType::kFree &&
-              c.num_faces() <= kMostFacesForConvex;
+              c.topology().num_faces() <= kMostFacesForConvex;
      },
      MapConvex, 1},
     // A barycentric map within the slit outline.
-    {[](const Candidate& c) { return c.is_no_use() && !c.filled && c.num_faces() <= kMostFacesForBarycentres; },
+    {[](const Candidate& c) {
+       return c.is_no_use() && !c.filled && c.topology().num_faces() <= kMostFacesForBarycentres;
+     },
      MapByMeans, kMostStretchOfAbf},
 }};
 

@@ -8,7 +8,7 @@
 
 #include "core/abf/lagrangian.h"
 #include "core/abf/layout.h"
-#include "core/abf/reduced_system.h"
+#include "core/abf/systems.h"
 #include "core/abf/topology.h"
 #include "core/linalg/linear_solver.h"
 #include "core/linalg/patch_preconditioner.h"

@@ -57,8 +57,6 @@ TEST(DracoHeader, OfOurOwnData) {
     ASSERT_TRUE(counts.ok()) << counts.status();
     EXPECT_EQ(counts->geometry, DracoGeometry::kMesh);
     EXPECT_EQ(counts->method, DracoMethod::kSequential);
-    EXPECT_EQ(counts->version_major, 2);
-    EXPECT_EQ(counts->version_minor, 2);
     EXPECT_EQ(counts->faces, mesh.num_faces());
     EXPECT_EQ(counts->vertices, mesh.num_vertices());
   }

@@ -1,4 +1,5 @@
-// The reduced system S: the full system with the multipliers of triangle consistency eliminated too.
+// The two saddle-point systems of a Newton step: the full system M = B A^-1 B^t of the paper, with all F + 2 num_rows
+// multipliers, and the reduced system S, from which the multipliers of triangle consistency have been eliminated too.
 //
 // With J the pair rows of B, D = A^-1 on the three angles of a face and s their sum, P = D - D 1 1^t D / s is the
 // inverse of A on the plane of angle changes that sum to zero, and
@@ -23,6 +24,25 @@
 
 namespace planish {
 
+// M, matrix-free.
+class FullSystem final : public SaddlePointOperator {
+ public:
+  // `hessian` is the diagonal A (no zeros), `cot` the cotangents at which B is taken. `topology` must outlive this.
+  FullSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
+
+  Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
+  Eigen::Index num_multipliers() const override { return topology_.num_faces() + 2 * topology_.num_rows; }
+  void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const override;
+  void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
+  void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const override;
+  Eigen::VectorXd SchurDiagonal() const override;
+
+ private:
+  const Topology& topology_;
+  Eigen::VectorXd inverse_hessian_, cot_;
+};
+
+// S.
 class ReducedSystem final : public SaddlePointOperator {
  public:
   // `hessian` is the diagonal A, non-singular on the plane of every face; `cot` the cotangents at which J is taken. All
