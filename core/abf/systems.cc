@@ -21,6 +21,15 @@ std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32
   return place;
 }
 
+// x = P r - h D 1 / s for one face (the letters of systems.h), `a` being its Hessian and `inverse` 1 / e.
+inline void SolveFace(const double* a, double inverse, const double* r, double h, double* x) {
+  // Differences first: P annihilates the constants, and a large common part of r must not drown the rest.
+  const double d01 = r[0] - r[1], d12 = r[1] - r[2], d20 = r[2] - r[0];
+  x[0] = (a[2] * d01 - a[1] * d20 - h * a[1] * a[2]) * inverse;
+  x[1] = (a[0] * d12 - a[2] * d01 - h * a[2] * a[0]) * inverse;
+  x[2] = (a[1] * d20 - a[0] * d12 - h * a[0] * a[1]) * inverse;
+}
+
 }  // namespace
 
 FullSystem::FullSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot)
@@ -81,16 +90,9 @@ void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::Vecto
 
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
-  team_.ForEach(topology_.num_faces(), [&](std::int64_t face) { SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]); });
-}
-
-void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, double* x) const {
-  const double *a = &hessian_[3 * face], inverse = inverse_e_[face];
-  // Differences first: P annihilates the constants, and a large common part of r must not drown the rest.
-  const double d01 = r[0] - r[1], d12 = r[1] - r[2], d20 = r[2] - r[0];
-  x[0] = (a[2] * d01 - a[1] * d20 - h * a[1] * a[2]) * inverse;
-  x[1] = (a[0] * d12 - a[2] * d01 - h * a[2] * a[0]) * inverse;
-  x[2] = (a[1] * d20 - a[0] * d12 - h * a[0] * a[1]) * inverse;
+  team_.ForEach(topology_.num_faces(), [&](std::int64_t face) {
+    SolveFace(&hessian_[3 * face], inverse_e_[face], &f[3 * face], 0, &(*x)[3 * face]);
+  });
 }
 
 void ReducedSystem::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
@@ -128,7 +130,7 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
       const std::int32_t row = topology_.corner_row[3 * f + k];
       r[k] = -g[k] - (row < 0 ? 0 : lambda2[2 * row]) - c[k] * wheel[k];
     }
-    SolveFace(f, r, h1[f], &(*x)[3 * f]);
+    SolveFace(a, inverse_e_[f], r, h1[f], &(*x)[3 * f]);
     if (lambda1 == nullptr) return;
     (*lambda1)[f] =
         (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];

@@ -56,7 +56,7 @@ class ReducedSystem final : public SaddlePointOperator {
   template <typename Scalar>
   void set_matrix(const BlockMatrix<Scalar>* matrix) {
     rounds_ = std::is_same_v<Scalar, float>;
-    multiply_ = [matrix, this](const Eigen::VectorXd& x, Eigen::VectorXd* y) { Multiply(*matrix, x, y, team_); };
+    multiply_ = [matrix, &team = team_](const auto& x, auto* y) { Multiply(*matrix, x, y, team); };
   }
 
   Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
@@ -75,15 +75,12 @@ class ReducedSystem final : public SaddlePointOperator {
                Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const;
 
  private:
-  // x = P r - h D 1 / s for one face (the letters above).
-  void SolveFace(std::int64_t face, const double* r, double h, double* x) const;
-
   const Topology& topology_;
   ThreadTeam& team_;
   const Eigen::VectorXd &hessian_, &cot_;
   Eigen::VectorXd inverse_e_;                                               // 1 / e per face
-  std::function<void(const Eigen::VectorXd&, Eigen::VectorXd*)> multiply_;  // by a matrix, if there is one
-  bool rounds_ = false;                                                     // that matrix does
+  std::function<void(const Eigen::VectorXd&, Eigen::VectorXd*)> multiply_;  // by set_matrix(); empty before
+  bool rounds_ = false;                                                     // whether that matrix is rounded
 };
 
 // The rows of the vertices of `faces`, ascending.

@@ -17,16 +17,14 @@ void MeasureFaces(const Mesh& mesh, const std::vector<FaceKind>& kind, const Exe
   surface->is_flat.assign(kind.size(), 0);
   surface->area.assign(kind.size(), 0.0);
   surface->area_normal.assign(kind.size(), Vec3::Zero());
-  execution.For(mesh.num_faces(), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t f = begin; f < end; ++f) {
-      surface->is_flat[f] = kind[f] == FaceKind::kWithoutArea;
-      surface->takes_part[f] = surface->is_flat[f] || kind[f] == FaceKind::kWithArea;
-      if (!surface->takes_part[f]) continue;
-      const auto& [a, b, c] = mesh.faces[f];
-      const Vec3& p = mesh.positions[a];
-      surface->area_normal[f] = (mesh.positions[b] - p).cross(mesh.positions[c] - p) / 2;
-      surface->area[f] = surface->area_normal[f].norm();
-    }
+  execution.ForEach(mesh.num_faces(), [&](std::int64_t f) {
+    surface->is_flat[f] = kind[f] == FaceKind::kWithoutArea;
+    surface->takes_part[f] = surface->is_flat[f] || kind[f] == FaceKind::kWithArea;
+    if (!surface->takes_part[f]) return;
+    const auto& [a, b, c] = mesh.faces[f];
+    const Vec3& p = mesh.positions[a];
+    surface->area_normal[f] = (mesh.positions[b] - p).cross(mesh.positions[c] - p) / 2;
+    surface->area[f] = surface->area_normal[f].norm();
   });
 }
 
