@@ -55,6 +55,12 @@ RowBatch RowBatch::Update(const std::string& table, const std::vector<std::strin
   });
 }
 
+RowBatch RowBatch::Select(std::string select) {
+  return RowBatch([select = std::move(select)](std::size_t rows, std::size_t) {
+    return absl::StrJoin(std::vector<std::string>(rows, select), " UNION ALL ");
+  });
+}
+
 void RowBatch::Add(const std::vector<SqlValue>& row) {
   std::vector<SqlValue>& copy = rows_.emplace_back(row);
   for (SqlValue& value : copy) {
@@ -63,13 +69,14 @@ void RowBatch::Add(const std::vector<SqlValue>& row) {
   }
 }
 
-absl::Status RowBatch::Send(SqlConnection* sql) {
+absl::Status RowBatch::Send(SqlConnection* sql, std::deque<SqlRows>* answers) {
   for (std::size_t begin = 0, count = 0; begin < rows_.size(); begin += count) {
     // Few different numbers: each is a statement that is prepared.
     count = std::bit_floor(std::min(rows_.size() - begin, kMostRows));
     std::vector<SqlValue> values;
     for (std::size_t i = begin; i < begin + count; ++i) values.insert(values.end(), rows_[i].begin(), rows_[i].end());
-    PLANISH_RETURN_IF_ERROR(sql->RunLater(text_(count, rows_[begin].size()), values));
+    SqlRows* const answer = answers == nullptr ? nullptr : &answers->emplace_back();
+    PLANISH_RETURN_IF_ERROR(sql->RunLater(text_(count, rows_[begin].size()), values, answer));
   }
   rows_.clear();
   bytes_.clear();

@@ -98,7 +98,7 @@ absl::StatusOr<std::string> SqlBlobStore::PutNew(const BlobId& id, std::string_v
     version.clear();
     const std::string_view tenant = id.tenant;
     // Of those who put the same blob one sends the bytes.
-    PLANISH_RETURN_IF_ERROR(sql.Serialize(absl::StrCat("blob/", id.tenant, "/", id.sha256), /*wait=*/true).status());
+    PLANISH_RETURN_IF_ERROR(sql.Serialize({absl::StrCat("blob/", id.tenant, "/", id.sha256)}));
     PLANISH_ASSIGN_OR_RETURN(
         const SqlRows there,
         sql.Run("UPDATE stored_blobs SET put_time = {now} WHERE tenant = ? AND sha256 = ? RETURNING number",

@@ -10,7 +10,7 @@ namespace planish {
 namespace {
 
 absl::Status TakeSteps(SqlConnection& sql, std::string_view group, const std::vector<std::string_view>& steps) {
-  PLANISH_RETURN_IF_ERROR(sql.Serialize("planish schema", /*wait=*/true).status());
+  PLANISH_RETURN_IF_ERROR(sql.Serialize({"planish schema"}));
   PLANISH_RETURN_IF_ERROR(
       sql.Run("CREATE TABLE IF NOT EXISTS table_groups (name TEXT PRIMARY KEY, version BIGINT NOT NULL)", {}).status());
   PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run("SELECT version FROM table_groups WHERE name = ?", {group}));

@@ -102,7 +102,7 @@ absl::StatusOr<UploadPlace::Added> SqlUploads::Add(UploadState fresh, const Admi
   Added added;
   const absl::Status status = Transact(database_, Durability::kNow, [&](SqlConnection& sql) -> absl::Status {
     // One at a time, so that two do not both find the last room.
-    PLANISH_RETURN_IF_ERROR(sql.Serialize("uploads", /*wait=*/true).status());
+    PLANISH_RETURN_IF_ERROR(sql.Serialize({"uploads"}));
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run(kUploadColumns, {}));
     const std::vector<UploadState> others = StatesOf(rows);
     const auto known =

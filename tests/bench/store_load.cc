@@ -523,7 +523,6 @@ nlohmann::json Bare(const Flags& flags) {
   }
   crowd.Join();
   const double seconds = Since(start);
-  return {{"bench", "bare"}, {"jobs", flags.jobs}, {"jobs_per_second", flags.jobs / seconds}};
 }
 
 nlohmann::json Machines(const Flags& flags) {
