@@ -209,10 +209,11 @@ class PostgresConnection : public SqlConnection {
         raw, [](void*, const char*) {}, nullptr);
     // Whoever hangs in the middle of a transaction holds locks that others wait for. With no statistics, or those of a
     // queue that grew from nothing within a minute, PostgreSQL would read whole tables for a few rows, and sort all
-    // that wait for one of them, since bitmaps have no order: there is an index for whatever is asked often.
+    // that wait for one of them, since bitmaps have no order: there is an index for whatever is asked often. So that a
+    // statement is planned once, its plan does not depend on its parameters: limits would have it planned each time.
     PLANISH_RETURN_IF_ERROR(connection->Execute(
         "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off; "
-        "SET enable_seqscan = off"));
+        "SET enable_seqscan = off; SET plan_cache_mode = force_generic_plan"));
     return connection;
   }
 

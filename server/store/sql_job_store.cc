@@ -22,8 +22,9 @@
 namespace planish {
 namespace {
 
-// Transactions of one verb at the same time, and calls in each.
-constexpr int kCallGroups = 2;
+// Transactions of this process at the same time: a front has callers from everywhere, the workers of one machine need
+// one connection for what they finish. And calls in each.
+constexpr int kAccepting = 2, kFinishing = 1;
 constexpr std::size_t kGroupedCalls = 16;
 
 // Another attempt at these jobs was lost.
@@ -552,8 +553,8 @@ class SqlJobStore : public JobStore {
   LeaseClock clock_;  // constant after the constructor
   JobQuestions questions_;
   RecentAccounts recent_accounts_;
-  CallGroups<AcceptCall> accepts_{kCallGroups, kGroupedCalls};
-  CallGroups<FinishCall> finishes_{kCallGroups, kGroupedCalls};
+  CallGroups<AcceptCall> accepts_{kAccepting, kGroupedCalls};
+  CallGroups<FinishCall> finishes_{kFinishing, kGroupedCalls};
 };
 
 }  // namespace
