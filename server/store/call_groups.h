@@ -45,6 +45,12 @@ class CallGroups {
     WakeNext();
   }
 
+  // Calls that are in no group yet.
+  std::size_t waiting() {
+    const std::lock_guard lock(mutex_);
+    return waiting_.size();
+  }
+
  private:
   struct Waiting {
     Call* call;
