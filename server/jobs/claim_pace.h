@@ -25,12 +25,14 @@ class ClaimPace {
   // thing would otherwise come together from then on.
   absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration took) const {
     if (interval <= absl::ZeroDuration()) return now;
-    const absl::Time rested = now + std::min(kRests * took, std::max(kLongestRest, interval));
+    const absl::Duration rest = kRests * std::max(took - kPrompt, absl::ZeroDuration());
+    const absl::Time rested = now + std::min(rest, kLongestRest);
     return rested + interval - (rested - absl::UnixEpoch() + place_ * interval) % interval;
   }
 
  private:
-  static constexpr int kRests = 50;  // times as long as the claim took
+  static constexpr absl::Duration kPrompt = absl::Milliseconds(10);  // of a database that has time
+  static constexpr int kRests = 50;                                  // times what a claim took beyond that
   static constexpr absl::Duration kLongestRest = absl::Seconds(4);
 
   const double place_;

@@ -222,8 +222,11 @@ absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*
   for (const Found& found : all) {
     std::optional<JobRecord> result;
     if (!found.same.empty()) {  // needs no room
-      PLANISH_ASSIGN_OR_RETURN(JobRow known, transaction->Find(found.same));
-      found.call->accepted.change.record = std::move(known.record);
+      absl::StatusOr<JobRow> known = transaction->Find(found.same);
+      if (absl::IsNotFound(known.status()))
+        return StoreUnavailable("a job with its request id has just gone; try again");
+      PLANISH_RETURN_IF_ERROR(known.status());
+      found.call->accepted.change.record = std::move(known->record);
       continue;
     }
     if (!found.call->job.result_of.empty() && !found.call->job.record.job().scheduling().fresh()) {

@@ -507,7 +507,9 @@ class PostgresDatabase : public SqlDatabase {
     const auto connect = [this]() -> PGconn* {
       absl::StatusOr<std::unique_ptr<PostgresConnection>> opened =
           PostgresConnection::Open(urls_, &primary_, "planishd news");
-      return opened.ok() ? (*opened)->Release() : nullptr;
+      // Messages go one at a time: none of them waits for the disk.
+      const bool ready = opened.ok() && (*opened)->Execute("SET synchronous_commit = off").ok();
+      return ready ? (*opened)->Release() : nullptr;
     };
     channel_ = std::make_unique<PostgresChannel>(connect, must_hear_, std::move(listener));
   }
