@@ -99,19 +99,18 @@ RowBatch Questions() {
   return RowBatch::Of(
       "SELECT {next_number}, coalesce((SELECT name FROM jobs WHERE name = column1), "
       "(SELECT name FROM jobs WHERE tenant = column2 AND request_id = column3)), "
-      "(SELECT work FROM jobs WHERE work_key = column4 AND tenant = column2 AND ended = 0 ORDER BY number DESC "
-      "LIMIT 1), {now} FROM (VALUES {rows}) AS calls");
+      "(SELECT work FROM jobs WHERE column5 = 0 AND work_key = column4 AND tenant = column2 AND ended = 0 "
+      "ORDER BY number DESC LIMIT 1), {now} FROM (VALUES {rows}) AS calls");
 }
 
 absl::StatusOr<std::vector<Found>> Ask(JobTransaction* transaction, const std::vector<AcceptCall*>& calls) {
   RowBatch questions = Questions();
   for (const AcceptCall* call : calls) {
     const JobRecord& record = call->job.record;
-    SqlValue request_id, work_key;
+    SqlValue request_id;
     if (!record.request_id().empty()) request_id = std::string_view(record.request_id());
-    if (!record.job().scheduling().fresh()) work_key = SqlBytes{record.work_key()};
-    questions.Add(
-        {std::string_view(record.job().name()), std::string_view(record.job().tenant()), request_id, work_key});
+    questions.Add({std::string_view(record.job().name()), std::string_view(record.job().tenant()), request_id,
+                   SqlBytes{record.work_key()}, std::int64_t{record.job().scheduling().fresh()}});
   }
   std::deque<SqlRows> answers;
   PLANISH_RETURN_IF_ERROR(questions.Send(&transaction->sql(), &answers));

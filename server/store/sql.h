@@ -34,7 +34,8 @@ struct SqlBytes {
   std::string_view bytes;
 };
 
-// A parameter; std::monostate is NULL. Text and bytes are only looked at during the call.
+// A parameter; std::monostate is NULL, of a text. A statement has parameters of the same types each time. Text and bytes
+// are only looked at during the call.
 using SqlValue = std::variant<std::monostate, std::int64_t, std::string_view, SqlBytes>;
 
 // What a statement returns: cells by row and column, both from 0. NULL reads as 0 and as "".
