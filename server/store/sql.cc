@@ -12,8 +12,6 @@
 namespace planish {
 namespace {
 
-constexpr std::size_t kMostRows = 16;  // of one statement
-
 // (?, ?), (?, ?), ...
 std::string Places(std::size_t rows, std::size_t columns) {
   const std::string row = absl::StrCat("(", absl::StrJoin(std::vector<const char*>(columns, "?"), ", "), ")");
@@ -56,9 +54,10 @@ RowBatch RowBatch::Update(const std::string& table, const std::vector<std::strin
 }
 
 RowBatch RowBatch::Select(std::string select) {
-  return RowBatch([select = std::move(select)](std::size_t rows, std::size_t) {
+  const Text text = [select = std::move(select)](std::size_t rows, std::size_t) {
     return absl::StrJoin(std::vector<std::string>(rows, select), " UNION ALL ");
-  });
+  };
+  return RowBatch(text, kMostSelects);
 }
 
 void RowBatch::Add(const std::vector<SqlValue>& row) {
@@ -72,7 +71,7 @@ void RowBatch::Add(const std::vector<SqlValue>& row) {
 absl::Status RowBatch::Send(SqlConnection* sql, std::deque<SqlRows>* answers) {
   for (std::size_t begin = 0, count = 0; begin < rows_.size(); begin += count) {
     // Few different numbers: each is a statement that is prepared.
-    count = std::bit_floor(std::min(rows_.size() - begin, kMostRows));
+    count = std::bit_floor(std::min(rows_.size() - begin, most_));
     std::vector<SqlValue> values;
     for (std::size_t i = begin; i < begin + count; ++i) values.insert(values.end(), rows_[i].begin(), rows_[i].end());
     SqlRows* const answer = answers == nullptr ? nullptr : &answers->emplace_back();

@@ -34,8 +34,8 @@ struct SqlBytes {
   std::string_view bytes;
 };
 
-// A parameter; std::monostate is NULL, of a text. A statement has parameters of the same types each time. Text and bytes
-// are only looked at during the call.
+// A parameter; std::monostate is NULL, of a text. A statement has parameters of the same types each time. Text and
+// bytes are only looked at during the call.
 using SqlValue = std::variant<std::monostate, std::int64_t, std::string_view, SqlBytes>;
 
 // What a statement returns: cells by row and column, both from 0. NULL reads as 0 and as "".
@@ -165,9 +165,12 @@ class RowBatch {
   // The statement for so many rows of so many values.
   using Text = std::function<std::string(std::size_t rows, std::size_t columns)>;
 
-  explicit RowBatch(Text text) : text_(std::move(text)) {}
+  static constexpr std::size_t kMostRows = 16, kMostSelects = 4;  // of a statement; each SELECT has to be planned
+
+  explicit RowBatch(Text text, std::size_t most = kMostRows) : text_(std::move(text)), most_(most) {}
 
   Text text_;
+  std::size_t most_;
   std::vector<std::vector<SqlValue>> rows_;
   std::deque<std::string> bytes_;  // of the values; each stays where it is
 };

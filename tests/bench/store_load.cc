@@ -432,7 +432,7 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
   });
   // From when all machines are at it: their connections have prepared what they need, and jobs end one after the other.
   std::this_thread::sleep_for(std::chrono::duration<double>(2 * sleep));
-  const int warm = round.finished + 20 * flags.machines;
+  const int warm = round.finished + 40 * flags.machines;
   while (round.finished < warm) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   for (Latencies* const each : {&round.claims, &round.waits, &round.finishes, &round.lone_starts}) each->Clear();
   const int before = round.finished;
