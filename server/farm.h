@@ -22,7 +22,8 @@ class Farm {
   // This server takes no more jobs and answers no more callers.
   absl::Status Leave();
 
-  // As of the last Tick().
+  // As of the last Tick(): a server that comes or goes counts up to kInterval late. Until then a mesh that only that
+  // server could take is refused or waits, and the queue's limits are off by its workers; nothing else goes by it.
   std::vector<ServerEntry> Servers() const;
   JobCapacity Capacity() const;
 

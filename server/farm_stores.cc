@@ -70,8 +70,9 @@ absl::StatusOr<FarmStores> OpenFarmStores(const ServerFlags& flags) {
   FarmStores stores;
   PostgresOptions options;
   options.url = flags.store.url;
-  // A thread of each worker may ask something, and so may those that answer calls.
-  options.connections = flags.workers + 8;
+  // However many workers there are, one transaction claims for all of them and one ends what several have finished: a
+  // database has hundreds of connections, not one for each of thousands of workers.
+  options.connections = AnswersCallers(flags.store.role) ? 16 : 8;
   options.must_hear = AnswersCallers(flags.store.role);
   if (!flags.store.password_file.empty()) {
     PLANISH_ASSIGN_OR_RETURN(options.password, ReadPassword(flags.store.password_file));

@@ -22,9 +22,6 @@ constexpr double kMostFactor = 100;
 // Between two looks for work where no news came; likewise where none come, and for wishes, too.
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
-// Claims that all servers of a farm make together: each has one in an interval, which is the longer the more there are,
-// and takes more with it.
-constexpr double kClaimsPerSecond = 250;
 constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
 // Renewals in the time that a lease lasts.
 constexpr int kRenewals = 5;
@@ -52,7 +49,7 @@ const JobRecord& FirstOf(const ClaimedWork& work) {
 }  // namespace
 
 JobRunner::JobRunner(JobContext* context, JobFeed* feed, JobRetention* retention, std::string owner)
-    : context_(*context), feed_(*feed), retention_(*retention), owner_(std::move(owner)) {
+    : context_(*context), feed_(*feed), retention_(*retention), owner_(std::move(owner)), pace_(owner_) {
   subscription_ = context_.store.Subscribe([this](const StoreNews& news) {
     const std::lock_guard lock(mutex_);
     if (news.everything) {
@@ -132,13 +129,16 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   request.tenant_limits = context_.options.tenant_limits;
   request.seconds_factor = seconds_factor_;
   lock->unlock();
+  const absl::Time asked = context_.options.steady_clock();
   const absl::StatusOr<std::vector<ClaimedWork>> claimed = context_.store.Claim(context_.Verb(), request);
+  const absl::Time answered = context_.options.steady_clock();
+  const absl::Time next_claim =
+      pace_.Next(answered, context_.Pace(kClaimsPerSecond, kLeastClaimInterval), answered - asked);
   if (claimed.ok()) {
     for (const ClaimedWork& work : *claimed) feed_.Tell(work.jobs);
   } else {
     Postpone(claimed.status());
   }
-  const absl::Time next_claim = NextClaim();
   lock->lock();
   claiming_ = false;
   next_claim_ = next_claim;
@@ -166,15 +166,6 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
     may_claim_ = true;
   }
   changed_.notify_all();
-}
-
-absl::Time JobRunner::NextClaim() const {
-  const absl::Time now = context_.options.steady_clock();
-  const absl::Duration interval = context_.Pace(kClaimsPerSecond, kLeastClaimInterval);
-  if (interval == absl::ZeroDuration()) return now;
-  // Servers that once waited for the same thing would otherwise come together from then on.
-  const double place = static_cast<double>(std::hash<std::string>()(owner_) % 1000) / 1000;
-  return now + interval - (now - absl::UnixEpoch() + place * interval) % interval;
 }
 
 absl::Status JobRunner::MeshLost(const absl::Status& why) {

@@ -15,6 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/jobs/claim_pace.h"
 #include "server/jobs/job_feed.h"
 #include "server/jobs/job_options.h"
 #include "server/jobs/job_retention.h"
@@ -118,8 +119,6 @@ class JobRunner : public JobSource {
   void Renew(const std::vector<Lease>& leases);
   // Asks what is wanted where no news of that come in (JobStore::hears_others).
   void LookForWishes();
-  // When the next claim may be: at this server's place in the next interval between claims.
-  absl::Time NextClaim() const;
   // Between two reports of one job.
   absl::Duration ReportInterval() const;
   // Writes the progress that waits, unless somebody is at it.
@@ -137,6 +136,7 @@ class JobRunner : public JobSource {
   JobFeed& feed_;
   JobRetention& retention_;
   const std::string owner_;
+  const ClaimPace pace_;
   std::atomic<double> seconds_factor_ = 1;
 
   mutable std::mutex mutex_;

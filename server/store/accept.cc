@@ -1,8 +1,12 @@
 // JobStore::Accept.
 #include <algorithm>
+#include <cstddef>
+#include <deque>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -22,7 +26,6 @@ bool MayJoin(const std::vector<JobRow>& jobs) {
 }
 
 absl::StatusOr<std::optional<JobRecord>> Result(JobTransaction* transaction, const NewJob& job) {
-  if (job.result_of.empty()) return std::nullopt;
   PLANISH_RETURN_IF_ERROR(
       transaction->sql().Run("SELECT 1 FROM jobs WHERE name = ? {lock}", {std::string_view(job.result_of)}).status());
   absl::StatusOr<JobRow> source = transaction->Find(job.result_of);
@@ -31,15 +34,6 @@ absl::StatusOr<std::optional<JobRecord>> Result(JobTransaction* transaction, con
   const bool is_kept = source->record.job().state() == v1::JOB_STATE_SUCCEEDED;
   if (!is_kept || source->record.work_key() != job.record.work_key()) return std::nullopt;
   return std::move(source->record);
-}
-
-// The next number, and the newest work with the key of the job, "": none.
-absl::StatusOr<SqlRows> NumberAndWork(SqlConnection* sql, const JobRecord& record) {
-  if (record.job().scheduling().fresh()) return sql->Run("SELECT {next_number}, ''", {});
-  return sql->Run(
-      "SELECT {next_number}, (SELECT work FROM jobs WHERE work_key = ? AND tenant = ? AND ended = 0 "
-      "ORDER BY number DESC LIMIT 1)",
-      {SqlBytes{record.work_key()}, std::string_view(record.job().tenant())});
 }
 
 // Whether the job had room if twice as much were waiting as these accounts say.
@@ -53,83 +47,111 @@ bool HasAmpleRoom(FairAccounts accounts, const NewJob& job) {
   return RoomFor(accounts, *job.limits, asked.tenant(), asked.mesh_bytes()) == Room::kYes;
 }
 
-// The accounts that decide whether a job has room and where its tenant begins. They are read with what is asked next;
-// of a long queue with ample room, the tenant's own alone, and not even that if it has many waiting: where it begins
-// matters to one that has none.
+// The accounts that decide whether jobs have room and where their tenants begin. They are read with what is asked next;
+// of a long queue with ample room, the tenants' own alone, and not even those of tenants that have many waiting: where
+// it begins matters to one that has none.
 class AccountsToRead {
  public:
-  AccountsToRead(JobTransaction* transaction, RecentAccounts* recent)
-      : transaction_(*transaction), sql_(transaction->sql()), recent_(*recent) {}
+  AccountsToRead(JobTransaction* transaction, RecentAccounts* recent) : sql_(transaction->sql()), recent_(*recent) {}
 
-  absl::Status Ask(const NewJob& job) {
-    tenant_ = job.record.job().tenant();
+  absl::Status Ask(const std::vector<AcceptCall*>& calls) {
     known_ = recent_.Get();
-    if (known_.has_value() && !HasAmpleRoom(*known_, job)) known_.reset();
-    reads_own_ = known_.has_value() && known_->tenants[tenant_].waiting < kManyWaiting;
-    if (known_.has_value() && !reads_own_) return absl::OkStatus();
-    PLANISH_RETURN_IF_ERROR(transaction_.AskLeaseNow());  // for LiftIn()
-    return reads_own_ ? sql_.RunLater(OwnAccountSql(), {std::string_view(tenant_)}, &rows_)
-                      : sql_.RunLater(AccountsSql(), {}, &rows_);
+    const auto is_tight = [this](const AcceptCall* call) { return !HasAmpleRoom(*known_, call->job); };
+    if (known_.has_value() && std::any_of(calls.begin(), calls.end(), is_tight)) known_.reset();
+    if (!known_.has_value()) return sql_.RunLater(AccountsSql(), {}, &all_);
+    for (const AcceptCall* call : calls) {
+      const std::string& tenant = call->job.record.job().tenant();
+      if (known_->tenants[tenant].waiting >= kManyWaiting || own_.contains(tenant)) continue;
+      PLANISH_RETURN_IF_ERROR(sql_.RunLater(OwnAccountSql(), {std::string_view(tenant)}, &own_[tenant]));
+    }
+    return absl::OkStatus();
   }
 
-  // After the answer has come.
+  // After the answers have come.
   FairAccounts Take() {
     if (!known_.has_value()) {
-      FairAccounts read = AccountsOf(rows_);
-      recent_.Put(read);
-      return read;
+      known_ = AccountsOf(all_);
+      recent_.Put(*known_);
     }
-    if (reads_own_) known_->tenants[tenant_] = AccountsOf(rows_).tenants[tenant_];
+    for (const auto& [tenant, rows] : own_) known_->tenants[tenant] = AccountsOf(rows).tenants[tenant];
     return *std::move(known_);
   }
 
  private:
   static constexpr std::int64_t kManyWaiting = 200;  // more than are claimed while accounts are recent
 
-  JobTransaction& transaction_;
   SqlConnection& sql_;
   RecentAccounts& recent_;
-  std::string tenant_;
   std::optional<FairAccounts> known_;
-  bool reads_own_ = false;
-  SqlRows rows_;
+  SqlRows all_;
+  std::map<std::string, SqlRows> own_;  // by tenant
 };
 
-}  // namespace
+// What is asked of each call, with one journey to the database: a number; the name of a job that has its name or its
+// request id; and the newest work with its key. "": none.
+struct Found {
+  AcceptCall* call;
+  std::int64_t number = 0;
+  std::string same, work;
+};
 
-absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAccounts* recent,
-                      AcceptedChange* accepted) {
-  *accepted = {};
-  SqlConnection& sql = transaction->sql();
+RowBatch Questions() {
+  return RowBatch::Of(
+      "SELECT {next_number}, coalesce((SELECT name FROM jobs WHERE name = column1), "
+      "(SELECT name FROM jobs WHERE tenant = column2 AND request_id = column3)), "
+      "(SELECT work FROM jobs WHERE column5 = 0 AND work_key = column4 AND tenant = column2 AND ended = 0 "
+      "ORDER BY number DESC LIMIT 1), {now} FROM (VALUES {rows}) AS calls");
+}
+
+absl::StatusOr<std::vector<Found>> Ask(JobTransaction* transaction, const std::vector<AcceptCall*>& calls) {
+  RowBatch questions = Questions();
+  for (const AcceptCall* call : calls) {
+    const JobRecord& record = call->job.record;
+    SqlValue request_id;
+    if (!record.request_id().empty()) request_id = std::string_view(record.request_id());
+    questions.Add({std::string_view(record.job().name()), std::string_view(record.job().tenant()), request_id,
+                   SqlBytes{record.work_key()}, std::int64_t{record.job().scheduling().fresh()}});
+  }
+  std::deque<SqlRows> answers;
+  PLANISH_RETURN_IF_ERROR(questions.Send(&transaction->sql(), &answers));
+  PLANISH_RETURN_IF_ERROR(transaction->sql().Flush());
+  std::vector<Found> found;
+  for (const SqlRows& rows : answers) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      found.push_back({calls[found.size()], rows.Int(i, 0), rows.Bytes(i, 1), rows.Bytes(i, 2)});
+      transaction->SetLeaseNow(rows.Int(i, 3));
+    }
+  }
+  // Work is locked in one order everywhere, so that no two transactions wait for each other.
+  std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
+    return std::tie(a.work, a.call->job.result_of) < std::tie(b.work, b.call->job.result_of);
+  });
+  return found;
+}
+
+absl::Status AcceptOne(JobTransaction* transaction, const Found& found, std::optional<JobRecord> result,
+                       FairAccounts* accounts) {
+  const NewJob& job = found.call->job;
   const v1::Job& asked = job.record.job();
+  AcceptedChange* const accepted = &found.call->accepted;
   JobChange& change = accepted->change;
   change.record = job.record;
   change.record.set_work(asked.name());
+  change.record.set_number(found.number);
   if (!asked.has_create_time()) {
     *change.record.mutable_job()->mutable_create_time() = ToTimestamp(transaction->context().now);
   }
-  std::optional<JobRecord> result;
   std::optional<LockedWork> others;
-  AccountsToRead read(transaction, recent);
-  if (!asked.scheduling().fresh()) {
-    // Of two that come at the same time the second one finds the first.
-    PLANISH_RETURN_IF_ERROR(sql.Serialize(job.record.work_key(), /*wait=*/true).status());
-    PLANISH_ASSIGN_OR_RETURN(result, Result(transaction, job));
-  }
-  if (!result.has_value()) PLANISH_RETURN_IF_ERROR(read.Ask(job));
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows found, NumberAndWork(&sql, job.record));
-  change.record.set_number(found.Int(0, 0));
-  if (!result.has_value() && !found.Bytes(0, 1).empty()) {
-    PLANISH_ASSIGN_OR_RETURN(others, transaction->LockWork(found.Bytes(0, 1)));
+  if (!result.has_value() && !found.work.empty()) {
+    PLANISH_ASSIGN_OR_RETURN(others, transaction->LockWork(found.work));
     if (others.has_value() && !MayJoin(others->jobs)) others.reset();
   }
   accepted->shares = result.has_value() || others.has_value();
-  std::optional<FairAccounts> accounts;
-  if (!accepted->shares) {
-    accounts = read.Take();
-    if (job.limits.has_value()) {
-      accepted->room = RoomFor(*accounts, *job.limits, asked.tenant(), asked.mesh_bytes());
-      if (accepted->room != Room::kYes) return absl::OkStatus();
+  if (!accepted->shares && job.limits.has_value()) {
+    accepted->room = RoomFor(*accounts, *job.limits, asked.tenant(), asked.mesh_bytes());
+    if (accepted->room != Room::kYes) {
+      change = {};
+      return absl::OkStatus();
     }
   }
   PLANISH_RETURN_IF_ERROR(transaction->Announce(&change));
@@ -151,23 +173,67 @@ absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAcco
   accepted->created = true;
   JobRow row;
   row.record = std::move(change.record);
-  PLANISH_RETURN_IF_ERROR(transaction->Insert(&row));
-  if (accounts.has_value()) {
+  transaction->Insert(&row);
+  if (!accepted->shares) {
     if (IsIdle(*accounts)) {
-      accounts.emplace();
-      PLANISH_RETURN_IF_ERROR(BeginAnew(&sql));
+      *accounts = {};
+      PLANISH_RETURN_IF_ERROR(BeginAnew(&transaction->sql()));
     }
     const double share = job.limits.has_value() ? job.limits->share : 1;
     PLANISH_RETURN_IF_ERROR(transaction->LiftIn(*accounts, asked.tenant(), share));
-    PLANISH_RETURN_IF_ERROR(transaction->AddWork(row, job.run_time));
+    transaction->AddWork(row, job.run_time);
+    // As it is for the calls that come next.
+    TenantAccount& account = accounts->tenants[asked.tenant()];
+    account.waiting += 1;
+    account.waiting_bytes += asked.mesh_bytes();
   }
   change.record = std::move(row.record);
   if (others.has_value()) {
     others->jobs.push_back(std::move(row));
     PLANISH_RETURN_IF_ERROR(transaction->Settle(&*others));
   }
-  PLANISH_RETURN_IF_ERROR(transaction->PutBlobs(job.blobs));
+  transaction->PutBlobs(job.blobs);
   return transaction->WriteEvents(&change);
+}
+
+}  // namespace
+
+std::vector<std::string> KeysOf(const NewJob& job) {
+  const v1::Job& asked = job.record.job();
+  std::vector<std::string> keys = {asked.name()};
+  if (!job.record.request_id().empty()) keys.push_back(absl::StrCat(asked.tenant(), "/", job.record.request_id()));
+  if (!asked.scheduling().fresh()) keys.push_back(job.record.work_key());
+  return keys;
+}
+
+absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent) {
+  // Of two that come at the same time the second one finds the first.
+  std::vector<std::string> keys;
+  for (AcceptCall* const call : calls) {
+    call->accepted = {};
+    keys.insert(keys.end(), call->keys.begin(), call->keys.end());
+  }
+  PLANISH_RETURN_IF_ERROR(transaction->sql().Serialize(keys));
+  AccountsToRead read(transaction, recent);
+  PLANISH_RETURN_IF_ERROR(read.Ask(calls));
+  PLANISH_ASSIGN_OR_RETURN(const std::vector<Found> all, Ask(transaction, calls));
+  FairAccounts accounts = read.Take();
+  for (const Found& found : all) {
+    std::optional<JobRecord> result;
+    if (!found.same.empty()) {  // needs no room
+      absl::StatusOr<JobRow> known = transaction->Find(found.same);
+      if (absl::IsNotFound(known.status()))
+        return StoreUnavailable("a job with its request id has just gone; try again");
+      PLANISH_RETURN_IF_ERROR(known.status());
+      found.call->accepted.change.record = std::move(known->record);
+      continue;
+    }
+    if (!found.call->job.result_of.empty() && !found.call->job.record.job().scheduling().fresh()) {
+      PLANISH_ASSIGN_OR_RETURN(result, Result(transaction, found.call->job));
+    }
+    PLANISH_RETURN_IF_ERROR(AcceptOne(transaction, found, std::move(result), &accounts));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace planish

@@ -35,7 +35,6 @@ class Claimer {
       PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner) + claims++));
     }
     SqlRows accounts;
-    PLANISH_RETURN_IF_ERROR(transaction_.AskLeaseNow());
     PLANISH_RETURN_IF_ERROR(sql_.RunLater(AccountsSql(), {}, &accounts));
     PLANISH_RETURN_IF_ERROR(ReadUsage());
     PLANISH_ASSIGN_OR_RETURN(now_, transaction_.LeaseNow());
@@ -54,7 +53,8 @@ class Claimer {
       runs_alone_ = next->alone;
       Choose(*std::move(next));
     }
-    PLANISH_ASSIGN_OR_RETURN(std::vector<LockedWork> works, transaction_.LoadJobs(std::move(chosen_), jobs_));
+    if (chosen_.empty()) return absl::OkStatus();
+    PLANISH_ASSIGN_OR_RETURN(std::vector<LockedWork> works, transaction_.LoadJobs(std::move(chosen_)));
     for (LockedWork& work : works) PLANISH_RETURN_IF_ERROR(Start(std::move(work)));
     return absl::OkStatus();
   }
@@ -68,9 +68,10 @@ class Claimer {
   absl::Status ReadUsage() {
     PLANISH_ASSIGN_OR_RETURN(
         const SqlRows rows,
-        sql_.Run("SELECT count(*), coalesce(max(alone), 0), CAST(coalesce(sum(memory_bytes), 0) AS BIGINT) "
+        sql_.Run("SELECT count(*), coalesce(max(alone), 0), CAST(coalesce(sum(memory_bytes), 0) AS BIGINT), {now} "
                  "FROM works WHERE running = 1 AND owner = ?",
                  {std::string_view(request_.owner)}));
+    transaction_.SetLeaseNow(rows.Int(0, 3));
     running_ = rows.Int(0, 0);
     runs_alone_ = rows.Int(0, 1) != 0;
     memory_ = rows.Int(0, 2);
@@ -134,8 +135,8 @@ class Claimer {
     return tenants;
   }
 
-  // Locks what is next of the first tenants, and reads its jobs, with one journey to the database: of all that are as
-  // good as the first one, and of as many more as there is work to claim, each with its part of that.
+  // Locks what is next of the first tenants with one journey to the database: of all that are as good as the first one,
+  // and of as many more as there is work to claim, each with its part of that.
   absl::Status Fetch(const std::vector<std::string>& order) {
     const std::int64_t first_turn = TurnOf(order.front());
     const auto lacks = [this](const std::string& tenant) {
@@ -149,69 +150,39 @@ class Claimer {
     const std::size_t part = (wanted + order.size() - 1) / order.size();
     const std::int64_t most =
         request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
-    struct Answer {
-      Fetched* of;
-      std::size_t limit;
-      SqlRows rows;
-      std::deque<SqlRows> jobs;
-    };
-    std::deque<Answer> answers;  // whose elements stay where they are
+    RowBatch questions = RowBatch::Select(
+        absl::StrCat("SELECT * FROM (SELECT ", kWorkColumns,
+                     " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? ORDER BY turn_time, number "
+                     "LIMIT ? {skip}) AS heads"));
+    std::map<std::string, std::size_t> missing;  // of what was asked for
     for (std::size_t i = 0; i < order.size(); ++i) {
       if (i >= wanted && TurnOf(order[i]) > first_turn) break;
       if (!lacks(order[i])) continue;
-      Fetched& fetched = fetched_[order[i]];
-      // This transaction sees again what it chose. Few different limits: each is a statement that is prepared.
-      const std::size_t limit = std::bit_ceil(fetched.names.size() + part);
-      Answer& answer = answers.emplace_back(Answer{&fetched, limit, {}, {}});
-      PLANISH_RETURN_IF_ERROR(
-          sql_.RunLater(absl::StrCat("SELECT ", kWorkColumns,
-                                     " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? "
-                                     "ORDER BY turn_time, number LIMIT ",
-                                     limit, " {skip}"),
-                        {std::string_view(order[i]), most}, &answer.rows));
-      if (i >= wanted) continue;  // of many that are equally good few are chosen
-      for (std::size_t j = fetched.names.size(); j < fetched.names.size() + part; ++j) {
-        PLANISH_RETURN_IF_ERROR(sql_.RunLater(JobsOfHeadSql(),
-                                              {std::string_view(order[i]), most, static_cast<std::int64_t>(j)},
-                                              &answer.jobs.emplace_back()));
-      }
+      // This transaction sees again what it chose.
+      const std::size_t limit = fetched_[order[i]].names.size() + part;
+      questions.Add({std::string_view(order[i]), most, static_cast<std::int64_t>(limit)});
+      missing[order[i]] = limit;
     }
-    if (answers.empty()) return absl::OkStatus();
+    std::deque<SqlRows> answers;
+    PLANISH_RETURN_IF_ERROR(questions.Send(&sql_, &answers));
     PLANISH_RETURN_IF_ERROR(sql_.Flush());
-    for (Answer& answer : answers) {
-      answer.of->all = answer.rows.size() < answer.limit;
-      for (WorkRow& work : WorkRowsOf(answer.rows)) {
-        if (answer.of->names.insert(work.name).second) answer.of->heads.push_back(std::move(work));
-      }
-      for (SqlRows& jobs : answer.jobs) {
-        // Whatever was locked only after the rows above is not among them: its jobs may be of before the lock.
-        if (!jobs.empty() && answer.of->names.contains(jobs.Bytes(0, kJobWorkColumn))) {
-          const std::string work = jobs.Bytes(0, kJobWorkColumn);
-          jobs_.insert_or_assign(work, std::move(jobs));
-        }
+    for (const SqlRows& rows : answers) {
+      for (WorkRow& work : WorkRowsOf(rows)) {
+        --missing[work.tenant];
+        Fetched& fetched = fetched_[work.tenant];
+        if (fetched.names.insert(work.name).second) fetched.heads.push_back(std::move(work));
       }
     }
+    for (const auto& [tenant, count] : missing) fetched_[tenant].all = count > 0;
     return absl::OkStatus();
   }
-
-  // The jobs of the tenant's work at one place of its queue (not further ahead than what is locked): of the tenant, of
-  // so many bytes at most, behind so many others.
-  static const std::string& JobsOfHeadSql() {
-    static const std::string sql = absl::StrCat(
-        "SELECT ", kJobColumns,
-        ", work FROM jobs WHERE ended = 0 AND work = (SELECT name FROM works WHERE tenant = ? AND running = 0 AND "
-        "memory_bytes <= ? ORDER BY turn_time, number LIMIT 1 OFFSET ? {skip}) ORDER BY number");
-    return sql;
-  }
-  static constexpr std::size_t kJobWorkColumn = 4;
 
   // Whoever counts against a limit is the only one that does so, to the end of the transaction.
   absl::StatusOr<bool> MayRun(const std::string& tenant) {
     const TenantLimits limits = LimitsOf(tenant);
     if (limits.running < 0) return true;
     if (!counted_.contains(tenant)) {
-      PLANISH_ASSIGN_OR_RETURN(const bool is_alone,
-                               sql_.Serialize(absl::StrCat("running of ", tenant), /*wait=*/false));
+      PLANISH_ASSIGN_OR_RETURN(const bool is_alone, sql_.TrySerialize(absl::StrCat("running of ", tenant)));
       if (!is_alone) return false;
       PLANISH_ASSIGN_OR_RETURN(
           const SqlRows rows, sql_.Run("SELECT CAST(coalesce(sum(running), 0) AS BIGINT) FROM tenants WHERE tenant = ?",
@@ -290,7 +261,6 @@ class Claimer {
     bool all = false;             // there is no more
   };
   std::map<std::string, Fetched> fetched_;
-  std::map<std::string, SqlRows> jobs_;  // of locked work, by its name, where they have been read
   // Of this owner.
   std::int64_t running_ = 0;
   std::int64_t memory_ = 0;

@@ -98,12 +98,12 @@ absl::Status TimedOut(const v1::Job& job) {
                                 " after it was accepted (Scheduling.timeout)"));
 }
 
-// Of a piece of work, those that have not ended.
-const std::string& JobsSql() {
-  static const std::string sql =
-      absl::StrCat("SELECT ", kJobColumns, " FROM jobs WHERE work = ? AND ended = 0 ORDER BY number");
-  return sql;
+// Of pieces of work, the jobs that have not ended, each with the name of its work.
+RowBatch JobsOfWorks() {
+  return RowBatch::Of(
+      absl::StrCat("SELECT ", kJobColumns, ", work FROM jobs WHERE ended = 0 AND work IN ({rows}) ORDER BY number"));
 }
+constexpr std::size_t kJobWorkColumn = 4;
 
 std::int64_t ResultBytes(const JobRecord& record) {
   return record.job().state() == v1::JOB_STATE_SUCCEEDED ? record.job().uv().total_bytes() : 0;
@@ -168,6 +168,11 @@ JobTransaction::JobTransaction(SqlConnection* connection, const VerbContext* con
     : sql_(*connection),
       context_(*context),
       clock_(*clock),
+      inserts_(RowBatch::Of("INSERT INTO jobs (number, name, tenant, request_id, state, ended, end_time, work_key, "
+                            "mesh_sha256, seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) "
+                            "VALUES {rows}")),
+      labels_(RowBatch::Of("INSERT INTO labels (job, key, value) VALUES {rows}")),
+      new_works_(WorkInserts()),
       events_(RowBatch::Of("INSERT INTO events (job, sequence, event, kind) VALUES {rows}")),
       works_(WorkUpdates()) {}
 
@@ -175,8 +180,6 @@ absl::StatusOr<std::int64_t> JobTransaction::LeaseNow() {
   if (now_.has_value()) return *now_;
   if (clock_ != nullptr) {
     now_ = absl::ToUnixNanos(clock_());
-  } else if (asked_now_.has_value() && !asked_now_->empty()) {
-    now_ = asked_now_->Int(0, 0);
   } else {
     PLANISH_ASSIGN_OR_RETURN(const SqlRows now, sql_.Run("SELECT {now}", {}));
     now_ = now.Int(0, 0);
@@ -184,9 +187,8 @@ absl::StatusOr<std::int64_t> JobTransaction::LeaseNow() {
   return *now_;
 }
 
-absl::Status JobTransaction::AskLeaseNow() {
-  if (clock_ != nullptr || now_.has_value() || asked_now_.has_value()) return absl::OkStatus();
-  return sql_.RunLater("SELECT {now}", {}, &asked_now_.emplace());
+void JobTransaction::SetLeaseNow(std::int64_t database_now) {
+  if (clock_ == nullptr && !now_.has_value()) now_ = database_now;
 }
 
 absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
@@ -199,40 +201,67 @@ absl::StatusOr<JobRow> JobTransaction::Find(const std::string& name) {
 
 // The lock of the work's row is that of its jobs, too: whoever changes one or adds one takes it first.
 absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::string& work, bool wait) {
-  static const std::string waits = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {lock}");
-  static const std::string skips = absl::StrCat("SELECT ", kWorkColumns, " FROM works WHERE name = ? {skip}");
+  static const std::string select = absl::StrCat("SELECT ", kWorkColumns, ", {now} FROM works WHERE name = ? ");
+  static const std::string waits = select + "{lock}", skips = select + "{skip}";
   SqlRows rows;
   PLANISH_RETURN_IF_ERROR(sql_.RunLater(wait ? waits : skips, {std::string_view(work)}, &rows));
-  PLANISH_RETURN_IF_ERROR(AskLeaseNow());  // Settle() may need it
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows jobs, sql_.Run(JobsSql(), {std::string_view(work)}));
+  PLANISH_ASSIGN_OR_RETURN(JobsByWork jobs, ReadJobs({work}));
   if (rows.empty()) return std::nullopt;
-  return LockedWorkOf(std::move(WorkRowsOf(rows).front()), jobs);
+  SetLeaseNow(rows.Int(0, kWorkColumnCount));  // Settle() may need it
+  return LockedWorkOf(std::move(WorkRowsOf(rows).front()), &jobs);
 }
 
-absl::StatusOr<std::vector<LockedWork>> JobTransaction::LoadJobs(std::vector<WorkRow> rows,
-                                                                 const std::map<std::string, SqlRows>& known) {
-  std::vector<SqlRows> jobs(rows.size());
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (const auto found = known.find(rows[i].name); found != known.end()) {
-      jobs[i] = found->second;
-    } else {
-      PLANISH_RETURN_IF_ERROR(sql_.RunLater(JobsSql(), {std::string_view(rows[i].name)}, &jobs[i]));
-    }
+absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(const std::vector<Lease>& ordered) {
+  static const std::string sql =
+      absl::StrCat("DELETE FROM works WHERE name = ? AND owner = ? AND attempt = ? AND running = 1 RETURNING ",
+                   kWorkColumns, ", {now}");
+  std::vector<SqlRows> rows(ordered.size());
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < ordered.size(); ++i) {
+    const Lease& lease = ordered[i];
+    PLANISH_RETURN_IF_ERROR(
+        sql_.RunLater(sql, {std::string_view(lease.work), std::string_view(lease.owner), lease.attempt}, &rows[i]));
+    names.push_back(lease.work);
   }
-  PLANISH_RETURN_IF_ERROR(sql_.Flush());
-  std::vector<LockedWork> works;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    PLANISH_ASSIGN_OR_RETURN(LockedWork work, LockedWorkOf(std::move(rows[i]), jobs[i]));
-    works.push_back(std::move(work));
+  PLANISH_ASSIGN_OR_RETURN(JobsByWork jobs, ReadJobs(names));
+  std::vector<std::optional<LockedWork>> works(ordered.size());
+  for (std::size_t i = 0; i < ordered.size(); ++i) {
+    if (rows[i].empty()) continue;
+    SetLeaseNow(rows[i].Int(0, kWorkColumnCount));
+    works[i] = LockedWorkOf(std::move(WorkRowsOf(rows[i]).front()), &jobs);
+    works[i]->is_taken = true;
   }
   return works;
 }
 
-absl::StatusOr<LockedWork> JobTransaction::LockedWorkOf(WorkRow row, const SqlRows& jobs) const {
+absl::StatusOr<std::vector<LockedWork>> JobTransaction::LoadJobs(std::vector<WorkRow> rows) {
+  std::vector<std::string> names;
+  for (const WorkRow& row : rows) names.push_back(row.name);
+  PLANISH_ASSIGN_OR_RETURN(JobsByWork jobs, ReadJobs(names));
+  std::vector<LockedWork> works;
+  for (WorkRow& row : rows) works.push_back(LockedWorkOf(std::move(row), &jobs));
+  return works;
+}
+
+absl::StatusOr<JobTransaction::JobsByWork> JobTransaction::ReadJobs(const std::vector<std::string>& works) {
+  RowBatch questions = JobsOfWorks();
+  for (const std::string& work : works) questions.Add({std::string_view(work)});
+  std::deque<SqlRows> answers;
+  PLANISH_RETURN_IF_ERROR(questions.Send(&sql_, &answers));
+  PLANISH_RETURN_IF_ERROR(sql_.Flush());
+  JobsByWork jobs;
+  for (const SqlRows& rows : answers) {
+    PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> read, JobRowsOf(rows));
+    for (std::size_t i = 0; i < read.size(); ++i) jobs[rows.Bytes(i, kJobWorkColumn)].push_back(std::move(read[i]));
+  }
+  return jobs;
+}
+
+LockedWork JobTransaction::LockedWorkOf(WorkRow row, JobsByWork* jobs) const {
   LockedWork locked;
   locked.before = row;
+  locked.jobs = std::move((*jobs)[row.name]);
   locked.row = std::move(row);
-  PLANISH_ASSIGN_OR_RETURN(locked.jobs, JobRowsOf(jobs));
   for (JobRow& job : locked.jobs) job.standing = StandingOf(job.record, context_.max_attempts);
   return locked;
 }
@@ -299,6 +328,7 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
   account.waiting_bytes += (waits - waited) * row.mesh_bytes;
   if (!row.running && (before.running || gone)) news_.work = true;
   if (before.running && (!row.running || row.wish != before.wish)) news_.works.push_back(row.name);
+  if (work->is_taken) return gone ? absl::OkStatus() : InternalError("work was to end, and did not");
   if (gone) return DeleteWork(&sql_, row.name);
   if (row != before) UpdateWork(row, &works_);
   return absl::OkStatus();
@@ -318,7 +348,7 @@ absl::Status JobTransaction::LiftIn(const FairAccounts& accounts, const std::str
   return absl::OkStatus();
 }
 
-absl::Status JobTransaction::AddWork(const JobRow& job, absl::Duration run_time) {
+void JobTransaction::AddWork(const JobRow& job, absl::Duration run_time) {
   const v1::Job& described = job.record.job();
   WorkRow work;
   work.name = job.record.work();
@@ -332,38 +362,39 @@ absl::Status JobTransaction::AddWork(const JobRow& job, absl::Duration run_time)
   account.waiting += 1;
   account.waiting_bytes += work.mesh_bytes;
   news_.work = true;
-  return InsertWork(&sql_, work);
+  InsertWork(work, &new_works_);
 }
 
 absl::Status JobTransaction::Flush() {
-  for (auto& [columns, batch] : saves_) PLANISH_RETURN_IF_ERROR(batch.Send(&sql_));
-  PLANISH_RETURN_IF_ERROR(events_.Send(&sql_));
-  PLANISH_RETURN_IF_ERROR(works_.Send(&sql_));
+  std::vector<RowBatch*> batches = {&inserts_, &labels_, &new_works_};
+  for (auto& [columns, batch] : saves_) batches.push_back(&batch);
+  batches.insert(batches.end(), {&events_, &works_});
+  for (RowBatch* const batch : batches) PLANISH_RETURN_IF_ERROR(batch->Send(&sql_));
+  for (const auto& [id, bytes] : blobs_) {  // in one order everywhere
+    PLANISH_RETURN_IF_ERROR(sql_.RunLater(
+        "INSERT INTO blobs VALUES (?, ?, ?) ON CONFLICT (tenant, sha256) DO UPDATE SET bytes = excluded.bytes",
+        {std::string_view(id.tenant), SqlBytes{id.sha256}, SqlBytes{bytes->bytes()}}));
+  }
   return accounts_.Write(&sql_);
 }
 
-absl::Status JobTransaction::Insert(JobRow* row) {
+void JobTransaction::Insert(JobRow* row) {
   JobRecord& record = row->record;
   const v1::Job& job = record.job();
   const std::string bytes = BytesWithoutReport(&record, record.mutable_job());
   const std::string report = job.report().SerializeAsString();
-  PLANISH_RETURN_IF_ERROR(sql_.RunLater(
-      "INSERT INTO jobs (number, name, tenant, request_id, state, ended, end_time, work_key, mesh_sha256, "
-      "seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) "
-      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-      {record.number(), std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record), job.state(),
-       IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()), SqlBytes{record.work_key()},
-       SqlBytes{record.mesh_sha256()}, SqlBytes{record.seams_sha256()}, SqlBytes{job.uv().uv_sha256()},
-       job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report}, TimeUtil::TimestampToNanoseconds(job.create_time()),
-       std::string_view(record.work()), DueColumn(record)}));
+  inserts_.Add({record.number(), std::string_view(job.name()), std::string_view(job.tenant()), RequestId(record),
+                job.state(), IsTerminal(job.state()) ? 1 : 0, TimeUtil::TimestampToNanoseconds(job.end_time()),
+                SqlBytes{record.work_key()}, SqlBytes{record.mesh_sha256()}, SqlBytes{record.seams_sha256()},
+                SqlBytes{job.uv().uv_sha256()}, job.uv().total_bytes(), SqlBytes{bytes}, SqlBytes{report},
+                TimeUtil::TimestampToNanoseconds(job.create_time()), std::string_view(record.work()),
+                DueColumn(record)});
   Account(*row, record);
   row->standing = StandingOf(record, context_.max_attempts);
   news_.jobs.push_back(job.name());
   for (const auto& [key, value] : job.labels()) {
-    PLANISH_RETURN_IF_ERROR(sql_.RunLater("INSERT INTO labels VALUES (?, ?, ?)",
-                                          {record.number(), std::string_view(key), std::string_view(value)}));
+    labels_.Add({record.number(), std::string_view(key), std::string_view(value)});
   }
-  return absl::OkStatus();
 }
 
 void JobTransaction::Save(JobRow* row, JobRecord* record) {
@@ -400,7 +431,7 @@ void JobTransaction::Save(JobRow* row, JobRecord* record) {
 
 absl::Status JobTransaction::Delete(const std::vector<JobRow>& jobs) {
   for (const std::string from : {"events WHERE job", "labels WHERE job", "jobs WHERE number"}) {
-    RowBatch rows = RowBatch::Of("DELETE FROM " + from + " IN (VALUES {rows})");
+    RowBatch rows = RowBatch::Of("DELETE FROM " + from + " IN ({rows})");
     for (const JobRow& job : jobs) rows.Add({job.record.number()});
     PLANISH_RETURN_IF_ERROR(rows.Send(&sql_));
   }
@@ -418,13 +449,8 @@ void JobTransaction::Account(const JobRow& row, const JobRecord& record) {
   account.result_bytes += ResultBytes(record) - row.result_bytes;
 }
 
-absl::Status JobTransaction::PutBlobs(const std::vector<BlobRow>& blobs) {
-  for (const BlobRow& blob : blobs) {
-    PLANISH_RETURN_IF_ERROR(sql_.RunLater(
-        "INSERT INTO blobs VALUES (?, ?, ?) ON CONFLICT (tenant, sha256) DO UPDATE SET bytes = excluded.bytes",
-        {std::string_view(blob.id.tenant), SqlBytes{blob.id.sha256}, SqlBytes{blob.bytes->memory()->bytes()}}));
-  }
-  return absl::OkStatus();
+void JobTransaction::PutBlobs(const std::vector<BlobRow>& blobs) {
+  for (const BlobRow& blob : blobs) blobs_.emplace(blob.id, blob.bytes->memory());
 }
 
 absl::Status JobTransaction::AddEvent(JobChange* change, v1::JobEvent event) {

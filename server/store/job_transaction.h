@@ -47,6 +47,7 @@ struct LockedWork {
   WorkRow before;  // as it is in the database
   WorkRow row;
   std::vector<JobRow> jobs;
+  bool is_taken = false;  // EndWork() removed its row
 
   // Of its jobs that have not ended.
   std::int64_t Size() const;
@@ -87,18 +88,20 @@ class JobTransaction {
 
   // Nanoseconds since 1970 by the clock of leases, once for the whole transaction.
   absl::StatusOr<std::int64_t> LeaseNow();
-  // Has the database say so together with what is asked next.
-  absl::Status AskLeaseNow();
+  // {now}, where a statement has it beside what it was asked for.
+  void SetLeaseNow(std::int64_t database_now);
 
   // The job, which ended or whose work is not locked; NOT_FOUND with JOB_NOT_FOUND.
   absl::StatusOr<JobRow> Find(const std::string& name);
 
   // Empty: the work has ended, or, without `wait`, somebody else has locked it.
   absl::StatusOr<std::optional<LockedWork>> LockWork(const std::string& work, bool wait = true);
-  // Of work whose rows are locked, with one journey to the database, or none: `known` has rows of kJobColumns, by the
-  // name of the work, that were read since it was locked.
-  absl::StatusOr<std::vector<LockedWork>> LoadJobs(std::vector<WorkRow> rows,
-                                                   const std::map<std::string, SqlRows>& known = {});
+  // LockWork() of works all of whose jobs are about to end, with one journey to the database; their rows go. Empty: the
+  // lease is not that of the work. The order is that of their names everywhere, so that no two transactions wait for
+  // each other.
+  absl::StatusOr<std::vector<std::optional<LockedWork>>> EndWorks(const std::vector<Lease>& ordered);
+  // Of work whose rows are locked, with one journey to the database.
+  absl::StatusOr<std::vector<LockedWork>> LoadJobs(std::vector<WorkRow> rows);
 
   // LockWork() of the job's work, and where the job is in it; no place: it ended, and is the only row.
   struct Locked {
@@ -115,16 +118,15 @@ class JobTransaction {
   // The tenant, which has nothing waiting, is about to: it begins at the virtual time. No effect if it has.
   absl::Status LiftIn(const FairAccounts& accounts, const std::string& tenant, double share);
   // Work that a job just inserted brings.
-  absl::Status AddWork(const JobRow& job, absl::Duration run_time);
-  // Writes what was changed, the accounts last. What is there before is read as it was, but for rows that were added.
+  void AddWork(const JobRow& job, absl::Duration run_time);
+  // Writes what was changed, the accounts last. What is there before is read as it was.
   absl::Status Flush();
 
-  // Adds a job with its labels, under the number that it has. ALREADY_EXISTS, at the latest from the commit, if its
-  // name or request id is taken.
-  absl::Status Insert(JobRow* row);
+  // Adds a job with its labels, under the number that it has.
+  void Insert(JobRow* row);
   // Writes the record of a job that is there. Its end and the loss of its request id are for good.
   void Save(JobRow* row, JobRecord* record);
-  absl::Status PutBlobs(const std::vector<BlobRow>& blobs);
+  void PutBlobs(const std::vector<BlobRow>& blobs);
 
   // Changes the record by Advance() and adds the event to it, or one that says what the record says now. INTERNAL where
   // the state does not allow it. Neither writes the row.
@@ -156,19 +158,22 @@ class JobTransaction {
   // LiftIn() as the accounts are.
   absl::Status Lift(const std::string& tenant, double share);
   void Account(const JobRow& row, const JobRecord& record);
-  // `jobs`: what JobsSql() selects.
-  absl::StatusOr<LockedWork> LockedWorkOf(WorkRow row, const SqlRows& jobs) const;
+  // Of works, by their names.
+  using JobsByWork = std::map<std::string, std::vector<JobRow>>;
+  absl::StatusOr<JobsByWork> ReadJobs(const std::vector<std::string>& works);
+  LockedWork LockedWorkOf(WorkRow row, JobsByWork* jobs) const;
 
   SqlConnection& sql_;
   const VerbContext& context_;
   const LeaseClock& clock_;
   std::optional<std::int64_t> now_;
-  std::optional<SqlRows> asked_now_;  // rows: the answer has come
   AccountChanges accounts_;
   StoreNews news_;
   // To be written by Flush().
+  RowBatch inserts_, labels_, new_works_;
   std::map<unsigned, RowBatch> saves_;  // by the columns that change
   RowBatch events_, works_;
+  std::map<BlobId, BlobPtr> blobs_;
 };
 
 // When the job is to be ended or stopped; the infinite future: never.

@@ -1,6 +1,7 @@
 // The two longest verbs of JobStore, within a transaction.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -9,9 +10,20 @@
 
 namespace planish {
 
-// JobStore::Accept, of a job that is not there: without room `accepted` says so alone. ALREADY_EXISTS, at the latest
-// from the commit, where its name or its request id is taken.
-absl::Status AcceptIn(JobTransaction* transaction, const NewJob& job, RecentAccounts* recent, AcceptedChange* accepted);
+// Of a job, what Accept() says of none other at the same time: its name, its request id, and its work unless it is
+// fresh.
+std::vector<std::string> KeysOf(const NewJob& job);
+
+// A call of JobStore::Accept.
+struct AcceptCall {
+  NewJob job;
+  std::vector<std::string> keys;  // KeysOf(job)
+  absl::Status status;
+  AcceptedChange accepted;
+};
+
+// JobStore::Accept of calls that have no key in common.
+absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent);
 
 // JobStore::Claim. `claimed` is empty.
 absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed);

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <iterator>
 #include <mutex>
+#include <set>
 #include <unordered_map>
 #include <vector>
 
@@ -208,10 +209,11 @@ class PostgresConnection : public SqlConnection {
         raw, [](void*, const char*) {}, nullptr);
     // Whoever hangs in the middle of a transaction holds locks that others wait for. With no statistics, or those of a
     // queue that grew from nothing within a minute, PostgreSQL would read whole tables for a few rows, and sort all
-    // that wait for one of them, since bitmaps have no order: there is an index for whatever is asked often.
+    // that wait for one of them, since bitmaps have no order: there is an index for whatever is asked often. So that a
+    // statement is planned once, its plan does not depend on its parameters: limits would have it planned each time.
     PLANISH_RETURN_IF_ERROR(connection->Execute(
         "SET idle_in_transaction_session_timeout = 30000; SET statement_timeout = 30000; SET enable_bitmapscan = off; "
-        "SET enable_seqscan = off"));
+        "SET enable_seqscan = off; SET plan_cache_mode = force_generic_plan"));
     return connection;
   }
 
@@ -249,13 +251,17 @@ class PostgresConnection : public SqlConnection {
     if (!IsIdle()) Execute("ROLLBACK").IgnoreError();
   }
 
-  absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override {
-    const std::int64_t hash = HashOf(key);
-    if (wait) {
-      PLANISH_RETURN_IF_ERROR(RunLater("SELECT pg_advisory_xact_lock(?)", {hash}, nullptr));
-      return true;
-    }
-    PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, Run("SELECT CAST(pg_try_advisory_xact_lock(?) AS INTEGER)", {hash}));
+  absl::Status Serialize(const std::vector<std::string>& keys) override {
+    std::set<std::int64_t> hashes;
+    for (const std::string& key : keys) hashes.insert(HashOf(key));
+    RowBatch locks = RowBatch::Of("SELECT pg_advisory_xact_lock(column1) FROM (VALUES {rows}) AS hashes");
+    for (const std::int64_t hash : hashes) locks.Add({hash});
+    return locks.Send(this);
+  }
+
+  absl::StatusOr<bool> TrySerialize(std::string_view key) override {
+    PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
+                             Run("SELECT CAST(pg_try_advisory_xact_lock(?) AS INTEGER)", {HashOf(key)}));
     return rows.Int(0, 0) != 0;
   }
 
@@ -439,7 +445,6 @@ class PostgresConnection : public SqlConnection {
     if (state == "53100" || state == "53200") {  // disk_full, out_of_memory
       return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", absl::StrCat("the job store: ", message));
     }
-    if (state == "23505") return absl::AlreadyExistsError(absl::StrCat("the job store: ", message));
     // Of the connection (08), by the operator (57P), by other transactions (40), of locks and limits (53, 55, 57014,
     // 25P03), of a server that takes no writes: a standby (25006).
     const bool passes = !IsGood() || state.empty() || state.starts_with("08") || state.starts_with("57") ||
@@ -502,7 +507,9 @@ class PostgresDatabase : public SqlDatabase {
     const auto connect = [this]() -> PGconn* {
       absl::StatusOr<std::unique_ptr<PostgresConnection>> opened =
           PostgresConnection::Open(urls_, &primary_, "planishd news");
-      return opened.ok() ? (*opened)->Release() : nullptr;
+      // Messages go one at a time: none of them waits for the disk.
+      const bool ready = opened.ok() && (*opened)->Execute("SET synchronous_commit = off").ok();
+      return ready ? (*opened)->Release() : nullptr;
     };
     channel_ = std::make_unique<PostgresChannel>(connect, must_hear_, std::move(listener));
   }

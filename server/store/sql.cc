@@ -12,8 +12,6 @@
 namespace planish {
 namespace {
 
-constexpr std::size_t kMostRows = 16;  // of one statement
-
 // (?, ?), (?, ?), ...
 std::string Places(std::size_t rows, std::size_t columns) {
   const std::string row = absl::StrCat("(", absl::StrJoin(std::vector<const char*>(columns, "?"), ", "), ")");
@@ -55,6 +53,13 @@ RowBatch RowBatch::Update(const std::string& table, const std::vector<std::strin
   });
 }
 
+RowBatch RowBatch::Select(std::string select) {
+  const Text text = [select = std::move(select)](std::size_t rows, std::size_t) {
+    return absl::StrJoin(std::vector<std::string>(rows, select), " UNION ALL ");
+  };
+  return RowBatch(text, kMostSelects);
+}
+
 void RowBatch::Add(const std::vector<SqlValue>& row) {
   std::vector<SqlValue>& copy = rows_.emplace_back(row);
   for (SqlValue& value : copy) {
@@ -63,13 +68,14 @@ void RowBatch::Add(const std::vector<SqlValue>& row) {
   }
 }
 
-absl::Status RowBatch::Send(SqlConnection* sql) {
+absl::Status RowBatch::Send(SqlConnection* sql, std::deque<SqlRows>* answers) {
   for (std::size_t begin = 0, count = 0; begin < rows_.size(); begin += count) {
     // Few different numbers: each is a statement that is prepared.
-    count = std::bit_floor(std::min(rows_.size() - begin, kMostRows));
+    count = std::bit_floor(std::min(rows_.size() - begin, most_));
     std::vector<SqlValue> values;
     for (std::size_t i = begin; i < begin + count; ++i) values.insert(values.end(), rows_[i].begin(), rows_[i].end());
-    PLANISH_RETURN_IF_ERROR(sql->RunLater(text_(count, rows_[begin].size()), values));
+    SqlRows* const answer = answers == nullptr ? nullptr : &answers->emplace_back();
+    PLANISH_RETURN_IF_ERROR(sql->RunLater(text_(count, rows_[begin].size()), values, answer));
   }
   rows_.clear();
   bytes_.clear();

@@ -5,7 +5,7 @@
 //   {skip}         likewise, and rows that somebody else has locked are left out
 //   {next_number}  a number for a new job, above all earlier ones
 //   {outcome}      the state of a job, where the statement says that it has ended
-//   {now}          the database's own time, nanoseconds since 1970 (PostgreSQL only: SqlDatabase::has_clock())
+//   {now}          the database's own time, nanoseconds since 1970; 0 without a clock (SqlDatabase::has_clock())
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,8 @@ struct SqlBytes {
   std::string_view bytes;
 };
 
-// A parameter; std::monostate is NULL. Text and bytes are only looked at during the call.
+// A parameter; std::monostate is NULL, of a text. A statement has parameters of the same types each time. Text and
+// bytes are only looked at during the call.
 using SqlValue = std::variant<std::monostate, std::int64_t, std::string_view, SqlBytes>;
 
 // What a statement returns: cells by row and column, both from 0. NULL reads as 0 and as "".
@@ -60,7 +61,6 @@ class SqlRows {
 //   RESOURCE_EXHAUSTED with STORAGE_FULL      the disk is full
 //   UNAVAILABLE with STORE_UNAVAILABLE        the database is away, or gave up this transaction for another one; a
 //                                             Commit() that ends so may or may not have been done
-//   ALREADY_EXISTS                            there is a row with a key that was to be unique
 //   INTERNAL                                  a bug, or damage
 class SqlConnection {
  public:
@@ -87,9 +87,11 @@ class SqlConnection {
   // Sends what RunLater() was given, and fills its rows.
   virtual absl::Status Flush() { return absl::OkStatus(); }
 
-  // Until the end of the transaction nobody else passes Serialize() with the same key. False if somebody else has
-  // passed it and this one is not to wait.
-  virtual absl::StatusOr<bool> Serialize(std::string_view key, bool wait) = 0;
+  // Until the end of the transaction nobody else passes Serialize() with any of these keys. Call it once at most,
+  // before anything else is locked: several keys are taken in one order everywhere.
+  virtual absl::Status Serialize(const std::vector<std::string>& keys) = 0;
+  // Likewise for one key, without waiting: false if somebody else has passed.
+  virtual absl::StatusOr<bool> TrySerialize(std::string_view key) = 0;
 
   // Waits, at the begin of a transaction, until only a few others are between here and their ends: for transactions
   // that all want the head of one queue. The more there are at the same time, the more rows each passes by that others
@@ -143,27 +145,32 @@ class SqlDatabase {
 // UNAVAILABLE with STORE_UNAVAILABLE.
 absl::Status StoreUnavailable(const std::string& why);
 
-// The same change of many rows, by as few statements as there can be: each costs a database more than the rows it
-// writes.
+// The same change of many rows, or the same question of them, by as few statements as there can be: each costs a
+// database more than the rows it reads and writes.
 class RowBatch {
  public:
   // `{rows}` in the statement stands for the rows of values: (?, ?), (?, ?), ...
   static RowBatch Of(std::string statement);
   // Sets these columns of the rows that have the key; the key comes last in the rows of values.
   static RowBatch Update(const std::string& table, const std::vector<std::string>& columns, const std::string& key);
+  // What the SELECT finds for each row of values, together.
+  static RowBatch Select(std::string select);
 
   // Values are copied.
   void Add(const std::vector<SqlValue>& row);
-  // Has all rows written (RunLater()), and forgets them.
-  absl::Status Send(SqlConnection* sql);
+  // Has the statements run (RunLater()), and forgets the rows. `answers`, unless it is null, gets what each returns.
+  absl::Status Send(SqlConnection* sql, std::deque<SqlRows>* answers = nullptr);
 
  private:
   // The statement for so many rows of so many values.
   using Text = std::function<std::string(std::size_t rows, std::size_t columns)>;
 
-  explicit RowBatch(Text text) : text_(std::move(text)) {}
+  static constexpr std::size_t kMostRows = 16, kMostSelects = 4;  // of a statement; each SELECT has to be planned
+
+  explicit RowBatch(Text text, std::size_t most = kMostRows) : text_(std::move(text)), most_(most) {}
 
   Text text_;
+  std::size_t most_;
   std::vector<std::vector<SqlValue>> rows_;
   std::deque<std::string> bytes_;  // of the values; each stays where it is
 };

@@ -15,27 +15,25 @@ namespace {
 constexpr std::int64_t kChunkBytes = std::int64_t{256} << 10;
 constexpr std::int64_t kPage = 1000;
 
-const std::vector<std::string_view>& BlobTables() {
-  static const auto* const steps = new std::vector<std::string_view>{
-      "CREATE SEQUENCE blob_numbers",
-      R"sql(CREATE TABLE stored_blobs (
-        tenant TEXT COLLATE "C" NOT NULL,
-        sha256 BYTEA NOT NULL,
-        number BIGINT NOT NULL,
-        bytes BIGINT NOT NULL,
-        put_time BIGINT NOT NULL,
-        PRIMARY KEY (tenant, sha256)
-      ) WITH (fillfactor = 80))sql",
-      R"sql(CREATE TABLE blob_chunks (
-        blob BIGINT NOT NULL,
-        chunk BIGINT NOT NULL,
-        bytes BYTEA NOT NULL,
-        PRIMARY KEY (blob, chunk)
-      ))sql",
-      "ALTER TABLE blob_chunks ALTER COLUMN bytes SET STORAGE EXTERNAL",  // Draco and UV hardly compress
-  };
-  return *steps;
-}
+// Draco and UV hardly compress.
+constexpr std::string_view kBlobTables = R"sql(
+  CREATE SEQUENCE blob_numbers;
+  CREATE TABLE stored_blobs (
+    tenant TEXT COLLATE "C" NOT NULL,
+    sha256 BYTEA NOT NULL,
+    number BIGINT NOT NULL,
+    bytes BIGINT NOT NULL,
+    put_time BIGINT NOT NULL,
+    PRIMARY KEY (tenant, sha256)
+  ) WITH (fillfactor = 80);
+  CREATE TABLE blob_chunks (
+    blob BIGINT NOT NULL,
+    chunk BIGINT NOT NULL,
+    bytes BYTEA NOT NULL,
+    PRIMARY KEY (blob, chunk)
+  );
+  ALTER TABLE blob_chunks ALTER COLUMN bytes SET STORAGE EXTERNAL;
+)sql";
 
 class ChunkedBlob : public StoredBlob {
  public:
@@ -78,7 +76,7 @@ absl::StatusOr<std::unique_ptr<SqlBlobStore>> SqlBlobStore::Make(SqlDatabase* da
     return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_UNFIT",
                      "only PostgreSQL can keep blobs for several servers");
   }
-  PLANISH_RETURN_IF_ERROR(SetUpTables(database, "blobs", BlobTables()));
+  PLANISH_RETURN_IF_ERROR(SetUpTables(database, "blobs", {kBlobTables}));
   return std::unique_ptr<SqlBlobStore>(new SqlBlobStore(database));
 }
 
@@ -98,7 +96,7 @@ absl::StatusOr<std::string> SqlBlobStore::PutNew(const BlobId& id, std::string_v
     version.clear();
     const std::string_view tenant = id.tenant;
     // Of those who put the same blob one sends the bytes.
-    PLANISH_RETURN_IF_ERROR(sql.Serialize(absl::StrCat("blob/", id.tenant, "/", id.sha256), /*wait=*/true).status());
+    PLANISH_RETURN_IF_ERROR(sql.Serialize({absl::StrCat("blob/", id.tenant, "/", id.sha256)}));
     PLANISH_ASSIGN_OR_RETURN(
         const SqlRows there,
         sql.Run("UPDATE stored_blobs SET put_time = {now} WHERE tenant = ? AND sha256 = ? RETURNING number",

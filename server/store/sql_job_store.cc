@@ -12,6 +12,7 @@
 #include "core/base/status_macros.h"
 #include "google/protobuf/util/time_util.h"
 #include "server/link/rpc_status.h"
+#include "server/store/call_groups.h"
 #include "server/store/job_questions.h"
 #include "server/store/job_store.h"
 #include "server/store/job_transaction.h"
@@ -20,6 +21,11 @@
 
 namespace planish {
 namespace {
+
+// Transactions of this process at the same time: a front has callers from everywhere, the workers of one machine need
+// one connection for what they finish. And calls in each.
+constexpr int kAccepting = 2, kFinishing = 1;
+constexpr std::size_t kGroupedCalls = 16;
 
 // Another attempt at these jobs was lost.
 google::rpc::Status LossError(const AttemptOutcome::Loss& loss, int attempts) {
@@ -51,22 +57,13 @@ class SqlJobStore : public JobStore {
   // ---- callers
 
   absl::StatusOr<AcceptedChange> Accept(const VerbContext& context, NewJob job) override {
-    AcceptedChange accepted;
-    const absl::Status status = Change(context, Durability::kNow, [&](JobTransaction& transaction) {
-      return AcceptIn(&transaction, job, &recent_accounts_, &accepted);
-    });
-    if (status.ok() && accepted.created) return accepted;
-    const bool is_taken = absl::IsAlreadyExists(status);
-    if (!is_taken) PLANISH_RETURN_IF_ERROR(status);
-    // A job that is there needs no room.
-    const JobRecord& record = job.record;
-    PLANISH_ASSIGN_OR_RETURN(std::optional<JobRecord> known, Find(record.job().name()));
-    if (!known.has_value() && !record.request_id().empty()) {
-      PLANISH_ASSIGN_OR_RETURN(known, FindByRequestId(record.job().tenant(), record.request_id()));
-    }
-    if (known.has_value()) return AcceptedChange{false, false, Room::kYes, {*std::move(known), {}}};
-    if (is_taken) return StoreUnavailable("a job of the same name or request id came and went; try again");
-    return AcceptedChange{false, false, accepted.room, {}};
+    std::vector<std::string> keys = KeysOf(job);
+    AcceptCall call = {std::move(job), std::move(keys), {}, {}};
+    PLANISH_RETURN_IF_ERROR(
+        ChangeTogether(context, &accepts_, &call, [&](JobTransaction& transaction, const auto& calls) {
+          return AcceptIn(&transaction, calls, &recent_accounts_);
+        }));
+    return std::move(call.accepted);
   }
 
   absl::StatusOr<JobChange> EndEarly(const VerbContext& context, const std::string& name, EarlyEnd why,
@@ -176,14 +173,17 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
                                                 const AttemptOutcome& outcome) override {
-    return ChangeWork(
-        context, lease, Durability::kNow,
-        [&](JobTransaction& transaction, const LockedWork&, JobChange* change) -> absl::Status {
-          PLANISH_RETURN_IF_ERROR(AddProgress(&transaction, outcome.progress, change));
-          return outcome.loss.has_value() ? Lose(&transaction, *outcome.loss, change)
-                                          : Deliver(&transaction, outcome, change);
-        },
-        outcome.blobs);
+    if (outcome.loss.has_value()) {
+      return ChangeWork(context, lease, Durability::kNow,
+                        [&](JobTransaction& transaction, const LockedWork&, JobChange* change) -> absl::Status {
+                          PLANISH_RETURN_IF_ERROR(AddProgress(&transaction, outcome.progress, change));
+                          return Lose(&transaction, *outcome.loss, change);
+                        });
+    }
+    FinishCall call = {lease, outcome, {lease.work}, {}, {}};
+    PLANISH_RETURN_IF_ERROR(ChangeTogether(context, &finishes_, &call, FinishIn));
+    if (call.is_lost) return LeaseLost(lease);
+    return std::move(call.changes);
   }
 
   absl::StatusOr<std::vector<JobChange>> Release(const VerbContext& context, const std::string& owner,
@@ -342,6 +342,16 @@ class SqlJobStore : public JobStore {
  private:
   using OnJob = std::function<absl::Status(JobTransaction&, const LockedWork&, JobChange*)>;
 
+  // A call of Finish().
+  struct FinishCall {
+    const Lease& lease;
+    const AttemptOutcome& outcome;
+    std::vector<std::string> keys;  // the work
+    absl::Status status;
+    std::vector<JobChange> changes;
+    bool is_lost = false;  // the lease
+  };
+
   // Runs `body` in a transaction, and tells of it afterwards.
   absl::Status Change(const VerbContext& context, Durability durability,
                       const std::function<absl::Status(JobTransaction&)>& body) {
@@ -390,8 +400,7 @@ class SqlJobStore : public JobStore {
 
   // All jobs of the work that is held by the lease.
   absl::StatusOr<std::vector<JobChange>> ChangeWork(const VerbContext& context, const Lease& lease,
-                                                    Durability durability, const OnJob& body,
-                                                    const std::vector<BlobRow>& blobs = {}) {
+                                                    Durability durability, const OnJob& body) {
     std::vector<JobChange> changes;
     const absl::Status status = Change(context, durability, [&](JobTransaction& transaction) -> absl::Status {
       changes.clear();
@@ -399,11 +408,49 @@ class SqlJobStore : public JobStore {
       const bool holds =
           work.has_value() && work->row.running && work->row.owner == lease.owner && work->row.attempt == lease.attempt;
       if (!holds) return LeaseLost(lease);
-      PLANISH_RETURN_IF_ERROR(transaction.PutBlobs(blobs));
       return ForJobs(&transaction, &*work, body, &changes);
     });
     PLANISH_RETURN_IF_ERROR(status);
     return changes;
+  }
+
+  // Where many may ask at the same time, what comes meanwhile goes by one transaction. If that fails for another reason
+  // than that the database is away, each goes by its own.
+  template <class Call, class OnCalls>
+  absl::Status ChangeTogether(const VerbContext& context, CallGroups<Call>* groups, Call* call, const OnCalls& body) {
+    const auto change = [&](const std::vector<Call*>& calls) {
+      return Change(context, Durability::kNow, [&](JobTransaction& transaction) { return body(transaction, calls); });
+    };
+    if (!database_->is_shared()) return change({call});
+    groups->Run(call, [&](const std::vector<Call*>& calls) {
+      const absl::Status status = change(calls);
+      const bool alone = calls.size() == 1 || status.ok() || absl::IsUnavailable(status);
+      for (Call* const each : calls) each->status = alone ? status : change({each});
+    });
+    return call->status;
+  }
+
+  // Of attempts that were not lost: all their jobs end.
+  static absl::Status FinishIn(JobTransaction& transaction, const std::vector<FinishCall*>& calls) {
+    std::vector<FinishCall*> ordered = calls;
+    std::sort(ordered.begin(), ordered.end(),
+              [](const FinishCall* a, const FinishCall* b) { return a->lease.work < b->lease.work; });
+    std::vector<Lease> leases;
+    for (const FinishCall* const call : ordered) leases.push_back(call->lease);
+    PLANISH_ASSIGN_OR_RETURN(std::vector<std::optional<LockedWork>> works, transaction.EndWorks(leases));
+    for (std::size_t i = 0; i < ordered.size(); ++i) {
+      FinishCall& call = *ordered[i];
+      call.changes.clear();
+      call.is_lost = !works[i].has_value();
+      if (call.is_lost) continue;
+      transaction.PutBlobs(call.outcome.blobs);
+      const auto end = [&call](JobTransaction& changing, const LockedWork&, JobChange* change) -> absl::Status {
+        PLANISH_RETURN_IF_ERROR(AddProgress(&changing, call.outcome.progress, change));
+        return Deliver(&changing, call.outcome, change);
+      };
+      PLANISH_RETURN_IF_ERROR(ForJobs(&transaction, &*works[i], end, &call.changes));
+    }
+    return absl::OkStatus();
   }
 
   // All jobs of all `works`, in one transaction; those that the body leaves without an event are not among the changes.
@@ -506,6 +553,8 @@ class SqlJobStore : public JobStore {
   LeaseClock clock_;  // constant after the constructor
   JobQuestions questions_;
   RecentAccounts recent_accounts_;
+  CallGroups<AcceptCall> accepts_{kAccepting, kGroupedCalls};
+  CallGroups<FinishCall> finishes_{kFinishing, kGroupedCalls};
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "core/base/error.h"
 #include "core/base/status_macros.h"
 
@@ -10,7 +11,7 @@ namespace planish {
 namespace {
 
 absl::Status TakeSteps(SqlConnection& sql, std::string_view group, const std::vector<std::string_view>& steps) {
-  PLANISH_RETURN_IF_ERROR(sql.Serialize("planish schema", /*wait=*/true).status());
+  PLANISH_RETURN_IF_ERROR(sql.Serialize({"planish schema"}));
   PLANISH_RETURN_IF_ERROR(
       sql.Run("CREATE TABLE IF NOT EXISTS table_groups (name TEXT PRIMARY KEY, version BIGINT NOT NULL)", {}).status());
   PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run("SELECT version FROM table_groups WHERE name = ?", {group}));
@@ -18,7 +19,11 @@ absl::Status TakeSteps(SqlConnection& sql, std::string_view group, const std::ve
   const auto known = static_cast<std::int64_t>(steps.size());
   PLANISH_RETURN_IF_ERROR(CheckStepsAhead(group, version, known));
   for (std::int64_t i = version; i < known; ++i) {
-    PLANISH_RETURN_IF_ERROR(sql.Run(std::string(steps[static_cast<std::size_t>(i)]), {}).status());
+    const std::string_view step = steps[static_cast<std::size_t>(i)];
+    for (const absl::string_view statement :
+         absl::StrSplit(absl::string_view(step.data(), step.size()), ';', absl::SkipWhitespace())) {
+      PLANISH_RETURN_IF_ERROR(sql.Run(std::string(statement), {}).status());
+    }
   }
   if (version >= known) return absl::OkStatus();
   return sql

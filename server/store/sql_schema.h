@@ -23,8 +23,8 @@ namespace planish {
 // STORE_VERSION if they are more than one step ahead. `what` names the tables in the message.
 absl::Status CheckStepsAhead(std::string_view what, std::int64_t found, std::int64_t known);
 
-// Takes the steps that `group` (a fixed word) still lacks in the database, one process at a time; each step is one
-// statement. Errors of CheckStepsAhead() and of SqlConnection.
+// Takes the steps that `group` (a fixed word) still lacks in the database, one process at a time; a step is
+// statements that end with semicolons, without any within. Errors of CheckStepsAhead() and of SqlConnection.
 absl::Status SetUpTables(SqlDatabase* database, std::string_view group, const std::vector<std::string_view>& steps);
 
 }  // namespace planish

@@ -17,31 +17,28 @@ constexpr char kParts[] = ".parts";
 constexpr char kUploadColumns[] =
     "SELECT id, tenant, total_bytes, sha256, committed_bytes, complete, used, writer, last_writer FROM uploads";
 
-const std::vector<std::string_view>& UploadTables() {
-  static const auto* const steps = new std::vector<std::string_view>{
-      R"sql(CREATE TABLE uploads (
-        id TEXT COLLATE "C" PRIMARY KEY,
-        tenant TEXT COLLATE "C" NOT NULL,
-        total_bytes BIGINT NOT NULL,
-        sha256 BYTEA NOT NULL,
-        committed_bytes BIGINT NOT NULL,
-        complete BIGINT NOT NULL,
-        used BIGINT NOT NULL,
-        writer BIGINT NOT NULL,
-        last_writer BIGINT NOT NULL
-      ) WITH (fillfactor = 50))sql",
-      "CREATE INDEX uploads_by_blob ON uploads (sha256)",
-      R"sql(CREATE TABLE upload_parts (
-        upload TEXT COLLATE "C" NOT NULL,
-        start BIGINT NOT NULL,
-        bytes BIGINT NOT NULL,
-        blob_sha256 BYTEA NOT NULL,
-        PRIMARY KEY (upload, start)
-      ))sql",
-      "CREATE INDEX upload_parts_by_blob ON upload_parts (blob_sha256)",
-  };
-  return *steps;
-}
+constexpr std::string_view kUploadTables = R"sql(
+  CREATE TABLE uploads (
+    id TEXT COLLATE "C" PRIMARY KEY,
+    tenant TEXT COLLATE "C" NOT NULL,
+    total_bytes BIGINT NOT NULL,
+    sha256 BYTEA NOT NULL,
+    committed_bytes BIGINT NOT NULL,
+    complete BIGINT NOT NULL,
+    used BIGINT NOT NULL,
+    writer BIGINT NOT NULL,
+    last_writer BIGINT NOT NULL
+  ) WITH (fillfactor = 50);
+  CREATE INDEX uploads_by_blob ON uploads (sha256);
+  CREATE TABLE upload_parts (
+    upload TEXT COLLATE "C" NOT NULL,
+    start BIGINT NOT NULL,
+    bytes BIGINT NOT NULL,
+    blob_sha256 BYTEA NOT NULL,
+    PRIMARY KEY (upload, start)
+  );
+  CREATE INDEX upload_parts_by_blob ON upload_parts (blob_sha256);
+)sql";
 
 std::vector<UploadState> StatesOf(const SqlRows& rows) {
   std::vector<UploadState> states;
@@ -82,7 +79,7 @@ absl::StatusOr<std::unique_ptr<SqlUploads>> SqlUploads::Make(SqlDatabase* databa
     return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_UNFIT",
                      "only PostgreSQL can keep uploads for several servers");
   }
-  PLANISH_RETURN_IF_ERROR(SetUpTables(database, "uploads", UploadTables()));
+  PLANISH_RETURN_IF_ERROR(SetUpTables(database, "uploads", {kUploadTables}));
   return std::unique_ptr<SqlUploads>(new SqlUploads(database, blobs, std::move(options)));
 }
 
@@ -102,7 +99,7 @@ absl::StatusOr<UploadPlace::Added> SqlUploads::Add(UploadState fresh, const Admi
   Added added;
   const absl::Status status = Transact(database_, Durability::kNow, [&](SqlConnection& sql) -> absl::Status {
     // One at a time, so that two do not both find the last room.
-    PLANISH_RETURN_IF_ERROR(sql.Serialize("uploads", /*wait=*/true).status());
+    PLANISH_RETURN_IF_ERROR(sql.Serialize({"uploads"}));
     PLANISH_ASSIGN_OR_RETURN(const SqlRows rows, sql.Run(kUploadColumns, {}));
     const std::vector<UploadState> others = StatesOf(rows);
     const auto known =

@@ -14,10 +14,6 @@ absl::Status StatusOf(int code, sqlite3* database) {
   if (code == SQLITE_FULL || code == SQLITE_NOMEM || code == SQLITE_IOERR) {
     return MakeError(absl::StatusCode::kResourceExhausted, "STORAGE_FULL", message);
   }
-  const int extended = sqlite3_extended_errcode(database);
-  if (extended == SQLITE_CONSTRAINT_UNIQUE || extended == SQLITE_CONSTRAINT_PRIMARYKEY) {
-    return absl::AlreadyExistsError(message);
-  }
   return InternalError(message);
 }
 

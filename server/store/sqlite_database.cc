@@ -146,6 +146,7 @@ constexpr std::size_t kMostStatements = 200;
 std::string SqliteWord(std::string_view word) {
   if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs)";
   if (word == "outcome") return "state";
+  if (word == "now") return "0";
   return "";  // a writer has the database to itself
 }
 
@@ -170,7 +171,8 @@ class SqliteConnection : public SqlConnection {
   absl::Status Commit() override { return Run("COMMIT", {}).status(); }
   // An error where nothing was begun, or where SQLite rolled back by itself, says nothing new.
   void Rollback() override { Run("ROLLBACK", {}).status().IgnoreError(); }
-  absl::StatusOr<bool> Serialize(std::string_view, bool) override { return true; }
+  absl::Status Serialize(const std::vector<std::string>&) override { return absl::OkStatus(); }
+  absl::StatusOr<bool> TrySerialize(std::string_view) override { return true; }
 
   absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
     auto found = statements_.find(sql);

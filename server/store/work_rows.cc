@@ -46,14 +46,15 @@ std::vector<WorkRow> WorkRowsOf(const SqlRows& rows) {
   return works;
 }
 
-absl::Status InsertWork(SqlConnection* sql, const WorkRow& work) {
-  static const std::string statement =
-      absl::StrCat("INSERT INTO works (", kWorkColumns, ") VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-  return sql->RunLater(
-      statement,
-      {std::string_view(work.name), std::string_view(work.tenant), work.number, work.running ? 1 : 0, work.turn_time,
-       work.memory_bytes, work.mesh_bytes, work.run_time, work.alone ? 1 : 0, static_cast<std::int64_t>(work.wish),
-       std::string_view(work.owner), work.attempt, work.lease_until, work.start_time, work.charge, work.share});
+RowBatch WorkInserts() {
+  return RowBatch::Of(absl::StrCat("INSERT INTO works (", kWorkColumns, ") VALUES {rows}"));
+}
+
+void InsertWork(const WorkRow& work, RowBatch* inserts) {
+  inserts->Add({std::string_view(work.name), std::string_view(work.tenant), work.number, work.running ? 1 : 0,
+                work.turn_time, work.memory_bytes, work.mesh_bytes, work.run_time, work.alone ? 1 : 0,
+                static_cast<std::int64_t>(work.wish), std::string_view(work.owner), work.attempt, work.lease_until,
+                work.start_time, work.charge, work.share});
 }
 
 RowBatch WorkUpdates() {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <mutex>
@@ -20,10 +21,13 @@ namespace planish {
 inline constexpr char kWorkColumns[] =
     "name, tenant, number, running, turn_time, memory_bytes, mesh_bytes, run_time, alone, wish, owner, attempt, "
     "lease_until, start_time, charge, share";
+inline constexpr std::size_t kWorkColumnCount = 16;
 
 std::vector<WorkRow> WorkRowsOf(const SqlRows& rows);
 
-absl::Status InsertWork(SqlConnection* sql, const WorkRow& work);
+// New works, for InsertWork().
+RowBatch WorkInserts();
+void InsertWork(const WorkRow& work, RowBatch* inserts);
 absl::Status DeleteWork(SqlConnection* sql, const std::string& name);
 // Works that change, for UpdateWork().
 RowBatch WorkUpdates();

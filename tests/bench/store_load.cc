@@ -9,15 +9,14 @@
 //   "steady"     the same with workers that take their time, so that they can end half of what bare SQL does (--load):
 //                what the store is promised to take
 //   "light"      the same with half of that
-//   "bare"       rows of the same size by four transactions a job: INSERT, UPDATE, UPDATE, an event with each, and
-//                DELETE; statements travel together as those of the store do
+//   "bare"       the same rows by SQL that knows beforehand what to write (BareJobs)
 //   "machines"   jobs a second of one machine and of many whose workers sleep
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <condition_variable>
 #include <cstdio>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -34,6 +33,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "nlohmann/json.hpp"
+#include "server/jobs/claim_pace.h"
 #include "server/store/ids.h"
 #include "server/store/job_store.h"
 #include "server/store/lifecycle.h"
@@ -58,6 +58,7 @@ struct Flags {
   int rounds = 3;
   std::vector<std::string> kinds = {"saturated", "steady", "light"};
   double load = 0.5;  // of what bare SQL takes: the jobs a second that the workers of "steady" can end
+  bool bare_accounts = true;
   double worker_seconds = 3;
   int sleeping_machines = 50;
   double sleeping_seconds = 15;  // that each of the two measurements of "machines" takes
@@ -173,6 +174,8 @@ class Connection {
   SqlRows Run(const std::string& sql, const std::vector<SqlValue>& values = {}) { return Get(sql_->Run(sql, values)); }
   // Without waiting for it.
   void Send(const std::string& sql, const std::vector<SqlValue>& values) { Check(sql_->RunLater(sql, values)); }
+  void Send(RowBatch* batch) { Check(batch->Send(sql_.get())); }
+  std::int64_t Slot() const { return sql_->Slot(); }
   void Begin(Durability durability) { Check(sql_->Begin(durability)); }
   void Commit() { Check(sql_->Commit()); }
 
@@ -214,28 +217,28 @@ void Fill(const Flags& flags, int jobs) {
 struct Round {
   std::atomic<int> finished = 0, accepted = 0;
   std::atomic<bool> over = false;
-  Latencies claims, finishes, lone_starts;
+  Latencies claims, waits, finishes, lone_starts;  // waits: of free workers
   std::mutex mutex;
   std::map<std::string, Clock::time_point> lone;  // jobs of the tenant that has no others
 };
 
-// Seconds between two of what each machine asks of the store, as JobRunner and JobManager have them.
-struct Intervals {
-  explicit Intervals(int machines) : claims(machines / 250.0 > 0.02 ? machines / 250.0 : 0), looks(machines / 20.0) {}
-
-  double claims;
-  double renewals = 3;  // a fifth of a lease of 15 s; of leases that are older than half of that
-  double looks;         // for jobs that are overdue, and for servers that are gone
-};
-
-// What a machine does until the round is over: one thread claims what its free workers may take, the other one ends it
-// after `sleep` seconds, renews leases, and looks for the jobs of others.
+// What a machine does until the round is over, as JobRunner and JobManager do it: one thread claims what its free
+// workers may take, as many as there are workers end jobs after `sleep` seconds, and one renews leases and looks for
+// the jobs of others.
 class Machine {
  public:
-  Machine(JobStore* store, std::string owner, int slots, double sleep, Intervals intervals, Round* round)
-      : store_(*store), owner_(std::move(owner)), slots_(slots), sleep_(sleep), intervals_(intervals), round_(*round) {}
+  Machine(const Flags& flags, int machines, std::string owner, double sleep, Round* round)
+      : store_holder_(OpenStore(flags, machines, 2, /*must_hear=*/false)),
+        store_(*store_holder_),
+        owner_(std::move(owner)),
+        machines_(machines),
+        sleep_(sleep),
+        round_(*round),
+        free_(static_cast<std::size_t>(flags.slots), Clock::now()) {}
 
   void Claim() {
+    const ClaimPace pace(owner_);
+    const double interval = machines_ / kClaimsPerSecond;
     std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner_)));
     std::uniform_real_distribution<double> jitter(0.5, 1.5);
     while (!round_.over) {
@@ -244,61 +247,72 @@ class Machine {
       request.lease = absl::Seconds(15);
       {
         std::unique_lock lock(mutex_);
-        changed_.wait_for(lock, kLook, [&] { return static_cast<int>(running_.size()) < slots_; });
-        request.most = slots_ - static_cast<int>(running_.size());
+        freed_.wait_for(lock, kLook, [&] { return !free_.empty(); });
+        request.most = static_cast<int>(free_.size());
       }
       if (request.most == 0) continue;
       const Clock::time_point start = Clock::now();
       const std::vector<ClaimedWork> claimed = Get(store_.Claim(Now(), request));
-      round_.claims.Add(Since(start));
+      const double took = Since(start);
+      round_.claims.Add(took);
       {
         const std::lock_guard lock(mutex_);
         for (const ClaimedWork& work : claimed) {
-          running_.emplace(After(sleep_ * jitter(random)), Held{work.lease, Clock::now()});
+          round_.waits.Add(Since(free_.front()));
+          free_.pop_front();
+          ends_.emplace(After(sleep_ * jitter(random)), work.lease);
+          running_[work.lease.work] = {work.lease, Clock::now()};
         }
       }
-      changed_.notify_all();
+      given_.notify_all();
       for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
-      std::this_thread::sleep_for(std::chrono::duration<double>(std::max(Pause(), claimed.empty() ? 0.02 : 0)));
+      const absl::Time now = absl::Now();
+      const absl::Time next = pace.Next(now, absl::Seconds(interval > 0.02 ? interval : 0), absl::Seconds(took));
+      Pause(std::max(absl::ToDoubleSeconds(next - now), claimed.empty() ? 0.02 : 0));
     }
   }
 
   void Finish() {
-    Clock::time_point renewed = Clock::now(), asked = renewed, looked = renewed;
     while (!round_.over) {
-      std::optional<Lease> due;
-      std::vector<Lease> leases;  // to be renewed
+      Lease lease;
       {
         std::unique_lock lock(mutex_);
-        const Clock::time_point next = running_.empty() ? After(1) : running_.begin()->first;
-        changed_.wait_until(lock, std::min(next, Clock::now() + kLook),
-                            [&] { return !running_.empty() && running_.begin()->first <= Clock::now(); });
-        if (!running_.empty() && running_.begin()->first <= Clock::now()) due = running_.begin()->second.lease;
-        if (Since(renewed) > intervals_.renewals) {
-          renewed = Clock::now();
-          for (auto& [end, held] : running_) {
-            if (Since(held.renewed) < intervals_.renewals / 2) continue;
-            held.renewed = renewed;
-            leases.push_back(held.lease);
-          }
+        const Clock::time_point look = Clock::now() + kLook;
+        given_.wait_until(lock, ends_.empty() ? look : std::min(ends_.begin()->first, look));
+        if (ends_.empty() || ends_.begin()->first > Clock::now()) continue;
+        lease = std::move(ends_.begin()->second);
+        ends_.erase(ends_.begin());
+      }
+      const Clock::time_point start = Clock::now();
+      Get(store_.Finish(Now(), lease, Success()));
+      round_.finishes.Add(Since(start));
+      ++round_.finished;
+      const std::lock_guard lock(mutex_);
+      running_.erase(lease.work);
+      free_.push_back(Clock::now());
+      freed_.notify_one();
+    }
+  }
+
+  void KeepOrder() {
+    Clock::time_point renewed = Clock::now(), asked = renewed, looked = renewed;
+    for (; Pause(0.5);) {
+      std::vector<Lease> leases;
+      if (Since(renewed) > kRenewals) {
+        const std::lock_guard lock(mutex_);
+        renewed = Clock::now();
+        for (auto& [work, held] : running_) {
+          if (Since(held.renewed) < kRenewals / 2) continue;
+          held.renewed = renewed;
+          leases.push_back(held.lease);
         }
       }
-      if (due.has_value()) {
-        const Clock::time_point start = Clock::now();
-        Get(store_.Finish(Now(), *due, Success()));
-        round_.finishes.Add(Since(start));
-        ++round_.finished;
-        const std::lock_guard lock(mutex_);
-        running_.erase(std::find_if(running_.begin(), running_.end(),
-                                    [&](const auto& entry) { return entry.second.lease.work == due->work; }));
-        changed_.notify_all();
-      }
+      if (!leases.empty()) Get(store_.Renew(leases, absl::Seconds(15)));
       if (Since(asked) > 1 && !store_.hears_others()) {
         Get(store_.Wishes(owner_));
         asked = Clock::now();
       }
-      if (!leases.empty()) Get(store_.Renew(leases, absl::Seconds(15)));
-      if (Since(looked) > intervals_.looks) {
+      if (Since(looked) > machines_ / 20.0) {
         Get(store_.EndOverdue(Now(), 100));
         Get(store_.Reap(Now(), "", 100));
         looked = Clock::now();
@@ -310,17 +324,17 @@ class Machine {
 
  private:
   static constexpr std::chrono::seconds kLook{1};  // whether the round is over
+  static constexpr double kRenewals = 3;           // seconds: a fifth of a lease of 15
 
   static Clock::time_point After(double seconds) {
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
   }
 
-  // To this machine's place in the next interval between claims.
-  double Pause() const {
-    if (intervals_.claims == 0) return 0;
-    const double place = double(std::hash<std::string>()(owner_) % 1000) / 1000;
-    const double now = std::chrono::duration<double>(Clock::now().time_since_epoch()).count() / intervals_.claims;
-    return (1 - std::fmod(now + place, 1)) * intervals_.claims;
+  // False if the round is over.
+  bool Pause(double seconds) const {
+    const Clock::time_point end = After(seconds);
+    while (!round_.over && Clock::now() < end) std::this_thread::sleep_until(std::min(end, Clock::now() + kLook));
+    return !round_.over;
   }
 
   void NoteLone(const v1::Job& job) {
@@ -330,53 +344,52 @@ class Machine {
     if (found != round_.lone.end()) round_.lone_starts.Add(Since(found->second));  // not one of an earlier round
   }
 
+  const std::unique_ptr<JobStore> store_holder_;
   JobStore& store_;
   const std::string owner_;
-  const int slots_;
+  const int machines_;
   const double sleep_;
-  const Intervals intervals_;
   Round& round_;
 
   std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable freed_, given_;
   struct Held {
     Lease lease;
     Clock::time_point renewed;
   };
-  std::multimap<Clock::time_point, Held> running_;  // by when each ends; guarded by mutex_
+  // Guarded by mutex_.
+  std::deque<Clock::time_point> free_;            // workers, since when each
+  std::multimap<Clock::time_point, Lease> ends_;  // of what runs, but for what is being finished
+  std::map<std::string, Held> running_;           // by work
 };
 
 // Machines and the threads of each. Ends with the round.
 class Machinery {
  public:
   // Workers take `sleep` seconds a job, more or less. The machines begin one after the other within `stagger` seconds.
-  Machinery(const Flags& flags, int machines, double sleep, double stagger, Round* round);
+  Machinery(const Flags& flags, int machines, double sleep, double stagger, Round* round) {
+    for (int i = 0; i < machines; ++i) {
+      machines_.push_back(std::make_unique<Machine>(flags, machines, absl::StrCat("machine", i), sleep, round));
+    }
+    for (int i = 0; i < machines; ++i) {
+      Machine* const machine = machines_[std::size_t(i)].get();
+      crowd_.Add([machine, stagger, i, machines] {
+        std::this_thread::sleep_for(std::chrono::duration<double>(stagger * i / machines));
+        machine->Claim();
+      });
+      crowd_.Add([machine] { machine->KeepOrder(); });
+      for (int slot = 0; slot < flags.slots; ++slot) crowd_.Add([machine] { machine->Finish(); });
+    }
+  }
   ~Machinery() {
     crowd_.Join();
     for (const std::unique_ptr<Machine>& machine : machines_) machine->Leave();
   }
 
  private:
-  std::vector<std::unique_ptr<JobStore>> stores_;
   std::vector<std::unique_ptr<Machine>> machines_;
   Crowd crowd_;
 };
-
-Machinery::Machinery(const Flags& flags, int machines, double sleep, double stagger, Round* round) {
-  for (int i = 0; i < machines; ++i) {
-    stores_.push_back(OpenStore(flags, machines, 2, /*must_hear=*/false));
-    machines_.push_back(std::make_unique<Machine>(stores_.back().get(), absl::StrCat("machine", i), flags.slots, sleep,
-                                                  Intervals(machines), round));
-  }
-  for (int i = 0; i < machines; ++i) {
-    Machine* const machine = machines_[std::size_t(i)].get();
-    crowd_.Add([machine, stagger, i, machines] {
-      std::this_thread::sleep_for(std::chrono::duration<double>(stagger * i / machines));
-      machine->Claim();
-    });
-    crowd_.Add([machine] { machine->Finish(); });
-  }
-}
 
 nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, int jobs) {
   Round round;
@@ -419,9 +432,9 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
   });
   // From when all machines are at it: their connections have prepared what they need, and jobs end one after the other.
   std::this_thread::sleep_for(std::chrono::duration<double>(2 * sleep));
-  const int warm = round.finished + 20 * flags.machines;
+  const int warm = round.finished + 40 * flags.machines;
   while (round.finished < warm) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  for (Latencies* const each : {&round.claims, &round.finishes, &round.lone_starts}) each->Clear();
+  for (Latencies* const each : {&round.claims, &round.waits, &round.finishes, &round.lone_starts}) each->Clear();
   const int before = round.finished;
   const Clock::time_point start = Clock::now();
   while (round.finished < before + jobs) std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -439,91 +452,247 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
           {"jobs_per_second", finished / seconds},
           {"claim_p50_seconds", round.claims.At(0.5)},
           {"claim_p99_seconds", round.claims.At(0.99)},
+          {"wait_p50_seconds", round.waits.At(0.5)},
           {"finish_p99_seconds", round.finishes.At(0.99)},
           {"lone_start_max_seconds", round.lone_starts.At(1)},
           {"database_bytes", DatabaseBytes(flags)}};
 }
 
-// The rows of a job as the store has them, in tables of the same definition, by as many transactions and no more
-// statements than it takes: what is left is what the store knows of order, shares and limits.
-nlohmann::json Bare(const Flags& flags) {
-  const NewJob example = MakeJob("tenant0");
-  const std::string record = example.record.SerializeAsString();
-  const std::string report = Success().report.SerializeAsString();
-  Connection setup(flags.url);
-  setup.Run("SET client_min_messages = warning");
-  setup.Run("DROP TABLE IF EXISTS bare_jobs, bare_works, bare_events, bare_labels");
-  setup.Run("DROP SEQUENCE IF EXISTS bare_numbers");
-  setup.Run("CREATE SEQUENCE bare_numbers");
-  for (const std::string table : {"jobs", "works", "events", "labels"}) {
-    setup.Run(absl::StrCat("CREATE TABLE bare_", table, " (LIKE ", table, " INCLUDING ALL)"));
+// The same rows as those of the store, in tables of the same definition, by SQL that knows beforehand what to write:
+// what is left is what the store has to read and to decide. An accept and a finish are a durable transaction each,
+// since somebody is told of each; 16 jobs are claimed, and 100 deleted, by one transaction. The jobs that are claimed
+// are those that have waited longest, and statements are prepared, hold up to 16 rows, and travel together, as those of
+// the store.
+class BareJobs {
+ public:
+  explicit BareJobs(const Flags& flags) : flags_(flags) {
+    Connection sql(flags.url);
+    sql.Run("SET client_min_messages = warning");
+    sql.Run("DROP SEQUENCE IF EXISTS bare_numbers");
+    sql.Run("CREATE SEQUENCE bare_numbers");
+    for (const std::string table : {"jobs", "works", "events", "labels", "tenants"}) {
+      sql.Run("DROP TABLE IF EXISTS bare_" + table);
+      sql.Run(absl::StrCat("CREATE TABLE bare_", table, " (LIKE ", table, " INCLUDING ALL)"));
+      const SqlRows options = sql.Run(
+          "SELECT coalesce(array_to_string(reloptions, ', '), '') FROM pg_class WHERE oid = CAST(CAST(? AS TEXT) AS "
+          "REGCLASS)",
+          {std::string_view(table)});
+      const std::string settings = options.Bytes(0, 0);  // fillfactor
+      if (!settings.empty()) sql.Run(absl::StrCat("ALTER TABLE bare_", table, " SET (", settings, ")"));
+    }
+    // Those that wait.
+    sql.Run(
+        "INSERT INTO bare_works SELECT 'jobs/' || substr(md5(CAST(i AS TEXT)), 1, 16), 'tenant' || i % ?, "
+        "nextval('bare_numbers'), 0, i, 100000000, 100000, 3000000000, 0, 0, '', 0, 0, 0, 0, 1000000 "
+        "FROM generate_series(1, ?) AS i",
+        {flags.tenants, flags.waiting});
+    sql.Run(
+        "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, mesh_sha256, "
+        "seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) SELECT number, name, tenant, "
+        "md5(name), 1, 0, 0, CAST('key of ' || name AS BYTEA), CAST(name AS BYTEA), '', '', 0, ?, '', number, name, "
+        "9223372036854775807 FROM bare_works ORDER BY number",
+        {SqlBytes{record_}});
+    sql.Run("INSERT INTO bare_labels SELECT number, 'asset', 'crate' FROM bare_works ORDER BY number");
+    sql.Run("INSERT INTO bare_events SELECT number, 1, ?, 1 FROM bare_works ORDER BY number", {SqlBytes{record_}});
+    for (const std::string table : {"jobs", "works", "events", "labels"}) sql.Run("ANALYZE bare_" + table);
+    const SqlRows rows = sql.Run("SELECT number, name, tenant FROM bare_works ORDER BY number");
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      waiting_.push_back({rows.Int(i, 0), rows.Bytes(i, 1), rows.Bytes(i, 2)});
+    }
   }
-  const std::string jobs =
-      "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, mesh_sha256, "
-      "seams_sha256, uv_sha256, uv_bytes, record, create_time, work, due) ";
-  const std::string works =
-      "INSERT INTO bare_works (name, tenant, number, running, turn_time, memory_bytes, mesh_bytes, run_time, alone, "
-      "wish, owner, attempt, lease_until, start_time, charge, share) ";
-  setup.Run(jobs +
-                "SELECT nextval('bare_numbers'), 'jobs/' || i, 'tenant0', CAST(i AS TEXT), 1, 0, 0, "
-                "decode(md5(CAST(i AS TEXT)), 'hex'), decode(md5(CAST(i AS TEXT)), 'hex'), '', '', 0, ?, i, 'jobs/' || "
-                "i, 9223372036854775807 FROM generate_series(1, ?) AS i",
-            {SqlBytes{record}, flags.waiting});
-  setup.Run(works +
-                "SELECT 'jobs/' || i, 'tenant0', i, 0, i, 100000000, 100000, 3000000000, 0, 0, '', 0, 0, 0, 0, 1000000 "
-                "FROM generate_series(1, ?) AS i",
-            {flags.waiting});
-  for (const std::string table : {"jobs", "works"}) setup.Run("ANALYZE bare_" + table);
-  std::atomic<int> left = flags.jobs;
-  const Clock::time_point start = Clock::now();
-  Crowd crowd;
-  for (int i = 0; i < flags.fronts; ++i) {
+
+  double JobsPerSecond() {
+    std::atomic<int> accepted = 0;
+    Crowd crowd;
+    for (int i = 0; i < flags_.fronts; ++i) {
+      crowd.Add([&] {
+        Connection sql(flags_.url);
+        while (!over_) {
+          if (accepted++ < finished_ + flags_.fronts) {
+            Accept(&sql);
+          } else {
+            --accepted;
+            std::this_thread::sleep_for(std::chrono::milliseconds(2));
+          }
+        }
+      });
+      crowd.Add([&] {
+        Connection sql(flags_.url);
+        while (!over_) {
+          for (const Row& row : Claim(&sql)) {
+            if (!over_) Finish(&sql, row);
+          }
+        }
+      });
+    }
     crowd.Add([&] {
-      Connection sql(flags.url);
-      const std::string event = "INSERT INTO bare_events (job, sequence, event, kind) VALUES (?, ?, ?, 1)";
-      while (--left >= 0) {
-        const std::string name = "jobs/" + RandomId(), request_id = RandomId();
-        sql.Begin(Durability::kNow);
-        const std::int64_t number =
-            sql.Run(jobs +
-                        "VALUES (nextval('bare_numbers'), ?, 'tenant0', ?, 1, 0, 0, ?, ?, '', '', 0, ?, 1, ?, "
-                        "9223372036854775807) RETURNING number",
-                    {std::string_view(name), std::string_view(request_id), SqlBytes{name}, SqlBytes{name},
-                     SqlBytes{record}, std::string_view(name)})
-                .Int(0, 0);
-        sql.Send("INSERT INTO bare_labels VALUES (?, 'asset', 'crate')", {number});
-        sql.Send(works + "VALUES (?, 'tenant0', ?, 0, 1, 100000000, 100000, 3000000000, 0, 0, '', 0, 0, 0, 0, 1000000)",
-                 {std::string_view(name), number});
-        sql.Send(event, {number, 1, SqlBytes{record}});
-        sql.Commit();
-        sql.Begin(Durability::kLater);
-        sql.Send("UPDATE bare_jobs SET state = 2, record = ? WHERE number = ?", {SqlBytes{record}, number});
-        sql.Send(
-            "UPDATE bare_works SET running = 1, owner = 'a', attempt = 1, lease_until = 9, start_time = 1, charge = 1 "
-            "WHERE name = ?",
-            {std::string_view(name)});
-        sql.Send(event, {number, 2, SqlBytes{record}});
-        sql.Commit();
-        sql.Begin(Durability::kNow);
-        sql.Send(
-            "UPDATE bare_jobs SET state = 4, record = ?, ended = 1, end_time = 5, uv_sha256 = ?, uv_bytes = 9, report "
-            "= "
-            "? WHERE number = ?",
-            {SqlBytes{record}, SqlBytes{name}, SqlBytes{report}, number});
-        sql.Send("DELETE FROM bare_works WHERE name = ?", {std::string_view(name)});
-        sql.Send(event, {number, 3, SqlBytes{record}});
-        sql.Commit();
-        sql.Begin(Durability::kLater);
-        sql.Send("DELETE FROM bare_events WHERE job = ?", {number});
-        sql.Send("DELETE FROM bare_labels WHERE job = ?", {number});
-        sql.Send("DELETE FROM bare_jobs WHERE number = ?", {number});
-        sql.Commit();
+      Connection sql(flags_.url);
+      while (!over_) {
+        if (!Delete(&sql)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
       }
     });
+    const auto wait_for = [this](int jobs) {
+      while (finished_ < jobs) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    };
+    wait_for(flags_.jobs / 10);  // until then all connections have prepared what they need
+    const int before = finished_;
+    const Clock::time_point start = Clock::now();
+    wait_for(before + flags_.jobs);
+    const double rate = (finished_ - before) / Since(start);
+    over_ = true;
+    return rate;
   }
-  crowd.Join();
-  const double seconds = Since(start);
-  return {{"bench", "bare"}, {"jobs", flags.jobs}, {"jobs_per_second", flags.jobs / seconds}};
+
+ private:
+  struct Row {
+    std::int64_t number = 0;
+    std::string name, tenant;
+  };
+  // What becomes of the account of a tenant.
+  struct Account {
+    std::int64_t waiting = 0, running = 0, ended = 0;
+  };
+  using Accounts = std::map<std::string, Account>;
+
+  static RowBatch Events() {
+    return RowBatch::Of("INSERT INTO bare_events (job, sequence, event, kind) VALUES {rows}");
+  }
+
+  void AddEvent(const Row& row, std::int64_t sequence, RowBatch* events) const {
+    events->Add({row.number, sequence, SqlBytes{record_}, std::int64_t{1}});
+  }
+
+  void Write(Connection* sql, const Accounts& accounts) const {
+    if (!flags_.bare_accounts) return;
+    RowBatch sums = RowBatch::Of(
+        "INSERT INTO bare_tenants AS t VALUES {rows} ON CONFLICT (tenant, slot) DO UPDATE SET "
+        "waiting = t.waiting + excluded.waiting, waiting_bytes = t.waiting_bytes + excluded.waiting_bytes, "
+        "running = t.running + excluded.running, started = t.started + excluded.started, "
+        "charged = t.charged + excluded.charged, received = t.received + excluded.received, "
+        "ended = t.ended + excluded.ended, result_bytes = t.result_bytes + excluded.result_bytes");
+    for (const auto& [tenant, account] : accounts) {
+      sums.Add({std::string_view(tenant), sql->Slot(), account.waiting, account.waiting * 100'000, account.running,
+                account.running * 1'000'000, account.running * 1'000'000, account.ended, account.ended,
+                account.ended * 480'000});
+    }
+    sql->Send(&sums);
+  }
+
+  void Accept(Connection* sql) {
+    Row row;
+    const std::string id = RandomId();
+    row.name = "jobs/" + id;
+    row.tenant = Tenant(static_cast<int>(next_tenant_++ % flags_.tenants));
+    const std::string key = "key of " + row.name;
+    sql->Begin(Durability::kNow);
+    row.number =
+        sql->Run(
+               "INSERT INTO bare_jobs (number, name, tenant, request_id, state, ended, end_time, work_key, "
+               "mesh_sha256, seams_sha256, uv_sha256, uv_bytes, record, report, create_time, work, due) VALUES "
+               "(nextval('bare_numbers'), ?, ?, ?, 1, 0, 0, ?, ?, '', '', 0, ?, '', ?, ?, "
+               "9223372036854775807) RETURNING number",
+               {std::string_view(row.name), std::string_view(row.tenant), std::string_view(id), SqlBytes{key},
+                SqlBytes{row.name}, SqlBytes{record_}, absl::ToUnixNanos(absl::Now()), std::string_view(row.name)})
+            .Int(0, 0);
+    sql->Send("INSERT INTO bare_labels VALUES (?, 'asset', 'crate')", {row.number});
+    sql->Send(
+        "INSERT INTO bare_works (name, tenant, number, running, turn_time, memory_bytes, mesh_bytes, run_time, alone, "
+        "wish, owner, attempt, lease_until, start_time, charge, share) VALUES (?, ?, ?, 0, ?, 100000000, 100000, "
+        "3000000000, 0, 0, '', 0, 0, 0, 0, 1000000)",
+        {std::string_view(row.name), std::string_view(row.tenant), row.number, absl::ToUnixNanos(absl::Now())});
+    RowBatch events = Events();
+    AddEvent(row, 1, &events);
+    sql->Send(&events);
+    Write(sql, {{row.tenant, {1, 0, 0}}});
+    sql->Commit();
+    const std::lock_guard lock(mutex_);
+    waiting_.push_back(std::move(row));
+  }
+
+  // Up to 16 jobs.
+  std::vector<Row> Claim(Connection* sql) {
+    const std::vector<Row> rows = Take(&waiting_, 16);
+    RowBatch jobs = RowBatch::Update("bare_jobs", {"state", "record"}, "number");
+    RowBatch works = RowBatch::Update("bare_works",
+                                      {"number", "running", "turn_time", "alone", "wish", "owner", "attempt",
+                                       "lease_until", "start_time", "charge", "share"},
+                                      "name");
+    RowBatch events = Events();
+    Accounts accounts;
+    const std::int64_t now = absl::ToUnixNanos(absl::Now());
+    for (const Row& row : rows) {
+      jobs.Add({std::int64_t{2}, SqlBytes{record_}, row.number});
+      works.Add({row.number, std::int64_t{1}, now, std::int64_t{0}, std::int64_t{0}, std::string_view("machine"),
+                 std::int64_t{1}, now, now, std::int64_t{1}, std::int64_t{1}, std::string_view(row.name)});
+      AddEvent(row, 2, &events);
+      accounts[row.tenant].waiting -= 1;
+      accounts[row.tenant].running += 1;
+    }
+    accounts[""];  // the virtual time
+    sql->Begin(Durability::kLater);
+    for (RowBatch* const batch : {&jobs, &events, &works}) sql->Send(batch);
+    Write(sql, accounts);
+    sql->Commit();
+    return rows;
+  }
+
+  void Finish(Connection* sql, const Row& row) {
+    sql->Begin(Durability::kNow);
+    sql->Send(
+        "UPDATE bare_jobs SET state = 4, record = ?, ended = 1, end_time = ?, uv_sha256 = ?, uv_bytes = 480000, "
+        "report = ? WHERE number = ?",
+        {SqlBytes{record_}, absl::ToUnixNanos(absl::Now()), SqlBytes{uv_}, SqlBytes{report_}, row.number});
+    RowBatch events = Events();
+    AddEvent(row, 3, &events);
+    sql->Send(&events);
+    sql->Send("DELETE FROM bare_works WHERE name = ?", {std::string_view(row.name)});
+    Write(sql, {{row.tenant, {0, -1, 1}}});
+    sql->Commit();
+    ++finished_;
+    const std::lock_guard lock(mutex_);
+    ended_.push_back(row);
+  }
+
+  // Up to 100 jobs; whether there were any.
+  bool Delete(Connection* sql) {
+    const std::vector<Row> rows = Take(&ended_, 100);
+    if (rows.empty()) return false;
+    Accounts accounts;
+    for (const Row& row : rows) accounts[row.tenant].ended -= 1;
+    sql->Begin(Durability::kLater);
+    for (const std::string from : {"bare_events WHERE job", "bare_labels WHERE job", "bare_jobs WHERE number"}) {
+      RowBatch batch = RowBatch::Of("DELETE FROM " + from + " IN ({rows})");
+      for (const Row& row : rows) batch.Add({row.number});
+      sql->Send(&batch);
+    }
+    Write(sql, accounts);
+    sql->Commit();
+    return true;
+  }
+
+  std::vector<Row> Take(std::deque<Row>* from, std::size_t most) {
+    const std::lock_guard lock(mutex_);
+    const auto end = from->begin() + static_cast<std::ptrdiff_t>(std::min(most, from->size()));
+    std::vector<Row> rows(from->begin(), end);
+    from->erase(from->begin(), end);
+    return rows;
+  }
+
+  const Flags& flags_;
+  const std::string record_ = MakeJob("tenant0").record.SerializeAsString();
+  const std::string report_ = Success().report.SerializeAsString();
+  const std::string uv_ = Success().uv.uv_sha256();
+  std::atomic<bool> over_ = false;
+  std::atomic<int> finished_ = 0;
+  std::atomic<unsigned> next_tenant_ = 0;
+
+  std::mutex mutex_;
+  std::deque<Row> waiting_, ended_;  // guarded by mutex_
+};
+
+nlohmann::json Bare(const Flags& flags) {
+  const double rate = BareJobs(flags).JobsPerSecond();
+  return {{"bench", "bare"}, {"jobs", flags.jobs}, {"jobs_per_second", rate}};
 }
 
 nlohmann::json Machines(const Flags& flags) {
@@ -563,6 +732,8 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--load", flags.load, "of bare SQL's jobs a second, what the workers of \"steady\" can end")
       ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  app.add_option("--bare-accounts", flags.bare_accounts, "bare SQL writes the accounts of tenants, too")
       ->capture_default_str();
   app.add_option("--sleeping-machines", flags.sleeping_machines, "of \"machines\"; 0: leave it out")
       ->check(CLI::NonNegativeNumber)

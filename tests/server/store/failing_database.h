@@ -58,7 +58,8 @@ class FailingConnection : public SqlConnection {
     return Try([&] { return connection_.TakeTurn(number); });
   }
   std::int64_t Slot() const override { return connection_.Slot(); }
-  absl::StatusOr<bool> Serialize(std::string_view key, bool wait) override { return connection_.Serialize(key, wait); }
+  absl::Status Serialize(const std::vector<std::string>& keys) override { return connection_.Serialize(keys); }
+  absl::StatusOr<bool> TrySerialize(std::string_view key) override { return connection_.TrySerialize(key); }
 
  private:
   absl::Status Try(const std::function<absl::Status()>& body) {

@@ -216,6 +216,111 @@ TEST_P(JobStoreTest, ACrowdFinishesEveryJobOnce) {
   }
 }
 
+// Calls of one process that come at the same time go by one transaction; each has the answer that it had by itself.
+TEST_P(JobStoreTest, WhatComesAtTheSameTimeIsAsIfItCameOneByOne) {
+  constexpr int kJobs = 40, kWorks = 10;
+  const auto at_once = [](int calls, const std::function<void(int)>& call) {
+    std::vector<std::thread> threads;
+    for (int i = 0; i < calls; ++i) threads.emplace_back(call, i);
+    for (std::thread& thread : threads) thread.join();
+  };
+  JobStore* const stores[] = {store_.get(), &Other()};
+  std::atomic<int> created = 0, shares = 0;
+  at_once(kJobs, [&](int i) {
+    NewJob job = Job(std::to_string(i), "key" + std::to_string(i % kWorks));
+    if (i % kWorks == 0) job.blobs.push_back({{"ann", "blob"}, StoredBlob::InMemory(*Blob::Copy("bytes"))});
+    const auto accepted = stores[i % 2]->Accept(context_, job);
+    EXPECT_TRUE(accepted.ok()) << accepted.status();
+    created += accepted->created ? 1 : 0;
+    shares += accepted->shares ? 1 : 0;
+    EXPECT_EQ(accepted->change.record.job().name(), "jobs/" + std::to_string(i));
+  });
+  EXPECT_EQ(created, kJobs);
+  EXPECT_EQ(shares, kJobs - kWorks);
+  EXPECT_EQ(store_->Accounts()->tenants["ann"].waiting, kWorks);
+  std::set<std::int64_t> numbers;
+  const std::vector<JobRecord> unfinished = *store_->Unfinished();
+  for (const JobRecord& record : unfinished) numbers.insert(record.number());
+  EXPECT_THAT(numbers, SizeIs(kJobs));
+
+  std::vector<Lease> leases;
+  const std::vector<ClaimedWork> claimed = *store_->Claim(context_, {"a", absl::Seconds(10), kWorks, 0, ""});
+  for (const ClaimedWork& work : claimed) {
+    EXPECT_THAT(work.jobs, SizeIs(kJobs / kWorks));
+    leases.push_back(work.lease);
+  }
+  ASSERT_THAT(leases, SizeIs(kWorks));
+  std::atomic<int> ended = 0, lost = 0;
+  at_once(3 * kWorks, [&](int i) {
+    Lease lease = leases[static_cast<std::size_t>(i % kWorks)];
+    if (i >= 2 * kWorks) lease.owner = "somebody else";
+    const auto changes = store_->Finish(context_, lease, Success());
+    if (changes.ok()) {
+      ended += static_cast<int>(changes->size());
+    } else {
+      EXPECT_EQ(ErrorReason(changes.status()), "LEASE_LOST");
+      ++lost;
+    }
+  });
+  EXPECT_EQ(ended, kJobs) << "the second Finish() of each finds nothing";
+  EXPECT_EQ(lost, 2 * kWorks);
+  for (int i = 0; i < kJobs; ++i) EXPECT_EQ(State("jobs/" + std::to_string(i)), v1::JOB_STATE_SUCCEEDED);
+  const TenantAccount account = store_->Accounts()->tenants["ann"];
+  EXPECT_EQ(account.waiting, 0);
+  EXPECT_EQ(account.running, 0);
+  EXPECT_EQ(store_->Totals()->tenants["ann"].ended, kJobs);
+}
+
+// Of one that cannot be written the others know nothing.
+TEST_P(JobStoreTest, WhatFailsIsNotTheMatterOfWhatCameAtTheSameTime) {
+  std::atomic<int> failures = 0;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 16; ++i) {
+    threads.emplace_back([&, i] {
+      NewJob job = Job(std::to_string(i));
+      if (i == 7) job.record.set_request_id(std::string("no\0text", 7));  // for PostgreSQL
+      const auto accepted = store_->Accept(context_, job);
+      failures += accepted.ok() ? 0 : 1;
+      EXPECT_TRUE(accepted.ok() || i == 7) << i << ": " << accepted.status();
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(failures, GetParam() == Engine::kPostgres ? 1 : 0) << "SQLite takes any bytes";
+  EXPECT_EQ(store_->Unfinished()->size(), 16u - static_cast<unsigned>(failures));
+}
+
+TEST_P(JobStoreTest, OfTwoWithOneRequestIdOneIsTheJob) {
+  JobStore* const stores[] = {store_.get(), &Other()};
+  for (int round = 0; round < 20; ++round) {
+    const std::string id = "r" + std::to_string(round);
+    std::atomic<int> created = 0;
+    std::mutex mutex;
+    std::set<std::string> names;
+    std::vector<std::thread> threads;
+    for (int i = 0; i < 4; ++i) {
+      threads.emplace_back([&, i] {
+        NewJob job = Job(id + "-" + std::to_string(i));
+        job.record.set_request_id(id);
+        const auto accepted = stores[i % 2]->Accept(context_, job);
+        ASSERT_TRUE(accepted.ok()) << accepted.status();
+        created += accepted->created ? 1 : 0;
+        const std::lock_guard lock(mutex);
+        names.insert(accepted->change.record.job().name());
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_EQ(created, 1);
+    EXPECT_THAT(names, SizeIs(1));
+  }
+  std::set<std::string> written;
+  fault_.before = [&](const std::string& sql) { written.insert(sql.substr(0, 11)); };
+  NewJob again = Job("again");
+  again.record.set_request_id("r1");
+  EXPECT_FALSE(Accept(again).created);
+  EXPECT_FALSE(written.contains("INSERT INTO")) << "PostgreSQL would write an error to its log";
+  fault_.before = nullptr;
+}
+
 // ---- PostgreSQL alone
 
 class PostgresTest : public ::testing::Test {};

@@ -82,6 +82,16 @@ TEST_P(JobStoreTest, EqualWorkIsDoneOnce) {
   for (const char* name : {"jobs/1", "jobs/2", "jobs/3"}) EXPECT_EQ(State(name), v1::JOB_STATE_SUCCEEDED) << name;
 }
 
+// What a connection is asked first decides on the types of what it is asked later.
+TEST_P(JobStoreTest, AFreshJobMayComeFirst) {
+  NewJob fresh = Job("1", "k");
+  fresh.record.mutable_job()->mutable_scheduling()->set_fresh(true);
+  EXPECT_TRUE(Accept(fresh).created);
+  NewJob job = Job("2", "other");
+  job.record.set_request_id("r");
+  EXPECT_TRUE(Accept(job).created);
+}
+
 TEST_P(JobStoreTest, AKeptResultIsGivenAtOnce) {
   Add("1", "k");
   ASSERT_TRUE(store_->Finish(context_, Claim(), Success()).ok());

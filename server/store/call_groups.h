@@ -1,0 +1,92 @@
+// Calls of many threads at the same time, done together.
+#pragma once
+
+#include <algorithm>
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace planish {
+
+// Whoever comes while others are at it waits, and one of those that wait does the calls of all of them: the more come
+// at the same time, the less each costs. Thread-safe. A Call has `keys`, texts that no two calls of a group share.
+template <class Call>
+class CallGroups {
+ public:
+  using Body = std::function<void(const std::vector<Call*>& calls)>;
+
+  // At most so many groups at the same time, of so many calls each.
+  CallGroups(int most_groups, std::size_t most_calls) : most_groups_(most_groups), most_calls_(most_calls) {}
+
+  // Returns when `body`, or that of another thread, has returned from a group with `call`.
+  void Run(Call* call, const Body& body) {
+    Waiting own = {call};
+    std::unique_lock lock(mutex_);
+    waiting_.push_back(&own);
+    own.changed.wait(lock, [&] { return own.done || (waiting_.front() == &own && groups_ < most_groups_); });
+    if (own.done) return;
+    const std::vector<Waiting*> group = TakeGroup();
+    ++groups_;
+    WakeNext();
+    lock.unlock();
+    std::vector<Call*> calls;
+    for (const Waiting* each : group) calls.push_back(each->call);
+    body(calls);
+    lock.lock();
+    --groups_;
+    for (Waiting* const each : group) {
+      each->done = true;
+      each->changed.notify_one();
+    }
+    WakeNext();
+  }
+
+  // Calls that are in no group yet.
+  std::size_t waiting() {
+    const std::lock_guard lock(mutex_);
+    return waiting_.size();
+  }
+
+ private:
+  struct Waiting {
+    Call* call;
+    bool in_group = false, done = false;
+    std::condition_variable changed = {};
+  };
+
+  // In the order in which they came, but for those that share a key with an earlier one. Requires mutex_.
+  std::vector<Waiting*> TakeGroup() {
+    std::vector<Waiting*> group;
+    std::vector<std::string> taken;
+    for (Waiting* const each : waiting_) {
+      const std::vector<std::string>& keys = each->call->keys;
+      const bool shares = std::any_of(keys.begin(), keys.end(), [&](const std::string& key) {
+        return std::find(taken.begin(), taken.end(), key) != taken.end();
+      });
+      if (shares || group.size() == most_calls_) continue;
+      taken.insert(taken.end(), keys.begin(), keys.end());
+      each->in_group = true;
+      group.push_back(each);
+    }
+    std::erase_if(waiting_, [](const Waiting* each) { return each->in_group; });
+    return group;
+  }
+
+  // Requires mutex_.
+  void WakeNext() {
+    if (!waiting_.empty() && groups_ < most_groups_) waiting_.front()->changed.notify_one();
+  }
+
+  const int most_groups_;
+  const std::size_t most_calls_;
+  std::mutex mutex_;
+  // Guarded by mutex_.
+  std::deque<Waiting*> waiting_;
+  int groups_ = 0;  // under way
+};
+
+}  // namespace planish

@@ -1,0 +1,222 @@
+// What verbs are made of: rows that go together, and calls that go together.
+#include "server/store/sql.h"
+
+#include <deque>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "server/jobs/claim_pace.h"
+#include "server/store/call_groups.h"
+#include "tests/server/store/job_store_fixture.h"
+
+namespace planish {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+// ---- RowBatch
+
+// Remembers statements; each answers with the number of its values.
+class Recorder : public SqlConnection {
+ public:
+  absl::Status Begin(Durability) override { return absl::OkStatus(); }
+  absl::Status Commit() override { return absl::OkStatus(); }
+  void Rollback() override {}
+  absl::Status Serialize(const std::vector<std::string>&) override { return absl::OkStatus(); }
+  absl::StatusOr<bool> TrySerialize(std::string_view) override { return true; }
+  absl::StatusOr<SqlRows> Run(const std::string& sql, const std::vector<SqlValue>& values) override {
+    statements.push_back(sql);
+    SqlRows rows;
+    rows.Add({{static_cast<std::int64_t>(values.size()), ""}});
+    for (const SqlValue& value : values) {
+      if (const auto* text = std::get_if<std::string_view>(&value)) texts.emplace_back(*text);
+    }
+    return rows;
+  }
+
+  std::vector<std::string> statements, texts;
+};
+
+TEST(RowBatch, GoesByFewStatementsOfFewSizes) {
+  Recorder sql;
+  RowBatch batch = RowBatch::Of("INSERT INTO t VALUES {rows}");
+  ASSERT_TRUE(batch.Send(&sql).ok());
+  EXPECT_THAT(sql.statements, IsEmpty());
+  std::vector<std::string> expected;
+  for (int i = 0; i < 16 + 4 + 2 + 1; ++i) {
+    const std::string value = std::to_string(i);  // gone before the batch is sent
+    batch.Add({std::string_view(value), std::int64_t{i}});
+    expected.push_back(value);
+  }
+  std::deque<SqlRows> answers;
+  ASSERT_TRUE(batch.Send(&sql, &answers).ok());
+  ASSERT_THAT(sql.statements, SizeIs(4));
+  EXPECT_EQ(sql.statements[2], "INSERT INTO t VALUES (?, ?), (?, ?)");
+  EXPECT_EQ(sql.statements[3], "INSERT INTO t VALUES (?, ?)");
+  EXPECT_EQ(sql.texts, expected) << "in the order in which they were added";
+  std::vector<std::int64_t> sizes;
+  for (const SqlRows& rows : answers) sizes.push_back(rows.Int(0, 0));
+  EXPECT_THAT(sizes, ElementsAre(32, 8, 4, 2));
+  ASSERT_TRUE(batch.Send(&sql).ok());
+  EXPECT_THAT(sql.statements, SizeIs(4)) << "what was sent is forgotten";
+}
+
+TEST(RowBatch, SaysWhatEachKindSays) {
+  Recorder sql;
+  RowBatch update = RowBatch::Update("t", {"a", "b"}, "k");
+  RowBatch select = RowBatch::Select("SELECT * FROM (SELECT a FROM t WHERE k = ? LIMIT ?) AS s");
+  for (const int rows : {1, 2}) {
+    for (int i = 0; i < rows; ++i) {
+      update.Add({1, 2, 3});
+      select.Add({1, 2});
+    }
+    ASSERT_TRUE(update.Send(&sql).ok());
+    ASSERT_TRUE(select.Send(&sql).ok());
+  }
+  EXPECT_THAT(
+      sql.statements,
+      ElementsAre("UPDATE t SET a = ?, b = ? WHERE k = ?", "SELECT * FROM (SELECT a FROM t WHERE k = ? LIMIT ?) AS s",
+                  "UPDATE t SET a = v.column1, b = v.column2 FROM (VALUES (?, ?, ?), (?, ?, ?)) AS v WHERE k = "
+                  "v.column3",
+                  "SELECT * FROM (SELECT a FROM t WHERE k = ? LIMIT ?) AS s UNION ALL "
+                  "SELECT * FROM (SELECT a FROM t WHERE k = ? LIMIT ?) AS s"));
+}
+
+TEST_P(JobStoreTest, RowsGoTogetherAsOneByOne) {
+  const std::unique_ptr<SqlDatabase> database = OpenDatabase();
+  const SqlDatabase::Lease sql = *database->Connect(SqlDatabase::Use::kWrite);
+  const auto run = [&sql](const std::string& statement) {
+    const auto rows = sql->Run(statement, {});
+    EXPECT_TRUE(rows.ok()) << rows.status();
+    return *rows;
+  };
+  run("CREATE TABLE t (k BIGINT PRIMARY KEY, a TEXT, b BIGINT)");
+  constexpr std::int64_t kRows = 37;
+  RowBatch insert = RowBatch::Of("INSERT INTO t (k, a, b) VALUES {rows}");
+  RowBatch update = RowBatch::Update("t", {"a", "b"}, "k");
+  RowBatch select = RowBatch::Select("SELECT * FROM (SELECT k, a, b FROM t WHERE k >= ? ORDER BY k LIMIT ?) AS s");
+  RowBatch remove = RowBatch::Of("DELETE FROM t WHERE k IN ({rows})");
+  ASSERT_TRUE(sql->Begin(Durability::kLater).ok());
+  for (std::int64_t k = 0; k < kRows; ++k) {
+    insert.Add({k, std::string_view("new"), std::int64_t{0}});
+    const std::string text = std::to_string(k);
+    if (k % 2 == 0) update.Add({std::string_view(text), 10 * k, k});
+    if (k % 5 == 0) remove.Add({k});
+    select.Add({k, std::int64_t{1}});
+  }
+  for (RowBatch* const batch : {&insert, &update, &remove}) ASSERT_TRUE(batch->Send(sql.get()).ok());
+  std::deque<SqlRows> answers;
+  ASSERT_TRUE(select.Send(sql.get(), &answers).ok());
+  ASSERT_TRUE(sql->Commit().ok());
+  std::int64_t asked = 0;
+  for (const SqlRows& rows : answers) {
+    for (std::size_t i = 0; i < rows.size(); ++i, ++asked) {
+      const std::int64_t k = asked % 5 == 0 ? asked + 1 : asked;
+      EXPECT_EQ(rows.Int(i, 0), k);
+      EXPECT_EQ(rows.Bytes(i, 1), k % 2 == 0 ? std::to_string(k) : "new");
+      EXPECT_EQ(rows.Int(i, 2), k % 2 == 0 ? 10 * k : 0);
+    }
+  }
+  EXPECT_EQ(asked, kRows);
+  insert.Add({std::int64_t{1}, std::string_view("again"), std::int64_t{0}});
+  EXPECT_TRUE(absl::IsInternal(insert.Send(sql.get()))) << "a key that is taken is a bug";
+  sql->Rollback();
+  run("DROP TABLE t");
+}
+
+// ---- CallGroups
+
+struct Call {
+  std::string name;
+  std::vector<std::string> keys;
+};
+
+TEST(CallGroups, WhatComesMeanwhileGoesTogether) {
+  CallGroups<Call> groups(/*most_groups=*/1, /*most_calls=*/3);
+  std::mutex mutex;
+  std::vector<std::string> done;  // the names of each group
+  std::condition_variable changed;
+  bool goes_on = false;
+  const auto body = [&](const std::vector<Call*>& calls) {
+    std::unique_lock lock(mutex);
+    std::string& names = done.emplace_back();
+    for (const Call* call : calls) names += call->name;
+    changed.notify_all();
+    changed.wait(lock, [&] { return goes_on; });
+  };
+  std::vector<std::thread> threads;
+  std::atomic<int> returned = 0;
+  const auto call = [&](const std::string& name, const std::string& key) {
+    threads.emplace_back([&, own = Call{name, {key}}]() mutable {
+      groups.Run(&own, body);
+      ++returned;
+    });
+  };
+  call("a", "1");
+  {
+    std::unique_lock lock(mutex);
+    changed.wait(lock, [&] { return !done.empty(); });
+  }
+  const std::vector<std::pair<std::string, std::string>> others = {
+      {"b", "1"}, {"c", "2"}, {"d", "2"}, {"e", "3"}, {"f", "4"}};
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    call(others[i].first, others[i].second);
+    ASSERT_TRUE(WaitUntil([&] { return groups.waiting() == i + 1; }));
+  }
+  EXPECT_EQ(returned, 0);
+  {
+    const std::lock_guard lock(mutex);
+    EXPECT_THAT(done, ElementsAre("a")) << "one group at a time";
+    goes_on = true;
+  }
+  changed.notify_all();
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_THAT(done, ElementsAre("a", "bce", "df")) << "three at most, in their order, no two of one key";
+}
+
+TEST(CallGroups, SeveralGroupsGoAtTheSameTime) {
+  CallGroups<Call> groups(/*most_groups=*/2, /*most_calls=*/16);
+  std::atomic<int> inside = 0;
+  bool both = false;
+  const auto run = [&](Call call) {
+    groups.Run(&call, [&](const std::vector<Call*>&) {
+      ++inside;
+      both = WaitUntil([&] { return inside == 2; });
+    });
+  };
+  std::thread other([&] { run({"a", {}}); });
+  ASSERT_TRUE(WaitUntil([&] { return inside == 1; }));
+  run({"b", {}});
+  other.join();
+  EXPECT_TRUE(both);
+}
+
+// ---- ClaimPace
+
+TEST(ClaimPace, RestsTheLongerTheLongerAClaimTook) {
+  const ClaimPace pace("a");
+  const absl::Time now = absl::FromUnixSeconds(1'000'000);
+  EXPECT_EQ(pace.Next(now, absl::ZeroDuration(), absl::Seconds(1)), now) << "few servers do not rest";
+  const absl::Duration interval = absl::Milliseconds(800);
+  const auto rest = [&](absl::Duration took) { return pace.Next(now, interval, took) - now; };
+  EXPECT_GT(rest(absl::Milliseconds(10)), absl::ZeroDuration());
+  EXPECT_LE(rest(absl::Milliseconds(10)), interval) << "a database that has time is asked in each interval";
+  EXPECT_GT(rest(absl::Milliseconds(50)), absl::Seconds(2));
+  EXPECT_LE(rest(absl::Milliseconds(50)), absl::Seconds(2) + interval);
+  EXPECT_LE(rest(absl::Seconds(30)), absl::Seconds(4) + interval) << "a database that was away is asked again soon";
+  // Always at its own place in the interval, which another server does not share.
+  const auto place = [&](const ClaimPace& of, absl::Duration took) {
+    return (of.Next(now, interval, took) - absl::UnixEpoch()) % interval;
+  };
+  EXPECT_EQ(place(pace, absl::Milliseconds(1)), place(pace, absl::Milliseconds(33)));
+  EXPECT_NE(place(pace, absl::Milliseconds(1)), place(ClaimPace("b"), absl::Milliseconds(1)));
+}
+
+}  // namespace
+}  // namespace planish
