@@ -4,7 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
-#include <optional>
+#include <utility>
 
 #include "core/pack/outline.h"
 #include "core/pack/shelves.h"
@@ -20,16 +20,21 @@ constexpr double kHuge = 1e300;
 
 class Packer {
  public:
-  Packer(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution)
-      : charts_(charts), options_(options), tuning_(options.tuning), execution_(execution) {
+  Packer(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution)
+      : options_(options), tuning_(options.tuning), execution_(execution) {
     outlines_.reserve(charts.size());
-    for (const PackChart& chart : charts) outlines_.push_back(MakeOutline(chart));
+    density_.reserve(charts.size());
+    atlas_.reserve(charts.size());
     std::vector<double> areas(options.atlases, 0.0);
-    for (std::size_t i = 0; i < charts.size(); ++i) {
-      const double density = charts[i].density;
-      atlas_.push_back(charts[i].atlas);
-      areas[charts[i].atlas] += outlines_[i].area * density * density;
-      total_area_ += outlines_[i].area * density * density;
+    for (PackChart& chart : charts) {
+      outlines_.push_back(MakeOutline(chart));
+      density_.push_back(chart.density);
+      atlas_.push_back(chart.atlas);
+      num_faces_ += static_cast<double>(chart.faces.size());
+      const double area = outlines_.back().area * chart.density * chart.density;
+      areas[chart.atlas] += area;
+      total_area_ += area;
+      chart = {};
     }
     largest_area_ = *std::max_element(areas.begin(), areas.end());
     budget_ = Budget();
@@ -39,7 +44,7 @@ class Packer {
     for (std::size_t i = 0; i < charts.size(); ++i) {
       const Box box = BoxAt(outlines_[i], outlines_[i].upright);
       const Vec2 extent = box.high - box.low;
-      size_[i] = charts[i].density * (extent.x() + extent.y());
+      size_[i] = density_[i] * (extent.x() + extent.y());
     }
     std::sort(order_.begin(), order_.end(),
               [&](std::int32_t a, std::int32_t b) { return size_[a] != size_[b] ? size_[a] > size_[b] : a < b; });
@@ -47,8 +52,8 @@ class Packer {
 
   Packing Run() {
     Packing packing;
-    packing.charts.resize(charts_.size());
-    if (charts_.empty()) return packing;
+    packing.charts.resize(outlines_.size());
+    if (outlines_.empty()) return packing;
     for (double padding = options_.padding;; padding = padding > 1 ? padding / 2 : 0) {
       if (Search(padding, padding == 0)) {
         Finish(&packing);
@@ -60,10 +65,8 @@ class Packer {
 
  private:
   double Budget() const {
-    double faces = 0;
-    for (const PackChart& chart : charts_) faces += static_cast<double>(chart.faces.size());
-    const auto charts = static_cast<double>(charts_.size());
-    const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
+    const auto charts = static_cast<double>(outlines_.size());
+    const double rest = tuning_.rest_per_face * num_faces_ + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
     if (options_.effort != PackEffort::kNormal) return share;
     return std::max({share, tuning_.least_work, tuning_.least_per_chart * charts});
@@ -71,9 +74,9 @@ class Packer {
 
   std::vector<double> Scales(double scale) const {
     std::vector<double> scales;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
-      const double plain = scale * charts_[i].density;
-      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * charts_.size()));
+    for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      const double plain = scale * density_[i];
+      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * outlines_.size()));
       const double width = 2 * outlines_[i].radius;
       scales.push_back(width * plain < least && width > 0 ? least / width : plain);
     }
@@ -83,8 +86,8 @@ class Packer {
   // Beyond which the area, or some chart, is too large for the tiles. 1 if all charts are points.
   double LargestScale() const {
     double largest = largest_area_ > 0 ? std::sqrt(options_.tiles / largest_area_) : kHuge;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
-      if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * charts_[i].density));
+    for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * density_[i]));
     }
     return largest < kHuge ? largest : 1;
   }
@@ -97,7 +100,7 @@ class Packer {
       const double middle = (low + high) / 2;
       const std::vector<double> scales = Scales(middle);
       std::vector<double> areas(options_.atlases, 0.0);
-      for (std::size_t i = 0; i < charts_.size(); ++i) {
+      for (std::size_t i = 0; i < outlines_.size(); ++i) {
         double perimeter = 0;
         const std::vector<Vec2>& hull = outlines_[i].hull;
         for (std::size_t k = 0; k < hull.size(); ++k) perimeter += (hull[(k + 1) % hull.size()] - hull[k]).norm();
@@ -119,13 +122,13 @@ class Packer {
     grid_.atlases = options_.atlases;
     grid_.radius = distance / 2;
     SetGrid();
-    if (charts_.size() == 1 && outlines_[0].radius > 0) {
+    if (outlines_.size() == 1 && outlines_[0].radius > 0) {
       FitOne();
       return true;
     }
     // Charts of a texel each; without the padding, anything is better than nothing.
     const double least =
-        any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(charts_.size() / total_area_);
+        any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(outlines_.size() / total_area_);
     if (!HasNoTime() && SearchPlaces(least)) return true;
     return HasNoTime() && FitOnShelves(least);
   }
@@ -146,7 +149,7 @@ class Packer {
     if (!TryScales(least)) return false;
     if (HasNoTime()) return true;
     const double left = budget_ - static_cast<double>(work_);
-    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.size());
+    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(outlines_.size());
     if (left > tuning_.fewest_orders * static_cast<double>(trial_work_)) {
       TryOrders(static_cast<double>(work_) + (tightens ? tuning_.orders_share : 1) * left);
     }
@@ -170,7 +173,7 @@ class Packer {
     series_ = std::make_unique<TrialSeries>(simple_, atlas_, grid_);
     starts_.clear();
     double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
-    std::vector<Pose> poses(charts_.size());
+    std::vector<Pose> poses(outlines_.size());
     double scale = ScaleForFill(tuning_.first_fill);
     for (int trial = 1; scale > least && !execution_.IsCancelled() && !HasNoTime(); ++trial) {
       const TrialResult result = series_->Run(Scales(scale), plan_, 0, execution_, &poses);
@@ -303,16 +306,16 @@ class Packer {
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
     for (const Outline& outline : outlines_) boxes.push_back(BoxAt(outline, outline.upright));
-    std::vector<Vec2> extents(charts_.size());
+    std::vector<Vec2> extents(outlines_.size());
     for (best_.scale = LargestScale(); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
       const std::vector<double> scales = Scales(best_.scale);
-      for (std::size_t i = 0; i < charts_.size(); ++i) {
+      for (std::size_t i = 0; i < outlines_.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
       }
       const std::vector<Shelf> shelves = LayAtlasesOnShelves(extents);
       if (shelves.empty()) continue;
-      best_.poses.resize(charts_.size());
-      for (std::size_t i = 0; i < charts_.size(); ++i) {
+      best_.poses.resize(outlines_.size());
+      for (std::size_t i = 0; i < outlines_.size(); ++i) {
         const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
         best_.poses[i] = {outlines_[i].upright, centre / grid_.cell, shelves[i].tile};
       }
@@ -326,8 +329,8 @@ class Packer {
     const double angle = AngleOfSmallestSquare(outlines_[0]);
     const Box box = BoxAt(outlines_[0], angle);
     const double low = margin_ + grid_.radius;
-    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_[0].density);
-    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * charts_[0].density * box.low) / grid_.cell,
+    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * density_[0]);
+    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * density_[0] * box.low) / grid_.cell,
                     atlas_[0] * grid_.tiles}};
   }
 
@@ -374,7 +377,7 @@ class Packer {
     packing->scale = best_.scale;
     packing->padding = padding_;
     double area = 0;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
+    for (std::size_t i = 0; i < outlines_.size(); ++i) {
       ChartPlacement& chart = packing->charts[i];
       chart.angle = best_.poses[i].angle;
       chart.scale = scales[i];
@@ -388,14 +391,14 @@ class Packer {
     packing->efficiency = area / packing->tiles;
   }
 
-  const std::vector<PackChart>& charts_;
   const PackOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
   std::vector<Outline> outlines_, simple_;
-  std::vector<double> size_;                  // of each chart
+  std::vector<double> density_, size_;        // of each chart
   std::vector<std::int32_t> order_;           // large to small
   std::vector<int> atlas_;                    // of each chart
+  double num_faces_ = 0;                      // of all charts
   double total_area_ = 0, largest_area_ = 0;  // of all charts, of those of one atlas
   TrialGrid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
@@ -428,8 +431,8 @@ Vec2 CornerOfTile(int tile) {
   return {tile % PackOptions::kTilesInRow, tile / PackOptions::kTilesInRow};
 }
 
-Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution) {
-  return Packer(charts, options, execution).Run();
+Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution) {
+  return Packer(std::move(charts), options, execution).Run();
 }
 
 }  // namespace planish

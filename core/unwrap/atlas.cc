@@ -42,7 +42,9 @@ void PackTogether(const UnwrapOptions& options, std::vector<PackChart> charts, c
   const std::vector<std::int32_t> numbers = AtlasNumbers(options);
   PackOptions tiles = options.atlas;
   tiles.atlases = numbers.back() + 1;
-  Packing packing = Pack(charts, tiles, execution);
+  std::vector<int> atlas_of;
+  for (const PackChart& chart : charts) atlas_of.push_back(chart.atlas);
+  Packing packing = Pack(std::move(charts), tiles, execution);
   atlas->tiles = packing.tiles;
   atlas->scale = packing.scale;
   atlas->padding = packing.padding;
@@ -55,8 +57,8 @@ void PackTogether(const UnwrapOptions& options, std::vector<PackChart> charts, c
     report.first_tile = number * tiles.tiles;
     report.texels_per_unit = packing.scale * tiles.texture_size;
   }
-  for (std::size_t i = 0; i < charts.size(); ++i) {
-    AtlasReport& report = atlases[charts[i].atlas];
+  for (std::size_t i = 0; i < atlas_of.size(); ++i) {
+    AtlasReport& report = atlases[atlas_of[i]];
     ++report.charts;
     report.tiles = std::max(report.tiles, (*placements)[i].tile + 1 - report.first_tile);
   }
@@ -82,7 +84,7 @@ void PackApart(const UnwrapOptions& options, std::vector<PackChart> charts, cons
       std::vector<PackChart> to_pack;
       for (const std::size_t i : own) to_pack.push_back(std::move(charts[i]));
       for (PackChart& chart : to_pack) chart.atlas = 0;
-      const Packing packing = Pack(to_pack, tiles, execution);
+      const Packing packing = Pack(std::move(to_pack), tiles, execution);
       for (std::size_t k = 0; k < own.size(); ++k) (*placements)[own[k]] = packing.charts[k];
       report.charts = static_cast<std::int32_t>(own.size());
       report.tiles = packing.tiles;

@@ -225,7 +225,8 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   const AtlasTuning& tuning = options.tuning;
   std::int32_t count = 0;
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
-  return {tuning.hull_gain * (options.seams.max_stretch - 1) / 0.05 * charts.total_area / count,
+  const double allowed = (options.seams.max_stretch - 1) / 0.05;
+  return {tuning.hull_gain * allowed * allowed * charts.total_area / count,
           tuning.cut_width * std::sqrt(charts.total_area)};
 }
 

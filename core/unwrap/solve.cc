@@ -41,7 +41,8 @@ bool IsCutAnyway(const Job& job, const MappedChart& mapped) {
 absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedChart* mapped,
                     const Execution& execution) {
   PLANISH_ASSIGN_OR_RETURN(mapped->map,
-                           LayOutChart(job->mesh, mapped->chart, std::move(mapped->flattening), execution));
+                           LayOutChart(job->mesh, mapped->chart, std::move(*mapped->flattening), execution));
+  mapped->flattening.reset();
   if (charts.grain > 0 && !IsCutAnyway(*job, *mapped)) {
     for (int i = 0; i < kMostWidenings; ++i) {
       if (!WidenInMap(job->mesh, mapped->map, charts.grain, charts.ignored, &mapped->chart)) break;
@@ -126,7 +127,7 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
     MappedChart& mapped = charts->charts[i];
     auto flattening = FlattenWith(job, mapped, i, job->options.flatten.boundary, execution, reports);
     mapped.status = flattening.status();
-    if (flattening.ok()) mapped.flattening = *std::move(flattening);
+    if (flattening.ok()) mapped.flattening = std::make_unique<Flattening>(*std::move(flattening));
   });
   job->seconds.solve += timer.Restart();
   PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kLayout));

@@ -51,8 +51,8 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
-  bool is_few = true;     // it has few faces, or those of one polygon: it is solved to the end, as a cut may not help
-  Flattening flattening;  // from solve to layout
+  bool is_few = true;  // it has few faces, or those of one polygon: it is solved to the end, as a cut may not help
+  std::unique_ptr<Flattening> flattening;  // from solve to layout
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
   absl::Status status;  // of solve and layout
