@@ -205,10 +205,11 @@ class Packer {
   }
 
   // Trials with the charts in other orders, until so much work is done, each at a scale a little beyond that of the
-  // best so far. An order is changed by one chart, and by the turn it must have, and stays changed if no more of the
-  // area finds no place; after some changes in vain, another order is taken.
+  // best so far. Where the small charts go decides nothing as long as the large ones do not fit: those are tried
+  // first, and all charts only once they do. An order is changed by one chart, and by the turn it must have, and stays
+  // changed if no more of the area finds no place; after some changes in vain, another order is taken.
   void TryOrders(double until) {
-    const auto n = static_cast<std::int32_t>(order_.size());
+    const auto n = static_cast<std::int32_t>(order_.size()), large = CountLarge();
     std::uint64_t state = 1;
     const auto random = [&] {                                       // in [0, 1)
       state = state * 6364136223846793005u + 1442695040888963407u;  // Knuth's
@@ -233,8 +234,8 @@ class Packer {
         in_vain = 0;
       } else if (missing < kHuge) {
         // The first charts matter most, and the first that found no place should come earlier.
-        auto from = static_cast<std::int32_t>(n * random() * random());
-        auto to = std::clamp(from + static_cast<std::int32_t>((random() - 0.5) * (6 + 0.3 * n)), 0, n - 1);
+        auto from = static_cast<std::int32_t>(large * random() * random());
+        auto to = std::clamp(from + static_cast<std::int32_t>((random() - 0.5) * (6 + 0.3 * large)), 0, large - 1);
         if (random() < tuning_.missing_chance) {
           from = first_missing;
           to = static_cast<std::int32_t>(from * random());
@@ -247,15 +248,21 @@ class Packer {
           other.order.insert(other.order.begin() + to, chart);
         }
       }
-      const TrialResult result = series_->Run(scales, other, missing, execution_, &poses);
+      other.count = large;
+      TrialResult result = series_->Run(scales, other, missing, execution_, &poses);
       work_ += result.work;
       ++in_vain;
       if (result.missing > missing) continue;
       if (result.missing < missing) in_vain = 0;
       missing = result.missing;
+      plan = other;
+      if (missing == 0 && large < n) {
+        other.count = n;
+        result = series_->Run(scales, other, 0, execution_, &poses);
+        work_ += result.work;
+      }
       first_missing = std::min(static_cast<std::int32_t>(result.placed), n - 1);
-      plan = std::move(other);
-      if (missing > 0) continue;
+      if (result.missing > 0) continue;
       Remember();
       best_.scale = scale;
       best_.poses = poses;
@@ -263,6 +270,17 @@ class Packer {
       scales = Scales(scale);
       missing = kHuge;
     }
+  }
+
+  // The charts at the head of order_ that have nearly all of the area.
+  std::int32_t CountLarge() const {
+    double area = 0;
+    std::int32_t count = 0;
+    while (count < std::ssize(order_) && area < tuning_.large_area * total_area_) {
+      const std::int32_t i = order_[count++];
+      area += outlines_[i].area * density_[i] * density_[i];
+    }
+    return std::max(count, 1);
   }
 
   // Keeps what was found so far as a place to tighten from.

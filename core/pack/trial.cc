@@ -111,7 +111,9 @@ class Trial {
   TrialResult Run(double most_missing, const Execution& execution, std::vector<Pose>* poses) {
     TrialResult result;
     bool all = true;
-    for (const std::int32_t i : plan_.order) {
+    const std::size_t count = plan_.count < 0 ? plan_.order.size() : static_cast<std::size_t>(plan_.count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::int32_t i = plan_.order[k];
       if (execution.IsCancelled() || (plan_.gives_up && execution.IsStopRequested())) {
         result.missing = most_missing + 1;
         break;

@@ -20,8 +20,10 @@ struct PackTuning {
   int fewest_cells = 192, most_cells = 4096;
   // How far simplified outlines may lie from those of the charts, in cells.
   double simple_within = 0.02;
-  // Turns that a trial tries of each chart, as a power of two: as many as leave room for so many trials.
-  int least_angles = 2, most_angles = 16, typical_trials = 5;
+  // Turns that a trial tries of each chart, as a power of two: as many as leave room for so many trials. Turns by less
+  // than a right angle are left to what follows: more trials lead farther (0.770 of the texture on eleven meshes at
+  // four paddings with 16 turns, 0.778 with 4).
+  int least_angles = 2, most_angles = 4, typical_trials = 5;
   // What a trial costs for a chart and a turn, and for each edge of its outline, about.
   double trial_work = 6000, trial_work_per_edge = 150;
   int least_trials = 3, most_trials = 8;
@@ -56,6 +58,7 @@ struct PackTuning {
   // Trials in other orders than by size. A new order sorts by sizes that are changed at random, by up to half of this
   // share.
   double order_spread = 0.3;
+  double large_area = 0.9;    // share of the area that charts have which are tried before all others
   double order_step = 1.005;  // from the scale of the best trial to the one that is tried next
   // The search for orders begins only if there is work left for so many trials. It has this share of the work where
   // tightening follows, and all of it otherwise.

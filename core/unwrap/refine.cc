@@ -226,8 +226,8 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   std::int32_t count = 0;
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
   const double allowed = (options.seams.max_stretch - 1) / 0.05;
-  return {tuning.hull_gain * allowed * allowed * charts.total_area / count,
-          tuning.cut_width * std::sqrt(charts.total_area)};
+  const double gain = options.atlas.effort == PackEffort::kBest ? tuning.best_hull_gain : tuning.hull_gain;
+  return {gain * allowed * allowed * charts.total_area / count, tuning.cut_width * std::sqrt(charts.total_area)};
 }
 
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {
