@@ -94,10 +94,12 @@ Board::Board(int side, int longest) : side_(side), size_(side + 2 * kMargin), st
   // What tells of the longest span that fits.
   const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size_)));
   levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size_, kAll));
-  Clear();
+  std::int64_t work = 0;
+  Clear(&work);
 }
 
-void Board::Clear() {
+void Board::Clear(std::int64_t* work) {
+  *work += std::ssize(levels_) * size_ * stride_;
   longest_free_.assign(size_, 0);
   std::fill_n(longest_free_.begin() + kMargin, side_, side_);
   for (std::size_t k = 0; k < levels_.size(); ++k) {
@@ -109,7 +111,7 @@ void Board::Clear() {
   }
 }
 
-void Board::Add(const Silhouette& s, int x, int y, int shift) {
+void Board::Add(const Silhouette& s, int x, int y, int shift, std::int64_t* work) {
   const int first_row = kMargin + (y >> shift), last_row = kMargin + ((y + s.height - 1) >> shift);
   for (int row = std::max(0, first_row); row <= std::min(size_ - 1, last_row); ++row) {
     std::uint64_t* const taken = levels_[0].data() + static_cast<std::size_t>(row) * stride_;
@@ -126,12 +128,14 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
     }
     if (highest < 0) continue;
     longest_free_[row] = LongestRun(taken, stride_);
+    *work += stride_;
     for (std::size_t k = 1; k < levels_.size(); ++k) {
       // Runs that hold one of these cells begin less than their length before it.
       const int begin_word = std::max(0, lowest - (1 << k) + 1) >> 6, end_word = (highest >> 6) + 1;
       const int reach = 1 << (k - 1), q = reach >> 6, b = reach & 63;
       const std::uint64_t* below = levels_[k - 1].data() + static_cast<std::size_t>(row) * stride_;
       std::uint64_t* above = levels_[k].data() + static_cast<std::size_t>(row) * stride_;
+      *work += end_word - begin_word;
       for (int w = begin_word; w < end_word; ++w) {
         const std::uint64_t low = w + q < stride_ ? below[w + q] : kAll;
         const std::uint64_t high = w + q + 1 < stride_ ? below[w + q + 1] : kAll;

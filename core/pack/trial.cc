@@ -56,14 +56,14 @@ class Pyramid {
       boards_.emplace_back(side >> level, level + 1 < levels ? 2 * kCellsOfLarge - 1 : side);
     }
   }
-  void Clear() {
-    for (Board& board : boards_) board.Clear();
+  void Clear(std::int64_t* work) {
+    for (Board& board : boards_) board.Clear(work);
   }
   int levels() const { return static_cast<int>(boards_.size()); }
   const Board& board(int level) const { return boards_[level]; }
   // (x, y): the silhouette's corner in cells of level 0.
-  void Add(const Silhouette& silhouette, int x, int y) {
-    for (int level = 0; level < levels(); ++level) boards_[level].Add(silhouette, x, y, level);
+  void Add(const Silhouette& silhouette, int x, int y, std::int64_t* work) {
+    for (int level = 0; level < levels(); ++level) boards_[level].Add(silhouette, x, y, level, work);
   }
 
  private:
@@ -104,7 +104,7 @@ class Trial {
         tiles_(*tiles),
         shapes_(*shapes),
         fixed_(*fixed) {
-    for (Pyramid& tile : tiles_) tile.Clear();
+    for (Pyramid& tile : tiles_) tile.Clear(&work_);
     if (!plan_.thorough) starts_.resize(grid_.atlases * kStarts);
   }
 
@@ -143,7 +143,7 @@ class Trial {
     *pose = {Angle(i, found.turn), cells * (spot + shape.silhouette.centre), tile};
     const int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
     if (level == 0) {
-      tiles_[tile].Add(shape.silhouette, x, y);
+      tiles_[tile].Add(shape.silhouette, x, y, &work_);
       return;
     }
     FixedSilhouette own;
@@ -151,7 +151,7 @@ class Trial {
     if (Slot(i, found.turn) < fixed_.size()) {
       std::unique_ptr<FixedSilhouette>& kept = fixed_[Slot(i, found.turn)];
       if (kept != nullptr) {
-        tiles_[tile].Add(kept->silhouette, x + kept->x, y + kept->y);
+        tiles_[tile].Add(kept->silhouette, x + kept->x, y + kept->y, &work_);
         return;
       }
       kept = std::make_unique<FixedSilhouette>();
@@ -161,7 +161,7 @@ class Trial {
     *fixed = MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i] / grid_.cell, grid_.radius / grid_.cell,
                                  cells * shape.silhouette.centre);
     if (fixed != &own) fixed->silhouette.spans.shrink_to_fit();
-    tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y);
+    tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y, &work_);
   }
 
   int FirstTile(std::int32_t i) const { return atlas_[i] * grid_.tiles; }

@@ -17,7 +17,7 @@ struct PackTuning {
 
   // Trials (trial.h). Cells along a chart of average size, and along a tile: more lay charts closer and cost more.
   double cells_per_chart = 24;
-  int fewest_cells = 192, most_cells = 4096;
+  int fewest_cells = 192, most_cells = 2048;
   // How far simplified outlines may lie from those of the charts, in cells.
   double simple_within = 0.02;
   // Turns that a trial tries of each chart, as a power of two: as many as leave room for so many trials. Turns by less

@@ -204,13 +204,13 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) 
   const auto& [chart, is_few, flattening, map, faults, status] = mapped;
   // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
   // collapse where the chart goes.
-  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten.barrier > 0;
+  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten->barrier > 0;
   const SeamOptions& seams = job.options.seams;
   const AtlasTuning& tuning = job.options.tuning;
   // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
   const bool is_sound =
-      status.ok() && map.flatten.converged &&
-      (map.flatten.barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
+      status.ok() && map.flatten->converged &&
+      (map.flatten->barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
   double area = 0;
   for (const std::int32_t f : chart.faces) area += charts.surface->area[f];
   const double whole = charts.AreaOfAtlas(job.options, chart);

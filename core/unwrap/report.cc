@@ -201,7 +201,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
         MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(chart.topology, measured, job->execution),
                           result.uv, charts.ignored, job->execution);
     all.Add(own);
-    result.charts.push_back({chart.topology.num_faces(), map.flatten, map.is_barycentric, own.map.StretchL2()});
+    result.charts.push_back({chart.topology.num_faces(), *map.flatten, map.is_barycentric, own.map.StretchL2()});
   }
   all.Fill(&result.quality);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
