@@ -173,15 +173,20 @@ std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, co
   return InOrderOf(*charts.segmentation, number, chart, part);
 }
 
-// All that pack better in parts.
-std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const NeckOptions& options) {
-  std::vector<Segmentation::Cut> cuts;
-  for (std::int32_t i = 0; i < charts.count(); ++i) {
-    const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
-    const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, options);
-    if (!part.empty()) cuts.push_back({i, -1, -1, InOrderOf(*charts.segmentation, i, chart, part)});
+// All that pack better in parts, those that gain most where that would make too many charts.
+std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, NeckOptions options, const AtlasTuning& tuning) {
+  const double most = static_cast<double>(charts.surface->num_faces()) / tuning.cut_faces;
+  for (std::vector<Segmentation::Cut> cuts;; options.least_gain *= 1.5, cuts.clear()) {
+    std::int32_t count = charts.count();
+    for (std::int32_t i = 0; i < charts.count(); ++i) {
+      const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
+      const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, options);
+      if (part.empty()) continue;
+      count += *std::max_element(part.begin(), part.end());
+      cuts.push_back({i, -1, -1, InOrderOf(*charts.segmentation, i, chart, part)});
+    }
+    if (cuts.empty() || count <= most) return cuts;
   }
-  return cuts;
 }
 
 // Cuts, and returns whether that made new charts; `todo` has then what is to be solved.
@@ -240,7 +245,7 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
   const bool may_part =
       job->options.seams.policy == SeamPolicy::kAuto && job->options.pack && !job->execution.IsStopRequested();
   if (cuts.empty() && may_part && charts->count() > 1 && !std::exchange(charts->are_parted, true)) {
-    cuts = ChartsToPart(*charts, NecksOf(*charts, job->options));
+    cuts = ChartsToPart(*charts, NecksOf(*charts, job->options), job->options.tuning);
   }
   return Split(job, cuts, todo, charts);
 }
