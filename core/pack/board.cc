@@ -8,6 +8,8 @@ namespace planish {
 namespace {
 
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
+// Silhouettes that a row takes before its longest run of free cells is measured again.
+constexpr int kStale = 8;
 
 // Of bits that are 0.
 int LongestRun(const std::uint64_t* words, int count) {
@@ -100,6 +102,7 @@ Board::Board(int side, int longest) : side_(side), size_(side + 2 * kMargin), st
 
 void Board::Clear(std::int64_t* work) {
   *work += std::ssize(levels_) * size_ * stride_;
+  stale_.assign(size_, 0);
   longest_free_.assign(size_, 0);
   std::fill_n(longest_free_.begin() + kMargin, side_, side_);
   for (std::size_t k = 0; k < levels_.size(); ++k) {
@@ -127,8 +130,11 @@ void Board::Add(const Silhouette& s, int x, int y, int shift, std::int64_t* work
       SetBits(taken, begin, last + 1);
     }
     if (highest < 0) continue;
-    longest_free_[row] = LongestRun(taken, stride_);
-    *work += stride_;
+    if (++stale_[row] == kStale) {
+      stale_[row] = 0;
+      longest_free_[row] = LongestRun(taken, stride_);
+      *work += stride_;
+    }
     for (std::size_t k = 1; k < levels_.size(); ++k) {
       // Runs that hold one of these cells begin less than their length before it.
       const int begin_word = std::max(0, lowest - (1 << k) + 1) >> 6, end_word = (highest >> 6) + 1;
@@ -152,8 +158,9 @@ bool Board::FreePlacesOf(const Silhouette& s, const RowOrder& row_order, int y, 
   std::uint64_t own[kWords > 0 ? kWords : 1];
   std::uint64_t* const free = kWords > 0 ? own : places;
   for (int w = 0; w < count; ++w) free[w] = kAll;
-  std::int64_t spans = 0;
+  std::int64_t read = 0;
   std::uint64_t any = kAll;
+  int begin = 0, end = count;  // words with places; all of few words are read
   for (const std::int32_t r : row_order.rows) {
     for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1] && any != 0; ++i) {
       const int length = s.spans[i].end - s.spans[i].begin;
@@ -166,17 +173,21 @@ bool Board::FreePlacesOf(const Silhouette& s, const RowOrder& row_order, int y, 
       // A shift by 64 in two steps: 64 - 0 is out of range.
       const int right_a = shift_a & 63, left_a = 63 - right_a, right_b = shift_b & 63, left_b = 63 - right_b;
       any = 0;
-      ++spans;
-      for (int w = 0; w < count; ++w) {
+      read += 4 + 2 * (end - begin);
+      for (int w = begin; w < end; ++w) {
         const std::uint64_t taken_a = a[w] >> right_a | a[w + 1] << 1 << left_a;
         const std::uint64_t taken_b = b[w] >> right_b | b[w + 1] << 1 << left_b;
         free[w] &= ~(taken_a | taken_b);
         any |= free[w];
       }
+      if constexpr (kWords == 0) {
+        while (begin < end && free[begin] == 0) ++begin;
+        while (begin < end && free[end - 1] == 0) --end;
+      }
     }
     if (any == 0) break;
   }
-  *work += spans * (4 + 2 * count);
+  *work += read;
   if (any == 0) return false;
   if constexpr (kWords > 0) std::copy(own, own + kWords, places);
   return true;

@@ -78,7 +78,8 @@ class Board {
   int side_, size_, stride_;
   // Level k, row y, bit x: whether one of the cells x .. x + 2^k - 1 is taken. Two words more than a row needs.
   std::vector<std::vector<std::uint64_t>> levels_;
-  std::vector<std::int32_t> longest_free_;  // per row: the longest run of free cells
+  std::vector<std::int32_t> longest_free_;  // per row: the longest run of free cells, or more
+  std::vector<std::int8_t> stale_;          // per row: silhouettes since that was measured
 };
 
 }  // namespace planish
