@@ -17,6 +17,8 @@ namespace {
 // Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it.
 constexpr double kGap = 4e-6;
 constexpr double kHuge = 1e300;
+// Outlines of so many edges in the mean are not worth a second, simpler one.
+constexpr std::size_t kFewEdges = 4;
 
 class Packer {
  public:
@@ -135,9 +137,14 @@ class Packer {
 
   bool HasNoTime() const { return order_.size() > tuning_.many_charts && execution_.IsStopRequested(); }
 
+  const std::vector<Outline>& simple() const { return simple_.empty() ? outlines_ : simple_; }
+
   void Simplify() {
     const std::vector<double> scales = Scales(LargestScale());
     simple_.clear();
+    std::size_t edges = 0;
+    for (const Outline& outline : outlines_) edges += outline.edges.size();
+    if (edges <= kFewEdges * outlines_.size()) return;
     simple_.reserve(outlines_.size());
     for (std::size_t i = 0; i < outlines_.size(); ++i) {
       simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_.cell / scales[i]));
@@ -161,7 +168,7 @@ class Packer {
   // Trials at one scale after the other, each nearer to the largest scale at which all charts fit.
   bool TryScales(double least) {
     double per_turn = 0;
-    for (const Outline& outline : simple_) {
+    for (const Outline& outline : simple()) {
       per_turn += tuning_.trial_work + tuning_.trial_work_per_edge * static_cast<double>(outline.edges.size());
     }
     plan_.order = order_;
@@ -170,7 +177,7 @@ class Packer {
       plan_.angles *= 2;
     plan_.gives_up = order_.size() > tuning_.many_charts;
     plan_.thorough = order_.size() <= tuning_.many_charts;
-    series_ = std::make_unique<TrialSeries>(simple_, atlas_, grid_);
+    series_ = std::make_unique<TrialSeries>(simple(), atlas_, grid_);
     starts_.clear();
     double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(outlines_.size());
@@ -382,7 +389,7 @@ class Packer {
             {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
       }
     }
-    const Arrangement arrangement = Tighten(outlines_, simple_, atlas_, relative, options, execution_, arrangements);
+    const Arrangement arrangement = Tighten(outlines_, simple(), atlas_, relative, options, execution_, arrangements);
     best_.scale = arrangement.scale;
     for (std::size_t i = 0; i < best_.poses.size(); ++i) {
       const Body& body = arrangement.bodies[i];
@@ -412,7 +419,8 @@ class Packer {
   const PackOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
-  std::vector<Outline> outlines_, simple_;
+  std::vector<Outline> outlines_;
+  std::vector<Outline> simple_;               // with fewer edges; empty where they have few anyway
   std::vector<double> density_, size_;        // of each chart
   std::vector<std::int32_t> order_;           // large to small
   std::vector<int> atlas_;                    // of each chart

@@ -195,6 +195,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   const Overlaps& overlaps = delivery.overlaps;
   result.face_chart = charts.FaceChart(job->mesh);
   DistortionSums all;
+  result.charts.reserve(charts.charts.size());
   for (const auto& [chart, is_few, flattening, map, faults, status] : charts.charts) {
     const Eigen::VectorXd measured = MeasuredAngles(job->mesh, chart.faces, job->execution);
     const DistortionSums own =
