@@ -1,16 +1,15 @@
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
 #include <stop_token>
-#include <system_error>
 #include <thread>
 
 #include "client/cli/batch_job.h"
 #include "client/cli/batch_plan.h"
 #include "client/cli/batch_table.h"
 #include "client/cli/commands.h"
+#include "client/cli/mesh_input.h"
 #include "client/cli/progress_view.h"
 #include "client/cli/results.h"
 #include "client/cli/session.h"
@@ -22,13 +21,6 @@ namespace {
 
 // How long a server may be away, to be restarted for instance, before the batch ends without it.
 constexpr double kServerPatienceSeconds = 30;
-
-void MakeOutputDirectory(const std::string& directory) {
-  std::error_code error;
-  std::filesystem::create_directories(directory, error);
-  if (!error) return;
-  throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE", directory + ": cannot be made: " + error.message());
-}
 
 ServerNeeds NeedsOf(const Arguments& arguments, const BatchPlan& plan) {
   ServerNeeds needs;
@@ -68,7 +60,7 @@ std::vector<SheetRow> SheetRows(const BatchPlan& plan, const std::vector<BatchRo
 int Run(const Arguments& arguments, Interrupts& interrupts, const BatchPlan& plan) {
   const Timer timer;
   if (!arguments.quiet) std::cerr << SkippedText(plan);
-  MakeOutputDirectory(arguments.output);
+  MakeDirectory(arguments.output);
   BatchState state(arguments.output);
   ServerChoice server(arguments.server, arguments.server_flags, interrupts, NeedsOf(arguments, plan));
   const Capabilities capabilities = server.client().GetCapabilities();

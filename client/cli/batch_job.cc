@@ -9,7 +9,6 @@
 #include <iostream>
 #include <mutex>
 #include <new>
-#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -164,7 +163,7 @@ class BatchJob {
       // The run before ended between the question and the answer: the same question brings the same job.
       if (known->server == arguments_.server) request_id = known->request_id;
     }
-    MakeDirectory();
+    MakeDirectory(fs::path(item_.output).parent_path());
     files_.emplace(std::vector<std::string>{item_.input}, arguments_, item_.output, item_.texcoord,
                    arguments_.output_texcoord.value_or(item_.texcoord));
     if (context_.stop.stop_requested()) throw Error(ErrorCode::kCancelled, "CANCELLED", "interrupted");
@@ -176,16 +175,6 @@ class BatchJob {
     CallOptions call = Call();
     call.request_id = request_id;
     Deliver(context_.client.Unwrap(files_->view(), files_->Options(arguments_.options), callbacks_, call), false);
-  }
-
-  void MakeDirectory() const {
-    const fs::path directory = fs::path(item_.output).parent_path();
-    std::error_code error;
-    fs::create_directories(directory, error);
-    if (error) {
-      throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE",
-                  directory.string() + ": cannot be made: " + error.message());
-    }
   }
 
   CallOptions Call() const {

@@ -53,8 +53,9 @@ CheckedMap CheckTriangles(const MeshInput& input, const CornerUv& uv, MapCheckOp
   if (map.mesh.faces.empty()) return map;
   map.mesh.positions = all.positions;
   UvIslands islands = FindUvIslands(map.mesh, map.uv, polygons);
-  map.topology = {std::move(islands.place_of_corner), islands.num_places, std::move(islands.island_of_face),
-                  islands.count, std::move(islands.is_outline)};
+  map.topology = {std::move(islands.place_of_corner), islands.num_places,
+                  std::move(islands.island_of_face),  islands.count,
+                  std::move(islands.is_outline),      std::move(islands.edges)};
   map.first_face_of_chart.assign(static_cast<std::size_t>(map.topology.num_charts), -1);
   for (std::size_t f = 0; f < map.mesh.faces.size(); ++f) {
     std::int32_t& first = map.first_face_of_chart[static_cast<std::size_t>(map.topology.chart_of_face[f])];

@@ -343,9 +343,10 @@ std::vector<OutputOptions> MeshInput::Outputs(const std::string& out, int texcoo
     }
     const absl::Status status = planish::CheckOutput(part.file, output);
     if (!status.ok()) throw ErrorFrom(status);
-    cli::CheckOutput(output.path);
     outputs.push_back(output);
   }
+  if (is_directory) MakeDirectory(out);
+  for (const OutputOptions& output : outputs) cli::CheckOutput(output.path);
   return outputs;
 }
 
@@ -403,6 +404,14 @@ void CheckOutput(const std::string& path) {
   throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE",
               path + ": cannot write to directory " + directory.string() +
                   (access(directory.c_str(), F_OK) == 0 ? "" : ": it does not exist"));
+}
+
+void MakeDirectory(const std::filesystem::path& directory) {
+  std::error_code error;
+  std::filesystem::create_directories(directory, error);
+  if (!error) return;
+  throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE",
+              directory.string() + ": cannot be made: " + error.message());
 }
 
 namespace {

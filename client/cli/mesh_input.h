@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -116,6 +117,8 @@ std::string ErrorLine(const Error& error, const MeshInput* input = nullptr);
 void WriteOutput(const std::string& path, const std::string& bytes);
 // Whether WriteOutput has a chance; throws FILE_UNWRITABLE if not, before minutes are spent on a solve.
 void CheckOutput(const std::string& path);
+// Makes a directory for output and those above it, where they are missing; throws FILE_UNWRITABLE.
+void MakeDirectory(const std::filesystem::path& directory);
 
 // ---- One unwrap, from input files to output files
 

@@ -195,8 +195,10 @@ class LinesView : public ProgressView {
   std::vector<LastLine> said_;
 };
 
-// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}; with --verbose {"note"}. Of a batch
-// with "file" in front, with notices, {"file", "notice"}, and with ends, {"file", "result"}.
+// A JSON object per event: {"sequence", "time", "skipped", "job" or "progress"}; {"note"} is about the whole command,
+// and
+// --verbose has more of them. In a batch "file" comes first, and there are notices, {"file", "notice"}, and ends,
+// {"file", "result"}.
 class JsonView : public ProgressView {
  public:
   using ProgressView::ProgressView;
@@ -219,6 +221,7 @@ class JsonView : public ProgressView {
   void OnNotice(std::size_t job, const std::string& notice) override {
     if (is_batch_) Print({{"file", names_[job]}, {"notice", notice}});
   }
+  void OnNotice(const std::string& notice) override { Say(notice); }
   void Say(const std::string& line) override { Print({{"note", line}}); }
   void End(std::size_t job, const BatchRow& row) override {
     {

@@ -22,19 +22,8 @@
 #include "client/src/errors.h"
 
 namespace planish::cli {
-namespace {
 
 namespace fs = std::filesystem;
-
-void MakeDirectory(const fs::path& directory) {
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (!error) return;
-  throw Error(ErrorCode::kPermissionDenied, "FILE_UNWRITABLE",
-              directory.string() + ": cannot be made: " + error.message());
-}
-
-}  // namespace
 
 ReportSheet::ReportSheet(const std::string& place) {
   const fs::path path = fs::path(place).lexically_normal();

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "core/mesh/diagnosis.h"
-#include "core/mesh/half_edges.h"
 
 namespace planish {
 namespace {
@@ -86,12 +85,12 @@ UvIslands FindUvIslands(const Mesh& mesh, const std::vector<double>& uv, const s
   FindPlaces(mesh, uv, &islands);
   std::vector<Face> faces(mesh.faces.size());
   for (std::size_t c = 0; c < 3 * faces.size(); ++c) faces[c / 3][c % 3] = islands.place_of_corner[c];
-  const EdgeGroups edges = GroupHalfEdges(faces, islands.num_places);
+  islands.edges = GroupHalfEdges(faces, islands.num_places);
 
   UnionFind sets(mesh.faces.size());
   islands.is_outline.assign(3 * mesh.faces.size(), 0);
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-    const std::span<const std::int32_t> at = edges.edge(e);
+  for (std::int32_t e = 0; e < islands.edges.count(); ++e) {
+    const std::span<const std::int32_t> at = islands.edges[e];
     if (Origin(faces, at[0]) == Target(faces, at[0])) continue;
     islands.is_outline[at[0]] = at.size() == 1;
     for (const std::int32_t other : at.subspan(1)) sets.Join(at[0] / 3, other / 3);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/mesh/half_edges.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
@@ -17,6 +18,7 @@ struct UvIslands {
   // Per half-edge c (half_edges.h): whether the map ends there, because no other face has the same edge between the
   // same places.
   std::vector<char> is_outline;
+  EdgeGroups edges;  // half-edges between the same two places
 };
 
 // Two faces are of one island where they share an edge with equal positions and equal UV at both ends: vertices that a

@@ -190,38 +190,18 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   const Topology constrained = set_.ConstrainedTopology();
   FlattenOptions options = options_;
   options.tolerance = tolerance;
-  options.max_newton_iterations -= before.newton_iterations;
   if (tolerance > options_.tolerance) {
-    options.max_newton_iterations = std::min(options.max_newton_iterations, static_cast<int>(tuning_.rough_steps));
+    const int rough = before.newton_iterations + static_cast<int>(tuning_.rough_steps);
+    options.max_newton_iterations = std::min(options.max_newton_iterations, rough);
   }
-  FlattenControl control = control_;
-  if (control_.on_progress) {
-    control.on_progress = [&](FlattenProgress progress) {
-      progress.newton_iteration += before.newton_iterations;
-      progress.linear_iterations += before.linear_iterations;
-      control_.on_progress(progress);
-    };
-  }
-  Newton newton(constrained, target_, options, control);
-  PLANISH_ASSIGN_OR_RETURN(summary_, newton.RunFrom(std::move(iterate_)));
+  Newton newton(constrained, target_, options, control_);
+  PLANISH_ASSIGN_OR_RETURN(summary_, newton.RunFrom(std::move(iterate_), before));
   iterate_ = {newton.x(), newton.mu(), summary_.barrier, newton.z()};
   flat_ = newton.IsFlat() || summary_.converged;
   ++solves_;
-  summary_.newton_iterations += before.newton_iterations;
-  // The last residual of a solve gives way to the first one of the next.
-  summary_.residuals.insert(summary_.residuals.begin(), before.residuals.begin(),
-                            before.residuals.begin() + before.newton_iterations);
-  summary_.linear_iterations += before.linear_iterations;
-  summary_.linear_solves += before.linear_solves;
-  summary_.linear_failures += before.linear_failures;
-  if (!before.linear_failure.empty()) summary_.linear_failure = before.linear_failure;
-  if (!before.multigrid_failure.empty()) summary_.multigrid_failure = before.multigrid_failure;
-  if (!before.preconditioner_note.empty()) summary_.preconditioner_note = before.preconditioner_note;
-  summary_.convexified_iterations += before.convexified_iterations;
-  summary_.indefinite_iterations += before.indefinite_iterations;
-  if (options.hessian == HessianType::kAuto && before.indefinite_iterations > 0) summary_.hessian = HessianType::kExact;
   options_.preconditioner = summary_.preconditioner;
-  summary_.preconditioner_changed = summary_.preconditioner_changed || before.preconditioner_changed;
+  summary_.preconditioner_changed |= before.preconditioner_changed;
+  if (!before.multigrid_failure.empty()) summary_.multigrid_failure = before.multigrid_failure;
   return absl::OkStatus();
 }
 
@@ -326,21 +306,13 @@ absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
     summary_.converged = false;
     result = {newton.x(), summary_};
   }
+  static_cast<FlattenWork&>(result.summary) = summary_;
   const BoundaryReport& boundary = result.summary.boundary;
-  result.summary.newton_iterations = summary_.newton_iterations;
-  result.summary.residuals = summary_.residuals;
-  result.summary.linear_iterations = summary_.linear_iterations;
-  result.summary.linear_solves = summary_.linear_solves;
-  result.summary.linear_failures = summary_.linear_failures;
-  result.summary.linear_failure = summary_.linear_failure;
-  result.summary.preconditioner_note = summary_.preconditioner_note;
   absl::StrAppend(
       &result.summary.stop_message,
       absl::StrFormat(
-          " in the last solve, %d Newton steps in all %d; %d of %d boundary vertices are straight, the active "
-          "set %s after %d changes",
-          summary_.newton_iterations, solves_, boundary.active, boundary.vertices,
-          boundary.settled ? "settled" : "has not settled", boundary.set_changes));
+          "; %d sets solved for, %d of %d boundary vertices are straight, the active set %s after %d changes", solves_,
+          boundary.active, boundary.vertices, boundary.settled ? "settled" : "has not settled", boundary.set_changes));
   return result;
 }
 

@@ -1,18 +1,13 @@
 #include "core/abf/constraints.h"
 
-#include <cmath>
 #include <numbers>
-#include <vector>
 
-#include "core/abf/sine.h"
 #include "core/base/portable_math.h"
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
 
 namespace {
-
-constexpr std::int64_t kConstraintFaces = 4096, kConstraintRows = 2048;  // of one chunk
 
 // The logarithm of a quotient of products of sines.
 class LogQuotient {
@@ -44,7 +39,7 @@ Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team) {
   team.For(x.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
     const double* angle = x.data();
     double* to = sine.data();
-    for (std::int64_t i = begin; i < end; ++i) to[i] = SineAndCosine(angle[i]).sine;
+    for (std::int64_t i = begin; i < end; ++i) to[i] = portable::SinCosInTriangle(angle[i]).sine;
   });
   return sine;
 }
@@ -55,7 +50,7 @@ Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team) {
     const double* angle = x.data();
     double* to = cot.data();
     for (std::int64_t i = begin; i < end; ++i) {
-      const auto [sine, cosine] = SineAndCosine(angle[i]);
+      const auto [sine, cosine] = portable::SinCosInTriangle(angle[i]);
       to[i] = cosine / sine;
     }
   });
@@ -66,10 +61,10 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
                                      ThreadTeam& team) {
   ConstraintValues h;
   h.triangle.resize(topology.num_faces());
-  team.ForEach(topology.num_faces(), kConstraintFaces,
+  team.ForEach(topology.num_faces(),
                [&](std::int64_t f) { h.triangle[f] = x[3 * f] + x[3 * f + 1] + x[3 * f + 2] - std::numbers::pi; });
   h.pair.resize(2 * topology.num_rows);
-  team.ForEach(topology.num_rows, kConstraintRows, [&](std::int64_t v) {
+  team.ForEach(topology.num_rows, [&](std::int64_t v) {
     const bool has_wheel = topology.has_wheel(static_cast<std::int32_t>(v));
     double sum = has_wheel ? -2 * std::numbers::pi : -std::numbers::pi;
     LogQuotient wheel;
@@ -88,7 +83,7 @@ ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::Vect
 void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const Eigen::VectorXd& x, Eigen::VectorXd* y,
                    ThreadTeam& team) {
   y->resize(2 * topology.num_rows);
-  team.ForEach(topology.num_rows, kConstraintRows, [&](std::int64_t v) {
+  team.ForEach(topology.num_rows, [&](std::int64_t v) {
     double sum = 0, wheel = 0;
     for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
       const std::int32_t c = topology.row_corner[i], f = c / 3, k = c % 3;
@@ -103,7 +98,7 @@ void ApplyPairRows(const Topology& topology, const Eigen::VectorXd& cot, const E
 
 void AddPairRowsTransposed(const Topology& topology, const Eigen::VectorXd& cot,
                            const Eigen::Ref<const Eigen::VectorXd>& pair, Eigen::VectorXd* x, ThreadTeam& team) {
-  team.ForEach(topology.num_faces(), kConstraintFaces, [&](std::int64_t f) {
+  team.ForEach(topology.num_faces(), [&](std::int64_t f) {
     const std::array<double, 3> wheel = WheelDifferences(topology, f, pair);
     for (int k = 0; k < 3; ++k) {
       double& angle = (*x)[3 * f + k];

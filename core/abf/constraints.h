@@ -16,7 +16,6 @@
 #include "Eigen/Core"
 #include "core/abf/topology.h"
 #include "core/base/thread_team.h"
-#include "core/linalg/saddle_point.h"
 
 namespace planish {
 

@@ -21,13 +21,6 @@ enum class PreconditionerType { kAuto, kNone, kJacobi, kCholesky, kAmg };
 enum class HessianType { kConvex, kExact, kAuto };
 enum class BoundaryType { kFree, kConvex };
 
-// Names as on the command line and in reports: "uzawa", "reduced", ... (in the order of the enumerators).
-const char* Name(SolverType type);
-const char* Name(SystemType type);
-const char* Name(PreconditionerType type);
-const char* Name(HessianType type);
-const char* Name(BoundaryType type);
-
 struct FlattenOptions {
   SolverType solver = SolverType::kAuto;
   SystemType system = SystemType::kAuto;
@@ -97,19 +90,9 @@ struct BoundaryReport {
   bool settled = true;
 };
 
-struct FlattenSummary {
-  // The methods used at the end, never kAuto. Sizes decide some of them (StepTuning::multigrid_faces).
-  SolverType solver = SolverType::kDirect;
-  SystemType system = SystemType::kReduced;
-  PreconditionerType preconditioner = PreconditionerType::kNone;
-  bool preconditioner_changed = false;  // multigrid failed on the way, and a Cholesky factorization took its place
-  std::string multigrid_failure;        // why multigrid failed; empty if it did not
-  // What multigrid had to do without, and why (StepSolver::left_out); empty if it had everything in every step.
-  std::string preconditioner_note;
-  // As asked for; for kAuto: kExact if some step was taken with the exact Hessian where it was not positive.
-  HessianType hessian = HessianType::kConvex;
-  bool converged = false;
-  bool stopped = false;  // FlattenControl::stop ended the solve early
+// What was done on the way to a summary, by all runs of Newton's method where there are several: one for each active
+// set of BoundaryType::kConvex.
+struct FlattenWork {
   int newton_iterations = 0;
   std::int64_t linear_iterations = 0;
   int linear_solves = 0;
@@ -119,10 +102,25 @@ struct FlattenSummary {
   // The reason of the first failure, "Newton step 4: iteration limit after 100 iterations, residual 1.2e-03 of the
   // right-hand side"; empty if there was none.
   std::string linear_failure;
+  // What multigrid had to do without, and why (StepSolver::left_out); empty if it had everything in every step.
+  std::string preconditioner_note;
   int convexified_iterations = 0;  // Newton steps in which some Hessian entry was made positive
   int indefinite_iterations = 0;   // Newton steps taken with the exact Hessian where it was not positive, by MINRES
+  std::vector<float> residuals;    // Residual::Max() where Newton's method began, and after each of its steps
+};
+
+struct FlattenSummary : FlattenWork {
+  // The methods used at the end, never kAuto. Sizes decide some of them (StepTuning::multigrid_faces).
+  SolverType solver = SolverType::kDirect;
+  SystemType system = SystemType::kReduced;
+  PreconditionerType preconditioner = PreconditionerType::kNone;
+  bool preconditioner_changed = false;  // multigrid failed on the way, and a Cholesky factorization took its place
+  std::string multigrid_failure;        // why multigrid failed; empty if it did not
+  // As asked for; for kAuto: kExact if some step was taken with the exact Hessian where it was not positive.
+  HessianType hessian = HessianType::kConvex;
+  bool converged = false;
+  bool stopped = false;  // FlattenControl::stop ended the solve early
   Residual residual;
-  std::vector<float> residuals;  // Residual::Max() where Newton's method began, and after each of its steps
   BoundaryReport boundary;
   // The weight tau of the barrier (objective.h) that stayed because f alone has no minimum with positive angles on this
   // mesh; 0: no barrier. With a barrier, residual.gradient is that of f_tau.

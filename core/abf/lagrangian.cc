@@ -10,16 +10,10 @@
 
 namespace planish {
 
-namespace {
-
-constexpr std::int64_t kHessianFaces = 4096;  // of one chunk
-
-}  // namespace
-
 Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& objective, const Eigen::VectorXd& x,
                                    const Eigen::VectorXd& cot, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd gradient = objective.Gradient(x);
-  team.ForEach(topology.num_faces(), kHessianFaces, [&](std::int64_t f) {
+  team.ForEach(topology.num_faces(), [&](std::int64_t f) {
     for (int k = 0; k < 3; ++k) gradient[3 * f + k] += mu.triangle[f];
   });
   AddPairRowsTransposed(topology, cot, mu.pair, &gradient, team);
@@ -29,7 +23,7 @@ Eigen::VectorXd LagrangianGradient(const Topology& topology, const Objective& ob
 Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorXd& curvature,
                                   const Eigen::VectorXd& sine, const Multipliers& mu, ThreadTeam& team) {
   Eigen::VectorXd hessian(curvature.size());
-  team.ForEach(topology.num_faces(), kHessianFaces, [&](std::int64_t f) {
+  team.ForEach(topology.num_faces(), [&](std::int64_t f) {
     const std::array<double, 3> wheel = WheelDifferences(topology, f, mu.pair);
     for (int k = 0; k < 3; ++k) {
       const double s = sine[3 * f + k];
@@ -60,16 +54,16 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
   if (weak != nullptr) weak->clear();
   if (kind == Convexification::kNone) return 0;
   const std::int64_t n = curvature.size() / 3;
-  std::vector<std::vector<std::int32_t>> weak_parts(
-      static_cast<std::size_t>((n + kHessianFaces - 1) / kHessianFaces));  // of chunks
-  const auto convexify_face = [&](std::int64_t f) {
+  struct Part {
+    std::int64_t changed = 0;
+    std::vector<std::int32_t> weak;
+  };
+  const auto convexify_face = [&](std::int64_t f, Part* part) {
     double* a = &(*hessian)[3 * f];
     const double* b = &curvature[3 * f];
     if (kind == Convexification::kByFace) {
       const double smallest = SmallestPlaneEigenvalue(a, b);
-      if (smallest < tuning.weak_curvature) {
-        weak_parts[static_cast<std::size_t>(f / kHessianFaces)].push_back(static_cast<std::int32_t>(f));
-      }
+      if (smallest < tuning.weak_curvature) part->weak.push_back(static_cast<std::int32_t>(f));
       if (smallest >= tuning.min_curvature) return false;
       const double t = (tuning.min_curvature - smallest) / (1 - smallest);
       for (int k = 0; k < 3; ++k) a[k] += t * (b[k] - a[k]);
@@ -83,15 +77,17 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
     }
     return change;
   };
-  const double changed_faces = team.Sum(n, kHessianFaces, [&](std::int64_t begin, std::int64_t end) {
-    double changed = 0;
-    for (std::int64_t f = begin; f < end; ++f) changed += convexify_face(f) ? 1 : 0;
-    return changed;
-  });
-  for (const std::vector<std::int32_t>& part : weak_parts) {
-    if (weak != nullptr) weak->insert(weak->end(), part.begin(), part.end());
+  const auto convexify = [&](std::int64_t begin, std::int64_t end) {
+    Part part;
+    for (std::int64_t f = begin; f < end; ++f) part.changed += convexify_face(f, &part) ? 1 : 0;
+    return part;
+  };
+  std::int64_t changed = 0;
+  for (const Part& part : team.Collect<Part>(n, ThreadTeam::kChunk, convexify)) {
+    changed += part.changed;
+    if (weak != nullptr) weak->insert(weak->end(), part.weak.begin(), part.weak.end());
   }
-  return static_cast<std::int64_t>(changed_faces);
+  return changed;
 }
 
 Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::VectorXd& hessian, ThreadTeam& team,
@@ -103,7 +99,7 @@ Eigen::VectorXd AbsoluteHessian(const Eigen::VectorXd& curvature, const Eigen::V
     return plane;
   };
   Eigen::VectorXd absolute = hessian;
-  team.ForEach(hessian.size() / 3, kHessianFaces, [&](std::int64_t f) {
+  team.ForEach(hessian.size() / 3, [&](std::int64_t f) {
     double* a = &absolute[3 * f];
     const double* b = &curvature[3 * f];
     if (SmallestPlaneEigenvalue(a, b) >= tuning.min_curvature) return;

@@ -7,7 +7,7 @@
 #include <limits>
 #include <memory>
 
-#include "core/abf/sine.h"
+#include "core/base/portable_math.h"
 #include "core/mesh/half_edges.h"
 
 namespace planish {
@@ -36,9 +36,9 @@ using Edges = std::unique_ptr<Complex[]>;
 Edges FaceShapes(const Eigen::VectorXd& angles, const Execution& execution) {
   Edges edges = std::make_unique_for_overwrite<Complex[]>(angles.size());
   execution.ForEach(angles.size() / 3, [&](std::int64_t f) {
-    const auto [sin0, cos0] = SineAndCosine(angles[3 * f]);
-    const double sin1 = SineAndCosine(angles[3 * f + 1]).sine;
-    const auto [sin2, cos2] = SineAndCosine(angles[3 * f + 2]);
+    const auto [sin0, cos0] = portable::SinCosInTriangle(angles[3 * f]);
+    const double sin1 = portable::SinCosInTriangle(angles[3 * f + 1]).sine;
+    const auto [sin2, cos2] = portable::SinCosInTriangle(angles[3 * f + 2]);
     // Half-edge k has the length of the sine of the angle it faces and ends at v_{k+2}, where the exterior angle
     // leads on to half-edge k + 1.
     const Complex turn1 = {-cos2, sin2}, turn2 = turn1 * Complex{-cos0, sin0};

@@ -354,7 +354,8 @@ absl::StatusOr<FlattenSummary> Newton::Run() {
   return Finish(ending);
 }
 
-absl::StatusOr<FlattenSummary> Newton::RunFrom(NewtonIterate start) {
+absl::StatusOr<FlattenSummary> Newton::RunFrom(NewtonIterate start, const FlattenWork& before) {
+  static_cast<FlattenWork&>(summary_) = before;
   Forget();
   at_ = PointAt(std::move(start.x));
   mu_ = std::move(start.mu);

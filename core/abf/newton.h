@@ -33,7 +33,7 @@ class Newton {
          const FlattenControl& control)
       : topology_(topology),
         target_(target),
-        team_(control.team != nullptr ? *control.team : Alone()),
+        team_(control.Team()),
         options_(options),
         tuning_(options.tuning.newton),
         control_(control),
@@ -47,8 +47,9 @@ class Newton {
   // From StartingAngles() and mu = 0 to a minimum of f. When angles collapse on the way, the method goes on with a
   // barrier, then tries without one from there; the barrier stays where f alone has no minimum with positive angles.
   absl::StatusOr<FlattenSummary> Run();
-  // From `start` to a minimum of f with the barrier of `start`, or to where angles collapse.
-  absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start);
+  // From `start` to a minimum of f with the barrier of `start`, or to where angles collapse. The steps, and all else
+  // that is done, count on from `before`.
+  absl::StatusOr<FlattenSummary> RunFrom(NewtonIterate start, const FlattenWork& before);
 
   // For tests of what failed linear solves lead to.
   StepSolver& step_solver() { return steps_; }

@@ -9,7 +9,7 @@
 namespace planish {
 namespace {
 
-constexpr std::int64_t kAssemblyFaces = 4096, kAssemblyRows = 1024;  // of one chunk
+constexpr std::int64_t kAssemblyRows = 1024;  // of one chunk
 
 // Where u is among `length` ascending columns. Rows are short: counting, which no branch depends on, takes a third of
 // the time of a search.
@@ -26,8 +26,7 @@ std::int32_t PlaceIn(const std::int32_t* column, std::int32_t length, std::int32
 ReducedSystem::ReducedSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot,
                              ThreadTeam& team)
     : topology_(topology), team_(team), hessian_(hessian), cot_(cot), inverse_e_(topology.num_faces()) {
-  team_.ForEach(topology.num_faces(), kAssemblyFaces,
-                [&](std::int64_t f) { inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]); });
+  team_.ForEach(topology.num_faces(), [&](std::int64_t f) { inverse_e_[f] = 1 / PlaneDeterminant(&hessian_[3 * f]); });
 }
 
 void ReducedSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
@@ -41,8 +40,7 @@ void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::Vecto
 
 void ReducedSystem::ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const {
   x->resize(f.size());
-  team_.ForEach(topology_.num_faces(), kAssemblyFaces,
-                [&](std::int64_t face) { SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]); });
+  team_.ForEach(topology_.num_faces(), [&](std::int64_t face) { SolveFace(face, &f[3 * face], 0, &(*x)[3 * face]); });
 }
 
 void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, double* x) const {
@@ -55,33 +53,24 @@ void ReducedSystem::SolveFace(std::int64_t face, const double* r, double h, doub
 }
 
 void ReducedSystem::ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
-  if (matrix_ != nullptr) {
-    Multiply(*matrix_, lambda, y, team_);
-  } else if (rounded_ != nullptr) {
-    Multiply(*rounded_, lambda, y, team_);
-  } else {
-    SaddlePointOperator::ApplySchur(lambda, y);
-  }
+  multiply_ ? multiply_(lambda, y) : SaddlePointOperator::ApplySchur(lambda, y);
 }
 
 void ReducedSystem::ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const {
-  if (matrix_ != nullptr) {
-    Multiply(*matrix_, lambda, y, team_);
-  } else {
-    SaddlePointOperator::ApplySchur(lambda, y);
-  }
+  rounds_ ? SaddlePointOperator::ApplySchur(lambda, y) : ApplySchur(lambda, y);
 }
 
 Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
   Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(num_multipliers());
-  for (std::int32_t f = 0; f < topology_.num_faces(); ++f) {
-    const Eigen::Matrix<double, 6, 6> block = FaceBlock(f);
-    for (int k = 0; k < 3; ++k) {
-      if (const std::int32_t v = topology_.corner_row[3 * f + k]; v >= 0) {
-        diagonal.segment<2>(2 * v) += block.diagonal().segment<2>(2 * k);
-      }
-    }
+  for (std::int32_t c = 0; c < topology_.num_corners(); ++c) {
+    const std::int32_t f = c / 3, v = topology_.corner_row[c], after = 3 * f + Next(c % 3),
+                       before = 3 * f + Prev(c % 3);
+    if (v < 0) continue;
+    const double a0 = hessian_[c], a1 = hessian_[after], a2 = hessian_[before], c1 = cot_[after], c2 = cot_[before];
+    diagonal[2 * v] += (a1 + a2) * inverse_e_[f];
+    diagonal[2 * v + 1] += (c1 * c1 * (a2 + a0) + c2 * c2 * (a0 + a1) + 2 * c1 * c2 * a0) * inverse_e_[f];
   }
+  // Without a wheel the row is absent: anything positive.
   for (std::int32_t v = topology_.num_interior; v < topology_.num_rows; ++v) diagonal[2 * v + 1] = diagonal[2 * v];
   return diagonal;
 }
@@ -90,7 +79,7 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
                             Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const {
   x->resize(num_unknowns());
   if (lambda1 != nullptr) lambda1->resize(topology_.num_faces());
-  team_.ForEach(topology_.num_faces(), kAssemblyFaces, [&](std::int64_t f) {
+  team_.ForEach(topology_.num_faces(), [&](std::int64_t f) {
     const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];
     const std::array<double, 3> wheel = WheelDifferences(topology_, f, lambda2);
     double r[3];  // f - J^t lambda_2
@@ -103,26 +92,6 @@ void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::Vector
     (*lambda1)[f] =
         (a[1] * a[2] * r[0] + a[2] * a[0] * r[1] + a[0] * a[1] * r[2] + a[0] * a[1] * a[2] * h1[f]) * inverse_e_[f];
   });
-}
-
-Eigen::Matrix<double, 6, 6> ReducedSystem::FaceBlock(std::int32_t face) const {
-  const double *a = &hessian_[3 * face], *c = &cot_[3 * face];
-  Eigen::Matrix3d p;
-  p << a[1] + a[2], -a[2], -a[1],  //
-      -a[2], a[2] + a[0], -a[0],   //
-      -a[1], -a[0], a[0] + a[1];
-  p *= inverse_e_[face];
-  Eigen::Matrix<double, 6, 3> j;
-  j << 1, 0, 0,        //
-      0, c[1], -c[2],  //
-      0, 1, 0,         //
-      -c[0], 0, c[2],  //
-      0, 0, 1,         //
-      c[0], -c[1], 0;
-  for (int k = 0; k < 3; ++k) {
-    if (!topology_.has_wheel(topology_.corner_row[3 * face + k])) j.row(2 * k + 1).setZero();
-  }
-  return j * p * j.transpose();
 }
 
 std::vector<std::int32_t> RowsOfFaces(const Topology& topology, const std::vector<std::int32_t>& faces) {
@@ -153,12 +122,11 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
     columns->erase(std::unique(columns->begin(), columns->end()), columns->end());
   };
   // Chunk by chunk, then one after the other.
-  std::vector<std::vector<std::int32_t>> parts(static_cast<std::size_t>((n + kAssemblyRows - 1) / kAssemblyRows));
   matrix_.row_begin.assign(n + 1, 0);
   diagonal_.resize(n);
-  team_.For(n, kAssemblyRows, [&](std::int64_t begin, std::int64_t end) {
-    std::vector<std::int32_t>& part = parts[static_cast<std::size_t>(begin / kAssemblyRows)];
-    std::vector<std::int32_t> columns;
+  using Part = std::vector<std::int32_t>;
+  std::vector<Part> parts = team_.Collect<Part>(n, kAssemblyRows, [&](std::int64_t begin, std::int64_t end) {
+    Part part, columns;
     for (std::int64_t v = begin; v < end; ++v) {
       find_columns(v, &columns);
       const auto place = std::lower_bound(columns.begin(), columns.end(), v) - columns.begin();
@@ -166,13 +134,14 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
       matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
       part.insert(part.end(), columns.begin(), columns.end());
     }
+    return part;
   });
   for (std::int32_t v = 0; v < n; ++v) {
     diagonal_[v] += matrix_.row_begin[v];
     matrix_.row_begin[v + 1] += matrix_.row_begin[v];
   }
   matrix_.column.reserve(static_cast<std::size_t>(matrix_.row_begin[n]));
-  for (std::vector<std::int32_t>& part : parts) {
+  for (Part& part : parts) {
     matrix_.column.insert(matrix_.column.end(), part.begin(), part.end());
     part = {};
   }

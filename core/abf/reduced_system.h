@@ -14,6 +14,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <type_traits>
 #include <vector>
 
 #include "core/abf/constraints.h"
@@ -32,13 +33,10 @@ class ReducedSystem final : public SaddlePointOperator {
   ReducedSystem(const Topology&, const Eigen::VectorXd&, Eigen::VectorXd&&, ThreadTeam& = Alone()) = delete;
 
   // From now on ApplySchur multiplies by `matrix`: S of this system, exact or rounded to float. It must outlive this.
-  void set_matrix(const BlockMatrix<double>* matrix) {
-    matrix_ = matrix;
-    rounded_ = nullptr;
-  }
-  void set_matrix(const BlockMatrix<float>* rounded) {
-    matrix_ = nullptr;
-    rounded_ = rounded;
+  template <typename Scalar>
+  void set_matrix(const BlockMatrix<Scalar>* matrix) {
+    rounds_ = std::is_same_v<Scalar, float>;
+    multiply_ = [matrix, this](const Eigen::VectorXd& x, Eigen::VectorXd* y) { Multiply(*matrix, x, y, team_); };
   }
 
   Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
@@ -47,7 +45,7 @@ class ReducedSystem final : public SaddlePointOperator {
   void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
   void ApplyInverseA(const Eigen::VectorXd& f, Eigen::VectorXd* x) const override;
   void ApplySchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const override;
-  bool rounds_schur() const override { return rounded_ != nullptr; }
+  bool rounds_schur() const override { return rounds_; }
   void ApplyExactSchur(const Eigen::VectorXd& lambda, Eigen::VectorXd* y) const override;
   Eigen::VectorXd SchurDiagonal() const override;
   ThreadTeam& team() const override { return team_; }
@@ -56,9 +54,6 @@ class ReducedSystem final : public SaddlePointOperator {
   void Recover(const Eigen::VectorXd& gradient, const Eigen::VectorXd& h1, const Eigen::VectorXd& lambda2,
                Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const;
 
-  // S for the angles of one face: rows and columns are (vertex, wheel) of its three corners.
-  Eigen::Matrix<double, 6, 6> FaceBlock(std::int32_t face) const;
-
  private:
   // x = P r - h D 1 / s for one face (the letters above).
   void SolveFace(std::int64_t face, const double* r, double h, double* x) const;
@@ -66,9 +61,9 @@ class ReducedSystem final : public SaddlePointOperator {
   const Topology& topology_;
   ThreadTeam& team_;
   const Eigen::VectorXd &hessian_, &cot_;
-  Eigen::VectorXd inverse_e_;  // 1 / e per face
-  const BlockMatrix<double>* matrix_ = nullptr;
-  const BlockMatrix<float>* rounded_ = nullptr;
+  Eigen::VectorXd inverse_e_;                                               // 1 / e per face
+  std::function<void(const Eigen::VectorXd&, Eigen::VectorXd*)> multiply_;  // by a matrix, if there is one
+  bool rounds_ = false;                                                     // that matrix does
 };
 
 // The rows of the vertices of `faces`, ascending.

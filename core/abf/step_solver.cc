@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <complex>
-#include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"

@@ -21,9 +21,8 @@ TargetAngles MakeTargetAngles(const Topology& topology, const Eigen::VectorXd& m
 }
 
 Eigen::VectorXd StartingAngles(const TargetAngles& target, ThreadTeam& team) {
-  constexpr std::int64_t kFaces = 4096;  // of one chunk
   Eigen::VectorXd start(target.angle.size());
-  team.ForEach(start.size() / 3, kFaces, [&](std::int64_t f) {
+  team.ForEach(start.size() / 3, [&](std::int64_t f) {
     const auto a = target.angle.segment<3>(3 * f);
     // By Cauchy and Schwarz (sum - pi) a_i < a_1^2 + a_2^2 + a_3^2 wherever a_i < 2 pi.
     const Eigen::Vector3d give = target.weight.segment<3>(3 * f).cwiseInverse();

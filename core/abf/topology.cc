@@ -7,8 +7,6 @@
 #include <numeric>
 
 #include "core/base/radix_sort.h"
-#include "core/base/status_macros.h"
-#include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
 
 namespace planish {
@@ -132,28 +130,26 @@ Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order
   rows = InSpatialOrder(disc.property(disc.points_property_handle()).data_vector(), rows, execution);
 
   const auto num_faces = static_cast<std::int32_t>(disc.n_faces());
-  std::vector<std::int32_t> order(num_faces), place(num_faces);
-  if (face_order == nullptr) {
-    std::iota(place.begin(), place.end(), 0);
-  } else {
-    // By the lowest row of each; those without a vertex under constraints come last.
-    const auto num_rows = static_cast<std::int32_t>(rows.size());
-    std::vector<std::int32_t> row(topology.num_vertices, num_rows), next(num_rows + 2, 0);
-    for (std::int32_t i = 0; i < num_rows; ++i) row[rows[i]] = i;
-    for (std::int32_t f = 0; f < num_faces; ++f) {
-      const std::array<VertexHandle, 3> v = VerticesOf(disc, FaceHandle(f));
-      place[f] = std::min({row[v[0].idx()], row[v[1].idx()], row[v[2].idx()]});
-      ++next[place[f] + 1];
-    }
-    std::partial_sum(next.begin(), next.end(), next.begin());
-    for (std::int32_t& at : place) at = next[at]++;
+  // By the lowest row of each; those without a vertex under constraints come last.
+  const auto num_rows = static_cast<std::int32_t>(rows.size());
+  std::vector<std::int32_t> row(topology.num_vertices, num_rows), next(num_rows + 2, 0), place(num_faces);
+  for (std::int32_t i = 0; i < num_rows; ++i) row[rows[i]] = i;
+  for (std::int32_t f = 0; f < num_faces; ++f) {
+    const std::array<VertexHandle, 3> v = VerticesOf(disc, FaceHandle(f));
+    place[f] = std::min({row[v[0].idx()], row[v[1].idx()], row[v[2].idx()]});
+    ++next[place[f] + 1];
   }
-  for (std::int32_t f = 0; f < num_faces; ++f) order[place[f]] = f;
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  face_order->resize(num_faces);
+  for (std::int32_t f = 0; f < num_faces; ++f) {
+    place[f] = next[place[f]]++;
+    (*face_order)[place[f]] = f;
+  }
 
   topology.faces.resize(num_faces);
   topology.opposite.resize(3 * static_cast<std::size_t>(num_faces));
   for (std::int32_t i = 0; i < num_faces; ++i) {
-    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(disc, FaceHandle(order[i]));
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(disc, FaceHandle((*face_order)[i]));
     for (int k = 0; k < 3; ++k) {
       topology.faces[i][Prev(k)] = disc.to_vertex_handle(half_edges[k]).idx();
       const HalfedgeHandle o = disc.opposite_halfedge_handle(half_edges[k]);
@@ -161,20 +157,6 @@ Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order
       topology.opposite[3 * i + k] = g.is_valid() ? 3 * place[g.idx()] + CornerOf(disc, o) % 3 : -1;
     }
   }
-  AssignRows(rows, &topology);
-  if (face_order != nullptr) *face_order = std::move(order);
-  return topology;
-}
-
-absl::StatusOr<Topology> DiscTopology(const Mesh& mesh, const Execution& execution) {
-  PLANISH_ASSIGN_OR_RETURN(const TriMesh disc, ImportDisc(mesh, execution));
-  Topology topology = MakeTopology(disc, nullptr, execution);
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  // Import leaves out vertices without a face.
-  std::vector<std::int32_t> rows = RowVertices(topology);
-  for (std::int32_t& v : rows) v = disc.data(VertexHandle(v)).source;
-  topology.num_vertices = static_cast<std::int32_t>(mesh.num_vertices());
-  topology.faces = mesh.faces;
   AssignRows(rows, &topology);
   return topology;
 }

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
 #include "core/mesh/tri_mesh_fwd.h"
@@ -40,15 +39,10 @@ struct Topology {
   std::int32_t num_corners() const { return 3 * num_faces(); }
 };
 
-// The topology of a disc. It has the vertices of `disc`; the interior ones have rows, in InSpatialOrder(). If
-// `face_order` is not null, faces are sorted by their lowest row, so that neighbours are close in memory, and face i is
-// face (*face_order)[i] of `disc`; otherwise faces keep their order. O(F). After a cancellation the result is
-// incomplete and must not be used.
+// The topology of a disc. It has the vertices of `disc`; the interior ones have rows, in InSpatialOrder(). Faces are
+// sorted by their lowest row, so that neighbours are close in memory: face i is face (*face_order)[i] of `disc`. O(F).
+// After a cancellation the result is incomplete and must not be used.
 Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution = {});
-
-// The topology of a mesh that is a disc. Faces and vertices keep the mesh's numbers. Errors as CheckDisc()
-// (core/mesh/diagnosis.h).
-absl::StatusOr<Topology> DiscTopology(const Mesh& mesh, const Execution& execution = {});
 
 // `vertices` in the order of a Hilbert curve through the box round them: vertices with near numbers are near in space.
 // The curve has 2^21 cells along the longest side; vertices of one cell keep their order. Positions must be finite; the

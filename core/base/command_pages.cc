@@ -1,11 +1,15 @@
 #include "core/base/command_pages.h"
 
 #include <algorithm>
-#include <memory>
-#include <sstream>
 #include <utility>
 
 #include "CLI/CLI.hpp"
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 
 namespace planish {
 namespace {
@@ -23,7 +27,7 @@ struct Flag {
   std::string text;
 
   // "-o, --output OUT"
-  std::string Title() const { return CLI::detail::join(names, ", ") + (value.empty() ? "" : " " + value); }
+  std::string Title() const { return absl::StrCat(absl::StrJoin(names, ", "), value.empty() ? "" : " ", value); }
 };
 
 struct Command {
@@ -58,7 +62,7 @@ void ReadValue(const CLI::Option& option, Flag* flag) {
   flag->value = type.substr(0, type.find(':'));
   if (flag->value == "INT" || flag->value == "UINT") flag->value = "N";
   if (flag->value == "FLOAT") flag->value = "X";
-  if (flag->value.find('|') != std::string::npos) flag->choices = CLI::detail::split(flag->value, '|');
+  if (flag->value.find('|') != std::string::npos) flag->choices = absl::StrSplit(flag->value, '|');
   const std::size_t limits = type.find(" in [");
   if (limits != std::string::npos) {
     std::string range = type.substr(limits + 5, type.find(']', limits) - limits - 5);
@@ -117,19 +121,15 @@ std::string ParentTitle(const CLI::App& app) {
 
 // `text` broken at blanks, from `column` on, where it stands already.
 std::string Wrapped(const std::string& text, std::size_t column) {
-  std::istringstream words(text);
-  std::string out, word;
+  std::string out;
   std::size_t at = column;
-  while (words >> word) {
-    if (at > column && at + 1 + word.size() > kWidth) {
-      out += "\n" + std::string(column, ' ');
-      at = column;
-    } else if (at > column) {
-      out += ' ';
-      ++at;
-    }
-    out += word;
-    at += word.size();
+  const std::vector<std::string> words = absl::StrSplit(text, absl::ByAnyChar(" \n"), absl::SkipEmpty());
+  for (const std::string& word : words) {
+    const bool breaks = at > column && at + 1 + word.size() > kWidth;
+    if (breaks) absl::StrAppend(&out, "\n", std::string(column, ' '));
+    const bool is_first = at == column || breaks;
+    absl::StrAppend(&out, is_first ? "" : " ", word);
+    at = (breaks ? column : at) + (is_first ? 0 : 1) + word.size();
   }
   return out + "\n";
 }
@@ -143,19 +143,17 @@ std::string Entry(const std::string& title, const std::string& text) {
 
 // Paragraphs are wrapped; headings, which end in a colon, and lines that begin with a blank stay as they are.
 std::string Footer(const std::string& footer) {
-  std::istringstream lines(footer);
   std::string out, paragraph;
   const auto end_paragraph = [&] {
-    if (!paragraph.empty()) out += Wrapped(paragraph, 0);
-    paragraph.clear();
+    if (!paragraph.empty()) out += Wrapped(std::exchange(paragraph, ""), 0);
   };
-  for (std::string line; std::getline(lines, line);) {
-    const bool stays = line.empty() || line.starts_with(' ') || line.ends_with(':');
-    if (stays) {
+  const std::vector<std::string> lines = absl::StrSplit(absl::StripSuffix(footer, "\n"), '\n');
+  for (const std::string& line : lines) {
+    if (line.empty() || line.starts_with(' ') || line.ends_with(':')) {
       end_paragraph();
-      out += line + "\n";
+      absl::StrAppend(&out, line, "\n");
     } else {
-      paragraph += line + " ";
+      absl::StrAppend(&paragraph, line, " ");
     }
   }
   end_paragraph();
@@ -171,11 +169,11 @@ std::string Help(const Command& command, bool is_short) {
   if (!command.positionals.empty()) out += "\n";
   for (const Flag& flag : command.positionals) out += Entry(flag.Title(), flag.text);
   std::size_t left_out = 0;
-  std::string names;
+  std::vector<std::string> groups_left_out;
   for (const std::string& group : command.Groups()) {
     const bool shown = !is_short || group == kCommonGroup;
-    if (shown) out += "\n" + group + ":\n";
-    if (!shown) names += (names.empty() ? "" : ", ") + group;
+    if (shown) absl::StrAppend(&out, "\n", group, ":\n");
+    if (!shown) groups_left_out.push_back(group);
     for (const Flag& flag : command.flags) {
       if (flag.group != group) continue;
       if (shown) out += Entry(flag.Title(), flag.text);
@@ -185,32 +183,23 @@ std::string Help(const Command& command, bool is_short) {
   if (!is_short) return command.footer.empty() ? out : out + "\n" + Footer(command.footer);
   if (left_out == 0 && command.footer.empty()) return out;
   std::string more = command.title + " --help says more";
-  if (left_out > 0) more += ", with " + std::to_string(left_out) + " more flags: " + names;
+  if (left_out > 0) absl::StrAppend(&more, ", with ", left_out, " more flags: ", absl::StrJoin(groups_left_out, ", "));
   return out + "\n" + Wrapped(more + ".", 0);
 }
 
 // ---- Man page
 
 std::string Roff(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '\\') {
-      out += "\\e";
-    } else if (c == '-') {
-      out += "\\-";
-    } else {
-      if ((c == '.' || c == '\'') && (out.empty() || out.back() == '\n')) out += "\\&";
-      out += c;
-    }
-  }
-  return out;
+  std::string out =
+      absl::StrReplaceAll("\n" + text, {{"\\", "\\e"}, {"-", "\\-"}, {"\n.", "\n\\&."}, {"\n'", "\n\\&'"}});
+  return out.substr(1);
 }
 
 std::string ManFlags(const std::vector<Flag>& flags, const std::string& group) {
   std::string out;
   for (const Flag& flag : flags) {
     if (flag.group != group) continue;
-    out += ".TP\n\\fB" + Roff(CLI::detail::join(flag.names, ", ")) + "\\fR";
+    out += ".TP\n\\fB" + Roff(absl::StrJoin(flag.names, ", ")) + "\\fR";
     if (!flag.value.empty()) out += " \\fI" + Roff(flag.value) + "\\fR";
     out += "\n" + Roff(flag.text) + "\n";
   }
@@ -232,11 +221,9 @@ std::string ManCommand(const Command& command, bool is_root) {
 }
 
 std::string ManPage(const Command& command, const std::string& version, const ManFrame& frame) {
-  std::string capitals = command.name;
-  std::transform(capitals.begin(), capitals.end(), capitals.begin(), [](unsigned char c) { return std::toupper(c); });
-  return ".TH " + capitals + " " + std::to_string(frame.section) + " \"\" \"planish " + version + "\" \"" +
-         frame.manual + "\"\n.SH NAME\n" + command.name + " \\- " + Roff(command.text) + "\n" + frame.before +
-         ".SH OPTIONS\n" + ManCommand(command, true) + frame.after;
+  return ".TH " + absl::AsciiStrToUpper(command.name) + " " + std::to_string(frame.section) + " \"\" \"planish " +
+         version + "\" \"" + frame.manual + "\"\n.SH NAME\n" + command.name + " \\- " + Roff(command.text) + "\n" +
+         frame.before + ".SH OPTIONS\n" + ManCommand(command, true) + frame.after;
 }
 
 // ---- Completion
@@ -248,9 +235,7 @@ void Walk(const Command& command, const auto& visit) {
 
 // In single quotes, for bash and zsh; fish takes the same but for its backslashes.
 std::string Quoted(const std::string& text, const std::string& apostrophe = "'\\''") {
-  std::string out = "'";
-  for (const char c : text) out += c == '\'' ? apostrophe : std::string(1, c);
-  return out + "'";
+  return "'" + absl::StrReplaceAll(text, {{"'", apostrophe}}) + "'";
 }
 
 // "jobs list": the title without the program.
@@ -261,23 +246,23 @@ std::string Path(const Command& command) {
 
 // case labels of all commands below the root: "planish jobs list" | ...
 std::string Titles(const Command& root) {
-  std::string out;
+  std::vector<std::string> titles;
   Walk(root, [&](const Command& command) {
-    if (!Path(command).empty()) out += (out.empty() ? "" : " | ") + ("\"" + command.title + "\"");
+    if (!Path(command).empty()) titles.push_back("\"" + command.title + "\"");
   });
-  return out.empty() ? "\"\"" : out;
+  return titles.empty() ? "\"\"" : absl::StrJoin(titles, " | ");
 }
 
 std::string ChoiceCases(const Command& root, const std::string& open) {
   std::string out;
   Walk(root, [&](const Command& command) {
+    const auto label = [&](std::string* to, const std::string& flag) {
+      absl::StrAppend(to, "\"", command.title, " ", flag, "\"");
+    };
     for (const Flag& flag : command.flags) {
       if (flag.choices.empty()) continue;
-      std::string labels;
-      for (const std::string& name : flag.names) {
-        labels += (labels.empty() ? "" : " | ") + ("\"" + command.title + " " + name + "\"");
-      }
-      out += "    " + open + labels + ") choices=\"" + CLI::detail::join(flag.choices, " ") + "\" ;;\n";
+      absl::StrAppend(&out, "    ", open, absl::StrJoin(flag.names, " | ", label), ") choices=\"",
+                      absl::StrJoin(flag.choices, " "), "\" ;;\n");
     }
   });
   return out;
@@ -286,16 +271,15 @@ std::string ChoiceCases(const Command& root, const std::string& open) {
 std::string Bash(const Command& root) {
   std::string cases;
   Walk(root, [&](const Command& command) {
-    std::string commands, flags;
-    for (const Command& sub : command.commands) commands += (commands.empty() ? "" : " ") + sub.name;
-    for (const Flag& flag : command.flags) flags += (flags.empty() ? "" : " ") + CLI::detail::join(flag.names, " ");
-    cases += "    \"" + command.title + "\")\n      commands=\"" + commands + "\"\n      flags=\"" + flags +
-             "\"\n      ;;\n";
+    const auto name = [](std::string* to, const Command& sub) { *to += sub.name; };
+    const auto names = [](std::string* to, const Flag& flag) { *to += absl::StrJoin(flag.names, " "); };
+    absl::StrAppend(&cases, "    \"", command.title, "\")\n      commands=\"",
+                    absl::StrJoin(command.commands, " ", name), "\"\n      flags=\"",
+                    absl::StrJoin(command.flags, " ", names), "\"\n      ;;\n");
   });
-  const std::string name = root.name;
-  return "# Completion of " + name + " in bash: " + name + " --generate=bash\n_" + name + R"(() {
-  local cur=${COMP_WORDS[COMP_CWORD]} command=)" +
-         name + R"( flag= choices= commands= flags= i
+  constexpr char kScript[] = R"(# Completion of @name in bash: @name --generate=bash
+_@name() {
+  local cur=${COMP_WORDS[COMP_CWORD]} command=@name flag= choices= commands= flags= i
   COMPREPLY=()
   # "=" is a word of its own.
   if [ "$cur" = "=" ]; then
@@ -307,16 +291,13 @@ std::string Bash(const Command& root) {
   fi
   for ((i = 1; i < COMP_CWORD; ++i)); do
     case "$command ${COMP_WORDS[i]}" in
-      )" +
-         Titles(root) + R"() command+=" ${COMP_WORDS[i]}" ;;
+      @titles) command+=" ${COMP_WORDS[i]}" ;;
     esac
   done
   case $command in
-)" + cases +
-         R"(  esac
+@cases  esac
   case "$command $flag" in
-)" + ChoiceCases(root, "") +
-         R"(  esac
+@choices  esac
   if [ -n "$choices" ]; then
     COMPREPLY=($(compgen -W "$choices" -- "$cur"))
   elif [[ $cur == -* ]]; then
@@ -330,30 +311,33 @@ std::string Bash(const Command& root) {
   fi
 }
 
-complete -F _)" +
-         name + " " + name + "\n";
+complete -F _@name @name
+)";
+  return absl::StrReplaceAll(
+      kScript,
+      {{"@name", root.name}, {"@titles", Titles(root)}, {"@cases", cases}, {"@choices", ChoiceCases(root, "")}});
 }
 
 std::string Zsh(const Command& root) {
   std::string cases;
   Walk(root, [&](const Command& command) {
-    cases += "    (\"" + command.title + "\")\n      commands=(";
-    for (const Command& sub : command.commands) cases += " " + Quoted(sub.name + ":" + sub.text);
+    absl::StrAppend(&cases, "    (\"", command.title, "\")\n      commands=(");
+    for (const Command& sub : command.commands) absl::StrAppend(&cases, " ", Quoted(sub.name + ":" + sub.text));
     cases += ")\n      flags=(\n";
     for (const Flag& flag : command.flags) {
-      for (const std::string& name : flag.names) cases += "        " + Quoted(name + ":" + flag.text) + "\n";
+      for (const std::string& name : flag.names)
+        absl::StrAppend(&cases, "        ", Quoted(name + ":" + flag.text), "\n");
     }
     cases += "      )\n      ;;\n";
   });
-  const std::string name = root.name;
-  return "#compdef " + name + "\n# Completion of " + name + " in zsh: " + name + " --generate=zsh\n_" + name + R"(() {
+  constexpr char kScript[] = R"(#compdef @name
+# Completion of @name in zsh: @name --generate=zsh
+_@name() {
   local -a commands flags
-  local word command=)" +
-         name + R"( flag= choices= current=$words[CURRENT]
+  local word command=@name flag= choices= current=$words[CURRENT]
   for word in $words[2,CURRENT-1]; do
     case "$command $word" in
-      ()" +
-         Titles(root) + R"() command+=" $word" ;;
+      (@titles) command+=" $word" ;;
     esac
   done
   if [[ $current == --*=* ]]; then
@@ -363,11 +347,9 @@ std::string Zsh(const Command& root) {
     flag=$words[CURRENT-1]
   fi
   case $command in
-)" + cases +
-         R"(  esac
+@cases  esac
   case "$command $flag" in
-)" + ChoiceCases(root, "(") +
-         R"(  esac
+@choices  esac
   if [[ -n $choices ]]; then
     compadd -- ${=choices}
   elif [[ $current == -* && $current != *=* ]]; then
@@ -379,46 +361,50 @@ std::string Zsh(const Command& root) {
   fi
 }
 
-_)" + name +
-         " \"$@\"\n";
+_@name "$@"
+)";
+  return absl::StrReplaceAll(
+      kScript,
+      {{"@name", root.name}, {"@titles", Titles(root)}, {"@cases", cases}, {"@choices", ChoiceCases(root, "(")}});
 }
 
 std::string Fish(const Command& root) {
   const auto quoted = [](const std::string& text) { return Quoted(text, "\\'"); };
   std::string paths, lines;
   Walk(root, [&](const Command& command) {
-    if (!Path(command).empty()) paths += " " + quoted(Path(command));
+    if (!Path(command).empty()) absl::StrAppend(&paths, " ", quoted(Path(command)));
     const std::string begin =
-        "complete -c " + root.name + " -n " + quoted("__" + root.name + "_is \"" + Path(command) + "\"");
-    for (const Command& sub : command.commands)
-      lines += begin + " -f -a " + sub.name + " -d " + quoted(sub.text) + "\n";
+        absl::StrCat("complete -c ", root.name, " -n ", quoted("__" + root.name + "_is \"" + Path(command) + "\""));
+    for (const Command& sub : command.commands) {
+      absl::StrAppend(&lines, begin, " -f -a ", sub.name, " -d ", quoted(sub.text), "\n");
+    }
     for (const Flag& flag : command.flags) {
       lines += begin;
       for (const std::string& name : flag.names) {
         lines += name.starts_with("--") ? " -l " + name.substr(2) : " -s " + name.substr(1);
       }
-      if (!flag.choices.empty()) {
-        lines += " -x -a " + quoted(CLI::detail::join(flag.choices, " "));
-      } else if (!flag.value.empty()) {
-        lines += " -r";
-      }
-      lines += " -d " + quoted(flag.text) + "\n";
+      const std::string choices = absl::StrJoin(flag.choices, " ");
+      absl::StrAppend(&lines,
+                      !choices.empty()     ? " -x -a " + quoted(choices)
+                      : flag.value.empty() ? ""
+                                           : " -r",
+                      " -d ", quoted(flag.text), "\n");
     }
   });
-  return "# Completion of " + root.name + " in fish: " + root.name + " --generate=fish\nfunction __" + root.name +
-         R"(_is
+  constexpr char kScript[] = R"(# Completion of @name in fish: @name --generate=fish
+function __@name_is
     set -l path
     for word in (commandline -opc)[2..-1]
         set -l longer (string trim -- "$path $word")
-        if contains -- "$longer")" +
-         paths + R"(
+        if contains -- "$longer"@paths
             set path $longer
         end
     end
     test "$path" = "$argv[1]"
 end
 
-)" + lines;
+)";
+  return absl::StrReplaceAll(kScript, {{"@name", root.name}, {"@paths", paths}}) + lines;
 }
 
 }  // namespace

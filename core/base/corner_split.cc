@@ -1,7 +1,8 @@
 #include "core/base/corner_split.h"
 
 #include <bit>
-#include <numeric>
+
+#include "core/base/radix_sort.h"
 
 namespace planish {
 
@@ -9,8 +10,7 @@ CornerSplit SplitCorners(std::int64_t num_vertices, std::span<const std::int32_t
                          std::span<const double> corner_uv, bool fill_unused) {
   constexpr std::int32_t kLast = -1;
   CornerSplit split;
-  split.source.resize(num_vertices);
-  std::iota(split.source.begin(), split.source.end(), 0);
+  split.source = Indices(num_vertices);
   split.uv.resize(2 * num_vertices, 0.0);
   split.corner.reserve(corner_vertex.size());
   // Linked lists: the UV of a vertex are few.

@@ -17,8 +17,8 @@ struct Execution {
   const Interrupter* cancel = nullptr;  // null: nothing ends it
   const Interrupter* stop = nullptr;    // null: there is time for the best result
 
-  // Iterations of a chunk: at most some milliseconds of work on a mesh, so that a cancellation is noticed soon.
-  static constexpr std::int64_t kChunk = 4096;
+  // Iterations of a chunk: so few that a cancellation is noticed soon.
+  static constexpr std::int64_t kChunk = ThreadTeam::kChunk;
   // For loops without chunks: the steps between two calls of IsCancelled(). A power of two.
   static constexpr std::int64_t kStride = 16384;
 
@@ -26,20 +26,16 @@ struct Execution {
   bool IsStopRequested() const { return IsInterrupted(stop); }
   // The same requests, without the team.
   Execution ForOneThread() const { return {nullptr, cancel, stop}; }
+  ThreadTeam& Team() const { return team != nullptr ? *team : Alone(); }
   // IsCancelled(), asked once in kStride steps.
   bool IsCancelledAt(std::int64_t step) const { return step % kStride == 0 && IsCancelled(); }
 
   // body(begin, end) for every chunk of [0, n), as ThreadTeam::For.
   template <typename Body>
   void For(std::int64_t n, const Body& body, std::int64_t chunk = kChunk) const {
-    const auto run = [&](std::int64_t begin, std::int64_t end) {
+    Team().For(n, chunk, [&](std::int64_t begin, std::int64_t end) {
       if (!IsCancelled()) body(begin, end);
-    };
-    if (team != nullptr) {
-      team->For(n, chunk, run);
-    } else {
-      for (std::int64_t begin = 0; begin < n; begin += chunk) run(begin, begin + chunk < n ? begin + chunk : n);
-    }
+    });
   }
 
   // each(i) for every i of [0, n), a chunk of them after one another.
@@ -54,11 +50,8 @@ struct Execution {
   // Result() stands for chunks that were left out.
   template <typename Result, typename Body>
   std::vector<Result> Collect(std::int64_t n, const Body& body) const {
-    std::vector<Result> results(static_cast<std::size_t>((n + kChunk - 1) / kChunk));
-    For(n, [&](std::int64_t begin, std::int64_t end) {
-      results[static_cast<std::size_t>(begin / kChunk)] = body(begin, end);
-    });
-    return results;
+    return Team().Collect<Result>(
+        n, kChunk, [&](std::int64_t begin, std::int64_t end) { return IsCancelled() ? Result() : body(begin, end); });
   }
 
   // The sum of what each(i, &sum) adds for every i in [0, n): by chunks, whose sums Sum::Add() adds in order.

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/descriptor.h"
 
@@ -21,55 +22,44 @@ std::vector<char*> Pointers(const std::vector<std::string>& texts) {
   return pointers;
 }
 
-// What posix_spawn wants to be told, freed with this object.
-struct Actions {
-  Actions() {
-    posix_spawn_file_actions_init(&files);
-    posix_spawnattr_init(&attributes);
-  }
-  ~Actions() {
-    posix_spawn_file_actions_destroy(&files);
-    posix_spawnattr_destroy(&attributes);
-  }
-  Actions(const Actions&) = delete;
-  Actions& operator=(const Actions&) = delete;
-
-  posix_spawn_file_actions_t files;
-  posix_spawnattr_t attributes;
-};
-
 }  // namespace
 
 int Spawn(const NewProcess& process, pid_t* pid) {
-  Actions actions;
+  posix_spawn_file_actions_t files;
+  posix_spawnattr_t attributes;
+  posix_spawn_file_actions_init(&files);
+  posix_spawnattr_init(&attributes);
+  const absl::Cleanup free_both = [&] {
+    posix_spawn_file_actions_destroy(&files);
+    posix_spawnattr_destroy(&attributes);
+  };
   const int count = static_cast<int>(process.descriptors.size());
   std::vector<Descriptor> sources;
   for (int i = 0; i < count; ++i) {
     const int ours = process.descriptors[static_cast<std::size_t>(i)];
     int error = 0;
     if (ours < 0) {
-      error = posix_spawn_file_actions_addopen(&actions.files, i, "/dev/null", O_RDWR, 0);
+      error = posix_spawn_file_actions_addopen(&files, i, "/dev/null", O_RDWR, 0);
     } else {
       // A copy above the numbers that the process gets, which may be those of ours.
       const Descriptor& source = sources.emplace_back(fcntl(ours, F_DUPFD_CLOEXEC, count));
       if (source.get() < 0) return errno;
-      error = posix_spawn_file_actions_adddup2(&actions.files, source.get(), i);
+      error = posix_spawn_file_actions_adddup2(&files, source.get(), i);
     }
     if (error != 0) return error;
   }
-  if (const int error = posix_spawn_file_actions_addclosefrom_np(&actions.files, count); error != 0) return error;
+  if (const int error = posix_spawn_file_actions_addclosefrom_np(&files, count); error != 0) return error;
   sigset_t blocked, all;
   sigemptyset(&blocked);
   for (const int signal : process.blocked_signals) sigaddset(&blocked, signal);
   sigfillset(&all);
-  posix_spawnattr_setsigmask(&actions.attributes, &blocked);
-  posix_spawnattr_setsigdefault(&actions.attributes, &all);
-  posix_spawnattr_setpgroup(&actions.attributes, 0);
+  posix_spawnattr_setsigmask(&attributes, &blocked);
+  posix_spawnattr_setsigdefault(&attributes, &all);
+  posix_spawnattr_setpgroup(&attributes, 0);
   const int group = process.own_group ? POSIX_SPAWN_SETPGROUP : 0;
-  posix_spawnattr_setflags(&actions.attributes,
-                           static_cast<short>(POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | group));
-  return posix_spawn(pid, process.program.c_str(), &actions.files, &actions.attributes,
-                     Pointers(process.arguments).data(), Pointers(process.variables).data());
+  posix_spawnattr_setflags(&attributes, static_cast<short>(POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | group));
+  return posix_spawn(pid, process.program.c_str(), &files, &attributes, Pointers(process.arguments).data(),
+                     Pointers(process.variables).data());
 }
 
 std::string HowItEnded(int wait_status) {

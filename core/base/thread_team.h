@@ -16,6 +16,9 @@ namespace planish {
 // One thread at a time may use a team. Bodies must not throw and must not use the team themselves.
 class ThreadTeam {
  public:
+  // Iterations of a chunk: at most some milliseconds of work on a mesh, and enough to be worth a thread.
+  static constexpr std::int64_t kChunk = 4096;
+
   // size >= 1.
   explicit ThreadTeam(int size);
   ~ThreadTeam();
@@ -43,7 +46,7 @@ class ThreadTeam {
 
   // each(i) for every i of [0, n), a chunk of them after one another.
   template <typename Each>
-  void ForEach(std::int64_t n, std::int64_t chunk_size, const Each& each) {
+  void ForEach(std::int64_t n, const Each& each, std::int64_t chunk_size = kChunk) {
     For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {
       for (std::int64_t i = begin; i < end; ++i) each(i);
     });
@@ -57,6 +60,16 @@ class ThreadTeam {
       const std::int64_t begin = (item - 1) * chunk_size;
       body(begin, begin + chunk_size < n ? begin + chunk_size : n);
     });
+  }
+
+  // The results of body(begin, end) for every chunk, in order. Result() stands for chunks that a body left out.
+  template <typename Result, typename Body>
+  std::vector<Result> Collect(std::int64_t n, std::int64_t chunk_size, const Body& body) {
+    std::vector<Result> results(static_cast<std::size_t>((n + chunk_size - 1) / chunk_size));
+    For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {
+      results[static_cast<std::size_t>(begin / chunk_size)] = body(begin, end);
+    });
+    return results;
   }
 
   // Sum over all chunks of body(begin, end), added in order.

@@ -1,6 +1,5 @@
 #include "core/charts/surface.h"
 
-#include <cmath>
 #include <numbers>
 
 #include "Eigen/Geometry"

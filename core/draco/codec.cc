@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <limits>
 #include <memory>
-#include <numeric>
 #include <optional>
 #include <set>
-#include <utility>
 #include <vector>
 
+#include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/draco/header.h"
 #include "core/draco/library.h"
@@ -113,20 +111,15 @@ std::string OtherValues(const draco::Mesh& mesh, std::uint32_t point) {
 // them differ in another attribute; alike ones were kept apart on purpose, at a cut of the surface.
 void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
   const std::int64_t vertices = mesh->num_vertices();
-  std::vector<std::int32_t> order(vertices);
-  std::iota(order.begin(), order.end(), 0);
-  const auto same = [&](std::int32_t a, std::int32_t b) {
-    return std::memcmp(mesh->positions[a].data(), mesh->positions[b].data(), sizeof(Vec3)) == 0;
+  const auto compare = [&](std::int32_t a, std::int32_t b) {
+    return std::memcmp(mesh->positions[a].data(), mesh->positions[b].data(), sizeof(Vec3));
   };
-  std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
-    const int difference = std::memcmp(mesh->positions[a].data(), mesh->positions[b].data(), sizeof(Vec3));
-    return difference != 0 ? difference < 0 : a < b;
-  });
-  std::vector<std::int32_t> joined_with(vertices);
-  std::iota(joined_with.begin(), joined_with.end(), 0);
+  const std::vector<std::int32_t> order =
+      SortedIndices(vertices, [&](std::int32_t a, std::int32_t b) { return compare(a, b) < 0; });
+  std::vector<std::int32_t> joined_with = Indices(vertices);
   for (std::int64_t begin = 0, end = 0; begin < vertices; begin = end) {
     std::set<std::string> others;
-    for (end = begin; end < vertices && same(order[begin], order[end]); ++end) {
+    for (end = begin; end < vertices && compare(order[begin], order[end]) == 0; ++end) {
       if (end > begin && others.empty()) others.insert(OtherValues(decoded, order[begin]));
       if (end > begin) others.insert(OtherValues(decoded, order[end]));
     }

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstring>
-#include <string>
 
 #include "core/draco/library.h"
 #include "draco/compression/config/compression_shared.h"

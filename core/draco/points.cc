@@ -29,24 +29,14 @@ int GlTypeOfDraco(int component) {
 
 namespace {
 
-constexpr std::pair<DracoKind, draco::GeometryAttribute::Type> kKinds[] = {
-    {DracoKind::kPosition, draco::GeometryAttribute::POSITION},
-    {DracoKind::kNormal, draco::GeometryAttribute::NORMAL},
-    {DracoKind::kColor, draco::GeometryAttribute::COLOR},
-    {DracoKind::kTexcoord, draco::GeometryAttribute::TEX_COORD}};
+// DracoKind has the numbers of Draco's own types.
+static_assert(static_cast<int>(DracoKind::kPosition) == draco::GeometryAttribute::POSITION);
+static_assert(static_cast<int>(DracoKind::kTexcoord) == draco::GeometryAttribute::TEX_COORD);
+static_assert(static_cast<int>(DracoKind::kGeneric) == draco::GeometryAttribute::GENERIC);
 
 DracoKind KindOf(draco::GeometryAttribute::Type type) {
-  for (const auto& [kind, theirs] : kKinds) {
-    if (theirs == type) return kind;
-  }
-  return DracoKind::kGeneric;
-}
-
-draco::GeometryAttribute::Type TypeOf(DracoKind kind) {
-  for (const auto& [ours, type] : kKinds) {
-    if (ours == kind) return type;
-  }
-  return draco::GeometryAttribute::GENERIC;
+  const bool is_named = type >= 0 && type < draco::GeometryAttribute::GENERIC;
+  return is_named ? static_cast<DracoKind>(type) : DracoKind::kGeneric;
 }
 
 absl::StatusOr<DracoAttribute> CopyAttribute(const draco::PointAttribute& source, std::uint32_t num_points) {
@@ -136,8 +126,9 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
   std::int64_t point_bytes = 0;
   for (const DracoAttribute& attribute : points.attributes) {
     draco::GeometryAttribute shape;
-    shape.Init(TypeOf(attribute.kind), nullptr, static_cast<std::int8_t>(attribute.components),
-               static_cast<draco::DataType>(attribute.component), attribute.normalized, attribute.value_size, 0);
+    shape.Init(static_cast<draco::GeometryAttribute::Type>(attribute.kind), nullptr,
+               static_cast<std::int8_t>(attribute.components), static_cast<draco::DataType>(attribute.component),
+               attribute.normalized, attribute.value_size, 0);
     const int id = mesh.AddAttribute(shape, true, static_cast<std::uint32_t>(points.num_points));
     for (std::int64_t p = 0; p < points.num_points; ++p) {
       mesh.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(p)),

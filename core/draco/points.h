@@ -11,6 +11,7 @@
 
 namespace planish {
 
+// With the numbers of draco::GeometryAttribute::Type.
 enum class DracoKind { kPosition, kNormal, kColor, kTexcoord, kGeneric };
 
 struct DracoAttribute {

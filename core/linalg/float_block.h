@@ -1,22 +1,23 @@
-// Small vectors and blocks of floats, one SSE or NEON register wide, for the loops of the multigrid.
+// Small vectors and blocks of floats, one SSE or NEON register wide, for the loops of the multigrid and of the Cholesky
+// factorization.
 #pragma once
 
-#include <cstdint>
 #include <cstring>
 
 namespace planish {
 
 using Float2 = float __attribute__((vector_size(8)));
 using Float4 = float __attribute__((vector_size(16)));
+using Double2 = double __attribute__((vector_size(16)));
 
-template <typename Vector>
-Vector Load(const float* p) {
+template <typename Vector, typename Scalar>
+Vector Load(const Scalar* p) {
   Vector v;
   std::memcpy(&v, p, sizeof v);
   return v;
 }
-template <typename Vector>
-void Store(const Vector& v, float* p) {
+template <typename Vector, typename Scalar>
+void Store(const Vector& v, Scalar* p) {
   std::memcpy(p, &v, sizeof v);
 }
 
@@ -37,6 +38,25 @@ inline Float4 Product(const Float4& a, const Float4& b) {
 inline Float4 Transposed(const Float4& a) {
   return __builtin_shufflevector(a, a, 0, 2, 1, 3);
 }
+
+// Sums of blocks of 2x4 and of 4x4, as 2x2 parts by rows, each by rows, times vectors: what one register can take is
+// added up before its parts are.
+struct Products2 {
+  Float4 terms = {};
+  void Add(const float* block, const Float4& x) {
+    terms += Load<Float4>(block) * __builtin_shufflevector(x, x, 0, 1, 0, 1) +
+             Load<Float4>(block + 4) * __builtin_shufflevector(x, x, 2, 3, 2, 3);
+  }
+  Float2 Value() const { return RowSums(terms); }
+};
+struct Products4 {
+  Products2 upper, lower;
+  void Add(const float* block, const Float4& x) {
+    upper.Add(block, x);
+    lower.Add(block + 8, x);
+  }
+  Float4 Value() const { return __builtin_shufflevector(upper.Value(), lower.Value(), 0, 1, 2, 3); }
+};
 
 // ---- Complex numbers as pairs.
 

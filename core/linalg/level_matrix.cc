@@ -108,7 +108,7 @@ template struct LevelMatrix<2>;
 template struct LevelMatrix<4>;
 
 void SetValues(const BlockMatrix<float>& matrix, LevelMatrix<2>* level, ThreadTeam* team) {
-  team->ForEach(level->num_rows(), kRowsPerChunk, [&](Index i) {
+  team->ForEach(level->num_rows(), [&](Index i) {
     const Index first = i / level->chunk_rows * level->chunk_rows, last = first + level->chunk_rows;
     Index inside = level->row_begin[i], outside = level->outside_begin[i];
     for (Index k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "Eigen/Core"
@@ -68,15 +69,7 @@ struct LevelMatrix {
 void SetValues(const BlockMatrix<float>& matrix, LevelMatrix<2>* level, ThreadTeam* team);
 
 template <int N>
-struct LevelVector;
-template <>
-struct LevelVector<2> {
-  using Type = Float2;
-};
-template <>
-struct LevelVector<4> {
-  using Type = Float4;
-};
+using LevelVector = std::conditional_t<N == 2, Float2, Float4>;
 
 // Sum of blocks [first, last) of `a`, of one row, times x.
 inline Float2 RowProduct(const LevelMatrix<2>& a, std::int32_t first, std::int32_t last, const float* x) {
@@ -87,16 +80,9 @@ inline Float2 RowProduct(const LevelMatrix<2>& a, std::int32_t first, std::int32
   return RowSums(terms);
 }
 inline Float4 RowProduct(const LevelMatrix<4>& a, std::int32_t first, std::int32_t last, const float* x) {
-  Float4 upper = {}, lower = {};
-  for (std::int32_t k = first; k < last; ++k) {
-    const float *block = a.Block(k), *at = x + 4 * std::int64_t{a.column[k]};
-    const Float4 x0 = Load<Float4>(at);
-    const Float4 x00 = __builtin_shufflevector(x0, x0, 0, 1, 0, 1), x11 = __builtin_shufflevector(x0, x0, 2, 3, 2, 3);
-    upper += Load<Float4>(block) * x00 + Load<Float4>(block + 4) * x11;
-    lower += Load<Float4>(block + 8) * x00 + Load<Float4>(block + 12) * x11;
-  }
-  const Float2 u = RowSums(upper), l = RowSums(lower);
-  return __builtin_shufflevector(u, l, 0, 1, 2, 3);
+  Products4 sum;
+  for (std::int32_t k = first; k < last; ++k) sum.Add(a.Block(k), Load<Float4>(x + 4 * std::int64_t{a.column[k]}));
+  return sum.Value();
 }
 
 // inverse of diagonal block i times r.
@@ -104,11 +90,9 @@ inline Float2 SolveRow(const LevelMatrix<2>& a, std::int32_t i, const Float2& r)
   return RowSums(Terms(Load<Float4>(&a.inverse[4 * std::size_t(i)]), r));
 }
 inline Float4 SolveRow(const LevelMatrix<4>& a, std::int32_t i, const Float4& r) {
-  const float* block = &a.inverse[16 * std::size_t(i)];
-  const Float4 r00 = __builtin_shufflevector(r, r, 0, 1, 0, 1), r11 = __builtin_shufflevector(r, r, 2, 3, 2, 3);
-  const Float2 u = RowSums(Load<Float4>(block) * r00 + Load<Float4>(block + 4) * r11);
-  const Float2 l = RowSums(Load<Float4>(block + 8) * r00 + Load<Float4>(block + 12) * r11);
-  return __builtin_shufflevector(u, l, 0, 1, 2, 3);
+  Products4 product;
+  product.Add(&a.inverse[16 * std::size_t(i)], r);
+  return product.Value();
 }
 
 }  // namespace planish

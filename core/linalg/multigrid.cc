@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "Eigen/Cholesky"
 #include "absl/strings/str_format.h"
@@ -101,22 +99,15 @@ absl::Status Multigrid::InvertCoarsest() {
 void Multigrid::Cycle() const {
   finest_.RelaxFromZero(team_);
   finest_.Restrict(&coarse_[0].b, team_);
-  Cycle(0);
-  finest_.CorrectAndRelax(coarse_[0].x, team_);
-}
-
-void Multigrid::Cycle(std::size_t l) const {
-  MultigridLevel<4>& level = coarse_[l];
-  if (l + 1 == coarse_.size()) {
-    const Eigen::Index n = inverse_.rows();
-    Eigen::Map<Eigen::VectorXf>(level.x.data(), n).noalias() =
-        inverse_ * Eigen::Map<const Eigen::VectorXf>(level.b.data(), n);
-    return;
+  for (std::size_t l = 0; l + 1 < coarse_.size(); ++l) {
+    coarse_[l].RelaxFromZero(team_);
+    coarse_[l].Restrict(&coarse_[l + 1].b, team_);
   }
-  level.RelaxFromZero(team_);
-  level.Restrict(&coarse_[l + 1].b, team_);
-  Cycle(l + 1);
-  level.CorrectAndRelax(coarse_[l + 1].x, team_);
+  const Eigen::Index n = inverse_.rows();
+  Eigen::Map<Eigen::VectorXf>(coarse_.back().x.data(), n).noalias() =
+      inverse_ * Eigen::Map<const Eigen::VectorXf>(coarse_.back().b.data(), n);
+  for (std::size_t l = coarse_.size() - 1; l-- > 0;) coarse_[l].CorrectAndRelax(coarse_[l + 1].x, team_);
+  finest_.CorrectAndRelax(coarse_[0].x, team_);
 }
 
 void Multigrid::Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const {
@@ -128,11 +119,9 @@ void Multigrid::Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const {
   }
   const Eigen::Index n = r.size();
   z->resize(n);
-  constexpr std::int64_t kChunk = 16384;
-  team_->ForEach(n, kChunk,
-                 [&](std::int64_t i) { finest_.b[static_cast<std::size_t>(i)] = static_cast<float>(r[i] / scale); });
+  team_->ForEach(n, [&](std::int64_t i) { finest_.b[static_cast<std::size_t>(i)] = static_cast<float>(r[i] / scale); });
   Cycle();
-  team_->ForEach(n, kChunk, [&](std::int64_t i) { (*z)[i] = scale * finest_.x[static_cast<std::size_t>(i)]; });
+  team_->ForEach(n, [&](std::int64_t i) { (*z)[i] = scale * finest_.x[static_cast<std::size_t>(i)]; });
 }
 
 double Multigrid::operator_complexity() const {

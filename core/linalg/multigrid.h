@@ -66,9 +66,8 @@ class Multigrid {
 
  private:
   absl::Status InvertCoarsest();
-  // One cycle on the finest level, and on coarse level l.
+  // On the vectors of the finest level.
   void Cycle() const;
-  void Cycle(std::size_t l) const;
 
   const MultigridTuning tuning_;
   ThreadTeam* team_ = nullptr;

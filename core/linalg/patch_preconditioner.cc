@@ -1,7 +1,6 @@
 #include "core/linalg/patch_preconditioner.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "core/base/status_macros.h"
 

@@ -1,29 +1,17 @@
 #include "core/linalg/sparse_cholesky.h"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <new>
-#include <vector>
 
 #include "Eigen/OrderingMethods"
 #include "Eigen/SparseCore"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/linalg/float_block.h"
 
 namespace planish {
 namespace {
 
-using Double2 = double __attribute__((vector_size(16)));
-
-Double2 LoadPair(const double* p) {
-  Double2 pair;
-  __builtin_memcpy(&pair, p, sizeof pair);
-  return pair;
-}
-void StorePair(const Double2& pair, double* p) {
-  __builtin_memcpy(p, &pair, sizeof pair);
-}
 Double2 Twice(double x) {
   return Double2{x, x};
 }
@@ -34,18 +22,13 @@ std::vector<std::int32_t> MinimumDegreeOrder(const BlockMatrix<double>& matrix) 
   // Only the pattern matters. Eigen adds that of the transpose, so one triangle is enough; with the diagonal, since
   // rows without are put last, unordered.
   Eigen::SparseMatrix<float, Eigen::ColMajor, int> pattern(n, n);
-  std::vector<int> length(n, 0);
   for (std::int32_t i = 0; i < n; ++i) {
-    for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k)
-      length[i] += matrix.column[k] >= i ? 1 : 0;
-  }
-  pattern.reserve(length);
-  for (std::int32_t i = 0; i < n; ++i) {
+    pattern.startVec(i);
     for (std::int32_t k = matrix.row_begin[i]; k < matrix.row_begin[i + 1]; ++k) {
-      if (matrix.column[k] >= i) pattern.insert(matrix.column[k], i) = 1;
+      if (matrix.column[k] >= i) pattern.insertBack(matrix.column[k], i) = 1;
     }
   }
-  pattern.makeCompressed();
+  pattern.finalize();
   Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order(n);
   Eigen::AMDOrdering<int>()(pattern, order);
   return {order.indices().data(), order.indices().data() + n};
@@ -53,33 +36,9 @@ std::vector<std::int32_t> MinimumDegreeOrder(const BlockMatrix<double>& matrix) 
 
 }  // namespace
 
-struct SparseCholesky::Impl {
-  // The order, the elimination tree and the pattern of L.
-  void Analyze(const BlockMatrix<double>& matrix);
-  absl::Status FactorizeNumbers(const BlockMatrix<double>& matrix);
-  // Writes the columns of row k of L, which are the nodes of the elimination tree on the paths from the columns of row
-  // k of the matrix up to k, to the end of `pattern` from the returned place on: each after those that it depends on.
-  std::int32_t RowPattern(const BlockMatrix<double>& matrix, std::int32_t k, std::vector<std::int32_t>* mark,
-                          std::vector<std::int32_t>* pattern) const;
-
-  std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max();
-
-  // The pattern that the rest was made for.
-  std::vector<std::int32_t> row_begin = {0}, column;
-  std::vector<std::int32_t> order, place;  // place[order[k]] = k
-  std::vector<std::int32_t> parent;        // in the elimination tree; -1: a root
-  // Column j of L below its diagonal: blocks [begin[j], begin[j + 1]), rows ascending. A block L_kj takes four numbers,
-  // its transpose by rows.
-  std::vector<std::int64_t> begin;
-  std::vector<std::int32_t> row;
-  std::vector<double> value;
-  // The inverse of the diagonal block of column j: ((a, 0), (b, c)) as a, b, c.
-  std::vector<double> inverse;
-};
-
-std::int32_t SparseCholesky::Impl::RowPattern(const BlockMatrix<double>& matrix, std::int32_t k,
-                                              std::vector<std::int32_t>* mark,
-                                              std::vector<std::int32_t>* pattern) const {
+std::int32_t SparseCholesky::Factor::RowPattern(const BlockMatrix<double>& matrix, std::int32_t k,
+                                                std::vector<std::int32_t>* mark,
+                                                std::vector<std::int32_t>* pattern) const {
   auto top = static_cast<std::int32_t>(pattern->size());
   (*mark)[k] = k;
   const std::int32_t row_of_matrix = order[k];
@@ -95,7 +54,7 @@ std::int32_t SparseCholesky::Impl::RowPattern(const BlockMatrix<double>& matrix,
   return top;
 }
 
-void SparseCholesky::Impl::Analyze(const BlockMatrix<double>& matrix) {
+void SparseCholesky::Factor::Analyze(const BlockMatrix<double>& matrix) {
   const std::int32_t n = matrix.num_rows();
   order = MinimumDegreeOrder(matrix);
   place.resize(n);
@@ -123,7 +82,7 @@ void SparseCholesky::Impl::Analyze(const BlockMatrix<double>& matrix) {
   column = matrix.column;
 }
 
-absl::Status SparseCholesky::Impl::FactorizeNumbers(const BlockMatrix<double>& matrix) {
+absl::Status SparseCholesky::Factor::FactorizeNumbers(const BlockMatrix<double>& matrix) {
   const std::int32_t n = matrix.num_rows();
   row.resize(static_cast<std::size_t>(begin[n]));
   value.resize(4 * static_cast<std::size_t>(begin[n]));
@@ -149,21 +108,21 @@ absl::Status SparseCholesky::Impl::FactorizeNumbers(const BlockMatrix<double>& m
       const std::int32_t i = pattern[t];
       double* yi = &y[4 * static_cast<std::size_t>(i)];
       const double* inv = &inverse[3 * static_cast<std::size_t>(i)];
-      const Double2 y0 = LoadPair(yi), y1 = LoadPair(yi + 2);
+      const Double2 y0 = Load<Double2>(yi), y1 = Load<Double2>(yi + 2);
       const Double2 z0 = Twice(inv[0]) * y0, z1 = Twice(inv[1]) * y0 + Twice(inv[2]) * y1;
-      StorePair(Double2{0, 0}, yi);
-      StorePair(Double2{0, 0}, yi + 2);
+      Store(Double2{0, 0}, yi);
+      Store(Double2{0, 0}, yi + 2);
       for (std::int64_t p = begin[i]; p < end[i]; ++p) {
         // y_r -= L_ri Z_i.
         const double* l = &value[4 * static_cast<std::size_t>(p)];
         double* yr = &y[4 * static_cast<std::size_t>(row[static_cast<std::size_t>(p)])];
-        StorePair(LoadPair(yr) - Twice(l[0]) * z0 - Twice(l[2]) * z1, yr);
-        StorePair(LoadPair(yr + 2) - Twice(l[1]) * z0 - Twice(l[3]) * z1, yr + 2);
+        Store(Load<Double2>(yr) - Twice(l[0]) * z0 - Twice(l[2]) * z1, yr);
+        Store(Load<Double2>(yr + 2) - Twice(l[1]) * z0 - Twice(l[3]) * z1, yr + 2);
       }
       const std::int64_t at = end[i]++;
       row[static_cast<std::size_t>(at)] = k;
-      StorePair(z0, &value[4 * static_cast<std::size_t>(at)]);
-      StorePair(z1, &value[4 * static_cast<std::size_t>(at) + 2]);
+      Store(z0, &value[4 * static_cast<std::size_t>(at)]);
+      Store(z1, &value[4 * static_cast<std::size_t>(at) + 2]);
       d00 -= z0[0] * z0[0] + z1[0] * z1[0];
       d10 -= z0[1] * z0[0] + z1[1] * z1[0];
       d11 -= z0[1] * z0[1] + z1[1] * z1[1];
@@ -181,84 +140,69 @@ absl::Status SparseCholesky::Impl::FactorizeNumbers(const BlockMatrix<double>& m
   return absl::OkStatus();
 }
 
-SparseCholesky::SparseCholesky() : impl_(std::make_unique<Impl>()) {}
-SparseCholesky::~SparseCholesky() = default;
-
-void SparseCholesky::set_max_bytes(std::int64_t bytes) {
-  impl_->max_bytes = bytes;
-}
-
 std::int64_t SparseCholesky::bytes() const {
-  const Impl& f = *impl_;
   constexpr std::int64_t kPerBlock = sizeof(std::int32_t) + 4 * sizeof(double);
-  return f.begin.empty() ? 0 : kPerBlock * f.begin.back();
+  return l_.begin.empty() ? 0 : kPerBlock * l_.begin.back();
 }
 
 absl::Status SparseCholesky::Factorize(const BlockMatrix<double>& matrix) {
-  Impl& f = *impl_;
-  const auto forget = [&] {
-    const std::int64_t limit = f.max_bytes;
-    f = Impl();
-    f.max_bytes = limit;
-  };
   const auto give_up = [&](const std::string& why) {
-    forget();
+    l_ = {};
     return absl::ResourceExhaustedError(why);
   };
   if (matrix.num_rows() == 0) return absl::OkStatus();
   try {
-    if (f.begin.empty() || f.row_begin != matrix.row_begin || f.column != matrix.column) {
-      forget();
-      f.Analyze(matrix);
+    if (l_.begin.empty() || l_.row_begin != matrix.row_begin || l_.column != matrix.column) {
+      l_ = {};
+      l_.Analyze(matrix);
     }
-    if (bytes() > f.max_bytes) {
+    if (bytes() > max_bytes_) {
       return give_up(absl::StrFormat(
           "a Cholesky factorization of %d rows takes %.0f MB, and %.0f MB are reserved for it", 2 * matrix.num_rows(),
-          1e-6 * static_cast<double>(bytes()), 1e-6 * static_cast<double>(f.max_bytes)));
+          1e-6 * static_cast<double>(bytes()), 1e-6 * static_cast<double>(max_bytes_)));
     }
-    return f.FactorizeNumbers(matrix);
+    return l_.FactorizeNumbers(matrix);
   } catch (const std::bad_alloc&) {
     return give_up(absl::StrCat("no memory for a Cholesky factorization of ", 2 * matrix.num_rows(), " rows"));
   }
 }
 
 void SparseCholesky::Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const {
-  const Impl& f = *impl_;
   const auto n = static_cast<std::int32_t>(b.size() / 2);
   std::vector<double> y(2 * static_cast<std::size_t>(n));
   for (std::int32_t k = 0; k < n; ++k) {
-    y[2 * static_cast<std::size_t>(k)] = b[2 * f.order[k]];
-    y[2 * static_cast<std::size_t>(k) + 1] = b[2 * f.order[k] + 1];
+    y[2 * static_cast<std::size_t>(k)] = b[2 * l_.order[k]];
+    y[2 * static_cast<std::size_t>(k) + 1] = b[2 * l_.order[k] + 1];
   }
   for (std::int32_t j = 0; j < n; ++j) {
     double* own = &y[2 * static_cast<std::size_t>(j)];
-    const double* inv = &f.inverse[3 * static_cast<std::size_t>(j)];
+    const double* inv = &l_.inverse[3 * static_cast<std::size_t>(j)];
     const double y0 = inv[0] * own[0], y1 = inv[1] * own[0] + inv[2] * own[1];
     own[0] = y0;
     own[1] = y1;
-    for (std::int64_t p = f.begin[j]; p < f.begin[j + 1]; ++p) {
-      const double* l = &f.value[4 * static_cast<std::size_t>(p)];
-      double* to = &y[2 * static_cast<std::size_t>(f.row[static_cast<std::size_t>(p)])];
-      StorePair(LoadPair(to) - Twice(y0) * LoadPair(l) - Twice(y1) * LoadPair(l + 2), to);
+    for (std::int64_t p = l_.begin[j]; p < l_.begin[j + 1]; ++p) {
+      const double* l = &l_.value[4 * static_cast<std::size_t>(p)];
+      double* to = &y[2 * static_cast<std::size_t>(l_.row[static_cast<std::size_t>(p)])];
+      Store(Load<Double2>(to) - Twice(y0) * Load<Double2>(l) - Twice(y1) * Load<Double2>(l + 2), to);
     }
   }
   for (std::int32_t j = n - 1; j >= 0; --j) {
     double* own = &y[2 * static_cast<std::size_t>(j)];
     Double2 first = {0, 0}, second = {0, 0};
-    for (std::int64_t p = f.begin[j]; p < f.begin[j + 1]; ++p) {
-      const double* l = &f.value[4 * static_cast<std::size_t>(p)];
-      const Double2 at = LoadPair(&y[2 * static_cast<std::size_t>(f.row[static_cast<std::size_t>(p)])]);
-      first += LoadPair(l) * at;
-      second += LoadPair(l + 2) * at;
+    for (std::int64_t p = l_.begin[j]; p < l_.begin[j + 1]; ++p) {
+      const double* l = &l_.value[4 * static_cast<std::size_t>(p)];
+      const Double2 at = Load<Double2>(&y[2 * static_cast<std::size_t>(l_.row[static_cast<std::size_t>(p)])]);
+      first += Load<Double2>(l) * at;
+      second += Load<Double2>(l + 2) * at;
     }
-    const double* inv = &f.inverse[3 * static_cast<std::size_t>(j)];
+    const double* inv = &l_.inverse[3 * static_cast<std::size_t>(j)];
     const double r0 = own[0] - (first[0] + first[1]), r1 = own[1] - (second[0] + second[1]);
     own[0] = inv[0] * r0 + inv[1] * r1;
     own[1] = inv[2] * r1;
   }
   x->resize(b.size());
   for (std::int32_t k = 0; k < n; ++k)
-    x->segment<2>(2 * f.order[k]) << y[2 * static_cast<std::size_t>(k)], y[2 * static_cast<std::size_t>(k) + 1];
+    x->segment<2>(2 * l_.order[k]) << y[2 * static_cast<std::size_t>(k)], y[2 * static_cast<std::size_t>(k) + 1];
 }
 
 }  // namespace planish

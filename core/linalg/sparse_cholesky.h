@@ -6,7 +6,8 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
+#include <limits>
+#include <vector>
 
 #include "Eigen/Core"
 #include "absl/status/status.h"
@@ -17,13 +18,8 @@ namespace planish {
 // Not thread-safe; independent objects may be used on different threads.
 class SparseCholesky {
  public:
-  SparseCholesky();
-  ~SparseCholesky();
-  SparseCholesky(const SparseCholesky&) = delete;
-  SparseCholesky& operator=(const SparseCholesky&) = delete;
-
   // The most that the factor may take, in bytes; the default is no limit.
-  void set_max_bytes(std::int64_t bytes);
+  void set_max_bytes(std::int64_t bytes) { max_bytes_ = bytes; }
 
   // Factorizes `matrix`. The ordering (approximate minimum degree; Amestoy, Davis, Duff 1996) and the pattern of L are
   // made in the first call and kept while the pattern of the matrix stays the same.
@@ -38,8 +34,31 @@ class SparseCholesky {
   std::int64_t bytes() const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  struct Factor {
+    // The pattern of the matrix that the rest was made for.
+    std::vector<std::int32_t> row_begin = {0}, column;
+    std::vector<std::int32_t> order, place;  // place[order[k]] = k
+    std::vector<std::int32_t> parent;        // in the elimination tree; -1: a root
+    // Column j of L below its diagonal: blocks [begin[j], begin[j + 1]), rows ascending. A block L_kj takes four
+    // numbers, its transpose by rows.
+    std::vector<std::int64_t> begin;
+    std::vector<std::int32_t> row;
+    std::vector<double> value;
+    // The inverse of the diagonal block of column j: ((a, 0), (b, c)) as a, b, c.
+    std::vector<double> inverse;
+
+    // The order, the elimination tree and the pattern of L.
+    void Analyze(const BlockMatrix<double>& matrix);
+    absl::Status FactorizeNumbers(const BlockMatrix<double>& matrix);
+    // Writes the columns of row k of L, which are the nodes of the elimination tree on the paths from the columns of
+    // row k of the matrix up to k, to the end of `pattern` from the returned place on: each after those that it depends
+    // on.
+    std::int32_t RowPattern(const BlockMatrix<double>& matrix, std::int32_t k, std::vector<std::int32_t>* mark,
+                            std::vector<std::int32_t>* pattern) const;
+  };
+
+  std::int64_t max_bytes_ = std::numeric_limits<std::int64_t>::max();
+  Factor l_;
 };
 
 }  // namespace planish

@@ -1,7 +1,6 @@
 // Loops over long vectors on a team of threads. Sums are added up chunk by chunk, so every team gives the same bits.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -39,13 +38,13 @@ inline double Norm(ThreadTeam& team, const Eigen::VectorXd& a) {
 // Largest entry of an expression without negative entries; NaN if an entry is NaN, 0 if there are no entries.
 template <typename Expression>
 double Largest(ThreadTeam& team, const Expression& expression) {
-  std::vector<double> parts(static_cast<std::size_t>((expression.size() + kVectorChunk - 1) / kVectorChunk));
-  team.For(expression.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
-    parts[static_cast<std::size_t>(begin / kVectorChunk)] =
-        expression.segment(begin, end - begin).template maxCoeff<Eigen::PropagateNaN>();
-  });
+  const auto of_part = [&](std::int64_t begin, std::int64_t end) -> double {
+    return expression.segment(begin, end - begin).template maxCoeff<Eigen::PropagateNaN>();
+  };
   double largest = 0;
-  for (const double part : parts) largest = part > largest || std::isnan(part) ? part : largest;
+  for (const double part : team.Collect<double>(expression.size(), kVectorChunk, of_part)) {
+    largest = part > largest || std::isnan(part) ? part : largest;
+  }
   return largest;
 }
 

@@ -1,7 +1,5 @@
 #include "core/mesh/angles.h"
 
-#include <algorithm>
-#include <cmath>
 #include <numbers>
 
 #include "core/base/portable_math.h"

@@ -3,8 +3,6 @@
 #include <array>
 #include <utility>
 
-#include "core/base/radix_sort.h"
-
 namespace planish {
 namespace {
 

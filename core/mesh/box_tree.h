@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
-#include <numeric>
 #include <vector>
 
 #include "core/base/execution.h"
+#include "core/base/radix_sort.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
@@ -39,11 +39,8 @@ struct Box {
 // sweep that compares all boxes above each other: for few, or for boxes spread out from left to right.
 template <typename Visit>
 void ForEachNearPair(const std::vector<Box>& boxes, double reach, const Visit& visit) {
-  std::vector<std::int32_t> order(boxes.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) {
-    return boxes[a].low.x() != boxes[b].low.x() ? boxes[a].low.x() < boxes[b].low.x() : a < b;
-  });
+  const std::vector<std::int32_t> order =
+      SortedIndices(boxes.size(), [&](std::int32_t a, std::int32_t b) { return boxes[a].low.x() < boxes[b].low.x(); });
   for (std::size_t i = 0; i < order.size(); ++i) {
     const Box& box = boxes[order[i]];
     for (std::size_t j = i + 1; j < order.size() && boxes[order[j]].low.x() <= box.high.x() + reach; ++j) {

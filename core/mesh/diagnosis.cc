@@ -1,7 +1,6 @@
 #include "core/mesh/diagnosis.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <limits>
 #include <numbers>
@@ -9,7 +8,6 @@
 #include <tuple>
 #include <utility>
 
-#include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/base/element_ids.h"
@@ -195,23 +193,18 @@ void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& executio
     result->box_max = any ? result->box_max.cwiseMax(p).eval() : p;
     any = true;
   }
-  // Of the finite faces of the surface.
-  Mesh finite;
-  std::vector<std::int64_t> source;
-  finite.positions = mesh.positions;
-  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
-    if (pairing.kind[f] != FaceKind::kWithArea || pairing.is_copy(f)) continue;
-    finite.faces.push_back(mesh.faces[f]);
-    source.push_back(f);
+  std::vector<std::int32_t> finite;  // faces of the surface
+  for (std::int32_t f = 0; f < mesh.num_faces(); ++f) {
+    if (pairing.kind[f] == FaceKind::kWithArea && !pairing.is_copy(f)) finite.push_back(f);
   }
-  if (finite.faces.empty()) return;
-  const Eigen::VectorXd angles = MeasuredAngles(finite, execution) * (180 / std::numbers::pi);
+  if (finite.empty()) return;
+  const Eigen::VectorXd angles = MeasuredAngles(mesh, finite, execution) * (180 / std::numbers::pi);
   if (execution.IsCancelled()) return;
   result->angle_min_degrees = angles.minCoeff();
   result->angle_max_degrees = angles.maxCoeff();
-  for (std::int64_t f = 0; f < finite.num_faces(); ++f) {
-    result->area += DoubleArea(TriangleOf(finite.positions, finite.faces[f])) / 2;
-    if (angles.segment<3>(3 * f).minCoeff() < kNeedleDegrees) Add(source[f], &result->needles);
+  for (std::int64_t i = 0; i < std::ssize(finite); ++i) {
+    result->area += DoubleArea(TriangleOf(mesh.positions, mesh.faces[finite[i]])) / 2;
+    if (angles.segment<3>(3 * i).minCoeff() < kNeedleDegrees) Add(finite[i], &result->needles);
   }
 }
 
@@ -383,8 +376,8 @@ std::vector<BoundaryLoop> LoopsOf(const TriMesh& mesh) {
   const Loops<HalfedgeHandle> loops = BoundaryLoops(mesh);
   std::vector<BoundaryLoop> found;
   for (std::int32_t i = 0; i < loops.count(); ++i) {
-    BoundaryLoop loop = {static_cast<std::int64_t>(loops.loop(i).size()), std::numeric_limits<std::int64_t>::max()};
-    for (const HalfedgeHandle h : loops.loop(i)) {
+    BoundaryLoop loop = {static_cast<std::int64_t>(loops[i].size()), std::numeric_limits<std::int64_t>::max()};
+    for (const HalfedgeHandle h : loops[i]) {
       loop.vertex = std::min<std::int64_t>(loop.vertex, mesh.data(mesh.from_vertex_handle(h)).source);
     }
     found.push_back(loop);

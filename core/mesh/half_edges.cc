@@ -1,6 +1,7 @@
 #include "core/mesh/half_edges.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace planish {
 
@@ -35,14 +36,14 @@ EdgeGroups GroupHalfEdges(const std::vector<Face>& faces, std::int64_t num_verti
   if (execution.IsCancelled()) return {};
 
   EdgeGroups groups;
-  groups.half_edge.reserve(entries.size());
+  groups.item.reserve(entries.size());
   groups.begin.reserve(entries.size() / 2 + 2);
   for (std::int64_t v = 0; v < num_vertices; ++v) {
     const auto first = entries.begin() + bucket[v], last = entries.begin() + bucket[v + 1];
     for (auto it = first; it != last; ++it) {
-      groups.half_edge.push_back(it->half_edge);
+      groups.item.push_back(it->half_edge);
       if (std::next(it) == last || std::next(it)->larger_end != it->larger_end) {
-        groups.begin.push_back(static_cast<std::int32_t>(groups.half_edge.size()));
+        groups.begin.push_back(static_cast<std::int32_t>(groups.item.size()));
       }
     }
   }

@@ -8,11 +8,11 @@
 #pragma once
 
 #include <cstdint>
-#include <numeric>
 #include <span>
 #include <vector>
 
 #include "core/base/execution.h"
+#include "core/base/radix_sort.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
@@ -61,21 +61,15 @@ bool ForEachInFan(const Links& links, typename Links::HalfEdge start, const Visi
 // Both have a face.
 template <typename Links>
 typename Links::HalfEdge NextOnBoundary(const Links& links, typename Links::HalfEdge h) {
-  for (;;) {
-    h = links.Next(h);
-    const auto across = links.Across(h);
-    if (!Links::IsValid(across)) return h;
-    h = across;
-  }
+  h = links.Next(h);
+  for (auto across = links.Across(h); Links::IsValid(across); across = links.Across(h)) h = links.Next(across);
+  return h;
 }
 template <typename Links>
 typename Links::HalfEdge PreviousOnBoundary(const Links& links, typename Links::HalfEdge h) {
-  for (;;) {
-    h = links.Prev(h);
-    const auto across = links.Across(h);
-    if (!Links::IsValid(across)) return h;
-    h = across;
-  }
+  h = links.Prev(h);
+  for (auto across = links.Across(h); Links::IsValid(across); across = links.Across(h)) h = links.Prev(across);
+  return h;
 }
 
 // Calls visit(h) for every half-edge h of the boundary loop of `start`, from there on.
@@ -88,17 +82,21 @@ void ForEachOnLoop(const Links& links, typename Links::HalfEdge start, const Vis
   } while (h != start);
 }
 
-// Half-edges on the boundary, counter-clockwise round the faces, loop by loop.
-template <typename HalfEdge>
-struct Loops {
-  std::vector<HalfEdge> half_edge;
-  std::vector<std::int32_t> begin = {0};  // of each loop in half_edge, and the end
+// Items in groups, one behind the other.
+template <typename Item>
+struct Groups {
+  std::vector<Item> item;
+  std::vector<std::int32_t> begin = {0};  // of each group in `item`, and the end
 
   std::int32_t count() const { return static_cast<std::int32_t>(begin.size()) - 1; }
-  std::span<const HalfEdge> loop(std::int32_t i) const {
-    return {half_edge.data() + begin[i], static_cast<std::size_t>(begin[i + 1] - begin[i])};
+  std::span<const Item> operator[](std::int32_t i) const {
+    return {item.data() + begin[i], static_cast<std::size_t>(begin[i + 1] - begin[i])};
   }
 };
+
+// Half-edges on the boundary, counter-clockwise round the faces: a group a loop.
+template <typename HalfEdge>
+using Loops = Groups<HalfEdge>;
 
 // The loops of these boundary half-edges, in the order of their first ones. `index` numbers half-edges below `size`.
 template <typename Links, typename Index>
@@ -110,9 +108,9 @@ Loops<typename Links::HalfEdge> BoundaryLoops(const Links& links, const std::vec
     if (seen[index(start)]) continue;
     ForEachOnLoop(links, start, [&](const auto h) {
       seen[index(h)] = 1;
-      loops.half_edge.push_back(h);
+      loops.item.push_back(h);
     });
-    loops.begin.push_back(static_cast<std::int32_t>(loops.half_edge.size()));
+    loops.begin.push_back(static_cast<std::int32_t>(loops.item.size()));
   }
   return loops;
 }
@@ -128,7 +126,7 @@ inline Loops<std::int32_t> BoundaryLoops(const FlatLinks& links) {
 // Disjoint sets of [0, size). The representative of a set is its smallest member.
 class UnionFind {
  public:
-  explicit UnionFind(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0); }
+  explicit UnionFind(std::size_t size) : parent_(Indices(size)) {}
 
   std::int32_t Find(std::int32_t i) {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
@@ -170,17 +168,8 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
   return piece;
 }
 
-// Half-edges grouped by undirected edge: group e is [begin[e], begin[e + 1]) of half_edge, ascending. Edges ascend by
-// their lower, then by their higher vertex.
-struct EdgeGroups {
-  std::vector<std::int32_t> begin = {0};
-  std::vector<std::int32_t> half_edge;
-
-  std::int32_t num_edges() const { return static_cast<std::int32_t>(begin.size()) - 1; }
-  std::span<const std::int32_t> edge(std::int32_t e) const {
-    return {half_edge.data() + begin[e], static_cast<std::size_t>(begin[e + 1] - begin[e])};
-  }
-};
+// Half-edges, ascending, of each undirected edge. Edges ascend by their lower, then by their higher vertex.
+using EdgeGroups = Groups<std::int32_t>;
 
 // O(F) for bounded valence. Of the faces for which `takes_part` has something but 0 (empty: all), with vertices in
 // [0, num_vertices). Half-edges from a vertex to itself are a group, too. No groups after a cancellation.

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "Eigen/Geometry"
+#include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/tri_mesh.h"
@@ -29,11 +30,11 @@ FaceKind KindOf(const Mesh& mesh, const Face& face) {
 
 // How many earlier faces have the same three vertices.
 std::vector<std::int32_t> Layers(const std::vector<Face>& faces) {
-  std::vector<std::int32_t> order(faces.size()), layer(faces.size(), 0);
-  std::iota(order.begin(), order.end(), 0);
+  std::vector<std::int32_t> layer(faces.size(), 0);
   std::vector<Face> keys = faces;
   for (Face& key : keys) std::sort(key.begin(), key.end());
-  std::stable_sort(order.begin(), order.end(), [&](std::int32_t f, std::int32_t g) { return keys[f] < keys[g]; });
+  const std::vector<std::int32_t> order =
+      SortedIndices(faces.size(), [&](std::int32_t f, std::int32_t g) { return keys[f] < keys[g]; });
   for (std::size_t i = 1; i < order.size(); ++i) {
     if (keys[order[i]] == keys[order[i - 1]]) layer[order[i]] = layer[order[i - 1]] + 1;
   }
@@ -42,8 +43,8 @@ std::vector<std::int32_t> Layers(const std::vector<Face>& faces) {
 
 // Whether some face may be a copy. Of two faces at one edge the third vertices tell.
 bool MayHaveCopies(const std::vector<Face>& faces, const EdgeGroups& edges, const Execution& execution) {
-  return execution.Count(edges.num_edges(), [&](std::int64_t e) {
-    const std::span<const std::int32_t> at = edges.edge(static_cast<std::int32_t>(e));
+  return execution.Count(edges.count(), [&](std::int64_t e) {
+    const std::span<const std::int32_t> at = edges[static_cast<std::int32_t>(e)];
     return at.size() > 2 || (at.size() == 2 && faces[at[0] / 3][at[0] % 3] == faces[at[1] / 3][at[1] % 3]);
   }) > 0;
 }
@@ -145,8 +146,8 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
   const auto layer = [&](std::int32_t c) { return pairing.layer.empty() ? 0 : pairing.layer[c / 3]; };
   std::vector<std::int32_t> at;
   std::vector<char> open_edges(mesh.faces.size(), 0);
-  for (std::int32_t e = 0; e < edges.num_edges() && !execution.IsCancelledAt(e); ++e) {
-    at.assign(edges.edge(e).begin(), edges.edge(e).end());
+  for (std::int32_t e = 0; e < edges.count() && !execution.IsCancelledAt(e); ++e) {
+    at.assign(edges[e].begin(), edges[e].end());
     if (at.size() > 2) std::stable_sort(at.begin(), at.end(), [&](auto c, auto d) { return layer(c) < layer(d); });
     for (std::size_t begin = 0, end; begin < at.size(); begin = end) {
       end = begin + 1;

@@ -1,7 +1,6 @@
 #include "core/pack/necks.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/mesh/angles.h"
 #include "core/mesh/predicates.h"

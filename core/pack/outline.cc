@@ -124,11 +124,11 @@ Outline MakeOutline(const PackChart& chart) {
   };
   // What has its opposite beside it is inside; half-edges of reversed faces count the other way round.
   const EdgeGroups groups = GroupHalfEdges(chart.faces, std::ssize(chart.positions));
-  for (std::int32_t e = 0; e < groups.num_edges(); ++e) {
-    const std::int32_t first = groups.edge(e)[0];
+  for (std::int32_t e = 0; e < groups.count(); ++e) {
+    const std::int32_t first = groups[e][0];
     const auto [low, high] = std::minmax({Origin(chart.faces, first), Target(chart.faces, first)});
     std::int64_t forward = 0;
-    for (const std::int32_t c : groups.edge(e)) {
+    for (const std::int32_t c : groups[e]) {
       forward += (Origin(chart.faces, c) == low) != (is_reversed[c / 3] != 0) ? 1 : -1;
     }
     if (low == high) forward = 1;
@@ -259,6 +259,22 @@ double AngleOfSmallestSquare(const Outline& outline) {
   }
   const double refined = (low + high) / 2;
   return side(refined) < best ? refined : best_angle;
+}
+
+double PlaceInUnitSquare(std::vector<Vec2> outline, std::vector<Vec2>* points, const Execution& execution) {
+  const HullRectangle rectangle = LeastRectangle(ConvexHull(std::move(outline)));
+  const Vec2& along = rectangle.along;
+  const Vec2 u = rectangle.width >= rectangle.height ? along : Vec2(-along.y(), along.x()), v(-u.y(), u.x());
+  const auto n = static_cast<std::int64_t>(points->size());
+  const Box bounds = execution.SumUp<Box>(n, [&](std::int64_t i, Box* box) {
+    Vec2& p = (*points)[i];
+    p = Vec2(p.dot(u), p.dot(v));
+    box->Add(p);
+  });
+  const double side = (bounds.high - bounds.low).maxCoeff();
+  if (!(side > 0)) return 1;
+  execution.ForEach(n, [&](std::int64_t i) { (*points)[i] = ((*points)[i] - bounds.low) / side; });
+  return 1 / side;
 }
 
 }  // namespace planish

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "core/pack/outline.h"
-#include "core/pack/shelves.h"
 #include "core/pack/tighten.h"
 #include "core/pack/trial.h"
 

@@ -1,7 +1,6 @@
 // Charts into a texture: turns, moves and scales them so that none comes near another.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -68,7 +67,7 @@ struct Packing {
 // How: at one scale after the other, charts are laid on bit grids (trial.h), from large to small, each where it lies
 // snuggest. With the work that is left, unless there are too many charts for it, the scale goes up, and charts find new
 // places, are pushed apart and grow until they are jammed, again and again (tighten.h). In the end, distances are
-// measured exactly (clearance.h). libnest2d, which Debian has, searches for no scale: it lays polygons of a given one
+// measured exactly (tighten.cc). libnest2d, which Debian has, searches for no scale: it lays polygons of a given one
 // at turns from a given list, by default by their convex hulls.
 //
 // Deterministic: the result depends neither on the number of threads nor on where the charts lie at first. Thread-safe.

@@ -6,9 +6,9 @@
 #include <limits>
 #include <memory>
 #include <numbers>
-#include <numeric>
 
 #include "core/base/portable_math.h"
+#include "core/base/radix_sort.h"
 #include "core/mesh/box_tree.h"
 #include "core/pack/silhouette.h"
 
@@ -80,7 +80,7 @@ class Search {
     angle_.resize(n);
     turns_ = kFineTurns * options.angles;
     poses_.resize(n);
-    const std::vector<std::size_t> place = Swapped();
+    const std::vector<std::int32_t> place = Swapped();
     for (std::size_t i = 0; i < n; ++i) {
       samples_[i] = Samples(static_cast<std::int32_t>(i));
       angle_[i] = bodies[i].angle;
@@ -100,8 +100,7 @@ class Search {
   bool Run(const Execution& execution) {
     if (too_large_) return false;
     const auto n = static_cast<std::int32_t>(outlines_.size());
-    std::vector<std::int32_t> order(n);
-    std::iota(order.begin(), order.end(), 0);
+    std::vector<std::int32_t> order = Indices(n);
     for (int pass = 0; moves_ < options_.moves && work_ < options_.work; ++pass) {
       if (execution.IsCancelled() || execution.IsStopRequested()) return false;
       for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
@@ -125,16 +124,14 @@ class Search {
 
  private:
   // Whose place each chart has to begin with. Large charts change places more often than small ones.
-  std::vector<std::size_t> Swapped() {
+  std::vector<std::int32_t> Swapped() {
     const auto n = static_cast<int>(outlines_.size());
-    std::vector<std::size_t> place(n);
-    std::iota(place.begin(), place.end(), 0);
+    std::vector<std::int32_t> place = Indices(n);
     if (options_.swaps == 0 || n < 2) return place;
     std::vector<double> area(n);
     for (int i = 0; i < n; ++i) area[i] = outlines_[i].area * scales_[i] * scales_[i];
-    std::vector<int> order(n);
-    std::iota(order.begin(), order.end(), 0);
-    std::sort(order.begin(), order.end(), [&](int a, int b) { return area[a] != area[b] ? area[a] > area[b] : a < b; });
+    const std::vector<std::int32_t> order =
+        SortedIndices(n, [&](std::int32_t a, std::int32_t b) { return area[a] > area[b]; });
     for (int k = 0; k < options_.swaps; ++k) {
       const int a = std::min(random_.Below(n), random_.Below(n));
       const int b = std::clamp(a + 1 + random_.Below(3), 0, n - 1);
@@ -177,12 +174,13 @@ class Search {
   Turned& At(std::int32_t i, int turn) const {
     std::unique_ptr<Turned>& turned = turned_[i][turn];
     if (turned == nullptr) {
-      turned = std::make_unique<Turned>(Turn(i, angle_[i] + 2 * std::numbers::pi * turn / turns_, samples_[i]));
+      turned = std::make_unique<Turned>(Turn(i, angle_[i] + 2 * std::numbers::pi * turn / turns_));
     }
     return *turned;
   }
 
-  Turned Turn(std::int32_t i, double angle, const std::vector<Vec2>& samples) const {
+  Turned Turn(std::int32_t i, double angle) const {
+    const std::vector<Vec2>& samples = samples_[i];
     Turned turned;
     turned.angle = angle;
     const Rotation rotate(angle, scales_[i] / pixel_);
@@ -395,23 +393,19 @@ class Search {
     pairs_[i].push_back({j, factor});
   }
 
-  // Takes a chart out of the image and draws those that weigh more for it; or puts it back.
-  void Lift(std::int32_t i) {
-    Draw(i, -kWeightUnit);
-    for (const Pair& pair : pairs_[i]) Draw(pair.other, std::lround(kWeightUnit * (pair.weight - 1)));
-  }
-  void Lower(std::int32_t i) {
-    for (const Pair& pair : pairs_[i]) Draw(pair.other, -std::lround(kWeightUnit * (pair.weight - 1)));
-    Draw(i, kWeightUnit);
+  // Takes a chart out of the image and draws those that weigh more for it (times 1); or puts it back (times -1).
+  void Lift(std::int32_t i, int times) {
+    Draw(i, -times * kWeightUnit);
+    for (const Pair& pair : pairs_[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
   }
 
   // Returns whether the chart overlapped others and still does.
   bool Move(std::int32_t i) {
+    constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
     overlaps_[i] = false;
     const std::int64_t own = kWeightUnit * At(i, poses_[i].turned).own;
-    if (Cost(i, poses_[i], std::numeric_limits<std::int64_t>::max()) == own) return false;
-    Lift(i);
-    constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+    if (Cost(i, poses_[i], kMost) == own) return false;
+    Lift(i, 1);
     std::int64_t cost = Cost(i, poses_[i], kMost);
     ++moves_;
     CellPose best = poses_[i];
@@ -437,7 +431,7 @@ class Search {
     }
     poses_[i] = best;
     overlaps_[i] = cost > 0;
-    Lower(i);
+    Lift(i, -1);
     return cost > 0;
   }
 

@@ -1,5 +1,5 @@
 // Lets charts that lie apart grow until they are jammed: each is pushed and turned by those that come too near.
-// Distances are sampled, so they may be short of what is demanded by a little (clearance.h measures them exactly).
+// Distances are sampled, so they may be short of what is demanded by a little (tighten.cc measures them exactly).
 #pragma once
 
 #include <cstdint>

@@ -5,12 +5,89 @@
 #include <cmath>
 #include <optional>
 
-#include "core/pack/clearance.h"
+#include "core/mesh/box_tree.h"
+#include "core/mesh/predicates.h"
 #include "core/pack/rearrange.h"
-#include "core/pack/relax.h"
 
 namespace planish {
 namespace {
+
+// Chart in its place.
+struct Placed {
+  std::vector<Vec2> points;
+  Box box;
+  std::optional<BoxTree> edges;  // of the outline
+};
+
+bool IsInside(const Vec2& p, const Outline& outline, const Placed& placed) {
+  int winding = 0;
+  for (const auto& [from, to] : outline.edges) {
+    const Vec2 &a = placed.points[from], &b = placed.points[to];
+    if ((a.y() <= p.y()) == (b.y() <= p.y())) continue;
+    const double x = a.x() + (p.y() - a.y()) / (b.y() - a.y()) * (b.x() - a.x());
+    if (x > p.x()) winding += b.y() > a.y() ? 1 : -1;
+  }
+  return winding != 0;
+}
+
+// The least distance between edges of two charts; its square, and that of `distance` if all are farther apart.
+double SquareOfLeastDistance(const Outline& outline_a, const Placed& a, const Outline& outline_b, const Placed& b,
+                             double distance) {
+  double nearest = distance * distance;
+  for (const auto& [from, to] : outline_a.edges) {
+    const Box near_edge = Box::Round(a.points[from], a.points[to]).Grown(distance);
+    if (!b.box.Meets(near_edge)) continue;
+    b.edges->ForEachMeeting(near_edge, [&](std::int32_t e) {
+      const auto& [c, d] = outline_b.edges[e];
+      nearest = std::min(nearest, SquaredDistance(a.points[from], a.points[to], b.points[c], b.points[d]));
+      return true;
+    });
+  }
+  return nearest;
+}
+
+struct TooNear {
+  std::int32_t a, b;  // charts; b is -1 for the rim of the tile
+  double missing;     // from the distance that should be kept; all of it where charts overlap
+};
+
+// The judge of a packing, by exact distances, nothing rasterized or sampled: what is nearer to each other than
+// `distance`, or out of [low, 1 - low]^2, with charts scaled by `scales`.
+std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std::vector<double>& scales,
+                                 const std::vector<Body>& bodies, double distance, double low,
+                                 const Execution& execution) {
+  std::vector<TooNear> found;
+  const std::size_t n = outlines.size();
+  std::vector<Placed> placed(n);
+  std::vector<Box> boxes(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Rotation rotate(bodies[i].angle, scales[i]);
+    placed[i].points.reserve(outlines[i].points.size());
+    for (const Vec2& p : outlines[i].points) {
+      placed[i].points.push_back(bodies[i].centre + rotate(p));
+      placed[i].box.Add(placed[i].points.back());
+    }
+    boxes[i] = placed[i].box;
+    std::vector<Box> edges;
+    for (const auto& [from, to] : outlines[i].edges) {
+      edges.push_back(Box::Round(placed[i].points[from], placed[i].points[to]));
+    }
+    placed[i].edges.emplace(std::move(edges));
+    const double out = std::max((Vec2::Constant(low) - placed[i].box.low).maxCoeff(),
+                                (placed[i].box.high - Vec2::Constant(1 - low)).maxCoeff());
+    if (out > 0) found.push_back({static_cast<std::int32_t>(i), -1, out});
+  }
+  ForEachNearPair(boxes, distance, [&](std::int32_t a, std::int32_t b) {
+    if (bodies[a].tile != bodies[b].tile || execution.IsCancelled()) return;
+    double nearest = SquareOfLeastDistance(outlines[a], placed[a], outlines[b], placed[b], distance);
+    if (nearest == distance * distance && (IsInside(placed[a].points[0], outlines[b], placed[b]) ||
+                                           IsInside(placed[b].points[0], outlines[a], placed[a]))) {
+      nearest = 0;
+    }
+    if (nearest < distance * distance) found.push_back({a, b, distance - std::sqrt(nearest)});
+  });
+  return found;
+}
 
 // Attempts that are made side by side, whatever the number of threads.
 constexpr std::size_t kLanes = 2;

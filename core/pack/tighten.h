@@ -28,8 +28,8 @@ struct Arrangement {
 // Lets the charts grow until they are jammed (relax.h), from each of `starts`, and goes on from the best: scales up by
 // some percent, lets charts find new places until they are apart (rearrange.h), lets them grow again, and so on until
 // the work is spent. All of `starts` must keep the distances, each at a scale at least that of the one before; what
-// comes out keeps them exactly (clearance.h) at the scale of the last or a larger one. `simple` has the outlines as
-// Simplified() makes them, for everything but exact distances. `atlas`: whose tiles each chart is on.
+// comes out keeps them exactly (FindTooNear() in tighten.cc) at the scale of the last or a larger one. `simple` has the
+// outlines as Simplified() makes them, for everything but exact distances. `atlas`: whose tiles each chart is on.
 Arrangement Tighten(const std::vector<Outline>& outlines, const std::vector<Outline>& simple,
                     const std::vector<int>& atlas, const std::vector<double>& relative_scales,
                     const TightenOptions& options, const Execution& execution, const std::vector<Arrangement>& starts);

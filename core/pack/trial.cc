@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <numbers>
 #include <utility>
 
+#include "core/base/radix_sort.h"
 #include "core/pack/board.h"
 
 namespace planish {
@@ -72,49 +72,24 @@ class Pyramid {
 
 }  // namespace
 
-// What trials at the same scales and angles share; and the tiles, which each trial clears.
-struct TrialSeries::Kept {
-  explicit Kept(const TrialGrid& grid) {
-    const int count = grid.tiles * grid.atlases;
-    tiles.reserve(count);
-    for (int tile = 0; tile < count; ++tile) tiles.emplace_back(grid.side);
-  }
-
-  std::vector<double> scales;
-  int angles = 0;
-  std::vector<std::unique_ptr<Shape>> shapes;           // by chart and turn
-  std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot
-  std::vector<Pyramid> tiles;
-};
-
-namespace {
-
-class Trial {
+class TrialSeries::Impl {
  public:
-  using Shapes = std::vector<std::unique_ptr<Shape>>;
-  using Fixed = std::vector<std::unique_ptr<FixedSilhouette>>;
-
-  Trial(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const std::vector<double>& scales,
-        const TrialGrid& grid, const TrialPlan& plan, std::vector<Pyramid>* tiles, Shapes* shapes, Fixed* fixed)
-      : outlines_(outlines),
-        atlas_(atlas),
-        scales_(scales),
-        grid_(grid),
-        plan_(plan),
-        tiles_(*tiles),
-        shapes_(*shapes),
-        fixed_(*fixed) {
-    for (Pyramid& tile : tiles_) tile.Clear(&work_);
-    if (!plan_.thorough) starts_.resize(grid_.atlases * kStarts);
+  Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid)
+      : outlines_(outlines), atlas_(atlas), grid_(grid) {
+    const int count = grid.tiles * grid.atlases;
+    tiles_.reserve(count);
+    for (int tile = 0; tile < count; ++tile) tiles_.emplace_back(grid.side);
   }
 
-  TrialResult Run(double most_missing, const Execution& execution, std::vector<Pose>* poses) {
+  TrialResult Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
+                  const Execution& execution, std::vector<Pose>* poses) {
+    Begin(scales, plan);
     TrialResult result;
     bool all = true;
-    const std::size_t count = plan_.count < 0 ? plan_.order.size() : static_cast<std::size_t>(plan_.count);
+    const std::size_t count = plan.count < 0 ? plan.order.size() : static_cast<std::size_t>(plan.count);
     for (std::size_t k = 0; k < count; ++k) {
-      const std::int32_t i = plan_.order[k];
-      if (execution.IsCancelled() || (plan_.gives_up && execution.IsStopRequested())) {
+      const std::int32_t i = plan.order[k];
+      if (execution.IsCancelled() || (plan.gives_up && execution.IsStopRequested())) {
         result.missing = most_missing + 1;
         break;
       }
@@ -135,6 +110,23 @@ class Trial {
   }
 
  private:
+  void Begin(const std::vector<double>& scales, const TrialPlan& plan) {
+    plan_ = &plan;
+    work_ = 0;
+    for (Pyramid& tile : tiles_) tile.Clear(&work_);
+    starts_.assign(plan.thorough ? 0 : grid_.atlases * kStarts, {});
+    passing_chart_ = -1;
+    if (scales_ == scales && angles_ == plan.angles) return;
+    scales_ = scales;
+    angles_ = plan.angles;
+    const std::size_t slots = outlines_.size() * static_cast<std::size_t>(plan.angles);
+    keeps_ = slots <= kMostKept;
+    shapes_.clear();
+    fixed_.clear();
+    shapes_.resize(keeps_ ? slots : 0);
+    fixed_.resize(keeps_ ? slots : 0);
+  }
+
   void Put(std::int32_t i, int level, const Found& found, Pose* pose) {
     const Vec2 spot(found.spot.x - Board::kMargin, found.spot.y - Board::kMargin);
     const Shape& shape = At(i, found.turn, level);
@@ -146,21 +138,15 @@ class Trial {
       tiles_[tile].Add(shape.silhouette, x, y, &work_);
       return;
     }
-    FixedSilhouette own;
-    FixedSilhouette* fixed = &own;
-    if (Slot(i, found.turn) < fixed_.size()) {
-      std::unique_ptr<FixedSilhouette>& kept = fixed_[Slot(i, found.turn)];
-      if (kept != nullptr) {
-        tiles_[tile].Add(kept->silhouette, x + kept->x, y + kept->y, &work_);
-        return;
-      }
-      kept = std::make_unique<FixedSilhouette>();
-      fixed = kept.get();
+    std::unique_ptr<FixedSilhouette> own;
+    std::unique_ptr<FixedSilhouette>& fixed = keeps_ ? fixed_[Slot(i, found.turn)] : own;
+    if (fixed == nullptr) {
+      work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
+      fixed = std::make_unique<FixedSilhouette>(MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i] / grid_.cell,
+                                                                    grid_.radius / grid_.cell,
+                                                                    cells * shape.silhouette.centre));
+      if (keeps_) fixed->silhouette.spans.shrink_to_fit();
     }
-    work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-    *fixed = MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i] / grid_.cell, grid_.radius / grid_.cell,
-                                 cells * shape.silhouette.centre);
-    if (fixed != &own) fixed->silhouette.spans.shrink_to_fit();
     tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y, &work_);
   }
 
@@ -173,46 +159,39 @@ class Trial {
     return level;
   }
 
-  std::size_t Slot(std::int32_t i, int turn) const { return static_cast<std::size_t>(i) * plan_.angles + turn; }
+  std::size_t Slot(std::int32_t i, int turn) const { return static_cast<std::size_t>(i) * angles_ + turn; }
 
-  double Angle(std::int32_t i, int turn) const {
-    return outlines_[i].upright + 2 * std::numbers::pi * turn / plan_.angles;
-  }
+  double Angle(std::int32_t i, int turn) const { return outlines_[i].upright + 2 * std::numbers::pi * turn / angles_; }
 
   // Good until the next call, if it is not kept.
   const Shape& At(std::int32_t i, int turn, int level) {
-    const bool keeps = Slot(i, turn) < shapes_.size();
-    if (keeps && shapes_[Slot(i, turn)] != nullptr) {
+    std::unique_ptr<Shape>& slot = keeps_ ? shapes_[Slot(i, turn)] : passing_;
+    if (keeps_ && slot != nullptr) {
       work_ += kKeptWork;
-      return *shapes_[Slot(i, turn)];
+      return *slot;
     }
     // A turn by more than a right angle is always made of the one a right angle before: a silhouette made of the
     // outline anew could lie elsewhere in its cells.
-    const int quarter = plan_.angles % 4 == 0 ? plan_.angles / 4 : plan_.angles;
-    const Shape* before = nullptr;
-    if (turn >= quarter && keeps) before = shapes_[Slot(i, turn - quarter)].get();
-    if (turn >= quarter && passing_chart_ == i && passing_turn_ == turn - quarter) before = &passing_;
-    Shape shape;
+    const int quarter = angles_ % 4 == 0 ? angles_ / 4 : angles_;
+    auto shape = std::make_unique<Shape>();
     if (turn >= quarter) {
+      const bool is_passing = !keeps_ && passing_chart_ == i && passing_turn_ == turn - quarter;
+      const Shape* before = is_passing ? passing_.get() : keeps_ ? shapes_[Slot(i, turn - quarter)].get() : nullptr;
       if (before == nullptr) before = &At(i, turn - quarter, level);
-      shape.silhouette = QuarterTurn(before->silhouette);
-      work_ += kQuarterWork + kCellWork * shape.silhouette.cells;
+      shape->silhouette = QuarterTurn(before->silhouette);
+      work_ += kQuarterWork + kCellWork * shape->silhouette.cells;
     } else {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
       const double cell = grid_.cell * (1 << level);
-      shape.silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), scales_[i] / cell, grid_.radius / cell);
+      shape->silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), scales_[i] / cell, grid_.radius / cell);
     }
-    shape.rim = MakeRim(shape.silhouette, kRimCells);
-    shape.row_order = RowOrder(shape.silhouette);
-    if (keeps) {
-      shape.silhouette.spans.shrink_to_fit();
-      shapes_[Slot(i, turn)] = std::make_unique<Shape>(std::move(shape));
-      return *shapes_[Slot(i, turn)];
-    }
-    passing_ = std::move(shape);
+    shape->rim = MakeRim(shape->silhouette, kRimCells);
+    shape->row_order = RowOrder(shape->silhouette);
+    if (keeps_) shape->silhouette.spans.shrink_to_fit();
     passing_chart_ = i;
     passing_turn_ = turn;
-    return passing_;
+    slot = std::move(shape);
+    return *slot;
   }
 
   // Of charts of one atlas whose width and height are the same but for a factor of the square root of two.
@@ -229,7 +208,7 @@ class Trial {
   }
 
   Found Find(std::int32_t i, int level) {
-    if (plan_.thorough) return FindFrom(i, level, {});
+    if (plan_->thorough) return FindFrom(i, level, {});
     Start* const start = StartFor(i, level);
     Found best = FindFrom(i, level, *start);
     // Charts of a size differ a little, so there may be room below.
@@ -240,10 +219,10 @@ class Trial {
 
   Found FindFrom(std::int32_t i, int level, const Start& start) {
     Found best;
-    const int only = plan_.turn.empty() ? -1 : plan_.turn[i];
-    const int quarters = plan_.angles % 4 == 0 ? 4 : 1, quarter = plan_.angles / quarters;
+    const int only = plan_->turn.empty() ? -1 : plan_->turn[i];
+    const int quarters = angles_ % 4 == 0 ? 4 : 1, quarter = angles_ / quarters;
     bool is_crumb = false;
-    for (int k = 0; k < (only < 0 ? plan_.angles : 1) && !(is_crumb && k == 2); ++k) {
+    for (int k = 0; k < (only < 0 ? angles_ : 1) && !(is_crumb && k == 2); ++k) {
       const int turn = only < 0 ? k / quarters + k % quarters * quarter : only;
       const Shape& shape = At(i, turn, level);
       if (k == 0) is_crumb = std::max(shape.silhouette.width, shape.silhouette.height) <= kCrumb;
@@ -271,41 +250,58 @@ class Trial {
 
   const std::vector<Outline>& outlines_;
   const std::vector<int>& atlas_;
-  const std::vector<double>& scales_;
-  const TrialGrid& grid_;
-  const TrialPlan& plan_;
-  std::vector<Pyramid>& tiles_;
-  Shapes& shapes_;
-  Fixed& fixed_;
-  Shape passing_;  // of a chart at a turn, as it was needed last
+  const TrialGrid grid_;
+  std::vector<Pyramid> tiles_;  // each trial clears them
+  // What trials at the same scales and angles share: by chart and turn, unless these are too many.
+  std::vector<double> scales_;
+  int angles_ = 0;
+  bool keeps_ = false;
+  std::vector<std::unique_ptr<Shape>> shapes_;
+  std::vector<std::unique_ptr<FixedSilhouette>> fixed_;  // the same on level 0, at the corner of a spot
+  // Of the trial under way.
+  const TrialPlan* plan_ = nullptr;
+  std::unique_ptr<Shape> passing_;  // of a chart at a turn, as it was needed last, if shapes are not kept
   std::int32_t passing_chart_ = -1;
   int passing_turn_ = 0;
   std::vector<Start> starts_;  // kStarts for each atlas
   std::int64_t work_ = 0;
 };
 
-}  // namespace
-
 TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid)
-    : outlines_(outlines), atlas_(atlas), grid_(grid), kept_(std::make_unique<Kept>(grid)) {}
+    : impl_(std::make_unique<Impl>(outlines, atlas, grid)) {}
 
 TrialSeries::~TrialSeries() = default;
 
 TrialResult TrialSeries::Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
                              const Execution& execution, std::vector<Pose>* poses) {
-  if (kept_->scales != scales || kept_->angles != plan.angles) {
-    kept_->scales = scales;
-    kept_->angles = plan.angles;
-    kept_->shapes.clear();
-    kept_->fixed.clear();
-    const std::size_t slots = outlines_.size() * static_cast<std::size_t>(plan.angles);
-    if (slots <= kMostKept) {
-      kept_->shapes.resize(slots);
-      kept_->fixed.resize(slots);
+  return impl_->Run(scales, plan, most_missing, execution, poses);
+}
+
+std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, double side, int tiles) {
+  const std::vector<std::int32_t> order =
+      SortedIndices(extents.size(), [&](std::int32_t a, std::int32_t b) { return extents[a].y() > extents[b].y(); });
+  std::vector<Shelf> shelves(extents.size());
+  Vec2 at = Vec2::Zero();
+  double row = 0;
+  int tile = 0;
+  for (const std::int32_t i : order) {
+    const Vec2& extent = extents[i];
+    if (extent.x() > side || extent.y() > side) return {};
+    if (at.x() + extent.x() > side) {
+      at = Vec2(0, at.y() + row);
+      row = 0;
     }
+    if (at.y() + extent.y() > side) {
+      at = Vec2::Zero();
+      row = 0;
+      ++tile;
+    }
+    if (tile == tiles) return {};
+    shelves[i] = {at, tile};
+    at.x() += extent.x();
+    row = std::max(row, extent.y());
   }
-  return Trial(outlines_, atlas_, scales, grid_, plan, &kept_->tiles, &kept_->shapes, &kept_->fixed)
-      .Run(most_missing, execution, poses);
+  return shelves;
 }
 
 }  // namespace planish

@@ -56,12 +56,19 @@ class TrialSeries {
                   const Execution& execution, std::vector<Pose>* poses);
 
  private:
-  struct Kept;
-
-  const std::vector<Outline>& outlines_;
-  const std::vector<int>& atlas_;
-  const TrialGrid grid_;
-  std::unique_ptr<Kept> kept_;
+  class Impl;
+  std::unique_ptr<Impl> impl_;
 };
+
+// ---- Boxes in rows: places for very many charts when there is no time to look for good ones.
+
+struct Shelf {
+  Vec2 low = Vec2::Zero();  // corner of the box in its tile
+  int tile = 0;
+};
+
+// Lays boxes of these extents side by side, tall ones first, in rows from v = 0 upwards, on up to `tiles` squares of
+// side `side`. Touching, not overlapping. Empty if they do not fit. Deterministic, O(n log n).
+std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, double side, int tiles);
 
 }  // namespace planish

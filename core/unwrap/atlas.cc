@@ -8,7 +8,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
-#include "core/unwrap/placement.h"
+#include "core/pack/outline.h"
 #include "core/unwrap/steps.h"
 
 namespace planish {
@@ -36,66 +36,54 @@ std::vector<std::int32_t> AtlasNumbers(const UnwrapOptions& options) {
   return numbers;
 }
 
-// Packs all at one scale, each atlas into its own tiles.
-void PackTogether(const UnwrapOptions& options, std::vector<PackChart> charts, const Execution& execution, Atlas* atlas,
-                  std::vector<ChartPlacement>* placements) {
+// Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
+// tiles.
+void PackAtlases(const UnwrapOptions& options, const Execution& execution, const Charts& charts, Atlas* atlas,
+                 std::vector<ChartPlacement>* placements) {
+  const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
   const std::vector<std::int32_t> numbers = AtlasNumbers(options);
   PackOptions tiles = options.atlas;
-  tiles.atlases = numbers.back() + 1;
-  std::vector<int> atlas_of;
-  for (const PackChart& chart : charts) atlas_of.push_back(chart.atlas);
-  Packing packing = Pack(std::move(charts), tiles, execution);
-  atlas->tiles = packing.tiles;
-  atlas->scale = packing.scale;
-  atlas->padding = packing.padding;
-  *placements = std::move(packing.charts);
-  if (options.face_atlas.empty()) return;
-  std::map<std::int32_t, AtlasReport> atlases;
+  tiles.atlases = stacked ? 1 : numbers.back() + 1;
+  if (stacked) tiles.tuning.least_work /= static_cast<double>(numbers.size());  // all together have as much as one
+  std::map<std::int32_t, AtlasReport> reports;
   for (const std::int32_t number : numbers) {
-    AtlasReport& report = atlases[number];
-    report.atlas = number;
-    report.first_tile = number * tiles.tiles;
-    report.texels_per_unit = packing.scale * tiles.texture_size;
+    reports[number].atlas = number;
+    reports[number].first_tile = stacked ? 0 : number * tiles.tiles;
   }
-  for (std::size_t i = 0; i < atlas_of.size(); ++i) {
-    AtlasReport& report = atlases[atlas_of[i]];
-    ++report.charts;
-    report.tiles = std::max(report.tiles, (*placements)[i].tile + 1 - report.first_tile);
+  std::map<std::int32_t, std::vector<std::int32_t>> at_once;
+  for (std::int32_t i = 0; i < charts.count(); ++i) {
+    at_once[stacked ? AtlasOf(options, charts.charts[i].chart) : 0].push_back(i);
   }
-  for (const auto& [number, report] : atlases) atlas->atlases.push_back(report);
-}
-
-// Packs each atlas by itself, all into the same tiles.
-void PackApart(const UnwrapOptions& options, std::vector<PackChart> charts, const Execution& execution, Atlas* atlas,
-               std::vector<ChartPlacement>* placements) {
-  const std::vector<std::int32_t> numbers = AtlasNumbers(options);
-  std::map<std::int32_t, std::vector<std::size_t>> charts_of;
-  for (std::size_t i = 0; i < charts.size(); ++i) charts_of[charts[i].atlas].push_back(i);
-  PackOptions tiles = options.atlas;
-  // All together have as much as one.
-  tiles.tuning.least_work /= static_cast<double>(numbers.size());
   atlas->scale = std::numeric_limits<double>::infinity();
   atlas->padding = tiles.padding;
-  for (const std::int32_t number : numbers) {
-    AtlasReport report;
-    report.atlas = number;
-    const std::vector<std::size_t>& own = charts_of[number];
-    if (!own.empty() && !execution.IsCancelled()) {
-      std::vector<PackChart> to_pack;
-      for (const std::size_t i : own) to_pack.push_back(std::move(charts[i]));
-      for (PackChart& chart : to_pack) chart.atlas = 0;
-      const Packing packing = Pack(std::move(to_pack), tiles, execution);
-      for (std::size_t k = 0; k < own.size(); ++k) (*placements)[own[k]] = packing.charts[k];
-      report.charts = static_cast<std::int32_t>(own.size());
-      report.tiles = packing.tiles;
-      report.texels_per_unit = packing.scale * tiles.texture_size;
-      atlas->tiles = std::max(atlas->tiles, packing.tiles);
-      atlas->scale = std::min(atlas->scale, packing.scale);
-      if (own.size() > 1) atlas->padding = std::min(atlas->padding, packing.padding);
+  for (const auto& [group, own] : at_once) {
+    if (execution.IsCancelled()) return;
+    std::vector<PackChart> to_pack;
+    to_pack.reserve(own.size());
+    for (const std::int32_t i : own) {
+      const MappedChart& mapped = charts.charts[i];
+      to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces,
+                         WeightOf(options, *charts.surface, mapped.chart),
+                         stacked ? 0 : AtlasOf(options, mapped.chart)});
     }
-    atlas->atlases.push_back(report);
+    const Packing packing = Pack(std::move(to_pack), tiles, execution);
+    for (auto& [number, report] : reports) {
+      if (!stacked || number == group) report.texels_per_unit = packing.scale * tiles.texture_size;
+    }
+    for (std::size_t k = 0; k < own.size(); ++k) {
+      AtlasReport& report = reports[AtlasOf(options, charts.charts[own[k]].chart)];
+      (*placements)[own[k]] = packing.charts[k];
+      ++report.charts;
+      report.tiles = std::max(report.tiles, packing.charts[k].tile + 1 - report.first_tile);
+    }
+    atlas->tiles = std::max(atlas->tiles, packing.tiles);
+    atlas->scale = std::min(atlas->scale, packing.scale);
+    if (own.size() > 1) atlas->padding = std::min(atlas->padding, packing.padding);
   }
   if (!std::isfinite(atlas->scale)) atlas->scale = 1;
+  for (const auto& [number, report] : reports) {
+    if (!options.face_atlas.empty()) atlas->atlases.push_back(report);
+  }
 }
 
 // Sets where each chart's map goes.
@@ -112,16 +100,11 @@ Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* ch
     return atlas;
   }
   if (options.seams.policy == SeamPolicy::kNone) {
-    atlas.scale = PlaceInUnitSquare(&charts->charts[0].map.positions, execution);
+    MappedChart& disc = charts->charts[0];
+    atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map), &disc.map.positions, execution);
     return atlas;
   }
-  std::vector<PackChart> to_pack;
-  for (const MappedChart& mapped : charts->charts) {
-    to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces,
-                       WeightOf(options, *charts->surface, mapped.chart), AtlasOf(options, mapped.chart)});
-  }
-  const bool apart = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
-  (apart ? PackApart : PackTogether)(options, std::move(to_pack), execution, &atlas, placements);
+  PackAtlases(options, execution, *charts, &atlas, placements);
   return atlas;
 }
 

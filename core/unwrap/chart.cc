@@ -3,18 +3,17 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include "Eigen/Geometry"
 #include "absl/strings/str_cat.h"
 #include "core/abf/layout.h"
 #include "core/base/error.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/box_tree.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
 #include "core/mesh/tri_mesh.h"
 #include "core/unwrap/distortion.h"
-#include "core/unwrap/verify.h"
 
 namespace planish {
 namespace {
@@ -90,13 +89,13 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
   return closed;
 }
 
-// The sum of body(face of the chart, its corners in the plane, on the surface, sum) over the faces; in_plane(f) are the
-// corners of face f in the plane.
-template <typename Sum, typename InPlane, typename Body>
-Sum OverFaces(const Mesh& mesh, const Chart& chart, const InPlane& in_plane, const Execution& execution,
+// The sum of body(face of the chart, its corners in the plane, on the surface, sum) over the faces.
+template <typename Sum, typename Body>
+Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& positions, const Execution& execution,
               const Body& body) {
   return execution.SumUp<Sum>(chart.topology.num_faces(), [&](std::int64_t f, Sum* sum) {
-    body(static_cast<std::int32_t>(f), in_plane(f), TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]), sum);
+    body(static_cast<std::int32_t>(f), TriangleOf(positions, chart.topology.faces[f]),
+         TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]), sum);
   });
 }
 
@@ -118,18 +117,18 @@ constexpr double kLeastArea = 1e-4;
 // To the area of the surface, widened faces left out; where that is next to nothing, to the length of its edges. Then
 // larger as Chart::enlargement says.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
-  const auto extent = OverFaces<Extent>(
-      mesh, chart, [&](std::int64_t f) { return TriangleOf(*positions, chart.topology.faces[f]); }, execution,
-      [&](std::int32_t f, const Corners2& p, const Corners3& q, Extent* sum) {
-        for (int k = 0; k < 3; ++k) {
-          sum->map_edges += (p[Next(k)] - p[k]).norm();
-          sum->surface_edges += (q[Next(k)] - q[k]).norm();
-        }
-        if (chart.is_widened(f)) return;
-        sum->map_area += std::abs(DoubleArea(p)) / 2;
-        sum->surface_area += DoubleArea(q) / 2;
-        for (int k = 0; k < 3; ++k) sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
-      });
+  const auto extent = OverFaces<Extent>(mesh, chart, *positions, execution,
+                                        [&](std::int32_t f, const Corners2& p, const Corners3& q, Extent* sum) {
+                                          for (int k = 0; k < 3; ++k) {
+                                            sum->map_edges += (p[Next(k)] - p[k]).norm();
+                                            sum->surface_edges += (q[Next(k)] - q[k]).norm();
+                                          }
+                                          if (chart.is_widened(f)) return;
+                                          sum->map_area += std::abs(DoubleArea(p)) / 2;
+                                          sum->surface_area += DoubleArea(q) / 2;
+                                          for (int k = 0; k < 3; ++k)
+                                            sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
+                                        });
   const double by_edges = extent.map_edges > 0 ? extent.surface_edges / extent.map_edges : 1;
   const double by_area = extent.map_area > 0 ? std::sqrt(extent.surface_area / extent.map_area) : 0;
   const bool has_area = extent.surface_area > kLeastArea * extent.surface_squares && by_area > 1e-3 * by_edges;
@@ -161,6 +160,15 @@ std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const Char
   return opposite;
 }
 
+std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
+  std::vector<Vec2> outline;
+  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
+  for (const std::int32_t c : loops[0]) {
+    outline.push_back(map.positions[Origin(chart.topology.faces, c)]);
+  }
+  return outline;
+}
+
 namespace {
 
 // Of a chart, with faces of its own.
@@ -187,20 +195,6 @@ struct ChartUv {
     return CheckOverlaps(opposite, uv, *orientation, execution, ignored);
   }
 };
-
-}  // namespace
-
-Overlaps OverlapsWithin(const Chart& chart, const ChartMap& map, const CornerUv& uv, const std::vector<char>& ignored,
-                        const Execution& execution) {
-  ChartUv own(chart, ignored);
-  for (std::size_t i = 0; i < own.uv.size(); ++i) {
-    own.uv[i] = uv[6 * static_cast<std::size_t>(chart.faces[i / 6]) + i % 6];
-  }
-  OrientationFaults orientation;
-  return own.FindOverlaps(OppositeWithClosedSlits(chart, map), execution, &orientation);
-}
-
-namespace {
 
 // How a map may be turned when it is delivered, which is not known yet: cosine and sine.
 constexpr std::array<std::array<double, 2>, 3> kTurns = {{{0.8, 0.6}, {12.0 / 13, -5.0 / 13}, {8.0 / 17, 15.0 / 17}}};
@@ -236,12 +230,11 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution) {
   ChartFaults faults;
-  const auto sums = OverFaces<MapSums>(
-      mesh, chart, [&](std::int64_t f) { return TriangleOf(map.positions, chart.topology.faces[f]); }, execution,
-      [&](std::int32_t f, const Corners2& p, const Corners3& q, MapSums* sum) {
-        const bool counts = ignored.empty() || !ignored[chart.faces[f]];
-        if (counts && !chart.is_widened(f)) sum->Add(p.data(), q.data());
-      });
+  const auto sums = OverFaces<MapSums>(mesh, chart, map.positions, execution,
+                                       [&](std::int32_t f, const Corners2& p, const Corners3& q, MapSums* sum) {
+                                         const bool counts = ignored.empty() || !ignored[chart.faces[f]];
+                                         if (counts && !chart.is_widened(f)) sum->Add(p.data(), q.data());
+                                       });
   faults.stretch = sums.StretchL2();
   ChartUv own(chart, ignored);
   own.Place(chart, map.positions);
@@ -253,13 +246,10 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   }
   faults.turned = orientation.flipped + orientation.degenerate;
   faults.does_overlap = faults.turned + overlaps.pairs > 0;
-  Vec2 low = map.positions.front(), high = low;
-  for (const Vec2& p : map.positions) {
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-  }
+  Box box;
+  for (const Vec2& p : map.positions) box.Add(p);
   double square = 0;
-  for (const Vec2& p : map.positions) square = std::max(square, (p - (low + high) / 2).squaredNorm());
+  for (const Vec2& p : map.positions) square = std::max(square, (p - (box.low + box.high) / 2).squaredNorm());
   faults.extent = 2 * std::sqrt(square);
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];

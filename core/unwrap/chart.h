@@ -9,7 +9,6 @@
 #include "Eigen/Core"
 #include "absl/status/statusor.h"
 #include "core/abf/flatten.h"
-#include "core/abf/target_angles.h"
 #include "core/abf/topology.h"
 #include "core/base/execution.h"
 #include "core/mesh/tri_mesh_fwd.h"
@@ -46,17 +45,15 @@ struct ChartMap {
   // Per vertex of the chart's topology; the area of the map is that of the surface, widened faces left out of both,
   // before Chart::enlargement.
   std::vector<Vec2> positions;
-  bool is_barycentric = false;             // not by ABF (barycentric.h); `flatten` then describes the solve that failed
+  bool is_barycentric = false;  // not by ABF (fixed_borders.h); `flatten` then describes the solve that failed
   std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };
 
 // Topology::opposite of the chart with the slits joined that the map has closed.
 std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map);
 
-// Pairs of triangles of the chart that overlap by UV of the mesh's corners, as delivered; with face numbers of the
-// chart.
-Overlaps OverlapsWithin(const Chart& chart, const ChartMap& map, const CornerUv& uv, const std::vector<char>& ignored,
-                        const Execution& execution);
+// The outline of the map, counter-clockwise.
+std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map);
 
 // What a map looks like before packing and rounding.
 struct ChartFaults {

@@ -50,8 +50,8 @@ double SeamLength(const Mesh& mesh, const std::function<bool(std::int32_t)>& is_
                   const std::vector<char>& takes_part, const Execution& execution) {
   const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, takes_part);
   double length = 0;
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-    const std::span<const std::int32_t> at = edges.edge(e);
+  for (std::int32_t e = 0; e < edges.count(); ++e) {
+    const std::span<const std::int32_t> at = edges[e];
     const auto pairs = static_cast<std::int64_t>(at.size() / 2);
     const std::int64_t joined = std::count_if(at.begin(), at.end(), is_joined);
     const Vec3 along = mesh.positions[Target(mesh.faces, at[0])] - mesh.positions[Origin(mesh.faces, at[0])];

@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/diagnosis.h"
-#include "core/unwrap/warnings.h"
+#include "core/unwrap/steps.h"
 
 namespace planish {
 namespace {

@@ -6,7 +6,6 @@
 #include <limits>
 #include <numbers>
 #include <set>
-#include <span>
 #include <utility>
 
 #include "Eigen/Geometry"
@@ -120,16 +119,19 @@ class MapJudge {
     check_.packing_efficiency = check_.uv_area / check_.tiles_used;
   }
 
+  // Faces that lie at fewer than three places join nothing.
   void JoinEdges() {
-    std::vector<Face> in_map(mesh_.faces.size());
-    for (std::size_t c = 0; c < 3 * in_map.size(); ++c) in_map[c / 3][c % 3] = topology_.place_of_corner[c];
-    is_joined_.assign(3 * in_map.size(), 0);
-    opposite_.assign(3 * in_map.size(), -1);
-    const EdgeGroups edges = GroupHalfEdges(in_map, topology_.num_places, execution_, WithThreeCorners(in_map));
-    for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
-      const std::span<const std::int32_t> at = edges.edge(e);
-      for (const std::int32_t c : at.first(at.size() - at.size() % 2)) is_joined_[c] = 1;
-      if (at.size() != 2 || Origin(in_map, at[0]) != Target(in_map, at[1])) continue;
+    const std::vector<std::int32_t>& place = topology_.place_of_corner;
+    is_joined_.assign(place.size(), 0);
+    opposite_.assign(place.size(), -1);
+    std::vector<std::int32_t> at;
+    for (std::int32_t e = 0; e < topology_.edges.count(); ++e) {
+      at.clear();
+      for (const std::int32_t c : topology_.edges[e]) {
+        if (HasThreeCorners({place[c / 3 * 3], place[c / 3 * 3 + 1], place[c / 3 * 3 + 2]})) at.push_back(c);
+      }
+      for (std::size_t i = 0; i < at.size() - at.size() % 2; ++i) is_joined_[at[i]] = 1;
+      if (at.size() != 2 || place[FlatLinks::Next(at[0])] != place[FlatLinks::Prev(at[1])]) continue;
       opposite_[at[0]] = at[1];
       opposite_[at[1]] = at[0];
     }
@@ -207,10 +209,7 @@ class MapJudge {
   }
 
   void MeasureDensities() {
-    struct Share {
-      double density, area;
-      bool operator<(const Share& other) const { return density < other.density; }
-    };
+    using Share = std::pair<double, double>;  // density, area on the surface
     const std::vector<std::int32_t>& materials = options_.material_of_face;
     std::vector<std::vector<Share>> shares(static_cast<std::size_t>(options_.num_materials) + 1);
     std::vector<double> uv_area(shares.size(), 0.0);
@@ -218,21 +217,21 @@ class MapJudge {
       if (!sizes_[f].HasStretch()) continue;
       const std::size_t m = materials.empty() ? 0 : static_cast<std::size_t>(materials[f] + 1);
       const double area = std::abs(sizes_[f].uv_area);
-      shares[m].push_back({std::sqrt(area / sizes_[f].surface_area), sizes_[f].surface_area});
+      shares[m].emplace_back(std::sqrt(area / sizes_[f].surface_area), sizes_[f].surface_area);
       uv_area[m] += area;
     }
     for (std::size_t m = 0; m < shares.size(); ++m) {
       if (shares[m].empty()) continue;
       std::sort(shares[m].begin(), shares[m].end());
       double total = 0;
-      for (const Share& share : shares[m]) total += share.area;
+      for (const auto& [density, area] : shares[m]) total += area;
       const auto below = [&](double part) {
         double sum = 0;
-        for (const Share& share : shares[m]) {
-          sum += share.area;
-          if (sum >= part * total) return share.density;
+        for (const auto& [density, area] : shares[m]) {
+          sum += area;
+          if (sum >= part * total) return density;
         }
-        return shares[m].back().density;
+        return shares[m].back().first;
       };
       check_.densities.push_back({static_cast<std::int32_t>(m) - 1, static_cast<std::int64_t>(shares[m].size()),
                                   std::sqrt(uv_area[m] / total) * options_.texture_size,
@@ -245,17 +244,14 @@ class MapJudge {
     }
   }
 
-  static std::vector<char> WithThreeCorners(const std::vector<Face>& faces) {
-    std::vector<char> has;
-    has.reserve(faces.size());
-    for (const Face& f : faces) has.push_back(f[0] != f[1] && f[1] != f[2] && f[2] != f[0]);
-    return has;
-  }
+  static bool HasThreeCorners(const Face& f) { return f[0] != f[1] && f[1] != f[2] && f[2] != f[0]; }
 
   void MeasureSeams() {
     if (!(check_.surface_area > 0)) return;
+    std::vector<char> takes_part;
+    for (const Face& face : mesh_.faces) takes_part.push_back(HasThreeCorners(face));
     const double length = SeamLength(
-        mesh_, [&](std::int32_t c) { return is_joined_[c] != 0; }, WithThreeCorners(mesh_.faces), execution_);
+        mesh_, [&](std::int32_t c) { return is_joined_[c] != 0; }, takes_part, execution_);
     check_.seam_length = length / std::sqrt(check_.surface_area);
   }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/base/execution.h"
+#include "core/mesh/half_edges.h"
 #include "core/mesh/mesh.h"
 #include "core/unwrap/chart_spacing.h"
 #include "core/unwrap/verify.h"
@@ -19,6 +20,7 @@ struct MapTopology {
   std::vector<std::int32_t> chart_of_face;
   std::int32_t num_charts = 0;
   std::vector<char> is_outline;  // per half-edge c (core/mesh/half_edges.h): the map ends there
+  EdgeGroups edges;              // half-edges between the same two places
 };
 
 struct MapCheckOptions {

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
+#include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
@@ -18,16 +18,6 @@ namespace {
 
 // Calls of WidenCharts() that charts may have which have been cut apart because of faces that did not hold.
 constexpr int kWideningsOfParts = 4;
-
-// The outline of the map, counter-clockwise.
-std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
-  std::vector<Vec2> outline;
-  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
-  for (const std::int32_t c : loops.loop(0)) {
-    outline.push_back(map.positions[Origin(chart.topology.faces, c)]);
-  }
-  return outline;
-}
 
 // Per face of the chart: the number of its group, the faces that it must not be parted from.
 std::vector<std::int32_t> UncutGroups(const Surface& surface, const Chart& chart, std::int32_t* count) {
@@ -105,9 +95,8 @@ void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std:
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     area[(*piece)[f]] += std::abs(DoubleArea(TriangleOf(map.positions, topology.faces[f])));
   }
-  std::vector<std::int32_t> order(count);
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) { return area[a] < area[b]; });
+  const std::vector<std::int32_t> order =
+      SortedIndices(count, [&](std::int32_t a, std::int32_t b) { return area[a] < area[b]; });
   for (std::size_t i = 0; i + most < order.size(); ++i) {
     std::vector<double> border(count, 0);
     for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
@@ -265,9 +254,9 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::ve
       continue;
     }
     if (delivery.overlaps.pairs == 0) continue;
-    const Overlaps found = OverlapsWithin(chart, map, delivery.uv, charts->ignored, job->execution);
+    const Overlaps found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
     if (found.faces.size() < 2) continue;
-    cuts.push_back({i, chart.faces[found.faces[0]], chart.faces[found.faces[1]]});
+    cuts.push_back({i, found.faces[0], found.faces[1]});
   }
   PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));
   // What is new may be widened once more.

@@ -11,7 +11,6 @@
 #include "core/mesh/diagnosis.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"
-#include "core/unwrap/warnings.h"
 #include "core/unwrap/widening.h"
 
 namespace planish {
@@ -57,55 +56,26 @@ void WarnOfCoarseFloat(UnwrapResult* result) {
        {{"abf_energy_lost", absl::StrFormat("%g", lost)}}});
 }
 
-// Adds what was found in a part of the mesh that has these faces.
-void AddOverlaps(const Overlaps& found, const std::vector<std::int32_t>& faces, Overlaps* all) {
-  all->pairs += found.pairs;
-  all->limited |= found.limited;
-  for (const std::int32_t f : found.faces) {
-    if (all->faces.size() < kMaxNamed) all->faces.push_back(faces[f]);
-  }
-}
-
-// Atlases that are stacked lie one over the other: each is looked at by itself.
-Overlaps OverlapsWithinAtlases(const Job& job, const Charts& charts, const CornerUv& uv,
-                               const OrientationFaults& orientation) {
-  std::map<std::int32_t, std::vector<const MappedChart*>> atlases;
-  for (const MappedChart& mapped : charts.charts) atlases[AtlasOf(job.options, mapped.chart)].push_back(&mapped);
-  Overlaps all;
-  for (const auto& [number, own] : atlases) {
-    if (job.execution.IsCancelled()) break;
-    std::vector<std::int32_t> faces, opposite;
-    CornerUv own_uv;
-    std::vector<char> ignored;
-    for (const MappedChart* const mapped : own) {
-      const auto first = static_cast<std::int32_t>(opposite.size());
-      for (const std::int32_t c : OppositeWithClosedSlits(mapped->chart, mapped->map)) {
-        opposite.push_back(c < 0 ? -1 : first + c);
-      }
-      for (const std::int32_t f : mapped->chart.faces) {
-        faces.push_back(f);
-        own_uv.insert(own_uv.end(), uv.begin() + 6 * std::ptrdiff_t{f}, uv.begin() + 6 * std::ptrdiff_t{f} + 6);
-        if (!charts.ignored.empty()) ignored.push_back(charts.ignored[f]);
-      }
-    }
-    AddOverlaps(CheckOverlaps(opposite, own_uv, orientation, job.execution, ignored), faces, &all);
-  }
-  return all;
-}
-
-// Charts that were not packed lie one over the other: each is looked at by itself.
+// Charts that were not packed lie one over the other, and so do atlases that are stacked: each is looked at by itself.
 Overlaps FindOverlaps(const Job& job, const Charts& charts, const CornerUv& uv, const OrientationFaults& orientation) {
   const UnwrapOptions& options = job.options;
-  if (!options.face_atlas.empty() && options.layout == AtlasLayout::kStacked) {
-    return OverlapsWithinAtlases(job, charts, uv, orientation);
-  }
-  if (options.pack) {
+  const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
+  if (options.pack && !stacked) {
     return CheckOverlaps(charts.Opposite(job.mesh), uv, orientation, job.execution, charts.ignored);
   }
-  Overlaps all;
+  std::map<std::int32_t, std::vector<const MappedChart*>> layers;
   for (const MappedChart& mapped : charts.charts) {
+    layers[options.pack ? AtlasOf(options, mapped.chart) : std::ssize(layers)].push_back(&mapped);
+  }
+  Overlaps all;
+  for (const auto& [number, layer] : layers) {
     if (job.execution.IsCancelled()) break;
-    AddOverlaps(OverlapsWithin(mapped.chart, mapped.map, uv, charts.ignored, job.execution), mapped.chart.faces, &all);
+    const Overlaps found = OverlapsWithin(layer, uv, charts.ignored, job.execution);
+    all.pairs += found.pairs;
+    all.limited |= found.limited;
+    for (const std::int32_t f : found.faces) {
+      if (all.faces.size() < kMaxNamed) all.faces.push_back(f);
+    }
   }
   return all;
 }
@@ -137,6 +107,28 @@ std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, cons
 }
 
 }  // namespace
+
+Overlaps OverlapsWithin(const std::vector<const MappedChart*>& charts, const CornerUv& uv,
+                        const std::vector<char>& ignored, const Execution& execution) {
+  std::vector<std::int32_t> faces, opposite;
+  CornerUv own;
+  std::vector<char> own_ignored;
+  for (const MappedChart* const mapped : charts) {
+    const auto first = static_cast<std::int32_t>(opposite.size());
+    for (const std::int32_t c : OppositeWithClosedSlits(mapped->chart, mapped->map)) {
+      opposite.push_back(c < 0 ? -1 : first + c);
+    }
+    for (const std::int32_t f : mapped->chart.faces) {
+      faces.push_back(f);
+      own.insert(own.end(), uv.begin() + 6 * std::ptrdiff_t{f}, uv.begin() + 6 * std::ptrdiff_t{f} + 6);
+      if (!ignored.empty()) own_ignored.push_back(ignored[f]);
+    }
+  }
+  const OrientationFaults orientation = CheckOrientations(own, execution, own_ignored);
+  Overlaps overlaps = CheckOverlaps(opposite, own, orientation, execution, own_ignored);
+  for (std::int32_t& f : overlaps.faces) f = faces[f];
+  return overlaps;
+}
 
 absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
   Timer timer;

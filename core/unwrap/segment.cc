@@ -16,7 +16,6 @@
 #include "core/mesh/tri_mesh.h"
 #include "core/unwrap/long_needles.h"
 #include "core/unwrap/steps.h"
-#include "core/unwrap/warnings.h"
 #include "core/unwrap/widening.h"
 
 namespace planish {

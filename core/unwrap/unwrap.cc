@@ -1,16 +1,117 @@
 #include "core/unwrap/unwrap.h"
 
-#include <numeric>
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "core/base/error.h"
+#include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/diagnosis.h"
 #include "core/unwrap/steps.h"
-#include "core/unwrap/warnings.h"
 
 namespace planish {
+namespace {
+
+absl::Status CheckRange(const std::string& field, int value, int low, int high) {
+  if (value >= low && value <= high) return absl::OkStatus();
+  return OptionError(field, absl::StrCat(value, " is not in [", low, ", ", high, "]"));
+}
+
+absl::Status CheckSeams(const SeamOptions& seams) {
+  if (!(seams.max_stretch >= 1.001 && seams.max_stretch <= 100)) {
+    return OptionError("max_stretch", absl::StrFormat("%g is not in [1.001, 100]", seams.max_stretch));
+  }
+  if (!(seams.hard_edge_degrees >= 0 && seams.hard_edge_degrees <= 180)) {
+    return OptionError("hard_edge_degrees",
+                       absl::StrFormat("%g is not in (0, 180], nor 0 for none", seams.hard_edge_degrees));
+  }
+  if (seams.policy == SeamPolicy::kNone && (seams.hard_edge_degrees > 0 || !seams.corners.empty())) {
+    return OptionError("seams", "none means that no edge is cut, but seams were given; choose keep, needed or auto");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckAtlas(const PackOptions& atlas) {
+  PLANISH_RETURN_IF_ERROR(CheckRange("texture_size", atlas.texture_size, 16, 65536));
+  PLANISH_RETURN_IF_ERROR(CheckRange("padding", atlas.padding, 0, 64));
+  PLANISH_RETURN_IF_ERROR(CheckRange("tiles", atlas.tiles, 1, kMaxTiles));
+  if (2 * ((atlas.padding + 1) / 2) >= atlas.texture_size) {
+    return OptionError("padding", absl::StrCat(atlas.padding, " texels leave no room in a tile of ", atlas.texture_size,
+                                               ", which keeps half of them free at every rim"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckCorners(const std::string& field, const std::vector<std::int32_t>& corners, std::int64_t num_faces) {
+  const auto beyond =
+      std::find_if(corners.begin(), corners.end(), [&](std::int32_t c) { return c < 0 || c >= 3 * num_faces; });
+  if (beyond == corners.end()) return absl::OkStatus();
+  return OptionError(field,
+                     absl::StrCat("there is no corner ", *beyond, ": the mesh has ", num_faces,
+                                  " faces, so corners 0 to ", 3 * num_faces - 1),
+                     {{"corner", absl::StrCat(*beyond)}});
+}
+
+absl::Status CheckCount(const std::string& field, std::size_t count, std::int64_t num_faces) {
+  if (static_cast<std::int64_t>(count) == num_faces) return absl::OkStatus();
+  return OptionError(field,
+                     absl::StrCat(count, " numbers for a mesh of ", num_faces, " faces; one for each is needed"));
+}
+
+// What several atlases, or weights, do not go with.
+absl::Status CheckIsPacked(const std::string& field, const UnwrapOptions& options) {
+  if (!options.pack) return OptionError(field, "charts that are not packed have no atlas; leave pack on");
+  if (options.seams.policy != SeamPolicy::kNone) return absl::OkStatus();
+  return OptionError(field, "with seams none the mesh is one chart, which fills its tile; choose keep, needed or auto");
+}
+
+absl::Status CheckAtlases(const UnwrapOptions& options, std::int64_t num_faces) {
+  const std::vector<std::int32_t>& atlas = options.face_atlas;
+  if (atlas.empty()) return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(CheckCount("face_atlas", atlas.size(), num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckIsPacked("face_atlas", options));
+  const int most = options.layout == AtlasLayout::kUdim ? kMaxTiles / options.atlas.tiles : INT32_MAX;
+  const auto wrong = std::find_if(atlas.begin(), atlas.end(), [&](std::int32_t a) { return a < 0 || a >= most; });
+  if (wrong == atlas.end()) return absl::OkStatus();
+  const std::string face = absl::StrCat(wrong - atlas.begin());
+  if (*wrong < 0) return OptionError("face_atlas", absl::StrCat("there is no atlas ", *wrong), {{"face", face}});
+  return OptionError(
+      "face_atlas",
+      absl::StrCat("there is no room for atlas ", *wrong, ": UDIM has ", kMaxTiles, " tiles here, so atlases 0 to ",
+                   most - 1, "; use fewer, or stack them as textures of their own"),
+      {{"face", face}});
+}
+
+absl::Status CheckWeights(const UnwrapOptions& options, std::int64_t num_faces) {
+  const std::vector<float>& weights = options.face_weights;
+  if (weights.empty()) return absl::OkStatus();
+  PLANISH_RETURN_IF_ERROR(CheckCount("face_weights", weights.size(), num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckIsPacked("face_weights", options));
+  const auto wrong =
+      std::find_if(weights.begin(), weights.end(), [](float w) { return !(w >= kLeastWeight && w <= kMostWeight); });
+  if (wrong == weights.end()) return absl::OkStatus();
+  return OptionError("face_weights", absl::StrFormat("%g is not in [%g, %g]", *wrong, kLeastWeight, kMostWeight),
+                     {{"face", absl::StrCat(wrong - weights.begin())}});
+}
+
+}  // namespace
+
+absl::Status UnwrapOptions::Validate() const {
+  PLANISH_RETURN_IF_ERROR(flatten.Validate());
+  PLANISH_RETURN_IF_ERROR(CheckSeams(seams));
+  PLANISH_RETURN_IF_ERROR(CheckAtlas(atlas));
+  return CheckRange("threads", threads, 1, kMaxThreads);
+}
+
+absl::Status UnwrapOptions::ValidateFor(std::int64_t num_faces) const {
+  PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", seams.corners, num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", seams.uncut_corners, num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckAtlases(*this, num_faces));
+  return CheckWeights(*this, num_faces);
+}
+
 namespace {
 
 // Maps the charts in `todo`, and those that they are cut into until each map is sound. That ends: a cut makes more
@@ -55,14 +156,12 @@ absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts
 
 absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control) {
   PLANISH_RETURN_IF_ERROR(options.Validate());
-  PLANISH_RETURN_IF_ERROR(options.ValidateSeams(mesh.num_faces()));
-  PLANISH_RETURN_IF_ERROR(options.ValidateFaces(mesh.num_faces()));
+  PLANISH_RETURN_IF_ERROR(options.ValidateFor(mesh.num_faces()));
   ThreadTeam team(options.threads);
   Job job = {mesh, options, control, {&team, control.cancel, control.stop}};
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
-  std::vector<std::int32_t> todo(first_count);
-  std::iota(todo.begin(), todo.end(), 0);
+  std::vector<std::int32_t> todo = Indices(first_count);
   while (true) {
     PLANISH_RETURN_IF_ERROR(CheckStopped(job, SolveAndRefine(&job, std::move(todo), &charts), charts));
     PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, &charts));

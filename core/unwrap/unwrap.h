@@ -16,7 +16,7 @@
 #include "core/charts/tuning.h"
 #include "core/mesh/mesh.h"
 #include "core/pack/pack.h"
-#include "core/unwrap/quality.h"
+#include "core/unwrap/distortion.h"
 
 namespace planish {
 
@@ -76,12 +76,10 @@ struct UnwrapOptions {
 
   // INVALID_ARGUMENT with reason OPTIONS_INVALID and metadata "field" (as planish.v1 names it), or OK.
   absl::Status Validate() const;
-  // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces; otherwise OPTIONS_INVALID
-  // with metadata "field" (seam_corners or uncut_corners) and "corner", the first that is not.
-  absl::Status ValidateSeams(std::int64_t num_faces) const;
-  // Whether face_atlas and face_weights are those of a mesh of so many faces, and go with the other options; otherwise
-  // OPTIONS_INVALID with metadata "field" and, for a number out of range, "face".
-  absl::Status ValidateFaces(std::int64_t num_faces) const;
+  // Whether seams.corners and seams.uncut_corners are corners of a mesh of so many faces, and face_atlas and
+  // face_weights its faces, and go with the other options; otherwise OPTIONS_INVALID with metadata "field"
+  // ("seam_corners", "uncut_corners", ...) and "corner" or "face", the first that is wrong.
+  absl::Status ValidateFor(std::int64_t num_faces) const;
 };
 inline constexpr int kMaxThreads = 256;
 inline constexpr int kMaxTiles = 100;
@@ -166,7 +164,7 @@ struct UnwrapResult {
 // requests. Thread-safe: calls share nothing, each has a team of threads of its own.
 //
 // Errors:
-//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateSeams(), ValidateFaces()); PIECE_NOT_A_DISC with
+//   INVALID_ARGUMENT  a MESH_* reason; OPTIONS_INVALID (also ValidateFor()); PIECE_NOT_A_DISC with
 //                     SeamPolicy::kKeep
 //   CANCELLED         `control.cancel` was set; noticed within a few dozen linear iterations or a sparse factorization
 //   ABORTED           STOPPED_EARLY: there was no map without flips yet when `control.stop` came

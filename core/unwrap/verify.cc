@@ -1,7 +1,6 @@
 #include "core/unwrap/verify.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <functional>
 #include <iterator>
@@ -50,7 +49,7 @@ Vec2 To(const CornerUv& uv, std::int32_t c) {
 }
 
 struct Outlines : Loops<std::int32_t> {
-  std::vector<std::int32_t> loop_of;  // of each in half_edge
+  std::vector<std::int32_t> loop_of;  // of each item
   bool is_torn = false;
 };
 
@@ -88,21 +87,21 @@ std::vector<std::int32_t> ChartsOf(const std::vector<std::int32_t>& opposite, co
       static_cast<std::int32_t>(opposite.size() / 3), count, [](std::int32_t) { return true; },
       [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
   std::vector<std::int32_t> of_loop;
-  for (std::int32_t i = 0; i < outlines.count(); ++i) of_loop.push_back(chart[outlines.loop(i)[0] / 3]);
+  for (std::int32_t i = 0; i < outlines.count(); ++i) of_loop.push_back(chart[outlines[i][0] / 3]);
   return of_loop;
 }
 
 BoxTree TreeOf(const Outlines& outlines, const CornerUv& uv, const Execution& execution) {
-  std::vector<Box> boxes(outlines.half_edge.size());
+  std::vector<Box> boxes(outlines.item.size());
   for (std::size_t i = 0; i < boxes.size(); ++i) {
-    boxes[i] = Box::Round(From(uv, outlines.half_edge[i]), To(uv, outlines.half_edge[i]));
+    boxes[i] = Box::Round(From(uv, outlines.item[i]), To(uv, outlines.item[i]));
   }
   return BoxTree(std::move(boxes), execution);
 }
 
 bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree, std::atomic<std::int64_t>* tests_left,
                const Execution& execution) {
-  const auto n = static_cast<std::int32_t>(outlines.half_edge.size());
+  const auto n = static_cast<std::int32_t>(outlines.item.size());
   const auto follower = [&](std::int32_t i) {
     const std::int32_t loop = outlines.loop_of[i];
     return i + 1 == outlines.begin[loop + 1] ? outlines.begin[loop] : i + 1;
@@ -111,11 +110,11 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
     for (auto i = static_cast<std::int32_t>(begin); i < end && !execution.IsCancelledAt(i); ++i) {
       std::int64_t tests = 0;
       const std::int64_t left = *tests_left;
-      const Vec2 from = From(uv, outlines.half_edge[i]), to = To(uv, outlines.half_edge[i]);
+      const Vec2 from = From(uv, outlines.item[i]), to = To(uv, outlines.item[i]);
       const bool clear = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
         if (++tests > left) return false;
         if (j <= i) return true;
-        const Vec2 other_from = From(uv, outlines.half_edge[j]), other_to = To(uv, outlines.half_edge[j]);
+        const Vec2 other_from = From(uv, outlines.item[j]), other_to = To(uv, outlines.item[j]);
         const bool follows = follower(i) == j, precedes = follower(j) == i;
         if (!follows && !precedes) return !SegmentsMeet(from, to, other_from, other_to);
         // Neighbours share an end; they meet elsewhere only if one folds back onto the other.
@@ -136,7 +135,7 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
 // Which way round a simple loop runs: 1 counter-clockwise, -1 clockwise, 0 where its lowest corner has no area. By that
 // corner, of several the leftmost, which no other part of the loop lies below.
 int SenseOf(const Outlines& outlines, std::int32_t loop, const CornerUv& uv) {
-  const std::span<const std::int32_t> half_edges = outlines.loop(loop);
+  const std::span<const std::int32_t> half_edges = outlines[loop];
   std::size_t lowest = 0;
   for (std::size_t i = 1; i < half_edges.size(); ++i) {
     const Vec2 p = From(uv, half_edges[i]), q = From(uv, half_edges[lowest]);
@@ -174,7 +173,7 @@ bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>
     const std::int32_t chart = chart_of_loop[loop];
     if (done[chart]) continue;
     done[chart] = 1;
-    const Vec2 p = From(uv, outlines.half_edge[outlines.begin[loop]]);
+    const Vec2 p = From(uv, outlines.item[outlines.begin[loop]]);
     Box at, ray;
     at.Add(p);
     ray.Add(p);
@@ -191,7 +190,7 @@ bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>
     tree.ForEachMeeting(ray, [&](std::int32_t j) {
       if (--*tests_left < 0) return false;
       if (!may_hold(chart_of_loop[outlines.loop_of[j]])) return true;
-      const Vec2 from = From(uv, outlines.half_edge[j]), to = To(uv, outlines.half_edge[j]);
+      const Vec2 from = From(uv, outlines.item[j]), to = To(uv, outlines.item[j]);
       if (from.y() <= p.y() && to.y() > p.y() && Orientation(from, to, p) > 0) ++winding;
       if (from.y() > p.y() && to.y() <= p.y() && Orientation(from, to, p) < 0) --winding;
       return true;
@@ -208,7 +207,7 @@ bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv&
                       const Execution& execution) {
   std::atomic<std::int64_t> tests_left = max_tests;
   const Outlines outlines = Trace(opposite, uv, execution);
-  if (outlines.is_torn || outlines.half_edge.empty() || execution.IsCancelled()) return false;
+  if (outlines.is_torn || outlines.item.empty() || execution.IsCancelled()) return false;
   const BoxTree tree = TreeOf(outlines, uv, execution);
   if (!DoNotMeet(outlines, uv, tree, &tests_left, execution)) return false;
   if (outlines.count() == 1) return true;  // one loop

@@ -1,5 +1,3 @@
-#include "core/unwrap/warnings.h"
-
 #include <algorithm>
 #include <functional>
 #include <span>
@@ -8,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/mesh/diagnosis.h"
+#include "core/unwrap/steps.h"
 
 namespace planish {
 namespace {
@@ -109,7 +108,7 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
                   std::vector<UnwrapWarning>* warnings) {
   const auto warn = [&](const std::string& reason, const std::function<bool(const ChartReport&)>& predicate,
                         const std::function<std::string(const ChartReport&)>& message,
-                        std::map<std::string, std::string> metadata) {
+                        std::map<std::string, std::string> metadata = {}) {
     const std::vector<int> found = ChartsWith(charts, predicate);
     if (found.empty()) return;
     if (charts.size() > 1) metadata.merge(ChartMetadata(found));
@@ -123,8 +122,7 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       [](const ChartReport& c) {
         return absl::StrCat("a Cholesky factorization took the place of multigrid, which failed: ",
                             c.flatten.multigrid_failure);
-      },
-      {});
+      });
   std::int64_t failures = 0, solves = 0;
   for (const ChartReport& chart : charts) {
     failures += chart.flatten.linear_failures;
@@ -144,8 +142,7 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
         return absl::StrCat("the active set of the boundary control had not settled after ",
                             Counted(c.flatten.boundary.set_changes, "change", "changes"),
                             ": the outline may be slightly concave, or straighter than necessary");
-      },
-      {});
+      });
   double barrier = 0;
   for (const ChartReport& chart : charts) barrier = std::max(barrier, chart.flatten.barrier);
   warn(
@@ -163,8 +160,7 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
       [](const ChartReport&) {
         return "with these borders ABF gives no map that is free of overlaps and not stretched beyond use; a "
                "barycentric map on a disc keeps the borders, but not the angles; a seam would help";
-      },
-      {});
+      });
   if (max_stretch <= 0) return;
   double worst = 1;
   for (const ChartReport& chart : charts) worst = std::max(worst, chart.stretch_l2);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/mesh/angles.h"
+#include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
 
 namespace planish {
@@ -56,19 +57,33 @@ struct ThinFace {
 
 struct ThinFaces {
   std::vector<ThinFace> faces;
-  Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity()), high = -low;  // of all corners of the chart
-
-  void AddCorners(const Corners& p) {
-    for (const Vec2& corner : p) {
-      low = low.cwiseMin(corner);
-      high = high.cwiseMax(corner);
-    }
-  }
+  Box box;  // round all corners of the chart
 };
+
+// The faces that rounding may collapse or turn over, and those that are collapsed or turned over as they are, which
+// must be widened. in_plane(f) are the corners of face f, grain_of(p) is what these are rounded to multiples of, and
+// `scale` is length in the plane over length on the surface.
+template <typename InPlane, typename GrainOf>
+ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>& ignored, double scale,
+                   const InPlane& in_plane, const GrainOf& grain_of) {
+  ThinFaces thin;
+  for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
+    const Corners p = in_plane(f);
+    for (const Vec2& corner : p) thin.box.Add(corner);
+    if (!ignored.empty() && ignored[chart.faces[f]] != 0) continue;
+    const double grain = grain_of(p), longest = LongestEdge(p), altitude = DoubleArea(p) / longest;
+    const bool is_turned = Orientation(p) <= 0;
+    if (altitude >= kLeastAltitude * grain && !is_turned) continue;
+    // Where the map is shrunk, more so than the surface says, the shape of this face is not the reason.
+    const double on_surface = scale * std::min(1.0, chart.enlargement) * LongestOnSurface(mesh, chart.faces[f]);
+    thin.faces.push_back({f, grain, std::max(longest, on_surface), altitude, is_turned});
+  }
+  return thin;
+}
 
 // Enlarges a chart all of whose map is next to nothing: where a face of any shape is too small.
 bool Enlarge(const ThinFaces& thin, double factor, double grain, Chart* chart) {
-  if (!(factor > 1) || !((thin.high - thin.low).maxCoeff() * factor <= kMostExtent * grain)) return false;
+  if (!(factor > 1) || !((thin.box.high - thin.box.low).maxCoeff() * factor <= kMostExtent * grain)) return false;
   chart->enlargement *= factor;
   return true;
 }
@@ -120,18 +135,10 @@ Eigen::VectorXd AnglesToKeep(const Mesh& mesh, const Chart& chart, const Executi
 }
 
 bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::vector<char>& ignored, Chart* chart) {
-  ThinFaces thin;
-  const double reduction = std::min(1.0, chart->enlargement);
-  for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
-    const Corners p = TriangleOf(map.positions, chart->topology.faces[f]);
-    thin.AddCorners(p);
-    if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
-    // Where the map is shrunk, more so than the surface says, the shape of this face is not the reason.
-    const double longest = std::max(LongestEdge(p), reduction * LongestOnSurface(mesh, chart->faces[f]));
-    const double altitude = DoubleArea(p) / LongestEdge(p);
-    if (altitude >= kLeastAltitude * grain && Orientation(p) > 0) continue;
-    thin.faces.push_back({f, grain, longest, altitude});
-  }
+  ThinFaces thin = FindThin(
+      mesh, *chart, ignored, 1, [&](std::int32_t f) { return TriangleOf(map.positions, chart->topology.faces[f]); },
+      [&](const Corners&) { return grain; });
+  for (ThinFace& face : thin.faces) face.must_widen = true;
   return Widen(mesh, thin, chart);
 }
 
@@ -148,22 +155,13 @@ std::vector<std::int32_t> HardlyHeld(const CornerUv& uv, Precision precision, co
 
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                     const std::vector<char>& ignored, Chart* chart) {
-  ThinFaces thin;
-  bool any_turned = false;
-  const double reduction = std::min(1.0, chart->enlargement);
-  for (std::int32_t f = 0; f < chart->topology.num_faces(); ++f) {
-    const Corners p = TriangleOf(uv, chart->faces[f]);
-    thin.AddCorners(p);
-    if (!ignored.empty() && ignored[chart->faces[f]] != 0) continue;
-    const double grain = GrainOf(p, precision);
-    const bool is_turned = Orientation(p) <= 0;
-    if (!is_turned && DoubleArea(p) >= kLeastAltitude * grain * LongestEdge(p)) continue;
-    any_turned |= is_turned;
-    const double longest = std::max(LongestEdge(p), scale * reduction * LongestOnSurface(mesh, chart->faces[f]));
-    thin.faces.push_back({f, grain, longest, 0, is_turned});
-  }
+  ThinFaces thin = FindThin(
+      mesh, *chart, ignored, scale, [&](std::int32_t f) { return TriangleOf(uv, chart->faces[f]); },
+      [&](const Corners& p) { return GrainOf(p, precision); });
+  for (ThinFace& face : thin.faces) face.altitude = 0;
   // Needles beside a face that is widened would be squashed.
-  return any_turned && Widen(mesh, thin, chart);
+  return std::any_of(thin.faces.begin(), thin.faces.end(), [](const ThinFace& t) { return t.must_widen; }) &&
+         Widen(mesh, thin, chart);
 }
 
 }  // namespace planish

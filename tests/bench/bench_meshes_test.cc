@@ -7,6 +7,7 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/diagnosis.h"
 #include "gtest/gtest.h"
+#include "tests/testing/discs.h"
 
 namespace planish::bench {
 namespace {

@@ -17,10 +17,12 @@
 #include "core/base/execution.h"
 #include "core/base/timer.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/half_edges.h"
+#include "core/pack/outline.h"
 #include "core/unwrap/distortion.h"
-#include "core/unwrap/placement.h"
 #include "core/unwrap/verify.h"
 #include "nlohmann/json.hpp"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {
@@ -74,11 +76,18 @@ int Run(const Mesh& mesh, int threads) {
   }
   Measure("layout", &team, [&](const Execution& e) { LayOut(*topology, flattening->angles, e); });
   std::vector<Vec2> positions = LayOut(*topology, flattening->angles, all);
+  const auto outline = [&] {
+    std::vector<Vec2> points;
+    for (std::int32_t c = 0; c < topology->num_corners(); ++c) {
+      if (topology->opposite[c] < 0) points.push_back(positions[Origin(topology->faces, c)]);
+    }
+    return points;
+  };
   Measure("pack", &team, [&](const Execution& e) {
     std::vector<Vec2> points = positions;
-    PlaceInUnitSquare(&points, e);
+    PlaceInUnitSquare(outline(), &points, e);
   });
-  PlaceInUnitSquare(&positions, all);
+  PlaceInUnitSquare(outline(), &positions, all);
   CornerUv uv;
   for (const Face& face : mesh.faces) {
     for (const std::int32_t v : face) uv.insert(uv.end(), {positions[v].x(), positions[v].y()});

@@ -9,6 +9,7 @@
 #include "nlohmann/json.hpp"
 #include "tests/bench/bench_meshes.h"
 #include "tests/core/kkt.h"
+#include "tests/testing/discs.h"
 
 namespace planish::bench {
 namespace {

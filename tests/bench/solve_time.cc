@@ -17,6 +17,7 @@
 #include "core/unwrap/unwrap.h"
 #include "nlohmann/json.hpp"
 #include "tests/bench/bench_meshes.h"
+#include "tests/testing/discs.h"
 
 namespace planish::bench {
 namespace {

@@ -12,6 +12,7 @@
 #include "tests/bench/bench_meshes.h"
 #include "tests/bench/tuning_constants.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish::bench {
 namespace {

@@ -48,11 +48,11 @@ UvIslands FindUvIslands(const Mesh& mesh, const CornerUv& uv, const std::vector<
     return Origin(mesh.faces, c) == Target(mesh.faces, d) && At(uv, OriginCorner(c)) == At(uv, TargetCorner(d)) &&
            At(uv, TargetCorner(c)) == At(uv, OriginCorner(d));
   };
-  for (std::int32_t e = 0; e < edges.num_edges(); ++e) {
+  for (std::int32_t e = 0; e < edges.count(); ++e) {
     for (std::int32_t i = edges.begin[e]; i < edges.begin[e + 1]; ++i) {
-      const std::int32_t c = edges.half_edge[i];
+      const std::int32_t c = edges.item[i];
       for (std::int32_t j = i + 1; j < edges.begin[e + 1] && islands.opposite[c] < 0; ++j) {
-        const std::int32_t d = edges.half_edge[j];
+        const std::int32_t d = edges.item[j];
         if (ignored[c / 3] || ignored[d / 3] || islands.opposite[d] >= 0 || !joins(c, d)) continue;
         islands.opposite[c] = d;
         islands.opposite[d] = c;

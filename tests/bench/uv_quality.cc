@@ -21,6 +21,7 @@
 #include "core/unwrap/verify.h"
 #include "nlohmann/json.hpp"
 #include "tests/bench/uv_islands.h"
+#include "tests/testing/discs.h"
 
 namespace planish::bench {
 namespace {

@@ -17,6 +17,7 @@
 #include "tests/core/differences.h"
 #include "tests/core/kkt.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {

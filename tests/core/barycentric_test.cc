@@ -1,14 +1,14 @@
 // MapByBarycentres(): one to one on every disc, exact where the plane is known.
-#include "core/unwrap/barycentric.h"
-
 #include <cmath>
 #include <numbers>
 
 #include "core/abf/topology.h"
 #include "core/mesh/predicates.h"
+#include "core/unwrap/fixed_borders.h"
 #include "core/unwrap/unwrap.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {

@@ -13,6 +13,7 @@
 #include "tests/core/disc_options.h"
 #include "tests/core/every_solver.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {

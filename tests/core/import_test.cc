@@ -72,7 +72,7 @@ TEST(Import, KeepsWhatIsManifold) {
   EXPECT_EQ(BoundaryLoops(Imported(testing::Torus(8, 6))).count(), 0);
   const auto loops = BoundaryLoops(Imported(testing::Cylinder(8, 3)));
   ASSERT_EQ(loops.count(), 2);
-  EXPECT_THAT(loops.loop(0), SizeIs(8));
+  EXPECT_THAT(loops[0], SizeIs(8));
 }
 
 TEST(Import, PartsFacesAtNonManifoldEdgesForADiagnosis) {

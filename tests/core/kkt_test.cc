@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "tests/core/differences.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {

@@ -15,6 +15,7 @@
 #include "gtest/gtest.h"
 #include "tests/core/kkt.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {

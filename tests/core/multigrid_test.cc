@@ -10,12 +10,12 @@
 #include "core/abf/layout.h"
 #include "core/abf/reduced_system.h"
 #include "core/abf/topology.h"
-#include "core/linalg/aggregation.h"
 #include "core/linalg/linear_solver.h"
 #include "core/linalg/patch_preconditioner.h"
 #include "core/mesh/angles.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {

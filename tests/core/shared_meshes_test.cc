@@ -11,6 +11,7 @@
 #include "tests/core/disc_options.h"
 #include "tests/core/shapes.h"
 #include "tests/core/uv_digest.h"
+#include "tests/testing/discs.h"
 #include "tests/testing/files.h"
 
 namespace planish {

@@ -18,13 +18,14 @@
 #include "core/mesh/box_tree.h"
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
+#include "core/pack/outline.h"
 #include "core/unwrap/distortion.h"
-#include "core/unwrap/placement.h"
 #include "core/unwrap/verify.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/disc_options.h"
 #include "tests/core/shapes.h"
+#include "tests/testing/discs.h"
 
 namespace planish {
 namespace {
@@ -133,7 +134,7 @@ TEST(PlaceInUnitSquare, TurnsTheLongSideAlongU) {
   for (const Vec2& p : {Vec2(0, 0), Vec2(4, 0), Vec2(4, 1), Vec2(0, 1), Vec2(2, 0.5)}) {
     points.push_back(Vec2(c * p.x() - s * p.y(), s * p.x() + c * p.y()) + Vec2(10, -3));
   }
-  PlaceInUnitSquare(&points);
+  PlaceInUnitSquare(points, &points);
   Vec2 low = points[0], high = points[0];
   for (const Vec2& p : points) {
     low = low.cwiseMin(p);
@@ -158,10 +159,10 @@ TEST(Interrupt, IsNoticedInEveryStage) {
     ThreadTeam team(threads);
     const Execution execution = {&team, &interrupter};
     EXPECT_EQ(CheckDisc(mesh, execution).code(), absl::StatusCode::kCancelled);
-    EXPECT_EQ(GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution).num_edges(), 0);
+    EXPECT_EQ(GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution).count(), 0);
     EXPECT_TRUE(LayOut(topology, measured, execution).empty());
     std::vector<Vec2> points = {{0, 0}, {4, 0}, {4, 1}, {0, 1}};
-    PlaceInUnitSquare(&points, execution);
+    PlaceInUnitSquare(points, &points, execution);
     EXPECT_EQ(points[2], Vec2(4, 1));
     EXPECT_EQ(CheckOrientations(collapsed, execution).degenerate, 0);
     OrientationFaults pretend;
@@ -292,7 +293,7 @@ TEST(PlaceInUnitSquare, FindsTheLeastRectangleRoundAnyPoints) {
       best = std::min(best, (high - low).prod());
     }
     const std::vector<Vec2> before = points;
-    PlaceInUnitSquare(&points);
+    PlaceInUnitSquare(points, &points);
     if (n == 1) continue;
     double height = 0;
     for (const Vec2& p : points) height = std::max(height, p.y());

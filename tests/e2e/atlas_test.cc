@@ -27,13 +27,8 @@ constexpr char kStrip[] =
     "o lid\nf 4 5 10 9\n"
     "o body\ng front\nusemtl skin\nf 1 2 7 6\nf 2 3 8 7\ng back\nusemtl unused\nusemtl cloth\nf 3 4 9 8\n";
 
-class AtlasTest : public ::testing::Test {
+class AtlasTest : public CommandTest {
  protected:
-  std::string File(const std::string& name, const std::string& text) {
-    PutFile(directory_.Path(name), text);
-    return directory_.Path(name);
-  }
-
   // The report of an unwrap of `input` with these flags, which must be usable.
   json Unwrapped(const std::string& input, std::vector<std::string> flags) {
     flags.insert(flags.begin(), {"unwrap", input, "-o", directory_.Path("out.obj"), "--json"});
@@ -73,8 +68,6 @@ class AtlasTest : public ::testing::Test {
     for (const json& atlas : report["atlas"]["atlases"]) names.push_back(atlas["name"]);
     return names;
   }
-
-  TempDir directory_;
   std::string said_;  // on stderr
 };
 

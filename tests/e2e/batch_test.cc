@@ -212,7 +212,7 @@ TEST_F(BatchTest, SecondCtrlCLeavesAtOnce) {
   ASSERT_TRUE(command.WaitForErr("\"linear_iterations\":1", 60)) << command.Err();
   kill(server.pid(), SIGSTOP);  // so that the first cannot be answered
   command.Signal(SIGINT);
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  ASSERT_TRUE(command.WaitForErr("Ctrl-C again", 60)) << command.Err();
   const double second = Now();
   command.Signal(SIGINT);
   EXPECT_EQ(command.Wait().exit_code, 130);
@@ -331,7 +331,6 @@ TEST_F(BatchTest, JobWhoseAnswerWasLostIsNotQueuedTwice) {
 TEST_F(BatchTest, OneAtlasForSeveralFiles) {
   File("a.obj", GridObj(6));
   File("b.obj", GridObj(6, 1));
-  fs::create_directory(Out());
   const std::vector<std::string> words = {"unwrap", In("a.obj"), In("b.obj"), "-o", Out(), "--json"};
   std::vector<std::string> together = words;
   together.push_back("--one-atlas");

@@ -24,19 +24,13 @@ constexpr char kTwoCharts[] =
     "f 1/1 2/2 3/3 4/4\nf 5/6 6/5 7/8 8/7\n";
 constexpr char kNoUv[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-class CheckTest : public ::testing::Test {
+class CheckTest : public CommandTest {
  protected:
-  std::string File(const std::string& name, const std::string& text) {
-    PutFile(directory_.Path(name), text);
-    return directory_.Path(name);
-  }
   // There is no server to ask.
   static Outcome Check(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "check");
     return Planish(arguments, {{"PLANISHD", "/nonexistent"}, {"PLANISH_SERVER", "127.0.0.1:1"}});
   }
-
-  TempDir directory_;
 };
 
 TEST_F(CheckTest, SaysWhatThereIsAndRequiresNothingUnasked) {

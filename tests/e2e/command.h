@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "gtest/gtest.h"
 #include "planish/private_server.h"
 #include "tests/testing/files.h"
 #include "tests/testing/process.h"
@@ -19,6 +20,18 @@ class Command : public Process {
 };
 
 Outcome Planish(const std::vector<std::string>& arguments, const std::map<std::string, std::string>& environment = {});
+
+// A test of the command with files in a directory of its own.
+class CommandTest : public ::testing::Test {
+ protected:
+  // Writes a file and returns its path.
+  std::string File(const std::string& name, const std::string& text) {
+    PutFile(directory_.Path(name), text);
+    return directory_.Path(name);
+  }
+
+  TempDir directory_;
+};
 
 // Of the planishd under test.
 PrivateServerOptions ServerOptions(int workers, const std::vector<std::string>& more = {});

@@ -21,15 +21,7 @@ constexpr char kTwoIslands[] =
     "# mine\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 5 0 0\nv 7 0 0\nv 7 2 0\nv 5 2 0\n"
     "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3 4/4\nf 5/1 6/4 7/3 8/2\n";
 
-class PackTest : public ::testing::Test {
- protected:
-  std::string File(const std::string& name, const std::string& text) {
-    PutFile(directory_.Path(name), text);
-    return directory_.Path(name);
-  }
-
-  TempDir directory_;
-};
+class PackTest : public CommandTest {};
 
 TEST_F(PackTest, NeedsNoServerAndSaysWhatItDid) {
   const std::string output = directory_.Path("out.obj");

@@ -19,12 +19,8 @@ using ::testing::StartsWith;
 
 constexpr char kTriangle[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\no </script>\nf 1/1 2/2 3/3\n";
 
-class ReportTest : public ::testing::Test {
+class ReportTest : public CommandTest {
  protected:
-  std::string File(const std::string& name, const std::string& text) {
-    PutFile(directory_.Path(name), text);
-    return directory_.Path(name);
-  }
   static Outcome Report(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "report");
     return Planish(arguments, {{"PLANISHD", "/nonexistent"}, {"PLANISH_SERVER", "127.0.0.1:1"}});
@@ -36,8 +32,6 @@ class ReportTest : public ::testing::Test {
     return page.substr(begin + head.size(), page.find("</script>", begin) - begin - head.size());
   }
   static json Page(const std::string& page) { return json::parse(Script(page, "planish-page")); }
-
-  TempDir directory_;
 };
 
 TEST_F(ReportTest, WritesAPageAndAsksNoServer) {

@@ -36,15 +36,7 @@ std::vector<std::string> LinesWithout(const std::string& text, const std::set<st
   return kept;
 }
 
-class UnwrapTest : public ::testing::Test {
- protected:
-  std::string File(const std::string& name, const std::string& text) {
-    PutFile(directory_.Path(name), text);
-    return directory_.Path(name);
-  }
-
-  TempDir directory_;
-};
+class UnwrapTest : public CommandTest {};
 
 // Issue 26: the command waited for ever.
 TEST_F(UnwrapTest, SaysWhyThePrivateServersWorkersDoNotStart) {
