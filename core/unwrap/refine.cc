@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <utility>
 
 #include "core/base/radix_sort.h"
@@ -114,10 +116,12 @@ void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std:
 // run across arms and necks of the map (core/pack/necks.h), from face to face, and never between faces that must be
 // glued; parts are connected.
 std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart, const ChartMap& map,
-                                      const NeckOptions& options) {
+                                      const std::vector<Neck>& necks, double least_gain) {
   const std::vector<Vec2> outline = OutlineOf(chart, map);
   std::vector<std::pair<Vec2, Vec2>> chords;
-  for (const auto& [i, j] : FindNecks(outline, options)) chords.emplace_back(outline[i], outline[j]);
+  for (const Neck& neck : necks) {
+    if (neck.gain >= least_gain) chords.emplace_back(outline[neck.from], outline[neck.to]);
+  }
   if (chords.empty()) return {};
   std::int32_t count = 0;
   std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, map), chords, &count);
@@ -163,19 +167,29 @@ std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, co
 }
 
 // All that pack better in parts, those that gain most where that would make too many charts.
-std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, NeckOptions options, const AtlasTuning& tuning) {
-  const double most = static_cast<double>(charts.surface->num_faces()) / tuning.cut_faces;
-  for (std::vector<Segmentation::Cut> cuts;; options.least_gain *= 1.5, cuts.clear()) {
-    std::int32_t count = charts.count();
-    for (std::int32_t i = 0; i < charts.count(); ++i) {
-      const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
-      const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, options);
-      if (part.empty()) continue;
-      count += *std::max_element(part.begin(), part.end());
-      cuts.push_back({i, -1, -1, InOrderOf(*charts.segmentation, i, chart, part)});
-    }
-    if (cuts.empty() || count <= most) return cuts;
+std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const NeckOptions& options,
+                                            const AtlasTuning& tuning) {
+  std::vector<std::vector<Neck>> necks;
+  std::vector<double> gains;
+  for (const MappedChart& mapped : charts.charts) {
+    necks.push_back(FindNecks(OutlineOf(mapped.chart, mapped.map), options));
+    for (const Neck& neck : necks.back()) gains.push_back(neck.gain);
   }
+  const auto most = static_cast<std::size_t>(
+      std::max(static_cast<double>(charts.surface->num_faces()) / tuning.cut_faces - charts.count(),
+               tuning.cut_growth * charts.count()));
+  double least_gain = options.least_gain;
+  if (gains.size() > most) {
+    std::sort(gains.begin(), gains.end(), std::greater<>());
+    least_gain = std::nextafter(gains[most], std::numeric_limits<double>::infinity());
+  }
+  std::vector<Segmentation::Cut> cuts;
+  for (std::int32_t i = 0; i < charts.count(); ++i) {
+    const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
+    const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, necks[i], least_gain);
+    if (!part.empty()) cuts.push_back({i, -1, -1, InOrderOf(*charts.segmentation, i, chart, part)});
+  }
+  return cuts;
 }
 
 // Cuts, and returns whether that made new charts; `todo` has then what is to be solved.
