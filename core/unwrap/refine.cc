@@ -235,7 +235,7 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
   const double allowed = (options.seams.max_stretch - 1) / 0.05;
   const double gain = options.atlas.effort == PackEffort::kBest ? tuning.best_hull_gain : tuning.hull_gain;
-  return {gain * allowed * allowed * charts.total_area / count, tuning.cut_width * std::sqrt(charts.total_area)};
+  return {gain * allowed * allowed * charts.drawn_area / count, tuning.cut_width * std::sqrt(charts.drawn_area)};
 }
 
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {
