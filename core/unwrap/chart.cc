@@ -192,7 +192,7 @@ struct ChartUv {
   Overlaps FindOverlaps(const std::vector<std::int32_t>& opposite, const Execution& execution,
                         OrientationFaults* orientation) const {
     *orientation = CheckOrientations(uv, execution, ignored);
-    return CheckOverlaps(opposite, uv, *orientation, execution, ignored);
+    return CheckOverlaps(opposite, uv, *orientation, execution, ignored, /*max_pairs=*/1);
   }
 };
 
