@@ -194,16 +194,18 @@ class Packer {
       if (good > 0 && (execution_.IsStopRequested() || (bad > 0 && bad < tuning_.known_within * good))) break;
       // A wide bracket is worth more than what comes after.
       const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
-      const bool may_go_on =
-          trial < tuning_.least_trials || (trial < tuning_.most_trials && static_cast<double>(work_) < share * budget_);
+      const bool is_dear = !plan_.thorough && static_cast<double>(work_) > budget_ && bad < tuning_.too_wide * good;
+      const bool may_go_on = (trial < tuning_.least_trials && !is_dear) ||
+                             (trial < tuning_.most_trials && static_cast<double>(work_) < share * budget_);
       if (good > 0 && !may_go_on) break;
       if (good > 0 && bad > 0) {
         scale = std::sqrt(good * bad);
       } else if (good > 0) {
         scale *= tuning_.upwards;
       } else {
-        scale /= std::clamp(std::sqrt(std::sqrt(AreaRatio(scale, result.placed))), tuning_.known_within,
-                            tuning_.farthest_change);
+        const double ratio = std::sqrt(AreaRatio(scale, result.placed));
+        // Among many charts small ones do not find much room that large ones have left.
+        scale /= std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
       }
     }
     best_.scale = good;

@@ -21,7 +21,8 @@ constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110, kQuarterWork = 1
 constexpr int kRowsBeyond = 2;
 
 // A chart is looked for on the coarsest board on which it is at least half of so many cells long; if it is thin, on one
-// on which it is at least half of so many cells wide, as long as its length is at most the third number.
+// on which it is at least half of so many cells wide, as long as its length is at most the third number, which boards
+// of more cells do not allow.
 constexpr int kCellsOfLarge = 64, kCellsAcross = 12, kCellsOfLong = 511;
 constexpr int kLevels = 4;
 // So many silhouettes are kept at most, of about a kilobyte each.
@@ -82,7 +83,8 @@ class TrialSeries::Impl {
     for (const Outline& outline : outlines) {
       const Box box = BoxAt(outline, outline.upright);
       width_.push_back((box.high - box.low).minCoeff());
-      if (width_.back() * kCellsOfLarge < 2 * outline.radius * kCellsAcross) longest_ = kCellsOfLong;
+      const bool is_thin = width_.back() * kCellsOfLarge < 2 * outline.radius * kCellsAcross;
+      if (is_thin && grid.side <= kCellsOfLong) longest_ = kCellsOfLong;
     }
     const int count = grid.tiles * grid.atlases;
     tiles_.reserve(count);
@@ -264,7 +266,7 @@ class TrialSeries::Impl {
   const std::vector<Outline>& outlines_;
   const std::vector<int>& atlas_;
   const TrialGrid grid_;
-  std::vector<Pyramid> tiles_;  // each trial clears them
+  std::vector<Pyramid> tiles_;           // each trial clears them
   std::vector<double> width_;            // of each chart
   int longest_ = 2 * kCellsOfLarge - 1;  // cells of a silhouette, but on the coarsest board
   // What trials at the same scales and angles share: by chart and turn, unless these are too many.

@@ -33,6 +33,7 @@ struct PackTuning {
   // more trials than what comes after, above the second. Without a bracket scales grow by the third and shrink by the
   // fourth at most.
   double known_within = 1.01, wide_bracket = 1.03, upwards = 1.04, farthest_change = 1.12;
+  double too_wide = 1.05;  // a bracket that is not left even where trials of very many charts have used up the work
 
   // Tightening (tighten.h) begins with so much work for each chart, or not at all: it takes that to grow and to settle.
   double tighten_per_chart = 200'000;

@@ -11,7 +11,7 @@ namespace {
 
 // Measured by tests/bench/run.sh memory, and by planish_hunt --cases over all families of meshes, of 20 to 100,000
 // faces: figures are what was measured, or a little more.
-constexpr double kFixedBytes = 8.3e6;      // half of it code and tables, in a process that has not touched them yet
+constexpr double kFixedBytes = 8.2e6;      // half of it code and tables, in a process that has not touched them yet
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
 // Of a face that is a chart by itself, with its outline and its place, more than most others take: the counts do not
@@ -25,7 +25,7 @@ constexpr double kBytesPerTile = 0.25e6;
 // face of 50,000, 1,390 of 200,000.
 constexpr double kFactorBytesPerFace = 1650, kFactorBytesPower = 0.1;
 constexpr double kBytesPerByte = 2;     // encoded bytes, while they are decoded
-constexpr double kBytesPerPiece = 300;  // the vertices that such a piece has for itself
+constexpr double kBytesPerPiece = 200;  // the vertices that such a piece has for itself
 // The vertices that a triangle by itself has beyond half a vertex a face, which is what closed surfaces have.
 constexpr double kLooseVerticesPerPiece = 2.5;
 // Surfaces have fewer vertices a face only where they have very many handles, or where more than two faces meet at
