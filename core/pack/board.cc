@@ -8,6 +8,8 @@ namespace planish {
 namespace {
 
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
+// Silhouettes that a row takes before its longest run of free cells is measured again.
+constexpr int kStale = 8;
 
 // Of bits that are 0.
 int LongestRun(const std::uint64_t* words, int count) {
@@ -94,10 +96,13 @@ Board::Board(int side, int longest) : side_(side), size_(side + 2 * kMargin), st
   // What tells of the longest span that fits.
   const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size_)));
   levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size_, kAll));
-  Clear();
+  std::int64_t work = 0;
+  Clear(&work);
 }
 
-void Board::Clear() {
+void Board::Clear(std::int64_t* work) {
+  *work += std::ssize(levels_) * size_ * stride_;
+  stale_.assign(size_, 0);
   longest_free_.assign(size_, 0);
   std::fill_n(longest_free_.begin() + kMargin, side_, side_);
   for (std::size_t k = 0; k < levels_.size(); ++k) {
@@ -109,7 +114,7 @@ void Board::Clear() {
   }
 }
 
-void Board::Add(const Silhouette& s, int x, int y, int shift) {
+void Board::Add(const Silhouette& s, int x, int y, int shift, std::int64_t* work) {
   const int first_row = kMargin + (y >> shift), last_row = kMargin + ((y + s.height - 1) >> shift);
   for (int row = std::max(0, first_row); row <= std::min(size_ - 1, last_row); ++row) {
     std::uint64_t* const taken = levels_[0].data() + static_cast<std::size_t>(row) * stride_;
@@ -125,13 +130,18 @@ void Board::Add(const Silhouette& s, int x, int y, int shift) {
       SetBits(taken, begin, last + 1);
     }
     if (highest < 0) continue;
-    longest_free_[row] = LongestRun(taken, stride_);
+    if (++stale_[row] == kStale) {
+      stale_[row] = 0;
+      longest_free_[row] = LongestRun(taken, stride_);
+      *work += stride_;
+    }
     for (std::size_t k = 1; k < levels_.size(); ++k) {
       // Runs that hold one of these cells begin less than their length before it.
       const int begin_word = std::max(0, lowest - (1 << k) + 1) >> 6, end_word = (highest >> 6) + 1;
       const int reach = 1 << (k - 1), q = reach >> 6, b = reach & 63;
       const std::uint64_t* below = levels_[k - 1].data() + static_cast<std::size_t>(row) * stride_;
       std::uint64_t* above = levels_[k].data() + static_cast<std::size_t>(row) * stride_;
+      *work += end_word - begin_word;
       for (int w = begin_word; w < end_word; ++w) {
         const std::uint64_t low = w + q < stride_ ? below[w + q] : kAll;
         const std::uint64_t high = w + q + 1 < stride_ ? below[w + q + 1] : kAll;
@@ -148,8 +158,9 @@ bool Board::FreePlacesOf(const Silhouette& s, const RowOrder& row_order, int y, 
   std::uint64_t own[kWords > 0 ? kWords : 1];
   std::uint64_t* const free = kWords > 0 ? own : places;
   for (int w = 0; w < count; ++w) free[w] = kAll;
-  std::int64_t spans = 0;
+  std::int64_t read = 0;
   std::uint64_t any = kAll;
+  int begin = 0, end = count;  // words with places; all of few words are read
   for (const std::int32_t r : row_order.rows) {
     for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1] && any != 0; ++i) {
       const int length = s.spans[i].end - s.spans[i].begin;
@@ -162,17 +173,21 @@ bool Board::FreePlacesOf(const Silhouette& s, const RowOrder& row_order, int y, 
       // A shift by 64 in two steps: 64 - 0 is out of range.
       const int right_a = shift_a & 63, left_a = 63 - right_a, right_b = shift_b & 63, left_b = 63 - right_b;
       any = 0;
-      ++spans;
-      for (int w = 0; w < count; ++w) {
+      read += 4 + 2 * (end - begin);
+      for (int w = begin; w < end; ++w) {
         const std::uint64_t taken_a = a[w] >> right_a | a[w + 1] << 1 << left_a;
         const std::uint64_t taken_b = b[w] >> right_b | b[w + 1] << 1 << left_b;
         free[w] &= ~(taken_a | taken_b);
         any |= free[w];
       }
+      if constexpr (kWords == 0) {
+        while (begin < end && free[begin] == 0) ++begin;
+        while (begin < end && free[end - 1] == 0) --end;
+      }
     }
     if (any == 0) break;
   }
-  *work += spans * (4 + 2 * count);
+  *work += read;
   if (any == 0) return false;
   if constexpr (kWords > 0) std::copy(own, own + kWords, places);
   return true;

@@ -45,16 +45,16 @@ class Board {
 
   // side x side free cells, from (kMargin, kMargin) on, for silhouettes at most `longest` cells wide.
   Board(int side, int longest);
-  // All cells are free again.
-  void Clear();
+  // All cells are free again. Adds the words that it wrote to *work.
+  void Clear(std::int64_t* work);
 
   int side() const { return side_; }
   bool IsTaken(int x, int y) const { return (Row(0, y)[x >> 6] >> (x & 63) & 1) != 0; }
 
   // Takes every cell of this board that has a part of a cell of the silhouette, whose corner (0, 0) lies at the place
   // (x, y) in cells from the corner of the free square. The cells of the silhouette are smaller than those of the
-  // board by a factor of 2^shift. What lies beyond the board is left out.
-  void Add(const Silhouette& silhouette, int x, int y, int shift = 0);
+  // board by a factor of 2^shift. What lies beyond the board is left out. Adds the words that it wrote to *work.
+  void Add(const Silhouette& silhouette, int x, int y, int shift, std::int64_t* work);
 
   // From row `first` up to `rows_beyond` rows beyond the first row with a place, which must not lie beyond `last`:
   // looks at the places where the silhouette fits but cannot move both ways along u, nor both ways along v. Replaces
@@ -78,7 +78,8 @@ class Board {
   int side_, size_, stride_;
   // Level k, row y, bit x: whether one of the cells x .. x + 2^k - 1 is taken. Two words more than a row needs.
   std::vector<std::vector<std::uint64_t>> levels_;
-  std::vector<std::int32_t> longest_free_;  // per row: the longest run of free cells
+  std::vector<std::int32_t> longest_free_;  // per row: the longest run of free cells, or more
+  std::vector<std::int8_t> stale_;          // per row: silhouettes since that was measured
 };
 
 }  // namespace planish

@@ -1,6 +1,8 @@
 #include "core/pack/necks.h"
 
 #include <algorithm>
+#include <limits>
+#include <utility>
 
 #include "core/mesh/angles.h"
 #include "core/mesh/predicates.h"
@@ -157,24 +159,30 @@ Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOp
 
 }  // namespace
 
-std::vector<std::pair<std::int32_t, std::int32_t>> FindNecks(const std::vector<Vec2>& outline,
-                                                             const NeckOptions& options) {
-  std::vector<std::pair<std::int32_t, std::int32_t>> chords;
-  std::vector<Part> parts(1);
-  for (std::int32_t i = 0; i < static_cast<std::int32_t>(outline.size()); ++i) parts[0].push_back(i);
-  while (!parts.empty()) {
-    const Part part = std::move(parts.back());
-    parts.pop_back();
+std::vector<Neck> FindNecks(const std::vector<Vec2>& outline, const NeckOptions& options) {
+  std::vector<Neck> necks;
+  struct Open {
+    Part part;
+    double gain;
+  };
+  std::vector<Open> open(1);
+  open[0].gain = std::numeric_limits<double>::infinity();
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(outline.size()); ++i) open[0].part.push_back(i);
+  while (!open.empty()) {
+    const auto [part, most] = std::move(open.back());
+    open.pop_back();
     const Chord best = BestChord(outline, part, options);
     if (best.from < 0) continue;
-    chords.emplace_back(std::minmax(part[best.from], part[best.to]));
+    const auto [from, to] = std::minmax(part[best.from], part[best.to]);
+    const double gain = std::min(most, best.gain);
+    necks.push_back({from, to, gain});
     Part inner(part.begin() + best.from, part.begin() + best.to + 1);
     Part outer(part.begin(), part.begin() + best.from + 1);
     outer.insert(outer.end(), part.begin() + best.to, part.end());
-    parts.push_back(std::move(inner));
-    parts.push_back(std::move(outer));
+    open.push_back({std::move(inner), gain});
+    open.push_back({std::move(outer), gain});
   }
-  return chords;
+  return necks;
 }
 
 }  // namespace planish

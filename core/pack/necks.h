@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "core/mesh/mesh.h"
@@ -14,12 +13,19 @@ struct NeckOptions {
   double width = 0;       // a cut costs the area of a strip of this width along it
 };
 
-// Where to cut, as chords between two points of `outline`, a simple polygon that runs counter-clockwise: their indices
-// (i, j), i < j. The gain of a cut is what it takes off the area of convex hulls, that of the part being cut minus
-// those of its two parts, less the cost of the cut. Each part is cut where the gain is largest, and no further once
-// that is below least_gain. No two chords cross. Only the few dozen points that show a part's shape best are looked at:
-// O(n) for each cut, and a fixed amount of work.
-std::vector<std::pair<std::int32_t, std::int32_t>> FindNecks(const std::vector<Vec2>& outline,
-                                                             const NeckOptions& options);
+// A chord between two points of an outline, by their indices, from < to.
+struct Neck {
+  std::int32_t from = -1, to = -1;
+  // Of a cut there, or of one that must come before if that gains less: of all necks those are independent of the
+  // others that gain most.
+  double gain = 0;
+};
+
+// Where to cut a chart whose outline is `outline`, a simple polygon that runs counter-clockwise. The gain of a cut is
+// what it takes off the area of convex hulls, that of the part being cut minus those of its two parts, less the cost of
+// the cut. Each part is cut where the gain is largest, and no further once that is below least_gain. No two chords
+// cross. Only the few dozen points that show a part's shape best are looked at: O(n) for each cut, and a fixed amount
+// of work.
+std::vector<Neck> FindNecks(const std::vector<Vec2>& outline, const NeckOptions& options);
 
 }  // namespace planish

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <utility>
 
 #include "core/pack/outline.h"
 #include "core/pack/tighten.h"
@@ -15,19 +16,26 @@ namespace {
 // Between charts beside the padding, so that rounding UV to float (in [0, 10]) keeps it.
 constexpr double kGap = 4e-6;
 constexpr double kHuge = 1e300;
+// Outlines of so many edges in the mean are not worth a second, simpler one.
+constexpr std::size_t kFewEdges = 4;
 
 class Packer {
  public:
-  Packer(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution)
-      : charts_(charts), options_(options), tuning_(options.tuning), execution_(execution) {
+  Packer(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution)
+      : options_(options), tuning_(options.tuning), execution_(execution) {
     outlines_.reserve(charts.size());
-    for (const PackChart& chart : charts) outlines_.push_back(MakeOutline(chart));
+    density_.reserve(charts.size());
+    atlas_.reserve(charts.size());
     std::vector<double> areas(options.atlases, 0.0);
-    for (std::size_t i = 0; i < charts.size(); ++i) {
-      const double density = charts[i].density;
-      atlas_.push_back(charts[i].atlas);
-      areas[charts[i].atlas] += outlines_[i].area * density * density;
-      total_area_ += outlines_[i].area * density * density;
+    for (PackChart& chart : charts) {
+      outlines_.push_back(MakeOutline(chart));
+      density_.push_back(chart.density);
+      atlas_.push_back(chart.atlas);
+      num_faces_ += static_cast<double>(chart.faces.size());
+      const double area = outlines_.back().area * chart.density * chart.density;
+      areas[chart.atlas] += area;
+      total_area_ += area;
+      chart = {};
     }
     largest_area_ = *std::max_element(areas.begin(), areas.end());
     budget_ = Budget();
@@ -37,7 +45,7 @@ class Packer {
     for (std::size_t i = 0; i < charts.size(); ++i) {
       const Box box = BoxAt(outlines_[i], outlines_[i].upright);
       const Vec2 extent = box.high - box.low;
-      size_[i] = charts[i].density * (extent.x() + extent.y());
+      size_[i] = density_[i] * (extent.x() + extent.y());
     }
     std::sort(order_.begin(), order_.end(),
               [&](std::int32_t a, std::int32_t b) { return size_[a] != size_[b] ? size_[a] > size_[b] : a < b; });
@@ -45,8 +53,8 @@ class Packer {
 
   Packing Run() {
     Packing packing;
-    packing.charts.resize(charts_.size());
-    if (charts_.empty()) return packing;
+    packing.charts.resize(outlines_.size());
+    if (outlines_.empty()) return packing;
     for (double padding = options_.padding;; padding = padding > 1 ? padding / 2 : 0) {
       if (Search(padding, padding == 0)) {
         Finish(&packing);
@@ -58,10 +66,8 @@ class Packer {
 
  private:
   double Budget() const {
-    double faces = 0;
-    for (const PackChart& chart : charts_) faces += static_cast<double>(chart.faces.size());
-    const auto charts = static_cast<double>(charts_.size());
-    const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
+    const auto charts = static_cast<double>(outlines_.size());
+    const double rest = tuning_.rest_per_face * num_faces_ + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
     if (options_.effort != PackEffort::kNormal) return share;
     return std::max({share, tuning_.least_work, tuning_.least_per_chart * charts});
@@ -69,9 +75,9 @@ class Packer {
 
   std::vector<double> Scales(double scale) const {
     std::vector<double> scales;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
-      const double plain = scale * charts_[i].density;
-      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * charts_.size()));
+    for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      const double plain = scale * density_[i];
+      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * outlines_.size()));
       const double width = 2 * outlines_[i].radius;
       scales.push_back(width * plain < least && width > 0 ? least / width : plain);
     }
@@ -81,8 +87,8 @@ class Packer {
   // Beyond which the area, or some chart, is too large for the tiles. 1 if all charts are points.
   double LargestScale() const {
     double largest = largest_area_ > 0 ? std::sqrt(options_.tiles / largest_area_) : kHuge;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
-      if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * charts_[i].density));
+    for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * density_[i]));
     }
     return largest < kHuge ? largest : 1;
   }
@@ -95,7 +101,7 @@ class Packer {
       const double middle = (low + high) / 2;
       const std::vector<double> scales = Scales(middle);
       std::vector<double> areas(options_.atlases, 0.0);
-      for (std::size_t i = 0; i < charts_.size(); ++i) {
+      for (std::size_t i = 0; i < outlines_.size(); ++i) {
         double perimeter = 0;
         const std::vector<Vec2>& hull = outlines_[i].hull;
         for (std::size_t k = 0; k < hull.size(); ++k) perimeter += (hull[(k + 1) % hull.size()] - hull[k]).norm();
@@ -117,22 +123,27 @@ class Packer {
     grid_.atlases = options_.atlases;
     grid_.radius = distance / 2;
     SetGrid();
-    if (charts_.size() == 1 && outlines_[0].radius > 0) {
+    if (outlines_.size() == 1 && outlines_[0].radius > 0) {
       FitOne();
       return true;
     }
     // Charts of a texel each; without the padding, anything is better than nothing.
     const double least =
-        any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(charts_.size() / total_area_);
+        any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(outlines_.size() / total_area_);
     if (!HasNoTime() && SearchPlaces(least)) return true;
     return HasNoTime() && FitOnShelves(least);
   }
 
   bool HasNoTime() const { return order_.size() > tuning_.many_charts && execution_.IsStopRequested(); }
 
+  const std::vector<Outline>& simple() const { return simple_.empty() ? outlines_ : simple_; }
+
   void Simplify() {
     const std::vector<double> scales = Scales(LargestScale());
     simple_.clear();
+    std::size_t edges = 0;
+    for (const Outline& outline : outlines_) edges += outline.edges.size();
+    if (edges <= kFewEdges * outlines_.size()) return;
     simple_.reserve(outlines_.size());
     for (std::size_t i = 0; i < outlines_.size(); ++i) {
       simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_.cell / scales[i]));
@@ -144,7 +155,7 @@ class Packer {
     if (!TryScales(least)) return false;
     if (HasNoTime()) return true;
     const double left = budget_ - static_cast<double>(work_);
-    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.size());
+    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(outlines_.size());
     if (left > tuning_.fewest_orders * static_cast<double>(trial_work_)) {
       TryOrders(static_cast<double>(work_) + (tightens ? tuning_.orders_share : 1) * left);
     }
@@ -156,7 +167,7 @@ class Packer {
   // Trials at one scale after the other, each nearer to the largest scale at which all charts fit.
   bool TryScales(double least) {
     double per_turn = 0;
-    for (const Outline& outline : simple_) {
+    for (const Outline& outline : simple()) {
       per_turn += tuning_.trial_work + tuning_.trial_work_per_edge * static_cast<double>(outline.edges.size());
     }
     plan_.order = order_;
@@ -165,10 +176,10 @@ class Packer {
       plan_.angles *= 2;
     plan_.gives_up = order_.size() > tuning_.many_charts;
     plan_.thorough = order_.size() <= tuning_.many_charts;
-    series_ = std::make_unique<TrialSeries>(simple_, atlas_, grid_);
+    series_ = std::make_unique<TrialSeries>(simple(), atlas_, grid_);
     starts_.clear();
     double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
-    std::vector<Pose> poses(charts_.size());
+    std::vector<Pose> poses(outlines_.size());
     double scale = ScaleForFill(tuning_.first_fill);
     for (int trial = 1; scale > least && !execution_.IsCancelled() && !HasNoTime(); ++trial) {
       const TrialResult result = series_->Run(Scales(scale), plan_, 0, execution_, &poses);
@@ -183,16 +194,18 @@ class Packer {
       if (good > 0 && (execution_.IsStopRequested() || (bad > 0 && bad < tuning_.known_within * good))) break;
       // A wide bracket is worth more than what comes after.
       const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
-      const bool may_go_on =
-          trial < tuning_.least_trials || (trial < tuning_.most_trials && static_cast<double>(work_) < share * budget_);
+      const bool is_dear = !plan_.thorough && static_cast<double>(work_) > budget_ && bad < tuning_.too_wide * good;
+      const bool may_go_on = (trial < tuning_.least_trials && !is_dear) ||
+                             (trial < tuning_.most_trials && static_cast<double>(work_) < share * budget_);
       if (good > 0 && !may_go_on) break;
       if (good > 0 && bad > 0) {
         scale = std::sqrt(good * bad);
       } else if (good > 0) {
         scale *= tuning_.upwards;
       } else {
-        scale /= std::clamp(std::sqrt(std::sqrt(AreaRatio(scale, result.placed))), tuning_.known_within,
-                            tuning_.farthest_change);
+        const double ratio = std::sqrt(AreaRatio(scale, result.placed));
+        // Among many charts small ones do not find much room that large ones have left.
+        scale /= std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
       }
     }
     best_.scale = good;
@@ -200,10 +213,11 @@ class Packer {
   }
 
   // Trials with the charts in other orders, until so much work is done, each at a scale a little beyond that of the
-  // best so far. An order is changed by one chart, and by the turn it must have, and stays changed if no more of the
-  // area finds no place; after some changes in vain, another order is taken.
+  // best so far. Where the small charts go decides nothing as long as the large ones do not fit: those are tried
+  // first, and all charts only once they do. An order is changed by one chart, and by the turn it must have, and stays
+  // changed if no more of the area finds no place; after some changes in vain, another order is taken.
   void TryOrders(double until) {
-    const auto n = static_cast<std::int32_t>(order_.size());
+    const auto n = static_cast<std::int32_t>(order_.size()), large = CountLarge();
     std::uint64_t state = 1;
     const auto random = [&] {                                       // in [0, 1)
       state = state * 6364136223846793005u + 1442695040888963407u;  // Knuth's
@@ -228,8 +242,8 @@ class Packer {
         in_vain = 0;
       } else if (missing < kHuge) {
         // The first charts matter most, and the first that found no place should come earlier.
-        auto from = static_cast<std::int32_t>(n * random() * random());
-        auto to = std::clamp(from + static_cast<std::int32_t>((random() - 0.5) * (6 + 0.3 * n)), 0, n - 1);
+        auto from = static_cast<std::int32_t>(large * random() * random());
+        auto to = std::clamp(from + static_cast<std::int32_t>((random() - 0.5) * (6 + 0.3 * large)), 0, large - 1);
         if (random() < tuning_.missing_chance) {
           from = first_missing;
           to = static_cast<std::int32_t>(from * random());
@@ -242,15 +256,21 @@ class Packer {
           other.order.insert(other.order.begin() + to, chart);
         }
       }
-      const TrialResult result = series_->Run(scales, other, missing, execution_, &poses);
+      other.count = large;
+      TrialResult result = series_->Run(scales, other, missing, execution_, &poses);
       work_ += result.work;
       ++in_vain;
       if (result.missing > missing) continue;
       if (result.missing < missing) in_vain = 0;
       missing = result.missing;
+      plan = other;
+      if (missing == 0 && large < n) {
+        other.count = n;
+        result = series_->Run(scales, other, 0, execution_, &poses);
+        work_ += result.work;
+      }
       first_missing = std::min(static_cast<std::int32_t>(result.placed), n - 1);
-      plan = std::move(other);
-      if (missing > 0) continue;
+      if (result.missing > 0) continue;
       Remember();
       best_.scale = scale;
       best_.poses = poses;
@@ -258,6 +278,17 @@ class Packer {
       scales = Scales(scale);
       missing = kHuge;
     }
+  }
+
+  // The charts at the head of order_ that have nearly all of the area.
+  std::int32_t CountLarge() const {
+    double area = 0;
+    std::int32_t count = 0;
+    while (count < std::ssize(order_) && area < tuning_.large_area * total_area_) {
+      const std::int32_t i = order_[count++];
+      area += outlines_[i].area * density_[i] * density_[i];
+    }
+    return std::max(count, 1);
   }
 
   // Keeps what was found so far as a place to tighten from.
@@ -301,16 +332,16 @@ class Packer {
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
     for (const Outline& outline : outlines_) boxes.push_back(BoxAt(outline, outline.upright));
-    std::vector<Vec2> extents(charts_.size());
+    std::vector<Vec2> extents(outlines_.size());
     for (best_.scale = LargestScale(); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
       const std::vector<double> scales = Scales(best_.scale);
-      for (std::size_t i = 0; i < charts_.size(); ++i) {
+      for (std::size_t i = 0; i < outlines_.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
       }
       const std::vector<Shelf> shelves = LayAtlasesOnShelves(extents);
       if (shelves.empty()) continue;
-      best_.poses.resize(charts_.size());
-      for (std::size_t i = 0; i < charts_.size(); ++i) {
+      best_.poses.resize(outlines_.size());
+      for (std::size_t i = 0; i < outlines_.size(); ++i) {
         const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
         best_.poses[i] = {outlines_[i].upright, centre / grid_.cell, shelves[i].tile};
       }
@@ -324,8 +355,8 @@ class Packer {
     const double angle = AngleOfSmallestSquare(outlines_[0]);
     const Box box = BoxAt(outlines_[0], angle);
     const double low = margin_ + grid_.radius;
-    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_[0].density);
-    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * charts_[0].density * box.low) / grid_.cell,
+    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * density_[0]);
+    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * density_[0] * box.low) / grid_.cell,
                     atlas_[0] * grid_.tiles}};
   }
 
@@ -359,7 +390,7 @@ class Packer {
             {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
       }
     }
-    const Arrangement arrangement = Tighten({outlines_, simple_, atlas_, relative}, options, execution_, arrangements);
+    const Arrangement arrangement = Tighten({outlines_, simple(), atlas_, relative}, options, execution_, arrangements);
     best_.scale = arrangement.scale;
     for (std::size_t i = 0; i < best_.poses.size(); ++i) {
       const Body& body = arrangement.bodies[i];
@@ -372,7 +403,7 @@ class Packer {
     packing->scale = best_.scale;
     packing->padding = padding_;
     double area = 0;
-    for (std::size_t i = 0; i < charts_.size(); ++i) {
+    for (std::size_t i = 0; i < outlines_.size(); ++i) {
       ChartPlacement& chart = packing->charts[i];
       chart.angle = best_.poses[i].angle;
       chart.scale = scales[i];
@@ -386,14 +417,15 @@ class Packer {
     packing->efficiency = area / packing->tiles;
   }
 
-  const std::vector<PackChart>& charts_;
   const PackOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
-  std::vector<Outline> outlines_, simple_;
-  std::vector<double> size_;                  // of each chart
+  std::vector<Outline> outlines_;
+  std::vector<Outline> simple_;               // with fewer edges; empty where they have few anyway
+  std::vector<double> density_, size_;        // of each chart
   std::vector<std::int32_t> order_;           // large to small
   std::vector<int> atlas_;                    // of each chart
+  double num_faces_ = 0;                      // of all charts
   double total_area_ = 0, largest_area_ = 0;  // of all charts, of those of one atlas
   TrialGrid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
@@ -426,8 +458,8 @@ Vec2 CornerOfTile(int tile) {
   return {tile % PackOptions::kTilesInRow, tile / PackOptions::kTilesInRow};
 }
 
-Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution) {
-  return Packer(charts, options, execution).Run();
+Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution) {
+  return Packer(std::move(charts), options, execution).Run();
 }
 
 }  // namespace planish

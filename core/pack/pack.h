@@ -73,6 +73,6 @@ struct Packing {
 // Deterministic: the result depends neither on the number of threads nor on where the charts lie at first. Thread-safe.
 // Work is near-linear in the number of charts. After a stop request the first places that keep the distances stand.
 // After a cancellation the result is incomplete and must not be used.
-Packing Pack(const std::vector<PackChart>& charts, const PackOptions& options, const Execution& execution = {});
+Packing Pack(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution = {});
 
 }  // namespace planish

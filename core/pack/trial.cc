@@ -20,8 +20,10 @@ constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110, kQuarterWork = 1
 
 constexpr int kRowsBeyond = 2;
 
-// A chart is looked for on the coarsest board on which it is at least half of so many cells long.
-constexpr int kCellsOfLarge = 64;
+// A chart is looked for on the coarsest board on which it is at least half of so many cells long; if it is thin, on one
+// on which it is at least half of so many cells wide, as long as its length is at most the third number, which boards
+// of more cells do not allow.
+constexpr int kCellsOfLarge = 64, kCellsAcross = 12, kCellsOfLong = 511;
 constexpr int kLevels = 4;
 // So many silhouettes are kept at most, of about a kilobyte each.
 constexpr std::size_t kMostKept = 4096;
@@ -48,22 +50,23 @@ struct Start {
 // A tile as boards with cells of twice the length on each level.
 class Pyramid {
  public:
-  explicit Pyramid(int side) {
+  // `longest`: cells of a silhouette on any but the coarsest board, at most.
+  Pyramid(int side, int longest) {
     int levels = 1;
     while (levels < kLevels && (side >> levels) << levels == side) ++levels;
     // Longer charts are looked for on the next board: each row of cells with far fewer runs than fit in it.
     for (int level = 0; level < levels; ++level) {
-      boards_.emplace_back(side >> level, level + 1 < levels ? 2 * kCellsOfLarge - 1 : side);
+      boards_.emplace_back(side >> level, level + 1 < levels ? longest : side);
     }
   }
-  void Clear() {
-    for (Board& board : boards_) board.Clear();
+  void Clear(std::int64_t* work) {
+    for (Board& board : boards_) board.Clear(work);
   }
   int levels() const { return static_cast<int>(boards_.size()); }
   const Board& board(int level) const { return boards_[level]; }
   // (x, y): the silhouette's corner in cells of level 0.
-  void Add(const Silhouette& silhouette, int x, int y) {
-    for (int level = 0; level < levels(); ++level) boards_[level].Add(silhouette, x, y, level);
+  void Add(const Silhouette& silhouette, int x, int y, std::int64_t* work) {
+    for (int level = 0; level < levels(); ++level) boards_[level].Add(silhouette, x, y, level, work);
   }
 
  private:
@@ -76,9 +79,16 @@ class TrialSeries::Impl {
  public:
   Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid)
       : outlines_(outlines), atlas_(atlas), grid_(grid) {
+    width_.reserve(outlines.size());
+    for (const Outline& outline : outlines) {
+      const Box box = BoxAt(outline, outline.upright);
+      width_.push_back((box.high - box.low).minCoeff());
+      const bool is_thin = width_.back() * kCellsOfLarge < 2 * outline.radius * kCellsAcross;
+      if (is_thin && grid.side <= kCellsOfLong) longest_ = kCellsOfLong;
+    }
     const int count = grid.tiles * grid.atlases;
     tiles_.reserve(count);
-    for (int tile = 0; tile < count; ++tile) tiles_.emplace_back(grid.side);
+    for (int tile = 0; tile < count; ++tile) tiles_.emplace_back(grid.side, longest_);
   }
 
   TrialResult Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
@@ -86,7 +96,9 @@ class TrialSeries::Impl {
     Begin(scales, plan);
     TrialResult result;
     bool all = true;
-    for (const std::int32_t i : plan.order) {
+    const std::size_t count = plan.count < 0 ? plan.order.size() : static_cast<std::size_t>(plan.count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::int32_t i = plan.order[k];
       if (execution.IsCancelled() || (plan.gives_up && execution.IsStopRequested())) {
         result.missing = most_missing + 1;
         break;
@@ -111,7 +123,7 @@ class TrialSeries::Impl {
   void Begin(const std::vector<double>& scales, const TrialPlan& plan) {
     plan_ = &plan;
     work_ = 0;
-    for (Pyramid& tile : tiles_) tile.Clear();
+    for (Pyramid& tile : tiles_) tile.Clear(&work_);
     starts_.assign(plan.thorough ? 0 : grid_.atlases * kStarts, {});
     passing_chart_ = -1;
     if (scales_ == scales && angles_ == plan.angles) return;
@@ -133,7 +145,7 @@ class TrialSeries::Impl {
     *pose = {Angle(i, found.turn), cells * (spot + shape.silhouette.centre), tile};
     const int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
     if (level == 0) {
-      tiles_[tile].Add(shape.silhouette, x, y);
+      tiles_[tile].Add(shape.silhouette, x, y, &work_);
       return;
     }
     std::unique_ptr<FixedSilhouette> own;
@@ -145,15 +157,20 @@ class TrialSeries::Impl {
                                                                     cells * shape.silhouette.centre));
       if (keeps_) fixed->silhouette.spans.shrink_to_fit();
     }
-    tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y);
+    tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y, &work_);
   }
 
   int FirstTile(std::int32_t i) const { return atlas_[i] * grid_.tiles; }
 
   int LevelOf(std::int32_t i) const {
-    const double cells = 2 * (outlines_[i].radius * scales_[i] + grid_.radius) / grid_.cell;
+    const double length = 2 * (outlines_[i].radius * scales_[i] + grid_.radius) / grid_.cell;
+    const double width = (width_[i] * scales_[i] + 2 * grid_.radius) / grid_.cell;
+    const auto is_too_long = [&](int level) {
+      if (length <= kCellsOfLarge << level) return false;
+      return width >= kCellsAcross << level || length + 2 > longest_ << level;
+    };
     int level = 0;
-    while (level + 1 < tiles_[0].levels() && cells > kCellsOfLarge << level) ++level;
+    while (level + 1 < tiles_[0].levels() && is_too_long(level)) ++level;
     return level;
   }
 
@@ -249,7 +266,9 @@ class TrialSeries::Impl {
   const std::vector<Outline>& outlines_;
   const std::vector<int>& atlas_;
   const TrialGrid grid_;
-  std::vector<Pyramid> tiles_;  // each trial clears them
+  std::vector<Pyramid> tiles_;           // each trial clears them
+  std::vector<double> width_;            // of each chart
+  int longest_ = 2 * kCellsOfLarge - 1;  // cells of a silhouette, but on the coarsest board
   // What trials at the same scales and angles share: by chart and turn, unless these are too many.
   std::vector<double> scales_;
   int angles_ = 0;

@@ -21,6 +21,7 @@ struct TrialGrid {
 
 struct TrialPlan {
   std::vector<std::int32_t> order;  // of the charts, large to small about
+  std::int32_t count = -1;          // so many of them, from the first on; -1: all
   std::vector<int> turn;            // of each chart, if it may have that one only; -1 otherwise. May be empty
   int angles = 8;                   // turns to try, evenly spread from the upright one on; a multiple of 4, or below 4
   bool gives_up = false;            // after a stop request

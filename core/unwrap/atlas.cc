@@ -59,13 +59,14 @@ void PackAtlases(const UnwrapOptions& options, const Execution& execution, const
   for (const auto& [group, own] : at_once) {
     if (execution.IsCancelled()) return;
     std::vector<PackChart> to_pack;
+    to_pack.reserve(own.size());
     for (const std::int32_t i : own) {
       const MappedChart& mapped = charts.charts[i];
       to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces,
                          WeightOf(options, *charts.surface, mapped.chart),
                          stacked ? 0 : AtlasOf(options, mapped.chart)});
     }
-    const Packing packing = Pack(to_pack, tiles, execution);
+    const Packing packing = Pack(std::move(to_pack), tiles, execution);
     for (auto& [number, report] : reports) {
       if (!stacked || number == group) report.texels_per_unit = packing.scale * tiles.texture_size;
     }

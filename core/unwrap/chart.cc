@@ -192,7 +192,7 @@ struct ChartUv {
   Overlaps FindOverlaps(const std::vector<std::int32_t>& opposite, const Execution& execution,
                         OrientationFaults* orientation) const {
     *orientation = CheckOrientations(uv, execution, ignored);
-    return CheckOverlaps(opposite, uv, *orientation, execution, ignored);
+    return CheckOverlaps(opposite, uv, *orientation, execution, ignored, /*max_pairs=*/1);
   }
 };
 
@@ -284,12 +284,11 @@ std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
   return positions;
 }
 
-// Whether all angles of the only face are those of the surface.
+}  // namespace
+
 bool IsTriangleAsMeasured(const Chart& chart) {
   return chart.faces.size() == 1 && (chart.least_angle.empty() || chart.least_angle[0] == 0);
 }
-
-}  // namespace
 
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution) {
@@ -304,10 +303,10 @@ absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, Flatte
                                     std::vector<Vec2> positions, const Execution& execution) {
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   ChartMap map;
-  map.flatten = std::move(summary);
+  map.flatten = std::make_shared<const FlattenSummary>(std::move(summary));
   if (!std::all_of(positions.begin(), positions.end(), [](const Vec2& p) { return p.allFinite(); })) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
-                     absl::StrCat("the layout has non-finite coordinates; ", map.flatten.stop_message));
+                     absl::StrCat("the layout has non-finite coordinates; ", map.flatten->stop_message));
   }
   map.positions = std::move(positions);
   map.closed_slits = CloseSlits(mesh, chart, &map.positions);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -36,8 +37,11 @@ struct Chart {
 Chart MakeChart(const TriMesh& disc, const std::vector<std::pair<std::int32_t, std::int32_t>>& slits = {},
                 const Execution& execution = {});
 
+// Whether there is one face only, and all of its angles are those of the surface.
+bool IsTriangleAsMeasured(const Chart& chart);
+
 struct ChartMap {
-  FlattenSummary flatten;
+  std::shared_ptr<const FlattenSummary> flatten;  // of the solve; null before
   // Per vertex of the chart's topology; the area of the map is that of the surface, widened faces left out of both,
   // before Chart::enlargement.
   std::vector<Vec2> positions;

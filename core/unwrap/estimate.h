@@ -9,12 +9,10 @@ namespace planish {
 
 struct Estimate {
   // The most that a process holds at once beyond what it held idle, to decode, unwrap and hold the result. An upper
-  // estimate: on the meshes of tests/bench/results/memory.md above what was measured. Beyond 33 MB a thread, for a
-  // Cholesky factorization that may have to take the place of multigrid (kMostFallbackFaces in core/abf/step_solver.h),
-  // it is at most 1.6 times that for a disc from 20,000 triangles on, and up to three times where SeamPolicy::kAuto
-  // makes many charts, of which only some are solved at a time: that cannot be known before. Nor can it be known where
-  // a mesh with the counts of a closed surface falls into charts of single faces, as triangles on random vertices do:
-  // from some 10,000 faces on such a mesh takes more, up to 1.5 times as much.
+  // estimate, above what was measured for any mesh of tests/bench/hunt.cc, triangles on random vertices included.
+  // Beyond 33 MB a thread, for a Cholesky factorization that may have to take the place of multigrid
+  // (kMostFallbackFaces in core/abf/step_solver.h), it is at most 1.6 times that for a disc from 20,000 triangles on,
+  // and about three times for a closed surface: how many charts there will be cannot be known before.
   std::int64_t peak_bytes = 0;
   // With one thread, to decode and unwrap, within a factor of about 3 for scans and models on a machine like that of
   // memory.md.

@@ -263,7 +263,7 @@ struct Candidate {
   // The present map overlaps itself, or a barrier keeps it open and stretches it.
   bool is_no_use() const {
     return mapped->faults.does_overlap ||
-           (mapped->map.flatten.barrier > 0 && mapped->faults.stretch > kMostStretchOfAbf);
+           (mapped->map.flatten->barrier > 0 && mapped->faults.stretch > kMostStretchOfAbf);
   }
 };
 
@@ -372,7 +372,7 @@ const std::array<Fallback, 4> kFallbacks = {{
 }  // namespace
 
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution) {
-  Candidate candidate = {job, mapped, execution, {}, mapped->map.flatten, std::nullopt};
+  Candidate candidate = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
   if (!candidate.is_slit() && !candidate.is_no_use()) return;
   candidate.measured = AnglesToKeep(job->mesh, mapped->chart, execution);
   if (candidate.is_slit()) candidate.filled = FillHoles(job->mesh, mapped->chart, execution);
@@ -381,7 +381,7 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
     const bool is_sound = !mapped->faults.does_overlap && mapped->faults.stretch <= kMostStretchForBorders;
     const double most = is_sound ? mapped->faults.stretch / fallback.better : kMostStretchForBorders;
     absl::StatusOr<ChartMap> map = fallback.map(candidate);
-    if (!map.ok() || !map->flatten.converged) continue;
+    if (!map.ok() || !map->flatten->converged) continue;
     const ChartFaults faults = FindFaults(job->mesh, mapped->chart, *map, charts.ignored, charts.resolution, execution);
     if (faults.does_overlap || faults.stretch > most) continue;
     mapped->map = *std::move(map);

@@ -217,7 +217,7 @@ class Joining {
   bool Settle(Attempt* attempt) {
     const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
     const MappedChart& mapped = charts_.charts[i];
-    if (mapped.status.ok() && !mapped.map.flatten.stopped && !IsWidened(mapped.chart) &&
+    if (mapped.status.ok() && !mapped.map.flatten->stopped && !IsWidened(mapped.chart) &&
         !IsToSplit(job_, charts_, mapped) && PacksWell(*attempt)) {
       const int version = std::max(shapes_[i].version, shapes_[j].version) + 1;
       Measure(i);

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <utility>
 
 #include "core/base/radix_sort.h"
@@ -114,10 +116,12 @@ void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std:
 // run across arms and necks of the map (core/pack/necks.h), from face to face, and never between faces that must be
 // glued; parts are connected.
 std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart, const ChartMap& map,
-                                      const NeckOptions& options) {
+                                      const std::vector<Neck>& necks, double least_gain) {
   const std::vector<Vec2> outline = OutlineOf(chart, map);
   std::vector<std::pair<Vec2, Vec2>> chords;
-  for (const auto& [i, j] : FindNecks(outline, options)) chords.emplace_back(outline[i], outline[j]);
+  for (const Neck& neck : necks) {
+    if (neck.gain >= least_gain) chords.emplace_back(outline[neck.from], outline[neck.to]);
+  }
   if (chords.empty()) return {};
   std::int32_t count = 0;
   std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, map), chords, &count);
@@ -162,12 +166,27 @@ std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, co
   return InOrderOf(*charts.segmentation, number, chart, part);
 }
 
-// All that pack better in parts.
-std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const NeckOptions& options) {
+// All that pack better in parts, those that gain most where that would make too many charts.
+std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const NeckOptions& options,
+                                            const AtlasTuning& tuning) {
+  std::vector<std::vector<Neck>> necks;
+  std::vector<double> gains;
+  for (const MappedChart& mapped : charts.charts) {
+    necks.push_back(FindNecks(OutlineOf(mapped.chart, mapped.map), options));
+    for (const Neck& neck : necks.back()) gains.push_back(neck.gain);
+  }
+  const auto most = static_cast<std::size_t>(
+      std::max(static_cast<double>(charts.surface->num_faces()) / tuning.cut_faces - charts.count(),
+               tuning.cut_growth * charts.count()));
+  double least_gain = options.least_gain;
+  if (gains.size() > most) {
+    std::sort(gains.begin(), gains.end(), std::greater<>());
+    least_gain = std::nextafter(gains[most], std::numeric_limits<double>::infinity());
+  }
   std::vector<Segmentation::Cut> cuts;
   for (std::int32_t i = 0; i < charts.count(); ++i) {
     const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
-    const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, options);
+    const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, necks[i], least_gain);
     if (!part.empty()) cuts.push_back({i, -1, -1, InOrderOf(*charts.segmentation, i, chart, part)});
   }
   return cuts;
@@ -193,13 +212,13 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) 
   const auto& [chart, is_few, flattening, map, faults, status] = mapped;
   // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
   // collapse where the chart goes.
-  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten.barrier > 0;
+  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten->barrier > 0;
   const SeamOptions& seams = job.options.seams;
   const AtlasTuning& tuning = job.options.tuning;
   // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
   const bool is_sound =
-      status.ok() && map.flatten.converged &&
-      (map.flatten.barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
+      status.ok() && map.flatten->converged &&
+      (map.flatten->barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
   double area = 0;
   for (const std::int32_t f : chart.faces) area += charts.surface->area[f];
   const double whole = charts.AreaOfAtlas(job.options, chart);
@@ -214,8 +233,9 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
   const AtlasTuning& tuning = options.tuning;
   std::int32_t count = 0;
   for (const std::vector<std::int32_t>& faces : charts.segmentation->charts()) count += faces.empty() ? 0 : 1;
-  return {tuning.hull_gain * (options.seams.max_stretch - 1) / 0.05 * charts.total_area / count,
-          tuning.cut_width * std::sqrt(charts.total_area)};
+  const double allowed = (options.seams.max_stretch - 1) / 0.05;
+  const double gain = options.atlas.effort == PackEffort::kBest ? tuning.best_hull_gain : tuning.hull_gain;
+  return {gain * allowed * allowed * charts.drawn_area / count, tuning.cut_width * std::sqrt(charts.drawn_area)};
 }
 
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts) {
@@ -228,7 +248,7 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
   const bool may_part =
       job->options.seams.policy == SeamPolicy::kAuto && job->options.pack && !job->execution.IsStopRequested();
   if (cuts.empty() && may_part && charts->count() > 1 && !std::exchange(charts->are_parted, true)) {
-    cuts = ChartsToPart(*charts, NecksOf(*charts, job->options));
+    cuts = ChartsToPart(*charts, NecksOf(*charts, job->options), job->options.tuning);
   }
   return Split(job, cuts, todo, charts);
 }

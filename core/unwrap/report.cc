@@ -187,13 +187,14 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   const Overlaps& overlaps = delivery.overlaps;
   result.face_chart = charts.FaceChart(job->mesh);
   DistortionSums all;
+  result.charts.reserve(charts.charts.size());
   for (const auto& [chart, is_few, flattening, map, faults, status] : charts.charts) {
     const Eigen::VectorXd measured = MeasuredAngles(job->mesh, chart.faces, job->execution);
     const DistortionSums own =
         MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(chart.topology, measured, job->execution),
                           result.uv, charts.ignored, job->execution);
     all.Add(own);
-    result.charts.push_back({chart.topology.num_faces(), map.flatten, map.is_barycentric, own.map.StretchL2()});
+    result.charts.push_back({chart.topology.num_faces(), *map.flatten, map.is_barycentric, own.map.StretchL2()});
   }
   all.Fill(&result.quality);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");

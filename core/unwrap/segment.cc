@@ -55,7 +55,7 @@ std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
 }
 
 double Charts::AreaOfAtlas(const UnwrapOptions& options, const Chart& chart) const {
-  return atlas_area.empty() ? total_area : atlas_area.at(AtlasOf(options, chart));
+  return atlas_area.at(AtlasOf(options, chart));
 }
 
 std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
@@ -96,14 +96,18 @@ double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
   return area;
 }
 
-std::map<std::int32_t, double> AreasOfAtlases(const Surface& surface, const UnwrapOptions& options) {
-  std::map<std::int32_t, double> areas;
-  for (std::size_t f = 0; f < options.face_atlas.size(); ++f) areas[options.face_atlas[f]] += surface.area[f];
-  if (options.layout == AtlasLayout::kStacked) return areas;
+void MeasureAtlases(const UnwrapOptions& options, Charts* charts) {
+  std::map<std::int32_t, double>& areas = charts->atlas_area;
+  for (std::int32_t f = 0; f < charts->surface->num_faces(); ++f) {
+    const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
+    const double area = charts->surface->area[f] * reduction * reduction;
+    charts->drawn_area += area;
+    areas[options.face_atlas.empty() ? 0 : options.face_atlas[f]] += area;
+  }
+  if (options.layout == AtlasLayout::kStacked) return;
   double most = 0;
   for (const auto& [atlas, area] : areas) most = std::max(most, area);
   for (auto& [atlas, area] : areas) area = most;
-  return areas;
 }
 
 // What places in the tiles that may be used are rounded to, in the units of the surface. Charts fill a part of the
@@ -173,7 +177,6 @@ absl::StatusOr<Charts> Segment(Job* job) {
   if (std::find(without_area.begin(), without_area.end(), 1) != without_area.end()) {
     charts.ignored = std::move(without_area);
   }
-  charts.atlas_area = AreasOfAtlases(surface, job->options);
   const double drawn_area = WeightedArea(surface, job->options.face_weights);
   const double of_float = Resolution(job->options, drawn_area, 0x1p-24);
   const double of_solve = Resolution(job->options, drawn_area, std::ldexp(1.0, -kDigitsOfSolve));
@@ -190,6 +193,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
     charts.reduction =
         ReduceLongNeedles(job->mesh, needles, charts.segmentation->charts(), job->options, &job->warnings);
   }
+  MeasureAtlases(job->options, &charts);
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.
   if (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float)) charts.resolution = 0;

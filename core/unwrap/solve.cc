@@ -34,14 +34,15 @@ void ForEachChart(const Execution& execution, const Charts& charts, const std::v
 // Whether the chart will be cut because of its solve, whatever the map looks like (Refine()).
 bool IsCutAnyway(const Job& job, const MappedChart& mapped) {
   return job.options.seams.policy == SeamPolicy::kAuto && mapped.chart.faces.size() > 1 &&
-         (!mapped.map.flatten.converged || mapped.map.flatten.barrier > 0);
+         (!mapped.map.flatten->converged || mapped.map.flatten->barrier > 0);
 }
 
 // Layout and faults. Where faces are too thin, the chart is solved again with these widened.
 absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedChart* mapped,
                     const Execution& execution) {
   PLANISH_ASSIGN_OR_RETURN(mapped->map,
-                           LayOutChart(job->mesh, mapped->chart, std::move(mapped->flattening), execution));
+                           LayOutChart(job->mesh, mapped->chart, std::move(*mapped->flattening), execution));
+  mapped->flattening.reset();
   if (charts.grain > 0 && !IsCutAnyway(*job, *mapped)) {
     for (int i = 0; i < kMostWidenings; ++i) {
       if (!WidenInMap(job->mesh, mapped->map, charts.grain, charts.ignored, &mapped->chart)) break;
@@ -50,7 +51,7 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedC
       PLANISH_ASSIGN_OR_RETURN(mapped->map, LayOutChart(job->mesh, mapped->chart, std::move(flattening), execution));
     }
   }
-  if (!job->may_split() && !mapped->map.flatten.stopped) return absl::OkStatus();
+  if (!job->may_split() && !mapped->map.flatten->stopped) return absl::OkStatus();
   if (IsCutAnyway(*job, *mapped) && !mapped->is_few && !execution.IsStopRequested()) {
     mapped->faults.does_overlap = true;  // for all that is known
     return absl::OkStatus();
@@ -62,6 +63,18 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedC
     MapWithFixedBorders(job, charts, mapped, execution);
   }
   return absl::OkStatus();
+}
+
+// Triangles that keep their angles are solved alike, and there may be a hundred thousand of them: one summary serves
+// all.
+void ShareSummaries(const std::vector<std::int32_t>& todo, Charts* charts) {
+  std::shared_ptr<const FlattenSummary>* shared = nullptr;
+  for (const std::int32_t i : todo) {
+    auto& [chart, is_few, flattening, map, faults, status] = charts->charts[i];
+    if (!status.ok() || !IsTriangleAsMeasured(chart)) continue;
+    if (shared != nullptr) map.flatten = *shared;
+    shared = &map.flatten;
+  }
 }
 
 // Parts of the chart widen the same faces, should it be cut.
@@ -126,7 +139,7 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
     MappedChart& mapped = charts->charts[i];
     auto flattening = FlattenWith(job, mapped, i, job->options.flatten.boundary, execution, reports);
     mapped.status = flattening.status();
-    if (flattening.ok()) mapped.flattening = *std::move(flattening);
+    if (flattening.ok()) mapped.flattening = std::make_unique<Flattening>(*std::move(flattening));
   });
   job->seconds.solve += timer.Restart();
   PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kLayout));
@@ -136,6 +149,7 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
   });
   job->seconds.layout += timer.Restart();
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+  ShareSummaries(todo, charts);
   for (const std::int32_t i : todo) NoteWidened(charts->charts[i].chart, job->mesh.num_faces(), charts);
   for (const std::int32_t i : todo) {
     const bool split_helps = job->may_split() && size(i) > 1;

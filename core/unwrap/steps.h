@@ -51,8 +51,8 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
-  bool is_few = true;     // it has few faces, or those of one polygon: it is solved to the end, as a cut may not help
-  Flattening flattening;  // from solve to layout
+  bool is_few = true;  // it has few faces, or those of one polygon: it is solved to the end, as a cut may not help
+  std::unique_ptr<Flattening> flattening;  // from solve to layout
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
   absl::Status status;  // of solve and layout
@@ -64,8 +64,9 @@ struct Charts {
   std::optional<Segmentation> segmentation;
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
-  // By atlas (UnwrapOptions::face_atlas): the area of what goes into its tiles or, where all have one texel density,
-  // into those of the fullest atlas. Empty: one atlas.
+  double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
+  // By atlas (UnwrapOptions::face_atlas): the drawn area of what goes into its tiles or, where all have one texel
+  // density, into those of the fullest atlas.
   std::map<std::int32_t, double> atlas_area;
   // What places are rounded to, about, in the units of the surface: with float, if it may be delivered (otherwise 0),
   // and with the last type that is tried, which faces are widened for.

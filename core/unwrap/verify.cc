@@ -231,8 +231,12 @@ bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int3
 // Every triangle against all later ones.
 class PairwiseCheck {
  public:
-  PairwiseCheck(const CornerUv& uv, const std::vector<char>& ignored, const Execution& execution)
-      : execution_(execution), num_faces_(static_cast<std::int32_t>(uv.size() / 6)), triangles_(num_faces_) {
+  PairwiseCheck(const CornerUv& uv, const std::vector<char>& ignored, std::int64_t max_pairs,
+                const Execution& execution)
+      : execution_(execution),
+        max_pairs_(max_pairs),
+        num_faces_(static_cast<std::int32_t>(uv.size() / 6)),
+        triangles_(num_faces_) {
     std::vector<Box> boxes(num_faces_);
     execution_.ForEach(num_faces_, [&](std::int32_t f) {
       if (!HasInterior(uv, ignored, f, &triangles_[f])) return;
@@ -255,7 +259,7 @@ class PairwiseCheck {
         Look(from, std::min(from + kBlock, end), max_tests, &counts, &found[i]);
       };
       execution_.For(kBlocks, look, 1);
-      all.limited = counts.pairs >= kMaxOverlaps || counts.tests >= max_tests || execution_.IsCancelled();
+      all.limited = counts.pairs >= max_pairs_ || counts.tests >= max_tests || execution_.IsCancelled();
       if (all.limited) {
         // Blocks were cut short, who knows where: once more, one after the other.
         found = {};
@@ -284,7 +288,7 @@ class PairwiseCheck {
   void Look(std::int64_t begin, std::int64_t end, std::int64_t max_tests, Counts* counts,
             std::vector<std::int32_t>* found) const {
     for (auto f = static_cast<std::int32_t>(begin); f < end && !execution_.IsCancelled(); ++f) {
-      if (counts->pairs >= kMaxOverlaps || counts->tests >= max_tests) return;
+      if (counts->pairs >= max_pairs_ || counts->tests >= max_tests) return;
       const Box& box = tree_->boxes()[f];
       if (!box.Meets(box)) continue;
       std::int64_t tests = 0;
@@ -293,15 +297,16 @@ class PairwiseCheck {
         if (++tests >= tests_left) return false;
         if (g <= f || !InteriorsMeet(triangles_[f].data(), triangles_[g].data())) return true;
         const std::int64_t before = counts->pairs.fetch_add(1, std::memory_order_relaxed);
-        if (before >= kMaxOverlaps) return false;
+        if (before >= max_pairs_) return false;
         found->insert(found->end(), {f, g});
-        return before + 1 < kMaxOverlaps;
+        return before + 1 < max_pairs_;
       });
       counts->tests.fetch_add(tests, std::memory_order_relaxed);
     }
   }
 
   const Execution& execution_;
+  const std::int64_t max_pairs_;
   const std::int32_t num_faces_;
   std::vector<Triangle> triangles_;
   std::optional<BoxTree> tree_;
@@ -366,9 +371,9 @@ class Sweep {
 }  // namespace
 
 Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs,
-                      const Execution& execution, const std::vector<char>& ignored) {
+                      const Execution& execution, const std::vector<char>& ignored, std::int64_t max_pairs) {
   if (execution.IsCancelled()) return {0, true, {}};
-  const PairwiseCheck check(uv, ignored, execution);
+  const PairwiseCheck check(uv, ignored, max_pairs, execution);
   if (execution.IsCancelled()) return {0, true, {}};
   return check.Run(max_tests, pairs);
 }
@@ -393,12 +398,12 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
 
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution,
-                       const std::vector<char>& ignored) {
+                       const std::vector<char>& ignored, std::int64_t max_pairs) {
   // Far more than triangles of ordinary shapes need; 2,000 of any shape are compared all with all.
   constexpr std::int64_t kTests = 2'000'000, kTestsPerFace = 64;
   const std::int64_t max_tests = kTests + kTestsPerFace * static_cast<std::int64_t>(uv.size() / 6);
   if (OutlinesProveNoOverlap(opposite, uv, orientation, max_tests, execution, ignored)) return {};
-  const Overlaps overlaps = FindOverlaps(uv, max_tests, nullptr, execution, ignored);
+  const Overlaps overlaps = FindOverlaps(uv, max_tests, nullptr, execution, ignored, max_pairs);
   if (!overlaps.limited || overlaps.pairs > 0) return overlaps;
   return FindOneOverlap(uv, execution, ignored);
 }

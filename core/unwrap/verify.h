@@ -52,9 +52,11 @@ inline constexpr std::int64_t kMaxOverlaps = 1'000'000;
 // Exact, by looking at pairs of triangles whose boxes meet: O(F log F) where few do. Triangles may have either
 // orientation; those without area have no interior, and those marked in `ignored` (empty: none) do not count. `pairs`
 // gets the triangles of every pair that was counted, two by two. After `max_tests` pairs of boxes, or those of a few
-// thousand triangles more, the search ends and `limited` is set. The same result for any team, but for a cancellation.
+// thousand triangles more, or after `max_pairs`, the search ends and `limited` is set. The same result for any team,
+// but for a cancellation.
 Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs = nullptr,
-                      const Execution& execution = {}, const std::vector<char>& ignored = {});
+                      const Execution& execution = {}, const std::vector<char>& ignored = {},
+                      std::int64_t max_pairs = kMaxOverlaps);
 
 // Exact, by a sweep: O(F log F) whatever the shapes, needles that fan out from one vertex included. At most one pair is
 // found; then `limited` is set.
@@ -76,6 +78,6 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
 // count neither way.
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution = {},
-                       const std::vector<char>& ignored = {});
+                       const std::vector<char>& ignored = {}, std::int64_t max_pairs = kMaxOverlaps);
 
 }  // namespace planish

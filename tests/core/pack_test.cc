@@ -186,9 +186,13 @@ TEST(FindNecks, CutsTheArmsOfACrossFromItsMiddle) {
   // Hull and outline are 4.5 apart; a cut at x = 2 leaves 2, between the hull of the plus at the left and itself.
   const auto chords = FindNecks(outline, {1, 0.01});
   ASSERT_FALSE(chords.empty());
-  EXPECT_EQ(outline[chords[0].first].x(), 2);
-  EXPECT_EQ(outline[chords[0].second].x(), 2);
-  for (const auto& [i, j] : chords) EXPECT_NEAR((outline[i] - outline[j]).norm(), 1, 0.5);
+  EXPECT_EQ(outline[chords[0].from].x(), 2);
+  EXPECT_EQ(outline[chords[0].to].x(), 2);
+  for (const auto& [i, j, gain] : chords) {
+    EXPECT_NEAR((outline[i] - outline[j]).norm(), 1, 0.5);
+    EXPECT_GE(gain, 1);
+    EXPECT_LE(gain, chords[0].gain);
+  }
   EXPECT_TRUE(FindNecks(outline, {4, 0.01}).empty());
   EXPECT_TRUE(FindNecks(outline, {1, 10}).empty()) << "cuts cost more than they gain";
 }
@@ -202,7 +206,7 @@ TEST(FindNecks, CutsInsideOfAnOutlineOnly) {
   const std::vector<Vec2> outline = AlongSides({{0, 0}, {6, 0}, {6, 6}, {4, 6}, {4, 2}, {2, 2}, {2, 6}, {0, 6}});
   const auto chords = FindNecks(outline, {0.5, 0.01});
   ASSERT_FALSE(chords.empty());
-  for (const auto& [i, j] : chords) {
+  for (const auto& [i, j, gain] : chords) {
     const Vec2 middle = (outline[i] + outline[j]) / 2;
     EXPECT_FALSE(middle.x() > 2 && middle.x() < 4 && middle.y() > 2) << middle.transpose();
   }

@@ -37,6 +37,17 @@ std::vector<std::string> Families();
 //   spikes         a sphere with vertices far out
 //   cut_up         isosurfaces and assemblies cut by planes that nearly go through vertices
 //   folded         planar sheets folded onto themselves, with needles
+//   offset         any of these with a shell at a distance along its normals, that touches it and runs through itself
+//   copies         the same mesh up to 40 times in one place: mirrored, inside out, a hair beside
+//   cracks         patches whose borders differ by a hair, some gaps filled by slivers
+//   uneven         refined towards points up to a billionfold; some with a huge floor
+//   winding        ramps that wind up to 30 times round a vertex, pointed cones, fans of spokes of all lengths
+//   roman          Steiner's Roman surface and cross-caps
+//   depth_image    grids with noise in steps, and long triangles across jumps
+//   cards          crossing cards, as of foliage
+//   voxels         cubes at random: edges of four faces, pieces that meet in a vertex
+//   piles          thousands of faces at one edge, round one vertex, or in one place
+//   ear_clipped    polygons with many corners cut up by ears, with a wall between two of them
 Mesh MakeFamily(const std::string& family, std::uint64_t seed, int faces);
 
 }  // namespace planish::testing
