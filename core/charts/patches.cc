@@ -11,6 +11,7 @@ namespace planish {
 namespace {
 
 constexpr double kCostUnit = 1e-7;
+constexpr std::int64_t kBucket = 1 << 10;  // of these units
 
 class Joining {
  public:
@@ -48,12 +49,14 @@ class Joining {
 std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning& tuning, const Execution& execution) {
   const std::int32_t num_faces = surface.num_faces();
   Joining joining(surface, tuning);
-  using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, edge
-  std::vector<Entry> entries;
   const auto faces_at = [&](std::int32_t e) {
     const HalfedgeHandle h = surface.mesh.halfedge_handle(EdgeHandle(e), 0);
     return std::pair(surface.mesh.face_handle(h).idx(), surface.face_across(h));
   };
+  // Buckets of costs, since one heap of all edges would not stay in the cache.
+  using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, edge
+  using Queue = std::priority_queue<Entry, std::vector<Entry>, std::greater<>>;
+  std::vector<std::vector<Entry>> entries(joining.MaxCost() / kBucket + 1);
   for (const EdgeHandle e : surface.mesh.edges()) {
     const auto [f, g] = faces_at(e.idx());
     if (g < 0) continue;
@@ -63,21 +66,27 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
       continue;
     }
     const std::int64_t cost = joining.Cost(f, g);
-    if (cost <= joining.MaxCost()) entries.emplace_back(cost, e.idx());
+    if (cost <= joining.MaxCost()) entries[cost / kBucket].emplace_back(cost, e.idx());
   }
-  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue(std::greater<>(), std::move(entries));
-  for (std::int64_t step = 0; !queue.empty() && !execution.IsCancelledAt(step); ++step) {
-    const auto [cost, e] = queue.top();
-    queue.pop();
-    const auto [f, g] = faces_at(e);
-    const std::int32_t a = joining.Root(f), b = joining.Root(g);
-    if (a == b) continue;
-    // The patches may have grown since.
-    const std::int64_t present = joining.Cost(a, b);
-    if (present <= cost) {
-      joining.Join(a, b);
-    } else if (present <= joining.MaxCost()) {
-      queue.emplace(present, e);
+  for (std::int64_t bucket = 0, step = 0; bucket < std::ssize(entries); ++bucket) {
+    Queue queue(std::greater<>(), std::move(entries[bucket]));
+    for (; !queue.empty() && !execution.IsCancelledAt(step); ++step) {
+      const auto [cost, e] = queue.top();
+      queue.pop();
+      const auto [f, g] = faces_at(e);
+      const std::int32_t a = joining.Root(f), b = joining.Root(g);
+      if (a == b) continue;
+      // The patches may have grown since.
+      const std::int64_t present = joining.Cost(a, b);
+      if (present <= cost) {
+        joining.Join(a, b);
+      } else if (present > joining.MaxCost()) {
+        continue;
+      } else if (present / kBucket == bucket) {
+        queue.emplace(present, e);
+      } else {
+        entries[present / kBucket].emplace_back(present, e);
+      }
     }
   }
   std::vector<std::int32_t> patch(num_faces, -1), number(num_faces, -1);

@@ -21,8 +21,8 @@ Vec3 Centre(const TriMesh& mesh, std::int32_t f) {
 // are one place.
 class Distances {
  public:
-  explicit Distances(const Gluing& gluing)
-      : gluing_(gluing), distance_(gluing.surface().num_faces(), kFar), source_(distance_.size(), -1) {}
+  explicit Distances(const Gluing& gluing, Segmentation::Scratch* scratch)
+      : gluing_(gluing), distance_(scratch->distance), source_(scratch->source) {}
 
   // From the nearest of `sources`, the first one of several, to all faces of their chart.
   void From(const std::vector<std::int32_t>& sources) {
@@ -67,8 +67,8 @@ class Distances {
   Nearness At(std::int32_t f) const { return {distance_[f], source_[f]}; }
 
   const Gluing& gluing_;
-  std::vector<double> distance_;
-  std::vector<std::int32_t> source_;
+  std::vector<double>& distance_;
+  std::vector<std::int32_t>& source_;
 };
 
 // Which half of a chart each of its faces belongs to, 0 or 1: with the nearer one of two faces, or, if these are
@@ -112,7 +112,7 @@ Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch
     const std::int32_t count = chart_.empty() ? 0 : *std::max_element(chart_.begin(), chart_.end()) + 1;
     GluePieces(chart_, &gluing_);
     MergeDiscs(count, max_stretch, tuning, execution, &gluing_, &chart_);
-    SmoothOutlines(tuning_, execution, &gluing_, &chart_);
+    SmoothOutlines(tuning_, execution, AllFaces(), &gluing_, &chart_);
   }
   CollectFaces();
 }
@@ -124,8 +124,16 @@ Segmentation::Segmentation(const Surface& surface, const Segmentation& before, d
     if (!before.gluing_.IsOutline(HalfEdgeOf(before.surface_.mesh, c))) gluing_.Glue(HalfEdgeOf(surface.mesh, c));
   }
   MergeDiscs(static_cast<std::int32_t>(before.faces_.size()), max_stretch, tuning_, execution, &gluing_, &chart_);
-  SmoothOutlines(tuning_, execution, &gluing_, &chart_);
+  SmoothOutlines(tuning_, execution, AllFaces(), &gluing_, &chart_);
   CollectFaces();
+}
+
+std::vector<std::int32_t> Segmentation::AllFaces() const {
+  std::vector<std::int32_t> faces;
+  for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
+    if (chart_[f] >= 0) faces.push_back(f);
+  }
+  return faces;
 }
 
 void Segmentation::CollectFaces() {
@@ -166,8 +174,14 @@ bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces, std::vector<ch
 }
 
 std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, const Execution& execution) {
-  Distances distances(gluing_);
-  std::vector<char> is_seen(surface_.mesh.n_halfedges(), 0), is_glued(chart_.size(), 0);
+  if (scratch_.moving.empty()) {
+    scratch_.distance.assign(chart_.size(), std::numeric_limits<double>::infinity());
+    scratch_.source.assign(chart_.size(), -1);
+    scratch_.moving.assign(chart_.size(), -1);
+    scratch_.is_seen.assign(surface_.mesh.n_halfedges(), 0);
+    scratch_.is_glued.assign(chart_.size(), 0);
+  }
+  Distances distances(gluing_, &scratch_);
   std::vector<std::int32_t> changed;
   for (const auto& [chart, face, other_face, given] : cuts) {
     if (faces_[chart].size() < 2 || execution.IsCancelled()) continue;
@@ -190,23 +204,28 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
     for (std::int32_t k = 0; k <= last; ++k) {
       const std::int32_t number = k == 0 ? chart : added + k - 1;
       changed.push_back(number);
-      if (IsDisc(faces_[number], &is_seen)) continue;
+      if (IsDisc(faces_[number], &scratch_.is_seen)) continue;
       // It runs round another part.
       for (const std::int32_t f : faces_[number]) {
         for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) gluing_.Unglue(h);
       }
-      GluePiece(faces_[number].front(), chart_, &is_glued, &gluing_);
+      GluePiece(faces_[number].front(), chart_, &scratch_.is_glued, &gluing_);
+      for (const std::int32_t f : faces_[number]) scratch_.is_glued[f] = 0;
     }
   }
-  std::vector<char> is_changed(faces_.size(), 0);
-  for (const std::int32_t i : changed) is_changed[i] = 1;
-  std::vector<std::int32_t> moving(chart_.size(), -1);
-  for (std::size_t f = 0; f < moving.size(); ++f) moving[f] = chart_[f] >= 0 && is_changed[chart_[f]] ? chart_[f] : -1;
-  SmoothOutlines(tuning_, execution, &gluing_, &moving);
-  for (std::size_t f = 0; f < moving.size(); ++f) {
-    if (moving[f] >= 0) chart_[f] = moving[f];
+  std::vector<std::int32_t> faces;
+  for (const std::int32_t i : changed) {
+    faces.insert(faces.end(), faces_[i].begin(), faces_[i].end());
+    faces_[i].clear();
   }
-  CollectFaces();
+  std::sort(faces.begin(), faces.end());
+  std::vector<std::int32_t>& moving = scratch_.moving;
+  for (const std::int32_t f : faces) moving[f] = chart_[f];
+  SmoothOutlines(tuning_, execution, faces, &gluing_, &moving);
+  for (const std::int32_t f : faces) {
+    chart_[f] = std::exchange(moving[f], -1);
+    faces_[chart_[f]].push_back(f);
+  }
   std::sort(changed.begin(), changed.end());
   return changed;
 }

@@ -71,7 +71,16 @@ class Segmentation {
   // Closes the gaps that empty charts leave: per number, the new one, -1 for empty charts. The order stays.
   std::vector<std::int32_t> DropEmpty();
 
+  // Of Split(), kept so that it takes no time for faces that stay where they are; empty until it is called first. Per
+  // face, but for is_seen: per half-edge.
+  struct Scratch {
+    std::vector<double> distance;
+    std::vector<std::int32_t> source, moving;
+    std::vector<char> is_seen, is_glued;
+  };
+
  private:
+  std::vector<std::int32_t> AllFaces() const;
   void CollectFaces();
   bool IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const;
 
@@ -80,6 +89,7 @@ class Segmentation {
   Gluing gluing_;
   std::vector<std::int32_t> chart_;
   std::vector<std::vector<std::int32_t>> faces_;
+  Scratch scratch_;
 };
 
 }  // namespace planish

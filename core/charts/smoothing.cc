@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 #include "core/charts/steps.h"
 
@@ -10,11 +12,9 @@ class Smoothing {
   Smoothing(const AtlasTuning& tuning, Gluing* gluing, std::vector<std::int32_t>* chart)
       : tuning_(tuning), surface_(gluing->surface()), mesh_(surface_.mesh), gluing_(*gluing), chart_(*chart) {}
 
-  void Run(const Execution& execution) {
-    std::vector<std::int32_t> faces, next;
-    for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
-      if (chart_[f] >= 0 && MayMove(f)) faces.push_back(f);
-    }
+  void Run(std::vector<std::int32_t> faces, const Execution& execution) {
+    std::vector<std::int32_t> next;
+    std::erase_if(faces, [&](std::int32_t f) { return !OnlyGlued(f).is_valid(); });
     std::vector<char> queued(surface_.num_faces(), 0);
     for (int sweep = 0; sweep < tuning_.smoothing_sweeps && !faces.empty() && !execution.IsCancelled(); ++sweep) {
       next.clear();
@@ -49,7 +49,6 @@ class Smoothing {
     }
     return only;
   }
-  bool MayMove(std::int32_t f) const { return OnlyGlued(f).is_valid(); }
 
   bool Move(std::int32_t f) {
     constexpr double kGain = 1e-6;
@@ -95,9 +94,9 @@ class Smoothing {
 
 }  // namespace
 
-void SmoothOutlines(const AtlasTuning& tuning, const Execution& execution, Gluing* gluing,
-                    std::vector<std::int32_t>* chart) {
-  Smoothing(tuning, gluing, chart).Run(execution);
+void SmoothOutlines(const AtlasTuning& tuning, const Execution& execution, std::vector<std::int32_t> faces,
+                    Gluing* gluing, std::vector<std::int32_t>* chart) {
+  Smoothing(tuning, gluing, chart).Run(std::move(faces), execution);
 }
 
 }  // namespace planish

@@ -198,6 +198,65 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
   return {before.area, before.larger + is.larger - was.larger, before.smaller + is.smaller - was.smaller};
 }
 
+// Where u = 0 lengths are kept; the turn at a vertex of the outline is what the faces leave of pi, and the flux of u.
+// All turns add up to 2 pi (boundary first flattening, Sawhney and Crane 2017).
+std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outline) const {
+  const Surface& surface = gluing_.surface();
+  std::vector<Vec2> points;
+  std::vector<double> travelled;
+  Vec2 at = Vec2::Zero();
+  double direction = 0, length = 0;
+  for (const HalfedgeHandle h : outline) {
+    direction += std::numbers::pi;
+    ForEachInFan(gluing_, gluing_.Next(h), [&](HalfedgeHandle facing) {
+      const int next = gluing_.Next(facing).idx(), prev = gluing_.Prev(facing).idx();
+      direction -= surface.angle[facing.idx()];
+      direction -= (cotangent_[prev] * SolvedAt(next) + cotangent_[next] * SolvedAt(prev)) / 2;
+    });
+    points.push_back(at);
+    travelled.push_back(length);
+    const auto [sine, cosine] = portable::SinCos(direction);
+    at += surface.length(h) * Vec2(cosine, sine);
+    length += surface.length(h);
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] -= travelled[i] / length * at;
+  return points;
+}
+
+std::vector<Vec2> StretchEstimate::Inside(std::span<const HalfedgeHandle> outline, std::span<const Vec2> points) {
+  const TriMesh& mesh = gluing_.mesh();
+  place_.resize(vertex_.size());
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    ForEachInFan(gluing_, gluing_.Next(outline[i]), [&](HalfedgeHandle h) { place_[h.idx()] = points[i]; });
+  }
+  // Harmonic: each vertex is the weighted mean of its neighbours.
+  for (int axis = 0; axis < 2; ++axis) {
+    load_.assign(num_free_, 0.0);
+    u_.assign(num_free_, 0.0);
+    for (const std::int32_t f : faces_) {
+      const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(f));
+      for (int k = 0; k < 3; ++k) {
+        if (gluing_.IsOutline(half_edges[k])) continue;
+        const std::int32_t next = half_edges[Next(k)].idx(), prev = half_edges[Prev(k)].idx();
+        const double weight = cotangent_[half_edges[k].idx()] / 2;
+        if (vertex_[next] >= 0 && vertex_[prev] < 0) load_[vertex_[next]] += weight * place_[prev][axis];
+        if (vertex_[prev] >= 0 && vertex_[next] < 0) load_[vertex_[prev]] += weight * place_[next][axis];
+      }
+    }
+    Solve();
+    for (const std::int32_t f : faces_) {
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
+        if (vertex_[h.idx()] >= 0) place_[h.idx()][axis] = u_[vertex_[h.idx()]];
+      }
+    }
+  }
+  std::vector<Vec2> corners;
+  for (const std::int32_t f : faces_) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) corners.push_back(place_[h.idx()]);
+  }
+  return corners;
+}
+
 void StretchEstimate::Keep() {
   for (const std::int32_t f : faces_) {
     for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(f))) {

@@ -38,6 +38,12 @@ class StretchEstimate {
   // sums of both parts as kept. O(n log n) in the faces of `small`.
   Sums Joined(std::span<const std::int32_t> small, const Sums& before);
 
+  // The map of the last estimate, which was of a whole disc: where each of these half-edges begins, which are the
+  // outline of the disc. Edges of the outline keep their lengths, up to what closes it.
+  std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
+  // The same map inside, between these points of the outline: of each corner, in the order of the faces.
+  std::vector<Vec2> Inside(std::span<const HalfedgeHandle> outline, std::span<const Vec2> points);
+
   // Starts the next estimates of the same faces from the u of the last one.
   void Keep();
 
@@ -62,6 +68,7 @@ class StretchEstimate {
   std::vector<double> cotangent_;
   std::vector<std::int32_t> vertex_;
   std::vector<float> kept_;
+  std::vector<Vec2> place_;  // empty until Inside() is called
   std::vector<char> is_marked_;  // per face: one of faces_
   std::vector<HalfedgeHandle> fan_;
   // Of the estimate at hand.

@@ -26,6 +26,7 @@ struct AtlasTuning {
   // ---- Stretch estimates (charts/stretch_estimate.h).
   double estimate_tolerance = 1e-2;  // of the residual, in the norm of the diagonal
   int estimate_iterations = 200;     // at most, of conjugate gradients
+  double map_tolerance = 1e-3;       // the same where an outline is made of the estimate (unwrap/chart_estimate.h)
   double estimate_cotangent = 1e4;   // at most: of angles below 0.006 degrees an estimate need not resolve more
   // What a small disc changes in a large one is solved for on so many faces of the large one for each of the small
   // one's, those next to it, as long as the large one has grown by less than the second number since it was last
@@ -71,7 +72,8 @@ struct AtlasTuning {
   // instead of 53 in the geometric mean, at the same packing efficiency and for a tenth more of the time. With twice as
   // many rounds and faces there are 38, for a third more of the time.
   int join_rounds = 12;      // at most
-  double join_faces = 1;     // faces that are solved again, at most: this times those of the surface
+  double join_faces = 0.5;   // faces that are solved again, at most: this times those of the surface
+  double join_estimates = 4;  // the same, of faces whose maps are estimated
   double join_gain = 0.25;   // area of convex hulls that joining may cost: this times what a cut must gain there
   double join_misfit = 0.1;  // of the two outlines where they are to meet, root mean square over the length
 };

@@ -52,7 +52,7 @@ void PackAtlases(const UnwrapOptions& options, const Execution& execution, const
   }
   std::map<std::int32_t, std::vector<std::int32_t>> at_once;
   for (std::int32_t i = 0; i < charts.count(); ++i) {
-    at_once[stacked ? AtlasOf(options, charts.charts[i].chart) : 0].push_back(i);
+    at_once[stacked ? AtlasOf(options, charts.charts[i].chart.faces) : 0].push_back(i);
   }
   atlas->scale = std::numeric_limits<double>::infinity();
   atlas->padding = tiles.padding;
@@ -64,14 +64,14 @@ void PackAtlases(const UnwrapOptions& options, const Execution& execution, const
       const MappedChart& mapped = charts.charts[i];
       to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces,
                          WeightOf(options, *charts.surface, mapped.chart),
-                         stacked ? 0 : AtlasOf(options, mapped.chart)});
+                         stacked ? 0 : AtlasOf(options, mapped.chart.faces)});
     }
     const Packing packing = Pack(std::move(to_pack), tiles, execution);
     for (auto& [number, report] : reports) {
       if (!stacked || number == group) report.texels_per_unit = packing.scale * tiles.texture_size;
     }
     for (std::size_t k = 0; k < own.size(); ++k) {
-      AtlasReport& report = reports[AtlasOf(options, charts.charts[own[k]].chart)];
+      AtlasReport& report = reports[AtlasOf(options, charts.charts[own[k]].chart.faces)];
       (*placements)[own[k]] = packing.charts[k];
       ++report.charts;
       report.tiles = std::max(report.tiles, packing.charts[k].tile + 1 - report.first_tile);
@@ -101,7 +101,7 @@ Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* ch
   }
   if (options.seams.policy == SeamPolicy::kNone) {
     MappedChart& disc = charts->charts[0];
-    atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map), &disc.map.positions, execution);
+    atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map.positions), &disc.map.positions, execution);
     return atlas;
   }
   PackAtlases(options, execution, *charts, &atlas, placements);
@@ -169,8 +169,8 @@ class ElsewhereUv {
 
 }  // namespace
 
-std::int32_t AtlasOf(const UnwrapOptions& options, const Chart& chart) {
-  return options.face_atlas.empty() ? 0 : options.face_atlas[chart.faces.front()];
+std::int32_t AtlasOf(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) {
+  return options.face_atlas.empty() ? 0 : options.face_atlas[faces.front()];
 }
 
 absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts) {

@@ -160,11 +160,11 @@ std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const Char
   return opposite;
 }
 
-std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map) {
+std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions) {
   std::vector<Vec2> outline;
   const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
   for (const std::int32_t c : loops[0]) {
-    outline.push_back(map.positions[Origin(chart.topology.faces, c)]);
+    outline.push_back(positions[Origin(chart.topology.faces, c)]);
   }
   return outline;
 }
@@ -227,6 +227,14 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
 
 }  // namespace
 
+double ExtentOf(const std::vector<Vec2>& points) {
+  Box box;
+  for (const Vec2& p : points) box.Add(p);
+  double square = 0;
+  for (const Vec2& p : points) square = std::max(square, (p - (box.low + box.high) / 2).squaredNorm());
+  return 2 * std::sqrt(square);
+}
+
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution) {
   ChartFaults faults;
@@ -246,11 +254,7 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   }
   faults.turned = orientation.flipped + orientation.degenerate;
   faults.does_overlap = faults.turned + overlaps.pairs > 0;
-  Box box;
-  for (const Vec2& p : map.positions) box.Add(p);
-  double square = 0;
-  for (const Vec2& p : map.positions) square = std::max(square, (p - (box.low + box.high) / 2).squaredNorm());
-  faults.extent = 2 * std::sqrt(square);
+  faults.extent = ExtentOf(map.positions);
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];
     faults.other_face = chart.faces[overlaps.faces[1]];

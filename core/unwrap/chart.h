@@ -53,7 +53,7 @@ struct ChartMap {
 std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map);
 
 // The outline of the map, counter-clockwise.
-std::vector<Vec2> OutlineOf(const Chart& chart, const ChartMap& map);
+std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions);
 
 // What a map looks like before packing and rounding.
 struct ChartFaults {
@@ -62,8 +62,11 @@ struct ChartFaults {
   // Faces of the mesh that overlap each other; -1 if none or unknown.
   std::int32_t face = -1, other_face = -1;
   double stretch = 1;  // root mean square, as Quality::stretch_l2, of all faces but the widened ones
-  double extent = 0;   // diameter of a circle that holds it, in the units of the surface
+  double extent = 0;   // ExtentOf() the map, in the units of the surface
 };
+// The diameter of a circle that holds these points, of which there is at least one.
+double ExtentOf(const std::vector<Vec2>& points);
+
 // `resolution`: what places are rounded to when they are delivered, in the units of the surface; 0: not at all.
 // Overlaps that such a rounding makes count, as where an outline touches itself; triangles that it flips or collapses
 // do not.

@@ -81,16 +81,18 @@ struct Promising {
 
 class Joining {
  public:
-  Joining(Job* job, Charts* charts)
+  // By estimates, unless null, or by maps.
+  Joining(Job* job, ChartEstimates* estimates, Charts* charts)
       : job_(*job),
+        estimates_(estimates),
         charts_(*charts),
         segmentation_(*charts->segmentation),
         surface_(*charts->surface),
         tuning_(job->options.tuning),
-        local_(surface_.num_faces(), -1),
-        shapes_(charts->count()) {
-    for (std::int32_t i = 0; i < charts_.count(); ++i) Measure(i);
-    left_ = tuning_.join_faces * surface_.num_faces();
+        place_(surface_.mesh.n_halfedges()),
+        shapes_(segmentation_.charts().size()) {
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
+    left_ = (estimates_ != nullptr ? tuning_.join_estimates : tuning_.join_faces) * surface_.num_faces();
   }
 
   absl::Status Run() {
@@ -99,6 +101,7 @@ class Joining {
       if (!goes_on) break;
     }
     const std::vector<std::int32_t> number = segmentation_.DropEmpty();
+    if (estimates_ != nullptr) return absl::OkStatus();
     std::int32_t count = 0;
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(number.size()); ++i) {
       if (number[i] < 0) continue;
@@ -110,38 +113,55 @@ class Joining {
   }
 
  private:
-  // A pair that is being tried, and the two charts as they were.
+  // A pair that is being tried, and the two charts, or what was estimated of them, as they were.
   struct Attempt {
     Segmentation::Joined joined;
     MappedChart chart, other;
+    ChartEstimate estimate, other_estimate;
   };
 
   void Measure(std::int32_t i) {
-    const MappedChart& mapped = charts_.charts[i];
-    const std::vector<std::int32_t>& faces = segmentation_.charts()[i];
     Shape& shape = shapes_[i];
-    shape.hull = ConvexHull(mapped.map.positions);
-    shape.hull_area = AreaWithin(shape.hull);
     shape.area = shape.perimeter = 0;
-    for (std::int32_t f = 0; f < mapped.chart.topology.num_faces(); ++f) local_[mapped.chart.faces[f]] = f;
-    for (const std::int32_t f : faces) shape.area += surface_.area[f];
-    for (const HalfedgeHandle h : OutlineFrom(segmentation_.gluing(), FirstOnOutline(segmentation_.gluing(), faces))) {
+    for (const std::int32_t f : segmentation_.charts()[i]) shape.area += surface_.area[f];
+    std::vector<Vec2> points;
+    const auto add = [&](HalfedgeHandle h, const Vec2& begin) {
       shape.perimeter += surface_.length(h);
+      place_[h.idx()] = begin;
+      points.push_back(begin);
+    };
+    if (estimates_ != nullptr) {
+      const ChartEstimate& estimate = estimates_->of(i);
+      for (std::size_t k = 0; k < estimate.outline.size(); ++k) add(estimate.outline[k], estimate.points[k]);
+    } else {
+      const auto& [chart, is_few, flattening, map, faults, status] = charts_.charts[i];
+      for (std::int32_t c = 0; status.ok() && c < chart.topology.num_corners(); ++c) {
+        if (chart.topology.opposite[c] >= 0) continue;
+        add(HalfEdgeOf(surface_.mesh, 3 * chart.faces[c / 3] + c % 3), map.positions[Origin(chart.topology.faces, c)]);
+      }
     }
-    shape.may_join = mapped.status.ok() && mapped.chart.enlargement == 1 && !IsWidened(mapped.chart) &&
-                     !IsToSplit(job_, charts_, mapped);
+    shape.hull = ConvexHull(std::move(points));
+    shape.hull_area = AreaWithin(shape.hull);
+    shape.may_join = IsSound(i);
+  }
+
+  // Whether the chart is one that may be joined, or stay joined.
+  bool IsSound(std::int32_t i) const {
+    const std::vector<std::int32_t>& faces = segmentation_.charts()[i];
+    if (estimates_ != nullptr) {
+      return charts_.ReductionOf(faces) == 1 && !IsToSplit(job_, charts_, i, estimates_->of(i));
+    }
+    const MappedChart& mapped = charts_.charts[i];
+    return mapped.status.ok() && !mapped.map.flatten->stopped && mapped.chart.enlargement == 1 &&
+           !IsWidened(mapped.chart) && !IsToSplit(job_, charts_, mapped);
   }
 
   static bool IsWidened(const Chart& chart) {
     return std::any_of(chart.least_angle.begin(), chart.least_angle.end(), [](double angle) { return angle > 0; });
   }
 
-  // Where a half-edge of the chart's outline begins, or ends, in its map.
-  Vec2 PlaceAt(std::int32_t chart, HalfedgeHandle h, bool ends) const {
-    const std::int32_t c = CornerOf(surface_.mesh, h), k = ends ? Prev(c % 3) : Next(c % 3);
-    const MappedChart& mapped = charts_.charts[chart];
-    return mapped.map.positions[mapped.chart.topology.faces[local_[c / 3]][k]];
-  }
+  // Where a half-edge of an outline begins in the map of its chart.
+  const Vec2& PlaceAt(HalfedgeHandle h) const { return place_[h.idx()]; }
 
   std::optional<Promising> Consider(const Segmentation::Joint& joint, std::size_t number) const {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
@@ -157,8 +177,8 @@ class Joining {
     std::vector<Vec2> from, to;
     for (const HalfedgeHandle h : joint.stretch) {
       const HalfedgeHandle across = surface_.mesh.opposite_halfedge_handle(h);
-      from.insert(from.end(), {PlaceAt(joint.other, across, true), PlaceAt(joint.other, across, false)});
-      to.insert(to.end(), {PlaceAt(joint.chart, h, false), PlaceAt(joint.chart, h, true)});
+      from.insert(from.end(), {PlaceAt(segmentation_.gluing().After(across)), PlaceAt(across)});
+      to.insert(to.end(), {PlaceAt(h), PlaceAt(segmentation_.gluing().After(h))});
       mapped_length += (to[to.size() - 1] - to[to.size() - 2]).norm();
     }
     const std::optional<Motion> motion = Fit(from, to);
@@ -198,63 +218,94 @@ class Joining {
       }
       taken[joint.chart] = taken[joint.other] = 1;
       left_ -= static_cast<double>(candidate.faces);
-      attempts.push_back({*std::move(joined), std::exchange(charts_.charts[joint.chart], {}),
-                          std::exchange(charts_.charts[joint.other], {})});
-    }
-    std::vector<std::int32_t> todo;
-    for (const Attempt& attempt : attempts) {
-      ExtractChart(attempt.joined.chart, job_.execution, &charts_);
-      todo.push_back(attempt.joined.chart);
+      attempts.push_back({*std::move(joined), {}, {}, {}, {}});
+      SetAside(&attempts.back());
     }
     job_.seconds.charts += timer.Restart();
-    PLANISH_RETURN_IF_ERROR(SolveCharts(&job_, todo, &charts_));
+    PLANISH_RETURN_IF_ERROR(MapAttempts(attempts));
     bool has_joined = false;
     for (Attempt& attempt : attempts) has_joined |= Settle(&attempt);
     return has_joined;
   }
 
+  void SetAside(Attempt* attempt) {
+    const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
+    if (estimates_ != nullptr) {
+      attempt->estimate = estimates_->of(i);
+      attempt->other_estimate = estimates_->of(j);
+    } else {
+      attempt->chart = std::exchange(charts_.charts[i], {});
+      attempt->other = std::exchange(charts_.charts[j], {});
+    }
+  }
+
+  void PutBack(Attempt* attempt) {
+    const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
+    if (estimates_ != nullptr) {
+      estimates_->Restore(i, std::move(attempt->estimate));
+      estimates_->Restore(j, std::move(attempt->other_estimate));
+    } else {
+      charts_.charts[i] = std::move(attempt->chart);
+      charts_.charts[j] = std::move(attempt->other);
+    }
+  }
+
+  absl::Status MapAttempts(const std::vector<Attempt>& attempts) {
+    std::vector<std::int32_t> todo;
+    for (const Attempt& attempt : attempts) todo.push_back(attempt.joined.chart);
+    if (estimates_ != nullptr) {
+      for (const std::int32_t i : todo) {
+        if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
+        estimates_->Update(i);
+      }
+      return absl::OkStatus();
+    }
+    Timer timer;
+    for (const std::int32_t i : todo) ExtractChart(i, job_.execution, &charts_);
+    job_.seconds.charts += timer.Restart();
+    return SolveCharts(&job_, todo, &charts_);
+  }
+
   // Keeps the joined chart if its map is sound; otherwise puts the two charts back.
   bool Settle(Attempt* attempt) {
     const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
-    const MappedChart& mapped = charts_.charts[i];
-    if (mapped.status.ok() && !mapped.map.flatten->stopped && !IsWidened(mapped.chart) &&
-        !IsToSplit(job_, charts_, mapped) && PacksWell(*attempt)) {
-      const int version = std::max(shapes_[i].version, shapes_[j].version) + 1;
-      Measure(i);
+    const double hulls = shapes_[i].hull_area + shapes_[j].hull_area;
+    const int version = std::max(shapes_[i].version, shapes_[j].version) + 1;
+    Measure(i);
+    if (shapes_[i].may_join && PacksWell(*attempt, hulls)) {
       shapes_[i].version = version;
       shapes_[j] = {};
       return true;
     }
     if (!charts_.least_angle.empty()) {
-      for (const std::int32_t f : mapped.chart.faces) charts_.least_angle[f] = 0;
+      for (const std::int32_t f : segmentation_.charts()[i]) charts_.least_angle[f] = 0;
     }
     segmentation_.Part(attempt->joined);
-    charts_.charts[i] = std::move(attempt->chart);
-    charts_.charts[j] = std::move(attempt->other);
+    PutBack(attempt);
     Measure(i);
     Measure(j);
     NoteFailed(i, j);
     return false;
   }
 
-  bool PacksWell(const Attempt& attempt) const {
+  // `hulls`: the area of those of the two charts.
+  bool PacksWell(const Attempt& attempt, double hulls) const {
     if (!job_.options.pack) return true;
-    const std::int32_t i = attempt.joined.chart, j = attempt.joined.other;
     double length = 0;
     for (const HalfedgeHandle h : attempt.joined.seamed.glued) length += surface_.length(h);
-    return AreaWithin(ConvexHull(charts_.charts[i].map.positions)) - shapes_[i].hull_area - shapes_[j].hull_area <=
-           MostCost(length);
+    return shapes_[attempt.joined.chart].hull_area - hulls <= MostCost(length);
   }
 
   void NoteFailed(std::int32_t i, std::int32_t j) { failed_[{i, j}] = {shapes_[i].version, shapes_[j].version}; }
 
   Job& job_;
+  ChartEstimates* const estimates_;
   Charts& charts_;
   Segmentation& segmentation_;
   const Surface& surface_;
   const AtlasTuning& tuning_;
-  std::vector<std::int32_t> local_;  // per face: its number in its chart
-  std::vector<Shape> shapes_;        // per chart
+  std::vector<Vec2> place_;    // per half-edge: where it begins in the map of its chart, if it is on the outline
+  std::vector<Shape> shapes_;  // per chart
   NeckOptions necks_;
   double left_ = 0;  // faces that may be solved again
   // Charts that could not be joined, by their numbers, with their versions then.
@@ -266,7 +317,12 @@ class Joining {
 absl::Status JoinCharts(Job* job, Charts* charts) {
   if (job->options.seams.policy != SeamPolicy::kAuto || charts->count() < 2) return absl::OkStatus();
   if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, charts).Run();
+  return Joining(job, nullptr, charts).Run();
+}
+
+absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts) {
+  if (job->execution.IsStopRequested()) return absl::OkStatus();
+  return Joining(job, estimates, charts).Run();
 }
 
 }  // namespace planish

@@ -44,11 +44,11 @@ std::vector<std::int32_t> InOrderOf(const Segmentation& segmentation, std::int32
 }
 
 // Per face: the middle of all faces that it must not be parted from, itself included.
-std::vector<Vec2> Middles(const Surface& surface, const Chart& chart, const ChartMap& map) {
+std::vector<Vec2> Middles(const Surface& surface, const Chart& chart, const std::vector<Vec2>& positions) {
   const Topology& topology = chart.topology;
   std::vector<Vec2> middle(topology.num_faces());
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const auto [a, b, c] = TriangleOf(map.positions, topology.faces[f]);
+    const auto [a, b, c] = TriangleOf(positions, topology.faces[f]);
     middle[f] = (a + b + c) / 3;
   }
   std::int32_t count = 0;
@@ -90,12 +90,12 @@ std::vector<std::int32_t> Pieces(const Topology& topology, const std::vector<Vec
 }
 
 // All but the largest `most` pieces go to a neighbour, the one with the longest common border, smallest pieces first.
-void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std::int32_t count,
+void MergeCrumbs(const Chart& chart, const std::vector<Vec2>& positions, std::size_t most, std::int32_t count,
                  std::vector<std::int32_t>* piece) {
   const Topology& topology = chart.topology;
   std::vector<double> area(count, 0);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    area[(*piece)[f]] += std::abs(DoubleArea(TriangleOf(map.positions, topology.faces[f])));
+    area[(*piece)[f]] += std::abs(DoubleArea(TriangleOf(positions, topology.faces[f])));
   }
   const std::vector<std::int32_t> order =
       SortedIndices(count, [&](std::int32_t a, std::int32_t b) { return area[a] < area[b]; });
@@ -104,8 +104,7 @@ void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std:
     for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
       const std::int32_t o = topology.opposite[c];
       if ((*piece)[c / 3] != order[i] || o < 0 || (*piece)[o / 3] == order[i]) continue;
-      border[(*piece)[o / 3]] +=
-          (map.positions[Target(topology.faces, c)] - map.positions[Origin(topology.faces, c)]).norm();
+      border[(*piece)[o / 3]] += (positions[Target(topology.faces, c)] - positions[Origin(topology.faces, c)]).norm();
     }
     const auto to = static_cast<std::int32_t>(std::max_element(border.begin(), border.end()) - border.begin());
     std::replace(piece->begin(), piece->end(), order[i], to);
@@ -115,17 +114,15 @@ void MergeCrumbs(const Chart& chart, const ChartMap& map, std::size_t most, std:
 // Per face of the chart, in the order of chart.faces: its part, from 0 on; empty if the chart is to stay whole. Cuts
 // run across arms and necks of the map (core/pack/necks.h), from face to face, and never between faces that must be
 // glued; parts are connected.
-std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart, const ChartMap& map,
-                                      const std::vector<Neck>& necks, double least_gain) {
-  const std::vector<Vec2> outline = OutlineOf(chart, map);
+std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart, const std::vector<Vec2>& positions,
+                                      const NeckOptions& options) {
+  const std::vector<Vec2> outline = OutlineOf(chart, positions);
   std::vector<std::pair<Vec2, Vec2>> chords;
-  for (const Neck& neck : necks) {
-    if (neck.gain >= least_gain) chords.emplace_back(outline[neck.from], outline[neck.to]);
-  }
+  for (const Neck& neck : FindNecks(outline, options)) chords.emplace_back(outline[neck.from], outline[neck.to]);
   if (chords.empty()) return {};
   std::int32_t count = 0;
-  std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, map), chords, &count);
-  MergeCrumbs(chart, map, chords.size() + 1, count, &piece);
+  std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, positions), chords, &count);
+  MergeCrumbs(chart, positions, chords.size() + 1, count, &piece);
   std::vector<std::int32_t> number(count, -1);
   std::int32_t parts = 0;
   for (std::int32_t& p : piece) {
@@ -166,28 +163,41 @@ std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, co
   return InOrderOf(*charts.segmentation, number, chart, part);
 }
 
-// All that pack better in parts, those that gain most where that would make too many charts.
-std::vector<Segmentation::Cut> ChartsToPart(const Charts& charts, const NeckOptions& options,
-                                            const AtlasTuning& tuning) {
-  std::vector<std::vector<Neck>> necks;
-  std::vector<double> gains;
-  for (const MappedChart& mapped : charts.charts) {
-    necks.push_back(FindNecks(OutlineOf(mapped.chart, mapped.map), options));
-    for (const Neck& neck : necks.back()) gains.push_back(neck.gain);
+// All that pack better in parts, by their estimates; those that gain most where that would make too many charts.
+std::vector<Segmentation::Cut> ChartsToPart(const Job& job, NeckOptions options, ChartEstimates* estimates,
+                                            Charts* charts) {
+  charts->charts.resize(charts->segmentation->charts().size());
+  std::vector<std::vector<double>> gains(charts->count());
+  std::vector<double> all;
+  for (std::int32_t i = 0; i < charts->count() && !job.execution.IsCancelledAt(i); ++i) {
+    for (const Neck& neck : FindNecks(estimates->of(i).points, options)) gains[i].push_back(neck.gain);
+    all.insert(all.end(), gains[i].begin(), gains[i].end());
   }
+  const AtlasTuning& tuning = job.options.tuning;
   const auto most = static_cast<std::size_t>(
-      std::max(static_cast<double>(charts.surface->num_faces()) / tuning.cut_faces - charts.count(),
-               tuning.cut_growth * charts.count()));
-  double least_gain = options.least_gain;
-  if (gains.size() > most) {
-    std::sort(gains.begin(), gains.end(), std::greater<>());
-    least_gain = std::nextafter(gains[most], std::numeric_limits<double>::infinity());
+      std::max(static_cast<double>(charts->surface->num_faces()) / tuning.cut_faces - charts->count(),
+               tuning.cut_growth * charts->count()));
+  if (all.size() > most) {
+    std::sort(all.begin(), all.end(), std::greater<>());
+    options.least_gain = std::nextafter(all[most], std::numeric_limits<double>::infinity());
   }
   std::vector<Segmentation::Cut> cuts;
-  for (std::int32_t i = 0; i < charts.count(); ++i) {
-    const auto& [chart, is_few, flattening, map, faults, status] = charts.charts[i];
-    const std::vector<std::int32_t> part = PartAtNecks(*charts.surface, chart, map, necks[i], least_gain);
-    if (!part.empty()) cuts.push_back({i, -1, -1, InOrderOf(*charts.segmentation, i, chart, part)});
+  std::vector<std::int32_t> place(charts->surface->num_faces());  // in the chart
+  for (std::int32_t i = 0; i < charts->count() && !job.execution.IsCancelledAt(i); ++i) {
+    const auto gains_enough = [&options](double gain) { return gain >= options.least_gain; };
+    if (std::none_of(gains[i].begin(), gains[i].end(), gains_enough)) continue;
+    ExtractChart(i, job.execution, charts);
+    const Chart& chart = charts->charts[i].chart;
+    const std::vector<std::int32_t>& faces = charts->segmentation->charts()[i];
+    for (std::size_t f = 0; f < faces.size(); ++f) place[faces[f]] = static_cast<std::int32_t>(f);
+    const std::vector<Vec2> corners = estimates->Corners(i);
+    std::vector<Vec2> positions(chart.topology.num_vertices);
+    for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+      positions[chart.topology.faces[c / 3][c % 3]] = corners[3 * place[chart.faces[c / 3]] + c % 3];
+    }
+    const std::vector<std::int32_t> part = PartAtNecks(*charts->surface, chart, positions, options);
+    if (!part.empty()) cuts.push_back({i, -1, -1, InOrderOf(*charts->segmentation, i, chart, part)});
+    charts->charts[i] = {};
   }
   return cuts;
 }
@@ -206,6 +216,20 @@ absl::StatusOr<bool> Split(Job* job, const std::vector<Segmentation::Cut>& cuts,
   return !todo->empty();
 }
 
+// Whether a chart is stretched too far, or too long for the packer.
+bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int32_t>& faces, double stretch,
+                double extent) {
+  if (faces.size() < 2) return false;
+  const SeamOptions& seams = job.options.seams;
+  const AtlasTuning& tuning = job.options.tuning;
+  double area = 0;
+  for (const std::int32_t f : faces) area += charts.surface->area[f];
+  const double whole = charts.AreaOfAtlas(job.options, faces);
+  const bool is_stretched = seams.policy == SeamPolicy::kAuto && stretch > tuning.stretch_slack * seams.max_stretch;
+  const bool is_long = area < tuning.whole_area * whole && extent > tuning.max_extent * std::sqrt(whole);
+  return is_stretched || (seams.policy == SeamPolicy::kAuto && job.options.pack && is_long);
+}
+
 }  // namespace
 
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
@@ -214,19 +238,37 @@ bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) 
   // collapse where the chart goes.
   if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten->barrier > 0;
   const SeamOptions& seams = job.options.seams;
-  const AtlasTuning& tuning = job.options.tuning;
   // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
   const bool is_sound =
       status.ok() && map.flatten->converged &&
       (map.flatten->barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
-  double area = 0;
-  for (const std::int32_t f : chart.faces) area += charts.surface->area[f];
-  const double whole = charts.AreaOfAtlas(job.options, chart);
-  const bool is_stretched =
-      seams.policy == SeamPolicy::kAuto && faults.stretch > tuning.stretch_slack * seams.max_stretch;
-  const bool is_long = area < tuning.whole_area * whole && faults.extent > tuning.max_extent * std::sqrt(whole);
-  const bool is_awkward = seams.policy == SeamPolicy::kAuto && job.options.pack && is_long;
-  return !is_sound || faults.does_overlap || is_stretched || is_awkward;
+  return !is_sound || faults.does_overlap || IsUnwieldy(job, charts, chart.faces, faults.stretch, faults.extent);
+}
+
+bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const ChartEstimate& estimate) {
+  const std::vector<std::int32_t>& faces = charts.segmentation->charts()[i];
+  if (charts.ReductionOf(faces) < 1) return false;
+  return estimate.face >= 0 || IsUnwieldy(job, charts, faces, estimate.stretch, ExtentOf(estimate.points));
+}
+
+void RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts) {
+  Segmentation& segmentation = *charts->segmentation;
+  std::vector<std::int32_t> todo(segmentation.charts().size());
+  std::iota(todo.begin(), todo.end(), 0);
+  bool are_parted = !job.options.pack || todo.size() < 2;
+  while (!todo.empty() && !job.execution.IsCancelled() && !job.execution.IsStopRequested()) {
+    std::vector<Segmentation::Cut> cuts;
+    for (const std::int32_t i : todo) {
+      if (job.execution.IsCancelled()) return;
+      estimates->Update(i);
+      const ChartEstimate& estimate = estimates->of(i);
+      if (IsToSplit(job, *charts, i, estimate)) cuts.push_back({i, estimate.face, estimate.other_face});
+    }
+    if (cuts.empty() && !std::exchange(are_parted, true)) {
+      cuts = ChartsToPart(job, NecksOf(*charts, job.options), estimates, charts);
+    }
+    todo = cuts.empty() ? std::vector<std::int32_t>() : segmentation.Split(cuts, job.execution);
+  }
 }
 
 NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {
@@ -244,11 +286,6 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
     const MappedChart& mapped = charts->charts[i];
     if (!job->may_split() || mapped.chart.faces.size() < 2 || !IsToSplit(*job, *charts, mapped)) continue;
     cuts.push_back({i, mapped.faults.face, mapped.faults.other_face});
-  }
-  const bool may_part =
-      job->options.seams.policy == SeamPolicy::kAuto && job->options.pack && !job->execution.IsStopRequested();
-  if (cuts.empty() && may_part && charts->count() > 1 && !std::exchange(charts->are_parted, true)) {
-    cuts = ChartsToPart(*charts, NecksOf(*charts, job->options), job->options.tuning);
   }
   return Split(job, cuts, todo, charts);
 }

@@ -65,7 +65,7 @@ Overlaps FindOverlaps(const Job& job, const Charts& charts, const CornerUv& uv, 
   }
   std::map<std::int32_t, std::vector<const MappedChart*>> layers;
   for (const MappedChart& mapped : charts.charts) {
-    layers[options.pack ? AtlasOf(options, mapped.chart) : std::ssize(layers)].push_back(&mapped);
+    layers[options.pack ? AtlasOf(options, mapped.chart.faces) : std::ssize(layers)].push_back(&mapped);
   }
   Overlaps all;
   for (const auto& [number, layer] : layers) {

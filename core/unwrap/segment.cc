@@ -54,8 +54,15 @@ std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
   return face_chart;
 }
 
-double Charts::AreaOfAtlas(const UnwrapOptions& options, const Chart& chart) const {
-  return atlas_area.at(AtlasOf(options, chart));
+double Charts::AreaOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const {
+  return atlas_area.at(AtlasOf(options, faces));
+}
+
+double Charts::ReductionOf(const std::vector<std::int32_t>& faces) const {
+  double least = 1;
+  if (reduction.empty()) return least;
+  for (const std::int32_t f : faces) least = std::min(least, reduction[f]);
+  return least;
 }
 
 std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
@@ -194,6 +201,11 @@ absl::StatusOr<Charts> Segment(Job* job) {
         ReduceLongNeedles(job->mesh, needles, charts.segmentation->charts(), job->options, &job->warnings);
   }
   MeasureAtlases(job->options, &charts);
+  if (by_stretch) {
+    ChartEstimates estimates(*charts.segmentation, job->options.tuning);
+    RefineEstimated(*job, &estimates, &charts);
+    PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
+  }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make
   // it overlap: the faces are widened until float holds them, or the UV are double.
   if (job->options.precision == Precision::kAuto && HasThinner(job->mesh, charts, of_float)) charts.resolution = 0;
@@ -227,9 +239,7 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   const TriMesh disc = ChartMesh(gluing, faces, &slits);
   chart = MakeChart(disc, slits, execution.ForOneThread());
   charts->charts[i].is_few = chart.faces.size() < kFewFaces || !CanBeParted(*charts->surface, chart);
-  if (!charts->reduction.empty()) {
-    for (const std::int32_t f : chart.faces) chart.enlargement = std::min(chart.enlargement, charts->reduction[f]);
-  }
+  chart.enlargement = charts->ReductionOf(chart.faces);
   if (charts->least_angle.empty()) return;
   for (const std::int32_t f : chart.faces) chart.least_angle.push_back(charts->least_angle[f]);
 }

@@ -27,6 +27,7 @@
 #include "core/charts/surface.h"
 #include "core/pack/necks.h"
 #include "core/unwrap/chart.h"
+#include "core/unwrap/chart_estimate.h"
 #include "core/unwrap/unwrap.h"
 #include "core/unwrap/verify.h"
 
@@ -75,12 +76,13 @@ struct Charts {
   std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
   int widenings = 0;                // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;   // no vector: charts are added to many that are large
-  bool are_parted = false;          // charts that pack better in parts have been cut (Refine)
   bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
-  // Of what goes into the tiles that the chart goes into: the square of a length that its own can be compared with.
-  double AreaOfAtlas(const UnwrapOptions& options, const Chart& chart) const;
+  // Of what goes into the tiles that a chart of these faces goes into: the square of a length that its own can be compared with.
+  double AreaOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const;
+  // The least of these faces'.
+  double ReductionOf(const std::vector<std::int32_t>& faces) const;
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
   std::vector<std::int32_t> FaceChart(const Mesh& mesh) const;
   // Per half-edge of the mesh: the one it is joined to in its chart, closed slits included; -1 on outlines.
@@ -114,8 +116,15 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
 // that pack better in parts (once for a job). Returns whether there were any; `todo` has then what is to be solved.
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
 
+// Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for. Of no
+// use after a cancellation.
+void RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts);
+
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);
+
+// The same of an estimate of chart i of the segmentation.
+bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const ChartEstimate& estimate);
 
 // What a cut at a neck must gain for the packer.
 NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
@@ -125,9 +134,11 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
 // drawn larger or smaller than others stay. Work is bounded by a share of the faces (AtlasTuning). None after a stop
 // request. CANCELLED after a cancellation.
 absl::Status JoinCharts(Job* job, Charts* charts);
+// The same by estimates, before any chart is solved for.
+absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 
-// The number of the atlas that the chart goes into.
-std::int32_t AtlasOf(const UnwrapOptions& options, const Chart& chart);
+// The number of the atlas that a chart of these faces goes into.
+std::int32_t AtlasOf(const UnwrapOptions& options, const std::vector<std::int32_t>& faces);
 
 // Where the charts go.
 struct Atlas {

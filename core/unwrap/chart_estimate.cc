@@ -1,0 +1,77 @@
+#include "core/unwrap/chart_estimate.h"
+
+#include <algorithm>
+
+#include "core/mesh/box_tree.h"
+#include "core/mesh/predicates.h"
+
+namespace planish {
+namespace {
+
+AtlasTuning ForMaps(AtlasTuning tuning) {
+  tuning.estimate_tolerance = tuning.map_tolerance;
+  return tuning;
+}
+
+// The two segments of a closed curve that cross, the farthest apart along it; -1 if none do. The sides of a slit may
+// lie on each other: segments count only where both ends are off the other one, and by more than `least`.
+std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& curve, double least) {
+  const auto n = static_cast<std::int32_t>(curve.size());
+  const auto end = [&](std::int32_t i) -> const Vec2& { return curve[i + 1 == n ? 0 : i + 1]; };
+  std::vector<Box> boxes;
+  std::vector<double> along = {0};
+  for (std::int32_t i = 0; i < n; ++i) {
+    boxes.push_back(Box::Round(curve[i], end(i)));
+    along.push_back(along.back() + (end(i) - curve[i]).norm());
+  }
+  const BoxTree tree(std::move(boxes));
+  const auto parts = [&](std::int32_t i, std::int32_t j) {
+    const double length = (end(i) - curve[i]).norm();
+    const double from = DoubleArea(curve[i], end(i), curve[j]), to = DoubleArea(curve[i], end(i), end(j));
+    return std::min(from, to) < -least * length && std::max(from, to) > least * length;
+  };
+  std::pair<std::int32_t, std::int32_t> crossing(-1, -1);
+  double farthest = 0;
+  for (std::int32_t i = 0; i < n; ++i) {
+    tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
+      if (j <= i) return true;
+      const double between = std::min(along[j] - along[i], along[n] - along[j] + along[i]);
+      if (between > farthest && parts(i, j) && parts(j, i)) {
+        farthest = between;
+        crossing = {i, j};
+      }
+      return true;
+    });
+  }
+  return crossing;
+}
+
+}  // namespace
+
+ChartEstimates::ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning)
+    : segmentation_(segmentation), tuning_(ForMaps(tuning)), estimate_(segmentation.gluing(), tuning_) {}
+
+void ChartEstimates::Update(std::int32_t chart) {
+  constexpr double kCoincide = 1e-6;  // of the outline
+  const Gluing& gluing = segmentation_.gluing();
+  const std::vector<std::int32_t>& faces = segmentation_.charts()[chart];
+  charts_.resize(std::max(charts_.size(), segmentation_.charts().size()));
+  ChartEstimate& found = charts_[chart] = {};
+  found.stretch = estimate_.Whole(faces).Stretch();
+  estimate_.Keep();
+  found.outline = OutlineFrom(gluing, FirstOnOutline(gluing, faces));
+  found.points = estimate_.Outline(found.outline);
+  double length = 0;
+  for (const HalfedgeHandle h : found.outline) length += gluing.surface().length(h);
+  const auto [i, j] = FarthestCrossing(found.points, kCoincide * length);
+  if (i < 0) return;
+  found.face = gluing.mesh().face_handle(found.outline[i]).idx();
+  found.other_face = gluing.mesh().face_handle(found.outline[j]).idx();
+}
+
+std::vector<Vec2> ChartEstimates::Corners(std::int32_t chart) {
+  estimate_.Whole(segmentation_.charts()[chart]);
+  return estimate_.Inside(charts_[chart].outline, charts_[chart].points);
+}
+
+}  // namespace planish

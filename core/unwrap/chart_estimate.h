@@ -1,0 +1,42 @@
+// What the maps of charts look like, before they are solved for: cheap enough to cut charts and to join them, so that
+// most charts need to be solved once only.
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "core/charts/segmentation.h"
+#include "core/charts/stretch_estimate.h"
+
+namespace planish {
+
+struct ChartEstimate {
+  std::vector<HalfedgeHandle> outline;  // from FirstOnOutline() on
+  std::vector<Vec2> points;             // where each of these begins in the map
+  double stretch = 1;                   // root mean square
+  // Faces of the mesh at two places where the outline crosses itself, the farthest apart along it; -1: nowhere.
+  std::int32_t face = -1, other_face = -1;
+};
+
+// Estimates of all charts of a segmentation. Not thread-safe.
+class ChartEstimates {
+ public:
+  // Both must outlive this.
+  ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning);
+
+  const ChartEstimate& of(std::int32_t chart) const { return charts_[chart]; }
+  // Looks at the chart as it is now. About a twentieth of the work of a solve.
+  void Update(std::int32_t chart);
+  void Restore(std::int32_t chart, ChartEstimate estimate) { charts_[chart] = std::move(estimate); }
+  // Where the corners of the chart's faces are in the map.
+  std::vector<Vec2> Corners(std::int32_t chart);
+
+ private:
+  const Segmentation& segmentation_;
+  const AtlasTuning tuning_;
+  StretchEstimate estimate_;
+  std::vector<ChartEstimate> charts_;
+};
+
+}  // namespace planish
