@@ -304,8 +304,8 @@ class Joining {
   Segmentation& segmentation_;
   const Surface& surface_;
   const AtlasTuning& tuning_;
-  std::vector<Vec2> place_;          // per half-edge: where it begins in the map of its chart, if it is on the outline
-  std::vector<Shape> shapes_;        // per chart
+  std::vector<Vec2> place_;    // per half-edge: where it begins in the map of its chart, if it is on the outline
+  std::vector<Shape> shapes_;  // per chart
   NeckOptions necks_;
   double left_ = 0;  // faces that may be solved again
   // Charts that could not be joined, by their numbers, with their versions then.
