@@ -68,7 +68,7 @@ class StretchEstimate {
   std::vector<double> cotangent_;
   std::vector<std::int32_t> vertex_;
   std::vector<float> kept_;
-  std::vector<Vec2> place_;  // empty until Inside() is called
+  std::vector<Vec2> place_;      // empty until Inside() is called
   std::vector<char> is_marked_;  // per face: one of faces_
   std::vector<HalfedgeHandle> fan_;
   // Of the estimate at hand.

@@ -2,6 +2,8 @@
 // announces itself to the caller and measures its time.
 //
 //   Segment()               a mesh            -> Charts: a surface, cut into discs, each in the solver's arrays
+//     RefineEstimated()     estimates of maps -> discs that are cut before they are solved for
+//     JoinEstimated()       estimates of maps -> discs that are joined
 //   SolveCharts()           some of them      -> angles (ABF), positions in the plane, and what is wrong with these
 //     MapWithFixedBorders() one of them       -> another map, where no seam may be added and the first is no use
 //   Refine()                all of them       -> the charts that were cut once more, for SolveCharts()
@@ -79,7 +81,8 @@ struct Charts {
   bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
-  // Of what goes into the tiles that a chart of these faces goes into: the square of a length that its own can be compared with.
+  // Of what goes into the tiles that a chart of these faces goes into: the square of a length that its own can be
+  // compared with.
   double AreaOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const;
   // The least of these faces'.
   double ReductionOf(const std::vector<std::int32_t>& faces) const;
@@ -116,8 +119,8 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
 // that pack better in parts (once for a job). Returns whether there were any; `todo` has then what is to be solved.
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
 
-// Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for. Of no
-// use after a cancellation.
+// Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for. Of
+// no use after a cancellation.
 void RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
