@@ -67,7 +67,7 @@ std::string Arithmetic(const Runs& runs) {
 std::string ReportFarm(const Runs& runs) {
   std::string text =
       "## What bare SQL does\n\n"
-      "`BareJobs` of `tests/bench/store_load.cc` writes the rows that the store writes, into tables of the same "
+      "`BareJobs` of `tests/bench/bare_jobs.h` writes the rows that the store writes, into tables of the same "
       "definition, with the same indexes and fillfactor, with as many jobs waiting. It knows beforehand what to write, "
       "so "
       "it reads nothing and decides nothing: what is left is what the store has to find out. Its statements are "
