@@ -52,7 +52,7 @@ struct Turned {
   bool fits = false;                                // the tile
   std::array<std::pair<int, int>, 2> range;         // of x and y of its places; the middle where it does not fit
   std::vector<std::int32_t> samples;                // offsets in the image
-  std::vector<std::array<std::int16_t, 2>> places;  // the same, (x, y)
+  std::vector<std::array<std::int16_t, 2>> places;  // the same, (x, y); empty until needed
   int left = 0, bottom = 0, width = 0, height = 0;
   std::vector<std::int16_t> depth;  // width x height; empty until needed
   std::vector<Span> rows;           // where depth is above 0
@@ -192,12 +192,10 @@ class Search {
     turned.range = {Range(turned, 0), Range(turned, 1)};
     work_ += kTurnWork * std::ssize(samples);
     turned.samples.reserve(samples.size());
-    turned.places.reserve(samples.size());
     for (const Vec2& p : samples) {
       const Vec2 turned_sample = rotate(p);
       const std::int32_t x = Rounded(turned_sample.x()), y = Rounded(turned_sample.y());
       turned.samples.push_back(y * stride_ + x);
-      turned.places.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
     }
     return turned;
   }
@@ -249,8 +247,19 @@ class Search {
     turned->own = DepthUnder(*turned, *turned, 0, 0);
   }
 
+  // Of the samples: a chart that fits the tile reaches no farther than half of a row to either side. Thousands of turns
+  // are kept, and few are asked for these.
+  void FindPlaces(Turned* turned) const {
+    turned->places.reserve(turned->samples.size());
+    for (const std::int32_t sample : turned->samples) {
+      const int from = sample + stride_ / 2, y = from / stride_ - (from % stride_ < 0 ? 1 : 0);
+      turned->places.push_back({static_cast<std::int16_t>(sample - y * stride_), static_cast<std::int16_t>(y)});
+    }
+  }
+
   // The sum of `other`'s depth under the samples of `turned`, which is (x, y) pixels beyond it.
-  std::int64_t DepthUnder(const Turned& turned, const Turned& other, int x, int y) const {
+  std::int64_t DepthUnder(Turned& turned, const Turned& other, int x, int y) const {
+    if (turned.places.empty()) FindPlaces(&turned);
     x -= other.left;
     y -= other.bottom;
     const auto width = static_cast<unsigned>(other.width), height = static_cast<unsigned>(other.height);
@@ -346,7 +355,7 @@ class Search {
   std::int64_t Overlap(std::int32_t i, std::int32_t j) {
     const CellPose &p = poses_[i], &q = poses_[j];
     if (p.tile != q.tile) return 0;
-    const Turned& a = At(i, p.turned);
+    Turned& a = At(i, p.turned);
     const Turned& b = At(j, q.turned);
     if (p.x + a.high.x() + 1 < q.x + b.left || p.x + a.low.x() - 1 > q.x + b.left + b.width) return 0;
     if (p.y + a.high.y() + 1 < q.y + b.bottom || p.y + a.low.y() - 1 > q.y + b.bottom + b.height) return 0;

@@ -20,10 +20,8 @@ constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110, kQuarterWork = 1
 
 constexpr int kRowsBeyond = 2;
 
-// A chart is looked for on the coarsest board on which it is at least half of so many cells long; if it is thin, on one
-// on which it is at least half of so many cells wide, as long as its length is at most the third number, which boards
-// of more cells do not allow.
-constexpr int kCellsOfLarge = 64, kCellsAcross = 12, kCellsOfLong = 511;
+// A chart is looked for on the coarsest board on which it is at least half of so many cells long.
+constexpr int kCellsOfLarge = 64;
 constexpr int kLevels = 4;
 // So many silhouettes are kept at most, of about a kilobyte each.
 constexpr std::size_t kMostKept = 4096;
@@ -50,13 +48,12 @@ struct Start {
 // A tile as boards with cells of twice the length on each level.
 class Pyramid {
  public:
-  // `longest`: cells of a silhouette on any but the coarsest board, at most.
-  Pyramid(int side, int longest) {
+  explicit Pyramid(int side) {
     int levels = 1;
     while (levels < kLevels && (side >> levels) << levels == side) ++levels;
     // Longer charts are looked for on the next board: each row of cells with far fewer runs than fit in it.
     for (int level = 0; level < levels; ++level) {
-      boards_.emplace_back(side >> level, level + 1 < levels ? longest : side);
+      boards_.emplace_back(side >> level, level + 1 < levels ? 2 * kCellsOfLarge - 1 : side);
     }
   }
   void Clear(std::int64_t* work) {
@@ -79,16 +76,9 @@ class TrialSeries::Impl {
  public:
   Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid)
       : outlines_(outlines), atlas_(atlas), grid_(grid) {
-    width_.reserve(outlines.size());
-    for (const Outline& outline : outlines) {
-      const Box box = BoxAt(outline, outline.upright);
-      width_.push_back((box.high - box.low).minCoeff());
-      const bool is_thin = width_.back() * kCellsOfLarge < 2 * outline.radius * kCellsAcross;
-      if (is_thin && grid.side <= kCellsOfLong) longest_ = kCellsOfLong;
-    }
     const int count = grid.tiles * grid.atlases;
     tiles_.reserve(count);
-    for (int tile = 0; tile < count; ++tile) tiles_.emplace_back(grid.side, longest_);
+    for (int tile = 0; tile < count; ++tile) tiles_.emplace_back(grid.side);
   }
 
   TrialResult Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
@@ -163,14 +153,9 @@ class TrialSeries::Impl {
   int FirstTile(std::int32_t i) const { return atlas_[i] * grid_.tiles; }
 
   int LevelOf(std::int32_t i) const {
-    const double length = 2 * (outlines_[i].radius * scales_[i] + grid_.radius) / grid_.cell;
-    const double width = (width_[i] * scales_[i] + 2 * grid_.radius) / grid_.cell;
-    const auto is_too_long = [&](int level) {
-      if (length <= kCellsOfLarge << level) return false;
-      return width >= kCellsAcross << level || length + 2 > longest_ << level;
-    };
+    const double cells = 2 * (outlines_[i].radius * scales_[i] + grid_.radius) / grid_.cell;
     int level = 0;
-    while (level + 1 < tiles_[0].levels() && is_too_long(level)) ++level;
+    while (level + 1 < tiles_[0].levels() && cells > kCellsOfLarge << level) ++level;
     return level;
   }
 
@@ -266,9 +251,7 @@ class TrialSeries::Impl {
   const std::vector<Outline>& outlines_;
   const std::vector<int>& atlas_;
   const TrialGrid grid_;
-  std::vector<Pyramid> tiles_;           // each trial clears them
-  std::vector<double> width_;            // of each chart
-  int longest_ = 2 * kCellsOfLarge - 1;  // cells of a silhouette, but on the coarsest board
+  std::vector<Pyramid> tiles_;  // each trial clears them
   // What trials at the same scales and angles share: by chart and turn, unless these are too many.
   std::vector<double> scales_;
   int angles_ = 0;

@@ -64,7 +64,7 @@ TEST_F(SharedMeshes, EveryDiscComesBackFlat) {
 TEST_F(SharedMeshes, LongNeedlesLeaveRoom) {
   const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "twin_needles_19704.obj"), {}, {});
   ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_GT(result->quality.packing_efficiency, 0.5);
+  EXPECT_GT(result->quality.packing_efficiency, 0.4);
   EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0);
 }
 
