@@ -99,7 +99,10 @@ TEST_F(MeshInputs, OutputsAreCheckedBeforehand) {
   EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.stl", 0); }), "OUTPUT_UNSUPPORTED");
   EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.txt", 0); }), "OUTPUT_UNSUPPORTED");
   EXPECT_EQ(Reason([&] { one.Outputs(out + "/x.obj", 1); }), "OUTPUT_UNSUPPORTED");
-  EXPECT_EQ(Reason([&] { one.Outputs(out + "/none/", 0); }), "FILE_UNWRITABLE");
+  EXPECT_EQ(one.Outputs(out + "/new/", 0)[0].path, out + "/new/a.obj");
+  EXPECT_TRUE(std::filesystem::is_directory(out + "/new"));
+  EXPECT_EQ(Reason([&] { one.Outputs(out + "/none/x.obj", 0); }), "FILE_UNWRITABLE");
+  EXPECT_EQ(Reason([&] { one.Outputs((directory_ / "a.obj/new/").string(), 0); }), "FILE_UNWRITABLE");
   EXPECT_EQ(Reason([&] { two.Outputs(out + "/x.obj", 0); }), "OUTPUT_UNSUPPORTED");
   EXPECT_EQ(Reason([&] { two.Outputs(out, 0); }), "OUTPUT_UNSUPPORTED") << "both are a.obj";
 }

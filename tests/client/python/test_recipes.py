@@ -87,7 +87,7 @@ class Recipes(unittest.TestCase):
 
     def test_1_arrays(self):
         said, variables = self.run_recipe(1, server=False)
-        self.assertIn("solve", said)
+        self.assertRegex(said, r"(charts|solve|layout|pack) \d")  # steps of less than a moment are passed over
         self.assertEqual(variables["result"].uv.shape, (4, 3, 2))
 
     def test_2_xatlas(self):
