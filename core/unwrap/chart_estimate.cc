@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
 
