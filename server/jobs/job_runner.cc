@@ -19,6 +19,10 @@ namespace {
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
 
+// Work that needs more memory than the counts of its mesh told is done again with so much more of it, so often at most.
+constexpr int kEnlargement = 2;
+constexpr int kMostEnlargements = 2;
+
 // Between two looks for work where no news came; likewise where none come, and for wishes, too.
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
@@ -446,6 +450,12 @@ void JobRunner::ReportResult(const std::string& name, int attempt, worker::v1::W
     const double ratio = std::clamp(absl::ToDoubleSeconds(ending->duration) / expected, 1 / kMostFactor, kMostFactor);
     seconds_factor_ = seconds_factor_ + kLearningRate * (ratio - seconds_factor_);
   }
+  const std::int64_t larger = LargerReservation(ending->work, result.status());
+  if (larger > 0) {
+    ending->outcome.memory_bytes = larger;
+    ending->loss = {"OUT_OF_MEMORY", result.status().message(), {}};
+    return End(*std::move(ending));
+  }
   if (succeeded && uv == nullptr) *result.mutable_status() = ToRpcStatus(InternalError("the worker sent no UV"));
   if (context_.options.observer != nullptr) {
     context_.options.observer->OnWorkEnded(FirstOf(ending->work).job(), result, ending->duration);
@@ -455,6 +465,12 @@ void JobRunner::ReportResult(const std::string& name, int attempt, worker::v1::W
   ending->outcome.uv = std::move(*result.mutable_uv());
   if (succeeded) ending->uv_bytes = std::move(uv);
   End(*std::move(ending));
+}
+
+std::int64_t JobRunner::LargerReservation(const ClaimedWork& work, const google::rpc::Status& status) const {
+  if (ReasonOf(status) != "OUT_OF_MEMORY" || FirstOf(work).enlargements() >= kMostEnlargements) return 0;
+  const std::int64_t most = context_.Capacity().memory_bytes;
+  return work.memory_bytes < most ? std::min(kEnlargement * work.memory_bytes, most) : 0;
 }
 
 absl::Status JobRunner::KeepUv(Ending* ending) {
@@ -513,7 +529,7 @@ void JobRunner::End(Ending ending) {
   Forget(ending.work.lease);
   if (!changes.ok()) return;  // all of its jobs have ended otherwise, or somebody else is at it
   retention_.Committed(ending.outcome.blobs);
-  if (ending.outcome.loss.has_value() && context_.options.observer != nullptr) {
+  if (!ending.loss.reason.empty() && context_.options.observer != nullptr) {
     const auto again = std::count_if(changes->begin(), changes->end(), [](const JobChange& change) {
       return change.record.job().state() == v1::JOB_STATE_QUEUED;
     });

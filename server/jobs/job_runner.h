@@ -40,7 +40,7 @@ class JobRunner : public JobSource {
   void SetLink(const std::string& name, int attempt, std::shared_ptr<WorkerLink> link) override;
   absl::Time ObeyBy(const std::string& name, int attempt) override;
   void ReportProgress(const std::string& name, int attempt, v1::Progress progress) override;
-  // Ends the jobs as the worker says.
+  // Ends the jobs as the worker says, or queues the work again with a larger reservation of memory.
   void ReportResult(const std::string& name, int attempt, worker::v1::WorkResult result, BlobPtr uv) override;
   // Queues the work again, or ends its jobs as FAILED if it cost too many workers.
   void ReportLost(const std::string& name, int attempt, WorkerLoss loss) override;
@@ -100,7 +100,7 @@ class JobRunner : public JobSource {
     BlobPtr uv_bytes;  // until they are kept; null: none
     StoredBlobPtr uv;
     BlobHold hold;    // of the UV
-    WorkerLoss loss;  // with AttemptOutcome::loss
+    WorkerLoss loss;  // with AttemptOutcome::loss or memory_bytes
     absl::Duration duration;
   };
 
@@ -127,6 +127,8 @@ class JobRunner : public JobSource {
   std::optional<Ending> BeginEnd(const std::string& name, int attempt);
   // Writes how it ended, and tells everybody; if that cannot be, Tick() tries again.
   void End(Ending ending);
+  // What to reserve for another attempt at work that ended so; 0: there is none to be.
+  std::int64_t LargerReservation(const ClaimedWork& work, const google::rpc::Status& status) const;
   // Keeps the UV that the worker sent. UNAVAILABLE: later; whatever else is wrong is how the attempt ended.
   absl::Status KeepUv(Ending* ending);
   absl::StatusOr<StoredBlobPtr> PutUv(const Ending& ending);

@@ -159,7 +159,10 @@ struct AttemptOutcome {
   v1::Report report;                   // with OK
   v1::UvDescription uv;                // likewise
   std::optional<Loss> loss;            // the worker is gone, and said nothing
-  std::vector<BlobRow> blobs;          // small ones: the UV
+  // Not 0: what was reserved did not do. The work waits for another attempt with this reservation, whatever `status`
+  // says.
+  std::int64_t memory_bytes = 0;
+  std::vector<BlobRow> blobs;  // small ones: the UV
 };
 
 struct StoreNews {
@@ -245,7 +248,7 @@ class JobStore {
   // work some thousand events are kept, the newest.
   virtual absl::StatusOr<std::vector<JobChange>> Report(const VerbContext& context, const Lease& lease,
                                                         const std::vector<v1::Progress>& progress) = 0;
-  // Ends the attempt. Its jobs end, or are queued again after a loss.
+  // Ends the attempt. Its jobs end, or are queued again: after a loss, or with a larger reservation.
   virtual absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
                                                         const AttemptOutcome& outcome) = 0;
   // Gives up everything that the owner has: it is queued again in its old place, and the attempt is not held against

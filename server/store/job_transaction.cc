@@ -73,7 +73,8 @@ JobStanding StandingOf(const JobRecord& record, int max_attempts) {
           job.stop_requested(),
           record.server_crashes() > 0 && record.crashes() + 1 >= max_attempts,
           record.number(),
-          absl::ToUnixNanos(turn)};
+          absl::ToUnixNanos(turn),
+          job.memory_bytes()};
 }
 
 // What is wanted of an attempt at work with these jobs.
@@ -287,7 +288,7 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
   WorkRow& row = work->row;
   const WorkRow& before = work->before;
   bool leased = false;
-  std::int64_t turn_time = kNever, number = kNever;
+  std::int64_t turn_time = kNever, number = kNever, memory_bytes = 0;
   row.alone = false;
   for (const JobRow& job : work->jobs) {
     if (job.standing.ended) continue;
@@ -295,12 +296,14 @@ absl::Status JobTransaction::Settle(LockedWork* work) {
     row.alone = row.alone || job.standing.alone;
     turn_time = std::min(turn_time, job.standing.turn_time);
     number = std::min(number, job.standing.number);
+    memory_bytes = std::max(memory_bytes, job.standing.memory_bytes);
   }
   const bool gone = number == kNever;
   row.running = leased && !gone;
   if (!gone) {
     row.turn_time = turn_time;
     row.number = number;
+    row.memory_bytes = memory_bytes;
   }
   row.wish = WishOf(work->jobs);
   TenantAccount& account = accounts_.of(row.tenant);

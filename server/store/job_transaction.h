@@ -30,6 +30,7 @@ struct JobStanding {
   bool alone = false;  // lost with a server before, and has one attempt left
   std::int64_t number = 0;
   std::int64_t turn_time = 0;
+  std::int64_t memory_bytes = 0;
 };
 
 // A job's row as it was read; `record` may be moved from.

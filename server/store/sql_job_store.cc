@@ -173,11 +173,12 @@ class SqlJobStore : public JobStore {
 
   absl::StatusOr<std::vector<JobChange>> Finish(const VerbContext& context, const Lease& lease,
                                                 const AttemptOutcome& outcome) override {
-    if (outcome.loss.has_value()) {
+    if (outcome.loss.has_value() || outcome.memory_bytes > 0) {
       return ChangeWork(context, lease, Durability::kNow,
                         [&](JobTransaction& transaction, const LockedWork&, JobChange* change) -> absl::Status {
                           PLANISH_RETURN_IF_ERROR(AddProgress(&transaction, outcome.progress, change));
-                          return Lose(&transaction, *outcome.loss, change);
+                          return outcome.loss.has_value() ? Lose(&transaction, *outcome.loss, change)
+                                                          : Enlarge(&transaction, outcome.memory_bytes, change);
                         });
     }
     FinishCall call = {lease, outcome, {lease.work}, {}, {}};
@@ -545,6 +546,14 @@ class SqlJobStore : public JobStore {
     if (loss.is_final || record.crashes() >= transaction->context().max_attempts) {
       return transaction->Fail(LossError(loss, record.job().attempts()), change);
     }
+    return transaction->Requeue(change);
+  }
+
+  static absl::Status Enlarge(JobTransaction* transaction, std::int64_t memory_bytes, JobChange* change) {
+    PLANISH_ASSIGN_OR_RETURN(const bool ended, transaction->EndIfWanted(change));
+    if (ended) return absl::OkStatus();
+    change->record.set_enlargements(change->record.enlargements() + 1);
+    change->record.mutable_job()->set_memory_bytes(memory_bytes);
     return transaction->Requeue(change);
   }
 

@@ -59,13 +59,13 @@ void InsertWork(const WorkRow& work, RowBatch* inserts) {
 
 RowBatch WorkUpdates() {
   return RowBatch::Update("works",
-                          {"number", "running", "turn_time", "alone", "wish", "owner", "attempt", "lease_until",
-                           "start_time", "charge", "share"},
+                          {"number", "running", "turn_time", "memory_bytes", "alone", "wish", "owner", "attempt",
+                           "lease_until", "start_time", "charge", "share"},
                           "name");
 }
 
 void UpdateWork(const WorkRow& work, RowBatch* updates) {
-  updates->Add({work.number, work.running ? 1 : 0, work.turn_time, work.alone ? 1 : 0,
+  updates->Add({work.number, work.running ? 1 : 0, work.turn_time, work.memory_bytes, work.alone ? 1 : 0,
                 static_cast<std::int64_t>(work.wish), std::string_view(work.owner), work.attempt, work.lease_until,
                 work.start_time, work.charge, work.share, std::string_view(work.name)});
 }

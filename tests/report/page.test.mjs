@@ -359,7 +359,10 @@ test('a sheet of a batch shows every file and leads to its page', async () => {
   assert.match(await page.textContent('.card.bad .message'), /bad\.obj/);
   assert.equal(await page.locator('a.card').count(), 2);
   // Pictures are there and no two are alike.
-  const pictures = await page.locator('.card img').evaluateAll((images) => images.map((i) => [i.complete && i.naturalWidth, i.src]));
+  const pictures = await page.locator('.card img').evaluateAll((images) => Promise.all(images.map(async (image) => {
+    await image.decode();
+    return [image.naturalWidth, image.src];
+  })));
   assert.deepEqual(pictures.map(([width]) => width), [320, 320]);
   assert.notEqual(pictures[0][1], pictures[1][1]);
 

@@ -288,6 +288,39 @@ TEST_F(JobLimitsTest, AWorkerMayTakeWhatIsReservedAndNoMore) {
   EXPECT_EQ(assignment->request.memory_bytes(), 300);
 }
 
+// The counts of a mesh do not tell how many charts it makes.
+TEST_F(JobLimitsTest, WorkThatNeedsMoreThanWasReservedGetsMore) {
+  EstimateByContent();
+  options_.memory_bytes = 1000;
+  Restart();
+  const auto create = [this](const std::string& mesh) {
+    return CreateWith([&](JobRequest* request) { request->bytes = mesh; });
+  };
+  // Of whatever is next: what was reserved for it.
+  const auto run_out = [this](const std::string& name) {
+    const std::optional<JobAssignment> assignment = TakeNext();
+    EXPECT_EQ(assignment->name, name);
+    attempt_ = assignment->attempt;
+    Report(name, Failure(MakeError(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY", "too little")));
+    return assignment->request.memory_bytes();
+  };
+  const std::string large = create("31a");
+  EXPECT_EQ(run_out(large), 300);
+  EXPECT_EQ(State(large), v1::JOB_STATE_QUEUED);
+  Resume();
+  EXPECT_EQ(run_out(large), 600);
+  EXPECT_EQ(run_out(large), 1000) << "no job may have more";
+  EXPECT_EQ(State(large), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(ErrorReason(large), "OUT_OF_MEMORY");
+
+  const std::string small = create("11b");
+  create("11c");  // which comes after it, however often
+  EXPECT_EQ(run_out(small), 100);
+  EXPECT_EQ(run_out(small), 200);
+  EXPECT_EQ(run_out(small), 400);
+  EXPECT_EQ(State(small), v1::JOB_STATE_FAILED) << "four times the estimate is the end";
+}
+
 TEST_F(JobLimitsTest, WhatCanNeverRunIsRefused) {
   EstimateByContent();
   options_.memory_bytes = 500;

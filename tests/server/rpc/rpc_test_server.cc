@@ -120,12 +120,14 @@ RpcTestServer::RpcTestServer(WorkerScript script, JobManagerOptions options, Upl
 }
 
 RpcTestServer::~RpcTestServer() {
-  ticks_ = std::jthread();
   manager_->Drain([] {});
   manager_->CancelAll();
   streams_.WaitForNone(absl::Now() + absl::Seconds(5));
   rpc_->Shutdown(absl::Now());
   manager_->StopWorkers();
+  // Work that was being claimed when it was cancelled hears of that by a tick.
+  pool_ = nullptr;
+  ticks_ = std::jthread();
 }
 
 std::string RpcTestServer::Create() {

@@ -304,6 +304,33 @@ TEST_P(JobStoreTest, LostWorkersCostThreeAttempts) {
   EXPECT_EQ(State("jobs/3"), v1::JOB_STATE_CANCELLED);
 }
 
+TEST_P(JobStoreTest, WorkWaitsForALargerReservation) {
+  Add("1", "k");
+  Add("2", "k");
+  const auto claim = [this] {
+    const ClaimRequest request = {"a", absl::Seconds(10), 1, /*memory_bytes=*/1000, "", nullptr};
+    return *store_->Claim(context_, request);
+  };
+  AttemptOutcome outcome;
+  outcome.status.set_code(static_cast<int>(absl::StatusCode::kResourceExhausted));
+  outcome.memory_bytes = 600;
+  ASSERT_TRUE(store_->Finish(context_, claim().at(0).lease, outcome).ok());
+  EXPECT_EQ(History("jobs/2"), "1 QUEUED, 2 RUNNING, 3 QUEUED");
+  EXPECT_EQ(Find("jobs/2").enlargements(), 1);
+  EXPECT_EQ(Find("jobs/2").job().memory_bytes(), 600);
+  EXPECT_EQ(Find("jobs/2").crashes(), 0);
+  Add("3");
+  const std::vector<ClaimedWork> larger = claim();
+  ASSERT_EQ(larger.size(), 1u) << "it is in its old place";
+  EXPECT_EQ(larger[0].memory_bytes, 600);
+  EXPECT_EQ(larger[0].jobs.size(), 2u);
+  ASSERT_TRUE(store_->EndEarly(context_, "jobs/1", EarlyEnd::kCancel, false).ok());
+  outcome.memory_bytes = 1200;
+  ASSERT_TRUE(store_->Finish(context_, larger[0].lease, outcome).ok());
+  EXPECT_EQ(claim().at(0).lease.work, "jobs/3") << "this owner never has as much";
+  EXPECT_EQ(State("jobs/2"), v1::JOB_STATE_QUEUED);
+}
+
 TEST_P(JobStoreTest, EarlyEndsOfWhatWaits) {
   Add("1", "k");
   Add("2", "k");
