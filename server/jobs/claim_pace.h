@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <random>
 #include <string>
 
 #include "absl/time/time.h"
@@ -19,14 +20,15 @@ class ClaimPace {
  public:
   // `owner`: of the server's leases.
   explicit ClaimPace(const std::string& owner)
-      : place_(static_cast<double>(std::hash<std::string>()(owner) % 1000) / 1000) {}
+      : place_(static_cast<double>(std::hash<std::string>()(owner) % 1000) / 1000),
+        random_(static_cast<unsigned>(std::hash<std::string>()(owner))) {}
 
-  // After a claim that took so long: at this server's place in an interval, since servers that once waited for the same
-  // thing would otherwise come together from then on.
-  absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration took) const {
+  // After a claim that took so long: at this server's place in an interval, after a rest that varies by a half. Servers
+  // that once waited for the same thing would otherwise come together from then on.
+  absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration took) {
     if (interval <= absl::ZeroDuration()) return now;
-    const absl::Duration rest = kRests * std::max(took - kPrompt, absl::ZeroDuration());
-    const absl::Time rested = now + std::min(rest, kLongestRest);
+    const absl::Duration rest = std::min(kRests * std::max(took - kPrompt, absl::ZeroDuration()), kLongestRest);
+    const absl::Time rested = now + rest * std::uniform_real_distribution<double>(0.5, 1.5)(random_);
     return rested + interval - (rested - absl::UnixEpoch() + place_ * interval) % interval;
   }
 
@@ -36,6 +38,7 @@ class ClaimPace {
   static constexpr absl::Duration kLongestRest = absl::Seconds(4);
 
   const double place_;
+  std::minstd_rand random_;
 };
 
 }  // namespace planish

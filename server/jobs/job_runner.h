@@ -138,7 +138,7 @@ class JobRunner : public JobSource {
   JobFeed& feed_;
   JobRetention& retention_;
   const std::string owner_;
-  const ClaimPace pace_;
+  ClaimPace pace_;  // of the thread that claims
   std::atomic<double> seconds_factor_ = 1;
 
   mutable std::mutex mutex_;

@@ -107,7 +107,7 @@ class Machine {
         free_(static_cast<std::size_t>(flags.slots), Clock::now()) {}
 
   void Claim() {
-    const ClaimPace pace(owner_);
+    ClaimPace pace(owner_);
     const double interval = machines_ / kClaimsPerSecond;
     std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner_)));
     std::uniform_real_distribution<double> jitter(0.5, 1.5);
