@@ -27,7 +27,7 @@ struct NewtonIterate {
 };
 
 // One run of the method. All arguments of the constructor must outlive this object. Of the types in `options` only
-// `hessian` may be kAuto.
+// `hessian` may be kAuto. Errors are those of FlattenAngles(). Not thread-safe.
 class Newton {
  public:
   Newton(const Topology& topology, const TargetAngles& target, const FlattenOptions& options,

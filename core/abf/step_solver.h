@@ -24,7 +24,7 @@ struct NewtonStep {
 };
 
 // The linear algebra of one run of Newton's method. What depends on the connectivity alone (pattern, ordering, symbolic
-// factorization, aggregates) is made once.
+// factorization, aggregates) is made once. Not thread-safe.
 class StepSolver {
  public:
   // None of the types may be kAuto; the combination must be valid (FlattenOptions::Validate).
