@@ -60,6 +60,7 @@ struct MappedChart {
   absl::Status status;  // of solve and layout
 };
 
+// All that passes between the steps: a record, each member of which several of them read.
 struct Charts {
   // Both null for SeamPolicy::kNone: the mesh is a disc, and its one chart is all that is left of it before the solve.
   std::unique_ptr<const Surface> surface;
