@@ -253,17 +253,10 @@ void DefineJobs(CLI::App& app, Arguments& arguments) {
                   "Only jobs that this is true of, e.g. 'create_time >= \"2026-01-31T08:00:00Z\"'; see ListJobs in "
                   "API.md")
       ->type_name("TEXT");
-  const Choices<JobState> states{{JobState::kQueued, JobState::kRunning, JobState::kStopping, JobState::kSucceeded,
-                                  JobState::kFailed, JobState::kCancelled, JobState::kExpired}};
-  list.add_option_function<std::string>(
-          "--state",
-          [&arguments, states](const std::string& name) {
-            for (const JobState state : states.values) {
-              if (name == ToString(state)) arguments.state = state;
-            }
-          },
-          "QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED, CANCELLED or EXPIRED only")
-      ->check(CLI::IsMember(states.Names()).description(""))
+  Choices<JobState>{{JobState::kQueued, JobState::kRunning, JobState::kStopping, JobState::kSucceeded,
+                     JobState::kFailed, JobState::kCancelled, JobState::kExpired}}
+      .AddTo(list, "--state", arguments.state,
+             "QUEUED, RUNNING, STOPPING, SUCCEEDED, FAILED, CANCELLED or EXPIRED only")
       ->type_name("STATE");
   AddJobCommand(jobs, arguments, Command::kJobsShow, "show", "One job with its report");
   CLI::App& watch = AddJobCommand(jobs, arguments, Command::kJobsWatch, "watch",

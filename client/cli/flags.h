@@ -23,16 +23,18 @@ struct Choices {
     return names;
   }
 
-  // Adds an option whose text is checked, and sets `target` when it is given.
-  void AddTo(CLI::App& app, const std::string& flag, Enum& target, const std::string& description) const {
-    app.add_option_function<std::string>(
-           flag,
-           [*this, &target](const std::string& name) {
-             for (const Enum value : values) {
-               if (name == ToString(value)) target = value;
-             }
-           },
-           description)
+  // Adds an option whose text is checked, and sets `target`, an Enum or an optional one, when it is given.
+  template <typename Target>
+  CLI::Option* AddTo(CLI::App& app, const std::string& flag, Target& target, const std::string& description) const {
+    return app
+        .add_option_function<std::string>(
+            flag,
+            [*this, &target](const std::string& name) {
+              for (const Enum value : values) {
+                if (name == ToString(value)) target = value;
+              }
+            },
+            description)
         ->check(CLI::IsMember(Names()).description(""))
         ->type_name(CLI::detail::join(Names(), "|"));
   }

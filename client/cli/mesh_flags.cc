@@ -75,17 +75,8 @@ void AddBatch(CLI::App& app, Arguments& arguments) {
 }
 
 void AddAtlases(CLI::App& app, Arguments& arguments) {
-  const Choices<AtlasPer> choices{{AtlasPer::kFile, AtlasPer::kMesh, AtlasPer::kMaterial, AtlasPer::kGroup}};
-  app.add_option_function<std::string>(
-         "--atlas-per",
-         [&arguments, choices](const std::string& name) {
-           for (const AtlasPer per : choices.values) {
-             if (name == ToString(per)) arguments.atlas_per = per;
-           }
-         },
-         "What gets an atlas of its own, see below [one for all of a job]")
-      ->check(CLI::IsMember(choices.Names()).description(""))
-      ->type_name("file|mesh|material|group")
+  Choices<AtlasPer>{{AtlasPer::kFile, AtlasPer::kMesh, AtlasPer::kMaterial, AtlasPer::kGroup}}
+      .AddTo(app, "--atlas-per", arguments.atlas_per, "What gets an atlas of its own, see below [one for all of a job]")
       ->excludes("--one-atlas");
   Choices<AtlasLayout>{{AtlasLayout::kUdim, AtlasLayout::kStacked}}.AddTo(
       app, "--atlas-layout", arguments.options.atlas_layout,

@@ -145,7 +145,6 @@ class ActiveSetMethod {
       : topology_(topology),
         target_(target),
         options_(options),
-        tuning_(options_.tuning.boundary),
         control_(control),
         set_(topology, target),
         iterate_{StartingAngles(target), Multipliers::Zero(topology)} {}
@@ -165,14 +164,20 @@ class ActiveSetMethod {
   bool IsRoughlyRight(double rough) const {
     const Residual& r = summary_.residual;
     return !OutOfIterations() && std::max({r.triangle, r.vertex, r.wheel}) <= rough &&
-           r.gradient <= tuning_.max_gradient;
+           r.gradient <= tuning().max_gradient;
   }
+  const BoundaryTuning& tuning() const { return options_.tuning.boundary; }
   bool OutOfIterations() const { return summary_.newton_iterations >= options_.max_newton_iterations; }
+
+  // How the sets since Settle() began have done.
+  struct Settling {
+    std::int32_t least_wrong = std::numeric_limits<std::int32_t>::max();
+    std::int64_t patience;
+  };
 
   const Topology& topology_;
   const TargetAngles& target_;
   FlattenOptions options_;
-  const BoundaryTuning& tuning_;
   const FlattenControl& control_;
   ActiveSet set_;
   NewtonIterate iterate_;
@@ -180,9 +185,7 @@ class ActiveSetMethod {
   int solves_ = 0, set_changes_ = 0;
   bool flat_ = false;    // Newton::IsFlat() of the last solve
   bool usable_ = false;  // the last solve converged, or for a rough one nearly
-  // Since Settle() began.
-  std::int32_t least_wrong_ = 0;
-  std::int64_t patience_ = 0;
+  Settling settling_;
 };
 
 absl::Status ActiveSetMethod::Solve(double tolerance) {
@@ -191,7 +194,7 @@ absl::Status ActiveSetMethod::Solve(double tolerance) {
   FlattenOptions options = options_;
   options.tolerance = tolerance;
   if (tolerance > options_.tolerance) {
-    const int rough = before.newton_iterations + static_cast<int>(tuning_.rough_steps);
+    const int rough = before.newton_iterations + static_cast<int>(tuning().rough_steps);
     options.max_newton_iterations = std::min(options.max_newton_iterations, rough);
   }
   Newton newton(constrained, target_, options, control_);
@@ -222,26 +225,25 @@ absl::Status ActiveSetMethod::Polish(double tolerance) {
 }
 
 bool ActiveSetMethod::ChangeSet(const Eigen::VectorXd& pressures) {
-  if (set_changes_ >= tuning_.max_set_changes) return false;
+  if (set_changes_ >= tuning().max_set_changes) return false;
   const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
-  if (wrong < least_wrong_) {
-    least_wrong_ = wrong;
-    patience_ = tuning_.patience;
-  } else if (patience_ > 0) {
-    --patience_;
+  if (wrong < settling_.least_wrong) {
+    settling_.least_wrong = wrong;
+    settling_.patience = tuning().patience;
+  } else if (settling_.patience > 0) {
+    --settling_.patience;
   }
   const std::vector<char> before = set_.active();
-  if (set_.Update(pressures, options_.tolerance, /*only_last=*/patience_ == 0) == 0) return false;
+  if (set_.Update(pressures, options_.tolerance, /*only_last=*/settling_.patience == 0) == 0) return false;
   iterate_.mu = set_.Carry(iterate_.mu, before);
   ++set_changes_;
   return true;
 }
 
 absl::Status ActiveSetMethod::Settle() {
-  const double rough = std::max(tuning_.rough_tolerance, options_.tolerance);
+  const double rough = std::max(tuning().rough_tolerance, options_.tolerance);
   const double goal = iterate_.barrier > options_.tuning.newton.barrier.weakest ? rough : options_.tolerance;
-  least_wrong_ = std::numeric_limits<std::int32_t>::max();
-  patience_ = tuning_.patience;
+  settling_ = {.patience = tuning().patience};
   double tolerance = rough;
   bool same_set = false, out_of_sets = false, right = false;
   while (true) {
@@ -261,7 +263,7 @@ absl::Status ActiveSetMethod::Settle() {
     if (!same_set) {
       const double worst = set_.Worst(pressures);
       same_set = out_of_sets = !ChangeSet(pressures);
-      if (!same_set) tolerance = std::clamp(tuning_.rough_part * worst, goal, rough);
+      if (!same_set) tolerance = std::clamp(tuning().rough_part * worst, goal, rough);
     }
     if (same_set) {
       if (tolerance == goal) break;

@@ -1,4 +1,4 @@
-// Angle Based Flattening of one disc: positions to planar angles.
+// Angle Based Flattening of one disc: target angles to planar angles.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +22,9 @@ enum class HessianType { kConvex, kExact, kAuto };
 enum class BoundaryType { kFree, kConvex };
 
 struct FlattenOptions {
+  // kAuto: Uzawa (MINRES for HessianType::kExact) on the reduced system, preconditioned by multigrid, or by a Cholesky
+  // factorization for SolverType::kDirect and where there are fewer faces than StepTuning::multigrid_faces. The full
+  // system gets Jacobi.
   SolverType solver = SolverType::kAuto;
   SystemType system = SystemType::kAuto;
   PreconditionerType preconditioner = PreconditionerType::kAuto;

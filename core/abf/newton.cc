@@ -38,19 +38,19 @@ constexpr double kAnyResidual = std::numeric_limits<double>::infinity();
 
 Newton::Point Newton::PointAt(Eigen::VectorXd x) const {
   Point point;
-  point.sine = Sines(x, team_);
-  point.h = EvaluateConstraints(topology_, x, point.sine, team_);
+  point.sine = Sines(x, team());
+  point.h = EvaluateConstraints(topology_, x, point.sine, team());
   point.energy = objective_.Energy(x);
   point.x = std::move(x);
   return point;
 }
 
 void Newton::Evaluate() {
-  if (at_.sine.size() == 0) at_.sine = Sines(at_.x, team_);
-  derivatives_.cot = Cotangents(at_.x, team_);
-  derivatives_.curvature = bounds_.Curvature(at_.x);
-  derivatives_.gradient = LagrangianGradient(topology_, objective_, at_.x, derivatives_.cot, mu_, team_);
-  summary_.residual = MeasureResidual(derivatives_.curvature, at_.h, derivatives_.gradient, team_);
+  if (at_.sine.size() == 0) at_.sine = Sines(at_.x, team());
+  at_.cot = Cotangents(at_.x, team());
+  at_.curvature = bounds_.Curvature(at_.x);
+  at_.gradient = LagrangianGradient(topology_, objective_, at_.x, at_.cot, at_.mu, team());
+  summary_.residual = MeasureResidual(at_.curvature, at_.h, at_.gradient, team());
   summary_.energy = at_.energy;
 }
 
@@ -62,7 +62,7 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
   progress.linear_residual = linear_residual;
   progress.residual = summary_.residual;
   progress.energy = summary_.energy;
-  progress.step_length = latest_.length;
+  progress.step_length = history_.length;
   control_.on_progress(progress);
 }
 
@@ -79,16 +79,17 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   if (options_.linear_tolerance > 0) {
     linear.relative_tolerance = options_.linear_tolerance;
   } else if (course_.exact_steps) {
-    linear.relative_tolerance = tuning_.forcing.min_term;
+    linear.relative_tolerance = tuning().forcing.min_term;
   } else {
-    linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance, tuning_.forcing);
-    linear.rough = RoughForcing(summary_.residual, Sum(team_, h.pair.cwiseAbs()), options_.tolerance, tuning_.forcing);
+    linear.relative_tolerance = ForcingTerm(summary_.residual.Max(), options_.tolerance, tuning().forcing);
+    linear.rough =
+        RoughForcing(summary_.residual, Sum(team(), h.pair.cwiseAbs()), options_.tolerance, tuning().forcing);
   }
   linear.cancel = control_.cancel;
   const bool stopping = control_.IsStopRequested();
   if (stopping) {
-    linear.relative_tolerance = std::max(linear.relative_tolerance, tuning_.stop.tolerance);
-    if (!linear.rough.empty()) linear.rough.push_back({.energy = tuning_.stop.tolerance, .residual = kAnyResidual});
+    linear.relative_tolerance = std::max(linear.relative_tolerance, tuning().stop.tolerance);
+    if (!linear.rough.empty()) linear.rough.push_back({.energy = tuning().stop.tolerance, .residual = kAnyResidual});
     linear.max_iterations = MostIterationsAfterStop();
   } else {
     linear.stop = control_.stop;
@@ -97,12 +98,12 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, steps_.Solve(gradient, h, linear, step));
   ++summary_.linear_solves;
   summary_.linear_iterations += solved.iterations;
-  if (stopping) after_stop_.iterations += solved.iterations;
+  if (stopping) history_.iterations_after_stop += solved.iterations;
   if (solved.termination == LinearTermination::kInterrupted) {
     if (control_.IsCancelled()) return absl::CancelledError("cancelled");
-    latest_.cut_short = true;
+    history_.cut_short = true;
   } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
-    latest_.cut_short = true;
+    history_.cut_short = true;
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
     if (summary_.linear_failure.empty()) {
@@ -114,46 +115,45 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
 
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step, double* slope) {
-  PLANISH_RETURN_IF_ERROR(
-      steps_.Prepare(hessian, convex, derivatives_.cot, indefinite, latest_.weak_faces, control_.cancel));
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, at_.cot, indefinite, history_.weak_faces, control_.cancel));
   if (summary_.preconditioner_note.empty() && !steps_.left_out().empty()) {
     summary_.preconditioner_note =
         absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", steps_.left_out());
   }
-  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(derivatives_.gradient, at_.h, step));
+  PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, Solve(at_.gradient, at_.h, step));
   if (!step->x.allFinite()) return false;
   if (indefinite && solved.termination != LinearTermination::kConverged &&
-      !(solved.true_residual <= tuning_.convexity.usable_residual)) {
+      !(solved.true_residual <= tuning().convexity.usable_residual)) {
     return false;
   }
-  merit_.UpdatePenalties(mu_, step->mu);
+  merit_.UpdatePenalties(at_.mu, step->mu);
   const MeritFunction::Derivative derivative = merit_.Slope(at_.x, at_.h, step->x);
   *slope = derivative.slope;
   if (derivative.slope <= derivative.noise) return true;
   // The slope is that of a step which meets the linearized constraints; where they hold already, what the linear solver
   // has left of them counts for more.
   Eigen::VectorXd left;
-  ApplyPairRows(topology_, derivatives_.cot, step->x, &left, team_);
-  Assign(team_, left + at_.h.pair, &left);
+  ApplyPairRows(topology_, at_.cot, step->x, &left, team());
+  Assign(team(), left + at_.h.pair, &left);
   return derivative.slope <= derivative.noise + merit_.PairPenalty(left);
 }
 
 absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
-  const LineSearchTuning& tuning = tuning_.line_search;
+  const LineSearchTuning& line_search = tuning().line_search;
   const double before = merit_.Value(at_.x, at_.energy, at_.h);
-  const double rounding = tuning.merit_rounding * std::abs(before);
+  const double rounding = line_search.merit_rounding * std::abs(before);
   // The point alpha along a step, and whether it is low enough.
   Point trial;
   const auto lowers_merit = [&](const Eigen::VectorXd& x, double alpha) {
     Eigen::VectorXd moved;
-    Assign(team_, at_.x + alpha * x, &moved);
+    Assign(team(), at_.x + alpha * x, &moved);
     trial = PointAt(std::move(moved));
     return merit_.Value(trial.x, trial.energy, trial.h) <=
-           before + tuning.sufficient_decrease * alpha * std::min(0.0, slope) + rounding;
+           before + line_search.sufficient_decrease * alpha * std::min(0.0, slope) + rounding;
   };
-  double alpha = LargestStepLength(at_.x, step.x, team_, tuning);
+  double alpha = LargestStepLength(at_.x, step.x, team(), line_search);
   // A few angles on their way to 0 need not shorten the step of all others.
-  bool found = alpha < 1 && lowers_merit(ClippedStep(at_.x, step.x, team_, tuning), 1);
+  bool found = alpha < 1 && lowers_merit(ClippedStep(at_.x, step.x, team(), line_search), 1);
   if (found) {
     alpha = 1;
   } else {
@@ -171,41 +171,41 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     trial = {};
     correction.mu = {};
     correction.x += step.x;
-    found = correction.x.allFinite() && LargestStepLength(at_.x, correction.x, team_, tuning) == 1 &&
+    found = correction.x.allFinite() && LargestStepLength(at_.x, correction.x, team(), line_search) == 1 &&
             lowers_merit(correction.x, 1);
   }
-  for (std::int64_t i = 0; !found && i < tuning.max_halvings; ++i) {
+  for (std::int64_t i = 0; !found && i < line_search.max_halvings; ++i) {
     alpha /= 2;
     found = lowers_merit(step.x, alpha);
   }
   if (!found) return false;
-  latest_.length = alpha;
+  history_.length = alpha;
   bounds_.Follow(at_.x, trial.x, alpha);
-  at_ = std::move(trial);
-  Assign(team_, mu_.triangle + alpha * step.mu.triangle, &mu_.triangle);
-  Assign(team_, mu_.pair + alpha * step.mu.pair, &mu_.pair);
+  MoveTo(std::move(trial));
+  Assign(team(), at_.mu.triangle + alpha * step.mu.triangle, &at_.mu.triangle);
+  Assign(team(), at_.mu.pair + alpha * step.mu.pair, &at_.mu.pair);
   return true;
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  latest_.length = 0;  // until a step has been taken
-  Eigen::VectorXd convex = LagrangianHessian(topology_, derivatives_.curvature, at_.sine, mu_, team_);
+  history_.length = 0;  // until a step has been taken
+  Eigen::VectorXd convex = LagrangianHessian(topology_, at_.curvature, at_.sine, at_.mu, team());
   Eigen::VectorXd hessian;  // where it is not convex itself
   const double residual = summary_.residual.Max();
   const double before = std::exchange(course_.last_residual, residual);
-  const ConvexityTuning& convexity = tuning_.convexity;
+  const ConvexityTuning& convexity = tuning().convexity;
   const bool gains = residual > convexity.very_near_solution && residual <= convexity.fast_gain * before;
   const bool near = residual <= convexity.near_solution && !gains;
-  const bool try_exact =
-      options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
+  const bool try_exact = options_.hessian == HessianType::kExact ||
+                         (options_.hessian == HessianType::kAuto && near && history_.indefinite_pays);
   if (try_exact) hessian = convex;
-  const bool changed = Convexify(derivatives_.curvature, steps_.RequiredConvexification(), &convex, team_,
-                                 &latest_.weak_faces, convexity) > 0;
+  const bool changed =
+      Convexify(at_.curvature, steps_.RequiredConvexification(), &convex, team(), &history_.weak_faces, convexity) > 0;
 
   Eigen::VectorXd absolute;
-  if (changed && try_exact) absolute = AbsoluteHessian(derivatives_.curvature, hessian, team_, convexity);
+  if (changed && try_exact) absolute = AbsoluteHessian(at_.curvature, hessian, team(), convexity);
   if (!changed) hessian.resize(0);
-  derivatives_.curvature.resize(0);
+  at_.curvature.resize(0);
   if (control_.IsCancelled()) return absl::CancelledError("cancelled");
   at_.sine.resize(0);
 
@@ -220,7 +220,7 @@ absl::StatusOr<bool> Newton::TakeStep() {
     if (found) {
       ++summary_.indefinite_iterations;
     } else {
-      indefinite_pays_ = false;
+      history_.indefinite_pays = false;
     }
   }
   if (!found) {
@@ -235,19 +235,19 @@ absl::StatusOr<bool> Newton::TakeStep() {
 }
 
 void Newton::Start() {
-  at_ = PointAt(StartingAngles(target_, team_));
-  mu_ = Multipliers::Zero(topology_);
+  MoveTo(PointAt(StartingAngles(target_, team())));
+  at_.mu = Multipliers::Zero(topology_);
   Forget();
 }
 
 void Newton::Forget() {
   bounds_.set_z({});
   merit_.Reset();
-  course_ = {.collapsed = tuning_.barrier.collapsed, .narrow = tuning_.barrier.narrow};
+  course_ = {.collapsed = tuning().barrier.collapsed, .narrow = tuning().barrier.narrow};
 }
 
 double Newton::SmallestRatio() const {
-  return Smallest(team_, at_.x.cwiseQuotient(target_.angle));
+  return Smallest(team(), at_.x.cwiseQuotient(target_.angle));
 }
 
 bool Newton::AnglesCollapse() {
@@ -256,14 +256,14 @@ bool Newton::AnglesCollapse() {
   if (ratio < course_.collapsed) return true;
   if (ratio >= course_.narrow) {
     course_.narrow_steps = 0;
-  } else if (summary_.residual.Max() > tuning_.barrier.fast_decrease * course_.last_residual) {
+  } else if (summary_.residual.Max() > tuning().barrier.fast_decrease * course_.last_residual) {
     ++course_.narrow_steps;
   }
-  return course_.narrow_steps > tuning_.barrier.narrow_steps;
+  return course_.narrow_steps > tuning().barrier.narrow_steps;
 }
 
 std::int64_t Newton::MostIterationsAfterStop() const {
-  return std::max(tuning_.stop.min_iterations, tuning_.stop.iteration_faces / topology_.num_faces());
+  return std::max(tuning().stop.min_iterations, tuning().stop.iteration_faces / topology_.num_faces());
 }
 
 bool Newton::IsFlat() const {
@@ -275,12 +275,13 @@ bool Newton::IsFlat() const {
 bool Newton::EndsEarly() {
   if (!control_.IsStopRequested()) return false;
   if (IsFlat()) return true;
-  if (after_stop_.iterations >= tuning_.stop.min_steps * MostIterationsAfterStop()) return true;
-  return after_stop_.steps++ >= std::max(tuning_.stop.min_steps, tuning_.stop.step_faces / topology_.num_faces());
+  if (history_.iterations_after_stop >= tuning().stop.min_steps * MostIterationsAfterStop()) return true;
+  return history_.steps_after_stop++ >=
+         std::max(tuning().stop.min_steps, tuning().stop.step_faces / topology_.num_faces());
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
-  const BarrierTuning& barrier = tuning_.barrier;
+  const BarrierTuning& barrier = tuning().barrier;
   bool moved = false;
   while (true) {
     Evaluate();
@@ -293,28 +294,28 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
     if (EndsEarly()) return Ending::kStopped;
     if (moved && AnglesCollapse()) return Ending::kStuck;
-    latest_.cut_short = false;
+    history_.cut_short = false;
     const absl::StatusOr<bool> taken = TakeStep();
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
     moved = *taken;
-    course_.whole_step = moved && latest_.length == 1 && !latest_.cut_short;
-    if (latest_.cut_short && !moved) continue;  // which says nothing about whole solves
+    course_.whole_step = moved && history_.length == 1 && !history_.cut_short;
+    if (history_.cut_short && !moved) continue;  // which says nothing about whole solves
     // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
     // ever going down.
-    if (latest_.length < tuning_.line_search.tiny_step && !course_.exact_steps) {
+    if (history_.length < tuning().line_search.tiny_step && !course_.exact_steps) {
       course_.exact_steps = true;
       continue;
     }
-    if (moved && objective_.barrier() == 0 && latest_.length < barrier.cut_step) return Ending::kStuck;
-    course_.short_steps = latest_.length < barrier.short_step ? course_.short_steps + 1 : 0;
+    if (moved && objective_.barrier() == 0 && history_.length < barrier.cut_step) return Ending::kStuck;
+    course_.short_steps = history_.length < barrier.short_step ? course_.short_steps + 1 : 0;
     if (course_.short_steps > barrier.short_steps) return Ending::kStuck;
     if (!moved && std::exchange(course_.exact_steps, true)) return Ending::kStuck;
   }
 }
 
 absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
-  const BarrierTuning& barrier = tuning_.barrier;
+  const BarrierTuning& barrier = tuning().barrier;
   Forget();
   objective_.set_barrier(barrier.weakest);
   PLANISH_ASSIGN_OR_RETURN(Ending ending, Iterate(options_.tolerance));
@@ -330,15 +331,15 @@ absl::StatusOr<Newton::Ending> Newton::GoOnWithABarrier() {
   }
   if (ending != Ending::kConverged) return ending;
   // Now without it.
-  const Point kept = at_;
-  const Multipliers kept_mu = mu_;
+  Point kept = at_;
+  Multipliers kept_mu = at_.mu;
   objective_.set_barrier(0);
   course_.collapsed = course_.narrow = std::min(barrier.narrow, barrier.collapsed_after * SmallestRatio());
   PLANISH_ASSIGN_OR_RETURN(ending, Iterate(options_.tolerance));
   if (ending == Ending::kConverged) return ending;
   // f has no minimum with positive angles nearby: the minimum with the barrier stands.
-  at_ = kept;
-  mu_ = kept_mu;
+  MoveTo(std::move(kept));
+  at_.mu = std::move(kept_mu);
   objective_.set_barrier(barrier.weakest);
   Evaluate();
   return ending == Ending::kStopped ? ending : Ending::kConverged;
@@ -357,8 +358,8 @@ absl::StatusOr<FlattenSummary> Newton::Run() {
 absl::StatusOr<FlattenSummary> Newton::RunFrom(NewtonIterate start, const FlattenWork& before) {
   static_cast<FlattenWork&>(summary_) = before;
   Forget();
-  at_ = PointAt(std::move(start.x));
-  mu_ = std::move(start.mu);
+  MoveTo(PointAt(std::move(start.x)));
+  at_.mu = std::move(start.mu);
   objective_.set_barrier(start.barrier);
   bounds_.set_z(std::move(start.z));
   if (control_.IsCancelled()) return absl::CancelledError("cancelled");
@@ -378,7 +379,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
   summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
-  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && after_stop_.steps > 0);
+  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
   std::string why = ending == Ending::kConverged ? "converged"
                     : ending == Ending::kStopped ? "stopped"
                     : ending == Ending::kStuck   ? "no further progress"

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -26,21 +27,19 @@ struct NewtonIterate {
 };
 
 // One run of the method. All arguments of the constructor must outlive this object. Of the types in `options` only
-// `hessian` may be kAuto.
+// `hessian` may be kAuto. Errors are those of FlattenAngles(). Not thread-safe.
 class Newton {
  public:
   Newton(const Topology& topology, const TargetAngles& target, const FlattenOptions& options,
          const FlattenControl& control)
       : topology_(topology),
         target_(target),
-        team_(control.Team()),
         options_(options),
-        tuning_(options.tuning.newton),
         control_(control),
-        objective_(target, team_),
-        bounds_(target, objective_, team_, tuning_.barrier),
-        steps_(topology, options.solver, options.system, options.preconditioner, team_, options.tuning),
-        merit_(objective_, team_, tuning_.line_search) {
+        objective_(target, team()),
+        bounds_(target, objective_, team(), tuning().barrier),
+        steps_(topology, options.solver, options.system, options.preconditioner, team(), options.tuning),
+        merit_(objective_, team(), tuning().line_search) {
     steps_.set_limit_indefinite(options.hessian == HessianType::kAuto);
   }
 
@@ -56,7 +55,7 @@ class Newton {
 
   // Where Run() or RunFrom() ended.
   const Eigen::VectorXd& x() const { return at_.x; }
-  const Multipliers& mu() const { return mu_; }
+  const Multipliers& mu() const { return at_.mu; }
   const Eigen::VectorXd& z() const { return bounds_.z(); }
   // Whether x() is good enough for an early end: a whole step led there, and the constraints hold to
   // FlattenControl::flat_enough.
@@ -72,10 +71,12 @@ class Newton {
     double energy = 0;
   };
   Point PointAt(Eigen::VectorXd x) const;
+  // Leaves mu as it is.
+  void MoveTo(Point point) { static_cast<Point&>(at_) = std::move(point); }
 
-  // What Evaluate() computes at the iterate.
-  struct Derivatives {
-    Eigen::VectorXd curvature, cot, gradient;  // curvature: empty once a step has been computed from it
+  struct State : Point {
+    Multipliers mu;
+    Eigen::VectorXd curvature, cot, gradient;  // by Evaluate(). curvature: empty once a step has been computed from it
   };
 
   // Goes to StartingAngles() and mu = 0, and calls Forget().
@@ -123,38 +124,34 @@ class Newton {
     bool whole_step = false;           // the last step had full length and no stop cut its linear solve short
   };
 
-  struct LatestStep {
+  // What Forget() leaves as it is.
+  struct History {
+    // Of the latest step.
     double length = 0;                          // 0: no step was taken
     bool cut_short = false;                     // a stop request ended a linear solve
     std::vector<std::int32_t> weak_faces = {};  // of Convexify()
+    // Since a stop was requested.
+    std::int64_t steps_after_stop = 0, iterations_after_stop = 0;
+    bool indefinite_pays = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
   };
 
-  // What has been done since a stop was requested.
-  struct AfterStop {
-    std::int64_t steps = 0, iterations = 0;
-  };
+  const NewtonTuning& tuning() const { return options_.tuning.newton; }
+  ThreadTeam& team() const { return control_.Team(); }
 
   // The arguments.
   const Topology& topology_;
   const TargetAngles& target_;
-  ThreadTeam& team_;
   const FlattenOptions& options_;
-  const NewtonTuning& tuning_;
   const FlattenControl& control_;
   // The parts.
   Objective objective_;
   BoundMultipliers bounds_;
   StepSolver steps_;
   MeritFunction merit_;
-  // The iterate.
-  Point at_;
-  Multipliers mu_;
-  Derivatives derivatives_;
-  // How it goes.
+  // Where the method is, and how it goes.
+  State at_;
   Course course_;
-  LatestStep latest_;
-  AfterStop after_stop_;
-  bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
+  History history_;
   FlattenSummary summary_;
 };
 

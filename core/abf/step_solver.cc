@@ -32,10 +32,8 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
     : topology_(topology),
       team_(team),
       tuning_(tuning),
-      solver_type_(solver),
-      system_type_(system),
-      preconditioner_type_(preconditioner),
-      solver_(MakeSolver(solver)) {
+      types_{solver, system, preconditioner},
+      solvers_{.chosen = MakeSolver(solver)} {
   multigrid_.multigrid = std::make_unique<Multigrid>(tuning.multigrid);
 }
 
@@ -44,25 +42,25 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
                                  const Interrupter* interrupter) {
   iterate_ = {&hessian, &convex, &cot, indefinite, std::move(weak_faces)};
   const SaddlePointOperator* system;
-  if (system_type_ == SystemType::kFull) {
-    full_ = std::make_unique<FullSystem>(topology_, hessian, cot);
-    system = full_.get();
+  if (types_.system == SystemType::kFull) {
+    iterate_.full = std::make_unique<FullSystem>(topology_, hessian, cot);
+    system = iterate_.full.get();
   } else {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    reduced_ = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
+    iterate_.reduced = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
     PLANISH_RETURN_IF_ERROR(PrepareReduced(interrupter));
-    system = reduced_.get();
+    system = iterate_.reduced.get();
   }
-  if (preconditioner_type_ == PreconditionerType::kJacobi) {
+  if (types_.preconditioner == PreconditionerType::kJacobi) {
     preconditioner_ = std::make_unique<JacobiPreconditioner>(system->SchurDiagonal());
-  } else if (preconditioner_type_ == PreconditionerType::kNone) {
+  } else if (types_.preconditioner == PreconditionerType::kNone) {
     preconditioner_ = std::make_unique<IdentityPreconditioner>();
   }
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
-  if (preconditioner_type_ == PreconditionerType::kAmg) {
+  if (types_.preconditioner == PreconditionerType::kAmg) {
     const absl::Status status = PrepareMultigrid(interrupter);
     if (status.ok() || absl::IsCancelled(status)) return status;
     PLANISH_RETURN_IF_ERROR(TurnToCholesky(std::string(status.message())));
@@ -79,7 +77,7 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
                                      "factorization and its memory (--preconditioner=cholesky)",
                                      why, kMostFallbackFaces, topology_.num_faces()));
   }
-  preconditioner_type_ = PreconditionerType::kCholesky;
+  types_.preconditioner = PreconditionerType::kCholesky;
   wear_.solves = -1;
   multigrid_.s.reset();
   multigrid_.multigrid = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
@@ -90,8 +88,8 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
 absl::Status StepSolver::PrepareExact() {
   if (!exact_.s) exact_.s = std::make_unique<ReducedMatrix<double>>(topology_, team_);
   const BlockMatrix<double>& s = exact_.s->Assemble(*iterate_.convex, *iterate_.cot);
-  if (preconditioner_type_ == PreconditionerType::kCholesky) {
-    if (wear_.IsOut(tuning_.step.worn_out_factorization) || solver_type_ == SolverType::kDirect) {
+  if (types_.preconditioner == PreconditionerType::kCholesky) {
+    if (wear_.IsOut(tuning_.step.worn_out_factorization) || types_.solver == SolverType::kDirect) {
       const absl::Status factorized = exact_.factorization.Factorize(s);
       if (absl::IsResourceExhausted(factorized)) {
         return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
@@ -104,7 +102,7 @@ absl::Status StepSolver::PrepareExact() {
     preconditioner_ = std::make_unique<CholeskyPreconditioner>(&exact_.factorization);
   }
   if (iterate_.hessian != iterate_.convex) exact_.s->Assemble(*iterate_.hessian, *iterate_.cot);
-  reduced_->set_matrix(&s);
+  iterate_.reduced->set_matrix(&s);
   return absl::OkStatus();
 }
 
@@ -132,7 +130,7 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
   preconditioner_ = std::make_unique<MultigridPreconditioner>(multigrid_.multigrid.get());
   SolveWeakRowsExactly(s);
   if (iterate_.hessian != iterate_.convex) multigrid_.s->Assemble(*iterate_.hessian, *iterate_.cot);
-  reduced_->set_matrix(&s);
+  iterate_.reduced->set_matrix(&s);
   return absl::OkStatus();
 }
 
@@ -158,12 +156,12 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
   const StepTuning& tuning = tuning_.step;
   LinearSolveOptions watched = options;
   watched.tuning = tuning_.linear;
-  if (preconditioner_type_ != PreconditionerType::kAmg && preconditioner_type_ != PreconditionerType::kCholesky) {
+  if (types_.preconditioner != PreconditionerType::kAmg && types_.preconditioner != PreconditionerType::kCholesky) {
     watched.rough.clear();
   }
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
-  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !iterate_.is_indefinite;
-  if (iterate_.is_indefinite && limit_indefinite_) {
+  const bool multigrid = types_.preconditioner == PreconditionerType::kAmg && !iterate_.is_indefinite;
+  if (iterate_.is_indefinite && solvers_.limit_indefinite) {
     watched.max_iterations =
         std::max(tuning.max_indefinite_iterations, tuning.indefinite_factor * wear_.last_iterations);
   }
@@ -173,7 +171,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
                                                                             : tuning.max_iterations_without_fallback);
   }
   const std::int64_t most = watched.max_iterations;
-  if (preconditioner_type_ == PreconditionerType::kCholesky && solver_type_ != SolverType::kDirect &&
+  if (types_.preconditioner == PreconditionerType::kCholesky && types_.solver != SolverType::kDirect &&
       wear_.solves > 0) {
     watched.max_iterations = std::min(most, wear_.first_iterations + tuning.useless_factorization);
   }
@@ -207,24 +205,25 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
 
 LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                     const LinearSolveOptions& options, NewtonStep* step) {
-  const LinearSolver& solver = iterate_.is_indefinite && minres_ != nullptr ? *minres_ : *solver_;
+  const LinearSolver& solver =
+      iterate_.is_indefinite && solvers_.minres != nullptr ? *solvers_.minres : *solvers_.chosen;
   LinearSummary summary;
-  if (system_type_ == SystemType::kFull) {
+  if (types_.system == SystemType::kFull) {
     SaddlePointSolution solution;
     Eigen::VectorXd g(h.triangle.size() + h.pair.size());
     g << -h.triangle, -h.pair;
-    summary = solver.Solve(*full_, *preconditioner_, -gradient, g, options, &solution);
+    summary = solver.Solve(*iterate_.full, *preconditioner_, -gradient, g, options, &solution);
     step->x = std::move(solution.x);
     step->mu.triangle = solution.lambda.head(h.triangle.size());
     step->mu.pair = solution.lambda.tail(h.pair.size());
   } else {
     Eigen::VectorXd rhs;
-    reduced_->Recover(gradient, h.triangle, Eigen::VectorXd::Zero(h.pair.size()), &step->x, nullptr);
-    reduced_->ApplyB(step->x, &rhs);
+    iterate_.reduced->Recover(gradient, h.triangle, Eigen::VectorXd::Zero(h.pair.size()), &step->x, nullptr);
+    iterate_.reduced->ApplyB(step->x, &rhs);
     Assign(team_, rhs + h.pair, &rhs);
     step->x.resize(0);  // room for the solver
-    summary = solver.SolveSchur(*reduced_, *preconditioner_, rhs, options, &step->mu.pair);
-    reduced_->Recover(gradient, h.triangle, step->mu.pair, &step->x, &step->mu.triangle);
+    summary = solver.SolveSchur(*iterate_.reduced, *preconditioner_, rhs, options, &step->mu.pair);
+    iterate_.reduced->Recover(gradient, h.triangle, step->mu.pair, &step->x, &step->mu.triangle);
   }
   if (iterate_.is_indefinite) return summary;  // says nothing about how well the preconditioner has kept
   wear_.last_iterations = summary.iterations;

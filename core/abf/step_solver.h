@@ -24,7 +24,7 @@ struct NewtonStep {
 };
 
 // The linear algebra of one run of Newton's method. What depends on the connectivity alone (pattern, ordering, symbolic
-// factorization, aggregates) is made once.
+// factorization, aggregates) is made once. Not thread-safe.
 class StepSolver {
  public:
   // None of the types may be kAuto; the combination must be valid (FlattenOptions::Validate).
@@ -41,7 +41,7 @@ class StepSolver {
                        const Interrupter* interrupter = nullptr);
 
   // Whether MINRES on an indefinite system gives up early (StepTuning::max_indefinite_iterations). Default: yes.
-  void set_limit_indefinite(bool limit) { limit_indefinite_ = limit; }
+  void set_limit_indefinite(bool limit) { solvers_.limit_indefinite = limit; }
 
   // Eq. 5 for the gradient and constraint values of the iterate:
   //   A dx + B^t dmu = -gradient,  B dx = -h.
@@ -55,7 +55,7 @@ class StepSolver {
                                       const LinearSolveOptions& options, NewtonStep* step);
 
   // The preconditioner in use: the one asked for, or kCholesky once multigrid has failed.
-  PreconditionerType preconditioner() const { return preconditioner_type_; }
+  PreconditionerType preconditioner() const { return types_.preconditioner; }
   // Why multigrid failed; empty if it has not.
   const std::string& multigrid_failure() const { return multigrid_.failure; }
   // What multigrid had to do without in some Prepare(), and why, for the latest one; empty if it had everything:
@@ -64,21 +64,46 @@ class StepSolver {
 
   // For tests of failed solves: `solver` takes the place of all others, MINRES for indefinite systems included.
   void set_solver(std::unique_ptr<LinearSolver> solver) {
-    solver_ = std::move(solver);
-    minres_.reset();
+    solvers_.chosen = std::move(solver);
+    solvers_.minres.reset();
   }
 
   // How a Hessian must be convexified for the system.
   Convexification RequiredConvexification() const {
-    return system_type_ == SystemType::kFull ? Convexification::kByAngle : Convexification::kByFace;
+    return types_.system == SystemType::kFull ? Convexification::kByAngle : Convexification::kByFace;
   }
 
  private:
-  // What Prepare() was given.
+  struct Types {
+    SolverType solver;
+    SystemType system;
+    PreconditionerType preconditioner;  // kCholesky once multigrid has failed
+  };
+  struct Solvers {
+    std::unique_ptr<LinearSolver> chosen;
+    std::unique_ptr<LinearSolver> minres =
+        MakeMinresSolver();  // of indefinite systems; null: `chosen` solves these too
+    bool limit_indefinite = true;
+  };
+  // What Prepare() was given, and the system that it made of that: one of the two.
   struct Iterate {
     const Eigen::VectorXd *hessian = nullptr, *convex = nullptr, *cot = nullptr;
     bool is_indefinite = false;
     std::vector<std::int32_t> weak_faces = {};
+    std::unique_ptr<FullSystem> full = {};
+    std::unique_ptr<ReducedSystem> reduced = {};
+  };
+  // What is kept from step to step to make preconditioners of, and S: in float for multigrid, which works in float
+  // itself, in double for all others.
+  struct ByMultigrid {
+    std::unique_ptr<ReducedMatrix<float>> s;
+    std::unique_ptr<Multigrid> multigrid;
+    bool is_closed = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
+    std::string failure, left_out;
+  };
+  struct ByFactorization {
+    std::unique_ptr<ReducedMatrix<double>> s;
+    SparseCholesky factorization;
   };
   // How the factorization or the multigrid in use has served.
   struct Wear {
@@ -95,7 +120,7 @@ class StepSolver {
   // Assembles the matrix of the reduced system and makes the preconditioner.
   absl::Status PrepareReduced(const Interrupter* interrupter);
   // PrepareReduced() with S in float for multigrid, or in double for everything else. The preconditioner is made from S
-  // of the convex Hessian, unless the one in use is good enough; then `reduced_` gets S of the Hessian.
+  // of the convex Hessian, unless the one in use is good enough; then the system gets S of the Hessian.
   absl::Status PrepareMultigrid(const Interrupter* interrupter);
   absl::Status PrepareExact();
   // Adds exact solves on the rows of the vertices of weak faces to the preconditioner, unless there are none, or too
@@ -110,28 +135,9 @@ class StepSolver {
   const Topology& topology_;
   ThreadTeam& team_;
   const FlattenTuning tuning_;
-  const SolverType solver_type_;
-  const SystemType system_type_;
-  PreconditionerType preconditioner_type_;
-  std::unique_ptr<LinearSolver> solver_;
-  std::unique_ptr<LinearSolver> minres_ = MakeMinresSolver();  // of indefinite systems
-  bool limit_indefinite_ = true;
-  // The system of the present iterate.
+  Types types_;
+  Solvers solvers_;
   Iterate iterate_;
-  std::unique_ptr<FullSystem> full_;
-  std::unique_ptr<ReducedSystem> reduced_;
-  // The preconditioners that are kept from step to step, and S: in float for multigrid, which works in float itself, in
-  // double for all others.
-  struct ByMultigrid {
-    std::unique_ptr<ReducedMatrix<float>> s;
-    std::unique_ptr<Multigrid> multigrid;
-    bool is_closed = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
-    std::string failure, left_out;
-  };
-  struct ByFactorization {
-    std::unique_ptr<ReducedMatrix<double>> s;
-    SparseCholesky factorization;
-  };
   ByMultigrid multigrid_;
   ByFactorization exact_;
   std::unique_ptr<Preconditioner> preconditioner_;

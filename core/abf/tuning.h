@@ -164,9 +164,9 @@ struct NewtonTuning {
 // Which linear system is solved how, and when a preconditioner is made anew (step_solver.h). Unless stated otherwise
 // the unit is iterations of one linear solve.
 struct StepTuning {
-  // Faces from which on PreconditionerType::kAuto takes multigrid, below a Cholesky factorization. On discs of 1,000
-  // faces they take the same time, on 1,500 multigrid takes two thirds of it (tests/bench: planish_solve_time head:1500
-  // --preconditioner=amg|cholesky). FlattenSummary::preconditioner says which one it was.
+  // Faces: with so many or more PreconditionerType::kAuto is multigrid, with fewer it is a Cholesky factorization. On
+  // discs of 1,000 faces both take the same time, on 1,500 multigrid takes two thirds of it (tests/bench:
+  // planish_solve_time head:1500 --preconditioner=amg|cholesky). FlattenSummary::preconditioner says which one it was.
   std::int64_t multigrid_faces = 1500;
   // A preconditioner made for an earlier Hessian stays until a solve took more than this many iterations more than the
   // first one with it: about what a new factorization, or new numbers for the multigrid, cost.
@@ -176,9 +176,9 @@ struct StepTuning {
   // more. Must be larger than worn_out_factorization, or the old factorization goes on to the end: where the two were
   // equal, the sphere of the sweep took 6,552 iterations instead of 494, and ten times as long.
   std::int64_t useless_factorization = 20;
-  // With multigrid, at most, where a factorization may take over (it is quicker from there on) and where none may:
-  // beyond that, multigrid is not what the system needs. Sweep: with half, "higher hills" ends with Cholesky in 28 % of
-  // the time; where multigrid fails late, the default wastes its iterations.
+  // Most iterations with multigrid, where a factorization may take over (it is quicker from there on) and where none
+  // may. A system that takes more is not one for multigrid. Sweep: with half, "higher hills" ends with Cholesky in 28 %
+  // of the time; where multigrid fails late, the default wastes its iterations.
   std::int64_t max_multigrid_iterations = 300;
   std::int64_t max_iterations_without_fallback = 3000;
   // MINRES on an indefinite system gives up after the larger of these: a count, and a multiple of the last positive

@@ -10,9 +10,10 @@
 
 namespace planish::ids {
 
+// "12,40".
 std::string IdList(std::span<const std::int64_t> ids);
 
-// The ids of vertices, edges or faces in a value, in order.
+// The ids of vertices, edges or faces in a value, in order; whatever is no digit is passed over.
 std::vector<std::int64_t> IdsIn(const std::string& text);
 
 // New id of an old one. An empty function keeps ids; a negative answer keeps that id.

@@ -17,7 +17,8 @@ inline bool IsBlank(char c) {
 // infinite, too small zero. False, and `value` untouched, if `token` is anything else.
 bool ParseDouble(std::string_view token, double* value);
 
-// Reads all of `token` as a decimal integer that fits 64 bits, with an optional sign.
+// Reads all of `token` as a decimal integer that fits 64 bits, with an optional sign. False, and `value` untouched, if
+// it is anything else.
 bool ParseInt(std::string_view token, std::int64_t* value);
 
 // Appends the fewest digits that read back to the same number of this type.

@@ -19,7 +19,8 @@ using KeyPtr = std::unique_ptr<EVP_PKEY, FreePem>;
 // All certificates, in order; empty if there is none.
 std::vector<CertificatePtr> CertificatesIn(const std::string& pem);
 
-// The first private key; null if there is none, or if it is encrypted: nobody is asked for a password.
+// The first private key; null if there is none, or if it is encrypted, which `is_encrypted` tells unless it is null:
+// nobody is asked for a password.
 KeyPtr KeyIn(const std::string& pem, bool* is_encrypted = nullptr);
 
 }  // namespace planish

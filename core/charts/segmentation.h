@@ -71,8 +71,8 @@ class Segmentation {
   // Closes the gaps that empty charts leave: per number, the new one, -1 for empty charts. The order stays.
   std::vector<std::int32_t> DropEmpty();
 
-  // Of Split(), kept so that it takes no time for faces that stay where they are; empty until it is called first. Per
-  // face, but for is_seen: per half-edge.
+  // What Split() keeps between calls, so that faces which stay where they are take no time; empty before the first.
+  // Per face; is_seen: per half-edge.
   struct Scratch {
     std::vector<double> distance;
     std::vector<std::int32_t> source, moving;

@@ -42,7 +42,8 @@ struct AtlasTuning {
   int smoothing_sweeps = 40;          // at most
   double smoothing_sharp_cost = 0.1;  // of an edge at which the surface bends by a right angle or more, per length
 
-  // ---- Cuts once maps are known (unwrap/refine.cc). Lengths in sides of the square that all charts would fill.
+  // ---- Cuts by estimates of maps, and once maps are known (unwrap/refine.cc). Lengths in sides of the square that all
+  // charts would fill.
   double stretch_slack = 1.01;  // of max_stretch: an estimate is not a map
   // Steps of Newton's method, at most: a chart that takes more is cut. Others take 5 to 8 of them, and up to 20 with a
   // barrier on the way.
@@ -57,7 +58,7 @@ struct AtlasTuning {
   double needle_length = 0.5;  // at most, when drawn, in sides of the square that all other faces would fill
   double needle_room = 0.1;    // of the texture that all charts of needles take, padding included, at most
 
-  // ---- Cuts once maps are known, for the packer (pack/necks.h).
+  // ---- Cuts for the packer, by estimates of maps (pack/necks.h).
   // Area of convex hulls saved by a cut, in mean areas of charts, where a stretch of 1.05 is allowed. It grows with the
   // square of the stretch beyond 1: who allows more stretch wants fewer charts. The six scans of the atlas bench have
   // 382 charts and fill 0.79 of the texture in the mean; with 0.025 428 charts and 0.80, with 0.0125 462 and 0.80.
@@ -66,7 +67,7 @@ struct AtlasTuning {
   // Of a chart in the mean, at least, after these cuts: boxes stay boxes. But so many more charts, as a share, in any
   // case.
   double cut_faces = 9, cut_growth = 0.2;
-  double cut_width = 0.01;        // what a cut costs: this times its length
+  double cut_width = 0.01;  // what a cut costs: this times its length
 
   // ---- Charts that are joined by estimates of their maps, and once maps are known (unwrap/joining.cc). With
   // join_faces of 1, 0.5 and 0.25 a surface net of 452,424 faces has 349, 374 and 392 charts, and 469 with 1 and no

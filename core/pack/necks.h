@@ -16,8 +16,8 @@ struct NeckOptions {
 // A chord between two points of an outline, by their indices, from < to.
 struct Neck {
   std::int32_t from = -1, to = -1;
-  // Of a cut there, or of one that must come before if that gains less: of all necks those are independent of the
-  // others that gain most.
+  // What a cut there gains, but at most what the cut gains that must come before it. So the necks above any gain can be
+  // cut without the others.
   double gain = 0;
 };
 

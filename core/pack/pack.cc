@@ -23,38 +23,39 @@ class Packer {
  public:
   Packer(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution)
       : options_(options), tuning_(options.tuning), execution_(execution) {
-    outlines_.reserve(charts.size());
-    density_.reserve(charts.size());
-    atlas_.reserve(charts.size());
+    charts_.outlines.reserve(charts.size());
+    charts_.density.reserve(charts.size());
+    charts_.atlas.reserve(charts.size());
     std::vector<double> areas(options.atlases, 0.0);
     for (PackChart& chart : charts) {
-      outlines_.push_back(MakeOutline(chart));
-      density_.push_back(chart.density);
-      atlas_.push_back(chart.atlas);
-      num_faces_ += static_cast<double>(chart.faces.size());
-      const double area = outlines_.back().area * chart.density * chart.density;
+      charts_.outlines.push_back(MakeOutline(chart));
+      charts_.density.push_back(chart.density);
+      charts_.atlas.push_back(chart.atlas);
+      charts_.num_faces += static_cast<double>(chart.faces.size());
+      const double area = charts_.outlines.back().area * chart.density * chart.density;
       areas[chart.atlas] += area;
-      total_area_ += area;
+      charts_.total_area += area;
       chart = {};
     }
-    largest_area_ = *std::max_element(areas.begin(), areas.end());
-    budget_ = Budget();
-    order_.resize(charts.size());
-    std::iota(order_.begin(), order_.end(), 0);
-    size_.resize(charts.size());
+    charts_.largest_area = *std::max_element(areas.begin(), areas.end());
+    work_.budget = Budget();
+    charts_.order.resize(charts.size());
+    std::iota(charts_.order.begin(), charts_.order.end(), 0);
+    charts_.size.resize(charts.size());
     for (std::size_t i = 0; i < charts.size(); ++i) {
-      const Box box = BoxAt(outlines_[i], outlines_[i].upright);
+      const Box box = BoxAt(charts_.outlines[i], charts_.outlines[i].upright);
       const Vec2 extent = box.high - box.low;
-      size_[i] = density_[i] * (extent.x() + extent.y());
+      charts_.size[i] = charts_.density[i] * (extent.x() + extent.y());
     }
-    std::sort(order_.begin(), order_.end(),
-              [&](std::int32_t a, std::int32_t b) { return size_[a] != size_[b] ? size_[a] > size_[b] : a < b; });
+    std::sort(charts_.order.begin(), charts_.order.end(), [&](std::int32_t a, std::int32_t b) {
+      return charts_.size[a] != charts_.size[b] ? charts_.size[a] > charts_.size[b] : a < b;
+    });
   }
 
   Packing Run() {
     Packing packing;
-    packing.charts.resize(outlines_.size());
-    if (outlines_.empty()) return packing;
+    packing.charts.resize(charts_.outlines.size());
+    if (charts_.outlines.empty()) return packing;
     for (double padding = options_.padding;; padding = padding > 1 ? padding / 2 : 0) {
       if (Search(padding, padding == 0)) {
         Finish(&packing);
@@ -66,8 +67,8 @@ class Packer {
 
  private:
   double Budget() const {
-    const auto charts = static_cast<double>(outlines_.size());
-    const double rest = tuning_.rest_per_face * num_faces_ + tuning_.rest_per_chart * charts;
+    const auto charts = static_cast<double>(charts_.outlines.size());
+    const double rest = tuning_.rest_per_face * charts_.num_faces + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
     if (options_.effort != PackEffort::kNormal) return share;
     return std::max({share, tuning_.least_work, tuning_.least_per_chart * charts});
@@ -75,10 +76,10 @@ class Packer {
 
   std::vector<double> Scales(double scale) const {
     std::vector<double> scales;
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
-      const double plain = scale * density_[i];
-      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * outlines_.size()));
-      const double width = 2 * outlines_[i].radius;
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+      const double plain = scale * charts_.density[i];
+      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * charts_.outlines.size()));
+      const double width = 2 * charts_.outlines[i].radius;
       scales.push_back(width * plain < least && width > 0 ? least / width : plain);
     }
     return scales;
@@ -86,9 +87,10 @@ class Packer {
 
   // Beyond which the area, or some chart, is too large for the tiles. 1 if all charts are points.
   double LargestScale() const {
-    double largest = largest_area_ > 0 ? std::sqrt(options_.tiles / largest_area_) : kHuge;
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
-      if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * density_[i]));
+    double largest = charts_.largest_area > 0 ? std::sqrt(options_.tiles / charts_.largest_area) : kHuge;
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+      if (charts_.outlines[i].radius > 0)
+        largest = std::min(largest, 1.5 / (charts_.outlines[i].radius * charts_.density[i]));
     }
     return largest < kHuge ? largest : 1;
   }
@@ -101,12 +103,12 @@ class Packer {
       const double middle = (low + high) / 2;
       const std::vector<double> scales = Scales(middle);
       std::vector<double> areas(options_.atlases, 0.0);
-      for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         double perimeter = 0;
-        const std::vector<Vec2>& hull = outlines_[i].hull;
+        const std::vector<Vec2>& hull = charts_.outlines[i].hull;
         for (std::size_t k = 0; k < hull.size(); ++k) perimeter += (hull[(k + 1) % hull.size()] - hull[k]).norm();
-        areas[atlas_[i]] +=
-            outlines_[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
+        areas[charts_.atlas[i]] +=
+            charts_.outlines[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
       }
       const double area = *std::max_element(areas.begin(), areas.end());
       (area > fill * options_.tiles * grid_.cell * grid_.cell * grid_.side * grid_.side ? high : low) = middle;
@@ -123,30 +125,31 @@ class Packer {
     grid_.atlases = options_.atlases;
     grid_.radius = distance / 2;
     SetGrid();
-    if (outlines_.size() == 1 && outlines_[0].radius > 0) {
+    if (charts_.outlines.size() == 1 && charts_.outlines[0].radius > 0) {
       FitOne();
       return true;
     }
     // Charts of a texel each; without the padding, anything is better than nothing.
-    const double least =
-        any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(outlines_.size() / total_area_);
+    const double least = any_scale || charts_.total_area == 0
+                             ? 1e-9 * LargestScale()
+                             : texel * std::sqrt(charts_.outlines.size() / charts_.total_area);
     if (!HasNoTime() && SearchPlaces(least)) return true;
     return HasNoTime() && FitOnShelves(least);
   }
 
-  bool HasNoTime() const { return order_.size() > tuning_.many_charts && execution_.IsStopRequested(); }
+  bool HasNoTime() const { return charts_.order.size() > tuning_.many_charts && execution_.IsStopRequested(); }
 
-  const std::vector<Outline>& simple() const { return simple_.empty() ? outlines_ : simple_; }
+  const std::vector<Outline>& simple() const { return charts_.simple.empty() ? charts_.outlines : charts_.simple; }
 
   void Simplify() {
     const std::vector<double> scales = Scales(LargestScale());
-    simple_.clear();
+    charts_.simple.clear();
     std::size_t edges = 0;
-    for (const Outline& outline : outlines_) edges += outline.edges.size();
-    if (edges <= kFewEdges * outlines_.size()) return;
-    simple_.reserve(outlines_.size());
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
-      simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_.cell / scales[i]));
+    for (const Outline& outline : charts_.outlines) edges += outline.edges.size();
+    if (edges <= kFewEdges * charts_.outlines.size()) return;
+    charts_.simple.reserve(charts_.outlines.size());
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+      charts_.simple.push_back(Simplified(charts_.outlines[i], tuning_.simple_within * grid_.cell / scales[i]));
     }
   }
 
@@ -154,13 +157,13 @@ class Packer {
     Simplify();
     if (!TryScales(least)) return false;
     if (HasNoTime()) return true;
-    const double left = budget_ - static_cast<double>(work_);
-    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(outlines_.size());
-    if (left > tuning_.fewest_orders * static_cast<double>(trial_work_)) {
-      TryOrders(static_cast<double>(work_) + (tightens ? tuning_.orders_share : 1) * left);
+    const double left = work_.budget - static_cast<double>(work_.done);
+    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.outlines.size());
+    if (left > tuning_.fewest_orders * static_cast<double>(work_.of_trial)) {
+      TryOrders(static_cast<double>(work_.done) + (tightens ? tuning_.orders_share : 1) * left);
     }
     series_.reset();
-    if (tightens) TightenAll(std::llround(budget_ - static_cast<double>(work_)));
+    if (tightens) TightenAll(std::llround(work_.budget - static_cast<double>(work_.done)));
     return true;
   }
 
@@ -170,22 +173,22 @@ class Packer {
     for (const Outline& outline : simple()) {
       per_turn += tuning_.trial_work + tuning_.trial_work_per_edge * static_cast<double>(outline.edges.size());
     }
-    plan_.order = order_;
+    plan_.order = charts_.order;
     plan_.angles = tuning_.least_angles;
-    while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < budget_)
+    while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < work_.budget)
       plan_.angles *= 2;
-    plan_.gives_up = order_.size() > tuning_.many_charts;
-    plan_.thorough = order_.size() <= tuning_.many_charts;
-    series_ = std::make_unique<TrialSeries>(simple(), atlas_, grid_);
+    plan_.gives_up = charts_.order.size() > tuning_.many_charts;
+    plan_.thorough = charts_.order.size() <= tuning_.many_charts;
+    series_ = std::make_unique<TrialSeries>(simple(), charts_.atlas, grid_);
     starts_.clear();
     double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
-    std::vector<Pose> poses(outlines_.size());
+    std::vector<Pose> poses(charts_.outlines.size());
     double scale = ScaleForFill(tuning_.first_fill);
     for (int trial = 1; scale > least && !execution_.IsCancelled() && !HasNoTime(); ++trial) {
       const TrialResult result = series_->Run(Scales(scale), plan_, 0, execution_, &poses);
-      work_ += result.work;
-      trial_work_ = result.work;
-      if (result.placed == order_.size()) {
+      work_.done += result.work;
+      work_.of_trial = result.work;
+      if (result.placed == charts_.order.size()) {
         good = scale;
         best_.poses = poses;
       } else {
@@ -194,9 +197,10 @@ class Packer {
       if (good > 0 && (execution_.IsStopRequested() || (bad > 0 && bad < tuning_.known_within * good))) break;
       // A wide bracket is worth more than what comes after.
       const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
-      const bool is_dear = !plan_.thorough && static_cast<double>(work_) > budget_ && bad < tuning_.too_wide * good;
+      const bool is_dear =
+          !plan_.thorough && static_cast<double>(work_.done) > work_.budget && bad < tuning_.too_wide * good;
       const bool may_go_on = (trial < tuning_.least_trials && !is_dear) ||
-                             (trial < tuning_.most_trials && static_cast<double>(work_) < share * budget_);
+                             (trial < tuning_.most_trials && static_cast<double>(work_.done) < share * work_.budget);
       if (good > 0 && !may_go_on) break;
       if (good > 0 && bad > 0) {
         scale = std::sqrt(good * bad);
@@ -217,7 +221,7 @@ class Packer {
   // first, and all charts only once they do. An order is changed by one chart, and by the turn it must have, and stays
   // changed if no more of the area finds no place; after some changes in vain, another order is taken.
   void TryOrders(double until) {
-    const auto n = static_cast<std::int32_t>(order_.size()), large = CountLarge();
+    const auto n = static_cast<std::int32_t>(charts_.order.size()), large = CountLarge();
     std::uint64_t state = 1;
     const auto random = [&] {                                       // in [0, 1)
       state = state * 6364136223846793005u + 1442695040888963407u;  // Knuth's
@@ -231,10 +235,11 @@ class Packer {
     std::vector<double> scales = Scales(scale);
     int in_vain = 0;
     std::int32_t first_missing = 0;
-    while (static_cast<double>(work_) < until && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
+    while (static_cast<double>(work_.done) < until && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
       TrialPlan other = plan;
       if (in_vain >= tuning_.orders_in_vain) {
-        for (const std::int32_t i : order_) key[i] = size_[i] * (1 + tuning_.order_spread * (random() - 0.5));
+        for (const std::int32_t i : charts_.order)
+          key[i] = charts_.size[i] * (1 + tuning_.order_spread * (random() - 0.5));
         std::sort(other.order.begin(), other.order.end(),
                   [&](std::int32_t a, std::int32_t b) { return key[a] != key[b] ? key[a] > key[b] : a < b; });
         other.turn.assign(n, -1);
@@ -258,7 +263,7 @@ class Packer {
       }
       other.count = large;
       TrialResult result = series_->Run(scales, other, missing, execution_, &poses);
-      work_ += result.work;
+      work_.done += result.work;
       ++in_vain;
       if (result.missing > missing) continue;
       if (result.missing < missing) in_vain = 0;
@@ -267,7 +272,7 @@ class Packer {
       if (missing == 0 && large < n) {
         other.count = n;
         result = series_->Run(scales, other, 0, execution_, &poses);
-        work_ += result.work;
+        work_.done += result.work;
       }
       first_missing = std::min(static_cast<std::int32_t>(result.placed), n - 1);
       if (result.missing > 0) continue;
@@ -280,13 +285,13 @@ class Packer {
     }
   }
 
-  // The charts at the head of order_ that have nearly all of the area.
+  // The charts at the head of charts_.order that have nearly all of the area.
   std::int32_t CountLarge() const {
     double area = 0;
     std::int32_t count = 0;
-    while (count < std::ssize(order_) && area < tuning_.large_area * total_area_) {
-      const std::int32_t i = order_[count++];
-      area += outlines_[i].area * density_[i] * density_[i];
+    while (count < std::ssize(charts_.order) && area < tuning_.large_area * charts_.total_area) {
+      const std::int32_t i = charts_.order[count++];
+      area += charts_.outlines[i].area * charts_.density[i] * charts_.density[i];
     }
     return std::max(count, 1);
   }
@@ -301,9 +306,9 @@ class Packer {
   double AreaRatio(double scale, std::size_t count) const {
     const std::vector<double> scales = Scales(scale);
     double placed = 0, all = 0;
-    for (std::size_t k = 0; k < order_.size(); ++k) {
-      const Outline& outline = outlines_[order_[k]];
-      const double unit = scales[order_[k]], radius = outline.radius * unit + grid_.radius;
+    for (std::size_t k = 0; k < charts_.order.size(); ++k) {
+      const Outline& outline = charts_.outlines[charts_.order[k]];
+      const double unit = scales[charts_.order[k]], radius = outline.radius * unit + grid_.radius;
       const double area = outline.area * unit * unit + 4 * grid_.radius * radius;
       all += area;
       if (k < count) placed += area;
@@ -314,7 +319,7 @@ class Packer {
   // Empty if there is no room in some atlas.
   std::vector<Shelf> LayAtlasesOnShelves(const std::vector<Vec2>& extents) const {
     std::vector<std::vector<std::size_t>> charts(grid_.atlases);
-    for (std::size_t i = 0; i < atlas_.size(); ++i) charts[atlas_[i]].push_back(i);
+    for (std::size_t i = 0; i < charts_.atlas.size(); ++i) charts[charts_.atlas[i]].push_back(i);
     std::vector<Shelf> all(extents.size());
     for (int a = 0; a < grid_.atlases; ++a) {
       std::vector<Vec2> own;
@@ -331,19 +336,19 @@ class Packer {
   // Each in a box of its own.
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
-    for (const Outline& outline : outlines_) boxes.push_back(BoxAt(outline, outline.upright));
-    std::vector<Vec2> extents(outlines_.size());
+    for (const Outline& outline : charts_.outlines) boxes.push_back(BoxAt(outline, outline.upright));
+    std::vector<Vec2> extents(charts_.outlines.size());
     for (best_.scale = LargestScale(); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
       const std::vector<double> scales = Scales(best_.scale);
-      for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
       }
       const std::vector<Shelf> shelves = LayAtlasesOnShelves(extents);
       if (shelves.empty()) continue;
-      best_.poses.resize(outlines_.size());
-      for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      best_.poses.resize(charts_.outlines.size());
+      for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
-        best_.poses[i] = {outlines_[i].upright, centre / grid_.cell, shelves[i].tile};
+        best_.poses[i] = {charts_.outlines[i].upright, centre / grid_.cell, shelves[i].tile};
       }
       return true;
     }
@@ -352,17 +357,17 @@ class Packer {
 
   // A single chart: as large as it gets.
   void FitOne() {
-    const double angle = AngleOfSmallestSquare(outlines_[0]);
-    const Box box = BoxAt(outlines_[0], angle);
+    const double angle = AngleOfSmallestSquare(charts_.outlines[0]);
+    const Box box = BoxAt(charts_.outlines[0], angle);
     const double low = margin_ + grid_.radius;
-    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * density_[0]);
-    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * density_[0] * box.low) / grid_.cell,
-                    atlas_[0] * grid_.tiles}};
+    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]);
+    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low) / grid_.cell,
+                    charts_.atlas[0] * grid_.tiles}};
   }
 
   // A multiple of 8 cells, so that the coarser boards of a trial have whole cells.
   void SetGrid() {
-    const double charts = static_cast<double>(MostCharts(atlas_, grid_.atlases)) / grid_.tiles;
+    const double charts = static_cast<double>(MostCharts(charts_.atlas, grid_.atlases)) / grid_.tiles;
     grid_.side = std::clamp(static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts)), tuning_.fewest_cells,
                             tuning_.most_cells) /
                  8 * 8;
@@ -370,7 +375,8 @@ class Packer {
   }
 
   void TightenAll(std::int64_t work) {
-    const bool points = std::all_of(outlines_.begin(), outlines_.end(), [](const Outline& o) { return o.radius == 0; });
+    const bool points =
+        std::all_of(charts_.outlines.begin(), charts_.outlines.end(), [](const Outline& o) { return o.radius == 0; });
     if (points) return;  // points are of any scale
     TightenOptions options;
     options.distance = 2 * grid_.radius;
@@ -390,7 +396,8 @@ class Packer {
             {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
       }
     }
-    const Arrangement arrangement = Tighten({outlines_, simple(), atlas_, relative}, options, execution_, arrangements);
+    const Arrangement arrangement =
+        Tighten({charts_.outlines, simple(), charts_.atlas, relative}, options, execution_, arrangements);
     best_.scale = arrangement.scale;
     for (std::size_t i = 0; i < best_.poses.size(); ++i) {
       const Body& body = arrangement.bodies[i];
@@ -403,16 +410,16 @@ class Packer {
     packing->scale = best_.scale;
     packing->padding = padding_;
     double area = 0;
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
       ChartPlacement& chart = packing->charts[i];
       chart.angle = best_.poses[i].angle;
       chart.scale = scales[i];
       chart.tile = best_.poses[i].tile;
       const Vec2 corner = CornerOfTile(chart.tile) + Vec2::Constant(margin_);
       chart.offset = Vec2::Zero();
-      chart.offset = corner + grid_.cell * best_.poses[i].centre - chart(outlines_[i].centre);
+      chart.offset = corner + grid_.cell * best_.poses[i].centre - chart(charts_.outlines[i].centre);
       packing->tiles = std::max(packing->tiles, chart.tile + 1);
-      area += outlines_[i].area * scales[i] * scales[i];
+      area += charts_.outlines[i].area * scales[i] * scales[i];
     }
     packing->efficiency = area / packing->tiles;
   }
@@ -420,13 +427,16 @@ class Packer {
   const PackOptions& options_;
   const PackTuning& tuning_;
   const Execution& execution_;
-  std::vector<Outline> outlines_;
-  std::vector<Outline> simple_;               // with fewer edges; empty where they have few anyway
-  std::vector<double> density_, size_;        // of each chart
-  std::vector<std::int32_t> order_;           // large to small
-  std::vector<int> atlas_;                    // of each chart
-  double num_faces_ = 0;                      // of all charts
-  double total_area_ = 0, largest_area_ = 0;  // of all charts, of those of one atlas
+  struct Charts {
+    std::vector<Outline> outlines;
+    std::vector<Outline> simple;        // with fewer edges; empty where they have few anyway
+    std::vector<double> density, size;  // of each chart
+    std::vector<std::int32_t> order;    // large to small
+    std::vector<int> atlas;             // of each chart
+    double num_faces = 0;
+    double total_area = 0, largest_area = 0;  // of all charts, of those of one atlas
+  };
+  Charts charts_;
   TrialGrid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
   double padding_ = 0;  // texels
@@ -435,9 +445,12 @@ class Packer {
     double scale = 0;
   };
   Found best_;
-  double budget_ = 0;            // of work, in nanoseconds
-  std::int64_t work_ = 0;        // done
-  std::int64_t trial_work_ = 0;  // of the last trial
+  struct Work {  // in nanoseconds
+    double budget = 0;
+    std::int64_t done = 0;
+    std::int64_t of_trial = 0;  // of the last one
+  };
+  Work work_;
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
   std::vector<Found> starts_;  // the last few that fitted, each at a larger scale

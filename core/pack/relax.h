@@ -36,7 +36,7 @@ class Relaxer {
   double scale() const { return scale_; }
   void set_scale(double scale) { scale_ = scale; }
   // What it has cost so far, in about nanoseconds, counted in steps of the algorithm.
-  std::int64_t work() const { return work_; }
+  std::int64_t work() const { return spent_.work; }
   // Per chart: kept in addition to the distance; 0 at first.
   std::vector<double>& margins() { return margins_; }
 
@@ -64,6 +64,14 @@ class Relaxer {
     std::int32_t body, sample;
     std::int32_t other;  // below 0: the rim, -1 left, -2 right, -3 bottom, -4 top
   };
+  struct Contacts {
+    double skin;  // how much farther than the distance to be kept they are looked for
+    std::vector<Contact> found = {};
+    int age = 0;  // steps since then
+  };
+  struct Spent {
+    std::int64_t steps = 0, work = 0;
+  };
   struct Motion {
     double x = 0, y = 0, turn = 0;  // the turn times the turning radius
   };
@@ -81,11 +89,9 @@ class Relaxer {
   std::vector<Shape> shapes_;
   std::vector<Body> bodies_;
   std::vector<double> margins_;
-  std::vector<Contact> contacts_;
   std::vector<Motion> velocity_;
-  double skin_;
-  std::int64_t steps_ = 0, work_ = 0;
-  int age_ = 0;  // steps since the contacts were found
+  Contacts contacts_;
+  Spent spent_;
   double last_energy_ = 0;
 };
 

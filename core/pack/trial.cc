@@ -98,7 +98,7 @@ class TrialSeries::Impl {
       if (found.tile < 0) {
         all = false;
         // Points have no area, but must not be missing either.
-        result.missing += outlines_[i].area * scales_[i] * scales_[i] + 1e-30;
+        result.missing += outlines_[i].area * shared_.scales[i] * shared_.scales[i] + 1e-30;
         if (result.missing > most_missing) break;
         continue;
       }
@@ -115,16 +115,16 @@ class TrialSeries::Impl {
     work_ = 0;
     for (Pyramid& tile : tiles_) tile.Clear(&work_);
     starts_.assign(plan.thorough ? 0 : grid_.atlases * kStarts, {});
-    passing_chart_ = -1;
-    if (scales_ == scales && angles_ == plan.angles) return;
-    scales_ = scales;
-    angles_ = plan.angles;
+    passing_.chart = -1;
+    if (shared_.scales == scales && shared_.angles == plan.angles) return;
+    shared_.scales = scales;
+    shared_.angles = plan.angles;
     const std::size_t slots = outlines_.size() * static_cast<std::size_t>(plan.angles);
-    keeps_ = slots <= kMostKept;
-    shapes_.clear();
-    fixed_.clear();
-    shapes_.resize(keeps_ ? slots : 0);
-    fixed_.resize(keeps_ ? slots : 0);
+    shared_.keeps = slots <= kMostKept;
+    shared_.shapes.clear();
+    shared_.fixed.clear();
+    shared_.shapes.resize(shared_.keeps ? slots : 0);
+    shared_.fixed.resize(shared_.keeps ? slots : 0);
   }
 
   void Put(std::int32_t i, int level, const Found& found, Pose* pose) {
@@ -139,13 +139,13 @@ class TrialSeries::Impl {
       return;
     }
     std::unique_ptr<FixedSilhouette> own;
-    std::unique_ptr<FixedSilhouette>& fixed = keeps_ ? fixed_[Slot(i, found.turn)] : own;
+    std::unique_ptr<FixedSilhouette>& fixed = shared_.keeps ? shared_.fixed[Slot(i, found.turn)] : own;
     if (fixed == nullptr) {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-      fixed = std::make_unique<FixedSilhouette>(MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i] / grid_.cell,
-                                                                    grid_.radius / grid_.cell,
-                                                                    cells * shape.silhouette.centre));
-      if (keeps_) fixed->silhouette.spans.shrink_to_fit();
+      fixed = std::make_unique<FixedSilhouette>(
+          MakeFixedSilhouette(outlines_[i], pose->angle, shared_.scales[i] / grid_.cell, grid_.radius / grid_.cell,
+                              cells * shape.silhouette.centre));
+      if (shared_.keeps) fixed->silhouette.spans.shrink_to_fit();
     }
     tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y, &work_);
   }
@@ -153,43 +153,47 @@ class TrialSeries::Impl {
   int FirstTile(std::int32_t i) const { return atlas_[i] * grid_.tiles; }
 
   int LevelOf(std::int32_t i) const {
-    const double cells = 2 * (outlines_[i].radius * scales_[i] + grid_.radius) / grid_.cell;
+    const double cells = 2 * (outlines_[i].radius * shared_.scales[i] + grid_.radius) / grid_.cell;
     int level = 0;
     while (level + 1 < tiles_[0].levels() && cells > kCellsOfLarge << level) ++level;
     return level;
   }
 
-  std::size_t Slot(std::int32_t i, int turn) const { return static_cast<std::size_t>(i) * angles_ + turn; }
+  std::size_t Slot(std::int32_t i, int turn) const { return static_cast<std::size_t>(i) * shared_.angles + turn; }
 
-  double Angle(std::int32_t i, int turn) const { return outlines_[i].upright + 2 * std::numbers::pi * turn / angles_; }
+  double Angle(std::int32_t i, int turn) const {
+    return outlines_[i].upright + 2 * std::numbers::pi * turn / shared_.angles;
+  }
 
   // Good until the next call, if it is not kept.
   const Shape& At(std::int32_t i, int turn, int level) {
-    std::unique_ptr<Shape>& slot = keeps_ ? shapes_[Slot(i, turn)] : passing_;
-    if (keeps_ && slot != nullptr) {
+    std::unique_ptr<Shape>& slot = shared_.keeps ? shared_.shapes[Slot(i, turn)] : passing_.shape;
+    if (shared_.keeps && slot != nullptr) {
       work_ += kKeptWork;
       return *slot;
     }
     // A turn by more than a right angle is always made of the one a right angle before: a silhouette made of the
     // outline anew could lie elsewhere in its cells.
-    const int quarter = angles_ % 4 == 0 ? angles_ / 4 : angles_;
+    const int quarter = shared_.angles % 4 == 0 ? shared_.angles / 4 : shared_.angles;
     auto shape = std::make_unique<Shape>();
     if (turn >= quarter) {
-      const bool is_passing = !keeps_ && passing_chart_ == i && passing_turn_ == turn - quarter;
-      const Shape* before = is_passing ? passing_.get() : keeps_ ? shapes_[Slot(i, turn - quarter)].get() : nullptr;
+      const bool is_passing = !shared_.keeps && passing_.chart == i && passing_.turn == turn - quarter;
+      const Shape* before = is_passing      ? passing_.shape.get()
+                            : shared_.keeps ? shared_.shapes[Slot(i, turn - quarter)].get()
+                                            : nullptr;
       if (before == nullptr) before = &At(i, turn - quarter, level);
       shape->silhouette = QuarterTurn(before->silhouette);
       work_ += kQuarterWork + kCellWork * shape->silhouette.cells;
     } else {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
       const double cell = grid_.cell * (1 << level);
-      shape->silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), scales_[i] / cell, grid_.radius / cell);
+      shape->silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), shared_.scales[i] / cell, grid_.radius / cell);
     }
     shape->rim = MakeRim(shape->silhouette, kRimCells);
     shape->row_order = RowOrder(shape->silhouette);
-    if (keeps_) shape->silhouette.spans.shrink_to_fit();
-    passing_chart_ = i;
-    passing_turn_ = turn;
+    if (shared_.keeps) shape->silhouette.spans.shrink_to_fit();
+    passing_.chart = i;
+    passing_.turn = turn;
     slot = std::move(shape);
     return *slot;
   }
@@ -197,7 +201,7 @@ class TrialSeries::Impl {
   // Of charts of one atlas whose width and height are the same but for a factor of the square root of two.
   Start* StartFor(std::int32_t i, int level) {
     const Outline& outline = outlines_[i];
-    const double scale = scales_[i];
+    const double scale = shared_.scales[i];
     const Box box = BoxAt(outline, outline.upright);
     const Vec2 cells = (box.high - box.low) * (scale / grid_.cell) + Vec2::Constant(2 * grid_.radius / grid_.cell);
     const auto size = [](double extent) {
@@ -220,9 +224,9 @@ class TrialSeries::Impl {
   Found FindFrom(std::int32_t i, int level, const Start& start) {
     Found best;
     const int only = plan_->turn.empty() ? -1 : plan_->turn[i];
-    const int quarters = angles_ % 4 == 0 ? 4 : 1, quarter = angles_ / quarters;
+    const int quarters = shared_.angles % 4 == 0 ? 4 : 1, quarter = shared_.angles / quarters;
     bool is_crumb = false;
-    for (int k = 0; k < (only < 0 ? angles_ : 1) && !(is_crumb && k == 2); ++k) {
+    for (int k = 0; k < (only < 0 ? shared_.angles : 1) && !(is_crumb && k == 2); ++k) {
       const int turn = only < 0 ? k / quarters + k % quarters * quarter : only;
       const Shape& shape = At(i, turn, level);
       if (k == 0) is_crumb = std::max(shape.silhouette.width, shape.silhouette.height) <= kCrumb;
@@ -253,16 +257,23 @@ class TrialSeries::Impl {
   const TrialGrid grid_;
   std::vector<Pyramid> tiles_;  // each trial clears them
   // What trials at the same scales and angles share: by chart and turn, unless these are too many.
-  std::vector<double> scales_;
-  int angles_ = 0;
-  bool keeps_ = false;
-  std::vector<std::unique_ptr<Shape>> shapes_;
-  std::vector<std::unique_ptr<FixedSilhouette>> fixed_;  // the same on level 0, at the corner of a spot
+  struct Shared {
+    std::vector<double> scales;
+    int angles = 0;
+    bool keeps = false;  // the shapes
+    std::vector<std::unique_ptr<Shape>> shapes;
+    std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot
+  };
+  Shared shared_;
   // Of the trial under way.
   const TrialPlan* plan_ = nullptr;
-  std::unique_ptr<Shape> passing_;  // of a chart at a turn, as it was needed last, if shapes are not kept
-  std::int32_t passing_chart_ = -1;
-  int passing_turn_ = 0;
+  // Of a chart at a turn, as it was needed last; the shape is there if shapes are not kept.
+  struct Passing {
+    std::unique_ptr<Shape> shape;
+    std::int32_t chart = -1;
+    int turn = 0;
+  };
+  Passing passing_;
   std::vector<Start> starts_;  // kStarts for each atlas
   std::int64_t work_ = 0;
 };

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <span>
 
 #include "Eigen/Geometry"
 #include "core/base/portable_math.h"
+#include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 
@@ -46,16 +46,22 @@ double MapSums::StretchL2() const {
   return surface_area > 0 ? std::sqrt(stretch / surface_area) * std::sqrt(uv_area / surface_area) : 1;
 }
 
-double SeamLength(const Mesh& mesh, const std::function<bool(std::int32_t)>& is_joined,
-                  const std::vector<char>& takes_part, const Execution& execution) {
-  const EdgeGroups edges = GroupHalfEdges(mesh.faces, mesh.num_vertices(), execution, takes_part);
+double SeamLength(const Mesh& mesh, const std::vector<std::int32_t>& half_edges,
+                  const std::function<bool(std::int32_t)>& is_joined) {
+  std::vector<KeyedIndex> by_edge;
+  by_edge.reserve(half_edges.size());
+  for (const std::int32_t c : half_edges) {
+    const auto [low, high] = std::minmax({Origin(mesh.faces, c), Target(mesh.faces, c)});
+    by_edge.push_back({std::uint64_t(low) << 32 | std::uint64_t(high), c});
+  }
+  SortByKey(&by_edge);
   double length = 0;
-  for (std::int32_t e = 0; e < edges.count(); ++e) {
-    const std::span<const std::int32_t> at = edges[e];
-    const auto pairs = static_cast<std::int64_t>(at.size() / 2);
-    const std::int64_t joined = std::count_if(at.begin(), at.end(), is_joined);
-    const Vec3 along = mesh.positions[Target(mesh.faces, at[0])] - mesh.positions[Origin(mesh.faces, at[0])];
-    length += static_cast<double>(pairs - joined / 2) * along.norm();
+  for (std::size_t i = 0, end = 0; i < by_edge.size(); i = end) {
+    std::size_t joined = 0;
+    for (; end < by_edge.size() && by_edge[end].key == by_edge[i].key; ++end) joined += is_joined(by_edge[end].index);
+    const std::int32_t c = by_edge[i].index;
+    const Vec3 along = mesh.positions[Target(mesh.faces, c)] - mesh.positions[Origin(mesh.faces, c)];
+    length += static_cast<double>((end - i) / 2 - joined / 2) * along.norm();
   }
   return length;
 }

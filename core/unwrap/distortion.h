@@ -41,11 +41,11 @@ struct MapSums {
   double StretchL2() const;
 };
 
-// Length of the seams on the surface, of the faces that `takes_part` marks (Quality::seam_length, before it is
-// divided): an edge of n faces counts for each of its n / 2 pairs that are apart in the map. `is_joined`, per
-// half-edge: the map goes on behind it.
-double SeamLength(const Mesh& mesh, const std::function<bool(std::int32_t)>& is_joined,
-                  const std::vector<char>& takes_part, const Execution& execution);
+// Length of the seams on the surface (Quality::seam_length, before it is divided): an edge of n faces counts for each
+// of its n / 2 pairs that are apart in the map. `half_edges`: those of the surface, in any order; two that are joined
+// to each other and lie on one edge may be left out. `is_joined`, per half-edge: the map goes on behind it. O(n).
+double SeamLength(const Mesh& mesh, const std::vector<std::int32_t>& half_edges,
+                  const std::function<bool(std::int32_t)>& is_joined);
 
 // What faces add to the distortion measures of a Quality.
 struct DistortionSums {

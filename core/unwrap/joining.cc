@@ -79,29 +79,49 @@ struct Promising {
   auto operator<=>(const Promising&) const = default;
 };
 
-class Joining {
+// The maps of solved charts. Joining looks at maps through this class or EstimatedMaps, which has the same members.
+class SolvedMaps {
  public:
-  // By estimates, unless null, or by maps.
-  Joining(Job* job, ChartEstimates* estimates, Charts* charts)
-      : job_(*job),
-        estimates_(estimates),
-        charts_(*charts),
-        segmentation_(*charts->segmentation),
-        surface_(*charts->surface),
-        tuning_(job->options.tuning),
-        place_(surface_.mesh.n_halfedges()),
-        shapes_(segmentation_.charts().size()) {
-    for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
-    left_ = (estimates_ != nullptr ? tuning_.join_estimates : tuning_.join_faces) * surface_.num_faces();
+  using Kept = MappedChart;  // what PutBack() needs of a chart to undo what came after Take()
+
+  SolvedMaps(Job* job, Charts* charts) : job_(*job), charts_(*charts) {}
+
+  // How many faces may be mapped again, per face of the surface.
+  double work() const { return job_.options.tuning.join_faces; }
+
+  // Calls visit(h, where h begins in the map) for every half-edge h of the outline; for none if there is no map.
+  template <class Visit>
+  void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
+    const auto& [chart, is_few, flattening, map, faults, status] = charts_.charts[i];
+    for (std::int32_t c = 0; status.ok() && c < chart.topology.num_corners(); ++c) {
+      if (chart.topology.opposite[c] >= 0) continue;
+      visit(HalfEdgeOf(charts_.surface->mesh, 3 * chart.faces[c / 3] + c % 3),
+            map.positions[Origin(chart.topology.faces, c)]);
+    }
   }
 
-  absl::Status Run() {
-    for (int round = 0; round < tuning_.join_rounds; ++round) {
-      PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Round());
-      if (!goes_on) break;
-    }
-    const std::vector<std::int32_t> number = segmentation_.DropEmpty();
-    if (estimates_ != nullptr) return absl::OkStatus();
+  // Whether the chart is one that may be joined, or stay joined.
+  bool IsSound(std::int32_t i) const {
+    const MappedChart& mapped = charts_.charts[i];
+    const std::vector<double>& least = mapped.chart.least_angle;
+    const bool is_widened = std::any_of(least.begin(), least.end(), [](double angle) { return angle > 0; });
+    return mapped.status.ok() && !mapped.map.flatten->stopped && mapped.chart.enlargement == 1 && !is_widened &&
+           !IsToSplit(job_, charts_, mapped);
+  }
+
+  Kept Take(std::int32_t i) { return std::exchange(charts_.charts[i], {}); }
+  void PutBack(std::int32_t i, Kept kept) { charts_.charts[i] = std::move(kept); }
+
+  // Maps these charts as the segmentation has them now.
+  absl::Status Map(const std::vector<std::int32_t>& todo) {
+    Timer timer;
+    for (const std::int32_t i : todo) ExtractChart(i, job_.execution, &charts_);
+    job_.seconds.charts += timer.Restart();
+    return SolveCharts(&job_, todo, &charts_);
+  }
+
+  // After Segmentation::DropEmpty().
+  void Renumber(const std::vector<std::int32_t>& number) {
     std::int32_t count = 0;
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(number.size()); ++i) {
       if (number[i] < 0) continue;
@@ -109,15 +129,84 @@ class Joining {
       ++count;
     }
     charts_.charts.resize(count);
+  }
+
+ private:
+  Job& job_;
+  Charts& charts_;
+};
+
+// Estimates of maps, before any chart is solved for.
+class EstimatedMaps {
+ public:
+  using Kept = ChartEstimate;
+
+  EstimatedMaps(const Job& job, const Charts& charts, ChartEstimates* estimates)
+      : job_(job), charts_(charts), estimates_(*estimates) {}
+
+  double work() const { return job_.options.tuning.join_estimates; }
+
+  template <class Visit>
+  void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
+    const ChartEstimate& estimate = estimates_.of(i);
+    for (std::size_t k = 0; k < estimate.outline.size(); ++k) visit(estimate.outline[k], estimate.points[k]);
+  }
+
+  bool IsSound(std::int32_t i) const {
+    return charts_.ReductionOf(charts_.segmentation->charts()[i]) == 1 &&
+           !IsToSplit(job_, charts_, i, estimates_.of(i));
+  }
+
+  Kept Take(std::int32_t i) { return estimates_.of(i); }
+  void PutBack(std::int32_t i, Kept kept) { estimates_.Restore(i, std::move(kept)); }
+
+  absl::Status Map(const std::vector<std::int32_t>& todo) {
+    for (const std::int32_t i : todo) {
+      if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
+      estimates_.Update(i);
+    }
+    return absl::OkStatus();
+  }
+
+  // The estimates are of no more use.
+  void Renumber(const std::vector<std::int32_t>&) {}
+
+ private:
+  const Job& job_;
+  const Charts& charts_;
+  ChartEstimates& estimates_;
+};
+
+template <class Maps>
+class Joining {
+ public:
+  Joining(Job* job, Charts* charts, Maps maps)
+      : job_(*job),
+        maps_(std::move(maps)),
+        charts_(*charts),
+        segmentation_(*charts->segmentation),
+        surface_(*charts->surface),
+        tuning_(job->options.tuning),
+        place_(surface_.mesh.n_halfedges()),
+        shapes_(segmentation_.charts().size()) {
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
+    left_ = maps_.work() * surface_.num_faces();
+  }
+
+  absl::Status Run() {
+    for (int round = 0; round < tuning_.join_rounds; ++round) {
+      PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Round());
+      if (!goes_on) break;
+    }
+    maps_.Renumber(segmentation_.DropEmpty());
     return absl::OkStatus();
   }
 
  private:
-  // A pair that is being tried, and the two charts, or what was estimated of them, as they were.
+  // A pair that is being tried.
   struct Attempt {
+    typename Maps::Kept chart, other;  // the maps of the two, as they were
     Segmentation::Joined joined;
-    MappedChart chart, other;
-    ChartEstimate estimate, other_estimate;
   };
 
   void Measure(std::int32_t i) {
@@ -125,39 +214,14 @@ class Joining {
     shape.area = shape.perimeter = 0;
     for (const std::int32_t f : segmentation_.charts()[i]) shape.area += surface_.area[f];
     std::vector<Vec2> points;
-    const auto add = [&](HalfedgeHandle h, const Vec2& begin) {
+    maps_.ForEachOnOutline(i, [&](HalfedgeHandle h, const Vec2& begin) {
       shape.perimeter += surface_.length(h);
       place_[h.idx()] = begin;
       points.push_back(begin);
-    };
-    if (estimates_ != nullptr) {
-      const ChartEstimate& estimate = estimates_->of(i);
-      for (std::size_t k = 0; k < estimate.outline.size(); ++k) add(estimate.outline[k], estimate.points[k]);
-    } else {
-      const auto& [chart, is_few, flattening, map, faults, status] = charts_.charts[i];
-      for (std::int32_t c = 0; status.ok() && c < chart.topology.num_corners(); ++c) {
-        if (chart.topology.opposite[c] >= 0) continue;
-        add(HalfEdgeOf(surface_.mesh, 3 * chart.faces[c / 3] + c % 3), map.positions[Origin(chart.topology.faces, c)]);
-      }
-    }
+    });
     shape.hull = ConvexHull(std::move(points));
     shape.hull_area = AreaWithin(shape.hull);
-    shape.may_join = IsSound(i);
-  }
-
-  // Whether the chart is one that may be joined, or stay joined.
-  bool IsSound(std::int32_t i) const {
-    const std::vector<std::int32_t>& faces = segmentation_.charts()[i];
-    if (estimates_ != nullptr) {
-      return charts_.ReductionOf(faces) == 1 && !IsToSplit(job_, charts_, i, estimates_->of(i));
-    }
-    const MappedChart& mapped = charts_.charts[i];
-    return mapped.status.ok() && !mapped.map.flatten->stopped && mapped.chart.enlargement == 1 &&
-           !IsWidened(mapped.chart) && !IsToSplit(job_, charts_, mapped);
-  }
-
-  static bool IsWidened(const Chart& chart) {
-    return std::any_of(chart.least_angle.begin(), chart.least_angle.end(), [](double angle) { return angle > 0; });
+    shape.may_join = maps_.IsSound(i);
   }
 
   // Where a half-edge of an outline begins in the map of its chart.
@@ -218,52 +282,15 @@ class Joining {
       }
       taken[joint.chart] = taken[joint.other] = 1;
       left_ -= static_cast<double>(candidate.faces);
-      attempts.push_back({*std::move(joined), {}, {}, {}, {}});
-      SetAside(&attempts.back());
+      attempts.push_back({maps_.Take(joined->chart), maps_.Take(joined->other), *std::move(joined)});
     }
     job_.seconds.charts += timer.Restart();
-    PLANISH_RETURN_IF_ERROR(MapAttempts(attempts));
+    std::vector<std::int32_t> todo;
+    for (const Attempt& attempt : attempts) todo.push_back(attempt.joined.chart);
+    PLANISH_RETURN_IF_ERROR(maps_.Map(todo));
     bool has_joined = false;
     for (Attempt& attempt : attempts) has_joined |= Settle(&attempt);
     return has_joined;
-  }
-
-  void SetAside(Attempt* attempt) {
-    const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
-    if (estimates_ != nullptr) {
-      attempt->estimate = estimates_->of(i);
-      attempt->other_estimate = estimates_->of(j);
-    } else {
-      attempt->chart = std::exchange(charts_.charts[i], {});
-      attempt->other = std::exchange(charts_.charts[j], {});
-    }
-  }
-
-  void PutBack(Attempt* attempt) {
-    const std::int32_t i = attempt->joined.chart, j = attempt->joined.other;
-    if (estimates_ != nullptr) {
-      estimates_->Restore(i, std::move(attempt->estimate));
-      estimates_->Restore(j, std::move(attempt->other_estimate));
-    } else {
-      charts_.charts[i] = std::move(attempt->chart);
-      charts_.charts[j] = std::move(attempt->other);
-    }
-  }
-
-  absl::Status MapAttempts(const std::vector<Attempt>& attempts) {
-    std::vector<std::int32_t> todo;
-    for (const Attempt& attempt : attempts) todo.push_back(attempt.joined.chart);
-    if (estimates_ != nullptr) {
-      for (const std::int32_t i : todo) {
-        if (job_.execution.IsCancelled()) return absl::CancelledError("cancelled");
-        estimates_->Update(i);
-      }
-      return absl::OkStatus();
-    }
-    Timer timer;
-    for (const std::int32_t i : todo) ExtractChart(i, job_.execution, &charts_);
-    job_.seconds.charts += timer.Restart();
-    return SolveCharts(&job_, todo, &charts_);
   }
 
   // Keeps the joined chart if its map is sound; otherwise puts the two charts back.
@@ -281,7 +308,8 @@ class Joining {
       for (const std::int32_t f : segmentation_.charts()[i]) charts_.least_angle[f] = 0;
     }
     segmentation_.Part(attempt->joined);
-    PutBack(attempt);
+    maps_.PutBack(i, std::move(attempt->chart));
+    maps_.PutBack(j, std::move(attempt->other));
     Measure(i);
     Measure(j);
     NoteFailed(i, j);
@@ -299,7 +327,7 @@ class Joining {
   void NoteFailed(std::int32_t i, std::int32_t j) { failed_[{i, j}] = {shapes_[i].version, shapes_[j].version}; }
 
   Job& job_;
-  ChartEstimates* const estimates_;
+  Maps maps_;
   Charts& charts_;
   Segmentation& segmentation_;
   const Surface& surface_;
@@ -317,12 +345,12 @@ class Joining {
 absl::Status JoinCharts(Job* job, Charts* charts) {
   if (job->options.seams.policy != SeamPolicy::kAuto || charts->count() < 2) return absl::OkStatus();
   if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, nullptr, charts).Run();
+  return Joining(job, charts, SolvedMaps(job, charts)).Run();
 }
 
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts) {
   if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, estimates, charts).Run();
+  return Joining(job, charts, EstimatedMaps(*job, *charts, estimates)).Run();
 }
 
 }  // namespace planish

@@ -123,6 +123,7 @@ class MapJudge {
   void JoinEdges() {
     const std::vector<std::int32_t>& place = topology_.place_of_corner;
     is_joined_.assign(place.size(), 0);
+    is_on_seam_.assign(place.size(), 1);
     opposite_.assign(place.size(), -1);
     std::vector<std::int32_t> at;
     for (std::int32_t e = 0; e < topology_.edges.count(); ++e) {
@@ -130,7 +131,10 @@ class MapJudge {
       for (const std::int32_t c : topology_.edges[e]) {
         if (HasThreeCorners({place[c / 3 * 3], place[c / 3 * 3 + 1], place[c / 3 * 3 + 2]})) at.push_back(c);
       }
-      for (std::size_t i = 0; i < at.size() - at.size() % 2; ++i) is_joined_[at[i]] = 1;
+      for (std::size_t i = 1; i < at.size(); i += 2) {
+        is_joined_[at[i - 1]] = is_joined_[at[i]] = 1;
+        if (OnOneEdge(at[i - 1], at[i])) is_on_seam_[at[i - 1]] = is_on_seam_[at[i]] = 0;
+      }
       if (at.size() != 2 || place[FlatLinks::Next(at[0])] != place[FlatLinks::Prev(at[1])]) continue;
       opposite_[at[0]] = at[1];
       opposite_[at[1]] = at[0];
@@ -246,12 +250,20 @@ class MapJudge {
 
   static bool HasThreeCorners(const Face& f) { return f[0] != f[1] && f[1] != f[2] && f[2] != f[0]; }
 
+  // Of the surface, which faces without three vertices are no part of.
+  bool OnOneEdge(std::int32_t c, std::int32_t d) const {
+    const std::vector<Face>& faces = mesh_.faces;
+    return HasThreeCorners(faces[c / 3]) && HasThreeCorners(faces[d / 3]) &&
+           std::minmax({Origin(faces, c), Target(faces, c)}) == std::minmax({Origin(faces, d), Target(faces, d)});
+  }
+
   void MeasureSeams() {
     if (!(check_.surface_area > 0)) return;
-    std::vector<char> takes_part;
-    for (const Face& face : mesh_.faces) takes_part.push_back(HasThreeCorners(face));
-    const double length = SeamLength(
-        mesh_, [&](std::int32_t c) { return is_joined_[c] != 0; }, takes_part, execution_);
+    std::vector<std::int32_t> half_edges;
+    for (std::int32_t c = 0; c < static_cast<std::int32_t>(is_on_seam_.size()); ++c) {
+      if (is_on_seam_[c] != 0 && HasThreeCorners(mesh_.faces[c / 3])) half_edges.push_back(c);
+    }
+    const double length = SeamLength(mesh_, half_edges, [&](std::int32_t c) { return is_joined_[c] != 0; });
     check_.seam_length = length / std::sqrt(check_.surface_area);
   }
 
@@ -286,6 +298,7 @@ class MapJudge {
   const Execution& execution_;
   std::vector<FaceSizes> sizes_;
   std::vector<char> is_joined_;         // per half-edge: the map goes on behind it
+  std::vector<char> is_on_seam_;        // per half-edge: unless it does so to one on the same edge of the surface
   std::vector<std::int32_t> opposite_;  // where it does so in one face, wound alike; -1 elsewhere
   MapCheck check_;
 };

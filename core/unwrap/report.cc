@@ -80,14 +80,16 @@ Overlaps FindOverlaps(const Job& job, const Charts& charts, const CornerUv& uv, 
   return all;
 }
 
-double RelativeSeamLength(const Mesh& mesh, const Charts& charts, const Execution& execution) {
+double RelativeSeamLength(const Mesh& mesh, const Charts& charts) {
   if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
-  const std::vector<std::int32_t> opposite = charts.Opposite(mesh);
-  std::vector<char> has_chart;
-  for (const std::int32_t chart : charts.FaceChart(mesh)) has_chart.push_back(chart >= 0);
-  const double length = SeamLength(
-      mesh, [&](std::int32_t c) { return opposite[c] >= 0; }, has_chart, execution);
-  return length / std::sqrt(charts.total_area);
+  std::vector<std::int32_t> ends;
+  for (const auto& [chart, is_few, flattening, map, faults, status] : charts.charts) {
+    const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map);
+    for (std::size_t c = 0; c < opposite.size(); ++c) {
+      if (opposite[c] < 0) ends.push_back(3 * chart.faces[c / 3] + static_cast<std::int32_t>(c % 3));
+    }
+  }
+  return SeamLength(mesh, ends, [](std::int32_t) { return false; }) / std::sqrt(charts.total_area);
 }
 
 // With how many faces each atlas has, and how full it is.
@@ -202,7 +204,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   int tiles = result.atlases.empty() ? result.tiles : 0;
   for (const AtlasReport& each : result.atlases) tiles += each.charts > 0 ? each.tiles : 0;
   result.quality.packing_efficiency /= std::max(tiles, 1);
-  result.quality.seam_length = RelativeSeamLength(job->mesh, charts, job->execution);
+  result.quality.seam_length = RelativeSeamLength(job->mesh, charts);
   result.quality.flipped = orientation.flipped;
   result.quality.degenerate = orientation.degenerate;
   result.quality.overlapping = overlaps.pairs;

@@ -11,8 +11,7 @@
 //   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
 //   Deliver()               UV                -> Delivery: the same as delivered, and their faults
 //     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
-//     RefineDelivered()     charts, faults    -> the charts that rounding made overlap or turned, cut, for
-//     SolveCharts()
+//     RefineDelivered()     charts, faults    -> the charts at fault as delivered, cut, for SolveCharts()
 //   Report()                all of that       -> UnwrapResult
 #pragma once
 
@@ -61,6 +60,7 @@ struct MappedChart {
   absl::Status status;  // of solve and layout
 };
 
+// All that passes between the steps: a record, each member of which several of them read.
 struct Charts {
   // Both null for SeamPolicy::kNone: the mesh is a disc, and its one chart is all that is left of it before the solve.
   std::unique_ptr<const Surface> surface;
@@ -115,12 +115,12 @@ inline constexpr double kMostStretchForBorders = 100;
 // list of other maps (fixed_borders.cc) that does not overlap and is stretched less.
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution);
 
-// Cuts those of the charts in `todo`, the last that were solved, whose maps are no use, or, once there are none, all
-// that pack better in parts (once for a job). Returns whether there were any; `todo` has then what is to be solved.
+// Cuts those of the charts in `todo`, the last that were solved, whose maps are no use. Returns whether there were any;
+// `todo` has then what is to be solved. CANCELLED after a cancellation.
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
 
-// Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for. Of
-// no use after a cancellation.
+// Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
+// After a cancellation the charts are of no use.
 void RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
@@ -134,8 +134,8 @@ NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options);
 
 // Makes one chart of two wherever its map is sound and the packer loses less than a cut there would have to gain:
 // charts that cuts have left small find a place elsewhere. With SeamPolicy::kAuto; charts that are stretched across or
-// drawn larger or smaller than others stay. Work is bounded by a share of the faces (AtlasTuning). None after a stop
-// request. CANCELLED after a cancellation.
+// drawn larger or smaller than others stay. Work is bounded by a share of the faces (AtlasTuning). After a stop request
+// all charts stay. CANCELLED after a cancellation.
 absl::Status JoinCharts(Job* job, Charts* charts);
 // The same by estimates, before any chart is solved for.
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);

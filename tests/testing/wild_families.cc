@@ -2,14 +2,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <map>
 #include <numeric>
 #include <utility>
 
 #include "Eigen/Geometry"
 #include "tests/testing/dice.h"
-#include "tests/testing/families.h"
 #include "tests/testing/hard_families.h"
 #include "tests/testing/isosurfaces.h"
 
