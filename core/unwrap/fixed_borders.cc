@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>
@@ -214,7 +215,7 @@ class BarycentricMap {
   std::vector<Vec2> Solve(const std::vector<double>& draws) {
     std::vector<Vec2> solution(rows_, Vec2::Zero());
     const SparseRows matrix = Matrix(draws, &solution);
-    if (!elimination_) elimination_.emplace(matrix);
+    if (elimination_ == nullptr) elimination_ = std::make_unique<const Elimination>(matrix);
     elimination_->Solve(matrix, &solution);
     std::vector<Vec2> positions = positions_;
     for (std::int32_t v = 0; v < disc_.num_vertices; ++v) {
@@ -236,7 +237,7 @@ class BarycentricMap {
   std::vector<std::int32_t> row_;  // of the matrix, per vertex; -1 on the outline
   std::int32_t rows_ = 0;
   std::vector<Weight> weights_;
-  std::optional<Elimination> elimination_;
+  std::unique_ptr<const Elimination> elimination_;  // from the first solve on
 };
 
 }  // namespace
