@@ -13,10 +13,10 @@ namespace {
 // faces: more than was measured for 995 of 1,000, less than twice that for the others.
 constexpr double kFixedBytes = 8e6;        // half of it code and tables, in a process that has not touched them yet
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
-constexpr double kBytesPerFace = 1000;     // multigrid, or charts of some faces each
-// Beside that, of a face that is a chart by itself, with its outline and its place. Triangles on random vertices take
-// it too where their counts are those of a closed surface, and are run again.
-constexpr double kBytesPerPiece = 1800;
+constexpr double kBytesPerFace = 1000;     // multigrid
+// Beside that, of a face in a chart of some faces, and of a face that is a chart by itself. The counts do not tell
+// triangles on random vertices from a closed surface: their 2,400 bytes a face are less than twice the estimate.
+constexpr double kChartBytesPerFace = 200, kBytesPerPiece = 1500;
 // With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
 // the first.
 constexpr double kBestBytesPerFace = 60e3, kMostBestBytes = 60e6;
@@ -33,12 +33,12 @@ constexpr double kLooseVerticesPerPiece = 2.5;
 constexpr double kFewVertices = 0.42, kFewestVertices = 0.32;
 
 constexpr double kSecondsPerByte = 1e-8;
-constexpr double kSecondsPerPiece = 30e-6;  // charts and maps
-constexpr double kPackSeconds = 8e-3;       // PackTuning::least_work, which few charts do not use up
+constexpr double kSecondsPerPiece = 36e-6;  // charts and maps
+constexpr double kPackSeconds = 4e-3;       // PackTuning::least_work, which few charts do not use up
 // Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 7e-6, kSolvePower = 0.05;
-constexpr double kMerge = 12e-6, kMergePower = 0.2;
+constexpr double kMerge = 9e-6, kMergePower = 0.2;
 constexpr double kNeeded = 50e-6;         // whole pieces and their cuts, several times over
 constexpr double kFactorization = 4;      // times kSolve
 constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
@@ -100,8 +100,9 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
   const double fallback = may_fall_back ? (kFactorBytesPerFace - kBytesPerFace) *
                                               std::min(f, static_cast<double>(kMostFallbackFaces) * options.threads)
                                         : 0;
+  const double charts = options.seams.policy == SeamPolicy::kNone ? 0 : kChartBytesPerFace;
   const bool packs = options.pack && options.seams.policy != SeamPolicy::kNone;
-  const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + per_face * f + fallback +
+  const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + (per_face + charts) * f + fallback +
                        (packs ? PackBytes(f, options.atlas) : 0) + kBytesPerPiece * pieces + kBytesPerByte * b;
   Estimate estimate;
   constexpr auto kLargest = std::numeric_limits<std::int64_t>::max();
