@@ -24,8 +24,10 @@ class Distances {
   explicit Distances(const Gluing& gluing, Segmentation::Scratch* scratch)
       : gluing_(gluing), distance_(scratch->distance), source_(scratch->source) {}
 
-  // From the nearest of `sources`, the first one of several, to all faces of their chart.
-  void From(const std::vector<std::int32_t>& sources) {
+  // From the nearest of `sources`, the first one of several, to all faces of their chart: along the surface, or as the
+  // number of edges between them.
+  enum class Measure { kLength, kEdges };
+  void From(const std::vector<std::int32_t>& sources, Measure measure) {
     using Entry = std::pair<Nearness, std::int32_t>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
     const auto reach = [&](const Nearness& there, std::int32_t f) {
@@ -43,7 +45,9 @@ class Distances {
       for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
         if (gluing_.IsOutline(h)) continue;
         const std::int32_t g = gluing_.surface().face_across(h);
-        const double step = gluing_.surface().is_uncut(h) ? 0 : (Centre(mesh, f) - Centre(mesh, g)).norm();
+        const bool is_edge = measure == Measure::kEdges;
+        const double length = is_edge ? 1 : (Centre(mesh, f) - Centre(mesh, g)).norm();
+        const double step = gluing_.surface().is_uncut(h) ? 0 : length;
         reach({nearness.first + step, nearness.second}, g);
       }
     }
@@ -76,22 +80,31 @@ class Distances {
 // be parted from another.
 std::vector<std::int32_t> Halve(const std::vector<std::int32_t>& faces, std::int32_t face, std::int32_t other_face,
                                 Distances* distances) {
+  using enum Distances::Measure;
+  // Of the faces in the smaller half. Where triangles are of very different sizes, one of them may be as long as all
+  // others together, and cutting off one after the other would take as many rounds as there are.
+  constexpr std::ptrdiff_t kLeastShare = 16;
   std::vector<std::int32_t> half(faces.size());
-  const auto part = [&](std::int32_t first, std::int32_t second) {
-    distances->From({first, second});
+  std::ptrdiff_t count = 0;
+  const auto part = [&](std::int32_t first, std::int32_t second, Distances::Measure measure) {
+    distances->From({first, second}, measure);
     for (std::size_t i = 0; i < faces.size(); ++i) half[i] = distances->source(faces[i]) == 1 ? 1 : 0;
     distances->Forget(faces);
-    return std::find(half.begin(), half.end(), 1) != half.end();
+    count = std::count(half.begin(), half.end(), 1);
+    return count > 0;
   };
-  if (face >= 0 && part(face, other_face)) return half;
-  const auto farthest_from = [&](std::int32_t f) {
-    distances->From({f});
+  if (face >= 0 && part(face, other_face, kLength)) return half;
+  const auto farthest_from = [&](std::int32_t f, Distances::Measure measure) {
+    distances->From({f}, measure);
     const std::int32_t farthest = distances->Farthest(faces);
     distances->Forget(faces);
     return farthest;
   };
-  const std::int32_t first = farthest_from(faces.front());
-  part(first, farthest_from(first));
+  for (const Distances::Measure measure : {kLength, kEdges}) {
+    const std::int32_t first = farthest_from(faces.front(), measure);
+    part(first, farthest_from(first, measure), measure);
+    if (kLeastShare * std::min(count, std::ssize(faces) - count) >= std::ssize(faces)) break;
+  }
   return half;
 }
 

@@ -15,7 +15,9 @@ AtlasTuning ForMaps(AtlasTuning tuning) {
 }
 
 // The two segments of a closed curve that cross, the farthest apart along it; -1 if none do. The sides of a slit may
-// lie on each other: segments count only where both ends are off the other one, and by more than `least`.
+// lie on each other: segments count only where both ends are off the other one, and by more than `least`. Of those
+// found within a number of tests that curves of ordinary shapes do not need; the map that is solved for is looked at
+// whole.
 std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& curve, double least) {
   const auto n = static_cast<std::int32_t>(curve.size());
   const auto end = [&](std::int32_t i) -> const Vec2& { return curve[i + 1 == n ? 0 : i + 1]; };
@@ -33,8 +35,11 @@ std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& 
   };
   std::pair<std::int32_t, std::int32_t> crossing(-1, -1);
   double farthest = 0;
-  for (std::int32_t i = 0; i < n; ++i) {
+  constexpr std::int64_t kTestsPerSegment = 32;
+  std::int64_t tests_left = kTestsPerSegment * n;
+  for (std::int32_t i = 0; i < n && tests_left > 0; ++i) {
     tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
+      if (--tests_left < 0) return false;
       if (j <= i) return true;
       const double between = std::min(along[j] - along[i], along[n] - along[j] + along[i]);
       if (between > farthest && parts(i, j) && parts(j, i)) {

@@ -17,7 +17,7 @@ namespace planish {
 // (Yoshizawa, Belyaev and Seidel, "A fast and simple stretch-minimizing mesh parameterization", 2004). Angles are kept
 // as far as that leaves them. `places` are the vertices on the surface; triangles without area do no harm.
 //
-// Up to 30 sparse factorizations of as many rows as there are interior vertices. Deterministic. After a cancellation,
+// Up to 30 sparse eliminations of as many rows as there are interior vertices. Deterministic. After a cancellation,
 // or if there is no solution in double precision, nothing.
 std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution);
 

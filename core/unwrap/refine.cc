@@ -105,7 +105,9 @@ void MergeCrumbs(const Chart& chart, const std::vector<Vec2>& positions, std::si
     for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
       const std::int32_t o = topology.opposite[c];
       if ((*piece)[c / 3] != order[i] || o < 0 || (*piece)[o / 3] == order[i]) continue;
-      border[(*piece)[o / 3]] += (positions[Target(topology.faces, c)] - positions[Origin(topology.faces, c)]).norm();
+      // More than nothing, as neighbours may be where all ends of edges coincide.
+      const Vec2 edge = positions[Target(topology.faces, c)] - positions[Origin(topology.faces, c)];
+      border[(*piece)[o / 3]] += edge.norm() + std::numeric_limits<double>::min();
     }
     const auto to = static_cast<std::int32_t>(std::max_element(border.begin(), border.end()) - border.begin());
     std::replace(piece->begin(), piece->end(), order[i], to);

@@ -175,7 +175,8 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
   for (const MappedChart& mapped : charts.charts) {
     if (job->options.seams.policy != SeamPolicy::kAuto) break;
-    const std::vector<std::int32_t> faces = HardlyHeld(delivery.uv, delivery.precision, charts.ignored, mapped.chart);
+    const std::vector<std::int32_t> faces =
+        HardlyHeld(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts.ignored, mapped.chart);
     result.widened.insert(result.widened.end(), faces.begin(), faces.end());
   }
   std::sort(result.widened.begin(), result.widened.end());

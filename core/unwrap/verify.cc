@@ -399,13 +399,17 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution,
                        const std::vector<char>& ignored, std::int64_t max_pairs) {
-  // Far more than triangles of ordinary shapes need; 2,000 of any shape are compared all with all.
+  // Enough for triangles of ordinary shapes. Where they are not, as in a fan of needles, a sweep says whether there is
+  // an overlap before pairs are counted, of 2,000 triangles of any shape all with all.
   constexpr std::int64_t kTests = 2'000'000, kTestsPerFace = 64;
-  const std::int64_t max_tests = kTests + kTestsPerFace * static_cast<std::int64_t>(uv.size() / 6);
-  if (OutlinesProveNoOverlap(opposite, uv, orientation, max_tests, execution, ignored)) return {};
-  const Overlaps overlaps = FindOverlaps(uv, max_tests, nullptr, execution, ignored, max_pairs);
-  if (!overlaps.limited || overlaps.pairs > 0) return overlaps;
-  return FindOneOverlap(uv, execution, ignored);
+  const std::int64_t tests = kTestsPerFace * static_cast<std::int64_t>(uv.size() / 6);
+  if (OutlinesProveNoOverlap(opposite, uv, orientation, tests, execution, ignored)) return {};
+  const Overlaps overlaps = FindOverlaps(uv, tests, nullptr, execution, ignored, max_pairs);
+  if (!overlaps.limited || overlaps.pairs >= max_pairs) return overlaps;
+  const Overlaps one = overlaps.pairs > 0 ? overlaps : FindOneOverlap(uv, execution, ignored);
+  if (one.pairs == 0 || max_pairs == 1) return one;
+  const Overlaps counted = FindOverlaps(uv, tests + kTests, nullptr, execution, ignored, max_pairs);
+  return counted.pairs > 0 ? counted : one;
 }
 
 }  // namespace planish

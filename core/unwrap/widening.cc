@@ -142,13 +142,16 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
   return Widen(mesh, thin, chart);
 }
 
-std::vector<std::int32_t> HardlyHeld(const CornerUv& uv, Precision precision, const std::vector<char>& ignored,
-                                     const Chart& chart) {
+std::vector<std::int32_t> HardlyHeld(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
+                                     const std::vector<char>& ignored, const Chart& chart) {
   std::vector<std::int32_t> faces;
   for (const std::int32_t f : chart.faces) {
     if (!ignored.empty() && ignored[f] != 0) continue;
     const Corners p = TriangleOf(uv, f);
-    if (DoubleArea(p) < kHeldAltitude * GrainOf(p, precision) * LongestEdge(p)) faces.push_back(f);
+    const std::array<Vec3, 3> q = TriangleOf(mesh.positions, mesh.faces[f]);
+    const double least = kHeldAltitude * GrainOf(p, precision);
+    if (DoubleArea(p) >= least * LongestEdge(p)) continue;
+    if (scale * std::min(1.0, chart.enlargement) * DoubleArea(q) < least * LongestEdge(q)) faces.push_back(f);
   }
   return faces;
 }

@@ -31,8 +31,7 @@ TEST(Estimate, GrowsWithTheMesh) {
 TEST(Estimate, IsAboveWhatWasMeasuredButNotFar) {
   const Estimate koala = EstimateUnwrap(99'994, 49'999, 840'000, WithSeams(SeamPolicy::kAuto));
   EXPECT_GT(koala.peak_bytes, 54'000'000);
-  // The counts do not tell that its faces are no charts by themselves.
-  EXPECT_LT(koala.peak_bytes, 216'000'000);
+  EXPECT_LT(koala.peak_bytes, 135'000'000);
   EXPECT_GT(koala.seconds, 0.6);
   EXPECT_LT(koala.seconds, 5.4);
   const Estimate foot = EstimateUnwrap(1'000'000, 501'000, 8'700'000, WithSeams(SeamPolicy::kNone));
@@ -45,9 +44,9 @@ TEST(Estimate, KnowsWhatCostsMore) {
     return EstimateUnwrap(100'000, vertices, 800'000, options);
   };
   const Estimate plain = of({});
-  UnwrapOptions disc = WithSeams(SeamPolicy::kNone), direct = disc;
+  UnwrapOptions direct;
   direct.flatten.solver = SolverType::kDirect;
-  EXPECT_GT(of(direct).peak_bytes, 1.2 * static_cast<double>(of(disc).peak_bytes));
+  EXPECT_GT(of(direct).peak_bytes, 1.2 * static_cast<double>(plain.peak_bytes));
   UnwrapOptions convex;
   convex.flatten.boundary = BoundaryType::kConvex;
   EXPECT_GT(of(convex).seconds, plain.seconds);
@@ -58,11 +57,11 @@ TEST(Estimate, KnowsWhatCostsMore) {
   threads.threads = 8;
   EXPECT_GT(of(threads).peak_bytes, plain.peak_bytes);
   // Triangles that share no vertices make a chart each.
-  EXPECT_GT(of({}, 300'000).peak_bytes, plain.peak_bytes);
-  EXPECT_GT(of({}, 300'000).seconds, 2 * plain.seconds);
+  EXPECT_GT(of({}, 300'000).peak_bytes, 2 * plain.peak_bytes);
+  EXPECT_GT(of({}, 300'000).seconds, 3 * plain.seconds);
   // So do triangles that share few vertices at random; surfaces with many handles have hardly fewer than closed ones.
-  EXPECT_GT(of({}, 30'000).peak_bytes, plain.peak_bytes);
-  EXPECT_GT(of({}, 30'000).seconds, 2 * plain.seconds);
+  EXPECT_GT(of({}, 30'000).peak_bytes, 2 * plain.peak_bytes);
+  EXPECT_GT(of({}, 30'000).seconds, 3 * plain.seconds);
   EXPECT_LE(of({}, 45'000).peak_bytes, plain.peak_bytes);
   UnwrapOptions many_tiles;
   many_tiles.atlas.tiles = 100;

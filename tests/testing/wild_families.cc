@@ -111,7 +111,6 @@ Mesh Uneven(Dice& dice, std::uint64_t seed, int faces) {
       const auto [a, b, c] = mesh.faces[f];
       const auto middle = static_cast<std::int32_t>(mesh.positions.size());
       const Vec3 p = mesh.positions[a], q = (mesh.positions[b] + mesh.positions[c]) / 2;
-      if ((q - p).norm() < 1e-9 && level > 0) break;
       mesh.positions.push_back(p + share * (q - p));
       mesh.faces[f] = {a, b, middle};
       mesh.faces.push_back({b, c, middle});
