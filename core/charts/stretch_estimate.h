@@ -59,8 +59,9 @@ class StretchEstimate {
   void Solve();
   double KeptAt(std::int32_t half_edge) const { return static_cast<double>(kept_[half_edge]); }
   double SolvedAt(std::int32_t half_edge) const;
-  template <typename At>
-  Sums SumUp(const At& at) const;
+  template <typename Scale>
+  Sums SumUp(const Scale& scale_at) const;
+  Sums SumUpSolved();
 
   const Gluing& gluing_;
   const AtlasTuning& tuning_;
@@ -74,7 +75,7 @@ class StretchEstimate {
   // Of the estimate at hand.
   std::vector<std::int32_t> faces_;
   std::int32_t num_free_ = 0;
-  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_;
+  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_, scale_;
   std::vector<Edge> edges_;
 };
 
