@@ -67,7 +67,9 @@ class Packer {
  private:
   double Budget() const {
     const auto charts = static_cast<double>(outlines_.size());
-    const double rest = tuning_.rest_per_face * num_faces_ + tuning_.rest_per_chart * charts;
+    const double few = std::min(num_faces_, std::sqrt(num_faces_ * tuning_.full_work_faces));
+    const double faces = options_.effort == PackEffort::kBest ? num_faces_ : few;
+    const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
     if (options_.effort != PackEffort::kNormal) return share;
     return std::max({share, tuning_.least_work, tuning_.least_per_chart * charts});
