@@ -40,10 +40,11 @@ class Distances {
       queue.pop();
       if (At(f) < nearness) continue;
       const TriMesh& mesh = gluing_.mesh();
+      const Vec3 centre = Centre(mesh, f);
       for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
         if (gluing_.IsOutline(h)) continue;
         const std::int32_t g = gluing_.surface().face_across(h);
-        const double step = gluing_.surface().is_uncut(h) ? 0 : (Centre(mesh, f) - Centre(mesh, g)).norm();
+        const double step = gluing_.surface().is_uncut(h) ? 0 : (centre - Centre(mesh, g)).norm();
         reach({nearness.first + step, nearness.second}, g);
       }
     }

@@ -239,8 +239,14 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
   return points;
 }
 
-std::vector<Vec2> StretchEstimate::Inside(std::span<const HalfedgeHandle> outline, std::span<const Vec2> points) {
+std::vector<Vec2> StretchEstimate::Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
+                                          std::span<const Vec2> points) {
   const TriMesh& mesh = gluing_.mesh();
+  faces_.clear();
+  Mark(faces);
+  NumberVertices();
+  Assemble();
+  for (const std::int32_t f : faces_) is_marked_[f] = 0;
   place_.resize(vertex_.size());
   for (std::size_t i = 0; i < outline.size(); ++i) {
     ForEachInFan(gluing_, gluing_.Next(outline[i]), [&](HalfedgeHandle h) { place_[h.idx()] = points[i]; });

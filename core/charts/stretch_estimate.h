@@ -41,8 +41,10 @@ class StretchEstimate {
   // The map of the last estimate, which was of a whole disc: where each of these half-edges begins, which are the
   // outline of the disc. Edges of the outline keep their lengths, up to what closes it.
   std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
-  // The same map inside, between these points of the outline: of each corner, in the order of the faces.
-  std::vector<Vec2> Inside(std::span<const HalfedgeHandle> outline, std::span<const Vec2> points);
+  // Such a map inside, of the disc of these faces, between these points of its outline: of each corner, in the order of
+  // the faces.
+  std::vector<Vec2> Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
+                           std::span<const Vec2> points);
 
   // Starts the next estimates of the same faces from the u of the last one.
   void Keep();
