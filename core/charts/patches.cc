@@ -11,37 +11,43 @@ namespace planish {
 namespace {
 
 constexpr double kCostUnit = 1e-7;
-constexpr std::int64_t kBucket = 1 << 10;  // of these units
+constexpr std::int64_t kBucket = 1 << 5;  // of these units
 
 class Joining {
  public:
-  Joining(const Surface& surface, const AtlasTuning& tuning)
-      : tuning_(tuning), patches_(surface.num_faces()), area_(surface.area), normal_(surface.area_normal) {}
+  Joining(const Surface& surface, const AtlasTuning& tuning) : tuning_(tuning), patches_(surface.num_faces()) {
+    patch_.reserve(surface.num_faces());
+    for (std::int32_t f = 0; f < surface.num_faces(); ++f) patch_.push_back({surface.area_normal[f], surface.area[f]});
+  }
 
   std::int32_t Root(std::int32_t f) { return patches_.Find(f); }
 
   // What it costs to join two patches, in units of kCostUnit; more than MaxCost() if they should stay apart.
   std::int64_t Cost(std::int32_t a, std::int32_t b) const {
-    const double area = area_[a] + area_[b];
+    const Patch &one = patch_[a], &other = patch_[b];
+    const double area = one.area + other.area;
     if (!(area > 0)) return 0;
-    const double along = normal_[a].dot(normal_[b]), lengths = normal_[a].norm() * normal_[b].norm();
+    const double along = one.normal.dot(other.normal), lengths = one.normal.norm() * other.normal.norm();
     if (along < tuning_.patch_cosine * lengths) return MaxCost() + 1;
-    return std::llround(std::max(0.0, 1 - (normal_[a] + normal_[b]).norm() / area) / kCostUnit);
+    return std::llround(std::max(0.0, 1 - (one.normal + other.normal).norm() / area) / kCostUnit);
   }
   std::int64_t MaxCost() const { return std::llround(tuning_.patch_deviation / kCostUnit); }
 
   void Join(std::int32_t a, std::int32_t b) {
     patches_.Join(a, b);
     if (b < a) std::swap(a, b);
-    area_[a] += area_[b];
-    normal_[a] += normal_[b];
+    patch_[a].area += patch_[b].area;
+    patch_[a].normal += patch_[b].normal;
   }
 
  private:
   const AtlasTuning& tuning_;
   UnionFind patches_;
-  std::vector<double> area_;  // of roots: of their patch
-  std::vector<Vec3> normal_;
+  struct Patch {
+    Vec3 normal;  // times the area
+    double area;
+  };
+  std::vector<Patch> patch_;  // of roots
 };
 
 }  // namespace
@@ -53,7 +59,7 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
     const HalfedgeHandle h = surface.mesh.halfedge_handle(EdgeHandle(e), 0);
     return std::pair(surface.mesh.face_handle(h).idx(), surface.face_across(h));
   };
-  // Buckets of costs, since one heap of all edges would not stay in the cache.
+  // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache.
   using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, edge
   using Queue = std::priority_queue<Entry, std::vector<Entry>, std::greater<>>;
   std::vector<std::vector<Entry>> entries(joining.MaxCost() / kBucket + 1);

@@ -42,11 +42,11 @@ class Distances {
       queue.pop();
       if (At(f) < nearness) continue;
       const TriMesh& mesh = gluing_.mesh();
+      const Vec3 centre = Centre(mesh, f);
       for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
         if (gluing_.IsOutline(h)) continue;
         const std::int32_t g = gluing_.surface().face_across(h);
-        const bool is_edge = measure == Measure::kEdges;
-        const double length = is_edge ? 1 : (Centre(mesh, f) - Centre(mesh, g)).norm();
+        const double length = measure == Measure::kEdges ? 1 : (centre - Centre(mesh, g)).norm();
         const double step = gluing_.surface().is_uncut(h) ? 0 : length;
         reach({nearness.first + step, nearness.second}, g);
       }

@@ -15,6 +15,14 @@ constexpr std::int32_t kOutline = -2;  // u = 0
 constexpr std::int32_t kFixed = -3;    // u as kept
 constexpr std::int32_t kUnknown = -1;
 
+double AsKept(double u) {
+  return static_cast<double>(static_cast<float>(u));
+}
+// Of areas where lengths are multiplied by e^u.
+double ScaleOf(double u) {
+  return u == 0 ? 1.0 : portable::Exp(2 * u);
+}
+
 }  // namespace
 
 StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning)
@@ -145,25 +153,33 @@ void StretchEstimate::Solve() {
   }
 }
 
-// As it will be kept.
 double StretchEstimate::SolvedAt(std::int32_t half_edge) const {
   const std::int32_t v = vertex_[half_edge];
-  return v >= 0 ? static_cast<double>(static_cast<float>(u_[v])) : v == kFixed ? KeptAt(half_edge) : 0.0;
+  return v >= 0 ? AsKept(u_[v]) : v == kFixed ? KeptAt(half_edge) : 0.0;
 }
 
-template <typename At>
-StretchEstimate::Sums StretchEstimate::SumUp(const At& at) const {
+template <typename Scale>
+StretchEstimate::Sums StretchEstimate::SumUp(const Scale& scale_at) const {
   Sums sums;
   for (const std::int32_t f : faces_) {
     const double third = gluing_.surface().area[f] / 3;
     for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(f))) {
-      const double u = at(h.idx()), scale = u == 0 ? 1.0 : portable::Exp(2 * u);
+      const double scale = scale_at(h.idx());
       sums.larger += third * scale;
       sums.smaller += third / scale;
     }
     sums.area += 3 * third;
   }
   return sums;
+}
+
+StretchEstimate::Sums StretchEstimate::SumUpSolved() {
+  scale_.resize(num_free_);
+  for (std::int32_t i = 0; i < num_free_; ++i) scale_[i] = ScaleOf(AsKept(u_[i]));
+  return SumUp([&](std::int32_t h) {
+    const std::int32_t v = vertex_[h];
+    return v >= 0 ? scale_[v] : v == kFixed ? ScaleOf(KeptAt(h)) : 1.0;
+  });
 }
 
 StretchEstimate::Sums StretchEstimate::Whole(std::span<const std::int32_t> first,
@@ -175,7 +191,7 @@ StretchEstimate::Sums StretchEstimate::Whole(std::span<const std::int32_t> first
   Assemble();
   Solve();
   for (const std::int32_t f : faces_) is_marked_[f] = 0;
-  return SumUp([&](std::int32_t h) { return SolvedAt(h); });
+  return SumUpSolved();
 }
 
 StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> small, const Sums& before) {
@@ -193,8 +209,8 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
   Assemble();
   Solve();
   for (const std::int32_t f : faces_) is_marked_[f] = 0;
-  const Sums was = SumUp([&](std::int32_t h) { return KeptAt(h); });
-  const Sums is = SumUp([&](std::int32_t h) { return SolvedAt(h); });
+  const Sums was = SumUp([&](std::int32_t h) { return ScaleOf(KeptAt(h)); });
+  const Sums is = SumUpSolved();
   return {before.area, before.larger + is.larger - was.larger, before.smaller + is.smaller - was.smaller};
 }
 
@@ -223,8 +239,14 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
   return points;
 }
 
-std::vector<Vec2> StretchEstimate::Inside(std::span<const HalfedgeHandle> outline, std::span<const Vec2> points) {
+std::vector<Vec2> StretchEstimate::Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
+                                          std::span<const Vec2> points) {
   const TriMesh& mesh = gluing_.mesh();
+  faces_.clear();
+  Mark(faces);
+  NumberVertices();
+  Assemble();
+  for (const std::int32_t f : faces_) is_marked_[f] = 0;
   place_.resize(vertex_.size());
   for (std::size_t i = 0; i < outline.size(); ++i) {
     ForEachInFan(gluing_, gluing_.Next(outline[i]), [&](HalfedgeHandle h) { place_[h.idx()] = points[i]; });

@@ -41,8 +41,10 @@ class StretchEstimate {
   // The map of the last estimate, which was of a whole disc: where each of these half-edges begins, which are the
   // outline of the disc. Edges of the outline keep their lengths, up to what closes it.
   std::vector<Vec2> Outline(std::span<const HalfedgeHandle> outline) const;
-  // The same map inside, between these points of the outline: of each corner, in the order of the faces.
-  std::vector<Vec2> Inside(std::span<const HalfedgeHandle> outline, std::span<const Vec2> points);
+  // Such a map inside, of the disc of these faces, between these points of its outline: of each corner, in the order of
+  // the faces.
+  std::vector<Vec2> Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
+                           std::span<const Vec2> points);
 
   // Starts the next estimates of the same faces from the u of the last one.
   void Keep();
@@ -59,8 +61,9 @@ class StretchEstimate {
   void Solve();
   double KeptAt(std::int32_t half_edge) const { return static_cast<double>(kept_[half_edge]); }
   double SolvedAt(std::int32_t half_edge) const;
-  template <typename At>
-  Sums SumUp(const At& at) const;
+  template <typename Scale>
+  Sums SumUp(const Scale& scale_at) const;
+  Sums SumUpSolved();
 
   const Gluing& gluing_;
   const AtlasTuning& tuning_;
@@ -74,7 +77,7 @@ class StretchEstimate {
   // Of the estimate at hand.
   std::vector<std::int32_t> faces_;
   std::int32_t num_free_ = 0;
-  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_;
+  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_, scale_;
   std::vector<Edge> edges_;
 };
 

@@ -68,7 +68,9 @@ class Packer {
  private:
   double Budget() const {
     const auto charts = static_cast<double>(charts_.outlines.size());
-    const double rest = tuning_.rest_per_face * charts_.num_faces + tuning_.rest_per_chart * charts;
+    const double few = std::min(charts_.num_faces, std::sqrt(charts_.num_faces * tuning_.full_work_faces));
+    const double faces = options_.effort == PackEffort::kBest ? charts_.num_faces : few;
+    const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
     if (options_.effort != PackEffort::kNormal) return share;
     return std::max({share, tuning_.least_work, tuning_.least_per_chart * charts});

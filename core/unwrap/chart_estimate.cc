@@ -76,8 +76,7 @@ void ChartEstimates::Update(std::int32_t chart) {
 }
 
 std::vector<Vec2> ChartEstimates::Corners(std::int32_t chart) {
-  estimate_.Whole(segmentation_.charts()[chart]);
-  return estimate_.Inside(charts_[chart].outline, charts_[chart].points);
+  return estimate_.Inside(segmentation_.charts()[chart], charts_[chart].outline, charts_[chart].points);
 }
 
 }  // namespace planish

@@ -52,6 +52,7 @@ int Main(int argc, char** argv) {
   app.add_option("--svg", svg, "draws the last packing");
   PackTuning& tuning = options.tuning;
   app.add_option("--rest-per-face", tuning.rest_per_face);
+  app.add_option("--full-work-faces", tuning.full_work_faces);
   app.add_option("--rest-per-chart", tuning.rest_per_chart);
   app.add_option("--normal-share", tuning.normal_share);
   app.add_option("--least-work", tuning.least_work);
