@@ -10,8 +10,8 @@ namespace planish {
 struct Estimate {
   // What a process holds at most beyond what it held idle, to decode, unwrap and hold the result: a typical upper
   // figure. Of 1,000 meshes of tests/bench/hunt.cc at most 5 took more, and none twice as much; 95 of 100 took at least
-  // a third. How many charts there will be cannot be known before, nor whether multigrid fails on one of kAuto: a job
-  // that needs more has to be run again with twice that.
+  // a third. The counts do not tell how many charts there will be, or with kAuto whether multigrid fails on one of
+  // them. So a job may need more, and has to be run again with twice that.
   std::int64_t peak_bytes = 0;
   // With one thread, to decode and unwrap, within a factor of about 3 for scans and models on a machine like that of
   // memory.md.

@@ -399,8 +399,8 @@ bool OutlinesProveNoOverlap(const std::vector<std::int32_t>& opposite, const Cor
 Overlaps CheckOverlaps(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
                        const OrientationFaults& orientation, const Execution& execution,
                        const std::vector<char>& ignored, std::int64_t max_pairs) {
-  // Enough for triangles of ordinary shapes. Where they are not, as in a fan of needles, a sweep says whether there is
-  // an overlap before pairs are counted, of 2,000 triangles of any shape all with all.
+  // As many tests as triangles of ordinary shapes take. For others, as in a fan of needles, a sweep first says whether
+  // there is an overlap at all. Only then are pairs counted, with tests for 2,000 triangles of any shape, all with all.
   constexpr std::int64_t kTests = 2'000'000, kTestsPerFace = 64;
   const std::int64_t tests = kTestsPerFace * static_cast<std::int64_t>(uv.size() / 6);
   if (OutlinesProveNoOverlap(opposite, uv, orientation, tests, execution, ignored)) return {};

@@ -30,7 +30,8 @@ class JobObserver {
   // A worker answered after `duration`, whatever it said. `job` is one of those that share the work.
   virtual void OnWorkEnded(const v1::Job& job, const worker::v1::WorkResult& result, absl::Duration duration) = 0;
 
-  // A worker was lost after `duration`; `retried` of the jobs that shared the work were queued again.
+  // A worker was lost after `duration`, or ran out of the memory reserved for its work, which is queued again with more
+  // (`loss` has OUT_OF_MEMORY then); `retried` of the jobs that shared the work were queued again.
   virtual void OnWorkLost(const v1::Job& job, const WorkerLoss& loss, int retried, absl::Duration duration) = 0;
 };
 

@@ -19,7 +19,8 @@ namespace {
 constexpr double kLearningRate = 0.2;
 constexpr double kMostFactor = 100;
 
-// Work that needs more memory than the counts of its mesh told is done again with so much more of it, so often at most.
+// Work that ran out of the memory reserved for it is queued again with kEnlargement times as much, kMostEnlargements
+// times at most.
 constexpr int kEnlargement = 2;
 constexpr int kMostEnlargements = 2;
 
