@@ -1,6 +1,8 @@
 // JobStore's verbs in SQL.
 #include <algorithm>
+#include <deque>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <set>
 #include <string>
@@ -133,17 +135,24 @@ class SqlJobStore : public JobStore {
               [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
     const absl::Status status = Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t until, LeaseUntil(&transaction, lease));
-      std::vector<SqlRows> rows(leases.size());
+      RowBatch renewals = RowBatch::Of(
+          "UPDATE works SET lease_until = v.column4 FROM (VALUES {rows}) AS v WHERE name = v.column1 AND "
+          "owner = v.column2 AND attempt = v.column3 AND running = 1 RETURNING name, attempt, wish");
       for (const std::size_t i : order) {
-        const Lease& held = leases[i];
-        PLANISH_RETURN_IF_ERROR(transaction.sql().RunLater(
-            "UPDATE works SET lease_until = ? WHERE name = ? AND owner = ? AND attempt = ? AND running = 1 "
-            "RETURNING wish",
-            {until, std::string_view(held.work), std::string_view(held.owner), held.attempt}, &rows[i]));
+        renewals.Add({std::string_view(leases[i].work), std::string_view(leases[i].owner), leases[i].attempt, until});
       }
+      std::deque<SqlRows> answers;
+      PLANISH_RETURN_IF_ERROR(renewals.Send(&transaction.sql(), &answers));
       PLANISH_RETURN_IF_ERROR(transaction.sql().Flush());
+      std::map<std::pair<std::string, std::int64_t>, Wish> renewed;
+      for (const SqlRows& rows : answers) {
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+          renewed[{rows.Bytes(i, 0), rows.Int(i, 1)}] = static_cast<Wish>(rows.Int(i, 2));
+        }
+      }
       for (std::size_t i = 0; i < leases.size(); ++i) {
-        wishes[i] = rows[i].empty() ? Wish::kGiveUp : static_cast<Wish>(rows[i].Int(0, 0));
+        const auto found = renewed.find({leases[i].work, leases[i].attempt});
+        wishes[i] = found == renewed.end() ? Wish::kGiveUp : found->second;
       }
       return absl::OkStatus();
     });

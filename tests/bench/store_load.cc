@@ -134,7 +134,8 @@ class Machine {
           running_[work.lease.work] = {work.lease, Clock::now()};
         }
       }
-      given_.notify_all();
+      given_.notify_one();
+      sooner_.notify_one();
       for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
       const absl::Time now = absl::Now();
       const absl::Time next = pace.Next(now, absl::Seconds(interval > 0.02 ? interval : 0), absl::Seconds(took));
@@ -142,29 +143,23 @@ class Machine {
     }
   }
 
+  // What one worker ends. One of those that are free waits for the next end; the others sleep.
   void Finish() {
-    while (!round_.over) {
-      Lease lease;
-      {
-        std::unique_lock lock(mutex_);
-        const Clock::time_point look = Clock::now() + kLook;
-        given_.wait_until(lock, ends_.empty() ? look : std::min(ends_.begin()->first, look));
-        if (ends_.empty() || ends_.begin()->first > Clock::now()) continue;
-        lease = std::move(ends_.begin()->second);
-        ends_.erase(ends_.begin());
-      }
+    while (const std::optional<Lease> lease = NextEnd()) {
       const Clock::time_point start = Clock::now();
-      Get(store_.Finish(Now(), lease, Success()));
+      Get(store_.Finish(Now(), *lease, Success()));
       round_.finishes.Add(Since(start));
       ++round_.finished;
       const std::lock_guard lock(mutex_);
-      running_.erase(lease.work);
+      running_.erase(lease->work);
       free_.push_back(Clock::now());
       freed_.notify_one();
     }
   }
 
-  void KeepOrder() {
+  // `place`, 0 to 1: of this machine among all, which began at different moments.
+  void KeepOrder(double place) {
+    if (!Pause(kRenewals * place)) return;
     Clock::time_point renewed = Clock::now(), asked = renewed, looked = renewed;
     for (; Pause(0.5);) {
       std::vector<Lease> leases;
@@ -190,6 +185,13 @@ class Machine {
     }
   }
 
+  // After the round is over: threads that wait end.
+  void Wake() {
+    const std::lock_guard lock(mutex_);
+    given_.notify_all();
+    sooner_.notify_all();
+  }
+
   void Leave() { Get(store_.Release(Now(), owner_)); }
 
  private:
@@ -198,6 +200,23 @@ class Machine {
 
   static Clock::time_point After(double seconds) {
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  }
+
+  // When it is time to; nothing if the round is over.
+  std::optional<Lease> NextEnd() {
+    std::unique_lock lock(mutex_);
+    given_.wait(lock, [&] { return round_.over || (!awaited_ && !ends_.empty()); });
+    awaited_ = true;
+    while (!round_.over && ends_.begin()->first > Clock::now()) {
+      const Clock::time_point end = ends_.begin()->first;
+      sooner_.wait_until(lock, end, [&] { return round_.over || ends_.begin()->first < end; });
+    }
+    if (round_.over) return std::nullopt;
+    const Lease lease = std::move(ends_.begin()->second);
+    ends_.erase(ends_.begin());
+    awaited_ = false;
+    if (!ends_.empty()) given_.notify_one();
+    return lease;
   }
 
   // False if the round is over.
@@ -222,7 +241,9 @@ class Machine {
   Round& round_;
 
   std::mutex mutex_;
-  std::condition_variable freed_, given_;
+  std::condition_variable freed_;   // a worker is
+  std::condition_variable given_;   // work is there whose end nobody waits for
+  std::condition_variable sooner_;  // work is there that ends before what is waited for
   struct Held {
     Lease lease;
     Clock::time_point renewed;
@@ -231,6 +252,7 @@ class Machine {
   std::deque<Clock::time_point> free_;            // workers, since when each
   std::multimap<Clock::time_point, Lease> ends_;  // of what runs, but for what is being finished
   std::map<std::string, Held> running_;           // by work
+  bool awaited_ = false;                          // a thread waits for the first end
 };
 
 // Machines and the threads of each. Ends with the round.
@@ -247,11 +269,13 @@ class Machinery {
         std::this_thread::sleep_for(std::chrono::duration<double>(stagger * i / machines));
         machine->Claim();
       });
-      crowd_.Add([machine] { machine->KeepOrder(); });
+      crowd_.Add([machine, i, machines] { machine->KeepOrder(double(i) / machines); });
       for (int slot = 0; slot < flags.slots; ++slot) crowd_.Add([machine] { machine->Finish(); });
     }
   }
+  // The round is over.
   ~Machinery() {
+    for (const std::unique_ptr<Machine>& machine : machines_) machine->Wake();
     crowd_.Join();
     for (const std::unique_ptr<Machine>& machine : machines_) machine->Leave();
   }
