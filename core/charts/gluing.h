@@ -19,10 +19,10 @@ namespace planish {
 class Gluing {
  public:
   // Every face by itself. `surface` must outlive this.
-  explicit Gluing(const Surface& surface) : surface_(&surface), is_glued_(surface.mesh.n_edges(), 0) {}
+  explicit Gluing(const Surface& surface) : surface_(&surface), is_glued_(surface.mesh->n_edges(), 0) {}
 
   const Surface& surface() const { return *surface_; }
-  const TriMesh& mesh() const { return surface_->mesh; }
+  const TriMesh& mesh() const { return *surface_->mesh; }
   // Whether the half-edge is on an outline: not glued to the one across.
   bool IsOutline(HalfedgeHandle h) const { return !is_glued_[h.idx() / 2]; }
 

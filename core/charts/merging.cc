@@ -50,7 +50,7 @@ class Merging {
       : max_stretch_(max_stretch),
         tuning_(tuning),
         surface_(gluing->surface()),
-        mesh_(surface_.mesh),
+        mesh_(*surface_.mesh),
         gluing_(*gluing),
         disc_of_(*disc_of),
         estimate_(*gluing, tuning),
@@ -270,7 +270,7 @@ void Merging::Run(const Execution& execution) {
 
 void GluePiece(std::int32_t start, const std::vector<std::int32_t>& piece, std::vector<char>* seen, Gluing* gluing) {
   const Surface& surface = gluing->surface();
-  const TriMesh& mesh = surface.mesh;
+  const TriMesh& mesh = *surface.mesh;
   std::vector<std::int32_t> order;
   std::vector<HalfedgeHandle> zipped;
   // A face and those it must not be parted from.

@@ -56,17 +56,17 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
   const std::int32_t num_faces = surface.num_faces();
   Joining joining(surface, tuning);
   const auto faces_at = [&](std::int32_t e) {
-    const HalfedgeHandle h = surface.mesh.halfedge_handle(EdgeHandle(e), 0);
-    return std::pair(surface.mesh.face_handle(h).idx(), surface.face_across(h));
+    const HalfedgeHandle h = surface.mesh->halfedge_handle(EdgeHandle(e), 0);
+    return std::pair(surface.mesh->face_handle(h).idx(), surface.face_across(h));
   };
   // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache.
   using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, edge
   using Queue = std::priority_queue<Entry, std::vector<Entry>, std::greater<>>;
   std::vector<std::vector<Entry>> entries(joining.MaxCost() / kBucket + 1);
-  for (const EdgeHandle e : surface.mesh.edges()) {
+  for (const EdgeHandle e : surface.mesh->edges()) {
     const auto [f, g] = faces_at(e.idx());
     if (g < 0) continue;
-    if (surface.mesh.data(e).is_uncut) {
+    if (surface.mesh->data(e).is_uncut) {
       const std::int32_t a = joining.Root(f), b = joining.Root(g);
       if (a != b) joining.Join(a, b);
       continue;

@@ -23,7 +23,7 @@ struct NewPair {
 
 std::vector<std::array<std::int32_t, 2>> PairsToRejoin(const Gluing& gluing, const std::vector<std::int32_t>& chart) {
   const Surface& surface = gluing.surface();
-  const TriMesh& mesh = surface.mesh;
+  const TriMesh& mesh = *surface.mesh;
   std::vector<std::int32_t> chart_faces;
   for (const std::int32_t i : chart) {
     if (i >= std::ssize(chart_faces)) chart_faces.resize(i + 1, 0);

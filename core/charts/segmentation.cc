@@ -117,7 +117,7 @@ Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch
     std::int32_t count = 0;
     chart_ = ConnectedPieces(
         surface.num_faces(), &count, [&](std::int32_t f) { return surface.takes_part[f] != 0; },
-        [&](std::int32_t f, int k) { return surface.face_across(HalfEdgesOf(surface.mesh, FaceHandle(f))[k]); });
+        [&](std::int32_t f, int k) { return surface.face_across(HalfEdgesOf(*surface.mesh, FaceHandle(f))[k]); });
     GluePieces(chart_, &gluing_);
   } else {
     chart_ = MakePatches(surface, tuning, execution);
@@ -134,7 +134,7 @@ Segmentation::Segmentation(const Surface& surface, const Segmentation& before, d
                            const Execution& execution)
     : surface_(surface), tuning_(before.tuning_), gluing_(surface), chart_(before.chart_) {
   for (std::int32_t c = 0; c < 3 * surface.num_faces(); ++c) {
-    if (!before.gluing_.IsOutline(HalfEdgeOf(before.surface_.mesh, c))) gluing_.Glue(HalfEdgeOf(surface.mesh, c));
+    if (!before.gluing_.IsOutline(HalfEdgeOf(*before.surface_.mesh, c))) gluing_.Glue(HalfEdgeOf(*surface.mesh, c));
   }
   MergeDiscs(static_cast<std::int32_t>(before.faces_.size()), max_stretch, tuning_, execution, &gluing_, &chart_);
   SmoothOutlines(tuning_, execution, AllFaces(), &gluing_, &chart_);
@@ -160,7 +160,7 @@ void Segmentation::CollectFaces() {
 
 bool Segmentation::HasSlit(std::int32_t chart) const {
   return std::any_of(faces_[chart].begin(), faces_[chart].end(), [&](std::int32_t f) {
-    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(surface_.mesh, FaceHandle(f));
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(*surface_.mesh, FaceHandle(f));
     return std::any_of(half_edges.begin(), half_edges.end(), [&](HalfedgeHandle h) {
       const std::int32_t across = surface_.face_across(h);
       return gluing_.IsOutline(h) && across >= 0 && chart_[across] == chart;
@@ -173,7 +173,7 @@ bool Segmentation::HasSlit(std::int32_t chart) const {
 bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const {
   std::int64_t vertices = 0, doubled_edges = 0;
   for (const std::int32_t f : faces) {
-    for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) {
+    for (const HalfedgeHandle h : HalfEdgesOf(*surface_.mesh, FaceHandle(f))) {
       doubled_edges += gluing_.IsOutline(h) ? 2 : 1;
       if ((*is_seen)[h.idx()]) continue;
       ++vertices;
@@ -181,7 +181,7 @@ bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces, std::vector<ch
     }
   }
   for (const std::int32_t f : faces) {
-    for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) (*is_seen)[h.idx()] = 0;
+    for (const HalfedgeHandle h : HalfEdgesOf(*surface_.mesh, FaceHandle(f))) (*is_seen)[h.idx()] = 0;
   }
   return vertices + static_cast<std::int64_t>(faces.size()) == doubled_edges / 2 + 1;
 }
@@ -191,7 +191,7 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
     scratch_.distance.assign(chart_.size(), std::numeric_limits<double>::infinity());
     scratch_.source.assign(chart_.size(), -1);
     scratch_.moving.assign(chart_.size(), -1);
-    scratch_.is_seen.assign(surface_.mesh.n_halfedges(), 0);
+    scratch_.is_seen.assign(surface_.mesh->n_halfedges(), 0);
     scratch_.is_glued.assign(chart_.size(), 0);
   }
   Distances distances(gluing_, &scratch_);
@@ -210,7 +210,7 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
       faces_[chart_[faces[i]]].push_back(faces[i]);
     }
     for (const std::int32_t f : faces) {
-      for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) {
+      for (const HalfedgeHandle h : HalfEdgesOf(*surface_.mesh, FaceHandle(f))) {
         if (!gluing_.IsOutline(h) && chart_[surface_.face_across(h)] != chart_[f]) gluing_.Unglue(h);
       }
     }
@@ -220,7 +220,7 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
       if (IsDisc(faces_[number], &scratch_.is_seen)) continue;
       // It runs round another part.
       for (const std::int32_t f : faces_[number]) {
-        for (const HalfedgeHandle h : HalfEdgesOf(surface_.mesh, FaceHandle(f))) gluing_.Unglue(h);
+        for (const HalfedgeHandle h : HalfEdgesOf(*surface_.mesh, FaceHandle(f))) gluing_.Unglue(h);
       }
       GluePiece(faces_[number].front(), chart_, &scratch_.is_glued, &gluing_);
       for (const std::int32_t f : faces_[number]) scratch_.is_glued[f] = 0;

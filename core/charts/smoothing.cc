@@ -10,7 +10,7 @@ namespace {
 class Smoothing {
  public:
   Smoothing(const AtlasTuning& tuning, Gluing* gluing, std::vector<std::int32_t>* chart)
-      : tuning_(tuning), surface_(gluing->surface()), mesh_(surface_.mesh), gluing_(*gluing), chart_(*chart) {}
+      : tuning_(tuning), surface_(gluing->surface()), mesh_(*surface_.mesh), gluing_(*gluing), chart_(*chart) {}
 
   void Run(std::vector<std::int32_t> faces, const Execution& execution) {
     std::vector<std::int32_t> next;

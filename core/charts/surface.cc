@@ -1,5 +1,6 @@
 #include "core/charts/surface.h"
 
+#include <memory>
 #include <numbers>
 
 #include "Eigen/Geometry"
@@ -86,15 +87,16 @@ absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, c
   surface.kind = seams.kind;
   surface.part = seams.part;
   Cut(surface, seams, &pairing, &surface.crowded_edges);
-  surface.mesh = ImportMesh(mesh, pairing.opposite);
+  const std::shared_ptr<TriMesh> imported(new TriMesh(ImportMesh(mesh, pairing.opposite)));
+  surface.mesh = imported;
   for (const std::int32_t c : seams.uncut_corners) {
-    const EdgeHandle edge = surface.mesh.edge_handle(HalfEdgeOf(surface.mesh, c));
-    if (!surface.mesh.is_boundary(edge)) surface.mesh.data(edge).is_uncut = true;
+    const EdgeHandle edge = imported->edge_handle(HalfEdgeOf(*imported, c));
+    if (!imported->is_boundary(edge)) imported->data(edge).is_uncut = true;
   }
   const Eigen::VectorXd angles = MeasuredAngles(mesh, execution);
-  surface.angle.assign(surface.mesh.n_halfedges(), 0.0);
-  for (const FaceHandle f : surface.mesh.faces()) {
-    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(surface.mesh, f);
+  surface.angle.assign(surface.mesh->n_halfedges(), 0.0);
+  for (const FaceHandle f : surface.mesh->faces()) {
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(*surface.mesh, f);
     for (int k = 0; k < 3; ++k) surface.angle[half_edges[k].idx()] = angles[3 * f.idx() + k];
   }
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -102,7 +104,7 @@ absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, c
 }
 
 Surface Rejoin(const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs) {
-  const TriMesh& mesh = surface.mesh;
+  const TriMesh& mesh = *surface.mesh;
   const auto num_corners = static_cast<std::int32_t>(3 * mesh.n_faces());
   std::vector<std::int32_t> opposite(num_corners, -1);
   for (std::int32_t c = 0; c < num_corners; ++c) {
@@ -117,18 +119,19 @@ Surface Rejoin(const Surface& surface, const std::vector<std::array<std::int32_t
     opposite[d] = c;
   }
   Surface rejoined = surface;
-  rejoined.mesh = LinkFaces(
+  const std::shared_ptr<TriMesh> linked(new TriMesh(LinkFaces(
       opposite, [&](std::int32_t c) { return VerticesOf(mesh, FaceHandle(c / 3))[c % 3].idx(); },
-      [](std::int32_t f) { return f; }, mesh.property(mesh.points_property_handle()).data_vector());
-  for (const VertexHandle v : rejoined.mesh.vertices()) {
-    std::int32_t& source = rejoined.mesh.data(v).source;
+      [](std::int32_t f) { return f; }, mesh.property(mesh.points_property_handle()).data_vector())));
+  rejoined.mesh = linked;
+  for (const VertexHandle v : linked->vertices()) {
+    std::int32_t& source = linked->data(v).source;
     source = mesh.data(VertexHandle(source)).source;
   }
-  rejoined.angle.assign(rejoined.mesh.n_halfedges(), 0.0);
+  rejoined.angle.assign(linked->n_halfedges(), 0.0);
   for (std::int32_t c = 0; c < num_corners; ++c) {
-    const HalfedgeHandle h = HalfEdgeOf(rejoined.mesh, c), before = HalfEdgeOf(mesh, c);
+    const HalfedgeHandle h = HalfEdgeOf(*linked, c), before = HalfEdgeOf(mesh, c);
     rejoined.angle[h.idx()] = surface.angle[before.idx()];
-    rejoined.mesh.data(rejoined.mesh.edge_handle(h)).is_uncut = surface.is_uncut(before);
+    linked->data(linked->edge_handle(h)).is_uncut = surface.is_uncut(before);
   }
   return rejoined;
 }

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -25,8 +26,8 @@ struct GivenSeams {
 struct Surface {
   // The import of the caller's mesh, face by face. Charts must end at its boundary: at boundaries of the caller's mesh,
   // at given seams, and where faces are wound against each other. Of more than two faces at an edge the flattest pairs
-  // are joined; charts must end between the others.
-  TriMesh mesh;
+  // are joined; charts must end between the others. Never null.
+  std::shared_ptr<const TriMesh> mesh;
   // Per face: whether it is part of the surface. Faces that name a vertex twice, or whose three corners coincide, are
   // not: there is nothing to map.
   std::vector<char> takes_part;
@@ -51,11 +52,13 @@ struct Surface {
 
   std::int32_t num_faces() const { return static_cast<std::int32_t>(takes_part.size()); }
   // The face across a half-edge, -1 where a chart must end.
-  std::int32_t face_across(HalfedgeHandle h) const { return mesh.face_handle(mesh.opposite_halfedge_handle(h)).idx(); }
+  std::int32_t face_across(HalfedgeHandle h) const {
+    return mesh->face_handle(mesh->opposite_halfedge_handle(h)).idx();
+  }
   // Whether a half-edge must be glued to the one across.
-  bool is_uncut(HalfedgeHandle h) const { return mesh.data(mesh.edge_handle(h)).is_uncut; }
+  bool is_uncut(HalfedgeHandle h) const { return mesh->data(mesh->edge_handle(h)).is_uncut; }
   // Of the angle between the normals of the two faces at a half-edge that has one across; 1 where one has no area.
-  double bend_cosine(HalfedgeHandle h) const { return bend_cosine(mesh.face_handle(h).idx(), face_across(h)); }
+  double bend_cosine(HalfedgeHandle h) const { return bend_cosine(mesh->face_handle(h).idx(), face_across(h)); }
   double bend_cosine(std::int32_t f, std::int32_t g) const {
     const double lengths = area[f] * area[g];
     return lengths > 0 ? area_normal[f].dot(area_normal[g]) / lengths : 1;
@@ -63,7 +66,7 @@ struct Surface {
   // Whether the given seams let two faces be neighbours.
   bool MayJoin(std::int32_t f, std::int32_t g) const;
   double length(HalfedgeHandle h) const {
-    return (mesh.point(mesh.to_vertex_handle(h)) - mesh.point(mesh.from_vertex_handle(h))).norm();
+    return (mesh->point(mesh->to_vertex_handle(h)) - mesh->point(mesh->from_vertex_handle(h))).norm();
   }
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <span>
 #include <tuple>
@@ -423,17 +424,17 @@ absl::Status CheckLoopsAndHandles(const Diagnosis& d, const TriMesh& mesh) {
 
 }  // namespace
 
-absl::StatusOr<TriMesh> ImportDisc(const Mesh& mesh, const Execution& execution) {
+absl::StatusOr<std::unique_ptr<const TriMesh>> ImportDisc(const Mesh& mesh, const Execution& execution) {
   const Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  TriMesh imported = ImportMesh(mesh, pairing.opposite);
-  const Diagnosis diagnosis = DescribeImport(mesh, pairing, imported, execution);
+  std::unique_ptr<const TriMesh> imported(new TriMesh(ImportMesh(mesh, pairing.opposite)));
+  const Diagnosis diagnosis = DescribeImport(mesh, pairing, *imported, execution);
   // What was found after a cancellation may be wrong.
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_RETURN_IF_ERROR(CheckFaces(diagnosis));
   PLANISH_RETURN_IF_ERROR(CheckManifold(diagnosis));
   PLANISH_RETURN_IF_ERROR(CheckOneComponent(diagnosis));
-  PLANISH_RETURN_IF_ERROR(CheckLoopsAndHandles(diagnosis, imported));
+  PLANISH_RETURN_IF_ERROR(CheckLoopsAndHandles(diagnosis, *imported));
   return imported;
 }
 

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -70,6 +71,6 @@ TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
                   const std::vector<Vec3>& positions);
 
 // The mesh, if it is a disc; otherwise the error of CheckDisc() (core/mesh/diagnosis.h).
-absl::StatusOr<TriMesh> ImportDisc(const Mesh& mesh, const Execution& execution = {});
+absl::StatusOr<std::unique_ptr<const TriMesh>> ImportDisc(const Mesh& mesh, const Execution& execution = {});
 
 }  // namespace planish

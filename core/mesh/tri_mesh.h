@@ -43,6 +43,8 @@ struct TriMeshTraits : OpenMesh::DefaultTraits {
 // Half-edge 0 of every edge is the one with the lower corner, so it has a face; edges are numbered in the order of
 // these corners. halfedge_handle(face) faces corner 0 of the face: it runs from vertex 1 to vertex 2. A vertex on the
 // boundary has one outgoing boundary half-edge, its halfedge_handle().
+//
+// OpenMesh's meshes have no move: what looks like one copies the whole mesh. Hand them on by pointer.
 using TriMesh = OpenMesh::TriMesh_ArrayKernelT<TriMeshTraits>;
 using OpenMesh::EdgeHandle;
 using OpenMesh::FaceHandle;

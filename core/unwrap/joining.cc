@@ -95,7 +95,7 @@ class SolvedMaps {
     const auto& [chart, is_few, flattening, map, faults, status] = charts_.charts[i];
     for (std::int32_t c = 0; status.ok() && c < chart.topology.num_corners(); ++c) {
       if (chart.topology.opposite[c] >= 0) continue;
-      visit(HalfEdgeOf(charts_.surface->mesh, 3 * chart.faces[c / 3] + c % 3),
+      visit(HalfEdgeOf(*charts_.surface->mesh, 3 * chart.faces[c / 3] + c % 3),
             map.positions[Origin(chart.topology.faces, c)]);
     }
   }
@@ -187,7 +187,7 @@ class Joining {
         segmentation_(*charts->segmentation),
         surface_(*charts->surface),
         tuning_(job->options.tuning),
-        place_(surface_.mesh.n_halfedges()),
+        place_(surface_.mesh->n_halfedges()),
         shapes_(segmentation_.charts().size()) {
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
     left_ = maps_.work() * surface_.num_faces();
@@ -240,7 +240,7 @@ class Joining {
     if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
     std::vector<Vec2> from, to;
     for (const HalfedgeHandle h : joint.stretch) {
-      const HalfedgeHandle across = surface_.mesh.opposite_halfedge_handle(h);
+      const HalfedgeHandle across = surface_.mesh->opposite_halfedge_handle(h);
       from.insert(from.end(), {PlaceAt(segmentation_.gluing().After(across)), PlaceAt(across)});
       to.insert(to.end(), {PlaceAt(h), PlaceAt(segmentation_.gluing().After(h))});
       mapped_length += (to[to.size() - 1] - to[to.size() - 2]).norm();

@@ -29,7 +29,7 @@ std::vector<std::int32_t> UncutGroups(const Surface& surface, const Chart& chart
       topology.num_faces(), count, [](std::int32_t) { return true; },
       [&](std::int32_t f, int k) {
         const std::int32_t o = topology.opposite[3 * f + k];
-        return o >= 0 && surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
+        return o >= 0 && surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
       });
 }
 

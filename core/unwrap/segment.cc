@@ -3,6 +3,7 @@
 #include <bit>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -163,9 +164,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const SeamOptions& seams = job->options.seams;
   Charts charts;
   if (seams.policy == SeamPolicy::kNone) {
-    PLANISH_ASSIGN_OR_RETURN(const TriMesh disc, ImportDisc(job->mesh, job->execution));
+    PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<const TriMesh> disc, ImportDisc(job->mesh, job->execution));
     charts.charts.resize(1);
-    charts.charts[0].chart = MakeChart(disc, {}, job->execution);
+    charts.charts[0].chart = MakeChart(*disc, {}, job->execution);
     job->seconds.charts = timer.Restart();
     return charts;
   }
@@ -223,7 +224,7 @@ constexpr std::size_t kFewFaces = 3;
 bool CanBeParted(const Surface& surface, const Chart& chart) {
   for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
     if (chart.topology.opposite[c] < 0) continue;
-    if (!surface.is_uncut(HalfEdgeOf(surface.mesh, 3 * chart.faces[c / 3] + c % 3))) return true;
+    if (!surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[c / 3] + c % 3))) return true;
   }
   return false;
 }

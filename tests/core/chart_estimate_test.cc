@@ -66,7 +66,7 @@ struct Misfits {
 Misfits MisfitsOf(Estimated* estimated, const CornerUv& uv) {
   std::vector<Vec2> outline, corners;
   for (const HalfedgeHandle h : estimated->whole().outline) {
-    const std::int32_t c = CornerOf(estimated->surface.mesh, h);
+    const std::int32_t c = CornerOf(*estimated->surface.mesh, h);
     outline.push_back(UvOf(uv, 3 * (c / 3) + Next(c % 3)));
   }
   for (const std::int32_t f : estimated->segmentation.charts()[0]) {

@@ -36,11 +36,11 @@ void ExpectDisc(const Surface& surface, const Gluing& gluing, const std::vector<
   std::int64_t glued = 0;
   for (const std::int32_t f : faces) {
     for (std::int32_t c = 3 * f; c < 3 * f + 3; ++c) {
-      const HalfedgeHandle h = HalfEdgeOf(surface.mesh, c), across = gluing.Across(h);
+      const HalfedgeHandle h = HalfEdgeOf(*surface.mesh, c), across = gluing.Across(h);
       if (!across.is_valid()) continue;
-      const std::int32_t o = CornerOf(surface.mesh, across);
+      const std::int32_t o = CornerOf(*surface.mesh, across);
       ASSERT_EQ(gluing.Across(across), h);
-      ASSERT_EQ(surface.mesh.from_vertex_handle(h), surface.mesh.to_vertex_handle(across));
+      ASSERT_EQ(surface.mesh->from_vertex_handle(h), surface.mesh->to_vertex_handle(across));
       ASSERT_TRUE(parent.count(o)) << "glued to another chart";
       ++glued;
       parent[root(3 * f + Next(c % 3))] = root(3 * (o / 3) + Prev(o % 3));
@@ -227,8 +227,8 @@ TEST(StretchEstimate, OfASmallDiscJoinedToALargeOne) {
   estimate.Keep();
   const StretchEstimate::Sums before = {of_rest.area + of_cap.area, of_rest.larger + of_cap.larger,
                                         of_rest.smaller + of_cap.smaller};
-  for (const EdgeHandle e : surface.mesh.edges()) {
-    if (!surface.mesh.is_boundary(e)) gluing.Glue(surface.mesh.halfedge_handle(e, 0));
+  for (const EdgeHandle e : surface.mesh->edges()) {
+    if (!surface.mesh->is_boundary(e)) gluing.Glue(surface.mesh->halfedge_handle(e, 0));
   }
   const StretchEstimate::Sums joined = estimate.Joined(cap, before);
   estimate.Keep();
@@ -240,9 +240,9 @@ TEST(StretchEstimate, OfASmallDiscJoinedToALargeOne) {
 
 // Half-edges with a face and none across.
 std::int64_t CountOpen(const Surface& surface) {
-  const auto half_edges = surface.mesh.halfedges();
+  const auto half_edges = surface.mesh->halfedges();
   return std::count_if(half_edges.begin(), half_edges.end(),
-                       [&](HalfedgeHandle h) { return surface.mesh.is_boundary(h); });
+                       [&](HalfedgeHandle h) { return surface.mesh->is_boundary(h); });
 }
 
 TEST(Surface, EndsWhereChartsMust) {
@@ -268,7 +268,7 @@ TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
   for (const auto& [one, other, stretch] : joints) {
     EXPECT_LT(one, other);
     for (const HalfedgeHandle h : stretch) {
-      EXPECT_EQ(chart[surface.mesh.face_handle(h).idx()], one);
+      EXPECT_EQ(chart[surface.mesh->face_handle(h).idx()], one);
       EXPECT_EQ(chart[surface.face_across(h)], other);
     }
   }
@@ -314,11 +314,11 @@ TEST(Rejoining, ChartsGoOnInOthersWhereMoreThanTwoFacesMeet) {
   ASSERT_FALSE(pairs.empty());
   const Surface rejoined = Rejoin(surface, pairs);
   for (const auto& [c, d] : pairs) {
-    const HalfedgeHandle h = HalfEdgeOf(rejoined.mesh, c), g = HalfEdgeOf(rejoined.mesh, d);
-    EXPECT_EQ(rejoined.mesh.opposite_halfedge_handle(h), g);
-    EXPECT_EQ(rejoined.mesh.data(rejoined.mesh.from_vertex_handle(h)).source,
-              surface.mesh.data(surface.mesh.from_vertex_handle(HalfEdgeOf(surface.mesh, c))).source);
-    EXPECT_EQ(rejoined.angle[h.idx()], surface.angle[HalfEdgeOf(surface.mesh, c).idx()]);
+    const HalfedgeHandle h = HalfEdgeOf(*rejoined.mesh, c), g = HalfEdgeOf(*rejoined.mesh, d);
+    EXPECT_EQ(rejoined.mesh->opposite_halfedge_handle(h), g);
+    EXPECT_EQ(rejoined.mesh->data(rejoined.mesh->from_vertex_handle(h)).source,
+              surface.mesh->data(surface.mesh->from_vertex_handle(HalfEdgeOf(*surface.mesh, c))).source);
+    EXPECT_EQ(rejoined.angle[h.idx()], surface.angle[HalfEdgeOf(*surface.mesh, c).idx()]);
     EXPECT_NE(before.chart()[c / 3], before.chart()[d / 3]);
   }
   const Segmentation after(rejoined, before, 1.05, {});
@@ -345,11 +345,11 @@ TEST(Surface, GivenSeamsAndHardEdgesEndChartsAndUncutEdgesDoNot) {
   const Surface all = MakeSurface(mesh, {}).value();
   const auto across = [&](const GivenSeams& seams, std::int32_t c) {
     const Surface surface = MakeSurface(mesh, seams).value();
-    return surface.face_across(HalfEdgeOf(surface.mesh, c));
+    return surface.face_across(HalfEdgeOf(*surface.mesh, c));
   };
   std::int32_t c = 0;
   while (across({}, c) < 0) ++c;
-  const std::int32_t other = CornerOf(all.mesh, all.mesh.opposite_halfedge_handle(HalfEdgeOf(all.mesh, c)));
+  const std::int32_t other = CornerOf(*all.mesh, all.mesh->opposite_halfedge_handle(HalfEdgeOf(*all.mesh, c)));
   EXPECT_EQ(across({{c}, {}, 0}, c), -1);
   EXPECT_EQ(across({{c}, {}, 0}, other), -1);
 
@@ -371,7 +371,7 @@ TEST(Surface, FacesWithoutAreaHaveAnglesAllTheSame) {
   EXPECT_TRUE(surface.is_flat[2]);
   double sum = 0;
   for (int k = 0; k < 3; ++k) {
-    const double angle = surface.angle[HalfEdgeOf(surface.mesh, 6 + k).idx()];
+    const double angle = surface.angle[HalfEdgeOf(*surface.mesh, 6 + k).idx()];
     EXPECT_GT(angle, 1e-4);
     sum += angle;
   }
