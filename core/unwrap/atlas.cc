@@ -38,13 +38,17 @@ std::vector<std::int32_t> AtlasNumbers(const UnwrapOptions& options) {
 
 // Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
 // tiles.
-void PackAtlases(const UnwrapOptions& options, const Execution& execution, const Charts& charts, Atlas* atlas,
-                 std::vector<ChartPlacement>* placements) {
+void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, const Charts& charts,
+                 Atlas* atlas, std::vector<ChartPlacement>* placements) {
   const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
   const std::vector<std::int32_t> numbers = AtlasNumbers(options);
   PackOptions tiles = options.atlas;
   tiles.atlases = stacked ? 1 : numbers.back() + 1;
   if (stacked) tiles.tuning.least_work /= static_cast<double>(numbers.size());  // all together have as much as one
+  if (is_draft) {
+    tiles.effort = PackEffort::kFast;
+    tiles.tuning.fast_share = 0;
+  }
   std::map<std::int32_t, AtlasReport> reports;
   for (const std::int32_t number : numbers) {
     reports[number].atlas = number;
@@ -87,7 +91,7 @@ void PackAtlases(const UnwrapOptions& options, const Execution& execution, const
 }
 
 // Sets where each chart's map goes.
-Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* charts,
+Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execution, Charts* charts,
             std::vector<ChartPlacement>* placements) {
   Atlas atlas;
   placements->resize(charts->count());
@@ -104,7 +108,7 @@ Atlas Place(const UnwrapOptions& options, const Execution& execution, Charts* ch
     atlas.scale = PlaceInUnitSquare(OutlineOf(disc.chart, disc.map.positions), &disc.map.positions, execution);
     return atlas;
   }
-  PackAtlases(options, execution, *charts, &atlas, placements);
+  PackAtlases(options, is_draft, execution, *charts, &atlas, placements);
   return atlas;
 }
 
@@ -173,14 +177,14 @@ std::int32_t AtlasOf(const UnwrapOptions& options, const std::vector<std::int32_
   return options.face_atlas.empty() ? 0 : options.face_atlas[faces.front()];
 }
 
-absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts) {
+absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts) {
   Timer timer;
   const Mesh& mesh = job->mesh;
   job->progress.chart_count = charts->count();
   job->progress.chart = charts->count() - 1;
   PLANISH_RETURN_IF_ERROR(job->Enter(UnwrapStage::kPack));
   std::vector<ChartPlacement> placements;
-  Atlas atlas = Place(job->options, job->execution, charts, &placements);
+  Atlas atlas = Place(job->options, is_draft, job->execution, charts, &placements);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);
   const auto set = [&](std::size_t corner, const Vec2& p) {

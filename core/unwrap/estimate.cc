@@ -34,12 +34,18 @@ constexpr double kFewVertices = 0.42, kFewestVertices = 0.32;
 
 constexpr double kSecondsPerByte = 1e-8;
 constexpr double kSecondsPerPiece = 36e-6;  // charts and maps
-constexpr double kPackSeconds = 4e-3;       // PackTuning::least_work, which few charts do not use up
+// Of pieces that only the lack of vertices tells so many count, in the mean: triangles at random are a piece each, but
+// two-sided cards and voxels, which have as few vertices, have a chart for 10 to 100 faces.
+constexpr double kTangledShare = 0.4;
+constexpr double kPackUnit = 1e-9;  // of PackTuning's work, in seconds
 // Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 7e-6, kSolvePower = 0.05;
 constexpr double kMerge = 9e-6, kMergePower = 0.2;
-constexpr double kNeeded = 50e-6;         // whole pieces and their cuts, several times over
+// Whole pieces, from once to several times over with their cuts: the middle. Of the shared meshes of 200 faces and more
+// discs and spheres took 3e-6 to 9e-6 in all, most closed ones 13e-6 to 60e-6, nets of many handles and needles up to
+// 600e-6.
+constexpr double kNeeded = 10e-6;
 constexpr double kFactorization = 4;      // times kSolve
 constexpr double kConvexBoundary = 8;     // times kSolve: many active sets
 constexpr double kUnpreconditioned = 60;  // times kSolve
@@ -54,11 +60,24 @@ bool IsSlow(const FlattenOptions& options) {
          options.preconditioner == PreconditionerType::kJacobi;
 }
 
-// Faces that are charts by themselves, as far as the counts tell.
-double Pieces(double faces, double vertices) {
-  const double loose = std::max(0.0, vertices - faces / 2) / kLooseVerticesPerPiece;
+// Faces that are charts by themselves, as far as the counts tell: for having vertices of their own, or because more
+// than two faces meet at their edges. At most one of the two is above 0.
+struct SinglePieces {
+  double loose = 0, tangled = 0;
+};
+
+SinglePieces CountPieces(double faces, double vertices) {
   const double tangled = (kFewVertices * faces - vertices) / (kFewVertices - kFewestVertices);
-  return std::max(loose, std::clamp(tangled, 0.0, faces));
+  return {std::max(0.0, vertices - faces / 2) / kLooseVerticesPerPiece, std::clamp(tangled, 0.0, faces)};
+}
+
+// `rest`: what charts and their maps take. Two charts use up the least work too, but one alone needs none; the counts
+// do not tell. With kAuto there are mostly several.
+double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {
+  const PackTuning& tuning = options.atlas.tuning;
+  const double share = ShareOfRest(options.atlas.effort, tuning) * rest;
+  if (options.seams.policy != SeamPolicy::kAuto || options.atlas.effort == PackEffort::kFast) return share;
+  return std::max({share, kPackUnit * tuning.least_work, kPackUnit * tuning.least_per_chart * pieces});
 }
 
 // Beside what charts take.
@@ -79,9 +98,7 @@ double Seconds(double faces, double pieces, double mesh_bytes, const UnwrapOptio
   if (policy == SeamPolicy::kAuto) seconds += kMerge * faces * std::pow(size, kMergePower);
   if (policy == SeamPolicy::kNeeded) seconds += kNeeded * faces;
   seconds += kSecondsPerPiece * pieces;
-  if (options.pack) seconds *= 1 + ShareOfRest(options.atlas.effort);
-  if (options.pack && options.atlas.effort != PackEffort::kFast) seconds += kPackSeconds;
-  return seconds;
+  return options.pack ? seconds + PackSeconds(seconds, pieces, options) : seconds;
 }
 
 }  // namespace
@@ -90,7 +107,7 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
                         const UnwrapOptions& options) {
   const auto f = static_cast<double>(faces), v = static_cast<double>(vertices), b = static_cast<double>(mesh_bytes);
   // A disc has no pieces, and many vertices only if there are many faces.
-  const double pieces = options.seams.policy == SeamPolicy::kNone ? 0 : Pieces(f, v);
+  const SinglePieces pieces = options.seams.policy == SeamPolicy::kNone ? SinglePieces() : CountPieces(f, v);
   const double factor_per_face = kFactorBytesPerFace * std::pow(std::max(1.0, f / kReferenceFaces), kFactorBytesPower);
   const double per_face = Factorizes(options.flatten) ? factor_per_face : kBytesPerFace;
   // Where multigrid fails on a chart, a factorization takes its place: one for each thread at a time. With kAuto that
@@ -103,11 +120,12 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
   const double charts = options.seams.policy == SeamPolicy::kNone ? 0 : kChartBytesPerFace;
   const bool packs = options.pack && options.seams.policy != SeamPolicy::kNone;
   const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + (per_face + charts) * f + fallback +
-                       (packs ? PackBytes(f, options.atlas) : 0) + kBytesPerPiece * pieces + kBytesPerByte * b;
+                       (packs ? PackBytes(f, options.atlas) : 0) + kBytesPerPiece * (pieces.loose + pieces.tangled) +
+                       kBytesPerByte * b;
   Estimate estimate;
   constexpr auto kLargest = std::numeric_limits<std::int64_t>::max();
   estimate.peak_bytes = bytes < static_cast<double>(kLargest) ? static_cast<std::int64_t>(bytes) : kLargest;
-  estimate.seconds = Seconds(f, pieces, b, options);
+  estimate.seconds = Seconds(f, pieces.loose + kTangledShare * pieces.tangled, b, options);
   return estimate;
 }
 

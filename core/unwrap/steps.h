@@ -156,8 +156,8 @@ struct Atlas {
 // without padding: it has no neighbours, and scales that vary over many orders of magnitude outlast rounding best next
 // to 0. Without UnwrapOptions::pack leaves charts as they are, the lowest u and v of each at 0. Faces without a chart
 // (Surface::takes_part) get the UV of an edge of their atlas they lie on, or else of a vertex, or else of a tile's
-// corner. CANCELLED after a cancellation.
-absl::StatusOr<Atlas> PackCharts(Job* job, Charts* charts);
+// corner. `is_draft`: with the fewest trials, for a look at what rounding does. CANCELLED after a cancellation.
+absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts);
 
 // The UV in the type in which they are delivered, and their faults.
 struct Delivery {

@@ -1,6 +1,7 @@
 #include "core/unwrap/unwrap.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -162,13 +163,22 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
+  // Charts with faces too thin for the type are mostly solved and packed more than once. All but the last packing are
+  // drafts: at full effort ten of them were most of the work.
+  std::optional<bool> is_draft;
   while (true) {
-    PLANISH_RETURN_IF_ERROR(CheckStopped(job, SolveAndRefine(&job, std::move(todo), &charts), charts));
-    PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, &charts));
+    PLANISH_RETURN_IF_ERROR(CheckStopped(job, SolveAndRefine(&job, std::exchange(todo, {}), &charts), charts));
+    if (!is_draft) is_draft = !charts.least_angle.empty();
+    PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, *is_draft, &charts));
     PLANISH_ASSIGN_OR_RETURN(Delivery delivery, Deliver(&job, charts, std::move(atlas.uv)));
-    if (WidenCharts(&job, atlas, delivery, &todo, &charts)) continue;
-    PLANISH_ASSIGN_OR_RETURN(const bool goes_on, RefineDelivered(&job, delivery, &todo, &charts));
-    if (goes_on) continue;
+    bool goes_on = WidenCharts(&job, atlas, delivery, &todo, &charts);
+    if (!goes_on) {
+      PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, delivery, &todo, &charts));
+    }
+    if (goes_on || *is_draft) {
+      is_draft = goes_on;
+      continue;
+    }
     if (options.seams.policy == SeamPolicy::kNeeded) {
       WarnOfAddedSeams(CountSlit(charts), charts.count() - first_count, &job.warnings);
     }
