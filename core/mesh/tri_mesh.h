@@ -73,6 +73,23 @@ inline std::int32_t CornerOf(const TriMesh& mesh, HalfedgeHandle h) {
   return 3 * face.idx() + (h == first ? 0 : mesh.next_halfedge_handle(h) == first ? 2 : 1);
 }
 
+// The same faces and vertices in flat arrays.
+inline FlatMesh FlatMeshOf(const TriMesh& mesh) {
+  FlatMesh flat;
+  flat.positions = mesh.property(mesh.points_property_handle()).data_vector();
+  flat.faces.reserve(mesh.n_faces());
+  flat.opposite.reserve(3 * mesh.n_faces());
+  for (const FaceHandle f : mesh.faces()) {
+    const std::array<VertexHandle, 3> v = VerticesOf(mesh, f);
+    flat.faces.push_back({v[0].idx(), v[1].idx(), v[2].idx()});
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, f)) {
+      const HalfedgeHandle across = mesh.opposite_halfedge_handle(h);
+      flat.opposite.push_back(mesh.is_boundary(across) ? -1 : CornerOf(mesh, across));
+    }
+  }
+  return flat;
+}
+
 // The half-edges of a mesh for core/mesh/half_edges.h.
 struct MeshLinks {
   using HalfEdge = HalfedgeHandle;
