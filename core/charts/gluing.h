@@ -64,10 +64,9 @@ class Gluing {
   std::vector<std::int32_t> open_edges_;  // per vertex: of its edges, those that are not glued
 };
 
-// The mesh of a chart, these faces (ascending) of one of the discs: face i is faces[i]. Its vertices are numbered in the
-// order of their lowest corners. `slits` gets the corners that face the same edge of the
-// surface from either side of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the
-// faces.
+// The mesh of a chart, these faces (ascending) of one of the discs: face i is faces[i]. Its vertices are numbered in
+// the order of their lowest corners. `slits` gets the corners that face the same edge of the surface from either side
+// of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the faces.
 FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
                    std::vector<std::pair<std::int32_t, std::int32_t>>* slits);
 

@@ -17,7 +17,7 @@ namespace {
 constexpr double kScoreUnit = 1e-6;
 
 struct Disc {
-  std::vector<std::int32_t> faces;  // none: glued to another one
+  std::vector<std::int32_t> faces;     // none: glued to another one
   std::vector<std::int32_t> interior;  // vertices inside
   double perimeter = 0;
   StretchEstimate::Sums sums;
@@ -196,8 +196,8 @@ StretchEstimate::Sums Merging::Estimate(Disc* large, const Disc& small, const st
     large->estimated = large->faces.size();
     estimate_.Keep();
   }
-  return estimate_.Joined(
-      small.faces, {area, large->sums.larger + small.sums.larger, large->sums.smaller + small.sums.smaller});
+  return estimate_.Joined(small.faces,
+                          {area, large->sums.larger + small.sums.larger, large->sums.smaller + small.sums.smaller});
 }
 
 void Merging::TryJoint(const Joint& joint) {

@@ -130,7 +130,8 @@ void StretchEstimate::Solve() {
     double dot = 0;
     for (std::int32_t i = 0; i < n; ++i) {
       double sum = diagonal_[i] * x[i];
-      for (std::int32_t k = row_begin_[i]; k < row_begin_[i + 1]; ++k) sum -= entries_[k].weight * x[entries_[k].column];
+      for (std::int32_t k = row_begin_[i]; k < row_begin_[i + 1]; ++k)
+        sum -= entries_[k].weight * x[entries_[k].column];
       product_[i] = sum;
       dot += x[i] * sum;
     }
@@ -199,9 +200,8 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
       const VertexHandle v = mesh.to_vertex_handle(h);
       if (number_[v.idx()] >= 0 || !gluing_.IsInside(v)) continue;
       bool is_whole = true;
-      ForEachInFan(gluing_, gluing_.Prev(h), [&](HalfedgeHandle facing) {
-        is_whole = is_whole && is_marked_[mesh.face_handle(facing).idx()];
-      });
+      ForEachInFan(gluing_, gluing_.Prev(h),
+                   [&](HalfedgeHandle facing) { is_whole = is_whole && is_marked_[mesh.face_handle(facing).idx()]; });
       if (!is_whole) continue;
       number_[v.idx()] = static_cast<std::int32_t>(free_.size());
       free_.push_back(v.idx());

@@ -41,10 +41,10 @@ class StretchEstimate {
   // Of the disc with these vertices inside, solved for as a whole.
   Sums Whole(Parts interior, double area);
 
-  // Of a disc that `small`, the faces of another one, has just been glued to: solved for at vertices inside of `small` and
-  // the faces of the disc nearest to it, at most estimate_reach times as many, from the kept u and as if those farther
-  // away stayed as they are. `before`: the sums of both parts as kept, neither of which has been cut since. O(n log n) in
-  // the faces of `small`.
+  // Of a disc that `small`, the faces of another one, has just been glued to: solved for at vertices inside of `small`
+  // and the faces of the disc nearest to it, at most estimate_reach times as many, from the kept u and as if those
+  // farther away stayed as they are. `before`: the sums of both parts as kept, neither of which has been cut since. O(n
+  // log n) in the faces of `small`.
   Sums Joined(std::span<const std::int32_t> small, const Sums& before);
 
   // The map of the last estimate, which was of a whole disc: where each of these half-edges begins, which are the
@@ -87,7 +87,7 @@ class StretchEstimate {
   std::vector<char> is_marked_;       // per face: one of faces_, while Joined() looks at them
   // Of the estimate at hand.
   std::vector<std::int32_t> faces_;  // of Joined()
-  std::vector<std::int32_t> free_;  // the vertices that are solved for
+  std::vector<std::int32_t> free_;   // the vertices that are solved for
   std::vector<double> load_, diagonal_, u_, residual_, direction_, product_;
   std::vector<std::int32_t> row_begin_;
   struct Entry {

@@ -1,7 +1,7 @@
 // The mesh type from import to chart: OpenMesh's half-edge mesh with double positions.
 //
-// core/mesh/import.h makes one of any triangle soup, core/charts/gluing.h one of a chart's faces; core/abf/topology.h
-// turns a chart into the flat arrays of the solver. The header is heavy: include it in few sources.
+// core/mesh/import.h makes one of any triangle soup; charts are extracted from it to flat arrays
+// (core/charts/gluing.h). The header is heavy: include it in few sources.
 #pragma once
 
 #include <array>

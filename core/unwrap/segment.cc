@@ -170,8 +170,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
       disc = FlatMeshOf(imported);
     }
     charts.charts.resize(1);
-    charts.charts[0].chart =
-        MakeChart(disc, Indices(disc.faces.size()), {}, job->execution);
+    charts.charts[0].chart = MakeChart(disc, Indices(disc.faces.size()), {}, job->execution);
     job->seconds.charts = timer.Restart();
     return charts;
   }
