@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "core/base/radix_sort.h"
-#include "core/mesh/tri_mesh.h"
 
 namespace planish {
 namespace {
@@ -119,24 +118,28 @@ std::vector<std::int32_t> RowVertices(const Topology& topology) {
   return vertices;
 }
 
-Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution) {
+Topology MakeTopology(const FlatMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution) {
+  const std::vector<Face>& faces = disc.faces;
+  const auto num_faces = static_cast<std::int32_t>(faces.size());
   Topology topology;
-  topology.num_vertices = static_cast<std::int32_t>(disc.n_vertices());
+  topology.num_vertices = static_cast<std::int32_t>(disc.positions.size());
+  std::vector<char> is_boundary(topology.num_vertices, 0);
+  for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
+    if (disc.opposite[c] < 0) is_boundary[Origin(faces, c)] = is_boundary[Target(faces, c)] = 1;
+  }
   std::vector<std::int32_t> rows;
-  for (const VertexHandle v : disc.vertices()) {
-    if (!disc.is_boundary(v)) rows.push_back(v.idx());
+  for (std::int32_t v = 0; v < topology.num_vertices; ++v) {
+    if (!is_boundary[v]) rows.push_back(v);
   }
   topology.num_interior = static_cast<std::int32_t>(rows.size());
-  rows = InSpatialOrder(disc.property(disc.points_property_handle()).data_vector(), rows, execution);
+  rows = InSpatialOrder(disc.positions, rows, execution);
 
-  const auto num_faces = static_cast<std::int32_t>(disc.n_faces());
   // By the lowest row of each; those without a vertex under constraints come last.
   const auto num_rows = static_cast<std::int32_t>(rows.size());
   std::vector<std::int32_t> row(topology.num_vertices, num_rows), next(num_rows + 2, 0), place(num_faces);
   for (std::int32_t i = 0; i < num_rows; ++i) row[rows[i]] = i;
   for (std::int32_t f = 0; f < num_faces; ++f) {
-    const std::array<VertexHandle, 3> v = VerticesOf(disc, FaceHandle(f));
-    place[f] = std::min({row[v[0].idx()], row[v[1].idx()], row[v[2].idx()]});
+    place[f] = std::min({row[faces[f][0]], row[faces[f][1]], row[faces[f][2]]});
     ++next[place[f] + 1];
   }
   std::partial_sum(next.begin(), next.end(), next.begin());
@@ -149,12 +152,11 @@ Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order
   topology.faces.resize(num_faces);
   topology.opposite.resize(3 * static_cast<std::size_t>(num_faces));
   for (std::int32_t i = 0; i < num_faces; ++i) {
-    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(disc, FaceHandle((*face_order)[i]));
+    const std::int32_t f = (*face_order)[i];
+    topology.faces[i] = faces[f];
     for (int k = 0; k < 3; ++k) {
-      topology.faces[i][Prev(k)] = disc.to_vertex_handle(half_edges[k]).idx();
-      const HalfedgeHandle o = disc.opposite_halfedge_handle(half_edges[k]);
-      const FaceHandle g = disc.face_handle(o);
-      topology.opposite[3 * i + k] = g.is_valid() ? 3 * place[g.idx()] + CornerOf(disc, o) % 3 : -1;
+      const std::int32_t o = disc.opposite[3 * f + k];
+      topology.opposite[3 * i + k] = o < 0 ? -1 : 3 * place[o / 3] + o % 3;
     }
   }
   AssignRows(rows, &topology);

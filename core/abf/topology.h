@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "core/base/execution.h"
+#include "core/mesh/half_edges.h"
 #include "core/mesh/mesh.h"
-#include "core/mesh/tri_mesh_fwd.h"
 
 namespace planish {
 
@@ -42,7 +42,7 @@ struct Topology {
 // The topology of a disc. It has the vertices of `disc`; the interior ones have rows, in InSpatialOrder(). Faces are
 // sorted by their lowest row, so that neighbours are close in memory: face i is face (*face_order)[i] of `disc`. O(F).
 // After a cancellation the result is incomplete and must not be used.
-Topology MakeTopology(const TriMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution = {});
+Topology MakeTopology(const FlatMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution = {});
 
 // `vertices` in the order of a Hilbert curve through the box round them: vertices with near numbers are near in space.
 // The curve has 2^21 cells along the longest side; vertices of one cell keep their order. Positions must be finite; the

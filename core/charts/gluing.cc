@@ -2,9 +2,14 @@
 
 #include <algorithm>
 
-#include "core/mesh/import.h"
-
 namespace planish {
+
+Gluing::Gluing(const Surface& surface)
+    : surface_(&surface), is_glued_(surface.mesh->n_edges(), 0), open_edges_(surface.mesh.n_vertices(), 0) {
+  for (std::size_t h = 0; h < surface.mesh->n_halfedges(); ++h) {
+    ++open_edges_[surface.mesh->to_vertex_handle(HalfedgeHandle(static_cast<int>(h))).idx()];
+  }
+}
 
 double Gluing::OutlineAngle(HalfedgeHandle h) const {
   double angle = 0;
@@ -46,31 +51,35 @@ std::int32_t FindFrom(std::int32_t from, const std::vector<std::int32_t>& values
 
 }  // namespace
 
-TriMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
-                  std::vector<std::pair<std::int32_t, std::int32_t>>* slits) {
+FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
+                   std::vector<std::pair<std::int32_t, std::int32_t>>* slits) {
   const TriMesh& mesh = gluing.mesh();
-  std::vector<std::int32_t> opposite(3 * faces.size(), -1);
-  for (std::int32_t i = 0; i < static_cast<std::int32_t>(faces.size()); ++i) {
+  const auto num_faces = static_cast<std::int32_t>(faces.size());
+  FlatMesh chart;
+  chart.opposite.assign(3 * faces.size(), -1);
+  for (std::int32_t i = 0; i < num_faces; ++i) {
     const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(faces[i]));
     for (int k = 0; k < 3; ++k) {
-      const bool is_outline = gluing.IsOutline(half_edges[k]);
-      if (is_outline && slits == nullptr) continue;
       const HalfedgeHandle across = mesh.opposite_halfedge_handle(half_edges[k]);
       if (mesh.is_boundary(across)) continue;
       const std::int32_t c = CornerOf(mesh, across);
       const std::int32_t other = FindFrom(i, faces, c / 3);
       if (other < 0) continue;
-      if (!is_outline) {
-        opposite[3 * i + k] = 3 * other + c % 3;
+      if (!gluing.IsOutline(half_edges[k])) {
+        chart.opposite[3 * i + k] = 3 * other + c % 3;
       } else if (i < other || (i == other && k < c % 3)) {
         slits->emplace_back(3 * i + k, 3 * other + c % 3);
       }
     }
   }
-  const auto vertex = [&](std::int32_t c) { return VerticesOf(mesh, FaceHandle(faces[c / 3]))[c % 3].idx(); };
-  return LinkFaces(
-      opposite, vertex, [&](std::int32_t i) { return faces[i]; },
-      mesh.property(mesh.points_property_handle()).data_vector());
+  chart.faces.assign(faces.size(), {-1, -1, -1});
+  for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
+    if (chart.faces[c / 3][c % 3] >= 0) continue;
+    const auto v = static_cast<std::int32_t>(chart.positions.size());
+    chart.positions.push_back(mesh.point(VerticesOf(mesh, FaceHandle(faces[c / 3]))[c % 3]));
+    ForEachInFan(FlatLinks{chart.opposite}, c, [&](std::int32_t d) { chart.faces[d / 3][d % 3] = v; });
+  }
+  return chart;
 }
 
 HalfedgeHandle FirstOnOutline(const Gluing& gluing, const std::vector<std::int32_t>& faces) {

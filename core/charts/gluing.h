@@ -19,12 +19,14 @@ namespace planish {
 class Gluing {
  public:
   // Every face by itself. `surface` must outlive this.
-  explicit Gluing(const Surface& surface) : surface_(&surface), is_glued_(surface.mesh->n_edges(), 0) {}
+  explicit Gluing(const Surface& surface);
 
   const Surface& surface() const { return *surface_; }
   const TriMesh& mesh() const { return *surface_->mesh; }
   // Whether the half-edge is on an outline: not glued to the one across.
   bool IsOutline(HalfedgeHandle h) const { return !is_glued_[h.idx() / 2]; }
+  // Whether all edges at a vertex are glued, so that the vertex lies inside of a disc.
+  bool IsInside(VertexHandle v) const { return open_edges_[v.idx()] == 0; }
 
   using HalfEdge = HalfedgeHandle;
   HalfedgeHandle Next(HalfedgeHandle h) const { return mesh().next_halfedge_handle(h); }
@@ -43,24 +45,30 @@ class Gluing {
   double OutlineAngle(HalfedgeHandle h) const;
 
   // Glues h, which must have a face across, to the half-edge there.
-  void Glue(HalfedgeHandle h) { is_glued_[h.idx() / 2] = 1; }
-  void Unglue(HalfedgeHandle h) { is_glued_[h.idx() / 2] = 0; }
+  void Glue(HalfedgeHandle h) { SetGlued(h, 1); }
+  void Unglue(HalfedgeHandle h) { SetGlued(h, 0); }
 
   // Glues outline half-edges h and After(h) if they are the two sides of one edge, and goes on with what is then next
   // to each other; leaves an outline of at least three edges. Those glued are appended to `glued`, one of each pair.
   void Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued);
 
  private:
+  void SetGlued(HalfedgeHandle h, char is_glued) {
+    const std::int32_t opens = std::exchange(is_glued_[h.idx() / 2], is_glued) - is_glued;
+    open_edges_[mesh().from_vertex_handle(h).idx()] += opens;
+    open_edges_[mesh().to_vertex_handle(h).idx()] += opens;
+  }
+
   const Surface* surface_;
-  std::vector<char> is_glued_;  // per edge
+  std::vector<char> is_glued_;            // per edge
+  std::vector<std::int32_t> open_edges_;  // per vertex: of its edges, those that are not glued
 };
 
-// The mesh of a chart, these faces (ascending) of one of the discs: face i comes from faces[i]. Its vertices are
-// numbered in the order of their lowest corners. `slits`, unless null, gets the corners that face the same edge of the
-// surface from either side of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the
-// faces.
-TriMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
-                  std::vector<std::pair<std::int32_t, std::int32_t>>* slits = nullptr);
+// The mesh of a chart, these faces (ascending) of one of the discs: face i is faces[i]. Its vertices are numbered in
+// the order of their lowest corners. `slits` gets the corners that face the same edge of the surface from either side
+// of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the faces.
+FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
+                   std::vector<std::pair<std::int32_t, std::int32_t>>* slits);
 
 // ---- Where two discs may be glued: stretches of their outlines that lie on each other.
 

@@ -17,7 +17,8 @@ namespace {
 constexpr double kScoreUnit = 1e-6;
 
 struct Disc {
-  std::vector<std::int32_t> faces;  // none: glued to another one
+  std::vector<std::int32_t> faces;     // none: glued to another one
+  std::vector<std::int32_t> interior;  // vertices inside
   double perimeter = 0;
   StretchEstimate::Sums sums;
   std::size_t estimated = 0;  // faces when it was last solved for as a whole
@@ -67,7 +68,8 @@ class Merging {
   void PushJoints(std::int32_t d, bool all);
   void PushJointsNear(const std::vector<std::int32_t>& faces);
   void TryJoint(const Joint& joint);
-  StretchEstimate::Sums Estimate(Disc* large, const Disc& small);
+  StretchEstimate::Sums Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint);
+  std::vector<std::int32_t> InteriorOf(const Seamed& seamed) const;
   bool HasFailed(const Joint& joint) const;
   // Whether two discs are too much alike for StretchEstimate::Joined().
   bool IsWhole(const Disc& large, const Disc& small) const {
@@ -170,18 +172,32 @@ bool Merging::HasFailed(const Joint& joint) const {
          static_cast<double>(faces) < (1 + tuning_.estimate_growth) * static_cast<double>(it->second);
 }
 
+// The vertices on a joint that are inside of a disc now.
+std::vector<std::int32_t> Merging::InteriorOf(const Seamed& seamed) const {
+  std::vector<std::int32_t> interior;
+  for (const HalfedgeHandle h : seamed.glued) {
+    for (const VertexHandle v : {mesh_.from_vertex_handle(h), mesh_.to_vertex_handle(h)}) {
+      if (gluing_.IsInside(v)) interior.push_back(v.idx());
+    }
+  }
+  std::sort(interior.begin(), interior.end());
+  interior.erase(std::unique(interior.begin(), interior.end()), interior.end());
+  return interior;
+}
+
 // Of both, which have just been glued together. So that all estimates take O(F log F) in the number of faces, what a
 // small disc changes in a large one is looked at next to the small one only, until the large one has grown.
-StretchEstimate::Sums Merging::Estimate(Disc* large, const Disc& small) {
-  if (IsWhole(*large, small)) return estimate_.Whole(large->faces, small.faces);
+StretchEstimate::Sums Merging::Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint) {
+  const double area = large->sums.area + small.sums.area;
+  if (IsWhole(*large, small)) return estimate_.Whole({large->interior, small.interior, joint}, area);
   const auto grown = static_cast<double>(large->faces.size());
   if (grown > (1 + tuning_.estimate_growth) * static_cast<double>(large->estimated)) {
-    large->sums = estimate_.Whole(large->faces);
+    large->sums = estimate_.Whole({large->interior}, large->sums.area);
     large->estimated = large->faces.size();
     estimate_.Keep();
   }
-  return estimate_.Joined(small.faces, {large->sums.area + small.sums.area, large->sums.larger + small.sums.larger,
-                                        large->sums.smaller + small.sums.smaller});
+  return estimate_.Joined(small.faces,
+                          {area, large->sums.larger + small.sums.larger, large->sums.smaller + small.sums.smaller});
 }
 
 void Merging::TryJoint(const Joint& joint) {
@@ -192,7 +208,8 @@ void Merging::TryJoint(const Joint& joint) {
   if (discs_[to].faces.size() < discs_[from].faces.size()) std::swap(to, from);
   Disc &large = discs_[to], &small = discs_[from];
   const std::size_t faces = large.faces.size() + small.faces.size();
-  const StretchEstimate::Sums sums = Estimate(&large, small);
+  const std::vector<std::int32_t> joint_vertices = InteriorOf(seamed);
+  const StretchEstimate::Sums sums = Estimate(&large, small, joint_vertices);
   const double area = large.sums.area + small.sums.area;
   const double of_large = large.sums.Stretch(), of_small = small.sums.Stretch();
   const double parts =
@@ -206,6 +223,9 @@ void Merging::TryJoint(const Joint& joint) {
   const std::vector<std::int32_t> joined = std::exchange(small.faces, {});
   for (const std::int32_t f : joined) disc_of_[f] = to;
   large.faces.insert(large.faces.end(), joined.begin(), joined.end());
+  large.interior.insert(large.interior.end(), small.interior.begin(), small.interior.end());
+  large.interior.insert(large.interior.end(), joint_vertices.begin(), joint_vertices.end());
+  small.interior = {};
   large.sums = sums;
   large.perimeter += small.perimeter;
   for (const HalfedgeHandle h : seamed.glued) large.perimeter -= 2 * surface_.length(h);
@@ -228,8 +248,11 @@ void Merging::Run(const Execution& execution) {
     discs_[disc_of_[f]].faces.push_back(f);
   }
   for (std::int32_t d = 0; d < count; ++d) {
-    discs_[d].sums = estimate_.Whole(discs_[d].faces);
-    discs_[d].estimated = discs_[d].faces.size();
+    Disc& disc = discs_[d];
+    disc.interior = estimate_.InteriorOf(disc.faces);
+    for (const std::int32_t f : disc.faces) disc.sums.area += surface_.area[f];
+    disc.sums = estimate_.Whole({disc.interior}, disc.sums.area);
+    disc.estimated = disc.faces.size();
     estimate_.Keep();
     WalkOutline(d);
   }

@@ -13,6 +13,13 @@ namespace {
 constexpr double kCostUnit = 1e-7;
 constexpr std::int64_t kBucket = 1 << 5;  // of these units
 
+// An edge between two patches, which have faces f and g.
+struct BorderEdge {
+  std::int32_t cost, edge, f, g;
+
+  bool operator>(const BorderEdge& o) const { return cost != o.cost ? cost > o.cost : edge > o.edge; }
+};
+
 class Joining {
  public:
   Joining(const Surface& surface, const AtlasTuning& tuning) : tuning_(tuning), patches_(surface.num_faces()) {
@@ -55,16 +62,12 @@ class Joining {
 std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning& tuning, const Execution& execution) {
   const std::int32_t num_faces = surface.num_faces();
   Joining joining(surface, tuning);
-  const auto faces_at = [&](std::int32_t e) {
-    const HalfedgeHandle h = surface.mesh->halfedge_handle(EdgeHandle(e), 0);
-    return std::pair(surface.mesh->face_handle(h).idx(), surface.face_across(h));
-  };
   // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache.
-  using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, edge
-  using Queue = std::priority_queue<Entry, std::vector<Entry>, std::greater<>>;
-  std::vector<std::vector<Entry>> entries(joining.MaxCost() / kBucket + 1);
+  using Queue = std::priority_queue<BorderEdge, std::vector<BorderEdge>, std::greater<>>;
+  std::vector<std::vector<BorderEdge>> entries(joining.MaxCost() / kBucket + 1);
   for (const EdgeHandle e : surface.mesh->edges()) {
-    const auto [f, g] = faces_at(e.idx());
+    const HalfedgeHandle h = surface.mesh->halfedge_handle(e, 0);
+    const std::int32_t f = surface.mesh->face_handle(h).idx(), g = surface.face_across(h);
     if (g < 0) continue;
     if (surface.mesh->data(e).is_uncut) {
       const std::int32_t a = joining.Root(f), b = joining.Root(g);
@@ -72,26 +75,26 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
       continue;
     }
     const std::int64_t cost = joining.Cost(f, g);
-    if (cost <= joining.MaxCost()) entries[cost / kBucket].emplace_back(cost, e.idx());
+    if (cost <= joining.MaxCost()) entries[cost / kBucket].push_back({static_cast<std::int32_t>(cost), e.idx(), f, g});
   }
   for (std::int64_t bucket = 0, step = 0; bucket < std::ssize(entries); ++bucket) {
     Queue queue(std::greater<>(), std::move(entries[bucket]));
     for (; !queue.empty() && !execution.IsCancelledAt(step); ++step) {
-      const auto [cost, e] = queue.top();
+      const auto [cost, e, f, g] = queue.top();
       queue.pop();
-      const auto [f, g] = faces_at(e);
       const std::int32_t a = joining.Root(f), b = joining.Root(g);
       if (a == b) continue;
       // The patches may have grown since.
       const std::int64_t present = joining.Cost(a, b);
+      const BorderEdge entry = {static_cast<std::int32_t>(present), e, a, b};
       if (present <= cost) {
         joining.Join(a, b);
       } else if (present > joining.MaxCost()) {
         continue;
       } else if (present / kBucket == bucket) {
-        queue.emplace(present, e);
+        queue.push(entry);
       } else {
-        entries[present / kBucket].emplace_back(present, e);
+        entries[present / kBucket].push_back(entry);
       }
     }
   }

@@ -4,16 +4,12 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "core/base/portable_math.h"
 
 namespace planish {
 namespace {
-
-// Vertices that are not solved for.
-constexpr std::int32_t kOutline = -2;  // u = 0
-constexpr std::int32_t kFixed = -3;    // u as kept
-constexpr std::int32_t kUnknown = -1;
 
 double AsKept(double u) {
   return static_cast<double>(static_cast<float>(u));
@@ -28,15 +24,43 @@ double ScaleOf(double u) {
 StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning)
     : gluing_(gluing),
       tuning_(tuning),
-      cotangent_(gluing.mesh().n_halfedges()),
-      vertex_(cotangent_.size(), kUnknown),
-      kept_(cotangent_.size(), 0.0F),
+      weight_(gluing.mesh().n_edges(), 0.0),
+      vertices_(gluing.mesh().n_vertices() + 1),
+      number_(gluing.mesh().n_vertices(), -1),
+      kept_(gluing.mesh().n_vertices(), 0.0F),
       is_marked_(gluing.mesh().n_faces(), 0) {
-  const std::vector<double>& angle = gluing.surface().angle;
+  const TriMesh& mesh = gluing.mesh();
+  const Surface& surface = gluing.surface();
   const double most = tuning.estimate_cotangent;
-  for (std::size_t h = 0; h < angle.size(); ++h) {
-    const auto [sine, cosine] = portable::SinCos(angle[h]);
-    cotangent_[h] = std::clamp(sine > 0 ? cosine / sine : most, -most, most);
+  for (Vertex& vertex : vertices_) vertex.load = -2 * std::numbers::pi;
+  for (const FaceHandle f : mesh.faces()) {
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, f);
+    for (int k = 0; k < 3; ++k) {
+      const double angle = surface.angle[half_edges[k].idx()];
+      const auto [sine, cosine] = portable::SinCosInTriangle(angle);
+      weight_[half_edges[k].idx() / 2] += std::clamp(sine > 0 ? cosine / sine : most, -most, most) / 2;
+      Vertex& vertex = vertices_[mesh.to_vertex_handle(half_edges[Next(k)]).idx()];
+      vertex.load += angle;
+      vertex.area += surface.area[f.idx()] / 3;
+    }
+  }
+  const auto ends = [&](EdgeHandle e) {
+    const HalfedgeHandle h = mesh.halfedge_handle(e, 0);
+    return std::array{mesh.from_vertex_handle(h).idx(), mesh.to_vertex_handle(h).idx()};
+  };
+  for (const EdgeHandle e : mesh.edges()) {
+    for (const std::int32_t v : ends(e)) {
+      ++vertices_[v].begin;
+      vertices_[v].diagonal += weight_[e.idx()];
+    }
+  }
+  // Ends first: they become beginnings as neighbours are put in their places.
+  for (std::size_t v = 1; v < vertices_.size(); ++v) vertices_[v].begin += vertices_[v - 1].begin;
+  neighbours_.resize(2 * mesh.n_edges());
+  for (const EdgeHandle e : mesh.edges()) {
+    const auto [from, to] = ends(e);
+    neighbours_[--vertices_[from].begin] = {to, e.idx()};
+    neighbours_[--vertices_[to].begin] = {from, e.idx()};
   }
 }
 
@@ -46,99 +70,85 @@ double StretchEstimate::Sums::Stretch() const {
   return std::isfinite(stretch) ? std::max(1.0, stretch) : std::numeric_limits<double>::infinity();
 }
 
-void StretchEstimate::Mark(std::span<const std::int32_t> faces) {
+std::vector<std::int32_t> StretchEstimate::InteriorOf(std::span<const std::int32_t> faces) {
+  Take({});
+  std::vector<std::int32_t> interior;
   for (const std::int32_t f : faces) {
-    is_marked_[f] = 1;
-    faces_.push_back(f);
+    for (const VertexHandle v : VerticesOf(gluing_.mesh(), FaceHandle(f))) {
+      if (!gluing_.IsInside(v) || number_[v.idx()] >= 0) continue;
+      number_[v.idx()] = 0;
+      interior.push_back(v.idx());
+    }
   }
+  for (const std::int32_t v : interior) number_[v] = -1;
+  return interior;
 }
 
-// Vertices whose faces are all at hand are solved for.
-void StretchEstimate::NumberVertices() {
-  const TriMesh& mesh = gluing_.mesh();
-  for (const std::int32_t f : faces_) {
-    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) vertex_[h.idx()] = kUnknown;
-  }
-  num_free_ = 0;
-  for (const std::int32_t f : faces_) {
-    for (const HalfedgeHandle start : HalfEdgesOf(mesh, FaceHandle(f))) {
-      if (vertex_[start.idx()] != kUnknown) continue;
-      fan_.clear();
-      bool is_whole = true;
-      const bool is_interior = ForEachInFan(gluing_, start, [&](HalfedgeHandle h) {
-        fan_.push_back(h);
-        is_whole = is_whole && is_marked_[mesh.face_handle(h).idx()];
-      });
-      const std::int32_t number = !is_interior ? kOutline : is_whole ? num_free_++ : kFixed;
-      for (const HalfedgeHandle h : fan_) vertex_[h.idx()] = number;
+// Numbers the vertices that are to be solved for.
+void StretchEstimate::Take(Parts vertices) {
+  for (const std::int32_t v : free_) number_[v] = -1;
+  free_.clear();
+  for (const std::span<const std::int32_t> part : vertices) {
+    for (const std::int32_t v : part) {
+      number_[v] = static_cast<std::int32_t>(free_.size());
+      free_.push_back(v);
     }
   }
 }
 
 void StretchEstimate::Assemble() {
-  const TriMesh& mesh = gluing_.mesh();
-  const std::vector<double>& angle = gluing_.surface().angle;
-  load_.assign(num_free_, -2 * std::numbers::pi);
-  diagonal_.assign(num_free_, 0.0);
-  u_.assign(num_free_, 0.0);
-  edges_.clear();
-  for (const std::int32_t f : faces_) {
-    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(f));
-    for (int k = 0; k < 3; ++k) {
-      const std::int32_t h = half_edges[k].idx(), v = vertex_[h];
-      if (v >= 0) {
-        load_[v] += angle[h];
-        u_[v] = KeptAt(h);
-      }
-      const HalfedgeHandle o = gluing_.Across(half_edges[k]);
-      // On the outline, seen from the other side, or away from all that is solved for.
-      if (!o.is_valid() || o.idx() < h || !is_marked_[mesh.face_handle(o).idx()]) continue;
-      const double weight = (cotangent_[h] + cotangent_[o.idx()]) / 2;
-      const std::int32_t next = half_edges[Next(k)].idx(), prev = half_edges[Prev(k)].idx();
-      const std::int32_t from = vertex_[next], to = vertex_[prev];
-      if (from >= 0) diagonal_[from] += weight;
-      if (to >= 0) diagonal_[to] += weight;
-      if (from >= 0 && to >= 0) {
-        edges_.push_back({from, to, weight});
-      } else if (from >= 0 && to == kFixed) {
-        load_[from] += weight * KeptAt(prev);
-      } else if (to >= 0 && from == kFixed) {
-        load_[to] += weight * KeptAt(next);
+  load_.clear();
+  diagonal_.clear();
+  u_.clear();
+  entries_.clear();
+  row_begin_.assign(1, 0);
+  for (const std::int32_t v : free_) {
+    double load = vertices_[v].load;
+    for (const auto& [w, edge] : NeighboursOf(v)) {
+      const std::int32_t column = number_[w];
+      if (column >= 0) {
+        entries_.push_back({column, weight_[edge]});
+      } else if (gluing_.IsInside(VertexHandle(w))) {
+        load += weight_[edge] * KeptAt(w);
       }
     }
+    row_begin_.push_back(static_cast<std::int32_t>(entries_.size()));
+    load_.push_back(load);
+    // Positive unless triangles are hopeless.
+    diagonal_.push_back(vertices_[v].diagonal > 0 ? vertices_[v].diagonal : 1);
+    u_.push_back(KeptAt(v));
   }
 }
 
 void StretchEstimate::Solve() {
-  const std::int32_t n = num_free_;
+  const auto n = static_cast<std::int32_t>(free_.size());
   residual_.resize(n);
   direction_.resize(n);
   product_.resize(n);
+  // Returns <x, product>.
   const auto multiply = [&](const std::vector<double>& x) {
-    for (std::int32_t i = 0; i < n; ++i) product_[i] = diagonal_[i] * x[i];
-    for (const Edge& e : edges_) {
-      product_[e.from] -= e.weight * x[e.to];
-      product_[e.to] -= e.weight * x[e.from];
+    double dot = 0;
+    for (std::int32_t i = 0; i < n; ++i) {
+      double sum = diagonal_[i] * x[i];
+      for (std::int32_t k = row_begin_[i]; k < row_begin_[i + 1]; ++k)
+        sum -= entries_[k].weight * x[entries_[k].column];
+      product_[i] = sum;
+      dot += x[i] * sum;
     }
+    return dot;
   };
-  // Conjugate gradients with the diagonal. Positive unless triangles are hopeless.
-  double norm = 0;
-  for (std::int32_t i = 0; i < n; ++i) {
-    if (!(diagonal_[i] > 0)) diagonal_[i] = 1;
-    norm += load_[i] * load_[i] / diagonal_[i];
-  }
+  // Conjugate gradients with the diagonal.
+  double norm = 0, rho = 0;
   multiply(u_);
-  double rho = 0;
   for (std::int32_t i = 0; i < n; ++i) {
+    norm += load_[i] * load_[i] / diagonal_[i];
     residual_[i] = load_[i] - product_[i];
     direction_[i] = residual_[i] / diagonal_[i];
     rho += residual_[i] * direction_[i];
   }
   const double enough = tuning_.estimate_tolerance * tuning_.estimate_tolerance * norm;
   for (int iteration = 0; iteration < tuning_.estimate_iterations && rho > enough; ++iteration) {
-    multiply(direction_);
-    double curvature = 0;
-    for (std::int32_t i = 0; i < n; ++i) curvature += direction_[i] * product_[i];
+    const double curvature = multiply(direction_);
     if (!(curvature > 0)) break;
     const double step = rho / curvature;
     double next_rho = 0;
@@ -153,65 +163,60 @@ void StretchEstimate::Solve() {
   }
 }
 
-double StretchEstimate::SolvedAt(std::int32_t half_edge) const {
-  const std::int32_t v = vertex_[half_edge];
-  return v >= 0 ? AsKept(u_[v]) : v == kFixed ? KeptAt(half_edge) : 0.0;
+// On the outline u = 0.
+double StretchEstimate::SolvedAt(std::int32_t v) const {
+  return number_[v] >= 0 ? AsKept(u_[number_[v]]) : 0.0;
 }
 
-template <typename Scale>
-StretchEstimate::Sums StretchEstimate::SumUp(const Scale& scale_at) const {
-  Sums sums;
-  for (const std::int32_t f : faces_) {
-    const double third = gluing_.surface().area[f] / 3;
-    for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(f))) {
-      const double scale = scale_at(h.idx());
-      sums.larger += third * scale;
-      sums.smaller += third / scale;
-    }
-    sums.area += 3 * third;
+StretchEstimate::Sums StretchEstimate::Whole(Parts interior, double area) {
+  Take(interior);
+  Assemble();
+  Solve();
+  Sums sums = {area, area, area};
+  for (std::size_t i = 0; i < free_.size(); ++i) {
+    const double own = vertices_[free_[i]].area, scale = ScaleOf(AsKept(u_[i]));
+    sums.larger += own * (scale - 1);
+    sums.smaller += own * (1 / scale - 1);
   }
   return sums;
 }
 
-StretchEstimate::Sums StretchEstimate::SumUpSolved() {
-  scale_.resize(num_free_);
-  for (std::int32_t i = 0; i < num_free_; ++i) scale_[i] = ScaleOf(AsKept(u_[i]));
-  return SumUp([&](std::int32_t h) {
-    const std::int32_t v = vertex_[h];
-    return v >= 0 ? scale_[v] : v == kFixed ? ScaleOf(KeptAt(h)) : 1.0;
-  });
-}
-
-StretchEstimate::Sums StretchEstimate::Whole(std::span<const std::int32_t> first,
-                                             std::span<const std::int32_t> second) {
-  faces_.clear();
-  Mark(first);
-  Mark(second);
-  NumberVertices();
-  Assemble();
-  Solve();
-  for (const std::int32_t f : faces_) is_marked_[f] = 0;
-  return SumUpSolved();
-}
-
 StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> small, const Sums& before) {
-  faces_.clear();
-  Mark(small);
+  const TriMesh& mesh = gluing_.mesh();
+  faces_.assign(small.begin(), small.end());
+  for (const std::int32_t f : faces_) is_marked_[f] = 1;
   const std::size_t most = small.size() * (1 + static_cast<std::size_t>(tuning_.estimate_reach));
   for (std::size_t i = 0; i < faces_.size() && faces_.size() < most; ++i) {
-    for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(faces_[i]))) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(faces_[i]))) {
       const HalfedgeHandle across = gluing_.Across(h);
       if (!across.is_valid()) continue;
-      if (const std::int32_t f = gluing_.mesh().face_handle(across).idx(); !is_marked_[f]) Mark({&f, 1});
+      const std::int32_t f = mesh.face_handle(across).idx();
+      if (std::exchange(is_marked_[f], 1) == 0) faces_.push_back(f);
     }
   }
-  NumberVertices();
+  Take({});
+  for (const std::int32_t f : faces_) {
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
+      const VertexHandle v = mesh.to_vertex_handle(h);
+      if (number_[v.idx()] >= 0 || !gluing_.IsInside(v)) continue;
+      bool is_whole = true;
+      ForEachInFan(gluing_, gluing_.Prev(h),
+                   [&](HalfedgeHandle facing) { is_whole = is_whole && is_marked_[mesh.face_handle(facing).idx()]; });
+      if (!is_whole) continue;
+      number_[v.idx()] = static_cast<std::int32_t>(free_.size());
+      free_.push_back(v.idx());
+    }
+  }
+  for (const std::int32_t f : faces_) is_marked_[f] = 0;
   Assemble();
   Solve();
-  for (const std::int32_t f : faces_) is_marked_[f] = 0;
-  const Sums was = SumUp([&](std::int32_t h) { return ScaleOf(KeptAt(h)); });
-  const Sums is = SumUpSolved();
-  return {before.area, before.larger + is.larger - was.larger, before.smaller + is.smaller - was.smaller};
+  Sums sums = before;
+  for (std::size_t i = 0; i < free_.size(); ++i) {
+    const double own = vertices_[free_[i]].area, was = ScaleOf(KeptAt(free_[i])), is = ScaleOf(AsKept(u_[i]));
+    sums.larger += own * (is - was);
+    sums.smaller += own * (1 / is - 1 / was);
+  }
+  return sums;
 }
 
 // Where u = 0 lengths are kept; the turn at a vertex of the outline is what the faces leave of pi, and the flux of u.
@@ -225,15 +230,17 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
   for (const HalfedgeHandle h : outline) {
     direction += std::numbers::pi;
     ForEachInFan(gluing_, gluing_.Next(h), [&](HalfedgeHandle facing) {
-      const int next = gluing_.Next(facing).idx(), prev = gluing_.Prev(facing).idx();
       direction -= surface.angle[facing.idx()];
-      direction -= (cotangent_[prev] * SolvedAt(next) + cotangent_[next] * SolvedAt(prev)) / 2;
+      const HalfedgeHandle edge = gluing_.Next(facing);  // to this vertex
+      if (gluing_.IsOutline(edge)) return;
+      direction -= weight_[edge.idx() / 2] * SolvedAt(gluing_.mesh().from_vertex_handle(edge).idx());
     });
     points.push_back(at);
     travelled.push_back(length);
     const auto [sine, cosine] = portable::SinCos(direction);
-    at += surface.length(h) * Vec2(cosine, sine);
-    length += surface.length(h);
+    const double along = surface.length(h);
+    at += along * Vec2(cosine, sine);
+    length += along;
   }
   for (std::size_t i = 0; i < points.size(); ++i) points[i] -= travelled[i] / length * at;
   return points;
@@ -242,49 +249,45 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
 std::vector<Vec2> StretchEstimate::Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
                                           std::span<const Vec2> points) {
   const TriMesh& mesh = gluing_.mesh();
-  faces_.clear();
-  Mark(faces);
-  NumberVertices();
+  Take({InteriorOf(faces)});
   Assemble();
-  for (const std::int32_t f : faces_) is_marked_[f] = 0;
-  place_.resize(vertex_.size());
+  place_.resize(mesh.n_halfedges());
   for (std::size_t i = 0; i < outline.size(); ++i) {
     ForEachInFan(gluing_, gluing_.Next(outline[i]), [&](HalfedgeHandle h) { place_[h.idx()] = points[i]; });
   }
   // Harmonic: each vertex is the weighted mean of its neighbours.
+  std::array<std::vector<double>, 2> solved;
   for (int axis = 0; axis < 2; ++axis) {
-    load_.assign(num_free_, 0.0);
-    u_.assign(num_free_, 0.0);
-    for (const std::int32_t f : faces_) {
+    load_.assign(free_.size(), 0.0);
+    u_.assign(free_.size(), 0.0);
+    for (const std::int32_t f : faces) {
       const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(f));
+      const std::array<VertexHandle, 3> v = VerticesOf(mesh, FaceHandle(f));
       for (int k = 0; k < 3; ++k) {
         if (gluing_.IsOutline(half_edges[k])) continue;
-        const std::int32_t next = half_edges[Next(k)].idx(), prev = half_edges[Prev(k)].idx();
-        const double weight = cotangent_[half_edges[k].idx()] / 2;
-        if (vertex_[next] >= 0 && vertex_[prev] < 0) load_[vertex_[next]] += weight * place_[prev][axis];
-        if (vertex_[prev] >= 0 && vertex_[next] < 0) load_[vertex_[prev]] += weight * place_[next][axis];
+        const std::int32_t next = number_[v[Next(k)].idx()], prev = number_[v[Prev(k)].idx()];
+        const double weight = weight_[half_edges[k].idx() / 2] / 2;  // the other half is of the face across
+        if (next >= 0 && prev < 0) load_[next] += weight * place_[half_edges[Prev(k)].idx()][axis];
+        if (prev >= 0 && next < 0) load_[prev] += weight * place_[half_edges[Next(k)].idx()][axis];
       }
     }
     Solve();
-    for (const std::int32_t f : faces_) {
-      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
-        if (vertex_[h.idx()] >= 0) place_[h.idx()][axis] = u_[vertex_[h.idx()]];
-      }
-    }
+    solved[axis] = u_;
   }
   std::vector<Vec2> corners;
-  for (const std::int32_t f : faces_) {
-    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) corners.push_back(place_[h.idx()]);
+  for (const std::int32_t f : faces) {
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, FaceHandle(f));
+    const std::array<VertexHandle, 3> v = VerticesOf(mesh, FaceHandle(f));
+    for (int k = 0; k < 3; ++k) {
+      const std::int32_t number = number_[v[k].idx()];
+      corners.push_back(number < 0 ? place_[half_edges[k].idx()] : Vec2(solved[0][number], solved[1][number]));
+    }
   }
   return corners;
 }
 
 void StretchEstimate::Keep() {
-  for (const std::int32_t f : faces_) {
-    for (const HalfedgeHandle h : HalfEdgesOf(gluing_.mesh(), FaceHandle(f))) {
-      kept_[h.idx()] = static_cast<float>(SolvedAt(h.idx()));
-    }
-  }
+  for (std::size_t i = 0; i < free_.size(); ++i) kept_[free_[i]] = static_cast<float>(u_[i]);
 }
 
 }  // namespace planish

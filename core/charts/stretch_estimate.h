@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <span>
 #include <vector>
 
@@ -15,7 +16,8 @@ namespace planish {
 // 2017). Among all of them the one with u = 0 on the outline stretches least (its Dirichlet energy is orthogonal to
 // harmonic functions), and ABF with a free boundary comes near it. One linear solve, to a few per cent.
 //
-// Keeps the u of every corner between estimates, to start the next one from. Not thread-safe.
+// L and K of a vertex are the same in every disc that it lies inside of, so they are computed once. Keeps the u of
+// every vertex between estimates, to start the next one from. Not thread-safe.
 class StretchEstimate {
  public:
   // Both must outlive this.
@@ -30,12 +32,19 @@ class StretchEstimate {
     double Stretch() const;
   };
 
-  // Of the disc of these faces, solved for as a whole.
-  Sums Whole(std::span<const std::int32_t> first, std::span<const std::int32_t> second = {});
+  // Vertices, in some parts.
+  using Parts = std::initializer_list<std::span<const std::int32_t>>;
 
-  // Of a disc that `small` has just been glued to: solved for on `small` and the faces of the disc nearest to it, at
-  // most estimate_reach times as many, from the kept u and as if those farther away stayed as they are. `before`: the
-  // sums of both parts as kept. O(n log n) in the faces of `small`.
+  // The vertices inside of the disc of these faces. O(n).
+  std::vector<std::int32_t> InteriorOf(std::span<const std::int32_t> faces);
+
+  // Of the disc with these vertices inside, solved for as a whole.
+  Sums Whole(Parts interior, double area);
+
+  // Of a disc that `small`, the faces of another one, has just been glued to: solved for at vertices inside of `small`
+  // and the faces of the disc nearest to it, at most estimate_reach times as many, from the kept u and as if those
+  // farther away stayed as they are. `before`: the sums of both parts as kept, neither of which has been cut since. O(n
+  // log n) in the faces of `small`.
   Sums Joined(std::span<const std::int32_t> small, const Sums& before);
 
   // The map of the last estimate, which was of a whole disc: where each of these half-edges begins, which are the
@@ -46,39 +55,46 @@ class StretchEstimate {
   std::vector<Vec2> Inside(std::span<const std::int32_t> faces, std::span<const HalfedgeHandle> outline,
                            std::span<const Vec2> points);
 
-  // Starts the next estimates of the same faces from the u of the last one.
+  // Starts the next estimates of the same vertices from the u of the last one.
   void Keep();
 
  private:
-  struct Edge {
-    std::int32_t from, to;
-    double weight;
+  struct Vertex {
+    double load = 0, diagonal = 0, area = 0;  // -K, the entry of L, a third of its faces
+    std::int32_t begin = 0;                   // of its neighbours
+  };
+  struct Neighbour {
+    std::int32_t vertex, edge;
   };
 
-  void Mark(std::span<const std::int32_t> faces);
-  void NumberVertices();
+  std::span<const Neighbour> NeighboursOf(std::int32_t v) const {
+    return {neighbours_.data() + vertices_[v].begin, neighbours_.data() + vertices_[v + 1].begin};
+  }
+  void Take(Parts vertices);
   void Assemble();
   void Solve();
-  double KeptAt(std::int32_t half_edge) const { return static_cast<double>(kept_[half_edge]); }
-  double SolvedAt(std::int32_t half_edge) const;
-  template <typename Scale>
-  Sums SumUp(const Scale& scale_at) const;
-  Sums SumUpSolved();
+  double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
+  double SolvedAt(std::int32_t v) const;
 
   const Gluing& gluing_;
   const AtlasTuning& tuning_;
-  // Per half-edge, of the corner that it faces: cotangent, number of the vertex among those solved for, kept u.
-  std::vector<double> cotangent_;
-  std::vector<std::int32_t> vertex_;
-  std::vector<float> kept_;
-  std::vector<Vec2> place_;      // empty until Inside() is called
-  std::vector<char> is_marked_;  // per face: one of faces_
-  std::vector<HalfedgeHandle> fan_;
+  std::vector<double> weight_;    // per edge: minus the entry of L for its two vertices
+  std::vector<Vertex> vertices_;  // and one more
+  std::vector<Neighbour> neighbours_;
+  std::vector<std::int32_t> number_;  // per vertex: among those solved for, -1 for all others
+  std::vector<float> kept_;           // per vertex
+  std::vector<Vec2> place_;           // per half-edge, of the corner that it faces; empty until Inside() is called
+  std::vector<char> is_marked_;       // per face: one of faces_, while Joined() looks at them
   // Of the estimate at hand.
-  std::vector<std::int32_t> faces_;
-  std::int32_t num_free_ = 0;
-  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_, scale_;
-  std::vector<Edge> edges_;
+  std::vector<std::int32_t> faces_;  // of Joined()
+  std::vector<std::int32_t> free_;   // the vertices that are solved for
+  std::vector<double> load_, diagonal_, u_, residual_, direction_, product_;
+  std::vector<std::int32_t> row_begin_;
+  struct Entry {
+    std::int32_t column;
+    double weight;
+  };
+  std::vector<Entry> entries_;
 };
 
 }  // namespace planish

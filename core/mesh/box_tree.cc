@@ -1,6 +1,5 @@
 #include "core/mesh/box_tree.h"
 
-#include <array>
 #include <utility>
 
 namespace planish {
@@ -65,26 +64,6 @@ BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(st
   }
   leaves_ = leaves;
   nodes_ = std::move(nodes);
-}
-
-bool BoxTree::ForEachMeeting(const Box& box, const std::function<bool(std::int32_t)>& visit) const {
-  if (nodes_.empty()) return true;
-  // Depth first: the stack holds one node a level and one more.
-  std::array<std::int32_t, 64> stack = {0};
-  for (int top = 1; top > 0;) {
-    const std::int32_t node = stack[--top];
-    if (!nodes_[node].Meets(box)) continue;
-    if (node < leaves_ - 1) {
-      stack[top++] = 2 * node + 2;
-      stack[top++] = 2 * node + 1;
-      continue;
-    }
-    const std::size_t first = static_cast<std::size_t>(kLeafSize) * (node - leaves_ + 1);
-    for (std::size_t i = first; i < first + kLeafSize && i < order_.size(); ++i) {
-      if (boxes_[order_[i]].Meets(box) && !visit(order_[i])) return false;
-    }
-  }
-  return true;
 }
 
 }  // namespace planish

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
-#include <functional>
 #include <limits>
 #include <vector>
 
@@ -59,7 +59,26 @@ class BoxTree {
 
   // Calls visit(i) for every box that meets `box`, until it returns false. Returns whether all were visited.
   // Thread-safe.
-  bool ForEachMeeting(const Box& box, const std::function<bool(std::int32_t)>& visit) const;
+  template <typename Visit>
+  bool ForEachMeeting(const Box& box, const Visit& visit) const {
+    if (nodes_.empty()) return true;
+    // Depth first: the stack holds one node a level and one more.
+    std::array<std::int32_t, 64> stack = {0};
+    for (int top = 1; top > 0;) {
+      const std::int32_t node = stack[--top];
+      if (!nodes_[node].Meets(box)) continue;
+      if (node < leaves_ - 1) {
+        stack[top++] = 2 * node + 2;
+        stack[top++] = 2 * node + 1;
+        continue;
+      }
+      const std::size_t first = static_cast<std::size_t>(kLeafSize) * (node - leaves_ + 1);
+      for (std::size_t i = first; i < first + kLeafSize && i < order_.size(); ++i) {
+        if (boxes_[order_[i]].Meets(box) && !visit(order_[i])) return false;
+      }
+    }
+    return true;
+  }
 
   const std::vector<Box>& boxes() const { return boxes_; }
 

@@ -36,6 +36,13 @@ struct FlatLinks {
   static bool IsValid(std::int32_t c) { return c >= 0; }
 };
 
+// A manifold mesh in flat arrays: faces, and the half-edge across each half-edge, -1 on the boundary.
+struct FlatMesh {
+  std::vector<Face> faces;
+  std::vector<std::int32_t> opposite;
+  std::vector<Vec3> positions;
+};
+
 // Calls visit(h) for every half-edge h that faces the same vertex as `start` in the faces joined round it:
 // counter-clockwise from `start`, then, where that ends at the boundary, clockwise from `start`. Returns whether the
 // faces go all the way round.

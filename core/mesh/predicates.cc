@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace planish {
 namespace {
@@ -40,17 +39,6 @@ class Expansion {
   int size_ = 0;
 };
 
-int ExactOrientation(const Vec2& a, const Vec2& b, const Vec2& c) {
-  Expansion determinant;
-  determinant.AddProduct(a.x(), b.y());
-  determinant.AddProduct(-a.x(), c.y());
-  determinant.AddProduct(-c.x(), b.y());
-  determinant.AddProduct(-a.y(), b.x());
-  determinant.AddProduct(a.y(), c.x());
-  determinant.AddProduct(c.y(), b.x());
-  return determinant.Sign();
-}
-
 // The first corner k of the counter-clockwise triangle s so that its edge from k to the next one has all of t on its
 // outer side or on it; -1 if there is none.
 int SeparatingEdge(const Vec2 s[3], const Vec2 t[3]) {
@@ -70,17 +58,17 @@ bool InBox(const Vec2& p, const Vec2& a, const Vec2& b) {
 
 }  // namespace
 
-int Orientation(const Vec2& a, const Vec2& b, const Vec2& c) {
-  const double left = (a.x() - c.x()) * (b.y() - c.y());
-  const double right = (a.y() - c.y()) * (b.x() - c.x());
-  const double determinant = left - right;
-  // Shewchuk's bound for the rounding error of the line above.
-  constexpr double kEpsilon = std::numeric_limits<double>::epsilon() / 2;
-  const double bound = (3 + 16 * kEpsilon) * kEpsilon * (std::abs(left) + std::abs(right));
-  if (std::abs(determinant) > bound) return determinant > 0 ? 1 : -1;
+int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
   // As often as triangles share a corner.
   if (a == b || b == c || c == a) return 0;
-  return ExactOrientation(a, b, c);
+  Expansion determinant;
+  determinant.AddProduct(a.x(), b.y());
+  determinant.AddProduct(-a.x(), c.y());
+  determinant.AddProduct(-c.x(), b.y());
+  determinant.AddProduct(-a.y(), b.x());
+  determinant.AddProduct(a.y(), c.x());
+  determinant.AddProduct(c.y(), b.x());
+  return determinant.Sign();
 }
 
 bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]) {

@@ -2,14 +2,28 @@
 #pragma once
 
 #include <array>
+#include <cmath>
+#include <limits>
 
 #include "core/mesh/mesh.h"
 
 namespace planish {
 
+// Orientation() without the filter.
+int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c);
+
 // Sign of the area of triangle (a, b, c): 1 counter-clockwise, -1 clockwise, 0 collinear. Exact for all finite inputs
 // whose products neither overflow nor underflow: a floating-point filter, then an expansion (Shewchuk 1997).
-int Orientation(const Vec2& a, const Vec2& b, const Vec2& c);
+inline int Orientation(const Vec2& a, const Vec2& b, const Vec2& c) {
+  const double left = (a.x() - c.x()) * (b.y() - c.y());
+  const double right = (a.y() - c.y()) * (b.x() - c.x());
+  const double determinant = left - right;
+  // Shewchuk's bound for the rounding error of the line above.
+  constexpr double kEpsilon = std::numeric_limits<double>::epsilon() / 2;
+  const double bound = (3 + 16 * kEpsilon) * kEpsilon * (std::abs(left) + std::abs(right));
+  if (std::abs(determinant) > bound) return determinant > 0 ? 1 : -1;
+  return OrientationByExpansion(a, b, c);
+}
 inline int Orientation(const std::array<Vec2, 3>& triangle) {
   return Orientation(triangle[0], triangle[1], triangle[2]);
 }

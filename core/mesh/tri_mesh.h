@@ -1,7 +1,7 @@
 // The mesh type from import to chart: OpenMesh's half-edge mesh with double positions.
 //
-// core/mesh/import.h makes one of any triangle soup, core/charts/gluing.h one of a chart's faces; core/abf/topology.h
-// turns a chart into the flat arrays of the solver. The header is heavy: include it in few sources.
+// core/mesh/import.h makes one of any triangle soup; charts are extracted from it to flat arrays
+// (core/charts/gluing.h). The header is heavy: include it in few sources.
 #pragma once
 
 #include <array>
@@ -73,6 +73,23 @@ inline std::int32_t CornerOf(const TriMesh& mesh, HalfedgeHandle h) {
   const FaceHandle face = mesh.face_handle(h);
   const HalfedgeHandle first = mesh.halfedge_handle(face);
   return 3 * face.idx() + (h == first ? 0 : mesh.next_halfedge_handle(h) == first ? 2 : 1);
+}
+
+// The same faces and vertices in flat arrays.
+inline FlatMesh FlatMeshOf(const TriMesh& mesh) {
+  FlatMesh flat;
+  flat.positions = mesh.property(mesh.points_property_handle()).data_vector();
+  flat.faces.reserve(mesh.n_faces());
+  flat.opposite.reserve(3 * mesh.n_faces());
+  for (const FaceHandle f : mesh.faces()) {
+    const std::array<VertexHandle, 3> v = VerticesOf(mesh, f);
+    flat.faces.push_back({v[0].idx(), v[1].idx(), v[2].idx()});
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, f)) {
+      const HalfedgeHandle across = mesh.opposite_halfedge_handle(h);
+      flat.opposite.push_back(mesh.is_boundary(across) ? -1 : CornerOf(mesh, across));
+    }
+  }
+  return flat;
 }
 
 // The half-edges of a mesh for core/mesh/half_edges.h.

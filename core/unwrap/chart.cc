@@ -12,7 +12,6 @@
 #include "core/mesh/box_tree.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
-#include "core/mesh/tri_mesh.h"
 #include "core/unwrap/distortion.h"
 
 namespace planish {
@@ -138,15 +137,15 @@ void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execu
 
 }  // namespace
 
-Chart MakeChart(const TriMesh& disc, const std::vector<std::pair<std::int32_t, std::int32_t>>& slits,
-                const Execution& execution) {
+Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
+                const std::vector<std::pair<std::int32_t, std::int32_t>>& slits, const Execution& execution) {
   Chart chart;
   chart.topology = MakeTopology(disc, &chart.faces, execution);
   std::vector<std::int32_t> place;
   if (!slits.empty()) place.resize(chart.faces.size());
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(place.size()); ++f) place[chart.faces[f]] = f;
   for (const auto& [c, d] : slits) chart.slits.emplace_back(3 * place[c / 3] + c % 3, 3 * place[d / 3] + d % 3);
-  for (std::int32_t& f : chart.faces) f = disc.data(FaceHandle(f)).source;
+  for (std::int32_t& f : chart.faces) f = faces[f];
   return chart;
 }
 
@@ -196,6 +195,38 @@ struct ChartUv {
   }
 };
 
+// Whether a map is upright and its outline simple, and stays so wherever its points are moved by up to half of `reach`
+// each: no altitude of a triangle is as short, and no two parts of the outline are as near to each other.
+bool IsApartBy(double reach, const Chart& chart, const std::vector<Vec2>& positions) {
+  const double square = reach * reach;
+  for (const Face& face : chart.topology.faces) {
+    const auto [a, b, c] = TriangleOf(positions, face);
+    const double area = DoubleArea(a, b, c);
+    if (!(area > 0 && area * area > square * LongestEdgeSquared(a, b, c))) return false;
+  }
+  const std::vector<Vec2> outline = OutlineOf(chart, positions);
+  const auto n = static_cast<std::int32_t>(outline.size());
+  const auto after = [n](std::int32_t i) { return i + 1 == n ? 0 : i + 1; };
+  std::vector<Box> boxes(n);
+  for (std::int32_t i = 0; i < n; ++i) boxes[i] = Box::Round(outline[i], outline[after(i)]).Grown(reach / 2);
+  const BoxTree tree(std::move(boxes));
+  for (std::int32_t i = 0; i < n; ++i) {
+    const Vec2 &from = outline[i], &to = outline[after(i)];
+    const bool is_apart = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
+      if (j <= i) return true;
+      const Vec2 &other_from = outline[j], &other_to = outline[after(j)];
+      const bool follows = after(i) == j, precedes = after(j) == i;
+      if (!follows && !precedes) return SquaredDistance(from, to, other_from, other_to) > square;
+      // They share an end; the other end of each is to be away from the other.
+      const Vec2 &end = follows ? from : to, &other_end = follows ? other_to : other_from;
+      return SquaredDistanceToSegment(end, other_from, other_to) > square &&
+             SquaredDistanceToSegment(other_end, from, to) > square;
+    });
+    if (!is_apart) return false;
+  }
+  return true;
+}
+
 // How a map may be turned when it is delivered, which is not known yet: cosine and sine.
 constexpr std::array<std::array<double, 2>, 3> kTurns = {{{0.8, 0.6}, {12.0 / 13, -5.0 / 13}, {8.0 / 17, 15.0 / 17}}};
 
@@ -244,6 +275,10 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
                                          if (counts && !chart.is_widened(f)) sum->Add(p.data(), q.data());
                                        });
   faults.stretch = sums.StretchL2();
+  faults.extent = ExtentOf(map.positions);
+  // Rounding moves a point by 0.71 times the resolution at most.
+  constexpr double kReach = 1.5;
+  if (resolution > 0 && ignored.empty() && IsApartBy(kReach * resolution, chart, map.positions)) return faults;
   ChartUv own(chart, ignored);
   own.Place(chart, map.positions);
   OrientationFaults orientation;
@@ -254,7 +289,6 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   }
   faults.turned = orientation.flipped + orientation.degenerate;
   faults.does_overlap = faults.turned + overlaps.pairs > 0;
-  faults.extent = ExtentOf(map.positions);
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];
     faults.other_face = chart.faces[overlaps.faces[1]];

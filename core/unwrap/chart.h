@@ -11,7 +11,7 @@
 #include "core/abf/flatten.h"
 #include "core/abf/topology.h"
 #include "core/base/execution.h"
-#include "core/mesh/tri_mesh_fwd.h"
+#include "core/mesh/half_edges.h"
 #include "core/unwrap/verify.h"
 
 namespace planish {
@@ -19,7 +19,7 @@ namespace planish {
 // Its faces are numbered in the order of its topology (MakeTopology()).
 struct Chart {
   Topology topology;
-  std::vector<std::int32_t> faces;  // the mesh's, of each face: FaceTraits::source
+  std::vector<std::int32_t> faces;  // the mesh's, of each face
   // Corners that face the same edge from either side of a slit, where the chart's outline meets itself on the surface.
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
   // Per face: the least angle that its map may have, radians (widening.h); 0: the angles on the surface are kept.
@@ -32,10 +32,10 @@ struct Chart {
   bool is_widened(std::int32_t f) const { return !least_angle.empty() && least_angle[f] > 0; }
 };
 
-// The solver's arrays of a chart (core/charts/gluing.h) or a whole disc, from its mesh, which may be freed then;
-// `slits` in the corners of the mesh. O(F).
-Chart MakeChart(const TriMesh& disc, const std::vector<std::pair<std::int32_t, std::int32_t>>& slits = {},
-                const Execution& execution = {});
+// The solver's arrays of a chart (core/charts/gluing.h) or a whole disc, from its mesh, which may be freed then. Face i
+// of that is face faces[i]; `slits` in the corners of the mesh. O(F).
+Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
+                const std::vector<std::pair<std::int32_t, std::int32_t>>& slits = {}, const Execution& execution = {});
 
 // Whether there is one face only, and all of its angles are those of the surface.
 bool IsTriangleAsMeasured(const Chart& chart);

@@ -63,7 +63,9 @@ void ChartEstimates::Update(std::int32_t chart) {
   const std::vector<std::int32_t>& faces = segmentation_.charts()[chart];
   charts_.resize(std::max(charts_.size(), segmentation_.charts().size()));
   ChartEstimate& found = charts_[chart] = {};
-  found.stretch = estimate_.Whole(faces).Stretch();
+  double area = 0;
+  for (const std::int32_t f : faces) area += gluing.surface().area[f];
+  found.stretch = estimate_.Whole({estimate_.InteriorOf(faces)}, area).Stretch();
   estimate_.Keep();
   found.outline = OutlineFrom(gluing, FirstOnOutline(gluing, faces));
   found.points = estimate_.Outline(found.outline);

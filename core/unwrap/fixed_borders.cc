@@ -308,7 +308,7 @@ std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const
   }
   FilledChart filled;
   std::vector<std::int32_t> order;
-  filled.topology = MakeTopology(glued, &order, execution);
+  filled.topology = MakeTopology(FlatMeshOf(glued), &order, execution);
   filled.places = glued.property(glued.points_property_handle()).data_vector();
   for (const std::int32_t f : order) {
     for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology.num_faces() ? 3 * f + k : -1);

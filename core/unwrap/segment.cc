@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/base/error.h"
+#include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/charts/steps.h"
@@ -164,9 +165,13 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const SeamOptions& seams = job->options.seams;
   Charts charts;
   if (seams.policy == SeamPolicy::kNone) {
-    PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<const TriMesh> disc, ImportDisc(job->mesh, job->execution));
+    FlatMesh disc;
+    {
+      PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<const TriMesh> imported, ImportDisc(job->mesh, job->execution));
+      disc = FlatMeshOf(*imported);
+    }
     charts.charts.resize(1);
-    charts.charts[0].chart = MakeChart(*disc, {}, job->execution);
+    charts.charts[0].chart = MakeChart(disc, Indices(disc.faces.size()), {}, job->execution);
     job->seconds.charts = timer.Restart();
     return charts;
   }
@@ -237,8 +242,8 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   charts->charts[i] = {};
   Chart& chart = charts->charts[i].chart;
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
-  const TriMesh disc = ChartMesh(gluing, faces, &slits);
-  chart = MakeChart(disc, slits, execution.ForOneThread());
+  const FlatMesh disc = ChartMesh(gluing, faces, &slits);
+  chart = MakeChart(disc, faces, slits, execution.ForOneThread());
   charts->charts[i].is_few = chart.faces.size() < kFewFaces || !CanBeParted(*charts->surface, chart);
   chart.enlargement = charts->ReductionOf(chart.faces);
   if (charts->least_angle.empty()) return;

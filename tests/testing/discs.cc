@@ -12,7 +12,7 @@ namespace planish {
 absl::StatusOr<Topology> DiscTopology(const Mesh& mesh, const Execution& execution) {
   PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<const TriMesh> disc, ImportDisc(mesh, execution));
   std::vector<std::int32_t> order;
-  const Topology sorted = MakeTopology(*disc, &order, execution);
+  const Topology sorted = MakeTopology(FlatMeshOf(*disc), &order, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   Topology topology = sorted;
   for (std::int32_t c = 0; c < sorted.num_corners(); ++c) {
