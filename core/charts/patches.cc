@@ -11,7 +11,8 @@ namespace planish {
 namespace {
 
 constexpr double kCostUnit = 1e-7;
-constexpr std::int64_t kBucket = 1 << 5;  // of these units
+constexpr std::int64_t kLeastBucket = 1 << 5;  // of these units
+constexpr std::int64_t kEdgesOfBucket = 16;    // about, in the mean, at least
 
 class Joining {
  public:
@@ -59,10 +60,13 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
     const HalfedgeHandle h = surface.mesh.halfedge_handle(EdgeHandle(e), 0);
     return std::pair(surface.mesh.face_handle(h).idx(), surface.face_across(h));
   };
-  // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache.
+  // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache. How
+  // wide they are changes no order.
+  const std::int64_t width =
+      std::max(kLeastBucket, joining.MaxCost() * kEdgesOfBucket / std::max<std::int64_t>(1, surface.mesh.n_edges()));
   using Entry = std::pair<std::int64_t, std::int32_t>;  // cost, edge
   using Queue = std::priority_queue<Entry, std::vector<Entry>, std::greater<>>;
-  std::vector<std::vector<Entry>> entries(joining.MaxCost() / kBucket + 1);
+  std::vector<std::vector<Entry>> entries(joining.MaxCost() / width + 1);
   for (const EdgeHandle e : surface.mesh.edges()) {
     const auto [f, g] = faces_at(e.idx());
     if (g < 0) continue;
@@ -72,7 +76,7 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
       continue;
     }
     const std::int64_t cost = joining.Cost(f, g);
-    if (cost <= joining.MaxCost()) entries[cost / kBucket].emplace_back(cost, e.idx());
+    if (cost <= joining.MaxCost()) entries[cost / width].emplace_back(cost, e.idx());
   }
   for (std::int64_t bucket = 0, step = 0; bucket < std::ssize(entries); ++bucket) {
     Queue queue(std::greater<>(), std::move(entries[bucket]));
@@ -88,10 +92,10 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
         joining.Join(a, b);
       } else if (present > joining.MaxCost()) {
         continue;
-      } else if (present / kBucket == bucket) {
+      } else if (present / width == bucket) {
         queue.emplace(present, e);
       } else {
-        entries[present / kBucket].emplace_back(present, e);
+        entries[present / width].emplace_back(present, e);
       }
     }
   }

@@ -46,7 +46,7 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Ex
 }  // namespace
 
 BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(std::move(boxes)) {
-  if (boxes_.empty()) return;
+  if (boxes_.size() <= kFew) return;
   order_ = InSpatialOrder(boxes_, execution);
   if (execution.IsCancelled()) return;
   const auto n = static_cast<std::int64_t>(boxes_.size());
@@ -68,6 +68,12 @@ BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(st
 }
 
 bool BoxTree::ForEachMeeting(const Box& box, const std::function<bool(std::int32_t)>& visit) const {
+  if (boxes_.size() <= kFew) {
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(boxes_.size()); ++i) {
+      if (boxes_[i].Meets(box) && !visit(i)) return false;
+    }
+    return true;
+  }
   if (nodes_.empty()) return true;
   // Depth first: the stack holds one node a level and one more.
   std::array<std::int32_t, 64> stack = {0};

@@ -65,6 +65,7 @@ class BoxTree {
 
  private:
   static constexpr std::int32_t kLeafSize = 4;
+  static constexpr std::size_t kFew = 24;  // boxes that are looked at one after the other, without a tree
 
   // Node i of a binary tree in an array has the children 2 i + 1 and 2 i + 2. The last `leaves_`, a power of two, are
   // leaves: leaf i has the boxes [kLeafSize i, kLeafSize (i + 1)) of order_, none if that is beyond its end.

@@ -225,6 +225,50 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
   return {};
 }
 
+// Whether the map does not overlap itself, and does not when places are rounded to multiples of `resolution` either:
+// all corners are farther from what they must not cross than rounding can move both. True for most charts; false for
+// all that is to be looked at closely.
+bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
+  constexpr double kMargin = 3;  // two places come nearer by the square root of 2 at most
+  constexpr std::int64_t kTestsPerEdge = 64;
+  if (!(resolution > 0) || !map.closed_slits.empty()) return false;
+  const double least = kMargin * resolution;
+  const Topology& topology = chart.topology;
+  for (const Face& face : topology.faces) {
+    const Corners2 p = TriangleOf(map.positions, face);
+    if (!(DoubleArea(p) > least * LongestEdge(p))) return false;
+  }
+  std::vector<std::array<std::int32_t, 2>> edges;  // of the outline: from, to
+  std::vector<Box> boxes;
+  for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
+    if (topology.opposite[c] >= 0) continue;
+    edges.push_back({Origin(topology.faces, c), Target(topology.faces, c)});
+    boxes.push_back(Box::Round(map.positions[edges.back()[0]], map.positions[edges.back()[1]]));
+  }
+  const BoxTree tree(std::move(boxes));
+  const auto at = [&](std::int32_t v) -> const Vec2& { return map.positions[v]; };
+  std::int64_t tests_left = kTestsPerEdge * std::ssize(edges);
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(edges.size()); ++i) {
+    const bool apart = tree.ForEachMeeting(tree.boxes()[i].Grown(least), [&](std::int32_t j) {
+      if (--tests_left < 0) return false;
+      if (j <= i) return true;
+      const auto [a, b] = edges[i];
+      const auto [c, d] = edges[j];
+      double square = 0;
+      if (b == c) {
+        square = std::min(SquaredDistanceToSegment(at(d), at(a), at(b)), SquaredDistanceToSegment(at(a), at(c), at(d)));
+      } else if (d == a) {
+        square = std::min(SquaredDistanceToSegment(at(c), at(a), at(b)), SquaredDistanceToSegment(at(b), at(c), at(d)));
+      } else {
+        square = SquaredDistance(at(a), at(b), at(c), at(d));
+      }
+      return square > least * least;
+    });
+    if (!apart) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 double ExtentOf(const std::vector<Vec2>& points) {
@@ -244,6 +288,8 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
                                          if (counts && !chart.is_widened(f)) sum->Add(p.data(), q.data());
                                        });
   faults.stretch = sums.StretchL2();
+  faults.extent = ExtentOf(map.positions);
+  if (StaysApart(chart, map, resolution)) return faults;
   ChartUv own(chart, ignored);
   own.Place(chart, map.positions);
   OrientationFaults orientation;
@@ -254,7 +300,6 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   }
   faults.turned = orientation.flipped + orientation.degenerate;
   faults.does_overlap = faults.turned + overlaps.pairs > 0;
-  faults.extent = ExtentOf(map.positions);
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];
     faults.other_face = chart.faces[overlaps.faces[1]];
