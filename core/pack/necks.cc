@@ -130,8 +130,8 @@ bool IsInside(const std::vector<Vec2>& polygon, std::size_t i, std::size_t j) {
   return true;
 }
 
-// Per point of a polygon: the area between the polygon and its hull in the pocket that the point is in; 0 at the corners
-// of the hull.
+// Per point of a polygon: the area between the polygon and its hull in the pocket that the point is in; 0 at the
+// corners of the hull.
 std::vector<double> PocketAreas(const std::vector<Vec2>& polygon, const GrowingHull& hull) {
   const std::size_t n = polygon.size();
   std::vector<std::size_t> corners;

@@ -149,7 +149,8 @@ class Packer {
     if (edges <= kFewEdges * charts_.outlines.size()) return;
     charts_.simple.reserve(charts_.outlines.size());
     for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
-      charts_.simple.push_back(Simplified(charts_.outlines[i], tuning_.simple_within * grid_.extent / grid_.side / scales[i]));
+      charts_.simple.push_back(
+          Simplified(charts_.outlines[i], tuning_.simple_within * grid_.extent / grid_.side / scales[i]));
     }
   }
 
@@ -184,7 +185,8 @@ class Packer {
     double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(charts_.outlines.size());
     SetUnit(ScaleForFill(tuning_.first_fill));
-    for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime(); ++trial) {
+    for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
+         ++trial) {
       const double scale = ScaleOf(side);
       const TrialResult result = RunTrial(side, plan_, 0, &poses);
       work_.of_trial = result.work;
@@ -211,7 +213,8 @@ class Packer {
       } else {
         const double ratio = std::sqrt(AreaRatio(scale, result.placed));
         // Among many charts small ones do not find much room that large ones have left.
-        next = scale / std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
+        next = scale /
+               std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
       }
       if (SideOf(next) > 2 * grid_.side || 2 * SideOf(next) < grid_.side) SetUnit(next);
       side = SideOf(next);
@@ -281,9 +284,7 @@ class Packer {
     plan.turn.assign(n, -1);
     std::vector<Pose> poses(n);
     double missing = kHuge;
-    const auto next_side = [&] {
-      return std::min(SideOf(tuning_.order_step * best_.scale), SideOf(best_.scale) - 1);
-    };
+    const auto next_side = [&] { return std::min(SideOf(tuning_.order_step * best_.scale), SideOf(best_.scale) - 1); };
     int side = next_side();
     int in_vain = 0;
     std::int32_t first_missing = 0;

@@ -150,9 +150,8 @@ class TrialSeries::Impl {
     std::unique_ptr<FixedSilhouette>& fixed = shared_.keeps ? shared_.fixed[SlotOf(i, found.turn)] : own;
     if (fixed == nullptr) {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-      fixed = std::make_unique<FixedSilhouette>(
-          MakeFixedSilhouette(outlines_[i], pose->angle, sizes_.scales[i], sizes_.radius,
-                              cells * shape.silhouette.centre));
+      fixed = std::make_unique<FixedSilhouette>(MakeFixedSilhouette(outlines_[i], pose->angle, sizes_.scales[i],
+                                                                    sizes_.radius, cells * shape.silhouette.centre));
       if (shared_.keeps) fixed->silhouette.spans.shrink_to_fit();
     }
     tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y, &work_);
@@ -290,7 +289,7 @@ class TrialSeries::Impl {
   const TrialPlan* plan_ = nullptr;
   int side_ = 0;
   std::vector<Start> starts_;  // kStarts for each atlas
-  double filled_ = 0;  // TrialResult::filled
+  double filled_ = 0;          // TrialResult::filled
   std::int64_t work_ = 0;
 };
 

@@ -17,7 +17,7 @@ struct PackTuning {
   double full_work_faces = 200'000;
   double fast_share = 0.25, normal_share = 0.3, best_share = 50;  // of the rest
   // PackEffort::kNormal has so much in any case, and so much for a chart.
-  double least_work = 10e6, least_per_chart = 25'000;
+  double least_work = 14e6, least_per_chart = 25'000;
 
   // Trials (trial.h). Cells along a chart of average size, and along a tile: more lay charts closer and cost more.
   double cells_per_chart = 24;
