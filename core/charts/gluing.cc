@@ -5,7 +5,7 @@
 namespace planish {
 
 Gluing::Gluing(const Surface& surface)
-    : surface_(&surface), is_glued_(surface.mesh->n_edges(), 0), open_edges_(surface.mesh.n_vertices(), 0) {
+    : surface_(&surface), is_glued_(surface.mesh->n_edges(), 0), open_edges_(surface.mesh->n_vertices(), 0) {
   for (std::size_t h = 0; h < surface.mesh->n_halfedges(); ++h) {
     ++open_edges_[surface.mesh->to_vertex_handle(HalfedgeHandle(static_cast<int>(h))).idx()];
   }

@@ -11,7 +11,8 @@ namespace planish {
 namespace {
 
 constexpr double kCostUnit = 1e-7;
-constexpr std::int64_t kBucket = 1 << 5;  // of these units
+constexpr std::int64_t kLeastBucket = 1 << 5;  // of these units
+constexpr std::int64_t kEdgesOfBucket = 16;    // about, in the mean, at least
 
 // An edge between two patches, which have faces f and g.
 struct BorderEdge {
@@ -62,9 +63,12 @@ class Joining {
 std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning& tuning, const Execution& execution) {
   const std::int32_t num_faces = surface.num_faces();
   Joining joining(surface, tuning);
-  // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache.
+  // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache. How
+  // wide they are changes no order.
+  const std::int64_t width =
+      std::max(kLeastBucket, joining.MaxCost() * kEdgesOfBucket / std::max<std::int64_t>(1, surface.mesh->n_edges()));
   using Queue = std::priority_queue<BorderEdge, std::vector<BorderEdge>, std::greater<>>;
-  std::vector<std::vector<BorderEdge>> entries(joining.MaxCost() / kBucket + 1);
+  std::vector<std::vector<BorderEdge>> entries(joining.MaxCost() / width + 1);
   for (const EdgeHandle e : surface.mesh->edges()) {
     const HalfedgeHandle h = surface.mesh->halfedge_handle(e, 0);
     const std::int32_t f = surface.mesh->face_handle(h).idx(), g = surface.face_across(h);
@@ -75,7 +79,7 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
       continue;
     }
     const std::int64_t cost = joining.Cost(f, g);
-    if (cost <= joining.MaxCost()) entries[cost / kBucket].push_back({static_cast<std::int32_t>(cost), e.idx(), f, g});
+    if (cost <= joining.MaxCost()) entries[cost / width].push_back({static_cast<std::int32_t>(cost), e.idx(), f, g});
   }
   for (std::int64_t bucket = 0, step = 0; bucket < std::ssize(entries); ++bucket) {
     Queue queue(std::greater<>(), std::move(entries[bucket]));
@@ -91,10 +95,10 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
         joining.Join(a, b);
       } else if (present > joining.MaxCost()) {
         continue;
-      } else if (present / kBucket == bucket) {
+      } else if (present / width == bucket) {
         queue.push(entry);
       } else {
-        entries[present / kBucket].push_back(entry);
+        entries[present / width].push_back(entry);
       }
     }
   }

@@ -45,7 +45,7 @@ std::vector<std::int32_t> InSpatialOrder(const std::vector<Box>& boxes, const Ex
 }  // namespace
 
 BoxTree::BoxTree(std::vector<Box> boxes, const Execution& execution) : boxes_(std::move(boxes)) {
-  if (boxes_.empty()) return;
+  if (boxes_.size() <= kFew) return;
   order_ = InSpatialOrder(boxes_, execution);
   if (execution.IsCancelled()) return;
   const auto n = static_cast<std::int64_t>(boxes_.size());

@@ -61,6 +61,12 @@ class BoxTree {
   // Thread-safe.
   template <typename Visit>
   bool ForEachMeeting(const Box& box, const Visit& visit) const {
+    if (boxes_.size() <= kFew) {
+      for (std::int32_t i = 0; i < static_cast<std::int32_t>(boxes_.size()); ++i) {
+        if (boxes_[i].Meets(box) && !visit(i)) return false;
+      }
+      return true;
+    }
     if (nodes_.empty()) return true;
     // Depth first: the stack holds one node a level and one more.
     std::array<std::int32_t, 64> stack = {0};
@@ -84,6 +90,7 @@ class BoxTree {
 
  private:
   static constexpr std::int32_t kLeafSize = 4;
+  static constexpr std::size_t kFew = 24;  // boxes that are looked at one after the other, without a tree
 
   // Node i of a binary tree in an array has the children 2 i + 1 and 2 i + 2. The last `leaves_`, a power of two, are
   // leaves: leaf i has the boxes [kLeafSize i, kLeafSize (i + 1)) of order_, none if that is beyond its end.

@@ -92,15 +92,16 @@ Rim MakeRim(const Silhouette& s, int most) {
   return rim;
 }
 
-Board::Board(int side, int longest) : side_(side), size_(side + 2 * kMargin), stride_((size_ + 63) / 64 + 2) {
+Board::Board(int most_side, int longest) : stride_((most_side + 2 * kMargin + 63) / 64 + 2) {
+  const int size = most_side + 2 * kMargin;
   // What tells of the longest span that fits.
-  const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size_)));
-  levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size_, kAll));
-  std::int64_t work = 0;
-  Clear(&work);
+  const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size)));
+  levels_.assign(levels, std::vector<std::uint64_t>(static_cast<std::size_t>(stride_) * size, kAll));
 }
 
-void Board::Clear(std::int64_t* work) {
+void Board::Clear(int side, std::int64_t* work) {
+  side_ = side;
+  size_ = side + 2 * kMargin;
   *work += std::ssize(levels_) * size_ * stride_;
   stale_.assign(size_, 0);
   longest_free_.assign(size_, 0);
@@ -111,6 +112,8 @@ void Board::Clear(std::int64_t* work) {
     for (int y = kMargin; y < kMargin + side_; ++y) {
       std::copy(row.begin(), row.end(), levels_[k].begin() + static_cast<std::ptrdiff_t>(y) * stride_);
     }
+    std::fill(levels_[k].begin() + static_cast<std::ptrdiff_t>(kMargin + side_) * stride_,
+              levels_[k].begin() + static_cast<std::ptrdiff_t>(size_) * stride_, kAll);
   }
 }
 

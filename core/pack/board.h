@@ -43,12 +43,11 @@ class Board {
  public:
   static constexpr int kMargin = 2;  // cells round the free square that count as taken
 
-  // side x side free cells, from (kMargin, kMargin) on, for silhouettes at most `longest` cells wide.
-  Board(int side, int longest);
-  // All cells are free again. Adds the words that it wrote to *work.
-  void Clear(std::int64_t* work);
+  // Of at most most_side x most_side cells, for silhouettes at most `longest` cells wide. Clear() comes first.
+  Board(int most_side, int longest);
+  // side x side cells are free, from (kMargin, kMargin) on. Adds the words that it wrote to *work.
+  void Clear(int side, std::int64_t* work);
 
-  int side() const { return side_; }
   bool IsTaken(int x, int y) const { return (Row(0, y)[x >> 6] >> (x & 63) & 1) != 0; }
 
   // Takes every cell of this board that has a part of a cell of the silhouette, whose corner (0, 0) lies at the place
@@ -75,7 +74,8 @@ class Board {
   bool FreePlacesOf(const Silhouette& silhouette, const RowOrder& row_order, int y, std::uint64_t* places, int words,
                     std::int64_t* work) const;
 
-  int side_, size_, stride_;
+  int side_ = 0, size_ = 0;  // of what is free, without and with the margin
+  int stride_;
   // Level k, row y, bit x: whether one of the cells x .. x + 2^k - 1 is taken. Two words more than a row needs.
   std::vector<std::vector<std::uint64_t>> levels_;
   std::vector<std::int32_t> longest_free_;  // per row: the longest run of free cells, or more

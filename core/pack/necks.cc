@@ -1,6 +1,7 @@
 #include "core/pack/necks.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -54,33 +55,42 @@ std::vector<std::int32_t> Characteristic(const std::vector<Vec2>& outline, const
 // A convex hull that grows point by point.
 class GrowingHull {
  public:
+  void Clear() {
+    hull_.clear();
+    doubled_area_ = 0;
+  }
+
   void Add(const Vec2& p) {
     const std::size_t n = hull_.size();
     if (n < 3) {
       if (n < 2 || DoubleArea(hull_[0], hull_[1], p) != 0) {
         hull_.push_back(p);
-        if (n == 2 && DoubleArea(hull_[0], hull_[1], p) < 0) std::swap(hull_[1], hull_[2]);
+        if (n < 2) return;
+        const double doubled = DoubleArea(hull_[0], hull_[1], p);
+        if (doubled < 0) std::swap(hull_[1], hull_[2]);
+        doubled_area_ = std::abs(doubled);
       } else if ((p - hull_[0]).squaredNorm() > (hull_[1] - hull_[0]).squaredNorm()) {
         hull_[1] = p;
       }
       return;
     }
     // The sides that p sees from outside are a chain; their inner points go, p comes in their place.
-    const auto sees = [&](std::size_t i) { return DoubleArea(hull_[i], hull_[i + 1 == n ? 0 : i + 1], p) < 0; };
+    const auto outside = [&](std::size_t i) { return -DoubleArea(hull_[i], hull_[i + 1 == n ? 0 : i + 1], p); };
     std::size_t first = 0;
-    while (first < n && !sees(first)) ++first;
+    while (first < n && !(outside(first) > 0)) ++first;
     if (first == n) return;
     if (first == 0) {
       std::size_t back = n;
-      while (back > 1 && sees(back - 1)) --back;
+      while (back > 1 && outside(back - 1) > 0) --back;
       first = back % n;
     }
     kept_.clear();
     std::size_t i = first;
     do {
-      i = (i + 1) % n;
-    } while (i != first && sees(i));
-    for (;; i = (i + 1) % n) {
+      doubled_area_ += std::max(0.0, outside(i));
+      i = i + 1 == n ? 0 : i + 1;
+    } while (i != first && outside(i) > 0);
+    for (;; i = i + 1 == n ? 0 : i + 1) {
       kept_.push_back(hull_[i]);
       if (i == first) break;
     }
@@ -88,14 +98,13 @@ class GrowingHull {
     hull_.swap(kept_);
   }
 
-  double Area() const {
-    double area = 0;
-    for (std::size_t i = 2; i < hull_.size(); ++i) area += DoubleArea(hull_[0], hull_[i - 1], hull_[i]);
-    return area / 2;
-  }
+  double Area() const { return doubled_area_ / 2; }
+  // Whether p is one of the corners.
+  bool HasCorner(const Vec2& p) const { return std::find(hull_.begin(), hull_.end(), p) != hull_.end(); }
 
  private:
   std::vector<Vec2> hull_, kept_;  // counter-clockwise
+  double doubled_area_ = 0;
 };
 
 struct Chord {
@@ -121,6 +130,26 @@ bool IsInside(const std::vector<Vec2>& polygon, std::size_t i, std::size_t j) {
   return true;
 }
 
+// Per point of a polygon: the area between the polygon and its hull in the pocket that the point is in; 0 at the
+// corners of the hull.
+std::vector<double> PocketAreas(const std::vector<Vec2>& polygon, const GrowingHull& hull) {
+  const std::size_t n = polygon.size();
+  std::vector<std::size_t> corners;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (hull.HasCorner(polygon[i])) corners.push_back(i);
+  }
+  std::vector<double> areas(n, 0.0);
+  for (std::size_t c = 0; c < corners.size(); ++c) {
+    const std::size_t first = corners[c], end = c + 1 < corners.size() ? corners[c + 1] : corners[0] + n;
+    double doubled = 0;
+    for (std::size_t i = first + 1; i < end; ++i) {
+      doubled += DoubleArea(polygon[first], polygon[i % n], polygon[(i + 1) % n]);
+    }
+    for (std::size_t i = first + 1; i < end; ++i) areas[i % n] = std::abs(doubled) / 2;
+  }
+  return areas;
+}
+
 Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOptions& options) {
   const std::vector<std::int32_t> chosen = Characteristic(outline, part);
   const std::size_t n = chosen.size();
@@ -136,21 +165,36 @@ Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOp
   }
   const double whole = all.Area();
   if (!(whole - area > options.least_gain)) return {};  // no cut can gain more
-  // hull[i][k]: of the k + 1 points from i on.
-  std::vector<std::vector<double>> hull(n, std::vector<double>(n));
-  for (std::size_t i = 0; i < n; ++i) {
-    GrowingHull growing;
-    for (std::size_t k = 0; k < n; ++k) {
-      growing.Add(polygon[(i + k) % n]);
-      hull[i][k] = growing.Area();
+  // A cut opens the pockets of its two ends, and gains no more than these have. From points in pockets hulls grow
+  // either way round: forth[i][k] is that of the k + 1 points from i on, back[i][k] that of those up to i.
+  const std::vector<double> pocket = PocketAreas(polygon, all);
+  std::vector<std::vector<double>> forth(n), back(n);
+  GrowingHull growing;
+  const auto grow_from = [&](std::size_t i) {
+    if (!forth[i].empty()) return;
+    for (const bool onwards : {true, false}) {
+      std::vector<double>& hulls = onwards ? forth[i] : back[i];
+      hulls.reserve(n);
+      growing.Clear();
+      std::size_t at = i;
+      for (std::size_t k = 0; k < n; ++k) {
+        growing.Add(polygon[at]);
+        hulls.push_back(growing.Area());
+        at = onwards ? (at + 1 == n ? 0 : at + 1) : (at == 0 ? n - 1 : at - 1);
+      }
     }
-  }
+  };
   Chord best;
   best.gain = options.least_gain;
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t j = i + 2; j < n && j + 1 < n + i; ++j) {
-      const double gain =
-          whole - hull[i][j - i] - hull[j][n - j + i] - options.width * (polygon[j] - polygon[i]).norm();
+      const double cost = options.width * (polygon[j] - polygon[i]).norm();
+      if (!(pocket[i] + pocket[j] - cost > best.gain)) continue;
+      const std::size_t inner = j - i, outer = n - inner;
+      const bool from_i = pocket[i] >= pocket[j];
+      grow_from(from_i ? i : j);
+      const double hulls = from_i ? forth[i][inner] + back[i][outer] : forth[j][outer] + back[j][inner];
+      const double gain = whole - hulls - cost;
       if (gain > best.gain && IsInside(polygon, i, j)) best = {gain, chosen[i], chosen[j]};
     }
   }

@@ -100,7 +100,7 @@ class Packer {
   // The scale at which the charts with half of the padding round them would fill `fill` of the tiles of some atlas.
   double ScaleForFill(double fill) const {
     double low = 0, high = LargestScale();
-    const double radius = grid_.radius + grid_.cell / 2;
+    const double radius = grid_.radius + grid_.extent / grid_.side / 2;
     for (int step = 0; step < 60; ++step) {
       const double middle = (low + high) / 2;
       const std::vector<double> scales = Scales(middle);
@@ -113,7 +113,7 @@ class Packer {
             charts_.outlines[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
       }
       const double area = *std::max_element(areas.begin(), areas.end());
-      (area > fill * options_.tiles * grid_.cell * grid_.cell * grid_.side * grid_.side ? high : low) = middle;
+      (area > fill * options_.tiles * grid_.extent * grid_.extent ? high : low) = middle;
     }
     return low;
   }
@@ -123,8 +123,6 @@ class Packer {
     const double distance = padding * texel + kGap;
     padding_ = padding;
     margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
-    grid_.tiles = options_.tiles;
-    grid_.atlases = options_.atlases;
     grid_.radius = distance / 2;
     SetGrid();
     if (charts_.outlines.size() == 1 && charts_.outlines[0].radius > 0) {
@@ -151,7 +149,8 @@ class Packer {
     if (edges <= kFewEdges * charts_.outlines.size()) return;
     charts_.simple.reserve(charts_.outlines.size());
     for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
-      charts_.simple.push_back(Simplified(charts_.outlines[i], tuning_.simple_within * grid_.cell / scales[i]));
+      charts_.simple.push_back(
+          Simplified(charts_.outlines[i], tuning_.simple_within * grid_.extent / grid_.side / scales[i]));
     }
   }
 
@@ -181,18 +180,21 @@ class Packer {
       plan_.angles *= 2;
     plan_.gives_up = charts_.order.size() > tuning_.many_charts;
     plan_.thorough = charts_.order.size() <= tuning_.many_charts;
-    series_ = std::make_unique<TrialSeries>(simple(), charts_.atlas, grid_);
+    series_ = std::make_unique<TrialSeries>(simple(), charts_.atlas, TrialTiles{options_.tiles, options_.atlases});
     starts_.clear();
-    double good = 0, bad = 0;  // scales at which all charts fit, and at which they do not
+    double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(charts_.outlines.size());
-    double scale = ScaleForFill(tuning_.first_fill);
-    for (int trial = 1; scale > least && !execution_.IsCancelled() && !HasNoTime(); ++trial) {
-      const TrialResult result = series_->Run(Scales(scale), plan_, 0, execution_, &poses);
-      work_.done += result.work;
+    SetUnit(ScaleForFill(tuning_.first_fill));
+    for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
+         ++trial) {
+      const double scale = ScaleOf(side);
+      const TrialResult result = RunTrial(side, plan_, 0, &poses);
       work_.of_trial = result.work;
       if (result.placed == charts_.order.size()) {
         good = scale;
-        best_.poses = poses;
+        // Charts would fill all rows at this scale.
+        expected = scale / std::sqrt(result.filled);
+        Keep(side, poses);
       } else {
         bad = scale;
       }
@@ -204,18 +206,66 @@ class Packer {
       const bool may_go_on = (trial < tuning_.least_trials && !is_dear) ||
                              (trial < tuning_.most_trials && static_cast<double>(work_.done) < share * work_.budget);
       if (good > 0 && !may_go_on) break;
-      if (good > 0 && bad > 0) {
-        scale = std::sqrt(good * bad);
-      } else if (good > 0) {
-        scale *= tuning_.upwards;
+      double next = 0;
+      if (good > 0) {
+        next = std::clamp(expected, tuning_.known_within * good, tuning_.farthest_change * good);
+        if (bad > 0) next = std::min(next, std::sqrt(good * bad));
       } else {
         const double ratio = std::sqrt(AreaRatio(scale, result.placed));
         // Among many charts small ones do not find much room that large ones have left.
-        scale /= std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
+        next = scale /
+               std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
+      }
+      if (SideOf(next) > 2 * grid_.side || 2 * SideOf(next) < grid_.side) SetUnit(next);
+      side = SideOf(next);
+      if (bad > 0) side = std::max(side, SideOf(bad) + 1);
+      if (good > 0 && side >= SideOf(good)) {
+        if (bad > 0 && SideOf(bad) + 1 >= SideOf(good)) break;  // there is nothing between
+        side = SideOf(good) - 1;
       }
     }
-    best_.scale = good;
     return good > 0;
+  }
+
+  // ---- Scales. A tile is a grid, whose cells are of one size on the surface: charts of another scale, with the same
+  // silhouettes, are on a grid of another side.
+
+  // From now on a grid of the usual side is one at this scale.
+  void SetUnit(double scale) {
+    grid_.unit = scale * grid_.side / grid_.extent;
+    made_ = {};
+  }
+  double ScaleOf(int side) const { return grid_.unit * grid_.extent / side; }
+  int SideOf(double scale) const { return static_cast<int>(std::lround(grid_.unit * grid_.extent / scale)); }
+
+  TrialResult RunTrial(int side, const TrialPlan& plan, double most_missing, std::vector<Pose>* poses) {
+    if (side < made_.least_side || side > made_.most_side) MakeFor(side);
+    const TrialResult result = series_->Run(side, plan, most_missing, execution_, poses);
+    work_.done += result.work;
+    return result;
+  }
+
+  // Silhouettes for a grid of this side and some smaller ones, on which the padding has fewer cells. Charts that are
+  // drawn larger than others have silhouettes for one side only.
+  void MakeFor(int side) {
+    TrialSizes sizes;
+    const double scale = ScaleOf(side), cells = side / grid_.extent;
+    sizes.scales = Scales(scale);
+    bool all_alike = true;
+    for (std::size_t i = 0; i < sizes.scales.size(); ++i) {
+      all_alike = all_alike && sizes.scales[i] == scale * charts_.density[i];
+      sizes.scales[i] *= cells;
+    }
+    sizes.radius = grid_.radius * cells;
+    const double smaller = all_alike ? std::min(tuning_.most_smaller, tuning_.wider_padding / sizes.radius) : 0;
+    made_ = {static_cast<int>(std::ceil((1 - smaller) * side)), side};
+    series_->Resize(std::move(sizes));
+  }
+
+  // What was found on a grid of this side is the best so far.
+  void Keep(int side, const std::vector<Pose>& poses) {
+    best_ = {poses, ScaleOf(side)};
+    for (Pose& pose : best_.poses) pose.centre *= grid_.extent / side;
   }
 
   // Trials with the charts in other orders, until so much work is done, each at a scale a little beyond that of the
@@ -233,8 +283,9 @@ class Packer {
     TrialPlan plan = plan_;
     plan.turn.assign(n, -1);
     std::vector<Pose> poses(n);
-    double scale = tuning_.order_step * best_.scale, missing = kHuge;
-    std::vector<double> scales = Scales(scale);
+    double missing = kHuge;
+    const auto next_side = [&] { return std::min(SideOf(tuning_.order_step * best_.scale), SideOf(best_.scale) - 1); };
+    int side = next_side();
     int in_vain = 0;
     std::int32_t first_missing = 0;
     while (static_cast<double>(work_.done) < until && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
@@ -264,8 +315,7 @@ class Packer {
         }
       }
       other.count = large;
-      TrialResult result = series_->Run(scales, other, missing, execution_, &poses);
-      work_.done += result.work;
+      TrialResult result = RunTrial(side, other, missing, &poses);
       ++in_vain;
       if (result.missing > missing) continue;
       if (result.missing < missing) in_vain = 0;
@@ -273,16 +323,13 @@ class Packer {
       plan = other;
       if (missing == 0 && large < n) {
         other.count = n;
-        result = series_->Run(scales, other, 0, execution_, &poses);
-        work_.done += result.work;
+        result = RunTrial(side, other, 0, &poses);
       }
       first_missing = std::min(static_cast<std::int32_t>(result.placed), n - 1);
       if (result.missing > 0) continue;
       Remember();
-      best_.scale = scale;
-      best_.poses = poses;
-      scale *= tuning_.order_step;
-      scales = Scales(scale);
+      Keep(side, poses);
+      side = next_side();
       missing = kHuge;
     }
   }
@@ -320,16 +367,16 @@ class Packer {
 
   // Empty if there is no room in some atlas.
   std::vector<Shelf> LayAtlasesOnShelves(const std::vector<Vec2>& extents) const {
-    std::vector<std::vector<std::size_t>> charts(grid_.atlases);
+    std::vector<std::vector<std::size_t>> charts(options_.atlases);
     for (std::size_t i = 0; i < charts_.atlas.size(); ++i) charts[charts_.atlas[i]].push_back(i);
     std::vector<Shelf> all(extents.size());
-    for (int a = 0; a < grid_.atlases; ++a) {
+    for (int a = 0; a < options_.atlases; ++a) {
       std::vector<Vec2> own;
       for (const std::size_t i : charts[a]) own.push_back(extents[i]);
-      const std::vector<Shelf> shelves = LayOnShelves(own, 1 - 2 * margin_, grid_.tiles);
+      const std::vector<Shelf> shelves = LayOnShelves(own, grid_.extent, options_.tiles);
       if (shelves.size() < own.size()) return {};
       for (std::size_t k = 0; k < own.size(); ++k) {
-        all[charts[a][k]] = {shelves[k].low, a * grid_.tiles + shelves[k].tile};
+        all[charts[a][k]] = {shelves[k].low, a * options_.tiles + shelves[k].tile};
       }
     }
     return all;
@@ -350,7 +397,7 @@ class Packer {
       best_.poses.resize(charts_.outlines.size());
       for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
-        best_.poses[i] = {charts_.outlines[i].upright, centre / grid_.cell, shelves[i].tile};
+        best_.poses[i] = {charts_.outlines[i].upright, centre, shelves[i].tile};
       }
       return true;
     }
@@ -363,17 +410,15 @@ class Packer {
     const Box box = BoxAt(charts_.outlines[0], angle);
     const double low = margin_ + grid_.radius;
     best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]);
-    best_.poses = {{angle, (Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low) / grid_.cell,
-                    charts_.atlas[0] * grid_.tiles}};
+    best_.poses = {{angle, Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low,
+                    charts_.atlas[0] * options_.tiles}};
   }
 
-  // A multiple of 8 cells, so that the coarser boards of a trial have whole cells.
   void SetGrid() {
-    const double charts = static_cast<double>(MostCharts(charts_.atlas, grid_.atlases)) / grid_.tiles;
+    const double charts = static_cast<double>(MostCharts(charts_.atlas, options_.atlases)) / options_.tiles;
     grid_.side = std::clamp(static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts)), tuning_.fewest_cells,
-                            tuning_.most_cells) /
-                 8 * 8;
-    grid_.cell = (1 - 2 * margin_) / grid_.side;
+                            tuning_.most_cells);
+    grid_.extent = 1 - 2 * margin_;
   }
 
   void TightenAll(std::int64_t work) {
@@ -383,8 +428,8 @@ class Packer {
     TightenOptions options;
     options.distance = 2 * grid_.radius;
     options.low = margin_ + grid_.radius;
-    options.tiles = grid_.tiles;
-    options.atlases = grid_.atlases;
+    options.tiles = options_.tiles;
+    options.atlases = options_.atlases;
     options.work = work;
     options.tuning = tuning_;
     std::vector<double> relative = Scales(best_.scale);
@@ -394,8 +439,7 @@ class Packer {
     for (const auto& [poses, scale] : starts_) {
       arrangements.push_back({{}, scale});
       for (const Pose& pose : poses) {
-        arrangements.back().bodies.push_back(
-            {Vec2::Constant(margin_) + grid_.cell * pose.centre, pose.angle, pose.tile});
+        arrangements.back().bodies.push_back({Vec2::Constant(margin_) + pose.centre, pose.angle, pose.tile});
       }
     }
     const Arrangement arrangement =
@@ -403,7 +447,7 @@ class Packer {
     best_.scale = arrangement.scale;
     for (std::size_t i = 0; i < best_.poses.size(); ++i) {
       const Body& body = arrangement.bodies[i];
-      best_.poses[i] = {body.angle, (body.centre - Vec2::Constant(margin_)) / grid_.cell, body.tile};
+      best_.poses[i] = {body.angle, body.centre - Vec2::Constant(margin_), body.tile};
     }
   }
 
@@ -419,7 +463,7 @@ class Packer {
       chart.tile = best_.poses[i].tile;
       const Vec2 corner = CornerOfTile(chart.tile) + Vec2::Constant(margin_);
       chart.offset = Vec2::Zero();
-      chart.offset = corner + grid_.cell * best_.poses[i].centre - chart(charts_.outlines[i].centre);
+      chart.offset = corner + best_.poses[i].centre - chart(charts_.outlines[i].centre);
       packing->tiles = std::max(packing->tiles, chart.tile + 1);
       area += charts_.outlines[i].area * scales[i] * scales[i];
     }
@@ -439,11 +483,17 @@ class Packer {
     double total_area = 0, largest_area = 0;  // of all charts, of those of one atlas
   };
   Charts charts_;
-  TrialGrid grid_;
+  struct Grid {
+    int side = 256;     // cells, usually
+    double extent = 1;  // in the texture
+    double radius = 0;  // half of the padding, in the texture
+    double unit = 1;    // cells along a length of 1 on the surface, at weight 1
+  };
+  Grid grid_;
   double margin_ = 0;   // of the grid, on every side of the tile
   double padding_ = 0;  // texels
   struct Found {
-    std::vector<Pose> poses;
+    std::vector<Pose> poses;  // in the texture
     double scale = 0;
   };
   Found best_;
@@ -453,6 +503,10 @@ class Packer {
     std::int64_t of_trial = 0;  // of the last one
   };
   Work work_;
+  struct Made {
+    int least_side = 0, most_side = -1;
+  };
+  Made made_;  // the grids that the silhouettes are for
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
   std::vector<Found> starts_;  // the last few that fitted, each at a larger scale

@@ -201,6 +201,19 @@ Silhouette QuarterTurn(const Silhouette& s) {
   return turned;
 }
 
+Silhouette HalfTurn(const Silhouette& s) {
+  Silhouette turned = {s.width, s.height, {}, {}, Vec2(s.width - s.centre.x(), s.height - s.centre.y()), s.cells};
+  const auto spans = static_cast<std::int32_t>(s.spans.size());
+  turned.row_begin.reserve(s.row_begin.size());
+  for (auto begin = s.row_begin.rbegin(); begin != s.row_begin.rend(); ++begin)
+    turned.row_begin.push_back(spans - *begin);
+  turned.spans.reserve(s.spans.size());
+  for (auto span = s.spans.rbegin(); span != s.spans.rend(); ++span) {
+    turned.spans.push_back({s.width - span->end, s.width - span->begin});
+  }
+  return turned;
+}
+
 FixedSilhouette MakeFixedSilhouette(const Outline& outline, double angle, double scale, double radius, const Vec2& at) {
   FixedSilhouette fixed;
   fixed.silhouette = Rasterize(outline, angle, scale, radius, [&](const Vec2& centre) -> Vec2 {

@@ -10,6 +10,8 @@ namespace planish {
 
 struct Span {
   std::int32_t begin, end;  // cells [begin, end)
+
+  bool operator==(const Span&) const = default;
 };
 
 // Sets bits [begin, end), which are not none, of a row of words.
@@ -32,6 +34,10 @@ struct Silhouette {
   std::vector<Span> spans;              // apart from each other, from left to right
   Vec2 centre = Vec2::Zero();           // where the centre of the outline lies, in cells from the corner of cell (0, 0)
   std::int64_t cells = 0;
+
+  bool HasSameCells(const Silhouette& other) const {
+    return width == other.width && row_begin == other.row_begin && spans == other.spans;
+  }
 };
 
 // Every cell that comes within `radius` cells of the outline or its inside, after a turn by `angle` and a scaling to
@@ -44,6 +50,8 @@ Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, do
 
 // The silhouette after a quarter turn counter-clockwise. Exact: the grid has the symmetry of the square.
 Silhouette QuarterTurn(const Silhouette& silhouette);
+// The same after two of them.
+Silhouette HalfTurn(const Silhouette& silhouette);
 
 // The same as MakeSilhouette with the centre at `at` of some larger grid; the corner of cell (0, 0) is at whole numbers
 // there.

@@ -17,6 +17,7 @@ constexpr int kCrumb = 6;
 // What a chart costs beside the board's words, in nanoseconds: a silhouette and an edge of the outline in it; one that
 // is turned by a right angle and a cell in it; one that is there already.
 constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110, kQuarterWork = 1500, kCellWork = 2, kKeptWork = 300;
+constexpr std::int64_t kHalfWork = 800;  // one that is turned by two right angles
 
 constexpr int kRowsBeyond = 2;
 
@@ -24,13 +25,14 @@ constexpr int kRowsBeyond = 2;
 constexpr int kCellsOfLarge = 64;
 constexpr int kLevels = 4;
 // So many silhouettes are kept at most, of about a kilobyte each.
-constexpr std::size_t kMostKept = 4096;
+constexpr std::size_t kMostKept = 16384;
 
 // A chart at a turn, for the board of one level.
 struct Shape {
   Silhouette silhouette;
   Rim rim;
   RowOrder row_order;
+  bool repeats = false;  // has the cells of the turn that it was made of
 };
 
 // A place on one of the tiles of the chart's atlas, and where the search for the next chart of this size begins.
@@ -45,25 +47,23 @@ struct Start {
   int tile = 0, row = 0;
 };
 
-// A tile as boards with cells of twice the length on each level.
+// A tile as boards with cells of twice the length on each level. What is left of the grid beyond the last whole cell of
+// a level is not used there.
 class Pyramid {
  public:
-  explicit Pyramid(int side) {
-    int levels = 1;
-    while (levels < kLevels && (side >> levels) << levels == side) ++levels;
+  explicit Pyramid(int most_side) {
     // Longer charts are looked for on the next board: each row of cells with far fewer runs than fit in it.
-    for (int level = 0; level < levels; ++level) {
-      boards_.emplace_back(side >> level, level + 1 < levels ? 2 * kCellsOfLarge - 1 : side);
+    for (int level = 0; level < kLevels; ++level) {
+      boards_.emplace_back(most_side >> level, level + 1 < kLevels ? 2 * kCellsOfLarge - 1 : most_side);
     }
   }
-  void Clear(std::int64_t* work) {
-    for (Board& board : boards_) board.Clear(work);
+  void Clear(int side, std::int64_t* work) {
+    for (int level = 0; level < kLevels; ++level) boards_[level].Clear(side >> level, work);
   }
-  int levels() const { return static_cast<int>(boards_.size()); }
   const Board& board(int level) const { return boards_[level]; }
   // (x, y): the silhouette's corner in cells of level 0.
   void Add(const Silhouette& silhouette, int x, int y, std::int64_t* work) {
-    for (int level = 0; level < levels(); ++level) boards_[level].Add(silhouette, x, y, level, work);
+    for (int level = 0; level < kLevels; ++level) boards_[level].Add(silhouette, x, y, level, work);
   }
 
  private:
@@ -74,16 +74,17 @@ class Pyramid {
 
 class TrialSeries::Impl {
  public:
-  Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid)
-      : outlines_(outlines), atlas_(atlas), grid_(grid) {
-    const int count = grid.tiles * grid.atlases;
-    tiles_.reserve(count);
-    for (int tile = 0; tile < count; ++tile) tiles_.emplace_back(grid.side);
+  Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles)
+      : outlines_(outlines), atlas_(atlas), count_(tiles) {}
+
+  void Resize(TrialSizes sizes) {
+    sizes_ = std::move(sizes);
+    shared_ = {};
   }
 
-  TrialResult Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
-                  const Execution& execution, std::vector<Pose>* poses) {
-    Begin(scales, plan);
+  TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
+                  std::vector<Pose>* poses) {
+    Begin(side, plan);
     TrialResult result;
     bool all = true;
     const std::size_t count = plan.count < 0 ? plan.order.size() : static_cast<std::size_t>(plan.count);
@@ -98,32 +99,37 @@ class TrialSeries::Impl {
       if (found.tile < 0) {
         all = false;
         // Points have no area, but must not be missing either.
-        result.missing += outlines_[i].area * shared_.scales[i] * shared_.scales[i] + 1e-30;
+        result.missing += outlines_[i].area * sizes_.scales[i] * sizes_.scales[i] + 1e-30;
         if (result.missing > most_missing) break;
         continue;
       }
       Put(i, level, found, &(*poses)[i]);
       if (all) ++result.placed;
     }
+    result.filled = filled_;
     result.work = work_;
     return result;
   }
 
  private:
-  void Begin(const std::vector<double>& scales, const TrialPlan& plan) {
+  void Begin(int side, const TrialPlan& plan) {
+    constexpr int kRoom = 16;  // a part of the side by which later grids may be larger
     plan_ = &plan;
     work_ = 0;
-    for (Pyramid& tile : tiles_) tile.Clear(&work_);
-    starts_.assign(plan.thorough ? 0 : grid_.atlases * kStarts, {});
-    passing_.chart = -1;
-    if (shared_.scales == scales && shared_.angles == plan.angles) return;
-    shared_.scales = scales;
-    shared_.angles = plan.angles;
+    filled_ = 0;
+    side_ = side;
+    if (side > most_side_) {
+      most_side_ = side + side / kRoom;
+      tiles_.assign(static_cast<std::size_t>(count_.tiles) * count_.atlases, Pyramid(most_side_));
+    }
+    for (Pyramid& tile : tiles_) tile.Clear(side, &work_);
+    starts_.assign(plan.thorough ? 0 : count_.atlases * kStarts, {});
+    if (shared_.angles == plan.angles) return;
     const std::size_t slots = outlines_.size() * static_cast<std::size_t>(plan.angles);
+    shared_ = {};
+    shared_.angles = plan.angles;
     shared_.keeps = slots <= kMostKept;
-    shared_.shapes.clear();
-    shared_.fixed.clear();
-    shared_.shapes.resize(shared_.keeps ? slots : 0);
+    shared_.shapes.resize(shared_.keeps ? slots : plan.angles);
     shared_.fixed.resize(shared_.keeps ? slots : 0);
   }
 
@@ -133,77 +139,88 @@ class TrialSeries::Impl {
     const double cells = 1 << level;
     const int tile = FirstTile(i) + found.tile;
     *pose = {Angle(i, found.turn), cells * (spot + shape.silhouette.centre), tile};
+    const double last_row = cells * (spot.y() + shape.silhouette.height) / side_;
+    filled_ = std::max(filled_, (found.tile + last_row) / count_.tiles);
     const int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
     if (level == 0) {
       tiles_[tile].Add(shape.silhouette, x, y, &work_);
       return;
     }
     std::unique_ptr<FixedSilhouette> own;
-    std::unique_ptr<FixedSilhouette>& fixed = shared_.keeps ? shared_.fixed[Slot(i, found.turn)] : own;
+    std::unique_ptr<FixedSilhouette>& fixed = shared_.keeps ? shared_.fixed[SlotOf(i, found.turn)] : own;
     if (fixed == nullptr) {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-      fixed = std::make_unique<FixedSilhouette>(
-          MakeFixedSilhouette(outlines_[i], pose->angle, shared_.scales[i] / grid_.cell, grid_.radius / grid_.cell,
-                              cells * shape.silhouette.centre));
+      fixed = std::make_unique<FixedSilhouette>(MakeFixedSilhouette(outlines_[i], pose->angle, sizes_.scales[i],
+                                                                    sizes_.radius, cells * shape.silhouette.centre));
       if (shared_.keeps) fixed->silhouette.spans.shrink_to_fit();
     }
     tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y, &work_);
   }
 
-  int FirstTile(std::int32_t i) const { return atlas_[i] * grid_.tiles; }
+  int FirstTile(std::int32_t i) const { return atlas_[i] * count_.tiles; }
 
   int LevelOf(std::int32_t i) const {
-    const double cells = 2 * (outlines_[i].radius * shared_.scales[i] + grid_.radius) / grid_.cell;
+    const double cells = 2 * (outlines_[i].radius * sizes_.scales[i] + sizes_.radius);
     int level = 0;
-    while (level + 1 < tiles_[0].levels() && cells > kCellsOfLarge << level) ++level;
+    while (level + 1 < kLevels && cells > kCellsOfLarge << level) ++level;
     return level;
   }
-
-  std::size_t Slot(std::int32_t i, int turn) const { return static_cast<std::size_t>(i) * shared_.angles + turn; }
 
   double Angle(std::int32_t i, int turn) const {
     return outlines_[i].upright + 2 * std::numbers::pi * turn / shared_.angles;
   }
 
-  // Good until the next call, if it is not kept.
+  std::size_t SlotOf(std::int32_t i, int turn) const {
+    return (shared_.keeps ? static_cast<std::size_t>(i) * shared_.angles : 0) + turn;
+  }
+
+  // Good until another chart is asked for, if shapes are not kept.
   const Shape& At(std::int32_t i, int turn, int level) {
-    std::unique_ptr<Shape>& slot = shared_.keeps ? shared_.shapes[Slot(i, turn)] : passing_.shape;
-    if (shared_.keeps && slot != nullptr) {
-      work_ += kKeptWork;
-      return *slot;
+    if (!shared_.keeps && shared_.chart != i) {
+      for (std::unique_ptr<Shape>& shape : shared_.shapes) shape.reset();
+      shared_.chart = i;
     }
-    // A turn by more than a right angle is always made of the one a right angle before: a silhouette made of the
-    // outline anew could lie elsewhere in its cells.
-    const int quarter = shared_.angles % 4 == 0 ? shared_.angles / 4 : shared_.angles;
-    auto shape = std::make_unique<Shape>();
-    if (turn >= quarter) {
-      const bool is_passing = !shared_.keeps && passing_.chart == i && passing_.turn == turn - quarter;
-      const Shape* before = is_passing      ? passing_.shape.get()
-                            : shared_.keeps ? shared_.shapes[Slot(i, turn - quarter)].get()
-                                            : nullptr;
-      if (before == nullptr) before = &At(i, turn - quarter, level);
-      shape->silhouette = QuarterTurn(before->silhouette);
-      work_ += kQuarterWork + kCellWork * shape->silhouette.cells;
+    std::unique_ptr<Shape>& slot = shared_.shapes[SlotOf(i, turn)];
+    if (slot == nullptr) {
+      slot = std::make_unique<Shape>(MakeShape(i, turn, level));
+    } else {
+      work_ += kKeptWork;
+    }
+    return *slot;
+  }
+
+  // Turns that are right angles apart are made of each other: a silhouette made of the outline anew could lie elsewhere
+  // in its cells.
+  Shape MakeShape(std::int32_t i, int turn, int level) {
+    const int half = shared_.angles % 2 == 0 ? shared_.angles / 2 : shared_.angles;
+    const int quarter = shared_.angles % 4 == 0 ? half / 2 : half;
+    Shape shape;
+    if (turn >= half) {
+      const Shape& before = At(i, turn - half, level);
+      shape.silhouette = HalfTurn(before.silhouette);
+      shape.repeats = shape.silhouette.HasSameCells(before.silhouette);
+      work_ += kHalfWork;
+    } else if (turn >= quarter) {
+      const Shape& before = At(i, turn - quarter, level);
+      shape.silhouette = QuarterTurn(before.silhouette);
+      shape.repeats = shape.silhouette.HasSameCells(before.silhouette);
+      work_ += kQuarterWork + kCellWork * shape.silhouette.cells;
     } else {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-      const double cell = grid_.cell * (1 << level);
-      shape->silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), shared_.scales[i] / cell, grid_.radius / cell);
+      const double cell = 1 << level;
+      shape.silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), sizes_.scales[i] / cell, sizes_.radius / cell);
     }
-    shape->rim = MakeRim(shape->silhouette, kRimCells);
-    shape->row_order = RowOrder(shape->silhouette);
-    if (shared_.keeps) shape->silhouette.spans.shrink_to_fit();
-    passing_.chart = i;
-    passing_.turn = turn;
-    slot = std::move(shape);
-    return *slot;
+    shape.rim = MakeRim(shape.silhouette, kRimCells);
+    shape.row_order = RowOrder(shape.silhouette);
+    if (shared_.keeps) shape.silhouette.spans.shrink_to_fit();
+    return shape;
   }
 
   // Of charts of one atlas whose width and height are the same but for a factor of the square root of two.
   Start* StartFor(std::int32_t i, int level) {
     const Outline& outline = outlines_[i];
-    const double scale = shared_.scales[i];
     const Box box = BoxAt(outline, outline.upright);
-    const Vec2 cells = (box.high - box.low) * (scale / grid_.cell) + Vec2::Constant(2 * grid_.radius / grid_.cell);
+    const Vec2 cells = (box.high - box.low) * sizes_.scales[i] + Vec2::Constant(2 * sizes_.radius);
     const auto size = [](double extent) {
       const auto whole = static_cast<std::uint64_t>(std::clamp(extent, 1.0, 65536.0));
       return static_cast<std::size_t>(std::bit_width(whole * whole));
@@ -229,12 +246,13 @@ class TrialSeries::Impl {
     for (int k = 0; k < (only < 0 ? shared_.angles : 1) && !(is_crumb && k == 2); ++k) {
       const int turn = only < 0 ? k / quarters + k % quarters * quarter : only;
       const Shape& shape = At(i, turn, level);
+      if (shape.repeats && only < 0) continue;
       if (k == 0) is_crumb = std::max(shape.silhouette.width, shape.silhouette.height) <= kCrumb;
-      const int last = best.tile < 0 ? grid_.tiles - 1 : best.tile;
+      const int last = best.tile < 0 ? count_.tiles - 1 : best.tile;
       for (int t = start.tile; t <= last; ++t) {
         Spot spot;
         const int height = shape.silhouette.height, first = t == start.tile ? start.row - height : 0;
-        const int last_row = best.tile == t ? best.first_row + height / kRowsBeyond : grid_.side;
+        const int last_row = best.tile == t ? best.first_row + height / kRowsBeyond : side_;
         const int row = tiles_[FirstTile(i) + t].board(level).FindSpot(shape.silhouette, shape.rim, shape.row_order,
                                                                        first, last_row, height / 2, &spot, &work_);
         if (row < 0) continue;
@@ -254,38 +272,39 @@ class TrialSeries::Impl {
 
   const std::vector<Outline>& outlines_;
   const std::vector<int>& atlas_;
-  const TrialGrid grid_;
-  std::vector<Pyramid> tiles_;  // each trial clears them
-  // What trials at the same scales and angles share: by chart and turn, unless these are too many.
+  const TrialTiles count_;
+  TrialSizes sizes_;
+  std::vector<Pyramid> tiles_;  // of most_side_ cells; each trial clears them
+  int most_side_ = 0;
+  // What trials with the same sizes and angles share.
   struct Shared {
-    std::vector<double> scales;
     int angles = 0;
-    bool keeps = false;  // the shapes
-    std::vector<std::unique_ptr<Shape>> shapes;
-    std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot
+    bool keeps = false;                                   // the shapes of all charts, by chart and turn
+    std::vector<std::unique_ptr<Shape>> shapes;           // otherwise those of one chart
+    std::vector<std::unique_ptr<FixedSilhouette>> fixed;  // the same on level 0, at the corner of a spot; if kept
+    std::int32_t chart = -1;                              // whose shapes these are, if they are not kept
   };
   Shared shared_;
   // Of the trial under way.
   const TrialPlan* plan_ = nullptr;
-  // Of a chart at a turn, as it was needed last; the shape is there if shapes are not kept.
-  struct Passing {
-    std::unique_ptr<Shape> shape;
-    std::int32_t chart = -1;
-    int turn = 0;
-  };
-  Passing passing_;
+  int side_ = 0;
   std::vector<Start> starts_;  // kStarts for each atlas
+  double filled_ = 0;          // TrialResult::filled
   std::int64_t work_ = 0;
 };
 
-TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid)
-    : impl_(std::make_unique<Impl>(outlines, atlas, grid)) {}
+TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles)
+    : impl_(std::make_unique<Impl>(outlines, atlas, tiles)) {}
 
 TrialSeries::~TrialSeries() = default;
 
-TrialResult TrialSeries::Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
-                             const Execution& execution, std::vector<Pose>* poses) {
-  return impl_->Run(scales, plan, most_missing, execution, poses);
+void TrialSeries::Resize(TrialSizes sizes) {
+  impl_->Resize(std::move(sizes));
+}
+
+TrialResult TrialSeries::Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
+                             std::vector<Pose>* poses) {
+  return impl_->Run(side, plan, most_missing, execution, poses);
 }
 
 std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, double side, int tiles) {

@@ -10,13 +10,16 @@
 
 namespace planish {
 
-// Tiles as grids of side x side cells.
-struct TrialGrid {
-  int side = 256;     // cells
-  int tiles = 1;      // of each atlas
-  int atlases = 1;    // one after the other
-  double cell = 1;    // length of a cell in the texture
-  double radius = 0;  // half of the padding, in the texture
+struct TrialTiles {
+  int tiles = 1;    // of each atlas
+  int atlases = 1;  // one after the other
+};
+
+// How large the charts are, in cells of the grid that each tile is. Trials at other scales have another number of cells
+// to a tile, so that charts keep their silhouettes.
+struct TrialSizes {
+  std::vector<double> scales;  // of each chart: cells along a length of 1
+  double radius = 0;           // half of the padding, in cells
 };
 
 struct TrialPlan {
@@ -33,27 +36,30 @@ struct TrialPlan {
 // Where a chart's centre lies.
 struct Pose {
   double angle = 0;
-  Vec2 centre = Vec2::Zero();  // in cells from the corner of the tile
+  Vec2 centre = Vec2::Zero();  // in cells from the corner of the grid
   int tile = 0;
 };
 
 struct TrialResult {
   std::size_t placed = 0;  // charts of TrialPlan::order that found a place before the first that did not
-  double missing = 0;      // area of the charts that found none, in the texture
+  double missing = 0;      // area of the charts that found none, in cells
+  double filled = 0;       // rows up to the last with a chart, over all rows of the tiles; of the fullest atlas
   std::int64_t work = 0;   // nanoseconds, counted in steps of the algorithm
 };
 
 class TrialSeries {
  public:
   // `atlas`: whose tiles each chart goes to.
-  TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialGrid& grid);
+  TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles);
   ~TrialSeries();
 
-  // A chart goes next to the lowest row with room for it, where it lies snuggest. `scales` has what each chart is
-  // scaled by, in the texture. Ends as soon as more than most_missing of area has found no place. *poses gets those of
-  // the charts that were placed. Trials at the same scales and angles share silhouettes.
-  TrialResult Run(const std::vector<double>& scales, const TrialPlan& plan, double most_missing,
-                  const Execution& execution, std::vector<Pose>* poses);
+  // For all trials until the next call. Those with the same number of turns share silhouettes.
+  void Resize(TrialSizes sizes);
+
+  // On grids of side x side cells. A chart goes next to the lowest row with room for it, where it lies snuggest. Ends
+  // as soon as more than most_missing of area has found no place. *poses gets those of the charts that were placed.
+  TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
+                  std::vector<Pose>* poses);
 
  private:
   class Impl;

@@ -15,13 +15,16 @@ struct PackTuning {
   // little there. Two surface nets of 450,000 faces, 412 and 415 charts, fill 0.661 and 0.761 of the texture if all
   // count, 0.657 and 0.757 with 200,000, 0.649 and 0.757 with 100,000.
   double full_work_faces = 200'000;
-  double fast_share = 0.25, normal_share = 0.5, best_share = 50;  // of the rest
+  double fast_share = 0.25, normal_share = 0.4, best_share = 50;  // of the rest
   // PackEffort::kNormal has so much in any case, and so much for a chart.
-  double least_work = 20e6, least_per_chart = 50'000;
+  double least_work = 20e6, least_per_chart = 25'000;
 
   // Trials (trial.h). Cells along a chart of average size, and along a tile: more lay charts closer and cost more.
   double cells_per_chart = 24;
   int fewest_cells = 192, most_cells = 2048;
+  // Silhouettes are made for the largest of several grids. On others they are wider than the padding asks for, by so
+  // many cells at most; and the grids are smaller by this part at most.
+  double wider_padding = 0.02, most_smaller = 0.1;
   // How far simplified outlines may lie from those of the charts, in cells.
   double simple_within = 0.02;
   // Turns that a trial tries of each chart, as a power of two: as many as leave room for so many trials. Turns by less
@@ -34,9 +37,8 @@ struct PackTuning {
   // How full of charts and padding the tiles are in the first trial; much more never fits.
   double first_fill = 0.85;
   // Factors between scales. The largest that fits is known well enough within the first; the bracket is wide, and worth
-  // more trials than what comes after, above the second. Without a bracket scales grow by the third and shrink by the
-  // fourth at most.
-  double known_within = 1.01, wide_bracket = 1.03, upwards = 1.04, farthest_change = 1.12;
+  // more trials than what comes after, above the second. Without a bracket scales change by the third at most.
+  double known_within = 1.01, wide_bracket = 1.03, farthest_change = 1.12;
   double too_wide = 1.05;  // a bracket that is not left even where trials of very many charts have used up the work
 
   // Tightening (tighten.h) begins with so much work for each chart, or not at all: it takes that to grow and to settle.

@@ -436,6 +436,12 @@ TEST(Silhouette, TurnsByARightAngle) {
     }
     EXPECT_NEAR(turned.centre.x() + s.centre.y(), s.height, 1e-12);
     EXPECT_NEAR(turned.centre.y(), s.centre.x(), 1e-12);
+    const Silhouette half = HalfTurn(s), twice = QuarterTurn(turned);
+    EXPECT_TRUE(half.HasSameCells(twice));
+    EXPECT_EQ(half.cells, s.cells);
+    EXPECT_EQ(half.height, s.height);
+    EXPECT_NEAR((half.centre - twice.centre).norm(), 0, 1e-12);
+    EXPECT_FALSE(half.HasSameCells(s) && half.HasSameCells(turned));
   }
 }
 
