@@ -13,8 +13,8 @@ namespace planish {
 // is the same on any machine. Times in comments are those of one core of the year 2022.
 enum class PackEffort {
   kFast,    // about a quarter of what the charts and their maps cost
-  kNormal,  // about half of that, or 20 ms where that is more
-  kBest,    // a hundred times kNormal, for the last per cent
+  kNormal,  // about a third of that, or 20 ms where that is more
+  kBest,    // more than a hundred times kNormal, for the last per cent
 };
 // What packing may cost over what the charts and their maps cost.
 double ShareOfRest(PackEffort effort, const PackTuning& tuning = {});

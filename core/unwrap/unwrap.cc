@@ -1,7 +1,6 @@
 #include "core/unwrap/unwrap.h"
 
 #include <algorithm>
-#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -163,20 +162,20 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
-  // Charts with faces too thin for the type are mostly solved and packed more than once. All but the last packing are
-  // drafts: at full effort ten of them were most of the work.
-  std::optional<bool> is_draft;
-  while (true) {
+  // Charts with faces too thin for the type may be solved and packed again and again. From the third time on all but
+  // the last packing are drafts: at full effort ten of them were most of the work.
+  constexpr int kFullPackings = 2;
+  bool is_draft = false;
+  for (int round = 1;; ++round) {
     PLANISH_RETURN_IF_ERROR(CheckStopped(job, SolveAndRefine(&job, std::exchange(todo, {}), &charts), charts));
-    if (!is_draft) is_draft = !charts.least_angle.empty();
-    PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, *is_draft, &charts));
+    PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, is_draft, &charts));
     PLANISH_ASSIGN_OR_RETURN(Delivery delivery, Deliver(&job, charts, std::move(atlas.uv)));
     bool goes_on = WidenCharts(&job, atlas, delivery, &todo, &charts);
     if (!goes_on) {
       PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, delivery, &todo, &charts));
     }
-    if (goes_on || *is_draft) {
-      is_draft = goes_on;
+    if (goes_on || is_draft) {
+      is_draft = goes_on && round >= kFullPackings;
       continue;
     }
     if (options.seams.policy == SeamPolicy::kNeeded) {

@@ -115,8 +115,8 @@ enum class AtlasLayout {
 };
 enum class Effort {
   kFast,    // packing costs about a quarter of the rest of the unwrap
-  kNormal,  // about half of the rest
-  kBest,    // a hundred times kNormal
+  kNormal,  // about a third of the rest
+  kBest,    // more than a hundred times kNormal
 };
 
 template <typename Enum>
