@@ -1,6 +1,7 @@
 #include "core/unwrap/unwrap.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -162,20 +163,21 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
-  // Charts with faces too thin for the type may be solved and packed again and again. From the third time on all but
-  // the last packing are drafts: at full effort ten of them were most of the work.
-  constexpr int kFullPackings = 2;
-  bool is_draft = false;
+  // Charts may be solved and packed again and again, above all those with faces too thin for the type: at full effort
+  // ten packings were most of the work. All but the last are drafts, from the first on where faces were widened,
+  // otherwise from the third on, since the second is mostly the last.
+  std::optional<bool> is_draft;
   for (int round = 1;; ++round) {
     PLANISH_RETURN_IF_ERROR(CheckStopped(job, SolveAndRefine(&job, std::exchange(todo, {}), &charts), charts));
-    PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, is_draft, &charts));
+    if (!is_draft) is_draft = !charts.least_angle.empty();
+    PLANISH_ASSIGN_OR_RETURN(Atlas atlas, PackCharts(&job, *is_draft, &charts));
     PLANISH_ASSIGN_OR_RETURN(Delivery delivery, Deliver(&job, charts, std::move(atlas.uv)));
     bool goes_on = WidenCharts(&job, atlas, delivery, &todo, &charts);
     if (!goes_on) {
       PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, delivery, &todo, &charts));
     }
-    if (goes_on || is_draft) {
-      is_draft = goes_on && round >= kFullPackings;
+    if (goes_on || *is_draft) {
+      is_draft = goes_on && (*is_draft || round >= 2);
       continue;
     }
     if (options.seams.policy == SeamPolicy::kNeeded) {

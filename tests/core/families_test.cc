@@ -90,7 +90,7 @@ TEST(FamilyRegression, KeepsItsPromisesOnFineMeshes) {
 
 // Needles that rounding collapses, or does not, wherever the packer puts them: the charts were widened ten times over,
 // and packed at full effort each time.
-TEST(FamilyRegression, ChartsWidenedAgainAndAgainAreMostlyPackedAsDrafts) {
+TEST(FamilyRegression, ChartsThatAreWidenedArePackedByDrafts) {
   const auto seconds = [](const Mesh& mesh) {
     double least = 1e9;
     for (int i = 0; i < 2; ++i) {
