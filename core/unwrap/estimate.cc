@@ -34,10 +34,7 @@ constexpr double kFewVertices = 0.42, kFewestVertices = 0.32;
 
 constexpr double kSecondsPerByte = 1e-8;
 constexpr double kSecondsPerPiece = 36e-6;  // charts and maps
-// Of pieces that only the lack of vertices tells so many count, in the mean: triangles at random are a piece each, but
-// two-sided cards and voxels, which have as few vertices, have a chart for 10 to 100 faces.
-constexpr double kTangledShare = 0.4;
-constexpr double kPackUnit = 1e-9;  // of PackTuning's work, in seconds
+constexpr double kPackUnit = 1e-9;          // of PackTuning's work, in seconds
 // Of one face in a mesh of kReferenceFaces; merging charts goes by a higher power than the rest.
 constexpr double kReferenceFaces = 50'000;
 constexpr double kSolve = 7e-6, kSolvePower = 0.05;
@@ -60,15 +57,11 @@ bool IsSlow(const FlattenOptions& options) {
          options.preconditioner == PreconditionerType::kJacobi;
 }
 
-// Faces that are charts by themselves, as far as the counts tell: for having vertices of their own, or because more
-// than two faces meet at their edges. At most one of the two is above 0.
-struct SinglePieces {
-  double loose = 0, tangled = 0;
-};
-
-SinglePieces CountPieces(double faces, double vertices) {
+// Faces that are charts by themselves, as far as the counts tell.
+double Pieces(double faces, double vertices) {
+  const double loose = std::max(0.0, vertices - faces / 2) / kLooseVerticesPerPiece;
   const double tangled = (kFewVertices * faces - vertices) / (kFewVertices - kFewestVertices);
-  return {std::max(0.0, vertices - faces / 2) / kLooseVerticesPerPiece, std::clamp(tangled, 0.0, faces)};
+  return std::max(loose, std::clamp(tangled, 0.0, faces));
 }
 
 // `rest`: what charts and their maps take. Two charts use up the least work too, but one alone needs none; the counts
@@ -107,7 +100,7 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
                         const UnwrapOptions& options) {
   const auto f = static_cast<double>(faces), v = static_cast<double>(vertices), b = static_cast<double>(mesh_bytes);
   // A disc has no pieces, and many vertices only if there are many faces.
-  const SinglePieces pieces = options.seams.policy == SeamPolicy::kNone ? SinglePieces() : CountPieces(f, v);
+  const double pieces = options.seams.policy == SeamPolicy::kNone ? 0 : Pieces(f, v);
   const double factor_per_face = kFactorBytesPerFace * std::pow(std::max(1.0, f / kReferenceFaces), kFactorBytesPower);
   const double per_face = Factorizes(options.flatten) ? factor_per_face : kBytesPerFace;
   // Where multigrid fails on a chart, a factorization takes its place: one for each thread at a time. With kAuto that
@@ -120,12 +113,11 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
   const double charts = options.seams.policy == SeamPolicy::kNone ? 0 : kChartBytesPerFace;
   const bool packs = options.pack && options.seams.policy != SeamPolicy::kNone;
   const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + (per_face + charts) * f + fallback +
-                       (packs ? PackBytes(f, options.atlas) : 0) + kBytesPerPiece * (pieces.loose + pieces.tangled) +
-                       kBytesPerByte * b;
+                       (packs ? PackBytes(f, options.atlas) : 0) + kBytesPerPiece * pieces + kBytesPerByte * b;
   Estimate estimate;
   constexpr auto kLargest = std::numeric_limits<std::int64_t>::max();
   estimate.peak_bytes = bytes < static_cast<double>(kLargest) ? static_cast<std::int64_t>(bytes) : kLargest;
-  estimate.seconds = Seconds(f, pieces.loose + kTangledShare * pieces.tangled, b, options);
+  estimate.seconds = Seconds(f, pieces, b, options);
   return estimate;
 }
 

@@ -15,9 +15,8 @@ struct Estimate {
   std::int64_t peak_bytes = 0;
   // CPU seconds of one thread, to decode and unwrap, on a machine like that of memory.md; servers multiply them by what
   // jobs took lately over their estimates. With kAuto and kNone within a factor of 3 for 19 meshes of 20: one flat
-  // chart may take a tenth, triangles that share no edges four times as much, which the counts do not tell. With
-  // kNeeded only within a factor of 10 for 9 of 10, and up to 25 times: nor do they tell a disc, which is solved for
-  // once, from a net whose maps overlap, so that it is cut and solved for over and over.
+  // chart may take a tenth. With kNeeded only within a factor of 10 for 9 of 10, and up to 25 times: the counts do not
+  // tell a disc, which is solved once, from a net whose maps overlap, so that it is cut and solved again and again.
   double seconds = 0;
 };
 

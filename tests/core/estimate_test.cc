@@ -61,7 +61,7 @@ TEST(Estimate, KnowsWhatCostsMore) {
   EXPECT_GT(of({}, 300'000).seconds, 3 * plain.seconds);
   // So do triangles that share few vertices at random; surfaces with many handles have hardly fewer than closed ones.
   EXPECT_GT(of({}, 30'000).peak_bytes, 2 * plain.peak_bytes);
-  EXPECT_GT(of({}, 30'000).seconds, 1.5 * plain.seconds);
+  EXPECT_GT(of({}, 30'000).seconds, 3 * plain.seconds);
   EXPECT_LE(of({}, 45'000).peak_bytes, plain.peak_bytes);
   UnwrapOptions many_tiles;
   many_tiles.atlas.tiles = 100;
