@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
-#include <memory>
 #include <numbers>
 #include <span>
 #include <tuple>
@@ -17,7 +16,6 @@
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/import.h"
-#include "core/mesh/tri_mesh.h"
 
 namespace planish {
 namespace {
@@ -77,61 +75,59 @@ void ListVertices(const Mesh& mesh, Diagnosis* result) {
   }
 }
 
-// One of the faces round a vertex.
-FaceHandle FaceAt(const TriMesh& mesh, VertexHandle v) {
-  const HalfedgeHandle h = mesh.halfedge_handle(v);
-  return mesh.face_handle(mesh.is_boundary(h) ? mesh.opposite_halfedge_handle(h) : h);
-}
-
 // The pieces of the imported surface, put together again over the edges at which faces are wound against each other,
 // and what their boundaries are like.
-void ListComponents(const Pairing& pairing, const TriMesh& imported, const Execution& execution, Diagnosis* result) {
-  const auto of_surface = [&](FaceHandle f) { return IsOfSurface(pairing, f.idx()); };
+void ListComponents(const Pairing& pairing, const FlatImport& imported, const Execution& execution, Diagnosis* result) {
+  const std::vector<Face>& faces = imported.mesh.faces;
+  const std::vector<std::int32_t>& opposite = imported.mesh.opposite;
+  const std::size_t num_vertices = imported.source.size();
+  const auto num_faces = static_cast<std::int32_t>(faces.size());
+  const auto of_surface = [&](std::int32_t f) { return IsOfSurface(pairing, f); };
   std::int32_t num_pieces = 0;
   const std::vector<std::int32_t> piece = ConnectedPieces(
-      static_cast<std::int32_t>(imported.n_faces()), &num_pieces,
-      [&](std::int32_t f) { return IsOfSurface(pairing, f); },
-      [&](std::int32_t f, int k) { return pairing.opposite[3 * f + k] < 0 ? -1 : pairing.opposite[3 * f + k] / 3; });
+      num_faces, &num_pieces, of_surface,
+      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
   if (execution.IsCancelled()) return;
   // A component is a set of pieces, a fan one of vertices. Pieces come twice in `sides`, as they are and turned over.
   // Over every inconsistent edge a piece goes with the other side of its neighbour; where it goes with its own, the
   // component is not orientable.
-  UnionFind components(num_pieces), sides(2 * num_pieces), fans(imported.n_vertices());
-  std::vector<char> is_inner(pairing.opposite.size(), 0);  // per half-edge
+  UnionFind components(num_pieces), sides(2 * num_pieces), fans(num_vertices);
+  std::vector<char> is_inner(opposite.size(), 0);  // per half-edge
   for (const auto& [c, d] : pairing.inconsistent) {
     if (piece[c / 3] < 0) continue;  // copies
-    const HalfedgeHandle g = HalfEdgeOf(imported, c), h = HalfEdgeOf(imported, d);
     is_inner[c] = is_inner[d] = 1;
     components.Join(piece[c / 3], piece[d / 3]);
     sides.Join(2 * piece[c / 3], 2 * piece[d / 3] + 1);
     sides.Join(2 * piece[c / 3] + 1, 2 * piece[d / 3]);
-    fans.Join(imported.from_vertex_handle(g).idx(), imported.from_vertex_handle(h).idx());
-    fans.Join(imported.to_vertex_handle(g).idx(), imported.to_vertex_handle(h).idx());
+    fans.Join(Origin(faces, c), Origin(faces, d));
+    fans.Join(Target(faces, c), Target(faces, d));
   }
   result->oriented_pieces = num_pieces;
   std::vector<std::int32_t> number(num_pieces, -1);
-  for (const FaceHandle f : imported.faces()) {
+  std::vector<std::int32_t> face_at(num_vertices, -1);  // per vertex, one of its faces
+  for (std::int32_t f = 0; f < num_faces; ++f) {
+    for (const std::int32_t v : faces[f]) face_at[v] = f;
     if (!of_surface(f)) continue;
-    const std::int32_t first = components.Find(piece[f.idx()]);  // the lowest: seen before
+    const std::int32_t first = components.Find(piece[f]);  // the lowest: seen before
     if (number[first] < 0) {
       number[first] = static_cast<std::int32_t>(result->components.size());
       Component& component = result->components.emplace_back();
-      component.first_face = f.idx();
+      component.first_face = f;
       component.orientable = sides.Find(2 * first) != sides.Find(2 * first + 1);
     }
-    number[piece[f.idx()]] = number[first];
+    number[piece[f]] = number[first];
     Component& component = result->components[number[first]];
     ++component.faces;
     ++component.euler_characteristic;
   }
-  const auto component_of = [&](FaceHandle f) -> Component& { return result->components[number[piece[f.idx()]]]; };
-  UnionFind loops(imported.n_vertices());
+  const auto component_of = [&](std::int32_t f) -> Component& { return result->components[number[piece[f]]]; };
+  UnionFind loops(num_vertices);
   std::vector<std::int64_t> inner(result->components.size(), 0);
   std::vector<std::int32_t> ends;  // of boundary edges
-  for (std::int32_t c = 0; c < std::ssize(pairing.opposite); ++c) {
-    const std::int32_t o = pairing.opposite[c];
+  for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
+    const std::int32_t o = opposite[c];
     if ((o >= 0 && o < c) || !IsOfSurface(pairing, c / 3)) continue;
-    Component& component = component_of(FaceHandle(c / 3));
+    Component& component = component_of(c / 3);
     if (is_inner[c]) {
       ++inner[&component - result->components.data()];  // comes twice
       continue;
@@ -139,21 +135,20 @@ void ListComponents(const Pairing& pairing, const TriMesh& imported, const Execu
     --component.euler_characteristic;
     if (o >= 0) continue;
     ++component.boundary_edges;
-    const HalfedgeHandle h = HalfEdgeOf(imported, c);
-    ends.push_back(fans.Find(imported.to_vertex_handle(h).idx()));
-    loops.Join(fans.Find(imported.from_vertex_handle(h).idx()), ends.back());
+    ends.push_back(fans.Find(Target(faces, c)));
+    loops.Join(fans.Find(Origin(faces, c)), ends.back());
   }
   for (std::size_t i = 0; i < inner.size(); ++i) result->components[i].euler_characteristic -= inner[i] / 2;
-  std::vector<char> on_boundary(imported.n_vertices(), 0);
+  std::vector<char> on_boundary(num_vertices, 0);
   for (const std::int32_t v : ends) on_boundary[loops.Find(v)] = 1;
   std::int32_t last_source = -1;  // vertices are in the order of their sources
   std::int64_t fans_there = 0;
-  for (const VertexHandle v : imported.vertices()) {
-    const FaceHandle f = FaceAt(imported, v);
-    if (!of_surface(f) || fans.Find(v.idx()) != v.idx()) continue;
+  for (std::int32_t v = 0; v < std::ssize(face_at); ++v) {
+    const std::int32_t f = face_at[v];
+    if (!of_surface(f) || fans.Find(v) != v) continue;
     ++component_of(f).euler_characteristic;
-    if (on_boundary[v.idx()]) ++component_of(f).boundary_loops;
-    const std::int32_t source = imported.data(v).source;
+    if (on_boundary[v]) ++component_of(f).boundary_loops;
+    const std::int32_t source = imported.source[v];
     fans_there = source == last_source ? fans_there + 1 : 1;
     last_source = source;
     if (fans_there == 2) Add(source, &result->non_manifold_vertices);
@@ -267,7 +262,7 @@ Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing) {
   return result;
 }
 
-Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const TriMesh& imported,
+Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const FlatImport& imported,
                          const Execution& execution) {
   Diagnosis result = DescribeElements(mesh, pairing);
   result.edges = pairing.edges;
@@ -288,9 +283,9 @@ absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution)
     return MakeError(absl::StatusCode::kInvalidArgument, "MESH_TOO_LARGE",
                      "the mesh has more than 2^31 vertices or corners");
   }
-  const Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
+  Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  Diagnosis result = DescribeImport(mesh, pairing, ImportMesh(mesh, pairing.opposite), execution);
+  Diagnosis result = DescribeImport(mesh, pairing, ImportFlat(mesh, std::move(pairing.opposite)), execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   ListCoincidentVertices(mesh, &result);
   Measure(mesh, pairing, execution, &result);
@@ -373,13 +368,13 @@ struct BoundaryLoop {
 };
 
 // Longest first, then by their vertices.
-std::vector<BoundaryLoop> LoopsOf(const TriMesh& mesh) {
-  const Loops<HalfedgeHandle> loops = BoundaryLoops(mesh);
+std::vector<BoundaryLoop> LoopsOf(const FlatImport& imported) {
+  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{imported.mesh.opposite});
   std::vector<BoundaryLoop> found;
   for (std::int32_t i = 0; i < loops.count(); ++i) {
     BoundaryLoop loop = {static_cast<std::int64_t>(loops[i].size()), std::numeric_limits<std::int64_t>::max()};
-    for (const HalfedgeHandle h : loops[i]) {
-      loop.vertex = std::min<std::int64_t>(loop.vertex, mesh.data(mesh.from_vertex_handle(h)).source);
+    for (const std::int32_t c : loops[i]) {
+      loop.vertex = std::min<std::int64_t>(loop.vertex, imported.source[Origin(imported.mesh.faces, c)]);
     }
     found.push_back(loop);
   }
@@ -388,13 +383,13 @@ std::vector<BoundaryLoop> LoopsOf(const TriMesh& mesh) {
   return found;
 }
 
-absl::Status CheckLoopsAndHandles(const Diagnosis& d, const TriMesh& mesh) {
+absl::Status CheckLoopsAndHandles(const Diagnosis& d, const FlatImport& imported) {
   const std::int64_t handles = d.handles();
   const auto counted = [&](const char* before) {
     return handles == 0 ? "" : absl::StrCat(before, handles, handles == 1 ? " handle" : " handles");
   };
   const std::string genus = absl::StrCat(handles);
-  const std::vector<BoundaryLoop> loops = LoopsOf(mesh);
+  const std::vector<BoundaryLoop> loops = LoopsOf(imported);
   if (loops.empty()) {
     return MeshFault("MESH_CLOSED",
                      absl::StrCat("the mesh is closed: no boundary edge among ", d.edges, " edges",
@@ -424,17 +419,17 @@ absl::Status CheckLoopsAndHandles(const Diagnosis& d, const TriMesh& mesh) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<const TriMesh>> ImportDisc(const Mesh& mesh, const Execution& execution) {
-  const Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
+absl::StatusOr<FlatImport> ImportDisc(const Mesh& mesh, const Execution& execution) {
+  Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  std::unique_ptr<const TriMesh> imported(new TriMesh(ImportMesh(mesh, pairing.opposite)));
-  const Diagnosis diagnosis = DescribeImport(mesh, pairing, *imported, execution);
+  FlatImport imported = ImportFlat(mesh, std::move(pairing.opposite));
+  const Diagnosis diagnosis = DescribeImport(mesh, pairing, imported, execution);
   // What was found after a cancellation may be wrong.
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   PLANISH_RETURN_IF_ERROR(CheckFaces(diagnosis));
   PLANISH_RETURN_IF_ERROR(CheckManifold(diagnosis));
   PLANISH_RETURN_IF_ERROR(CheckOneComponent(diagnosis));
-  PLANISH_RETURN_IF_ERROR(CheckLoopsAndHandles(diagnosis, *imported));
+  PLANISH_RETURN_IF_ERROR(CheckLoopsAndHandles(diagnosis, imported));
   return imported;
 }
 

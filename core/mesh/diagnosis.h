@@ -104,14 +104,15 @@ std::string Counted(std::int64_t count, const std::string& one, const std::strin
 absl::Status MeshFault(const std::string& reason, const std::string& message, std::int64_t count,
                        std::map<std::string, std::string> metadata);
 
+struct FlatImport;
 struct Pairing;
 
 // The faults of single faces and vertices alone, without coincident vertices and needles: what Refusal() goes by. O(F).
 Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing);
 
-// Describes `mesh` by its import without flat faces joined: everything but coincident vertices, needles and geometry.
+// Describes `mesh` by its import without flat faces joined (Pairing::opposite is not looked at): everything but coincident vertices, needles and geometry.
 // O(F). Of no use after a cancellation.
-Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const TriMesh& imported,
+Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const FlatImport& imported,
                          const Execution& execution = {});
 
 // Takes any mesh. O(F + V log V) for bounded valence. The same result for any number of threads. CANCELLED

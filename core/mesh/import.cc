@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 #include <span>
+#include <utility>
 
 #include "Eigen/Geometry"
 #include "core/base/radix_sort.h"
@@ -199,6 +200,17 @@ void SortBySource(std::int64_t num_sources, FanVertices* vertices) {
   vertices->source = std::move(sorted);
 }
 
+Vec3 PositionOf(std::int32_t source, const std::vector<Vec3>& positions) {
+  const bool exists = source >= 0 && source < std::ssize(positions);
+  return exists ? positions[source] : Vec3(Vec3::Constant(std::numeric_limits<double>::quiet_NaN()));
+}
+
+FanVertices VerticesOf(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
+  FanVertices vertices = NumberFans(opposite, [&](std::int32_t c) { return mesh.faces[c / 3][c % 3]; });
+  SortBySource(mesh.num_vertices(), &vertices);
+  return vertices;
+}
+
 // Sets all handles directly: add_face() would look for edges that are known here.
 TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& vertices,
              const std::function<std::int32_t(std::int32_t)>& source_face, const std::vector<Vec3>& positions) {
@@ -215,9 +227,7 @@ TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& verti
   mesh.resize(vertices.source.size(), num_edges, num_corners / 3);
   for (std::int32_t v = 0; v < static_cast<std::int32_t>(vertices.source.size()); ++v) {
     const std::int32_t source = vertices.source[v];
-    const bool exists = source >= 0 && source < static_cast<std::int64_t>(positions.size());
-    mesh.set_point(VertexHandle(v),
-                   exists ? positions[source] : Vec3(Vec3::Constant(std::numeric_limits<double>::quiet_NaN())));
+    mesh.set_point(VertexHandle(v), PositionOf(source, positions));
     mesh.data(VertexHandle(v)).source = source;
   }
   for (std::int32_t f = 0; f < num_corners / 3; ++f) {
@@ -254,10 +264,22 @@ TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
 }
 
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
-  FanVertices vertices = NumberFans(opposite, [&](std::int32_t c) { return mesh.faces[c / 3][c % 3]; });
-  SortBySource(mesh.num_vertices(), &vertices);
   return Link(
-      opposite, vertices, [](std::int32_t f) { return f; }, mesh.positions);
+      opposite, VerticesOf(mesh, opposite), [](std::int32_t f) { return f; }, mesh.positions);
+}
+
+FlatImport ImportFlat(const Mesh& mesh, std::vector<std::int32_t> opposite) {
+  FanVertices vertices = VerticesOf(mesh, opposite);
+  FlatImport flat;
+  flat.mesh.faces.reserve(mesh.faces.size());
+  for (std::size_t c = 0; c < opposite.size(); c += 3) {
+    flat.mesh.faces.push_back({vertices.of_corner[c], vertices.of_corner[c + 1], vertices.of_corner[c + 2]});
+  }
+  flat.mesh.positions.reserve(vertices.source.size());
+  for (const std::int32_t source : vertices.source) flat.mesh.positions.push_back(PositionOf(source, mesh.positions));
+  flat.mesh.opposite = std::move(opposite);
+  flat.source = std::move(vertices.source);
+  return flat;
 }
 
 }  // namespace planish

@@ -216,8 +216,8 @@ class Packer {
         next = scale /
                std::clamp(plan_.thorough ? std::sqrt(ratio) : ratio, tuning_.known_within, tuning_.farthest_change);
       }
-      if (SideOf(next) > 2 * grid_.side || 2 * SideOf(next) < grid_.side) SetUnit(next);
-      side = SideOf(next);
+      side = GridFor(next);
+      if (plan_.thorough) continue;
       if (bad > 0) side = std::max(side, SideOf(bad) + 1);
       if (good > 0 && side >= SideOf(good)) {
         if (bad > 0 && SideOf(bad) + 1 >= SideOf(good)) break;  // there is nothing between
@@ -227,9 +227,16 @@ class Packer {
     return good > 0;
   }
 
-  // ---- Scales. A tile is a grid, whose cells are of one size on the surface: charts of another scale, with the same
-  // silhouettes, are on a grid of another side.
+  // ---- Scales. A tile is a grid. Among many charts its cells are of one size on the surface: charts of another scale,
+  // with the same silhouettes, are on a grid of another side. Few charts are drawn anew for each scale, on a grid whose
+  // side is whole on the coarser boards of large charts: what is left over there is of the size of a cell of theirs.
 
+  // The side of the grid for a trial at this scale.
+  int GridFor(double scale) {
+    const int side = SideOf(scale);
+    if (plan_.thorough || side > 2 * grid_.side || 2 * side < grid_.side) SetUnit(scale);
+    return SideOf(scale);
+  }
   // From now on a grid of the usual side is one at this scale.
   void SetUnit(double scale) {
     grid_.unit = scale * grid_.side / grid_.extent;
@@ -284,7 +291,10 @@ class Packer {
     plan.turn.assign(n, -1);
     std::vector<Pose> poses(n);
     double missing = kHuge;
-    const auto next_side = [&] { return std::min(SideOf(tuning_.order_step * best_.scale), SideOf(best_.scale) - 1); };
+    const auto next_side = [&] {
+      const int next = GridFor(tuning_.order_step * best_.scale);
+      return std::min(next, SideOf(best_.scale) - 1);
+    };
     int side = next_side();
     int in_vain = 0;
     std::int32_t first_missing = 0;
@@ -417,7 +427,8 @@ class Packer {
   void SetGrid() {
     const double charts = static_cast<double>(MostCharts(charts_.atlas, options_.atlases)) / options_.tiles;
     grid_.side = std::clamp(static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts)), tuning_.fewest_cells,
-                            tuning_.most_cells);
+                            tuning_.most_cells) /
+                 kCoarsestCell * kCoarsestCell;
     grid_.extent = 1 - 2 * margin_;
   }
 

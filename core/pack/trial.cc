@@ -24,6 +24,7 @@ constexpr int kRowsBeyond = 2;
 // A chart is looked for on the coarsest board on which it is at least half of so many cells long.
 constexpr int kCellsOfLarge = 64;
 constexpr int kLevels = 4;
+static_assert(kCoarsestCell == 1 << (kLevels - 1));
 // So many silhouettes are kept at most, of about a kilobyte each.
 constexpr std::size_t kMostKept = 16384;
 

@@ -15,6 +15,10 @@ struct TrialTiles {
   int atlases = 1;  // one after the other
 };
 
+// Of the boards that large charts are looked for on: cells of the grid along one of theirs. What is left over of a grid
+// beyond the last whole one is not used for such charts.
+inline constexpr int kCoarsestCell = 8;
+
 // How large the charts are, in cells of the grid that each tile is. Trials at other scales have another number of cells
 // to a tile, so that charts keep their silhouettes.
 struct TrialSizes {

@@ -165,13 +165,9 @@ absl::StatusOr<Charts> Segment(Job* job) {
   const SeamOptions& seams = job->options.seams;
   Charts charts;
   if (seams.policy == SeamPolicy::kNone) {
-    FlatMesh disc;
-    {
-      PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<const TriMesh> imported, ImportDisc(job->mesh, job->execution));
-      disc = FlatMeshOf(*imported);
-    }
+    PLANISH_ASSIGN_OR_RETURN(const FlatImport disc, ImportDisc(job->mesh, job->execution));
     charts.charts.resize(1);
-    charts.charts[0].chart = MakeChart(disc, Indices(disc.faces.size()), {}, job->execution);
+    charts.charts[0].chart = MakeChart(disc.mesh, Indices(disc.mesh.faces.size()), {}, job->execution);
     job->seconds.charts = timer.Restart();
     return charts;
   }

@@ -1,18 +1,16 @@
 #include "tests/testing/discs.h"
 
-#include <memory>
 #include <vector>
 
 #include "core/base/status_macros.h"
 #include "core/mesh/import.h"
-#include "core/mesh/tri_mesh.h"
 
 namespace planish {
 
 absl::StatusOr<Topology> DiscTopology(const Mesh& mesh, const Execution& execution) {
-  PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<const TriMesh> disc, ImportDisc(mesh, execution));
+  PLANISH_ASSIGN_OR_RETURN(const FlatImport disc, ImportDisc(mesh, execution));
   std::vector<std::int32_t> order;
-  const Topology sorted = MakeTopology(FlatMeshOf(*disc), &order, execution);
+  const Topology sorted = MakeTopology(disc.mesh, &order, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   Topology topology = sorted;
   for (std::int32_t c = 0; c < sorted.num_corners(); ++c) {
@@ -21,7 +19,7 @@ absl::StatusOr<Topology> DiscTopology(const Mesh& mesh, const Execution& executi
   }
   // Import leaves out vertices without a face.
   std::vector<std::int32_t> rows = RowVertices(sorted);
-  for (std::int32_t& v : rows) v = disc->data(VertexHandle(v)).source;
+  for (std::int32_t& v : rows) v = disc.source[v];
   topology.num_vertices = static_cast<std::int32_t>(mesh.num_vertices());
   topology.faces = mesh.faces;
   AssignRows(rows, &topology);
