@@ -68,12 +68,13 @@ class Packer {
  private:
   double Budget() const {
     const auto charts = static_cast<double>(charts_.outlines.size());
-    const double few = std::min(charts_.num_faces, std::sqrt(charts_.num_faces * tuning_.full_work_faces));
-    const double faces = options_.effort == PackEffort::kBest ? charts_.num_faces : few;
+    const double counting = std::min(charts_.num_faces, std::sqrt(charts_.num_faces * tuning_.full_work_faces));
+    const double faces = options_.effort == PackEffort::kBest ? charts_.num_faces : counting;
     const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
     if (options_.effort != PackEffort::kNormal) return share;
-    return std::max({share, tuning_.least_work, tuning_.least_per_chart * charts});
+    const double of_few = std::min(tuning_.least_per_few * charts, tuning_.least_work);
+    return std::max({share, of_few, tuning_.least_per_chart * charts});
   }
 
   std::vector<double> Scales(double scale) const {
@@ -160,7 +161,8 @@ class Packer {
     if (HasNoTime()) return true;
     const double left = work_.budget - static_cast<double>(work_.done);
     const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.outlines.size());
-    if (left > tuning_.fewest_orders * static_cast<double>(work_.of_trial)) {
+    if (charts_.order.size() >= tuning_.charts_for_orders &&
+        left > tuning_.fewest_orders * static_cast<double>(work_.of_trial)) {
       TryOrders(static_cast<double>(work_.done) + (tightens ? tuning_.orders_share : 1) * left);
     }
     series_.reset();
@@ -208,7 +210,8 @@ class Packer {
       if (good > 0 && !may_go_on) break;
       double next = 0;
       if (good > 0) {
-        next = std::clamp(expected, tuning_.known_within * good, tuning_.farthest_change * good);
+        next = plan_.thorough ? tuning_.upwards * good
+                              : std::clamp(expected, tuning_.known_within * good, tuning_.farthest_change * good);
         if (bad > 0) next = std::min(next, std::sqrt(good * bad));
       } else {
         const double ratio = std::sqrt(AreaRatio(scale, result.placed));

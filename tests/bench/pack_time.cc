@@ -55,6 +55,7 @@ int Main(int argc, char** argv) {
   app.add_option("--full-work-faces", tuning.full_work_faces);
   app.add_option("--rest-per-chart", tuning.rest_per_chart);
   app.add_option("--normal-share", tuning.normal_share);
+  app.add_option("--least-per-few", tuning.least_per_few);
   app.add_option("--least-work", tuning.least_work);
   app.add_option("--least-per-chart", tuning.least_per_chart);
   app.add_option("--cells-per-chart", tuning.cells_per_chart);
