@@ -353,7 +353,7 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
 }
 
 nlohmann::json Bare(const Flags& flags) {
-  const double rate = BareJobs(flags).JobsPerSecond();
+  const double rate = flags.bare_rate > 0 ? flags.bare_rate : BareJobs(flags).JobsPerSecond();
   return {{"bench", "bare"}, {"jobs", flags.jobs}, {"jobs_per_second", rate}};
 }
 
@@ -394,6 +394,9 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--load", flags.load, "of bare SQL's jobs a second, what the workers of \"steady\" can end")
       ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  app.add_option("--bare-rate", flags.bare_rate, "jobs a second, in place of a measurement; 0: measure")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app.add_option("--bare-accounts", flags.bare_accounts, "bare SQL writes the accounts of tenants, too")
       ->capture_default_str();
