@@ -26,6 +26,7 @@ struct AcceptCall {
 absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent);
 
 // JobStore::Claim. `claimed` is empty.
-absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed);
+absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
+                     absl::Duration* queued);
 
 }  // namespace planish

@@ -114,14 +114,18 @@ class SqlJobStore : public JobStore {
 
   // ---- workers
 
-  absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) override {
+  absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
+                                                 absl::Duration* queued) override {
     // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets
     // the last claims has the work waiting again, and what their owners say under the old leases changes nothing: the
     // next attempt has the same number, but another owner. If it is the same owner, JobRunner goes on with the first.
     const Durability durability = database_->is_shared() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
-    const absl::Status status = Change(
-        context, durability, [&](JobTransaction& transaction) { return ClaimIn(&transaction, request, &claimed); });
+    absl::Duration waited;
+    const absl::Status status = Change(context, durability, [&](JobTransaction& transaction) {
+      return ClaimIn(&transaction, request, &claimed, &waited);
+    });
+    if (queued != nullptr) *queued = waited;
     PLANISH_RETURN_IF_ERROR(status);
     return claimed;
   }
@@ -135,9 +139,10 @@ class SqlJobStore : public JobStore {
               [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
     const absl::Status status = Change({}, Durability::kLater, [&](JobTransaction& transaction) -> absl::Status {
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t until, LeaseUntil(&transaction, lease));
+      // "running != 0": as in JobTransaction::EndWorks().
       RowBatch renewals = RowBatch::Of(
           "UPDATE works SET lease_until = v.column4 FROM (VALUES {rows}) AS v WHERE name = v.column1 AND "
-          "owner = v.column2 AND attempt = v.column3 AND running = 1 RETURNING name, attempt, wish");
+          "owner = v.column2 AND attempt = v.column3 AND running != 0 RETURNING name, attempt, wish");
       for (const std::size_t i : order) {
         renewals.Add({std::string_view(leases[i].work), std::string_view(leases[i].owner), leases[i].attempt, until});
       }
