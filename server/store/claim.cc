@@ -27,7 +27,7 @@ class Claimer {
  public:
   Claimer(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
           absl::Duration* queued)
-      : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed), queued_(*queued) {}
+      : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed), queued_(queued) {}
 
   absl::Status Run() {
     if (request_.work.empty()) {
@@ -71,7 +71,8 @@ class Claimer {
         {std::string_view(request_.owner)}, &usage));
     PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
     transaction_.SetLeaseNow(usage.Int(0, 3));
-    queued_ = absl::Nanoseconds(usage.Int(0, 4));  // all that was before is the wait for the turn
+    // All that was before is the wait for the turn.
+    if (queued_ != nullptr) *queued_ = absl::Nanoseconds(usage.Int(0, 4));
     running_ = usage.Int(0, 0);
     runs_alone_ = usage.Int(0, 1) != 0;
     memory_ = usage.Int(0, 2);
@@ -249,7 +250,7 @@ class Claimer {
   SqlConnection& sql_;
   const ClaimRequest& request_;
   std::vector<ClaimedWork>& claimed_;
-  absl::Duration& queued_;
+  absl::Duration* const queued_;  // may be null
 
   std::int64_t now_ = 0;
   FairAccounts accounts_;  // with what was chosen

@@ -213,7 +213,8 @@ absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::st
 }
 
 absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(const std::vector<Lease>& ordered) {
-  // Not "running = 1": PostgreSQL might take the index of what the owner runs, all of it, in place of the name's.
+  // As in JobStore::Renew not "running = 1": PostgreSQL might take the index of what the owner runs, all of it, in
+  // place of the name's.
   static const std::string sql =
       absl::StrCat("DELETE FROM works WHERE name = ? AND owner = ? AND attempt = ? AND running != 0 RETURNING ",
                    kWorkColumns, ", {now}");
