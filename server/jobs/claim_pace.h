@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <functional>
 #include <random>
 #include <string>
@@ -16,6 +18,10 @@ inline constexpr double kClaimsPerSecond = 250;
 
 // A database that is asked for more than it can give answers late. Then servers ask less often, and take more with each
 // claim: those that queue for an answer would get nothing sooner, and be in the way of all others.
+//
+// Where n servers take c claims a second together, each has n / c seconds for a rest and a claim. So a claim queues for
+// about n / c / kRests, however much more work there is than the database can give. The median of the last claims
+// counts: one that met a pause of the database says nothing.
 class ClaimPace {
  public:
   // `owner`: of the server's leases.
@@ -23,22 +29,32 @@ class ClaimPace {
       : place_(static_cast<double>(std::hash<std::string>()(owner) % 1000) / 1000),
         random_(static_cast<unsigned>(std::hash<std::string>()(owner))) {}
 
-  // After a claim that took so long: at this server's place in an interval, after a rest that varies by a half. Servers
-  // that once waited for the same thing would otherwise come together from then on.
-  absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration took) {
+  // After a claim that queued so long (JobStore::Claim): at this server's place in an interval, after a rest that
+  // varies by a half. Servers that once waited for the same thing would otherwise come together from then on.
+  absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration queued) {
+    last_[count_++ % kLast] = queued;
     if (interval <= absl::ZeroDuration()) return now;
-    const absl::Duration rest = std::min(kRests * std::max(took - kPrompt, absl::ZeroDuration()), kLongestRest);
+    const absl::Duration rest = std::min(kRests * std::max(Median() - kPrompt, absl::ZeroDuration()), kLongestRest);
     const absl::Time rested = now + rest * std::uniform_real_distribution<double>(0.5, 1.5)(random_);
     return rested + interval - (rested - absl::UnixEpoch() + place_ * interval) % interval;
   }
 
  private:
-  static constexpr absl::Duration kPrompt = absl::Milliseconds(10);  // of a database that has time
-  static constexpr int kRests = 50;                                  // times what a claim took beyond that
-  static constexpr absl::Duration kLongestRest = absl::Seconds(4);
+  static constexpr std::size_t kLast = 3;
+  static constexpr absl::Duration kPrompt = absl::Milliseconds(2);  // of a database that has time
+  static constexpr int kRests = 200;                                // times what a claim queued beyond that
+  static constexpr absl::Duration kLongestRest = absl::Seconds(8);
+
+  absl::Duration Median() const {
+    std::array<absl::Duration, kLast> sorted = last_;
+    std::sort(sorted.begin(), sorted.end());
+    return sorted[kLast / 2];
+  }
 
   const double place_;
   std::minstd_rand random_;
+  std::array<absl::Duration, kLast> last_ = {};  // at first: none queued
+  std::size_t count_ = 0;
 };
 
 }  // namespace planish

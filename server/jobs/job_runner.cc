@@ -29,7 +29,7 @@ constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
 constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
 // Renewals in the time that a lease lasts.
-constexpr int kRenewals = 5;
+constexpr int kRenewals = 3;
 // Progress that is written before its time, and of what cannot be written, the newest that is kept.
 constexpr std::size_t kManyProgress = 1024;
 constexpr std::size_t kMostProgress = 4096;
@@ -134,11 +134,10 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   request.tenant_limits = context_.options.tenant_limits;
   request.seconds_factor = seconds_factor_;
   lock->unlock();
-  const absl::Time asked = context_.options.steady_clock();
-  const absl::StatusOr<std::vector<ClaimedWork>> claimed = context_.store.Claim(context_.Verb(), request);
-  const absl::Time answered = context_.options.steady_clock();
+  absl::Duration queued;
+  const absl::StatusOr<std::vector<ClaimedWork>> claimed = context_.store.Claim(context_.Verb(), request, &queued);
   const absl::Time next_claim =
-      pace_.Next(answered, context_.Pace(kClaimsPerSecond, kLeastClaimInterval), answered - asked);
+      pace_.Next(context_.options.steady_clock(), context_.Pace(kClaimsPerSecond, kLeastClaimInterval), queued);
   if (claimed.ok()) {
     for (const ClaimedWork& work : *claimed) feed_.Tell(work.jobs);
   } else {

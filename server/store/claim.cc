@@ -25,8 +25,9 @@ namespace {
 // One Claim().
 class Claimer {
  public:
-  Claimer(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed)
-      : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed) {}
+  Claimer(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
+          absl::Duration* queued)
+      : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed), queued_(queued) {}
 
   absl::Status Run() {
     if (request_.work.empty()) {
@@ -34,11 +35,8 @@ class Claimer {
       static std::atomic<std::uint64_t> claims = 0;
       PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner) + claims++));
     }
-    SqlRows accounts;
-    PLANISH_RETURN_IF_ERROR(sql_.RunLater(AccountsSql(), {}, &accounts));
-    PLANISH_RETURN_IF_ERROR(ReadUsage());
+    PLANISH_RETURN_IF_ERROR(ReadUsageAndAccounts());
     PLANISH_ASSIGN_OR_RETURN(now_, transaction_.LeaseNow());
-    accounts_ = AccountsOf(accounts);
     if (!request_.work.empty()) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction_.LockWork(request_.work, /*wait=*/false));
       if (!work.has_value() || work->row.running) return absl::OkStatus();
@@ -64,17 +62,20 @@ class Claimer {
     return request_.tenant_limits == nullptr ? TenantLimits() : request_.tenant_limits(tenant);
   }
 
-  // What the owner has already.
-  absl::Status ReadUsage() {
-    PLANISH_ASSIGN_OR_RETURN(
-        const SqlRows rows,
-        sql_.Run("SELECT count(*), coalesce(max(alone), 0), CAST(coalesce(sum(memory_bytes), 0) AS BIGINT), {now} "
-                 "FROM works WHERE running = 1 AND owner = ?",
-                 {std::string_view(request_.owner)}));
-    transaction_.SetLeaseNow(rows.Int(0, 3));
-    running_ = rows.Int(0, 0);
-    runs_alone_ = rows.Int(0, 1) != 0;
-    memory_ = rows.Int(0, 2);
+  // What the owner and the tenants have already.
+  absl::Status ReadUsageAndAccounts() {
+    SqlRows usage;
+    PLANISH_RETURN_IF_ERROR(sql_.RunLater(
+        "SELECT count(*), coalesce(max(alone), 0), CAST(coalesce(sum(memory_bytes), 0) AS BIGINT), {now}, "
+        "{elapsed} FROM works WHERE running = 1 AND owner = ?",
+        {std::string_view(request_.owner)}, &usage));
+    PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
+    transaction_.SetLeaseNow(usage.Int(0, 3));
+    // All that was before is the wait for the turn.
+    if (queued_ != nullptr) *queued_ = absl::Nanoseconds(usage.Int(0, 4));
+    running_ = usage.Int(0, 0);
+    runs_alone_ = usage.Int(0, 1) != 0;
+    memory_ = usage.Int(0, 2);
     return absl::OkStatus();
   }
 
@@ -249,6 +250,7 @@ class Claimer {
   SqlConnection& sql_;
   const ClaimRequest& request_;
   std::vector<ClaimedWork>& claimed_;
+  absl::Duration* const queued_;  // may be null
 
   std::int64_t now_ = 0;
   FairAccounts accounts_;  // with what was chosen
@@ -269,8 +271,9 @@ class Claimer {
 
 }  // namespace
 
-absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed) {
-  return Claimer(transaction, request, claimed).Run();
+absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
+                     absl::Duration* queued) {
+  return Claimer(transaction, request, claimed, queued).Run();
 }
 
 }  // namespace planish

@@ -160,8 +160,8 @@ absl::StatusOr<QueueState> JobQuestions::Queue(const LeaseClock& clock) {
 
 absl::StatusOr<std::vector<std::pair<std::string, Wish>>> JobQuestions::Wishes(const std::string& owner) {
   PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
-                           Ask("SELECT name, wish FROM works WHERE running = 1 AND owner = ? AND wish != ?",
-                               {std::string_view(owner), static_cast<std::int64_t>(Wish::kGoOn)}));
+                           Ask("SELECT name, wish FROM works WHERE running = 1 AND owner = ? AND wish != 0",  // kGoOn
+                               {std::string_view(owner)}));
   std::vector<std::pair<std::string, Wish>> wishes;
   for (std::size_t i = 0; i < rows.size(); ++i)
     wishes.emplace_back(rows.Bytes(i, 0), static_cast<Wish>(rows.Int(i, 1)));

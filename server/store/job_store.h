@@ -238,8 +238,9 @@ class JobStore {
   // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps
   // those behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was
   // lost with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside
-  // it.
-  virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) = 0;
+  // it. `queued`, unless null, gets how long this claim waited until few enough others were under way.
+  virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
+                                                         absl::Duration* queued = nullptr) = 0;
   // Those of the owner's running works of which anything but kGoOn is wanted, as far as somebody asked for it.
   virtual absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner) = 0;
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.

@@ -213,8 +213,10 @@ absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::st
 }
 
 absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(const std::vector<Lease>& ordered) {
+  // As in JobStore::Renew not "running = 1": PostgreSQL might take the index of what the owner runs, all of it, in
+  // place of the name's.
   static const std::string sql =
-      absl::StrCat("DELETE FROM works WHERE name = ? AND owner = ? AND attempt = ? AND running = 1 RETURNING ",
+      absl::StrCat("DELETE FROM works WHERE name = ? AND owner = ? AND attempt = ? AND running != 0 RETURNING ",
                    kWorkColumns, ", {now}");
   std::vector<SqlRows> rows(ordered.size());
   std::vector<std::string> names;

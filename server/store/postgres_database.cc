@@ -51,7 +51,11 @@ std::string PostgresWord(std::string_view word) {
   if (word == "skip") return "FOR UPDATE SKIP LOCKED";
   if (word == "next_number") return "nextval('job_numbers')";
   if (word == "outcome") return "outcome";
+  if (word == "anywhere") return "ctid >= '(0,0)'";  // without it: by an index, since sequential scans are off
   if (word == "now") return "CAST(extract(epoch FROM clock_timestamp()) * 1000000000 AS BIGINT)";
+  if (word == "elapsed") {
+    return "CAST(extract(epoch FROM clock_timestamp() - transaction_timestamp()) * 1000000000 AS BIGINT)";
+  }
   return "";
 }
 

@@ -96,6 +96,10 @@ inline constexpr const char* kPostgresMigrations[] = {
       CREATE INDEX jobs_by_seams ON jobs (seams_sha256) WHERE ended = 0 AND seams_sha256 != '';
       CREATE INDEX jobs_by_uv ON jobs (uv_sha256) WHERE ended = 1 AND uv_sha256 != '';
     )sql",
+    // Hardly any work has a wish.
+    R"sql(
+      CREATE INDEX works_by_wish ON works (owner) WHERE running = 1 AND wish != 0;
+    )sql",
 };
 
 // Transactions between TakeTurn() and their ends; the tables turns_N.

@@ -5,7 +5,9 @@
 //   {skip}         likewise, and rows that somebody else has locked are left out
 //   {next_number}  a number for a new job, above all earlier ones
 //   {outcome}      the state of a job, where the statement says that it has ended
+//   {anywhere}     true of each row, where all rows of a small table are wanted: they are read as they lie
 //   {now}          the database's own time, nanoseconds since 1970; 0 without a clock (SqlDatabase::has_clock())
+//   {elapsed}      likewise, since the transaction began
 #pragma once
 
 #include <cstdint>

@@ -114,22 +114,22 @@ class SqlJobStore : public JobStore {
 
   // ---- workers
 
-  absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request) override {
+  absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
+                                                 absl::Duration* queued) override {
     // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets
     // the last claims has the work waiting again, and what their owners say under the old leases changes nothing: the
     // next attempt has the same number, but another owner. If it is the same owner, JobRunner goes on with the first.
     const Durability durability = database_->is_shared() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
-    const absl::Status status = Change(
-        context, durability, [&](JobTransaction& transaction) { return ClaimIn(&transaction, request, &claimed); });
-    PLANISH_RETURN_IF_ERROR(status);
+    PLANISH_RETURN_IF_ERROR(Change(context, durability, [&](JobTransaction& transaction) {
+      return ClaimIn(&transaction, request, &claimed, queued);
+    }));
     return claimed;
   }
 
   absl::StatusOr<std::vector<Wish>> Renew(const std::vector<Lease>& leases, absl::Duration lease) override {
     std::vector<Wish> wishes(leases.size());
-    // In one order everywhere, so that no two wait for each other.
-    std::vector<std::size_t> order(leases.size());
+    std::vector<std::size_t> order(leases.size());  // one everywhere, so that no two wait for each other
     std::iota(order.begin(), order.end(), 0);
     std::sort(order.begin(), order.end(),
               [&](std::size_t a, std::size_t b) { return leases[a].work < leases[b].work; });
@@ -137,7 +137,7 @@ class SqlJobStore : public JobStore {
       PLANISH_ASSIGN_OR_RETURN(const std::int64_t until, LeaseUntil(&transaction, lease));
       RowBatch renewals = RowBatch::Of(
           "UPDATE works SET lease_until = v.column4 FROM (VALUES {rows}) AS v WHERE name = v.column1 AND "
-          "owner = v.column2 AND attempt = v.column3 AND running = 1 RETURNING name, attempt, wish");
+          "owner = v.column2 AND attempt = v.column3 AND running != 0 RETURNING name, attempt, wish");
       for (const std::size_t i : order) {
         renewals.Add({std::string_view(leases[i].work), std::string_view(leases[i].owner), leases[i].attempt, until});
       }

@@ -15,7 +15,7 @@ constexpr std::chrono::milliseconds kRecent(100);
 constexpr char kSums[] =
     "SELECT tenant, CAST(sum(waiting) AS BIGINT), CAST(sum(waiting_bytes) AS BIGINT), CAST(sum(running) AS BIGINT), "
     "CAST(sum(started) AS BIGINT), CAST(sum(charged) AS BIGINT), CAST(sum(received) AS BIGINT), "
-    "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), max(received) FROM tenants ";
+    "CAST(sum(ended) AS BIGINT), CAST(sum(result_bytes) AS BIGINT), max(received) FROM tenants WHERE ";
 
 }  // namespace
 
@@ -80,19 +80,20 @@ absl::Status AccountChanges::Write(SqlConnection* sql) const {
       "result_bytes) VALUES {rows} ON CONFLICT (tenant, slot) DO UPDATE SET "
       "waiting = tenants.waiting + excluded.waiting, waiting_bytes = tenants.waiting_bytes + excluded.waiting_bytes, "
       "running = tenants.running + excluded.running, started = tenants.started + excluded.started, "
-      "charged = tenants.charged + excluded.charged, received = tenants.received + excluded.received, "
+      "charged = tenants.charged + excluded.charged, "
+      "received = CASE WHEN tenants.tenant != '' THEN tenants.received + excluded.received "
+      "WHEN excluded.received > tenants.received THEN excluded.received ELSE tenants.received END, "
       "ended = tenants.ended + excluded.ended, result_bytes = tenants.result_bytes + excluded.result_bytes");
-  for (const auto& [tenant, change] : changes_) {
-    if (change == TenantAccount()) continue;
+  const auto add = [&](const std::string& tenant, const TenantAccount& change) {
+    if (change == TenantAccount()) return;
     sums.Add({std::string_view(tenant), sql->Slot(), change.waiting, change.waiting_bytes, change.running,
               change.started, change.charged, change.received, change.ended, change.result_bytes});
-  }
-  PLANISH_RETURN_IF_ERROR(sums.Send(sql));
-  if (virtual_time_ <= 0) return absl::OkStatus();
-  return sql->RunLater(
-      "INSERT INTO tenants VALUES ('', ?, 0, 0, 0, 0, 0, ?, 0, 0) ON CONFLICT (tenant, slot) DO UPDATE SET received = "
-      "CASE WHEN excluded.received > tenants.received THEN excluded.received ELSE tenants.received END",
-      {sql->Slot(), virtual_time_});
+  };
+  TenantAccount virtual_time;
+  virtual_time.received = virtual_time_;
+  add("", virtual_time);
+  for (const auto& [tenant, change] : changes_) add(tenant, change);
+  return sums.Send(sql);
 }
 
 absl::Status BeginAnew(SqlConnection* sql) {
@@ -103,14 +104,14 @@ absl::Status BeginAnew(SqlConnection* sql) {
 }
 
 const std::string& AccountsSql(bool all) {
-  static const std::string everything = absl::StrCat(kSums, "GROUP BY tenant");
+  static const std::string everything = absl::StrCat(kSums, "{anywhere} GROUP BY tenant");
   static const std::string busy =
       absl::StrCat(everything, " HAVING sum(waiting) > 0 OR sum(running) > 0 OR sum(received) > 0");
   return all ? everything : busy;
 }
 
 const std::string& OwnAccountSql() {
-  static const std::string sql = absl::StrCat(kSums, "WHERE tenant = ? GROUP BY tenant");
+  static const std::string sql = absl::StrCat(kSums, "tenant = ? GROUP BY tenant");
   return sql;
 }
 

@@ -40,6 +40,7 @@ struct Flags {
   std::vector<std::string> kinds = {"saturated", "steady", "light"};
   double load = 0.5;  // of what bare SQL takes: the jobs a second that the workers of "steady" can end
   bool bare_accounts = true;
+  double bare_rate = 0;  // what bare SQL does, where that is known
   double worker_seconds = 3;
   int sleeping_machines = 50;
   double sleeping_seconds = 15;  // that each of the two measurements of "machines" takes

@@ -23,6 +23,7 @@
 #include <mutex>
 #include <optional>
 #include <random>
+#include <semaphore>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -85,7 +86,8 @@ void Fill(const Flags& flags, int jobs) {
 }
 
 struct Round {
-  std::atomic<int> finished = 0, accepted = 0;
+  std::atomic<int> finished = 0;
+  std::counting_semaphore<> to_accept{0};  // as many as have finished, by the fronts
   std::atomic<bool> over = false;
   Latencies claims, waits, finishes, lone_starts;  // waits: of free workers
   std::mutex mutex;
@@ -122,9 +124,9 @@ class Machine {
       }
       if (request.most == 0) continue;
       const Clock::time_point start = Clock::now();
-      const std::vector<ClaimedWork> claimed = Get(store_.Claim(Now(), request));
-      const double took = Since(start);
-      round_.claims.Add(took);
+      absl::Duration queued;
+      const std::vector<ClaimedWork> claimed = Get(store_.Claim(Now(), request, &queued));
+      round_.claims.Add(Since(start));
       {
         const std::lock_guard lock(mutex_);
         for (const ClaimedWork& work : claimed) {
@@ -138,7 +140,7 @@ class Machine {
       sooner_.notify_one();
       for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
       const absl::Time now = absl::Now();
-      const absl::Time next = pace.Next(now, absl::Seconds(interval > 0.02 ? interval : 0), absl::Seconds(took));
+      const absl::Time next = pace.Next(now, absl::Seconds(interval > 0.02 ? interval : 0), queued);
       Pause(std::max(absl::ToDoubleSeconds(next - now), claimed.empty() ? 0.02 : 0));
     }
   }
@@ -150,6 +152,7 @@ class Machine {
       Get(store_.Finish(Now(), *lease, Success()));
       round_.finishes.Add(Since(start));
       ++round_.finished;
+      round_.to_accept.release();
       const std::lock_guard lock(mutex_);
       running_.erase(lease->work);
       free_.push_back(Clock::now());
@@ -196,7 +199,7 @@ class Machine {
 
  private:
   static constexpr std::chrono::seconds kLook{1};  // whether the round is over
-  static constexpr double kRenewals = 3;           // seconds: a fifth of a lease of 15
+  static constexpr double kRenewals = 5;           // seconds: a third of a lease of 15
 
   static Clock::time_point After(double seconds) {
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
@@ -289,16 +292,12 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
   Round round;
   const std::unique_ptr<JobStore> front = OpenStore(flags, flags.machines, flags.fronts + 2, /*must_hear=*/true);
   std::optional<Machinery> machinery(std::in_place, flags, flags.machines, sleep, /*stagger=*/sleep, &round);
+  std::atomic<int> accepted = 0;
   Crowd crowd;
   for (int i = 0; i < flags.fronts; ++i) {
     crowd.Add([&] {
-      while (!round.over) {
-        if (round.accepted >= round.finished) {
-          std::this_thread::sleep_for(std::chrono::milliseconds(2));
-          continue;
-        }
-        const int n = ++round.accepted;
-        Get(front->Accept(Now(), MakeJob(Tenant(n % flags.tenants))));
+      for (round.to_accept.acquire(); !round.over; round.to_accept.acquire()) {
+        Get(front->Accept(Now(), MakeJob(Tenant(accepted++ % flags.tenants))));
       }
     });
   }
@@ -335,6 +334,7 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
   const double seconds = Since(start);
   const int finished = round.finished - before;
   round.over = true;
+  round.to_accept.release(flags.fronts);
   crowd.Join();
   machinery.reset();
   return {{"bench", name},
@@ -353,7 +353,7 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
 }
 
 nlohmann::json Bare(const Flags& flags) {
-  const double rate = BareJobs(flags).JobsPerSecond();
+  const double rate = flags.bare_rate > 0 ? flags.bare_rate : BareJobs(flags).JobsPerSecond();
   return {{"bench", "bare"}, {"jobs", flags.jobs}, {"jobs_per_second", rate}};
 }
 
@@ -394,6 +394,9 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--load", flags.load, "of bare SQL's jobs a second, what the workers of \"steady\" can end")
       ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  app.add_option("--bare-rate", flags.bare_rate, "jobs a second, in place of a measurement; 0: measure")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app.add_option("--bare-accounts", flags.bare_accounts, "bare SQL writes the accounts of tenants, too")
       ->capture_default_str();

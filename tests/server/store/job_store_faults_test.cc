@@ -9,8 +9,10 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "server/store/job_store.h"
@@ -486,6 +488,33 @@ TEST_F(PostgresTest, TurnsAreTakenByAFewAtATime) {
   EXPECT_TRUE(first->Commit().ok());
   waiter.join();
   EXPECT_TRUE(passed);
+}
+
+TEST_F(PostgresTest, AClaimTellsHowLongItWaitedForItsTurn) {
+  PostgresServer server;
+  const std::string url = server.NewDatabase();
+  const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url, kTurns + 1});
+  const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 1}));
+  std::vector<SqlDatabase::Lease> others;
+  for (std::uint64_t number = 0; number < kTurns; ++number) {
+    others.push_back(*database->Connect(SqlDatabase::Use::kWrite));
+    ASSERT_TRUE(others.back()->Begin(Durability::kLater).ok());
+    ASSERT_TRUE(others.back()->TakeTurn(number).ok());
+    ASSERT_TRUE(others.back()->Flush().ok());
+  }
+  absl::Duration queued;
+  std::thread claimer([&] {
+    EXPECT_TRUE(store->Claim(VerbContext(), {"a", absl::Seconds(10), 1, 0, ""}, &queued).ok());
+  });
+  const SqlDatabase::Lease look = *database->Connect(SqlDatabase::Use::kRead);
+  ASSERT_TRUE(
+      WaitUntil([&] { return look->Run("SELECT count(*) FROM pg_locks WHERE NOT granted", {})->Int(0, 0) == 1; }));
+  const absl::Time waits = absl::Now();
+  ASSERT_TRUE(WaitUntil([&] { return absl::Now() - waits > absl::Milliseconds(20); }));
+  const absl::Duration least = absl::Now() - waits;
+  for (const SqlDatabase::Lease& other : others) EXPECT_TRUE(other->Commit().ok());
+  claimer.join();
+  EXPECT_GE(queued, least);
 }
 
 TEST_F(PostgresTest, OfManyProcessesThoseThatNeedNotHearDoNot) {

@@ -200,29 +200,57 @@ TEST(CallGroups, SeveralGroupsGoAtTheSameTime) {
 
 // ---- ClaimPace
 
-TEST(ClaimPace, RestsTheLongerTheLongerAClaimTook) {
-  ClaimPace pace("a"), other("b");
-  const absl::Time now = absl::FromUnixSeconds(1'000'000);
-  EXPECT_EQ(pace.Next(now, absl::ZeroDuration(), absl::Seconds(1)), now) << "few servers do not rest";
-  const absl::Duration interval = absl::Milliseconds(800);
-  const auto rest = [&](absl::Duration took) { return pace.Next(now, interval, took) - now; };
-  EXPECT_GT(rest(absl::Milliseconds(10)), absl::ZeroDuration());
-  EXPECT_LE(rest(absl::Milliseconds(10)), interval) << "a database that has time is asked in each interval";
-  std::vector<absl::Duration> rests;
-  for (int i = 0; i < 100; ++i) rests.push_back(rest(absl::Milliseconds(50)));
+class ClaimPaceTest : public ::testing::Test {
+ protected:
+  // The rests after so many claims that queued so long.
+  std::vector<absl::Duration> RestsAfter(absl::Duration queued, int claims) {
+    std::vector<absl::Duration> rests;
+    for (int i = 0; i < claims; ++i) rests.push_back(pace_.Next(now_, interval_, queued) - now_);
+    return rests;
+  }
+  absl::Duration RestAfter(absl::Duration queued) { return RestsAfter(queued, 1)[0]; }
+
+  const absl::Time now_ = absl::FromUnixSeconds(1'000'000);
+  const absl::Duration interval_ = absl::Milliseconds(800);
+  ClaimPace pace_{"a"};
+};
+
+TEST_F(ClaimPaceTest, RestsTheLongerTheLongerClaimsQueue) {
+  EXPECT_EQ(pace_.Next(now_, absl::ZeroDuration(), absl::Seconds(1)), now_) << "few servers do not rest";
+  for (const absl::Duration rest : RestsAfter(absl::Milliseconds(2), 10)) {
+    EXPECT_GT(rest, absl::ZeroDuration());
+    EXPECT_LE(rest, interval_) << "a database that has time is asked in each interval";
+  }
+  RestAfter(absl::Milliseconds(17));
+  const std::vector<absl::Duration> rests = RestsAfter(absl::Milliseconds(17), 20);
   const auto [least, most] = std::minmax_element(rests.begin(), rests.end());
   EXPECT_GT(*least, absl::Seconds(1));
-  EXPECT_LE(*most, absl::Seconds(3) + interval);
+  EXPECT_LE(*most, absl::Seconds(5) + interval_);
   EXPECT_GT(*most - *least, absl::Seconds(1)) << "servers that rest at the same time do not come back together";
-  for (int i = 0; i < 100; ++i) {
-    EXPECT_LE(rest(absl::Seconds(30)), absl::Seconds(6) + interval) << "a database that was away is asked again soon";
-  }
-  // Always at its own place in the interval, which another server does not share.
+}
+
+TEST_F(ClaimPaceTest, OneSlowClaimSaysNothing) {
+  RestsAfter(absl::ZeroDuration(), 3);
+  EXPECT_LE(RestAfter(absl::Seconds(2)), interval_);
+  EXPECT_LE(RestAfter(absl::ZeroDuration()), interval_);
+  EXPECT_GT(RestAfter(absl::Seconds(2)), absl::Seconds(4)) << "two of three do";
+}
+
+TEST_F(ClaimPaceTest, DatabaseThatWasBusyIsAskedAgainSoon) {
+  for (const absl::Duration rest : RestsAfter(absl::Seconds(30), 100)) EXPECT_LE(rest, absl::Seconds(12) + interval_);
+  RestAfter(absl::ZeroDuration());
+  EXPECT_LE(RestAfter(absl::ZeroDuration()), interval_);
+}
+
+// Always at its own place in the interval, which another server does not share.
+TEST_F(ClaimPaceTest, EachServerHasAPlaceOfItsOwn) {
+  ClaimPace other("b");
   const auto place = [&](ClaimPace& of, absl::Duration took) {
-    return (of.Next(now, interval, took) - absl::UnixEpoch()) % interval;
+    return (of.Next(now_, interval_, took) - absl::UnixEpoch()) % interval_;
   };
-  EXPECT_EQ(place(pace, absl::Milliseconds(1)), place(pace, absl::Milliseconds(33)));
-  EXPECT_NE(place(pace, absl::Milliseconds(1)), place(other, absl::Milliseconds(1)));
+  const absl::Duration first = place(pace_, absl::Milliseconds(1));
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(place(pace_, absl::Milliseconds(33)), first);
+  EXPECT_NE(place(other, absl::Milliseconds(1)), first);
 }
 
 }  // namespace
