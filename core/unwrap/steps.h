@@ -171,7 +171,7 @@ struct Delivery {
   std::int64_t lost = 0;  // triangles that rounding to float flips or collapses, or would: then `precision` is kDouble
   std::vector<std::int32_t> lost_faces;  // the first few
   OrientationFaults orientation;
-  Overlaps overlaps;  // by FindOverlaps()
+  Overlaps overlaps;     // by FindOverlaps()
   bool stopped = false;  // UnwrapControl::stop had come before they were judged; a later stop changes nothing
 };
 

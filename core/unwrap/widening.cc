@@ -20,7 +20,7 @@ using Corners = std::array<Vec2, 3>;
 constexpr double kLeastAltitude = 1.5;  // grains
 constexpr double kAltitude = 3;         // grains: what is aimed at, as the map does not keep angles exactly
 constexpr double kHeldAltitude = 12;    // grains: rounding changes it by an eighth at most
-constexpr double kGrowth = 4;           // of an angle that did not suffice, times as much as it is above what should
+constexpr double kGrowth = 4;           // of an angle that did not suffice
 constexpr double kMostGrowth = 1e3;     // over what should suffice
 constexpr double kMostAngle = 0.5;      // radians; with that a triangle is as thick as raising its angles makes it
 constexpr double kLeastPlace = 1e-30;   // nearer to 0 no place is told apart by its exponent
@@ -107,8 +107,7 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
       coarsest = std::max(coarsest, grain);
       continue;
     }
-    const double grown = kGrowth * kept * std::max(1.0, least_angle[f] / wanted);
-    const double next = std::min({kMostAngle, std::max(wanted, grown), kMostGrowth * wanted});
+    const double next = std::min({kMostAngle, std::max(wanted, kGrowth * kept), kMostGrowth * wanted});
     if (next <= kept) continue;
     least_angle[f] = next;
     any = true;

@@ -77,6 +77,8 @@ TEST(FamilyRegression, KeepsItsPromisesAsFloat) {
            Found{"cut_up", 970063, 7405, Precision::kFloat},
            // Faces that the map squashed were named as widened when their chart was enlarged.
            Found{"uneven", 970264, 1035, Precision::kFloat},
+           // With angles raised further in each round than in the last a chart was stretched 1.0725 times.
+           Found{"winding", 980030, 6719, Precision::kFloat},
        }) {
     EXPECT_THAT(BrokenOf(family, seed, faces, precision), IsEmpty()) << family << ' ' << seed;
   }
@@ -116,8 +118,8 @@ TEST(FamilyRegression, ChartsThatAreWidenedArePackedByDrafts) {
 // No cut makes a face shorter. Of 6,348 needles longer than the texture each was a chart, for four times the memory
 // that was estimated.
 TEST(FamilyRegression, FacesLongerThanTheTextureAreNotCutApart) {
-  for (const auto& [family, seed, faces, precision] : {Found{"scaled", 970080, 6485, Precision::kFloat},
-                                                       Found{"ribbons", 960051, 3401, Precision::kFloat}}) {
+  for (const auto& [family, seed, faces, precision] :
+       {Found{"scaled", 970080, 6485, Precision::kFloat}, Found{"ribbons", 960051, 3401, Precision::kFloat}}) {
     const Mesh mesh = testing::MakeFamily(family, seed, faces);
     UnwrapOptions options;
     options.precision = precision;
