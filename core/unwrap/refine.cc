@@ -227,9 +227,11 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   const AtlasTuning& tuning = job.options.tuning;
   double area = 0;
   for (const std::int32_t f : faces) area += charts.surface->area[f];
-  const double whole = charts.AreaOfAtlas(job.options, faces);
+  const auto [whole, longest] = charts.SizeOfAtlas(job.options, faces);
   const bool is_stretched = seams.policy == SeamPolicy::kAuto && stretch > tuning.stretch_slack * seams.max_stretch;
-  const bool is_long = area < tuning.whole_area * whole && extent > tuning.max_extent * std::sqrt(whole);
+  // No cut makes a face shorter: others as long as the longest one need no cut either.
+  const double most_extent = std::max(tuning.max_extent * std::sqrt(whole), longest);
+  const bool is_long = area < tuning.whole_area * whole && extent > most_extent;
   return is_stretched || (seams.policy == SeamPolicy::kAuto && job.options.pack && is_long);
 }
 

@@ -57,7 +57,8 @@ void WarnOfCoarseFloat(UnwrapResult* result) {
 }
 
 // Charts that were not packed lie one over the other, and so do atlases that are stacked: each is looked at by itself.
-Overlaps FindOverlaps(const Job& job, const Charts& charts, const CornerUv& uv, const OrientationFaults& orientation) {
+Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, const CornerUv& uv,
+                           const OrientationFaults& orientation) {
   const UnwrapOptions& options = job.options;
   const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
   if (options.pack && !stacked) {
@@ -152,10 +153,17 @@ absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv) {
     }
   }
   delivery.uv = std::move(uv);
-  delivery.overlaps = FindOverlaps(*job, charts, delivery.uv, delivery.orientation);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   job->seconds.verify += timer.Restart();
   return delivery;
+}
+
+absl::Status FindOverlaps(Job* job, const Charts& charts, Delivery* delivery) {
+  Timer timer;
+  delivery->overlaps = OverlapsInAtlases(*job, charts, delivery->uv, delivery->orientation);
+  if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
+  job->seconds.verify += timer.Restart();
+  return absl::OkStatus();
 }
 
 absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery) {

@@ -56,8 +56,9 @@ std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
   return face_chart;
 }
 
-double Charts::AreaOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const {
-  return atlas_area.at(AtlasOf(options, faces));
+const Charts::AtlasSize& Charts::SizeOfAtlas(const UnwrapOptions& options,
+                                             const std::vector<std::int32_t>& faces) const {
+  return atlas_size.at(AtlasOf(options, faces));
 }
 
 double Charts::ReductionOf(const std::vector<std::int32_t>& faces) const {
@@ -106,17 +107,25 @@ double WeightedArea(const Surface& surface, const std::vector<float>& weights) {
 }
 
 void MeasureAtlases(const UnwrapOptions& options, Charts* charts) {
-  std::map<std::int32_t, double>& areas = charts->atlas_area;
-  for (std::int32_t f = 0; f < charts->surface->num_faces(); ++f) {
+  const Surface& surface = *charts->surface;
+  std::map<std::int32_t, Charts::AtlasSize>& sizes = charts->atlas_size;
+  for (std::int32_t f = 0; f < surface.num_faces(); ++f) {
     const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
-    const double area = charts->surface->area[f] * reduction * reduction;
+    const double area = surface.area[f] * reduction * reduction;
     charts->drawn_area += area;
-    areas[options.face_atlas.empty() ? 0 : options.face_atlas[f]] += area;
+    Charts::AtlasSize& size = sizes[options.face_atlas.empty() ? 0 : options.face_atlas[f]];
+    size.area += area;
+    if (!surface.takes_part[f]) continue;
+    for (const HalfedgeHandle h : HalfEdgesOf(*surface.mesh, FaceHandle(f))) {
+      size.longest = std::max(size.longest, reduction * surface.length(h));
+    }
   }
   if (options.layout == AtlasLayout::kStacked) return;
-  double most = 0;
-  for (const auto& [atlas, area] : areas) most = std::max(most, area);
-  for (auto& [atlas, area] : areas) area = most;
+  Charts::AtlasSize most;
+  for (const auto& [atlas, size] : sizes) {
+    most = {std::max(most.area, size.area), std::max(most.longest, size.longest)};
+  }
+  for (auto& [atlas, size] : sizes) size = most;
 }
 
 // What places in the tiles that may be used are rounded to, in the units of the surface. Charts fill a part of the

@@ -9,8 +9,9 @@
 //   Refine()                all of them       -> the charts that were cut once more, for SolveCharts()
 //   JoinCharts()            all of them       -> fewer charts, solved
 //   PackCharts()            all of them       -> Atlas: UV of every corner of the mesh
-//   Deliver()               UV                -> Delivery: the same as delivered, and their faults
+//   Deliver()               UV                -> Delivery: the same as delivered, and faces that are turned over
 //     WidenCharts()         charts, faults    -> those with faces too thin for the type, for SolveCharts()
+//     FindOverlaps()        Delivery          -> faces that overlap
 //     RefineDelivered()     charts, faults    -> the charts at fault as delivered, cut, for SolveCharts()
 //   Report()                all of that       -> UnwrapResult
 #pragma once
@@ -68,9 +69,13 @@ struct Charts {
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
   double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
-  // By atlas (UnwrapOptions::face_atlas): the drawn area of what goes into its tiles or, where all have one texel
-  // density, into those of the fullest atlas.
-  std::map<std::int32_t, double> atlas_area;
+  // By atlas (UnwrapOptions::face_atlas): what goes into its tiles or, where all have one texel density, the most that
+  // goes into those of any atlas.
+  struct AtlasSize {
+    double area = 0;     // as drawn
+    double longest = 0;  // edge, as drawn: which sets the scale if it is longer than the texture
+  };
+  std::map<std::int32_t, AtlasSize> atlas_size;
   // What places are rounded to, about, in the units of the surface: with float, if it may be delivered (otherwise 0),
   // and with the last type that is tried, which faces are widened for.
   double resolution = 0, grain = 0;
@@ -81,9 +86,9 @@ struct Charts {
   bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
-  // Of what goes into the tiles that a chart of these faces goes into: the square of a length that its own can be
-  // compared with.
-  double AreaOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const;
+  // Of what goes into the tiles that a chart of these faces goes into. The area is the square of a length that its own
+  // can be compared with.
+  const AtlasSize& SizeOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const;
   // The least of these faces'.
   double ReductionOf(const std::vector<std::int32_t>& faces) const;
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
@@ -166,7 +171,7 @@ struct Delivery {
   std::int64_t lost = 0;  // triangles that rounding to float flips or collapses, or would: then `precision` is kDouble
   std::vector<std::int32_t> lost_faces;  // the first few
   OrientationFaults orientation;
-  Overlaps overlaps;
+  Overlaps overlaps;     // by FindOverlaps()
   bool stopped = false;  // UnwrapControl::stop had come before they were judged; a later stop changes nothing
 };
 
@@ -174,8 +179,12 @@ struct Delivery {
 Overlaps OverlapsWithin(const std::vector<const MappedChart*>& charts, const CornerUv& uv,
                         const std::vector<char>& ignored, const Execution& execution);
 
-// Rounds the UV as UnwrapOptions::precision says and judges them. CANCELLED after a cancellation.
+// Rounds the UV as UnwrapOptions::precision says and judges their orientation. CANCELLED after a cancellation.
 absl::StatusOr<Delivery> Deliver(Job* job, const Charts& charts, CornerUv uv);
+
+// Looks for triangles that overlap as delivered, which takes long where many of them are collapsed. CANCELLED after a
+// cancellation.
+absl::Status FindOverlaps(Job* job, const Charts& charts, Delivery* delivery);
 
 // Widens the faces that are collapsed or turned over as delivered (widening.h); `todo` has then their charts. Returns
 // whether there were any that are thin, at most kMostWidenings times for a job.

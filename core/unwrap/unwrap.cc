@@ -174,6 +174,7 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     PLANISH_ASSIGN_OR_RETURN(Delivery delivery, Deliver(&job, charts, std::move(atlas.uv)));
     bool goes_on = WidenCharts(&job, atlas, delivery, &todo, &charts);
     if (!goes_on) {
+      PLANISH_RETURN_IF_ERROR(FindOverlaps(&job, charts, &delivery));
       PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, delivery, &todo, &charts));
     }
     if (goes_on || *is_draft) {

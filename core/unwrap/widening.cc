@@ -29,10 +29,6 @@ constexpr double kMostExtent = 1e5;
 // Radians. Of a thicker face that is turned over all the same the shape is not the reason.
 constexpr double kThin = 1e-4;
 
-double LongestOnSurface(const Mesh& mesh, std::int32_t f) {
-  return LongestEdge(TriangleOf(mesh.positions, mesh.faces[f]));
-}
-
 // What the corners of a face as delivered are rounded to multiples of.
 double GrainOf(const Corners& p, Precision precision) {
   const int digits = precision == Precision::kFloat ? std::numeric_limits<float>::digits : kDigitsOfSolve;
@@ -53,6 +49,7 @@ struct ThinFace {
   std::int32_t face = 0;
   double grain = 0, longest = 0, altitude = 0;
   bool must_widen = true;  // false: only if it is a needle on the surface too
+  bool is_small = true;    // on the surface too: it would hardly be held however it is drawn
 };
 
 struct ThinFaces {
@@ -75,8 +72,10 @@ ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>
     const bool is_turned = Orientation(p) <= 0;
     if (altitude >= kLeastAltitude * grain && !is_turned) continue;
     // Where the map is shrunk, more so than the surface says, the shape of this face is not the reason.
-    const double on_surface = scale * std::min(1.0, chart.enlargement) * LongestOnSurface(mesh, chart.faces[f]);
-    thin.faces.push_back({f, grain, std::max(longest, on_surface), altitude, is_turned});
+    const std::array<Vec3, 3> q = TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]);
+    const double as_drawn = scale * std::min(1.0, chart.enlargement), on_surface = LongestEdge(q);
+    const bool is_small = as_drawn * DoubleArea(q) < kHeldAltitude * grain * on_surface;
+    thin.faces.push_back({f, grain, std::max(longest, as_drawn * on_surface), altitude, is_turned, is_small});
   }
   return thin;
 }
@@ -98,7 +97,7 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
   std::vector<double> least_angle = chart->least_angle;
   if (least_angle.empty()) least_angle.assign(chart->faces.size(), 0.0);
   for (std::size_t i = 0; i < thin.faces.size(); ++i) {
-    const auto& [f, grain, longest, altitude, must_widen] = thin.faces[i];
+    const auto& [f, grain, longest, altitude, must_widen, is_small] = thin.faces[i];
     const double kept = std::max(least_angle[f], measured.segment<3>(3 * static_cast<Eigen::Index>(i)).minCoeff());
     if (!must_widen && kept > kThin) continue;
     // A face with two angles of so much has half of that angle times its longest edge for an altitude.
@@ -116,6 +115,7 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
   if (any) chart->least_angle = std::move(least_angle);
   if (any || !Enlarge(thin, factor, coarsest, chart)) return any;
   for (std::size_t i = 0; i < thin.faces.size(); ++i) {
+    if (!thin.faces[i].is_small) continue;  // the map squashes it, and must not once it is enlarged
     double& least = least_angle[thin.faces[i].face];
     least = std::max(least, measured.segment<3>(3 * static_cast<Eigen::Index>(i)).minCoeff());
   }
@@ -150,7 +150,6 @@ std::vector<std::int32_t> HardlyHeld(const Mesh& mesh, const CornerUv& uv, doubl
     const Corners p = TriangleOf(uv, f);
     const std::array<Vec3, 3> q = TriangleOf(mesh.positions, mesh.faces[f]);
     const double least = kHeldAltitude * GrainOf(p, precision);
-    if (DoubleArea(p) >= least * LongestEdge(p)) continue;
     if (scale * std::min(1.0, chart.enlargement) * DoubleArea(q) < least * LongestEdge(q)) faces.push_back(f);
   }
   return faces;

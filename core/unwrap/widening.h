@@ -40,8 +40,9 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                     const std::vector<char>& ignored, Chart* chart);
 
-// Faces of a chart, as the mesh numbers them, that are so thin, on the surface and as delivered, that rounding
-// stretches them across by many per cent. Those marked in `ignored` (empty: none) are left out.
+// Faces of a chart, as the mesh numbers them, that are so thin on the surface that rounding stretches them across by
+// many per cent, or that were drawn thicker, as faces beside widened ones are. Those marked in `ignored` (empty: none)
+// are left out.
 std::vector<std::int32_t> HardlyHeld(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                                      const std::vector<char>& ignored, const Chart& chart);
 
