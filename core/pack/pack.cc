@@ -210,8 +210,8 @@ class Packer {
       if (good > 0 && !may_go_on) break;
       double next = 0;
       if (good > 0) {
-        next = plan_.thorough ? tuning_.upwards * good
-                              : std::clamp(expected, tuning_.known_within * good, tuning_.farthest_change * good);
+        const double least_change = plan_.thorough ? tuning_.upwards : tuning_.known_within;
+        next = std::clamp(expected, least_change * good, tuning_.farthest_change * good);
         if (bad > 0) next = std::min(next, std::sqrt(good * bad));
       } else {
         const double ratio = std::sqrt(AreaRatio(scale, result.placed));

@@ -13,7 +13,7 @@ namespace planish {
 // is the same on any machine. Times in comments are those of one core of the year 2022.
 enum class PackEffort {
   kFast,    // about a quarter of what the charts and their maps cost
-  kNormal,  // about a third of that, or 1.5 ms a chart, up to 20 ms, where that is more
+  kNormal,  // about a third of that, or 2 ms a chart, up to 20 ms, where that is more
   kBest,    // more than a hundred times kNormal, for the last per cent
 };
 // What packing may cost over what the charts and their maps cost.

@@ -64,9 +64,9 @@ double Pieces(double faces, double vertices) {
   return std::max(loose, std::clamp(tangled, 0.0, faces));
 }
 
-// What the packer takes at least, for as many charts as small meshes mostly have; the counts do not tell. Two charts
-// take a quarter of it, 14 and more take twice as much.
-constexpr double kFewCharts = 7;
+// What the packer takes at least is taken for so many charts, as small meshes have; the counts of a mesh do not tell.
+// Two charts take less than half of that, ten and more twice as much.
+constexpr double kFewCharts = 5;
 
 // `rest`: what charts and their maps take. One chart alone needs no packing. With kAuto there are mostly several.
 double PackSeconds(double rest, double pieces, const UnwrapOptions& options) {

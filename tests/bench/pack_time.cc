@@ -71,6 +71,7 @@ int Main(int argc, char** argv) {
   app.add_option("--growing-share", tuning.growing_share);
   app.add_option("--settling-share", tuning.settling_share);
   app.add_option("--fewest-orders", tuning.fewest_orders);
+  app.add_option("--charts-for-orders", tuning.charts_for_orders);
   app.add_option("--large-area", tuning.large_area);
   app.add_option("--orders-share", tuning.orders_share);
   app.add_option("--starts", tuning.starts);
