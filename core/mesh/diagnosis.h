@@ -10,7 +10,6 @@
 #include "absl/status/statusor.h"
 #include "core/base/execution.h"
 #include "core/mesh/mesh.h"
-#include "core/mesh/tri_mesh_fwd.h"
 
 namespace planish {
 
@@ -110,8 +109,8 @@ struct Pairing;
 // The faults of single faces and vertices alone, without coincident vertices and needles: what Refusal() goes by. O(F).
 Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing);
 
-// Describes `mesh` by its import without flat faces joined (Pairing::opposite is not looked at): everything but coincident vertices, needles and geometry.
-// O(F). Of no use after a cancellation.
+// Describes `mesh` by its import without flat faces joined: everything but coincident vertices, needles and geometry.
+// Pairing::opposite may be empty: `imported` has it. O(F). Of no use after a cancellation.
 Diagnosis DescribeImport(const Mesh& mesh, const Pairing& pairing, const FlatImport& imported,
                          const Execution& execution = {});
 

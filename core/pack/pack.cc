@@ -230,15 +230,16 @@ class Packer {
     return good > 0;
   }
 
-  // ---- Scales. A tile is a grid. Among many charts its cells are of one size on the surface: charts of another scale,
-  // with the same silhouettes, are on a grid of another side. Few charts are drawn anew for each scale, on a grid whose
-  // side is whole on the coarser boards of large charts: what is left over there is of the size of a cell of theirs.
+  // ---- Scales. A tile is a grid. Among many charts a cell has one size on the surface: at another scale the charts
+  // keep their silhouettes, and the grid has another side. Few charts get new silhouettes for each scale, and the grid
+  // keeps its side, a multiple of kCoarsestCell: on any other, large charts could not use the last cells.
 
   // The side of the grid for a trial at this scale.
   int GridFor(double scale) {
     const int side = SideOf(scale);
-    if (plan_.thorough || side > 2 * grid_.side || 2 * side < grid_.side) SetUnit(scale);
-    return SideOf(scale);
+    if (!plan_.thorough && side <= 2 * grid_.side && 2 * side >= grid_.side) return side;
+    SetUnit(scale);
+    return grid_.side;
   }
   // From now on a grid of the usual side is one at this scale.
   void SetUnit(double scale) {

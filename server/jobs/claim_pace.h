@@ -43,7 +43,7 @@ class ClaimPace {
   static constexpr std::size_t kLast = 3;
   static constexpr absl::Duration kPrompt = absl::Milliseconds(2);  // of a database that has time
   static constexpr int kRests = 200;                                // times what a claim queued beyond that
-  static constexpr absl::Duration kLongestRest = absl::Seconds(8);
+  static constexpr absl::Duration kLongestRest = absl::Seconds(4);
 
   absl::Duration Median() const {
     std::array<absl::Duration, kLast> sorted = last_;
