@@ -256,15 +256,15 @@ bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const Chart
   return estimate.face >= 0 || IsUnwieldy(job, charts, faces, estimate.stretch, ExtentOf(estimate.points));
 }
 
-void RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts) {
+absl::Status RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts) {
   Segmentation& segmentation = *charts->segmentation;
   std::vector<std::int32_t> todo(segmentation.charts().size());
   std::iota(todo.begin(), todo.end(), 0);
   bool are_parted = !job.options.pack || todo.size() < 2;
-  while (!todo.empty() && !job.execution.IsCancelled() && !job.execution.IsStopRequested()) {
+  while (!todo.empty() && !job.execution.IsStopRequested()) {
     std::vector<Segmentation::Cut> cuts;
     for (const std::int32_t i : todo) {
-      if (job.execution.IsCancelled()) return;
+      if (job.execution.IsCancelled()) return absl::CancelledError("cancelled");
       estimates->Update(i);
       const ChartEstimate& estimate = estimates->of(i);
       if (IsToSplit(job, *charts, i, estimate)) cuts.push_back({i, estimate.face, estimate.other_face});
@@ -274,6 +274,7 @@ void RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts) 
     }
     todo = cuts.empty() ? std::vector<std::int32_t>() : segmentation.Split(cuts, job.execution);
   }
+  return job.execution.IsCancelled() ? absl::CancelledError("cancelled") : absl::OkStatus();
 }
 
 NeckOptions NecksOf(const Charts& charts, const UnwrapOptions& options) {

@@ -214,7 +214,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
   MeasureAtlases(job->options, &charts);
   if (by_stretch) {
     ChartEstimates estimates(*charts.segmentation, job->options.tuning);
-    RefineEstimated(*job, &estimates, &charts);
+    PLANISH_RETURN_IF_ERROR(RefineEstimated(*job, &estimates, &charts));
     PLANISH_RETURN_IF_ERROR(JoinEstimated(job, &estimates, &charts));
   }
   // Where faces are too thin for float and double may be delivered, no chart is cut beforehand because float would make

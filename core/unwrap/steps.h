@@ -125,8 +125,8 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
 absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* charts);
 
 // Cuts charts whose estimated maps are no use, and then those that pack better in parts, before any is solved for.
-// After a cancellation the charts are of no use.
-void RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts);
+// CANCELLED after a cancellation; the charts and estimates are of no use then. Once stopped, not all have estimates.
+absl::Status RefineEstimated(const Job& job, ChartEstimates* estimates, Charts* charts);
 
 // Whether the map of a chart is no use, so that the chart is to be cut, which helps if it has two faces.
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped);

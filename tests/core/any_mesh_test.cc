@@ -1,11 +1,13 @@
 // Unwrap() on meshes that are no discs.
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <ctime>
 #include <map>
 #include <random>
 #include <set>
+#include <thread>
 #include <vector>
 
 #include "Eigen/Geometry"
@@ -314,6 +316,25 @@ TEST(AnyMesh, CanBeInterruptedInEveryStage) {
       if (progress.stage == stage) interrupter.Interrupt();
     };
     EXPECT_EQ(Unwrap(mesh, {}, control).status().code(), absl::StatusCode::kCancelled) << static_cast<int>(stage);
+  }
+}
+
+// Between what its progress tells of.
+TEST(AnyMesh, CanBeCancelledAnywhereInTheFirstStage) {
+  const Mesh mesh = testing::Torus(80, 40);
+  const absl::StatusOr<UnwrapResult> whole = Unwrap(mesh, {}, {});
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  constexpr int kMoments = 50;
+  for (int i = 0; i < kMoments; ++i) {
+    Interrupter interrupter;
+    std::thread other([&, i] {
+      std::this_thread::sleep_for(std::chrono::duration<double>(i * whole->seconds.charts / kMoments));
+      interrupter.Interrupt();
+    });
+    UnwrapControl control;
+    control.cancel = &interrupter;
+    EXPECT_EQ(Unwrap(mesh, {}, control).status().code(), absl::StatusCode::kCancelled) << i;
+    other.join();
   }
 }
 
