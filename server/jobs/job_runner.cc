@@ -110,10 +110,11 @@ Turn JobRunner::TakeNext(absl::Duration patience, JobAssignment* assignment) {
     const bool woken = changed_.wait_until(lock, wake, [&] { return stopped_ || !ready_.empty() || may_claim(); });
     if (woken && !stopped_ && ready_.empty()) Claim(&lock);
     --waiting_;
-    if (!woken && std::chrono::steady_clock::now() < until) continue;
-    if (!woken) return Turn::kNothing;
     if (stopped_) return Turn::kOver;
-    if (ready_.empty()) continue;
+    if (ready_.empty()) {
+      if (std::chrono::steady_clock::now() >= until) return Turn::kNothing;
+      continue;
+    }
     const ClaimedWork work = std::move(ready_.front());
     ready_.pop_front();
     lock.unlock();
@@ -134,10 +135,10 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
   request.tenant_limits = context_.options.tenant_limits;
   request.seconds_factor = seconds_factor_;
   lock->unlock();
-  absl::Duration queued;
-  const absl::StatusOr<std::vector<ClaimedWork>> claimed = context_.store.Claim(context_.Verb(), request, &queued);
+  ClaimWait wait;
+  const absl::StatusOr<std::vector<ClaimedWork>> claimed = context_.store.Claim(context_.Verb(), request, &wait);
   const absl::Time next_claim =
-      pace_.Next(context_.options.steady_clock(), context_.Pace(kClaimsPerSecond, kLeastClaimInterval), queued);
+      pace_.Next(context_.options.steady_clock(), context_.Pace(kClaimsPerSecond, kLeastClaimInterval), wait.queued);
   if (claimed.ok()) {
     for (const ClaimedWork& work : *claimed) feed_.Tell(work.jobs);
   } else {
@@ -165,7 +166,7 @@ void JobRunner::Claim(std::unique_lock<std::mutex>* lock) {
       attempt.look = missed_;
       ready_.push_back(work);
     }
-    if (static_cast<int>(claimed->size()) == request.most) may_claim_ = true;
+    if (wait.gave_up || static_cast<int>(claimed->size()) == request.most) may_claim_ = true;
   } else {
     may_claim_ = true;
   }

@@ -25,9 +25,8 @@ namespace {
 // One Claim().
 class Claimer {
  public:
-  Claimer(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
-          absl::Duration* queued)
-      : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed), queued_(queued) {}
+  Claimer(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed, ClaimWait* wait)
+      : transaction_(*transaction), sql_(transaction->sql()), request_(request), claimed_(*claimed), wait_(*wait) {}
 
   absl::Status Run() {
     if (request_.work.empty()) {
@@ -36,6 +35,8 @@ class Claimer {
       PLANISH_RETURN_IF_ERROR(sql_.TakeTurn(std::hash<std::string>()(request_.owner) + claims++));
     }
     PLANISH_RETURN_IF_ERROR(ReadUsageAndAccounts());
+    wait_.gave_up = !sql_.HasTurn();
+    if (wait_.gave_up) return absl::OkStatus();
     PLANISH_ASSIGN_OR_RETURN(now_, transaction_.LeaseNow());
     if (!request_.work.empty()) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction_.LockWork(request_.work, /*wait=*/false));
@@ -72,7 +73,7 @@ class Claimer {
     PLANISH_ASSIGN_OR_RETURN(accounts_, ReadAccounts(&sql_));
     transaction_.SetLeaseNow(usage.Int(0, 3));
     // All that was before is the wait for the turn.
-    if (queued_ != nullptr) *queued_ = absl::Nanoseconds(usage.Int(0, 4));
+    wait_.queued = absl::Nanoseconds(usage.Int(0, 4));
     running_ = usage.Int(0, 0);
     runs_alone_ = usage.Int(0, 1) != 0;
     memory_ = usage.Int(0, 2);
@@ -250,7 +251,7 @@ class Claimer {
   SqlConnection& sql_;
   const ClaimRequest& request_;
   std::vector<ClaimedWork>& claimed_;
-  absl::Duration* const queued_;  // may be null
+  ClaimWait& wait_;
 
   std::int64_t now_ = 0;
   FairAccounts accounts_;  // with what was chosen
@@ -272,8 +273,8 @@ class Claimer {
 }  // namespace
 
 absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
-                     absl::Duration* queued) {
-  return Claimer(transaction, request, claimed, queued).Run();
+                     ClaimWait* wait) {
+  return Claimer(transaction, request, claimed, wait).Run();
 }
 
 }  // namespace planish

@@ -138,6 +138,12 @@ struct ClaimRequest {
   double seconds_factor = 1;                   // what work takes over what was expected of it, lately
 };
 
+// How a claim waited until few enough others were under way.
+struct ClaimWait {
+  absl::Duration queued;
+  bool gave_up = false;  // without looking for work
+};
+
 struct ClaimedWork {
   Lease lease;
   absl::Duration run_time;  // NewJob::run_time
@@ -238,9 +244,10 @@ class JobStore {
   // Takes work that waits, in the order of fair_share.h. Work that needs more memory than its owner has free keeps
   // those behind it waiting for that owner; work that needs more than `memory_bytes` is left to others. Work that was
   // lost with a server before and has one attempt left is claimed by an owner that has nothing else, and nothing beside
-  // it. `queued`, unless null, gets how long this claim waited until few enough others were under way.
+  // it. Where too many claims are under way for its turn to come soon, a claim ends without work; `wait`, unless null,
+  // says so.
   virtual absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
-                                                         absl::Duration* queued = nullptr) = 0;
+                                                         ClaimWait* wait = nullptr) = 0;
   // Those of the owner's running works of which anything but kGoOn is wanted, as far as somebody asked for it.
   virtual absl::StatusOr<std::vector<std::pair<std::string, Wish>>> Wishes(const std::string& owner) = 0;
   // Leases of one owner last `lease` from now on. What is wanted of each, in the same order.

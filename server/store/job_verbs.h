@@ -25,8 +25,8 @@ struct AcceptCall {
 // JobStore::Accept of calls that have no key in common.
 absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent);
 
-// JobStore::Claim. `claimed` is empty, `queued` may be null.
+// JobStore::Claim. `claimed` is empty.
 absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
-                     absl::Duration* queued);
+                     ClaimWait* wait);
 
 }  // namespace planish

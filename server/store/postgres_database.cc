@@ -236,6 +236,7 @@ class PostgresConnection : public SqlConnection {
   absl::Status Begin(Durability durability) override {
     in_transaction_ = true;
     slot_ = PQbackendPID(connection_.get()) % kSlots;
+    turn_ = {};
     waiting_.push_back({"BEGIN", {}});
     if (durability == Durability::kLater) waiting_.push_back({"SET LOCAL synchronous_commit = off", {}});
     return absl::OkStatus();
@@ -269,14 +270,13 @@ class PostgresConnection : public SqlConnection {
     return rows.Int(0, 0) != 0;
   }
 
-  // LOCK waits without a snapshot, as an advisory lock does not: with hundreds that wait and hold one no old version of
-  // a row could be thrown away. So that no look at the catalog holds one either, a LOCK that never waits goes before.
   absl::Status TakeTurn(std::uint64_t number) override {
-    slot_ = kSlots + static_cast<std::int64_t>(number % kTurns);
-    const std::string lock = absl::StrCat("LOCK TABLE turns_", number % kTurns);
-    PLANISH_RETURN_IF_ERROR(RunLater(absl::StrCat(lock, " IN ACCESS SHARE MODE"), {}, nullptr));
-    return RunLater(absl::StrCat(lock, " IN EXCLUSIVE MODE"), {}, nullptr);
+    const auto lane = static_cast<std::int64_t>(number % kTurns);
+    slot_ = kSlots + lane;
+    return RunLater("SELECT take_turn(?)", {lane}, &turn_);
   }
+
+  bool HasTurn() const override { return turn_.empty() || turn_.Int(0, 0) != 0; }
 
   std::int64_t Slot() const override { return slot_; }
 
@@ -460,6 +460,7 @@ class PostgresConnection : public SqlConnection {
   std::unique_ptr<PGconn, Closer> connection_;
   bool in_transaction_ = false;     // between Begin() and its end, even if the server does not know yet
   std::int64_t slot_ = 0;           // of the transaction
+  SqlRows turn_;                    // what TakeTurn() of the transaction returned
   std::vector<Statement> waiting_;  // of RunLater()
   std::unordered_map<std::string, std::string> prepared_;  // from statement to name
   std::int64_t last_name_ = 0;

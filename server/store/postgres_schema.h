@@ -100,6 +100,16 @@ inline constexpr const char* kPostgresMigrations[] = {
     R"sql(
       CREATE INDEX works_by_wish ON works (owner) WHERE running = 1 AND wish != 0;
     )sql",
+    // 1 with the turn, which lasts to the end of the transaction; 0 if it was not had in time.
+    R"sql(
+      CREATE FUNCTION take_turn(lane BIGINT) RETURNS BIGINT LANGUAGE plpgsql SET lock_timeout = '40ms' AS $$
+      BEGIN
+        EXECUTE format('LOCK TABLE turns_%s IN EXCLUSIVE MODE', lane);
+        RETURN 1;
+      EXCEPTION WHEN lock_not_available THEN
+        RETURN 0;
+      END $$;
+    )sql",
 };
 
 // Transactions between TakeTurn() and their ends; the tables turns_N.

@@ -97,8 +97,11 @@ class SqlConnection {
 
   // Waits, at the begin of a transaction, until only a few others are between here and their ends: for transactions
   // that all want the head of one queue. The more there are at the same time, the more rows each passes by that others
-  // have locked, and the less any of them gets done. `number`: as even as can be over those who come.
+  // have locked, and the less any of them gets done. `number`: as even as can be over those who come. It may be sent as
+  // RunLater() is. Nobody waits for long: HasTurn() is false, once it was sent, if the turn did not come in time. Then
+  // the transaction should end, and its caller come again later.
   virtual absl::Status TakeTurn(std::uint64_t) { return absl::OkStatus(); }
+  virtual bool HasTurn() const { return true; }
 
   // A small number, for this transaction, that those which write at the same time seldom share: of the row to add to,
   // where all of them add to one sum. Those that took a turn share theirs with no others, which may hold a row until

@@ -115,15 +115,17 @@ class SqlJobStore : public JobStore {
   // ---- workers
 
   absl::StatusOr<std::vector<ClaimedWork>> Claim(const VerbContext& context, const ClaimRequest& request,
-                                                 absl::Duration* queued) override {
+                                                 ClaimWait* wait) override {
     // An attempt that ends the machine must count, if the store is on that machine. A database elsewhere that forgets
     // the last claims has the work waiting again, and what their owners say under the old leases changes nothing: the
     // next attempt has the same number, but another owner. If it is the same owner, JobRunner goes on with the first.
     const Durability durability = database_->is_shared() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
+    ClaimWait waited;
     PLANISH_RETURN_IF_ERROR(Change(context, durability, [&](JobTransaction& transaction) {
-      return ClaimIn(&transaction, request, &claimed, queued);
+      return ClaimIn(&transaction, request, &claimed, &waited);
     }));
+    if (wait != nullptr) *wait = waited;
     return claimed;
   }
 

@@ -3,6 +3,7 @@
 #include <map>
 #include <string>
 
+#include "absl/strings/str_format.h"
 #include "tests/bench/report.h"
 
 namespace planish::bench {
@@ -16,11 +17,12 @@ std::string Rounds(const Runs& runs, const std::string& standby) {
   std::string text =
       "Ratios are to bare SQL of the same round. saturated: workers end at once what they claim; steady: workers that "
       "can "
-      "end half of what bare SQL does; light: a quarter. A claim is the verb alone; a free worker waits for its next "
-      "job "
-      "through claims and the rests between them.\n\n" +
+      "end half of what bare SQL does; light: a quarter. A claim is the verb alone, with those that gave up since "
+      "their "
+      "turn did not come in time; a free worker waits for its next job through claims and the rests between "
+      "them.\n\n" +
       HeaderRow({"round", "machines x workers", "jobs waiting", "bare SQL, jobs/s", "store, jobs/s", "ratio",
-                 "claim p50 ms", "claim p99 ms", "free worker waits, p50 ms", "finish p99 ms",
+                 "claim p50 ms", "claim p99 ms", "claims that gave up", "free worker waits, p50 ms", "finish p99 ms",
                  "another tenant starts, ms", "database MB"});
   double bare = 0;
   for (const auto& run : runs) {
@@ -28,12 +30,14 @@ std::string Rounds(const Runs& runs, const std::string& standby) {
     if (run["bench"] == "bare") bare = run["jobs_per_second"];
     if (!run.contains("claim_p50_seconds")) continue;
     const double rate = run["jobs_per_second"];
-    text += Row({run["bench"], run["machines"].dump() + " x " + run["slots"].dump(),
-                 WithCommas(run["waiting"].get<std::int64_t>()), ThreeDigits(bare), ThreeDigits(rate),
-                 ThreeDigits(rate / bare), Milliseconds(run["claim_p50_seconds"]),
-                 Milliseconds(run["claim_p99_seconds"]), Milliseconds(run["wait_p50_seconds"]),
-                 Milliseconds(run["finish_p99_seconds"]), Milliseconds(run["lone_start_max_seconds"]),
-                 WithCommas(run["database_bytes"].get<std::int64_t>() / 1'000'000)});
+    text +=
+        Row({run["bench"], run["machines"].dump() + " x " + run["slots"].dump(),
+             WithCommas(run["waiting"].get<std::int64_t>()), ThreeDigits(bare), ThreeDigits(rate),
+             ThreeDigits(rate / bare), Milliseconds(run["claim_p50_seconds"]), Milliseconds(run["claim_p99_seconds"]),
+             absl::StrFormat("%.1f %%", 100 * run["claims_given_up"].get<double>() / run["claims"].get<double>()),
+             Milliseconds(run["wait_p50_seconds"]), Milliseconds(run["finish_p99_seconds"]),
+             Milliseconds(run["lone_start_max_seconds"]),
+             WithCommas(run["database_bytes"].get<std::int64_t>() / 1'000'000)});
   }
   return text;
 }

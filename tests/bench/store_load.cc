@@ -51,6 +51,10 @@ class Latencies {
     const std::lock_guard lock(mutex_);
     seconds_.clear();
   }
+  std::size_t size() {
+    const std::lock_guard lock(mutex_);
+    return seconds_.size();
+  }
   double At(double part) {
     const std::lock_guard lock(mutex_);
     if (seconds_.empty()) return 0;
@@ -87,6 +91,7 @@ void Fill(const Flags& flags, int jobs) {
 
 struct Round {
   std::atomic<int> finished = 0;
+  std::atomic<int> given_up = 0;           // claims that did not have their turn in time
   std::counting_semaphore<> to_accept{0};  // as many as have finished, by the fronts
   std::atomic<bool> over = false;
   Latencies claims, waits, finishes, lone_starts;  // waits: of free workers
@@ -124,9 +129,10 @@ class Machine {
       }
       if (request.most == 0) continue;
       const Clock::time_point start = Clock::now();
-      absl::Duration queued;
-      const std::vector<ClaimedWork> claimed = Get(store_.Claim(Now(), request, &queued));
+      ClaimWait wait;
+      const std::vector<ClaimedWork> claimed = Get(store_.Claim(Now(), request, &wait));
       round_.claims.Add(Since(start));
+      if (wait.gave_up) ++round_.given_up;
       {
         const std::lock_guard lock(mutex_);
         for (const ClaimedWork& work : claimed) {
@@ -140,7 +146,7 @@ class Machine {
       sooner_.notify_one();
       for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
       const absl::Time now = absl::Now();
-      const absl::Time next = pace.Next(now, absl::Seconds(interval > 0.02 ? interval : 0), queued);
+      const absl::Time next = pace.Next(now, absl::Seconds(interval > 0.02 ? interval : 0), wait.queued);
       Pause(std::max(absl::ToDoubleSeconds(next - now), claimed.empty() ? 0.02 : 0));
     }
   }
@@ -328,6 +334,7 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
   const int warm = round.finished + 40 * flags.machines;
   while (round.finished < warm) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   for (Latencies* const each : {&round.claims, &round.waits, &round.finishes, &round.lone_starts}) each->Clear();
+  round.given_up = 0;
   const int before = round.finished;
   const Clock::time_point start = Clock::now();
   while (round.finished < before + jobs) std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -344,6 +351,8 @@ nlohmann::json Store(const Flags& flags, const std::string& name, double sleep, 
           {"waiting", flags.waiting},
           {"jobs", finished},
           {"jobs_per_second", finished / seconds},
+          {"claims", round.claims.size()},
+          {"claims_given_up", round.given_up.load()},
           {"claim_p50_seconds", round.claims.At(0.5)},
           {"claim_p99_seconds", round.claims.At(0.99)},
           {"wait_p50_seconds", round.waits.At(0.5)},

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/base/sha256.h"
 #include "gmock/gmock.h"
@@ -12,6 +13,7 @@
 #include "server/jobs/job_manager.h"
 #include "server/link/rpc_status.h"
 #include "server/store/lifecycle.h"
+#include "server/store/postgres_schema.h"
 #include "server/store/sql_blobs.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/server/store/failing_database.h"
@@ -243,6 +245,23 @@ TEST_F(JobFarmTest, EachOfManyServersClaimsOnceInAnInterval) {
   EXPECT_FALSE(take()) << "again at that place only";
   now = second + absl::Milliseconds(400);
   EXPECT_TRUE(take());
+}
+
+TEST_F(JobFarmTest, AServerWhoseTurnDidNotComeClaimsAgain) {
+  Server server = Start();
+  const std::string name = Create(&server, "mesh");
+  const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url_, kTurns});
+  std::vector<SqlDatabase::Lease> others;
+  for (std::uint64_t number = 0; number < kTurns; ++number) {
+    others.push_back(*database->Connect(SqlDatabase::Use::kWrite));
+    ASSERT_TRUE(others.back()->Begin(Durability::kLater).ok());
+    ASSERT_TRUE(others.back()->TakeTurn(number).ok());
+    ASSERT_TRUE(others.back()->Flush().ok());
+  }
+  JobAssignment assignment;
+  EXPECT_EQ(server.manager->source()->TakeNext(absl::Milliseconds(100), &assignment), Turn::kNothing);
+  for (const SqlDatabase::Lease& other : others) EXPECT_TRUE(other->Commit().ok());
+  EXPECT_EQ(Take(&server).name, name) << "no news came";
 }
 
 TEST_F(JobFarmTest, AClaimThatTheDatabaseForgotIsMadeAgainAndTheWorkerGoesOn) {

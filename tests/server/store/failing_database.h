@@ -57,6 +57,7 @@ class FailingConnection : public SqlConnection {
   absl::Status TakeTurn(std::uint64_t number) override {
     return Try([&] { return connection_.TakeTurn(number); });
   }
+  bool HasTurn() const override { return connection_.HasTurn(); }
   std::int64_t Slot() const override { return connection_.Slot(); }
   absl::Status Serialize(const std::vector<std::string>& keys) override { return connection_.Serialize(keys); }
   absl::StatusOr<bool> TrySerialize(std::string_view key) override { return connection_.TrySerialize(key); }
