@@ -194,7 +194,7 @@ for script in "$source"/deploy/*.sh; do
   [ "${script##*/}" = parts.sh ] || cp ends "tree/deploy/${script##*/}"
 done
 run tree/.ci/run
-expect 0 $'\ntests * passed *\naddress sanitizer * passed *\nthread sanitizer * passed *' "Every part ran and passed."
+expect 0 $'\ntests * passed *\naddress sanitizer * passed *\nthread sanitizer * passed *\neach source alone * passed *' "Every part ran and passed."
 
 [ "$failures" -eq 0 ] || exit 1
 echo ok
