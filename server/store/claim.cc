@@ -274,7 +274,8 @@ class Claimer {
 
 absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
                      ClaimWait* wait) {
-  return Claimer(transaction, request, claimed, wait).Run();
+  ClaimWait unwanted;
+  return Claimer(transaction, request, claimed, wait == nullptr ? &unwanted : wait).Run();
 }
 
 }  // namespace planish

@@ -161,9 +161,9 @@ absl::StatusOr<QueueState> JobQuestions::Queue(const LeaseClock& clock) {
 absl::StatusOr<std::vector<std::pair<std::string, Wish>>> JobQuestions::Wishes(const std::string& owner) {
   // Without kGoOn as a parameter: PostgreSQL would not know that the index works_by_wish has all that is wanted.
   static_assert(static_cast<int>(Wish::kGoOn) == 0);
-  PLANISH_ASSIGN_OR_RETURN(const SqlRows rows,
-                           Ask("SELECT name, wish FROM works WHERE running = 1 AND owner = ? AND wish != 0",
-                               {std::string_view(owner)}));
+  PLANISH_ASSIGN_OR_RETURN(
+      const SqlRows rows,
+      Ask("SELECT name, wish FROM works WHERE running = 1 AND owner = ? AND wish != 0", {std::string_view(owner)}));
   std::vector<std::pair<std::string, Wish>> wishes;
   for (std::size_t i = 0; i < rows.size(); ++i)
     wishes.emplace_back(rows.Bytes(i, 0), static_cast<Wish>(rows.Int(i, 1)));

@@ -25,7 +25,7 @@ struct AcceptCall {
 // JobStore::Accept of calls that have no key in common.
 absl::Status AcceptIn(JobTransaction* transaction, const std::vector<AcceptCall*>& calls, RecentAccounts* recent);
 
-// JobStore::Claim. `claimed` is empty.
+// JobStore::Claim. `claimed` is empty, `wait` may be null.
 absl::Status ClaimIn(JobTransaction* transaction, const ClaimRequest& request, std::vector<ClaimedWork>* claimed,
                      ClaimWait* wait);
 

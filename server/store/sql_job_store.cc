@@ -121,11 +121,9 @@ class SqlJobStore : public JobStore {
     // next attempt has the same number, but another owner. If it is the same owner, JobRunner goes on with the first.
     const Durability durability = database_->is_shared() ? Durability::kLater : Durability::kNow;
     std::vector<ClaimedWork> claimed;
-    ClaimWait waited;
     PLANISH_RETURN_IF_ERROR(Change(context, durability, [&](JobTransaction& transaction) {
-      return ClaimIn(&transaction, request, &claimed, &waited);
+      return ClaimIn(&transaction, request, &claimed, wait);
     }));
-    if (wait != nullptr) *wait = waited;
     return claimed;
   }
 

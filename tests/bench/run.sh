@@ -367,7 +367,7 @@ postgres() {
 start_postgres() {  # FOLDER SETTING...
   local folder=$1 settings=()
   shift
-  for setting in listen_addresses= max_connections=700 shared_buffers=512MB max_wal_size=4GB "$@"; do
+  for setting in listen_addresses= max_connections=900 shared_buffers=512MB max_wal_size=4GB "$@"; do
     settings+=("-c $setting")
   done
   postgres pg_ctl -D "$folder/data" -l "$folder/log" -w -t 60 -o "-k $folder ${settings[*]}" start >/dev/null

@@ -105,7 +105,7 @@ struct Round {
 class Machine {
  public:
   Machine(const Flags& flags, int machines, std::string owner, double sleep, Round* round)
-      : store_holder_(OpenStore(flags, machines, 2, /*must_hear=*/false)),
+      : store_holder_(OpenStore(flags, machines, 3, /*must_hear=*/false)),
         store_(*store_holder_),
         owner_(std::move(owner)),
         machines_(machines),

@@ -511,7 +511,7 @@ TEST_F(PostgresTest, AClaimGivesUpWhenItsTurnDoesNotCome) {
   const auto claim = [&] { return *store->Claim({absl::Now()}, {"a", absl::Seconds(10), 1, 0, ""}, &wait); };
   EXPECT_TRUE(claim().empty());
   EXPECT_TRUE(wait.gave_up);
-  EXPECT_GE(wait.queued, absl::Milliseconds(40));
+  EXPECT_GE(wait.queued, absl::Milliseconds(20));
   for (const SqlDatabase::Lease& other : others) EXPECT_TRUE(other->Commit().ok());
   EXPECT_THAT(claim(), SizeIs(1));
   EXPECT_FALSE(wait.gave_up);
