@@ -3,7 +3,6 @@
 #include <map>
 #include <string>
 
-#include "absl/strings/str_format.h"
 #include "tests/bench/report.h"
 
 namespace planish::bench {
@@ -34,7 +33,7 @@ std::string Rounds(const Runs& runs, const std::string& standby) {
         Row({run["bench"], run["machines"].dump() + " x " + run["slots"].dump(),
              WithCommas(run["waiting"].get<std::int64_t>()), ThreeDigits(bare), ThreeDigits(rate),
              ThreeDigits(rate / bare), Milliseconds(run["claim_p50_seconds"]), Milliseconds(run["claim_p99_seconds"]),
-             absl::StrFormat("%.1f %%", 100 * run["claims_given_up"].get<double>() / run["claims"].get<double>()),
+             ThreeDigits(100 * run["claims_given_up"].get<double>() / run["claims"].get<double>()) + " %",
              Milliseconds(run["wait_p50_seconds"]), Milliseconds(run["finish_p99_seconds"]),
              Milliseconds(run["lone_start_max_seconds"]),
              WithCommas(run["database_bytes"].get<std::int64_t>() / 1'000'000)});
