@@ -34,7 +34,8 @@ class ClaimPace {
   absl::Time Next(absl::Time now, absl::Duration interval, absl::Duration queued) {
     last_[count_++ % kLast] = queued;
     if (interval <= absl::ZeroDuration()) return now;
-    const absl::Duration rest = std::min(kRests * std::max(Median() - kPrompt, absl::ZeroDuration()), kLongestRest);
+    const absl::Duration rest =
+        std::min(kRests * std::max(Median() - kPrompt, absl::ZeroDuration()), kMostIntervals * interval);
     const absl::Time rested = now + rest * std::uniform_real_distribution<double>(0.5, 1.5)(random_);
     return rested + interval - (rested - absl::UnixEpoch() + place_ * interval) % interval;
   }
@@ -43,7 +44,7 @@ class ClaimPace {
   static constexpr std::size_t kLast = 3;
   static constexpr absl::Duration kPrompt = absl::Milliseconds(2);  // of a database that has time
   static constexpr int kRests = 200;                                // times what a claim queued beyond that
-  static constexpr absl::Duration kLongestRest = absl::Seconds(4);
+  static constexpr int kMostIntervals = 5;  // of a rest: all servers together make 50 claims a second at least
 
   absl::Duration Median() const {
     std::array<absl::Duration, kLast> sorted = last_;
