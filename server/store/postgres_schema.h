@@ -113,7 +113,7 @@ inline constexpr const char* kPostgresMigrations[] = {
 };
 
 // Transactions between TakeTurn() and their ends; the first of the tables turns_N. With four of them, claims held each
-// other up on two cores: p99 105 to 135 ms, and 63 to 95 with two (tests/bench/results/farm.md).
+// other up on two cores: p99 105 to 135 ms, and 63 to 122 with two (tests/bench/results/farm.md).
 inline constexpr std::uint64_t kTurns = 2;
 
 }  // namespace planish
