@@ -251,13 +251,7 @@ TEST_F(JobFarmTest, AServerWhoseTurnDidNotComeClaimsAgain) {
   Server server = Start();
   const std::string name = Create(&server, "mesh");
   const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url_, kTurns});
-  std::vector<SqlDatabase::Lease> others;
-  for (std::uint64_t number = 0; number < kTurns; ++number) {
-    others.push_back(*database->Connect(SqlDatabase::Use::kWrite));
-    ASSERT_TRUE(others.back()->Begin(Durability::kLater).ok());
-    ASSERT_TRUE(others.back()->TakeTurn(number).ok());
-    ASSERT_TRUE(others.back()->Flush().ok());
-  }
+  const std::vector<SqlDatabase::Lease> others = TakeAllTurns(database.get());
   JobAssignment assignment;
   EXPECT_EQ(server.manager->source()->TakeNext(absl::Milliseconds(100), &assignment), Turn::kNothing);
   for (const SqlDatabase::Lease& other : others) EXPECT_TRUE(other->Commit().ok());

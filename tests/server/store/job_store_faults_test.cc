@@ -500,13 +500,7 @@ TEST_F(PostgresTest, AClaimGivesUpWhenItsTurnDoesNotCome) {
   const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url, kTurns});
   const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 1}));
   ASSERT_TRUE(store->Accept({absl::Now()}, JobNumber(1)).ok());
-  std::vector<SqlDatabase::Lease> others;
-  for (std::uint64_t number = 0; number < kTurns; ++number) {
-    others.push_back(*database->Connect(SqlDatabase::Use::kWrite));
-    ASSERT_TRUE(others.back()->Begin(Durability::kLater).ok());
-    ASSERT_TRUE(others.back()->TakeTurn(number).ok());
-    ASSERT_TRUE(others.back()->Flush().ok());
-  }
+  const std::vector<SqlDatabase::Lease> others = TakeAllTurns(database.get());
   ClaimWait wait;
   const auto claim = [&] { return *store->Claim({absl::Now()}, {"a", absl::Seconds(10), 1, 0, ""}, &wait); };
   EXPECT_TRUE(claim().empty());

@@ -1,10 +1,14 @@
 // A PostgreSQL server of the test's own: Debian's package, a temporary folder, a Unix socket, no network.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "gtest/gtest.h"
+#include "server/store/postgres_schema.h"
+#include "server/store/sql.h"
 #include "tests/testing/files.h"
 #include "tests/testing/process.h"
 
@@ -54,5 +58,18 @@ class PostgresServer {
   std::unique_ptr<Process> process_;  // null after Crash()
   int databases_ = 0;
 };
+
+// Transactions with all turns (SqlConnection::TakeTurn), each by a connection of its own, of a PostgreSQL.
+inline std::vector<SqlDatabase::Lease> TakeAllTurns(SqlDatabase* database) {
+  std::vector<SqlDatabase::Lease> transactions;
+  for (std::uint64_t number = 0; number < kTurns; ++number) {
+    SqlDatabase::Lease& connection = transactions.emplace_back(*database->Connect(SqlDatabase::Use::kWrite));
+    EXPECT_TRUE(connection->Begin(Durability::kLater).ok());
+    EXPECT_TRUE(connection->TakeTurn(number).ok());
+    EXPECT_TRUE(connection->Flush().ok());
+    EXPECT_TRUE(connection->HasTurn());
+  }
+  return transactions;
+}
 
 }  // namespace planish
