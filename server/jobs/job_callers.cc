@@ -19,8 +19,8 @@ JobAttachment& JobAttachment::operator=(JobAttachment&& other) noexcept {
   return *this;
 }
 
-void JobAttachment::Release(bool for_good) {
-  if (JobCallers* callers = std::exchange(callers_, nullptr); callers != nullptr) callers->Detach(name_, for_good);
+void JobAttachment::Release(Parting parting) {
+  if (JobCallers* callers = std::exchange(callers_, nullptr); callers != nullptr) callers->Detach(name_, parting);
 }
 
 absl::Time JobCallers::Until() const {
@@ -40,16 +40,16 @@ JobAttachment JobCallers::Attach(const std::string& name, bool known) {
   return JobAttachment(this, name);
 }
 
-void JobCallers::Detach(const std::string& name, bool for_good) {
+void JobCallers::Detach(const std::string& name, Parting parting) {
   {
     const std::lock_guard lock(mutex_);
     const auto found = callers_.find(name);
     if (found == callers_.end() || --found->second > 0) return;
     callers_.erase(found);
-    if (suspended_) return;
+    if (suspended_ || parting == Parting::kJobEnded) return;
   }
   const absl::Time now = context_.options.clock();
-  const absl::Time until = for_good ? now : now + context_.Limits().reattach_grace;
+  const absl::Time until = parting == Parting::kForGood ? now : now + context_.Limits().reattach_grace;
   // If it cannot be written, what was said last comes true a little later.
   if (const absl::Status status = context_.store.SetCallersUntil({name}, until); !status.ok()) {
     context_.TellError(status);

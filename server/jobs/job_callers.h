@@ -13,6 +13,13 @@ namespace planish {
 
 class JobCallers;
 
+// Why a caller goes.
+enum class Parting {
+  kMayReturn,  // the connection is gone: there is a grace
+  kForGood,    // its deadline passed
+  kJobEnded,   // it was told the job's end: nothing is to be written
+};
+
 // One caller that a job belongs to. When the last one goes and nobody detached the job, it is cancelled unless another
 // one comes within the grace. Must not outlive the manager. Not thread-safe.
 class JobAttachment {
@@ -26,8 +33,8 @@ class JobAttachment {
   // Whether there is nothing to release.
   bool empty() const { return callers_ == nullptr; }
 
-  // Asks the store. `for_good`: the caller will not come back, its deadline passed; no grace.
-  void Release(bool for_good = false);
+  // Writes to the store, unless the job ended.
+  void Release(Parting parting = Parting::kMayReturn);
 
  private:
   JobCallers* callers_ = nullptr;
@@ -53,7 +60,7 @@ class JobCallers {
  private:
   friend class JobAttachment;
 
-  void Detach(const std::string& name, bool for_good);
+  void Detach(const std::string& name, Parting parting);
 
   JobContext& context_;
 

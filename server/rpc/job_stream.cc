@@ -39,6 +39,7 @@ JobStream::Step JobStream::Next(v1::JobEvent* event, v1::UvChunk* chunk, Pace pa
     return Step::kEnd;
   }
 
+  job_ended_ = true;
   const StoredBlobPtr uv = events_->uv();
   if (!position_.include_uv || uv == nullptr) return Step::kEnd;
   status_ = ReadUv(*uv, position_.uv_offset, kChunkBytes, "uv_offset", chunk->mutable_data());

@@ -46,11 +46,14 @@ class JobStream {
 
   // That of ReadUv(); or what the log ended with (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
   const absl::Status& status() const { return status_; }
+  // Whether the last event that was sent, or one before position.after_sequence, is the job's end.
+  bool job_ended() const { return job_ended_; }
 
  private:
   const std::shared_ptr<const JobEventLog> events_;
   Position position_;
   bool told_end_ = false;  // under a sequence of our own
+  bool job_ended_ = false;
   absl::Status status_;
 };
 

@@ -89,12 +89,14 @@ class WatchReactor : public grpc::ServerWriteReactor<Response>,
   // On a task thread: to release a job takes the manager's lock, which gRPC's own threads must not wait for.
   void Detach() {
     const auto released = std::make_shared<JobAttachment>();
+    Parting parting = HasPassed(deadline_) ? Parting::kForGood : Parting::kMayReturn;
     {
       const std::lock_guard lock(mutex_);
       *released = std::move(attachment_);
+      if (stream_.has_value() && stream_->job_ended()) parting = Parting::kJobEnded;
     }
     if (released->empty()) return;
-    surroundings_.tasks->Post([released, for_good = HasPassed(deadline_)] { released->Release(for_good); });
+    surroundings_.tasks->Post([released, parting] { released->Release(parting); });
   }
 
   // Starts the next operation if none is under way. Any thread.

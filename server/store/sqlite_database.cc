@@ -140,6 +140,9 @@ constexpr char kPragmas[] =
     "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA wal_autocheckpoint = 4000; PRAGMA busy_timeout = "
     "10000";
 
+// The path of a database without a file.
+constexpr std::string_view kInMemory = ":memory:";
+
 // Statements that a connection keeps prepared; filters of lists make new ones without end.
 constexpr std::size_t kMostStatements = 200;
 
@@ -155,13 +158,13 @@ class SqliteConnection : public SqlConnection {
  public:
   static absl::StatusOr<std::unique_ptr<SqliteConnection>> Open(const std::string& path) {
     PLANISH_ASSIGN_OR_RETURN(Database database, Database::Open(path));
-    return std::unique_ptr<SqliteConnection>(new SqliteConnection(std::move(database)));
+    return std::unique_ptr<SqliteConnection>(new SqliteConnection(std::move(database), path != kInMemory));
   }
 
   Database& database() { return database_; }
 
   absl::Status Begin(Durability durability) override {
-    if (durability != durability_) {
+    if (has_file_ && durability != durability_) {
       PLANISH_RETURN_IF_ERROR(database_.Execute(durability == Durability::kNow ? "PRAGMA synchronous = FULL"
                                                                                : "PRAGMA synchronous = NORMAL"));
       durability_ = durability;
@@ -214,9 +217,10 @@ class SqliteConnection : public SqlConnection {
   }
 
  private:
-  explicit SqliteConnection(Database database) : database_(std::move(database)) {}
+  SqliteConnection(Database database, bool has_file) : database_(std::move(database)), has_file_(has_file) {}
 
   Database database_;
+  const bool has_file_;
   std::unordered_map<std::string, Statement> statements_;
   Durability durability_ = Durability::kNow;  // of the present setting
 };
@@ -300,7 +304,7 @@ class SqliteDatabase : public SqlDatabase {
     PLANISH_ASSIGN_OR_RETURN(database->writer_, SqliteConnection::Open(path));
     PLANISH_RETURN_IF_ERROR(database->writer_->database().Execute(kPragmas));
     PLANISH_RETURN_IF_ERROR(Migrate(path, database->writer_.get()));
-    if (path != ":memory:") {
+    if (path != kInMemory) {
       PLANISH_ASSIGN_OR_RETURN(database->reader_, SqliteConnection::Open(path));
       PLANISH_RETURN_IF_ERROR(database->reader_->database().Execute("PRAGMA busy_timeout = 10000"));
     }

@@ -1,21 +1,27 @@
 // What a real planishd costs beside the work itself, and whether it keeps its promises under load:
 //
-//   planish_service_load overhead [RUNS]       1,000 and 200,000 triangles through a warm server, beside the same in
-//   process planish_service_load workers [JOBS]        jobs a second of one worker and of two, in turn
+//   planish_service_load overhead [RUNS]       1,000 and 200,000 triangles through a warm server, without and with
+//                                              a data directory, beside the same in process
+//   planish_service_load workers [JOBS]        jobs a second of one worker and of two, in turn
 //   planish_service_load watchers [RUNS]       1,000 watchers, a tenth of them stalled: memory, and the job's own pace
 //   planish_service_load chaos [JOBS] [KILLS] [SEED]
 //
 // One JSON object a line on stdout.
 #include <grpcpp/grpcpp.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
+#include <fstream>
 #include <functional>
 #include <iostream>
+#include <iterator>
 #include <memory>
 #include <mutex>
+#include <sstream>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -57,14 +63,18 @@ struct Arrays {
   std::vector<std::int32_t> triangles;
 };
 
+// Where a server that listens at port 0 says that it listens.
+std::string TargetIn(const std::string& log) {
+  const std::size_t at = log.find("127.0.0.1:");
+  return log.substr(at, log.find_first_of(" ,\n", at) - at);
+}
+
 // Loopback, as in production; the port is the system's choice.
 struct TcpServer {
   explicit TcpServer(std::vector<std::string> flags) {
     flags.insert(flags.begin(), {"--listen=127.0.0.1:0", "--log-level=info"});
     server = std::make_unique<DurableServer>(directory.Path("s"), flags);
-    const std::string log = server->Log();
-    const std::size_t at = log.find("127.0.0.1:");
-    target = log.substr(at, log.find_first_of(" ,\n", at) - at);
+    target = TargetIn(server->Log());
   }
 
   const TempDir directory;
@@ -72,21 +82,39 @@ struct TcpServer {
   std::string target;
 };
 
+// CPU of a process so far, its children's left out.
+double CpuSecondsOf(pid_t pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
+  std::string text((std::istreambuf_iterator<char>(file)), {});
+  std::istringstream fields(text.substr(text.rfind(')') + 1));
+  std::string field;
+  for (int i = 3; i < 14; ++i) fields >> field;
+  double user = 0, system = 0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+}
+
 CallOptions Fresh() {
   CallOptions call;
   call.scheduling.fresh = true;
   return call;
 }
 
-void Overhead(int runs) {
-  TcpServer server({"--workers=1", "--threads=1"});
-  Client client(server.target);
+// `store`: what the server keeps its jobs in.
+void OverheadOf(const std::string& store, int runs) {
+  const TempDir directory;
+  std::vector<std::string> flags = {"--workers=1", "--threads=1", "--listen=127.0.0.1:0", "--log-level=info"};
+  if (store == "directory") flags.push_back("--data-dir=" + directory.Path("data"));
+  Daemon server(flags, /*supervised=*/true);
+  if (!server.WaitReady()) throw std::runtime_error("planishd: " + server.Output());
+  Client client(TargetIn(server.Output()));
   for (const int triangles : {1000, 200'000}) {
     const Mesh mesh = MakeMesh("waves", triangles);
     const Arrays arrays(mesh);
     const int count = triangles < 10'000 ? runs : std::max(3, runs / 10);
     std::vector<double> solve, draco, served, worker;
     client.Unwrap(arrays.view(), {}, {}, Fresh());
+    const double cpu_before = CpuSecondsOf(server.pid());
     for (int i = 0; i < count; ++i) {
       const DirectSeconds direct = WorkDirectly(mesh);
       solve.push_back(direct.solve);
@@ -96,7 +124,8 @@ void Overhead(int runs) {
         worker.push_back((in.decode + in.charts + in.solve + in.layout + in.pack + in.verify + in.encode).count());
       }));
     }
-    json line = {{"bench", "overhead"}, {"triangles", mesh.num_faces()}, {"runs", count}};
+    json line = {{"bench", "overhead"}, {"store", store}, {"triangles", mesh.num_faces()}, {"runs", count}};
+    line["server_cpu_seconds"] = (CpuSecondsOf(server.pid()) - cpu_before) / count;
     line["solve_seconds"] = Median(solve);
     line["draco_seconds"] = Median(draco);
     line["worker_seconds"] = Median(worker);
@@ -105,6 +134,10 @@ void Overhead(int runs) {
     line["served_over_solve_and_draco"] = Median(served) / (Median(solve) + Median(draco));
     std::cout << line << std::endl;
   }
+}
+
+void Overhead(int runs) {
+  for (const char* store : {"memory", "directory"}) OverheadOf(store, runs);
 }
 
 // So many jobs from four callers, each its own mesh; jobs a second.

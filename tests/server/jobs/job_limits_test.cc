@@ -247,8 +247,14 @@ TEST_F(JobLimitsTest, CallerWhoseTimeIsUpGetsNoGrace) {
   options_.limits.reattach_grace = absl::Seconds(10);
   Restart();
   auto accepted = manager_->Create(caller_, Request("r1", true));
-  accepted->attachment.Release(true);
+  accepted->attachment.Release(Parting::kForGood);
   EXPECT_EQ(State(accepted->job.name()), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(JobLimitsTest, CallerThatWasToldTheEndWritesNothing) {
+  auto accepted = manager_->Create(caller_, Request("r1", true));
+  accepted->attachment.Release(Parting::kJobEnded);
+  EXPECT_EQ(State(accepted->job.name()), v1::JOB_STATE_QUEUED) << "as the store was told when it was accepted";
 }
 
 TEST_F(JobLimitsTest, WatchersAloneDoNotKeepAJob) {

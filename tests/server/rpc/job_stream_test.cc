@@ -21,12 +21,14 @@ TEST(JobStream, TheEndIsToldToACallerWhoKnowsMoreThanTheDatabase) {
   v1::JobEvent event;
   v1::UvChunk chunk;
   EXPECT_EQ(stream.Next(&event, &chunk), JobStream::Step::kWait);
+  EXPECT_FALSE(stream.job_ended());
   log->Restore(Event(2, v1::JOB_STATE_FAILED));
   EXPECT_EQ(stream.Next(&event, &chunk), JobStream::Step::kEvent);
   EXPECT_EQ(event.sequence(), 8);
   EXPECT_EQ(event.skipped(), 0);
   EXPECT_EQ(event.job().state(), v1::JOB_STATE_FAILED);
   EXPECT_EQ(stream.Next(&event, &chunk), JobStream::Step::kEnd);
+  EXPECT_TRUE(stream.job_ended());
 }
 
 TEST(JobStream, TheEndIsToldOnce) {
@@ -37,6 +39,17 @@ TEST(JobStream, TheEndIsToldOnce) {
   v1::JobEvent event;
   v1::UvChunk chunk;
   EXPECT_EQ(stream.Next(&event, &chunk), JobStream::Step::kEnd);
+}
+
+TEST(JobStream, AJobThatGoesOnElsewhereHasNotEnded) {
+  const auto log = std::make_shared<JobEventLog>(10);
+  log->Restore(Event(1, v1::JOB_STATE_RUNNING));
+  log->Interrupt(absl::UnavailableError("this server stops"));
+  JobStream stream(log, {.after_sequence = 1});
+  v1::JobEvent event;
+  v1::UvChunk chunk;
+  EXPECT_EQ(stream.Next(&event, &chunk), JobStream::Step::kEnd);
+  EXPECT_FALSE(stream.job_ended());
 }
 
 class UvThatCannotBeRead : public StoredBlob {
