@@ -1,4 +1,5 @@
-// deploy/kubernetes as kubectl renders it, and deploy/compose.yaml.
+// deploy/kubernetes as kubectl renders it, the compose files and the image.
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -234,35 +235,106 @@ TEST_P(Farm, WorkersAreScaledByTheQueue) {
   EXPECT_THAT(ReadSource("deploy/kubernetes/README.md"), HasSubstr(metric));
 }
 
-TEST(Compose, TheServerMayDoAsLittleAsInKubernetes) {
-  const YAML::Node compose = YAML::Load(ReadSource("deploy/compose.yaml"));
-  const YAML::Node server = At(compose, "/services/planish");
-  ASSERT_TRUE(server.IsDefined());
-  EXPECT_EQ(TextAt(server, "/read_only"), "true");
-  EXPECT_EQ(TextAt(server, "/cap_drop/0"), "ALL");
-  EXPECT_EQ(TextAt(server, "/security_opt/0"), "no-new-privileges:true");
-  EXPECT_FALSE(server["user"].IsDefined()) << "the image says that it is not root";
-  const int grace = std::stoi(TextAt(server, "/environment/PLANISHD_GRACE"));
-  EXPECT_GE(std::stoi(TextAt(server, "/stop_grace_period")), grace + 10);
-  // Files of this tree that services mount, and volumes, exist.
+// `key` of a mapping of a compose file, or of those that it merges ("<<", which yaml-cpp leaves as it is).
+YAML::Node Merged(const YAML::Node& mapping, const std::string& key) {
+  if (mapping[key].IsDefined()) return mapping[key];
+  const YAML::Node base = mapping["<<"];
+  return base.IsDefined() ? Merged(base, key) : YAML::Node(YAML::NodeType::Undefined);
+}
+
+class Compose : public ::testing::TestWithParam<std::string> {
+ protected:
+  const YAML::Node compose_ = YAML::Load(ReadSource("deploy/" + GetParam()));
+
+  // Those that run planishd, by name.
+  std::map<std::string, YAML::Node> Servers() const {
+    std::map<std::string, YAML::Node> servers;
+    for (const auto& service : compose_["services"]) {
+      if (Merged(service.second, "image").as<std::string>() != "planish") continue;
+      servers.emplace(service.first.as<std::string>(), service.second);
+    }
+    return servers;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Files, Compose, ::testing::Values("compose.yaml", "compose.farm.yaml"),
+                         [](const auto& test) { return test.param == "compose.yaml" ? "single" : "farm"; });
+
+TEST_P(Compose, ServersMayDoAsLittleAsInKubernetes) {
+  ASSERT_EQ(Servers().size(), GetParam() == "compose.yaml" ? 1u : 4u);
+  for (const auto& [name, server] : Servers()) {
+    SCOPED_TRACE(name);
+    EXPECT_EQ(Merged(server, "read_only").as<std::string>(), "true");
+    EXPECT_EQ(TextAt(Merged(server, "cap_drop"), "/0"), "ALL");
+    EXPECT_EQ(TextAt(Merged(server, "security_opt"), "/0"), "no-new-privileges:true");
+    EXPECT_FALSE(Merged(server, "user").IsDefined()) << "the image says that it is not root";
+    const int grace = Merged(Merged(server, "environment"), "PLANISHD_GRACE").as<int>();
+    EXPECT_GE(std::stoi(Merged(server, "stop_grace_period").as<std::string>()), grace + 10);
+  }
+}
+
+// Of a farm nothing but the database writes to a disk.
+TEST_P(Compose, NothingButDataIsKept) {
+  for (const auto& [name, server] : Servers()) {
+    SCOPED_TRACE(name);
+    int kept = 0;
+    for (const YAML::Node& volume : Merged(server, "volumes")) kept += !volume.as<std::string>().ends_with(":ro");
+    if (GetParam() == "compose.yaml") {
+      EXPECT_EQ(kept, 1);
+    } else {
+      EXPECT_EQ(kept, 0);
+      EXPECT_EQ(TextAt(Merged(server, "tmpfs"), "/0"), "/var/lib/planish") << "the image has a volume there";
+    }
+  }
+}
+
+// Files come from the tree: of "configs", podman-compose says nothing and mounts nothing.
+TEST_P(Compose, WhatIsMountedIsThere) {
+  EXPECT_FALSE(compose_["configs"].IsDefined());
   int files = 0;
-  for (const auto& service : compose["services"]) {
-    for (const YAML::Node& volume : service.second["volumes"]) {
+  for (const auto& service : compose_["services"]) {
+    EXPECT_FALSE(Merged(service.second, "configs").IsDefined()) << service.first;
+    for (const YAML::Node& volume : Merged(service.second, "volumes")) {
       const std::string source = volume.as<std::string>().substr(0, volume.as<std::string>().find(':'));
       if (source.starts_with("./")) {
         EXPECT_FALSE(ReadSource("deploy/" + source.substr(2)).empty()) << source;
         ++files;
       } else if (!source.starts_with("${")) {
-        EXPECT_TRUE(compose["volumes"][source].IsDefined() || compose["volumes"][source].IsNull()) << source;
+        EXPECT_TRUE(compose_["volumes"][source].IsDefined()) << source;
       }
     }
-    // Only the server itself, which asks for credentials, is open to the network.
-    for (const YAML::Node& port : service.second["ports"]) {
-      if (service.first.as<std::string>() == "planish") continue;
+    // Only what asks for credentials is open to the network.
+    for (const YAML::Node& port : Merged(service.second, "ports")) {
+      const std::string name = service.first.as<std::string>();
+      if (name == "planish" || name == "proxy") continue;
       EXPECT_TRUE(port.as<std::string>().starts_with("127.0.0.1:")) << port;
     }
   }
-  EXPECT_EQ(files, 3);
+  EXPECT_EQ(files, GetParam() == "compose.yaml" ? 5 : 1);
+}
+
+TEST(ComposeFarm, TheProxyKnowsTheFronts) {
+  const YAML::Node services = YAML::Load(ReadSource("deploy/compose.farm.yaml"))["services"];
+  const std::string proxy = ReadSource("deploy/proxy/haproxy.cfg");
+  int fronts = 0;
+  for (const auto& service : services) {
+    const YAML::Node settings = Merged(service.second, "environment");
+    if (!settings.IsDefined() || !Merged(settings, "PLANISHD_LISTEN").IsDefined()) continue;
+    const auto port = [&](const std::string& key) {
+      const std::string address = Merged(settings, key).as<std::string>();
+      return address.substr(address.find(':') + 1);
+    };
+    const std::string name = service.first.as<std::string>();
+    EXPECT_THAT(proxy, HasSubstr(absl::StrCat("\n  server ", name, " ", name, ":", port("PLANISHD_LISTEN"),
+                                              " proto h2 check port ", port("PLANISHD_METRICS_LISTEN"), " ")));
+    ++fronts;
+  }
+  EXPECT_EQ(fronts, 2);
+}
+
+// While the image's server is set up it answers on its socket, and then ends.
+TEST(ComposeFarm, TheDatabaseIsAskedByTcp) {
+  const YAML::Node services = YAML::Load(ReadSource("deploy/compose.farm.yaml"))["services"];
+  EXPECT_THAT(At(services, "/database/healthcheck/test").as<std::vector<std::string>>(), ::testing::Contains("-h"));
 }
 
 TEST(Image, IsNotRootAndAsksItself) {

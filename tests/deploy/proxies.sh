@@ -98,9 +98,9 @@ pids="$pids $!"
 case $proxy in
 haproxy)
   sed -E "s#/etc/haproxy/tls#$work/tls#g; s#bind :7741#bind 127.0.0.1:$front#
-    s#front-0.example:7741#127.0.0.1:$grpc0#; s#front-1.example:7741#127.0.0.1:$grpc1#
-    s#(127.0.0.1:$grpc0 .*) port 9741#\1 port $http0#; s#(127.0.0.1:$grpc1 .*) port 9741#\1 port $http1#
-    s#ca-file [^ ]*/ca.crt#ca-file $work/tls/ca.pem#" "$source/deploy/proxy/haproxy.cfg" >haproxy.cfg
+    s#front-0:7741#127.0.0.1:$grpc0#; s#front-1:7741#127.0.0.1:$grpc1#
+    s#(127.0.0.1:$grpc0 .*) port 9741#\1 port $http0#; s#(127.0.0.1:$grpc1 .*) port 9741#\1 port $http1#" \
+    "$source/deploy/proxy/haproxy.cfg" >haproxy.cfg
   haproxy -c -f haproxy.cfg >check.log 2>&1 || fail "HAProxy does not take its configuration"
   haproxy -db -f haproxy.cfg >proxy.log 2>&1 &
   pids="$pids $!"
