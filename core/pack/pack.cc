@@ -180,7 +180,7 @@ class Packer {
     plan_.angles = tuning_.least_angles;
     while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < work_.budget)
       plan_.angles *= 2;
-    plan_.gives_up = charts_.order.size() > tuning_.many_charts;
+    plan_.ends_on_stop = charts_.order.size() > tuning_.many_charts;
     plan_.thorough = charts_.order.size() <= tuning_.many_charts;
     series_ = std::make_unique<TrialSeries>(simple(), charts_.atlas, TrialTiles{options_.tiles, options_.atlases});
     starts_.clear();

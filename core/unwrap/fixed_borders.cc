@@ -341,7 +341,7 @@ struct Candidate {
   bool is_slit() const { return mapped->map.closed_slits.size() < mapped->chart.slits.size(); }
   // The present map overlaps itself, or a barrier keeps it open and stretches it.
   bool is_no_use() const {
-    return mapped->faults.does_overlap ||
+    return !mapped->faults.is_injective ||
            (mapped->map.flatten->barrier > 0 && mapped->faults.stretch > kMostStretchOfAbf);
   }
 };
@@ -457,12 +457,12 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
   if (candidate.is_slit()) candidate.filled = FillHoles(job->mesh, mapped->chart, execution);
   for (const Fallback& fallback : kFallbacks) {
     if (!fallback.applies(candidate)) continue;
-    const bool is_sound = !mapped->faults.does_overlap && mapped->faults.stretch <= kMostStretchForBorders;
+    const bool is_sound = mapped->faults.is_injective && mapped->faults.stretch <= kMostStretchForBorders;
     const double most = is_sound ? mapped->faults.stretch / fallback.better : kMostStretchForBorders;
     absl::StatusOr<ChartMap> map = fallback.map(candidate);
     if (!map.ok() || !map->flatten->converged) continue;
     const ChartFaults faults = FindFaults(job->mesh, mapped->chart, *map, charts.ignored, charts.resolution, execution);
-    if (faults.does_overlap || faults.stretch > most) continue;
+    if (!faults.is_injective || faults.stretch > most) continue;
     mapped->map = *std::move(map);
     mapped->faults = faults;
     if (candidate.filled && fallback.map != MapConvex) return;

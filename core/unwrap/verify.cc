@@ -94,7 +94,7 @@ std::vector<std::int32_t> ChartsOf(const std::vector<std::int32_t>& opposite, co
 BoxTree TreeOf(const Outlines& outlines, const CornerUv& uv, const Execution& execution) {
   std::vector<Box> boxes(outlines.item.size());
   for (std::size_t i = 0; i < boxes.size(); ++i) {
-    boxes[i] = Box::Round(From(uv, outlines.item[i]), To(uv, outlines.item[i]));
+    boxes[i] = Box::Around(From(uv, outlines.item[i]), To(uv, outlines.item[i]));
   }
   return BoxTree(std::move(boxes), execution);
 }

@@ -290,7 +290,7 @@ TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
     ++joined;
     EXPECT_TRUE(segmentation.charts()[joint.other].empty());
     ExpectDisc(surface, segmentation.gluing(), segmentation.charts()[joint.chart]);
-    segmentation.Part(*done);
+    segmentation.UndoJoin(*done);
     ExpectDiscs(surface, segmentation);
     EXPECT_EQ(segmentation.chart(), chart);
   }
