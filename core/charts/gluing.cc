@@ -72,13 +72,9 @@ FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
       }
     }
   }
-  chart.faces.assign(faces.size(), {-1, -1, -1});
-  for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
-    if (chart.faces[c / 3][c % 3] >= 0) continue;
-    const auto v = static_cast<std::int32_t>(chart.positions.size());
+  chart.faces = FacesOfFans(chart.opposite, [&](std::int32_t c) {
     chart.positions.push_back(mesh.point(VerticesOf(mesh, FaceHandle(faces[c / 3]))[c % 3]));
-    ForEachInFan(FlatLinks{chart.opposite}, c, [&](std::int32_t d) { chart.faces[d / 3][d % 3] = v; });
-  }
+  });
   return chart;
 }
 

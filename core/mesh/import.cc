@@ -167,37 +167,33 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
 
 namespace {
 
-// The vertices of a mesh to be: one for each fan of corners.
-struct FanVertices {
-  std::vector<std::int32_t> of_corner, source;
+// Faces whose vertices are one for each fan of corners, and where these come from.
+struct SourcedFaces {
+  std::vector<Face> faces;
+  std::vector<std::int32_t> source;  // per vertex
 };
 
-FanVertices NumberFans(const std::vector<std::int32_t>& opposite,
-                       const std::function<std::int32_t(std::int32_t)>& source_vertex) {
-  FanVertices vertices;
-  vertices.of_corner.assign(opposite.size(), -1);
-  const FlatLinks links = {opposite};
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
-    if (vertices.of_corner[c] >= 0) continue;
-    const auto v = static_cast<std::int32_t>(vertices.source.size());
-    vertices.source.push_back(source_vertex(c));
-    ForEachInFan(links, c, [&](std::int32_t d) { vertices.of_corner[d] = v; });
-  }
-  return vertices;
+SourcedFaces NumberFans(const std::vector<std::int32_t>& opposite,
+                        const std::function<std::int32_t(std::int32_t)>& source_vertex) {
+  SourcedFaces made;
+  made.faces = FacesOfFans(opposite, [&](std::int32_t c) { made.source.push_back(source_vertex(c)); });
+  return made;
 }
 
 // Numbers vertices anew, by their sources.
-void SortBySource(std::int64_t num_sources, FanVertices* vertices) {
+void SortBySource(std::int64_t num_sources, SourcedFaces* made) {
   const auto bucket = [&](std::int32_t source) { return source < 0 || source >= num_sources ? num_sources : source; };
-  std::vector<std::int32_t> next(num_sources + 2, 0), number(vertices->source.size()), sorted(number.size());
-  for (const std::int32_t source : vertices->source) ++next[bucket(source) + 1];
+  std::vector<std::int32_t> next(num_sources + 2, 0), number(made->source.size()), sorted(number.size());
+  for (const std::int32_t source : made->source) ++next[bucket(source) + 1];
   std::partial_sum(next.begin(), next.end(), next.begin());
   for (std::size_t v = 0; v < number.size(); ++v) {
-    number[v] = next[bucket(vertices->source[v])]++;
-    sorted[number[v]] = vertices->source[v];
+    number[v] = next[bucket(made->source[v])]++;
+    sorted[number[v]] = made->source[v];
   }
-  for (std::int32_t& v : vertices->of_corner) v = number[v];
-  vertices->source = std::move(sorted);
+  for (Face& face : made->faces) {
+    for (std::int32_t& v : face) v = number[v];
+  }
+  made->source = std::move(sorted);
 }
 
 Vec3 PositionOf(std::int32_t source, const std::vector<Vec3>& positions) {
@@ -205,15 +201,14 @@ Vec3 PositionOf(std::int32_t source, const std::vector<Vec3>& positions) {
   return exists ? positions[source] : Vec3(Vec3::Constant(std::numeric_limits<double>::quiet_NaN()));
 }
 
-FanVertices VerticesOf(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
-  FanVertices vertices = NumberFans(opposite, [&](std::int32_t c) { return mesh.faces[c / 3][c % 3]; });
-  SortBySource(mesh.num_vertices(), &vertices);
-  return vertices;
+SourcedFaces FacesOf(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
+  SourcedFaces made = NumberFans(opposite, [&](std::int32_t c) { return mesh.faces[c / 3][c % 3]; });
+  SortBySource(mesh.num_vertices(), &made);
+  return made;
 }
 
 // Sets all handles directly: add_face() would look for edges that are known here.
-TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& vertices,
-             const std::function<std::int32_t(std::int32_t)>& source_face, const std::vector<Vec3>& positions) {
+TriMesh Link(const std::vector<std::int32_t>& opposite, const SourcedFaces& made, const std::vector<Vec3>& positions) {
   const auto num_corners = static_cast<std::int32_t>(opposite.size());
   std::vector<std::int32_t> half_edge(num_corners);
   std::int32_t num_edges = 0;
@@ -224,19 +219,18 @@ TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& verti
   // It would write to stderr what callers see for themselves.
   [[maybe_unused]] static const bool is_silent = (omerr().disable(), true);
   TriMesh mesh;
-  mesh.resize(vertices.source.size(), num_edges, num_corners / 3);
-  for (std::int32_t v = 0; v < static_cast<std::int32_t>(vertices.source.size()); ++v) {
-    const std::int32_t source = vertices.source[v];
+  mesh.resize(made.source.size(), num_edges, num_corners / 3);
+  for (std::int32_t v = 0; v < static_cast<std::int32_t>(made.source.size()); ++v) {
+    const std::int32_t source = made.source[v];
     mesh.set_point(VertexHandle(v), PositionOf(source, positions));
     mesh.data(VertexHandle(v)).source = source;
   }
   for (std::int32_t f = 0; f < num_corners / 3; ++f) {
     mesh.set_halfedge_handle(FaceHandle(f), HalfedgeHandle(half_edge[3 * f]));
-    mesh.data(FaceHandle(f)).source = source_face(f);
   }
   for (std::int32_t c = 0; c < num_corners; ++c) {
     const HalfedgeHandle h(half_edge[c]), next(half_edge[FlatLinks::Next(c)]);
-    const VertexHandle from(vertices.of_corner[FlatLinks::Next(c)]), to(vertices.of_corner[FlatLinks::Prev(c)]);
+    const VertexHandle from(Origin(made.faces, c)), to(Target(made.faces, c));
     mesh.set_face_handle(h, FaceHandle(c / 3));
     mesh.set_vertex_handle(h, to);
     mesh.set_next_halfedge_handle(h, next);
@@ -258,27 +252,22 @@ TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& verti
 }  // namespace
 
 TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
-                  const std::function<std::int32_t(std::int32_t)>& source_vertex,
-                  const std::function<std::int32_t(std::int32_t)>& source_face, const std::vector<Vec3>& positions) {
-  return Link(opposite, NumberFans(opposite, source_vertex), source_face, positions);
+                  const std::function<std::int32_t(std::int32_t)>& source_vertex, const std::vector<Vec3>& positions) {
+  return Link(opposite, NumberFans(opposite, source_vertex), positions);
 }
 
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
-  return Link(
-      opposite, VerticesOf(mesh, opposite), [](std::int32_t f) { return f; }, mesh.positions);
+  return Link(opposite, FacesOf(mesh, opposite), mesh.positions);
 }
 
 FlatImport ImportFlat(const Mesh& mesh, std::vector<std::int32_t> opposite) {
-  FanVertices vertices = VerticesOf(mesh, opposite);
+  SourcedFaces made = FacesOf(mesh, opposite);
   FlatImport flat;
-  flat.mesh.faces.reserve(mesh.faces.size());
-  for (std::size_t c = 0; c < opposite.size(); c += 3) {
-    flat.mesh.faces.push_back({vertices.of_corner[c], vertices.of_corner[c + 1], vertices.of_corner[c + 2]});
-  }
-  flat.mesh.positions.reserve(vertices.source.size());
-  for (const std::int32_t source : vertices.source) flat.mesh.positions.push_back(PositionOf(source, mesh.positions));
+  flat.mesh.positions.reserve(made.source.size());
+  for (const std::int32_t source : made.source) flat.mesh.positions.push_back(PositionOf(source, mesh.positions));
+  flat.mesh.faces = std::move(made.faces);
   flat.mesh.opposite = std::move(opposite);
-  flat.source = std::move(vertices.source);
+  flat.source = std::move(made.source);
   return flat;
 }
 

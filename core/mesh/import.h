@@ -63,11 +63,9 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite);
 
 // ImportMesh() for faces that are not those of a Mesh: half-edges are numbered 3 f + k, source_vertex(c) is the number
-// in `positions` of the vertex at corner c, source_face(f) becomes the face's source. Vertices are numbered in the
-// order of their lowest corners.
+// in `positions` of the vertex at corner c. Vertices are numbered in the order of their lowest corners.
 TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
                   const std::function<std::int32_t(std::int32_t corner)>& source_vertex,
-                  const std::function<std::int32_t(std::int32_t face)>& source_face,
                   const std::vector<Vec3>& positions);
 
 // The same in flat arrays, where no circulators are needed: less memory, and no time to link.

@@ -161,7 +161,7 @@ std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const Char
 
 std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions) {
   std::vector<Vec2> outline;
-  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
+  const Loops loops = BoundaryLoops(chart.topology.opposite);
   for (const std::int32_t c : loops[0]) {
     outline.push_back(positions[Origin(chart.topology.faces, c)]);
   }

@@ -20,8 +20,6 @@
 #include "core/base/status_macros.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
-#include "core/mesh/import.h"
-#include "core/mesh/tri_mesh.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
@@ -141,7 +139,7 @@ class BarycentricMap {
     is_outline_.assign(disc_.num_vertices, 0);
     std::vector<std::pair<std::int32_t, double>> outline;  // vertices, and the way to each
     double length = 0;
-    const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{disc_.opposite});
+    const Loops loops = BoundaryLoops(disc_.opposite);
     for (const std::int32_t c : loops[0]) {
       const std::int32_t from = Origin(disc_.faces, c), to = Target(disc_.faces, c);
       outline.emplace_back(from, length);
@@ -264,43 +262,53 @@ constexpr double kFanWeight = 0.01;     // of an angle of a fan, relative to oth
 constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces round a hole leave it less
 
 // The chart with its slits glued. Face f is face f of the chart.
-TriMesh Glued(const Mesh& mesh, const Chart& chart) {
-  std::vector<std::int32_t> opposite = chart.topology.opposite;
+FlatMesh Glued(const Mesh& mesh, const Chart& chart) {
+  FlatMesh glued;
+  glued.opposite = chart.topology.opposite;
   for (const auto& [c, d] : chart.slits) {
-    opposite[c] = d;
-    opposite[d] = c;
+    glued.opposite[c] = d;
+    glued.opposite[d] = c;
   }
-  return LinkFaces(
-      opposite, [&](std::int32_t c) { return mesh.faces[chart.faces[c / 3]][c % 3]; }, [](std::int32_t f) { return f; },
-      mesh.positions);
+  glued.faces = FacesOfFans(glued.opposite, [&](std::int32_t c) {
+    glued.positions.push_back(mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]]);
+  });
+  return glued;
 }
 
-void AddFan(std::span<const HalfedgeHandle> loop, TriMesh* mesh) {
+// Fills a hole: a face on each half-edge of its loop, with corner 2 at a new vertex in the middle.
+void AddFan(std::span<const std::int32_t> loop, FlatMesh* mesh) {
+  const auto middle = static_cast<std::int32_t>(mesh->positions.size());
+  const auto first = static_cast<std::int32_t>(mesh->opposite.size()), n = static_cast<std::int32_t>(loop.size());
   Vec3 sum = Vec3::Zero();
-  for (const HalfedgeHandle h : loop) sum += mesh->point(mesh->from_vertex_handle(h));
-  const VertexHandle middle = mesh->add_vertex(sum / static_cast<double>(loop.size()));
-  // Corner 0 comes last, so that halfedge_handle() of the face is the half-edge that it faces.
-  for (const HalfedgeHandle h : loop) {
-    const VertexHandle from = mesh->from_vertex_handle(h), to = mesh->to_vertex_handle(h);
-    mesh->add_face(middle, to, from);
+  for (std::int32_t i = 0; i < n; ++i) {
+    const std::int32_t from = Origin(mesh->faces, loop[i]), to = Target(mesh->faces, loop[i]);
+    sum += mesh->positions[from];
+    mesh->faces.push_back({to, from, middle});
+    // The neighbours are the face before, that after, and the one beside the hole.
+    mesh->opposite.insert(mesh->opposite.end(),
+                          {first + 3 * ((i + n - 1) % n) + 1, first + 3 * ((i + 1) % n), loop[i]});
+    mesh->opposite[loop[i]] = first + 3 * i + 2;
   }
+  mesh->positions.push_back(sum / static_cast<double>(n));
 }
 
 // Nothing if the chart has no slits, or is no piece of a plane with holes in it when they are glued (it is closed, or
 // has a handle). The boundary loop that is longest on the surface is the outer one. O(F log F).
 std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution) {
   if (chart.slits.empty()) return std::nullopt;
-  TriMesh glued = Glued(mesh, chart);
-  const auto loops = BoundaryLoops(glued);
-  const auto characteristic =
-      static_cast<std::int64_t>(glued.n_vertices() + glued.n_faces()) - static_cast<std::int64_t>(glued.n_edges());
+  FlatMesh glued = Glued(mesh, chart);
+  const Loops loops = BoundaryLoops(glued.opposite);
+  const std::int64_t edges = (std::ssize(glued.opposite) + std::ssize(loops.item)) / 2;
+  const std::int64_t characteristic = std::ssize(glued.positions) - edges + std::ssize(glued.faces);
   if (loops.count() < 2 || characteristic != 2 - loops.count()) return std::nullopt;
   std::int32_t outer = 0;
   double longest = -1;
   for (std::int32_t i = 0; i < loops.count(); ++i) {
     if (loops[i].size() < 3) return std::nullopt;
     double length = 0;
-    for (const HalfedgeHandle h : loops[i]) length += glued.calc_edge_length(h);
+    for (const std::int32_t c : loops[i]) {
+      length += (glued.positions[Target(glued.faces, c)] - glued.positions[Origin(glued.faces, c)]).norm();
+    }
     if (length > longest) longest = length, outer = i;
   }
   for (std::int32_t i = 0; i < loops.count(); ++i) {
@@ -308,8 +316,8 @@ std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const
   }
   FilledChart filled;
   std::vector<std::int32_t> order;
-  filled.topology = MakeTopology(FlatMeshOf(glued), &order, execution);
-  filled.places = glued.property(glued.points_property_handle()).data_vector();
+  filled.topology = MakeTopology(glued, &order, execution);
+  filled.places = std::move(glued.positions);
   for (const std::int32_t f : order) {
     for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology.num_faces() ? 3 * f + k : -1);
   }
