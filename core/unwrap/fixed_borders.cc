@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>
@@ -12,12 +11,12 @@
 #include "Eigen/Core"
 #include "Eigen/Geometry"
 #include "Eigen/OrderingMethods"
-#include "Eigen/SparseCore"
 #include "core/abf/layout.h"
 #include "core/abf/target_angles.h"
 #include "core/base/error.h"
 #include "core/base/portable_math.h"
 #include "core/base/status_macros.h"
+#include "core/linalg/sparse_elimination.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
 #include "core/unwrap/distortion.h"
@@ -31,67 +30,6 @@ constexpr int kMostSolves = 30;
 constexpr double kLeastGain = 1e-3;  // in stretch, for one more solve
 // Of angles (radians) and lengths (of the mean one), where triangles have next to no area.
 constexpr double kLeastAngle = 1e-3, kLeastLength = 1e-4;
-
-using SparseRows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-
-// Gaussian elimination without pivots of matrices of one symmetric pattern, whose rows each have a diagonal of 1 and
-// other entries that are at most 0 and add up to -1 or more: it is stable for these. Keeps U alone (A = L U, where U
-// has the diagonal 1), as the right-hand sides are eliminated with A.
-class Elimination {
- public:
-  // The pattern of U. Row k has what is right of the diagonal in row k of A, and in the rows of U that begin at k.
-  explicit Elimination(const SparseRows& a) : rows_(static_cast<std::int32_t>(a.rows())), begin_(1, 0) {
-    std::vector<std::int32_t> seen(rows_, -1);
-    std::vector<std::vector<std::int32_t>> beginning_at(rows_);
-    for (std::int32_t k = 0; k < rows_; ++k) {
-      const auto add = [&](std::int32_t column) {
-        if (column > k && std::exchange(seen[column], k) != k) column_.push_back(column);
-      };
-      for (SparseRows::InnerIterator it(a, k); it; ++it) add(static_cast<std::int32_t>(it.col()));
-      for (const std::int32_t j : beginning_at[k]) {
-        for (std::int64_t e = begin_[j]; e < begin_[j + 1]; ++e) add(column_[e]);
-      }
-      std::sort(column_.begin() + begin_[k], column_.end());
-      begin_.push_back(std::ssize(column_));
-      if (First(k) < rows_) beginning_at[First(k)].push_back(k);
-    }
-  }
-
-  // Of A x = x as given. Not finite if A is singular in double precision.
-  void Solve(const SparseRows& a, std::vector<Vec2>* x) const {
-    std::vector<double> row(rows_, 0), u(column_.size());
-    std::vector<std::int32_t> reached, seen(rows_, -1);
-    for (std::int32_t k = 0; k < rows_; ++k) {
-      reached.clear();
-      for (SparseRows::InnerIterator it(a, k); it; ++it) {
-        row[it.col()] = it.value();
-        for (auto j = static_cast<std::int32_t>(it.col()); j < k && std::exchange(seen[j], k) != k; j = First(j)) {
-          reached.push_back(j);
-        }
-      }
-      std::sort(reached.begin(), reached.end());
-      for (const std::int32_t j : reached) {
-        const double l = std::exchange(row[j], 0);
-        for (std::int64_t e = begin_[j]; e < begin_[j + 1]; ++e) row[column_[e]] -= l * u[e];
-        (*x)[k] -= l * (*x)[j];
-      }
-      const double diagonal = std::exchange(row[k], 0);
-      for (std::int64_t e = begin_[k]; e < begin_[k + 1]; ++e) u[e] = std::exchange(row[column_[e]], 0) / diagonal;
-      (*x)[k] /= diagonal;
-    }
-    for (std::int32_t k = rows_ - 1; k >= 0; --k) {
-      for (std::int64_t e = begin_[k]; e < begin_[k + 1]; ++e) (*x)[k] -= u[e] * (*x)[column_[e]];
-    }
-  }
-
- private:
-  // The first column of row k of U beside the diagonal, or the number of rows.
-  std::int32_t First(std::int32_t k) const { return begin_[k] < begin_[k + 1] ? column_[begin_[k]] : rows_; }
-
-  std::int32_t rows_;
-  std::vector<std::int64_t> begin_;   // per row of U: its first entry beside the diagonal
-  std::vector<std::int32_t> column_;  // of these entries, ascending in each row
-};
 
 class BarycentricMap {
  public:
@@ -189,7 +127,7 @@ class BarycentricMap {
   }
 
   // Every row divided by its sum. `right`, unless null: the right-hand side.
-  SparseRows Matrix(const std::vector<double>& draws, std::vector<Vec2>* right) const {
+  SparseElimination::Matrix Matrix(const std::vector<double>& draws, std::vector<Vec2>* right) const {
     std::vector<double> sum(rows_, 0);
     for (const Weight& w : weights_) sum[row_[w.from]] += w.weight * draws[w.to];
     std::vector<Eigen::Triplet<double>> entries;
@@ -204,7 +142,7 @@ class BarycentricMap {
         (*right)[row] += share * positions_[w.to];
       }
     }
-    SparseRows matrix(rows_, rows_);
+    SparseElimination::Matrix matrix(rows_, rows_);
     matrix.setFromTriplets(entries.begin(), entries.end());
     return matrix;
   }
@@ -212,8 +150,8 @@ class BarycentricMap {
   // Nothing if the matrix is singular in double precision.
   std::vector<Vec2> Solve(const std::vector<double>& draws) {
     std::vector<Vec2> solution(rows_, Vec2::Zero());
-    const SparseRows matrix = Matrix(draws, &solution);
-    if (elimination_ == nullptr) elimination_ = std::make_unique<const Elimination>(matrix);
+    const SparseElimination::Matrix matrix = Matrix(draws, &solution);
+    if (!elimination_) elimination_.emplace(matrix);
     elimination_->Solve(matrix, &solution);
     std::vector<Vec2> positions = positions_;
     for (std::int32_t v = 0; v < disc_.num_vertices; ++v) {
@@ -235,7 +173,7 @@ class BarycentricMap {
   std::vector<std::int32_t> row_;  // of the matrix, per vertex; -1 on the outline
   std::int32_t rows_ = 0;
   std::vector<Weight> weights_;
-  std::unique_ptr<const Elimination> elimination_;  // from the first solve on
+  std::optional<SparseElimination> elimination_;  // from the first solve on
 };
 
 }  // namespace
