@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <random>
 #include <utility>
 
 #include "core/pack/outline.h"
@@ -285,11 +286,8 @@ class Packer {
   // changed if no more of the area finds no place; after some changes in vain, another order is taken.
   void TryOrders(double until) {
     const auto n = static_cast<std::int32_t>(charts_.order.size()), large = CountLarge();
-    std::uint64_t state = 1;
-    const auto random = [&] {                                       // in [0, 1)
-      state = state * 6364136223846793005u + 1442695040888963407u;  // Knuth's
-      return static_cast<double>(state >> 33) * 0x1p-31;
-    };
+    std::linear_congruential_engine<std::uint64_t, 6364136223846793005u, 1442695040888963407u, 0> knuth(1);
+    const auto random = [&] { return static_cast<double>(knuth() >> 33) * 0x1p-31; };  // in [0, 1)
     std::vector<double> key(n);
     TrialPlan plan = plan_;
     plan.turn.assign(n, -1);
