@@ -63,8 +63,8 @@ bool ForEachInFan(const Links& links, typename Links::HalfEdge start, const Visi
   return true;
 }
 
-// The faces that half-edges joined like this make. A vertex is a fan of corners; they are numbered in the order of
-// their lowest corners. Calls visit(c) for the lowest corner c of each, in that order.
+// The faces of half-edges that are joined like this. Every fan of corners is a vertex. Vertices are numbered in the
+// order of their lowest corners, and visit(c) is called for the lowest corner c of each, in that order.
 template <typename Visit>
 std::vector<Face> FacesOfFans(const std::vector<std::int32_t>& opposite, const Visit& visit) {
   std::vector<Face> faces(opposite.size() / 3, {-1, -1, -1});

@@ -160,7 +160,7 @@ void RejoinCharts(const Job& job, Charts* charts) {
   const Segmentation& before = *charts->segmentation;
   const std::vector<std::array<std::int32_t, 2>> pairs = PairsToRejoin(before.gluing(), before.chart());
   if (pairs.empty()) return;
-  auto surface = std::make_unique<const Surface>(Rejoin(*charts->surface, pairs));
+  auto surface = std::make_unique<const Surface>(Rejoin(job.mesh, *charts->surface, pairs));
   Segmentation after(*surface, before, job.options.seams.max_stretch, job.execution);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);

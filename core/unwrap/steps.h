@@ -54,8 +54,7 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
-  // It is not of one polygon, and no smaller than three faces. Otherwise it is solved to the end, as a cut may not
-  // help.
+  // Whether it has three faces or more, of more than one polygon. If not, it is solved to the end: a cut may not help.
   bool is_worth_cutting = false;
   std::unique_ptr<Flattening> flattening;  // from solve to layout
   ChartMap map;
