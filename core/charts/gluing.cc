@@ -72,13 +72,9 @@ FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
       }
     }
   }
-  chart.faces.assign(faces.size(), {-1, -1, -1});
-  for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
-    if (chart.faces[c / 3][c % 3] >= 0) continue;
-    const auto v = static_cast<std::int32_t>(chart.positions.size());
+  chart.faces = FacesOfFans(chart.opposite, [&](std::int32_t c) {
     chart.positions.push_back(mesh.point(VerticesOf(mesh, FaceHandle(faces[c / 3]))[c % 3]));
-    ForEachInFan(FlatLinks{chart.opposite}, c, [&](std::int32_t d) { chart.faces[d / 3][d % 3] = v; });
-  }
+  });
   return chart;
 }
 
@@ -105,7 +101,7 @@ std::int32_t Neighbour(const Gluing& gluing, const std::vector<std::int32_t>& di
   return f < 0 || disc[f] == disc[gluing.mesh().face_handle(h).idx()] ? -1 : disc[f];
 }
 
-// Whether outline half-edge `next`, which comes after h, goes on with the same stretch.
+// Whether outline half-edge `next`, which comes after h, goes on with the same border.
 bool GoesOn(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h, HalfedgeHandle next) {
   const std::int32_t other = Neighbour(gluing, disc, h);
   return other >= 0 && Neighbour(gluing, disc, next) == other &&
@@ -114,29 +110,29 @@ bool GoesOn(const Gluing& gluing, const std::vector<std::int32_t>& disc, Halfedg
 
 }  // namespace
 
-std::vector<Stretch> StretchesAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc,
-                                    const std::vector<HalfedgeHandle>& outline) {
+std::vector<Border> BordersAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc,
+                                 const std::vector<HalfedgeHandle>& outline) {
   const auto n = static_cast<std::int32_t>(outline.size());
   const auto goes_on = [&](std::int32_t i) {
     return GoesOn(gluing, disc, outline[i], outline[i + 1 == n ? 0 : i + 1]);
   };
   std::int32_t begin = 0;
   while (begin < n && goes_on(begin == 0 ? n - 1 : begin - 1)) ++begin;
-  std::vector<Stretch> stretches;
-  if (begin == n) return stretches;
+  std::vector<Border> borders;
+  if (begin == n) return borders;
   for (std::int32_t done = 0; done < n;) {
     const std::int32_t start = (begin + done) % n;
     std::int32_t edges = 1;
     while (edges < n && goes_on((start + edges - 1) % n)) ++edges;
     done += edges;
     const std::int32_t other = Neighbour(gluing, disc, outline[start]);
-    if (other >= 0) stretches.push_back({start, edges, other});
+    if (other >= 0) borders.push_back({start, edges, other});
   }
-  return stretches;
+  return borders;
 }
 
-std::vector<HalfedgeHandle> StretchThrough(const Gluing& gluing, const std::vector<std::int32_t>& disc,
-                                           HalfedgeHandle h) {
+std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vector<std::int32_t>& disc,
+                                          HalfedgeHandle h) {
   if (Neighbour(gluing, disc, h) < 0) return {};
   HalfedgeHandle first = h;
   for (HalfedgeHandle before = gluing.Before(first); GoesOn(gluing, disc, before, first);) {
@@ -144,32 +140,32 @@ std::vector<HalfedgeHandle> StretchThrough(const Gluing& gluing, const std::vect
     first = before;
     before = gluing.Before(first);
   }
-  std::vector<HalfedgeHandle> stretch = {first};
-  for (HalfedgeHandle next = gluing.After(first); GoesOn(gluing, disc, stretch.back(), next);
+  std::vector<HalfedgeHandle> border = {first};
+  for (HalfedgeHandle next = gluing.After(first); GoesOn(gluing, disc, border.back(), next);
        next = gluing.After(next)) {
-    stretch.push_back(next);
+    border.push_back(next);
   }
-  return stretch;
+  return border;
 }
 
-Seamed GlueStretch(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {
-  Seamed seamed;
-  // What is next to the stretch on the outlines, before it is glued.
+GluedBorder GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {
+  GluedBorder border;
+  // What is next to the border on the outlines, before it is glued.
   HalfedgeHandle h = first;
   const HalfedgeHandle before = gluing->Before(h);
-  for (std::int32_t i = 0; i < edges; ++i, h = gluing->After(h)) seamed.glued.push_back(h);
-  seamed.ends = {before, gluing->Before(gluing->mesh().opposite_halfedge_handle(seamed.glued.back()))};
-  for (const HalfedgeHandle g : seamed.glued) gluing->Glue(g);
-  for (const HalfedgeHandle e : seamed.ends) {
-    if (gluing->IsOutline(e)) gluing->Zip(e, &seamed.glued);
+  for (std::int32_t i = 0; i < edges; ++i, h = gluing->After(h)) border.glued.push_back(h);
+  border.ends = {before, gluing->Before(gluing->mesh().opposite_halfedge_handle(border.glued.back()))};
+  for (const HalfedgeHandle g : border.glued) gluing->Glue(g);
+  for (const HalfedgeHandle e : border.ends) {
+    if (gluing->IsOutline(e)) gluing->Zip(e, &border.glued);
   }
-  for (const HalfedgeHandle e : seamed.ends) {
+  for (const HalfedgeHandle e : border.ends) {
     if (!gluing->IsOutline(e) || gluing->OutlineAngle(e) <= widest) continue;
-    seamed.Undo(gluing);
-    return Seamed();
+    border.Undo(gluing);
+    return GluedBorder();
   }
-  seamed.is_glued = true;
-  return seamed;
+  border.is_glued = true;
+  return border;
 }
 
 }  // namespace planish

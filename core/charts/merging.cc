@@ -30,7 +30,7 @@ struct Disc {
   double Compactness() const { return 4 * std::numbers::pi * sums.area / (perimeter * perimeter); }
 };
 
-// A stretch of the common outline of two discs.
+// A border at which two discs may be glued.
 struct Joint {
   std::int64_t score;
   std::int32_t corner;   // that faces `first`
@@ -69,7 +69,7 @@ class Merging {
   void PushJointsNear(const std::vector<std::int32_t>& faces);
   void TryJoint(const Joint& joint);
   StretchEstimate::Sums Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint);
-  std::vector<std::int32_t> InteriorOf(const Seamed& seamed) const;
+  std::vector<std::int32_t> InteriorOf(const GluedBorder& border) const;
   bool HasFailed(const Joint& joint) const;
   // Whether two discs are too much alike for StretchEstimate::Joined().
   bool IsWhole(const Disc& large, const Disc& small) const {
@@ -85,7 +85,7 @@ class Merging {
   StretchEstimate estimate_;
   std::vector<Disc> discs_;
   std::priority_queue<Joint> queue_;
-  std::vector<HalfedgeHandle> walk_;  // an outline, or a stretch of one
+  std::vector<HalfedgeHandle> walk_;  // an outline, or a border
   std::unordered_set<int> near_;      // half-edges of PushJointsNear() whose joints are queued
   // Faces of two discs when they could not be joined for stretch, by their numbers.
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> failed_;
@@ -106,7 +106,7 @@ void Merging::WalkOutline(std::int32_t d) {
   disc.outline_edges = static_cast<std::int32_t>(walk_.size());
 }
 
-// The joint of discs d and other along a stretch of the outline of d; none if they must not be joined there.
+// The joint of discs d and other along these half-edges of the outline of d; none if they must not be joined there.
 std::optional<Joint> Merging::JointAlong(const HalfedgeHandle* begin, const HalfedgeHandle* end, std::int32_t d,
                                          std::int32_t other) const {
   const auto edges = static_cast<std::int32_t>(end - begin);
@@ -128,9 +128,9 @@ std::optional<Joint> Merging::JointAlong(const HalfedgeHandle* begin, const Half
       std::llround(score / kScoreUnit), CornerOf(mesh_, *begin), *begin, edges, d, other, one.version, two.version};
 }
 
-// The joint along the whole stretch that an outline half-edge is on.
+// The joint along the whole border that an outline half-edge is on.
 std::optional<Joint> Merging::JointAt(HalfedgeHandle h) {
-  walk_ = StretchThrough(gluing_, disc_of_, h);
+  walk_ = BorderThrough(gluing_, disc_of_, h);
   if (walk_.empty()) return std::nullopt;
   const std::int32_t d = disc_of_[mesh_.face_handle(h).idx()], other = disc_of_[surface_.face_across(h)];
   return JointAlong(walk_.data(), walk_.data() + walk_.size(), d, other);
@@ -140,11 +140,11 @@ std::optional<Joint> Merging::JointAt(HalfedgeHandle h) {
 void Merging::PushJoints(std::int32_t d, bool all) {
   WalkOutline(d);
   discs_[d].walked = discs_[d].faces.size();
-  const std::vector<Stretch> stretches = StretchesAlong(gluing_, disc_of_, walk_);
+  const std::vector<Border> borders = BordersAlong(gluing_, disc_of_, walk_);
   const std::size_t n = walk_.size();
-  walk_.resize(2 * n);  // stretches may go on from the end to the beginning
+  walk_.resize(2 * n);  // borders may go on from the end to the beginning
   std::copy_n(walk_.begin(), n, walk_.begin() + static_cast<std::ptrdiff_t>(n));
-  for (const auto& [start, edges, other] : stretches) {
+  for (const auto& [start, edges, other] : borders) {
     if (!all && other < d) continue;
     const HalfedgeHandle* const begin = walk_.data() + start;
     if (const std::optional<Joint> joint = JointAlong(begin, begin + edges, d, other)) queue_.push(*joint);
@@ -158,7 +158,7 @@ void Merging::PushJointsNear(const std::vector<std::int32_t>& faces) {
     for (const HalfedgeHandle h : HalfEdgesOf(mesh_, FaceHandle(f))) {
       if (!gluing_.IsOutline(h) || near_.contains(h.idx())) continue;
       const std::optional<Joint> joint = JointAt(h);
-      for (const HalfedgeHandle of_stretch : walk_) near_.insert(of_stretch.idx());
+      for (const HalfedgeHandle of_border : walk_) near_.insert(of_border.idx());
       if (joint) queue_.push(*joint);
     }
   }
@@ -173,9 +173,9 @@ bool Merging::HasFailed(const Joint& joint) const {
 }
 
 // The vertices on a joint that are inside of a disc now.
-std::vector<std::int32_t> Merging::InteriorOf(const Seamed& seamed) const {
+std::vector<std::int32_t> Merging::InteriorOf(const GluedBorder& border) const {
   std::vector<std::int32_t> interior;
-  for (const HalfedgeHandle h : seamed.glued) {
+  for (const HalfedgeHandle h : border.glued) {
     for (const VertexHandle v : {mesh_.from_vertex_handle(h), mesh_.to_vertex_handle(h)}) {
       if (gluing_.IsInside(v)) interior.push_back(v.idx());
     }
@@ -202,13 +202,13 @@ StretchEstimate::Sums Merging::Estimate(Disc* large, const Disc& small, const st
 
 void Merging::TryJoint(const Joint& joint) {
   if (HasFailed(joint)) return;
-  const Seamed seamed = GlueStretch(joint.first, joint.edges, tuning_.widest, &gluing_);
-  if (!seamed.is_glued) return;
+  const GluedBorder border = GlueBorder(joint.first, joint.edges, tuning_.widest, &gluing_);
+  if (!border.is_glued) return;
   std::int32_t to = joint.disc, from = joint.other;
   if (discs_[to].faces.size() < discs_[from].faces.size()) std::swap(to, from);
   Disc &large = discs_[to], &small = discs_[from];
   const std::size_t faces = large.faces.size() + small.faces.size();
-  const std::vector<std::int32_t> joint_vertices = InteriorOf(seamed);
+  const std::vector<std::int32_t> joint_vertices = InteriorOf(border);
   const StretchEstimate::Sums sums = Estimate(&large, small, joint_vertices);
   const double area = large.sums.area + small.sums.area;
   const double of_large = large.sums.Stretch(), of_small = small.sums.Stretch();
@@ -216,7 +216,7 @@ void Merging::TryJoint(const Joint& joint) {
       std::sqrt((of_large * of_large * large.sums.area + of_small * of_small * small.sums.area) / area);
   if (!(sums.Stretch() <= std::max(max_stretch_, parts))) {
     failed_[{std::min(to, from), std::max(to, from)}] = faces;
-    return seamed.Undo(&gluing_);
+    return border.Undo(&gluing_);
   }
   estimate_.Keep();
   if (IsWhole(large, small)) large.estimated = faces;
@@ -228,9 +228,9 @@ void Merging::TryJoint(const Joint& joint) {
   small.interior = {};
   large.sums = sums;
   large.perimeter += small.perimeter;
-  for (const HalfedgeHandle h : seamed.glued) large.perimeter -= 2 * surface_.length(h);
-  large.outline_edges += small.outline_edges - 2 * static_cast<std::int32_t>(seamed.glued.size());
-  for (const HalfedgeHandle e : seamed.ends) {
+  for (const HalfedgeHandle h : border.glued) large.perimeter -= 2 * surface_.length(h);
+  large.outline_edges += small.outline_edges - 2 * static_cast<std::int32_t>(border.glued.size());
+  for (const HalfedgeHandle e : border.ends) {
     if (gluing_.IsOutline(e)) large.outline = e;
   }
   ++small.version;

@@ -252,11 +252,11 @@ std::vector<Segmentation::Joint> Segmentation::Joints() const {
   }
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(faces_.size()); ++i) {
     if (faces_[i].empty()) continue;
-    for (const auto& [begin, edges, other] : StretchesAlong(gluing_, chart_, outlines[i])) {
+    for (const auto& [begin, edges, other] : BordersAlong(gluing_, chart_, outlines[i])) {
       if (other < i || std::ssize(outlines[i]) + std::ssize(outlines[other]) - 2 * edges < 3) continue;
       Joint joint = {i, other, {}};
       for (std::int32_t k = 0; k < edges; ++k) {
-        joint.stretch.push_back(outlines[i][static_cast<std::size_t>(begin + k) % outlines[i].size()]);
+        joint.border.push_back(outlines[i][static_cast<std::size_t>(begin + k) % outlines[i].size()]);
       }
       joints.push_back(std::move(joint));
     }
@@ -265,10 +265,10 @@ std::vector<Segmentation::Joint> Segmentation::Joints() const {
 }
 
 std::optional<Segmentation::Joined> Segmentation::Join(const Joint& joint) {
-  Joined joined = {joint.chart, joint.other, Seamed(), {}, {}};
-  joined.seamed =
-      GlueStretch(joint.stretch.front(), static_cast<std::int32_t>(joint.stretch.size()), tuning_.widest, &gluing_);
-  if (!joined.seamed.is_glued) return std::nullopt;
+  Joined joined = {joint.chart, joint.other, GluedBorder(), {}, {}};
+  joined.border =
+      GlueBorder(joint.border.front(), static_cast<std::int32_t>(joint.border.size()), tuning_.widest, &gluing_);
+  if (!joined.border.is_glued) return std::nullopt;
   joined.faces = std::move(faces_[joint.chart]);
   joined.other_faces = std::exchange(faces_[joint.other], {});
   std::vector<std::int32_t>& all = faces_[joint.chart] = {};
@@ -278,8 +278,8 @@ std::optional<Segmentation::Joined> Segmentation::Join(const Joint& joint) {
   return joined;
 }
 
-void Segmentation::Part(const Joined& joined) {
-  joined.seamed.Undo(&gluing_);
+void Segmentation::UndoJoin(const Joined& joined) {
+  joined.border.Undo(&gluing_);
   faces_[joined.chart] = joined.faces;
   faces_[joined.other] = joined.other_faces;
   for (const std::int32_t f : joined.other_faces) chart_[f] = joined.other;

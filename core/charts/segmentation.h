@@ -48,11 +48,10 @@ class Segmentation {
   // returned, ascending. Charts of one face, or polygon, stay.
   std::vector<std::int32_t> Split(const std::vector<Cut>& cuts, const Execution& execution);
 
-  // Two charts that border on each other along a connected stretch of their outlines: half-edges of `chart`, in the
-  // order of its outline.
+  // Two charts and one of their borders (gluing.h): half-edges of `chart`, in the order of its outline.
   struct Joint {
     std::int32_t chart, other;
-    std::vector<HalfedgeHandle> stretch;
+    std::vector<HalfedgeHandle> border;
   };
   // All joints at which two charts could become one disc, by `chart`, which is the lower number of the two.
   std::vector<Joint> Joints() const;
@@ -60,14 +59,14 @@ class Segmentation {
   // What Join() has done.
   struct Joined {
     std::int32_t chart, other;
-    Seamed seamed;
+    GluedBorder border;
     std::vector<std::int32_t> faces, other_faces;  // before
   };
   // Makes one chart of two, which keeps the number `chart`; `other` is empty then. Nothing if a vertex of the outline
   // would open wider than AtlasTuning::widest. The joint is one of Joints(), and the two charts have not changed since.
   std::optional<Joined> Join(const Joint& joint);
-  // Takes the last Join() of these two charts back.
-  void Part(const Joined& joined);
+  // The last Join() of these two charts.
+  void UndoJoin(const Joined& joined);
   // Closes the gaps that empty charts leave: per number, the new one, -1 for empty charts. The order stays.
   std::vector<std::int32_t> DropEmpty();
 

@@ -103,14 +103,10 @@ absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, c
   return surface;
 }
 
-Surface Rejoin(const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs) {
-  const TriMesh& mesh = *surface.mesh;
-  const auto num_corners = static_cast<std::int32_t>(3 * mesh.n_faces());
-  std::vector<std::int32_t> opposite(num_corners, -1);
-  for (std::int32_t c = 0; c < num_corners; ++c) {
-    const HalfedgeHandle across = MeshLinks{mesh}.Across(HalfEdgeOf(mesh, c));
-    if (across.is_valid()) opposite[c] = CornerOf(mesh, across);
-  }
+Surface Rejoin(const Mesh& mesh, const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs) {
+  const auto num_corners = static_cast<std::int32_t>(3 * surface.mesh->n_faces());
+  std::vector<std::int32_t> opposite(num_corners);
+  for (std::int32_t c = 0; c < num_corners; ++c) opposite[c] = CornerAcross(*surface.mesh, c);
   for (const auto& [c, d] : pairs) {
     for (const std::int32_t e : {c, d}) {
       if (opposite[e] >= 0) opposite[opposite[e]] = -1;
@@ -119,17 +115,11 @@ Surface Rejoin(const Surface& surface, const std::vector<std::array<std::int32_t
     opposite[d] = c;
   }
   Surface rejoined = surface;
-  const std::shared_ptr<TriMesh> linked(new TriMesh(LinkFaces(
-      opposite, [&](std::int32_t c) { return VerticesOf(mesh, FaceHandle(c / 3))[c % 3].idx(); },
-      [](std::int32_t f) { return f; }, mesh.property(mesh.points_property_handle()).data_vector())));
+  const std::shared_ptr<TriMesh> linked(new TriMesh(ImportMesh(mesh, opposite)));
   rejoined.mesh = linked;
-  for (const VertexHandle v : linked->vertices()) {
-    std::int32_t& source = linked->data(v).source;
-    source = mesh.data(VertexHandle(source)).source;
-  }
   rejoined.angle.assign(linked->n_halfedges(), 0.0);
   for (std::int32_t c = 0; c < num_corners; ++c) {
-    const HalfedgeHandle h = HalfEdgeOf(*linked, c), before = HalfEdgeOf(mesh, c);
+    const HalfedgeHandle h = HalfEdgeOf(*linked, c), before = HalfEdgeOf(*surface.mesh, c);
     rejoined.angle[h.idx()] = surface.angle[before.idx()];
     linked->data(linked->edge_handle(h)).is_uncut = surface.is_uncut(before);
   }

@@ -75,7 +75,8 @@ struct Surface {
 absl::StatusOr<Surface> MakeSurface(const Mesh& mesh, const GivenSeams& seams, const Execution& execution = {});
 
 // The same faces with other neighbours: each of these pairs of half-edges, by corner, is joined, and what one of them
-// was joined to is left without a neighbour. The two of a pair lie on one edge, in different directions. O(F).
-Surface Rejoin(const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs);
+// was joined to is left without a neighbour. The two of a pair lie on one edge, in different directions. `mesh` is what
+// MakeSurface() took. O(F).
+Surface Rejoin(const Mesh& mesh, const Surface& surface, const std::vector<std::array<std::int32_t, 2>>& pairs);
 
 }  // namespace planish

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <type_traits>
 
 namespace planish {
@@ -185,11 +186,8 @@ double LargestEigenvalue(const LevelMatrix<N>& a, std::int64_t iterations, Threa
   using Vector = LevelVector<N>;
   const Index n = a.num_rows();
   std::vector<float> v(N * std::size_t(n)), next(N * std::size_t(n));
-  std::uint32_t state = 1;
-  for (float& entry : v) {
-    state = state * 1664525U + 1013904223U;  // fixed seed: the same numbers on every run
-    entry = static_cast<float>(state >> 8) / 8388608.0F - 1.0F;
-  }
+  std::linear_congruential_engine<std::uint32_t, 1664525, 1013904223, 0> random(1);
+  for (float& entry : v) entry = static_cast<float>(random() >> 8) / 8388608.0F - 1.0F;
   double norm = std::sqrt(N / 3.0 * n);
   for (std::int64_t iteration = 0; iteration < iterations; ++iteration) {
     const auto scale = static_cast<float>(1 / norm);

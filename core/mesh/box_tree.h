@@ -17,8 +17,8 @@ struct Box {
   Vec2 low = Vec2::Constant(std::numeric_limits<double>::infinity());
   Vec2 high = Vec2::Constant(-std::numeric_limits<double>::infinity());
 
-  // Round a segment.
-  static Box Round(const Vec2& a, const Vec2& b) { return {a.cwiseMin(b), a.cwiseMax(b)}; }
+  // The smallest box that holds a segment.
+  static Box Around(const Vec2& a, const Vec2& b) { return {a.cwiseMin(b), a.cwiseMax(b)}; }
 
   void Add(const Vec2& p) {
     low = low.cwiseMin(p);

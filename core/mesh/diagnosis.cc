@@ -369,7 +369,7 @@ struct BoundaryLoop {
 
 // Longest first, then by their vertices.
 std::vector<BoundaryLoop> LoopsOf(const FlatImport& imported) {
-  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{imported.mesh.opposite});
+  const Loops loops = BoundaryLoops(imported.mesh.opposite);
   std::vector<BoundaryLoop> found;
   for (std::int32_t i = 0; i < loops.count(); ++i) {
     BoundaryLoop loop = {static_cast<std::int64_t>(loops[i].size()), std::numeric_limits<std::int64_t>::max()};

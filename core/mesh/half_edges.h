@@ -1,10 +1,9 @@
 // Half-edges: how they are numbered in flat arrays, which of them lie on the same edge, and how to walk from one to the
 // next: round a vertex, along the boundary, from face to face.
 //
-// These are the only such walks in core. They take any `links`: FlatLinks below for flat arrays,
-// MeshLinks (core/mesh/tri_mesh.h) for a TriMesh, Gluing (core/charts/gluing.h) for the charts of a surface. Next() and
-// Prev() go round a face, Across() leads to the half-edge of the neighbouring face on the same edge, or to an invalid
-// one on the boundary.
+// These are the only such walks in core. They take any `links`: FlatLinks below for flat arrays, Gluing
+// (core/charts/gluing.h) for the charts of a surface. Next() and Prev() go round a face, Across() leads to the
+// half-edge of the neighbouring face on the same edge, or to an invalid one on the boundary.
 #pragma once
 
 #include <cstdint>
@@ -64,6 +63,21 @@ bool ForEachInFan(const Links& links, typename Links::HalfEdge start, const Visi
   return true;
 }
 
+// The faces of half-edges that are joined like this. Every fan of corners is a vertex. Vertices are numbered in the
+// order of their lowest corners, and visit(c) is called for the lowest corner c of each, in that order.
+template <typename Visit>
+std::vector<Face> FacesOfFans(const std::vector<std::int32_t>& opposite, const Visit& visit) {
+  std::vector<Face> faces(opposite.size() / 3, {-1, -1, -1});
+  std::int32_t count = 0;
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
+    if (faces[c / 3][c % 3] >= 0) continue;
+    ForEachInFan(FlatLinks{opposite}, c, [&](std::int32_t d) { faces[d / 3][d % 3] = count; });
+    ++count;
+    visit(c);
+  }
+  return faces;
+}
+
 // The half-edge on the boundary that starts where boundary half-edge h ends, and the one that ends where it starts.
 // Both have a face.
 template <typename Links>
@@ -89,45 +103,42 @@ void ForEachOnLoop(const Links& links, typename Links::HalfEdge start, const Vis
   } while (h != start);
 }
 
-// Items in groups, one behind the other.
-template <typename Item>
+// Half-edges in groups, one behind the other.
 struct Groups {
-  std::vector<Item> item;
+  std::vector<std::int32_t> item;
   std::vector<std::int32_t> begin = {0};  // of each group in `item`, and the end
 
   std::int32_t count() const { return static_cast<std::int32_t>(begin.size()) - 1; }
-  std::span<const Item> operator[](std::int32_t i) const {
+  std::span<const std::int32_t> operator[](std::int32_t i) const {
     return {item.data() + begin[i], static_cast<std::size_t>(begin[i + 1] - begin[i])};
   }
 };
 
 // Half-edges on the boundary, counter-clockwise round the faces: a group a loop.
-template <typename HalfEdge>
-using Loops = Groups<HalfEdge>;
+using Loops = Groups;
 
-// The loops of these boundary half-edges, in the order of their first ones. `index` numbers half-edges below `size`.
-template <typename Links, typename Index>
-Loops<typename Links::HalfEdge> BoundaryLoops(const Links& links, const std::vector<typename Links::HalfEdge>& boundary,
-                                              std::size_t size, const Index& index) {
-  Loops<typename Links::HalfEdge> loops;
-  std::vector<char> seen(size, 0);
-  for (const auto start : boundary) {
-    if (seen[index(start)]) continue;
-    ForEachOnLoop(links, start, [&](const auto h) {
-      seen[index(h)] = 1;
-      loops.item.push_back(h);
+// The loops of these boundary half-edges, in the order of their first ones.
+inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite, const std::vector<std::int32_t>& boundary) {
+  Loops loops;
+  std::vector<char> seen(opposite.size(), 0);
+  for (const std::int32_t start : boundary) {
+    if (seen[start]) continue;
+    ForEachOnLoop(FlatLinks{opposite}, start, [&](std::int32_t c) {
+      seen[c] = 1;
+      loops.item.push_back(c);
     });
     loops.begin.push_back(static_cast<std::int32_t>(loops.item.size()));
   }
   return loops;
 }
 
-inline Loops<std::int32_t> BoundaryLoops(const FlatLinks& links) {
+// All loops.
+inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite) {
   std::vector<std::int32_t> boundary;
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(links.opposite.size()); ++c) {
-    if (links.opposite[c] < 0) boundary.push_back(c);
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
+    if (opposite[c] < 0) boundary.push_back(c);
   }
-  return BoundaryLoops(links, boundary, links.opposite.size(), [](std::int32_t c) { return c; });
+  return BoundaryLoops(opposite, boundary);
 }
 
 // Disjoint sets of [0, size). The representative of a set is its smallest member.
@@ -176,7 +187,7 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
 }
 
 // Half-edges, ascending, of each undirected edge. Edges ascend by their lower, then by their higher vertex.
-using EdgeGroups = Groups<std::int32_t>;
+using EdgeGroups = Groups;
 
 // O(F) for bounded valence. Of the faces for which `takes_part` has something but 0 (empty: all), with vertices in
 // [0, num_vertices). Half-edges from a vertex to itself are a group, too. No groups after a cancellation.

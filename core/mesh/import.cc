@@ -167,37 +167,20 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
 
 namespace {
 
-// The vertices of a mesh to be: one for each fan of corners.
-struct FanVertices {
-  std::vector<std::int32_t> of_corner, source;
-};
-
-FanVertices NumberFans(const std::vector<std::int32_t>& opposite,
-                       const std::function<std::int32_t(std::int32_t)>& source_vertex) {
-  FanVertices vertices;
-  vertices.of_corner.assign(opposite.size(), -1);
-  const FlatLinks links = {opposite};
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
-    if (vertices.of_corner[c] >= 0) continue;
-    const auto v = static_cast<std::int32_t>(vertices.source.size());
-    vertices.source.push_back(source_vertex(c));
-    ForEachInFan(links, c, [&](std::int32_t d) { vertices.of_corner[d] = v; });
-  }
-  return vertices;
-}
-
 // Numbers vertices anew, by their sources.
-void SortBySource(std::int64_t num_sources, FanVertices* vertices) {
+void SortBySource(std::int64_t num_sources, FlatImport* flat) {
   const auto bucket = [&](std::int32_t source) { return source < 0 || source >= num_sources ? num_sources : source; };
-  std::vector<std::int32_t> next(num_sources + 2, 0), number(vertices->source.size()), sorted(number.size());
-  for (const std::int32_t source : vertices->source) ++next[bucket(source) + 1];
+  std::vector<std::int32_t> next(num_sources + 2, 0), number(flat->source.size()), sorted(number.size());
+  for (const std::int32_t source : flat->source) ++next[bucket(source) + 1];
   std::partial_sum(next.begin(), next.end(), next.begin());
   for (std::size_t v = 0; v < number.size(); ++v) {
-    number[v] = next[bucket(vertices->source[v])]++;
-    sorted[number[v]] = vertices->source[v];
+    number[v] = next[bucket(flat->source[v])]++;
+    sorted[number[v]] = flat->source[v];
   }
-  for (std::int32_t& v : vertices->of_corner) v = number[v];
-  vertices->source = std::move(sorted);
+  for (Face& face : flat->mesh.faces) {
+    for (std::int32_t& v : face) v = number[v];
+  }
+  flat->source = std::move(sorted);
 }
 
 Vec3 PositionOf(std::int32_t source, const std::vector<Vec3>& positions) {
@@ -205,15 +188,21 @@ Vec3 PositionOf(std::int32_t source, const std::vector<Vec3>& positions) {
   return exists ? positions[source] : Vec3(Vec3::Constant(std::numeric_limits<double>::quiet_NaN()));
 }
 
-FanVertices VerticesOf(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
-  FanVertices vertices = NumberFans(opposite, [&](std::int32_t c) { return mesh.faces[c / 3][c % 3]; });
-  SortBySource(mesh.num_vertices(), &vertices);
-  return vertices;
+}  // namespace
+
+FlatImport ImportFlat(const Mesh& mesh, std::vector<std::int32_t> opposite) {
+  FlatImport flat;
+  flat.mesh.faces = FacesOfFans(opposite, [&](std::int32_t c) { flat.source.push_back(mesh.faces[c / 3][c % 3]); });
+  SortBySource(mesh.num_vertices(), &flat);
+  flat.mesh.positions.reserve(flat.source.size());
+  for (const std::int32_t source : flat.source) flat.mesh.positions.push_back(PositionOf(source, mesh.positions));
+  flat.mesh.opposite = std::move(opposite);
+  return flat;
 }
 
 // Sets all handles directly: add_face() would look for edges that are known here.
-TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& vertices,
-             const std::function<std::int32_t(std::int32_t)>& source_face, const std::vector<Vec3>& positions) {
+TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
+  const auto [flat, source] = ImportFlat(mesh, opposite);
   const auto num_corners = static_cast<std::int32_t>(opposite.size());
   std::vector<std::int32_t> half_edge(num_corners);
   std::int32_t num_edges = 0;
@@ -223,63 +212,34 @@ TriMesh Link(const std::vector<std::int32_t>& opposite, const FanVertices& verti
   }
   // It would write to stderr what callers see for themselves.
   [[maybe_unused]] static const bool is_silent = (omerr().disable(), true);
-  TriMesh mesh;
-  mesh.resize(vertices.source.size(), num_edges, num_corners / 3);
-  for (std::int32_t v = 0; v < static_cast<std::int32_t>(vertices.source.size()); ++v) {
-    const std::int32_t source = vertices.source[v];
-    mesh.set_point(VertexHandle(v), PositionOf(source, positions));
-    mesh.data(VertexHandle(v)).source = source;
+  TriMesh linked;
+  linked.resize(source.size(), num_edges, num_corners / 3);
+  for (std::int32_t v = 0; v < static_cast<std::int32_t>(source.size()); ++v) {
+    linked.set_point(VertexHandle(v), flat.positions[v]);
+    linked.data(VertexHandle(v)).source = source[v];
   }
   for (std::int32_t f = 0; f < num_corners / 3; ++f) {
-    mesh.set_halfedge_handle(FaceHandle(f), HalfedgeHandle(half_edge[3 * f]));
-    mesh.data(FaceHandle(f)).source = source_face(f);
+    linked.set_halfedge_handle(FaceHandle(f), HalfedgeHandle(half_edge[3 * f]));
   }
   for (std::int32_t c = 0; c < num_corners; ++c) {
     const HalfedgeHandle h(half_edge[c]), next(half_edge[FlatLinks::Next(c)]);
-    const VertexHandle from(vertices.of_corner[FlatLinks::Next(c)]), to(vertices.of_corner[FlatLinks::Prev(c)]);
-    mesh.set_face_handle(h, FaceHandle(c / 3));
-    mesh.set_vertex_handle(h, to);
-    mesh.set_next_halfedge_handle(h, next);
-    if (!mesh.halfedge_handle(from).is_valid()) mesh.set_halfedge_handle(from, h);
+    const VertexHandle from(Origin(flat.faces, c)), to(Target(flat.faces, c));
+    linked.set_face_handle(h, FaceHandle(c / 3));
+    linked.set_vertex_handle(h, to);
+    linked.set_next_halfedge_handle(h, next);
+    if (!linked.halfedge_handle(from).is_valid()) linked.set_halfedge_handle(from, h);
     if (opposite[c] >= 0) continue;
-    const HalfedgeHandle outside = mesh.opposite_halfedge_handle(h);
-    mesh.set_boundary(outside);
-    mesh.set_vertex_handle(outside, from);
-    mesh.set_halfedge_handle(to, outside);
+    const HalfedgeHandle outside = linked.opposite_halfedge_handle(h);
+    linked.set_boundary(outside);
+    linked.set_vertex_handle(outside, from);
+    linked.set_halfedge_handle(to, outside);
   }
   for (std::int32_t c = 0; c < num_corners; ++c) {
     if (opposite[c] >= 0) continue;
-    const HalfedgeHandle outside = mesh.opposite_halfedge_handle(HalfedgeHandle(half_edge[c]));
-    mesh.set_next_halfedge_handle(outside, mesh.halfedge_handle(mesh.to_vertex_handle(outside)));
+    const HalfedgeHandle outside = linked.opposite_halfedge_handle(HalfedgeHandle(half_edge[c]));
+    linked.set_next_halfedge_handle(outside, linked.halfedge_handle(linked.to_vertex_handle(outside)));
   }
-  return mesh;
-}
-
-}  // namespace
-
-TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
-                  const std::function<std::int32_t(std::int32_t)>& source_vertex,
-                  const std::function<std::int32_t(std::int32_t)>& source_face, const std::vector<Vec3>& positions) {
-  return Link(opposite, NumberFans(opposite, source_vertex), source_face, positions);
-}
-
-TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite) {
-  return Link(
-      opposite, VerticesOf(mesh, opposite), [](std::int32_t f) { return f; }, mesh.positions);
-}
-
-FlatImport ImportFlat(const Mesh& mesh, std::vector<std::int32_t> opposite) {
-  FanVertices vertices = VerticesOf(mesh, opposite);
-  FlatImport flat;
-  flat.mesh.faces.reserve(mesh.faces.size());
-  for (std::size_t c = 0; c < opposite.size(); c += 3) {
-    flat.mesh.faces.push_back({vertices.of_corner[c], vertices.of_corner[c + 1], vertices.of_corner[c + 2]});
-  }
-  flat.mesh.positions.reserve(vertices.source.size());
-  for (const std::int32_t source : vertices.source) flat.mesh.positions.push_back(PositionOf(source, mesh.positions));
-  flat.mesh.opposite = std::move(opposite);
-  flat.source = std::move(vertices.source);
-  return flat;
+  return linked;
 }
 
 }  // namespace planish

@@ -6,7 +6,6 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -61,14 +60,6 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
 // The mesh with these half-edges joined (Pairing::opposite). Face f is face f of `mesh`; vertices are in the order of
 // those they come from. Vertices without a face are left out. O(F).
 TriMesh ImportMesh(const Mesh& mesh, const std::vector<std::int32_t>& opposite);
-
-// ImportMesh() for faces that are not those of a Mesh: half-edges are numbered 3 f + k, source_vertex(c) is the number
-// in `positions` of the vertex at corner c, source_face(f) becomes the face's source. Vertices are numbered in the
-// order of their lowest corners.
-TriMesh LinkFaces(const std::vector<std::int32_t>& opposite,
-                  const std::function<std::int32_t(std::int32_t corner)>& source_vertex,
-                  const std::function<std::int32_t(std::int32_t face)>& source_face,
-                  const std::vector<Vec3>& positions);
 
 // The same in flat arrays, where no circulators are needed: less memory, and no time to link.
 struct FlatImport {

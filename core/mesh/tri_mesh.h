@@ -6,7 +6,6 @@
 
 #include <array>
 #include <cstdint>
-#include <vector>
 
 // A property's push_back() copies a point that nobody has set, as Eigen leaves points.
 #pragma GCC diagnostic push
@@ -18,25 +17,20 @@
 #include "OpenMesh/Core/Geometry/EigenVectorT.hh"
 #pragma GCC diagnostic pop
 
-#include "core/mesh/half_edges.h"
 #include "core/mesh/mesh.h"
 
 namespace planish {
 
-// Elements carry where they come from: numbers of the mesh, or chart, that a mesh was made of; -1 for elements that
-// were added since. All of them are there from the start: adding a property changes a mesh, which no worker thread may
-// do to one that others read.
+// The properties are there from the start: adding one changes a mesh, which no worker thread may do to one that others
+// read.
 struct TriMeshTraits : OpenMesh::DefaultTraits {
   using Point = Vec3;
   using Normal = Vec3;
   VertexTraits {
-    std::int32_t source = -1;  // vertex; several have the same one where import has duplicated it
+    std::int32_t source = -1;  // of the Mesh imported; several have the same one where import has duplicated it
   };
   EdgeTraits {
     bool is_uncut = false;  // no chart may end here (GivenSeams::uncut_corners)
-  };
-  FaceTraits {
-    std::int32_t source = -1;  // face
   };
 };
 
@@ -75,44 +69,10 @@ inline std::int32_t CornerOf(const TriMesh& mesh, HalfedgeHandle h) {
   return 3 * face.idx() + (h == first ? 0 : mesh.next_halfedge_handle(h) == first ? 2 : 1);
 }
 
-// The same faces and vertices in flat arrays.
-inline FlatMesh FlatMeshOf(const TriMesh& mesh) {
-  FlatMesh flat;
-  flat.positions = mesh.property(mesh.points_property_handle()).data_vector();
-  flat.faces.reserve(mesh.n_faces());
-  flat.opposite.reserve(3 * mesh.n_faces());
-  for (const FaceHandle f : mesh.faces()) {
-    const std::array<VertexHandle, 3> v = VerticesOf(mesh, f);
-    flat.faces.push_back({v[0].idx(), v[1].idx(), v[2].idx()});
-    for (const HalfedgeHandle h : HalfEdgesOf(mesh, f)) {
-      const HalfedgeHandle across = mesh.opposite_halfedge_handle(h);
-      flat.opposite.push_back(mesh.is_boundary(across) ? -1 : CornerOf(mesh, across));
-    }
-  }
-  return flat;
-}
-
-// The half-edges of a mesh for core/mesh/half_edges.h.
-struct MeshLinks {
-  using HalfEdge = HalfedgeHandle;
-  const TriMesh& mesh;
-
-  HalfedgeHandle Next(HalfedgeHandle h) const { return mesh.next_halfedge_handle(h); }
-  HalfedgeHandle Prev(HalfedgeHandle h) const { return mesh.prev_halfedge_handle(h); }
-  HalfedgeHandle Across(HalfedgeHandle h) const {
-    const HalfedgeHandle opposite = mesh.opposite_halfedge_handle(h);
-    return mesh.is_boundary(opposite) ? HalfedgeHandle() : opposite;
-  }
-  static bool IsValid(HalfedgeHandle h) { return h.is_valid(); }
-};
-
-// All boundary loops, by half-edges that have a face; loops ascend by their lowest half-edges.
-inline Loops<HalfedgeHandle> BoundaryLoops(const TriMesh& mesh) {
-  std::vector<HalfedgeHandle> boundary;
-  for (const EdgeHandle e : mesh.edges()) {
-    if (mesh.is_boundary(e)) boundary.push_back(mesh.halfedge_handle(e, 0));
-  }
-  return BoundaryLoops(MeshLinks{mesh}, boundary, mesh.n_halfedges(), [](HalfedgeHandle h) { return h.idx(); });
+// The corner that faces the same edge as this one from the other side; -1 on the boundary.
+inline std::int32_t CornerAcross(const TriMesh& mesh, std::int32_t corner) {
+  const HalfedgeHandle across = mesh.opposite_halfedge_handle(HalfEdgeOf(mesh, corner));
+  return mesh.is_boundary(across) ? -1 : CornerOf(mesh, across);
 }
 
 }  // namespace planish

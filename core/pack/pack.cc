@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <random>
 #include <utility>
 
 #include "core/pack/outline.h"
@@ -180,7 +181,7 @@ class Packer {
     plan_.angles = tuning_.least_angles;
     while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < work_.budget)
       plan_.angles *= 2;
-    plan_.gives_up = charts_.order.size() > tuning_.many_charts;
+    plan_.ends_on_stop = charts_.order.size() > tuning_.many_charts;
     plan_.thorough = charts_.order.size() <= tuning_.many_charts;
     series_ = std::make_unique<TrialSeries>(simple(), charts_.atlas, TrialTiles{options_.tiles, options_.atlases});
     starts_.clear();
@@ -285,11 +286,8 @@ class Packer {
   // changed if no more of the area finds no place; after some changes in vain, another order is taken.
   void TryOrders(double until) {
     const auto n = static_cast<std::int32_t>(charts_.order.size()), large = CountLarge();
-    std::uint64_t state = 1;
-    const auto random = [&] {                                       // in [0, 1)
-      state = state * 6364136223846793005u + 1442695040888963407u;  // Knuth's
-      return static_cast<double>(state >> 33) * 0x1p-31;
-    };
+    std::linear_congruential_engine<std::uint64_t, 6364136223846793005u, 1442695040888963407u, 0> knuth(1);
+    const auto random = [&] { return static_cast<double>(knuth() >> 33) * 0x1p-31; };  // in [0, 1)
     std::vector<double> key(n);
     TrialPlan plan = plan_;
     plan.turn.assign(n, -1);

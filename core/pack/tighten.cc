@@ -35,7 +35,7 @@ double SquareOfLeastDistance(const Outline& outline_a, const Placed& a, const Ou
                              double distance) {
   double nearest = distance * distance;
   for (const auto& [from, to] : outline_a.edges) {
-    const Box near_edge = Box::Round(a.points[from], a.points[to]).Grown(distance);
+    const Box near_edge = Box::Around(a.points[from], a.points[to]).Grown(distance);
     if (!b.box.Meets(near_edge)) continue;
     b.edges->ForEachMeeting(near_edge, [&](std::int32_t e) {
       const auto& [c, d] = outline_b.edges[e];
@@ -70,7 +70,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
     boxes[i] = placed[i].box;
     std::vector<Box> edges;
     for (const auto& [from, to] : outlines[i].edges) {
-      edges.push_back(Box::Round(placed[i].points[from], placed[i].points[to]));
+      edges.push_back(Box::Around(placed[i].points[from], placed[i].points[to]));
     }
     placed[i].edges.emplace(std::move(edges));
     const double out = std::max((Vec2::Constant(low) - placed[i].box.low).maxCoeff(),

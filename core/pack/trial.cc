@@ -91,7 +91,7 @@ class TrialSeries::Impl {
     const std::size_t count = plan.count < 0 ? plan.order.size() : static_cast<std::size_t>(plan.count);
     for (std::size_t k = 0; k < count; ++k) {
       const std::int32_t i = plan.order[k];
-      if (execution.IsCancelled() || (plan.gives_up && execution.IsStopRequested())) {
+      if (execution.IsCancelled() || (plan.ends_on_stop && execution.IsStopRequested())) {
         result.missing = most_missing + 1;
         break;
       }

@@ -31,7 +31,7 @@ struct TrialPlan {
   std::int32_t count = -1;          // so many of them, from the first on; -1: all
   std::vector<int> turn;            // of each chart, if it may have that one only; -1 otherwise. May be empty
   int angles = 8;                   // turns to try, evenly spread from the upright one on; a multiple of 4, or below 4
-  bool gives_up = false;            // after a stop request
+  bool ends_on_stop = false;        // ends without a result after a stop request
   // Every chart is looked for from the first row on. Otherwise from the row where the last chart of about its size
   // went, since below there was no room for that one: all charts of a size together search each tile once.
   bool thorough = false;

@@ -161,7 +161,7 @@ std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const Char
 
 std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions) {
   std::vector<Vec2> outline;
-  const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{chart.topology.opposite});
+  const Loops loops = BoundaryLoops(chart.topology.opposite);
   for (const std::int32_t c : loops[0]) {
     outline.push_back(positions[Origin(chart.topology.faces, c)]);
   }
@@ -242,7 +242,7 @@ bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
   for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
     if (topology.opposite[c] >= 0) continue;
     edges.push_back({Origin(topology.faces, c), Target(topology.faces, c)});
-    boxes.push_back(Box::Round(map.positions[edges.back()[0]], map.positions[edges.back()[1]]));
+    boxes.push_back(Box::Around(map.positions[edges.back()[0]], map.positions[edges.back()[1]]));
   }
   const BoxTree tree(std::move(boxes));
   const auto at = [&](std::int32_t v) -> const Vec2& { return map.positions[v]; };
@@ -297,8 +297,8 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   if (overlaps.pairs == 0 && resolution > 0) {
     overlaps = OverlapsAfterRounding(chart, map, opposite, own, resolution, execution);
   }
-  faults.turned = orientation.flipped + orientation.degenerate;
-  faults.does_overlap = faults.turned + overlaps.pairs > 0;
+  faults.flipped_or_degenerate = orientation.flipped + orientation.degenerate;
+  faults.is_injective = faults.flipped_or_degenerate + overlaps.pairs == 0;
   if (overlaps.faces.size() >= 2) {
     faults.face = chart.faces[overlaps.faces[0]];
     faults.other_face = chart.faces[overlaps.faces[1]];

@@ -57,8 +57,8 @@ std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positio
 
 // What a map looks like before packing and rounding.
 struct ChartFaults {
-  bool does_overlap = false;  // or has flipped or collapsed triangles
-  std::int64_t turned = 0;    // of those: how many
+  bool is_injective = true;                // no two triangles overlap, and none is flipped or collapsed
+  std::int64_t flipped_or_degenerate = 0;  // triangles
   // Faces of the mesh that overlap each other; -1 if none or unknown.
   std::int32_t face = -1, other_face = -1;
   double stretch = 1;  // root mean square, as Quality::stretch_l2, of all faces but the widened ones

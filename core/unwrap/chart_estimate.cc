@@ -24,7 +24,7 @@ std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& 
   std::vector<Box> boxes;
   std::vector<double> along = {0};
   for (std::int32_t i = 0; i < n; ++i) {
-    boxes.push_back(Box::Round(curve[i], end(i)));
+    boxes.push_back(Box::Around(curve[i], end(i)));
     along.push_back(along.back() + (end(i) - curve[i]).norm());
   }
   const BoxTree tree(std::move(boxes));

@@ -61,7 +61,7 @@ class SpacingSearch {
   static std::vector<Box> BoxesOf(const std::vector<OutlineSegment>& segments) {
     std::vector<Box> boxes;
     boxes.reserve(segments.size());
-    for (const OutlineSegment& s : segments) boxes.push_back(Box::Round(s.a, s.b));
+    for (const OutlineSegment& s : segments) boxes.push_back(Box::Around(s.a, s.b));
     return boxes;
   }
 

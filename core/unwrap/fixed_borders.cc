@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>
@@ -12,16 +11,14 @@
 #include "Eigen/Core"
 #include "Eigen/Geometry"
 #include "Eigen/OrderingMethods"
-#include "Eigen/SparseCore"
 #include "core/abf/layout.h"
 #include "core/abf/target_angles.h"
 #include "core/base/error.h"
 #include "core/base/portable_math.h"
 #include "core/base/status_macros.h"
+#include "core/linalg/sparse_elimination.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
-#include "core/mesh/import.h"
-#include "core/mesh/tri_mesh.h"
 #include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
@@ -33,67 +30,6 @@ constexpr int kMostSolves = 30;
 constexpr double kLeastGain = 1e-3;  // in stretch, for one more solve
 // Of angles (radians) and lengths (of the mean one), where triangles have next to no area.
 constexpr double kLeastAngle = 1e-3, kLeastLength = 1e-4;
-
-using SparseRows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-
-// Gaussian elimination without pivots of matrices of one symmetric pattern, whose rows each have a diagonal of 1 and
-// other entries that are at most 0 and add up to -1 or more: it is stable for these. Keeps U alone (A = L U, where U
-// has the diagonal 1), as the right-hand sides are eliminated with A.
-class Elimination {
- public:
-  // The pattern of U. Row k has what is right of the diagonal in row k of A, and in the rows of U that begin at k.
-  explicit Elimination(const SparseRows& a) : rows_(static_cast<std::int32_t>(a.rows())), begin_(1, 0) {
-    std::vector<std::int32_t> seen(rows_, -1);
-    std::vector<std::vector<std::int32_t>> beginning_at(rows_);
-    for (std::int32_t k = 0; k < rows_; ++k) {
-      const auto add = [&](std::int32_t column) {
-        if (column > k && std::exchange(seen[column], k) != k) column_.push_back(column);
-      };
-      for (SparseRows::InnerIterator it(a, k); it; ++it) add(static_cast<std::int32_t>(it.col()));
-      for (const std::int32_t j : beginning_at[k]) {
-        for (std::int64_t e = begin_[j]; e < begin_[j + 1]; ++e) add(column_[e]);
-      }
-      std::sort(column_.begin() + begin_[k], column_.end());
-      begin_.push_back(std::ssize(column_));
-      if (First(k) < rows_) beginning_at[First(k)].push_back(k);
-    }
-  }
-
-  // Of A x = x as given. Not finite if A is singular in double precision.
-  void Solve(const SparseRows& a, std::vector<Vec2>* x) const {
-    std::vector<double> row(rows_, 0), u(column_.size());
-    std::vector<std::int32_t> reached, seen(rows_, -1);
-    for (std::int32_t k = 0; k < rows_; ++k) {
-      reached.clear();
-      for (SparseRows::InnerIterator it(a, k); it; ++it) {
-        row[it.col()] = it.value();
-        for (auto j = static_cast<std::int32_t>(it.col()); j < k && std::exchange(seen[j], k) != k; j = First(j)) {
-          reached.push_back(j);
-        }
-      }
-      std::sort(reached.begin(), reached.end());
-      for (const std::int32_t j : reached) {
-        const double l = std::exchange(row[j], 0);
-        for (std::int64_t e = begin_[j]; e < begin_[j + 1]; ++e) row[column_[e]] -= l * u[e];
-        (*x)[k] -= l * (*x)[j];
-      }
-      const double diagonal = std::exchange(row[k], 0);
-      for (std::int64_t e = begin_[k]; e < begin_[k + 1]; ++e) u[e] = std::exchange(row[column_[e]], 0) / diagonal;
-      (*x)[k] /= diagonal;
-    }
-    for (std::int32_t k = rows_ - 1; k >= 0; --k) {
-      for (std::int64_t e = begin_[k]; e < begin_[k + 1]; ++e) (*x)[k] -= u[e] * (*x)[column_[e]];
-    }
-  }
-
- private:
-  // The first column of row k of U beside the diagonal, or the number of rows.
-  std::int32_t First(std::int32_t k) const { return begin_[k] < begin_[k + 1] ? column_[begin_[k]] : rows_; }
-
-  std::int32_t rows_;
-  std::vector<std::int64_t> begin_;   // per row of U: its first entry beside the diagonal
-  std::vector<std::int32_t> column_;  // of these entries, ascending in each row
-};
 
 class BarycentricMap {
  public:
@@ -141,7 +77,7 @@ class BarycentricMap {
     is_outline_.assign(disc_.num_vertices, 0);
     std::vector<std::pair<std::int32_t, double>> outline;  // vertices, and the way to each
     double length = 0;
-    const Loops<std::int32_t> loops = BoundaryLoops(FlatLinks{disc_.opposite});
+    const Loops loops = BoundaryLoops(disc_.opposite);
     for (const std::int32_t c : loops[0]) {
       const std::int32_t from = Origin(disc_.faces, c), to = Target(disc_.faces, c);
       outline.emplace_back(from, length);
@@ -191,7 +127,7 @@ class BarycentricMap {
   }
 
   // Every row divided by its sum. `right`, unless null: the right-hand side.
-  SparseRows Matrix(const std::vector<double>& draws, std::vector<Vec2>* right) const {
+  SparseElimination::Matrix Matrix(const std::vector<double>& draws, std::vector<Vec2>* right) const {
     std::vector<double> sum(rows_, 0);
     for (const Weight& w : weights_) sum[row_[w.from]] += w.weight * draws[w.to];
     std::vector<Eigen::Triplet<double>> entries;
@@ -206,7 +142,7 @@ class BarycentricMap {
         (*right)[row] += share * positions_[w.to];
       }
     }
-    SparseRows matrix(rows_, rows_);
+    SparseElimination::Matrix matrix(rows_, rows_);
     matrix.setFromTriplets(entries.begin(), entries.end());
     return matrix;
   }
@@ -214,8 +150,8 @@ class BarycentricMap {
   // Nothing if the matrix is singular in double precision.
   std::vector<Vec2> Solve(const std::vector<double>& draws) {
     std::vector<Vec2> solution(rows_, Vec2::Zero());
-    const SparseRows matrix = Matrix(draws, &solution);
-    if (elimination_ == nullptr) elimination_ = std::make_unique<const Elimination>(matrix);
+    const SparseElimination::Matrix matrix = Matrix(draws, &solution);
+    if (!elimination_) elimination_.emplace(matrix);
     elimination_->Solve(matrix, &solution);
     std::vector<Vec2> positions = positions_;
     for (std::int32_t v = 0; v < disc_.num_vertices; ++v) {
@@ -237,7 +173,7 @@ class BarycentricMap {
   std::vector<std::int32_t> row_;  // of the matrix, per vertex; -1 on the outline
   std::int32_t rows_ = 0;
   std::vector<Weight> weights_;
-  std::unique_ptr<const Elimination> elimination_;  // from the first solve on
+  std::optional<SparseElimination> elimination_;  // from the first solve on
 };
 
 }  // namespace
@@ -264,43 +200,53 @@ constexpr double kFanWeight = 0.01;     // of an angle of a fan, relative to oth
 constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces round a hole leave it less
 
 // The chart with its slits glued. Face f is face f of the chart.
-TriMesh Glued(const Mesh& mesh, const Chart& chart) {
-  std::vector<std::int32_t> opposite = chart.topology.opposite;
+FlatMesh Glued(const Mesh& mesh, const Chart& chart) {
+  FlatMesh glued;
+  glued.opposite = chart.topology.opposite;
   for (const auto& [c, d] : chart.slits) {
-    opposite[c] = d;
-    opposite[d] = c;
+    glued.opposite[c] = d;
+    glued.opposite[d] = c;
   }
-  return LinkFaces(
-      opposite, [&](std::int32_t c) { return mesh.faces[chart.faces[c / 3]][c % 3]; }, [](std::int32_t f) { return f; },
-      mesh.positions);
+  glued.faces = FacesOfFans(glued.opposite, [&](std::int32_t c) {
+    glued.positions.push_back(mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]]);
+  });
+  return glued;
 }
 
-void AddFan(std::span<const HalfedgeHandle> loop, TriMesh* mesh) {
+// Fills a hole: a face on each half-edge of its loop, with corner 2 at a new vertex in the middle.
+void AddFan(std::span<const std::int32_t> loop, FlatMesh* mesh) {
+  const auto middle = static_cast<std::int32_t>(mesh->positions.size());
+  const auto first = static_cast<std::int32_t>(mesh->opposite.size()), n = static_cast<std::int32_t>(loop.size());
   Vec3 sum = Vec3::Zero();
-  for (const HalfedgeHandle h : loop) sum += mesh->point(mesh->from_vertex_handle(h));
-  const VertexHandle middle = mesh->add_vertex(sum / static_cast<double>(loop.size()));
-  // Corner 0 comes last, so that halfedge_handle() of the face is the half-edge that it faces.
-  for (const HalfedgeHandle h : loop) {
-    const VertexHandle from = mesh->from_vertex_handle(h), to = mesh->to_vertex_handle(h);
-    mesh->add_face(middle, to, from);
+  for (std::int32_t i = 0; i < n; ++i) {
+    const std::int32_t from = Origin(mesh->faces, loop[i]), to = Target(mesh->faces, loop[i]);
+    sum += mesh->positions[from];
+    mesh->faces.push_back({to, from, middle});
+    // The neighbours are the face before, that after, and the one beside the hole.
+    mesh->opposite.insert(mesh->opposite.end(),
+                          {first + 3 * ((i + n - 1) % n) + 1, first + 3 * ((i + 1) % n), loop[i]});
+    mesh->opposite[loop[i]] = first + 3 * i + 2;
   }
+  mesh->positions.push_back(sum / static_cast<double>(n));
 }
 
 // Nothing if the chart has no slits, or is no piece of a plane with holes in it when they are glued (it is closed, or
 // has a handle). The boundary loop that is longest on the surface is the outer one. O(F log F).
 std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const Execution& execution) {
   if (chart.slits.empty()) return std::nullopt;
-  TriMesh glued = Glued(mesh, chart);
-  const auto loops = BoundaryLoops(glued);
-  const auto characteristic =
-      static_cast<std::int64_t>(glued.n_vertices() + glued.n_faces()) - static_cast<std::int64_t>(glued.n_edges());
+  FlatMesh glued = Glued(mesh, chart);
+  const Loops loops = BoundaryLoops(glued.opposite);
+  const std::int64_t edges = (std::ssize(glued.opposite) + std::ssize(loops.item)) / 2;
+  const std::int64_t characteristic = std::ssize(glued.positions) - edges + std::ssize(glued.faces);
   if (loops.count() < 2 || characteristic != 2 - loops.count()) return std::nullopt;
   std::int32_t outer = 0;
   double longest = -1;
   for (std::int32_t i = 0; i < loops.count(); ++i) {
     if (loops[i].size() < 3) return std::nullopt;
     double length = 0;
-    for (const HalfedgeHandle h : loops[i]) length += glued.calc_edge_length(h);
+    for (const std::int32_t c : loops[i]) {
+      length += (glued.positions[Target(glued.faces, c)] - glued.positions[Origin(glued.faces, c)]).norm();
+    }
     if (length > longest) longest = length, outer = i;
   }
   for (std::int32_t i = 0; i < loops.count(); ++i) {
@@ -308,8 +254,8 @@ std::optional<FilledChart> FillHoles(const Mesh& mesh, const Chart& chart, const
   }
   FilledChart filled;
   std::vector<std::int32_t> order;
-  filled.topology = MakeTopology(FlatMeshOf(glued), &order, execution);
-  filled.places = glued.property(glued.points_property_handle()).data_vector();
+  filled.topology = MakeTopology(glued, &order, execution);
+  filled.places = std::move(glued.positions);
   for (const std::int32_t f : order) {
     for (std::int32_t k = 0; k < 3; ++k) filled.corner.push_back(f < chart.topology.num_faces() ? 3 * f + k : -1);
   }
@@ -341,7 +287,7 @@ struct Candidate {
   bool is_slit() const { return mapped->map.closed_slits.size() < mapped->chart.slits.size(); }
   // The present map overlaps itself, or a barrier keeps it open and stretches it.
   bool is_no_use() const {
-    return mapped->faults.does_overlap ||
+    return !mapped->faults.is_injective ||
            (mapped->map.flatten->barrier > 0 && mapped->faults.stretch > kMostStretchOfAbf);
   }
 };
@@ -457,12 +403,12 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
   if (candidate.is_slit()) candidate.filled = FillHoles(job->mesh, mapped->chart, execution);
   for (const Fallback& fallback : kFallbacks) {
     if (!fallback.applies(candidate)) continue;
-    const bool is_sound = !mapped->faults.does_overlap && mapped->faults.stretch <= kMostStretchForBorders;
+    const bool is_sound = mapped->faults.is_injective && mapped->faults.stretch <= kMostStretchForBorders;
     const double most = is_sound ? mapped->faults.stretch / fallback.better : kMostStretchForBorders;
     absl::StatusOr<ChartMap> map = fallback.map(candidate);
     if (!map.ok() || !map->flatten->converged) continue;
     const ChartFaults faults = FindFaults(job->mesh, mapped->chart, *map, charts.ignored, charts.resolution, execution);
-    if (faults.does_overlap || faults.stretch > most) continue;
+    if (!faults.is_injective || faults.stretch > most) continue;
     mapped->map = *std::move(map);
     mapped->faults = faults;
     if (candidate.filled && fallback.map != MapConvex) return;

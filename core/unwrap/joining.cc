@@ -92,7 +92,7 @@ class SolvedMaps {
   // Calls visit(h, where h begins in the map) for every half-edge h of the outline; for none if there is no map.
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
-    const auto& [chart, is_few, flattening, map, faults, status] = charts_.charts[i];
+    const auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts_.charts[i];
     for (std::int32_t c = 0; status.ok() && c < chart.topology.num_corners(); ++c) {
       if (chart.topology.opposite[c] >= 0) continue;
       visit(HalfEdgeOf(*charts_.surface->mesh, 3 * chart.faces[c / 3] + c % 3),
@@ -233,13 +233,13 @@ class Joining {
     const auto failed = failed_.find({joint.chart, joint.other});
     if (failed != failed_.end() && failed->second == std::pair(one.version, other.version)) return std::nullopt;
     double length = 0, mapped_length = 0;
-    for (const HalfedgeHandle h : joint.stretch) length += surface_.length(h);
+    for (const HalfedgeHandle h : joint.border) length += surface_.length(h);
     const double area = one.area + other.area, perimeter = one.perimeter + other.perimeter - 2 * length;
     const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
     const Shape& larger = one.area < other.area ? other : one;
     if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
     std::vector<Vec2> from, to;
-    for (const HalfedgeHandle h : joint.stretch) {
+    for (const HalfedgeHandle h : joint.border) {
       const HalfedgeHandle across = surface_.mesh->opposite_halfedge_handle(h);
       from.insert(from.end(), {PlaceAt(segmentation_.gluing().After(across)), PlaceAt(across)});
       to.insert(to.end(), {PlaceAt(h), PlaceAt(segmentation_.gluing().After(h))});
@@ -307,7 +307,7 @@ class Joining {
     if (!charts_.least_angle.empty()) {
       for (const std::int32_t f : segmentation_.charts()[i]) charts_.least_angle[f] = 0;
     }
-    segmentation_.Part(attempt->joined);
+    segmentation_.UndoJoin(attempt->joined);
     maps_.PutBack(i, std::move(attempt->chart));
     maps_.PutBack(j, std::move(attempt->other));
     Measure(i);
@@ -320,7 +320,7 @@ class Joining {
   bool PacksWell(const Attempt& attempt, double hulls) const {
     if (!job_.options.pack) return true;
     double length = 0;
-    for (const HalfedgeHandle h : attempt.joined.seamed.glued) length += surface_.length(h);
+    for (const HalfedgeHandle h : attempt.joined.border.glued) length += surface_.length(h);
     return shapes_[attempt.joined.chart].hull_area - hulls <= MostCost(length);
   }
 

@@ -238,16 +238,16 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
 }  // namespace
 
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
-  const auto& [chart, is_few, flattening, map, faults, status] = mapped;
+  const auto& [chart, is_worth_cutting, flattening, map, faults, status] = mapped;
   // Once stopped a chart is cut only if it must be. A barrier keeps triangles open, but so small that they may
   // collapse where the chart goes.
-  if (job.execution.IsStopRequested()) return !status.ok() || faults.does_overlap || map.flatten->barrier > 0;
+  if (job.execution.IsStopRequested()) return !status.ok() || !faults.is_injective || map.flatten->barrier > 0;
   const SeamOptions& seams = job.options.seams;
   // Where seams are given, an angle that a barrier keeps from vanishing is no reason for another one by itself.
   const bool is_sound =
       status.ok() && map.flatten->converged &&
       (map.flatten->barrier == 0 || (seams.policy == SeamPolicy::kNeeded && faults.stretch <= kMostStretchForBorders));
-  return !is_sound || faults.does_overlap || IsUnwieldy(job, charts, chart.faces, faults.stretch, faults.extent);
+  return !is_sound || !faults.is_injective || IsUnwieldy(job, charts, chart.faces, faults.stretch, faults.extent);
 }
 
 bool IsToSplit(const Job& job, const Charts& charts, std::int32_t i, const ChartEstimate& estimate) {
@@ -302,7 +302,7 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::ve
   if (delivery.overlaps.pairs + turned == 0 || !job->may_split() || job->execution.IsStopRequested()) return false;
   std::vector<Segmentation::Cut> cuts;
   for (std::int32_t i = 0; i < charts->count(); ++i) {
-    const auto& [chart, is_few, flattening, map, faults, status] = charts->charts[i];
+    const auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
     if (chart.faces.size() < 2) continue;
     Segmentation::Cut apart = {i};
     if (turned > 0) apart.part = PartFrom(*charts, i, TurnedFaces(chart, delivery.uv, charts->ignored));

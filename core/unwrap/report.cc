@@ -84,7 +84,7 @@ Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, const CornerUv&
 double RelativeSeamLength(const Mesh& mesh, const Charts& charts) {
   if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
   std::vector<std::int32_t> ends;
-  for (const auto& [chart, is_few, flattening, map, faults, status] : charts.charts) {
+  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
     const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map);
     for (std::size_t c = 0; c < opposite.size(); ++c) {
       if (opposite[c] < 0) ends.push_back(3 * chart.faces[c / 3] + static_cast<std::int32_t>(c % 3));
@@ -184,7 +184,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const MappedChart& mapped : charts.charts) {
     if (job->options.seams.policy != SeamPolicy::kAuto) break;
     const std::vector<std::int32_t> faces =
-        HardlyHeld(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts.ignored, mapped.chart);
+        FindThinFaces(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts.ignored, mapped.chart);
     result.widened.insert(result.widened.end(), faces.begin(), faces.end());
   }
   std::sort(result.widened.begin(), result.widened.end());
@@ -199,7 +199,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   result.face_chart = charts.FaceChart(job->mesh);
   DistortionSums all;
   result.charts.reserve(charts.charts.size());
-  for (const auto& [chart, is_few, flattening, map, faults, status] : charts.charts) {
+  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
     const Eigen::VectorXd measured = MeasuredAngles(job->mesh, chart.faces, job->execution);
     const DistortionSums own =
         MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(chart.topology, measured, job->execution),

@@ -70,7 +70,7 @@ double Charts::ReductionOf(const std::vector<std::int32_t>& faces) const {
 
 std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
   std::vector<std::int32_t> opposite(3 * mesh.faces.size(), -1);
-  for (const auto& [chart, is_few, flattening, map, faults, status] : charts) {
+  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts) {
     const std::vector<std::int32_t> own = OppositeWithClosedSlits(chart, map);
     for (std::size_t c = 0; c < own.size(); ++c) {
       if (own[c] >= 0) opposite[3 * chart.faces[c / 3] + c % 3] = 3 * chart.faces[own[c] / 3] + own[c] % 3;
@@ -160,7 +160,7 @@ void RejoinCharts(const Job& job, Charts* charts) {
   const Segmentation& before = *charts->segmentation;
   const std::vector<std::array<std::int32_t, 2>> pairs = PairsToRejoin(before.gluing(), before.chart());
   if (pairs.empty()) return;
-  auto surface = std::make_unique<const Surface>(Rejoin(*charts->surface, pairs));
+  auto surface = std::make_unique<const Surface>(Rejoin(job.mesh, *charts->surface, pairs));
   Segmentation after(*surface, before, job.options.seams.max_stretch, job.execution);
   charts->segmentation.emplace(std::move(after));
   charts->surface = std::move(surface);
@@ -228,7 +228,7 @@ absl::StatusOr<Charts> Segment(Job* job) {
 
 namespace {
 
-constexpr std::size_t kFewFaces = 3;
+constexpr std::size_t kFewestToCut = 3;
 
 // Whether there is an edge inside of the chart at which it may be cut.
 bool CanBeParted(const Surface& surface, const Chart& chart) {
@@ -249,7 +249,7 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
   const FlatMesh disc = ChartMesh(gluing, faces, &slits);
   chart = MakeChart(disc, faces, slits, execution.ForOneThread());
-  charts->charts[i].is_few = chart.faces.size() < kFewFaces || !CanBeParted(*charts->surface, chart);
+  charts->charts[i].is_worth_cutting = chart.faces.size() >= kFewestToCut && CanBeParted(*charts->surface, chart);
   chart.enlargement = charts->ReductionOf(chart.faces);
   if (charts->least_angle.empty()) return;
   for (const std::int32_t f : chart.faces) chart.least_angle.push_back(charts->least_angle[f]);

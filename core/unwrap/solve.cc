@@ -52,8 +52,8 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedC
     }
   }
   if (!job->may_split() && !mapped->map.flatten->stopped) return absl::OkStatus();
-  if (IsCutAnyway(*job, *mapped) && !mapped->is_few && !execution.IsStopRequested()) {
-    mapped->faults.does_overlap = true;  // for all that is known
+  if (IsCutAnyway(*job, *mapped) && mapped->is_worth_cutting && !execution.IsStopRequested()) {
+    mapped->faults.is_injective = false;  // for all that is known
     return absl::OkStatus();
   }
   mapped->faults = FindFaults(job->mesh, mapped->chart, mapped->map, charts.ignored, charts.resolution, execution);
@@ -70,7 +70,7 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedC
 void ShareSummaries(const std::vector<std::int32_t>& todo, Charts* charts) {
   std::shared_ptr<const FlattenSummary>* shared = nullptr;
   for (const std::int32_t i : todo) {
-    auto& [chart, is_few, flattening, map, faults, status] = charts->charts[i];
+    auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
     if (!status.ok() || !IsTriangleAsMeasured(chart)) continue;
     if (shared != nullptr) map.flatten = *shared;
     shared = &map.flatten;
@@ -118,7 +118,7 @@ absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std:
   FlattenOptions options = job->options.flatten;
   options.boundary = boundary;
   // A chart that takes long is better cut, and solved in parts.
-  if (job->options.seams.policy == SeamPolicy::kAuto && !mapped.is_few) {
+  if (job->options.seams.policy == SeamPolicy::kAuto && mapped.is_worth_cutting) {
     options.max_newton_iterations = std::min(options.max_newton_iterations, job->options.tuning.newton_steps);
     control.gives_up = !execution.IsStopRequested();
   }

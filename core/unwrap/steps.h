@@ -54,7 +54,8 @@ struct Job {
 
 struct MappedChart {
   Chart chart;
-  bool is_few = true;  // it has few faces, or those of one polygon: it is solved to the end, as a cut may not help
+  // Whether it has three faces or more, of more than one polygon. If not, it is solved to the end: a cut may not help.
+  bool is_worth_cutting = false;
   std::unique_ptr<Flattening> flattening;  // from solve to layout
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added

@@ -146,7 +146,7 @@ absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts
   PLANISH_RETURN_IF_ERROR(made);
   std::int64_t turned = 0;
   for (const MappedChart& mapped : charts.charts) {
-    if (mapped.map.flatten->stopped) turned += mapped.faults.turned;
+    if (mapped.map.flatten->stopped) turned += mapped.faults.flipped_or_degenerate;
   }
   if (turned == 0) return absl::OkStatus();
   return error(absl::StrCat(Counted(turned, "triangle is", "triangles are"), " still flipped or without area"),

@@ -48,7 +48,7 @@ Vec2 To(const CornerUv& uv, std::int32_t c) {
   return UvOf(uv, 3 * (c / 3) + Prev(c % 3));
 }
 
-struct Outlines : Loops<std::int32_t> {
+struct Outlines : Loops {
   std::vector<std::int32_t> loop_of;  // of each item
   bool is_torn = false;
 };
@@ -74,8 +74,7 @@ Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, co
   Outlines outlines;
   outlines.is_torn = all.is_torn;
   if (outlines.is_torn || execution.IsCancelled()) return outlines;
-  static_cast<Loops<std::int32_t>&>(outlines) =
-      BoundaryLoops(FlatLinks{opposite}, all.outline, opposite.size(), [](std::int32_t c) { return c; });
+  static_cast<Loops&>(outlines) = BoundaryLoops(opposite, all.outline);
   for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
   return outlines;
 }
@@ -94,7 +93,7 @@ std::vector<std::int32_t> ChartsOf(const std::vector<std::int32_t>& opposite, co
 BoxTree TreeOf(const Outlines& outlines, const CornerUv& uv, const Execution& execution) {
   std::vector<Box> boxes(outlines.item.size());
   for (std::size_t i = 0; i < boxes.size(); ++i) {
-    boxes[i] = Box::Round(From(uv, outlines.item[i]), To(uv, outlines.item[i]));
+    boxes[i] = Box::Around(From(uv, outlines.item[i]), To(uv, outlines.item[i]));
   }
   return BoxTree(std::move(boxes), execution);
 }

@@ -142,8 +142,8 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
   return Widen(mesh, thin, chart);
 }
 
-std::vector<std::int32_t> HardlyHeld(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
-                                     const std::vector<char>& ignored, const Chart& chart) {
+std::vector<std::int32_t> FindThinFaces(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
+                                        const std::vector<char>& ignored, const Chart& chart) {
   std::vector<std::int32_t> faces;
   for (const std::int32_t f : chart.faces) {
     if (!ignored.empty() && ignored[f] != 0) continue;

@@ -43,7 +43,7 @@ bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precisio
 // Faces of a chart, as the mesh numbers them, that are so thin on the surface that rounding stretches them across by
 // many per cent, or that were drawn thicker, as faces beside widened ones are. Those marked in `ignored` (empty: none)
 // are left out.
-std::vector<std::int32_t> HardlyHeld(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
-                                     const std::vector<char>& ignored, const Chart& chart);
+std::vector<std::int32_t> FindThinFaces(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
+                                        const std::vector<char>& ignored, const Chart& chart);
 
 }  // namespace planish

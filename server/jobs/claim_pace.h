@@ -1,4 +1,4 @@
-// When a server of a farm claims work again.
+// When a server of a farm asks the store again: for work, and to renew its leases.
 #pragma once
 
 #include <algorithm>
@@ -15,6 +15,17 @@ namespace planish {
 // Claims that all servers of a farm make together in a second, if they take no time: each server has one in an
 // interval, which is the longer the more servers there are, and takes more with it.
 inline constexpr double kClaimsPerSecond = 250;
+inline constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
+
+// Renewals in the time that a lease lasts.
+inline constexpr int kRenewalsPerLease = 3;
+
+// The time between two things of one kind that each of so many servers asks of the store they share, so that all of
+// them together ask `per_second`. Zero where that is less than `least`.
+inline absl::Duration SharedPace(int servers, double per_second, absl::Duration least) {
+  const absl::Duration pace = absl::Seconds(servers / per_second);
+  return pace > least ? pace : absl::ZeroDuration();
+}
 
 // A database that is asked for more than it can give answers late. Then servers ask less often, and take more with each
 // claim: those that queue for an answer would get nothing sooner, and be in the way of all others.

@@ -14,6 +14,7 @@
 #include "planish/v1/job.pb.h"
 #include "server/access/tenant.h"
 #include "server/blobs/blob_catalog.h"
+#include "server/jobs/claim_pace.h"
 #include "server/jobs/job_observer.h"
 #include "server/jobs/job_request.h"
 #include "server/store/ids.h"
@@ -59,7 +60,7 @@ struct JobManagerOptions {
   absl::Duration obey_limit = absl::Seconds(5);        // from a cancellation to the worker's end
   int max_attempts = 3;                                // that a job may lose with their worker or server, >= 1
   absl::Duration retry_delay = absl::Seconds(1);       // advice with refusals where nothing better is known
-  absl::Duration lease = absl::Seconds(15);            // of work that runs; renewed five times as often
+  absl::Duration lease = absl::Seconds(15);            // of work that runs; renewed kRenewalsPerLease times as often
   // Of one job's progress to the store; longer where many workers share a store; 0: at once, always.
   absl::Duration report_interval = absl::Milliseconds(200);
   absl::Duration forecast_age = absl::Milliseconds(100);  // what is said of the queue may be as old
@@ -102,12 +103,9 @@ class JobContext {
                                        : JobCapacity{options.workers, 1, options.memory_bytes, options.memory_bytes};
   }
 
-  // The time between two things of one kind that this server asks of the store, so that all servers that share it ask
-  // `per_second` of them together, however many they are. Zero where that is less than `least`, or nobody shares it.
+  // SharedPace() of this server; zero where nobody shares its store.
   absl::Duration Pace(double per_second, absl::Duration least) const {
-    if (!store.is_shared()) return absl::ZeroDuration();
-    const absl::Duration pace = absl::Seconds(Capacity().servers / per_second);
-    return pace > least ? pace : absl::ZeroDuration();
+    return store.is_shared() ? SharedPace(Capacity().servers, per_second, least) : absl::ZeroDuration();
   }
 
   void TellError(const absl::Status& status) const {

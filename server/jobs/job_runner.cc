@@ -27,9 +27,6 @@ constexpr int kMostEnlargements = 2;
 // Between two looks for work where no news came; likewise where none come, and for wishes, too.
 constexpr absl::Duration kWorkLookInterval = absl::Seconds(2);
 constexpr absl::Duration kDeafLookInterval = absl::Seconds(1);
-constexpr absl::Duration kLeastClaimInterval = absl::Milliseconds(20);  // less is none
-// Renewals in the time that a lease lasts.
-constexpr int kRenewals = 3;
 // Progress that is written before its time, and of what cannot be written, the newest that is kept.
 constexpr std::size_t kManyProgress = 1024;
 constexpr std::size_t kMostProgress = 4096;
@@ -345,7 +342,7 @@ void JobRunner::Tick() {
   {
     const std::lock_guard lock(mutex_);
     const absl::Time now = context_.options.steady_clock();
-    const absl::Duration renewal = context_.options.lease / kRenewals;
+    const absl::Duration renewal = context_.options.lease / kRenewalsPerLease;
     for (auto& [name, attempt] : attempts_) {
       // A lease that is younger than half of that has its turn next time: much work is short.
       if (now >= next_renewal_ && now - attempt.renewed >= renewal / 2) leases.push_back(attempt.work.lease);

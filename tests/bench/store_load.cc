@@ -115,13 +115,13 @@ class Machine {
 
   void Claim() {
     ClaimPace pace(owner_);
-    const double interval = machines_ / kClaimsPerSecond;
+    const absl::Duration interval = SharedPace(machines_, kClaimsPerSecond, kLeastClaimInterval);
     std::minstd_rand random(static_cast<unsigned>(std::hash<std::string>()(owner_)));
     std::uniform_real_distribution<double> jitter(0.5, 1.5);
     while (!round_.over) {
       ClaimRequest request;
       request.owner = owner_;
-      request.lease = absl::Seconds(15);
+      request.lease = absl::Seconds(kLease);
       {
         std::unique_lock lock(mutex_);
         freed_.wait_for(lock, kLook, [&] { return !free_.empty(); });
@@ -146,7 +146,7 @@ class Machine {
       sooner_.notify_one();
       for (const ClaimedWork& work : claimed) NoteLone(work.jobs[0].record.job());
       const absl::Time now = absl::Now();
-      const absl::Time next = pace.Next(now, absl::Seconds(interval > 0.02 ? interval : 0), wait.queued);
+      const absl::Time next = pace.Next(now, interval, wait.queued);
       Pause(std::max(absl::ToDoubleSeconds(next - now), claimed.empty() ? 0.02 : 0));
     }
   }
@@ -168,20 +168,20 @@ class Machine {
 
   // `place`, 0 to 1: of this machine among all, which began at different moments.
   void KeepOrder(double place) {
-    if (!Pause(kRenewals * place)) return;
+    if (!Pause(kRenewal * place)) return;
     Clock::time_point renewed = Clock::now(), asked = renewed, looked = renewed;
     for (; Pause(0.5);) {
       std::vector<Lease> leases;
-      if (Since(renewed) > kRenewals) {
+      if (Since(renewed) > kRenewal) {
         const std::lock_guard lock(mutex_);
         renewed = Clock::now();
         for (auto& [work, held] : running_) {
-          if (Since(held.renewed) < kRenewals / 2) continue;
+          if (Since(held.renewed) < kRenewal / 2) continue;
           held.renewed = renewed;
           leases.push_back(held.lease);
         }
       }
-      if (!leases.empty()) Get(store_.Renew(leases, absl::Seconds(15)));
+      if (!leases.empty()) Get(store_.Renew(leases, absl::Seconds(kLease)));
       if (Since(asked) > 1 && !store_.hears_others()) {
         Get(store_.Wishes(owner_));
         asked = Clock::now();
@@ -204,8 +204,8 @@ class Machine {
   void Leave() { Get(store_.Release(Now(), owner_)); }
 
  private:
-  static constexpr std::chrono::seconds kLook{1};  // whether the round is over
-  static constexpr double kRenewals = 5;           // seconds: a third of a lease of 15
+  static constexpr std::chrono::seconds kLook{1};                              // whether the round is over
+  static constexpr double kLease = 15, kRenewal = kLease / kRenewalsPerLease;  // seconds
 
   static Clock::time_point After(double seconds) {
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));

@@ -290,7 +290,7 @@ TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
     ++joined;
     EXPECT_TRUE(segmentation.charts()[joint.other].empty());
     ExpectDisc(surface, segmentation.gluing(), segmentation.charts()[joint.chart]);
-    segmentation.Part(*done);
+    segmentation.UndoJoin(*done);
     ExpectDiscs(surface, segmentation);
     EXPECT_EQ(segmentation.chart(), chart);
   }
@@ -317,13 +317,14 @@ Mesh CubeWithFlaps() {
 }
 
 TEST(Rejoining, ChartsGoOnInOthersWhereMoreThanTwoFacesMeet) {
-  const Surface surface = MakeSurface(CubeWithFlaps(), {}).value();
+  const Mesh mesh = CubeWithFlaps();
+  const Surface surface = MakeSurface(mesh, {}).value();
   ASSERT_FALSE(surface.crowded_edges.empty());
   const Segmentation before(surface, Segmentation::Kind::kStretch, 1.05, {});
   ExpectDiscs(surface, before);
   const auto pairs = PairsToRejoin(before.gluing(), before.chart());
   ASSERT_FALSE(pairs.empty());
-  const Surface rejoined = Rejoin(surface, pairs);
+  const Surface rejoined = Rejoin(mesh, surface, pairs);
   for (const auto& [c, d] : pairs) {
     const HalfedgeHandle h = HalfEdgeOf(*rejoined.mesh, c), g = HalfEdgeOf(*rejoined.mesh, d);
     EXPECT_EQ(rejoined.mesh->opposite_halfedge_handle(h), g);
