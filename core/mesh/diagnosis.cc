@@ -84,9 +84,9 @@ void ListComponents(const Pairing& pairing, const FlatImport& imported, const Ex
   const auto num_faces = static_cast<std::int32_t>(faces.size());
   const auto of_surface = [&](std::int32_t f) { return IsOfSurface(pairing, f); };
   std::int32_t num_pieces = 0;
-  const std::vector<std::int32_t> piece = ConnectedPieces(
-      num_faces, &num_pieces, of_surface,
-      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
+  const std::vector<std::int32_t> piece =
+      ConnectedPieces(num_faces, &num_pieces, of_surface,
+                      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
   if (execution.IsCancelled()) return;
   // A component is a set of pieces, a fan one of vertices. Pieces come twice in `sides`, as they are and turned over.
   // Over every inconsistent edge a piece goes with the other side of its neighbour; where it goes with its own, the

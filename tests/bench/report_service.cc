@@ -20,16 +20,16 @@ std::string Milliseconds(double seconds) {
 }
 
 std::string Overhead(const Runs& runs) {
-  std::string text = "## Overhead\n\nMedians, in milliseconds, one job after the other. The server's own CPU, a "
-                     "job, is without its worker's.\n\n" +
-                     HeaderRow({"jobs kept in", "triangles", "runs", "solve", "Draco, both ways", "through the server",
-                                "above solve", "over solve and Draco", "server's CPU"});
+  std::string text =
+      "## Overhead\n\nMedians, in milliseconds, one job after the other. The server's own CPU, a "
+      "job, is without its worker's.\n\n" +
+      HeaderRow({"jobs kept in", "triangles", "runs", "solve", "Draco, both ways", "through the server", "above solve",
+                 "over solve and Draco", "server's CPU"});
   for (const auto& run : runs) {
-    text +=
-        Row({run["store"].get<std::string>(), WithCommas(run["triangles"].get<std::int64_t>()), run["runs"].dump(),
-             Milliseconds(run["solve_seconds"]), Milliseconds(run["draco_seconds"]),
-             Milliseconds(run["served_seconds"]), Milliseconds(run["above_solve_seconds"]),
-             ThreeDigits(run["served_over_solve_and_draco"]), Milliseconds(run["server_cpu_seconds"])});
+    text += Row({run["store"].get<std::string>(), WithCommas(run["triangles"].get<std::int64_t>()), run["runs"].dump(),
+                 Milliseconds(run["solve_seconds"]), Milliseconds(run["draco_seconds"]),
+                 Milliseconds(run["served_seconds"]), Milliseconds(run["above_solve_seconds"]),
+                 ThreeDigits(run["served_over_solve_and_draco"]), Milliseconds(run["server_cpu_seconds"])});
   }
   return text;
 }
