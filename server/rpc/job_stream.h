@@ -46,7 +46,7 @@ class JobStream {
 
   // That of ReadUv(); or what the log ended with (UNAVAILABLE, DRAINING) if the job goes on elsewhere.
   const absl::Status& status() const { return status_; }
-  // Whether the last event that was sent, or one before position.after_sequence, is the job's end.
+  // Whether the caller was told the job's end. Known once Next() has said kUv or kEnd.
   bool job_ended() const { return job_ended_; }
 
  private:

@@ -8,19 +8,15 @@
 //
 // One JSON object a line on stdout.
 #include <grpcpp/grpcpp.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
-#include <fstream>
 #include <functional>
 #include <iostream>
-#include <iterator>
 #include <memory>
 #include <mutex>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -36,6 +32,7 @@
 #include "tests/faults/chaos.h"
 #include "tests/testing/daemon.h"
 #include "tests/testing/files.h"
+#include "tests/testing/process.h"
 
 namespace planish::bench {
 namespace {
@@ -63,16 +60,19 @@ struct Arrays {
   std::vector<std::int32_t> triangles;
 };
 
-// Where a server that listens at port 0 says that it listens.
+// Loopback, as in production; the port is the system's choice.
+const std::vector<std::string> kOnLoopback = {"--listen=127.0.0.1:0", "--log-level=info"};
+
+// Where such a server says that it listens.
 std::string TargetIn(const std::string& log) {
   const std::size_t at = log.find("127.0.0.1:");
   return log.substr(at, log.find_first_of(" ,\n", at) - at);
 }
 
-// Loopback, as in production; the port is the system's choice.
+// With a data directory.
 struct TcpServer {
   explicit TcpServer(std::vector<std::string> flags) {
-    flags.insert(flags.begin(), {"--listen=127.0.0.1:0", "--log-level=info"});
+    flags.insert(flags.begin(), kOnLoopback.begin(), kOnLoopback.end());
     server = std::make_unique<DurableServer>(directory.Path("s"), flags);
     target = TargetIn(server->Log());
   }
@@ -81,18 +81,6 @@ struct TcpServer {
   std::unique_ptr<DurableServer> server;
   std::string target;
 };
-
-// CPU of a process so far, its children's left out.
-double CpuSecondsOf(pid_t pid) {
-  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
-  std::string text((std::istreambuf_iterator<char>(file)), {});
-  std::istringstream fields(text.substr(text.rfind(')') + 1));
-  std::string field;
-  for (int i = 3; i < 14; ++i) fields >> field;
-  double user = 0, system = 0;
-  fields >> user >> system;
-  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
-}
 
 CallOptions Fresh() {
   CallOptions call;
@@ -103,7 +91,8 @@ CallOptions Fresh() {
 // `store`: what the server keeps its jobs in.
 void OverheadOf(const std::string& store, int runs) {
   const TempDir directory;
-  std::vector<std::string> flags = {"--workers=1", "--threads=1", "--listen=127.0.0.1:0", "--log-level=info"};
+  std::vector<std::string> flags = kOnLoopback;
+  flags.insert(flags.end(), {"--workers=1", "--threads=1"});
   if (store == "directory") flags.push_back("--data-dir=" + directory.Path("data"));
   Daemon server(flags, /*supervised=*/true);
   if (!server.WaitReady()) throw std::runtime_error("planishd: " + server.Output());

@@ -149,12 +149,33 @@ std::vector<pid_t> ChildrenOf(pid_t pid) {
   return children;
 }
 
-char StateOf(pid_t pid) {
+namespace {
+
+// What follows the program's name in /proc/PID/stat, from field 3 on: numbers, but for the first. Empty if there is no
+// such process.
+std::istringstream StatOf(pid_t pid) {
   std::ostringstream stat;
   stat << std::ifstream("/proc/" + std::to_string(pid) + "/stat").rdbuf();
   const std::string text = stat.str();
   const std::size_t name_end = text.rfind(')');
-  return name_end == std::string::npos ? '?' : text[name_end + 2];
+  return std::istringstream(name_end == std::string::npos ? "" : text.substr(name_end + 1));
+}
+
+}  // namespace
+
+char StateOf(pid_t pid) {
+  char state = '?';
+  StatOf(pid) >> state;
+  return state;
+}
+
+double CpuSecondsOf(pid_t pid) {
+  std::istringstream stat = StatOf(pid);
+  std::string field;
+  for (int i = 3; i < 14; ++i) stat >> field;
+  double user = 0, system = 0;
+  stat >> user >> system;
+  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
 }
 
 int FreePort() {

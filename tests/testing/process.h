@@ -62,6 +62,8 @@ Outcome RunShell(const std::string& command);
 std::vector<pid_t> ChildrenOf(pid_t pid);
 // The letter of /proc/PID/stat: 'Z' for one that is dead and not waited for. '?' if there is no such process.
 char StateOf(pid_t pid);
+// CPU that it took so far, in steps of some milliseconds, its children's left out. 0 if there is no such process.
+double CpuSecondsOf(pid_t pid);
 
 // A TCP port of loopback that nobody has, and nobody gets who does not ask for that number.
 int FreePort();
