@@ -43,7 +43,6 @@ void KeepFreedMemory() {
 
 void ReturnFreedMemory(std::size_t keep) {
   malloc_trim(keep);
-  if (keep_freed_memory) PreferHugePages(kReserved);
 }
 
 void ReserveHeap(std::size_t bytes) {

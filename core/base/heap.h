@@ -15,8 +15,8 @@ void KeepFreedMemory();
 // Hands back what is free, but for `keep` bytes that the next piece of work gets without asking the kernel.
 void ReturnFreedMemory(std::size_t keep = 0);
 
-// After KeepFreedMemory(): asks for huge pages for the next `bytes` of the heap, at most 1 GiB. For a caller that has
-// handed back free memory itself, and whose limit is below the 1 GiB that ReturnFreedMemory() prepares.
+// After KeepFreedMemory(): asks for huge pages for the next `bytes` of the heap, at most 1 GiB, as KeepFreedMemory()
+// does for the first. For a caller that has handed memory back since.
 void ReserveHeap(std::size_t bytes);
 
 }  // namespace planish

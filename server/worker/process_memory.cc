@@ -19,6 +19,9 @@ namespace {
 // Of a thread beside its work: its stack, and what the allocator keeps for it.
 constexpr std::int64_t kPerThread = std::int64_t{9} << 20;
 
+// Of free memory beyond what is kept: not worth handing back. glibc keeps up to a page or two more than asked.
+constexpr std::int64_t kNotWorthTrimming = std::int64_t{64} << 10;
+
 struct Files {
   int statm = -1;
   int status = -1;
@@ -89,15 +92,16 @@ void ResetPeakMemory() {
 
 MemoryLimit::MemoryLimit(std::int64_t bytes, std::int64_t expected, int threads) {
   if (kSanitized) return;
-  malloc_trim(static_cast<std::size_t>(std::max<std::int64_t>(bytes > 0 ? std::min(expected, bytes) : expected, 0)));
-  if (bytes <= 0) return;
+  const std::int64_t keep = std::max<std::int64_t>(bytes > 0 ? std::min(expected, bytes) : expected, 0);
+  if (FreeEnd() > keep + kNotWorthTrimming) ReturnFreedMemory(static_cast<std::size_t>(keep));
   const std::int64_t held = ReadStatm().data - FreeEnd();
-  if (held <= 0) return;
-  limited_ = true;
-  SetSoftLimit(RLIMIT_DATA, static_cast<rlim_t>(held + bytes + threads * kPerThread));
-  SetSoftLimit(RLIMIT_FSIZE, static_cast<rlim_t>(bytes));
+  if (bytes > 0 && held > 0) {
+    limited_ = true;
+    SetSoftLimit(RLIMIT_DATA, static_cast<rlim_t>(held + bytes + threads * kPerThread));
+    SetSoftLimit(RLIMIT_FSIZE, static_cast<rlim_t>(bytes));
+  }
   // Huge pages for half of it; the rest is for what does not come from the heap of this thread.
-  ReserveHeap(static_cast<std::size_t>(bytes / 2));
+  ReserveHeap(static_cast<std::size_t>(keep / 2));
 }
 
 MemoryLimit::~MemoryLimit() {

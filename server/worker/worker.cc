@@ -85,7 +85,7 @@ class Orders {
 };
 
 WorkOutcome WorkOn(const Order& order, ServerLink& server,
-                 const std::function<absl::Status(std::string_view)>& at_point) {
+                   const std::function<absl::Status(std::string_view)>& at_point) {
   WorkControl control;
   control.cancel = &order.cancel;
   control.stop = &order.stop;

@@ -48,6 +48,7 @@ std::int64_t StatusBytes(const std::string& field) {
 // Gives freed memory back and sets VmHWM to what is resident; returns that.
 std::int64_t ResetPeak() {
   ReturnFreedMemory();
+  ReserveHeap(std::size_t{1} << 30);
   std::ofstream("/proc/self/clear_refs") << "5";
   return StatusBytes("VmRSS");
 }

@@ -268,8 +268,8 @@ TEST_F(WorkerProcess, MayDoNothingButItsWork) {
   EXPECT_THAT(info.metadata(),
               UnorderedElementsAre(Pair("open", "EPERM"), Pair("create", "EPERM"), Pair("socket", "EPERM"),
                                    Pair("unix_socket", "EPERM"), Pair("execve", "EPERM"), Pair("fork", "EPERM"),
-                                   Pair("fcntl", "EPERM"), Pair("environment", "0"),
-                                   Pair("kill", "EPERM"), Pair("ptrace", "EPERM"), Pair("executable_memory", "EPERM"),
+                                   Pair("fcntl", "EPERM"), Pair("environment", "0"), Pair("kill", "EPERM"),
+                                   Pair("ptrace", "EPERM"), Pair("executable_memory", "EPERM"),
                                    Pair("thread", "allowed"), Pair("core_limit", "0"), Pair("descriptor_limit", "64"),
                                    Pair("no_new_privileges", "EPERM")));
   unsetenv("PLANISHD_TOKEN");
@@ -314,6 +314,31 @@ TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
   job.request.set_max_threads(1);
   job.request.set_memory_bytes(100 * kMiB);
   ExpectSuccess(job);
+}
+
+// What a process kept from the jobs before is neither the next job's to take, nor taken from it.
+TEST_F(WorkerProcess, MemoryLimitIsThatOfTheJobWhateverRanBefore) {
+  if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
+  const auto run = [this](const Mesh& mesh, std::int64_t mib) {
+    JobAssignment job = AssignmentOf(mesh);
+    job.request.set_max_threads(1);
+    job.request.set_expected_bytes(mib * kMiB);
+    job.request.set_memory_bytes(mib * kMiB);
+    return Run(job);
+  };
+  for (int again = 0; again < 3; ++again) {
+    ASSERT_TRUE(run(Bump(120), 100).result->has_report());
+    const Ending small = run(Bump(8), 8);
+    ASSERT_TRUE(small.result.has_value()) << small.loss->message;
+    EXPECT_TRUE(small.result->has_report()) << small.result->status().message();
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    EXPECT_EQ(starts_, 1) << "all in one process";
+  }
+  const Ending starved = run(Bump(300), 40);  // 180,000 triangles, which take about 140 MiB
+  ASSERT_TRUE(starved.result.has_value()) << starved.loss->message;
+  EXPECT_EQ(InfoOf(*starved.result).reason(), "OUT_OF_MEMORY") << starved.result->status().message();
 }
 
 TEST_F(WorkerProcess, MemoryThatRunsOutOnAnotherThreadHasTheSameName) {
