@@ -10,6 +10,8 @@ namespace {
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 // Silhouettes that a row takes before its longest run of free cells is measured again.
 constexpr int kStale = 8;
+// What a search costs beside the rim's cells, in nanoseconds: a row; a probe of some places, and a word of these.
+constexpr std::int64_t kNanosPerRow = 1, kNanosPerProbe = 4, kNanosPerWord = 2;
 
 // Of bits that are 0.
 int LongestRun(const std::uint64_t* words, int count) {
@@ -31,9 +33,9 @@ int LongestRun(const std::uint64_t* words, int count) {
 
 }  // namespace
 
-// The longest first, then spread out.
-RowOrder::RowOrder(const Silhouette& s) {
-  rows.reserve(s.height);
+// The row with the longest span first, then the first and the last, then what lies between, spread out.
+Probes::Probes(const Silhouette& s) {
+  all.reserve(s.spans.size());
   std::vector<std::int32_t> longest_of(s.height, 0);
   for (std::int32_t y = 0; y < s.height; ++y) {
     for (std::int32_t i = s.row_begin[y]; i < s.row_begin[y + 1]; ++i) {
@@ -41,9 +43,20 @@ RowOrder::RowOrder(const Silhouette& s) {
     }
   }
   std::vector<char> used(s.height, 0);
+  std::size_t rows = 0;
   const auto use = [&](std::int32_t y) {
-    if (!used[y]) rows.push_back(y);
+    if (used[y]) return;
     used[y] = 1;
+    if (rows < kChecked) longest[rows] = {y, longest_of[y]};
+    ++rows;
+    for (std::int32_t i = s.row_begin[y]; i < s.row_begin[y + 1]; ++i) {
+      const auto [begin, end] = s.spans[i];
+      const int level = std::bit_width(static_cast<unsigned>(end - begin)) - 1, second = end - (1 << level);
+      all.push_back({static_cast<std::int16_t>(y),
+                     {static_cast<std::int16_t>(begin >> 6), static_cast<std::int16_t>(second >> 6)},
+                     {static_cast<std::int8_t>(begin & 63), static_cast<std::int8_t>(second & 63)},
+                     static_cast<std::int8_t>(level)});
+    }
   };
   use(static_cast<std::int32_t>(std::max_element(longest_of.begin(), longest_of.end()) - longest_of.begin()));
   use(0);
@@ -51,11 +64,13 @@ RowOrder::RowOrder(const Silhouette& s) {
   for (std::int32_t step = std::bit_floor(static_cast<std::uint32_t>(s.height)); step >= 1; step /= 2) {
     for (std::int32_t y = step; y < s.height; y += step) use(y);
   }
-  for (std::size_t k = 0; k < std::min(kChecked, rows.size()); ++k) longest[k] = longest_of[rows[k]];
 }
 
 Rim MakeRim(const Silhouette& s, int most) {
   Rim rim;
+  const auto add = [&](int x, int y) {
+    rim.cells.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y)});
+  };
   const auto row = [&](int y) {
     return y < 0 || y >= s.height ? std::pair(0, 0) : std::pair(s.row_begin[y], s.row_begin[y + 1]);
   };
@@ -64,8 +79,8 @@ Rim MakeRim(const Silhouette& s, int most) {
     const std::pair<std::int32_t, std::int32_t> range = row(y);
     const std::int32_t begin = range.first, end = range.second;
     for (int i = begin; i < end; ++i) {
-      rim.cells.push_back({s.spans[i].begin - 1, y});
-      if (i + 1 == end || s.spans[i + 1].begin > s.spans[i].end + 1) rim.cells.push_back({s.spans[i].end, y});
+      add(s.spans[i].begin - 1, y);
+      if (i + 1 == end || s.spans[i + 1].begin > s.spans[i].end + 1) add(s.spans[i].end, y);
     }
     for (const int other : {y - 1, y + 1}) {
       const auto [other_begin, other_end] = row(other);
@@ -73,7 +88,7 @@ Rim MakeRim(const Silhouette& s, int most) {
         // The parts of the span that lie between those of row y.
         int x = s.spans[i].begin;
         const auto add_until = [&](int to) {
-          for (; x < std::min(to, s.spans[i].end); ++x) rim.cells.push_back({x, y});
+          for (; x < std::min(to, s.spans[i].end); ++x) add(x, y);
         };
         for (int k = begin; k < end && s.spans[k].begin < s.spans[i].end; ++k) {
           add_until(s.spans[k].begin);
@@ -93,6 +108,7 @@ Rim MakeRim(const Silhouette& s, int most) {
 }
 
 Board::Board(int most_side, int longest) : stride_((most_side + 2 * kMargin + 63) / 64 + 2) {
+  assert(most_side <= kMostCells);
   const int size = most_side + 2 * kMargin;
   // What tells of the longest span that fits.
   const int levels = std::bit_width(static_cast<unsigned>(std::min(longest, size)));
@@ -155,40 +171,34 @@ void Board::Add(const Silhouette& s, int x, int y, int shift, std::int64_t* work
 }
 
 template <int kWords>
-bool Board::FreePlacesOf(const Silhouette& s, const RowOrder& row_order, int y, std::uint64_t* places, int words,
-                         std::int64_t* work) const {
+bool Board::FreePlacesIn(const Probes& probes, int y, std::uint64_t* places, int words, std::int64_t* work) const {
   const int count = kWords > 0 ? kWords : words;
   std::uint64_t own[kWords > 0 ? kWords : 1];
   std::uint64_t* const free = kWords > 0 ? own : places;
-  for (int w = 0; w < count; ++w) free[w] = kAll;
+  std::fill_n(free, count, kAll);
   std::int64_t read = 0;
   std::uint64_t any = kAll;
   int begin = 0, end = count;  // words with places; all of few words are read
-  for (const std::int32_t r : row_order.rows) {
-    for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1] && any != 0; ++i) {
-      const int length = s.spans[i].end - s.spans[i].begin;
-      const int k = std::bit_width(static_cast<unsigned>(length)) - 1;
-      assert(k < std::ssize(levels_));
-      const std::uint64_t* row = Row(k, y + r);
-      const int shift_a = s.spans[i].begin, shift_b = s.spans[i].end - (1 << k);
-      const std::uint64_t* a = row + (shift_a >> 6);
-      const std::uint64_t* b = row + (shift_b >> 6);
-      // A shift by 64 in two steps: 64 - 0 is out of range.
-      const int right_a = shift_a & 63, left_a = 63 - right_a, right_b = shift_b & 63, left_b = 63 - right_b;
-      any = 0;
-      read += 4 + 2 * (end - begin);
-      for (int w = begin; w < end; ++w) {
-        const std::uint64_t taken_a = a[w] >> right_a | a[w + 1] << 1 << left_a;
-        const std::uint64_t taken_b = b[w] >> right_b | b[w + 1] << 1 << left_b;
-        free[w] &= ~(taken_a | taken_b);
-        any |= free[w];
-      }
-      if constexpr (kWords == 0) {
-        while (begin < end && free[begin] == 0) ++begin;
-        while (begin < end && free[end - 1] == 0) --end;
-      }
+  for (const Probes::Probe& probe : probes.all) {
+    assert(probe.level < std::ssize(levels_));
+    const std::uint64_t* const row = Row(probe.level, y + probe.row);
+    const std::uint64_t* const a = row + probe.words[0];
+    const std::uint64_t* const b = row + probe.words[1];
+    // A shift by 64 in two steps: 64 - 0 is out of range.
+    const int right_a = probe.bits[0], left_a = 63 - right_a, right_b = probe.bits[1], left_b = 63 - right_b;
+    any = 0;
+    read += kNanosPerProbe + kNanosPerWord * (end - begin);
+    for (int w = begin; w < end; ++w) {
+      const std::uint64_t taken_a = a[w] >> right_a | a[w + 1] << 1 << left_a;
+      const std::uint64_t taken_b = b[w] >> right_b | b[w + 1] << 1 << left_b;
+      free[w] &= ~(taken_a | taken_b);
+      any |= free[w];
     }
     if (any == 0) break;
+    if constexpr (kWords == 0) {
+      while (free[begin] == 0) ++begin;
+      while (free[end - 1] == 0) --end;
+    }
   }
   *work += read;
   if (any == 0) return false;
@@ -196,28 +206,27 @@ bool Board::FreePlacesOf(const Silhouette& s, const RowOrder& row_order, int y, 
   return true;
 }
 
-bool Board::FreePlaces(const Silhouette& s, const RowOrder& row_order, int y, std::uint64_t* places, int words,
-                       std::int64_t* work) const {
-  ++*work;
-  for (std::size_t k = 0; k < std::min(RowOrder::kChecked, row_order.rows.size()); ++k) {
-    if (longest_free_[y + row_order.rows[k]] < row_order.longest[k]) return false;
+bool Board::FreePlaces(const Probes& probes, int y, std::uint64_t* places, int words, std::int64_t* work) const {
+  *work += kNanosPerRow;
+  for (const auto& [row, length] : probes.longest) {
+    if (longest_free_[y + row] < length) return false;
   }
   switch (words) {
     case 1:
-      return FreePlacesOf<1>(s, row_order, y, places, words, work);
+      return FreePlacesIn<1>(probes, y, places, words, work);
     case 2:
-      return FreePlacesOf<2>(s, row_order, y, places, words, work);
+      return FreePlacesIn<2>(probes, y, places, words, work);
     case 3:
-      return FreePlacesOf<3>(s, row_order, y, places, words, work);
+      return FreePlacesIn<3>(probes, y, places, words, work);
     case 4:
-      return FreePlacesOf<4>(s, row_order, y, places, words, work);
+      return FreePlacesIn<4>(probes, y, places, words, work);
     default:
-      return FreePlacesOf<0>(s, row_order, y, places, words, work);
+      return FreePlacesIn<0>(probes, y, places, words, work);
   }
 }
 
-int Board::FindSpot(const Silhouette& s, const Rim& rim, const RowOrder& row_order, int first, int last,
-                    int rows_beyond, Spot* best, std::int64_t* work) const {
+int Board::FindSpot(const Silhouette& s, const Rim& rim, const Probes& probes, int first, int last, int rows_beyond,
+                    Spot* best, std::int64_t* work) const {
   const int columns = size_ - s.width + 1, rows = size_ - s.height + 1;
   if (columns <= 0 || rows <= 0) return -1;
   const int words = (columns + 63) / 64;
@@ -230,15 +239,15 @@ int Board::FindSpot(const Silhouette& s, const Rim& rim, const RowOrder& row_ord
   const auto clear = [&](int y) { std::fill_n(places(y), words, 0); };
   first = std::max(first, kMargin);
   if (first + s.height > kMargin + side_) return -1;
-  any[first % 3] = FreePlaces(s, row_order, first, places(first), words, work);
+  any[first % 3] = FreePlaces(probes, first, places(first), words, work);
   int found = -1;
   if (!any[first % 3]) clear(first);
   for (int y = first; y + s.height <= kMargin + side_ && (found < 0 ? y <= last : y - found <= rows_beyond); ++y) {
-    any[(y + 1) % 3] =
-        y + 1 + s.height <= kMargin + side_ && FreePlaces(s, row_order, y + 1, places(y + 1), words, work);
+    any[(y + 1) % 3] = y + 1 + s.height <= kMargin + side_ && FreePlaces(probes, y + 1, places(y + 1), words, work);
     if (!any[(y + 1) % 3]) clear(y + 1);
     if (!any[y % 3]) continue;
     if (found < 0) found = y;
+    *work += 3 * words;
     const std::uint64_t *here = places(y), *above = places(y + 1), *below = places(y + 2);  // y - 1
     for (int w = 0; w < words; ++w) {
       if (here[w] == 0) continue;

@@ -13,20 +13,31 @@ namespace planish {
 // 0).
 struct Rim {
   struct Cell {
-    std::int32_t x, y;
+    std::int16_t x, y;
   };
   std::vector<Cell> cells;
 };
 
-// The rows of a silhouette in an order that rules out places without room early.
-struct RowOrder {
-  RowOrder() = default;
-  explicit RowOrder(const Silhouette& silhouette);
+// The spans of a silhouette as Board looks for room for them, those that rule out most places first.
+struct Probes {
+  // A span is free where two runs of 2^level cells are that cover it.
+  struct Probe {
+    std::int16_t row;
+    std::int16_t words[2];  // where the runs begin: words, and bits in these
+    std::int8_t bits[2];
+    std::int8_t level;
+  };
 
-  std::vector<std::int32_t> rows;
-  // The lengths of the longest spans of the first few rows.
+  Probes() = default;
+  explicit Probes(const Silhouette& silhouette);
+
+  std::vector<Probe> all;
+  // The longest spans of the first few rows.
+  struct Longest {
+    std::int32_t row, length;
+  };
   static constexpr std::size_t kChecked = 4;
-  std::array<std::int32_t, kChecked> longest = {};
+  std::array<Longest, kChecked> longest = {};
 };
 
 // At most `most` cells that touch the silhouette from outside, evenly along it.
@@ -41,9 +52,11 @@ struct Spot {
 // two, which runs of that length hold a taken cell, so that a span of any length is tested by two looks.
 class Board {
  public:
-  static constexpr int kMargin = 2;  // cells round the free square that count as taken
+  static constexpr int kMargin = 2;           // cells round the free square that count as taken
+  static constexpr int kMostCells = 1 << 14;  // along a side
 
-  // Of at most most_side x most_side cells, for silhouettes at most `longest` cells wide. Clear() comes first.
+  // Of at most most_side x most_side cells (kMostCells), for silhouettes at most `longest` cells wide. Clear() comes
+  // first.
   Board(int most_side, int longest);
   // side x side cells are free, from (kMargin, kMargin) on. Adds the words that it wrote to *work.
   void Clear(int side, std::int64_t* work);
@@ -59,20 +72,18 @@ class Board {
   // looks at the places where the silhouette fits but cannot move both ways along u, nor both ways along v. Replaces
   // *best by the snuggest if that is snugger; of equals the one nearest to the corner (0, 0) counts. Returns the first
   // row with a place, -1 if there is none. Adds the words it read to *work.
-  int FindSpot(const Silhouette& silhouette, const Rim& rim, const RowOrder& row_order, int first, int last,
-               int rows_beyond, Spot* best, std::int64_t* work) const;
+  int FindSpot(const Silhouette& silhouette, const Rim& rim, const Probes& probes, int first, int last, int rows_beyond,
+               Spot* best, std::int64_t* work) const;
 
  private:
   const std::uint64_t* Row(int level, int y) const {
     return levels_[level].data() + static_cast<std::size_t>(y) * stride_;
   }
   // Places in row y, one bit each; returns whether there are any.
-  bool FreePlaces(const Silhouette& silhouette, const RowOrder& row_order, int y, std::uint64_t* places, int words,
-                  std::int64_t* work) const;
+  bool FreePlaces(const Probes& probes, int y, std::uint64_t* places, int words, std::int64_t* work) const;
   // The same for a number of words that is known beforehand, or for any: 0.
   template <int kWords>
-  bool FreePlacesOf(const Silhouette& silhouette, const RowOrder& row_order, int y, std::uint64_t* places, int words,
-                    std::int64_t* work) const;
+  bool FreePlacesIn(const Probes& probes, int y, std::uint64_t* places, int words, std::int64_t* work) const;
 
   int side_ = 0, size_ = 0;  // of what is free, without and with the margin
   int stride_;

@@ -19,6 +19,7 @@ constexpr int kCrumb = 6;
 constexpr std::int64_t kSilhouetteWork = 2500, kEdgeWork = 110, kQuarterWork = 1500, kCellWork = 2, kKeptWork = 300;
 constexpr std::int64_t kHalfWork = 800;  // one that is turned by two right angles
 
+// A place is as good as the first one up to this part of the chart's height beyond that.
 constexpr int kRowsBeyond = 2;
 
 // A chart is looked for on the coarsest board on which it is at least half of so many cells long.
@@ -26,13 +27,13 @@ constexpr int kCellsOfLarge = 64;
 constexpr int kLevels = 4;
 static_assert(kCoarsestCell == 1 << (kLevels - 1));
 // So many silhouettes are kept at most, of about a kilobyte each.
-constexpr std::size_t kMostKept = 16384;
+constexpr std::size_t kMostKept = 8192;
 
 // A chart at a turn, for the board of one level.
 struct Shape {
   Silhouette silhouette;
   Rim rim;
-  RowOrder row_order;
+  Probes probes;
   bool repeats = false;  // has the cells of the turn that it was made of
 };
 
@@ -121,7 +122,10 @@ class TrialSeries::Impl {
     side_ = side;
     if (side > most_side_) {
       most_side_ = side + side / kRoom;
-      tiles_.assign(static_cast<std::size_t>(count_.tiles) * count_.atlases, Pyramid(most_side_));
+      const std::size_t tiles = static_cast<std::size_t>(count_.tiles) * count_.atlases;
+      tiles_.clear();
+      tiles_.reserve(tiles);
+      while (tiles_.size() < tiles) tiles_.emplace_back(most_side_);
     }
     for (Pyramid& tile : tiles_) tile.Clear(side, &work_);
     starts_.assign(plan.thorough ? 0 : count_.atlases * kStarts, {});
@@ -212,7 +216,7 @@ class TrialSeries::Impl {
       shape.silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), sizes_.scales[i] / cell, sizes_.radius / cell);
     }
     shape.rim = MakeRim(shape.silhouette, kRimCells);
-    shape.row_order = RowOrder(shape.silhouette);
+    shape.probes = Probes(shape.silhouette);
     if (shared_.keeps) shape.silhouette.spans.shrink_to_fit();
     return shape;
   }
@@ -253,9 +257,9 @@ class TrialSeries::Impl {
       for (int t = start.tile; t <= last; ++t) {
         Spot spot;
         const int height = shape.silhouette.height, first = t == start.tile ? start.row - height : 0;
-        const int last_row = best.tile == t ? best.first_row + height / kRowsBeyond : side_;
-        const int row = tiles_[FirstTile(i) + t].board(level).FindSpot(shape.silhouette, shape.rim, shape.row_order,
-                                                                       first, last_row, height / 2, &spot, &work_);
+        const int beyond = height / kRowsBeyond, last_row = best.tile == t ? best.first_row + beyond : side_;
+        const int row = tiles_[FirstTile(i) + t].board(level).FindSpot(
+            shape.silhouette, shape.rim, shape.probes, first, last_row, plan_->thorough ? beyond : 0, &spot, &work_);
         if (row < 0) continue;
         if (best.tile < 0 || t < best.tile || spot.snugness > best.spot.snugness) {
           const int first_row = best.tile == t ? std::min(best.first_row, row) : row;

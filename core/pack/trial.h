@@ -33,7 +33,10 @@ struct TrialPlan {
   int angles = 8;                   // turns to try, evenly spread from the upright one on; a multiple of 4, or below 4
   bool ends_on_stop = false;        // ends without a result after a stop request
   // Every chart is looked for from the first row on. Otherwise from the row where the last chart of about its size
-  // went, since below there was no room for that one: all charts of a size together search each tile once.
+  // went, since below there was no room for that one: all charts of a size together search each tile once. And the
+  // first row with room for a chart, at one turn, is not compared with those beyond it, which takes half of the work
+  // and gains nothing among so many charts (eight sets of 320 to 3,000 fill 0.672 of the texture in the mean either
+  // way).
   bool thorough = false;
 };
 

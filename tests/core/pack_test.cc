@@ -8,6 +8,7 @@
 #include "core/base/thread_team.h"
 #include "core/mesh/box_tree.h"
 #include "core/mesh/predicates.h"
+#include "core/pack/board.h"
 #include "core/pack/necks.h"
 #include "core/pack/outline.h"
 #include "core/pack/silhouette.h"
@@ -15,6 +16,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/pack_charts.h"
+#include "tests/testing/dice.h"
 
 namespace planish {
 namespace {
@@ -443,6 +445,70 @@ TEST(Silhouette, TurnsByARightAngle) {
     EXPECT_NEAR((half.centre - twice.centre).norm(), 0, 1e-12);
     EXPECT_FALSE(half.HasSameCells(s) && half.HasSameCells(turned));
   }
+}
+
+// Against a look at every cell. Sides of less and more than four words of places, which are searched by other code.
+TEST(Board, FindsTheSnuggestPlaceThatACellByCellSearchFinds) {
+  testing::Dice dice(7);
+  std::vector<Outline> outlines;
+  for (const char* kind : {"blobs-8", "corners-8", "rings-4", "strips-6"}) {
+    for (const PackChart& chart : Charts(kind)) outlines.push_back(MakeOutline(chart));
+  }
+  int searches = 0, in_vain = 0;
+  for (const int side : {30, 70, 150, 330}) {
+    Board board(side, side);
+    std::int64_t work = 0;
+    board.Clear(side, &work);
+    const auto is_taken = [&](int x, int y) {
+      return x < Board::kMargin || y < Board::kMargin || x >= Board::kMargin + side || y >= Board::kMargin + side ||
+             board.IsTaken(x, y);
+    };
+    for (int k = 0; k < (side < 100 ? 80 : 12); ++k) {
+      const Outline& outline = outlines[dice.Below(static_cast<int>(outlines.size()))];
+      const Silhouette s = MakeSilhouette(outline, dice.In(0, 6), dice.In(2, 0.15 * side) / outline.radius, 1);
+      const Rim rim = MakeRim(s, 24);
+      const auto fits = [&](int x, int y) {
+        for (int r = 0; r < s.height; ++r) {
+          for (std::int32_t i = s.row_begin[r]; i < s.row_begin[r + 1]; ++i) {
+            for (int c = s.spans[i].begin; c < s.spans[i].end; ++c) {
+              if (x + c < 0 || y + r < 0 || is_taken(x + c, y + r)) return false;
+            }
+          }
+        }
+        return true;
+      };
+      const int first = Board::kMargin + dice.Below(side / 4), beyond = dice.Below(2) * s.height / 2;
+      Spot expected, spot;
+      int first_row = -1;
+      for (int y = first; y <= Board::kMargin + side && (first_row < 0 || y - first_row <= beyond); ++y) {
+        for (int x = 0; x < 2 * Board::kMargin + side; ++x) {
+          if (!fits(x, y)) continue;
+          if (first_row < 0) first_row = y;
+          if ((fits(x - 1, y) && fits(x + 1, y)) || (y > first && fits(x, y - 1) && fits(x, y + 1))) continue;
+          const auto taken = std::count_if(rim.cells.begin(), rim.cells.end(),
+                                           [&](const Rim::Cell& cell) { return is_taken(x + cell.x, y + cell.y); });
+          const double snugness = static_cast<double>(taken) / static_cast<double>(rim.cells.size());
+          if (snugness > expected.snugness + 1e-12 ||
+              (std::abs(snugness - expected.snugness) < 1e-12 && x + y < expected.x + expected.y)) {
+            expected = {x, y, snugness};
+          }
+        }
+      }
+      const int row = board.FindSpot(s, rim, Probes(s), first, side + Board::kMargin, beyond, &spot, &work);
+      ASSERT_EQ(row, first_row) << "side " << side << ", silhouette " << k;
+      ++searches;
+      in_vain += row < 0 ? 1 : 0;
+      if (row < 0) continue;
+      EXPECT_EQ(std::pair(spot.x, spot.y), std::pair(expected.x, expected.y))
+          << "side " << side << ", silhouette " << k;
+      EXPECT_NEAR(spot.snugness, expected.snugness, 1e-12);
+      // Somewhere else now and then, so that rows have gaps.
+      const bool moves = dice.OneIn(3);
+      board.Add(s, spot.x - Board::kMargin + (moves ? dice.Below(5) : 0), spot.y - Board::kMargin, 0, &work);
+    }
+  }
+  EXPECT_GT(searches - in_vain, 50);
+  EXPECT_GT(in_vain, 10) << "full boards as well";
 }
 
 }  // namespace
