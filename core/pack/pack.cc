@@ -192,7 +192,7 @@ class Packer {
          ++trial) {
       const double scale = ScaleOf(side);
       const TrialResult result = RunTrial(side, plan_, 0, &poses);
-      work_.of_trial = result.work;
+      work_.of_trial = std::max(work_.of_trial, result.work);
       if (result.placed == charts_.order.size()) {
         good = scale;
         // Charts would fill all rows at this scale.
@@ -513,7 +513,7 @@ class Packer {
   struct Work {  // in nanoseconds
     double budget = 0;
     std::int64_t done = 0;
-    std::int64_t of_trial = 0;  // of the last one
+    std::int64_t of_trial = 0;  // at most; those that end with the first chart without room take less
   };
   Work work_;
   struct Made {

@@ -118,9 +118,11 @@ class Tightener {
   Arrangement Run() {
     std::vector<Arrangement> found;
     std::int64_t growing = 0;
-    const std::int64_t most = std::llround(tuning_.growing_share * static_cast<double>(options_.work));
-    // The largest first: what work it leaves is for the others.
-    for (auto start = starts_.rbegin(); start != starts_.rend() && (found.empty() || growing < most); ++start) {
+    const auto share = [&](double part) { return std::llround(part * static_cast<double>(options_.work)); };
+    const std::int64_t most = share(tuning_.growing_share), most_before_others = share(tuning_.others_share);
+    // The largest first: the others only if that leaves nearly all of the work.
+    for (auto start = starts_.rbegin(); start != starts_.rend() && (found.empty() || growing < most_before_others);
+         ++start) {
       Relaxer relaxer = MakeRelaxer(*start);
       relaxer.Grow(30, most - growing);
       growing += relaxer.work();
