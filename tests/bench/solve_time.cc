@@ -45,7 +45,7 @@ std::int64_t StatusBytes(const std::string& field) {
   return 0;
 }
 
-// Gives freed memory back and sets VmHWM to what is resident; returns that.
+// Gives freed memory back, asks for huge pages for what comes next, and sets VmHWM to what is resident; returns that.
 std::int64_t ResetPeak() {
   ReturnFreedMemory();
   ReserveHeap(std::size_t{1} << 30);
