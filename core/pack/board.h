@@ -53,7 +53,7 @@ struct Spot {
 class Board {
  public:
   static constexpr int kMargin = 2;           // cells round the free square that count as taken
-  static constexpr int kMostCells = 1 << 14;  // along a side
+  static constexpr int kMostCells = 1 << 14;  // along a side; Probes and Rim hold places as 16 bits
 
   // Of at most most_side x most_side cells (kMostCells), for silhouettes at most `longest` cells wide. Clear() comes
   // first.
@@ -71,7 +71,7 @@ class Board {
   // From row `first` up to `rows_beyond` rows beyond the first row with a place, which must not lie beyond `last`:
   // looks at the places where the silhouette fits but cannot move both ways along u, nor both ways along v. Replaces
   // *best by the snuggest if that is snugger; of equals the one nearest to the corner (0, 0) counts. Returns the first
-  // row with a place, -1 if there is none. Adds the words it read to *work.
+  // row with a place, -1 if there is none. Adds nanoseconds to *work, counted by what it read.
   int FindSpot(const Silhouette& silhouette, const Rim& rim, const Probes& probes, int first, int last, int rows_beyond,
                Spot* best, std::int64_t* work) const;
 

@@ -513,7 +513,7 @@ class Packer {
   struct Work {  // in nanoseconds
     double budget = 0;
     std::int64_t done = 0;
-    std::int64_t of_trial = 0;  // at most; those that end with the first chart without room take less
+    std::int64_t of_trial = 0;  // of the dearest one: those that end where a chart has no room take less
   };
   Work work_;
   struct Made {

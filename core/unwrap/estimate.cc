@@ -15,7 +15,8 @@ constexpr double kFixedBytes = 8e6;        // half of it code and tables, in a p
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
 // Beside that, of a face in a chart of some faces, and of a face that is a chart by itself. The counts do not tell
-// triangles on random vertices from a closed surface: their 1,800 to 2,700 bytes a face are less than twice the estimate.
+// triangles on random vertices from a closed surface: their 1,800 to 2,700 bytes a face are up to 1.6 times the
+// estimate.
 constexpr double kChartBytesPerFace = 200, kBytesPerPiece = 1500;
 // With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
 // the first.

@@ -22,8 +22,8 @@ void ResetPeakMemory();
 // For a process that does nothing but the work in hand. Counts private memory that can be written to, touched or not
 // (RLIMIT_DATA), and each blob by itself (RLIMIT_FSIZE, whose signal must be ignored). One at a time.
 //
-// First hands back free memory beyond what this work is expected to take, so that the high-water mark is that of the
-// work or of what was expected of it, and asks for huge pages for half of that.
+// First hands back free memory beyond what this work is expected to take: the high-water mark is then that of the work,
+// or of what was expected of it. Asks for huge pages for half of what is expected.
 class MemoryLimit {
  public:
   // bytes <= 0: no limit. Without WatchProcessMemory() none either. expected <= 0: not known.

@@ -316,7 +316,8 @@ TEST_F(WorkerProcess, MemoryLimitEndsOneJobByName) {
   ExpectSuccess(job);
 }
 
-// What a process kept from the jobs before is neither the next job's to take, nor taken from it.
+// Free memory at the end of the heap, which earlier jobs left there, neither adds to the next job's limit nor counts
+// towards it.
 TEST_F(WorkerProcess, MemoryLimitIsThatOfTheJobWhateverRanBefore) {
   if (kSanitized) GTEST_SKIP() << "no memory limit with sanitizers";
   const auto run = [this](const Mesh& mesh, std::int64_t mib) {
