@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages that planish needs, and only those that are missing. The one place where
 # they are listed: the scripts beside this one and the Dockerfile call it.
 #
-#   deploy/install-packages.sh build|test|packaging|bench|fuzz|runtime...
+#   deploy/install-packages.sh build|test|packaging|bench|clang|fuzz|runtime...
 #
 # Needs root or sudo when something is missing, and nothing at all when everything is there.
 set -eu
@@ -27,8 +27,11 @@ test="
 # Blender as well where that is installed (its glTF importer needs numpy).
 bench="gnuplot-nox libcgal-dev blender python3-numpy"
 
-# What only deploy/fuzz.sh needs: a compiler with libFuzzer, and names of functions in its reports.
-fuzz="clang-14 libclang-rt-14-dev llvm-14"
+# What the preset "clang" and deploy/each-source.sh need.
+clang="clang-14"
+
+# What only deploy/fuzz.sh needs: libFuzzer, and names of functions in its reports.
+fuzz="$clang libclang-rt-14-dev llvm-14"
 
 # What only deploy/packages.sh needs: the wheel is made by setuptools, the dependencies of packages are found by dpkg-dev.
 packaging="python3-setuptools python3-wheel dpkg-dev xz-utils"
@@ -44,7 +47,7 @@ fail() {
   exit 1
 }
 
-[ $# -gt 0 ] || fail "usage: $0 build|test|packaging|bench|fuzz|runtime..."
+[ $# -gt 0 ] || fail "usage: $0 build|test|packaging|bench|clang|fuzz|runtime..."
 wanted=
 for list in "$@"; do
   case $list in
@@ -52,9 +55,10 @@ for list in "$@"; do
     test) wanted="$wanted $test" ;;
     packaging) wanted="$wanted $packaging" ;;
     bench) wanted="$wanted $bench" ;;
+    clang) wanted="$wanted $clang" ;;
     fuzz) wanted="$wanted $fuzz" ;;
     runtime) wanted="$wanted $runtime" ;;
-    *) fail "no such list: $list (build, test, packaging, bench, fuzz, runtime)" ;;
+    *) fail "no such list: $list (build, test, packaging, bench, clang, fuzz, runtime)" ;;
   esac
 done
 

@@ -37,7 +37,7 @@ double SquareOfLeastDistance(const Outline& outline_a, const Placed& a, const Ou
   for (const auto& [from, to] : outline_a.edges) {
     const Box near_edge = Box::Around(a.points[from], a.points[to]).Grown(distance);
     if (!b.box.Meets(near_edge)) continue;
-    b.edges->ForEachMeeting(near_edge, [&](std::int32_t e) {
+    b.edges->ForEachMeeting(near_edge, [&, from = from, to = to](std::int32_t e) {
       const auto& [c, d] = outline_b.edges[e];
       nearest = std::min(nearest, SquaredDistance(a.points[from], a.points[to], b.points[c], b.points[d]));
       return true;

@@ -13,6 +13,7 @@
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
 #include "core/pack/necks.h"
+#include "core/unwrap/distortion.h"
 #include "core/unwrap/steps.h"
 #include "core/unwrap/widening.h"
 
@@ -235,6 +236,22 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   return is_stretched || (seams.policy == SeamPolicy::kAuto && job.options.pack && is_long);
 }
 
+// Root mean square stretch of a chart without the faces that the report names as thinner than the type can hold.
+double StretchAsDelivered(const Job& job, const Charts& charts, const Atlas& atlas, const Delivery& delivery,
+                          const Chart& chart) {
+  std::vector<std::int32_t> thin =
+      FindThinFaces(job.mesh, delivery.uv, atlas.scale, delivery.precision, charts.ignored, chart);
+  std::sort(thin.begin(), thin.end());
+  MapSums sums;
+  for (std::int32_t i = 0; i < chart.topology.num_faces(); ++i) {
+    const std::int32_t f = chart.faces[i];
+    const bool is_ignored = !charts.ignored.empty() && charts.ignored[f] != 0;
+    if (is_ignored || chart.is_widened(i) || std::binary_search(thin.begin(), thin.end(), f)) continue;
+    sums.Add(TriangleOf(delivery.uv, f).data(), TriangleOf(job.mesh.positions, job.mesh.faces[f]).data());
+  }
+  return sums.StretchL2();
+}
+
 }  // namespace
 
 bool IsToSplit(const Job& job, const Charts& charts, const MappedChart& mapped) {
@@ -296,10 +313,11 @@ absl::StatusOr<bool> Refine(Job* job, std::vector<std::int32_t>* todo, Charts* c
   return Split(job, cuts, todo, charts);
 }
 
-absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::vector<std::int32_t>* todo,
-                                     Charts* charts) {
+absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Delivery& delivery,
+                                     std::vector<std::int32_t>* todo, Charts* charts) {
+  if (!job->may_split() || job->execution.IsStopRequested()) return false;
   const std::int64_t turned = delivery.orientation.flipped + delivery.orientation.degenerate;
-  if (delivery.overlaps.pairs + turned == 0 || !job->may_split() || job->execution.IsStopRequested()) return false;
+  const SeamOptions& seams = job->options.seams;
   std::vector<Segmentation::Cut> cuts;
   for (std::int32_t i = 0; i < charts->count(); ++i) {
     const auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
@@ -310,10 +328,16 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::ve
       cuts.push_back(std::move(apart));
       continue;
     }
-    if (delivery.overlaps.pairs == 0) continue;
-    const Overlaps found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
-    if (found.faces.size() < 2) continue;
-    cuts.push_back({i, found.faces[0], found.faces[1]});
+    Overlaps found;
+    if (delivery.overlaps.pairs > 0) {
+      found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
+    }
+    if (found.faces.size() >= 2) {
+      cuts.push_back({i, found.faces[0], found.faces[1]});
+    } else if (seams.policy == SeamPolicy::kAuto &&
+               StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * seams.max_stretch) {
+      cuts.push_back({i});
+    }
   }
   PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));
   // What is new may be widened once more.

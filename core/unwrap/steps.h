@@ -165,6 +165,9 @@ struct Atlas {
 // corner. `is_draft`: with the fewest trials, for a look at what rounding does. CANCELLED after a cancellation.
 absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts);
 
+// How far above SeamOptions::max_stretch a chart may come as delivered before more is cut, or said, about it.
+inline constexpr double kStretchTolerance = 1.02;
+
 // The UV in the type in which they are delivered, and their faults.
 struct Delivery {
   CornerUv uv;
@@ -193,10 +196,11 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
                  Charts* charts);
 
 // Cuts the charts that overlap themselves as delivered, which those do whose outlines touch themselves when rounding
-// moves them, and parts faces from them that are still flipped or collapsed, where widening has not helped. Like
-// Refine().
-absl::StatusOr<bool> RefineDelivered(Job* job, const Delivery& delivery, std::vector<std::int32_t>* todo,
-                                     Charts* charts);
+// moves them, and those that are stretched beyond kStretchTolerance times the limit: by rounding, or since faces that
+// turn out to be too thin for the type no longer count. Parts faces from charts that are still flipped or collapsed,
+// where widening has not helped. Like Refine().
+absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Delivery& delivery,
+                                     std::vector<std::int32_t>* todo, Charts* charts);
 
 // Measures what is delivered and reports, the job's warnings and seconds included. CANCELLED after a cancellation.
 absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas& atlas, Delivery delivery);

@@ -175,7 +175,7 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     bool goes_on = WidenCharts(&job, atlas, delivery, &todo, &charts);
     if (!goes_on) {
       PLANISH_RETURN_IF_ERROR(FindOverlaps(&job, charts, &delivery));
-      PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, delivery, &todo, &charts));
+      PLANISH_ASSIGN_OR_RETURN(goes_on, RefineDelivered(&job, atlas, delivery, &todo, &charts));
     }
     if (goes_on || *is_draft) {
       is_draft = goes_on && (*is_draft || round >= 2);

@@ -165,7 +165,7 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
   double worst = 1;
   for (const ChartReport& chart : charts) worst = std::max(worst, chart.stretch_l2);
   warn(
-      "STRETCH_ABOVE_LIMIT", [&](const ChartReport& c) { return c.stretch_l2 > 1.02 * max_stretch; },
+      "STRETCH_ABOVE_LIMIT", [&](const ChartReport& c) { return c.stretch_l2 > kStretchTolerance * max_stretch; },
       [&](const ChartReport&) {
         return absl::StrFormat("stretch of up to %.3g where %.3g was asked for: %s", worst, max_stretch,
                                stopped ? "stopped before more seams were added" : "more seams would not help");

@@ -8,7 +8,7 @@
 #   their anonymous namespaces must therefore differ.
 # - PLANISH_PCH: heavy headers of others are precompiled, by the targets that name them after PCH and for those that
 #   name such a target after PCH_OF. No source may rely on that: it includes what it uses.
-# Both are ON by default; the preset "plain" builds without either.
+# Both are ON by default; the preset "clang" builds without either.
 #
 # A folder whose code waits for others (sockets, files, people) sets PLANISH_OPTIMIZE to -O1, which compiles in half the
 # time of the -O3 that numbers need. Nothing is optimized with CMAKE_BUILD_TYPE=Debug.

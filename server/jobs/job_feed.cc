@@ -154,7 +154,7 @@ void JobFeed::LookAtAll(const std::map<std::string, Entry>& entries) {
   for (const auto& [name, entry] : entries) {
     const auto position = positions.find(entry.number);
     const bool there = position != positions.end();
-    ReadNew(name, entry, [&](JobEventLog* log) {
+    ReadNew(name, entry, [&, &name = name, &entry = entry](JobEventLog* log) {
       if (there && position->second.last_sequence > log->last_sequence()) return Read(name, entry.number, log);
       return !there || position->second.ended ? EndBehind(name, log) : absl::OkStatus();
     });
@@ -197,7 +197,7 @@ void JobFeed::Refresh() {
     }
   }
   for (const auto& [name, entry] : changed) {
-    ReadNew(name, entry, [&](JobEventLog* log) { return Read(name, entry.number, log); });
+    ReadNew(name, entry, [&, &name = name, &entry = entry](JobEventLog* log) { return Read(name, entry.number, log); });
   }
   LookAtAll(all);
 }
