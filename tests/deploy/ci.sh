@@ -82,12 +82,20 @@ expect 1 "No test passed" $'\n0 passed, 0 failed, 1 skipped'
 
 # Tries that failed before one that passed.
 { case_of good run; case_of late run; case_of leaky run; } | report
-{ try_of late Failed "too late"; try_of late Passed ""; try_of good Passed "ERROR: AddressSanitizer: on purpose"; } >log.txt
+on_purpose=$'2==ERROR: AddressSanitizer: SEGV on unknown address\nSUMMARY: AddressSanitizer: SEGV /x/server/worker/failpoints.cc:3 in F'
+{ try_of late Failed "too late"; try_of late Passed ""; try_of good Passed "$on_purpose"; } >log.txt
 read_report
 expect 0 "REPEATED: late failed" $'\n3 passed, 0 failed'
 { try_of leaky Failed "1==ERROR: LeakSanitizer: detected"; try_of leaky Passed ""; } >>log.txt
 read_report
-expect 1 "REPEATED: late failed" "FAILED: leaky passed when it was repeated" $'\n2 passed, 1 failed'
+expect 1 "REPEATED: late failed" "FAILED: leaky passed, but a sanitizer's report" $'\n2 passed, 1 failed'
+# Reports of processes that a test started and whose end it did not mind.
+{ try_of late Passed "3==ERROR: AddressSanitizer: heap-use-after-free"; try_of good Passed "$on_purpose"; try_of leaky Passed ""; } >log.txt
+read_report
+expect 1 "FAILED: late passed, but a sanitizer's report" $'\n2 passed, 1 failed'
+{ try_of late Passed ""; try_of good Passed "$on_purpose"$'\n4==ERROR: AddressSanitizer: SEGV'; try_of leaky Passed ""; } >log.txt
+read_report
+expect 1 "FAILED: good passed, but a sanitizer's report" $'\n2 passed, 1 failed'
 # What a test printed that failed: its last try, from GoogleTest's "Failure" on, or the last lines.
 { case_of good run; case_of bad fail; case_of worse fail; } | report
 {
