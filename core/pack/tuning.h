@@ -12,10 +12,12 @@ struct PackTuning {
   // What charts and their maps cost at least, from which PackEffort takes its share. Measured on atlases of 86 to 1,451
   // charts, where it was 10,000 to 40,000 a face; on generated meshes of 450,000 to 1,500,000 faces 10,000 to 15,000.
   double rest_per_face = 13'000, rest_per_chart = 50'000;
-  // Faces up to which all count. Of more faces work grows with the square root (not with PackEffort::kBest): it gains
-  // little there. Two surface nets of 450,000 faces, 412 and 415 charts, fill 0.661 and 0.761 of the texture if all
-  // count, 0.657 and 0.757 with 200,000, 0.649 and 0.757 with 100,000. Of six generated meshes of 60,000 to 220,000
-  // faces that of most charts fills 0.648, 0.648 and 0.615 with 200,000, 100,000 and 50,000, the others differ little.
+  // Faces up to which all count. Of more faces work grows with the fourth root (not with PackEffort::kBest): it gains
+  // little there. Four generated meshes of 444,000, 573,000, 886,000 and 1,147,000 faces, of 404 to 1,539 charts, fill
+  // 0.650, 0.605, 0.632 and 0.599 of the texture; with the square root 0.650, 0.609, 0.650 and 0.617, for 1.13 times
+  // the time of the whole unwrap of the first and 1.18 of the third. Of six of 60,000 to 220,000 faces that of most
+  // charts fills, with the square root, 0.648, 0.648 and 0.615 with 200,000, 100,000 and 50,000, the others differ
+  // little.
   double full_work_faces = 100'000;
   // Of the rest. Of normal_share 0.3, 0.35 and 0.4 forty shared meshes fill 0.6977, 0.7007 and 0.7005 of the texture in
   // the mean.
