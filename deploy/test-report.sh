@@ -5,9 +5,9 @@
 #   deploy/test-report.sh REPORT LOG ALLOWED_SKIPS [sanitized]
 #
 # REPORT is ctest's JUnit file, which has the last try of each test. LOG is its LastTest.log, which has every try: a test
-# that failed and then passed (ctest --repeat) is named. A test that passed has failed all the same if a try of it printed a
-# sanitizer's report, which a process that it started may have made, but for those made on purpose by
-# server/worker/failpoints.cc.
+# that failed and then passed (ctest --repeat) is named. A test that passed has failed all the same if a sanitizer's report is
+# in the output of any try: that of the test, or of a process it started. Faults that server/worker/failpoints.cc makes on
+# purpose do not count.
 # Under the name of a test that failed are lines of what it printed in its last try: what follows GoogleTest's first "Failure",
 # or the last lines.
 # ALLOWED_SKIPS is tests/allowed_skips.txt, which explains itself. `sanitized`: the programs were built with a sanitizer.

@@ -69,8 +69,8 @@ class Packer {
  private:
   double Budget() const {
     const auto charts = static_cast<double>(charts_.outlines.size());
-    const double more = std::sqrt(std::sqrt(charts_.num_faces / tuning_.full_work_faces));
-    const double counting = std::min(charts_.num_faces, tuning_.full_work_faces * more);
+    const double growth = std::sqrt(std::sqrt(charts_.num_faces / tuning_.full_work_faces));
+    const double counting = std::min(charts_.num_faces, tuning_.full_work_faces * growth);
     const double faces = options_.effort == PackEffort::kBest ? charts_.num_faces : counting;
     const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;

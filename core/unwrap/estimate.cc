@@ -16,7 +16,7 @@ constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are 
 constexpr double kBytesPerFace = 1000;     // multigrid
 // Beside that, of a face in a chart of some faces, and of a face that is a chart by itself. The counts do not tell
 // triangles on random vertices from a closed surface: their 1,800 to 2,700 bytes a face are up to 1.6 times the
-// estimate. With room for those, a third of all other meshes up to 8,000 faces took less than a third of it.
+// estimate. An estimate with room for those was more than three times what 31 % of other meshes up to 8,000 faces took.
 constexpr double kChartBytesPerFace = 200, kBytesPerPiece = 1500;
 // With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
 // the first.

@@ -239,14 +239,11 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
 // Root mean square stretch of a chart without the faces that the report names as thinner than the type can hold.
 double StretchAsDelivered(const Job& job, const Charts& charts, const Atlas& atlas, const Delivery& delivery,
                           const Chart& chart) {
-  std::vector<std::int32_t> thin =
-      FindThinFaces(job.mesh, delivery.uv, atlas.scale, delivery.precision, charts.ignored, chart);
-  std::sort(thin.begin(), thin.end());
   MapSums sums;
   for (std::int32_t i = 0; i < chart.topology.num_faces(); ++i) {
     const std::int32_t f = chart.faces[i];
-    const bool is_ignored = !charts.ignored.empty() && charts.ignored[f] != 0;
-    if (is_ignored || chart.is_widened(i) || std::binary_search(thin.begin(), thin.end(), f)) continue;
+    if (chart.is_widened(i) || (!charts.ignored.empty() && charts.ignored[f] != 0)) continue;
+    if (IsThin(job.mesh, delivery.uv, atlas.scale, delivery.precision, chart, f)) continue;
     sums.Add(TriangleOf(delivery.uv, f).data(), TriangleOf(job.mesh.positions, job.mesh.faces[f]).data());
   }
   return sums.StretchL2();

@@ -183,9 +183,10 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
   for (const MappedChart& mapped : charts.charts) {
     if (job->options.seams.policy != SeamPolicy::kAuto) break;
-    const std::vector<std::int32_t> faces =
-        FindThinFaces(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts.ignored, mapped.chart);
-    result.widened.insert(result.widened.end(), faces.begin(), faces.end());
+    for (const std::int32_t f : mapped.chart.faces) {
+      if (!charts.ignored.empty() && charts.ignored[f] != 0) continue;
+      if (IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f)) result.widened.push_back(f);
+    }
   }
   std::sort(result.widened.begin(), result.widened.end());
   result.widened.erase(std::unique(result.widened.begin(), result.widened.end()), result.widened.end());

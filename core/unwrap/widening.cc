@@ -142,17 +142,11 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
   return Widen(mesh, thin, chart);
 }
 
-std::vector<std::int32_t> FindThinFaces(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
-                                        const std::vector<char>& ignored, const Chart& chart) {
-  std::vector<std::int32_t> faces;
-  for (const std::int32_t f : chart.faces) {
-    if (!ignored.empty() && ignored[f] != 0) continue;
-    const Corners p = TriangleOf(uv, f);
-    const std::array<Vec3, 3> q = TriangleOf(mesh.positions, mesh.faces[f]);
-    const double least = kHeldAltitude * GrainOf(p, precision);
-    if (scale * std::min(1.0, chart.enlargement) * DoubleArea(q) < least * LongestEdge(q)) faces.push_back(f);
-  }
-  return faces;
+bool IsThin(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision, const Chart& chart,
+            std::int32_t f) {
+  const std::array<Vec3, 3> q = TriangleOf(mesh.positions, mesh.faces[f]);
+  const double least = kHeldAltitude * GrainOf(TriangleOf(uv, f), precision);
+  return scale * std::min(1.0, chart.enlargement) * DoubleArea(q) < least * LongestEdge(q);
 }
 
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,

@@ -40,10 +40,9 @@ bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                     const std::vector<char>& ignored, Chart* chart);
 
-// Faces of a chart, as the mesh numbers them, that are so thin on the surface that rounding stretches them across by
-// many per cent, or that were drawn thicker, as faces beside widened ones are. Those marked in `ignored` (empty: none)
-// are left out.
-std::vector<std::int32_t> FindThinFaces(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
-                                        const std::vector<char>& ignored, const Chart& chart);
+// Whether a face of a chart, as the mesh numbers it, is so thin on the surface that rounding stretches it across by
+// many per cent, or was drawn thicker, as faces beside widened ones are.
+bool IsThin(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision, const Chart& chart,
+            std::int32_t f);
 
 }  // namespace planish
