@@ -41,20 +41,17 @@ class Claimer {
     if (!request_.work.empty()) {
       PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> work, transaction_.LockWork(request_.work, /*wait=*/false));
       if (!work.has_value() || work->row.running) return absl::OkStatus();
-      Choose(work->row);
-      return Start(*std::move(work));
+      Choose(*std::move(work));
     }
-    while (static_cast<int>(chosen_.size()) < request_.most && !runs_alone_) {
-      PLANISH_ASSIGN_OR_RETURN(std::optional<WorkRow> next, Next());
-      if (!next.has_value() || !Fits(*next)) break;
+    while (request_.work.empty() && static_cast<int>(chosen_.size()) < request_.most && !runs_alone_) {
+      PLANISH_ASSIGN_OR_RETURN(std::optional<LockedWork> next, Next());
+      if (!next.has_value() || !Fits(next->row)) break;
       ++running_;
-      memory_ += next->memory_bytes;
-      runs_alone_ = next->alone;
+      memory_ += next->row.memory_bytes;
+      runs_alone_ = next->row.alone;
       Choose(*std::move(next));
     }
-    if (chosen_.empty()) return absl::OkStatus();
-    PLANISH_ASSIGN_OR_RETURN(std::vector<LockedWork> works, transaction_.LoadJobs(std::move(chosen_)));
-    for (LockedWork& work : works) PLANISH_RETURN_IF_ERROR(Start(std::move(work)));
+    for (LockedWork& work : chosen_) PLANISH_RETURN_IF_ERROR(Start(std::move(work)));
     return absl::OkStatus();
   }
 
@@ -85,8 +82,8 @@ class Claimer {
     return !work.alone && (request_.memory_bytes <= 0 || memory_ + work.memory_bytes <= request_.memory_bytes);
   }
 
-  // Locked; empty: none waits that this owner may have. Between tenants that are equal, the oldest goes first.
-  absl::StatusOr<std::optional<WorkRow>> Next() {
+  // Empty: none waits that this owner may have. Between tenants that are equal, the oldest goes first.
+  absl::StatusOr<std::optional<LockedWork>> Next() {
     while (true) {
       const std::vector<std::string> order = TenantsInOrder();
       if (order.empty()) return std::nullopt;
@@ -94,10 +91,10 @@ class Claimer {
       std::string first;
       for (const std::string& tenant : order) {
         if (TurnOf(tenant) > TurnOf(order.front())) break;
-        std::deque<WorkRow>& heads = fetched_[tenant].heads;
+        std::deque<LockedWork>& heads = fetched_[tenant].heads;
         if (heads.empty()) {
           passed_by_.insert(tenant);  // others are about to take what it has
-        } else if (first.empty() || IsOlder(heads.front(), fetched_[first].heads.front())) {
+        } else if (first.empty() || IsOlder(heads.front().row, fetched_[first].heads.front().row)) {
           first = tenant;
         }
       }
@@ -107,8 +104,8 @@ class Claimer {
         passed_by_.insert(first);
         continue;
       }
-      std::deque<WorkRow>& heads = fetched_[first].heads;
-      WorkRow head = std::move(heads.front());
+      std::deque<LockedWork>& heads = fetched_[first].heads;
+      LockedWork head = std::move(heads.front());
       heads.pop_front();
       return head;
     }
@@ -137,8 +134,8 @@ class Claimer {
     return tenants;
   }
 
-  // Locks what is next of the first tenants with one journey to the database: of all that are as good as the first one,
-  // and of as many more as there is work to claim, each with its part of that.
+  // Locks what is next of the first tenants, and reads its jobs, with one journey to the database: of all that are as
+  // good as the first one, and of as many more as there is work to claim, each with its part of that.
   absl::Status Fetch(const std::vector<std::string>& order) {
     const std::int64_t first_turn = TurnOf(order.front());
     const auto lacks = [this](const std::string& tenant) {
@@ -152,10 +149,10 @@ class Claimer {
     const std::size_t part = (wanted + order.size() - 1) / order.size();
     const std::int64_t most =
         request_.memory_bytes > 0 ? request_.memory_bytes : std::numeric_limits<std::int64_t>::max();
-    RowBatch questions = RowBatch::Select(
-        absl::StrCat("SELECT * FROM (SELECT ", kWorkColumns,
-                     " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? ORDER BY turn_time, number "
-                     "LIMIT ? {skip}) AS heads"));
+    RowBatch questions = RowBatch::Select(absl::StrCat(
+        "SELECT heads.*, coalesce(jobs.number, 0), jobs.due, jobs.record, jobs.report FROM (SELECT ", kWorkColumns,
+        " FROM works WHERE tenant = ? AND running = 0 AND memory_bytes <= ? ORDER BY turn_time, number "
+        "LIMIT ? {skip}) AS heads {with_jobs}"));
     std::map<std::string, std::size_t> missing;  // of what was asked for
     for (std::size_t i = 0; i < order.size(); ++i) {
       if (i >= wanted && TurnOf(order[i]) > first_turn) break;
@@ -169,10 +166,22 @@ class Claimer {
     PLANISH_RETURN_IF_ERROR(questions.Send(&sql_, &answers));
     PLANISH_RETURN_IF_ERROR(sql_.Flush());
     for (const SqlRows& rows : answers) {
-      for (WorkRow& work : WorkRowsOf(rows)) {
+      std::vector<WorkRow> works = WorkRowsOf(rows);  // each as often as it has jobs
+      std::size_t next = 0;
+      for (std::size_t begin = 0; begin < works.size(); begin = next) {
+        WorkRow& work = works[begin];
+        next = begin + 1;
+        while (next < works.size() && works[next].name == work.name) ++next;
         --missing[work.tenant];
         Fetched& fetched = fetched_[work.tenant];
-        if (fetched.names.insert(work.name).second) fetched.heads.push_back(std::move(work));
+        if (!fetched.names.insert(work.name).second) continue;
+        std::vector<JobRow> jobs;
+        for (std::size_t i = begin; i < next; ++i) {
+          if (rows.Int(i, kWorkColumnCount) == 0) continue;
+          PLANISH_ASSIGN_OR_RETURN(JobRow job, JobRowOf(rows, i, kWorkColumnCount));
+          jobs.push_back(std::move(job));
+        }
+        fetched.heads.push_back(transaction_.LockedWorkOf(std::move(work), std::move(jobs)));
       }
     }
     for (const auto& [tenant, count] : missing) fetched_[tenant].all = count > 0;
@@ -195,8 +204,9 @@ class Claimer {
     return MayRunMore(limits, accounts_.tenants[tenant].running);
   }
 
-  // The work, which is locked and waits, is this owner's.
-  void Choose(WorkRow row) {
+  // The work, which waits, is this owner's.
+  void Choose(LockedWork work) {
+    const WorkRow& row = work.row;
     const std::string& tenant = row.tenant;
     const TenantLimits limits = LimitsOf(tenant);
     const double share = ShareOf(limits);
@@ -214,7 +224,7 @@ class Claimer {
     account.running += 1;
     account.started += now_ / 1'000'000;
     account.charged += charge;
-    chosen_.push_back(std::move(row));
+    chosen_.push_back(std::move(work));
   }
 
   // Starts all jobs of work that was chosen.
@@ -255,13 +265,13 @@ class Claimer {
 
   std::int64_t now_ = 0;
   FairAccounts accounts_;  // with what was chosen
-  std::vector<WorkRow> chosen_;
+  std::vector<LockedWork> chosen_;
   std::set<std::string> passed_by_, counted_;  // tenants
   // What was locked of a tenant.
   struct Fetched {
-    std::deque<WorkRow> heads;    // that were not chosen, in their order
-    std::set<std::string> names;  // of all
-    bool all = false;             // there is no more
+    std::deque<LockedWork> heads;  // that were not chosen, in their order
+    std::set<std::string> names;   // of all
+    bool all = false;              // there is no more
   };
   std::map<std::string, Fetched> fetched_;
   // Of this owner.

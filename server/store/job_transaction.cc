@@ -112,21 +112,27 @@ std::int64_t ResultBytes(const JobRecord& record) {
 
 }  // namespace
 
+absl::StatusOr<JobRow> JobRowOf(const SqlRows& rows, std::size_t i, std::size_t column) {
+  JobRow job;
+  JobRecord& record = job.record;
+  if (!record.ParseFromString(rows.Bytes(i, column + 2))) return BadRow();
+  FillInTenant(record.mutable_job());
+  const std::string& report = rows.Bytes(i, column + 3);
+  const bool has_report = !report.empty();
+  if (has_report && !record.mutable_job()->mutable_report()->ParseFromString(report)) return BadRow();
+  record.DiscardUnknownFields();
+  record.set_number(rows.Int(i, column));
+  job.had_request_id = !record.request_id().empty();
+  job.due = rows.Int(i, column + 1);
+  job.result_bytes = ResultBytes(record);
+  job.standing.ended = IsTerminal(record.job().state());
+  return job;
+}
+
 absl::StatusOr<std::vector<JobRow>> JobRowsOf(const SqlRows& rows) {
   std::vector<JobRow> jobs(rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    JobRecord& record = jobs[i].record;
-    if (!record.ParseFromString(rows.Bytes(i, 2))) return BadRow();
-    FillInTenant(record.mutable_job());
-    const std::string& report = rows.Bytes(i, 3);
-    const bool has_report = !report.empty();
-    if (has_report && !record.mutable_job()->mutable_report()->ParseFromString(report)) return BadRow();
-    record.DiscardUnknownFields();
-    record.set_number(rows.Int(i, 0));
-    jobs[i].had_request_id = !record.request_id().empty();
-    jobs[i].due = rows.Int(i, 1);
-    jobs[i].result_bytes = ResultBytes(record);
-    jobs[i].standing.ended = IsTerminal(record.job().state());
+    PLANISH_ASSIGN_OR_RETURN(jobs[i], JobRowOf(rows, i));
   }
   return jobs;
 }
@@ -209,7 +215,7 @@ absl::StatusOr<std::optional<LockedWork>> JobTransaction::LockWork(const std::st
   PLANISH_ASSIGN_OR_RETURN(JobsByWork jobs, ReadJobs({work}));
   if (rows.empty()) return std::nullopt;
   SetLeaseNow(rows.Int(0, kWorkColumnCount));  // Settle() may need it
-  return LockedWorkOf(std::move(WorkRowsOf(rows).front()), &jobs);
+  return LockedWorkOf(std::move(WorkRowsOf(rows).front()), std::move(jobs[work]));
 }
 
 absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(const std::vector<Lease>& ordered) {
@@ -231,18 +237,9 @@ absl::StatusOr<std::vector<std::optional<LockedWork>>> JobTransaction::EndWorks(
   for (std::size_t i = 0; i < ordered.size(); ++i) {
     if (rows[i].empty()) continue;
     SetLeaseNow(rows[i].Int(0, kWorkColumnCount));
-    works[i] = LockedWorkOf(std::move(WorkRowsOf(rows[i]).front()), &jobs);
+    works[i] = LockedWorkOf(std::move(WorkRowsOf(rows[i]).front()), std::move(jobs[ordered[i].work]));
     works[i]->is_taken = true;
   }
-  return works;
-}
-
-absl::StatusOr<std::vector<LockedWork>> JobTransaction::LoadJobs(std::vector<WorkRow> rows) {
-  std::vector<std::string> names;
-  for (const WorkRow& row : rows) names.push_back(row.name);
-  PLANISH_ASSIGN_OR_RETURN(JobsByWork jobs, ReadJobs(names));
-  std::vector<LockedWork> works;
-  for (WorkRow& row : rows) works.push_back(LockedWorkOf(std::move(row), &jobs));
   return works;
 }
 
@@ -254,16 +251,18 @@ absl::StatusOr<JobTransaction::JobsByWork> JobTransaction::ReadJobs(const std::v
   PLANISH_RETURN_IF_ERROR(sql_.Flush());
   JobsByWork jobs;
   for (const SqlRows& rows : answers) {
-    PLANISH_ASSIGN_OR_RETURN(std::vector<JobRow> read, JobRowsOf(rows));
-    for (std::size_t i = 0; i < read.size(); ++i) jobs[rows.Bytes(i, kJobWorkColumn)].push_back(std::move(read[i]));
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      PLANISH_ASSIGN_OR_RETURN(JobRow job, JobRowOf(rows, i));
+      jobs[rows.Bytes(i, kJobWorkColumn)].push_back(std::move(job));
+    }
   }
   return jobs;
 }
 
-LockedWork JobTransaction::LockedWorkOf(WorkRow row, JobsByWork* jobs) const {
+LockedWork JobTransaction::LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const {
   LockedWork locked;
   locked.before = row;
-  locked.jobs = std::move((*jobs)[row.name]);
+  locked.jobs = std::move(jobs);
   locked.row = std::move(row);
   for (JobRow& job : locked.jobs) job.standing = StandingOf(job.record, context_.max_attempts);
   return locked;

@@ -58,6 +58,8 @@ struct LockedWork {
 inline constexpr char kJobColumns[] = "number, due, record, report";
 inline constexpr char kLeanJobColumns[] = "number, due, record, NULL";
 
+// Row i, whose columns begin at `column`.
+absl::StatusOr<JobRow> JobRowOf(const SqlRows& rows, std::size_t i, std::size_t column = 0);
 absl::StatusOr<std::vector<JobRow>> JobRowsOf(const SqlRows& rows);
 // Of rows with kind and event, those with greater sequences than `after`.
 absl::StatusOr<std::vector<v1::JobEvent>> EventsOf(const SqlRows& rows, std::int64_t after);
@@ -101,8 +103,8 @@ class JobTransaction {
   // lease is not that of the work. The order is that of their names everywhere, so that no two transactions wait for
   // each other.
   absl::StatusOr<std::vector<std::optional<LockedWork>>> EndWorks(const std::vector<Lease>& ordered);
-  // Of work whose rows are locked, with one journey to the database.
-  absl::StatusOr<std::vector<LockedWork>> LoadJobs(std::vector<WorkRow> rows);
+  // Of a row that is locked, and its jobs as they were read after that.
+  LockedWork LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const;
 
   // LockWork() of the job's work, and where the job is in it; no place: it ended, and is the only row.
   struct Locked {
@@ -162,7 +164,6 @@ class JobTransaction {
   // Of works, by their names.
   using JobsByWork = std::map<std::string, std::vector<JobRow>>;
   absl::StatusOr<JobsByWork> ReadJobs(const std::vector<std::string>& works);
-  LockedWork LockedWorkOf(WorkRow row, JobsByWork* jobs) const;
 
   SqlConnection& sql_;
   const VerbContext& context_;

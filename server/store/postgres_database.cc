@@ -49,6 +49,7 @@ using Result = std::unique_ptr<PGresult, ResultDeleter>;
 std::string PostgresWord(std::string_view word) {
   if (word == "lock") return "FOR UPDATE";
   if (word == "skip") return "FOR UPDATE SKIP LOCKED";
+  if (word == "with_jobs") return "LEFT JOIN LATERAL live_jobs_of(heads.name) AS jobs ON TRUE";
   if (word == "next_number") return "nextval('job_numbers')";
   if (word == "outcome") return "outcome";
   if (word == "anywhere") return "ctid >= '(0,0)'";  // without it: by an index, since sequential scans are off

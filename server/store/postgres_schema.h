@@ -110,6 +110,14 @@ inline constexpr const char* kPostgresMigrations[] = {
         RETURN 0;
       END $$;
     )sql",
+    // For {with_jobs}. VOLATILE: its query sees what was committed before the call, which comes after the lock of the
+    // work, where a join would see what there was before the whole statement.
+    R"sql(
+      CREATE FUNCTION live_jobs_of(work_name TEXT) RETURNS SETOF jobs LANGUAGE plpgsql VOLATILE AS $$
+      BEGIN
+        RETURN QUERY SELECT * FROM jobs WHERE work = work_name AND ended = 0 ORDER BY number;
+      END $$;
+    )sql",
 };
 
 // Transactions between TakeTurn() and their ends; the first of the tables turns_N. With four of them, claims held each

@@ -3,6 +3,8 @@
 // A statement is written once: `?` is the next parameter; the words below stand for what the engines say differently.
 //   {lock}         after a SELECT within a transaction: nobody else changes these rows before it ends
 //   {skip}         likewise, and rows that somebody else has locked are left out
+//   {with_jobs}    after FROM (SELECT ... {skip}) AS heads: each of these works beside each of its live jobs, AS jobs
+//                  (as they are once the work is locked)
 //   {next_number}  a number for a new job, above all earlier ones
 //   {outcome}      the state of a job, where the statement says that it has ended
 //   {anywhere}     true of each row, where all rows of a small table are wanted: they are read as they lie

@@ -149,6 +149,7 @@ constexpr std::size_t kMostStatements = 200;
 std::string SqliteWord(std::string_view word) {
   if (word == "next_number") return "(SELECT coalesce(max(number), 0) + 1 FROM jobs)";
   if (word == "outcome") return "state";
+  if (word == "with_jobs") return "LEFT JOIN jobs ON jobs.work = heads.name AND jobs.ended = 0";
   if (word == "anywhere") return "TRUE";
   if (word == "now" || word == "elapsed") return "0";
   return "";  // a writer has the database to itself

@@ -511,6 +511,47 @@ TEST_F(PostgresTest, AClaimGivesUpWhenItsTurnDoesNotCome) {
   EXPECT_FALSE(wait.gave_up);
 }
 
+// A claim must not miss a job that joins the work between the claim's look at the queue and its lock.
+TEST_F(PostgresTest, WorkIsReadWithJobsThatJoinedItBeforeItWasLocked) {
+  PostgresServer server;
+  const std::string url = server.NewDatabase();
+  const std::unique_ptr<SqlDatabase> database = *OpenPostgresDatabase({url, 3});
+  const std::unique_ptr<JobStore> store = NewJobStore(*OpenPostgresDatabase({url, 1}));
+  const auto accept = [&store](std::int64_t number) {
+    NewJob job = JobNumber(number);
+    job.record.set_work_key("the same");
+    return store->Accept({absl::Now()}, job).status();
+  };
+  ASSERT_TRUE(accept(1).ok());
+  const auto begin = [&database] {
+    SqlDatabase::Lease connection = *database->Connect(SqlDatabase::Use::kWrite);
+    EXPECT_TRUE(connection->Begin(Durability::kLater).ok());
+    return connection;
+  };
+  const SqlDatabase::Lease blocker = begin();
+  ASSERT_TRUE(blocker->Run("SELECT CAST(pg_advisory_xact_lock(7) AS TEXT)", {}).ok());
+  std::size_t rows = 0;
+  std::thread reader([&] {
+    const SqlDatabase::Lease connection = begin();
+    const absl::StatusOr<SqlRows> read = connection->Run(
+        "SELECT heads.*, jobs.number FROM (SELECT name, CAST(pg_advisory_xact_lock(7) AS TEXT) FROM works {skip}) "
+        "AS heads {with_jobs}",
+        {});
+    EXPECT_TRUE(read.ok()) << read.status();
+    if (read.ok()) rows = read->size();
+    EXPECT_TRUE(connection->Commit().ok());
+  });
+  const SqlDatabase::Lease watcher = *database->Connect(SqlDatabase::Use::kRead);
+  while (watcher->Run("SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted", {})->Int(0, 0) ==
+         0) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_TRUE(accept(2).ok());
+  EXPECT_TRUE(blocker->Commit().ok());
+  reader.join();
+  EXPECT_EQ(rows, 2);
+}
+
 TEST_F(PostgresTest, OfManyProcessesThoseThatNeedNotHearDoNot) {
   PostgresServer server;
   const std::string url = server.NewDatabase();
