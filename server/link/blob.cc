@@ -59,6 +59,10 @@ Blob::~Blob() {
   if (size_ > 0) munmap(const_cast<char*>(data_), size_);
 }
 
+void Blob::LeaveMemory() const {
+  if (size_ > 0) madvise(const_cast<char*>(data_), size_, MADV_DONTNEED);
+}
+
 absl::StatusOr<BlobWriter> BlobWriter::Make(std::size_t size) {
   Descriptor memory(memfd_create("planish-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (memory.get() < 0) return Failed("memfd_create");

@@ -33,6 +33,8 @@ class Blob {
   Blob& operator=(const Blob&) = delete;
 
   std::string_view bytes() const { return {data_, size_}; }
+  // Until they are read again the bytes take no memory of this process.
+  void LeaveMemory() const;
   // For handing over; stays ours.
   int descriptor() const { return descriptor_.get(); }
 

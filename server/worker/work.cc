@@ -83,6 +83,8 @@ class Work {
     PLANISH_RETURN_IF_ERROR(Reach("decode"));
     Timer timer;
     PLANISH_ASSIGN_OR_RETURN(const Mesh mesh, ReadMesh());
+    mesh_sha256_ = Sha256(blobs_[0]->bytes());
+    blobs_[0]->LeaveMemory();  // not read any more
     const double decode_seconds = timer.Seconds();
     PLANISH_RETURN_IF_ERROR(CheckSize(mesh));
     PLANISH_RETURN_IF_ERROR(CheckCancel());
@@ -162,7 +164,7 @@ class Work {
     uv->set_precision(ToProto(unwrapped.precision));
     uv->set_corner_count(static_cast<std::int64_t>(unwrapped.uv.size() / 2));
     uv->set_total_bytes(static_cast<std::int64_t>(bytes.size()));
-    uv->set_mesh_sha256(Sha256(blobs_[0]->bytes()));
+    uv->set_mesh_sha256(mesh_sha256_);
     uv->set_uv_sha256(Sha256(bytes));
   }
 
@@ -171,6 +173,7 @@ class Work {
   const WorkControl& control_;
   const Timer since_start_;
   double tolerance_ = 0;
+  std::string mesh_sha256_;
   v1::Progress last_;
   ProgressThrottle throttle_;
 };

@@ -5,8 +5,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstring>
 #include <stdexcept>
+#include <string>
 #include <thread>
 
 #include "absl/time/clock.h"
@@ -126,6 +129,30 @@ TEST(Blob, OnlySealedMemoryIsTakenFromOthers) {
   EXPECT_FALSE(Blob::MapSealed(Descriptor(pipe_ends[0])).ok());
   close(pipe_ends[1]);
   EXPECT_EQ((*Blob::Map(Descriptor(memory)))->bytes(), "abc") << "a file of ours";
+}
+
+TEST(Blob, LeavesMemoryUntilItIsReadAgain) {
+  const BlobPtr blob = *Blob::Copy(std::string(1 << 20, 'x'));
+  // Of the pages that hold the bytes: those that this process has mapped.
+  const auto mapped = [&blob] {
+    std::int64_t pages = 0;
+    const std::size_t page = sysconf(_SC_PAGESIZE);
+    const int map = open("/proc/self/pagemap", O_RDONLY | O_CLOEXEC);
+    for (std::size_t at = 0; at < blob->bytes().size(); at += page) {
+      std::uint64_t entry = 0;
+      const std::size_t number = reinterpret_cast<std::size_t>(blob->bytes().data() + at) / page;
+      EXPECT_EQ(pread(map, &entry, sizeof(entry), static_cast<off_t>(number * sizeof(entry))), 8);
+      pages += static_cast<std::int64_t>(entry >> 63);
+    }
+    close(map);
+    return pages;
+  };
+  const auto read = [&blob] { return std::count(blob->bytes().begin(), blob->bytes().end(), 'x'); };
+  EXPECT_EQ(read(), 1 << 20);
+  EXPECT_GT(mapped(), 0);
+  blob->LeaveMemory();
+  EXPECT_EQ(mapped(), 0);
+  EXPECT_EQ(read(), 1 << 20);
 }
 
 TEST(Blob, MoreThanThereIsRoomForIsAnError) {
