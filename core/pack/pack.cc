@@ -184,7 +184,10 @@ class Packer {
       plan_.angles *= 2;
     plan_.ends_on_stop = charts_.order.size() > tuning_.many_charts;
     plan_.thorough = charts_.order.size() <= tuning_.many_charts;
-    series_ = std::make_unique<TrialSeries>(simple(), charts_.atlas, TrialTiles{options_.tiles, options_.atlases});
+    const auto kept =
+        static_cast<std::size_t>(std::clamp(charts_.num_faces, tuning_.fewest_silhouettes, tuning_.most_silhouettes));
+    series_ =
+        std::make_unique<TrialSeries>(simple(), charts_.atlas, TrialTiles{options_.tiles, options_.atlases}, kept);
     starts_.clear();
     double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(charts_.outlines.size());

@@ -26,8 +26,6 @@ constexpr int kRowsBeyond = 2;
 constexpr int kCellsOfLarge = 64;
 constexpr int kLevels = 4;
 static_assert(kCoarsestCell == 1 << (kLevels - 1));
-// So many silhouettes are kept at most, of about a kilobyte each.
-constexpr std::size_t kMostKept = 8192;
 
 // A chart at a turn, for the board of one level.
 struct Shape {
@@ -76,8 +74,9 @@ class Pyramid {
 
 class TrialSeries::Impl {
  public:
-  Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles)
-      : outlines_(outlines), atlas_(atlas), count_(tiles) {}
+  Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles,
+       std::size_t most_kept)
+      : outlines_(outlines), atlas_(atlas), count_(tiles), most_kept_(most_kept) {}
 
   void Resize(TrialSizes sizes) {
     sizes_ = std::move(sizes);
@@ -133,7 +132,7 @@ class TrialSeries::Impl {
     const std::size_t slots = outlines_.size() * static_cast<std::size_t>(plan.angles);
     shared_ = {};
     shared_.angles = plan.angles;
-    shared_.keeps = slots <= kMostKept;
+    shared_.keeps = slots <= most_kept_;
     shared_.shapes.resize(shared_.keeps ? slots : plan.angles);
     shared_.fixed.resize(shared_.keeps ? slots : 0);
   }
@@ -278,6 +277,7 @@ class TrialSeries::Impl {
   const std::vector<Outline>& outlines_;
   const std::vector<int>& atlas_;
   const TrialTiles count_;
+  const std::size_t most_kept_;
   TrialSizes sizes_;
   std::vector<Pyramid> tiles_;  // of most_side_ cells; each trial clears them
   int most_side_ = 0;
@@ -298,8 +298,9 @@ class TrialSeries::Impl {
   std::int64_t work_ = 0;
 };
 
-TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles)
-    : impl_(std::make_unique<Impl>(outlines, atlas, tiles)) {}
+TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles,
+                         std::size_t most_kept)
+    : impl_(std::make_unique<Impl>(outlines, atlas, tiles, most_kept)) {}
 
 TrialSeries::~TrialSeries() = default;
 

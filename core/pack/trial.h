@@ -56,8 +56,10 @@ struct TrialResult {
 
 class TrialSeries {
  public:
-  // `atlas`: whose tiles each chart goes to.
-  TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles);
+  // `atlas`: whose tiles each chart goes to. Silhouettes are kept from trial to trial if there are at most `most_kept`,
+  // of about a kilobyte each.
+  TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles,
+              std::size_t most_kept);
   ~TrialSeries();
 
   // For all trials until the next call. Those with the same number of turns share silhouettes.

@@ -33,6 +33,9 @@ struct PackTuning {
   // Silhouettes are made for the largest of several grids. On others they are wider than the padding asks for, by so
   // many cells at most; and the grids are smaller by this part at most.
   double wider_padding = 0.02, most_smaller = 0.1;
+  // Silhouettes of about a kilobyte that are kept from trial to trial: one for each face, but at least and at most so
+  // many. Of thousands of charts of one face they would be most of the memory, which no estimate foresees.
+  double fewest_silhouettes = 2048, most_silhouettes = 8192;
   // How far simplified outlines may lie from those of the charts, in cells.
   double simple_within = 0.02;
   // Turns that a trial tries of each chart, as a power of two: as many as leave room for so many trials. Turns by less

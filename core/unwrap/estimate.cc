@@ -10,14 +10,18 @@ namespace planish {
 namespace {
 
 // Measured by tests/bench/run.sh memory, and by planish_hunt --cases over all families of meshes, of 20 to 100,000
-// faces: more than was measured for 995 of 1,000, less than twice that for the others.
+// faces: more than was measured for 999 of 1,000, and at most three times that for 97 of 100.
 constexpr double kFixedBytes = 8e6;        // half of it code and tables, in a process that has not touched them yet
 constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are solved side by side
 constexpr double kBytesPerFace = 1000;     // multigrid
-// Beside that, of a face in a chart of some faces, and of a face that is a chart by itself. The counts do not tell
-// triangles on random vertices from a closed surface: their 1,800 to 2,700 bytes a face are up to 1.6 times the
-// estimate. An estimate with room for those was more than three times what 31 % of other meshes up to 8,000 faces took.
+// Beside that, of a face in a chart of some faces, and of a face that is a chart by itself.
 constexpr double kChartBytesPerFace = 200, kBytesPerPiece = 1500;
+// With SeamPolicy::kAuto small meshes may fall apart: more of a face, up to kFirstBytes in all, and more of each while
+// there are fewer than kSmallFaces. The counts do not tell triangles on random vertices from a closed surface; 4 of 240
+// such meshes take more than the estimate, 1.1 times at most. Of 15,275 other meshes of up to 8,000 faces none does (5
+// without this), and 3 % take less than a third of it.
+constexpr double kFirstBytesPerFace = 1000, kFirstBytes = 0.5e6;
+constexpr double kSmallBytesPerFace = 400, kSmallFaces = 30'000;
 // With PackEffort::kBest up to PackTuning::most_to_rearrange charts are rearranged as well. Images of each tile beyond
 // the first.
 constexpr double kBestBytesPerFace = 60e3, kMostBestBytes = 60e6;
@@ -115,9 +119,13 @@ Estimate EstimateUnwrap(std::int64_t faces, std::int64_t vertices, std::int64_t 
   const double fallback = may_fall_back ? (kFactorBytesPerFace - kBytesPerFace) *
                                               std::min(f, static_cast<double>(kMostFallbackFaces) * options.threads)
                                         : 0;
-  const double charts = options.seams.policy == SeamPolicy::kNone ? 0 : kChartBytesPerFace;
+  double charts = options.seams.policy == SeamPolicy::kNone ? 0 : kChartBytesPerFace * f;
+  if (options.seams.policy == SeamPolicy::kAuto) {
+    charts += std::min(kFirstBytes, kFirstBytesPerFace * f);
+    charts += kSmallBytesPerFace * f * std::max(0.0, 1 - f / kSmallFaces);
+  }
   const bool packs = options.pack && options.seams.policy != SeamPolicy::kNone;
-  const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + (per_face + charts) * f + fallback +
+  const double bytes = kFixedBytes + kBytesPerThread * (options.threads - 1) + per_face * f + charts + fallback +
                        (packs ? PackBytes(f, options.atlas) : 0) + kBytesPerPiece * pieces + kBytesPerByte * b;
   Estimate estimate;
   constexpr auto kLargest = std::numeric_limits<std::int64_t>::max();
