@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <limits>
 #include <map>
 #include <random>
 #include <set>
@@ -322,20 +323,31 @@ TEST(AnyMesh, CanBeInterruptedInEveryStage) {
 // Between what its progress tells of.
 TEST(AnyMesh, CanBeCancelledAnywhereInTheFirstStage) {
   const Mesh mesh = testing::Torus(80, 40);
-  const absl::StatusOr<UnwrapResult> whole = Unwrap(mesh, {}, {});
-  ASSERT_TRUE(whole.ok()) << whole.status();
+  double seconds = std::numeric_limits<double>::infinity();  // of the stage, when nothing else is in its way
+  for (int run = 0; run < 3; ++run) {
+    const absl::StatusOr<UnwrapResult> whole = Unwrap(mesh, {}, {});
+    ASSERT_TRUE(whole.ok()) << whole.status();
+    seconds = std::min(seconds, whole->seconds.charts);
+  }
   constexpr int kMoments = 50;
+  int late = 0;  // cancellations that came when all was done
   for (int i = 0; i < kMoments; ++i) {
     Interrupter interrupter;
     std::thread other([&, i] {
-      std::this_thread::sleep_for(std::chrono::duration<double>(i * whole->seconds.charts / kMoments));
+      std::this_thread::sleep_for(std::chrono::duration<double>(i * seconds / kMoments));
       interrupter.Interrupt();
     });
     UnwrapControl control;
     control.cancel = &interrupter;
-    EXPECT_EQ(Unwrap(mesh, {}, control).status().code(), absl::StatusCode::kCancelled) << i;
+    const absl::Status status = Unwrap(mesh, {}, control).status();
+    if (interrupter.IsInterrupted()) {
+      EXPECT_EQ(status.code(), absl::StatusCode::kCancelled) << i;
+    } else {
+      ++late;
+    }
     other.join();
   }
+  EXPECT_LT(late, kMoments / 2);
 }
 
 TEST(AnyMesh, KeepsAValidMapWhenStoppedAtAnyTime) {
