@@ -3,6 +3,7 @@
 #include <pwd.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <csignal>
 #include <fstream>
 #include <stdexcept>
@@ -43,8 +44,12 @@ PostgresServer::PostgresServer() {
 
 PostgresServer::PostgresServer(const PostgresServer& primary) {
   OwnDirectory();
+  // A primary that crashed drops what it has written ahead unless a slot keeps it: the standby could not follow, and
+  // commits would wait for ever.
+  static std::atomic<int> standbys = 0;
+  const std::string slot = " -C -S standby_" + std::to_string(++standbys);
   Run("pg_basebackup",
-      "-h " + primary.host() + " -U planish -D " + directory_.Path("data") + " -R -X stream --no-sync -c fast");
+      "-h " + primary.host() + " -U planish -D " + directory_.Path("data") + " -R -X stream --no-sync -c fast" + slot);
   // After a crash of the primary, whose commits wait for us.
   std::ofstream(directory_.Path("data/postgresql.auto.conf"), std::ios::app)
       << "wal_retrieve_retry_interval = '200ms'\n";
