@@ -16,8 +16,9 @@ constexpr double kBytesPerThread = 2.5e6;  // beyond the first: charts that are 
 constexpr double kBytesPerFace = 1000;     // multigrid
 // Beside that, of a face in a chart of some faces, and of a face that is a chart by itself.
 constexpr double kChartBytesPerFace = 200, kBytesPerPiece = 1500;
-// With SeamPolicy::kAuto small meshes may fall apart: more of a face, up to kFirstBytes in all, and more of each while
-// there are fewer than kSmallFaces. The counts do not tell triangles on random vertices from a closed surface; 4 of 240
+// With SeamPolicy::kAuto small meshes may fall apart. The first faces count for kFirstBytesPerFace more, up to
+// kFirstBytes in all. Each face counts for kSmallBytesPerFace more in a small mesh, and for less the larger it is: for
+// nothing from kSmallFaces on. The counts do not tell triangles on random vertices from a closed surface; 4 of 240
 // such meshes take more than the estimate, 1.1 times at most. Of 15,275 other meshes of up to 8,000 faces none does (5
 // without this), and 3 % take less than a third of it.
 constexpr double kFirstBytesPerFace = 1000, kFirstBytes = 0.5e6;

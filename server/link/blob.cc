@@ -59,7 +59,7 @@ Blob::~Blob() {
   if (size_ > 0) munmap(const_cast<char*>(data_), size_);
 }
 
-void Blob::LeaveMemory() const {
+void Blob::DropPages() const {
   if (size_ > 0) madvise(const_cast<char*>(data_), size_, MADV_DONTNEED);
 }
 

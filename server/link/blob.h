@@ -34,7 +34,7 @@ class Blob {
 
   std::string_view bytes() const { return {data_, size_}; }
   // Until they are read again the bytes take no memory of this process.
-  void LeaveMemory() const;
+  void DropPages() const;
   // For handing over; stays ours.
   int descriptor() const { return descriptor_.get(); }
 

@@ -101,8 +101,7 @@ absl::Status TimedOut(const v1::Job& job) {
 
 // Of pieces of work, the jobs that have not ended, each with the name of its work.
 RowBatch JobsOfWorks() {
-  return RowBatch::Of(
-      absl::StrCat("SELECT ", kJobColumns, ", work FROM jobs WHERE ended = 0 AND work IN ({rows}) ORDER BY number"));
+  return RowBatch::Of(absl::StrCat("SELECT ", kJobColumns, ", work FROM jobs WHERE ended = 0 AND work IN ({rows})"));
 }
 constexpr std::size_t kJobWorkColumn = 4;
 
@@ -263,6 +262,8 @@ LockedWork JobTransaction::LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) c
   LockedWork locked;
   locked.before = row;
   locked.jobs = std::move(jobs);
+  std::sort(locked.jobs.begin(), locked.jobs.end(),
+            [](const JobRow& a, const JobRow& b) { return a.record.number() < b.record.number(); });
   locked.row = std::move(row);
   for (JobRow& job : locked.jobs) job.standing = StandingOf(job.record, context_.max_attempts);
   return locked;

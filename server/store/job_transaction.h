@@ -103,7 +103,7 @@ class JobTransaction {
   // lease is not that of the work. The order is that of their names everywhere, so that no two transactions wait for
   // each other.
   absl::StatusOr<std::vector<std::optional<LockedWork>>> EndWorks(const std::vector<Lease>& ordered);
-  // Of a row that is locked, and its jobs as they were read after that.
+  // Of a row that is locked, and its jobs as they were read after that, in any order.
   LockedWork LockedWorkOf(WorkRow row, std::vector<JobRow> jobs) const;
 
   // LockWork() of the job's work, and where the job is in it; no place: it ended, and is the only row.

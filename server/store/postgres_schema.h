@@ -115,7 +115,7 @@ inline constexpr const char* kPostgresMigrations[] = {
     R"sql(
       CREATE FUNCTION live_jobs_of(work_name TEXT) RETURNS SETOF jobs LANGUAGE plpgsql VOLATILE AS $$
       BEGIN
-        RETURN QUERY SELECT * FROM jobs WHERE work = work_name AND ended = 0 ORDER BY number;
+        RETURN QUERY SELECT * FROM jobs WHERE work = work_name AND ended = 0;
       END $$;
     )sql",
 };

@@ -84,7 +84,7 @@ class Work {
     Timer timer;
     PLANISH_ASSIGN_OR_RETURN(const Mesh mesh, ReadMesh());
     mesh_sha256_ = Sha256(blobs_[0]->bytes());
-    blobs_[0]->LeaveMemory();  // not read any more
+    blobs_[0]->DropPages();  // not read any more
     const double decode_seconds = timer.Seconds();
     PLANISH_RETURN_IF_ERROR(CheckSize(mesh));
     PLANISH_RETURN_IF_ERROR(CheckCancel());

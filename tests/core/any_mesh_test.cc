@@ -330,8 +330,7 @@ TEST(AnyMesh, CanBeCancelledAnywhereInTheFirstStage) {
     seconds = std::min(seconds, whole->seconds.charts);
   }
   constexpr int kMoments = 50;
-  int late = 0;  // cancellations that came when all was done
-  for (int i = 0; i < kMoments; ++i) {
+  for (int i = 0; i < kMoments;) {
     Interrupter interrupter;
     std::thread other([&, i] {
       std::this_thread::sleep_for(std::chrono::duration<double>(i * seconds / kMoments));
@@ -340,14 +339,15 @@ TEST(AnyMesh, CanBeCancelledAnywhereInTheFirstStage) {
     UnwrapControl control;
     control.cancel = &interrupter;
     const absl::Status status = Unwrap(mesh, {}, control).status();
-    if (interrupter.IsInterrupted()) {
-      EXPECT_EQ(status.code(), absl::StatusCode::kCancelled) << i;
-    } else {
-      ++late;
-    }
+    const bool is_late = !interrupter.IsInterrupted();
     other.join();
+    if (is_late) {
+      seconds *= 0.9;  // the machine has become faster: this moment again
+      continue;
+    }
+    EXPECT_EQ(status.code(), absl::StatusCode::kCancelled) << i;
+    ++i;
   }
-  EXPECT_LT(late, kMoments / 2);
 }
 
 TEST(AnyMesh, KeepsAValidMapWhenStoppedAtAnyTime) {

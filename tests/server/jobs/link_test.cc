@@ -131,7 +131,7 @@ TEST(Blob, OnlySealedMemoryIsTakenFromOthers) {
   EXPECT_EQ((*Blob::Map(Descriptor(memory)))->bytes(), "abc") << "a file of ours";
 }
 
-TEST(Blob, LeavesMemoryUntilItIsReadAgain) {
+TEST(Blob, HasNoPagesUntilItIsReadAgain) {
   const BlobPtr blob = *Blob::Copy(std::string(1 << 20, 'x'));
   // Of the pages that hold the bytes: those that this process has mapped.
   const auto mapped = [&blob] {
@@ -150,7 +150,7 @@ TEST(Blob, LeavesMemoryUntilItIsReadAgain) {
   const auto read = [&blob] { return std::count(blob->bytes().begin(), blob->bytes().end(), 'x'); };
   EXPECT_EQ(read(), 1 << 20);
   EXPECT_GT(mapped(), 0);
-  blob->LeaveMemory();
+  blob->DropPages();
   EXPECT_EQ(mapped(), 0);
   EXPECT_EQ(read(), 1 << 20);
 }
