@@ -26,6 +26,13 @@ struct Rotation {
   Vec2 Back(const Vec2& p) const { return {cosine * p.x() + sine * p.y(), cosine * p.y() - sine * p.x()}; }
 };
 
+// Where a chart lies.
+struct Pose {
+  Vec2 centre = Vec2::Zero();  // of the outline, in its tile
+  double angle = 0;            // radians, counter-clockwise
+  int tile = 0;
+};
+
 // The boundary of the area that a chart covers, as directed edges. Their winding number is above 0 on every face,
 // whichever way the face turns, and 0 elsewhere. Lengths are in the chart's own units, places relative to `centre`.
 struct Outline {

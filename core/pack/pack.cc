@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <numeric>
 #include <random>
 #include <utility>
 
+#include "core/base/radix_sort.h"
 #include "core/pack/outline.h"
 #include "core/pack/tighten.h"
 #include "core/pack/trial.h"
@@ -20,10 +20,14 @@ constexpr double kHuge = 1e300;
 // Outlines of so many edges in the mean are not worth a second, simpler one.
 constexpr std::size_t kFewEdges = 4;
 
+std::vector<std::int32_t> LargestFirst(const std::vector<double>& size) {
+  return SortedIndices(size.size(), [&](std::int32_t a, std::int32_t b) { return size[a] > size[b]; });
+}
+
 class Packer {
  public:
   Packer(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution)
-      : options_(options), tuning_(options.tuning), execution_(execution) {
+      : options_(options), tiles_{options.tiles, options.atlases}, tuning_(options.tuning), execution_(execution) {
     charts_.outlines.reserve(charts.size());
     charts_.density.reserve(charts.size());
     charts_.atlas.reserve(charts.size());
@@ -40,17 +44,12 @@ class Packer {
     }
     charts_.largest_area = *std::max_element(areas.begin(), areas.end());
     work_.budget = Budget();
-    charts_.order.resize(charts.size());
-    std::iota(charts_.order.begin(), charts_.order.end(), 0);
     charts_.size.resize(charts.size());
     for (std::size_t i = 0; i < charts.size(); ++i) {
       const Box box = BoxAt(charts_.outlines[i], charts_.outlines[i].upright);
-      const Vec2 extent = box.high - box.low;
-      charts_.size[i] = charts_.density[i] * (extent.x() + extent.y());
+      charts_.size[i] = charts_.density[i] * (box.high - box.low).sum();
     }
-    std::sort(charts_.order.begin(), charts_.order.end(), [&](std::int32_t a, std::int32_t b) {
-      return charts_.size[a] != charts_.size[b] ? charts_.size[a] > charts_.size[b] : a < b;
-    });
+    charts_.order = LargestFirst(charts_.size);
   }
 
   Packing Run() {
@@ -126,8 +125,11 @@ class Packer {
     const double distance = padding * texel + kGap;
     padding_ = padding;
     margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
+    const double charts = static_cast<double>(MostCharts(charts_.atlas, options_.atlases)) / options_.tiles;
+    const int side = static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts));
+    grid_.side = std::clamp(side, tuning_.fewest_cells, tuning_.most_cells) / kCoarsestCell * kCoarsestCell;
+    grid_.extent = 1 - 2 * margin_;
     grid_.radius = distance / 2;
-    SetGrid();
     if (charts_.outlines.size() == 1 && charts_.outlines[0].radius > 0) {
       FitOne();
       return true;
@@ -182,12 +184,10 @@ class Packer {
     plan_.angles = tuning_.least_angles;
     while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < work_.budget)
       plan_.angles *= 2;
-    plan_.ends_on_stop = charts_.order.size() > tuning_.many_charts;
     plan_.thorough = charts_.order.size() <= tuning_.many_charts;
     const auto kept =
         static_cast<std::size_t>(std::clamp(charts_.num_faces, tuning_.fewest_silhouettes, tuning_.most_silhouettes));
-    series_ =
-        std::make_unique<TrialSeries>(simple(), charts_.atlas, TrialTiles{options_.tiles, options_.atlases}, kept);
+    series_ = MakeTrialSeries(simple(), charts_.atlas, tiles_, kept);
     starts_.clear();
     double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(charts_.outlines.size());
@@ -309,8 +309,7 @@ class Packer {
       if (in_vain >= tuning_.orders_in_vain) {
         for (const std::int32_t i : charts_.order)
           key[i] = charts_.size[i] * (1 + tuning_.order_spread * (random() - 0.5));
-        std::sort(other.order.begin(), other.order.end(),
-                  [&](std::int32_t a, std::int32_t b) { return key[a] != key[b] ? key[a] > key[b] : a < b; });
+        other.order = LargestFirst(key);
         other.turn.assign(n, -1);
         missing = kHuge;
         in_vain = 0;
@@ -381,23 +380,6 @@ class Packer {
     return placed > 0 ? all / placed : kHuge;
   }
 
-  // Empty if there is no room in some atlas.
-  std::vector<Shelf> LayAtlasesOnShelves(const std::vector<Vec2>& extents) const {
-    std::vector<std::vector<std::size_t>> charts(options_.atlases);
-    for (std::size_t i = 0; i < charts_.atlas.size(); ++i) charts[charts_.atlas[i]].push_back(i);
-    std::vector<Shelf> all(extents.size());
-    for (int a = 0; a < options_.atlases; ++a) {
-      std::vector<Vec2> own;
-      for (const std::size_t i : charts[a]) own.push_back(extents[i]);
-      const std::vector<Shelf> shelves = LayOnShelves(own, grid_.extent, options_.tiles);
-      if (shelves.size() < own.size()) return {};
-      for (std::size_t k = 0; k < own.size(); ++k) {
-        all[charts[a][k]] = {shelves[k].low, a * options_.tiles + shelves[k].tile};
-      }
-    }
-    return all;
-  }
-
   // Each in a box of its own.
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
@@ -408,12 +390,12 @@ class Packer {
       for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
       }
-      const std::vector<Shelf> shelves = LayAtlasesOnShelves(extents);
+      const std::vector<Shelf> shelves = LayOnShelves(extents, charts_.atlas, tiles_, grid_.extent);
       if (shelves.empty()) continue;
       best_.poses.resize(charts_.outlines.size());
       for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
-        best_.poses[i] = {charts_.outlines[i].upright, centre, shelves[i].tile};
+        best_.poses[i] = {centre, charts_.outlines[i].upright, shelves[i].tile};
       }
       return true;
     }
@@ -426,16 +408,8 @@ class Packer {
     const Box box = BoxAt(charts_.outlines[0], angle);
     const double low = margin_ + grid_.radius;
     best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]);
-    best_.poses = {{angle, Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low,
+    best_.poses = {{Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low, angle,
                     charts_.atlas[0] * options_.tiles}};
-  }
-
-  void SetGrid() {
-    const double charts = static_cast<double>(MostCharts(charts_.atlas, options_.atlases)) / options_.tiles;
-    grid_.side = std::clamp(static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts)), tuning_.fewest_cells,
-                            tuning_.most_cells) /
-                 kCoarsestCell * kCoarsestCell;
-    grid_.extent = 1 - 2 * margin_;
   }
 
   void TightenAll(std::int64_t work) {
@@ -451,21 +425,13 @@ class Packer {
     options.tuning = tuning_;
     std::vector<double> relative = Scales(best_.scale);
     for (double& r : relative) r /= best_.scale;
-    std::vector<Arrangement> arrangements;
     Remember();
-    for (const auto& [poses, scale] : starts_) {
-      arrangements.push_back({{}, scale});
-      for (const Pose& pose : poses) {
-        arrangements.back().bodies.push_back({Vec2::Constant(margin_) + pose.centre, pose.angle, pose.tile});
-      }
+    const Vec2 corner = Vec2::Constant(margin_);  // of the grid, in its tile
+    for (Arrangement& start : starts_) {
+      for (Pose& pose : start.poses) pose.centre += corner;
     }
-    const Arrangement arrangement =
-        Tighten({charts_.outlines, simple(), charts_.atlas, relative}, options, execution_, arrangements);
-    best_.scale = arrangement.scale;
-    for (std::size_t i = 0; i < best_.poses.size(); ++i) {
-      const Body& body = arrangement.bodies[i];
-      best_.poses[i] = {body.angle, body.centre - Vec2::Constant(margin_), body.tile};
-    }
+    best_ = Tighten({charts_.outlines, simple(), charts_.atlas, relative}, options, execution_, starts_);
+    for (Pose& pose : best_.poses) pose.centre -= corner;
   }
 
   void Finish(Packing* packing) const {
@@ -488,6 +454,7 @@ class Packer {
   }
 
   const PackOptions& options_;
+  const TrialTiles tiles_;
   const PackTuning& tuning_;
   const Execution& execution_;
   struct Charts {
@@ -507,14 +474,10 @@ class Packer {
     double unit = 1;    // cells along a length of 1 on the surface, at weight 1
   };
   Grid grid_;
-  double margin_ = 0;   // of the grid, on every side of the tile
-  double padding_ = 0;  // texels
-  struct Found {
-    std::vector<Pose> poses;  // in the texture
-    double scale = 0;
-  };
-  Found best_;
-  struct Work {  // in nanoseconds
+  double margin_ = 0;           // of the grid, on every side of the tile
+  double padding_ = 0;          // texels
+  Arrangement best_ = {{}, 0};  // poses are from the corner of the grid, in the texture
+  struct Work {                 // in nanoseconds
     double budget = 0;
     std::int64_t done = 0;
     std::int64_t of_trial = 0;  // of the dearest one: those that end where a chart has no room take less
@@ -526,7 +489,7 @@ class Packer {
   Made made_;  // the grids that the silhouettes are for
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
-  std::vector<Found> starts_;  // the last few that fitted, each at a larger scale
+  std::vector<Arrangement> starts_;  // the last few that fitted, each at a larger scale
 };
 
 }  // namespace

@@ -15,9 +15,12 @@
 namespace planish {
 namespace {
 
-constexpr int kDepthUnit = 16;        // of a pixel
-constexpr int kBorder = 2;            // pixels round the tile that samples at the rim may fall on
-constexpr int kFineTurns = 4;         // between two of the turns that are tried at random places
+constexpr int kDepthUnit = 16;  // of a pixel
+constexpr int kBorder = 2;      // pixels round the tile that samples at the rim may fall on
+constexpr int kAngles = 24;     // turns that are tried at random places, from the first one on
+constexpr int kFineTurns = 4;   // between two of these
+constexpr int kTurns = kFineTurns * kAngles;
+constexpr int kTries = 60;            // random places that a chart looks at when it moves
 constexpr double kMostWeight = 1000;  // of a pair
 constexpr std::int64_t kWeightUnit = 16;
 // In nanoseconds: to turn a sample, to measure a pixel's depth, to draw a row.
@@ -48,7 +51,7 @@ class Random {
 // A chart at one of its turns, in pixels round its centre: a record of all that is computed of it, each once.
 struct Turned {
   double angle = 0;
-  Vec2 low, high;                                   // of its points
+  Box box;                                          // of its points
   bool fits = false;                                // the tile
   std::array<std::pair<int, int>, 2> range;         // of x and y of its places; the middle where it does not fit
   std::vector<std::int32_t> samples;                // offsets in the image
@@ -66,34 +69,33 @@ struct CellPose {
 class Search {
  public:
   Search(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const std::vector<DistanceField>& fields,
-         const std::vector<double>& scales, const RearrangeOptions& options, const std::vector<Body>& bodies)
+         const std::vector<double>& scales, const RearrangeOptions& options, const std::vector<Pose>& poses)
       : outlines_(outlines), atlas_(atlas), fields_(fields), scales_(scales), options_(options), random_(options.seed) {
-    image_.pixel = (1 - 2 * options.low) / options.side;
-    image_.stride = options.side + 2 * kBorder + 1;
-    image_.tiles.assign(options.tiles * options.atlases,
-                        std::vector<std::int32_t>(static_cast<std::size_t>(image_.stride) * image_.stride, 0));
+    pixel_ = (1 - 2 * options.low) / options.side;
+    stride_ = options.side + 2 * kBorder + 1;
+    tiles_.assign(options.tiles * options.atlases,
+                  std::vector<std::int32_t>(static_cast<std::size_t>(stride_) * stride_, 0));
     const std::size_t n = outlines.size();
-    charts_.pairs.resize(n);
-    charts_.overlaps.assign(n, 0);
-    charts_.turned.resize(n);
-    charts_.samples.resize(n);
-    charts_.angle.resize(n);
-    turns_ = kFineTurns * options.angles;
-    charts_.poses.resize(n);
+    pairs_.resize(n);
+    overlaps_.assign(n, 0);
+    turned_.resize(n);
+    samples_.resize(n);
+    angle_.resize(n);
+    poses_.resize(n);
     const std::vector<std::int32_t> place = Swapped();
-    for (std::size_t i = 0; i < n; ++i) {
-      charts_.samples[i] = Samples(static_cast<std::int32_t>(i));
-      charts_.angle[i] = bodies[i].angle;
-      charts_.turned[i].resize(turns_);
-      const Body& body = bodies[place[i]];
-      const Vec2 at = (body.centre - Vec2::Constant(options.low)) / image_.pixel;
+    for (std::int32_t i = 0; i < std::ssize(outlines); ++i) {
+      samples_[i] = Samples(i);
+      angle_[i] = poses[i].angle;
+      turned_[i].resize(kTurns);
+      const Pose& start = poses[place[i]];
+      const Vec2 at = (start.centre - Vec2::Constant(options.low)) / pixel_;
       int first = 0;
-      while (first < turns_ && !At(static_cast<std::int32_t>(i), first).fits) ++first;
-      if (first == turns_) too_large_ = true;
-      charts_.poses[i] = {first % turns_, body.tile, static_cast<int>(std::lround(at.x())),
-                          static_cast<int>(std::lround(at.y()))};
-      Clamp(static_cast<std::int32_t>(i), &charts_.poses[i]);
-      if (!too_large_) Draw(static_cast<std::int32_t>(i), kWeightUnit);
+      while (first < kTurns && !At(i, first).fits) ++first;
+      if (first == kTurns) too_large_ = true;
+      poses_[i] = {first % kTurns, start.tile, static_cast<int>(std::lround(at.x())),
+                   static_cast<int>(std::lround(at.y()))};
+      Clamp(i, &poses_[i]);
+      if (!too_large_) Draw(i, kWeightUnit);
     }
   }
 
@@ -114,11 +116,11 @@ class Search {
 
   std::int64_t work() const { return work_; }
 
-  void Export(std::vector<Body>* bodies) const {
-    for (std::size_t i = 0; i < charts_.poses.size(); ++i) {
-      const CellPose& pose = charts_.poses[i];
-      (*bodies)[i] = {Vec2::Constant(options_.low) + image_.pixel * Vec2(pose.x, pose.y),
-                      charts_.turned[i][pose.turned]->angle, pose.tile};
+  void Export(std::vector<Pose>* poses) const {
+    for (std::size_t i = 0; i < poses_.size(); ++i) {
+      const CellPose& pose = poses_[i];
+      (*poses)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned]->angle,
+                     pose.tile};
     }
   }
 
@@ -143,7 +145,7 @@ class Search {
   // Along the outline and, farther apart, inside; in an order that meets every part of the chart early.
   std::vector<Vec2> Samples(std::int32_t i) {
     const Outline& outline = outlines_[i];
-    const double unit = scales_[i] / image_.pixel;
+    const double unit = scales_[i] / pixel_;
     std::vector<Vec2> samples;
     double length = 0;
     for (const auto& [from, to] : outline.edges) length += (outline.points[to] - outline.points[from]).norm();
@@ -172,40 +174,38 @@ class Search {
   }
 
   Turned& At(std::int32_t i, int turn) const {
-    std::unique_ptr<Turned>& turned = charts_.turned[i][turn];
+    std::unique_ptr<Turned>& turned = turned_[i][turn];
     if (turned == nullptr) {
-      turned = std::make_unique<Turned>(Turn(i, charts_.angle[i] + 2 * std::numbers::pi * turn / turns_));
+      turned = std::make_unique<Turned>(Turn(i, angle_[i] + 2 * std::numbers::pi * turn / kTurns));
     }
     return *turned;
   }
 
   Turned Turn(std::int32_t i, double angle) const {
-    const std::vector<Vec2>& samples = charts_.samples[i];
+    const std::vector<Vec2>& samples = samples_[i];
     Turned turned;
     turned.angle = angle;
-    const Rotation rotate(angle, scales_[i] / image_.pixel);
-    Box box;
-    for (const Vec2& p : outlines_[i].hull) box.Add(rotate(p));
-    turned.low = box.low;
-    turned.high = box.high;
-    turned.fits = (turned.high - turned.low).maxCoeff() <= options_.side + 1;
+    const Rotation rotate(angle, scales_[i] / pixel_);
+    for (const Vec2& p : outlines_[i].hull) turned.box.Add(rotate(p));
+    turned.fits = (turned.box.high - turned.box.low).maxCoeff() <= options_.side + 1;
     turned.range = {Range(turned, 0), Range(turned, 1)};
     work_ += kTurnWork * std::ssize(samples);
     turned.samples.reserve(samples.size());
     for (const Vec2& p : samples) {
       const Vec2 turned_sample = rotate(p);
       const std::int32_t x = Rounded(turned_sample.x()), y = Rounded(turned_sample.y());
-      turned.samples.push_back(y * image_.stride + x);
+      turned.samples.push_back(y * stride_ + x);
     }
     return turned;
   }
 
   // Range of x (axis 0) or y (axis 1) for a chart within the tile; the middle if it is too large.
   std::pair<int, int> Range(const Turned& turned, int axis) const {
-    const int low = static_cast<int>(std::ceil(-turned.low[axis] - 0.5));
-    const int high = static_cast<int>(std::floor(options_.side - turned.high[axis] + 0.5));
+    const int low = static_cast<int>(std::ceil(-turned.box.low[axis] - 0.5));
+    const int high = static_cast<int>(std::floor(options_.side - turned.box.high[axis] + 0.5));
     if (low <= high) return {low, high};
-    const int middle = static_cast<int>(std::lround((options_.side - turned.high[axis] - turned.low[axis]) / 2));
+    const int middle =
+        static_cast<int>(std::lround((options_.side - turned.box.high[axis] - turned.box.low[axis]) / 2));
     return {middle, middle};
   }
 
@@ -218,15 +218,15 @@ class Search {
   }
 
   void MeasureDepth(std::int32_t i, Turned* turned) const {
-    const double reach = options_.distance / image_.pixel - options_.slack;  // beyond the outline, in pixels
+    const double reach = options_.distance / pixel_ - options_.slack;  // beyond the outline, in pixels
     const double out = std::max(reach, 0.0) + 1;
-    turned->left = static_cast<int>(std::floor(turned->low.x() - out));
-    turned->bottom = static_cast<int>(std::floor(turned->low.y() - out));
-    turned->width = static_cast<int>(std::ceil(turned->high.x() + out)) - turned->left + 1;
-    turned->height = static_cast<int>(std::ceil(turned->high.y() + out)) - turned->bottom + 1;
+    turned->left = static_cast<int>(std::floor(turned->box.low.x() - out));
+    turned->bottom = static_cast<int>(std::floor(turned->box.low.y() - out));
+    turned->width = static_cast<int>(std::ceil(turned->box.high.x() + out)) - turned->left + 1;
+    turned->height = static_cast<int>(std::ceil(turned->box.high.y() + out)) - turned->bottom + 1;
     work_ += kDepthWork * turned->width * turned->height;
     turned->depth.assign(static_cast<std::size_t>(turned->width) * turned->height, 0);
-    const double unit = scales_[i] / image_.pixel;
+    const double unit = scales_[i] / pixel_;
     const double c = portable::Cos(turned->angle) / unit, s = portable::Sin(turned->angle) / unit;
     turned->rows.assign(turned->height, {0, 0});
     std::int16_t* depth = turned->depth.data();
@@ -252,8 +252,8 @@ class Search {
   void FindPlaces(Turned* turned) const {
     turned->places.reserve(turned->samples.size());
     for (const std::int32_t sample : turned->samples) {
-      const int from = sample + image_.stride / 2, y = from / image_.stride - (from % image_.stride < 0 ? 1 : 0);
-      turned->places.push_back({static_cast<std::int16_t>(sample - y * image_.stride), static_cast<std::int16_t>(y)});
+      const int from = sample + stride_ / 2, y = from / stride_ - (from % stride_ < 0 ? 1 : 0);
+      turned->places.push_back({static_cast<std::int16_t>(sample - y * stride_), static_cast<std::int16_t>(y)});
     }
   }
 
@@ -274,16 +274,15 @@ class Search {
 
   void Draw(std::int32_t i, std::int64_t weight64) {
     const auto weight = static_cast<std::int16_t>(weight64);
-    const CellPose& pose = charts_.poses[i];
+    const CellPose& pose = poses_[i];
     Turned& turned = At(i, pose.turned);
     if (turned.depth.empty()) MeasureDepth(i, &turned);
     const int left = turned.left + pose.x + kBorder, bottom = turned.bottom + pose.y + kBorder;
-    const int first = std::max(0, -bottom), last = std::min(turned.height, image_.stride - bottom);
+    const int first = std::max(0, -bottom), last = std::min(turned.height, stride_ - bottom);
     work_ += kRowWork * (last - first);
     for (int y = first; y < last; ++y) {
-      const int begin = std::max(turned.rows[y].begin, -left), end = std::min(turned.rows[y].end, image_.stride - left);
-      std::int32_t* to =
-          image_.tiles[pose.tile].data() + static_cast<std::ptrdiff_t>(y + bottom) * image_.stride + left;
+      const int begin = std::max(turned.rows[y].begin, -left), end = std::min(turned.rows[y].end, stride_ - left);
+      std::int32_t* to = tiles_[pose.tile].data() + static_cast<std::ptrdiff_t>(y + bottom) * stride_ + left;
       const std::int16_t* from = turned.depth.data() + static_cast<std::ptrdiff_t>(y) * turned.width;
       for (int x = begin; x < end; ++x) to[x] += weight * from[x];
     }
@@ -292,8 +291,8 @@ class Search {
   // What lies under the samples; any number of `bound` or more if it is not below that.
   std::int64_t Cost(std::int32_t i, const CellPose& pose, std::int64_t bound) const {
     const std::vector<std::int32_t>& samples = At(i, pose.turned).samples;
-    const std::int32_t* image = image_.tiles[pose.tile].data() +
-                                static_cast<std::ptrdiff_t>(pose.y + kBorder) * image_.stride + pose.x + kBorder;
+    const std::int32_t* image =
+        tiles_[pose.tile].data() + static_cast<std::ptrdiff_t>(pose.y + kBorder) * stride_ + pose.x + kBorder;
     std::int64_t cost = 0;
     std::size_t k = 0;
     const std::size_t n = samples.size();
@@ -311,7 +310,7 @@ class Search {
 
   // Nothing if the turn that came up does not fit the tile.
   bool RandomPose(std::int32_t i, CellPose* pose) {
-    pose->turned = kFineTurns * random_.Below(options_.angles);
+    pose->turned = kFineTurns * random_.Below(kAngles);
     const Turned& turned = At(i, pose->turned);
     if (!turned.fits) return false;
     pose->tile = atlas_[i] * options_.tiles + (options_.tiles == 1 ? 0 : random_.Below(options_.tiles));
@@ -341,8 +340,8 @@ class Search {
           if (dx != 0 || dy != 0) look({pose->turned, pose->tile, pose->x + step * dx, pose->y + step * dy});
         }
       }
-      look({(pose->turned + step) % turns_, pose->tile, pose->x, pose->y});
-      look({(pose->turned + turns_ - step) % turns_, pose->tile, pose->x, pose->y});
+      look({(pose->turned + step) % kTurns, pose->tile, pose->x, pose->y});
+      look({(pose->turned + kTurns - step) % kTurns, pose->tile, pose->x, pose->y});
       if (best_cost < *cost) {
         *pose = best;
         *cost = best_cost;
@@ -354,18 +353,18 @@ class Search {
 
   // How deep the samples of i lie in j.
   std::int64_t Overlap(std::int32_t i, std::int32_t j) {
-    const CellPose &p = charts_.poses[i], &q = charts_.poses[j];
+    const CellPose &p = poses_[i], &q = poses_[j];
     if (p.tile != q.tile) return 0;
     Turned& a = At(i, p.turned);
     const Turned& b = At(j, q.turned);
-    if (p.x + a.high.x() + 1 < q.x + b.left || p.x + a.low.x() - 1 > q.x + b.left + b.width) return 0;
-    if (p.y + a.high.y() + 1 < q.y + b.bottom || p.y + a.low.y() - 1 > q.y + b.bottom + b.height) return 0;
+    if (p.x + a.box.high.x() + 1 < q.x + b.left || p.x + a.box.low.x() - 1 > q.x + b.left + b.width) return 0;
+    if (p.y + a.box.high.y() + 1 < q.y + b.bottom || p.y + a.box.low.y() - 1 > q.y + b.bottom + b.height) return 0;
     return DepthUnder(a, b, p.x - q.x, p.y - q.y);
   }
 
   // Pairs that overlap gain weight, the more the more they do; others lose some of theirs.
   void Weigh() {
-    const auto n = static_cast<std::int32_t>(charts_.poses.size());
+    const auto n = static_cast<std::int32_t>(poses_.size());
     struct Found {
       std::int32_t i, j;
       std::int64_t overlap;
@@ -373,17 +372,17 @@ class Search {
     std::vector<Found> found;
     std::int64_t most = 1;
     for (std::int32_t i = 0; i < n; ++i) {
-      if (!charts_.overlaps[i]) continue;
+      if (!overlaps_[i]) continue;
       work_ += n;
       for (std::int32_t j = 0; j < n; ++j) {
-        if (i == j || (charts_.overlaps[j] && j < i)) continue;
+        if (i == j || (overlaps_[j] && j < i)) continue;
         const std::int64_t overlap = Overlap(i, j) + Overlap(j, i);
         if (overlap == 0) continue;
         found.push_back({i, j, overlap});
         most = std::max(most, overlap);
       }
     }
-    for (auto& pairs : charts_.pairs) {
+    for (auto& pairs : pairs_) {
       for (Pair& pair : pairs) pair.weight *= 0.95;
       std::erase_if(pairs, [](const Pair& pair) { return pair.weight < 1; });
     }
@@ -395,35 +394,35 @@ class Search {
   }
 
   void Raise(std::int32_t i, std::int32_t j, double factor) {
-    for (Pair& pair : charts_.pairs[i]) {
+    for (Pair& pair : pairs_[i]) {
       if (pair.other != j) continue;
       pair.weight = std::min(kMostWeight, pair.weight / 0.95 * factor);
       return;
     }
-    charts_.pairs[i].push_back({j, factor});
+    pairs_[i].push_back({j, factor});
   }
 
   // Takes a chart out of the image and draws those that weigh more for it (times 1); or puts it back (times -1).
   void Lift(std::int32_t i, int times) {
     Draw(i, -times * kWeightUnit);
-    for (const Pair& pair : charts_.pairs[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
+    for (const Pair& pair : pairs_[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
   }
 
   // Returns whether the chart overlapped others and still does.
   bool Move(std::int32_t i) {
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
-    charts_.overlaps[i] = false;
-    const std::int64_t own = kWeightUnit * At(i, charts_.poses[i].turned).own;
-    if (Cost(i, charts_.poses[i], kMost) == own) return false;
+    overlaps_[i] = false;
+    const std::int64_t own = kWeightUnit * At(i, poses_[i].turned).own;
+    if (Cost(i, poses_[i], kMost) == own) return false;
     Lift(i, 1);
-    std::int64_t cost = Cost(i, charts_.poses[i], kMost);
+    std::int64_t cost = Cost(i, poses_[i], kMost);
     ++moves_;
-    CellPose best = charts_.poses[i];
+    CellPose best = poses_[i];
     Descend(i, &best, &cost);
     constexpr int kKept = 3;
     std::array<std::pair<std::int64_t, CellPose>, kKept> kept;
     kept.fill({kMost, {}});
-    for (int k = 0; k < options_.tries && cost > 0; ++k) {
+    for (int k = 0; k < kTries && cost > 0; ++k) {
       CellPose pose;
       if (!RandomPose(i, &pose)) continue;
       const std::int64_t value = Cost(i, pose, kept.back().first);
@@ -439,8 +438,8 @@ class Search {
         best = pose;
       }
     }
-    charts_.poses[i] = best;
-    charts_.overlaps[i] = cost > 0;
+    poses_[i] = best;
+    overlaps_[i] = cost > 0;
     Lift(i, -1);
     return cost > 0;
   }
@@ -451,28 +450,20 @@ class Search {
   const std::vector<double>& scales_;
   const RearrangeOptions& options_;
   Random random_;
-  // How deep every pixel lies in charts.
-  struct Image {
-    double pixel;  // in the texture
-    int stride;
-    std::vector<std::vector<std::int32_t>> tiles;
-  };
-  Image image_;
+  double pixel_;                                  // in the texture
+  int stride_;                                    // of the images of tiles
+  std::vector<std::vector<std::int32_t>> tiles_;  // how deep every pixel lies in charts
   struct Pair {
     std::int32_t other;
     double weight;
   };
   // Per chart.
-  struct Charts {
-    std::vector<std::vector<Pair>> pairs;  // that weigh more than 1
-    std::vector<char> overlaps;            // when it was moved last
-    std::vector<double> angle;             // at turn 0
-    std::vector<std::vector<Vec2>> samples;
-    mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned;  // as far as needed
-    std::vector<CellPose> poses;
-  };
-  Charts charts_;
-  int turns_ = 0;           // of each chart
+  std::vector<std::vector<Pair>> pairs_;  // that weigh more than 1
+  std::vector<char> overlaps_;            // when it was moved last
+  std::vector<double> angle_;             // at turn 0
+  std::vector<std::vector<Vec2>> samples_;
+  mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned_;  // as far as needed
+  std::vector<CellPose> poses_;
   bool too_large_ = false;  // some chart, for the tile
   std::int64_t moves_ = 0;
   mutable std::int64_t work_ = 0;
@@ -482,11 +473,11 @@ class Search {
 
 bool Rearrange(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
                const std::vector<DistanceField>& fields, const std::vector<double>& scales,
-               const RearrangeOptions& options, const Execution& execution, std::vector<Body>* bodies,
+               const RearrangeOptions& options, const Execution& execution, std::vector<Pose>* poses,
                std::int64_t* work) {
-  Search search(outlines, atlas, fields, scales, options, *bodies);
+  Search search(outlines, atlas, fields, scales, options, *poses);
   const bool apart = search.Run(execution);
-  search.Export(bodies);
+  search.Export(poses);
   *work += search.work();
   return apart;
 }

@@ -13,8 +13,6 @@ struct RearrangeOptions {
   int side = 128;  // pixels along a tile; charts that overlap by less than half a pixel count as apart
   int tiles = 1;   // of each atlas
   int atlases = 1;
-  int angles = 16;                // turns that are tried at random places, from the present one on
-  int tries = 100;                // random places a chart looks at when it moves
   std::int64_t moves = 1000;      // at most, of one chart
   std::int64_t work = INT64_MAX;  // at most, in about nanoseconds
   double distance = 0;            // between two charts, in the texture
@@ -30,11 +28,11 @@ struct RearrangeOptions {
 // times their weights. One chart after the other is taken out and put where the pixels under its samples add up to
 // least. Charts that go on overlapping gain weight. Each stays on the tiles of its atlas.
 //
-// Returns whether nothing overlaps any more (but for half a pixel); *bodies has what came out last. Adds to *work what
+// Returns whether nothing overlaps any more (but for half a pixel); *poses has what came out last. Adds to *work what
 // it cost, in about nanoseconds, counted in steps of the algorithm.
 bool Rearrange(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
                const std::vector<DistanceField>& fields, const std::vector<double>& scales,
-               const RearrangeOptions& options, const Execution& execution, std::vector<Body>* bodies,
+               const RearrangeOptions& options, const Execution& execution, std::vector<Pose>* poses,
                std::int64_t* work);
 
 }  // namespace planish

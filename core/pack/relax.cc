@@ -40,10 +40,10 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
       scale_(scale),
       options_(options),
       execution_(execution),
-      bodies_(outlines.size()),
+      poses_(outlines.size()),
       margins_(outlines.size(), 0),
-      velocity_(outlines.size()),
-      contacts_{2 * options.spacing} {
+      velocity_(outlines.size(), Vec3::Zero()),
+      skin_(2 * options.spacing) {
   shapes_.reserve(outlines.size());
   for (std::size_t i = 0; i < outlines.size(); ++i) {
     const double unit = relative_[i] * scale_;  // length in the texture of 1
@@ -69,21 +69,21 @@ Relaxer::Shape Relaxer::MakeShape(const Outline& outline, double spacing) {
 }
 
 void Relaxer::FindContacts() {
-  contacts_.age = 0;
-  contacts_.found.clear();
-  const std::size_t n = bodies_.size();
+  age_ = 0;
+  contacts_.clear();
+  const std::size_t n = poses_.size();
   // In the texture: of each body, how it is turned and scaled, where its blocks lie, and a box round them.
   std::vector<Rotation> turns(n);
   std::vector<Vec2> centres;
   std::vector<std::size_t> first_centre(n);
   std::vector<Box> boxes(n);
-  const double reach = options_.distance + contacts_.skin;
-  const auto place = [&](std::int32_t i, const Vec2& u) { return Vec2(bodies_[i].centre + turns[i](u)); };
+  const double reach = options_.distance + skin_;
+  const auto place = [&](std::int32_t i, const Vec2& u) { return Vec2(poses_[i].centre + turns[i](u)); };
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
     const double unit = scale_ * relative_[i];
-    turns[i] = Rotation(bodies_[i].angle, unit);
+    turns[i] = Rotation(poses_[i].angle, unit);
     first_centre[i] = centres.size();
-    const double low = options_.low + contacts_.skin, high = 1 - low;
+    const double low = options_.low + skin_, high = 1 - low;
     for (const Block& block : shapes_[i].blocks) {
       const Vec2 centre = place(i, block.centre), extent = Vec2::Constant(block.radius * unit);
       centres.push_back(centre);
@@ -93,7 +93,7 @@ void Relaxer::FindContacts() {
       for (std::int32_t k = block.begin; k < block.end; ++k) {
         const Vec2 p = place(i, shapes_[i].samples[k]);
         const auto add = [&](bool near, std::int32_t side) {
-          if (near) contacts_.found.push_back({i, k, side});
+          if (near) contacts_.push_back({i, k, side});
         };
         add(p.x() < low, -1);
         add(p.x() > high, -2);
@@ -110,7 +110,7 @@ void Relaxer::FindContacts() {
     own.cosine /= unit * unit;
     own.sine /= unit * unit;
     const Vec2 turn = own.Back({turns[a].cosine, turns[a].sine});
-    const Vec2 shift = own.Back(bodies_[a].centre - bodies_[b].centre);
+    const Vec2 shift = own.Back(poses_[a].centre - poses_[b].centre);
     const auto local = [&](const Vec2& u) {
       return Vec2(shift.x() + turn.x() * u.x() - turn.y() * u.y(), shift.y() + turn.y() * u.x() + turn.x() * u.y());
     };
@@ -120,38 +120,38 @@ void Relaxer::FindContacts() {
       const double around = reach + block.radius * a_unit;
       const Vec2& centre = centres[first_centre[a] + i];
       if (!boxes[b].Grown(around).Meets({centre, centre})) continue;
-      spent_.work += kLookWork;
+      work_ += kLookWork;
       if (kSureOfDistance * field.DistanceNear(local(block.centre), 0) * unit > around) continue;
-      spent_.work += kLookWork * (block.end - block.begin);
+      work_ += kLookWork * (block.end - block.begin);
       for (std::int32_t k = block.begin; k < block.end; ++k) {
-        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.found.push_back({a, k, b});
+        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.push_back({a, k, b});
       }
     }
   };
   ForEachNearPair(boxes, reach, [&](std::int32_t a, std::int32_t b) {
-    if (bodies_[a].tile != bodies_[b].tile) return;
+    if (poses_[a].tile != poses_[b].tile) return;
     collect(a, b);
     collect(b, a);
   });
 }
 
 double Relaxer::Step() {
-  ++spent_.steps;
-  if (contacts_.age == 0) FindContacts();
-  spent_.work += kContactWork * std::ssize(contacts_.found) + kBodyWork * std::ssize(bodies_);
-  contacts_.age = (contacts_.age + 1) % kContactLife;
+  ++steps_;
+  if (age_ == 0) FindContacts();
+  work_ += kContactWork * std::ssize(contacts_) + kBodyWork * std::ssize(poses_);
+  age_ = (age_ + 1) % kContactLife;
   // Sums of missing * row and of row * row^T, whose upper half is kept.
   struct Pull {
     double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
     double x = 0, y = 0, t = 0;
   };
-  const std::size_t n = bodies_.size();
+  const std::size_t n = poses_.size();
   std::vector<Pull> pulls(n);
   std::vector<Rotation> turns;
-  for (const Body& body : bodies_) turns.emplace_back(body.angle);
+  for (const Pose& pose : poses_) turns.emplace_back(pose.angle);
   double worst = 0, energy = 0;
   const auto push = [&](std::int32_t body, const Vec2& p, const Vec2& direction, double missing) {
-    const Vec2 arm = p - bodies_[body].centre;
+    const Vec2 arm = p - poses_[body].centre;
     const double radius = shapes_[body].turning_radius * scale_ * relative_[body];
     const double x = direction.x(), y = direction.y(), t = (arm.x() * y - arm.y() * x) / radius;
     Pull& pull = pulls[body];
@@ -165,10 +165,10 @@ double Relaxer::Step() {
     pull.y += missing * y;
     pull.t += missing * t;
   };
-  for (const Contact& contact : contacts_.found) {
+  for (const Contact& contact : contacts_) {
     const std::int32_t a = contact.body;
     const double unit = scale_ * relative_[a];
-    const Vec2 p = bodies_[a].centre + unit * turns[a](shapes_[a].samples[contact.sample]);
+    const Vec2 p = poses_[a].centre + unit * turns[a](shapes_[a].samples[contact.sample]);
     double missing = 0;
     if (contact.other < 0) {
       const int axis = contact.other >= -2 ? 0 : 1;
@@ -182,7 +182,7 @@ double Relaxer::Step() {
     } else {
       const std::int32_t b = contact.other;
       const double other_unit = scale_ * relative_[b];
-      const Vec2 local = turns[b].Back((p - bodies_[b].centre) / other_unit);
+      const Vec2 local = turns[b].Back((p - poses_[b].centre) / other_unit);
       // Most are far enough: their gradients are not needed.
       missing = options_.distance + margins_[a] + margins_[b] - fields_[b].DistanceNear(local, kFar) * other_unit;
       if (missing <= 0) continue;
@@ -207,51 +207,48 @@ double Relaxer::Step() {
       const double z1 = pull.y - l10 * pull.x, z2 = pull.t - l20 * pull.x - l21 * z1;
       const double t = z2 / d2, y = z1 / d1 - l21 * t;
       step = kShare * Vec3(pull.x / d0 - l10 * y - l20 * t, y, t);
-      const double most = contacts_.skin;
+      const double most = skin_;
       const double length = step.norm();
       if (length > most) step *= most / length;
     }
-    Motion& v = velocity_[i];
-    v.x = momentum * v.x + step.x();
-    v.y = momentum * v.y + step.y();
-    v.turn = momentum * v.turn + step.z();
-    bodies_[i].centre += Vec2(v.x, v.y);
-    bodies_[i].angle += v.turn / (shapes_[i].turning_radius * scale_ * relative_[i]);
+    Vec3& v = velocity_[i];
+    v = momentum * v + step;
+    poses_[i].centre += v.head<2>();
+    poses_[i].angle += v.z() / (shapes_[i].turning_radius * scale_ * relative_[i]);
   }
   return worst;
 }
 
 void Relaxer::Grow(int patience, std::int64_t most_work) {
-  const std::int64_t end = spent_.work + most_work;
+  const std::int64_t end = work_ + most_work;
   constexpr double kGrowth = 1.002;
-  std::vector<Body> best = bodies_;
+  std::vector<Pose> best = poses_;
   double best_scale = scale_;
-  const std::int64_t most =
-      spent_.steps + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(bodies_.size()));
-  for (int stalled = 0; stalled < patience && spent_.steps < most && spent_.work < end && !execution_.IsCancelled() &&
-                        !execution_.IsStopRequested();
+  const std::int64_t most = steps_ + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(poses_.size()));
+  for (int stalled = 0;
+       stalled < patience && steps_ < most && work_ < end && !execution_.IsCancelled() && !execution_.IsStopRequested();
        ++stalled) {
-    const std::vector<Body> before = bodies_;
+    const std::vector<Pose> before = poses_;
     if (Step() > options_.tolerance) continue;
     best = before;
     best_scale = scale_;
     scale_ *= kGrowth;
     stalled = 0;
   }
-  bodies_ = best;
+  poses_ = best;
   scale_ = best_scale;
-  contacts_.age = 0;
-  velocity_.assign(bodies_.size(), {});
+  age_ = 0;
+  velocity_.assign(poses_.size(), Vec3::Zero());
 }
 
 bool Relaxer::Separate(int steps, std::int64_t most_work) {
-  const std::int64_t end = spent_.work + most_work;
-  velocity_.assign(bodies_.size(), {});
-  contacts_.age = 0;
-  for (int i = 0; i < steps && spent_.work < end && !execution_.IsCancelled(); ++i) {
-    const std::vector<Body> before = bodies_;
+  const std::int64_t end = work_ + most_work;
+  velocity_.assign(poses_.size(), Vec3::Zero());
+  age_ = 0;
+  for (int i = 0; i < steps && work_ < end && !execution_.IsCancelled(); ++i) {
+    const std::vector<Pose> before = poses_;
     if (Step() > options_.tolerance) continue;
-    bodies_ = before;
+    poses_ = before;
     return true;
   }
   return false;

@@ -11,14 +11,7 @@
 
 namespace planish {
 
-// Where a chart lies in its tile, which is the unit square.
-struct Body {
-  Vec2 centre = Vec2::Zero();  // of the outline
-  double angle = 0;            // radians
-  int tile = 0;
-};
-
-// Lengths in units of a tile.
+// Lengths here and in all poses are in units of a tile.
 struct RelaxOptions {
   double distance = 0;      // to be kept between two charts
   double low = 0;           // charts stay within [low, 1 - low]^2
@@ -32,11 +25,11 @@ class Relaxer {
   Relaxer(const std::vector<Outline>& outlines, const std::vector<DistanceField>& fields,
           std::vector<double> relative_scales, double scale, const RelaxOptions& options, const Execution& execution);
 
-  std::vector<Body>& bodies() { return bodies_; }
+  std::vector<Pose>& poses() { return poses_; }
   double scale() const { return scale_; }
   void set_scale(double scale) { scale_ = scale; }
   // What it has cost so far, in about nanoseconds, counted in steps of the algorithm.
-  std::int64_t work() const { return spent_.work; }
+  std::int64_t work() const { return work_; }
   // Per chart: kept in addition to the distance; 0 at first.
   std::vector<double>& margins() { return margins_; }
 
@@ -64,17 +57,6 @@ class Relaxer {
     std::int32_t body, sample;
     std::int32_t other;  // below 0: the rim, -1 left, -2 right, -3 bottom, -4 top
   };
-  struct Contacts {
-    double skin;  // how much farther than the distance to be kept they are looked for
-    std::vector<Contact> found = {};
-    int age = 0;  // steps since then
-  };
-  struct Spent {
-    std::int64_t steps = 0, work = 0;
-  };
-  struct Motion {
-    double x = 0, y = 0, turn = 0;  // the turn times the turning radius
-  };
 
   static Shape MakeShape(const Outline& outline, double spacing);
   void FindContacts();
@@ -87,11 +69,13 @@ class Relaxer {
   RelaxOptions options_;
   const Execution& execution_;
   std::vector<Shape> shapes_;
-  std::vector<Body> bodies_;
+  std::vector<Pose> poses_;
   std::vector<double> margins_;
-  std::vector<Motion> velocity_;
-  Contacts contacts_;
-  Spent spent_;
+  std::vector<Vec3> velocity_;  // along x and y, and the turn times the turning radius
+  const double skin_;           // how much farther than the distance to be kept contacts are looked for
+  std::vector<Contact> contacts_;
+  int age_ = 0;  // of the contacts, in steps
+  std::int64_t steps_ = 0, work_ = 0;
   double last_energy_ = 0;
 };
 

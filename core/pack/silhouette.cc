@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
+#include <utility>
 
 #include "core/mesh/box_tree.h"
 
@@ -142,9 +142,8 @@ class Grid {
   std::vector<std::uint64_t> bits_;
 };
 
-// shift(centre): how far, in [0, 1), everything is moved on from where it touches both axes.
-Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius,
-                     const std::function<Vec2(const Vec2& centre)>& shift) {
+// MakeSilhouette(); if `at` is not null, moved on by less than a cell as MakeFixedSilhouette() says.
+Silhouette Rasterize(const Outline& outline, double angle, double scale, double radius, const Vec2* at) {
   const Rotation rotate(angle, scale);
   radius += scale * outline.slack;
   std::vector<Vec2> points(outline.points.size());
@@ -156,10 +155,12 @@ Silhouette Rasterize(const Outline& outline, double angle, double scale, double 
   const double margin = radius + kRounding * (1 + scale * outline.radius);
   Silhouette silhouette;
   silhouette.centre = Vec2::Constant(margin) - box.low;
-  const Vec2 shifted = shift(silhouette.centre);
-  silhouette.centre += shifted;
+  Vec2 shift = Vec2::Zero();
+  if (at != nullptr) shift = *at - silhouette.centre;
+  shift -= Vec2(std::floor(shift.x()), std::floor(shift.y()));
+  silhouette.centre += shift;
   for (Vec2& p : points) p += silhouette.centre;
-  const Vec2 extent = box.high - box.low + Vec2::Constant(2 * margin) + shifted;
+  const Vec2 extent = box.high - box.low + Vec2::Constant(2 * margin) + shift;
   const int width = std::max(1, Ceil(extent.x()));
   const int height = std::max(1, Ceil(extent.y()));
   Grid grid(width, height);
@@ -184,7 +185,7 @@ Silhouette Rasterize(const Outline& outline, double angle, double scale, double 
 }  // namespace
 
 Silhouette MakeSilhouette(const Outline& outline, double angle, double scale, double radius) {
-  return Rasterize(outline, angle, scale, radius, [](const Vec2&) -> Vec2 { return Vec2::Zero(); });
+  return Rasterize(outline, angle, scale, radius, nullptr);
 }
 
 Silhouette QuarterTurn(const Silhouette& s) {
@@ -215,15 +216,9 @@ Silhouette HalfTurn(const Silhouette& s) {
 }
 
 FixedSilhouette MakeFixedSilhouette(const Outline& outline, double angle, double scale, double radius, const Vec2& at) {
-  FixedSilhouette fixed;
-  fixed.silhouette = Rasterize(outline, angle, scale, radius, [&](const Vec2& centre) -> Vec2 {
-    const Vec2 corner = at - centre;
-    return corner - Vec2(std::floor(corner.x()), std::floor(corner.y()));
-  });
-  const Vec2 corner = at - fixed.silhouette.centre;
-  fixed.x = static_cast<int>(std::lround(corner.x()));
-  fixed.y = static_cast<int>(std::lround(corner.y()));
-  return fixed;
+  Silhouette silhouette = Rasterize(outline, angle, scale, radius, &at);
+  const Vec2 corner = at - silhouette.centre;
+  return {std::move(silhouette), static_cast<int>(std::lround(corner.x())), static_cast<int>(std::lround(corner.y()))};
 }
 
 }  // namespace planish

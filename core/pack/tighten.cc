@@ -54,17 +54,17 @@ struct TooNear {
 // The judge of a packing, by exact distances, nothing rasterized or sampled: what is nearer to each other than
 // `distance`, or out of [low, 1 - low]^2, with charts scaled by `scales`.
 std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std::vector<double>& scales,
-                                 const std::vector<Body>& bodies, double distance, double low,
+                                 const std::vector<Pose>& poses, double distance, double low,
                                  const Execution& execution) {
   std::vector<TooNear> found;
   const std::size_t n = outlines.size();
   std::vector<Placed> placed(n);
   std::vector<Box> boxes(n);
   for (std::size_t i = 0; i < n; ++i) {
-    const Rotation rotate(bodies[i].angle, scales[i]);
+    const Rotation rotate(poses[i].angle, scales[i]);
     placed[i].points.reserve(outlines[i].points.size());
     for (const Vec2& p : outlines[i].points) {
-      placed[i].points.push_back(bodies[i].centre + rotate(p));
+      placed[i].points.push_back(poses[i].centre + rotate(p));
       placed[i].box.Add(placed[i].points.back());
     }
     boxes[i] = placed[i].box;
@@ -78,7 +78,7 @@ std::vector<TooNear> FindTooNear(const std::vector<Outline>& outlines, const std
     if (out > 0) found.push_back({static_cast<std::int32_t>(i), -1, out});
   }
   ForEachNearPair(boxes, distance, [&](std::int32_t a, std::int32_t b) {
-    if (bodies[a].tile != bodies[b].tile || execution.IsCancelled()) return;
+    if (poses[a].tile != poses[b].tile || execution.IsCancelled()) return;
     double nearest = SquareOfLeastDistance(outlines[a], placed[a], outlines[b], placed[b], distance);
     if (nearest == distance * distance && (IsInside(placed[a].points[0], outlines[b], placed[b]) ||
                                            IsInside(placed[b].points[0], outlines[a], placed[a]))) {
@@ -126,7 +126,7 @@ class Tightener {
       Relaxer relaxer = MakeRelaxer(*start);
       relaxer.Grow(30, most - growing);
       growing += relaxer.work();
-      found.push_back({relaxer.bodies(), relaxer.scale()});
+      found.push_back({relaxer.poses(), relaxer.scale()});
     }
     std::stable_sort(found.begin(), found.end(),
                      [](const Arrangement& a, const Arrangement& b) { return a.scale < b.scale; });
@@ -139,7 +139,7 @@ class Tightener {
  private:
   Relaxer MakeRelaxer(const Arrangement& arrangement) const {
     Relaxer relaxer(charts_.simple, fields_, charts_.relative_scales, arrangement.scale, relax_, execution_);
-    relaxer.bodies() = arrangement.bodies;
+    relaxer.poses() = arrangement.poses;
     std::fill(relaxer.margins().begin(), relaxer.margins().end(), relax_.tolerance / 2);
     return relaxer;
   }
@@ -173,8 +173,6 @@ class Tightener {
         rearrange.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
         rearrange.tiles = options_.tiles;
         rearrange.atlases = options_.atlases;
-        rearrange.angles = 24;
-        rearrange.tries = 60;
         rearrange.moves = at_once;
         rearrange.work = budget - used;
         rearrange.slack = tuning_.coarse_slack;
@@ -204,33 +202,33 @@ class Tightener {
     }
   }
 
-  // Nothing if charts cannot be brought apart at this scale, or one above least_scale. from->bodies, at any scale,
+  // Nothing if charts cannot be brought apart at this scale, or one above least_scale. from->poses, at any scale,
   // become what is left.
   std::optional<Arrangement> Attempt(double least_scale, double scale, const RearrangeOptions& coarse,
                                      Arrangement* from, std::int64_t* work) const {
     from->scale = scale;
-    if (!Rearrange(charts_.simple, charts_.atlas, fields_, Scales(scale), coarse, execution_, &from->bodies, work))
-      return std::nullopt;
-    if (std::optional<Arrangement> grown = SeparateAndGrow(*from, least_scale, coarse.work, work)) return grown;
     // Where thin parts of charts cross, which coarse pixels do not show, pushing does not help.
     RearrangeOptions fine = coarse;
     fine.side = std::min(2 * coarse.side, tuning_.finest_side);
     fine.slack = tuning_.fine_slack;
     fine.swaps = 0;
     fine.moves = coarse.moves / 2;
-    if (!Rearrange(charts_.simple, charts_.atlas, fields_, Scales(scale), fine, execution_, &from->bodies, work))
-      return std::nullopt;
-    return SeparateAndGrow(*from, least_scale, coarse.work, work);
+    for (const RearrangeOptions& options : {coarse, fine}) {
+      if (!Rearrange(charts_.simple, charts_.atlas, fields_, Scales(scale), options, execution_, &from->poses, work))
+        break;
+      if (std::optional<Arrangement> grown = SeparateAndGrow(*from, least_scale, coarse.work, work)) return grown;
+    }
+    return std::nullopt;
   }
 
-  // At the scale of `arrangement`, or a smaller one above least_scale. Nothing if that fails; arrangement.bodies then
+  // At the scale of `arrangement`, or a smaller one above least_scale. Nothing if that fails; arrangement.poses then
   // are as far apart as they got at its scale. Adds to *work what it took, about `most_work` at most.
   std::optional<Arrangement> SeparateAndGrow(Arrangement& arrangement, double least_scale, std::int64_t most_work,
                                              std::int64_t* work) const {
     Relaxer relaxer = MakeRelaxer(arrangement);
     const auto left = [&] { return most_work - relaxer.work(); };
     bool apart = relaxer.Separate(tuning_.separating_steps, left());
-    arrangement.bodies = relaxer.bodies();
+    arrangement.poses = relaxer.poses();
     for (double scale = arrangement.scale; !apart && left() > 0 && (scale *= tuning_.back_off) > least_scale;) {
       relaxer.set_scale(scale);
       apart = relaxer.Separate(tuning_.separating_steps, left());
@@ -238,7 +236,7 @@ class Tightener {
     if (apart) relaxer.Grow(20, left());
     *work += relaxer.work();
     if (!apart) return std::nullopt;
-    return Arrangement{relaxer.bodies(), relaxer.scale()};
+    return Arrangement{relaxer.poses(), relaxer.scale()};
   }
 
   // Distances were sampled so far. Puts an arrangement that keeps them exactly into arrangement_, if it finds one:
@@ -254,11 +252,11 @@ class Tightener {
       if (charts_.outlines.size() > tuning_.many_charts && execution_.IsStopRequested()) return false;
       const std::vector<TooNear> too_near =
           relaxer.Separate(tuning_.separating_steps, std::llround(left()))
-              ? FindTooNear(charts_.outlines, Scales(relaxer.scale()), relaxer.bodies(), options_.distance,
-                            options_.low, execution_)
+              ? FindTooNear(charts_.outlines, Scales(relaxer.scale()), relaxer.poses(), options_.distance, options_.low,
+                            execution_)
               : std::vector<TooNear>{{0, -1, 0}};
       if (too_near.empty()) {
-        arrangement_ = {relaxer.bodies(), relaxer.scale()};
+        arrangement_ = {relaxer.poses(), relaxer.scale()};
         return true;
       }
       for (const TooNear& pair : too_near) {

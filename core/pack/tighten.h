@@ -29,7 +29,7 @@ struct TightenCharts {
 };
 
 struct Arrangement {
-  std::vector<Body> bodies;
+  std::vector<Pose> poses;
   double scale = 1;  // charts are scaled by this times their relative scale
 };
 

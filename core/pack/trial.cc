@@ -70,28 +70,26 @@ class Pyramid {
   std::vector<Board> boards_;
 };
 
-}  // namespace
-
-class TrialSeries::Impl {
+class Series final : public TrialSeries {
  public:
-  Impl(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles,
-       std::size_t most_kept)
+  Series(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles,
+         std::size_t most_kept)
       : outlines_(outlines), atlas_(atlas), count_(tiles), most_kept_(most_kept) {}
 
-  void Resize(TrialSizes sizes) {
+  void Resize(TrialSizes sizes) override {
     sizes_ = std::move(sizes);
     shared_ = {};
   }
 
   TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
-                  std::vector<Pose>* poses) {
+                  std::vector<Pose>* poses) override {
     Begin(side, plan);
     TrialResult result;
     bool all = true;
     const std::size_t count = plan.count < 0 ? plan.order.size() : static_cast<std::size_t>(plan.count);
     for (std::size_t k = 0; k < count; ++k) {
       const std::int32_t i = plan.order[k];
-      if (execution.IsCancelled() || (plan.ends_on_stop && execution.IsStopRequested())) {
+      if (execution.IsCancelled() || (!plan.thorough && execution.IsStopRequested())) {
         result.missing = most_missing + 1;
         break;
       }
@@ -142,7 +140,7 @@ class TrialSeries::Impl {
     const Shape& shape = At(i, found.turn, level);
     const double cells = 1 << level;
     const int tile = FirstTile(i) + found.tile;
-    *pose = {Angle(i, found.turn), cells * (spot + shape.silhouette.centre), tile};
+    *pose = {cells * (spot + shape.silhouette.centre), Angle(i, found.turn), tile};
     const double last_row = cells * (spot.y() + shape.silhouette.height) / side_;
     filled_ = std::max(filled_, (found.tile + last_row) / count_.tiles);
     const int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
@@ -199,16 +197,11 @@ class TrialSeries::Impl {
     const int half = shared_.angles % 2 == 0 ? shared_.angles / 2 : shared_.angles;
     const int quarter = shared_.angles % 4 == 0 ? half / 2 : half;
     Shape shape;
-    if (turn >= half) {
-      const Shape& before = At(i, turn - half, level);
-      shape.silhouette = HalfTurn(before.silhouette);
-      shape.repeats = shape.silhouette.HasSameCells(before.silhouette);
-      work_ += kHalfWork;
-    } else if (turn >= quarter) {
-      const Shape& before = At(i, turn - quarter, level);
-      shape.silhouette = QuarterTurn(before.silhouette);
-      shape.repeats = shape.silhouette.HasSameCells(before.silhouette);
-      work_ += kQuarterWork + kCellWork * shape.silhouette.cells;
+    if (turn >= quarter) {
+      const Silhouette& before = At(i, turn - (turn >= half ? half : quarter), level).silhouette;
+      shape.silhouette = turn >= half ? HalfTurn(before) : QuarterTurn(before);
+      shape.repeats = shape.silhouette.HasSameCells(before);
+      work_ += turn >= half ? kHalfWork : kQuarterWork + kCellWork * shape.silhouette.cells;
     } else {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
       const double cell = 1 << level;
@@ -298,44 +291,34 @@ class TrialSeries::Impl {
   std::int64_t work_ = 0;
 };
 
-TrialSeries::TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles,
-                         std::size_t most_kept)
-    : impl_(std::make_unique<Impl>(outlines, atlas, tiles, most_kept)) {}
+}  // namespace
 
-TrialSeries::~TrialSeries() = default;
-
-void TrialSeries::Resize(TrialSizes sizes) {
-  impl_->Resize(std::move(sizes));
+std::unique_ptr<TrialSeries> MakeTrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
+                                             const TrialTiles& tiles, std::size_t most_kept) {
+  return std::make_unique<Series>(outlines, atlas, tiles, most_kept);
 }
 
-TrialResult TrialSeries::Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
-                             std::vector<Pose>* poses) {
-  return impl_->Run(side, plan, most_missing, execution, poses);
-}
-
-std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, double side, int tiles) {
+std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, const std::vector<int>& atlas,
+                                const TrialTiles& tiles, double side) {
   const std::vector<std::int32_t> order =
       SortedIndices(extents.size(), [&](std::int32_t a, std::int32_t b) { return extents[a].y() > extents[b].y(); });
   std::vector<Shelf> shelves(extents.size());
-  Vec2 at = Vec2::Zero();
-  double row = 0;
-  int tile = 0;
+  struct Row {
+    Vec2 end = Vec2::Zero();
+    double height = 0;
+    int tile = 0;
+  };
+  std::vector<Row> rows(tiles.atlases);  // the last one of each atlas
   for (const std::int32_t i : order) {
     const Vec2& extent = extents[i];
     if (extent.x() > side || extent.y() > side) return {};
-    if (at.x() + extent.x() > side) {
-      at = Vec2(0, at.y() + row);
-      row = 0;
-    }
-    if (at.y() + extent.y() > side) {
-      at = Vec2::Zero();
-      row = 0;
-      ++tile;
-    }
-    if (tile == tiles) return {};
-    shelves[i] = {at, tile};
-    at.x() += extent.x();
-    row = std::max(row, extent.y());
+    Row& row = rows[atlas[i]];
+    if (row.end.x() + extent.x() > side) row = {Vec2(0, row.end.y() + row.height), 0, row.tile};
+    if (row.end.y() + extent.y() > side) row = {Vec2::Zero(), 0, row.tile + 1};
+    if (row.tile == tiles.tiles) return {};
+    shelves[i] = {row.end, atlas[i] * tiles.tiles + row.tile};
+    row.end.x() += extent.x();
+    row.height = std::max(row.height, extent.y());
   }
   return shelves;
 }

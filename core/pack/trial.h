@@ -31,20 +31,13 @@ struct TrialPlan {
   std::int32_t count = -1;          // so many of them, from the first on; -1: all
   std::vector<int> turn;            // of each chart, if it may have that one only; -1 otherwise. May be empty
   int angles = 8;                   // turns to try, evenly spread from the upright one on; a multiple of 4, or below 4
-  bool ends_on_stop = false;        // ends without a result after a stop request
-  // Every chart is looked for from the first row on. Otherwise from the row where the last chart of about its size
+  // Every chart is looked for from the first row on, after a stop request too. Otherwise a stop request ends the trial
+  // without a result, and a chart is looked for from the row where the last chart of about its size
   // went, since below there was no room for that one: all charts of a size together search each tile once. And the
   // first row with room for a chart, at one turn, is not compared with those beyond it, which takes half of the work
   // and gains nothing among so many charts (eight sets of 320 to 3,000 fill 0.672 of the texture in the mean either
   // way).
   bool thorough = false;
-};
-
-// Where a chart's centre lies.
-struct Pose {
-  double angle = 0;
-  Vec2 centre = Vec2::Zero();  // in cells from the corner of the grid
-  int tile = 0;
 };
 
 struct TrialResult {
@@ -56,24 +49,22 @@ struct TrialResult {
 
 class TrialSeries {
  public:
-  // `atlas`: whose tiles each chart goes to. Silhouettes are kept from trial to trial if there are at most `most_kept`,
-  // of about a kilobyte each.
-  TrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const TrialTiles& tiles,
-              std::size_t most_kept);
-  ~TrialSeries();
+  virtual ~TrialSeries() = default;
 
   // For all trials until the next call. Those with the same number of turns share silhouettes.
-  void Resize(TrialSizes sizes);
+  virtual void Resize(TrialSizes sizes) = 0;
 
   // On grids of side x side cells. A chart goes next to the lowest row with room for it, where it lies snuggest. Ends
-  // as soon as more than most_missing of area has found no place. *poses gets those of the charts that were placed.
-  TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
-                  std::vector<Pose>* poses);
-
- private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  // as soon as more than most_missing of area has found no place. *poses gets those of the charts that were placed, in
+  // cells from the corner of the grid.
+  virtual TrialResult Run(int side, const TrialPlan& plan, double most_missing, const Execution& execution,
+                          std::vector<Pose>* poses) = 0;
 };
+
+// `atlas`: whose tiles each chart goes to. Silhouettes are kept from trial to trial if there are at most `most_kept`,
+// of about a kilobyte each.
+std::unique_ptr<TrialSeries> MakeTrialSeries(const std::vector<Outline>& outlines, const std::vector<int>& atlas,
+                                             const TrialTiles& tiles, std::size_t most_kept);
 
 // ---- Boxes in rows: places for very many charts when there is no time to look for good ones.
 
@@ -82,8 +73,9 @@ struct Shelf {
   int tile = 0;
 };
 
-// Lays boxes of these extents side by side, tall ones first, in rows from v = 0 upwards, on up to `tiles` squares of
-// side `side`. Touching, not overlapping. Empty if they do not fit. Deterministic, O(n log n).
-std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, double side, int tiles);
+// Lays boxes of these extents side by side, tall ones first, in rows from v = 0 upwards, on the tiles of their atlases,
+// squares of side `side`. Touching, not overlapping. Empty if they do not fit. Deterministic, O(n log n).
+std::vector<Shelf> LayOnShelves(const std::vector<Vec2>& extents, const std::vector<int>& atlas,
+                                const TrialTiles& tiles, double side);
 
 }  // namespace planish

@@ -370,9 +370,10 @@ TEST(Pack, KeepsItsPromisesAfterAStopRequest) {
 TEST(Shelves, HoldBoxesWithoutOverlap) {
   std::vector<Vec2> extents;
   for (int i = 0; i < 200; ++i) extents.emplace_back(0.02 + 0.001 * (i * 37 % 50), 0.02 + 0.001 * (i * 17 % 40));
-  EXPECT_TRUE(LayOnShelves(extents, 0.5, 1).empty());
-  EXPECT_TRUE(LayOnShelves({{0.6, 0.1}}, 0.5, 9).empty());
-  const std::vector<Shelf> shelves = LayOnShelves(extents, 0.7, 2);
+  const std::vector<int> atlas(extents.size(), 0);
+  EXPECT_TRUE(LayOnShelves(extents, atlas, {.tiles = 1}, 0.5).empty());
+  EXPECT_TRUE(LayOnShelves({{0.6, 0.1}}, {0}, {.tiles = 9}, 0.5).empty());
+  const std::vector<Shelf> shelves = LayOnShelves(extents, atlas, {.tiles = 2}, 0.7);
   ASSERT_EQ(shelves.size(), extents.size());
   for (std::size_t i = 0; i < shelves.size(); ++i) {
     const Vec2 high = shelves[i].low + extents[i];
