@@ -129,24 +129,19 @@ inline SineCosine SinCosInTriangle(double angle) {
 inline double Atan2(double y, double x) {
   constexpr double kPiLow = 1.2246467991473532e-16;  // what std::numbers::pi lacks
   // atan(i / 8), as a sum of two.
-  static constexpr double kTable[9] = {0x0p+0,
-                                       0x1.fd5ba9aac2f6ep-4,
-                                       0x1.f5b75f92c80ddp-3,
-                                       0x1.6f61941e4def1p-2,
-                                       0x1.dac670561bb4fp-2,
-                                       0x1.1e00babdefeb4p-1,
-                                       0x1.4978fa3269ee1p-1,
-                                       0x1.700a7c5784634p-1,
-                                       0x1.921fb54442d18p-1};
-  static constexpr double kTableLow[9] = {0x0p+0,
-                                          -0x1.cd37686760c17p-59,
-                                          0x1.8ab6e3cf7afbdp-57,
-                                          -0x1.c63aae6f6e918p-56,
-                                          0x1.a2b7f222f65e2p-56,
-                                          -0x1.928df287a668fp-58,
-                                          0x1.2419a87f2a458p-56,
-                                          -0x1.8c34d25aadef6p-56,
-                                          0x1.1a62633145c07p-55};
+  static constexpr struct {
+    double high, low;
+  } kTable[9] = {
+      {0x0p+0, 0x0p+0},
+      {0x1.fd5ba9aac2f6ep-4, -0x1.cd37686760c17p-59},
+      {0x1.f5b75f92c80ddp-3, 0x1.8ab6e3cf7afbdp-57},
+      {0x1.6f61941e4def1p-2, -0x1.c63aae6f6e918p-56},
+      {0x1.dac670561bb4fp-2, 0x1.a2b7f222f65e2p-56},
+      {0x1.1e00babdefeb4p-1, -0x1.928df287a668fp-58},
+      {0x1.4978fa3269ee1p-1, 0x1.2419a87f2a458p-56},
+      {0x1.700a7c5784634p-1, -0x1.8c34d25aadef6p-56},
+      {0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55},
+  };
   if (std::isnan(x) || std::isnan(y)) return internal::kNaN;
   double across = std::abs(y), along = std::abs(x);
   if (std::isinf(across) || std::isinf(along)) {
@@ -171,7 +166,7 @@ inline double Atan2(double y, double x) {
   const double p = internal::Horner(u, 1.0 / 15, -1.0 / 13, 1.0 / 11, -1.0 / 9, 1.0 / 7, -1.0 / 5, 1.0 / 3);
   const double small = t - t * (u * p);
   // pi - (pi / 2 - angle): each of these, or not.
-  double high = kTable[i], low = kTableLow[i], sign = 1;
+  double high = kTable[i].high, low = kTable[i].low, sign = 1;
   const auto reflect = [&](double at, double at_low) {
     const double sum = at - high;
     low = ((at - sum) - high) + (at_low - low);

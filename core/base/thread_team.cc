@@ -16,27 +16,19 @@ void Pause() {
 #endif
 }
 
-void Dismiss(std::vector<std::thread>* helpers, std::atomic<bool>* ending, std::atomic<std::uint32_t>* bell) {
-  ending->store(true);
-  bell->fetch_add(1);
-  bell->notify_all();
-  for (std::thread& helper : *helpers) helper.join();
-}
-
 }  // namespace
 
-ThreadTeam::ThreadTeam(int size) {
-  try {
-    for (int i = 1; i < size; ++i) helpers_.emplace_back([this] { HelperMain(); });
-  } catch (...) {
-    // No thread is left, or no memory for its stack: those that came before must go, or they would end the process.
-    Dismiss(&helpers_, &ending_, &bell_);
-    throw;
-  }
+// Where no thread is left, or no memory for its stack, the destructor ends the helpers that came before: after the
+// constructor without helpers the object counts as constructed.
+ThreadTeam::ThreadTeam(int size) : ThreadTeam() {
+  for (int i = 1; i < size; ++i) helpers_.emplace_back([this] { HelperMain(); });
 }
 
 ThreadTeam::~ThreadTeam() {
-  Dismiss(&helpers_, &ending_, &bell_);
+  ending_.store(true);
+  bell_.fetch_add(1);
+  bell_.notify_all();
+  for (std::thread& helper : helpers_) helper.join();
 }
 
 void ThreadTeam::WorkOnChunks() {

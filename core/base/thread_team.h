@@ -75,24 +75,20 @@ class ThreadTeam {
   // Sum over all chunks of body(begin, end), added in order.
   template <typename Body>
   double Sum(std::int64_t n, std::int64_t chunk_size, const Body& body) {
-    partial_.assign(static_cast<std::size_t>((n + chunk_size - 1) / chunk_size), 0.0);
-    For(n, chunk_size, [&](std::int64_t begin, std::int64_t end) {
-      partial_[static_cast<std::size_t>(begin / chunk_size)] = body(begin, end);
-    });
     double sum = 0;
-    for (const double part : partial_) sum += part;
+    for (const double part : Collect<double>(n, chunk_size, body)) sum += part;
     return sum;
   }
 
  private:
   using ChunkFunction = void (*)(const void* context, std::int64_t chunk);
 
+  ThreadTeam() = default;
   void Run(std::int64_t chunks, ChunkFunction function, const void* context);
   void WorkOnChunks();
   void HelperMain();
 
   std::vector<std::thread> helpers_;
-  std::vector<double> partial_;
 
   // The present loop. Written by the caller while `door_` is shut and nobody is inside.
   ChunkFunction function_ = nullptr;
