@@ -56,22 +56,25 @@ Eigen::VectorXd ActiveSet::Pressures(const Eigen::VectorXd& x, const Multipliers
   return pressures;
 }
 
+Eigen::ArrayXd ActiveSet::Wrongness(const Eigen::VectorXd& pressures) const {
+  Eigen::ArrayXd wrongness = pressures;
+  for (std::int32_t b = 0; b < num_vertices(); ++b) wrongness[b] *= active_[b] ? -1 : 1;
+  return wrongness;
+}
+
 std::int32_t ActiveSet::CountWrong(const Eigen::VectorXd& pressures, double tolerance) const {
-  std::int32_t wrong = 0;
-  for (std::int32_t b = 0; b < num_vertices(); ++b) wrong += Wrongness(pressures, b) > tolerance;
-  return wrong;
+  return static_cast<std::int32_t>((Wrongness(pressures) > tolerance).count());
 }
 
 double ActiveSet::Worst(const Eigen::VectorXd& pressures) const {
-  double worst = 0;
-  for (std::int32_t b = 0; b < num_vertices(); ++b) worst = std::max(worst, Wrongness(pressures, b));
-  return worst;
+  return std::max(0.0, Wrongness(pressures).maxCoeff());
 }
 
 std::int32_t ActiveSet::Update(const Eigen::VectorXd& pressures, double tolerance, bool only_last) {
   const std::vector<char> before = active_;
+  const Eigen::ArrayXd wrongness = Wrongness(pressures);
   for (std::int32_t b = num_vertices() - 1; b >= 0; --b) {
-    if (Wrongness(pressures, b) <= tolerance) continue;
+    if (wrongness[b] <= tolerance) continue;
     active_[b] = !active_[b];
     if (only_last) break;
   }
@@ -149,17 +152,142 @@ class ActiveSetMethod {
         set_(topology, target),
         iterate_{StartingAngles(target), Multipliers::Zero(topology)} {}
 
-  absl::StatusOr<Flattening> operator()();
+  absl::StatusOr<Flattening> operator()() {
+    PLANISH_RETURN_IF_ERROR(Settle());
+    Flattening result = {iterate_.x, summary_};
+    bool flat = flat_;
+    if (!summary_.converged && !summary_.stopped && !OutOfIterations()) {
+      iterate_ = {StartingAngles(target_), Multipliers::Zero(set_.ConstrainedTopology())};
+      // Where angles run into 0: under a strong barrier first, then under weaker ones, then without.
+      std::vector<double> barriers = BarrierSequence(options_.tuning.newton.barrier);
+      barriers.push_back(0);
+      for (const double tau : barriers) {
+        iterate_.barrier = tau;
+        PLANISH_RETURN_IF_ERROR(Settle());
+        if (tau > 0 || summary_.boundary.settled) {
+          result = {iterate_.x, summary_};
+          flat = flat_;
+        }
+        if (!usable_ || summary_.stopped) break;
+      }
+      if (summary_.stopped) {
+        result.summary.stopped = true;
+        result.summary.converged = result.summary.boundary.settled = false;
+      }
+    }
+    if (result.summary.stopped && !flat) {
+      // Nearer at hand is a map with whatever outline.
+      Newton newton(topology_, target_, options_, control_);
+      PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run());
+      ++solves_;
+      summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), 0, set_changes_, false};
+      summary_.stopped = true;
+      summary_.converged = false;
+      result = {newton.x(), summary_};
+    }
+    static_cast<FlattenWork&>(result.summary) = summary_;
+    const BoundaryReport& boundary = result.summary.boundary;
+    absl::StrAppend(
+        &result.summary.stop_message,
+        absl::StrFormat(
+            "; %d sets solved for, %d of %d boundary vertices are straight, the active set %s after %d changes",
+            solves_, boundary.active, boundary.vertices, boundary.settled ? "settled" : "has not settled",
+            boundary.set_changes));
+    return result;
+  }
 
  private:
   // Changes the set until it is right for the barrier of iterate_; summary_ says how that ended.
-  absl::Status Settle();
+  absl::Status Settle() {
+    const double rough = std::max(tuning().rough_tolerance, options_.tolerance);
+    const double goal = iterate_.barrier > options_.tuning.newton.barrier.weakest ? rough : options_.tolerance;
+    settling_ = {.patience = tuning().patience};
+    double tolerance = rough;
+    bool same_set = false, out_of_sets = false, right = false;
+    while (true) {
+      PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
+      usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
+      const bool done = same_set && tolerance <= options_.tolerance && summary_.converged;
+      if (control_.IsStopRequested() && !done && !summary_.stopped) {
+        // Good enough to stop at (FlattenControl::flat_enough), whatever is left to do for the outline.
+        summary_.stopped = true;
+        summary_.converged = false;
+        summary_.stop_message = absl::StrCat("stopped; ", summary_.stop_message);
+      }
+      if (!usable_ || summary_.stopped) break;
+      const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
+      right = set_.CountWrong(pressures, options_.tolerance) == 0;
+      same_set = right || out_of_sets;
+      if (!same_set) {
+        const double worst = set_.Worst(pressures);
+        same_set = out_of_sets = !ChangeSet(pressures);
+        if (!same_set) tolerance = std::clamp(tuning().rough_part * worst, goal, rough);
+      }
+      if (same_set) {
+        if (tolerance == goal) break;
+        tolerance = goal;
+      }
+    }
+    summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), set_.num_active(), set_changes_,
+                         summary_.converged && right};
+    return absl::OkStatus();
+  }
+
   // Newton's method for the present set, from where the last one ended.
-  absl::Status Solve(double tolerance);
+  absl::Status Solve(double tolerance) {
+    const FlattenSummary before = summary_;
+    const Topology constrained = set_.ConstrainedTopology();
+    FlattenOptions options = options_;
+    options.tolerance = tolerance;
+    if (tolerance > options_.tolerance) {
+      const int rough = before.newton_iterations + static_cast<int>(tuning().rough_steps);
+      options.max_newton_iterations = std::min(options.max_newton_iterations, rough);
+    }
+    Newton newton(constrained, target_, options, control_);
+    PLANISH_ASSIGN_OR_RETURN(summary_, newton.RunFrom(std::move(iterate_), before));
+    iterate_ = {newton.x(), newton.mu(), summary_.barrier, newton.z()};
+    flat_ = newton.IsFlat() || summary_.converged;
+    ++solves_;
+    options_.preconditioner = summary_.preconditioner;
+    summary_.preconditioner_changed |= before.preconditioner_changed;
+    if (!before.multigrid_failure.empty()) summary_.multigrid_failure = before.multigrid_failure;
+    return absl::OkStatus();
+  }
+
   // The same for a set that has been solved for to a rougher tolerance.
-  absl::Status Polish(double tolerance);
+  absl::Status Polish(double tolerance) {
+    const NewtonIterate start = iterate_;
+    PLANISH_RETURN_IF_ERROR(Solve(tolerance));
+    if (!summary_.converged && !summary_.stopped && !OutOfIterations() &&
+        options_.preconditioner == PreconditionerType::kAmg && topology_.num_faces() <= kMostFallbackFaces) {
+      // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
+      const std::string why = absl::StrCat("with multigrid, ", summary_.stop_message);
+      iterate_ = start;
+      options_.preconditioner = PreconditionerType::kCholesky;
+      PLANISH_RETURN_IF_ERROR(Solve(tolerance));
+      summary_.preconditioner_changed = true;
+      summary_.multigrid_failure = why;
+    }
+    return absl::OkStatus();
+  }
+
   // Takes the next set; false if there is none to try.
-  bool ChangeSet(const Eigen::VectorXd& pressures);
+  bool ChangeSet(const Eigen::VectorXd& pressures) {
+    if (set_changes_ >= tuning().max_set_changes) return false;
+    const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
+    if (wrong < settling_.least_wrong) {
+      settling_.least_wrong = wrong;
+      settling_.patience = tuning().patience;
+    } else if (settling_.patience > 0) {
+      --settling_.patience;
+    }
+    const std::vector<char> before = set_.active();
+    if (set_.Update(pressures, options_.tolerance, /*only_last=*/settling_.patience == 0) == 0) return false;
+    iterate_.mu = set_.Carry(iterate_.mu, before);
+    ++set_changes_;
+    return true;
+  }
+
   // Whether a solve that did not converge will do to judge the set by.
   bool IsRoughlyRight(double rough) const {
     const Residual& r = summary_.residual;
@@ -187,136 +315,6 @@ class ActiveSetMethod {
   bool usable_ = false;  // the last solve converged, or for a rough one nearly
   Settling settling_;
 };
-
-absl::Status ActiveSetMethod::Solve(double tolerance) {
-  const FlattenSummary before = summary_;
-  const Topology constrained = set_.ConstrainedTopology();
-  FlattenOptions options = options_;
-  options.tolerance = tolerance;
-  if (tolerance > options_.tolerance) {
-    const int rough = before.newton_iterations + static_cast<int>(tuning().rough_steps);
-    options.max_newton_iterations = std::min(options.max_newton_iterations, rough);
-  }
-  Newton newton(constrained, target_, options, control_);
-  PLANISH_ASSIGN_OR_RETURN(summary_, newton.RunFrom(std::move(iterate_), before));
-  iterate_ = {newton.x(), newton.mu(), summary_.barrier, newton.z()};
-  flat_ = newton.IsFlat() || summary_.converged;
-  ++solves_;
-  options_.preconditioner = summary_.preconditioner;
-  summary_.preconditioner_changed |= before.preconditioner_changed;
-  if (!before.multigrid_failure.empty()) summary_.multigrid_failure = before.multigrid_failure;
-  return absl::OkStatus();
-}
-
-absl::Status ActiveSetMethod::Polish(double tolerance) {
-  const NewtonIterate start = iterate_;
-  PLANISH_RETURN_IF_ERROR(Solve(tolerance));
-  if (!summary_.converged && !summary_.stopped && !OutOfIterations() &&
-      options_.preconditioner == PreconditionerType::kAmg && topology_.num_faces() <= kMostFallbackFaces) {
-    // So near the solution it is not angles that ran into 0, but the linear solves that were not good enough.
-    const std::string why = absl::StrCat("with multigrid, ", summary_.stop_message);
-    iterate_ = start;
-    options_.preconditioner = PreconditionerType::kCholesky;
-    PLANISH_RETURN_IF_ERROR(Solve(tolerance));
-    summary_.preconditioner_changed = true;
-    summary_.multigrid_failure = why;
-  }
-  return absl::OkStatus();
-}
-
-bool ActiveSetMethod::ChangeSet(const Eigen::VectorXd& pressures) {
-  if (set_changes_ >= tuning().max_set_changes) return false;
-  const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
-  if (wrong < settling_.least_wrong) {
-    settling_.least_wrong = wrong;
-    settling_.patience = tuning().patience;
-  } else if (settling_.patience > 0) {
-    --settling_.patience;
-  }
-  const std::vector<char> before = set_.active();
-  if (set_.Update(pressures, options_.tolerance, /*only_last=*/settling_.patience == 0) == 0) return false;
-  iterate_.mu = set_.Carry(iterate_.mu, before);
-  ++set_changes_;
-  return true;
-}
-
-absl::Status ActiveSetMethod::Settle() {
-  const double rough = std::max(tuning().rough_tolerance, options_.tolerance);
-  const double goal = iterate_.barrier > options_.tuning.newton.barrier.weakest ? rough : options_.tolerance;
-  settling_ = {.patience = tuning().patience};
-  double tolerance = rough;
-  bool same_set = false, out_of_sets = false, right = false;
-  while (true) {
-    PLANISH_RETURN_IF_ERROR(same_set ? Polish(tolerance) : Solve(tolerance));
-    usable_ = summary_.converged || (IsRoughlyRight(rough) && !(same_set && tolerance < rough));
-    const bool done = same_set && tolerance <= options_.tolerance && summary_.converged;
-    if (control_.IsStopRequested() && !done && !summary_.stopped) {
-      // Good enough to stop at (FlattenControl::flat_enough), whatever is left to do for the outline.
-      summary_.stopped = true;
-      summary_.converged = false;
-      summary_.stop_message = absl::StrCat("stopped; ", summary_.stop_message);
-    }
-    if (!usable_ || summary_.stopped) break;
-    const Eigen::VectorXd pressures = set_.Pressures(iterate_.x, iterate_.mu);
-    right = set_.CountWrong(pressures, options_.tolerance) == 0;
-    same_set = right || out_of_sets;
-    if (!same_set) {
-      const double worst = set_.Worst(pressures);
-      same_set = out_of_sets = !ChangeSet(pressures);
-      if (!same_set) tolerance = std::clamp(tuning().rough_part * worst, goal, rough);
-    }
-    if (same_set) {
-      if (tolerance == goal) break;
-      tolerance = goal;
-    }
-  }
-  summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), set_.num_active(), set_changes_,
-                       summary_.converged && right};
-  return absl::OkStatus();
-}
-
-absl::StatusOr<Flattening> ActiveSetMethod::operator()() {
-  PLANISH_RETURN_IF_ERROR(Settle());
-  Flattening result = {iterate_.x, summary_};
-  bool flat = flat_;
-  if (!summary_.converged && !summary_.stopped && !OutOfIterations()) {
-    iterate_ = {StartingAngles(target_), Multipliers::Zero(set_.ConstrainedTopology())};
-    // Where angles run into 0: under a strong barrier first, then under weaker ones, then without.
-    std::vector<double> barriers = BarrierSequence(options_.tuning.newton.barrier);
-    barriers.push_back(0);
-    for (const double tau : barriers) {
-      iterate_.barrier = tau;
-      PLANISH_RETURN_IF_ERROR(Settle());
-      if (tau > 0 || summary_.boundary.settled) {
-        result = {iterate_.x, summary_};
-        flat = flat_;
-      }
-      if (!usable_ || summary_.stopped) break;
-    }
-    if (summary_.stopped) {
-      result.summary.stopped = true;
-      result.summary.converged = result.summary.boundary.settled = false;
-    }
-  }
-  if (result.summary.stopped && !flat) {
-    // Nearer at hand is a map with whatever outline.
-    Newton newton(topology_, target_, options_, control_);
-    PLANISH_ASSIGN_OR_RETURN(summary_, newton.Run());
-    ++solves_;
-    summary_.boundary = {BoundaryType::kConvex, set_.num_vertices(), 0, set_changes_, false};
-    summary_.stopped = true;
-    summary_.converged = false;
-    result = {newton.x(), summary_};
-  }
-  static_cast<FlattenWork&>(result.summary) = summary_;
-  const BoundaryReport& boundary = result.summary.boundary;
-  absl::StrAppend(
-      &result.summary.stop_message,
-      absl::StrFormat(
-          "; %d sets solved for, %d of %d boundary vertices are straight, the active set %s after %d changes", solves_,
-          boundary.active, boundary.vertices, boundary.settled ? "settled" : "has not settled", boundary.set_changes));
-  return result;
-}
 
 }  // namespace
 

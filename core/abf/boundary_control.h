@@ -73,10 +73,8 @@ class ActiveSet {
   struct Stretch {
     std::int32_t first, last;
   };
-  // How far vertex b is on the wrong side; not positive for a right one.
-  double Wrongness(const Eigen::VectorXd& pressures, std::int32_t b) const {
-    return active_[b] ? -pressures[b] : pressures[b];
-  }
+  // How far each boundary vertex is on the wrong side; not positive for a right one.
+  Eigen::ArrayXd Wrongness(const Eigen::VectorXd& pressures) const;
   void ReleaseForPolygon(const Eigen::VectorXd& pressures);
 
   const Topology& topology_;

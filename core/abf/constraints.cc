@@ -32,29 +32,26 @@ class LogQuotient {
   double numerator_ = 1, denominator_ = 1, sum_ = 0;
 };
 
+// of(sine and cosine) of every angle.
+template <typename Of>
+Eigen::VectorXd OfAngles(const Eigen::VectorXd& x, ThreadTeam& team, const Of& of) {
+  Eigen::VectorXd result(x.size());
+  team.For(x.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
+    const double* angle = x.data();
+    double* to = result.data();
+    for (std::int64_t i = begin; i < end; ++i) to[i] = of(portable::SinCosInTriangle(angle[i]));
+  });
+  return result;
+}
+
 }  // namespace
 
 Eigen::VectorXd Sines(const Eigen::VectorXd& x, ThreadTeam& team) {
-  Eigen::VectorXd sine(x.size());
-  team.For(x.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
-    const double* angle = x.data();
-    double* to = sine.data();
-    for (std::int64_t i = begin; i < end; ++i) to[i] = portable::SinCosInTriangle(angle[i]).sine;
-  });
-  return sine;
+  return OfAngles(x, team, [](const portable::SineCosine& at) { return at.sine; });
 }
 
 Eigen::VectorXd Cotangents(const Eigen::VectorXd& x, ThreadTeam& team) {
-  Eigen::VectorXd cot(x.size());
-  team.For(x.size(), kVectorChunk, [&](std::int64_t begin, std::int64_t end) {
-    const double* angle = x.data();
-    double* to = cot.data();
-    for (std::int64_t i = begin; i < end; ++i) {
-      const auto [sine, cosine] = portable::SinCosInTriangle(angle[i]);
-      to[i] = cosine / sine;
-    }
-  });
-  return cot;
+  return OfAngles(x, team, [](const portable::SineCosine& at) { return at.cosine / at.sine; });
 }
 
 ConstraintValues EvaluateConstraints(const Topology& topology, const Eigen::VectorXd& x, const Eigen::VectorXd& sine,

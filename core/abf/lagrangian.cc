@@ -52,7 +52,6 @@ double SmallestPlaneEigenvalue(const double* a, const double* b) {
 std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, Eigen::VectorXd* hessian,
                        ThreadTeam& team, std::vector<std::int32_t>* weak, const ConvexityTuning& tuning) {
   if (weak != nullptr) weak->clear();
-  if (kind == Convexification::kNone) return 0;
   const std::int64_t n = curvature.size() / 3;
   struct Part {
     std::int64_t changed = 0;

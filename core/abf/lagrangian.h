@@ -40,7 +40,6 @@ inline double PlaneDeterminant(const double* a) {
 
 // How a Hessian is convexified.
 enum class Convexification {
-  kNone,
   // Each face's 3x3 block positive definite on the plane of angle changes that sum to zero (all the reduced system
   // needs): a face whose smallest eigenvalue relative to diag(f'') lies below ConvexityTuning::min_curvature moves
   // towards diag(f'') just as far as brings it there.

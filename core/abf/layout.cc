@@ -80,13 +80,6 @@ struct Range {
   }
 };
 
-Range SquaredLengths(const Topology& topology, const Edges& edges, const Execution& execution) {
-  return execution.SumUp<Range>(topology.num_corners(), [&](std::int64_t c, Range* range) {
-    const double squared_length = edges[c].SquaredNorm();
-    range->Add({squared_length, squared_length});
-  });
-}
-
 // Half-edges that wait for their turn, those of the shortest class first, in a class those that came first. A class
 // spans a factor of about 2^(1/4): four of them double the length.
 class ShortestFirst {
@@ -134,17 +127,6 @@ class ShortestFirst {
   std::size_t first_;  // none before it has anything
 };
 
-// Calls visit(c, w) for each half-edge c between the vertex at `corner` and a neighbour w, once per neighbour.
-template <typename Visit>
-void ForEachNeighbour(const Topology& topology, std::int32_t corner, const Visit& visit) {
-  ForEachInFan(FlatLinks{topology.opposite}, corner, [&](std::int32_t c) {
-    const std::int32_t f = c / 3, k = c % 3;
-    visit(3 * f + Prev(k), topology.faces[f][Next(k)]);
-    // The last edge counter-clockwise has no other face.
-    if (topology.opposite[3 * f + Next(k)] < 0) visit(3 * f + Next(k), topology.faces[f][Prev(k)]);
-  });
-}
-
 std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const Range& squared,
                            const Execution& execution) {
   std::vector<Vec2> positions(topology.num_vertices, Vec2::Zero());
@@ -152,8 +134,14 @@ std::vector<Vec2> SumEdges(const Topology& topology, const Edges& edges, const R
   ShortestFirst waiting(squared.low);
   const auto place = [&](std::int32_t v, std::int32_t corner) {
     placed[v] = 1;
-    ForEachNeighbour(topology, corner, [&](std::int32_t c, std::int32_t w) {
-      if (!placed[w]) waiting.Push(c, edges[c].SquaredNorm());
+    const auto wait = [&](std::int32_t c, std::int32_t neighbour) {
+      if (!placed[neighbour]) waiting.Push(c, edges[c].SquaredNorm());
+    };
+    ForEachInFan(FlatLinks{topology.opposite}, corner, [&](std::int32_t c) {
+      const std::int32_t f = c / 3, k = c % 3;
+      wait(3 * f + Prev(k), topology.faces[f][Next(k)]);
+      // The last edge counter-clockwise has no other face.
+      if (topology.opposite[3 * f + Next(k)] < 0) wait(3 * f + Next(k), topology.faces[f][Prev(k)]);
     });
   };
   // From the shortest edge, so that where coordinates must be fine they are small.
@@ -187,7 +175,10 @@ std::vector<Vec2> LayOut(const Topology& topology, const Eigen::VectorXd& angles
   const Edges edges = FaceShapes(angles, execution);
   if (execution.IsCancelled()) return {};
   JoinFaces(topology, execution, edges);
-  const Range squared = SquaredLengths(topology, edges, execution);
+  const Range squared = execution.SumUp<Range>(topology.num_corners(), [&](std::int64_t c, Range* range) {
+    const double squared_length = edges[c].SquaredNorm();
+    range->Add({squared_length, squared_length});
+  });
   if (execution.IsCancelled()) return {};
   std::vector<Vec2> positions = SumEdges(topology, edges, squared, execution);
   const double unit = 1 / std::sqrt(squared.high);

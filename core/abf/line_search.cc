@@ -11,10 +11,7 @@ namespace {
 
 void UpdatePenalty(ThreadTeam& team, double factor, const Eigen::VectorXd& mu, const Eigen::VectorXd& step,
                    Eigen::VectorXd* nu) {
-  if (nu->size() == 0) {
-    Assign(team, factor * (mu + step).cwiseAbs(), nu);
-    return;
-  }
+  if (nu->size() == 0) *nu = Eigen::VectorXd::Zero(mu.size());
   // Powell's rule (1978, "A fast algorithm for nonlinearly constrained optimization calculations") lets penalties
   // shrink, but slowly.
   Assign(team,

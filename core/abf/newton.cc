@@ -66,13 +66,6 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
   control_.on_progress(progress);
 }
 
-void Newton::DescribeEnd(const std::string& why) {
-  const Residual& r = summary_.residual;
-  summary_.stop_message = absl::StrFormat(
-      "%s after %d Newton steps: triangle %.1e, vertex %.1e, wheel %.1e, gradient %.1e rad, tolerance %.1e", why,
-      summary_.newton_iterations, r.triangle, r.vertex, r.wheel, r.gradient, options_.tolerance);
-}
-
 absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                             NewtonStep* step) {
   LinearSolveOptions linear;
@@ -380,12 +373,13 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
   summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
-  std::string why = ending == Ending::kConverged ? "converged"
-                    : ending == Ending::kStopped ? "stopped"
-                    : ending == Ending::kStuck   ? "no further progress"
-                                                 : "iteration limit reached";
-  if (summary_.barrier > 0) absl::StrAppend(&why, absl::StrFormat(" with a barrier of %g", summary_.barrier));
-  DescribeEnd(why);
+  constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped"};
+  const Residual& r = summary_.residual;
+  summary_.stop_message = absl::StrFormat(
+      "%s%s after %d Newton steps: triangle %.1e, vertex %.1e, wheel %.1e, gradient %.1e rad, tolerance %.1e",
+      kEndings[static_cast<int>(ending)],
+      summary_.barrier > 0 ? absl::StrFormat(" with a barrier of %g", summary_.barrier) : "",
+      summary_.newton_iterations, r.triangle, r.vertex, r.wheel, r.gradient, options_.tolerance);
   return summary_;
 }
 

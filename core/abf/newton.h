@@ -111,8 +111,6 @@ class Newton {
   bool AnglesCollapse();
   // Calls on_progress. The arguments are those of the linear solve under way.
   void Report(double linear_residual, std::int64_t linear_iterations) const;
-  // Writes summary_.stop_message: `why`, and the residuals.
-  void DescribeEnd(const std::string& why);
 
   // How the steps since Forget() went.
   struct Course {

@@ -12,20 +12,6 @@
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
-namespace {
-
-std::unique_ptr<LinearSolver> MakeSolver(SolverType type) {
-  switch (type) {
-    case SolverType::kMinres:
-      return MakeMinresSolver();
-    case SolverType::kUzawa:
-      return MakeUzawaSolver();
-    default:
-      return MakeDirectSolver();
-  }
-}
-
-}  // namespace
 
 StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType system,
                        PreconditionerType preconditioner, ThreadTeam& team, const FlattenTuning& tuning)
@@ -33,7 +19,9 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
       team_(team),
       tuning_(tuning),
       types_{solver, system, preconditioner},
-      solvers_{.chosen = MakeSolver(solver)} {
+      solver_(solver == SolverType::kMinres  ? MakeMinresSolver()
+              : solver == SolverType::kUzawa ? MakeUzawaSolver()
+                                             : MakeDirectSolver()) {
   multigrid_.multigrid = std::make_unique<Multigrid>(tuning.multigrid);
 }
 
@@ -52,9 +40,9 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     system = iterate_.reduced.get();
   }
   if (types_.preconditioner == PreconditionerType::kJacobi) {
-    preconditioner_ = std::make_unique<JacobiPreconditioner>(system->SchurDiagonal());
+    preconditioner_ = JacobiPreconditioner(system->SchurDiagonal());
   } else if (types_.preconditioner == PreconditionerType::kNone) {
-    preconditioner_ = std::make_unique<IdentityPreconditioner>();
+    preconditioner_ = IdentityPreconditioner();
   }
   return absl::OkStatus();
 }
@@ -99,7 +87,7 @@ absl::Status StepSolver::PrepareExact() {
       PLANISH_RETURN_IF_ERROR(factorized);
       wear_.solves = 0;
     }
-    preconditioner_ = std::make_unique<CholeskyPreconditioner>(&exact_.factorization);
+    preconditioner_ = [this](const Eigen::VectorXd& r, Eigen::VectorXd* z) { exact_.factorization.Solve(r, z); };
   }
   if (iterate_.hessian != iterate_.convex) exact_.s->Assemble(*iterate_.hessian, *iterate_.cot);
   iterate_.reduced->set_matrix(&s);
@@ -127,7 +115,7 @@ absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
     multigrid_.is_closed = !first;
     wear_.solves = 0;
   }
-  preconditioner_ = std::make_unique<MultigridPreconditioner>(multigrid_.multigrid.get());
+  preconditioner_ = MultigridPreconditioner(multigrid_.multigrid.get());
   SolveWeakRowsExactly(s);
   if (iterate_.hessian != iterate_.convex) multigrid_.s->Assemble(*iterate_.hessian, *iterate_.cot);
   iterate_.reduced->set_matrix(&s);
@@ -143,12 +131,12 @@ void StepSolver::SolveWeakRowsExactly(const BlockMatrix<float>& s) {
                                           topology_.num_rows, tuning_.step.rows_per_weak_row);
     return;
   }
-  auto patched = std::make_unique<PatchPreconditioner>(std::move(preconditioner_));
   const std::int64_t max_bytes = std::max(kLeastPatchBytes, kPatchBytesPerFace * topology_.num_faces());
-  if (const absl::Status set = patched->SetPatch(s, std::move(rows), max_bytes); !set.ok()) {
-    multigrid_.left_out = absl::StrCat(kWithout, set.message());  // multigrid alone is as good as there is
+  if (auto patched = PatchedPreconditioner(preconditioner_, s, std::move(rows), max_bytes); patched.ok()) {
+    preconditioner_ = *std::move(patched);
+  } else {
+    multigrid_.left_out = absl::StrCat(kWithout, patched.status().message());  // multigrid alone is as good as there is
   }
-  preconditioner_ = std::move(patched);
 }
 
 absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
@@ -161,7 +149,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
   }
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
   const bool multigrid = types_.preconditioner == PreconditionerType::kAmg && !iterate_.is_indefinite;
-  if (iterate_.is_indefinite && solvers_.limit_indefinite) {
+  if (iterate_.is_indefinite && limit_indefinite_) {
     watched.max_iterations =
         std::max(tuning.max_indefinite_iterations, tuning.indefinite_factor * wear_.last_iterations);
   }
@@ -205,14 +193,13 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
 
 LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const ConstraintValues& h,
                                     const LinearSolveOptions& options, NewtonStep* step) {
-  const LinearSolver& solver =
-      iterate_.is_indefinite && solvers_.minres != nullptr ? *solvers_.minres : *solvers_.chosen;
+  const LinearSolver& solver = iterate_.is_indefinite ? minres_ : solver_;
   LinearSummary summary;
   if (types_.system == SystemType::kFull) {
     SaddlePointSolution solution;
     Eigen::VectorXd g(h.triangle.size() + h.pair.size());
     g << -h.triangle, -h.pair;
-    summary = solver.Solve(*iterate_.full, *preconditioner_, -gradient, g, options, &solution);
+    summary = SolveSystem(solver, *iterate_.full, preconditioner_, -gradient, g, options, &solution);
     step->x = std::move(solution.x);
     step->mu.triangle = solution.lambda.head(h.triangle.size());
     step->mu.pair = solution.lambda.tail(h.pair.size());
@@ -222,7 +209,7 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
     iterate_.reduced->ApplyB(step->x, &rhs);
     Assign(team_, rhs + h.pair, &rhs);
     step->x.resize(0);  // room for the solver
-    summary = solver.SolveSchur(*iterate_.reduced, *preconditioner_, rhs, options, &step->mu.pair);
+    summary = SolveSchur(solver, *iterate_.reduced, preconditioner_, rhs, options, &step->mu.pair);
     iterate_.reduced->Recover(gradient, h.triangle, step->mu.pair, &step->x, &step->mu.triangle);
   }
   if (iterate_.is_indefinite) return summary;  // says nothing about how well the preconditioner has kept

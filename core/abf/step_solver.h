@@ -15,6 +15,7 @@
 #include "core/abf/tuning.h"
 #include "core/linalg/linear_solver.h"
 #include "core/linalg/multigrid.h"
+#include "core/linalg/sparse_cholesky.h"
 
 namespace planish {
 
@@ -41,7 +42,7 @@ class StepSolver {
                        const Interrupter* interrupter = nullptr);
 
   // Whether MINRES on an indefinite system gives up early (StepTuning::max_indefinite_iterations). Default: yes.
-  void set_limit_indefinite(bool limit) { solvers_.limit_indefinite = limit; }
+  void set_limit_indefinite(bool limit) { limit_indefinite_ = limit; }
 
   // Eq. 5 for the gradient and constraint values of the iterate:
   //   A dx + B^t dmu = -gradient,  B dx = -h.
@@ -63,10 +64,7 @@ class StepSolver {
   const std::string& left_out() const { return multigrid_.left_out; }
 
   // For tests of failed solves: `solver` takes the place of all others, MINRES for indefinite systems included.
-  void set_solver(std::unique_ptr<LinearSolver> solver) {
-    solvers_.chosen = std::move(solver);
-    solvers_.minres.reset();
-  }
+  void set_solver(LinearSolver solver) { solver_ = minres_ = std::move(solver); }
 
   // How a Hessian must be convexified for the system.
   Convexification RequiredConvexification() const {
@@ -78,12 +76,6 @@ class StepSolver {
     SolverType solver;
     SystemType system;
     PreconditionerType preconditioner;  // kCholesky once multigrid has failed
-  };
-  struct Solvers {
-    std::unique_ptr<LinearSolver> chosen;
-    std::unique_ptr<LinearSolver> minres =
-        MakeMinresSolver();  // of indefinite systems; null: `chosen` solves these too
-    bool limit_indefinite = true;
   };
   // What Prepare() was given, and the system that it made of that: one of the two.
   struct Iterate {
@@ -136,11 +128,12 @@ class StepSolver {
   ThreadTeam& team_;
   const FlattenTuning tuning_;
   Types types_;
-  Solvers solvers_;
+  LinearSolver solver_, minres_ = MakeMinresSolver();  // the chosen one; of indefinite systems
+  bool limit_indefinite_ = true;
   Iterate iterate_;
   ByMultigrid multigrid_;
   ByFactorization exact_;
-  std::unique_ptr<Preconditioner> preconditioner_;
+  Preconditioner preconditioner_;
   Wear wear_;
 };
 

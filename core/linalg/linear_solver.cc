@@ -55,14 +55,14 @@ void SaddlePointOperator::ApplySchur(const Eigen::VectorXd& lambda, Eigen::Vecto
   ApplyB(h_, y);
 }
 
-LinearSummary LinearSolver::Solve(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                                  const Eigen::VectorXd& f, const Eigen::VectorXd& g, const LinearSolveOptions& options,
-                                  SaddlePointSolution* solution) const {
+LinearSummary SolveSystem(const LinearSolver& solver, const SaddlePointOperator& system,
+                          const Preconditioner& preconditioner, const Eigen::VectorXd& f, const Eigen::VectorXd& g,
+                          const LinearSolveOptions& options, SaddlePointSolution* solution) {
   Eigen::VectorXd rhs;
   system.ApplyInverseA(f, &solution->x);
   system.ApplyB(solution->x, &rhs);
   Assign(system.team(), rhs - g, &rhs);
-  const LinearSummary summary = SolveSchur(system, preconditioner, rhs, options, &solution->lambda);
+  const LinearSummary summary = SolveSchur(solver, system, preconditioner, rhs, options, &solution->lambda);
   Eigen::VectorXd transposed;
   system.ApplyBTransposed(solution->lambda, &transposed);
   Assign(system.team(), f - transposed, &transposed);
@@ -70,16 +70,16 @@ LinearSummary LinearSolver::Solve(const SaddlePointOperator& system, const Preco
   return summary;
 }
 
-LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                                       const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
-                                       Eigen::VectorXd* lambda) const {
+LinearSummary SolveSchur(const LinearSolver& solver, const SaddlePointOperator& system,
+                         const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
+                         const LinearSolveOptions& options, Eigen::VectorXd* lambda) {
   ThreadTeam& team = system.team();
   const LinearTuning& tuning = options.tuning;
   *lambda = Eigen::VectorXd::Zero(system.num_multipliers());
   const double initial = Norm(team, rhs);
   if (initial == 0) return {};
 
-  LinearSummary summary = SolveImpl(system, preconditioner, rhs, options, lambda);
+  LinearSummary summary = solver(system, preconditioner, rhs, options, lambda);
 
   const bool rough = !options.rough.empty();
   const bool refine = !rough && system.rounds_schur() && options.relative_tolerance < tuning.refined_tolerance;
@@ -94,7 +94,27 @@ LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const 
     return Norm(team, residual) / initial;
   };
   summary.true_residual = measure();
-  if (refine) Refine(system, preconditioner, options, measure, &summary, &residual, lambda);
+  // Iterative refinement against the exact M: solves for the residual until that is small enough.
+  const double wanted = std::max(tuning.refined_slack * options.relative_tolerance, tuning.residual_floor);
+  for (std::int64_t i = 0; refine && i < tuning.max_refinements &&
+                           summary.termination == LinearTermination::kConverged && summary.true_residual > wanted;
+       ++i) {
+    LinearSolveOptions rest = options;
+    rest.relative_tolerance = std::min(options.relative_tolerance / summary.true_residual, 0.5);
+    rest.max_iterations -= summary.iterations;
+    if (options.on_progress) {
+      rest.on_progress = [&](std::int64_t iterations, double relative) {
+        if (iterations > 0) options.on_progress(summary.iterations + iterations, relative * summary.true_residual);
+      };
+    }
+    Eigen::VectorXd correction = Eigen::VectorXd::Zero(lambda->size());
+    const LinearSummary refined = solver(system, preconditioner, residual, rest, &correction);
+    Assign(team, *lambda + correction, lambda);
+    summary.iterations += refined.iterations;
+    summary.termination = refined.termination;
+    const double before = std::exchange(summary.true_residual, measure());
+    if (!(summary.true_residual < before / 2)) break;
+  }
   if (summary.termination != LinearTermination::kConverged) return summary;
 
   bool real;
@@ -116,41 +136,9 @@ LinearSummary LinearSolver::SolveSchur(const SaddlePointOperator& system, const 
   return summary;
 }
 
-template <typename Measure>
-void LinearSolver::Refine(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const LinearSolveOptions& options, const Measure& measure, LinearSummary* summary,
-                          Eigen::VectorXd* residual, Eigen::VectorXd* lambda) const {
-  const LinearTuning& tuning = options.tuning;
-  const double wanted = std::max(tuning.refined_slack * options.relative_tolerance, tuning.residual_floor);
-  Eigen::VectorXd correction;
-  for (std::int64_t i = 0; i < tuning.max_refinements && summary->termination == LinearTermination::kConverged &&
-                           summary->true_residual > wanted;
-       ++i) {
-    LinearSolveOptions rest = options;
-    rest.relative_tolerance = std::min(options.relative_tolerance / summary->true_residual, 0.5);
-    rest.max_iterations -= summary->iterations;
-    if (options.on_progress) {
-      rest.on_progress = [&](std::int64_t iterations, double relative) {
-        if (iterations > 0) options.on_progress(summary->iterations + iterations, relative * summary->true_residual);
-      };
-    }
-    correction = Eigen::VectorXd::Zero(lambda->size());
-    const LinearSummary refined = SolveImpl(system, preconditioner, *residual, rest, &correction);
-    Assign(system.team(), *lambda + correction, lambda);
-    summary->iterations += refined.iterations;
-    summary->termination = refined.termination;
-    const double before = std::exchange(summary->true_residual, measure());
-    if (!(summary->true_residual < before / 2)) break;
-  }
-}
-
-namespace {
-
-// Iterative refinement from lambda = 0 with the factorization as the inverse of M.
-class DirectSolver final : public LinearSolver {
-  LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
-                          Eigen::VectorXd* lambda) const override {
+LinearSolver MakeDirectSolver() {
+  return [](const SaddlePointOperator& system, const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
+            const LinearSolveOptions& options, Eigen::VectorXd* lambda) {
     LinearSolveOptions limited = options;
     limited.max_iterations = options.tuning.max_direct_refinements;
     LinearSummary summary;
@@ -158,7 +146,7 @@ class DirectSolver final : public LinearSolver {
     const double first = rhs.norm();
     for (double norm = first; GoesOn(norm / first, norm <= options.relative_tolerance * first, limited, &summary);
          norm = residual.norm()) {
-      preconditioner.Apply(residual, &correction);
+      preconditioner(residual, &correction);
       *lambda += correction;
       system.ApplySchur(*lambda, &residual);
       residual = rhs - residual;
@@ -166,13 +154,7 @@ class DirectSolver final : public LinearSolver {
     }
     if (summary.termination == LinearTermination::kIterationLimit) summary.termination = LinearTermination::kStagnated;
     return summary;
-  }
-};
-
-}  // namespace
-
-std::unique_ptr<LinearSolver> MakeDirectSolver() {
-  return std::make_unique<DirectSolver>();
+  };
 }
 
 }  // namespace planish

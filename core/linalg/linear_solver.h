@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -87,44 +86,33 @@ struct SaddlePointSolution {
   Eigen::VectorXd lambda;
 };
 
-class LinearSolver {
- public:
-  virtual ~LinearSolver() = default;
+// A solver of M lambda = rhs, from lambda = 0; rhs is not zero. Sets `energy` where options.rough is not empty. Its
+// claims are checked by SolveSchur(), which recomputes the residual and the true number of `energy_taken`.
+using LinearSolver = std::function<LinearSummary(const SaddlePointOperator& system,
+                                                 const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
+                                                 const LinearSolveOptions& options, Eigen::VectorXd* lambda)>;
 
-  // Solves from lambda = 0. Whatever the termination, lambda is the solver's last iterate and
-  // x = A^-1 (f - B^t lambda). A right-hand side of zero, and a system without multipliers, converge in no iterations.
-  // A convergence that the true residual contradicts becomes kStagnated (LinearTuning).
-  LinearSummary Solve(const SaddlePointOperator& system, const Preconditioner& preconditioner, const Eigen::VectorXd& f,
-                      const Eigen::VectorXd& g, const LinearSolveOptions& options, SaddlePointSolution* solution) const;
+// Solves M lambda = rhs from lambda = 0. Whatever the termination, lambda is the solver's last iterate. A right-hand
+// side of zero, and a system without multipliers, converge in no iterations. A convergence that the true residual
+// contradicts becomes kStagnated (LinearTuning).
+LinearSummary SolveSchur(const LinearSolver& solver, const SaddlePointOperator& system,
+                         const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
+                         const LinearSolveOptions& options, Eigen::VectorXd* lambda);
 
-  // Solve() for the Schur complement alone: M lambda = rhs, from lambda = 0.
-  LinearSummary SolveSchur(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                           const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
-                           Eigen::VectorXd* lambda) const;
-
- private:
-  // The solver itself; rhs is not zero. Sets `energy` where options.rough is not empty. Its claims are checked: the
-  // caller recomputes the residual, and the true number of `energy_taken`.
-  virtual LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                                  const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
-                                  Eigen::VectorXd* lambda) const = 0;
-  // Iterative refinement against the exact M: solves for the residual until measure(), which recomputes `residual` and
-  // returns its relative norm, is small enough.
-  template <typename Measure>
-  void Refine(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-              const LinearSolveOptions& options, const Measure& measure, LinearSummary* summary,
-              Eigen::VectorXd* residual, Eigen::VectorXd* lambda) const;
-};
+// SolveSchur() for the whole system: x = A^-1 (f - B^t lambda).
+LinearSummary SolveSystem(const LinearSolver& solver, const SaddlePointOperator& system,
+                          const Preconditioner& preconditioner, const Eigen::VectorXd& f, const Eigen::VectorXd& g,
+                          const LinearSolveOptions& options, SaddlePointSolution* solution);
 
 // First approach (section 7.1): MINRES on M lambda = B A^-1 f - g. M may be indefinite or singular.
-std::unique_ptr<LinearSolver> MakeMinresSolver();
+LinearSolver MakeMinresSolver();
 
 // Second approach (section 7.2): the modified Uzawa algorithm with conjugate directions. M must be positive definite.
-std::unique_ptr<LinearSolver> MakeUzawaSolver();
+LinearSolver MakeUzawaSolver();
 
 // Iterative refinement. The preconditioner must be a factorization of M, which must be positive definite. The solver
 // applies it to what is left of the right-hand side until the tolerance is met, at most
 // LinearTuning::max_direct_refinements times; beyond, the solve counts as kStagnated.
-std::unique_ptr<LinearSolver> MakeDirectSolver();
+LinearSolver MakeDirectSolver();
 
 }  // namespace planish

@@ -13,12 +13,10 @@
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
-namespace {
 
-class MinresSolver final : public LinearSolver {
-  LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
-                          Eigen::VectorXd* lambda) const override {
+LinearSolver MakeMinresSolver() {
+  return [](const SaddlePointOperator& system, const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
+            const LinearSolveOptions& options, Eigen::VectorXd* lambda) {
     ThreadTeam& team = system.team();
     Eigen::VectorXd r1 = rhs;
     Eigen::VectorXd r2 = r1, y, v, w, w1, w2;
@@ -27,7 +25,7 @@ class MinresSolver final : public LinearSolver {
     if (rough) r = rhs;
     const Eigen::Index n = r1.size();
     w = w1 = w2 = Eigen::VectorXd::Zero(n);
-    preconditioner.Apply(r1, &y);
+    preconditioner(r1, &y);
 
     LinearSummary summary;
     const double beta1 = std::sqrt(Dot(team, r1, y));
@@ -45,7 +43,7 @@ class MinresSolver final : public LinearSolver {
       const double alfa = Dot(team, v, y);
       r1.swap(r2);
       Assign(team, y - (alfa / beta) * r1, &r2);
-      preconditioner.Apply(r2, &y);
+      preconditioner(r2, &y);
       old_beta = beta;
       const double beta_squared = Dot(team, r2, y);
       if (beta_squared < 0) {
@@ -75,13 +73,7 @@ class MinresSolver final : public LinearSolver {
     }
     summary.energy = phi_bar / beta1;
     return summary;
-  }
-};
-
-}  // namespace
-
-std::unique_ptr<LinearSolver> MakeMinresSolver() {
-  return std::make_unique<MinresSolver>();
+  };
 }
 
 }  // namespace planish

@@ -39,9 +39,7 @@ absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vecto
     const bool built = level->BuildCoarse(tuning_, theta, coupled, &next.a, team_, interrupter);
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     if (!built) return false;
-    level->FillCoarse(&next.coordinates, &next.a, team_, interrupter);
-    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    PLANISH_RETURN_IF_ERROR(next.a.InvertDiagonal(tuning_.undamped_part, team_));
+    PLANISH_RETURN_IF_ERROR(level->FillCoarse(tuning_, &next, team_, interrupter));
     next.ResizeVectors();
     coarse_.push_back(std::move(next));
     return true;
@@ -68,13 +66,9 @@ absl::Status Multigrid::Refresh(const BlockMatrix<float>& matrix, const std::vec
   SetValues(matrix, &finest_.a, team_);
   finest_.coordinates.centre = z;
   PLANISH_RETURN_IF_ERROR(finest_.a.InvertDiagonal(tuning_.undamped_part, team_));
-  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-  finest_.FillCoarse(&coarse_[0].coordinates, &coarse_[0].a, team_, interrupter);
-  for (std::size_t l = 0;; ++l) {
-    if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
-    PLANISH_RETURN_IF_ERROR(coarse_[l].a.InvertDiagonal(tuning_.undamped_part, team_));
-    if (l + 1 == coarse_.size()) break;
-    coarse_[l].FillCoarse(&coarse_[l + 1].coordinates, &coarse_[l + 1].a, team_, interrupter);
+  PLANISH_RETURN_IF_ERROR(finest_.FillCoarse(tuning_, &coarse_[0], team_, interrupter));
+  for (std::size_t l = 1; l < coarse_.size(); ++l) {
+    PLANISH_RETURN_IF_ERROR(coarse_[l - 1].FillCoarse(tuning_, &coarse_[l], team_, interrupter));
   }
   return InvertCoarsest();
 }

@@ -78,13 +78,8 @@ class Multigrid {
 };
 
 // K^-1 = one V-cycle of `multigrid`, which must outlive this.
-class MultigridPreconditioner final : public Preconditioner {
- public:
-  explicit MultigridPreconditioner(const Multigrid* multigrid) : multigrid_(multigrid) {}
-  void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const override { multigrid_->Apply(r, z); }
-
- private:
-  const Multigrid* multigrid_;
-};
+inline Preconditioner MultigridPreconditioner(const Multigrid* multigrid) {
+  return [multigrid](const Eigen::VectorXd& r, Eigen::VectorXd* z) { multigrid->Apply(r, z); };
+}
 
 }  // namespace planish

@@ -115,22 +115,6 @@ template Aggregates Aggregate(const LevelMatrix<4>&, const std::vector<char>&, s
 
 namespace {
 
-// Which columns of a row have been met, and where they are.
-class ColumnMarks {
- public:
-  explicit ColumnMarks(Index num_columns) : place_(num_columns, -1) {}
-
-  // Begins a row whose entries start at `begin`, no smaller than any place so far.
-  void Begin(Index begin) { begin_ = begin; }
-  bool Has(Index column) const { return place_[column] >= begin_; }
-  Index Place(Index column) const { return place_[column]; }
-  void Set(Index column, Index place) { place_[column] = place; }
-
- private:
-  std::vector<Index> place_;
-  Index begin_ = 0;
-};
-
 // Rows whose lengths are known only when they are there, made chunk by chunk side by side: row(i, add) calls
 // add(column) for the columns of row i, as often as it likes.
 template <typename Row>
@@ -139,20 +123,19 @@ void BuildRows(Index num_rows, Index num_columns, ThreadTeam* team, const Row& r
   struct Part {
     std::vector<Index> column, length;
   };
-  std::vector<Part> parts(static_cast<std::size_t>((num_rows + kRowsPerChunk - 1) / kRowsPerChunk));
-  team->For(num_rows, kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
-    Part& part = parts[static_cast<std::size_t>(begin / kRowsPerChunk)];
-    ColumnMarks marks(num_columns);
+  std::vector<Part> parts = team->Collect<Part>(num_rows, kRowsPerChunk, [&](std::int64_t begin, std::int64_t end) {
+    Part part;
+    std::vector<Index> last(num_columns, -1);  // per column: its last place in the part
     for (auto i = static_cast<Index>(begin); i < end; ++i) {
       const auto start = static_cast<Index>(part.column.size());
-      marks.Begin(start);
       row(i, [&](Index j) {
-        if (marks.Has(j)) return;
-        marks.Set(j, static_cast<Index>(part.column.size()));
+        if (last[j] >= start) return;
+        last[j] = static_cast<Index>(part.column.size());
         part.column.push_back(j);
       });
       part.length.push_back(static_cast<Index>(part.column.size()) - start);
     }
+    return part;
   });
   row_begin->assign(1, 0);
   row_begin->reserve(num_rows + 1);
@@ -344,13 +327,14 @@ void MultigridLevel<N>::FillProlongation(ThreadTeam* team) {
 }
 
 template <int N>
-void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team,
-                                   const Interrupter* interrupter) {
+absl::Status MultigridLevel<N>::FillCoarse(const MultigridTuning& tuning, MultigridLevel<4>* coarse, ThreadTeam* team,
+                                           const Interrupter* interrupter) {
   constexpr int kParts = N / 2;
-  FillOffsets(coarse_coordinates);
-  if (IsInterrupted(interrupter)) return;
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+  FillOffsets(&coarse->coordinates);
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   FillProlongation(team);
-  if (IsInterrupted(interrupter)) return;
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   const Prolongation& p = prolongation;
   const Index count = p.aggregates.count;
   // A P, chunk by chunk: pieces that fit where something else was free before.
@@ -360,40 +344,43 @@ void MultigridLevel<N>::FillCoarse(LevelCoordinates* coarse_coordinates, LevelMa
     return product[chunk].data() + 4 * N * std::size_t(k - p.product_begin[chunk * kRowsPerChunk]);
   };
   team->For(num_rows(), kRowsPerChunk, [&](std::int64_t first, std::int64_t last) {
-    ColumnMarks marks(count);
+    std::vector<Index> place(count);  // of the columns in the row
     product[static_cast<std::size_t>(first / kRowsPerChunk)].assign(
         4 * N * std::size_t(p.product_begin[last] - p.product_begin[first]), 0.0F);
     for (auto i = static_cast<Index>(first); i < last; ++i) {
-      for (Index k = p.product_begin[i]; k < p.product_begin[i + 1]; ++k) marks.Set(p.product_column[k], k);
+      for (Index k = p.product_begin[i]; k < p.product_begin[i + 1]; ++k) place[p.product_column[k]] = k;
       for (Index k = a.row_begin[i]; k < a.row_begin[i + 1]; ++k) {
         const Index j = a.column[k];
         for (Index m = p.row_begin[j]; m < p.row_begin[j + 1]; ++m) {
           AddProduct<kParts, kParts, false>(a.Block(k), &p.value[4 * N * std::size_t(m)],
-                                            product_block(i, marks.Place(p.column[m])));
+                                            product_block(i, place[p.column[m]]));
         }
       }
     }
   });
-  if (IsInterrupted(interrupter)) return;
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+  LevelMatrix<4>& matrix = coarse->a;
   team->For(count, kRowsPerChunk / 16, [&](std::int64_t first, std::int64_t last) {
-    ColumnMarks marks(count);
+    std::vector<Index> place(count);
     for (auto c = static_cast<Index>(first); c < last; ++c) {
-      for (Index k = coarse->row_begin[c]; k < coarse->row_begin[c + 1]; ++k) {
-        marks.Set(coarse->column[k], k);
-        std::fill(coarse->Block(k), coarse->Block(k) + 16, 0.0F);
+      for (Index k = matrix.row_begin[c]; k < matrix.row_begin[c + 1]; ++k) {
+        place[matrix.column[k]] = k;
+        std::fill(matrix.Block(k), matrix.Block(k) + 16, 0.0F);
       }
       for (Index t = p.transposed_begin[c]; t < p.transposed_begin[c + 1]; ++t) {
         const auto [i, block] = p.transposed[t];
         for (Index m = p.product_begin[i]; m < p.product_begin[i + 1]; ++m) {
           AddProduct<2, kParts, true>(&p.value[4 * N * std::size_t(block)], product_block(i, m),
-                                      coarse->Block(marks.Place(p.product_column[m])));
+                                      matrix.Block(place[p.product_column[m]]));
         }
       }
       // An aggregate of no extent does not use its beta: any positive diagonal will do.
-      float* diagonal = coarse->Block(coarse->diagonal[c]);
-      if (!(coarse_coordinates->extent[c] > 0)) std::copy(diagonal, diagonal + 4, diagonal + 12);
+      float* diagonal = matrix.Block(matrix.diagonal[c]);
+      if (!(coarse->coordinates.extent[c] > 0)) std::copy(diagonal, diagonal + 4, diagonal + 12);
     }
   });
+  if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
+  return matrix.InvertDiagonal(tuning.undamped_part, team);
 }
 
 // ---- The cycle.

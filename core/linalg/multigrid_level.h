@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "core/base/interrupter.h"
 #include "core/base/thread_team.h"
 #include "core/linalg/level_matrix.h"
@@ -92,15 +93,15 @@ struct MultigridLevel {
   // x += P coarse_x, then one backward sweep, the transpose of the forward one.
   void CorrectAndRelax(const std::vector<float>& coarse_x, ThreadTeam* team);
 
-  // After a cancellation BuildCoarse() and FillCoarse() leave their results incomplete.
-  //
   // Makes the pattern of P and of P^t A P, and omega. False: the couplings, of strength `theta` and more, are too few
-  // for a coarser level. Rows from `num_coupled` on stay out of aggregates.
+  // for a coarser level. Rows from `num_coupled` on stay out of aggregates. After a cancellation BuildCoarse() and
+  // FillCoarse() leave their results incomplete.
   bool BuildCoarse(const MultigridTuning& tuning, double theta, std::int32_t num_coupled, LevelMatrix<4>* coarse,
                    ThreadTeam* team, const Interrupter* interrupter);
-  // Computes the numbers of P, the coordinates of the aggregates, and P^t A P.
-  void FillCoarse(LevelCoordinates* coarse_coordinates, LevelMatrix<4>* coarse, ThreadTeam* team,
-                  const Interrupter* interrupter);
+  // Computes the numbers of P, the coordinates of the aggregates, and P^t A P, which is `coarse`, with its diagonal
+  // inverted. CANCELLED: interrupted. FAILED_PRECONDITION: LevelMatrix::InvertDiagonal().
+  absl::Status FillCoarse(const MultigridTuning& tuning, MultigridLevel<4>* coarse, ThreadTeam* team,
+                          const Interrupter* interrupter);
 
  private:
   void FillOffsets(LevelCoordinates* coarse_coordinates);

@@ -3,38 +3,22 @@
 
 #include <cstdint>
 #include <limits>
-#include <memory>
-#include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "core/linalg/block_matrix.h"
 #include "core/linalg/preconditioner.h"
-#include "core/linalg/sparse_cholesky.h"
 
 namespace planish {
 
 // Improves another preconditioner M^-1 of a matrix S on a patch: on the rows of blocks for which M^-1 serves badly.
 // With P^-1 the inverse of the patch's own part of S, and zero elsewhere,
 //   1 - K^-1 S = (1 - P^-1 S) (1 - M^-1 S) (1 - P^-1 S).
-// K^-1 is symmetric, and positive definite if M^-1 is.
-class PatchPreconditioner final : public Preconditioner {
- public:
-  explicit PatchPreconditioner(std::unique_ptr<Preconditioner> other) : other_(std::move(other)) {}
-
-  // Sets the patch: the ascending `rows` of `matrix`, whose numbers are copied. After an error Apply() works without a
-  // patch. FAILED_PRECONDITION: the patch's own part is not positive definite. RESOURCE_EXHAUSTED: its factor takes
-  // more than `max_bytes`, or there is no memory.
-  absl::Status SetPatch(const BlockMatrix<float>& matrix, std::vector<std::int32_t> rows,
-                        std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max());
-
-  void Apply(const Eigen::VectorXd& r, Eigen::VectorXd* z) const override;
-
- private:
-  std::unique_ptr<Preconditioner> other_;
-  std::vector<std::int32_t> rows_;
-  BlockMatrix<double> matrix_;  // row i is row rows_[i] of S
-  SparseCholesky factorization_;
-};
+// K^-1 is symmetric, and positive definite if M^-1 is. The patch: the ascending `rows` of `matrix`, whose numbers are
+// copied. FAILED_PRECONDITION: the patch's own part is not positive definite. RESOURCE_EXHAUSTED: its factor takes more
+// than `max_bytes`, or there is no memory.
+absl::StatusOr<Preconditioner> PatchedPreconditioner(Preconditioner other, const BlockMatrix<float>& matrix,
+                                                     std::vector<std::int32_t> rows,
+                                                     std::int64_t max_bytes = std::numeric_limits<std::int64_t>::max());
 
 }  // namespace planish

@@ -169,29 +169,26 @@ absl::Status SparseCholesky::Factorize(const BlockMatrix<double>& matrix) {
 
 void SparseCholesky::Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const {
   const auto n = static_cast<std::int32_t>(b.size() / 2);
-  std::vector<double> y(2 * static_cast<std::size_t>(n));
-  for (std::int32_t k = 0; k < n; ++k) {
-    y[2 * static_cast<std::size_t>(k)] = b[2 * l_.order[k]];
-    y[2 * static_cast<std::size_t>(k) + 1] = b[2 * l_.order[k] + 1];
-  }
+  Eigen::VectorXd y(b.size());
+  for (std::int32_t k = 0; k < n; ++k) y.segment<2>(2 * k) = b.segment<2>(2 * l_.order[k]);
   for (std::int32_t j = 0; j < n; ++j) {
-    double* own = &y[2 * static_cast<std::size_t>(j)];
+    double* own = &y[2 * j];
     const double* inv = &l_.inverse[3 * static_cast<std::size_t>(j)];
     const double y0 = inv[0] * own[0], y1 = inv[1] * own[0] + inv[2] * own[1];
     own[0] = y0;
     own[1] = y1;
     for (std::int64_t p = l_.begin[j]; p < l_.begin[j + 1]; ++p) {
       const double* l = &l_.value[4 * static_cast<std::size_t>(p)];
-      double* to = &y[2 * static_cast<std::size_t>(l_.row[static_cast<std::size_t>(p)])];
+      double* to = &y[2 * l_.row[static_cast<std::size_t>(p)]];
       Store(Load<Double2>(to) - Twice(y0) * Load<Double2>(l) - Twice(y1) * Load<Double2>(l + 2), to);
     }
   }
   for (std::int32_t j = n - 1; j >= 0; --j) {
-    double* own = &y[2 * static_cast<std::size_t>(j)];
+    double* own = &y[2 * j];
     Double2 first = {0, 0}, second = {0, 0};
     for (std::int64_t p = l_.begin[j]; p < l_.begin[j + 1]; ++p) {
       const double* l = &l_.value[4 * static_cast<std::size_t>(p)];
-      const Double2 at = Load<Double2>(&y[2 * static_cast<std::size_t>(l_.row[static_cast<std::size_t>(p)])]);
+      const Double2 at = Load<Double2>(&y[2 * l_.row[static_cast<std::size_t>(p)]]);
       first += Load<Double2>(l) * at;
       second += Load<Double2>(l + 2) * at;
     }
@@ -201,8 +198,7 @@ void SparseCholesky::Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const {
     own[1] = inv[2] * r1;
   }
   x->resize(b.size());
-  for (std::int32_t k = 0; k < n; ++k)
-    x->segment<2>(2 * l_.order[k]) << y[2 * static_cast<std::size_t>(k)], y[2 * static_cast<std::size_t>(k) + 1];
+  for (std::int32_t k = 0; k < n; ++k) x->segment<2>(2 * l_.order[k]) = y.segment<2>(2 * k);
 }
 
 }  // namespace planish

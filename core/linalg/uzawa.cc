@@ -50,10 +50,11 @@ class ErrorEstimate {
   double total_ = 0, last_ = 0, rate_ = 1, rate_before_ = 1;
 };
 
-class UzawaSolver final : public LinearSolver {
-  LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
-                          Eigen::VectorXd* lambda) const override {
+}  // namespace
+
+LinearSolver MakeUzawaSolver() {
+  return [](const SaddlePointOperator& system, const Preconditioner& preconditioner, const Eigen::VectorXd& rhs,
+            const LinearSolveOptions& options, Eigen::VectorXd* lambda) {
     ThreadTeam& team = system.team();
     Eigen::VectorXd q = -rhs, z, d = Eigen::VectorXd::Zero(rhs.size()), schur;
     double qz = 1;
@@ -67,7 +68,7 @@ class UzawaSolver final : public LinearSolver {
 
     LinearSummary summary;
     while (GoesOn(residual / first, is_good_enough(), options, &summary)) {
-      preconditioner.Apply(q, &z);
+      preconditioner(q, &z);
       const double next_qz = Dot(team, q, z);
       const double beta = next_qz / qz;
       qz = next_qz;
@@ -91,13 +92,7 @@ class UzawaSolver final : public LinearSolver {
     summary.energy = residual == 0 ? 0 : error.Left();
     summary.energy_taken = error.Taken();
     return summary;
-  }
-};
-
-}  // namespace
-
-std::unique_ptr<LinearSolver> MakeUzawaSolver() {
-  return std::make_unique<UzawaSolver>();
+  };
 }
 
 }  // namespace planish

@@ -3,6 +3,7 @@
 #include <numbers>
 
 #include "core/base/portable_math.h"
+#include "core/base/radix_sort.h"
 
 namespace planish {
 
@@ -45,11 +46,12 @@ void MeasureFlatFace(const Vec3 p[3], double angles[3]) {
   TriangleAngles(q, angles);
 }
 
-template <typename FaceAt>
-Eigen::VectorXd Measure(const Mesh& mesh, std::int64_t num_faces, const FaceAt& face_at, const Execution& execution) {
-  Eigen::VectorXd angles(3 * num_faces);
-  execution.ForEach(num_faces, [&](std::int64_t i) {
-    const auto& [a, b, c] = mesh.faces[face_at(i)];
+}  // namespace
+
+Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const std::vector<std::int32_t>& faces, const Execution& execution) {
+  Eigen::VectorXd angles(3 * faces.size());
+  execution.ForEach(std::ssize(faces), [&](std::int64_t i) {
+    const auto& [a, b, c] = mesh.faces[faces[i]];
     const Vec3 p[3] = {mesh.positions[a], mesh.positions[b], mesh.positions[c]};
     if (a == b || b == c || c == a || (p[0] == p[1] && p[1] == p[2])) {
       angles.segment<3>(3 * i).setZero();
@@ -62,16 +64,8 @@ Eigen::VectorXd Measure(const Mesh& mesh, std::int64_t num_faces, const FaceAt& 
   return angles;
 }
 
-}  // namespace
-
 Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const Execution& execution) {
-  return Measure(
-      mesh, mesh.num_faces(), [](std::int64_t f) { return f; }, execution);
-}
-
-Eigen::VectorXd MeasuredAngles(const Mesh& mesh, const std::vector<std::int32_t>& faces, const Execution& execution) {
-  return Measure(
-      mesh, static_cast<std::int64_t>(faces.size()), [&](std::int64_t i) { return faces[i]; }, execution);
+  return MeasuredAngles(mesh, Indices(mesh.faces.size()), execution);
 }
 
 }  // namespace planish

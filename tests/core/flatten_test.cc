@@ -343,27 +343,19 @@ TEST(Layout, ClosesEveryTriangleEvenWhenTheScaleVaries) {
 }
 
 // Solves with what it is told to do to the results, number by number.
-class FaultySolver final : public LinearSolver {
- public:
-  using Fault = std::function<void(int solve, LinearSummary* summary, Eigen::VectorXd* lambda)>;
-  explicit FaultySolver(Fault fault) : fault_(std::move(fault)) {}
-
- private:
-  LinearSummary SolveImpl(const SaddlePointOperator& system, const Preconditioner& preconditioner,
-                          const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
-                          Eigen::VectorXd* lambda) const override {
-    const LinearSummary solved = real_->SolveSchur(system, preconditioner, rhs, options, lambda);
-    LinearSummary summary = solved;
-    fault_(solves_++, &summary, lambda);
+using Fault = std::function<void(int solve, LinearSummary* summary, Eigen::VectorXd* lambda)>;
+LinearSolver FaultySolver(Fault fault) {
+  return [fault = std::move(fault), solves = 0](const SaddlePointOperator& system, const Preconditioner& preconditioner,
+                                                const Eigen::VectorXd& rhs, const LinearSolveOptions& options,
+                                                Eigen::VectorXd* lambda) mutable {
+    LinearSummary summary = SolveSchur(MakeUzawaSolver(), system, preconditioner, rhs, options, lambda);
+    fault(solves++, &summary, lambda);
     return summary;
-  }
-  const std::unique_ptr<LinearSolver> real_ = MakeUzawaSolver();
-  const Fault fault_;
-  mutable int solves_ = 0;
-};
+  };
+}
 
 struct FaultyRun {
-  explicit FaultyRun(FaultySolver::Fault fault) : disc(testing::Hills(12, 10, 1.5)) {
+  explicit FaultyRun(Fault fault) : disc(testing::Hills(12, 10, 1.5)) {
     options.solver = SolverType::kUzawa;
     options.system = SystemType::kReduced;
     options.preconditioner = PreconditionerType::kCholesky;
@@ -372,7 +364,7 @@ struct FaultyRun {
       if (progress.linear_residual == 0) steps.push_back(progress.step_length);
     };
     Newton newton(disc.topology, disc.target, options, control);
-    newton.step_solver().set_solver(std::make_unique<FaultySolver>(std::move(fault)));
+    newton.step_solver().set_solver(FaultySolver(std::move(fault)));
     summary = newton.Run();
   }
   Disc disc;

@@ -209,24 +209,17 @@ TEST(UzawaSolver, NoticesNegativeCurvature) {
   const Eigen::VectorXd negative = -2 * fixture.target.weight;
   const ReducedSystem system(fixture.topology, negative, fixture.cot);
   SaddlePointSolution solution;
-  const LinearSummary summary = MakeUzawaSolver()->Solve(system, IdentityPreconditioner(), fixture.gradient,
-                                                         fixture.h.pair, LinearSolveOptions(), &solution);
+  const LinearSummary summary = SolveSystem(MakeUzawaSolver(), system, IdentityPreconditioner(), fixture.gradient,
+                                            fixture.h.pair, LinearSolveOptions(), &solution);
   EXPECT_EQ(summary.termination, LinearTermination::kIndefinite);
 }
 
 // A solver that hands over what it is told to.
-class FakeSolver final : public LinearSolver {
- public:
-  using Make = std::function<LinearSummary(const LinearSolveOptions& options, Eigen::VectorXd* lambda)>;
-  explicit FakeSolver(Make make) : make_(std::move(make)) {}
-
- private:
-  LinearSummary SolveImpl(const SaddlePointOperator&, const Preconditioner&, const Eigen::VectorXd&,
-                          const LinearSolveOptions& options, Eigen::VectorXd* lambda) const override {
-    return make_(options, lambda);
-  }
-  const Make make_;
-};
+LinearSolver FakeSolver(std::function<LinearSummary(const LinearSolveOptions& options, Eigen::VectorXd* lambda)> make) {
+  return [make = std::move(make)](const SaddlePointOperator&, const Preconditioner&, const Eigen::VectorXd&,
+                                  const LinearSolveOptions& options,
+                                  Eigen::VectorXd* lambda) { return make(options, lambda); };
+}
 
 // M lambda = rhs of the fixture's Newton step.
 struct SchurFixture : StepFixture {
@@ -235,7 +228,7 @@ struct SchurFixture : StepFixture {
     LinearSolveOptions exact;
     exact.relative_tolerance = 1e-12;
     const LinearSummary summary =
-        MakeUzawaSolver()->SolveSchur(system, JacobiPreconditioner(system.SchurDiagonal()), rhs, exact, &solution);
+        SolveSchur(MakeUzawaSolver(), system, JacobiPreconditioner(system.SchurDiagonal()), rhs, exact, &solution);
     EXPECT_EQ(summary.termination, LinearTermination::kConverged);
   }
   Eigen::VectorXd Convexified() const {
@@ -243,9 +236,9 @@ struct SchurFixture : StepFixture {
     Convexify(2 * target.weight, Convexification::kByFace, &changed);
     return changed;
   }
-  LinearSummary Solve(const FakeSolver& solver, const LinearSolveOptions& options) const {
+  LinearSummary Solve(const LinearSolver& solver, const LinearSolveOptions& options) const {
     Eigen::VectorXd lambda;
-    return solver.SolveSchur(system, IdentityPreconditioner(), rhs, options, &lambda);
+    return SolveSchur(solver, system, IdentityPreconditioner(), rhs, options, &lambda);
   }
 
   Eigen::VectorXd convex;
@@ -287,7 +280,7 @@ TEST(LinearSolver, RecomputesTheEnergyThatWasTaken) {
   options.rough = {{.energy = 1e-2, .residual = 10}};
   const double energy = fixture.solution.dot(fixture.rhs);
   double claimed = 0.75 * energy;  // half of the solution takes three quarters of the energy
-  const FakeSolver solver([&](const LinearSolveOptions&, Eigen::VectorXd* lambda) {
+  const LinearSolver solver = FakeSolver([&](const LinearSolveOptions&, Eigen::VectorXd* lambda) {
     *lambda = 0.5 * fixture.solution;
     LinearSummary summary;
     summary.energy = 1e-3;
@@ -319,7 +312,7 @@ TEST(LinearSolver, SaysNothingOfSolvesThatSayTheyFailed) {
 TEST(LinearSolver, NonFiniteNumbersAreNoConvergence) {
   const SchurFixture fixture;
   LinearSolveOptions options;
-  const FakeSolver solver([](const LinearSolveOptions&, Eigen::VectorXd* lambda) {
+  const LinearSolver solver = FakeSolver([](const LinearSolveOptions&, Eigen::VectorXd* lambda) {
     (*lambda)[3] = std::numeric_limits<double>::quiet_NaN();
     LinearSummary summary;
     summary.energy = 0;
@@ -343,16 +336,15 @@ struct Fallback {
   // The first `failures` solves run into their limits.
   absl::StatusOr<LinearSummary> Solve(int failures) {
     calls = 0;
-    solver.set_solver(
-        std::make_unique<FakeSolver>([this, failures](const LinearSolveOptions& options, Eigen::VectorXd*) {
-          LinearSummary summary;
-          limits.push_back(options.max_iterations);
-          summary.energy = 0;
-          if (calls++ >= failures) return summary;
-          summary.termination = LinearTermination::kIterationLimit;
-          summary.iterations = options.max_iterations;
-          return summary;
-        }));
+    solver.set_solver(FakeSolver([this, failures](const LinearSolveOptions& options, Eigen::VectorXd*) {
+      LinearSummary summary;
+      limits.push_back(options.max_iterations);
+      summary.energy = 0;
+      if (calls++ >= failures) return summary;
+      summary.termination = LinearTermination::kIterationLimit;
+      summary.iterations = options.max_iterations;
+      return summary;
+    }));
     const absl::Status prepared = solver.Prepare(hessian, hessian, cot);
     if (!prepared.ok()) return prepared;
     const ConstraintValues h = EvaluateConstraints(topology, target.angle);
@@ -478,18 +470,17 @@ TEST(SparseCholesky, KeepsToItsMemory) {
   EXPECT_TRUE(cholesky.Factorize(matrix).ok());
 }
 
-TEST(PatchPreconditioner, SaysWhyAPatchHasNoFactor) {
+TEST(PatchedPreconditioner, SaysWhyAPatchHasNoFactor) {
   const StepFixture fixture;
   ReducedMatrix<float> storage(fixture.topology);
   BlockMatrix<float> matrix = storage.Assemble(2 * fixture.target.weight, fixture.cot);
-  PatchPreconditioner patched(std::make_unique<IdentityPreconditioner>());
-  EXPECT_EQ(patched.SetPatch(matrix, {0, 1, 2}, 1).code(), absl::StatusCode::kResourceExhausted);
+  const auto patched = [&](std::int64_t max_bytes) {
+    return PatchedPreconditioner(IdentityPreconditioner(), matrix, {0, 1, 2}, max_bytes).status().code();
+  };
+  EXPECT_EQ(patched(1 << 20), absl::StatusCode::kOk);
+  EXPECT_EQ(patched(1), absl::StatusCode::kResourceExhausted);
   for (float& value : matrix.value) value = -value;
-  EXPECT_EQ(patched.SetPatch(matrix, {0, 1, 2}).code(), absl::StatusCode::kFailedPrecondition);
-  const Eigen::VectorXd r = Eigen::VectorXd::Ones(2 * matrix.num_rows());
-  Eigen::VectorXd z;
-  patched.Apply(r, &z);
-  EXPECT_EQ(z, r) << "the other preconditioner alone";
+  EXPECT_EQ(patched(1 << 20), absl::StatusCode::kFailedPrecondition);
 }
 
 }  // namespace
