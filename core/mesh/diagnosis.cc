@@ -38,43 +38,6 @@ bool IsOfSurface(const Pairing& pairing, std::int64_t f) {
   return has_place && !pairing.is_copy(f);
 }
 
-void ListFaces(const Pairing& pairing, Diagnosis* result) {
-  for (std::int64_t f = 0; f < result->faces; ++f) {
-    const FaceKind kind = pairing.kind[f];
-    if (kind == FaceKind::kOutOfRange) Add(f, &result->faces_out_of_range);
-    if (kind == FaceKind::kRepeatingAVertex) Add(f, &result->faces_repeating_a_vertex);
-    if (kind == FaceKind::kNotFinite) Add(f, &result->faces_not_finite);
-    if (kind == FaceKind::kInOnePoint || kind == FaceKind::kWithoutArea) Add(f, &result->faces_without_area);
-    if (kind != FaceKind::kOutOfRange && pairing.is_copy(f)) Add(f, &result->duplicate_faces);
-    result->surface_faces += IsOfSurface(pairing, f);
-  }
-}
-
-bool IsInRange(const Mesh& mesh, const Face& face) {
-  return std::all_of(face.begin(), face.end(), [&](std::int32_t v) { return v >= 0 && v < mesh.num_vertices(); });
-}
-
-}  // namespace
-
-std::vector<char> UsedVertices(const Mesh& mesh) {
-  std::vector<char> used(mesh.positions.size(), 0);
-  for (const Face& face : mesh.faces) {
-    if (!IsInRange(mesh, face)) continue;
-    for (const std::int32_t v : face) used[v] = 1;
-  }
-  return used;
-}
-
-namespace {
-
-void ListVertices(const Mesh& mesh, Diagnosis* result) {
-  const std::vector<char> used = UsedVertices(mesh);
-  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
-    if (!used[v]) Add(v, &result->isolated_vertices);
-    if (used[v] && !mesh.positions[v].allFinite()) Add(v, &result->vertices_not_finite);
-  }
-}
-
 // The pieces of the imported surface, put together again over the edges at which faces are wound against each other,
 // and what their boundaries are like.
 void ListComponents(const Pairing& pairing, const FlatImport& imported, const Execution& execution, Diagnosis* result) {
@@ -121,26 +84,23 @@ void ListComponents(const Pairing& pairing, const FlatImport& imported, const Ex
     ++component.euler_characteristic;
   }
   const auto component_of = [&](std::int32_t f) -> Component& { return result->components[number[piece[f]]]; };
+  for (const auto& [c, d] : pairing.inconsistent) {
+    if (is_inner[c]) --component_of(c / 3).euler_characteristic;
+  }
   UnionFind loops(num_vertices);
-  std::vector<std::int64_t> inner(result->components.size(), 0);
-  std::vector<std::int32_t> ends;  // of boundary edges
+  std::vector<char> on_boundary(num_vertices, 0);  // per fan
   for (std::int32_t c = 0; c < 3 * num_faces; ++c) {
     const std::int32_t o = opposite[c];
-    if ((o >= 0 && o < c) || !IsOfSurface(pairing, c / 3)) continue;
+    if ((o >= 0 && o < c) || is_inner[c] || !of_surface(c / 3)) continue;
     Component& component = component_of(c / 3);
-    if (is_inner[c]) {
-      ++inner[&component - result->components.data()];  // comes twice
-      continue;
-    }
     --component.euler_characteristic;
     if (o >= 0) continue;
     ++component.boundary_edges;
-    ends.push_back(fans.Find(Target(faces, c)));
-    loops.Join(fans.Find(Origin(faces, c)), ends.back());
+    // As many loops as fans on the boundary, less one for each edge that joins two of them.
+    const std::int32_t from = fans.Find(Origin(faces, c)), to = fans.Find(Target(faces, c));
+    on_boundary[from] = on_boundary[to] = 1;
+    if (loops.Join(from, to)) --component.boundary_loops;
   }
-  for (std::size_t i = 0; i < inner.size(); ++i) result->components[i].euler_characteristic -= inner[i] / 2;
-  std::vector<char> on_boundary(num_vertices, 0);
-  for (const std::int32_t v : ends) on_boundary[loops.Find(v)] = 1;
   std::int32_t last_source = -1;  // vertices are in the order of their sources
   std::int64_t fans_there = 0;
   for (std::int32_t v = 0; v < std::ssize(face_at); ++v) {
@@ -204,7 +164,126 @@ void Measure(const Mesh& mesh, const Pairing& pairing, const Execution& executio
   }
 }
 
+std::string FirstIds(const std::vector<std::int64_t>& list) {
+  return ids::IdList(std::span(list).first(std::min(kMaxDiagnosed, list.size())));
+}
+
+// `before` and `after` stand round the number of edges.
+absl::Status FaultAtEdges(const std::string& reason, const char* before, const EdgeList& list, const char* after) {
+  const auto name = [](std::string* out, const auto& edge) { absl::StrAppend(out, edge[0], "-", edge[1]); };
+  return MeshFault(reason, absl::StrCat(before, Counted(list.count, "edge", "edges"), after), list.count,
+                   {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", FirstIds(list.faces)}});
+}
+
+struct BoundaryLoop {
+  std::int64_t edges, vertex;  // one on the loop, the lowest
+};
+
+// Longest first, then by their vertices.
+std::vector<BoundaryLoop> LoopsOf(const FlatImport& imported) {
+  const Loops loops = BoundaryLoops(imported.mesh.opposite);
+  std::vector<BoundaryLoop> found;
+  for (std::int32_t i = 0; i < loops.count(); ++i) {
+    BoundaryLoop loop = {static_cast<std::int64_t>(loops[i].size()), std::numeric_limits<std::int64_t>::max()};
+    for (const std::int32_t c : loops[i]) {
+      loop.vertex = std::min<std::int64_t>(loop.vertex, imported.source[Origin(imported.mesh.faces, c)]);
+    }
+    found.push_back(loop);
+  }
+  std::sort(found.begin(), found.end(),
+            [](const auto& a, const auto& b) { return std::pair(-a.edges, a.vertex) < std::pair(-b.edges, b.vertex); });
+  return found;
+}
+
+// The error of CheckDisc() if the mesh is no disc.
+absl::Status CheckDisc(const Diagnosis& d, const FlatImport& imported) {
+  if (d.faces == 0 || d.faces_out_of_range.count > 0 || d.vertices_not_finite.count > 0) return d.Refusal();
+  std::vector<std::int64_t> degenerate;
+  std::merge(d.faces_repeating_a_vertex.first.begin(), d.faces_repeating_a_vertex.first.end(),
+             d.faces_without_area.first.begin(), d.faces_without_area.first.end(), std::back_inserter(degenerate));
+  if (const std::int64_t count = d.faces_repeating_a_vertex.count + d.faces_without_area.count; count > 0) {
+    return MeshFault("MESH_FACE_DEGENERATE",
+                     absl::StrCat(Counted(count, "face has", "faces have"),
+                                  " no area, so no angles to keep; remove or collapse ", count == 1 ? "it" : "them"),
+                     count, {{"faces", FirstIds(degenerate)}});
+  }
+  if (const auto& [count, first] = d.duplicate_faces; count > 0) {
+    return MeshFault("MESH_FACE_DUPLICATE",
+                     absl::StrCat(Counted(count, "face has", "faces have"),
+                                  " the same three vertices as an earlier face; remove the copies"),
+                     count, {{"faces", FirstIds(first)}});
+  }
+  if (d.non_manifold_edges.count > 0) {
+    return FaultAtEdges("MESH_EDGE_NON_MANIFOLD", "more than two faces meet at ", d.non_manifold_edges,
+                        "; split the surface there");
+  }
+  if (d.inconsistent_edges.count > 0) {
+    if (!d.is_orientable()) {
+      return FaultAtEdges("MESH_NOT_ORIENTABLE",
+                          "the surface has one side only, like a Moebius strip: orientations clash at ",
+                          d.inconsistent_edges, " and turning faces over cannot help; cut it open");
+    }
+    return FaultAtEdges("MESH_ORIENTATION_INCONSISTENT", "the faces at ", d.inconsistent_edges,
+                        " run round in opposite senses; turn faces over so that all agree");
+  }
+  if (const auto& [count, first] = d.non_manifold_vertices; count > 0) {
+    return MeshFault("MESH_VERTEX_NON_MANIFOLD",
+                     absl::StrCat("parts of the surface that share no edge touch at ",
+                                  Counted(count, "vertex", "vertices"), "; give each part a vertex of its own"),
+                     count, {{"vertices", FirstIds(first)}});
+  }
+  if (const std::int64_t count = std::ssize(d.components); count != 1) {
+    std::vector<std::int64_t> sizes, first_faces;
+    for (const Component& component : d.components) {
+      if (sizes.size() < 4) sizes.push_back(component.faces);
+      first_faces.push_back(component.first_face);
+    }
+    return MeshFault("MESH_SEVERAL_COMPONENTS",
+                     absl::StrCat("the mesh has ", count, " separate components (of ", absl::StrJoin(sizes, ", "),
+                                  count > 4 ? ", ..." : "", " faces); a disc is one: send them one by one"),
+                     count, {{"faces", FirstIds(first_faces)}});
+  }
+  const std::int64_t handles = d.handles();
+  const std::string counted = Counted(handles, "handle", "handles");
+  const std::string genus = absl::StrCat(handles);
+  const std::vector<BoundaryLoop> loops = LoopsOf(imported);
+  if (loops.empty()) {
+    return MeshFault("MESH_CLOSED",
+                     absl::StrCat("the mesh is closed: no boundary edge among ", d.edges, " edges",
+                                  handles == 0 ? "" : absl::StrCat(" (genus ", handles, ")"),
+                                  "; a disc has one boundary loop: cut the surface open along a seam"),
+                     0, {{"genus", genus}});
+  }
+  std::vector<std::int64_t> sizes, vertices;
+  for (const BoundaryLoop& loop : loops) {
+    if (sizes.size() < 4) sizes.push_back(loop.edges);
+    vertices.push_back(loop.vertex);
+  }
+  const auto count = static_cast<std::int64_t>(loops.size());
+  if (count > 1) {
+    return MeshFault("MESH_SEVERAL_LOOPS",
+                     absl::StrCat("the mesh has ", count, " boundary loops", handles == 0 ? "" : " and " + counted,
+                                  " (of ", absl::StrJoin(sizes, ", "), count > 4 ? ", ..." : "",
+                                  " edges); a disc has one: fill the holes, or cut from one loop to the next"),
+                     count, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
+  }
+  if (handles == 0) return absl::OkStatus();
+  return MeshFault("MESH_HAS_HANDLES",
+                   absl::StrCat("the mesh has ", counted, " (genus ", handles, ", one boundary loop of ", sizes[0],
+                                " edges); a disc has none: cut it open along a seam"),
+                   handles, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
+}
+
 }  // namespace
+
+std::vector<char> UsedVertices(const Mesh& mesh) {
+  std::vector<char> used(mesh.positions.size(), 0);
+  for (const Face& face : mesh.faces) {
+    if (!mesh.IsInRange(face)) continue;
+    for (const std::int32_t v : face) used[v] = 1;
+  }
+  return used;
+}
 
 std::string Counted(std::int64_t count, const std::string& one, const std::string& many) {
   return absl::StrCat(count, " ", count == 1 ? one : many);
@@ -257,8 +336,20 @@ Diagnosis DescribeElements(const Mesh& mesh, const Pairing& pairing) {
   Diagnosis result;
   result.vertices = mesh.num_vertices();
   result.faces = mesh.num_faces();
-  ListFaces(pairing, &result);
-  ListVertices(mesh, &result);
+  for (std::int64_t f = 0; f < result.faces; ++f) {
+    const FaceKind kind = pairing.kind[f];
+    if (kind == FaceKind::kOutOfRange) Add(f, &result.faces_out_of_range);
+    if (kind == FaceKind::kRepeatingAVertex) Add(f, &result.faces_repeating_a_vertex);
+    if (kind == FaceKind::kNotFinite) Add(f, &result.faces_not_finite);
+    if (kind == FaceKind::kInOnePoint || kind == FaceKind::kWithoutArea) Add(f, &result.faces_without_area);
+    if (kind != FaceKind::kOutOfRange && pairing.is_copy(f)) Add(f, &result.duplicate_faces);
+    result.surface_faces += IsOfSurface(pairing, f);
+  }
+  const std::vector<char> used = UsedVertices(mesh);
+  for (std::int64_t v = 0; v < result.vertices; ++v) {
+    if (!used[v]) Add(v, &result.isolated_vertices);
+    if (used[v] && !mesh.positions[v].allFinite()) Add(v, &result.vertices_not_finite);
+  }
   return result;
 }
 
@@ -293,132 +384,6 @@ absl::StatusOr<Diagnosis> Diagnose(const Mesh& mesh, const Execution& execution)
   return result;
 }
 
-namespace {
-
-std::string FirstIds(const std::vector<std::int64_t>& list) {
-  return ids::IdList(std::span(list).first(std::min(kMaxDiagnosed, list.size())));
-}
-
-// `before` and `after` stand round the number of edges.
-absl::Status FaultAtEdges(const std::string& reason, const char* before, const EdgeList& list, const char* after) {
-  const auto name = [](std::string* out, const auto& edge) { absl::StrAppend(out, edge[0], "-", edge[1]); };
-  return MeshFault(reason, absl::StrCat(before, Counted(list.count, "edge", "edges"), after), list.count,
-                   {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", FirstIds(list.faces)}});
-}
-
-absl::Status CheckFaces(const Diagnosis& d) {
-  if (d.faces == 0 || d.faces_out_of_range.count > 0 || d.vertices_not_finite.count > 0) return d.Refusal();
-  std::vector<std::int64_t> degenerate;
-  std::merge(d.faces_repeating_a_vertex.first.begin(), d.faces_repeating_a_vertex.first.end(),
-             d.faces_without_area.first.begin(), d.faces_without_area.first.end(), std::back_inserter(degenerate));
-  if (const std::int64_t count = d.faces_repeating_a_vertex.count + d.faces_without_area.count; count > 0) {
-    return MeshFault("MESH_FACE_DEGENERATE",
-                     absl::StrCat(Counted(count, "face has", "faces have"),
-                                  " no area, so no angles to keep; remove or collapse ", count == 1 ? "it" : "them"),
-                     count, {{"faces", FirstIds(degenerate)}});
-  }
-  if (const auto& [count, first] = d.duplicate_faces; count > 0) {
-    return MeshFault("MESH_FACE_DUPLICATE",
-                     absl::StrCat(Counted(count, "face has", "faces have"),
-                                  " the same three vertices as an earlier face; remove the copies"),
-                     count, {{"faces", FirstIds(first)}});
-  }
-  return absl::OkStatus();
-}
-
-absl::Status CheckManifold(const Diagnosis& d) {
-  if (d.non_manifold_edges.count > 0) {
-    return FaultAtEdges("MESH_EDGE_NON_MANIFOLD", "more than two faces meet at ", d.non_manifold_edges,
-                        "; split the surface there");
-  }
-  if (d.inconsistent_edges.count > 0) {
-    if (!d.is_orientable()) {
-      return FaultAtEdges("MESH_NOT_ORIENTABLE",
-                          "the surface has one side only, like a Moebius strip: orientations clash at ",
-                          d.inconsistent_edges, " and turning faces over cannot help; cut it open");
-    }
-    return FaultAtEdges("MESH_ORIENTATION_INCONSISTENT", "the faces at ", d.inconsistent_edges,
-                        " run round in opposite senses; turn faces over so that all agree");
-  }
-  if (const auto& [count, first] = d.non_manifold_vertices; count > 0) {
-    return MeshFault("MESH_VERTEX_NON_MANIFOLD",
-                     absl::StrCat("parts of the surface that share no edge touch at ",
-                                  Counted(count, "vertex", "vertices"), "; give each part a vertex of its own"),
-                     count, {{"vertices", FirstIds(first)}});
-  }
-  return absl::OkStatus();
-}
-
-absl::Status CheckOneComponent(const Diagnosis& d) {
-  if (d.components.size() == 1) return absl::OkStatus();
-  std::vector<std::int64_t> sizes, first_faces;
-  for (const Component& component : d.components) {
-    if (sizes.size() < 4) sizes.push_back(component.faces);
-    first_faces.push_back(component.first_face);
-  }
-  const auto count = static_cast<std::int64_t>(d.components.size());
-  return MeshFault("MESH_SEVERAL_COMPONENTS",
-                   absl::StrCat("the mesh has ", count, " separate components (of ", absl::StrJoin(sizes, ", "),
-                                count > 4 ? ", ..." : "", " faces); a disc is one: send them one by one"),
-                   count, {{"faces", FirstIds(first_faces)}});
-}
-
-struct BoundaryLoop {
-  std::int64_t edges, vertex;  // one on the loop, the lowest
-};
-
-// Longest first, then by their vertices.
-std::vector<BoundaryLoop> LoopsOf(const FlatImport& imported) {
-  const Loops loops = BoundaryLoops(imported.mesh.opposite);
-  std::vector<BoundaryLoop> found;
-  for (std::int32_t i = 0; i < loops.count(); ++i) {
-    BoundaryLoop loop = {static_cast<std::int64_t>(loops[i].size()), std::numeric_limits<std::int64_t>::max()};
-    for (const std::int32_t c : loops[i]) {
-      loop.vertex = std::min<std::int64_t>(loop.vertex, imported.source[Origin(imported.mesh.faces, c)]);
-    }
-    found.push_back(loop);
-  }
-  std::sort(found.begin(), found.end(),
-            [](const auto& a, const auto& b) { return std::pair(-a.edges, a.vertex) < std::pair(-b.edges, b.vertex); });
-  return found;
-}
-
-absl::Status CheckLoopsAndHandles(const Diagnosis& d, const FlatImport& imported) {
-  const std::int64_t handles = d.handles();
-  const auto counted = [&](const char* before) {
-    return handles == 0 ? "" : absl::StrCat(before, handles, handles == 1 ? " handle" : " handles");
-  };
-  const std::string genus = absl::StrCat(handles);
-  const std::vector<BoundaryLoop> loops = LoopsOf(imported);
-  if (loops.empty()) {
-    return MeshFault("MESH_CLOSED",
-                     absl::StrCat("the mesh is closed: no boundary edge among ", d.edges, " edges",
-                                  handles == 0 ? "" : absl::StrCat(" (genus ", handles, ")"),
-                                  "; a disc has one boundary loop: cut the surface open along a seam"),
-                     0, {{"genus", genus}});
-  }
-  std::vector<std::int64_t> sizes, vertices;
-  for (const BoundaryLoop& loop : loops) {
-    if (sizes.size() < 4) sizes.push_back(loop.edges);
-    vertices.push_back(loop.vertex);
-  }
-  const auto count = static_cast<std::int64_t>(loops.size());
-  if (count > 1) {
-    return MeshFault("MESH_SEVERAL_LOOPS",
-                     absl::StrCat("the mesh has ", count, " boundary loops", counted(" and "), " (of ",
-                                  absl::StrJoin(sizes, ", "), count > 4 ? ", ..." : "",
-                                  " edges); a disc has one: fill the holes, or cut from one loop to the next"),
-                     count, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
-  }
-  if (handles == 0) return absl::OkStatus();
-  return MeshFault("MESH_HAS_HANDLES",
-                   absl::StrCat("the mesh has", counted(" "), " (genus ", handles, ", one boundary loop of ", sizes[0],
-                                " edges); a disc has none: cut it open along a seam"),
-                   handles, {{"vertices", FirstIds(vertices)}, {"genus", genus}});
-}
-
-}  // namespace
-
 absl::StatusOr<FlatImport> ImportDisc(const Mesh& mesh, const Execution& execution) {
   Pairing pairing = PairHalfEdges(mesh, JoinFor::kDiagnosis, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
@@ -426,10 +391,7 @@ absl::StatusOr<FlatImport> ImportDisc(const Mesh& mesh, const Execution& executi
   const Diagnosis diagnosis = DescribeImport(mesh, pairing, imported, execution);
   // What was found after a cancellation may be wrong.
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  PLANISH_RETURN_IF_ERROR(CheckFaces(diagnosis));
-  PLANISH_RETURN_IF_ERROR(CheckManifold(diagnosis));
-  PLANISH_RETURN_IF_ERROR(CheckOneComponent(diagnosis));
-  PLANISH_RETURN_IF_ERROR(CheckLoopsAndHandles(diagnosis, imported));
+  PLANISH_RETURN_IF_ERROR(CheckDisc(diagnosis, imported));
   return imported;
 }
 

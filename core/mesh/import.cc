@@ -19,9 +19,7 @@ namespace {
 
 FaceKind KindOf(const Mesh& mesh, const Face& face) {
   const auto& [a, b, c] = face;
-  for (const std::int32_t v : face) {
-    if (v < 0 || v >= mesh.num_vertices()) return FaceKind::kOutOfRange;
-  }
+  if (!mesh.IsInRange(face)) return FaceKind::kOutOfRange;
   if (a == b || b == c || c == a) return FaceKind::kRepeatingAVertex;
   const Vec3 &p = mesh.positions[a], &q = mesh.positions[b], &r = mesh.positions[c];
   if (!p.allFinite() || !q.allFinite() || !r.allFinite()) return FaceKind::kNotFinite;

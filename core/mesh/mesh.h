@@ -1,6 +1,7 @@
 // Indexed triangle mesh: positions and faces, nothing derived.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -19,6 +20,10 @@ struct Mesh {
 
   std::int64_t num_vertices() const { return static_cast<std::int64_t>(positions.size()); }
   std::int64_t num_faces() const { return static_cast<std::int64_t>(faces.size()); }
+  // Whether the face refers to vertices that exist.
+  bool IsInRange(const Face& face) const {
+    return std::all_of(face.begin(), face.end(), [&](std::int32_t v) { return v >= 0 && v < num_vertices(); });
+  }
 };
 
 // The corners of a face, at the positions of its vertices.
