@@ -90,29 +90,24 @@ void ActiveSet::ReleaseForPolygon(const Eigen::VectorXd& pressures) {
   for (std::int32_t b = 0; b < n; ++b) {
     if (!active_[b]) inactive.insert(b);
   }
-  const auto release = [&](std::int32_t b) {
-    active_[b] = 0;
-    inactive.insert(b);
+  // That of least pressure among the active ones of [first, end), counted round and round.
+  const auto release_one = [&](std::int32_t first, std::int32_t end) {
+    std::int32_t least = -1;
+    for (std::int32_t i = first; i < end; ++i) {
+      const std::int32_t b = i % n;
+      if (active_[b] && (least < 0 || pressures[b] < pressures[least])) least = b;
+    }
+    active_[least] = 0;
+    inactive.insert(least);
   };
   for (const Stretch& stretch : stretches_) {
     // The first inactive position after stretch.first, counted round and round.
     const auto next = inactive.upper_bound(stretch.first);
     const std::int32_t found =
         next != inactive.end() ? *next : (inactive.empty() ? stretch.last : *inactive.begin() + n);
-    if (found < stretch.last) continue;
-    std::int32_t least = stretch.first + 1;
-    for (std::int32_t b = least; b < stretch.last; ++b) {
-      if (pressures[b % n] < pressures[least % n]) least = b;
-    }
-    release(least % n);
+    if (found >= stretch.last) release_one(stretch.first + 1, stretch.last);
   }
-  while (inactive.size() < 3) {
-    std::int32_t least = -1;
-    for (std::int32_t b = 0; b < n; ++b) {
-      if (active_[b] && (least < 0 || pressures[b] < pressures[least])) least = b;
-    }
-    release(least);
-  }
+  while (inactive.size() < 3) release_one(0, n);
 }
 
 Topology ActiveSet::ConstrainedTopology() const {

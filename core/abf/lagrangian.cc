@@ -57,28 +57,27 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
     std::int64_t changed = 0;
     std::vector<std::int32_t> weak;
   };
-  const auto convexify_face = [&](std::int64_t f, Part* part) {
-    double* a = &(*hessian)[3 * f];
-    const double* b = &curvature[3 * f];
-    if (kind == Convexification::kByFace) {
-      const double smallest = SmallestPlaneEigenvalue(a, b);
-      if (smallest < tuning.weak_curvature) part->weak.push_back(static_cast<std::int32_t>(f));
-      if (smallest >= tuning.min_curvature) return false;
-      const double t = (tuning.min_curvature - smallest) / (1 - smallest);
-      for (int k = 0; k < 3; ++k) a[k] += t * (b[k] - a[k]);
-      return true;
-    }
-    bool change = false;
-    for (int k = 0; k < 3; ++k) {
-      if (a[k] >= tuning.min_curvature * b[k]) continue;
-      a[k] = tuning.min_curvature * b[k];
-      change = true;
-    }
-    return change;
-  };
   const auto convexify = [&](std::int64_t begin, std::int64_t end) {
     Part part;
-    for (std::int64_t f = begin; f < end; ++f) part.changed += convexify_face(f, &part) ? 1 : 0;
+    for (std::int64_t f = begin; f < end; ++f) {
+      double* a = &(*hessian)[3 * f];
+      const double* b = &curvature[3 * f];
+      bool change = false;
+      if (kind == Convexification::kByFace) {
+        const double smallest = SmallestPlaneEigenvalue(a, b);
+        if (smallest < tuning.weak_curvature) part.weak.push_back(static_cast<std::int32_t>(f));
+        change = !(smallest >= tuning.min_curvature);
+        const double t = change ? (tuning.min_curvature - smallest) / (1 - smallest) : 0;
+        for (int k = 0; change && k < 3; ++k) a[k] += t * (b[k] - a[k]);
+      } else {
+        for (int k = 0; k < 3; ++k) {
+          if (a[k] >= tuning.min_curvature * b[k]) continue;
+          a[k] = tuning.min_curvature * b[k];
+          change = true;
+        }
+      }
+      part.changed += change;
+    }
     return part;
   };
   std::int64_t changed = 0;

@@ -240,7 +240,7 @@ void Newton::Forget() {
 }
 
 double Newton::SmallestRatio() const {
-  return Smallest(team(), at_.x.cwiseQuotient(target_.angle));
+  return 1 / Largest(team(), at_.x.cwiseQuotient(target_.angle).cwiseInverse());
 }
 
 bool Newton::AnglesCollapse() {
@@ -364,10 +364,8 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.solver = options_.solver;
   summary_.system = options_.system;
   summary_.barrier = objective_.barrier();
-  summary_.hessian = options_.hessian;
-  if (summary_.hessian == HessianType::kAuto) {
-    summary_.hessian = summary_.indefinite_iterations > 0 ? HessianType::kExact : HessianType::kConvex;
-  }
+  const HessianType used = summary_.indefinite_iterations > 0 ? HessianType::kExact : HessianType::kConvex;
+  summary_.hessian = options_.hessian == HessianType::kAuto ? used : options_.hessian;
   summary_.preconditioner = steps_.preconditioner();
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
   summary_.multigrid_failure = steps_.multigrid_failure();

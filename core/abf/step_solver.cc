@@ -164,29 +164,25 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
     watched.max_iterations = std::min(most, wear_.first_iterations + tuning.useless_factorization);
   }
   LinearSummary summary = SolveOnce(gradient, h, watched, step);
-  const auto solve_again = [&](const LinearSolveOptions& with) {
+  // With a new preconditioner. Where S is singular in double precision, what was found stands.
+  const auto solve_again = [&](const absl::Status& prepared, std::int64_t max_iterations) {
+    if (!prepared.ok()) return absl::IsFailedPrecondition(prepared) ? absl::OkStatus() : prepared;
     const std::int64_t wasted = summary.iterations;
-    summary = SolveOnce(gradient, h, with, step);
+    watched.max_iterations = max_iterations;
+    summary = SolveOnce(gradient, h, watched, step);
     summary.iterations += wasted;
+    return absl::OkStatus();
   };
   if (summary.termination == LinearTermination::kIterationLimit && summary.iterations < most) {
     wear_.last_iterations = summary.iterations;
-    const absl::Status prepared = PrepareReduced(options.cancel);
-    if (!prepared.ok() && !absl::IsFailedPrecondition(prepared)) return prepared;
-    if (prepared.ok()) {
-      watched.max_iterations = most;
-      solve_again(watched);
-    }
+    PLANISH_RETURN_IF_ERROR(solve_again(PrepareReduced(options.cancel), most));
   }
   const bool failed = summary.termination != LinearTermination::kConverged &&
                       summary.termination != LinearTermination::kInterrupted &&
                       summary.iterations < options.max_iterations;
   if (multigrid && failed) {
     PLANISH_RETURN_IF_ERROR(TurnToCholesky(absl::StrCat("multigrid: ", Describe(summary))));
-    const absl::Status prepared = PrepareExact();
-    if (!prepared.ok() && !absl::IsFailedPrecondition(prepared)) return prepared;
-    watched.max_iterations = options.max_iterations;
-    if (prepared.ok()) solve_again(watched);  // if not, S is singular in double precision: what multigrid found stands
+    PLANISH_RETURN_IF_ERROR(solve_again(PrepareExact(), options.max_iterations));
   }
   return summary;
 }

@@ -152,18 +152,6 @@ std::vector<std::int32_t> RowsOfFaces(const Topology& topology, const std::vecto
 template <typename Scalar>
 ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team) : topology_(topology), team_(team) {
   const std::int32_t n = topology.num_rows;
-  // The rows next to row v, v itself included, ascending.
-  const auto find_columns = [&](std::int64_t v, std::vector<std::int32_t>* columns) {
-    columns->assign(1, static_cast<std::int32_t>(v));
-    for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
-      const std::int32_t f = topology.row_corner[i] / 3, k = topology.row_corner[i] % 3;
-      for (const int other : {Next(k), Prev(k)}) {
-        if (const std::int32_t u = topology.corner_row[3 * f + other]; u >= 0) columns->push_back(u);
-      }
-    }
-    std::sort(columns->begin(), columns->end());
-    columns->erase(std::unique(columns->begin(), columns->end()), columns->end());
-  };
   // Chunk by chunk, then one after the other.
   matrix_.row_begin.assign(n + 1, 0);
   diagonal_.resize(n);
@@ -171,7 +159,16 @@ ReducedMatrix<Scalar>::ReducedMatrix(const Topology& topology, ThreadTeam& team)
   std::vector<Part> parts = team_.Collect<Part>(n, kAssemblyRows, [&](std::int64_t begin, std::int64_t end) {
     Part part, columns;
     for (std::int64_t v = begin; v < end; ++v) {
-      find_columns(v, &columns);
+      // The rows next to row v, v itself included, ascending.
+      columns.assign(1, static_cast<std::int32_t>(v));
+      for (std::int32_t i = topology.row_corner_begin[v]; i < topology.row_corner_begin[v + 1]; ++i) {
+        const std::int32_t f = topology.row_corner[i] / 3, k = topology.row_corner[i] % 3;
+        for (const int other : {Next(k), Prev(k)}) {
+          if (const std::int32_t u = topology.corner_row[3 * f + other]; u >= 0) columns.push_back(u);
+        }
+      }
+      std::sort(columns.begin(), columns.end());
+      columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
       const auto place = std::lower_bound(columns.begin(), columns.end(), v) - columns.begin();
       diagonal_[v] = static_cast<std::int32_t>(place);
       matrix_.row_begin[v + 1] = static_cast<std::int32_t>(columns.size());
@@ -218,25 +215,22 @@ const BlockMatrix<Scalar>& ReducedMatrix<Scalar>::Assemble(const Eigen::VectorXd
         const double w0 = wheel(0), w1 = wheel(1), w2 = wheel(2);
         const double t[3] = {p00, p01, p02};
         const double w[3] = {w0 * (c1 * p01 - c2 * p02), w0 * (c1 * p11 - c2 * p12), w0 * (c1 * p12 - c2 * p22)};
-        const auto block_of = [&](int corner) {
+        const auto add = [&](int corner, double wheel_t, double wheel_w) {
           const std::int32_t u = topology_.corner_row[at[corner]];
-          if (u < 0) return std::int32_t{-1};
-          return PlaceIn(columns, length, u);
-        };
-        const auto add = [&](std::int32_t block, int corner, double wheel_t, double wheel_w) {
-          if (block < 0) return;
+          if (u < 0) return;
+          const std::int32_t block = corner == 0 ? diagonal_[v] - row_begin : PlaceIn(columns, length, u);
           double* value = &row[4 * std::size_t(block)];
           value[0] += t[corner];
           value[1] += wheel_t;
           value[2] += w[corner];
           value[3] += wheel_w;
         };
-        add(diagonal_[v] - row_begin, 0, w0 * (c1 * t[1] - c2 * t[2]), w0 * (c1 * w[1] - c2 * w[2]));
-        add(block_of(1), 1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
-        add(block_of(2), 2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
+        add(0, w0 * (c1 * t[1] - c2 * t[2]), w0 * (c1 * w[1] - c2 * w[2]));
+        add(1, w1 * (c2 * t[2] - c0 * t[0]), w1 * (c2 * w[2] - c0 * w[0]));
+        add(2, w2 * (c0 * t[0] - c1 * t[1]), w2 * (c0 * w[0] - c1 * w[1]));
       }
-      if (!topology_.has_wheel(
-              static_cast<std::int32_t>(v))) {  // anything positive will do in the place of its wheel row
+      // Without a wheel the row is absent: anything positive.
+      if (!topology_.has_wheel(static_cast<std::int32_t>(v))) {
         double* diagonal = &row[4 * std::size_t(diagonal_[v] - row_begin)];
         diagonal[3] = diagonal[0];
       }

@@ -48,10 +48,4 @@ double Largest(ThreadTeam& team, const Expression& expression) {
   return largest;
 }
 
-// Smallest entry of an expression with positive entries only, to within rounding.
-template <typename Expression>
-double Smallest(ThreadTeam& team, const Expression& expression) {
-  return 1 / Largest(team, expression.cwiseInverse());
-}
-
 }  // namespace planish

@@ -103,7 +103,7 @@ void JoinFlattest(const Mesh& mesh, std::span<const std::int32_t> at, const std:
 
 // The policy: which of the half-edges at one edge, all of one layer, are joined. Only half-edges that run along the
 // edge in opposite directions are: charts end where faces are wound against each other. Edges of more than two are
-// left to JoinAtNonManifoldEdges().
+// left to JoinFlattest().
 void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pairing) {
   if (at.size() < 2) return;
   if (at.size() > 2) {
@@ -113,16 +113,6 @@ void JoinAtEdge(const Mesh& mesh, std::span<const std::int32_t> at, Pairing* pai
   } else {
     pairing->opposite[at[0]] = at[1];
     pairing->opposite[at[1]] = at[0];
-  }
-}
-
-// Of more than two half-edges at an edge as many pairs as there are are joined, unless there are too many to be a
-// surface. `open_edges`: per face.
-void JoinAtNonManifoldEdges(const Mesh& mesh, const std::vector<char>& open_edges, const Execution& execution,
-                            Pairing* pairing) {
-  for (std::int64_t e = 0; e < std::ssize(pairing->non_manifold) && !execution.IsCancelledAt(e); ++e) {
-    const std::vector<std::int32_t>& at = pairing->non_manifold[e];
-    if (at.size() <= kMostFacesAtAnEdge) JoinFlattest(mesh, at, open_edges, pairing);
   }
 }
 
@@ -159,7 +149,13 @@ Pairing PairHalfEdges(const Mesh& mesh, JoinFor purpose, const Execution& execut
       JoinAtEdge(mesh, std::span(at).subspan(begin, end - begin), &pairing);
     }
   }
-  if (purpose == JoinFor::kCharts) JoinAtNonManifoldEdges(mesh, open_edges, execution, &pairing);
+  if (purpose == JoinFor::kDiagnosis) return pairing;
+  // Of more than two half-edges at an edge as many pairs as there are are joined, unless there are too many to be a
+  // surface.
+  for (std::int64_t e = 0; e < std::ssize(pairing.non_manifold) && !execution.IsCancelledAt(e); ++e) {
+    const std::vector<std::int32_t>& many = pairing.non_manifold[e];
+    if (many.size() <= kMostFacesAtAnEdge) JoinFlattest(mesh, many, open_edges, &pairing);
+  }
   return pairing;
 }
 

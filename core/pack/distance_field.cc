@@ -19,7 +19,13 @@ DistanceField::DistanceField(const Outline& outline, double spacing, double reac
   values_.assign(static_cast<std::size_t>(columns_) * rows_, kFar);
   MeasureNearEdges(outline, margin);
   Spread();
-  Sign(outline);
+  ScanLines lines;
+  for (const auto& [from, to] : outline.edges) {
+    lines.AddEdge((outline.points[from] - low_) / spacing_, (outline.points[to] - low_) / spacing_, 0);
+  }
+  lines.ForEachInside([&](int y, int begin, int end) {
+    for (int x = begin; x < end; ++x) Node(x, y) = -Node(x, y);
+  });
 }
 
 // Squares first.
@@ -105,16 +111,6 @@ void DistanceField::Sample(const Vec2& first, const Vec2& step, int count, float
     const float above = node[columns_] + s * (node[columns_ + 1] - node[columns_]);
     distances[k] = below + t * (above - below);
   }
-}
-
-void DistanceField::Sign(const Outline& outline) {
-  ScanLines lines;
-  for (const auto& [from, to] : outline.edges) {
-    lines.AddEdge((outline.points[from] - low_) / spacing_, (outline.points[to] - low_) / spacing_, 0);
-  }
-  lines.ForEachInside([&](int y, int begin, int end) {
-    for (int x = begin; x < end; ++x) Node(x, y) = -Node(x, y);
-  });
 }
 
 }  // namespace planish

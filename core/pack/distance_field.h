@@ -48,7 +48,6 @@ class DistanceField {
   }
   void MeasureNearEdges(const Outline& outline, double band);
   void Spread();
-  void Sign(const Outline& outline);
   float& Node(int x, int y) { return values_[static_cast<std::size_t>(y) * columns_ + x]; }
 
   double spacing_, per_unit_;  // per_unit_: 1 / spacing_

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <queue>
 #include <utility>
 
 #include "core/mesh/angles.h"
@@ -35,17 +36,15 @@ std::vector<std::int32_t> Characteristic(const std::vector<Vec2>& outline, const
     return stretch;
   };
   std::vector<std::int32_t> chosen = {0};
-  std::vector<Stretch> heap = {measure(0, n)};
-  while (!heap.empty() && chosen.size() < kMostPoints) {
-    std::pop_heap(heap.begin(), heap.end());
-    const Stretch stretch = heap.back();
-    heap.pop_back();
+  std::priority_queue<Stretch> stretches;
+  stretches.push(measure(0, n));
+  while (!stretches.empty() && chosen.size() < kMostPoints) {
+    const Stretch stretch = stretches.top();
+    stretches.pop();
     if (!(stretch.square > 0)) break;
     chosen.push_back(stretch.farthest);
     for (const Stretch& half : {measure(stretch.begin, stretch.farthest), measure(stretch.farthest, stretch.end)}) {
-      if (half.farthest < 0) continue;
-      heap.push_back(half);
-      std::push_heap(heap.begin(), heap.end());
+      if (half.farthest >= 0) stretches.push(half);
     }
   }
   std::sort(chosen.begin(), chosen.end());

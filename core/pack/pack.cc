@@ -440,14 +440,11 @@ class Packer {
     packing->padding = padding_;
     double area = 0;
     for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
-      ChartPlacement& chart = packing->charts[i];
-      chart.angle = best_.poses[i].angle;
-      chart.scale = scales[i];
-      chart.tile = best_.poses[i].tile;
-      const Vec2 corner = CornerOfTile(chart.tile) + Vec2::Constant(margin_);
-      chart.offset = Vec2::Zero();
-      chart.offset = corner + best_.poses[i].centre - chart(charts_.outlines[i].centre);
-      packing->tiles = std::max(packing->tiles, chart.tile + 1);
+      const auto& [centre, angle, tile] = best_.poses[i];
+      ChartPlacement& chart = packing->charts[i] = {angle, scales[i], Vec2::Zero(), tile};
+      const Vec2 corner = CornerOfTile(tile) + Vec2::Constant(margin_);
+      chart.offset = corner + centre - chart(charts_.outlines[i].centre);
+      packing->tiles = std::max(packing->tiles, tile + 1);
       area += charts_.outlines[i].area * scales[i] * scales[i];
     }
     packing->efficiency = area / packing->tiles;

@@ -9,14 +9,10 @@
 
 namespace planish {
 
-struct RearrangeOptions {
-  int side = 128;  // pixels along a tile; charts that overlap by less than half a pixel count as apart
-  int tiles = 1;   // of each atlas
-  int atlases = 1;
+struct RearrangeOptions : PackRules {
+  int side = 128;                 // pixels along a tile; charts that overlap by less than half a pixel count as apart
   std::int64_t moves = 1000;      // at most, of one chart
   std::int64_t work = INT64_MAX;  // at most, in about nanoseconds
-  double distance = 0;            // between two charts, in the texture
-  double low = 0;                 // charts stay within [low, 1 - low]^2
   double slack = 0.5;             // pixels by which charts may overlap: places are whole numbers of pixels
   int swaps = 0;                  // pairs of charts of about the same size that change places first
   std::uint64_t seed = 0;

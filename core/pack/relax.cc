@@ -48,24 +48,19 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
   for (std::size_t i = 0; i < outlines.size(); ++i) {
     const double unit = relative_[i] * scale_;  // length in the texture of 1
     const double spacing = std::max(std::min(options_.spacing, outlines[i].radius * unit / 6), 1e-6) / unit;
-    shapes_.push_back(MakeShape(outlines[i], spacing));
-  }
-}
-
-Relaxer::Shape Relaxer::MakeShape(const Outline& outline, double spacing) {
-  Shape shape = {SampleOutline(outline, spacing), {}, std::max(outline.radius, 1e-12) / 1.5};
-  const auto n = static_cast<std::int32_t>(shape.samples.size());
-  for (std::int32_t begin = 0; begin < n; begin += kBlock) {
-    const std::int32_t end = std::min(begin + kBlock, n);
-    Box box;
-    for (std::int32_t k = begin; k < end; ++k) box.Add(shape.samples[k]);
-    Block block = {begin, end, (box.low + box.high) / 2, 0};
-    for (std::int32_t k = begin; k < end; ++k) {
-      block.radius = std::max(block.radius, (shape.samples[k] - block.centre).norm());
+    Shape& shape =
+        shapes_.emplace_back(Shape{SampleOutline(outlines[i], spacing), {}, std::max(outlines[i].radius, 1e-12) / 1.5});
+    const auto n = static_cast<std::int32_t>(shape.samples.size());
+    for (std::int32_t begin = 0; begin < n; begin += kBlock) {
+      const std::int32_t end = std::min(begin + kBlock, n);
+      Box box;
+      for (std::int32_t k = begin; k < end; ++k) box.Add(shape.samples[k]);
+      Block& block = shape.blocks.emplace_back(Block{begin, end, (box.low + box.high) / 2, 0});
+      for (std::int32_t k = begin; k < end; ++k) {
+        block.radius = std::max(block.radius, (shape.samples[k] - block.centre).norm());
+      }
     }
-    shape.blocks.push_back(block);
   }
-  return shape;
 }
 
 void Relaxer::FindContacts() {

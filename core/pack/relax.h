@@ -11,10 +11,15 @@
 
 namespace planish {
 
-// Lengths here and in all poses are in units of a tile.
-struct RelaxOptions {
-  double distance = 0;      // to be kept between two charts
-  double low = 0;           // charts stay within [low, 1 - low]^2
+// What charts keep to. Lengths here and in all poses are in units of a tile.
+struct PackRules {
+  double distance = 0;  // kept between two charts
+  double low = 0;       // charts stay within [low, 1 - low]^2
+  int tiles = 1;        // of each atlas
+  int atlases = 1;
+};
+
+struct RelaxOptions : PackRules {
   double spacing = 0.003;   // of samples along the outlines
   double tolerance = 1e-4;  // that may be missing from `distance`
 };
@@ -58,7 +63,6 @@ class Relaxer {
     std::int32_t other;  // below 0: the rim, -1 left, -2 right, -3 bottom, -4 top
   };
 
-  static Shape MakeShape(const Outline& outline, double spacing);
   void FindContacts();
   // One step; returns how much is missing where most is.
   double Step();

@@ -103,10 +103,7 @@ class Tightener {
         starts_(starts),
         arrangement_(starts.back()) {
     width_ = std::sqrt(options.tiles / static_cast<double>(MostCharts(charts.atlas, options.atlases)));
-    relax_.distance = options.distance;
-    relax_.low = options.low;
-    relax_.spacing = std::clamp(width_ / 40, 1.0 / 1024, 1.0 / 300);
-    relax_.tolerance = 0.0015 * width_;
+    relax_ = {options, std::clamp(width_ / 40, 1.0 / 1024, 1.0 / 300), 0.0015 * width_};
     for (std::size_t i = 0; i < charts.outlines.size(); ++i) {
       const double unit = charts.relative_scales[i] * arrangement_.scale;
       const double reach = 1.1 * (relax_.distance + 2 * relax_.spacing);
@@ -169,15 +166,11 @@ class Tightener {
       std::array<std::int64_t, kLanes> work = {};
       const double best = found->back().scale;
       const auto run = [&](std::int64_t lane, std::int64_t) {
-        RearrangeOptions rearrange;
+        RearrangeOptions rearrange = {options_};
         rearrange.side = static_cast<int>(std::clamp(tuning_.pixels_per_chart / width_, 112.0, 600.0));
-        rearrange.tiles = options_.tiles;
-        rearrange.atlases = options_.atlases;
         rearrange.moves = at_once;
         rearrange.work = budget - used;
         rearrange.slack = tuning_.coarse_slack;
-        rearrange.distance = options_.distance;
-        rearrange.low = options_.low;
         rearrange.swaps = failed[lane] == 0 ? 0 : 1 + (failed[lane] - 1) % tuning_.most_swaps;
         rearrange.seed = kLanes * round + lane;
         results[lane] = Attempt(best, best * (1 + steps[lane]), rearrange, &from[lane], &work[lane]);

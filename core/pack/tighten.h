@@ -11,11 +11,7 @@
 
 namespace planish {
 
-struct TightenOptions {
-  double distance = 0;  // kept between two charts, in the texture
-  double low = 0;       // charts stay within [low, 1 - low]^2
-  int tiles = 1;        // of each atlas
-  int atlases = 1;
+struct TightenOptions : PackRules {
   std::int64_t work = 0;  // about what may be spent: nanoseconds, counted in steps of the algorithms
   PackTuning tuning;
 };
