@@ -196,7 +196,8 @@ class ActiveSetMethod {
   absl::Status Settle() {
     const double rough = std::max(tuning().rough_tolerance, options_.tolerance);
     const double goal = iterate_.barrier > options_.tuning.newton.barrier.weakest ? rough : options_.tolerance;
-    settling_ = {.patience = tuning().patience};
+    least_wrong_ = std::numeric_limits<std::int32_t>::max();
+    patience_ = tuning().patience;
     double tolerance = rough;
     bool same_set = false, out_of_sets = false, right = false;
     while (true) {
@@ -270,14 +271,14 @@ class ActiveSetMethod {
   bool ChangeSet(const Eigen::VectorXd& pressures) {
     if (set_changes_ >= tuning().max_set_changes) return false;
     const std::int32_t wrong = set_.CountWrong(pressures, options_.tolerance);
-    if (wrong < settling_.least_wrong) {
-      settling_.least_wrong = wrong;
-      settling_.patience = tuning().patience;
-    } else if (settling_.patience > 0) {
-      --settling_.patience;
+    if (wrong < least_wrong_) {
+      least_wrong_ = wrong;
+      patience_ = tuning().patience;
+    } else if (patience_ > 0) {
+      --patience_;
     }
     const std::vector<char> before = set_.active();
-    if (set_.Update(pressures, options_.tolerance, /*only_last=*/settling_.patience == 0) == 0) return false;
+    if (set_.Update(pressures, options_.tolerance, /*only_last=*/patience_ == 0) == 0) return false;
     iterate_.mu = set_.Carry(iterate_.mu, before);
     ++set_changes_;
     return true;
@@ -292,12 +293,6 @@ class ActiveSetMethod {
   const BoundaryTuning& tuning() const { return options_.tuning.boundary; }
   bool OutOfIterations() const { return summary_.newton_iterations >= options_.max_newton_iterations; }
 
-  // How the sets since Settle() began have done.
-  struct Settling {
-    std::int32_t least_wrong = std::numeric_limits<std::int32_t>::max();
-    std::int64_t patience;
-  };
-
   const Topology& topology_;
   const TargetAngles& target_;
   FlattenOptions options_;
@@ -308,7 +303,9 @@ class ActiveSetMethod {
   int solves_ = 0, set_changes_ = 0;
   bool flat_ = false;    // Newton::IsFlat() of the last solve
   bool usable_ = false;  // the last solve converged, or for a rough one nearly
-  Settling settling_;
+  // How the sets since Settle() began have done.
+  std::int32_t least_wrong_ = 0;
+  std::int64_t patience_ = 0;
 };
 
 }  // namespace

@@ -122,17 +122,6 @@ class Newton {
     bool whole_step = false;           // the last step had full length and no stop cut its linear solve short
   };
 
-  // What Forget() leaves as it is.
-  struct History {
-    // Of the latest step.
-    double length = 0;                          // 0: no step was taken
-    bool cut_short = false;                     // a stop request ended a linear solve
-    std::vector<std::int32_t> weak_faces = {};  // of Convexify()
-    // Since a stop was requested.
-    std::int64_t steps_after_stop = 0, iterations_after_stop = 0;
-    bool indefinite_pays = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
-  };
-
   const NewtonTuning& tuning() const { return options_.tuning.newton; }
   ThreadTeam& team() const { return control_.Team(); }
 
@@ -149,7 +138,13 @@ class Newton {
   // Where the method is, and how it goes.
   State at_;
   Course course_;
-  History history_;
+  // Of the latest step.
+  double step_length_ = 0;                // 0: no step was taken
+  bool cut_short_ = false;                // a stop request ended a linear solve
+  std::vector<std::int32_t> weak_faces_;  // of Convexify()
+  // Since a stop was requested.
+  std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;
+  bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
   FlattenSummary summary_;
 };
 

@@ -18,7 +18,9 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
     : topology_(topology),
       team_(team),
       tuning_(tuning),
-      types_{solver, system, preconditioner},
+      solver_type_(solver),
+      system_type_(system),
+      preconditioner_type_(preconditioner),
       solver_(solver == SolverType::kMinres  ? MakeMinresSolver()
               : solver == SolverType::kUzawa ? MakeUzawaSolver()
                                              : MakeDirectSolver()) {
@@ -30,7 +32,7 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
                                  const Interrupter* interrupter) {
   iterate_ = {&hessian, &convex, &cot, indefinite, std::move(weak_faces)};
   const SaddlePointOperator* system;
-  if (types_.system == SystemType::kFull) {
+  if (system_type_ == SystemType::kFull) {
     iterate_.full = std::make_unique<FullSystem>(topology_, hessian, cot);
     system = iterate_.full.get();
   } else {
@@ -39,16 +41,16 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
     PLANISH_RETURN_IF_ERROR(PrepareReduced(interrupter));
     system = iterate_.reduced.get();
   }
-  if (types_.preconditioner == PreconditionerType::kJacobi) {
+  if (preconditioner_type_ == PreconditionerType::kJacobi) {
     preconditioner_ = JacobiPreconditioner(system->SchurDiagonal());
-  } else if (types_.preconditioner == PreconditionerType::kNone) {
+  } else if (preconditioner_type_ == PreconditionerType::kNone) {
     preconditioner_ = IdentityPreconditioner();
   }
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
-  if (types_.preconditioner == PreconditionerType::kAmg) {
+  if (preconditioner_type_ == PreconditionerType::kAmg) {
     const absl::Status status = PrepareMultigrid(interrupter);
     if (status.ok() || absl::IsCancelled(status)) return status;
     PLANISH_RETURN_IF_ERROR(TurnToCholesky(std::string(status.message())));
@@ -65,20 +67,20 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
                                      "factorization and its memory (--preconditioner=cholesky)",
                                      why, kMostFallbackFaces, topology_.num_faces()));
   }
-  types_.preconditioner = PreconditionerType::kCholesky;
+  preconditioner_type_ = PreconditionerType::kCholesky;
   wear_.solves = -1;
   multigrid_.s.reset();
   multigrid_.multigrid = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
-  exact_.factorization.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
+  factorization_.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareExact() {
-  if (!exact_.s) exact_.s = std::make_unique<ReducedMatrix<double>>(topology_, team_);
-  const BlockMatrix<double>& s = exact_.s->Assemble(*iterate_.convex, *iterate_.cot);
-  if (types_.preconditioner == PreconditionerType::kCholesky) {
-    if (wear_.IsOut(tuning_.step.worn_out_factorization) || types_.solver == SolverType::kDirect) {
-      const absl::Status factorized = exact_.factorization.Factorize(s);
+  if (!exact_s_) exact_s_ = std::make_unique<ReducedMatrix<double>>(topology_, team_);
+  const BlockMatrix<double>& s = exact_s_->Assemble(*iterate_.convex, *iterate_.cot);
+  if (preconditioner_type_ == PreconditionerType::kCholesky) {
+    if (wear_.IsOut(tuning_.step.worn_out_factorization) || solver_type_ == SolverType::kDirect) {
+      const absl::Status factorized = factorization_.Factorize(s);
       if (absl::IsResourceExhausted(factorized)) {
         return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                          absl::StrCat(multigrid_.failure, multigrid_.failure.empty() ? "" : "; ", factorized.message(),
@@ -87,9 +89,9 @@ absl::Status StepSolver::PrepareExact() {
       PLANISH_RETURN_IF_ERROR(factorized);
       wear_.solves = 0;
     }
-    preconditioner_ = [this](const Eigen::VectorXd& r, Eigen::VectorXd* z) { exact_.factorization.Solve(r, z); };
+    preconditioner_ = [this](const Eigen::VectorXd& r, Eigen::VectorXd* z) { factorization_.Solve(r, z); };
   }
-  if (iterate_.hessian != iterate_.convex) exact_.s->Assemble(*iterate_.hessian, *iterate_.cot);
+  if (iterate_.hessian != iterate_.convex) exact_s_->Assemble(*iterate_.hessian, *iterate_.cot);
   iterate_.reduced->set_matrix(&s);
   return absl::OkStatus();
 }
@@ -144,11 +146,11 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
   const StepTuning& tuning = tuning_.step;
   LinearSolveOptions watched = options;
   watched.tuning = tuning_.linear;
-  if (types_.preconditioner != PreconditionerType::kAmg && types_.preconditioner != PreconditionerType::kCholesky) {
+  if (preconditioner_type_ != PreconditionerType::kAmg && preconditioner_type_ != PreconditionerType::kCholesky) {
     watched.rough.clear();
   }
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
-  const bool multigrid = types_.preconditioner == PreconditionerType::kAmg && !iterate_.is_indefinite;
+  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !iterate_.is_indefinite;
   if (iterate_.is_indefinite && limit_indefinite_) {
     watched.max_iterations =
         std::max(tuning.max_indefinite_iterations, tuning.indefinite_factor * wear_.last_iterations);
@@ -159,7 +161,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
                                                                             : tuning.max_iterations_without_fallback);
   }
   const std::int64_t most = watched.max_iterations;
-  if (types_.preconditioner == PreconditionerType::kCholesky && types_.solver != SolverType::kDirect &&
+  if (preconditioner_type_ == PreconditionerType::kCholesky && solver_type_ != SolverType::kDirect &&
       wear_.solves > 0) {
     watched.max_iterations = std::min(most, wear_.first_iterations + tuning.useless_factorization);
   }
@@ -191,7 +193,7 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
                                     const LinearSolveOptions& options, NewtonStep* step) {
   const LinearSolver& solver = iterate_.is_indefinite ? minres_ : solver_;
   LinearSummary summary;
-  if (types_.system == SystemType::kFull) {
+  if (system_type_ == SystemType::kFull) {
     SaddlePointSolution solution;
     Eigen::VectorXd g(h.triangle.size() + h.pair.size());
     g << -h.triangle, -h.pair;

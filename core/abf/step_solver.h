@@ -56,7 +56,7 @@ class StepSolver {
                                       const LinearSolveOptions& options, NewtonStep* step);
 
   // The preconditioner in use: the one asked for, or kCholesky once multigrid has failed.
-  PreconditionerType preconditioner() const { return types_.preconditioner; }
+  PreconditionerType preconditioner() const { return preconditioner_type_; }
   // Why multigrid failed; empty if it has not.
   const std::string& multigrid_failure() const { return multigrid_.failure; }
   // What multigrid had to do without in some Prepare(), and why, for the latest one; empty if it had everything:
@@ -68,15 +68,10 @@ class StepSolver {
 
   // How a Hessian must be convexified for the system.
   Convexification RequiredConvexification() const {
-    return types_.system == SystemType::kFull ? Convexification::kByAngle : Convexification::kByFace;
+    return system_type_ == SystemType::kFull ? Convexification::kByAngle : Convexification::kByFace;
   }
 
  private:
-  struct Types {
-    SolverType solver;
-    SystemType system;
-    PreconditionerType preconditioner;  // kCholesky once multigrid has failed
-  };
   // What Prepare() was given, and the system that it made of that: one of the two.
   struct Iterate {
     const Eigen::VectorXd *hessian = nullptr, *convex = nullptr, *cot = nullptr;
@@ -85,17 +80,13 @@ class StepSolver {
     std::unique_ptr<FullSystem> full = {};
     std::unique_ptr<ReducedSystem> reduced = {};
   };
-  // What is kept from step to step to make preconditioners of, and S: in float for multigrid, which works in float
-  // itself, in double for all others.
+  // What is kept from step to step to make multigrid of, and S in float, as multigrid works in float itself. All others
+  // have S in double.
   struct ByMultigrid {
     std::unique_ptr<ReducedMatrix<float>> s;
     std::unique_ptr<Multigrid> multigrid;
     bool is_closed = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
     std::string failure, left_out;
-  };
-  struct ByFactorization {
-    std::unique_ptr<ReducedMatrix<double>> s;
-    SparseCholesky factorization;
   };
   // How the factorization or the multigrid in use has served.
   struct Wear {
@@ -127,12 +118,15 @@ class StepSolver {
   const Topology& topology_;
   ThreadTeam& team_;
   const FlattenTuning tuning_;
-  Types types_;
+  const SolverType solver_type_;
+  const SystemType system_type_;
+  PreconditionerType preconditioner_type_;             // kCholesky once multigrid has failed
   LinearSolver solver_, minres_ = MakeMinresSolver();  // the chosen one; of indefinite systems
   bool limit_indefinite_ = true;
   Iterate iterate_;
   ByMultigrid multigrid_;
-  ByFactorization exact_;
+  std::unique_ptr<ReducedMatrix<double>> exact_s_;
+  SparseCholesky factorization_;
   Preconditioner preconditioner_;
   Wear wear_;
 };

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <limits>
-#include <numeric>
+#include <utility>
 
+#include "Eigen/Geometry"
 #include "core/base/radix_sort.h"
 
 namespace planish {
@@ -64,20 +64,17 @@ std::uint64_t HilbertIndex(const std::array<std::uint32_t, 3>& cell) {
 
 std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, const std::vector<std::int32_t>& vertices,
                                          const Execution& execution) {
-  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (const std::int32_t v : vertices) {
-    low = low.cwiseMin(positions[v]);
-    high = high.cwiseMax(positions[v]);
-  }
+  Eigen::AlignedBox3d box;
+  for (const std::int32_t v : vertices) box.extend(positions[v]);
   // In halves, which cannot overflow.
-  const double extent = (high / 2 - low / 2).maxCoeff();
+  const double extent = (box.max() / 2 - box.min() / 2).maxCoeff();
   constexpr double kLastCell = (1 << kCellBits) - 1;
   std::vector<KeyedIndex> entries(vertices.size());
   execution.ForEach(static_cast<std::int64_t>(vertices.size()), [&](std::int64_t j) {
     const std::int32_t v = vertices[j];
     std::array<std::uint32_t, 3> cell = {};
     for (int i = 0; extent > 0 && i < 3; ++i) {
-      cell[i] = static_cast<std::uint32_t>((positions[v][i] / 2 - low[i] / 2) / extent * kLastCell);
+      cell[i] = static_cast<std::uint32_t>((positions[v][i] / 2 - box.min()[i] / 2) / extent * kLastCell);
     }
     entries[j] = {HilbertIndex(cell), v};
   });
@@ -93,21 +90,14 @@ void AssignRows(const std::vector<std::int32_t>& vertices, Topology* topology) {
   topology->vertex_row.assign(topology->num_vertices, -1);
   for (std::int32_t row = 0; row < topology->num_rows; ++row) topology->vertex_row[vertices[row]] = row;
 
-  std::vector<std::int32_t>& begin = topology->row_corner_begin;
-  begin.assign(topology->num_rows + 1, 0);
   topology->corner_row.resize(topology->num_corners());
   for (std::int32_t c = 0; c < topology->num_corners(); ++c) {
-    const std::int32_t row = topology->vertex_row[topology->faces[c / 3][c % 3]];
-    topology->corner_row[c] = row;
-    if (row >= 0) ++begin[row + 1];
+    topology->corner_row[c] = topology->vertex_row[topology->faces[c / 3][c % 3]];
   }
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-
-  topology->row_corner.resize(begin.back());
-  std::vector<std::int32_t> end(begin.begin(), begin.end() - 1);
-  for (std::int32_t c = 0; c < topology->num_corners(); ++c) {
-    if (const std::int32_t row = topology->corner_row[c]; row >= 0) topology->row_corner[end[row]++] = c;
-  }
+  Groups corners =
+      GroupByKey(topology->num_corners(), topology->num_rows, [&](std::int32_t c) { return topology->corner_row[c]; });
+  topology->row_corner_begin = std::move(corners.begin);
+  topology->row_corner = std::move(corners.item);
 }
 
 std::vector<std::int32_t> RowVertices(const Topology& topology) {
@@ -136,18 +126,12 @@ Topology MakeTopology(const FlatMesh& disc, std::vector<std::int32_t>* face_orde
 
   // By the lowest row of each; those without a vertex under constraints come last.
   const auto num_rows = static_cast<std::int32_t>(rows.size());
-  std::vector<std::int32_t> row(topology.num_vertices, num_rows), next(num_rows + 2, 0), place(num_faces);
+  std::vector<std::int32_t> row(topology.num_vertices, num_rows), place(num_faces);
   for (std::int32_t i = 0; i < num_rows; ++i) row[rows[i]] = i;
-  for (std::int32_t f = 0; f < num_faces; ++f) {
+  for (std::int32_t f = 0; f < num_faces; ++f)
     place[f] = std::min({row[faces[f][0]], row[faces[f][1]], row[faces[f][2]]});
-    ++next[place[f] + 1];
-  }
-  std::partial_sum(next.begin(), next.end(), next.begin());
-  face_order->resize(num_faces);
-  for (std::int32_t f = 0; f < num_faces; ++f) {
-    place[f] = next[place[f]]++;
-    (*face_order)[place[f]] = f;
-  }
+  *face_order = GroupByKey(num_faces, num_rows + 1, [&](std::int32_t f) { return place[f]; }).item;
+  for (std::int32_t i = 0; i < num_faces; ++i) place[(*face_order)[i]] = i;
 
   topology.faces.resize(num_faces);
   topology.opposite.resize(3 * static_cast<std::size_t>(num_faces));

@@ -1,9 +1,10 @@
-// Sorting of numbers.
+// Sorting and grouping of numbers.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <numeric>
+#include <span>
 #include <vector>
 
 namespace planish {
@@ -30,6 +31,35 @@ std::vector<std::int32_t> SortedIndices(std::size_t n, const Before& before) {
   std::vector<std::int32_t> order = Indices(n);
   std::stable_sort(order.begin(), order.end(), before);
   return order;
+}
+
+// Numbers in groups, one behind the other.
+struct Groups {
+  std::vector<std::int32_t> item;
+  std::vector<std::int32_t> begin = {0};  // of each group in `item`, and the end
+
+  std::int32_t count() const { return static_cast<std::int32_t>(begin.size()) - 1; }
+  std::span<const std::int32_t> operator[](std::int32_t i) const {
+    return {item.data() + begin[i], static_cast<std::size_t>(begin[i + 1] - begin[i])};
+  }
+};
+
+// The numbers from 0 to n - 1, a group for each key in [0, num_keys): ascending, those with this key(i). Numbers with a
+// key below 0 are left out. O(n).
+template <typename Key>
+Groups GroupByKey(std::int32_t n, std::int64_t num_keys, const Key& key) {
+  Groups groups;
+  groups.begin.assign(num_keys + 1, 0);
+  for (std::int32_t i = 0; i < n; ++i) {
+    if (const std::int32_t k = key(i); k >= 0) ++groups.begin[k + 1];
+  }
+  std::partial_sum(groups.begin.begin(), groups.begin.end(), groups.begin.begin());
+  groups.item.resize(groups.begin.back());
+  std::vector<std::int32_t> end(groups.begin.begin(), groups.begin.end() - 1);
+  for (std::int32_t i = 0; i < n; ++i) {
+    if (const std::int32_t k = key(i); k >= 0) groups.item[end[k]++] = i;
+  }
+  return groups;
 }
 
 }  // namespace planish

@@ -10,16 +10,6 @@
 #include "core/linalg/vector_ops.h"
 
 namespace planish {
-namespace {
-
-// Dense matrices of so many block rows take some 400 bytes for each row of the finest level, which is within what
-// EstimateUnwrap() reserves; small ones are nothing.
-std::int64_t MostDenseRows(std::int64_t finest_rows, const MultigridTuning& tuning) {
-  const auto root = static_cast<std::int64_t>(std::sqrt(static_cast<double>(finest_rows)));
-  return std::min(tuning.max_dense_rows, std::max(2 * tuning.coarsest_rows, root));
-}
-
-}  // namespace
 
 absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vector<std::complex<double>>& z,
                               std::int32_t num_coupled, ThreadTeam& team, const Interrupter* interrupter) {
@@ -52,7 +42,10 @@ absl::Status Multigrid::Build(const BlockMatrix<float>& matrix, const std::vecto
     theta *= tuning_.strength_ratio;
     PLANISH_ASSIGN_OR_RETURN(more, coarsen(&coarse_.back(), coarse_.back().num_rows()));
   }
-  const std::int64_t most = MostDenseRows(finest_.num_rows(), tuning_);
+  // Dense matrices of so many block rows take some 400 bytes for each row of the finest level, which is within what
+  // EstimateUnwrap() reserves; small ones are nothing.
+  const auto root = static_cast<std::int64_t>(std::sqrt(static_cast<double>(finest_.num_rows())));
+  const std::int64_t most = std::min(tuning_.max_dense_rows, std::max(2 * tuning_.coarsest_rows, root));
   if (coarse_.back().num_rows() > most) {
     return absl::FailedPreconditionError(
         absl::StrFormat("multigrid: coarsening ended at %d rows on level %d; the coarsest level may have %d",

@@ -31,6 +31,7 @@ struct Box {
   bool Meets(const Box& other) const {
     return (low.array() <= other.high.array()).all() && (other.low.array() <= high.array()).all();
   }
+  bool Has(const Vec2& p) const { return Meets({p, p}); }
   // Larger by `reach` on every side.
   Box Grown(double reach) const { return {low - Vec2::Constant(reach), high + Vec2::Constant(reach)}; }
 };

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -102,17 +101,6 @@ void ForEachOnLoop(const Links& links, typename Links::HalfEdge start, const Vis
     h = NextOnBoundary(links, h);
   } while (h != start);
 }
-
-// Half-edges in groups, one behind the other.
-struct Groups {
-  std::vector<std::int32_t> item;
-  std::vector<std::int32_t> begin = {0};  // of each group in `item`, and the end
-
-  std::int32_t count() const { return static_cast<std::int32_t>(begin.size()) - 1; }
-  std::span<const std::int32_t> operator[](std::int32_t i) const {
-    return {item.data() + begin[i], static_cast<std::size_t>(begin[i + 1] - begin[i])};
-  }
-};
 
 // Half-edges on the boundary, counter-clockwise round the faces: a group a loop.
 using Loops = Groups;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <compare>
 #include <limits>
-#include <numeric>
 #include <span>
 #include <utility>
 
@@ -163,13 +162,16 @@ namespace {
 
 // Numbers vertices anew, by their sources.
 void SortBySource(std::int64_t num_sources, FlatImport* flat) {
-  const auto bucket = [&](std::int32_t source) { return source < 0 || source >= num_sources ? num_sources : source; };
-  std::vector<std::int32_t> next(num_sources + 2, 0), number(flat->source.size()), sorted(number.size());
-  for (const std::int32_t source : flat->source) ++next[bucket(source) + 1];
-  std::partial_sum(next.begin(), next.end(), next.begin());
-  for (std::size_t v = 0; v < number.size(); ++v) {
-    number[v] = next[bucket(flat->source[v])]++;
-    sorted[number[v]] = flat->source[v];
+  const auto bucket = [&](std::int32_t v) {
+    const std::int32_t source = flat->source[v];
+    return static_cast<std::int32_t>(source < 0 || source >= num_sources ? num_sources : source);
+  };
+  const auto n = static_cast<std::int32_t>(flat->source.size());
+  const std::vector<std::int32_t> order = GroupByKey(n, num_sources + 1, bucket).item;
+  std::vector<std::int32_t> number(n), sorted(n);
+  for (std::int32_t v = 0; v < n; ++v) {
+    number[order[v]] = v;
+    sorted[v] = flat->source[order[v]];
   }
   for (Face& face : flat->mesh.faces) {
     for (std::int32_t& v : face) v = number[v];

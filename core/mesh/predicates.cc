@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/mesh/box_tree.h"
+
 namespace planish {
 namespace {
 
@@ -51,11 +53,6 @@ int SeparatingEdge(const Vec2 s[3], const Vec2 t[3]) {
   return -1;
 }
 
-bool InBox(const Vec2& p, const Vec2& a, const Vec2& b) {
-  return std::min(a.x(), b.x()) <= p.x() && p.x() <= std::max(a.x(), b.x()) && std::min(a.y(), b.y()) <= p.y() &&
-         p.y() <= std::max(a.y(), b.y());
-}
-
 }  // namespace
 
 int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
@@ -86,8 +83,9 @@ bool SegmentsMeet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
   const int c_side = Orientation(a, b, c), d_side = Orientation(a, b, d);
   const int a_side = Orientation(c, d, a), b_side = Orientation(c, d, b);
   if (c_side * d_side < 0 && a_side * b_side < 0) return true;
-  return (c_side == 0 && InBox(c, a, b)) || (d_side == 0 && InBox(d, a, b)) || (a_side == 0 && InBox(a, c, d)) ||
-         (b_side == 0 && InBox(b, c, d));
+  const Box ab = Box::Around(a, b), cd = Box::Around(c, d);
+  return (c_side == 0 && ab.Has(c)) || (d_side == 0 && ab.Has(d)) || (a_side == 0 && cd.Has(a)) ||
+         (b_side == 0 && cd.Has(b));
 }
 
 double SquaredDistanceToSegment(const Vec2& p, const Vec2& a, const Vec2& b) {

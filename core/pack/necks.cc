@@ -6,6 +6,7 @@
 #include <queue>
 #include <utility>
 
+#include "core/base/radix_sort.h"
 #include "core/mesh/angles.h"
 #include "core/mesh/predicates.h"
 
@@ -106,11 +107,6 @@ class GrowingHull {
   double doubled_area_ = 0;
 };
 
-struct Chord {
-  double gain = 0;
-  std::int32_t from = -1, to = -1;  // indices into the part
-};
-
 // Whether the open segment between points i and j of a polygon lies inside.
 bool IsInside(const std::vector<Vec2>& polygon, std::size_t i, std::size_t j) {
   const std::size_t n = polygon.size();
@@ -149,7 +145,8 @@ std::vector<double> PocketAreas(const std::vector<Vec2>& polygon, const GrowingH
   return areas;
 }
 
-Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOptions& options) {
+// Where to cut a part, by indices into the part; from -1 if that gains too little.
+Neck BestNeck(const std::vector<Vec2>& outline, const Part& part, const NeckOptions& options) {
   const std::vector<std::int32_t> chosen = Characteristic(outline, part);
   const std::size_t n = chosen.size();
   if (n < 4) return {};
@@ -183,7 +180,7 @@ Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOp
       }
     }
   };
-  Chord best;
+  Neck best;
   best.gain = options.least_gain;
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t j = i + 2; j < n && j + 1 < n + i; ++j) {
@@ -194,7 +191,7 @@ Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOp
       grow_from(from_i ? i : j);
       const double hulls = from_i ? forth[i][inner] + back[i][outer] : forth[j][outer] + back[j][inner];
       const double gain = whole - hulls - cost;
-      if (gain > best.gain && IsInside(polygon, i, j)) best = {gain, chosen[i], chosen[j]};
+      if (gain > best.gain && IsInside(polygon, i, j)) best = {chosen[i], chosen[j], gain};
     }
   }
   return best;
@@ -204,17 +201,12 @@ Chord BestChord(const std::vector<Vec2>& outline, const Part& part, const NeckOp
 
 std::vector<Neck> FindNecks(const std::vector<Vec2>& outline, const NeckOptions& options) {
   std::vector<Neck> necks;
-  struct Open {
-    Part part;
-    double gain;
-  };
-  std::vector<Open> open(1);
-  open[0].gain = std::numeric_limits<double>::infinity();
-  for (std::int32_t i = 0; i < static_cast<std::int32_t>(outline.size()); ++i) open[0].part.push_back(i);
+  // Parts, and the gain of the cut that made each.
+  std::vector<std::pair<Part, double>> open = {{Indices(outline.size()), std::numeric_limits<double>::infinity()}};
   while (!open.empty()) {
     const auto [part, most] = std::move(open.back());
     open.pop_back();
-    const Chord best = BestChord(outline, part, options);
+    const Neck best = BestNeck(outline, part, options);
     if (best.from < 0) continue;
     const auto [from, to] = std::minmax(part[best.from], part[best.to]);
     const double gain = std::min(most, best.gain);
@@ -222,8 +214,8 @@ std::vector<Neck> FindNecks(const std::vector<Vec2>& outline, const NeckOptions&
     Part inner(part.begin() + best.from, part.begin() + best.to + 1);
     Part outer(part.begin(), part.begin() + best.from + 1);
     outer.insert(outer.end(), part.begin() + best.to, part.end());
-    open.push_back({std::move(inner), gain});
-    open.push_back({std::move(outer), gain});
+    open.emplace_back(std::move(inner), gain);
+    open.emplace_back(std::move(outer), gain);
   }
   return necks;
 }

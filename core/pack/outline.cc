@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 
 #include "core/mesh/angles.h"
 #include "core/mesh/half_edges.h"
@@ -36,25 +35,23 @@ std::vector<Vec2> ConvexHull(std::vector<Vec2> points) {
 namespace {
 
 // Puts edges behind one another wherever one ends at the start of another: loop by loop.
-void OrderAlongLoops(std::size_t points, std::vector<std::array<std::int32_t, 2>>* edges) {
-  std::vector<std::size_t> begin_of(points + 1, 0);
-  for (const auto& edge : *edges) ++begin_of[edge[0] + 1];
-  std::partial_sum(begin_of.begin(), begin_of.end(), begin_of.begin());
-  std::vector<std::size_t> from(edges->size()), next(begin_of.begin(), begin_of.end() - 1);
-  for (std::size_t e = 0; e < edges->size(); ++e) from[next[(*edges)[e][0]]++] = e;
-  std::copy(begin_of.begin(), begin_of.end() - 1, next.begin());  // the first edge at each point that is not used yet
-  std::vector<char> used(edges->size(), 0);
+void OrderAlongLoops(std::size_t num_points, std::vector<std::array<std::int32_t, 2>>* edges) {
+  const auto n = static_cast<std::int32_t>(edges->size());
+  const Groups from =
+      GroupByKey(n, static_cast<std::int64_t>(num_points), [&](std::int32_t e) { return (*edges)[e][0]; });
+  std::vector<std::int32_t> next(from.begin.begin(), from.begin.end() - 1);  // the first edge at each that is not used
+  std::vector<char> used(n, 0);
   std::vector<std::array<std::int32_t, 2>> ordered;
-  ordered.reserve(edges->size());
-  for (std::size_t start = 0; start < edges->size(); ++start) {
-    for (std::size_t e = start; !used[e];) {
+  ordered.reserve(n);
+  for (std::int32_t start = 0; start < n; ++start) {
+    for (std::int32_t e = start; !used[e];) {
       used[e] = 1;
       ordered.push_back((*edges)[e]);
-      std::size_t& at = next[ordered.back()[1]];
-      const std::size_t end = begin_of[ordered.back()[1] + 1];
-      while (at < end && used[from[at]]) ++at;
+      std::int32_t& at = next[ordered.back()[1]];
+      const std::int32_t end = from.begin[ordered.back()[1] + 1];
+      while (at < end && used[from.item[at]]) ++at;
       if (at == end) break;
-      e = from[at];
+      e = from.item[at];
     }
   }
   *edges = std::move(ordered);

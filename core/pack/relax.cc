@@ -114,7 +114,7 @@ void Relaxer::FindContacts() {
       const Block& block = shapes_[a].blocks[i];
       const double around = reach + block.radius * a_unit;
       const Vec2& centre = centres[first_centre[a] + i];
-      if (!boxes[b].Grown(around).Meets({centre, centre})) continue;
+      if (!boxes[b].Grown(around).Has(centre)) continue;
       work_ += kLookWork;
       if (kSureOfDistance * field.DistanceNear(local(block.centre), 0) * unit > around) continue;
       work_ += kLookWork * (block.end - block.begin);

@@ -49,26 +49,7 @@ struct Start {
 
 // A tile as boards with cells of twice the length on each level. What is left of the grid beyond the last whole cell of
 // a level is not used there.
-class Pyramid {
- public:
-  explicit Pyramid(int most_side) {
-    // Longer charts are looked for on the next board: each row of cells with far fewer runs than fit in it.
-    for (int level = 0; level < kLevels; ++level) {
-      boards_.emplace_back(most_side >> level, level + 1 < kLevels ? 2 * kCellsOfLarge - 1 : most_side);
-    }
-  }
-  void Clear(int side, std::int64_t* work) {
-    for (int level = 0; level < kLevels; ++level) boards_[level].Clear(side >> level, work);
-  }
-  const Board& board(int level) const { return boards_[level]; }
-  // (x, y): the silhouette's corner in cells of level 0.
-  void Add(const Silhouette& silhouette, int x, int y, std::int64_t* work) {
-    for (int level = 0; level < kLevels; ++level) boards_[level].Add(silhouette, x, y, level, work);
-  }
-
- private:
-  std::vector<Board> boards_;
-};
+using Pyramid = std::vector<Board>;
 
 class Series final : public TrialSeries {
  public:
@@ -122,9 +103,17 @@ class Series final : public TrialSeries {
       const std::size_t tiles = static_cast<std::size_t>(count_.tiles) * count_.atlases;
       tiles_.clear();
       tiles_.reserve(tiles);
-      while (tiles_.size() < tiles) tiles_.emplace_back(most_side_);
+      while (tiles_.size() < tiles) {
+        Pyramid& boards = tiles_.emplace_back();
+        // Longer charts are looked for on the next board: each row of cells with far fewer runs than fit in it.
+        for (int level = 0; level < kLevels; ++level) {
+          boards.emplace_back(most_side_ >> level, level + 1 < kLevels ? 2 * kCellsOfLarge - 1 : most_side_);
+        }
+      }
     }
-    for (Pyramid& tile : tiles_) tile.Clear(side, &work_);
+    for (Pyramid& boards : tiles_) {
+      for (int level = 0; level < kLevels; ++level) boards[level].Clear(side >> level, &work_);
+    }
     starts_.assign(plan.thorough ? 0 : count_.atlases * kStarts, {});
     if (shared_.angles == plan.angles) return;
     const std::size_t slots = outlines_.size() * static_cast<std::size_t>(plan.angles);
@@ -143,20 +132,22 @@ class Series final : public TrialSeries {
     *pose = {cells * (spot + shape.silhouette.centre), Angle(i, found.turn), tile};
     const double last_row = cells * (spot.y() + shape.silhouette.height) / side_;
     filled_ = std::max(filled_, (found.tile + last_row) / count_.tiles);
-    const int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
-    if (level == 0) {
-      tiles_[tile].Add(shape.silhouette, x, y, &work_);
-      return;
-    }
+    int x = (found.spot.x - Board::kMargin) << level, y = (found.spot.y - Board::kMargin) << level;
+    const Silhouette* silhouette = &shape.silhouette;  // on level 0
     std::unique_ptr<FixedSilhouette> own;
-    std::unique_ptr<FixedSilhouette>& fixed = shared_.keeps ? shared_.fixed[SlotOf(i, found.turn)] : own;
-    if (fixed == nullptr) {
-      work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-      fixed = std::make_unique<FixedSilhouette>(MakeFixedSilhouette(outlines_[i], pose->angle, sizes_.scales[i],
-                                                                    sizes_.radius, cells * shape.silhouette.centre));
-      if (shared_.keeps) fixed->silhouette.spans.shrink_to_fit();
+    if (level > 0) {
+      std::unique_ptr<FixedSilhouette>& fixed = shared_.keeps ? shared_.fixed[SlotOf(i, found.turn)] : own;
+      if (fixed == nullptr) {
+        work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
+        fixed = std::make_unique<FixedSilhouette>(MakeFixedSilhouette(outlines_[i], pose->angle, sizes_.scales[i],
+                                                                      sizes_.radius, cells * shape.silhouette.centre));
+        if (shared_.keeps) fixed->silhouette.spans.shrink_to_fit();
+      }
+      silhouette = &fixed->silhouette;
+      x += fixed->x;
+      y += fixed->y;
     }
-    tiles_[tile].Add(fixed->silhouette, x + fixed->x, y + fixed->y, &work_);
+    for (int l = 0; l < kLevels; ++l) tiles_[tile][l].Add(*silhouette, x, y, l, &work_);
   }
 
   int FirstTile(std::int32_t i) const { return atlas_[i] * count_.tiles; }
@@ -250,8 +241,8 @@ class Series final : public TrialSeries {
         Spot spot;
         const int height = shape.silhouette.height, first = t == start.tile ? start.row - height : 0;
         const int beyond = height / kRowsBeyond, last_row = best.tile == t ? best.first_row + beyond : side_;
-        const int row = tiles_[FirstTile(i) + t].board(level).FindSpot(
-            shape.silhouette, shape.rim, shape.probes, first, last_row, plan_->thorough ? beyond : 0, &spot, &work_);
+        const int row = tiles_[FirstTile(i) + t][level].FindSpot(shape.silhouette, shape.rim, shape.probes, first,
+                                                                 last_row, plan_->thorough ? beyond : 0, &spot, &work_);
         if (row < 0) continue;
         if (best.tile < 0 || t < best.tile || spot.snugness > best.spot.snugness) {
           const int first_row = best.tile == t ? std::min(best.first_row, row) : row;
