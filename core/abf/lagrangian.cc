@@ -35,14 +35,11 @@ Eigen::VectorXd LagrangianHessian(const Topology& topology, const Eigen::VectorX
 
 namespace {
 
-// The polarization of e (lagrangian.h): e(a - t b) = e(a) - t m(a, b) + t^2 e(b).
-double PlanePolarization(const double* a, const double* b) {
-  return a[0] * (b[1] + b[2]) + a[1] * (b[2] + b[0]) + a[2] * (b[0] + b[1]);
-}
-
-// Smallest t with e(a - t b) = 0: the smallest eigenvalue of a relative to b on the plane. b is positive.
+// Smallest t with e(a - t b) = e(a) - t m + t^2 e(b) = 0 (e in lagrangian.h): the smallest eigenvalue of a relative to
+// b on the plane. b is positive.
 double SmallestPlaneEigenvalue(const double* a, const double* b) {
-  const double ea = PlaneDeterminant(a), eb = PlaneDeterminant(b), m = PlanePolarization(a, b);
+  const double ea = PlaneDeterminant(a), eb = PlaneDeterminant(b);
+  const double m = a[0] * (b[1] + b[2]) + a[1] * (b[2] + b[0]) + a[2] * (b[0] + b[1]);
   const double root = std::sqrt(std::max(0.0, m * m - 4 * ea * eb));
   return m > 0 ? 2 * ea / (m + root) : (m - root) / (2 * eb);
 }

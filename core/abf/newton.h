@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -138,11 +137,11 @@ class Newton {
   // Where the method is, and how it goes.
   State at_;
   Course course_;
-  // Of the latest step.
+  // Forget() leaves the rest as it is. Of the latest step:
   double step_length_ = 0;                // 0: no step was taken
   bool cut_short_ = false;                // a stop request ended a linear solve
   std::vector<std::int32_t> weak_faces_;  // of Convexify()
-  // Since a stop was requested.
+  // Since a stop was requested:
   std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;
   bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
   FlattenSummary summary_;

@@ -24,7 +24,7 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
       solver_(solver == SolverType::kMinres  ? MakeMinresSolver()
               : solver == SolverType::kUzawa ? MakeUzawaSolver()
                                              : MakeDirectSolver()) {
-  multigrid_.multigrid = std::make_unique<Multigrid>(tuning.multigrid);
+  multigrid_ = std::make_unique<Multigrid>(tuning.multigrid);
 }
 
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
@@ -59,7 +59,7 @@ absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
 }
 
 absl::Status StepSolver::TurnToCholesky(const std::string& why) {
-  multigrid_.failure = why;
+  multigrid_failure_ = why;
   if (topology_.num_faces() > kMostFallbackFaces) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                      absl::StrFormat("%s; a Cholesky factorization in its place is for charts of at most %d triangles, "
@@ -69,8 +69,8 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
   }
   preconditioner_type_ = PreconditionerType::kCholesky;
   wear_.solves = -1;
-  multigrid_.s.reset();
-  multigrid_.multigrid = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
+  multigrid_s_.reset();
+  multigrid_ = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
   factorization_.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
   return absl::OkStatus();
 }
@@ -83,7 +83,7 @@ absl::Status StepSolver::PrepareExact() {
       const absl::Status factorized = factorization_.Factorize(s);
       if (absl::IsResourceExhausted(factorized)) {
         return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
-                         absl::StrCat(multigrid_.failure, multigrid_.failure.empty() ? "" : "; ", factorized.message(),
+                         absl::StrCat(multigrid_failure_, multigrid_failure_.empty() ? "" : "; ", factorized.message(),
                                       ": cut the mesh into charts (--seams=auto)"));
       }
       PLANISH_RETURN_IF_ERROR(factorized);
@@ -97,29 +97,28 @@ absl::Status StepSolver::PrepareExact() {
 }
 
 absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
-  if (!multigrid_.s) multigrid_.s = std::make_unique<ReducedMatrix<float>>(topology_, team_);
+  if (!multigrid_s_) multigrid_s_ = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   // The first numbers stand on an unfolding with angles that do not close up.
   const bool first = wear_.solves < 0;
-  const bool renew =
-      first || !multigrid_.is_closed || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
+  const bool renew = first || !is_closed_ || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
   std::vector<std::complex<double>> z;
-  const BlockMatrix<float>& s = multigrid_.s->Assemble(*iterate_.convex, *iterate_.cot, [&] {
+  const BlockMatrix<float>& s = multigrid_s_->Assemble(*iterate_.convex, *iterate_.cot, [&] {
     if (renew) z = UnfoldRows(topology_, *iterate_.cot);
   });
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   if (renew) {
     if (std::all_of(z.begin(), z.end(), [](std::complex<double> place) { return place == 0.0; })) {
-      multigrid_.left_out = "coarse spaces hold the constants alone: unfolding the triangles overflows";
+      left_out_ = "coarse spaces hold the constants alone: unfolding the triangles overflows";
     }
-    PLANISH_RETURN_IF_ERROR(first ? multigrid_.multigrid->Build(s, z, topology_.num_interior, team_, interrupter)
-                                  : multigrid_.multigrid->Refresh(s, z, interrupter));
-    multigrid_.is_closed = !first;
+    PLANISH_RETURN_IF_ERROR(first ? multigrid_->Build(s, z, topology_.num_interior, team_, interrupter)
+                                  : multigrid_->Refresh(s, z, interrupter));
+    is_closed_ = !first;
     wear_.solves = 0;
   }
-  preconditioner_ = MultigridPreconditioner(multigrid_.multigrid.get());
+  preconditioner_ = MultigridPreconditioner(multigrid_.get());
   SolveWeakRowsExactly(s);
-  if (iterate_.hessian != iterate_.convex) multigrid_.s->Assemble(*iterate_.hessian, *iterate_.cot);
+  if (iterate_.hessian != iterate_.convex) multigrid_s_->Assemble(*iterate_.hessian, *iterate_.cot);
   iterate_.reduced->set_matrix(&s);
   return absl::OkStatus();
 }
@@ -129,15 +128,15 @@ void StepSolver::SolveWeakRowsExactly(const BlockMatrix<float>& s) {
   if (rows.empty()) return;
   constexpr char kWithout[] = "no exact solves on the vertices of weak faces: ";
   if (static_cast<std::int64_t>(rows.size()) * tuning_.step.rows_per_weak_row > topology_.num_rows) {
-    multigrid_.left_out = absl::StrFormat("%sthere are %d of %d, more than one in %d", kWithout, rows.size(),
-                                          topology_.num_rows, tuning_.step.rows_per_weak_row);
+    left_out_ = absl::StrFormat("%sthere are %d of %d, more than one in %d", kWithout, rows.size(), topology_.num_rows,
+                                tuning_.step.rows_per_weak_row);
     return;
   }
   const std::int64_t max_bytes = std::max(kLeastPatchBytes, kPatchBytesPerFace * topology_.num_faces());
   if (auto patched = PatchedPreconditioner(preconditioner_, s, std::move(rows), max_bytes); patched.ok()) {
     preconditioner_ = *std::move(patched);
   } else {
-    multigrid_.left_out = absl::StrCat(kWithout, patched.status().message());  // multigrid alone is as good as there is
+    left_out_ = absl::StrCat(kWithout, patched.status().message());  // multigrid alone is as good as there is
   }
 }
 

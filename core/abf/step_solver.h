@@ -58,10 +58,10 @@ class StepSolver {
   // The preconditioner in use: the one asked for, or kCholesky once multigrid has failed.
   PreconditionerType preconditioner() const { return preconditioner_type_; }
   // Why multigrid failed; empty if it has not.
-  const std::string& multigrid_failure() const { return multigrid_.failure; }
+  const std::string& multigrid_failure() const { return multigrid_failure_; }
   // What multigrid had to do without in some Prepare(), and why, for the latest one; empty if it had everything:
   // exact solves on the rows of weak faces (linalg/patch_preconditioner.h), or coarse spaces from an unfolding.
-  const std::string& left_out() const { return multigrid_.left_out; }
+  const std::string& left_out() const { return left_out_; }
 
   // For tests of failed solves: `solver` takes the place of all others, MINRES for indefinite systems included.
   void set_solver(LinearSolver solver) { solver_ = minres_ = std::move(solver); }
@@ -79,14 +79,6 @@ class StepSolver {
     std::vector<std::int32_t> weak_faces = {};
     std::unique_ptr<FullSystem> full = {};
     std::unique_ptr<ReducedSystem> reduced = {};
-  };
-  // What is kept from step to step to make multigrid of, and S in float, as multigrid works in float itself. All others
-  // have S in double.
-  struct ByMultigrid {
-    std::unique_ptr<ReducedMatrix<float>> s;
-    std::unique_ptr<Multigrid> multigrid;
-    bool is_closed = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
-    std::string failure, left_out;
   };
   // How the factorization or the multigrid in use has served.
   struct Wear {
@@ -124,7 +116,12 @@ class StepSolver {
   LinearSolver solver_, minres_ = MakeMinresSolver();  // the chosen one; of indefinite systems
   bool limit_indefinite_ = true;
   Iterate iterate_;
-  ByMultigrid multigrid_;
+  // What is kept from step to step to make preconditioners of, and S: in float for multigrid, which works in float
+  // itself, in double for all others.
+  std::unique_ptr<ReducedMatrix<float>> multigrid_s_;
+  std::unique_ptr<Multigrid> multigrid_;
+  bool is_closed_ = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
+  std::string multigrid_failure_, left_out_;
   std::unique_ptr<ReducedMatrix<double>> exact_s_;
   SparseCholesky factorization_;
   Preconditioner preconditioner_;

@@ -44,7 +44,7 @@ void FullSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
 }
 
 void FullSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const {
-  x->resize(num_unknowns());
+  x->resize(topology_.num_corners());
   for (std::int32_t c = 0; c < topology_.num_corners(); ++c) (*x)[c] = lambda[c / 3];
   AddPairRowsTransposed(topology_, cot_, lambda.tail(2 * topology_.num_rows), x);
 }
@@ -84,7 +84,7 @@ void ReducedSystem::ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const {
 }
 
 void ReducedSystem::ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const {
-  Assign(team_, Eigen::VectorXd::Zero(num_unknowns()), x);
+  Assign(team_, Eigen::VectorXd::Zero(topology_.num_corners()), x);
   AddPairRowsTransposed(topology_, cot_, lambda, x, team_);
 }
 
@@ -120,7 +120,7 @@ Eigen::VectorXd ReducedSystem::SchurDiagonal() const {
 
 void ReducedSystem::Recover(const Eigen::VectorXd& gradient, const Eigen::VectorXd& h1, const Eigen::VectorXd& lambda2,
                             Eigen::VectorXd* x, Eigen::VectorXd* lambda1) const {
-  x->resize(num_unknowns());
+  x->resize(topology_.num_corners());
   if (lambda1 != nullptr) lambda1->resize(topology_.num_faces());
   team_.ForEach(topology_.num_faces(), [&](std::int64_t f) {
     const double *a = &hessian_[3 * f], *g = &gradient[3 * f], *c = &cot_[3 * f];

@@ -30,7 +30,6 @@ class FullSystem final : public SaddlePointOperator {
   // `hessian` is the diagonal A (no zeros), `cot` the cotangents at which B is taken. `topology` must outlive this.
   FullSystem(const Topology& topology, const Eigen::VectorXd& hessian, const Eigen::VectorXd& cot);
 
-  Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
   Eigen::Index num_multipliers() const override { return topology_.num_faces() + 2 * topology_.num_rows; }
   void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const override;
   void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;
@@ -59,7 +58,6 @@ class ReducedSystem final : public SaddlePointOperator {
     multiply_ = [matrix, &team = team_](const auto& x, auto* y) { Multiply(*matrix, x, y, team); };
   }
 
-  Eigen::Index num_unknowns() const override { return topology_.num_corners(); }
   Eigen::Index num_multipliers() const override { return 2 * topology_.num_rows; }
   void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const override;
   void ApplyBTransposed(const Eigen::VectorXd& lambda, Eigen::VectorXd* x) const override;

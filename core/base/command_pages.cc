@@ -65,11 +65,9 @@ void ReadValue(const CLI::Option& option, Flag* flag) {
   if (flag->value.find('|') != std::string::npos) flag->choices = absl::StrSplit(flag->value, '|');
   const std::size_t limits = type.find(" in [");
   if (limits != std::string::npos) {
-    std::string range = type.substr(limits + 5, type.find(']', limits) - limits - 5);
-    const std::size_t dash = range.find(" - ");
-    if (dash != std::string::npos) range.replace(dash, 3, " to ");
+    const std::string range = type.substr(limits + 5, type.find(']', limits) - limits - 5);
     const std::size_t otherwise = flag->text.ends_with(']') ? flag->text.rfind(" [") : std::string::npos;
-    flag->text.insert(std::min(otherwise, flag->text.size()), ", " + range);
+    flag->text.insert(std::min(otherwise, flag->text.size()), ", " + absl::StrReplaceAll(range, {{" - ", " to "}}));
   }
   std::string otherwise = option.get_default_str();
   if (otherwise.starts_with('[')) otherwise = otherwise.substr(1, otherwise.size() - 2);
@@ -93,10 +91,10 @@ Flag ReadFlag(const CLI::Option& option) {
   return flag;
 }
 
-Command ReadCommand(const CLI::App& app, const std::string& parent) {
+Command ReadCommand(const CLI::App& app, const std::string& title) {
   Command command;
   command.name = app.get_name();
-  command.title = parent + command.name;
+  command.title = title;
   command.text = app.get_description();
   command.footer = app.get_footer();
   for (const CLI::Option* option : app.get_options()) {
@@ -104,17 +102,9 @@ Command ReadCommand(const CLI::App& app, const std::string& parent) {
     (option->get_positional() ? command.positionals : command.flags).push_back(ReadFlag(*option));
   }
   for (const CLI::App* sub : app.get_subcommands(nullptr)) {
-    if (!sub->get_group().empty()) command.commands.push_back(ReadCommand(*sub, command.title + " "));
+    if (!sub->get_group().empty()) command.commands.push_back(ReadCommand(*sub, title + " " + sub->get_name()));
   }
   return command;
-}
-
-std::string ParentTitle(const CLI::App& app) {
-  std::string title;
-  for (const CLI::App* parent = app.get_parent(); parent != nullptr; parent = parent->get_parent()) {
-    title = parent->get_name() + " " + title;
-  }
-  return title;
 }
 
 // ---- Help
@@ -412,8 +402,8 @@ end
 void AddHelp(CLI::App& app) {
   app.set_help_flag("-h", "Print the most used flags and exit");
   app.set_help_all_flag("--help", "Print all flags and exit");
-  app.formatter_fn([](const CLI::App* asked, std::string, CLI::AppFormatMode mode) {
-    return Help(ReadCommand(*asked, ParentTitle(*asked)), mode == CLI::AppFormatMode::Normal);
+  app.formatter_fn([](const CLI::App* asked, const std::string& title, CLI::AppFormatMode mode) {
+    return Help(ReadCommand(*asked, title), mode == CLI::AppFormatMode::Normal);
   });
 }
 
@@ -421,7 +411,7 @@ void AddGenerate(CLI::App& app, const std::string& version, const ManFrame& fram
   app.add_option_function<std::string>(
          "--generate",
          [&app, version, frame](const std::string& page) {
-           const Command root = ReadCommand(app, "");
+           const Command root = ReadCommand(app, app.get_name());
            // What ends the parsing with something to print, whatever else is asked for.
            throw CLI::CallForVersion(page == "man"    ? ManPage(root, version, frame)
                                      : page == "bash" ? Bash(root)

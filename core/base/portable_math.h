@@ -22,6 +22,8 @@ namespace internal {
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
+inline constexpr double kPiLow = 1.2246467991473532e-16;  // pi minus std::numbers::pi
+
 // ln 2 in two parts; products of the first with whole numbers below 2^20 are exact.
 inline constexpr double kLn2High = 6.93147180369123816490e-01, kLn2Low = 1.90821492927058770002e-10;
 
@@ -112,8 +114,7 @@ inline double Tan(double x) {
 // Both at once for angles of triangles, in [0, pi], without a branch: loops become vector code. The sine to 4 units in
 // its last place, near pi too; the cosine to 4e-16.
 inline SineCosine SinCosInTriangle(double angle) {
-  constexpr double kPiLow = 1.2246467991473532e-16;  // pi minus std::numbers::pi
-  const double supplement = (std::numbers::pi - angle) + kPiLow;
+  const double supplement = (std::numbers::pi - angle) + internal::kPiLow;
   // Taylor series at half of the acute angle, at most pi / 4, with terms to beyond double's precision.
   const double t = 0.5 * (angle < supplement ? angle : supplement);
   const double u = t * t;
@@ -127,7 +128,6 @@ inline SineCosine SinCosInTriangle(double angle) {
 // The angle of (x, y) in [-pi, pi], with the signs of zeros and infinities that std::atan2 has. To 2 units in the last
 // place.
 inline double Atan2(double y, double x) {
-  constexpr double kPiLow = 1.2246467991473532e-16;  // what std::numbers::pi lacks
   // atan(i / 8), as a sum of two.
   static constexpr struct {
     double high, low;
@@ -173,8 +173,8 @@ inline double Atan2(double y, double x) {
     high = sum;
     sign = -sign;
   };
-  if (steep) reflect(std::numbers::pi / 2, kPiLow / 2);
-  if (std::signbit(x)) reflect(std::numbers::pi, kPiLow);
+  if (steep) reflect(std::numbers::pi / 2, internal::kPiLow / 2);
+  if (std::signbit(x)) reflect(std::numbers::pi, internal::kPiLow);
   return std::copysign(high + (low + sign * small), y);
 }
 

@@ -17,7 +17,6 @@ class SaddlePointOperator {
  public:
   virtual ~SaddlePointOperator() = default;
 
-  virtual Eigen::Index num_unknowns() const = 0;     // entries of x and f
   virtual Eigen::Index num_multipliers() const = 0;  // entries of lambda and g
 
   virtual void ApplyB(const Eigen::VectorXd& x, Eigen::VectorXd* y) const = 0;

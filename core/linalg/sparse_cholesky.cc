@@ -12,10 +12,6 @@
 namespace planish {
 namespace {
 
-Double2 Twice(double x) {
-  return Double2{x, x};
-}
-
 // The order in which rows are eliminated: entry k is the row that comes as number k.
 std::vector<std::int32_t> MinimumDegreeOrder(const BlockMatrix<double>& matrix) {
   const std::int32_t n = matrix.num_rows();
@@ -109,15 +105,15 @@ absl::Status SparseCholesky::Factor::FactorizeNumbers(const BlockMatrix<double>&
       double* yi = &y[4 * static_cast<std::size_t>(i)];
       const double* inv = &inverse[3 * static_cast<std::size_t>(i)];
       const Double2 y0 = Load<Double2>(yi), y1 = Load<Double2>(yi + 2);
-      const Double2 z0 = Twice(inv[0]) * y0, z1 = Twice(inv[1]) * y0 + Twice(inv[2]) * y1;
+      const Double2 z0 = inv[0] * y0, z1 = inv[1] * y0 + inv[2] * y1;
       Store(Double2{0, 0}, yi);
       Store(Double2{0, 0}, yi + 2);
       for (std::int64_t p = begin[i]; p < end[i]; ++p) {
         // y_r -= L_ri Z_i.
         const double* l = &value[4 * static_cast<std::size_t>(p)];
         double* yr = &y[4 * static_cast<std::size_t>(row[static_cast<std::size_t>(p)])];
-        Store(Load<Double2>(yr) - Twice(l[0]) * z0 - Twice(l[2]) * z1, yr);
-        Store(Load<Double2>(yr + 2) - Twice(l[1]) * z0 - Twice(l[3]) * z1, yr + 2);
+        Store(Load<Double2>(yr) - l[0] * z0 - l[2] * z1, yr);
+        Store(Load<Double2>(yr + 2) - l[1] * z0 - l[3] * z1, yr + 2);
       }
       const std::int64_t at = end[i]++;
       row[static_cast<std::size_t>(at)] = k;
@@ -180,7 +176,7 @@ void SparseCholesky::Solve(const Eigen::VectorXd& b, Eigen::VectorXd* x) const {
     for (std::int64_t p = l_.begin[j]; p < l_.begin[j + 1]; ++p) {
       const double* l = &l_.value[4 * static_cast<std::size_t>(p)];
       double* to = &y[2 * l_.row[static_cast<std::size_t>(p)]];
-      Store(Load<Double2>(to) - Twice(y0) * Load<Double2>(l) - Twice(y1) * Load<Double2>(l + 2), to);
+      Store(Load<Double2>(to) - y0 * Load<Double2>(l) - y1 * Load<Double2>(l + 2), to);
     }
   }
   for (std::int32_t j = n - 1; j >= 0; --j) {

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <vector>
 
 #include "Eigen/Core"
 #include "core/base/thread_team.h"

@@ -1,7 +1,6 @@
 // Which boxes meet: a bounding-volume tree over axis-aligned boxes in the plane.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>

@@ -175,26 +175,6 @@ absl::Status FaultAtEdges(const std::string& reason, const char* before, const E
                    {{"edges", absl::StrJoin(list.first, ",", name)}, {"faces", FirstIds(list.faces)}});
 }
 
-struct BoundaryLoop {
-  std::int64_t edges, vertex;  // one on the loop, the lowest
-};
-
-// Longest first, then by their vertices.
-std::vector<BoundaryLoop> LoopsOf(const FlatImport& imported) {
-  const Loops loops = BoundaryLoops(imported.mesh.opposite);
-  std::vector<BoundaryLoop> found;
-  for (std::int32_t i = 0; i < loops.count(); ++i) {
-    BoundaryLoop loop = {static_cast<std::int64_t>(loops[i].size()), std::numeric_limits<std::int64_t>::max()};
-    for (const std::int32_t c : loops[i]) {
-      loop.vertex = std::min<std::int64_t>(loop.vertex, imported.source[Origin(imported.mesh.faces, c)]);
-    }
-    found.push_back(loop);
-  }
-  std::sort(found.begin(), found.end(),
-            [](const auto& a, const auto& b) { return std::pair(-a.edges, a.vertex) < std::pair(-b.edges, b.vertex); });
-  return found;
-}
-
 // The error of CheckDisc() if the mesh is no disc.
 absl::Status CheckDisc(const Diagnosis& d, const FlatImport& imported) {
   if (d.faces == 0 || d.faces_out_of_range.count > 0 || d.vertices_not_finite.count > 0) return d.Refusal();
@@ -246,21 +226,30 @@ absl::Status CheckDisc(const Diagnosis& d, const FlatImport& imported) {
   const std::int64_t handles = d.handles();
   const std::string counted = Counted(handles, "handle", "handles");
   const std::string genus = absl::StrCat(handles);
-  const std::vector<BoundaryLoop> loops = LoopsOf(imported);
-  if (loops.empty()) {
+  const Loops loops = BoundaryLoops(imported.mesh.opposite);
+  if (loops.count() == 0) {
     return MeshFault("MESH_CLOSED",
                      absl::StrCat("the mesh is closed: no boundary edge among ", d.edges, " edges",
                                   handles == 0 ? "" : absl::StrCat(" (genus ", handles, ")"),
                                   "; a disc has one boundary loop: cut the surface open along a seam"),
                      0, {{"genus", genus}});
   }
-  std::vector<std::int64_t> sizes, vertices;
-  for (const BoundaryLoop& loop : loops) {
-    if (sizes.size() < 4) sizes.push_back(loop.edges);
-    vertices.push_back(loop.vertex);
+  // Longest first, then by the lowest vertex on each.
+  std::vector<std::pair<std::int64_t, std::int64_t>> longest;  // minus the edges, the vertex
+  for (std::int32_t i = 0; i < loops.count(); ++i) {
+    std::int64_t lowest = std::numeric_limits<std::int64_t>::max();
+    for (const std::int32_t c : loops[i]) {
+      lowest = std::min<std::int64_t>(lowest, imported.source[Origin(imported.mesh.faces, c)]);
+    }
+    longest.emplace_back(-std::ssize(loops[i]), lowest);
   }
-  const auto count = static_cast<std::int64_t>(loops.size());
-  if (count > 1) {
+  std::sort(longest.begin(), longest.end());
+  std::vector<std::int64_t> sizes, vertices;
+  for (const auto& [minus_edges, vertex] : longest) {
+    if (sizes.size() < 4) sizes.push_back(-minus_edges);
+    vertices.push_back(vertex);
+  }
+  if (const std::int64_t count = loops.count(); count > 1) {
     return MeshFault("MESH_SEVERAL_LOOPS",
                      absl::StrCat("the mesh has ", count, " boundary loops", handles == 0 ? "" : " and " + counted,
                                   " (of ", absl::StrJoin(sizes, ", "), count > 4 ? ", ..." : "",

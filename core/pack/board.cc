@@ -76,8 +76,7 @@ Rim MakeRim(const Silhouette& s, int most) {
   };
   // Left and right neighbours of spans, and what lies above or below a span but in none itself.
   for (int y = -1; y <= s.height; ++y) {
-    const std::pair<std::int32_t, std::int32_t> range = row(y);
-    const std::int32_t begin = range.first, end = range.second;
+    const auto [begin, end] = row(y);
     for (int i = begin; i < end; ++i) {
       add(s.spans[i].begin - 1, y);
       if (i + 1 == end || s.spans[i + 1].begin > s.spans[i].end + 1) add(s.spans[i].end, y);

@@ -101,7 +101,7 @@ class Packer {
   // The scale at which the charts with half of the padding round them would fill `fill` of the tiles of some atlas.
   double ScaleForFill(double fill) const {
     double low = 0, high = LargestScale();
-    const double radius = grid_.radius + grid_.extent / grid_.side / 2;
+    const double radius = radius_ + grid_extent_ / grid_side_ / 2;
     for (int step = 0; step < 60; ++step) {
       const double middle = (low + high) / 2;
       const std::vector<double> scales = Scales(middle);
@@ -114,7 +114,7 @@ class Packer {
             outlines_[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
       }
       const double area = *std::max_element(areas.begin(), areas.end());
-      (area > fill * options_.tiles * grid_.extent * grid_.extent ? high : low) = middle;
+      (area > fill * options_.tiles * grid_extent_ * grid_extent_ ? high : low) = middle;
     }
     return low;
   }
@@ -126,9 +126,9 @@ class Packer {
     margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
     const double charts = static_cast<double>(MostCharts(atlas_, options_.atlases)) / options_.tiles;
     const int side = static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts));
-    grid_.side = std::clamp(side, tuning_.fewest_cells, tuning_.most_cells) / kCoarsestCell * kCoarsestCell;
-    grid_.extent = 1 - 2 * margin_;
-    grid_.radius = distance / 2;
+    grid_side_ = std::clamp(side, tuning_.fewest_cells, tuning_.most_cells) / kCoarsestCell * kCoarsestCell;
+    grid_extent_ = 1 - 2 * margin_;
+    radius_ = distance / 2;
     if (outlines_.size() == 1 && outlines_[0].radius > 0) {
       FitOne();
       return true;
@@ -152,7 +152,7 @@ class Packer {
     if (edges <= kFewEdges * outlines_.size()) return;
     simple_.reserve(outlines_.size());
     for (std::size_t i = 0; i < outlines_.size(); ++i) {
-      simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_.extent / grid_.side / scales[i]));
+      simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_extent_ / grid_side_ / scales[i]));
     }
   }
 
@@ -189,7 +189,7 @@ class Packer {
     double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
     std::vector<Pose> poses(outlines_.size());
     SetUnit(ScaleForFill(tuning_.first_fill));
-    for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
+    for (int trial = 1, side = grid_side_; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
          ++trial) {
       const double scale = ScaleOf(side);
       const TrialResult result = RunTrial(side, plan_, 0, &poses);
@@ -239,20 +239,20 @@ class Packer {
   // The side of the grid for a trial at this scale.
   int GridFor(double scale) {
     const int side = SideOf(scale);
-    if (!plan_.thorough && side <= 2 * grid_.side && 2 * side >= grid_.side) return side;
+    if (!plan_.thorough && side <= 2 * grid_side_ && 2 * side >= grid_side_) return side;
     SetUnit(scale);
-    return grid_.side;
+    return grid_side_;
   }
   // From now on a grid of the usual side is one at this scale.
   void SetUnit(double scale) {
-    grid_.unit = scale * grid_.side / grid_.extent;
-    made_ = {};
+    unit_ = scale * grid_side_ / grid_extent_;
+    most_made_ = -1;
   }
-  double ScaleOf(int side) const { return grid_.unit * grid_.extent / side; }
-  int SideOf(double scale) const { return static_cast<int>(std::lround(grid_.unit * grid_.extent / scale)); }
+  double ScaleOf(int side) const { return unit_ * grid_extent_ / side; }
+  int SideOf(double scale) const { return static_cast<int>(std::lround(unit_ * grid_extent_ / scale)); }
 
   TrialResult RunTrial(int side, const TrialPlan& plan, double most_missing, std::vector<Pose>* poses) {
-    if (side < made_.least_side || side > made_.most_side) MakeFor(side);
+    if (side < least_made_ || side > most_made_) MakeFor(side);
     const TrialResult result = series_->Run(side, plan, most_missing, execution_, poses);
     work_done_ += result.work;
     return result;
@@ -261,24 +261,24 @@ class Packer {
   // Silhouettes for a grid of this side and some smaller ones, on which the padding has fewer cells. Charts that are
   // drawn larger than others have silhouettes for one side only.
   void MakeFor(int side) {
-    TrialSizes sizes;
-    const double scale = ScaleOf(side), cells = side / grid_.extent;
-    sizes.scales = Scales(scale);
+    const double scale = ScaleOf(side), cells = side / grid_extent_;
+    std::vector<double> scales = Scales(scale);
     bool all_alike = true;
-    for (std::size_t i = 0; i < sizes.scales.size(); ++i) {
-      all_alike = all_alike && sizes.scales[i] == scale * density_[i];
-      sizes.scales[i] *= cells;
+    for (std::size_t i = 0; i < scales.size(); ++i) {
+      all_alike = all_alike && scales[i] == scale * density_[i];
+      scales[i] *= cells;
     }
-    sizes.radius = grid_.radius * cells;
-    const double smaller = all_alike ? std::min(tuning_.most_smaller, tuning_.wider_padding / sizes.radius) : 0;
-    made_ = {static_cast<int>(std::ceil((1 - smaller) * side)), side};
-    series_->Resize(std::move(sizes));
+    const double radius = radius_ * cells;
+    const double smaller = all_alike ? std::min(tuning_.most_smaller, tuning_.wider_padding / radius) : 0;
+    least_made_ = static_cast<int>(std::ceil((1 - smaller) * side));
+    most_made_ = side;
+    series_->Resize(std::move(scales), radius);
   }
 
   // What was found on a grid of this side is the best so far.
   void Keep(int side, const std::vector<Pose>& poses) {
     best_ = {poses, ScaleOf(side)};
-    for (Pose& pose : best_.poses) pose.centre *= grid_.extent / side;
+    for (Pose& pose : best_.poses) pose.centre *= grid_extent_ / side;
   }
 
   // Trials with the charts in other orders, until so much work is done, each at a scale a little beyond that of the
@@ -368,8 +368,8 @@ class Packer {
     double placed = 0, all = 0;
     for (std::size_t k = 0; k < order_.size(); ++k) {
       const Outline& outline = outlines_[order_[k]];
-      const double unit = scales[order_[k]], radius = outline.radius * unit + grid_.radius;
-      const double area = outline.area * unit * unit + 4 * grid_.radius * radius;
+      const double unit = scales[order_[k]], radius = outline.radius * unit + radius_;
+      const double area = outline.area * unit * unit + 4 * radius_ * radius;
       all += area;
       if (k < count) placed += area;
     }
@@ -384,13 +384,13 @@ class Packer {
     for (best_.scale = LargestScale(); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
       const std::vector<double> scales = Scales(best_.scale);
       for (std::size_t i = 0; i < outlines_.size(); ++i) {
-        extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
+        extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * radius_);
       }
-      const std::vector<Shelf> shelves = LayOnShelves(extents, atlas_, tiles_, grid_.extent);
+      const std::vector<Shelf> shelves = LayOnShelves(extents, atlas_, tiles_, grid_extent_);
       if (shelves.empty()) continue;
       best_.poses.resize(outlines_.size());
       for (std::size_t i = 0; i < outlines_.size(); ++i) {
-        const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
+        const Vec2 centre = shelves[i].low + Vec2::Constant(radius_) - scales[i] * boxes[i].low;
         best_.poses[i] = {centre, outlines_[i].upright, shelves[i].tile};
       }
       return true;
@@ -402,18 +402,17 @@ class Packer {
   void FitOne() {
     const double angle = AngleOfSmallestSquare(outlines_[0]);
     const Box box = BoxAt(outlines_[0], angle);
-    const double low = margin_ + grid_.radius;
+    const double low = margin_ + radius_;
     best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * density_[0]);
-    best_.poses = {
-        {Vec2::Constant(grid_.radius) - best_.scale * density_[0] * box.low, angle, atlas_[0] * options_.tiles}};
+    best_.poses = {{Vec2::Constant(radius_) - best_.scale * density_[0] * box.low, angle, atlas_[0] * options_.tiles}};
   }
 
   void TightenAll(std::int64_t work) {
     const bool points = std::all_of(outlines_.begin(), outlines_.end(), [](const Outline& o) { return o.radius == 0; });
     if (points) return;  // points are of any scale
     TightenOptions options;
-    options.distance = 2 * grid_.radius;
-    options.low = margin_ + grid_.radius;
+    options.distance = 2 * radius_;
+    options.low = margin_ + radius_;
     options.tiles = options_.tiles;
     options.atlases = options_.atlases;
     options.work = work;
@@ -456,24 +455,18 @@ class Packer {
   std::vector<int> atlas_;              // of each chart
   double num_faces_ = 0;
   double total_area_ = 0, largest_area_ = 0;  // of all charts, of those of one atlas
-  struct Grid {
-    int side = 256;     // cells, usually
-    double extent = 1;  // in the texture
-    double radius = 0;  // half of the padding, in the texture
-    double unit = 1;    // cells along a length of 1 on the surface, at weight 1
-  };
-  Grid grid_;
-  double margin_ = 0;           // of the grid, on every side of the tile
-  double padding_ = 0;          // texels
-  Arrangement best_ = {{}, 0};  // poses are from the corner of the grid, in the texture
+  int grid_side_ = 256;                       // cells, usually
+  double grid_extent_ = 1;                    // in the texture
+  double radius_ = 0;                         // half of the padding, in the texture
+  double unit_ = 1;                           // cells along a length of 1 on the surface, at weight 1
+  double margin_ = 0;                         // of the grid, on every side of the tile
+  double padding_ = 0;                        // texels
+  Arrangement best_ = {{}, 0};                // poses are from the corner of the grid, in the texture
   // In nanoseconds.
   double budget_ = 0;
   std::int64_t work_done_ = 0;
-  std::int64_t work_of_trial_ = 0;  // of the dearest one: those that end where a chart has no room take less
-  struct Made {
-    int least_side = 0, most_side = -1;
-  };
-  Made made_;  // the grids that the silhouettes are for
+  std::int64_t work_of_trial_ = 0;       // of the dearest one: those that end where a chart has no room take less
+  int least_made_ = 0, most_made_ = -1;  // sides of the grids that the silhouettes are for
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
   std::vector<Arrangement> starts_;  // the last few that fitted, each at a larger scale

@@ -99,29 +99,27 @@ class Search {
     }
   }
 
-  bool Run(const Execution& execution) {
-    if (too_large_) return false;
+  // Rearrange(), once.
+  bool Run(const Execution& execution, std::vector<Pose>* poses, std::int64_t* work) {
     const auto n = static_cast<std::int32_t>(outlines_.size());
     std::vector<std::int32_t> order = Indices(n);
-    for (int pass = 0; moves_ < options_.moves && work_ < options_.work; ++pass) {
-      if (execution.IsCancelled() || execution.IsStopRequested()) return false;
+    bool apart = false;
+    while (!too_large_ && moves_ < options_.moves && work_ < options_.work && !execution.IsCancelled() &&
+           !execution.IsStopRequested()) {
       for (std::int32_t i = n - 1; i > 0; --i) std::swap(order[i], order[random_.Below(i + 1)]);
       bool any = false;
       for (const std::int32_t i : order) any |= Move(i);
-      if (!any) return true;
+      apart = !any;
+      if (apart) break;
       Weigh();
     }
-    return false;
-  }
-
-  std::int64_t work() const { return work_; }
-
-  void Export(std::vector<Pose>* poses) const {
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const CellPose& pose = poses_[i];
       (*poses)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned]->angle,
                      pose.tile};
     }
+    *work += work_;
+    return apart;
   }
 
  private:
@@ -475,11 +473,7 @@ bool Rearrange(const std::vector<Outline>& outlines, const std::vector<int>& atl
                const std::vector<DistanceField>& fields, const std::vector<double>& scales,
                const RearrangeOptions& options, const Execution& execution, std::vector<Pose>* poses,
                std::int64_t* work) {
-  Search search(outlines, atlas, fields, scales, options, *poses);
-  const bool apart = search.Run(execution);
-  search.Export(poses);
-  *work += search.work();
-  return apart;
+  return Search(outlines, atlas, fields, scales, options, *poses).Run(execution, poses, work);
 }
 
 }  // namespace planish

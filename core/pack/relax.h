@@ -11,7 +11,7 @@
 
 namespace planish {
 
-// What charts keep to. Lengths here and in all poses are in units of a tile.
+// What charts keep to. Lengths in this header are in units of a tile.
 struct PackRules {
   double distance = 0;  // kept between two charts
   double low = 0;       // charts stay within [low, 1 - low]^2

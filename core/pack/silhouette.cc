@@ -25,18 +25,16 @@ struct Capsule {
     if (length > 0) offset = Vec2(along.y(), -along.x()) * (radius / length);
   }
 
-  static double Reach(double radius, double dy) {
-    const double square = radius * radius - dy * dy;
-    return square > 0 ? std::sqrt(square) : 0;
-  }
-
   // Rightmost (sign 1) or leftmost (sign -1) place times sign on the line at height y, which the capsule meets.
   double End(double y, double sign) const {
     const double height = std::clamp(y, a.y(), b.y());
     const double along = b.y() > a.y() ? (height - a.y()) / (b.y() - a.y()) : 0;
     double best = sign * (a.x() + along * (b.x() - a.x()));  // of the segment itself
     for (const Vec2& p : {a, b}) {
-      if (std::abs(y - p.y()) <= radius) best = std::max(best, sign * p.x() + Reach(radius, y - p.y()));
+      const double dy = y - p.y();
+      if (std::abs(dy) <= radius) {
+        best = std::max(best, sign * p.x() + std::sqrt(std::max(0.0, radius * radius - dy * dy)));
+      }
     }
     const Vec2 shift = sign * offset;
     const double low = a.y() + shift.y(), high = b.y() + shift.y();

@@ -57,8 +57,9 @@ class Series final : public TrialSeries {
          std::size_t most_kept)
       : outlines_(outlines), atlas_(atlas), count_(tiles), most_kept_(most_kept) {}
 
-  void Resize(TrialSizes sizes) override {
-    sizes_ = std::move(sizes);
+  void Resize(std::vector<double> scales, double radius) override {
+    scales_ = std::move(scales);
+    radius_ = radius;
     shared_ = {};
   }
 
@@ -79,7 +80,7 @@ class Series final : public TrialSeries {
       if (found.tile < 0) {
         all = false;
         // Points have no area, but must not be missing either.
-        result.missing += outlines_[i].area * sizes_.scales[i] * sizes_.scales[i] + 1e-30;
+        result.missing += outlines_[i].area * scales_[i] * scales_[i] + 1e-30;
         if (result.missing > most_missing) break;
         continue;
       }
@@ -139,8 +140,8 @@ class Series final : public TrialSeries {
       std::unique_ptr<FixedSilhouette>& fixed = shared_.keeps ? shared_.fixed[SlotOf(i, found.turn)] : own;
       if (fixed == nullptr) {
         work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
-        fixed = std::make_unique<FixedSilhouette>(MakeFixedSilhouette(outlines_[i], pose->angle, sizes_.scales[i],
-                                                                      sizes_.radius, cells * shape.silhouette.centre));
+        fixed = std::make_unique<FixedSilhouette>(
+            MakeFixedSilhouette(outlines_[i], pose->angle, scales_[i], radius_, cells * shape.silhouette.centre));
         if (shared_.keeps) fixed->silhouette.spans.shrink_to_fit();
       }
       silhouette = &fixed->silhouette;
@@ -153,7 +154,7 @@ class Series final : public TrialSeries {
   int FirstTile(std::int32_t i) const { return atlas_[i] * count_.tiles; }
 
   int LevelOf(std::int32_t i) const {
-    const double cells = 2 * (outlines_[i].radius * sizes_.scales[i] + sizes_.radius);
+    const double cells = 2 * (outlines_[i].radius * scales_[i] + radius_);
     int level = 0;
     while (level + 1 < kLevels && cells > kCellsOfLarge << level) ++level;
     return level;
@@ -196,7 +197,7 @@ class Series final : public TrialSeries {
     } else {
       work_ += kSilhouetteWork + kEdgeWork * std::ssize(outlines_[i].edges);
       const double cell = 1 << level;
-      shape.silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), sizes_.scales[i] / cell, sizes_.radius / cell);
+      shape.silhouette = MakeSilhouette(outlines_[i], Angle(i, turn), scales_[i] / cell, radius_ / cell);
     }
     shape.rim = MakeRim(shape.silhouette, kRimCells);
     shape.probes = Probes(shape.silhouette);
@@ -208,7 +209,7 @@ class Series final : public TrialSeries {
   Start* StartFor(std::int32_t i, int level) {
     const Outline& outline = outlines_[i];
     const Box box = BoxAt(outline, outline.upright);
-    const Vec2 cells = (box.high - box.low) * sizes_.scales[i] + Vec2::Constant(2 * sizes_.radius);
+    const Vec2 cells = (box.high - box.low) * scales_[i] + Vec2::Constant(2 * radius_);
     const auto size = [](double extent) {
       const auto whole = static_cast<std::uint64_t>(std::clamp(extent, 1.0, 65536.0));
       return static_cast<std::size_t>(std::bit_width(whole * whole));
@@ -262,7 +263,8 @@ class Series final : public TrialSeries {
   const std::vector<int>& atlas_;
   const TrialTiles count_;
   const std::size_t most_kept_;
-  TrialSizes sizes_;
+  std::vector<double> scales_;  // of each chart
+  double radius_ = 0;
   std::vector<Pyramid> tiles_;  // of most_side_ cells; each trial clears them
   int most_side_ = 0;
   // What trials with the same sizes and angles share.

@@ -19,20 +19,13 @@ struct TrialTiles {
 // beyond the last whole one is not used for such charts.
 inline constexpr int kCoarsestCell = 8;
 
-// How large the charts are, in cells of the grid that each tile is. Trials at other scales have another number of cells
-// to a tile, so that charts keep their silhouettes.
-struct TrialSizes {
-  std::vector<double> scales;  // of each chart: cells along a length of 1
-  double radius = 0;           // half of the padding, in cells
-};
-
 struct TrialPlan {
   std::vector<std::int32_t> order;  // of the charts, large to small about
   std::int32_t count = -1;          // so many of them, from the first on; -1: all
   std::vector<int> turn;            // of each chart, if it may have that one only; -1 otherwise. May be empty
   int angles = 8;                   // turns to try, evenly spread from the upright one on; a multiple of 4, or below 4
-  // Every chart is looked for from the first row on, after a stop request too. Otherwise a stop request ends the trial
-  // without a result, and a chart is looked for from the row where the last chart of about its size
+  // For few charts: every chart is looked for from the first row on, after a stop request too. Otherwise a stop request
+  // ends the trial without a result, and a chart is looked for from the row where the last chart of about its size
   // went, since below there was no room for that one: all charts of a size together search each tile once. And the
   // first row with room for a chart, at one turn, is not compared with those beyond it, which takes half of the work
   // and gains nothing among so many charts (eight sets of 320 to 3,000 fill 0.672 of the texture in the mean either
@@ -51,8 +44,10 @@ class TrialSeries {
  public:
   virtual ~TrialSeries() = default;
 
-  // For all trials until the next call. Those with the same number of turns share silhouettes.
-  virtual void Resize(TrialSizes sizes) = 0;
+  // How large the charts are for all trials until the next call, in cells of the grid that each tile is: cells along a
+  // length of 1 of each chart, and half of the padding. Trials at other scales have another number of cells to a tile,
+  // so that charts keep their silhouettes. Trials with the same number of turns share them.
+  virtual void Resize(std::vector<double> scales, double radius) = 0;
 
   // On grids of side x side cells. A chart goes next to the lowest row with room for it, where it lies snuggest. Ends
   // as soon as more than most_missing of area has found no place. *poses gets those of the charts that were placed, in
