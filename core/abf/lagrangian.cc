@@ -64,8 +64,10 @@ std::int64_t Convexify(const Eigen::VectorXd& curvature, Convexification kind, E
         const double smallest = SmallestPlaneEigenvalue(a, b);
         if (smallest < tuning.weak_curvature) part.weak.push_back(static_cast<std::int32_t>(f));
         change = !(smallest >= tuning.min_curvature);
-        const double t = change ? (tuning.min_curvature - smallest) / (1 - smallest) : 0;
-        for (int k = 0; change && k < 3; ++k) a[k] += t * (b[k] - a[k]);
+        if (change) {
+          const double t = (tuning.min_curvature - smallest) / (1 - smallest);
+          for (int k = 0; k < 3; ++k) a[k] += t * (b[k] - a[k]);
+        }
       } else {
         for (int k = 0; k < 3; ++k) {
           if (a[k] >= tuning.min_curvature * b[k]) continue;

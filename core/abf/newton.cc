@@ -368,6 +368,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
   summary_.stopped = ending == Ending::kStopped || (!summary_.converged && steps_after_stop_ > 0);
+  // By Ending.
   constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped"};
   const Residual& r = summary_.residual;
   summary_.stop_message = absl::StrFormat(

@@ -31,18 +31,16 @@ absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::Ve
                                  const Eigen::VectorXd& cot, bool indefinite, std::vector<std::int32_t> weak_faces,
                                  const Interrupter* interrupter) {
   iterate_ = {&hessian, &convex, &cot, indefinite, std::move(weak_faces)};
-  const SaddlePointOperator* system;
   if (system_type_ == SystemType::kFull) {
     iterate_.full = std::make_unique<FullSystem>(topology_, hessian, cot);
-    system = iterate_.full.get();
   } else {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     iterate_.reduced = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
     PLANISH_RETURN_IF_ERROR(PrepareReduced(interrupter));
-    system = iterate_.reduced.get();
   }
   if (preconditioner_type_ == PreconditionerType::kJacobi) {
-    preconditioner_ = JacobiPreconditioner(system->SchurDiagonal());
+    preconditioner_ =
+        JacobiPreconditioner(iterate_.full ? iterate_.full->SchurDiagonal() : iterate_.reduced->SchurDiagonal());
   } else if (preconditioner_type_ == PreconditionerType::kNone) {
     preconditioner_ = IdentityPreconditioner();
   }
