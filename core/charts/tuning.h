@@ -1,6 +1,7 @@
 // The constants that decide where charts end. Nobody has to set any; benches sweep them (tests/bench/chart_count.cc).
 #pragma once
 
+#include <cstdint>
 #include <numbers>
 
 namespace planish {
@@ -8,6 +9,10 @@ namespace planish {
 // Chosen on spot, koala, boot_g12, human_neutral, box_animated and voxelsheets by the number of charts at equal L2
 // stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
 struct AtlasTuning {
+  // ---- Order in memory (unwrap/reordering.h).
+  // Meshes of so many faces are unwrapped in spatial order; the caches hold smaller ones in any order.
+  std::int64_t reordered_faces = 50'000;
+
   // ---- Patches (charts/patches.cc): the start, from which charts are merged.
   double patch_deviation = 0.08;  // 1 - length of the mean normal: a spherical cap of 33 degrees from its middle
   double patch_cosine = 0.7;      // least, between the mean normals of two patches that are joined

@@ -44,7 +44,7 @@ bool WillBeRefused(const Mesh& mesh) {
 }  // namespace
 
 std::optional<Reordering> Reordering::Of(const Mesh& mesh, const Execution& execution) {
-  if (mesh.num_faces() < kFewestFaces || WillBeRefused(mesh)) return std::nullopt;
+  if (WillBeRefused(mesh)) return std::nullopt;
   Reordering reordering;
   reordering.vertex_ = InSpatialOrder(mesh.positions, Indices(mesh.positions.size()), execution);
   if (execution.IsCancelled()) return std::nullopt;

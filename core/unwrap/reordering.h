@@ -15,11 +15,8 @@ namespace planish {
 
 class Reordering {
  public:
-  // None for smaller meshes, which the caches hold in any order.
-  static constexpr std::int64_t kFewestFaces = 50'000;
-
-  // Nothing if the mesh is small, or if it will be refused: with a position that is not finite, or a face that refers
-  // to a vertex that does not exist. O(F). After a cancellation the result must not be used.
+  // Nothing if the mesh will be refused: with a position that is not finite, or a face that refers to a vertex that
+  // does not exist; nor after a cancellation. O(F).
   static std::optional<Reordering> Of(const Mesh& mesh, const Execution& execution);
 
   // The caller's mesh and options in the new order.

@@ -195,7 +195,9 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
   const Execution execution = {&team, control.cancel, control.stop};
   // One disc is put in order by MakeTopology().
   std::optional<Reordering> reordering;
-  if (options.seams.policy != SeamPolicy::kNone) reordering = Reordering::Of(mesh, execution);
+  if (options.seams.policy != SeamPolicy::kNone && mesh.num_faces() >= options.tuning.reordered_faces) {
+    reordering = Reordering::Of(mesh, execution);
+  }
   absl::StatusOr<UnwrapResult> result;
   if (reordering) {
     result = UnwrapInOrder(reordering->Apply(mesh), reordering->Apply(options), control, execution);
