@@ -44,13 +44,6 @@ struct Topology {
 // After a cancellation the result is incomplete and must not be used.
 Topology MakeTopology(const FlatMesh& disc, std::vector<std::int32_t>* face_order, const Execution& execution = {});
 
-// `vertices` in the order of a Hilbert curve through the box round them: vertices with near numbers are near in space.
-// The curve has 2^21 cells along the longest side; vertices of one cell keep their order. Positions must be finite; the
-// box may have no extent, or nearly all of a double's range. O(n). After a cancellation the result is incomplete and
-// must not be used.
-std::vector<std::int32_t> InSpatialOrder(const std::vector<Vec3>& positions, const std::vector<std::int32_t>& vertices,
-                                         const Execution& execution = {});
-
 // Gives row i to vertices[i]: sets num_rows, vertex_row, corner_row, row_corner_begin and row_corner anew.
 // num_vertices, num_interior and faces must be set; the first num_interior of `vertices` must be the interior ones.
 // O(F).

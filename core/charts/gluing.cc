@@ -30,31 +30,12 @@ void Gluing::Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued) {
   }
 }
 
-namespace {
-
-// Where `value` is in the ascending `values`, -1 if nowhere. Faces that meet have numbers that are near each other in
-// most files: the search begins at `from` and takes larger and larger steps.
-std::int32_t FindFrom(std::int32_t from, const std::vector<std::int32_t>& values, std::int32_t value) {
-  const auto n = static_cast<std::int32_t>(values.size());
-  std::int32_t begin = from, end = from + 1;  // value is at home in [begin, end)
-  for (std::int32_t step = 1; end < n && values[end - 1] < value; step *= 2) {
-    begin = end;
-    end = n - end > step ? end + step : n;
-  }
-  for (std::int32_t step = 1; begin > 0 && values[begin] > value; step *= 2) {
-    end = begin;
-    begin = begin > step ? begin - step : 0;
-  }
-  const auto at = std::lower_bound(values.begin() + begin, values.begin() + end, value);
-  return at != values.end() && *at == value ? static_cast<std::int32_t>(at - values.begin()) : -1;
-}
-
-}  // namespace
-
-FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
+FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces, std::vector<std::int32_t>* place,
                    std::vector<std::pair<std::int32_t, std::int32_t>>* slits) {
   const TriMesh& mesh = gluing.mesh();
   const auto num_faces = static_cast<std::int32_t>(faces.size());
+  place->resize(gluing.surface().num_faces(), 0);
+  for (std::int32_t i = 0; i < num_faces; ++i) (*place)[faces[i]] = i;
   FlatMesh chart;
   chart.opposite.assign(3 * faces.size(), -1);
   for (std::int32_t i = 0; i < num_faces; ++i) {
@@ -63,8 +44,8 @@ FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
       const HalfedgeHandle across = mesh.opposite_halfedge_handle(half_edges[k]);
       if (mesh.is_boundary(across)) continue;
       const std::int32_t c = CornerOf(mesh, across);
-      const std::int32_t other = FindFrom(i, faces, c / 3);
-      if (other < 0) continue;
+      const std::int32_t other = (*place)[c / 3];
+      if (other >= num_faces || faces[other] != c / 3) continue;
       if (!gluing.IsOutline(half_edges[k])) {
         chart.opposite[3 * i + k] = 3 * other + c % 3;
       } else if (i < other || (i == other && k < c % 3)) {

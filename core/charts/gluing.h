@@ -66,8 +66,9 @@ class Gluing {
 
 // The mesh of a chart, these faces (ascending) of one of the discs: face i is faces[i]. Its vertices are numbered in
 // the order of their lowest corners. `slits` gets the corners that face the same edge of the surface from either side
-// of a slit, where the chart's outline meets itself: pairs, ascending. O(n log n) in the faces.
-FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces,
+// of a slit, where the chart's outline meets itself: pairs, ascending. `place`, per face of the surface, gets the
+// number of each face in the chart; what is there for other faces does not matter. O(n) in the faces.
+FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces, std::vector<std::int32_t>* place,
                    std::vector<std::pair<std::int32_t, std::int32_t>>* slits);
 
 // ---- Where two discs may be glued: borders, along which their outlines lie on each other.

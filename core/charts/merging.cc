@@ -47,17 +47,18 @@ struct Joint {
 class Merging {
  public:
   Merging(std::int32_t count, double max_stretch, const AtlasTuning& tuning, Gluing* gluing,
-          std::vector<std::int32_t>* disc_of)
+          std::vector<std::int32_t>* disc_of, std::vector<float> kept)
       : max_stretch_(max_stretch),
         tuning_(tuning),
         surface_(gluing->surface()),
         mesh_(*surface_.mesh),
         gluing_(*gluing),
         disc_of_(*disc_of),
-        estimate_(*gluing, tuning),
+        estimate_(*gluing, tuning, std::move(kept)),
         discs_(count) {}
 
   void Run(const Execution& execution);
+  std::vector<float> TakeKept() { return estimate_.TakeKept(); }
 
  private:
   double EdgeWeight(HalfedgeHandle h) const;
@@ -335,8 +336,10 @@ void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing) {
 }
 
 void MergeDiscs(std::int32_t count, double max_stretch, const AtlasTuning& tuning, const Execution& execution,
-                Gluing* gluing, std::vector<std::int32_t>* disc) {
-  Merging(count, max_stretch, tuning, gluing, disc).Run(execution);
+                Gluing* gluing, std::vector<std::int32_t>* disc, std::vector<float>* kept) {
+  Merging merging(count, max_stretch, tuning, gluing, disc, std::move(*kept));
+  merging.Run(execution);
+  *kept = merging.TakeKept();
 }
 
 }  // namespace planish

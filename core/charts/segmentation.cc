@@ -124,7 +124,7 @@ Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch
     if (execution.IsCancelled()) return;
     const std::int32_t count = chart_.empty() ? 0 : *std::max_element(chart_.begin(), chart_.end()) + 1;
     GluePieces(chart_, &gluing_);
-    MergeDiscs(count, max_stretch, tuning, execution, &gluing_, &chart_);
+    MergeDiscs(count, max_stretch, tuning, execution, &gluing_, &chart_, &kept_);
     SmoothOutlines(tuning_, execution, AllFaces(), &gluing_, &chart_);
   }
   CollectFaces();
@@ -132,11 +132,19 @@ Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch
 
 Segmentation::Segmentation(const Surface& surface, const Segmentation& before, double max_stretch,
                            const Execution& execution)
-    : surface_(surface), tuning_(before.tuning_), gluing_(surface), chart_(before.chart_) {
+    : surface_(surface),
+      tuning_(before.tuning_),
+      gluing_(surface),
+      chart_(before.chart_),
+      kept_(surface.mesh->n_vertices()) {
+  const TriMesh &mesh = *surface.mesh, &mesh_before = *before.surface_.mesh;
   for (std::int32_t c = 0; c < 3 * surface.num_faces(); ++c) {
-    if (!before.gluing_.IsOutline(HalfEdgeOf(*before.surface_.mesh, c))) gluing_.Glue(HalfEdgeOf(*surface.mesh, c));
+    const HalfedgeHandle h = HalfEdgeOf(mesh, c), h_before = HalfEdgeOf(mesh_before, c);
+    if (!before.gluing_.IsOutline(h_before)) gluing_.Glue(h);
+    kept_[mesh.to_vertex_handle(h).idx()] = before.kept_[mesh_before.to_vertex_handle(h_before).idx()];
   }
-  MergeDiscs(static_cast<std::int32_t>(before.faces_.size()), max_stretch, tuning_, execution, &gluing_, &chart_);
+  MergeDiscs(static_cast<std::int32_t>(before.faces_.size()), max_stretch, tuning_, execution, &gluing_, &chart_,
+             &kept_);
   SmoothOutlines(tuning_, execution, AllFaces(), &gluing_, &chart_);
   CollectFaces();
 }

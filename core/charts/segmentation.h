@@ -32,6 +32,9 @@ class Segmentation {
   const std::vector<std::int32_t>& chart() const { return chart_; }
   // Faces of each chart, ascending.
   const std::vector<std::vector<std::int32_t>>& charts() const { return faces_; }
+  // Per vertex of the surface's mesh: where estimates of the stretch of charts may start (StretchEstimate). Empty for
+  // kWhole.
+  const std::vector<float>& kept() const { return kept_; }
 
   // Whether part of a chart's outline is a slit: the same edge from both sides.
   bool HasSlit(std::int32_t chart) const;
@@ -88,6 +91,7 @@ class Segmentation {
   Gluing gluing_;
   std::vector<std::int32_t> chart_;
   std::vector<std::vector<std::int32_t>> faces_;
+  std::vector<float> kept_;
   Scratch scratch_;
 };
 

@@ -21,17 +21,18 @@ double ScaleOf(double u) {
 
 }  // namespace
 
-StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning)
+StretchEstimate::StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept)
     : gluing_(gluing),
       tuning_(tuning),
       weight_(gluing.mesh().n_edges(), 0.0),
       vertices_(gluing.mesh().n_vertices() + 1),
       number_(gluing.mesh().n_vertices(), -1),
-      kept_(gluing.mesh().n_vertices(), 0.0F),
+      kept_(std::move(kept)),
       is_marked_(gluing.mesh().n_faces(), 0) {
   const TriMesh& mesh = gluing.mesh();
   const Surface& surface = gluing.surface();
   const double most = tuning.estimate_cotangent;
+  kept_.resize(mesh.n_vertices(), 0.0F);
   for (Vertex& vertex : vertices_) vertex.load = -2 * std::numbers::pi;
   for (const FaceHandle f : mesh.faces()) {
     const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(mesh, f);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/charts/gluing.h"
@@ -20,8 +21,8 @@ namespace planish {
 // every vertex between estimates, to start the next one from. Not thread-safe.
 class StretchEstimate {
  public:
-  // Both must outlive this.
-  StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning);
+  // Both must outlive this. `kept`: per vertex, what another one kept of the same surface; empty: 0 everywhere.
+  StretchEstimate(const Gluing& gluing, const AtlasTuning& tuning, std::vector<float> kept = {});
 
   // Over the faces of a disc: area, and the integrals of e^2u and e^-2u.
   struct Sums {
@@ -57,6 +58,8 @@ class StretchEstimate {
 
   // Starts the next estimates of the same vertices from the u of the last one.
   void Keep();
+  // Per vertex: the u that is kept. Nothing may be estimated afterwards.
+  std::vector<float> TakeKept() { return std::move(kept_); }
 
  private:
   struct Vertex {

@@ -1,6 +1,7 @@
 // The constants that decide where charts end. Nobody has to set any; benches sweep them (tests/bench/chart_count.cc).
 #pragma once
 
+#include <cstdint>
 #include <numbers>
 
 namespace planish {
@@ -8,6 +9,10 @@ namespace planish {
 // Chosen on spot, koala, boot_g12, human_neutral, box_animated and voxelsheets by the number of charts at equal L2
 // stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
 struct AtlasTuning {
+  // ---- Order in memory (unwrap/reordering.h).
+  // Meshes of so many faces are unwrapped in spatial order; the caches hold smaller ones in any order.
+  std::int64_t reordered_faces = 50'000;
+
   // ---- Patches (charts/patches.cc): the start, from which charts are merged.
   double patch_deviation = 0.08;  // 1 - length of the mean normal: a spherical cap of 33 degrees from its middle
   double patch_cosine = 0.7;      // least, between the mean normals of two patches that are joined
@@ -72,8 +77,11 @@ struct AtlasTuning {
   // ---- Charts that are joined by estimates of their maps, and once maps are known (unwrap/joining.cc). With
   // join_faces of 1, 0.5 and 0.25 a surface net of 452,424 faces has 349, 374 and 392 charts, and 469 with 1 and no
   // estimates.
-  int join_rounds = 12;       // at most
-  double join_faces = 0.5;    // faces that are solved again, at most: this times those of the surface
+  int join_rounds = 12;     // at most
+  double join_faces = 0.5;  // faces that are solved again, at most: this times those of the surface
+  // Faces of a surface beyond which their number grows with the square root. Nets of 444,216 and 573,048 faces have 403
+  // and 1,311 charts for 397 and 1,257, for 0.92 and 0.97 of the time.
+  double join_surface = 1e5;
   double join_estimates = 4;  // the same, of faces whose maps are estimated
   double join_gain = 0.25;    // area of convex hulls that joining may cost: this times what a cut must gain there
   double join_misfit = 0.1;   // of the two outlines where they are to meet, root mean square over the length

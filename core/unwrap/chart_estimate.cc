@@ -55,7 +55,9 @@ std::pair<std::int32_t, std::int32_t> FarthestCrossing(const std::vector<Vec2>& 
 }  // namespace
 
 ChartEstimates::ChartEstimates(const Segmentation& segmentation, const AtlasTuning& tuning)
-    : segmentation_(segmentation), tuning_(ForMaps(tuning)), estimate_(segmentation.gluing(), tuning_) {}
+    : segmentation_(segmentation),
+      tuning_(ForMaps(tuning)),
+      estimate_(segmentation.gluing(), tuning_, segmentation.kept()) {}
 
 void ChartEstimates::Update(std::int32_t chart) {
   constexpr double kCoincide = 1e-6;  // of the outline

@@ -86,8 +86,12 @@ class SolvedMaps {
 
   SolvedMaps(Job* job, Charts* charts) : job_(*job), charts_(*charts) {}
 
-  // How many faces may be mapped again, per face of the surface.
-  double work() const { return job_.options.tuning.join_faces; }
+  // How many faces may be mapped again.
+  double work() const {
+    const AtlasTuning& tuning = job_.options.tuning;
+    const double faces = charts_.surface->num_faces();
+    return tuning.join_faces * std::min(faces, std::sqrt(faces * tuning.join_surface));
+  }
 
   // Calls visit(h, where h begins in the map) for every half-edge h of the outline; for none if there is no map.
   template <class Visit>
@@ -144,7 +148,7 @@ class EstimatedMaps {
   EstimatedMaps(const Job& job, const Charts& charts, ChartEstimates* estimates)
       : job_(job), charts_(charts), estimates_(*estimates) {}
 
-  double work() const { return job_.options.tuning.join_estimates; }
+  double work() const { return job_.options.tuning.join_estimates * charts_.surface->num_faces(); }
 
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
@@ -190,7 +194,7 @@ class Joining {
         place_(surface_.mesh->n_halfedges()),
         shapes_(segmentation_.charts().size()) {
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
-    left_ = maps_.work() * surface_.num_faces();
+    left_ = maps_.work();
   }
 
   absl::Status Run() {

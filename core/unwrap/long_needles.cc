@@ -89,7 +89,8 @@ std::vector<double> ReduceLongNeedles(const Mesh& mesh, const std::vector<char>&
                        absl::StrCat(Counted(std::ssize(faces), "face is a needle", "faces are needles"),
                                     " much longer than the texture would be; ",
                                     "their charts are drawn smaller than the others, which leaves room for these"),
-                       FaceMetadata(std::ssize(faces), faces)});
+                       {{"count", absl::StrCat(faces.size())}},
+                       faces});
   return reduction;
 }
 

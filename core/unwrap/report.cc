@@ -35,7 +35,8 @@ void WarnOfPrecision(const Delivery& delivery, std::vector<UnwrapWarning>* warni
        absl::StrCat("rounding to float flips or collapses ", Counted(delivery.lost, "triangle", "triangles"),
                     ", the scale varies too much; ",
                     is_double ? "the UV are delivered as double" : "float was asked for, double would keep them"),
-       FaceMetadata(delivery.lost, delivery.lost_faces)});
+       {{"count", absl::StrCat(delivery.lost)}},
+       delivery.lost_faces});
 }
 
 // Says so if rounding to float, which keeps every triangle, still costs energy worth mentioning.

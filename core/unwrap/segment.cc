@@ -247,7 +247,7 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   charts->charts[i] = {};
   Chart& chart = charts->charts[i].chart;
   std::vector<std::pair<std::int32_t, std::int32_t>> slits;
-  const FlatMesh disc = ChartMesh(gluing, faces, &slits);
+  const FlatMesh disc = ChartMesh(gluing, faces, &charts->place, &slits);
   chart = MakeChart(disc, faces, slits, execution.ForOneThread());
   charts->charts[i].is_worth_cutting = chart.faces.size() >= kFewestToCut && CanBeParted(*charts->surface, chart);
   chart.enlargement = charts->ReductionOf(chart.faces);

@@ -82,6 +82,7 @@ struct Charts {
   double resolution = 0, grain = 0;
   std::vector<double> least_angle;  // per face, as Chart::least_angle; empty: no face is widened
   std::vector<double> reduction;    // per face: Chart::enlargement of its chart at most (long_needles.h); empty: 1
+  std::vector<std::int32_t> place;  // per face: its number in the chart that it was last extracted with
   int widenings = 0;                // calls of WidenCharts() that found something
   std::deque<MappedChart> charts;   // no vector: charts are added to many that are large
   bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
@@ -228,7 +229,7 @@ void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarnin
 // UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps, std::vector<UnwrapWarning>* warnings);
 
-// {"count", "faces"} as metadata, the latter with the first kMaxNamed of these faces.
-std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces);
+// Names the first kMaxNamed of the warning's faces in its metadata, as "faces".
+void NameFaces(UnwrapWarning* warning);
 
 }  // namespace planish

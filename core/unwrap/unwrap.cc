@@ -10,6 +10,7 @@
 #include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/diagnosis.h"
+#include "core/unwrap/reordering.h"
 #include "core/unwrap/steps.h"
 
 namespace planish {
@@ -153,13 +154,10 @@ absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts
                {{"count", absl::StrCat(turned)}});
 }
 
-}  // namespace
-
-absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control) {
-  PLANISH_RETURN_IF_ERROR(options.Validate());
-  PLANISH_RETURN_IF_ERROR(options.ValidateFor(mesh.num_faces()));
-  ThreadTeam team(options.threads);
-  Job job = {mesh, options, control, {&team, control.cancel, control.stop}};
+// Unwrap() of a mesh as its faces and vertices lie. Warnings do not name their faces in the metadata yet.
+absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
+                                           const Execution& execution) {
+  Job job = {mesh, options, control, execution};
   PLANISH_ASSIGN_OR_RETURN(Charts charts, Segment(&job));
   const int first_count = charts.count();
   std::vector<std::int32_t> todo = Indices(first_count);
@@ -186,6 +184,32 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     }
     return Report(&job, charts, atlas, std::move(delivery));
   }
+}
+
+}  // namespace
+
+absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control) {
+  PLANISH_RETURN_IF_ERROR(options.Validate());
+  PLANISH_RETURN_IF_ERROR(options.ValidateFor(mesh.num_faces()));
+  ThreadTeam team(options.threads);
+  const Execution execution = {&team, control.cancel, control.stop};
+  // One disc is put in order by MakeTopology().
+  std::optional<Reordering> reordering;
+  if (options.seams.policy != SeamPolicy::kNone && mesh.num_faces() >= options.tuning.reordered_faces) {
+    reordering = Reordering::Of(mesh, execution);
+  }
+  absl::StatusOr<UnwrapResult> result;
+  if (reordering) {
+    result = UnwrapInOrder(reordering->Apply(mesh), reordering->Apply(options), control, execution);
+    if (result.ok()) reordering->Restore(&*result);
+  }
+  // What is wrong with the mesh is told in the caller's numbers.
+  if (!reordering || absl::IsInvalidArgument(result.status())) {
+    result = UnwrapInOrder(mesh, options, control, execution);
+  }
+  PLANISH_RETURN_IF_ERROR(result.status());
+  for (UnwrapWarning& warning : result->warnings) NameFaces(&warning);
+  return result;
 }
 
 }  // namespace planish

@@ -112,6 +112,7 @@ struct UnwrapWarning {
   std::string reason;
   std::string message;
   std::map<std::string, std::string> metadata;
+  std::vector<std::int32_t> faces = {};  // concerned; the first ones are "faces" in the metadata
 };
 
 // Wall-clock seconds of each stage.

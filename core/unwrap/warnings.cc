@@ -38,9 +38,10 @@ std::map<std::string, std::string> ChartMetadata(const std::vector<int>& found) 
 
 }  // namespace
 
-std::map<std::string, std::string> FaceMetadata(std::int64_t count, const std::vector<std::int32_t>& faces) {
-  return {{"count", absl::StrCat(count)},
-          {"faces", absl::StrJoin(std::span(faces).first(std::min(faces.size(), kMaxNamed)), ",")}};
+void NameFaces(UnwrapWarning* warning) {
+  const std::vector<std::int32_t>& faces = warning->faces;
+  if (faces.empty()) return;
+  warning->metadata["faces"] = absl::StrJoin(std::span(faces).first(std::min(faces.size(), kMaxNamed)), ",");
 }
 
 void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings) {
@@ -52,7 +53,8 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
     warnings->push_back(
         {"FACES_WITHOUT_AREA",
          absl::StrCat(Counted(count, "face has", "faces have"), " no area; they get UV, but no promise holds for them"),
-         FaceMetadata(count, faces)});
+         {{"count", absl::StrCat(count)}},
+         faces});
   }
   if (surface.non_manifold_edges > 0) {
     warnings->push_back(
@@ -77,7 +79,8 @@ void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision
        absl::StrCat(Counted(std::ssize(widened), "face is thinner", "faces are thinner"), " than ",
                     precision == Precision::kFloat ? "float" : "double",
                     " can hold; the map stretches them across, so that they are neither flipped nor collapsed"),
-       FaceMetadata(std::ssize(widened), widened)});
+       {{"count", absl::StrCat(widened.size())}},
+       widened});
 }
 
 void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings) {
@@ -178,19 +181,22 @@ void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps
   if (orientation.flipped > 0) {
     warnings->push_back({"UV_FLIPPED",
                          absl::StrCat(Counted(orientation.flipped, "UV triangle is", "UV triangles are"), " flipped"),
-                         FaceMetadata(orientation.flipped, orientation.faces)});
+                         {{"count", absl::StrCat(orientation.flipped)}},
+                         orientation.faces});
   }
   if (orientation.degenerate > 0) {
     warnings->push_back(
         {"UV_DEGENERATE",
          absl::StrCat(Counted(orientation.degenerate, "UV triangle has", "UV triangles have"), " no area"),
-         FaceMetadata(orientation.degenerate, orientation.faces)});
+         {{"count", absl::StrCat(orientation.degenerate)}},
+         orientation.faces});
   }
   if (overlaps.pairs > 0) {
     warnings->push_back({"UV_OVERLAPPING",
                          absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
                                       " of UV triangles overlap: a chart overlaps itself; a seam would open it"),
-                         FaceMetadata(overlaps.pairs, overlaps.faces)});
+                         {{"count", absl::StrCat(overlaps.pairs)}},
+                         overlaps.faces});
   }
 }
 

@@ -279,6 +279,8 @@ int Main(int argc, char** argv) {
   app.add_option("--texture-size", options.atlas.texture_size);
   app.add_option("--padding", options.atlas.padding);
   app.add_option("--threads", options.threads);
+  app.add_option("--reordered-faces", options.tuning.reordered_faces,
+                 "unwrap meshes of so many faces in spatial order; default 50000");
   app.add_flag("--float", as_float, "deliver float, even where only double keeps every triangle");
   app.add_option("--memory", memory, "a process may have so many times the memory that was estimated");
   const std::map<std::string, SeamPolicy> policies = {{"none", SeamPolicy::kNone},

@@ -10,6 +10,7 @@
 #include "core/mesh/diagnosis.h"
 #include "core/mesh/half_edges.h"
 #include "core/mesh/predicates.h"
+#include "core/mesh/spatial_order.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/core/shapes.h"

@@ -1,0 +1,34 @@
+// A large mesh is unwrapped with its vertices and faces in spatial order: neighbours are near in memory then. On
+// surface nets of 444,216 and 573,048 faces, written row by row of their grids, that saves a tenth of the time, and a
+// quarter where faces come at random. What the caller hears has the numbers of the caller's mesh.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/base/execution.h"
+#include "core/mesh/mesh.h"
+#include "core/unwrap/unwrap.h"
+
+namespace planish {
+
+class Reordering {
+ public:
+  // Nothing if the mesh will be refused: with a position that is not finite, or a face that refers to a vertex that
+  // does not exist; nor after a cancellation. O(F).
+  static std::optional<Reordering> Of(const Mesh& mesh, const Execution& execution);
+
+  // The caller's mesh and options in the new order.
+  Mesh Apply(const Mesh& mesh) const;
+  UnwrapOptions Apply(const UnwrapOptions& options) const;
+  // Gives a result of these the caller's numbers.
+  void Restore(UnwrapResult* result) const;
+
+ private:
+  std::vector<std::int32_t> vertex_;                 // per new vertex: the caller's
+  std::vector<std::int32_t> face_;                   // per new face: the caller's
+  std::vector<std::int32_t> new_vertex_, new_face_;  // the inverses
+};
+
+}  // namespace planish
