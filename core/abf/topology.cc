@@ -6,6 +6,7 @@
 #include "core/mesh/spatial_order.h"
 
 namespace planish {
+
 void AssignRows(const std::vector<std::int32_t>& vertices, Topology* topology) {
   topology->num_rows = static_cast<std::int32_t>(vertices.size());
   topology->vertex_row.assign(topology->num_vertices, -1);
