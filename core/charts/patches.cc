@@ -102,14 +102,11 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
       }
     }
   }
-  std::vector<std::int32_t> patch(num_faces, -1), number(num_faces, -1);
-  std::int32_t count = 0;
+  std::vector<std::int32_t> patch(num_faces, -1);
   for (std::int32_t f = 0; f < num_faces; ++f) {
-    if (!surface.takes_part[f]) continue;
-    std::int32_t& of_root = number[joining.Root(f)];
-    if (of_root < 0) of_root = count++;
-    patch[f] = of_root;
+    if (surface.takes_part[f]) patch[f] = joining.Root(f);
   }
+  NumberByFirst(num_faces, &patch);
   return patch;
 }
 

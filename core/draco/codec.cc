@@ -60,19 +60,6 @@ absl::Status CheckEncodable(const Mesh& mesh) {
   return absl::OkStatus();
 }
 
-void FillDraco(const Mesh& mesh, draco::Mesh* draco_mesh) {
-  draco::Mesh& result = *draco_mesh;
-  result.set_num_points(static_cast<std::uint32_t>(mesh.num_vertices()));
-  draco::GeometryAttribute position;
-  position.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(Point), 0);
-  const int id = result.AddAttribute(position, true, static_cast<std::uint32_t>(mesh.num_vertices()));
-  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
-    const Eigen::Vector3f rounded = mesh.positions[v].cast<float>();
-    result.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(v)), rounded.data());
-  }
-  SetFaces(mesh.faces, &result);
-}
-
 absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh) {
   const int count = mesh.NumNamedAttributes(draco::GeometryAttribute::POSITION);
   if (count != 1) {
@@ -144,13 +131,12 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& li
   PLANISH_ASSIGN_OR_RETURN(const draco::PointAttribute* position, PositionOf(decoded));
   PLANISH_RETURN_IF_ERROR(CheckCounts(decoded.num_faces(), static_cast<std::int64_t>(position->size()), limits));
   Mesh mesh;
-  mesh.faces.resize(decoded.num_faces());
-  for (std::uint32_t f = 0; f < decoded.num_faces(); ++f) {
-    PLANISH_ASSIGN_OR_RETURN(const draco::Mesh::Face face, CheckedFace(decoded, f));
-    for (int k = 0; k < 3; ++k) {
-      const std::uint32_t value = position->mapped_index(face[k]).value();
-      if (value >= position->size()) return IndexOutOfRange(f, value, static_cast<std::int64_t>(position->size()));
-      mesh.faces[f][k] = static_cast<std::int32_t>(value);
+  PLANISH_ASSIGN_OR_RETURN(mesh.faces, FacesOf(decoded));
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    for (std::int32_t& vertex : mesh.faces[f]) {
+      const std::uint32_t value = position->mapped_index(draco::PointIndex(static_cast<std::uint32_t>(vertex))).value();
+      if (value >= position->size()) return IndexOutOfRange(static_cast<std::int64_t>(f), value, position->size());
+      vertex = static_cast<std::int32_t>(value);
     }
   }
   mesh.positions.resize(position->size());
@@ -180,8 +166,17 @@ absl::StatusOr<Mesh> CheckAndDecode(std::string_view bytes, const DracoLimits& l
 absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh) {
   PLANISH_RETURN_IF_ERROR(CheckEncodable(mesh));
   return CatchOutOfMemory("encode", [&] {
+    const auto num_points = static_cast<std::uint32_t>(mesh.num_vertices());
     draco::Mesh source;
-    FillDraco(mesh, &source);
+    source.set_num_points(num_points);
+    draco::GeometryAttribute position;
+    position.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(Point), 0);
+    const int id = source.AddAttribute(position, true, num_points);
+    for (std::uint32_t v = 0; v < num_points; ++v) {
+      const Eigen::Vector3f rounded = mesh.positions[v].cast<float>();
+      source.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(v), rounded.data());
+    }
+    SetFaces(mesh.faces, &source);
     draco::ExpertEncoder encoder(source);
     return EncodeInOrder(sizeof(Point), source, &encoder);
   });

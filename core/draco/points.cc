@@ -77,11 +77,7 @@ absl::StatusOr<DracoPoints> CheckAndDecode(const std::string& bytes, bool want_q
   PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> decoded, OpenDraco(bytes));
   DracoPoints points;
   points.num_points = decoded->num_points();
-  points.faces.resize(decoded->num_faces());
-  for (std::uint32_t f = 0; f < decoded->num_faces(); ++f) {
-    PLANISH_ASSIGN_OR_RETURN(const draco::Mesh::Face face, CheckedFace(*decoded, f));
-    for (int k = 0; k < 3; ++k) points.faces[f][k] = static_cast<std::int32_t>(face[k].value());
-  }
+  PLANISH_ASSIGN_OR_RETURN(points.faces, FacesOf(*decoded));
   for (int id = 0; id < decoded->num_attributes(); ++id) {
     PLANISH_ASSIGN_OR_RETURN(DracoAttribute attribute, CopyAttribute(*decoded->attribute(id), decoded->num_points()));
     points.attributes.push_back(std::move(attribute));
@@ -122,6 +118,7 @@ draco::Options QuantizationOptions(const DracoAttribute& attribute) {
 
 absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<bool>& quantize) {
   draco::Mesh mesh;
+  draco::ExpertEncoder encoder(mesh);
   mesh.set_num_points(static_cast<std::uint32_t>(points.num_points));
   std::int64_t point_bytes = 0;
   for (const DracoAttribute& attribute : points.attributes) {
@@ -129,24 +126,22 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
     shape.Init(static_cast<draco::GeometryAttribute::Type>(attribute.kind), nullptr,
                static_cast<std::int8_t>(attribute.components), static_cast<draco::DataType>(attribute.component),
                attribute.normalized, attribute.value_size, 0);
-    const int id = mesh.AddAttribute(shape, true, static_cast<std::uint32_t>(points.num_points));
-    for (std::int64_t p = 0; p < points.num_points; ++p) {
-      mesh.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(p)),
+    const int id = mesh.AddAttribute(shape, true, mesh.num_points());
+    for (std::uint32_t p = 0; p < mesh.num_points(); ++p) {
+      mesh.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(p),
                                             attribute.values.data() + p * attribute.value_size);
     }
     mesh.attribute(id)->set_unique_id(attribute.unique_id);
-    if (!quantize[static_cast<std::size_t>(id)]) point_bytes += attribute.value_size;
+    if (quantize[static_cast<std::size_t>(id)]) {
+      encoder.options().SetAttributeOptions(id, QuantizationOptions(attribute));
+    } else {
+      point_bytes += attribute.value_size;
+    }
   }
   SetFaces(points.faces, &mesh);
   if (points.metadata != nullptr) {
     mesh.AddMetadata(
         std::make_unique<draco::GeometryMetadata>(*static_cast<const draco::GeometryMetadata*>(points.metadata.get())));
-  }
-  draco::ExpertEncoder encoder(mesh);
-  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
-    const DracoAttribute& attribute = points.attributes[i];
-    if (!quantize[i]) continue;
-    encoder.options().SetAttributeOptions(static_cast<int>(i), QuantizationOptions(attribute));
   }
   return EncodeInOrder(point_bytes, mesh, &encoder);
 }

@@ -186,6 +186,19 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
   return piece;
 }
 
+// Numbers anew what has labels in [0, num_labels): 0, 1, 2, ... in the order in which labels come first; -1 stays.
+// Returns how many different labels there are.
+inline std::int32_t NumberByFirst(std::size_t num_labels, std::vector<std::int32_t>* labels) {
+  std::vector<std::int32_t> number(num_labels, -1);
+  std::int32_t count = 0;
+  for (std::int32_t& label : *labels) {
+    if (label < 0) continue;
+    if (number[label] < 0) number[label] = count++;
+    label = number[label];
+  }
+  return count;
+}
+
 // Half-edges, ascending, of each undirected edge. Edges ascend by their lower, then by their higher vertex.
 using EdgeGroups = Groups;
 

@@ -49,8 +49,8 @@ struct ChartMap {
   std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };
 
-// Topology::opposite of the chart with the slits joined that the map has closed.
-std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map);
+// Topology::opposite of the chart with these slits joined, such as ChartMap::closed_slits.
+std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const std::vector<std::int32_t>& closed_slits);
 
 // The outline of the map, counter-clockwise.
 std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions);

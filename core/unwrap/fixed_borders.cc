@@ -176,14 +176,6 @@ class BarycentricMap {
   std::optional<SparseElimination> elimination_;  // from the first solve on
 };
 
-}  // namespace
-
-std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution) {
-  return BarycentricMap(disc, places).Run(execution);
-}
-
-namespace {
-
 constexpr double kMostStretchOfAbf = 3;       // with a barrier; others are looked for beyond, that are so much better
 constexpr double kMostStretchForHoles = 1.1;  // times that of the slit map: a tube had better be slit than be a ring
 // Beyond, a convex outline takes many seconds (an active set of thousands), and so does a barycentric map.
@@ -202,11 +194,7 @@ constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces ro
 // The chart with its slits glued. Face f is face f of the chart.
 FlatMesh Glued(const Mesh& mesh, const Chart& chart) {
   FlatMesh glued;
-  glued.opposite = chart.topology.opposite;
-  for (const auto& [c, d] : chart.slits) {
-    glued.opposite[c] = d;
-    glued.opposite[d] = c;
-  }
+  glued.opposite = OppositeWithClosedSlits(chart, Indices(chart.slits.size()));
   glued.faces = FacesOfFans(glued.opposite, [&](std::int32_t c) {
     glued.positions.push_back(mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]]);
   });
@@ -362,9 +350,9 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
 
 // A convex outline cannot run over itself.
 absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
-  auto convex = FlattenWith(c.job, *c.mapped, 0, BoundaryType::kConvex, c.execution, false);
-  if (!convex.ok()) return convex.status();
-  return LayOutChart(c.job->mesh, c.mapped->chart, *std::move(convex), c.execution);
+  PLANISH_ASSIGN_OR_RETURN(Flattening convex,
+                           FlattenWith(c.job, *c.mapped, 0, BoundaryType::kConvex, c.execution, false));
+  return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
 struct Fallback {
@@ -395,6 +383,10 @@ const std::array<Fallback, 4> kFallbacks = {{
 }};
 
 }  // namespace
+
+std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution) {
+  return BarycentricMap(disc, places).Run(execution);
+}
 
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution) {
   Candidate candidate = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};

@@ -4,7 +4,6 @@
 // they are to be glued. Then both are solved as one, and stay one if that map is sound.
 #include <algorithm>
 #include <cmath>
-#include <compare>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -12,6 +11,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
+#include "core/mesh/angles.h"
 #include "core/pack/outline.h"
 #include "core/unwrap/steps.h"
 
@@ -21,8 +21,7 @@ namespace {
 double AreaWithin(const std::vector<Vec2>& polygon) {
   double doubled = 0;
   for (std::size_t i = 2; i < polygon.size(); ++i) {
-    const Vec2 u = polygon[i - 1] - polygon[0], v = polygon[i] - polygon[0];
-    doubled += u.x() * v.y() - u.y() * v.x();
+    doubled += DoubleArea(polygon[0], polygon[i - 1], polygon[i]);
   }
   return doubled / 2;
 }
@@ -70,14 +69,6 @@ std::optional<Motion> Fit(const std::vector<Vec2>& from, const std::vector<Vec2>
   motion.misfit = std::sqrt(squares / n);
   return motion;
 }
-
-// Two charts that are worth a try. The smallest are tried first, since work is counted in faces.
-struct Promising {
-  std::size_t faces;   // of both
-  std::size_t number;  // of the joint
-
-  auto operator<=>(const Promising&) const = default;
-};
 
 // The maps of solved charts. Joining looks at maps through this class or EstimatedMaps, which has the same members.
 class SolvedMaps {
@@ -227,7 +218,8 @@ class Joining {
   // Where a half-edge of an outline begins in the map of its chart.
   const Vec2& PlaceAt(HalfedgeHandle h) const { return place_[h.idx()]; }
 
-  std::optional<Promising> Consider(const Segmentation::Joint& joint, std::size_t number) const {
+  // The number of faces of two charts that are worth a try.
+  std::optional<std::size_t> Consider(const Segmentation::Joint& joint) const {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
     if (!one.may_join || !other.may_join) return std::nullopt;
     const auto failed = failed_.find({joint.chart, joint.other});
@@ -251,9 +243,8 @@ class Joining {
     for (const Vec2& p : other.hull) points.push_back((*motion)(p));
     const double hull = AreaWithin(ConvexHull(std::move(points)));
     if (hull < area) return std::nullopt;  // they would overlap
-    const std::size_t faces = segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
     if (job_.options.pack && hull - one.hull_area - other.hull_area > MostCost(length)) return std::nullopt;
-    return Promising{faces, number};
+    return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
   }
 
   // Of convex hulls, for the packer.
@@ -265,23 +256,24 @@ class Joining {
     PLANISH_RETURN_IF_ERROR(job_.Enter(UnwrapStage::kCharts));
     necks_ = NecksOf(charts_, job_.options);
     const std::vector<Segmentation::Joint> joints = segmentation_.Joints();
-    std::vector<Promising> candidates;
+    // Faces of both charts, and the number of the joint. The smallest are tried first, since work is counted in faces.
+    std::vector<std::pair<std::size_t, std::size_t>> candidates;
     for (std::size_t i = 0; i < joints.size() && !job_.execution.IsCancelledAt(static_cast<std::int64_t>(i)); ++i) {
-      if (const std::optional<Promising> candidate = Consider(joints[i], i)) candidates.push_back(*candidate);
+      if (const std::optional<std::size_t> faces = Consider(joints[i])) candidates.emplace_back(*faces, i);
     }
     std::sort(candidates.begin(), candidates.end());
     std::vector<Attempt> attempts;
     std::vector<char> taken(shapes_.size(), 0);
-    for (const Promising& candidate : candidates) {
-      const Segmentation::Joint& joint = joints[candidate.number];
-      if (taken[joint.chart] || taken[joint.other] || static_cast<double>(candidate.faces) > left_) continue;
+    for (const auto& [faces, number] : candidates) {
+      const Segmentation::Joint& joint = joints[number];
+      if (taken[joint.chart] || taken[joint.other] || static_cast<double>(faces) > left_) continue;
       std::optional<Segmentation::Joined> joined = segmentation_.Join(joint);
       if (!joined) {
         NoteFailed(joint.chart, joint.other);
         continue;
       }
       taken[joint.chart] = taken[joint.other] = 1;
-      left_ -= static_cast<double>(candidate.faces);
+      left_ -= static_cast<double>(faces);
       attempts.push_back({maps_.Take(joined->chart), maps_.Take(joined->other), *std::move(joined)});
     }
     job_.seconds.charts += timer.Restart();

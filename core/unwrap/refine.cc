@@ -70,17 +70,12 @@ std::vector<std::int32_t> Pieces(const Topology& topology, const std::vector<Vec
                                  const std::vector<std::pair<Vec2, Vec2>>& chords, std::int32_t* count) {
   std::vector<char> crossed(topology.num_corners(), 0);
   for (const auto& [a, b] : chords) {
-    Box box;
-    box.Add(a);
-    box.Add(b);
+    const Box box = Box::Around(a, b);
     for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
       const std::int32_t o = topology.opposite[c];
       if (o < c) continue;
       const Vec2 &p = middle[c / 3], &q = middle[o / 3];
-      Box step;
-      step.Add(p);
-      step.Add(q);
-      if (p != q && step.Meets(box) && SegmentsMeet(a, b, p, q)) crossed[c] = crossed[o] = 1;
+      if (p != q && Box::Around(p, q).Meets(box) && SegmentsMeet(a, b, p, q)) crossed[c] = crossed[o] = 1;
     }
   }
   return ConnectedPieces(
@@ -127,35 +122,22 @@ std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart
   std::int32_t count = 0;
   std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, positions), chords, &count);
   MergeCrumbs(chart, positions, chords.size() + 1, count, &piece);
-  std::vector<std::int32_t> number(count, -1);
-  std::int32_t parts = 0;
-  for (std::int32_t& p : piece) {
-    if (number[p] < 0) number[p] = parts++;
-    p = number[p];
-  }
-  if (parts < 2) return {};
+  if (NumberByFirst(count, &piece) < 2) return {};
   return piece;
 }
 
-// Per face of the chart: whether it is flipped or collapsed as delivered.
-std::vector<char> TurnedFaces(const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored) {
-  std::vector<char> turned(chart.faces.size(), 0);
-  for (std::size_t f = 0; f < turned.size(); ++f) {
-    if (!ignored.empty() && ignored[chart.faces[f]] != 0) continue;
-    turned[f] = Orientation(TriangleOf(uv, chart.faces[f])) <= 0;
-  }
-  return turned;
-}
-
-// Per face, in the order of the segmentation: a part for each of the marked ones, with what it must not be parted from,
-// and one for each connected piece of the others. Empty if that makes no two parts.
-std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, const std::vector<char>& marked) {
+// Per face, in the order of the segmentation: a part for each face that is flipped or collapsed as delivered, with what
+// it must not be parted from, and one for each connected piece of the others. Empty if that makes no two parts.
+std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, const CornerUv& uv) {
   const Chart& chart = charts.charts[number].chart;
   const Topology& topology = chart.topology;
   std::int32_t groups = 0, parts = 0;
   const std::vector<std::int32_t> group = UncutGroups(*charts.surface, chart, &groups);
   std::vector<char> is_alone(groups, 0);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) is_alone[group[f]] |= marked[f];
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    const bool counts = charts.ignored.empty() || charts.ignored[chart.faces[f]] == 0;
+    if (counts && Orientation(TriangleOf(uv, chart.faces[f])) <= 0) is_alone[group[f]] = 1;
+  }
   const std::vector<std::int32_t> part = ConnectedPieces(
       topology.num_faces(), &parts, [](std::int32_t) { return true; },
       [&](std::int32_t f, int k) {
@@ -228,7 +210,7 @@ bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int
   const AtlasTuning& tuning = job.options.tuning;
   double area = 0;
   for (const std::int32_t f : faces) area += charts.surface->area[f];
-  const auto [whole, longest] = charts.SizeOfAtlas(job.options, faces);
+  const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
   const bool is_stretched = seams.policy == SeamPolicy::kAuto && stretch > tuning.stretch_slack * seams.max_stretch;
   // No cut makes a face shorter: others as long as the longest one need no cut either.
   const double most_extent = std::max(tuning.max_extent * std::sqrt(whole), longest);
@@ -319,21 +301,16 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
   for (std::int32_t i = 0; i < charts->count(); ++i) {
     const auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
     if (chart.faces.size() < 2) continue;
-    Segmentation::Cut apart = {i};
-    if (turned > 0) apart.part = PartFrom(*charts, i, TurnedFaces(chart, delivery.uv, charts->ignored));
-    if (!apart.part.empty()) {
-      cuts.push_back(std::move(apart));
-      continue;
+    Segmentation::Cut cut = {i};
+    if (turned > 0) cut.part = PartTurned(*charts, i, delivery.uv);
+    if (cut.part.empty() && delivery.overlaps.pairs > 0) {
+      const Overlaps found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
+      if (found.faces.size() >= 2) cut = {i, found.faces[0], found.faces[1]};
     }
-    Overlaps found;
-    if (delivery.overlaps.pairs > 0) {
-      found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
-    }
-    if (found.faces.size() >= 2) {
-      cuts.push_back({i, found.faces[0], found.faces[1]});
-    } else if (seams.policy == SeamPolicy::kAuto &&
-               StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * seams.max_stretch) {
-      cuts.push_back({i});
+    const bool is_faulty = !cut.part.empty() || cut.face >= 0;
+    if (is_faulty || (seams.policy == SeamPolicy::kAuto && StretchAsDelivered(*job, *charts, atlas, delivery, chart) >
+                                                               kStretchTolerance * seams.max_stretch)) {
+      cuts.push_back(std::move(cut));
     }
   }
   PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));

@@ -66,7 +66,7 @@ Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, const CornerUv&
   }
   std::map<std::int32_t, std::vector<const MappedChart*>> layers;
   for (const MappedChart& mapped : charts.charts) {
-    layers[options.pack ? AtlasOf(options, mapped.chart.faces) : std::ssize(layers)].push_back(&mapped);
+    layers[options.pack ? AtlasOf(options, mapped.chart.faces.front()) : std::ssize(layers)].push_back(&mapped);
   }
   Overlaps all;
   for (const auto& [number, layer] : layers) {
@@ -85,7 +85,7 @@ double RelativeSeamLength(const Mesh& mesh, const Charts& charts) {
   if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
   std::vector<std::int32_t> ends;
   for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
-    const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map);
+    const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map.closed_slits);
     for (std::size_t c = 0; c < opposite.size(); ++c) {
       if (opposite[c] < 0) ends.push_back(3 * chart.faces[c / 3] + static_cast<std::int32_t>(c % 3));
     }
@@ -118,7 +118,7 @@ Overlaps OverlapsWithin(const std::vector<const MappedChart*>& charts, const Cor
   std::vector<char> own_ignored;
   for (const MappedChart* const mapped : charts) {
     const auto first = static_cast<std::int32_t>(opposite.size());
-    for (const std::int32_t c : OppositeWithClosedSlits(mapped->chart, mapped->map)) {
+    for (const std::int32_t c : OppositeWithClosedSlits(mapped->chart, mapped->map.closed_slits)) {
       opposite.push_back(c < 0 ? -1 : first + c);
     }
     for (const std::int32_t f : mapped->chart.faces) {

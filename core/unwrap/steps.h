@@ -70,8 +70,8 @@ struct Charts {
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
   double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
-  // By atlas (UnwrapOptions::face_atlas): what goes into its tiles or, where all have one texel density, the most that
-  // goes into those of any atlas.
+  // By atlas (AtlasOf()): what goes into its tiles or, where all have one texel density, the most that goes into those
+  // of any atlas. The area is the square of a length that those of charts can be compared with.
   struct AtlasSize {
     double area = 0;     // as drawn
     double longest = 0;  // edge, as drawn: which sets the scale if it is longer than the texture
@@ -87,9 +87,6 @@ struct Charts {
   bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
-  // Of what goes into the tiles that a chart of these faces goes into. The area is the square of a length that its own
-  // can be compared with.
-  const AtlasSize& SizeOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const;
   // The least of these faces'.
   double ReductionOf(const std::vector<std::int32_t>& faces) const;
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
@@ -146,8 +143,8 @@ absl::Status JoinCharts(Job* job, Charts* charts);
 // The same by estimates, before any chart is solved for.
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 
-// The number of the atlas that a chart of these faces goes into.
-std::int32_t AtlasOf(const UnwrapOptions& options, const std::vector<std::int32_t>& faces);
+// The number of the atlas that a face goes into, and with it its chart.
+std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face);
 
 // Where the charts go.
 struct Atlas {

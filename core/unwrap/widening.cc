@@ -80,13 +80,6 @@ ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>
   return thin;
 }
 
-// Enlarges a chart all of whose map is next to nothing: where a face of any shape is too small.
-bool Enlarge(const ThinFaces& thin, double factor, double grain, Chart* chart) {
-  if (!(factor > 1) || !((thin.box.high - thin.box.low).maxCoeff() * factor <= kMostExtent * grain)) return false;
-  chart->enlargement *= factor;
-  return true;
-}
-
 bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
   if (thin.faces.empty()) return false;
   std::vector<std::int32_t> sources;
@@ -113,7 +106,11 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
     any = true;
   }
   if (any) chart->least_angle = std::move(least_angle);
-  if (any || !Enlarge(thin, factor, coarsest, chart)) return any;
+  if (any) return true;
+  // A chart all of whose map is next to nothing is enlarged: a face of any shape is too small in it.
+  const double extent = factor * (thin.box.high - thin.box.low).maxCoeff();
+  if (!(factor > 1) || !(extent <= kMostExtent * coarsest)) return false;
+  chart->enlargement *= factor;
   for (std::size_t i = 0; i < thin.faces.size(); ++i) {
     if (!thin.faces[i].is_small) continue;  // the map squashes it, and must not once it is enlarged
     double& least = least_angle[thin.faces[i].face];
