@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -70,16 +71,10 @@ class Segmentation {
   // Closes the gaps that empty charts leave: per number, the new one, -1 for empty charts. The order stays.
   std::vector<std::int32_t> DropEmpty();
 
-  // What Split() keeps between calls, so that faces which stay where they are take no time; empty before the first.
-  // Per face; is_seen: per half-edge.
-  struct Scratch {
-    std::vector<double> distance;
-    std::vector<std::int32_t> source, moving;
-    std::vector<char> is_seen, is_glued;
-  };
+  // A distance, and the number of what it is measured from.
+  using Nearness = std::pair<double, std::int32_t>;
 
  private:
-  std::vector<std::int32_t> AllFaces() const;
   void CollectFaces();
   bool IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const;
 
@@ -88,7 +83,13 @@ class Segmentation {
   Gluing gluing_;
   std::vector<std::int32_t> chart_;
   std::vector<std::vector<std::int32_t>> faces_;
-  Scratch scratch_;
+  // What Split() keeps between calls, so that faces which stay where they are take no time; empty before the first.
+  // Per face; is_seen: per half-edge.
+  struct {
+    std::vector<Nearness> nearness;
+    std::vector<std::int32_t> moving;
+    std::vector<char> is_seen, is_glued;
+  } scratch_;
 };
 
 }  // namespace planish

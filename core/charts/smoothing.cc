@@ -76,10 +76,9 @@ class Smoothing {
     }
     chart_[f] = chart_[to];
     // Next to the end of a slit its sides may have come together.
-    zipped_.clear();
     if (chart_[neighbour] == chart_[f]) {
-      gluing_.Zip(glued, &zipped_);
-      if (gluing_.IsOutline(previous)) gluing_.Zip(previous, &zipped_);
+      gluing_.Zip(glued);
+      if (gluing_.IsOutline(previous)) gluing_.Zip(previous);
     }
     return true;
   }
@@ -89,7 +88,6 @@ class Smoothing {
   const TriMesh& mesh_;
   Gluing& gluing_;
   std::vector<std::int32_t>& chart_;
-  std::vector<HalfedgeHandle> zipped_;
 };
 
 }  // namespace
