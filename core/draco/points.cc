@@ -146,29 +146,24 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
   return EncodeInOrder(point_bytes, mesh, &encoder);
 }
 
-// Which attributes of `points` come back from `bytes` as they are; nothing if the faces do not.
-std::vector<bool> KeptBy(const std::string& bytes, const DracoPoints& points) {
-  const absl::StatusOr<DracoPoints> again = CheckAndDecode(bytes, false);
-  if (!again.ok() || again->faces != points.faces || again->attributes.size() != points.attributes.size()) return {};
-  std::vector<bool> kept;
-  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
-    kept.push_back(again->attributes[i].values == points.attributes[i].values);
-  }
-  return kept;
-}
-
 absl::StatusOr<std::string> EncodeAndCompare(const DracoPoints& points) {
   std::vector<bool> quantize;
   for (const DracoAttribute& attribute : points.attributes) quantize.push_back(attribute.quantization_bits > 0);
   // What was rounded must come back as it is; where it does not, it is not rounded the next time.
   for (int attempt = 0; attempt < 3; ++attempt) {
     absl::StatusOr<std::string> bytes = Encode(points, quantize);
+    absl::StatusOr<DracoPoints> again = bytes.status();
+    if (bytes.ok()) again = CheckAndDecode(*bytes, false);
+    const bool has_faces = again.ok() && again->faces == points.faces && !quantize.empty() &&
+                           again->attributes.size() == points.attributes.size();
+    bool is_kept = has_faces;
     // What is not finite cannot be rounded; without rounding all but integers above 2^31 can be encoded.
-    const std::vector<bool> kept = bytes.ok() ? KeptBy(*bytes, points) : std::vector<bool>();
-    if (!kept.empty() && std::find(kept.begin(), kept.end(), false) == kept.end()) return bytes;
     for (std::size_t i = 0; i < quantize.size(); ++i) {
-      quantize[i] = quantize[i] && attempt == 0 && !kept.empty() && kept[i];
+      const bool comes_back = has_faces && again->attributes[i].values == points.attributes[i].values;
+      quantize[i] = quantize[i] && attempt == 0 && comes_back;
+      is_kept = is_kept && comes_back;
     }
+    if (is_kept) return bytes;
   }
   return InvalidDraco("OUTPUT_UNSUPPORTED", "Draco cannot hold the values of this mesh: it does not give back the " +
                                                 std::to_string(points.num_points) + " points that it is given");

@@ -77,9 +77,6 @@ class SolvedMaps {
 
   SolvedMaps(Job* job, Charts* charts) : job_(*job), charts_(*charts) {}
 
-  // How many faces may be mapped again, per face of the surface.
-  double work() const { return job_.options.tuning.join_faces; }
-
   // Calls visit(h, where h begins in the map) for every half-edge h of the outline; for none if there is no map.
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
@@ -135,8 +132,6 @@ class EstimatedMaps {
   EstimatedMaps(const Job& job, const Charts& charts, ChartEstimates* estimates)
       : job_(job), charts_(charts), estimates_(*estimates) {}
 
-  double work() const { return job_.options.tuning.join_estimates; }
-
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
     const ChartEstimate& estimate = estimates_.of(i);
@@ -171,7 +166,8 @@ class EstimatedMaps {
 template <class Maps>
 class Joining {
  public:
-  Joining(Job* job, Charts* charts, Maps maps)
+  // `work`: how many faces may be mapped again, per face of the surface.
+  Joining(Job* job, Charts* charts, Maps maps, double work)
       : job_(*job),
         maps_(std::move(maps)),
         charts_(*charts),
@@ -179,9 +175,9 @@ class Joining {
         surface_(*charts->surface),
         tuning_(job->options.tuning),
         place_(surface_.mesh->n_halfedges()),
-        shapes_(segmentation_.charts().size()) {
+        shapes_(segmentation_.charts().size()),
+        left_(work * surface_.num_faces()) {
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
-    left_ = maps_.work() * surface_.num_faces();
   }
 
   absl::Status Run() {
@@ -291,7 +287,10 @@ class Joining {
     const double hulls = shapes_[i].hull_area + shapes_[j].hull_area;
     const int version = std::max(shapes_[i].version, shapes_[j].version) + 1;
     Measure(i);
-    if (shapes_[i].may_join && PacksWell(*attempt, hulls)) {
+    double length = 0;
+    for (const HalfedgeHandle h : attempt->joined.border.glued) length += surface_.length(h);
+    const bool packs_well = !job_.options.pack || shapes_[i].hull_area - hulls <= MostCost(length);
+    if (shapes_[i].may_join && packs_well) {
       shapes_[i].version = version;
       shapes_[j] = {};
       return true;
@@ -308,14 +307,6 @@ class Joining {
     return false;
   }
 
-  // `hulls`: the area of those of the two charts.
-  bool PacksWell(const Attempt& attempt, double hulls) const {
-    if (!job_.options.pack) return true;
-    double length = 0;
-    for (const HalfedgeHandle h : attempt.joined.border.glued) length += surface_.length(h);
-    return shapes_[attempt.joined.chart].hull_area - hulls <= MostCost(length);
-  }
-
   void NoteFailed(std::int32_t i, std::int32_t j) { failed_[{i, j}] = {shapes_[i].version, shapes_[j].version}; }
 
   Job& job_;
@@ -327,7 +318,7 @@ class Joining {
   std::vector<Vec2> place_;    // per half-edge: where it begins in the map of its chart, if it is on the outline
   std::vector<Shape> shapes_;  // per chart
   NeckOptions necks_;
-  double left_ = 0;  // faces that may be solved again
+  double left_;  // faces that may be solved again
   // Charts that could not be joined, by their numbers, with their versions then.
   std::map<std::pair<std::int32_t, std::int32_t>, std::pair<int, int>> failed_;
 };
@@ -337,12 +328,12 @@ class Joining {
 absl::Status JoinCharts(Job* job, Charts* charts) {
   if (job->options.seams.policy != SeamPolicy::kAuto || charts->count() < 2) return absl::OkStatus();
   if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, charts, SolvedMaps(job, charts)).Run();
+  return Joining(job, charts, SolvedMaps(job, charts), job->options.tuning.join_faces).Run();
 }
 
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts) {
   if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, charts, EstimatedMaps(*job, *charts, estimates)).Run();
+  return Joining(job, charts, EstimatedMaps(*job, *charts, estimates), job->options.tuning.join_estimates).Run();
 }
 
 }  // namespace planish

@@ -48,19 +48,16 @@ std::vector<std::int32_t> InOrderOf(const Segmentation& segmentation, std::int32
 // Per face: the middle of all faces that it must not be parted from, itself included.
 std::vector<Vec2> Middles(const Surface& surface, const Chart& chart, const std::vector<Vec2>& positions) {
   const Topology& topology = chart.topology;
-  std::vector<Vec2> middle(topology.num_faces());
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const auto [a, b, c] = TriangleOf(positions, topology.faces[f]);
-    middle[f] = (a + b + c) / 3;
-  }
   std::int32_t count = 0;
   const std::vector<std::int32_t> group = UncutGroups(surface, chart, &count);
   std::vector<Vec2> sum(count, Vec2::Zero());
   std::vector<double> members(count, 0);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    sum[group[f]] += middle[f];
+    const auto [a, b, c] = TriangleOf(positions, topology.faces[f]);
+    sum[group[f]] += (a + b + c) / 3;
     ++members[group[f]];
   }
+  std::vector<Vec2> middle(topology.num_faces());
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) middle[f] = sum[group[f]] / members[group[f]];
   return middle;
 }
@@ -135,8 +132,7 @@ std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, 
   const std::vector<std::int32_t> group = UncutGroups(*charts.surface, chart, &groups);
   std::vector<char> is_alone(groups, 0);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const bool counts = charts.ignored.empty() || charts.ignored[chart.faces[f]] == 0;
-    if (counts && Orientation(TriangleOf(uv, chart.faces[f])) <= 0) is_alone[group[f]] = 1;
+    if (!charts.is_ignored(chart.faces[f]) && Orientation(TriangleOf(uv, chart.faces[f])) <= 0) is_alone[group[f]] = 1;
   }
   const std::vector<std::int32_t> part = ConnectedPieces(
       topology.num_faces(), &parts, [](std::int32_t) { return true; },
@@ -224,7 +220,7 @@ double StretchAsDelivered(const Job& job, const Charts& charts, const Atlas& atl
   MapSums sums;
   for (std::int32_t i = 0; i < chart.topology.num_faces(); ++i) {
     const std::int32_t f = chart.faces[i];
-    if (chart.is_widened(i) || (!charts.ignored.empty() && charts.ignored[f] != 0)) continue;
+    if (chart.is_widened(i) || charts.is_ignored(f)) continue;
     if (IsThin(job.mesh, delivery.uv, atlas.scale, delivery.precision, chart, f)) continue;
     sums.Add(TriangleOf(delivery.uv, f).data(), TriangleOf(job.mesh.positions, job.mesh.faces[f]).data());
   }

@@ -102,7 +102,7 @@ std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, cons
   for (std::size_t f = 0; f < face_atlas.size(); ++f) {
     AtlasReport& report = *by_number.at(face_atlas[f]);
     ++report.faces;
-    if (!charts.ignored.empty() && charts.ignored[f] != 0) continue;
+    if (charts.is_ignored(f)) continue;
     report.packing_efficiency += std::abs(DoubleArea(TriangleOf(uv, static_cast<std::int64_t>(f)))) / 2;
   }
   for (AtlasReport& report : reports) report.packing_efficiency /= report.tiles;
@@ -177,26 +177,23 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   }
   WarnOfPadding(*job, charts, atlas, &result.warnings);
   WarnOfPrecision(delivery, &result.warnings);
-  for (std::int32_t f = 0; f < static_cast<std::int32_t>(charts.least_angle.size()); ++f) {
-    if (charts.least_angle[f] > 0) result.widened.push_back(f);
-  }
-  // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
   for (const MappedChart& mapped : charts.charts) {
-    if (job->options.seams.policy != SeamPolicy::kAuto) break;
     for (const std::int32_t f : mapped.chart.faces) {
-      if (!charts.ignored.empty() && charts.ignored[f] != 0) continue;
-      if (IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f)) result.widened.push_back(f);
+      const bool is_widened = !charts.least_angle.empty() && charts.least_angle[f] > 0;
+      // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
+      const bool may_be_thin = job->options.seams.policy == SeamPolicy::kAuto && !charts.is_ignored(f);
+      if (is_widened ||
+          (may_be_thin && IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f))) {
+        result.widened.push_back(f);
+      }
     }
   }
   std::sort(result.widened.begin(), result.widened.end());
-  result.widened.erase(std::unique(result.widened.begin(), result.widened.end()), result.widened.end());
   WarnOfWidened(result.widened, delivery.precision, &result.warnings);
   result.tiles = atlas.tiles;
   if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;
   result.uv = std::move(delivery.uv);
   result.precision = delivery.precision;
-  const OrientationFaults& orientation = delivery.orientation;
-  const Overlaps& overlaps = delivery.overlaps;
   result.face_chart = charts.FaceChart(job->mesh);
   DistortionSums all;
   result.charts.reserve(charts.charts.size());
@@ -215,16 +212,16 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   for (const AtlasReport& each : result.atlases) tiles += each.charts > 0 ? each.tiles : 0;
   result.quality.packing_efficiency /= std::max(tiles, 1);
   result.quality.seam_length = RelativeSeamLength(job->mesh, charts);
-  result.quality.flipped = orientation.flipped;
-  result.quality.degenerate = orientation.degenerate;
-  result.quality.overlapping = overlaps.pairs;
+  result.quality.flipped = delivery.orientation.flipped;
+  result.quality.degenerate = delivery.orientation.degenerate;
+  result.quality.overlapping = delivery.overlaps.pairs;
   // Faces without area count in the one energy and not in the other, and widened ones keep other angles.
   if (charts.ignored.empty() && charts.least_angle.empty()) WarnOfCoarseFloat(&result);
   if (delivery.stopped) WarnOfStop(result.charts, &result.warnings);
   const SeamOptions& seams = job->options.seams;
   WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? seams.max_stretch : 0, delivery.stopped,
                &result.warnings);
-  WarnOfFaults(orientation, overlaps, &result.warnings);
+  WarnOfFaults(delivery.orientation, delivery.overlaps, &result.warnings);
   result.seconds = job->seconds;
   result.seconds.verify += timer.Restart();
   return result;

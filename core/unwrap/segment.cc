@@ -7,13 +7,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "core/base/error.h"
 #include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/charts/steps.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/diagnosis.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
 #include "core/unwrap/long_needles.h"
@@ -30,13 +30,12 @@ absl::Status CheckPieces(const Segmentation& segmentation) {
     if (segmentation.HasSlit(i)) first_faces.push_back(segmentation.charts()[i].front());
   }
   if (first_faces.empty()) return absl::OkStatus();
-  const std::size_t count = first_faces.size();
-  if (first_faces.size() > kMaxNamed) first_faces.resize(kMaxNamed);
+  const std::int64_t count = std::ssize(first_faces);
   return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
-                   absl::StrCat(count, count == 1 ? " piece" : " pieces",
+                   absl::StrCat(Counted(count, "piece", "pieces"),
                                 " between the given seams cannot lie flat without another seam (closed, with several "
                                 "boundary loops or with a handle); give more seams, or allow them to be added"),
-                   {{"count", absl::StrCat(count)}, {"faces", absl::StrJoin(first_faces, ",")}});
+                   FaceMetadata(count, first_faces));
 }
 
 // Per face: numbers that differ where charts must end because of atlases and weights. Empty: nowhere.

@@ -87,6 +87,7 @@ struct Charts {
   bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
+  bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
   // The least of these faces'.
   double ReductionOf(const std::vector<std::int32_t>& faces) const;
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
