@@ -1,6 +1,5 @@
 #include "core/draco/codec.h"
 
-#include <algorithm>
 #include <array>
 #include <cstring>
 #include <memory>

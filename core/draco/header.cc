@@ -1,7 +1,6 @@
 #include "core/draco/header.h"
 
 #include <array>
-#include <cstring>
 
 #include "core/draco/library.h"
 #include "draco/compression/config/compression_shared.h"

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "core/base/status_macros.h"
 #include "draco/compression/decode.h"
 #include "draco/core/decoder_buffer.h"
 #include "draco/core/encoder_buffer.h"

@@ -85,16 +85,6 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
   return closed;
 }
 
-// The sum of body(face of the chart, its corners in the plane, on the surface, sum) over the faces.
-template <typename Sum, typename Body>
-Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& positions, const Execution& execution,
-              const Body& body) {
-  return execution.SumUp<Sum>(chart.topology.num_faces(), [&](std::int64_t f, Sum* sum) {
-    body(static_cast<std::int32_t>(f), TriangleOf(positions, chart.topology.faces[f]),
-         TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]), sum);
-  });
-}
-
 struct Extent {
   double surface_area = 0, map_area = 0, surface_squares = 0;  // of faces that are not widened; edges squared
   double surface_edges = 0, map_edges = 0;
@@ -113,18 +103,18 @@ constexpr double kLeastArea = 1e-4;
 // To the area of the surface, widened faces left out; where that is next to nothing, to the length of its edges. Then
 // larger as Chart::enlargement says.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
-  const auto extent = OverFaces<Extent>(mesh, chart, *positions, execution,
-                                        [&](std::int32_t f, const Corners2& p, const Corners3& q, Extent* sum) {
-                                          for (int k = 0; k < 3; ++k) {
-                                            sum->map_edges += (p[Next(k)] - p[k]).norm();
-                                            sum->surface_edges += (q[Next(k)] - q[k]).norm();
-                                          }
-                                          if (chart.is_widened(f)) return;
-                                          sum->map_area += std::abs(DoubleArea(p)) / 2;
-                                          sum->surface_area += DoubleArea(q) / 2;
-                                          for (int k = 0; k < 3; ++k)
-                                            sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
-                                        });
+  const auto extent = execution.SumUp<Extent>(chart.topology.num_faces(), [&](std::int32_t f, Extent* sum) {
+    const Corners2 p = TriangleOf(*positions, chart.topology.faces[f]);
+    const Corners3 q = TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]);
+    for (int k = 0; k < 3; ++k) {
+      sum->map_edges += (p[Next(k)] - p[k]).norm();
+      sum->surface_edges += (q[Next(k)] - q[k]).norm();
+    }
+    if (chart.is_widened(f)) return;
+    sum->map_area += std::abs(DoubleArea(p)) / 2;
+    sum->surface_area += DoubleArea(q) / 2;
+    for (int k = 0; k < 3; ++k) sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
+  });
   const double by_edges = extent.map_edges > 0 ? extent.surface_edges / extent.map_edges : 1;
   const double by_area = extent.map_area > 0 ? std::sqrt(extent.surface_area / extent.map_area) : 0;
   const bool has_area = extent.surface_area > kLeastArea * extent.surface_squares && by_area > 1e-3 * by_edges;
@@ -282,11 +272,11 @@ double ExtentOf(const std::vector<Vec2>& points) {
 ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
                        double resolution, const Execution& execution) {
   ChartFaults faults;
-  const auto sums = OverFaces<MapSums>(mesh, chart, map.positions, execution,
-                                       [&](std::int32_t f, const Corners2& p, const Corners3& q, MapSums* sum) {
-                                         const bool counts = ignored.empty() || !ignored[chart.faces[f]];
-                                         if (counts && !chart.is_widened(f)) sum->Add(p.data(), q.data());
-                                       });
+  const auto sums = execution.SumUp<MapSums>(chart.topology.num_faces(), [&](std::int32_t f, MapSums* sum) {
+    if (chart.is_widened(f) || (!ignored.empty() && ignored[chart.faces[f]])) return;
+    sum->Add(TriangleOf(map.positions, chart.topology.faces[f]).data(),
+             TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]).data());
+  });
   faults.stretch = sums.StretchL2();
   faults.extent = ExtentOf(map.positions);
   if (StaysApart(chart, map, resolution)) return faults;

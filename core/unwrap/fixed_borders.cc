@@ -34,10 +34,10 @@ constexpr double kLeastAngle = 1e-3, kLeastLength = 1e-4;
 class BarycentricMap {
  public:
   BarycentricMap(const Topology& disc, const std::vector<Vec3>& places) : disc_(disc), places_(places) {
+    row_.assign(disc.num_vertices, 0);
     PutOutlineOnCircle();
-    row_.assign(disc.num_vertices, -1);
-    for (std::int32_t v = 0; v < disc.num_vertices; ++v) {
-      if (!is_outline_[v]) row_[v] = rows_++;
+    for (std::int32_t& row : row_) {
+      if (row >= 0) row = rows_++;
     }
     AddMeanValueWeights();
     OrderRows();
@@ -74,7 +74,6 @@ class BarycentricMap {
  private:
   void PutOutlineOnCircle() {
     positions_.assign(disc_.num_vertices, Vec2::Zero());
-    is_outline_.assign(disc_.num_vertices, 0);
     std::vector<std::pair<std::int32_t, double>> outline;  // vertices, and the way to each
     double length = 0;
     const Loops loops = BoundaryLoops(disc_.opposite);
@@ -89,7 +88,7 @@ class BarycentricMap {
     for (std::size_t i = 0; i < outline.size(); ++i) {
       const double turn = 2 * std::numbers::pi * (outline[i].second + even * static_cast<double>(i)) / whole;
       positions_[outline[i].first] = Vec2(portable::Cos(turn), portable::Sin(turn));
-      is_outline_[outline[i].first] = 1;
+      row_[outline[i].first] = -1;
     }
   }
 
@@ -103,7 +102,7 @@ class BarycentricMap {
     for (const Face& face : disc_.faces) {
       for (int k = 0; k < 3; ++k) {
         const std::int32_t i = face[k];
-        if (is_outline_[i]) continue;
+        if (row_[i] < 0) continue;
         const Vec3 to_next = places_[face[(k + 1) % 3]] - places_[i], to_last = places_[face[(k + 2) % 3]] - places_[i];
         const double angle = portable::Atan2(to_next.cross(to_last).norm(), to_next.dot(to_last));
         const double half = portable::Tan(std::clamp(angle, kLeastAngle, std::numbers::pi - kLeastAngle) / 2);
@@ -136,7 +135,7 @@ class BarycentricMap {
     for (const Weight& w : weights_) {
       const std::int32_t row = row_[w.from];
       const double share = w.weight * draws[w.to] / sum[row];
-      if (!is_outline_[w.to]) {
+      if (row_[w.to] >= 0) {
         entries.emplace_back(row, row_[w.to], -share);
       } else if (right != nullptr) {
         (*right)[row] += share * positions_[w.to];
@@ -168,8 +167,7 @@ class BarycentricMap {
 
   const Topology& disc_;
   const std::vector<Vec3>& places_;
-  std::vector<Vec2> positions_;  // of the outline
-  std::vector<char> is_outline_;
+  std::vector<Vec2> positions_;    // of the outline
   std::vector<std::int32_t> row_;  // of the matrix, per vertex; -1 on the outline
   std::int32_t rows_ = 0;
   std::vector<Weight> weights_;
@@ -272,7 +270,6 @@ struct Candidate {
   std::optional<FilledChart> filled;  // if it is a piece of a plane with holes, which are slit open
 
   const Topology& topology() const { return mapped->chart.topology; }
-  bool is_slit() const { return mapped->map.closed_slits.size() < mapped->chart.slits.size(); }
   // The present map overlaps itself, or a barrier keeps it open and stretches it.
   bool is_no_use() const {
     return !mapped->faults.is_injective ||
@@ -390,9 +387,9 @@ std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>
 
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution) {
   Candidate candidate = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
-  if (!candidate.is_slit() && !candidate.is_no_use()) return;
+  if (!mapped->is_slit() && !candidate.is_no_use()) return;
   candidate.measured = AnglesToKeep(job->mesh, mapped->chart, execution);
-  if (candidate.is_slit()) candidate.filled = FillHoles(job->mesh, mapped->chart, execution);
+  if (mapped->is_slit()) candidate.filled = FillHoles(job->mesh, mapped->chart, execution);
   for (const Fallback& fallback : kFallbacks) {
     if (!fallback.applies(candidate)) continue;
     const bool is_sound = mapped->faults.is_injective && mapped->faults.stretch <= kMostStretchForBorders;

@@ -326,8 +326,8 @@ class Joining {
 }  // namespace
 
 absl::Status JoinCharts(Job* job, Charts* charts) {
-  if (job->options.seams.policy != SeamPolicy::kAuto || charts->count() < 2) return absl::OkStatus();
-  if (job->execution.IsStopRequested()) return absl::OkStatus();
+  const bool may_join = job->options.seams.policy == SeamPolicy::kAuto && charts->count() > 1;
+  if (!may_join || job->execution.IsStopRequested()) return absl::OkStatus();
   return Joining(job, charts, SolvedMaps(job, charts), job->options.tuning.join_faces).Run();
 }
 

@@ -60,6 +60,9 @@ struct MappedChart {
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
   absl::Status status;  // of solve and layout
+
+  // Whether the chart is no disc, and its map has a slit.
+  bool is_slit() const { return map.closed_slits.size() < chart.slits.size(); }
 };
 
 // All that passes between the steps: a record, each member of which several of them read.

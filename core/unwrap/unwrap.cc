@@ -106,13 +106,6 @@ absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* ch
   return absl::OkStatus();
 }
 
-// Charts that are no discs and are mapped with a slit.
-std::int64_t CountSlit(const Charts& charts) {
-  std::int64_t slit = 0;
-  for (const MappedChart& mapped : charts.charts) slit += mapped.map.closed_slits.size() < mapped.chart.slits.size();
-  return slit;
-}
-
 // What becomes of the charts after a stop: STOPPED_EARLY if there is no valid map.
 absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts& charts) {
   if (!job.execution.IsStopRequested()) return made;
@@ -174,7 +167,9 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
       continue;
     }
     if (options.seams.policy == SeamPolicy::kNeeded) {
-      WarnOfAddedSeams(CountSlit(charts), charts.count() - first_count, &job.warnings);
+      const auto is_slit = [](const MappedChart& mapped) { return mapped.is_slit(); };
+      WarnOfAddedSeams(std::count_if(charts.charts.begin(), charts.charts.end(), is_slit), charts.count() - first_count,
+                       &job.warnings);
     }
     return Report(&job, charts, atlas, std::move(delivery));
   }

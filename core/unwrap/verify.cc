@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <iterator>
+#include <optional>
 #include <set>
 #include <span>
 #include <utility>
@@ -47,11 +48,14 @@ Vec2 To(const CornerUv& uv, std::int32_t c) {
 }
 
 struct Outlines : Loops {
-  std::vector<std::int32_t> loop_of;  // of each item
-  bool is_torn = false;
+  std::vector<std::int32_t> loop_of;   // of each item
+  std::vector<std::int32_t> chart_of;  // of each loop; FindCharts() sets it
+  std::int32_t num_charts = 0;
 };
 
-Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, const Execution& execution) {
+// Nothing if an edge inside a chart is torn, or after a cancellation.
+std::optional<Outlines> Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
+                              const Execution& execution) {
   struct Part {
     std::vector<std::int32_t> outline;
     bool is_torn = false;
@@ -69,23 +73,17 @@ Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, co
       part->is_torn = true;
     }
   });
-  Outlines outlines;
-  outlines.is_torn = all.is_torn;
-  if (outlines.is_torn || execution.IsCancelled()) return outlines;
-  static_cast<Loops&>(outlines) = BoundaryLoops(opposite, all.outline);
+  if (all.is_torn || execution.IsCancelled()) return std::nullopt;
+  Outlines outlines = {BoundaryLoops(opposite, all.outline), {}, {}};
   for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
   return outlines;
 }
 
-// Per loop: the chart it belongs to, some number.
-std::vector<std::int32_t> ChartsOf(const std::vector<std::int32_t>& opposite, const Outlines& outlines,
-                                   std::int32_t* count) {
+void FindCharts(const std::vector<std::int32_t>& opposite, Outlines* outlines) {
   const std::vector<std::int32_t> chart = ConnectedPieces(
-      static_cast<std::int32_t>(opposite.size() / 3), count, [](std::int32_t) { return true; },
+      static_cast<std::int32_t>(opposite.size() / 3), &outlines->num_charts, [](std::int32_t) { return true; },
       [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
-  std::vector<std::int32_t> of_loop;
-  for (std::int32_t i = 0; i < outlines.count(); ++i) of_loop.push_back(chart[outlines[i][0] / 3]);
-  return of_loop;
+  for (std::int32_t i = 0; i < outlines->count(); ++i) outlines->chart_of.push_back(chart[(*outlines)[i][0] / 3]);
 }
 
 bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree, std::atomic<std::int64_t>* tests_left,
@@ -133,30 +131,28 @@ int SenseOf(const Outlines& outlines, std::int32_t loop, const CornerUv& uv) {
 
 // Whether one loop of each chart runs counter-clockwise and all others clockwise, as round holes. A hole that is turned
 // inside out overlaps the faces round it, though its sides meet at its corners only.
-bool HolesAreOpen(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop, std::int32_t num_charts,
-                  const CornerUv& uv) {
-  std::vector<char> has_outer(num_charts, 0);
+bool HolesAreOpen(const Outlines& outlines, const CornerUv& uv) {
+  std::vector<char> has_outer(outlines.num_charts, 0);
   for (std::int32_t loop = 0; loop < outlines.count(); ++loop) {
     const int sense = SenseOf(outlines, loop, uv);
-    if (sense == 0 || (sense > 0 && has_outer[chart_of_loop[loop]] != 0)) return false;
-    if (sense > 0) has_outer[chart_of_loop[loop]] = 1;
+    if (sense == 0 || (sense > 0 && has_outer[outlines.chart_of[loop]] != 0)) return false;
+    if (sense > 0) has_outer[outlines.chart_of[loop]] = 1;
   }
   return true;
 }
 
 // Whether the outlines of other charts wind round some point of each chart's outline; true as well after too many
 // tests.
-bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop,
-                       std::int32_t num_charts, const CornerUv& uv, const BoxTree& tree,
+bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree,
                        std::atomic<std::int64_t>* tests_left, const Execution& execution) {
-  std::vector<Box> box_of_chart(num_charts);
+  std::vector<Box> box_of_chart(outlines.num_charts);
   for (std::size_t j = 0; j < tree.boxes().size(); ++j) {
-    box_of_chart[chart_of_loop[outlines.loop_of[j]]].Add(tree.boxes()[j]);
+    box_of_chart[outlines.chart_of[outlines.loop_of[j]]].Add(tree.boxes()[j]);
   }
   const BoxTree charts(std::move(box_of_chart), execution);
-  std::vector<char> done(num_charts, 0);
-  for (std::size_t loop = 0; loop < chart_of_loop.size() && !execution.IsCancelled(); ++loop) {
-    const std::int32_t chart = chart_of_loop[loop];
+  std::vector<char> done(outlines.num_charts, 0);
+  for (std::size_t loop = 0; loop < outlines.chart_of.size() && !execution.IsCancelled(); ++loop) {
+    const std::int32_t chart = outlines.chart_of[loop];
     if (done[chart]) continue;
     done[chart] = 1;
     const Vec2 p = From(uv, outlines.item[outlines.begin[loop]]);
@@ -174,7 +170,7 @@ bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>
     int winding = 0;
     tree.ForEachMeeting(ray, [&](std::int32_t j) {
       if (--*tests_left < 0) return false;
-      if (!may_hold(chart_of_loop[outlines.loop_of[j]])) return true;
+      if (!may_hold(outlines.chart_of[outlines.loop_of[j]])) return true;
       const Vec2 from = From(uv, outlines.item[j]), to = To(uv, outlines.item[j]);
       if (from.y() <= p.y() && to.y() > p.y() && Orientation(from, to, p) > 0) ++winding;
       if (from.y() > p.y() && to.y() <= p.y() && Orientation(from, to, p) < 0) --winding;
@@ -191,18 +187,16 @@ bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>
 bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv& uv, std::int64_t max_tests,
                       const Execution& execution) {
   std::atomic<std::int64_t> tests_left = max_tests;
-  const Outlines outlines = Trace(opposite, uv, execution);
-  if (outlines.is_torn || outlines.item.empty() || execution.IsCancelled()) return false;
+  std::optional<Outlines> outlines = Trace(opposite, uv, execution);
+  if (!outlines || outlines->item.empty()) return false;
   std::vector<Box> boxes;
-  boxes.reserve(outlines.item.size());
-  for (const std::int32_t c : outlines.item) boxes.push_back(Box::Around(From(uv, c), To(uv, c)));
+  boxes.reserve(outlines->item.size());
+  for (const std::int32_t c : outlines->item) boxes.push_back(Box::Around(From(uv, c), To(uv, c)));
   const BoxTree tree(std::move(boxes), execution);
-  if (!DoNotMeet(outlines, uv, tree, &tests_left, execution)) return false;
-  if (outlines.count() == 1) return true;  // one loop
-  std::int32_t num_charts = 0;
-  const std::vector<std::int32_t> chart_of_loop = ChartsOf(opposite, outlines, &num_charts);
-  if (!HolesAreOpen(outlines, chart_of_loop, num_charts, uv)) return false;
-  return !LiesInsideAnother(outlines, chart_of_loop, num_charts, uv, tree, &tests_left, execution) &&
+  if (!DoNotMeet(*outlines, uv, tree, &tests_left, execution)) return false;
+  if (outlines->count() == 1) return true;  // one loop
+  FindCharts(opposite, &*outlines);
+  return HolesAreOpen(*outlines, uv) && !LiesInsideAnother(*outlines, uv, tree, &tests_left, execution) &&
          !execution.IsCancelled();
 }
 
