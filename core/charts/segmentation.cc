@@ -251,15 +251,11 @@ void Segmentation::UndoJoin(const Joined& joined) {
   for (const std::int32_t f : joined.other_faces) chart_[f] = joined.other;
 }
 
-std::vector<std::int32_t> Segmentation::DropEmpty() {
-  std::vector<std::int32_t> number(faces_.size(), -1);
-  std::int32_t count = 0;
-  for (std::size_t i = 0; i < faces_.size(); ++i) {
-    if (!faces_[i].empty()) number[i] = count++;
+void Segmentation::DropEmpty() {
+  std::erase_if(faces_, [](const std::vector<std::int32_t>& faces) { return faces.empty(); });
+  for (std::int32_t i = 0; i < std::ssize(faces_); ++i) {
+    for (const std::int32_t f : faces_[i]) chart_[f] = i;
   }
-  for (std::int32_t& i : chart_) i = i < 0 ? i : number[i];
-  CollectFaces();
-  return number;
 }
 
 }  // namespace planish

@@ -68,8 +68,8 @@ class Segmentation {
   std::optional<Joined> Join(const Joint& joint);
   // The last Join() of these two charts.
   void UndoJoin(const Joined& joined);
-  // Closes the gaps that empty charts leave: per number, the new one, -1 for empty charts. The order stays.
-  std::vector<std::int32_t> DropEmpty();
+  // Closes the gaps in the numbers that empty charts leave. The order stays.
+  void DropEmpty();
 
   // A distance, and the number of what it is measured from.
   using Nearness = std::pair<double, std::int32_t>;

@@ -108,15 +108,9 @@ class SolvedMaps {
     return SolveCharts(&job_, todo, &charts_);
   }
 
-  // After Segmentation::DropEmpty().
-  void Renumber(const std::vector<std::int32_t>& number) {
-    std::int32_t count = 0;
-    for (std::int32_t i = 0; i < static_cast<std::int32_t>(number.size()); ++i) {
-      if (number[i] < 0) continue;
-      if (number[i] != i) charts_.charts[number[i]] = std::move(charts_.charts[i]);
-      ++count;
-    }
-    charts_.charts.resize(count);
+  // As Segmentation::DropEmpty().
+  void DropEmpty() {
+    std::erase_if(charts_.charts, [](const MappedChart& mapped) { return mapped.chart.faces.empty(); });
   }
 
  private:
@@ -155,7 +149,7 @@ class EstimatedMaps {
   }
 
   // The estimates are of no more use.
-  void Renumber(const std::vector<std::int32_t>&) {}
+  void DropEmpty() {}
 
  private:
   const Job& job_;
@@ -185,7 +179,8 @@ class Joining {
       PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Round());
       if (!goes_on) break;
     }
-    maps_.Renumber(segmentation_.DropEmpty());
+    segmentation_.DropEmpty();
+    maps_.DropEmpty();
     return absl::OkStatus();
   }
 
