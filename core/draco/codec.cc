@@ -3,7 +3,6 @@
 #include <array>
 #include <cstring>
 #include <memory>
-#include <optional>
 #include <set>
 #include <vector>
 
@@ -11,6 +10,7 @@
 #include "core/base/status_macros.h"
 #include "core/draco/header.h"
 #include "core/draco/library.h"
+#include "core/mesh/half_edges.h"
 #include "draco/compression/expert_encode.h"
 #include "draco/mesh/mesh.h"
 
@@ -27,11 +27,9 @@ absl::Status CheckCount(const std::string& element, std::int64_t count, std::int
                    {{"element", element}, {"declared", std::to_string(count)}, {"limit", std::to_string(limit)}});
 }
 
-absl::Status CheckCounts(std::optional<std::int64_t> faces, std::optional<std::int64_t> vertices,
-                         const DracoLimits& limits) {
-  if (faces) PLANISH_RETURN_IF_ERROR(CheckCount("faces", *faces, limits.max_faces));
-  if (vertices) PLANISH_RETURN_IF_ERROR(CheckCount("vertices", *vertices, limits.max_vertices));
-  return absl::OkStatus();
+absl::Status CheckCounts(std::int64_t faces, std::int64_t vertices, const DracoLimits& limits) {
+  PLANISH_RETURN_IF_ERROR(CheckCount("faces", faces, limits.max_faces));
+  return CheckCount("vertices", vertices, limits.max_vertices);
 }
 
 absl::Status CheckEncodable(const Mesh& mesh) {
@@ -102,7 +100,7 @@ void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
   };
   const std::vector<std::int32_t> order =
       SortedIndices(vertices, [&](std::int32_t a, std::int32_t b) { return compare(a, b) < 0; });
-  std::vector<std::int32_t> joined_with = Indices(vertices);
+  std::vector<std::int32_t> number = Indices(vertices);  // of the vertex that it is joined with, then of the new one
   for (std::int64_t begin = 0, end = 0; begin < vertices; begin = end) {
     std::set<std::string> others;
     for (end = begin; end < vertices && compare(order[begin], order[end]) == 0; ++end) {
@@ -110,19 +108,13 @@ void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
       if (end > begin) others.insert(OtherValues(decoded, order[end]));
     }
     if (static_cast<std::int64_t>(others.size()) != end - begin) continue;
-    for (std::int64_t i = begin; i < end; ++i) joined_with[order[i]] = order[begin];
+    for (std::int64_t i = begin; i < end; ++i) number[order[i]] = order[begin];
   }
-
-  std::vector<std::int32_t> new_vertex(vertices);
-  std::int32_t count = 0;
-  for (std::int32_t v = 0; v < vertices; ++v) {
-    if (joined_with[v] != v) continue;
-    mesh->positions[count] = mesh->positions[v];
-    new_vertex[v] = count++;
-  }
+  const std::int32_t count = NumberByFirst(vertices, &number);
+  for (std::int64_t v = 0; v < vertices; ++v) mesh->positions[number[v]] = mesh->positions[v];
   mesh->positions.resize(count);
   for (Face& face : mesh->faces) {
-    for (std::int32_t& vertex : face) vertex = new_vertex[joined_with[vertex]];
+    for (std::int32_t& vertex : face) vertex = number[vertex];
   }
 }
 
@@ -154,7 +146,7 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& li
 absl::StatusOr<Mesh> CheckAndDecode(std::string_view bytes, const DracoLimits& limits) {
   PLANISH_ASSIGN_OR_RETURN(const DracoCounts declared, PeekDraco(bytes));
   if (declared.geometry == DracoGeometry::kMesh) {
-    PLANISH_RETURN_IF_ERROR(CheckCounts(declared.faces, declared.vertices, limits));
+    PLANISH_RETURN_IF_ERROR(CheckCounts(declared.faces.value_or(0), declared.vertices.value_or(0), limits));
   }
   PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> decoded, OpenDraco(bytes));
   return FromDraco(*decoded, limits);

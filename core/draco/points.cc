@@ -34,14 +34,11 @@ static_assert(static_cast<int>(DracoKind::kPosition) == draco::GeometryAttribute
 static_assert(static_cast<int>(DracoKind::kTexcoord) == draco::GeometryAttribute::TEX_COORD);
 static_assert(static_cast<int>(DracoKind::kGeneric) == draco::GeometryAttribute::GENERIC);
 
-DracoKind KindOf(draco::GeometryAttribute::Type type) {
-  const bool is_named = type >= 0 && type < draco::GeometryAttribute::GENERIC;
-  return is_named ? static_cast<DracoKind>(type) : DracoKind::kGeneric;
-}
-
 absl::StatusOr<DracoAttribute> CopyAttribute(const draco::PointAttribute& source, std::uint32_t num_points) {
   DracoAttribute attribute;
-  attribute.kind = KindOf(source.attribute_type());
+  const auto type = source.attribute_type();
+  const bool is_named = type >= 0 && type < draco::GeometryAttribute::GENERIC;
+  attribute.kind = is_named ? static_cast<DracoKind>(type) : DracoKind::kGeneric;
   attribute.unique_id = source.unique_id();
   attribute.component = source.data_type();
   attribute.components = source.num_components();

@@ -186,6 +186,13 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
   return piece;
 }
 
+// The same of all faces.
+template <typename Neighbour>
+std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* count, const Neighbour& neighbour) {
+  const auto all = [](std::int32_t) { return true; };
+  return ConnectedPieces(num_faces, count, all, neighbour);
+}
+
 // Numbers anew what has labels in [0, num_labels): 0, 1, 2, ... in the order in which labels come first; -1 stays.
 // Returns how many different labels there are.
 inline std::int32_t NumberByFirst(std::size_t num_labels, std::vector<std::int32_t>* labels) {

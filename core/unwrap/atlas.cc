@@ -83,9 +83,7 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
     if (own.size() > 1) atlas->padding = std::min(atlas->padding, packing.padding);
   }
   if (!std::isfinite(atlas->scale)) atlas->scale = 1;
-  for (const auto& [number, report] : reports) {
-    if (!options.face_atlas.empty()) atlas->atlases.push_back(report);
-  }
+  if (!options.face_atlas.empty()) atlas->atlases = std::move(reports);
 }
 
 // Sets where each chart's map goes.

@@ -209,14 +209,9 @@ bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
 // needle.
 std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
   const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
-  int first = 0;  // of the longest edge
-  double longest = -1;
-  for (int k = 0; k < 3; ++k) {
-    const double length = (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm();
-    if (length <= longest) continue;
-    longest = length;
-    first = k;
-  }
+  const auto length = [&](int k) { return (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm(); };
+  const int first = std::max({0, 1, 2}, [&](int a, int b) { return length(a) < length(b); });
+  const double longest = length(first);
   const Vec3& origin = mesh.positions[corners[first]];
   const Vec3 along = (mesh.positions[corners[Next(first)]] - origin) / longest;
   const Vec3 apex = mesh.positions[corners[Prev(first)]] - origin;

@@ -26,12 +26,10 @@ constexpr int kWideningsOfParts = 4;
 // Per face of the chart: the number of its group, the faces that it must not be parted from.
 std::vector<std::int32_t> UncutGroups(const Surface& surface, const Chart& chart, std::int32_t* count) {
   const Topology& topology = chart.topology;
-  return ConnectedPieces(
-      topology.num_faces(), count, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t o = topology.opposite[3 * f + k];
-        return o >= 0 && surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
-      });
+  return ConnectedPieces(topology.num_faces(), count, [&](std::int32_t f, int k) {
+    const std::int32_t o = topology.opposite[3 * f + k];
+    return o >= 0 && surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
+  });
 }
 
 // `part`, per face of the chart, in the order of the segmentation.
@@ -75,12 +73,10 @@ std::vector<std::int32_t> Pieces(const Topology& topology, const std::vector<Vec
       if (p != q && Box::Around(p, q).Meets(box) && SegmentsMeet(a, b, p, q)) crossed[c] = crossed[o] = 1;
     }
   }
-  return ConnectedPieces(
-      topology.num_faces(), count, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t c = 3 * f + k;
-        return topology.opposite[c] < 0 || crossed[c] ? -1 : topology.opposite[c] / 3;
-      });
+  return ConnectedPieces(topology.num_faces(), count, [&](std::int32_t f, int k) {
+    const std::int32_t c = 3 * f + k;
+    return topology.opposite[c] < 0 || crossed[c] ? -1 : topology.opposite[c] / 3;
+  });
 }
 
 // All but the largest `most` pieces go to a neighbour, the one with the longest common border, smallest pieces first.
@@ -134,13 +130,11 @@ std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, 
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
     if (!charts.is_ignored(chart.faces[f]) && Orientation(TriangleOf(uv, chart.faces[f])) <= 0) is_alone[group[f]] = 1;
   }
-  const std::vector<std::int32_t> part = ConnectedPieces(
-      topology.num_faces(), &parts, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t o = topology.opposite[3 * f + k];
-        if (o < 0 || group[o / 3] == group[f]) return o < 0 ? -1 : o / 3;
-        return is_alone[group[f]] || is_alone[group[o / 3]] ? -1 : o / 3;
-      });
+  const std::vector<std::int32_t> part = ConnectedPieces(topology.num_faces(), &parts, [&](std::int32_t f, int k) {
+    const std::int32_t o = topology.opposite[3 * f + k];
+    if (o < 0 || group[o / 3] == group[f]) return o < 0 ? -1 : o / 3;
+    return is_alone[group[f]] || is_alone[group[o / 3]] ? -1 : o / 3;
+  });
   if (parts < 2 || std::find(is_alone.begin(), is_alone.end(), 1) == is_alone.end()) return {};
   return InOrderOf(*charts.segmentation, number, chart, part);
 }
@@ -201,17 +195,16 @@ absl::StatusOr<bool> Split(Job* job, const std::vector<Segmentation::Cut>& cuts,
 // Whether a chart is stretched too far, or too long for the packer.
 bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int32_t>& faces, double stretch,
                 double extent) {
-  if (faces.size() < 2) return false;
   const SeamOptions& seams = job.options.seams;
   const AtlasTuning& tuning = job.options.tuning;
+  if (faces.size() < 2 || seams.policy != SeamPolicy::kAuto) return false;
   double area = 0;
   for (const std::int32_t f : faces) area += charts.surface->area[f];
   const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
-  const bool is_stretched = seams.policy == SeamPolicy::kAuto && stretch > tuning.stretch_slack * seams.max_stretch;
   // No cut makes a face shorter: others as long as the longest one need no cut either.
   const double most_extent = std::max(tuning.max_extent * std::sqrt(whole), longest);
   const bool is_long = area < tuning.whole_area * whole && extent > most_extent;
-  return is_stretched || (seams.policy == SeamPolicy::kAuto && job.options.pack && is_long);
+  return stretch > tuning.stretch_slack * seams.max_stretch || (job.options.pack && is_long);
 }
 
 // Root mean square stretch of a chart without the faces that the report names as thinner than the type can hold.

@@ -95,17 +95,19 @@ double RelativeSeamLength(const Mesh& mesh, const Charts& charts) {
 
 // With how many faces each atlas has, and how full it is.
 std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv) {
-  std::vector<AtlasReport> reports = atlas.atlases;
-  std::map<std::int32_t, AtlasReport*> by_number;
-  for (AtlasReport& report : reports) by_number[report.atlas] = &report;
+  std::map<std::int32_t, AtlasReport> by_number = atlas.atlases;
   const std::vector<std::int32_t>& face_atlas = job.options.face_atlas;
   for (std::size_t f = 0; f < face_atlas.size(); ++f) {
-    AtlasReport& report = *by_number.at(face_atlas[f]);
+    AtlasReport& report = by_number.at(face_atlas[f]);
     ++report.faces;
     if (charts.is_ignored(f)) continue;
     report.packing_efficiency += std::abs(DoubleArea(TriangleOf(uv, static_cast<std::int64_t>(f)))) / 2;
   }
-  for (AtlasReport& report : reports) report.packing_efficiency /= report.tiles;
+  std::vector<AtlasReport> reports;
+  for (auto& [number, report] : by_number) {
+    report.packing_efficiency /= report.tiles;
+    reports.push_back(report);
+  }
   return reports;
 }
 

@@ -156,7 +156,7 @@ struct Atlas {
   int tiles = 1;
   double scale = 1;    // UV length per length on the surface, at weight 1; the least of all atlases
   double padding = 0;  // texels that are free between charts, PackOptions::padding unless there is no room
-  std::vector<AtlasReport> atlases;  // as UnwrapResult::atlases; faces and efficiency are not set
+  std::map<std::int32_t, AtlasReport> atlases;  // by AtlasReport::atlas; faces and efficiency are not set
 };
 
 // Packs the charts (core/pack/pack.h). The one chart of SeamPolicy::kNone fills the unit square as far as it goes,

@@ -80,9 +80,9 @@ std::optional<Outlines> Trace(const std::vector<std::int32_t>& opposite, const C
 }
 
 void FindCharts(const std::vector<std::int32_t>& opposite, Outlines* outlines) {
-  const std::vector<std::int32_t> chart = ConnectedPieces(
-      static_cast<std::int32_t>(opposite.size() / 3), &outlines->num_charts, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
+  const std::vector<std::int32_t> chart =
+      ConnectedPieces(static_cast<std::int32_t>(opposite.size() / 3), &outlines->num_charts,
+                      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
   for (std::int32_t i = 0; i < outlines->count(); ++i) outlines->chart_of.push_back(chart[(*outlines)[i][0] / 3]);
 }
 
