@@ -294,14 +294,10 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   return faults;
 }
 
-bool IsTriangleAsMeasured(const Chart& chart) {
-  return chart.faces.size() == 1 && (chart.least_angle.empty() || chart.least_angle[0] == 0);
-}
-
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution) {
-  std::vector<Vec2> positions =
-      IsTriangleAsMeasured(chart) ? LayOutTriangle(mesh, chart) : LayOut(chart.topology, flattening.angles, execution);
+  std::vector<Vec2> positions = chart.is_triangle_as_measured() ? LayOutTriangle(mesh, chart)
+                                                                : LayOut(chart.topology, flattening.angles, execution);
   return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(positions), execution);
 }
 

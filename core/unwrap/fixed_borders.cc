@@ -352,32 +352,20 @@ absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
   return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
-struct Fallback {
-  bool (*applies)(const Candidate& candidate);
-  absl::StatusOr<ChartMap> (*map)(const Candidate& candidate);
-  double better;  // how many times less stretched than the present map, if that is sound
-};
-
-// In the order in which they are tried. A chart whose holes have been filled needs no slit; once it has such a map, the
-// search ends.
-const std::array<Fallback, 4> kFallbacks = {{
-    // ABF of the chart with its holes filled, if they can be.
-    {[](const Candidate& c) { return c.filled.has_value(); }, MapByAbf, 1 / kMostStretchForHoles},
-    // A barycentric map of that.
-    {[](const Candidate& c) { return c.filled.has_value() && c.topology().num_faces() <= kMostFacesForBarycentres; },
-     MapByMeans, 1 / kMostStretchForHoles},
-    // ABF with a convex outline, where the caller has not asked for that anyway.
-    {[](const Candidate& c) {
-       return c.is_no_use() && c.job->options.flatten.boundary == BoundaryType::kFree &&
-              c.topology().num_faces() <= kMostFacesForConvex;
-     },
-     MapConvex, 1},
-    // A barycentric map within the slit outline.
-    {[](const Candidate& c) {
-       return c.is_no_use() && !c.filled && c.topology().num_faces() <= kMostFacesForBarycentres;
-     },
-     MapByMeans, kMostStretchOfAbf},
-}};
+// Takes another map if it is sound, and so many times less stretched than the present one if that is sound, too.
+// Returns whether it has.
+bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> map, double better) {
+  if (!map.ok() || !map->flatten->converged) return false;
+  const ChartFaults& present = c.mapped->faults;
+  const bool is_sound = present.is_injective && present.stretch <= kMostStretchForBorders;
+  const double most = is_sound ? present.stretch / better : kMostStretchForBorders;
+  const ChartFaults faults =
+      FindFaults(c.job->mesh, c.mapped->chart, *map, charts.ignored, charts.resolution, c.execution);
+  if (!faults.is_injective || faults.stretch > most) return false;
+  c.mapped->map = *std::move(map);
+  c.mapped->faults = faults;
+  return true;
+}
 
 }  // namespace
 
@@ -386,22 +374,20 @@ std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>
 }
 
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution) {
-  Candidate candidate = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
-  if (!mapped->is_slit() && !candidate.is_no_use()) return;
-  candidate.measured = AnglesToKeep(job->mesh, mapped->chart, execution);
-  if (mapped->is_slit()) candidate.filled = FillHoles(job->mesh, mapped->chart, execution);
-  for (const Fallback& fallback : kFallbacks) {
-    if (!fallback.applies(candidate)) continue;
-    const bool is_sound = mapped->faults.is_injective && mapped->faults.stretch <= kMostStretchForBorders;
-    const double most = is_sound ? mapped->faults.stretch / fallback.better : kMostStretchForBorders;
-    absl::StatusOr<ChartMap> map = fallback.map(candidate);
-    if (!map.ok() || !map->flatten->converged) continue;
-    const ChartFaults faults = FindFaults(job->mesh, mapped->chart, *map, charts.ignored, charts.resolution, execution);
-    if (!faults.is_injective || faults.stretch > most) continue;
-    mapped->map = *std::move(map);
-    mapped->faults = faults;
-    if (candidate.filled && fallback.map != MapConvex) return;
-  }
+  Candidate c = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
+  if (!mapped->is_slit() && !c.is_no_use()) return;
+  c.measured = AnglesToKeep(job->mesh, mapped->chart, execution);
+  if (mapped->is_slit()) c.filled = FillHoles(job->mesh, mapped->chart, execution);
+  const std::int32_t num_faces = c.topology().num_faces();
+  const bool is_small = num_faces <= kMostFacesForBarycentres;
+  // A chart whose holes have been filled needs no slit; once it has such a map, the search ends.
+  if (c.filled && Takes(c, charts, MapByAbf(c), 1 / kMostStretchForHoles)) return;
+  if (c.filled && is_small && Takes(c, charts, MapByMeans(c), 1 / kMostStretchForHoles)) return;
+  // ABF with a convex outline, where the caller has not asked for that anyway.
+  const bool is_free = job->options.flatten.boundary == BoundaryType::kFree;
+  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex) Takes(c, charts, MapConvex(c), 1);
+  // A barycentric map within the slit outline.
+  if (c.is_no_use() && !c.filled && is_small) Takes(c, charts, MapByMeans(c), kMostStretchOfAbf);
 }
 
 }  // namespace planish

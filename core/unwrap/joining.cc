@@ -206,9 +206,6 @@ class Joining {
     shape.may_join = maps_.IsSound(i);
   }
 
-  // Where a half-edge of an outline begins in the map of its chart.
-  const Vec2& PlaceAt(HalfedgeHandle h) const { return place_[h.idx()]; }
-
   // The number of faces of two charts that are worth a try.
   std::optional<std::size_t> Consider(const Segmentation::Joint& joint) const {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
@@ -223,9 +220,10 @@ class Joining {
     if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
     std::vector<Vec2> from, to;
     for (const HalfedgeHandle h : joint.border) {
+      const Gluing& gluing = segmentation_.gluing();
       const HalfedgeHandle across = surface_.mesh->opposite_halfedge_handle(h);
-      from.insert(from.end(), {PlaceAt(segmentation_.gluing().After(across)), PlaceAt(across)});
-      to.insert(to.end(), {PlaceAt(h), PlaceAt(segmentation_.gluing().After(h))});
+      from.insert(from.end(), {place_[gluing.After(across).idx()], place_[across.idx()]});
+      to.insert(to.end(), {place_[h.idx()], place_[gluing.After(h).idx()]});
       mapped_length += (to[to.size() - 1] - to[to.size() - 2]).norm();
     }
     const std::optional<Motion> motion = Fit(from, to);

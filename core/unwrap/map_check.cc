@@ -33,7 +33,10 @@ struct FaceSizes {
 struct AngleErrors {
   double sum = 0, angles = 0;
 
-  void Add(double of_face) { sum += of_face, angles += 3; }
+  void Add(double of_face) {
+    sum += of_face;
+    angles += 3;
+  }
   double Mean() const { return angles > 0 ? sum / angles : 0; }
 };
 

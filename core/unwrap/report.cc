@@ -81,14 +81,13 @@ Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, const CornerUv&
   return all;
 }
 
-double RelativeSeamLength(const Mesh& mesh, const Charts& charts) {
+// `face_chart`: as UnwrapResult::face_chart.
+double RelativeSeamLength(const Mesh& mesh, const Charts& charts, const std::vector<std::int32_t>& face_chart) {
   if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
+  const std::vector<std::int32_t> opposite = charts.Opposite(mesh);
   std::vector<std::int32_t> ends;
-  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
-    const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map.closed_slits);
-    for (std::size_t c = 0; c < opposite.size(); ++c) {
-      if (opposite[c] < 0) ends.push_back(3 * chart.faces[c / 3] + static_cast<std::int32_t>(c % 3));
-    }
+  for (std::int32_t c = 0; c < std::ssize(opposite); ++c) {
+    if (opposite[c] < 0 && face_chart[c / 3] >= 0) ends.push_back(c);
   }
   return SeamLength(mesh, ends, [](std::int32_t) { return false; }) / std::sqrt(charts.total_area);
 }
@@ -213,7 +212,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   int tiles = result.atlases.empty() ? result.tiles : 0;
   for (const AtlasReport& each : result.atlases) tiles += each.charts > 0 ? each.tiles : 0;
   result.quality.packing_efficiency /= std::max(tiles, 1);
-  result.quality.seam_length = RelativeSeamLength(job->mesh, charts);
+  result.quality.seam_length = RelativeSeamLength(job->mesh, charts, result.face_chart);
   result.quality.flipped = delivery.orientation.flipped;
   result.quality.degenerate = delivery.orientation.degenerate;
   result.quality.overlapping = delivery.overlaps.pairs;

@@ -71,7 +71,7 @@ void ShareSummaries(const std::vector<std::int32_t>& todo, Charts* charts) {
   std::shared_ptr<const FlattenSummary>* shared = nullptr;
   for (const std::int32_t i : todo) {
     auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
-    if (!status.ok() || !IsTriangleAsMeasured(chart)) continue;
+    if (!status.ok() || !chart.is_triangle_as_measured()) continue;
     if (shared != nullptr) map.flatten = *shared;
     shared = &map.flatten;
   }
