@@ -117,12 +117,12 @@ struct Groups {
 // Half-edges on the boundary, counter-clockwise round the faces: a group a loop.
 using Loops = Groups;
 
-// The loops of these boundary half-edges, in the order of their first ones.
-inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite, const std::vector<std::int32_t>& boundary) {
+// All loops, in the order of their first half-edges.
+inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite) {
   Loops loops;
   std::vector<char> seen(opposite.size(), 0);
-  for (const std::int32_t start : boundary) {
-    if (seen[start]) continue;
+  for (std::int32_t start = 0; start < static_cast<std::int32_t>(opposite.size()); ++start) {
+    if (opposite[start] >= 0 || seen[start]) continue;
     ForEachOnLoop(FlatLinks{opposite}, start, [&](std::int32_t c) {
       seen[c] = 1;
       loops.item.push_back(c);
@@ -130,15 +130,6 @@ inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite, const std:
     loops.begin.push_back(static_cast<std::int32_t>(loops.item.size()));
   }
   return loops;
-}
-
-// All loops.
-inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite) {
-  std::vector<std::int32_t> boundary;
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
-    if (opposite[c] < 0) boundary.push_back(c);
-  }
-  return BoundaryLoops(opposite, boundary);
 }
 
 // Disjoint sets of [0, size). The representative of a set is its smallest member.

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "Eigen/Core"
 #include "absl/status/statusor.h"
 #include "core/abf/flatten.h"
 #include "core/abf/topology.h"

@@ -1,7 +1,6 @@
 #include "core/unwrap/fixed_borders.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>

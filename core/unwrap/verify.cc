@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <iterator>
-#include <optional>
 #include <set>
 #include <span>
 #include <utility>
@@ -52,32 +51,6 @@ struct Outlines : Loops {
   std::vector<std::int32_t> chart_of;  // of each loop; FindCharts() sets it
   std::int32_t num_charts = 0;
 };
-
-// Nothing if an edge inside a chart is torn, or after a cancellation.
-std::optional<Outlines> Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv,
-                              const Execution& execution) {
-  struct Part {
-    std::vector<std::int32_t> outline;
-    bool is_torn = false;
-    void Add(const Part& other) {
-      is_torn |= other.is_torn;
-      outline.insert(outline.end(), other.outline.begin(), other.outline.end());
-    }
-  };
-  const Part all = execution.SumUp<Part>(std::ssize(opposite), [&](std::int64_t i, Part* part) {
-    const auto c = static_cast<std::int32_t>(i);
-    const std::int32_t o = opposite[c];
-    if (o < 0) {
-      part->outline.push_back(c);
-    } else if (o < c && (From(uv, c) != To(uv, o) || To(uv, c) != From(uv, o))) {
-      part->is_torn = true;
-    }
-  });
-  if (all.is_torn || execution.IsCancelled()) return std::nullopt;
-  Outlines outlines = {BoundaryLoops(opposite, all.outline), {}, {}};
-  for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
-  return outlines;
-}
 
 void FindCharts(const std::vector<std::int32_t>& opposite, Outlines* outlines) {
   const std::vector<std::int32_t> chart =
@@ -186,17 +159,23 @@ bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTr
 // positive orientation. False as well after a cancellation or too many tests.
 bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv& uv, std::int64_t max_tests,
                       const Execution& execution) {
-  std::atomic<std::int64_t> tests_left = max_tests;
-  std::optional<Outlines> outlines = Trace(opposite, uv, execution);
-  if (!outlines || outlines->item.empty()) return false;
+  const std::int64_t torn = execution.Count(std::ssize(opposite), [&](std::int32_t c) {
+    const std::int32_t o = opposite[c];
+    return o >= 0 && o < c && (From(uv, c) != To(uv, o) || To(uv, c) != From(uv, o));
+  });
+  if (torn > 0 || execution.IsCancelled()) return false;
+  Outlines outlines = {BoundaryLoops(opposite), {}, {}};
+  for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
+  if (outlines.item.empty()) return false;
   std::vector<Box> boxes;
-  boxes.reserve(outlines->item.size());
-  for (const std::int32_t c : outlines->item) boxes.push_back(Box::Around(From(uv, c), To(uv, c)));
+  boxes.reserve(outlines.item.size());
+  for (const std::int32_t c : outlines.item) boxes.push_back(Box::Around(From(uv, c), To(uv, c)));
   const BoxTree tree(std::move(boxes), execution);
-  if (!DoNotMeet(*outlines, uv, tree, &tests_left, execution)) return false;
-  if (outlines->count() == 1) return true;  // one loop
-  FindCharts(opposite, &*outlines);
-  return HolesAreOpen(*outlines, uv) && !LiesInsideAnother(*outlines, uv, tree, &tests_left, execution) &&
+  std::atomic<std::int64_t> tests_left = max_tests;
+  if (!DoNotMeet(outlines, uv, tree, &tests_left, execution)) return false;
+  if (outlines.count() == 1) return true;  // one loop
+  FindCharts(opposite, &outlines);
+  return HolesAreOpen(outlines, uv) && !LiesInsideAnother(outlines, uv, tree, &tests_left, execution) &&
          !execution.IsCancelled();
 }
 
