@@ -149,14 +149,14 @@ absl::StatusOr<std::string> EncodeAndCompare(const DracoPoints& points) {
   // What was rounded must come back as it is; where it does not, it is not rounded the next time.
   for (int attempt = 0; attempt < 3; ++attempt) {
     absl::StatusOr<std::string> bytes = Encode(points, quantize);
-    absl::StatusOr<DracoPoints> again = bytes.status();
+    absl::StatusOr<DracoPoints> again;  // unless bytes.ok(), none
     if (bytes.ok()) again = CheckAndDecode(*bytes, false);
-    const bool has_faces = again.ok() && again->faces == points.faces && !quantize.empty() &&
-                           again->attributes.size() == points.attributes.size();
-    bool is_kept = has_faces;
+    const bool has_all = again.ok() && again->faces == points.faces && !quantize.empty() &&
+                         again->attributes.size() == points.attributes.size();
+    bool is_kept = has_all;
     // What is not finite cannot be rounded; without rounding all but integers above 2^31 can be encoded.
     for (std::size_t i = 0; i < quantize.size(); ++i) {
-      const bool comes_back = has_faces && again->attributes[i].values == points.attributes[i].values;
+      const bool comes_back = has_all && again->attributes[i].values == points.attributes[i].values;
       quantize[i] = quantize[i] && attempt == 0 && comes_back;
       is_kept = is_kept && comes_back;
     }

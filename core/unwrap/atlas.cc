@@ -28,11 +28,6 @@ double WeightOf(const UnwrapOptions& options, const Surface& surface, const Char
   return area > 0 ? by_area / area : by_number / static_cast<double>(chart.faces.size());
 }
 
-void SetUv(std::int64_t corner, const Vec2& p, CornerUv* uv) {
-  (*uv)[2 * corner] = p.x();
-  (*uv)[2 * corner + 1] = p.y();
-}
-
 // Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
 // tiles.
 void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, const Charts& charts,

@@ -124,10 +124,9 @@ void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execu
 
 // The corners of the chart's faces, in the order of its topology.
 CornerUv UvOfChart(const Chart& chart, const std::vector<Vec2>& positions) {
-  CornerUv uv;
-  uv.reserve(2 * chart.topology.num_corners());
-  for (const Face& face : chart.topology.faces) {
-    for (const std::int32_t v : face) uv.insert(uv.end(), {positions[v].x(), positions[v].y()});
+  CornerUv uv(2 * chart.topology.num_corners());
+  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+    SetUv(c, positions[chart.topology.faces[c / 3][c % 3]], &uv);
   }
   return uv;
 }
@@ -250,9 +249,7 @@ std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const std:
 std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions) {
   std::vector<Vec2> outline;
   const Loops loops = BoundaryLoops(chart.topology.opposite);
-  for (const std::int32_t c : loops[0]) {
-    outline.push_back(positions[Origin(chart.topology.faces, c)]);
-  }
+  for (const std::int32_t c : loops[0]) outline.push_back(positions[Origin(chart.topology.faces, c)]);
   return outline;
 }
 
@@ -276,8 +273,9 @@ ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map
   faults.extent = ExtentOf(map.positions);
   if (StaysApart(chart, map, resolution)) return faults;
   std::vector<char> own_ignored;
-  for (std::size_t f = 0; !ignored.empty() && f < chart.faces.size(); ++f)
-    own_ignored.push_back(ignored[chart.faces[f]]);
+  if (!ignored.empty()) {
+    for (const std::int32_t f : chart.faces) own_ignored.push_back(ignored[f]);
+  }
   const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map.closed_slits);
   const CornerUv uv = UvOfChart(chart, map.positions);
   const OrientationFaults orientation = CheckOrientations(uv, execution, own_ignored);

@@ -296,11 +296,11 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
       const Overlaps found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
       if (found.faces.size() >= 2) cut = {i, found.faces[0], found.faces[1]};
     }
-    const bool is_faulty = !cut.part.empty() || cut.face >= 0;
-    if (is_faulty || (seams.policy == SeamPolicy::kAuto && StretchAsDelivered(*job, *charts, atlas, delivery, chart) >
-                                                               kStretchTolerance * seams.max_stretch)) {
-      cuts.push_back(std::move(cut));
+    bool is_faulty = !cut.part.empty() || cut.face >= 0;
+    if (!is_faulty && seams.policy == SeamPolicy::kAuto) {
+      is_faulty = StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * seams.max_stretch;
     }
+    if (is_faulty) cuts.push_back(std::move(cut));
   }
   PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));
   // What is new may be widened once more.

@@ -94,8 +94,9 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
   todo->clear();
   for (std::int32_t i = 0; i < charts->count(); ++i) {
     Chart& chart = charts->charts[i].chart;
-    if (WidenDelivered(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts->ignored, &chart))
+    if (WidenDelivered(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts->ignored, &chart)) {
       todo->push_back(i);
+    }
   }
   if (todo->empty()) return false;
   ++charts->widenings;
