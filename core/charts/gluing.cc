@@ -25,10 +25,27 @@ void Gluing::Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued) {
     // Three or four edges would leave one or two.
     if (next == before || After(next) == before) return;
     Glue(h);
-    glued->push_back(h);
+    if (glued != nullptr) glued->push_back(h);
     h = before;
   }
 }
+
+namespace {
+
+// The disc that outline half-edge h borders on; -1: none, or its own.
+std::int32_t Neighbour(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h) {
+  const std::int32_t f = gluing.surface().face_across(h);
+  return f < 0 || disc[f] == disc[gluing.mesh().face_handle(h).idx()] ? -1 : disc[f];
+}
+
+// Whether outline half-edge `next`, which comes after h, goes on with the same border.
+bool GoesOn(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h, HalfedgeHandle next) {
+  const std::int32_t other = Neighbour(gluing, disc, h);
+  return other >= 0 && Neighbour(gluing, disc, next) == other &&
+         gluing.After(gluing.mesh().opposite_halfedge_handle(next)) == gluing.mesh().opposite_halfedge_handle(h);
+}
+
+}  // namespace
 
 FlatMesh ChartMesh(const Gluing& gluing, const std::vector<std::int32_t>& faces, std::vector<std::int32_t>* place,
                    std::vector<std::pair<std::int32_t, std::int32_t>>* slits) {
@@ -74,40 +91,19 @@ std::vector<HalfedgeHandle> OutlineFrom(const Gluing& gluing, HalfedgeHandle sta
   return outline;
 }
 
-namespace {
-
-// The disc that outline half-edge h borders on; -1: none, or its own.
-std::int32_t Neighbour(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h) {
-  const std::int32_t f = gluing.surface().face_across(h);
-  return f < 0 || disc[f] == disc[gluing.mesh().face_handle(h).idx()] ? -1 : disc[f];
-}
-
-// Whether outline half-edge `next`, which comes after h, goes on with the same border.
-bool GoesOn(const Gluing& gluing, const std::vector<std::int32_t>& disc, HalfedgeHandle h, HalfedgeHandle next) {
-  const std::int32_t other = Neighbour(gluing, disc, h);
-  return other >= 0 && Neighbour(gluing, disc, next) == other &&
-         gluing.After(gluing.mesh().opposite_halfedge_handle(next)) == gluing.mesh().opposite_halfedge_handle(h);
-}
-
-}  // namespace
-
 std::vector<Border> BordersAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc,
-                                 const std::vector<HalfedgeHandle>& outline) {
-  const auto n = static_cast<std::int32_t>(outline.size());
-  const auto goes_on = [&](std::int32_t i) {
-    return GoesOn(gluing, disc, outline[i], outline[i + 1 == n ? 0 : i + 1]);
-  };
-  std::int32_t begin = 0;
-  while (begin < n && goes_on(begin == 0 ? n - 1 : begin - 1)) ++begin;
+                                 std::vector<HalfedgeHandle>* outline) {
+  const std::size_t n = outline->size();
+  std::vector<HalfedgeHandle>& h = *outline;
+  std::size_t begin = 0;
+  while (begin < n && GoesOn(gluing, disc, h[begin == 0 ? n - 1 : begin - 1], h[begin])) ++begin;
+  if (begin == n) return {};
+  std::rotate(h.begin(), h.begin() + static_cast<std::ptrdiff_t>(begin), h.end());
   std::vector<Border> borders;
-  if (begin == n) return borders;
-  for (std::int32_t done = 0; done < n;) {
-    const std::int32_t start = (begin + done) % n;
-    std::int32_t edges = 1;
-    while (edges < n && goes_on((start + edges - 1) % n)) ++edges;
-    done += edges;
-    const std::int32_t other = Neighbour(gluing, disc, outline[start]);
-    if (other >= 0) borders.push_back({start, edges, other});
+  for (std::size_t start = 0, end = 0; start < n; start = end) {
+    for (end = start + 1; end < n && GoesOn(gluing, disc, h[end - 1], h[end]);) ++end;
+    const std::int32_t other = Neighbour(gluing, disc, h[start]);
+    if (other >= 0) borders.push_back({std::span(h).subspan(start, end - start), other});
   }
   return borders;
 }
@@ -129,7 +125,7 @@ std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vecto
   return border;
 }
 
-GluedBorder GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {
+std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing) {
   GluedBorder border;
   // What is next to the border on the outlines, before it is glued.
   HalfedgeHandle h = first;
@@ -143,9 +139,8 @@ GluedBorder GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, 
   for (const HalfedgeHandle e : border.ends) {
     if (!gluing->IsOutline(e) || gluing->OutlineAngle(e) <= widest) continue;
     border.Undo(gluing);
-    return GluedBorder();
+    return std::nullopt;
   }
-  border.is_glued = true;
   return border;
 }
 

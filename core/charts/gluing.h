@@ -7,6 +7,8 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -49,8 +51,9 @@ class Gluing {
   void Unglue(HalfedgeHandle h) { SetGlued(h, 0); }
 
   // Glues outline half-edges h and After(h) if they are the two sides of one edge, and goes on with what is then next
-  // to each other; leaves an outline of at least three edges. Those glued are appended to `glued`, one of each pair.
-  void Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued);
+  // to each other; leaves an outline of at least three edges. Those glued are appended to `glued` (null: nowhere), one
+  // of each pair.
+  void Zip(HalfedgeHandle h, std::vector<HalfedgeHandle>* glued = nullptr);
 
  private:
   void SetGlued(HalfedgeHandle h, char is_glued) {
@@ -81,13 +84,14 @@ std::vector<HalfedgeHandle> OutlineFrom(const Gluing& gluing, HalfedgeHandle sta
 
 // A connected run of edges that the outlines of two discs share, as long as it goes.
 struct Border {
-  std::int32_t begin = 0, edges = 0;  // of the outline that was walked; it may go on from the end to the beginning
-  std::int32_t other = -1;            // the disc across
+  std::span<const HalfedgeHandle> half_edges;  // of the outline that was walked, in its order
+  std::int32_t other = -1;                     // the disc across
 };
 
-// All borders along the outline of a disc, in its order; none where two discs make a sphere. `disc`: per face.
+// All borders along the outline of a disc, in its order; none where two discs make a sphere. The outline is made to
+// begin where a border does. `disc`: per face.
 std::vector<Border> BordersAlong(const Gluing& gluing, const std::vector<std::int32_t>& disc,
-                                 const std::vector<HalfedgeHandle>& outline);
+                                 std::vector<HalfedgeHandle>* outline);
 
 // The border that an outline half-edge is on, from its beginning to its end; none if the half-edge borders on no other
 // disc, or if the two discs make a sphere.
@@ -96,10 +100,8 @@ std::vector<HalfedgeHandle> BorderThrough(const Gluing& gluing, const std::vecto
 
 // What gluing two discs along a border has done.
 struct GluedBorder {
-  bool is_glued = false;
-  std::vector<HalfedgeHandle> glued;  // one of each pair; none unless is_glued
-  std::array<HalfedgeHandle, 2> ends = {
-      HalfedgeHandle(), HalfedgeHandle()};  // of either disc: what came before the border on its outline
+  std::vector<HalfedgeHandle> glued;   // one of each pair
+  std::array<HalfedgeHandle, 2> ends;  // of either disc: what came before the border on its outline
 
   void Undo(Gluing* gluing) const {
     for (const HalfedgeHandle h : glued) gluing->Unglue(h);
@@ -107,8 +109,8 @@ struct GluedBorder {
 };
 
 // Glues `edges` half-edges of an outline, from `first` on, to those across, and zips up what is then next to each
-// other. Leaves everything as it was if a vertex of the outline would open wider than `widest`, radians. The two
-// outlines must have three edges or more beside the border.
-GluedBorder GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing);
+// other. Leaves everything as it was, and returns nothing, if a vertex of the outline would open wider than `widest`,
+// radians. The two outlines must have three edges or more beside the border.
+std::optional<GluedBorder> GlueBorder(HalfedgeHandle first, std::int32_t edges, double widest, Gluing* gluing);
 
 }  // namespace planish

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <optional>
 #include <queue>
+#include <span>
 #include <unordered_set>
 #include <utility>
 
@@ -57,24 +58,199 @@ class Merging {
         estimate_(*gluing, tuning, std::move(kept)),
         discs_(count) {}
 
-  void Run(const Execution& execution);
+  void Run(const Execution& execution) {
+    const auto count = static_cast<std::int32_t>(discs_.size());
+    for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
+      if (disc_of_[f] < 0) continue;
+      discs_[disc_of_[f]].faces.push_back(f);
+    }
+    for (std::int32_t d = 0; d < count; ++d) {
+      Disc& disc = discs_[d];
+      disc.interior = estimate_.InteriorOf(disc.faces);
+      for (const std::int32_t f : disc.faces) disc.sums.area += surface_.area[f];
+      disc.sums = estimate_.Whole({disc.interior}, disc.sums.area);
+      disc.estimated = disc.faces.size();
+      estimate_.Keep();
+      WalkOutline(d);
+    }
+    for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) PushJoints(d, false);
+    const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
+    while (!queue_.empty() && goes_on()) {
+      while (!queue_.empty() && goes_on()) {
+        const Joint joint = queue_.top();
+        queue_.pop();
+        if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
+        if (!gluing_.IsOutline(joint.first)) continue;
+        // The discs may have grown elsewhere since: the joint is looked at again, and waits if it is worth less now.
+        const std::optional<Joint> now = JointAt(joint.first);
+        if (!now) continue;
+        if (now->score < joint.score || now->edges != joint.edges) {
+          queue_.push(*now);
+        } else {
+          TryJoint(*now);
+        }
+      }
+      // What must not be joined when it was looked at may be joined to what the disc has become.
+      for (std::int32_t d = 0; d < count && goes_on(); ++d) {
+        if (discs_[d].faces.size() <= discs_[d].walked) continue;
+        ++discs_[d].version;
+        PushJoints(d, true);
+      }
+    }
+    NumberByFirst(discs_.size(), &disc_of_);
+  }
+
   std::vector<float> TakeKept() { return estimate_.TakeKept(); }
 
  private:
-  double EdgeWeight(HalfedgeHandle h) const;
-  void WalkOutline(std::int32_t d);
-  std::optional<Joint> JointAlong(const HalfedgeHandle* begin, const HalfedgeHandle* end, std::int32_t d,
-                                  std::int32_t other) const;
-  std::optional<Joint> JointAt(HalfedgeHandle h);
-  void PushJoints(std::int32_t d, bool all);
-  void PushJointsNear(const std::vector<std::int32_t>& faces);
-  void TryJoint(const Joint& joint);
-  StretchEstimate::Sums Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint);
-  std::vector<std::int32_t> InteriorOf(const GluedBorder& border) const;
-  bool HasFailed(const Joint& joint) const;
+  // Length, less where the surface bends.
+  double EdgeWeight(HalfedgeHandle h) const {
+    return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
+  }
+
+  // Outline of disc d to walk_; its numbers.
+  void WalkOutline(std::int32_t d) {
+    Disc& disc = discs_[d];
+    const bool is_known = disc.outline.is_valid() && gluing_.IsOutline(disc.outline);
+    if (!is_known) disc.outline = FirstOnOutline(gluing_, disc.faces);
+    walk_ = OutlineFrom(gluing_, disc.outline);
+    disc.perimeter = 0;
+    for (const HalfedgeHandle h : walk_) disc.perimeter += surface_.length(h);
+    disc.outline_edges = static_cast<std::int32_t>(walk_.size());
+  }
+
+  // The joint of discs d and other along this border on the outline of d; none if they must not be joined there.
+  std::optional<Joint> JointAlong(std::span<const HalfedgeHandle> border, std::int32_t d, std::int32_t other) const {
+    const auto edges = static_cast<std::int32_t>(border.size());
+    const Disc &one = discs_[d], &two = discs_[other];
+    if (one.outline_edges + two.outline_edges - 2 * edges < 3) return std::nullopt;
+    double weight = 0, length = 0;
+    for (const HalfedgeHandle h : border) {
+      weight += EdgeWeight(h);
+      length += surface_.length(h);
+    }
+    const double shorter = std::min(one.perimeter, two.perimeter);
+    const double area = one.sums.area + two.sums.area;
+    const double perimeter = one.perimeter + two.perimeter - 2 * length;
+    const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
+    const Disc& larger = one.sums.area < two.sums.area ? two : one;
+    if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
+    const double score = shorter > 0 ? weight / shorter * std::sqrt(std::min(1.0, compactness)) : 1;
+    const HalfedgeHandle first = border.front();
+    return Joint{
+        std::llround(score / kScoreUnit), CornerOf(mesh_, first), first, edges, d, other, one.version, two.version};
+  }
+
+  // The joint along the whole border that an outline half-edge is on.
+  std::optional<Joint> JointAt(HalfedgeHandle h) {
+    walk_ = BorderThrough(gluing_, disc_of_, h);
+    if (walk_.empty()) return std::nullopt;
+    return JointAlong(walk_, disc_of_[mesh_.face_handle(h).idx()], disc_of_[surface_.face_across(h)]);
+  }
+
+  // Queues what borders on disc d; unless `all`, only on discs of higher numbers.
+  void PushJoints(std::int32_t d, bool all) {
+    WalkOutline(d);
+    discs_[d].walked = discs_[d].faces.size();
+    for (const auto& [border, other] : BordersAlong(gluing_, disc_of_, &walk_)) {
+      if (!all && other < d) continue;
+      if (const std::optional<Joint> joint = JointAlong(border, d, other)) queue_.push(*joint);
+    }
+  }
+
+  // Queues what borders on these faces of a disc.
+  void PushJointsNear(const std::vector<std::int32_t>& faces) {
+    near_.clear();
+    for (const std::int32_t f : faces) {
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh_, FaceHandle(f))) {
+        if (!gluing_.IsOutline(h) || near_.contains(h.idx())) continue;
+        const std::optional<Joint> joint = JointAt(h);
+        for (const HalfedgeHandle of_border : walk_) near_.insert(of_border.idx());
+        if (joint) queue_.push(*joint);
+      }
+    }
+  }
+
+  // Whether the two are no larger than when they could not be joined, or not by much.
+  bool HasFailed(const Joint& joint) const {
+    const auto it = failed_.find({std::min(joint.disc, joint.other), std::max(joint.disc, joint.other)});
+    const std::size_t faces = discs_[joint.disc].faces.size() + discs_[joint.other].faces.size();
+    return it != failed_.end() &&
+           static_cast<double>(faces) < (1 + tuning_.estimate_growth) * static_cast<double>(it->second);
+  }
+
+  // The vertices on a joint that are inside of a disc now.
+  std::vector<std::int32_t> InteriorOf(const GluedBorder& border) const {
+    std::vector<std::int32_t> interior;
+    for (const HalfedgeHandle h : border.glued) {
+      for (const VertexHandle v : {mesh_.from_vertex_handle(h), mesh_.to_vertex_handle(h)}) {
+        if (gluing_.IsInside(v)) interior.push_back(v.idx());
+      }
+    }
+    std::sort(interior.begin(), interior.end());
+    interior.erase(std::unique(interior.begin(), interior.end()), interior.end());
+    return interior;
+  }
+
   // Whether two discs are too much alike for StretchEstimate::Joined().
   bool IsWhole(const Disc& large, const Disc& small) const {
     return large.faces.size() <= static_cast<std::size_t>(tuning_.estimate_reach) * small.faces.size();
+  }
+
+  // Of both, which have just been glued together. So that all estimates take O(F log F) in the number of faces, what a
+  // small disc changes in a large one is looked at next to the small one only, until the large one has grown.
+  StretchEstimate::Sums Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint) {
+    const double area = large->sums.area + small.sums.area;
+    if (IsWhole(*large, small)) return estimate_.Whole({large->interior, small.interior, joint}, area);
+    const auto grown = static_cast<double>(large->faces.size());
+    if (grown > (1 + tuning_.estimate_growth) * static_cast<double>(large->estimated)) {
+      large->sums = estimate_.Whole({large->interior}, large->sums.area);
+      large->estimated = large->faces.size();
+      estimate_.Keep();
+    }
+    return estimate_.Joined(small.faces,
+                            {area, large->sums.larger + small.sums.larger, large->sums.smaller + small.sums.smaller});
+  }
+
+  void TryJoint(const Joint& joint) {
+    if (HasFailed(joint)) return;
+    const std::optional<GluedBorder> border = GlueBorder(joint.first, joint.edges, tuning_.widest, &gluing_);
+    if (!border) return;
+    std::int32_t to = joint.disc, from = joint.other;
+    if (discs_[to].faces.size() < discs_[from].faces.size()) std::swap(to, from);
+    Disc &large = discs_[to], &small = discs_[from];
+    const std::size_t faces = large.faces.size() + small.faces.size();
+    const std::vector<std::int32_t> joint_vertices = InteriorOf(*border);
+    const StretchEstimate::Sums sums = Estimate(&large, small, joint_vertices);
+    const double area = large.sums.area + small.sums.area;
+    const double of_large = large.sums.Stretch(), of_small = small.sums.Stretch();
+    const double parts =
+        std::sqrt((of_large * of_large * large.sums.area + of_small * of_small * small.sums.area) / area);
+    if (!(sums.Stretch() <= std::max(max_stretch_, parts))) {
+      failed_[{std::min(to, from), std::max(to, from)}] = faces;
+      return border->Undo(&gluing_);
+    }
+    estimate_.Keep();
+    if (IsWhole(large, small)) large.estimated = faces;
+    const std::vector<std::int32_t> joined = std::exchange(small.faces, {});
+    for (const std::int32_t f : joined) disc_of_[f] = to;
+    large.faces.insert(large.faces.end(), joined.begin(), joined.end());
+    large.interior.insert(large.interior.end(), small.interior.begin(), small.interior.end());
+    large.interior.insert(large.interior.end(), joint_vertices.begin(), joint_vertices.end());
+    small.interior = {};
+    large.sums = sums;
+    large.perimeter += small.perimeter;
+    for (const HalfedgeHandle h : border->glued) large.perimeter -= 2 * surface_.length(h);
+    large.outline_edges += small.outline_edges - 2 * static_cast<std::int32_t>(border->glued.size());
+    for (const HalfedgeHandle e : border->ends) {
+      if (gluing_.IsOutline(e)) large.outline = e;
+    }
+    ++small.version;
+    if (static_cast<double>(faces) <= (1 + tuning_.outline_growth) * static_cast<double>(large.walked)) {
+      return PushJointsNear(joined);
+    }
+    ++large.version;
+    PushJoints(to, true);
   }
 
   const double max_stretch_;
@@ -92,211 +268,12 @@ class Merging {
   std::map<std::pair<std::int32_t, std::int32_t>, std::size_t> failed_;
 };
 
-// Length, less where the surface bends.
-double Merging::EdgeWeight(HalfedgeHandle h) const {
-  return surface_.length(h) * std::max(tuning_.sharp_weight, surface_.bend_cosine(h));
-}
-
-// Outline of disc d to walk_; its numbers.
-void Merging::WalkOutline(std::int32_t d) {
-  Disc& disc = discs_[d];
-  if (!disc.outline.is_valid() || !gluing_.IsOutline(disc.outline)) disc.outline = FirstOnOutline(gluing_, disc.faces);
-  walk_ = OutlineFrom(gluing_, disc.outline);
-  disc.perimeter = 0;
-  for (const HalfedgeHandle h : walk_) disc.perimeter += surface_.length(h);
-  disc.outline_edges = static_cast<std::int32_t>(walk_.size());
-}
-
-// The joint of discs d and other along these half-edges of the outline of d; none if they must not be joined there.
-std::optional<Joint> Merging::JointAlong(const HalfedgeHandle* begin, const HalfedgeHandle* end, std::int32_t d,
-                                         std::int32_t other) const {
-  const auto edges = static_cast<std::int32_t>(end - begin);
-  const Disc &one = discs_[d], &two = discs_[other];
-  if (one.outline_edges + two.outline_edges - 2 * edges < 3) return std::nullopt;
-  double weight = 0, length = 0;
-  for (const HalfedgeHandle* h = begin; h != end; ++h) {
-    weight += EdgeWeight(*h);
-    length += surface_.length(*h);
-  }
-  const double shorter = std::min(one.perimeter, two.perimeter);
-  const double area = one.sums.area + two.sums.area;
-  const double perimeter = one.perimeter + two.perimeter - 2 * length;
-  const double compactness = perimeter > 0 ? 4 * std::numbers::pi * area / (perimeter * perimeter) : 0;
-  const Disc& larger = one.sums.area < two.sums.area ? two : one;
-  if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
-  const double score = shorter > 0 ? weight / shorter * std::sqrt(std::min(1.0, compactness)) : 1;
-  return Joint{
-      std::llround(score / kScoreUnit), CornerOf(mesh_, *begin), *begin, edges, d, other, one.version, two.version};
-}
-
-// The joint along the whole border that an outline half-edge is on.
-std::optional<Joint> Merging::JointAt(HalfedgeHandle h) {
-  walk_ = BorderThrough(gluing_, disc_of_, h);
-  if (walk_.empty()) return std::nullopt;
-  const std::int32_t d = disc_of_[mesh_.face_handle(h).idx()], other = disc_of_[surface_.face_across(h)];
-  return JointAlong(walk_.data(), walk_.data() + walk_.size(), d, other);
-}
-
-// Queues what borders on disc d; unless `all`, only on discs of higher numbers.
-void Merging::PushJoints(std::int32_t d, bool all) {
-  WalkOutline(d);
-  discs_[d].walked = discs_[d].faces.size();
-  const std::vector<Border> borders = BordersAlong(gluing_, disc_of_, walk_);
-  const std::size_t n = walk_.size();
-  walk_.resize(2 * n);  // borders may go on from the end to the beginning
-  std::copy_n(walk_.begin(), n, walk_.begin() + static_cast<std::ptrdiff_t>(n));
-  for (const auto& [start, edges, other] : borders) {
-    if (!all && other < d) continue;
-    const HalfedgeHandle* const begin = walk_.data() + start;
-    if (const std::optional<Joint> joint = JointAlong(begin, begin + edges, d, other)) queue_.push(*joint);
-  }
-}
-
-// Queues what borders on these faces of a disc.
-void Merging::PushJointsNear(const std::vector<std::int32_t>& faces) {
-  near_.clear();
-  for (const std::int32_t f : faces) {
-    for (const HalfedgeHandle h : HalfEdgesOf(mesh_, FaceHandle(f))) {
-      if (!gluing_.IsOutline(h) || near_.contains(h.idx())) continue;
-      const std::optional<Joint> joint = JointAt(h);
-      for (const HalfedgeHandle of_border : walk_) near_.insert(of_border.idx());
-      if (joint) queue_.push(*joint);
-    }
-  }
-}
-
-// Whether the two are no larger than when they could not be joined, or not by much.
-bool Merging::HasFailed(const Joint& joint) const {
-  const auto it = failed_.find({std::min(joint.disc, joint.other), std::max(joint.disc, joint.other)});
-  const std::size_t faces = discs_[joint.disc].faces.size() + discs_[joint.other].faces.size();
-  return it != failed_.end() &&
-         static_cast<double>(faces) < (1 + tuning_.estimate_growth) * static_cast<double>(it->second);
-}
-
-// The vertices on a joint that are inside of a disc now.
-std::vector<std::int32_t> Merging::InteriorOf(const GluedBorder& border) const {
-  std::vector<std::int32_t> interior;
-  for (const HalfedgeHandle h : border.glued) {
-    for (const VertexHandle v : {mesh_.from_vertex_handle(h), mesh_.to_vertex_handle(h)}) {
-      if (gluing_.IsInside(v)) interior.push_back(v.idx());
-    }
-  }
-  std::sort(interior.begin(), interior.end());
-  interior.erase(std::unique(interior.begin(), interior.end()), interior.end());
-  return interior;
-}
-
-// Of both, which have just been glued together. So that all estimates take O(F log F) in the number of faces, what a
-// small disc changes in a large one is looked at next to the small one only, until the large one has grown.
-StretchEstimate::Sums Merging::Estimate(Disc* large, const Disc& small, const std::vector<std::int32_t>& joint) {
-  const double area = large->sums.area + small.sums.area;
-  if (IsWhole(*large, small)) return estimate_.Whole({large->interior, small.interior, joint}, area);
-  const auto grown = static_cast<double>(large->faces.size());
-  if (grown > (1 + tuning_.estimate_growth) * static_cast<double>(large->estimated)) {
-    large->sums = estimate_.Whole({large->interior}, large->sums.area);
-    large->estimated = large->faces.size();
-    estimate_.Keep();
-  }
-  return estimate_.Joined(small.faces,
-                          {area, large->sums.larger + small.sums.larger, large->sums.smaller + small.sums.smaller});
-}
-
-void Merging::TryJoint(const Joint& joint) {
-  if (HasFailed(joint)) return;
-  const GluedBorder border = GlueBorder(joint.first, joint.edges, tuning_.widest, &gluing_);
-  if (!border.is_glued) return;
-  std::int32_t to = joint.disc, from = joint.other;
-  if (discs_[to].faces.size() < discs_[from].faces.size()) std::swap(to, from);
-  Disc &large = discs_[to], &small = discs_[from];
-  const std::size_t faces = large.faces.size() + small.faces.size();
-  const std::vector<std::int32_t> joint_vertices = InteriorOf(border);
-  const StretchEstimate::Sums sums = Estimate(&large, small, joint_vertices);
-  const double area = large.sums.area + small.sums.area;
-  const double of_large = large.sums.Stretch(), of_small = small.sums.Stretch();
-  const double parts =
-      std::sqrt((of_large * of_large * large.sums.area + of_small * of_small * small.sums.area) / area);
-  if (!(sums.Stretch() <= std::max(max_stretch_, parts))) {
-    failed_[{std::min(to, from), std::max(to, from)}] = faces;
-    return border.Undo(&gluing_);
-  }
-  estimate_.Keep();
-  if (IsWhole(large, small)) large.estimated = faces;
-  const std::vector<std::int32_t> joined = std::exchange(small.faces, {});
-  for (const std::int32_t f : joined) disc_of_[f] = to;
-  large.faces.insert(large.faces.end(), joined.begin(), joined.end());
-  large.interior.insert(large.interior.end(), small.interior.begin(), small.interior.end());
-  large.interior.insert(large.interior.end(), joint_vertices.begin(), joint_vertices.end());
-  small.interior = {};
-  large.sums = sums;
-  large.perimeter += small.perimeter;
-  for (const HalfedgeHandle h : border.glued) large.perimeter -= 2 * surface_.length(h);
-  large.outline_edges += small.outline_edges - 2 * static_cast<std::int32_t>(border.glued.size());
-  for (const HalfedgeHandle e : border.ends) {
-    if (gluing_.IsOutline(e)) large.outline = e;
-  }
-  ++small.version;
-  if (static_cast<double>(faces) <= (1 + tuning_.outline_growth) * static_cast<double>(large.walked)) {
-    return PushJointsNear(joined);
-  }
-  ++large.version;
-  PushJoints(to, true);
-}
-
-void Merging::Run(const Execution& execution) {
-  const auto count = static_cast<std::int32_t>(discs_.size());
-  for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
-    if (disc_of_[f] < 0) continue;
-    discs_[disc_of_[f]].faces.push_back(f);
-  }
-  for (std::int32_t d = 0; d < count; ++d) {
-    Disc& disc = discs_[d];
-    disc.interior = estimate_.InteriorOf(disc.faces);
-    for (const std::int32_t f : disc.faces) disc.sums.area += surface_.area[f];
-    disc.sums = estimate_.Whole({disc.interior}, disc.sums.area);
-    disc.estimated = disc.faces.size();
-    estimate_.Keep();
-    WalkOutline(d);
-  }
-  for (std::int32_t d = 0; d < count && !execution.IsCancelledAt(d); ++d) PushJoints(d, false);
-  const auto goes_on = [&] { return !execution.IsCancelled() && !execution.IsStopRequested(); };
-  while (!queue_.empty() && goes_on()) {
-    while (!queue_.empty() && goes_on()) {
-      const Joint joint = queue_.top();
-      queue_.pop();
-      if (discs_[joint.disc].version != joint.version || discs_[joint.other].version != joint.other_version) continue;
-      if (!gluing_.IsOutline(joint.first)) continue;
-      // The discs may have grown elsewhere since: the joint is looked at again, and waits if it is worth less now.
-      const std::optional<Joint> now = JointAt(joint.first);
-      if (!now) continue;
-      if (now->score < joint.score || now->edges != joint.edges) {
-        queue_.push(*now);
-      } else {
-        TryJoint(*now);
-      }
-    }
-    // What must not be joined when it was looked at may be joined to what the disc has become.
-    for (std::int32_t d = 0; d < count && goes_on(); ++d) {
-      if (discs_[d].faces.size() <= discs_[d].walked) continue;
-      ++discs_[d].version;
-      PushJoints(d, true);
-    }
-  }
-  std::vector<std::int32_t> number(count, -1);
-  std::int32_t charts = 0;
-  for (std::int32_t& d : disc_of_) {
-    if (d < 0) continue;
-    if (number[d] < 0) number[d] = charts++;
-    d = number[d];
-  }
-}
-
 }  // namespace
 
 void GluePiece(std::int32_t start, const std::vector<std::int32_t>& piece, std::vector<char>* seen, Gluing* gluing) {
   const Surface& surface = gluing->surface();
   const TriMesh& mesh = *surface.mesh;
   std::vector<std::int32_t> order;
-  std::vector<HalfedgeHandle> zipped;
   // A face and those it must not be parted from.
   const auto reach = [&](std::int32_t first) {
     (*seen)[first] = 1;
@@ -323,7 +300,7 @@ void GluePiece(std::int32_t start, const std::vector<std::int32_t>& piece, std::
   }
   for (const std::int32_t f : order) {
     for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
-      if (gluing->IsOutline(h)) gluing->Zip(h, &zipped);
+      if (gluing->IsOutline(h)) gluing->Zip(h);
     }
   }
 }

@@ -21,79 +21,66 @@ struct BorderEdge {
   bool operator>(const BorderEdge& o) const { return cost != o.cost ? cost > o.cost : edge > o.edge; }
 };
 
-class Joining {
- public:
-  Joining(const Surface& surface, const AtlasTuning& tuning) : tuning_(tuning), patches_(surface.num_faces()) {
-    patch_.reserve(surface.num_faces());
-    for (std::int32_t f = 0; f < surface.num_faces(); ++f) patch_.push_back({surface.area_normal[f], surface.area[f]});
-  }
-
-  std::int32_t Root(std::int32_t f) { return patches_.Find(f); }
-
-  // What it costs to join two patches, in units of kCostUnit; more than MaxCost() if they should stay apart.
-  std::int64_t Cost(std::int32_t a, std::int32_t b) const {
-    const Patch &one = patch_[a], &other = patch_[b];
-    const double area = one.area + other.area;
-    if (!(area > 0)) return 0;
-    const double along = one.normal.dot(other.normal), lengths = one.normal.norm() * other.normal.norm();
-    if (along < tuning_.patch_cosine * lengths) return MaxCost() + 1;
-    return std::llround(std::max(0.0, 1 - (one.normal + other.normal).norm() / area) / kCostUnit);
-  }
-  std::int64_t MaxCost() const { return std::llround(tuning_.patch_deviation / kCostUnit); }
-
-  void Join(std::int32_t a, std::int32_t b) {
-    patches_.Join(a, b);
-    if (b < a) std::swap(a, b);
-    patch_[a].area += patch_[b].area;
-    patch_[a].normal += patch_[b].normal;
-  }
-
- private:
-  const AtlasTuning& tuning_;
-  UnionFind patches_;
-  struct Patch {
-    Vec3 normal;  // times the area
-    double area;
-  };
-  std::vector<Patch> patch_;  // of roots
+struct Patch {
+  Vec3 normal;  // times the area
+  double area;
 };
+
+// What it costs to join two patches, in units of kCostUnit; more than `most` if they should stay apart.
+std::int64_t Cost(const Patch& one, const Patch& other, std::int64_t most, const AtlasTuning& tuning) {
+  const double area = one.area + other.area;
+  if (!(area > 0)) return 0;
+  const double along = one.normal.dot(other.normal), lengths = one.normal.norm() * other.normal.norm();
+  if (along < tuning.patch_cosine * lengths) return most + 1;
+  return std::llround(std::max(0.0, 1 - (one.normal + other.normal).norm() / area) / kCostUnit);
+}
 
 }  // namespace
 
 std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning& tuning, const Execution& execution) {
   const std::int32_t num_faces = surface.num_faces();
-  Joining joining(surface, tuning);
+  UnionFind patches(num_faces);
+  std::vector<Patch> shape;  // of roots
+  shape.reserve(num_faces);
+  for (std::int32_t f = 0; f < num_faces; ++f) shape.push_back({surface.area_normal[f], surface.area[f]});
+  const auto join = [&](std::int32_t a, std::int32_t b) {
+    patches.Join(a, b);
+    if (b < a) std::swap(a, b);
+    shape[a].area += shape[b].area;
+    shape[a].normal += shape[b].normal;
+  };
+  const std::int64_t most = std::llround(tuning.patch_deviation / kCostUnit);
   // Buckets of costs, since one heap of all edges, or of those of a smooth surface, would not stay in the cache. How
   // wide they are changes no order.
   const std::int64_t width =
-      std::max(kLeastBucket, joining.MaxCost() * kEdgesOfBucket / std::max<std::int64_t>(1, surface.mesh->n_edges()));
+      std::max(kLeastBucket, most * kEdgesOfBucket / std::max<std::int64_t>(1, surface.mesh->n_edges()));
   using Queue = std::priority_queue<BorderEdge, std::vector<BorderEdge>, std::greater<>>;
-  std::vector<std::vector<BorderEdge>> entries(joining.MaxCost() / width + 1);
+  std::vector<std::vector<BorderEdge>> entries(most / width + 1);
   for (const EdgeHandle e : surface.mesh->edges()) {
     const HalfedgeHandle h = surface.mesh->halfedge_handle(e, 0);
     const std::int32_t f = surface.mesh->face_handle(h).idx(), g = surface.face_across(h);
     if (g < 0) continue;
     if (surface.mesh->data(e).is_uncut) {
-      const std::int32_t a = joining.Root(f), b = joining.Root(g);
-      if (a != b) joining.Join(a, b);
+      const std::int32_t a = patches.Find(f), b = patches.Find(g);
+      if (a != b) join(a, b);
       continue;
     }
-    const std::int64_t cost = joining.Cost(f, g);
-    if (cost <= joining.MaxCost()) entries[cost / width].push_back({static_cast<std::int32_t>(cost), e.idx(), f, g});
+    const std::int64_t cost = Cost(shape[f], shape[g], most, tuning);
+    if (cost <= most) entries[cost / width].push_back({static_cast<std::int32_t>(cost), e.idx(), f, g});
   }
   for (std::int64_t bucket = 0, step = 0; bucket < std::ssize(entries); ++bucket) {
     Queue queue(std::greater<>(), std::move(entries[bucket]));
     for (; !queue.empty() && !execution.IsCancelledAt(step); ++step) {
       const auto [cost, e, f, g] = queue.top();
       queue.pop();
-      const std::int32_t a = joining.Root(f), b = joining.Root(g);
+      const std::int32_t a = patches.Find(f), b = patches.Find(g);
       if (a == b) continue;
       // The patches may have grown since.
-      const std::int64_t present = joining.Cost(a, b);
+      const std::int64_t present = Cost(shape[a], shape[b], most, tuning);
       const BorderEdge entry = {static_cast<std::int32_t>(present), e, a, b};
       if (present <= cost) {
-        joining.Join(a, b);
-      } else if (present > joining.MaxCost()) {
+        join(a, b);
+      } else if (present > most) {
         continue;
       } else if (present / width == bucket) {
         queue.push(entry);
@@ -102,14 +89,11 @@ std::vector<std::int32_t> MakePatches(const Surface& surface, const AtlasTuning&
       }
     }
   }
-  std::vector<std::int32_t> patch(num_faces, -1), number(num_faces, -1);
-  std::int32_t count = 0;
+  std::vector<std::int32_t> patch(num_faces, -1);
   for (std::int32_t f = 0; f < num_faces; ++f) {
-    if (!surface.takes_part[f]) continue;
-    std::int32_t& of_root = number[joining.Root(f)];
-    if (of_root < 0) of_root = count++;
-    patch[f] = of_root;
+    if (surface.takes_part[f]) patch[f] = patches.Find(f);
   }
+  NumberByFirst(num_faces, &patch);
   return patch;
 }
 

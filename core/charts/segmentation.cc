@@ -17,90 +17,69 @@ Vec3 Centre(const TriMesh& mesh, std::int32_t f) {
   return (mesh.point(v[0]) + mesh.point(v[1]) + mesh.point(v[2])) / 3;
 }
 
-// Distances within a chart, from face centre to face centre, without crossing its slits. Faces that must not be parted
-// are one place.
-class Distances {
- public:
-  explicit Distances(const Gluing& gluing, Segmentation::Scratch* scratch)
-      : gluing_(gluing), distance_(scratch->distance), source_(scratch->source) {}
+using Nearness = Segmentation::Nearness;
+constexpr Nearness kFar(std::numeric_limits<double>::infinity(), -1);
 
-  // From the nearest of `sources`, the first one of several, to all faces of their chart: along the surface, or as the
-  // number of edges between them.
-  enum class Measure { kLength, kEdges };
-  void From(const std::vector<std::int32_t>& sources, Measure measure) {
-    using Entry = std::pair<Nearness, std::int32_t>;
-    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
-    const auto reach = [&](const Nearness& there, std::int32_t f) {
-      if (!(there < At(f))) return;
-      distance_[f] = there.first;
-      source_[f] = there.second;
-      queue.emplace(there, f);
-    };
-    for (std::size_t i = 0; i < sources.size(); ++i) reach({0.0, static_cast<std::int32_t>(i)}, sources[i]);
-    while (!queue.empty()) {
-      const auto [nearness, f] = queue.top();
-      queue.pop();
-      if (At(f) < nearness) continue;
-      const TriMesh& mesh = gluing_.mesh();
-      const Vec3 centre = Centre(mesh, f);
-      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
-        if (gluing_.IsOutline(h)) continue;
-        const std::int32_t g = gluing_.surface().face_across(h);
-        const double length = measure == Measure::kEdges ? 1 : (centre - Centre(mesh, g)).norm();
-        const double step = gluing_.surface().is_uncut(h) ? 0 : length;
-        reach({nearness.first + step, nearness.second}, g);
-      }
+enum class Measure { kLength, kEdges };
+
+// Per face of a chart: its distance from the nearest of `sources`, and which of them that is, the first one of several.
+// Distances go from face centre to face centre without crossing slits of the chart, along the surface or as the number
+// of edges between them. Faces that must not be parted are one place. `at`, per face of the surface, is kFar before and
+// after.
+std::vector<Nearness> DistancesFrom(const std::vector<std::int32_t>& sources, Measure measure,
+                                    const std::vector<std::int32_t>& faces, const Gluing& gluing,
+                                    std::vector<Nearness>* at) {
+  using Entry = std::pair<Nearness, std::int32_t>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
+  const auto reach = [&](const Nearness& there, std::int32_t f) {
+    if (!(there < (*at)[f])) return;
+    (*at)[f] = there;
+    queue.emplace(there, f);
+  };
+  for (std::size_t i = 0; i < sources.size(); ++i) reach({0.0, static_cast<std::int32_t>(i)}, sources[i]);
+  const TriMesh& mesh = gluing.mesh();
+  while (!queue.empty()) {
+    const auto [nearness, f] = queue.top();
+    queue.pop();
+    if ((*at)[f] < nearness) continue;
+    const Vec3 centre = Centre(mesh, f);
+    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
+      if (gluing.IsOutline(h)) continue;
+      const std::int32_t g = gluing.surface().face_across(h);
+      const double length = measure == Measure::kEdges ? 1 : (centre - Centre(mesh, g)).norm();
+      reach({nearness.first + (gluing.surface().is_uncut(h) ? 0 : length), nearness.second}, g);
     }
   }
-
-  // The farthest of these faces, the lowest of several.
-  std::int32_t Farthest(const std::vector<std::int32_t>& faces) const {
-    return *std::max_element(faces.begin(), faces.end(),
-                             [&](std::int32_t f, std::int32_t g) { return distance_[f] < distance_[g]; });
-  }
-  // Which of the sources is nearest, as an index.
-  std::int32_t source(std::int32_t f) const { return source_[f]; }
-
-  void Forget(const std::vector<std::int32_t>& faces) {
-    for (const std::int32_t f : faces) distance_[f] = kFar;
-  }
-
- private:
-  static constexpr double kFar = std::numeric_limits<double>::infinity();
-  using Nearness = std::pair<double, std::int32_t>;  // distance, source
-  Nearness At(std::int32_t f) const { return {distance_[f], source_[f]}; }
-
-  const Gluing& gluing_;
-  std::vector<double>& distance_;
-  std::vector<std::int32_t>& source_;
-};
+  std::vector<Nearness> found;
+  found.reserve(faces.size());
+  for (const std::int32_t f : faces) found.push_back(std::exchange((*at)[f], kFar));
+  return found;
+}
 
 // Which half of a chart each of its faces belongs to, 0 or 1: with the nearer one of two faces, or, if these are
 // -1 or cannot be parted, of two about as far from each other as faces of this chart can be. All 0 if no face can
 // be parted from another.
 std::vector<std::int32_t> Halve(const std::vector<std::int32_t>& faces, std::int32_t face, std::int32_t other_face,
-                                Distances* distances) {
-  using enum Distances::Measure;
+                                const Gluing& gluing, std::vector<Nearness>* at) {
   // Of the faces in the smaller half. Where triangles are of very different sizes, one of them may be as long as all
   // others together, and cutting off one after the other would take as many rounds as there are.
   constexpr std::ptrdiff_t kLeastShare = 16;
   std::vector<std::int32_t> half(faces.size());
   std::ptrdiff_t count = 0;
-  const auto part = [&](std::int32_t first, std::int32_t second, Distances::Measure measure) {
-    distances->From({first, second}, measure);
-    for (std::size_t i = 0; i < faces.size(); ++i) half[i] = distances->source(faces[i]) == 1 ? 1 : 0;
-    distances->Forget(faces);
+  const auto part = [&](std::int32_t first, std::int32_t second, Measure measure) {
+    const std::vector<Nearness> nearness = DistancesFrom({first, second}, measure, faces, gluing, at);
+    for (std::size_t i = 0; i < faces.size(); ++i) half[i] = nearness[i].second == 1 ? 1 : 0;
     count = std::count(half.begin(), half.end(), 1);
     return count > 0;
   };
-  if (face >= 0 && part(face, other_face, kLength)) return half;
-  const auto farthest_from = [&](std::int32_t f, Distances::Measure measure) {
-    distances->From({f}, measure);
-    const std::int32_t farthest = distances->Farthest(faces);
-    distances->Forget(faces);
-    return farthest;
+  if (face >= 0 && part(face, other_face, Measure::kLength)) return half;
+  // The lowest of several.
+  const auto farthest_from = [&](std::int32_t f, Measure measure) {
+    const std::vector<Nearness> nearness = DistancesFrom({f}, measure, faces, gluing, at);
+    const auto is_nearer = [](const Nearness& a, const Nearness& b) { return a.first < b.first; };
+    return faces[std::max_element(nearness.begin(), nearness.end(), is_nearer) - nearness.begin()];
   };
-  for (const Distances::Measure measure : {kLength, kEdges}) {
+  for (const Measure measure : {Measure::kLength, Measure::kEdges}) {
     const std::int32_t first = farthest_from(faces.front(), measure);
     part(first, farthest_from(first, measure), measure);
     if (kLeastShare * std::min(count, std::ssize(faces) - count) >= std::ssize(faces)) break;
@@ -125,7 +104,7 @@ Segmentation::Segmentation(const Surface& surface, Kind kind, double max_stretch
     const std::int32_t count = chart_.empty() ? 0 : *std::max_element(chart_.begin(), chart_.end()) + 1;
     GluePieces(chart_, &gluing_);
     MergeDiscs(count, max_stretch, tuning, execution, &gluing_, &chart_, &kept_);
-    SmoothOutlines(tuning_, execution, AllFaces(), &gluing_, &chart_);
+    SmoothOutlines(tuning_, execution, Indices(chart_.size()), &gluing_, &chart_);
   }
   CollectFaces();
 }
@@ -145,16 +124,8 @@ Segmentation::Segmentation(const Surface& surface, const Segmentation& before, d
   }
   MergeDiscs(static_cast<std::int32_t>(before.faces_.size()), max_stretch, tuning_, execution, &gluing_, &chart_,
              &kept_);
-  SmoothOutlines(tuning_, execution, AllFaces(), &gluing_, &chart_);
+  SmoothOutlines(tuning_, execution, Indices(chart_.size()), &gluing_, &chart_);
   CollectFaces();
-}
-
-std::vector<std::int32_t> Segmentation::AllFaces() const {
-  std::vector<std::int32_t> faces;
-  for (std::int32_t f = 0; f < surface_.num_faces(); ++f) {
-    if (chart_[f] >= 0) faces.push_back(f);
-  }
-  return faces;
 }
 
 void Segmentation::CollectFaces() {
@@ -167,13 +138,13 @@ void Segmentation::CollectFaces() {
 }
 
 bool Segmentation::HasSlit(std::int32_t chart) const {
-  return std::any_of(faces_[chart].begin(), faces_[chart].end(), [&](std::int32_t f) {
-    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(*surface_.mesh, FaceHandle(f));
-    return std::any_of(half_edges.begin(), half_edges.end(), [&](HalfedgeHandle h) {
+  for (const std::int32_t f : faces_[chart]) {
+    for (const HalfedgeHandle h : HalfEdgesOf(*surface_.mesh, FaceHandle(f))) {
       const std::int32_t across = surface_.face_across(h);
-      return gluing_.IsOutline(h) && across >= 0 && chart_[across] == chart;
-    });
-  });
+      if (gluing_.IsOutline(h) && across >= 0 && chart_[across] == chart) return true;
+    }
+  }
+  return false;
 }
 
 // Whether connected faces make a disc, as Euler's characteristic tells. `is_seen`, per half-edge, is all 0 before and
@@ -196,18 +167,17 @@ bool Segmentation::IsDisc(const std::vector<std::int32_t>& faces, std::vector<ch
 
 std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, const Execution& execution) {
   if (scratch_.moving.empty()) {
-    scratch_.distance.assign(chart_.size(), std::numeric_limits<double>::infinity());
-    scratch_.source.assign(chart_.size(), -1);
+    scratch_.nearness.assign(chart_.size(), kFar);
     scratch_.moving.assign(chart_.size(), -1);
     scratch_.is_seen.assign(surface_.mesh->n_halfedges(), 0);
     scratch_.is_glued.assign(chart_.size(), 0);
   }
-  Distances distances(gluing_, &scratch_);
   std::vector<std::int32_t> changed;
   for (const auto& [chart, face, other_face, given] : cuts) {
     if (faces_[chart].size() < 2 || execution.IsCancelled()) continue;
     const std::vector<std::int32_t> faces = faces_[chart];
-    const std::vector<std::int32_t> part = given.empty() ? Halve(faces, face, other_face, &distances) : given;
+    const std::vector<std::int32_t> part =
+        given.empty() ? Halve(faces, face, other_face, gluing_, &scratch_.nearness) : given;
     const std::int32_t last = *std::max_element(part.begin(), part.end());
     if (last == 0) continue;
     const auto added = static_cast<std::int32_t>(faces_.size());
@@ -260,23 +230,19 @@ std::vector<Segmentation::Joint> Segmentation::Joints() const {
   }
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(faces_.size()); ++i) {
     if (faces_[i].empty()) continue;
-    for (const auto& [begin, edges, other] : BordersAlong(gluing_, chart_, outlines[i])) {
-      if (other < i || std::ssize(outlines[i]) + std::ssize(outlines[other]) - 2 * edges < 3) continue;
-      Joint joint = {i, other, {}};
-      for (std::int32_t k = 0; k < edges; ++k) {
-        joint.border.push_back(outlines[i][static_cast<std::size_t>(begin + k) % outlines[i].size()]);
-      }
-      joints.push_back(std::move(joint));
+    for (const auto& [border, other] : BordersAlong(gluing_, chart_, &outlines[i])) {
+      if (other < i || outlines[i].size() + outlines[other].size() < 2 * border.size() + 3) continue;
+      joints.push_back({i, other, {border.begin(), border.end()}});
     }
   }
   return joints;
 }
 
 std::optional<Segmentation::Joined> Segmentation::Join(const Joint& joint) {
-  Joined joined = {joint.chart, joint.other, GluedBorder(), {}, {}};
-  joined.border =
+  std::optional<GluedBorder> border =
       GlueBorder(joint.border.front(), static_cast<std::int32_t>(joint.border.size()), tuning_.widest, &gluing_);
-  if (!joined.border.is_glued) return std::nullopt;
+  if (!border) return std::nullopt;
+  Joined joined = {joint.chart, joint.other, *std::move(border), {}, {}};
   joined.faces = std::move(faces_[joint.chart]);
   joined.other_faces = std::exchange(faces_[joint.other], {});
   std::vector<std::int32_t>& all = faces_[joint.chart] = {};
@@ -293,15 +259,11 @@ void Segmentation::UndoJoin(const Joined& joined) {
   for (const std::int32_t f : joined.other_faces) chart_[f] = joined.other;
 }
 
-std::vector<std::int32_t> Segmentation::DropEmpty() {
-  std::vector<std::int32_t> number(faces_.size(), -1);
-  std::int32_t count = 0;
-  for (std::size_t i = 0; i < faces_.size(); ++i) {
-    if (!faces_[i].empty()) number[i] = count++;
+void Segmentation::DropEmpty() {
+  std::erase_if(faces_, [](const std::vector<std::int32_t>& faces) { return faces.empty(); });
+  for (std::int32_t i = 0; i < std::ssize(faces_); ++i) {
+    for (const std::int32_t f : faces_[i]) chart_[f] = i;
   }
-  for (std::int32_t& i : chart_) i = i < 0 ? i : number[i];
-  CollectFaces();
-  return number;
 }
 
 }  // namespace planish

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "core/base/execution.h"
@@ -70,19 +71,13 @@ class Segmentation {
   std::optional<Joined> Join(const Joint& joint);
   // The last Join() of these two charts.
   void UndoJoin(const Joined& joined);
-  // Closes the gaps that empty charts leave: per number, the new one, -1 for empty charts. The order stays.
-  std::vector<std::int32_t> DropEmpty();
+  // Closes the gaps in the numbers that empty charts leave. The order stays.
+  void DropEmpty();
 
-  // What Split() keeps between calls, so that faces which stay where they are take no time; empty before the first.
-  // Per face; is_seen: per half-edge.
-  struct Scratch {
-    std::vector<double> distance;
-    std::vector<std::int32_t> source, moving;
-    std::vector<char> is_seen, is_glued;
-  };
+  // A distance, and the number of what it is measured from.
+  using Nearness = std::pair<double, std::int32_t>;
 
  private:
-  std::vector<std::int32_t> AllFaces() const;
   void CollectFaces();
   bool IsDisc(const std::vector<std::int32_t>& faces, std::vector<char>* is_seen) const;
 
@@ -92,7 +87,13 @@ class Segmentation {
   std::vector<std::int32_t> chart_;
   std::vector<std::vector<std::int32_t>> faces_;
   std::vector<float> kept_;
-  Scratch scratch_;
+  // What Split() keeps between calls, so that faces which stay where they are take no time; empty before the first.
+  // Per face; is_seen: per half-edge.
+  struct {
+    std::vector<Nearness> nearness;
+    std::vector<std::int32_t> moving;
+    std::vector<char> is_seen, is_glued;
+  } scratch_;
 };
 
 }  // namespace planish

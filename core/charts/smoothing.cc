@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <utility>
 #include <vector>
 
 #include "core/charts/steps.h"
@@ -7,96 +6,81 @@
 namespace planish {
 namespace {
 
-class Smoothing {
- public:
-  Smoothing(const AtlasTuning& tuning, Gluing* gluing, std::vector<std::int32_t>* chart)
-      : tuning_(tuning), surface_(gluing->surface()), mesh_(*surface_.mesh), gluing_(*gluing), chart_(*chart) {}
+// Of a seam there.
+double Cost(const Surface& surface, const AtlasTuning& tuning, HalfedgeHandle h) {
+  return surface.length(h) * (1 - (1 - tuning.smoothing_sharp_cost) * std::clamp(1 - surface.bend_cosine(h), 0.0, 1.0));
+}
 
-  void Run(std::vector<std::int32_t> faces, const Execution& execution) {
-    std::vector<std::int32_t> next;
-    std::erase_if(faces, [&](std::int32_t f) { return !OnlyGlued(f).is_valid(); });
-    std::vector<char> queued(surface_.num_faces(), 0);
-    for (int sweep = 0; sweep < tuning_.smoothing_sweeps && !faces.empty() && !execution.IsCancelled(); ++sweep) {
-      next.clear();
-      for (const std::int32_t f : faces) {
-        if (!Move(f)) continue;
-        for (const HalfedgeHandle h : HalfEdgesOf(mesh_, FaceHandle(f))) {
-          const std::int32_t g = surface_.face_across(h);
-          if (g < 0 || queued[g]) continue;
-          queued[g] = 1;
-          next.push_back(g);
-        }
-      }
-      for (const std::int32_t f : next) queued[f] = 0;
-      std::sort(next.begin(), next.end());
-      faces.swap(next);
-    }
+// The one half-edge of a face that is glued; invalid if there are more, or none.
+HalfedgeHandle OnlyGlued(const Gluing& gluing, std::int32_t f) {
+  HalfedgeHandle only;
+  for (const HalfedgeHandle h : HalfEdgesOf(gluing.mesh(), FaceHandle(f))) {
+    if (gluing.IsOutline(h)) continue;
+    if (only.is_valid()) return HalfedgeHandle();
+    only = h;
   }
+  return only;
+}
 
- private:
-  double Cost(HalfedgeHandle h) const {
-    return surface_.length(h) *
-           (1 - (1 - tuning_.smoothing_sharp_cost) * std::clamp(1 - surface_.bend_cosine(h), 0.0, 1.0));
+// Hands a face over to the disc across, if that makes the seam shorter. Returns whether it has.
+bool Move(std::int32_t f, const AtlasTuning& tuning, Gluing* gluing, std::vector<std::int32_t>* chart) {
+  constexpr double kGain = 1e-6;
+  const Surface& surface = gluing->surface();
+  const TriMesh& mesh = gluing->mesh();
+  const HalfedgeHandle glued = OnlyGlued(*gluing, f);
+  if (!glued.is_valid() || surface.is_uncut(glued)) return false;
+  // Along the outline: `first`, then `second`; on the other side `after` follows `before`.
+  const HalfedgeHandle first = gluing->Next(glued), second = gluing->Prev(glued);
+  const HalfedgeHandle before = mesh.opposite_halfedge_handle(second), after = mesh.opposite_halfedge_handle(first);
+  const std::int32_t to = surface.face_across(second);
+  if (to < 0 || mesh.is_boundary(after) || (*chart)[to] < 0 || gluing->After(before) != after) return false;
+  if (to == f || surface.face_across(first) == f) return false;
+  const HalfedgeHandle next = gluing->After(after), previous = gluing->Before(before);
+  if (next == previous) return false;  // would leave an outline of two edges
+  const double cost = Cost(surface, tuning, first) + Cost(surface, tuning, second);
+  if (!(Cost(surface, tuning, glued) < (1 - kGain) * cost)) return false;
+  const std::int32_t neighbour = surface.face_across(glued);
+  gluing->Unglue(glued);
+  gluing->Glue(first);
+  gluing->Glue(second);
+  if (gluing->OutlineAngle(glued) > tuning.widest || gluing->OutlineAngle(gluing->Before(glued)) > tuning.widest) {
+    gluing->Unglue(first);
+    gluing->Unglue(second);
+    gluing->Glue(glued);
+    return false;
   }
-
-  // The one half-edge of a face that is glued; invalid if there are more, or none.
-  HalfedgeHandle OnlyGlued(std::int32_t f) const {
-    HalfedgeHandle only;
-    for (const HalfedgeHandle h : HalfEdgesOf(mesh_, FaceHandle(f))) {
-      if (gluing_.IsOutline(h)) continue;
-      if (only.is_valid()) return HalfedgeHandle();
-      only = h;
-    }
-    return only;
+  (*chart)[f] = (*chart)[to];
+  // Next to the end of a slit its sides may have come together.
+  if ((*chart)[neighbour] == (*chart)[f]) {
+    gluing->Zip(glued);
+    if (gluing->IsOutline(previous)) gluing->Zip(previous);
   }
-
-  bool Move(std::int32_t f) {
-    constexpr double kGain = 1e-6;
-    const HalfedgeHandle glued = OnlyGlued(f);
-    if (!glued.is_valid() || surface_.is_uncut(glued)) return false;
-    // Along the outline: `first`, then `second`; on the other side `after` follows `before`.
-    const HalfedgeHandle first = gluing_.Next(glued), second = gluing_.Prev(glued);
-    const HalfedgeHandle before = mesh_.opposite_halfedge_handle(second), after = mesh_.opposite_halfedge_handle(first);
-    const std::int32_t to = surface_.face_across(second);
-    if (to < 0 || mesh_.is_boundary(after) || chart_[to] < 0 || gluing_.After(before) != after) return false;
-    if (to == f || surface_.face_across(first) == f) return false;
-    const HalfedgeHandle next = gluing_.After(after), previous = gluing_.Before(before);
-    if (next == previous) return false;  // would leave an outline of two edges
-    const double cost = Cost(first) + Cost(second);
-    if (!(Cost(glued) < (1 - kGain) * cost)) return false;
-    const std::int32_t neighbour = surface_.face_across(glued);
-    gluing_.Unglue(glued);
-    gluing_.Glue(first);
-    gluing_.Glue(second);
-    if (gluing_.OutlineAngle(glued) > tuning_.widest || gluing_.OutlineAngle(gluing_.Before(glued)) > tuning_.widest) {
-      gluing_.Unglue(first);
-      gluing_.Unglue(second);
-      gluing_.Glue(glued);
-      return false;
-    }
-    chart_[f] = chart_[to];
-    // Next to the end of a slit its sides may have come together.
-    zipped_.clear();
-    if (chart_[neighbour] == chart_[f]) {
-      gluing_.Zip(glued, &zipped_);
-      if (gluing_.IsOutline(previous)) gluing_.Zip(previous, &zipped_);
-    }
-    return true;
-  }
-
-  const AtlasTuning& tuning_;
-  const Surface& surface_;
-  const TriMesh& mesh_;
-  Gluing& gluing_;
-  std::vector<std::int32_t>& chart_;
-  std::vector<HalfedgeHandle> zipped_;
-};
+  return true;
+}
 
 }  // namespace
 
 void SmoothOutlines(const AtlasTuning& tuning, const Execution& execution, std::vector<std::int32_t> faces,
                     Gluing* gluing, std::vector<std::int32_t>* chart) {
-  Smoothing(tuning, gluing, chart).Run(std::move(faces), execution);
+  const Surface& surface = gluing->surface();
+  std::erase_if(faces, [&](std::int32_t f) { return !OnlyGlued(*gluing, f).is_valid(); });
+  std::vector<std::int32_t> next;
+  std::vector<char> queued(surface.num_faces(), 0);
+  for (int sweep = 0; sweep < tuning.smoothing_sweeps && !faces.empty() && !execution.IsCancelled(); ++sweep) {
+    next.clear();
+    for (const std::int32_t f : faces) {
+      if (!Move(f, tuning, gluing, chart)) continue;
+      for (const HalfedgeHandle h : HalfEdgesOf(*surface.mesh, FaceHandle(f))) {
+        const std::int32_t g = surface.face_across(h);
+        if (g < 0 || queued[g]) continue;
+        queued[g] = 1;
+        next.push_back(g);
+      }
+    }
+    for (const std::int32_t f : next) queued[f] = 0;
+    std::sort(next.begin(), next.end());
+    faces.swap(next);
+  }
 }
 
 }  // namespace planish

@@ -164,22 +164,21 @@ void StretchEstimate::Solve() {
   }
 }
 
-// On the outline u = 0.
-double StretchEstimate::SolvedAt(std::int32_t v) const {
-  return number_[v] >= 0 ? AsKept(u_[number_[v]]) : 0.0;
+// Solves, and adds to `sums` what that changes of them: from the kept u, or from u = 0.
+StretchEstimate::Sums StretchEstimate::SolveFor(Sums sums, bool from_kept) {
+  Assemble();
+  Solve();
+  for (std::size_t i = 0; i < free_.size(); ++i) {
+    const double was = from_kept ? ScaleOf(KeptAt(free_[i])) : 1, is = ScaleOf(AsKept(u_[i]));
+    sums.larger += vertices_[free_[i]].area * (is - was);
+    sums.smaller += vertices_[free_[i]].area * (1 / is - 1 / was);
+  }
+  return sums;
 }
 
 StretchEstimate::Sums StretchEstimate::Whole(Parts interior, double area) {
   Take(interior);
-  Assemble();
-  Solve();
-  Sums sums = {area, area, area};
-  for (std::size_t i = 0; i < free_.size(); ++i) {
-    const double own = vertices_[free_[i]].area, scale = ScaleOf(AsKept(u_[i]));
-    sums.larger += own * (scale - 1);
-    sums.smaller += own * (1 / scale - 1);
-  }
-  return sums;
+  return SolveFor({area, area, area}, /*from_kept=*/false);
 }
 
 StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> small, const Sums& before) {
@@ -209,15 +208,7 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
     }
   }
   for (const std::int32_t f : faces_) is_marked_[f] = 0;
-  Assemble();
-  Solve();
-  Sums sums = before;
-  for (std::size_t i = 0; i < free_.size(); ++i) {
-    const double own = vertices_[free_[i]].area, was = ScaleOf(KeptAt(free_[i])), is = ScaleOf(AsKept(u_[i]));
-    sums.larger += own * (is - was);
-    sums.smaller += own * (1 / is - 1 / was);
-  }
-  return sums;
+  return SolveFor(before, /*from_kept=*/true);
 }
 
 // Where u = 0 lengths are kept; the turn at a vertex of the outline is what the faces leave of pi, and the flux of u.
@@ -234,7 +225,8 @@ std::vector<Vec2> StretchEstimate::Outline(std::span<const HalfedgeHandle> outli
       direction -= surface.angle[facing.idx()];
       const HalfedgeHandle edge = gluing_.Next(facing);  // to this vertex
       if (gluing_.IsOutline(edge)) return;
-      direction -= weight_[edge.idx() / 2] * SolvedAt(gluing_.mesh().from_vertex_handle(edge).idx());
+      const std::int32_t number = number_[gluing_.mesh().from_vertex_handle(edge).idx()];
+      if (number >= 0) direction -= weight_[edge.idx() / 2] * AsKept(u_[number]);
     });
     points.push_back(at);
     travelled.push_back(length);

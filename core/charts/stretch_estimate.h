@@ -76,8 +76,8 @@ class StretchEstimate {
   void Take(Parts vertices);
   void Assemble();
   void Solve();
+  Sums SolveFor(Sums sums, bool from_kept);
   double KeptAt(std::int32_t v) const { return static_cast<double>(kept_[v]); }
-  double SolvedAt(std::int32_t v) const;
 
   const Gluing& gluing_;
   const AtlasTuning& tuning_;

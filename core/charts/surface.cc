@@ -34,15 +34,13 @@ void MeasureFaces(const Mesh& mesh, const std::vector<FaceKind>& kind, const Exe
 void Cut(const Surface& surface, const GivenSeams& seams, Pairing* pairing,
          std::vector<std::vector<std::int32_t>>* crowded_edges) {
   std::vector<std::int32_t>& opposite = pairing->opposite;
-  std::vector<char> is_seam(pairing->non_manifold.empty() ? 0 : opposite.size(), 0);
+  std::vector<char> is_seam(opposite.size(), 0);
   const auto cut = [&](std::int32_t c) {
     if (const std::int32_t d = opposite[c]; d >= 0) opposite[c] = opposite[d] = -1;
   };
   for (const std::int32_t c : seams.corners) {
-    if (!is_seam.empty()) {
-      is_seam[c] = 1;
-      if (opposite[c] >= 0) is_seam[opposite[c]] = 1;
-    }
+    is_seam[c] = 1;
+    if (opposite[c] >= 0) is_seam[opposite[c]] = 1;
     cut(c);
   }
   for (std::vector<std::int32_t>& at : pairing->non_manifold) {

@@ -1,10 +1,8 @@
 #include "core/draco/codec.h"
 
-#include <algorithm>
 #include <array>
 #include <cstring>
 #include <memory>
-#include <optional>
 #include <set>
 #include <vector>
 
@@ -12,6 +10,7 @@
 #include "core/base/status_macros.h"
 #include "core/draco/header.h"
 #include "core/draco/library.h"
+#include "core/mesh/half_edges.h"
 #include "draco/compression/expert_encode.h"
 #include "draco/mesh/mesh.h"
 
@@ -28,11 +27,9 @@ absl::Status CheckCount(const std::string& element, std::int64_t count, std::int
                    {{"element", element}, {"declared", std::to_string(count)}, {"limit", std::to_string(limit)}});
 }
 
-absl::Status CheckCounts(std::optional<std::int64_t> faces, std::optional<std::int64_t> vertices,
-                         const DracoLimits& limits) {
-  if (faces) PLANISH_RETURN_IF_ERROR(CheckCount("faces", *faces, limits.max_faces));
-  if (vertices) PLANISH_RETURN_IF_ERROR(CheckCount("vertices", *vertices, limits.max_vertices));
-  return absl::OkStatus();
+absl::Status CheckCounts(std::int64_t faces, std::int64_t vertices, const DracoLimits& limits) {
+  PLANISH_RETURN_IF_ERROR(CheckCount("faces", faces, limits.max_faces));
+  return CheckCount("vertices", vertices, limits.max_vertices);
 }
 
 absl::Status CheckEncodable(const Mesh& mesh) {
@@ -58,19 +55,6 @@ absl::Status CheckEncodable(const Mesh& mesh) {
     }
   }
   return absl::OkStatus();
-}
-
-void FillDraco(const Mesh& mesh, draco::Mesh* draco_mesh) {
-  draco::Mesh& result = *draco_mesh;
-  result.set_num_points(static_cast<std::uint32_t>(mesh.num_vertices()));
-  draco::GeometryAttribute position;
-  position.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(Point), 0);
-  const int id = result.AddAttribute(position, true, static_cast<std::uint32_t>(mesh.num_vertices()));
-  for (std::int64_t v = 0; v < mesh.num_vertices(); ++v) {
-    const Eigen::Vector3f rounded = mesh.positions[v].cast<float>();
-    result.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(v)), rounded.data());
-  }
-  SetFaces(mesh.faces, &result);
 }
 
 absl::StatusOr<const draco::PointAttribute*> PositionOf(const draco::Mesh& mesh) {
@@ -116,7 +100,7 @@ void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
   };
   const std::vector<std::int32_t> order =
       SortedIndices(vertices, [&](std::int32_t a, std::int32_t b) { return compare(a, b) < 0; });
-  std::vector<std::int32_t> joined_with = Indices(vertices);
+  std::vector<std::int32_t> number = Indices(vertices);  // of the vertex that it is joined with, then of the new one
   for (std::int64_t begin = 0, end = 0; begin < vertices; begin = end) {
     std::set<std::string> others;
     for (end = begin; end < vertices && compare(order[begin], order[end]) == 0; ++end) {
@@ -124,19 +108,13 @@ void JoinSplitPoints(const draco::Mesh& decoded, Mesh* mesh) {
       if (end > begin) others.insert(OtherValues(decoded, order[end]));
     }
     if (static_cast<std::int64_t>(others.size()) != end - begin) continue;
-    for (std::int64_t i = begin; i < end; ++i) joined_with[order[i]] = order[begin];
+    for (std::int64_t i = begin; i < end; ++i) number[order[i]] = order[begin];
   }
-
-  std::vector<std::int32_t> new_vertex(vertices);
-  std::int32_t count = 0;
-  for (std::int32_t v = 0; v < vertices; ++v) {
-    if (joined_with[v] != v) continue;
-    mesh->positions[count] = mesh->positions[v];
-    new_vertex[v] = count++;
-  }
+  const std::int32_t count = NumberByFirst(vertices, &number);
+  for (std::int64_t v = 0; v < vertices; ++v) mesh->positions[number[v]] = mesh->positions[v];
   mesh->positions.resize(count);
   for (Face& face : mesh->faces) {
-    for (std::int32_t& vertex : face) vertex = new_vertex[joined_with[vertex]];
+    for (std::int32_t& vertex : face) vertex = number[vertex];
   }
 }
 
@@ -144,13 +122,12 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& li
   PLANISH_ASSIGN_OR_RETURN(const draco::PointAttribute* position, PositionOf(decoded));
   PLANISH_RETURN_IF_ERROR(CheckCounts(decoded.num_faces(), static_cast<std::int64_t>(position->size()), limits));
   Mesh mesh;
-  mesh.faces.resize(decoded.num_faces());
-  for (std::uint32_t f = 0; f < decoded.num_faces(); ++f) {
-    PLANISH_ASSIGN_OR_RETURN(const draco::Mesh::Face face, CheckedFace(decoded, f));
-    for (int k = 0; k < 3; ++k) {
-      const std::uint32_t value = position->mapped_index(face[k]).value();
-      if (value >= position->size()) return IndexOutOfRange(f, value, static_cast<std::int64_t>(position->size()));
-      mesh.faces[f][k] = static_cast<std::int32_t>(value);
+  PLANISH_ASSIGN_OR_RETURN(mesh.faces, FacesOf(decoded));
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    for (std::int32_t& vertex : mesh.faces[f]) {
+      const std::uint32_t value = position->mapped_index(draco::PointIndex(static_cast<std::uint32_t>(vertex))).value();
+      if (value >= position->size()) return IndexOutOfRange(static_cast<std::int64_t>(f), value, position->size());
+      vertex = static_cast<std::int32_t>(value);
     }
   }
   mesh.positions.resize(position->size());
@@ -169,7 +146,7 @@ absl::StatusOr<Mesh> FromDraco(const draco::Mesh& decoded, const DracoLimits& li
 absl::StatusOr<Mesh> CheckAndDecode(std::string_view bytes, const DracoLimits& limits) {
   PLANISH_ASSIGN_OR_RETURN(const DracoCounts declared, PeekDraco(bytes));
   if (declared.geometry == DracoGeometry::kMesh) {
-    PLANISH_RETURN_IF_ERROR(CheckCounts(declared.faces, declared.vertices, limits));
+    PLANISH_RETURN_IF_ERROR(CheckCounts(declared.faces.value_or(0), declared.vertices.value_or(0), limits));
   }
   PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> decoded, OpenDraco(bytes));
   return FromDraco(*decoded, limits);
@@ -180,8 +157,17 @@ absl::StatusOr<Mesh> CheckAndDecode(std::string_view bytes, const DracoLimits& l
 absl::StatusOr<std::string> EncodeDraco(const Mesh& mesh) {
   PLANISH_RETURN_IF_ERROR(CheckEncodable(mesh));
   return CatchOutOfMemory("encode", [&] {
+    const auto num_points = static_cast<std::uint32_t>(mesh.num_vertices());
     draco::Mesh source;
-    FillDraco(mesh, &source);
+    source.set_num_points(num_points);
+    draco::GeometryAttribute position;
+    position.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(Point), 0);
+    const int id = source.AddAttribute(position, true, num_points);
+    for (std::uint32_t v = 0; v < num_points; ++v) {
+      const Eigen::Vector3f rounded = mesh.positions[v].cast<float>();
+      source.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(v), rounded.data());
+    }
+    SetFaces(mesh.faces, &source);
     draco::ExpertEncoder encoder(source);
     return EncodeInOrder(sizeof(Point), source, &encoder);
   });

@@ -1,7 +1,6 @@
 #include "core/draco/header.h"
 
 #include <array>
-#include <cstring>
 
 #include "core/draco/library.h"
 #include "draco/compression/config/compression_shared.h"
@@ -32,70 +31,28 @@ bool SkipName(draco::DecoderBuffer* buffer) {
   return buffer->Decode(&length) && Skip(length, buffer);
 }
 
-bool ReadVarint(std::uint32_t* value, draco::DecoderBuffer* buffer) {
-  return draco::DecodeVarint(value, buffer);
-}
-
-// Metadata of every attribute that has some, then those of the whole geometry. Each may have metadata within, which
-// follow it, outermost first: how deep they lie does not matter to where they end.
+// A tree of metadata for every attribute that has some, after the number of the attribute, then one for the whole
+// geometry. Metadata within others follow these, outermost first: how deep they lie does not matter to where they end.
 bool SkipMetadata(draco::DecoderBuffer* buffer) {
   int skipped = 0;
-  const auto skip_one = [&](bool named, std::uint64_t* within) {
-    std::uint32_t entries = 0, inner = 0;
-    if (++skipped > kMostMetadata || (named && !SkipName(buffer)) || !ReadVarint(&entries, buffer)) return false;
-    for (std::uint32_t i = 0; i < entries; ++i) {
-      std::uint32_t size = 0;
-      if (++skipped > kMostMetadata || !SkipName(buffer) || !ReadVarint(&size, buffer) || !Skip(size, buffer)) {
-        return false;
+  std::uint32_t attributes = 0, attribute = 0;
+  if (!draco::DecodeVarint(&attributes, buffer)) return false;
+  for (std::uint64_t tree = 0; tree <= attributes; ++tree) {
+    if (tree < attributes && !draco::DecodeVarint(&attribute, buffer)) return false;
+    std::uint64_t left = 1;  // of the tree
+    for (bool has_name = false; left > 0; --left, has_name = true) {
+      std::uint32_t entries = 0, size = 0, within = 0;
+      if (++skipped > kMostMetadata || (has_name && !SkipName(buffer))) return false;
+      if (!draco::DecodeVarint(&entries, buffer)) return false;
+      for (std::uint32_t i = 0; i < entries; ++i) {
+        if (++skipped > kMostMetadata || !SkipName(buffer)) return false;
+        if (!draco::DecodeVarint(&size, buffer) || !Skip(size, buffer)) return false;
       }
+      if (!draco::DecodeVarint(&within, buffer)) return false;
+      left += within;
     }
-    if (!ReadVarint(&inner, buffer)) return false;
-    *within += inner;
-    return true;
-  };
-  const auto skip_tree = [&] {
-    std::uint64_t within = 0;
-    if (!skip_one(false, &within)) return false;
-    for (; within > 0; --within) {
-      if (!skip_one(true, &within)) return false;
-    }
-    return true;
-  };
-  std::uint32_t attributes = 0;
-  if (!ReadVarint(&attributes, buffer)) return false;
-  for (std::uint32_t i = 0; i < attributes; ++i) {
-    std::uint32_t id = 0;
-    if (!ReadVarint(&id, buffer) || !skip_tree()) return false;
-  }
-  return skip_tree();
-}
-
-// Some numbers in a row, each of 32 bits or of variable length.
-template <std::size_t kCount>
-bool ReadNumbers(bool varint, std::array<std::uint32_t, kCount>* numbers, draco::DecoderBuffer* buffer) {
-  for (std::uint32_t& number : *numbers) {
-    if (!(varint ? ReadVarint(&number, buffer) : buffer->Decode(&number))) return false;
   }
   return true;
-}
-
-void ReadSequential(std::uint16_t version, draco::DecoderBuffer* buffer, DracoCounts* counts) {
-  std::array<std::uint32_t, 2> numbers;
-  if (!ReadNumbers(version >= kVarintSequential, &numbers, buffer)) return;
-  counts->faces = numbers[0];
-  counts->vertices = numbers[1];
-}
-
-void ReadEdgebreaker(std::uint16_t version, draco::DecoderBuffer* buffer, DracoCounts* counts) {
-  std::uint8_t traversal = 0;
-  std::array<std::uint32_t, 1> added = {0};
-  std::array<std::uint32_t, 2> numbers;
-  const bool varint = version >= kVarintEdgebreaker;
-  if (!buffer->Decode(&traversal)) return;
-  if (version < kWithoutAddedPoints && !ReadNumbers(varint, &added, buffer)) return;
-  if (!ReadNumbers(varint, &numbers, buffer)) return;
-  counts->vertices = numbers[0];
-  counts->faces = numbers[1];
 }
 
 }  // namespace
@@ -122,16 +79,21 @@ absl::StatusOr<DracoCounts> PeekDraco(std::string_view bytes) {
   const std::uint16_t newest = is_mesh ? draco::kDracoMeshBitstreamVersion : draco::kDracoPointCloudBitstreamVersion;
   if (counts.method == DracoMethod::kUnknown || head[0] < 1 || version > newest) return counts;
   if (version >= kOldestWithMetadata && (flags & METADATA_FLAG_MASK) != 0 && !SkipMetadata(&buffer)) return counts;
-  if (!is_mesh) {
-    std::array<std::uint32_t, 1> points;
-    if (!ReadNumbers(false, &points, &buffer)) return counts;
-    counts.faces = 0;
-    counts.vertices = points[0];
-  } else if (counts.method == DracoMethod::kSequential) {
-    ReadSequential(version, &buffer, &counts);
-  } else {
-    ReadEdgebreaker(version, &buffer, &counts);
+  const bool is_edgebreaker = counts.method == DracoMethod::kEdgebreaker;
+  const bool is_varint = is_mesh && version >= (is_edgebreaker ? kVarintEdgebreaker : kVarintSequential);
+  const auto read = [&](std::uint32_t* number) {
+    return is_varint ? draco::DecodeVarint(number, &buffer) : buffer.Decode(number);
+  };
+  std::uint8_t traversal = 0;
+  std::uint32_t added = 0, faces = 0, vertices = 0;
+  if (is_edgebreaker) {
+    if (!buffer.Decode(&traversal) || (version < kWithoutAddedPoints && !read(&added))) return counts;
+    if (!read(&vertices) || !read(&faces)) return counts;
+  } else if ((is_mesh && !read(&faces)) || !read(&vertices)) {
+    return counts;
   }
+  counts.faces = faces;
+  counts.vertices = vertices;
   return counts;
 }
 

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "core/base/status_macros.h"
 #include "draco/compression/decode.h"
 #include "draco/core/decoder_buffer.h"
 #include "draco/core/encoder_buffer.h"
@@ -43,12 +42,16 @@ absl::StatusOr<std::unique_ptr<draco::Mesh>> OpenDraco(std::string_view bytes, b
   return std::move(decoded).value();
 }
 
-absl::StatusOr<draco::Mesh::Face> CheckedFace(const draco::Mesh& mesh, std::uint32_t f) {
-  const draco::Mesh::Face& face = mesh.face(draco::FaceIndex(f));
-  for (int k = 0; k < 3; ++k) {
-    if (face[k].value() >= mesh.num_points()) return IndexOutOfRange(f, face[k].value(), mesh.num_points());
+absl::StatusOr<std::vector<Face>> FacesOf(const draco::Mesh& mesh) {
+  std::vector<Face> faces(mesh.num_faces());
+  for (std::uint32_t f = 0; f < mesh.num_faces(); ++f) {
+    for (int k = 0; k < 3; ++k) {
+      const std::uint32_t point = mesh.face(draco::FaceIndex(f))[k].value();
+      if (point >= mesh.num_points()) return IndexOutOfRange(f, point, mesh.num_points());
+      faces[f][k] = static_cast<std::int32_t>(point);
+    }
   }
-  return face;
+  return faces;
 }
 
 bool IsBacked(const draco::PointAttribute& attribute, std::uint32_t num_points) {

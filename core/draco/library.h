@@ -30,8 +30,8 @@ absl::Status NotDraco(std::string_view bytes);
 // CatchOutOfMemory() catches.
 absl::StatusOr<std::unique_ptr<draco::Mesh>> OpenDraco(std::string_view bytes, bool keep_quantized = false);
 
-// The points of face f. INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: there is no such point.
-absl::StatusOr<draco::Mesh::Face> CheckedFace(const draco::Mesh& mesh, std::uint32_t f);
+// The points of all faces. INVALID_ARGUMENT, MESH_INDEX_OUT_OF_RANGE: there is no such point.
+absl::StatusOr<std::vector<Face>> FacesOf(const draco::Mesh& mesh);
 
 // Whether every value lies within the attribute's bytes and every point has an entry: a decoder fed with hostile bytes
 // promises neither. The entries themselves may still be out of range.

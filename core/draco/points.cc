@@ -34,14 +34,11 @@ static_assert(static_cast<int>(DracoKind::kPosition) == draco::GeometryAttribute
 static_assert(static_cast<int>(DracoKind::kTexcoord) == draco::GeometryAttribute::TEX_COORD);
 static_assert(static_cast<int>(DracoKind::kGeneric) == draco::GeometryAttribute::GENERIC);
 
-DracoKind KindOf(draco::GeometryAttribute::Type type) {
-  const bool is_named = type >= 0 && type < draco::GeometryAttribute::GENERIC;
-  return is_named ? static_cast<DracoKind>(type) : DracoKind::kGeneric;
-}
-
 absl::StatusOr<DracoAttribute> CopyAttribute(const draco::PointAttribute& source, std::uint32_t num_points) {
   DracoAttribute attribute;
-  attribute.kind = KindOf(source.attribute_type());
+  const auto type = source.attribute_type();
+  const bool is_named = type >= 0 && type < draco::GeometryAttribute::GENERIC;
+  attribute.kind = is_named ? static_cast<DracoKind>(type) : DracoKind::kGeneric;
   attribute.unique_id = source.unique_id();
   attribute.component = source.data_type();
   attribute.components = source.num_components();
@@ -77,11 +74,7 @@ absl::StatusOr<DracoPoints> CheckAndDecode(const std::string& bytes, bool want_q
   PLANISH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> decoded, OpenDraco(bytes));
   DracoPoints points;
   points.num_points = decoded->num_points();
-  points.faces.resize(decoded->num_faces());
-  for (std::uint32_t f = 0; f < decoded->num_faces(); ++f) {
-    PLANISH_ASSIGN_OR_RETURN(const draco::Mesh::Face face, CheckedFace(*decoded, f));
-    for (int k = 0; k < 3; ++k) points.faces[f][k] = static_cast<std::int32_t>(face[k].value());
-  }
+  PLANISH_ASSIGN_OR_RETURN(points.faces, FacesOf(*decoded));
   for (int id = 0; id < decoded->num_attributes(); ++id) {
     PLANISH_ASSIGN_OR_RETURN(DracoAttribute attribute, CopyAttribute(*decoded->attribute(id), decoded->num_points()));
     points.attributes.push_back(std::move(attribute));
@@ -122,6 +115,7 @@ draco::Options QuantizationOptions(const DracoAttribute& attribute) {
 
 absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<bool>& quantize) {
   draco::Mesh mesh;
+  draco::ExpertEncoder encoder(mesh);
   mesh.set_num_points(static_cast<std::uint32_t>(points.num_points));
   std::int64_t point_bytes = 0;
   for (const DracoAttribute& attribute : points.attributes) {
@@ -129,37 +123,24 @@ absl::StatusOr<std::string> Encode(const DracoPoints& points, const std::vector<
     shape.Init(static_cast<draco::GeometryAttribute::Type>(attribute.kind), nullptr,
                static_cast<std::int8_t>(attribute.components), static_cast<draco::DataType>(attribute.component),
                attribute.normalized, attribute.value_size, 0);
-    const int id = mesh.AddAttribute(shape, true, static_cast<std::uint32_t>(points.num_points));
-    for (std::int64_t p = 0; p < points.num_points; ++p) {
-      mesh.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(static_cast<std::uint32_t>(p)),
+    const int id = mesh.AddAttribute(shape, true, mesh.num_points());
+    for (std::uint32_t p = 0; p < mesh.num_points(); ++p) {
+      mesh.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(p),
                                             attribute.values.data() + p * attribute.value_size);
     }
     mesh.attribute(id)->set_unique_id(attribute.unique_id);
-    if (!quantize[static_cast<std::size_t>(id)]) point_bytes += attribute.value_size;
+    if (quantize[static_cast<std::size_t>(id)]) {
+      encoder.options().SetAttributeOptions(id, QuantizationOptions(attribute));
+    } else {
+      point_bytes += attribute.value_size;
+    }
   }
   SetFaces(points.faces, &mesh);
   if (points.metadata != nullptr) {
     mesh.AddMetadata(
         std::make_unique<draco::GeometryMetadata>(*static_cast<const draco::GeometryMetadata*>(points.metadata.get())));
   }
-  draco::ExpertEncoder encoder(mesh);
-  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
-    const DracoAttribute& attribute = points.attributes[i];
-    if (!quantize[i]) continue;
-    encoder.options().SetAttributeOptions(static_cast<int>(i), QuantizationOptions(attribute));
-  }
   return EncodeInOrder(point_bytes, mesh, &encoder);
-}
-
-// Which attributes of `points` come back from `bytes` as they are; nothing if the faces do not.
-std::vector<bool> KeptBy(const std::string& bytes, const DracoPoints& points) {
-  const absl::StatusOr<DracoPoints> again = CheckAndDecode(bytes, false);
-  if (!again.ok() || again->faces != points.faces || again->attributes.size() != points.attributes.size()) return {};
-  std::vector<bool> kept;
-  for (std::size_t i = 0; i < points.attributes.size(); ++i) {
-    kept.push_back(again->attributes[i].values == points.attributes[i].values);
-  }
-  return kept;
 }
 
 absl::StatusOr<std::string> EncodeAndCompare(const DracoPoints& points) {
@@ -168,12 +149,18 @@ absl::StatusOr<std::string> EncodeAndCompare(const DracoPoints& points) {
   // What was rounded must come back as it is; where it does not, it is not rounded the next time.
   for (int attempt = 0; attempt < 3; ++attempt) {
     absl::StatusOr<std::string> bytes = Encode(points, quantize);
+    absl::StatusOr<DracoPoints> again;  // unless bytes.ok(), none
+    if (bytes.ok()) again = CheckAndDecode(*bytes, false);
+    const bool has_all = again.ok() && again->faces == points.faces && !quantize.empty() &&
+                         again->attributes.size() == points.attributes.size();
+    bool is_kept = has_all;
     // What is not finite cannot be rounded; without rounding all but integers above 2^31 can be encoded.
-    const std::vector<bool> kept = bytes.ok() ? KeptBy(*bytes, points) : std::vector<bool>();
-    if (!kept.empty() && std::find(kept.begin(), kept.end(), false) == kept.end()) return bytes;
     for (std::size_t i = 0; i < quantize.size(); ++i) {
-      quantize[i] = quantize[i] && attempt == 0 && !kept.empty() && kept[i];
+      const bool comes_back = has_all && again->attributes[i].values == points.attributes[i].values;
+      quantize[i] = quantize[i] && attempt == 0 && comes_back;
+      is_kept = is_kept && comes_back;
     }
+    if (is_kept) return bytes;
   }
   return InvalidDraco("OUTPUT_UNSUPPORTED", "Draco cannot hold the values of this mesh: it does not give back the " +
                                                 std::to_string(points.num_points) + " points that it is given");

@@ -105,12 +105,12 @@ void ForEachOnLoop(const Links& links, typename Links::HalfEdge start, const Vis
 // Half-edges on the boundary, counter-clockwise round the faces: a group a loop.
 using Loops = Groups;
 
-// The loops of these boundary half-edges, in the order of their first ones.
-inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite, const std::vector<std::int32_t>& boundary) {
+// All loops, in the order of their first half-edges.
+inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite) {
   Loops loops;
   std::vector<char> seen(opposite.size(), 0);
-  for (const std::int32_t start : boundary) {
-    if (seen[start]) continue;
+  for (std::int32_t start = 0; start < static_cast<std::int32_t>(opposite.size()); ++start) {
+    if (opposite[start] >= 0 || seen[start]) continue;
     ForEachOnLoop(FlatLinks{opposite}, start, [&](std::int32_t c) {
       seen[c] = 1;
       loops.item.push_back(c);
@@ -118,15 +118,6 @@ inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite, const std:
     loops.begin.push_back(static_cast<std::int32_t>(loops.item.size()));
   }
   return loops;
-}
-
-// All loops.
-inline Loops BoundaryLoops(const std::vector<std::int32_t>& opposite) {
-  std::vector<std::int32_t> boundary;
-  for (std::int32_t c = 0; c < static_cast<std::int32_t>(opposite.size()); ++c) {
-    if (opposite[c] < 0) boundary.push_back(c);
-  }
-  return BoundaryLoops(opposite, boundary);
 }
 
 // Disjoint sets of [0, size). The representative of a set is its smallest member.
@@ -172,6 +163,26 @@ std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* 
     }
   }
   return piece;
+}
+
+// The same of all faces.
+template <typename Neighbour>
+std::vector<std::int32_t> ConnectedPieces(std::int32_t num_faces, std::int32_t* count, const Neighbour& neighbour) {
+  const auto all = [](std::int32_t) { return true; };
+  return ConnectedPieces(num_faces, count, all, neighbour);
+}
+
+// Numbers anew what has labels in [0, num_labels): 0, 1, 2, ... in the order in which labels come first; -1 stays.
+// Returns how many different labels there are.
+inline std::int32_t NumberByFirst(std::size_t num_labels, std::vector<std::int32_t>* labels) {
+  std::vector<std::int32_t> number(num_labels, -1);
+  std::int32_t count = 0;
+  for (std::int32_t& label : *labels) {
+    if (label < 0) continue;
+    if (number[label] < 0) number[label] = count++;
+    label = number[label];
+  }
+  return count;
 }
 
 // Half-edges, ascending, of each undirected edge. Edges ascend by their lower, then by their higher vertex.

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -27,23 +28,15 @@ double WeightOf(const UnwrapOptions& options, const Surface& surface, const Char
   return area > 0 ? by_area / area : by_number / static_cast<double>(chart.faces.size());
 }
 
-// The numbers of the atlases, ascending; 0 alone if there is one for all.
-std::vector<std::int32_t> AtlasNumbers(const UnwrapOptions& options) {
-  std::vector<std::int32_t> numbers = options.face_atlas;
-  std::sort(numbers.begin(), numbers.end());
-  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
-  if (numbers.empty()) numbers.push_back(0);
-  return numbers;
-}
-
 // Packs all charts at one scale, each atlas into its own tiles; or, stacked, each atlas by itself, all into the same
 // tiles.
 void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& execution, const Charts& charts,
                  Atlas* atlas, std::vector<ChartPlacement>* placements) {
   const bool stacked = !options.face_atlas.empty() && options.layout == AtlasLayout::kStacked;
-  const std::vector<std::int32_t> numbers = AtlasNumbers(options);
+  std::set<std::int32_t> numbers(options.face_atlas.begin(), options.face_atlas.end());
+  if (numbers.empty()) numbers.insert(0);
   PackOptions tiles = options.atlas;
-  tiles.atlases = stacked ? 1 : numbers.back() + 1;
+  tiles.atlases = stacked ? 1 : *numbers.rbegin() + 1;
   if (stacked) tiles.tuning.least_work /= static_cast<double>(numbers.size());  // all together have as much as one
   if (is_draft) {
     tiles.effort = PackEffort::kFast;
@@ -56,7 +49,7 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
   }
   std::map<std::int32_t, std::vector<std::int32_t>> at_once;
   for (std::int32_t i = 0; i < charts.count(); ++i) {
-    at_once[stacked ? AtlasOf(options, charts.charts[i].chart.faces) : 0].push_back(i);
+    at_once[stacked ? AtlasOf(options, charts.charts[i].chart.faces.front()) : 0].push_back(i);
   }
   atlas->scale = std::numeric_limits<double>::infinity();
   atlas->padding = tiles.padding;
@@ -68,14 +61,14 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
       const MappedChart& mapped = charts.charts[i];
       to_pack.push_back({mapped.map.positions, mapped.chart.topology.faces,
                          WeightOf(options, *charts.surface, mapped.chart),
-                         stacked ? 0 : AtlasOf(options, mapped.chart.faces)});
+                         stacked ? 0 : AtlasOf(options, mapped.chart.faces.front())});
     }
     const Packing packing = Pack(std::move(to_pack), tiles, execution);
     for (auto& [number, report] : reports) {
       if (!stacked || number == group) report.texels_per_unit = packing.scale * tiles.texture_size;
     }
     for (std::size_t k = 0; k < own.size(); ++k) {
-      AtlasReport& report = reports[AtlasOf(options, charts.charts[own[k]].chart.faces)];
+      AtlasReport& report = reports[AtlasOf(options, charts.charts[own[k]].chart.faces.front())];
       (*placements)[own[k]] = packing.charts[k];
       ++report.charts;
       report.tiles = std::max(report.tiles, packing.charts[k].tile + 1 - report.first_tile);
@@ -85,9 +78,7 @@ void PackAtlases(const UnwrapOptions& options, bool is_draft, const Execution& e
     if (own.size() > 1) atlas->padding = std::min(atlas->padding, packing.padding);
   }
   if (!std::isfinite(atlas->scale)) atlas->scale = 1;
-  for (const auto& [number, report] : reports) {
-    if (!options.face_atlas.empty()) atlas->atlases.push_back(report);
-  }
+  if (!options.face_atlas.empty()) atlas->atlases = std::move(reports);
 }
 
 // Sets where each chart's map goes.
@@ -112,69 +103,54 @@ Atlas Place(const UnwrapOptions& options, bool is_draft, const Execution& execut
   return atlas;
 }
 
-// The UV of the two ends of an edge between two vertices, or of one corner at a vertex, wherever a face of the same
-// atlas has UV there.
-class ElsewhereUv {
- public:
-  ElsewhereUv(const Mesh& mesh, const UnwrapOptions& options, const std::vector<std::int32_t>& face_chart,
-              const CornerUv& uv)
-      : mesh_(mesh), options_(options), uv_(uv) {
-    corners_.resize(mesh.positions.size());
-    std::vector<char> wanted(mesh.positions.size(), 0);
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-      if (face_chart[f] >= 0) continue;
-      for (const std::int32_t v : mesh.faces[f]) wanted[v] = 1;
-    }
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-      if (face_chart[f] < 0) continue;
-      for (int k = 0; k < 3; ++k) {
-        if (wanted[mesh.faces[f][k]]) corners_[mesh.faces[f][k]].push_back(static_cast<std::int32_t>(3 * f) + k);
-      }
-    }
+// Gives faces without a chart the UV of the two ends of an edge, or of one corner at a vertex, wherever a face of the
+// same atlas has UV there.
+void PlaceElsewhere(const Mesh& mesh, const UnwrapOptions& options, const std::vector<std::int32_t>& face_chart,
+                    CornerUv* uv) {
+  std::vector<char> wanted(mesh.positions.size(), 0);
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    if (face_chart[f] >= 0) continue;
+    for (const std::int32_t v : mesh.faces[f]) wanted[v] = 1;
   }
-
-  // Of each corner of a face without a chart.
-  std::array<Vec2, 3> Of(std::size_t f) const {
-    const Face& face = mesh_.faces[f];
-    const std::int32_t atlas = AtlasOfFace(f);
+  std::vector<std::vector<std::int32_t>> corners(mesh.positions.size());  // with UV, of vertices that are wanted
+  for (std::int32_t c = 0; c < static_cast<std::int32_t>(3 * mesh.faces.size()); ++c) {
+    const std::int32_t v = mesh.faces[c / 3][c % 3];
+    if (face_chart[c / 3] >= 0 && wanted[v]) corners[v].push_back(c);
+  }
+  const auto places_of = [&](std::int32_t f) -> std::array<Vec2, 3> {
+    const Face& face = mesh.faces[f];
+    const std::int32_t atlas = AtlasOf(options, f);
     // From a face that has both of its vertices, if there is one.
     for (int k = 0; k < 3; ++k) {
       const std::int32_t v = face[k], w = face[Next(k)];
       if (v == w) continue;
-      for (const std::int32_t c : corners_[v]) {
+      for (const std::int32_t c : corners[v]) {
         for (int j = 0; j < 3; ++j) {
-          const std::int32_t d = 3 * (c / 3) + j;
-          if (mesh_.faces[c / 3][j] != w || AtlasOfFace(c / 3) != atlas) continue;
-          std::array<Vec2, 3> places;
-          for (int i = 0; i < 3; ++i) places[i] = At(face[i] == v ? c : d);
-          return places;
+          if (mesh.faces[c / 3][j] != w || AtlasOf(options, c / 3) != atlas) continue;
+          const auto at = [&](std::int32_t vertex) { return UvOf(*uv, vertex == v ? c : 3 * (c / 3) + j); };
+          return {at(face[0]), at(face[1]), at(face[2])};
         }
       }
     }
     for (const std::int32_t v : face) {
-      for (const std::int32_t c : corners_[v]) {
-        if (AtlasOfFace(c / 3) == atlas) return {At(c), At(c), At(c)};
+      for (const std::int32_t c : corners[v]) {
+        if (AtlasOf(options, c / 3) == atlas) return {UvOf(*uv, c), UvOf(*uv, c), UvOf(*uv, c)};
       }
     }
-    const int tile = options_.layout == AtlasLayout::kUdim ? atlas * options_.atlas.tiles : 0;
-    const Vec2 corner = CornerOfTile(tile);
+    const Vec2 corner = CornerOfTile(options.layout == AtlasLayout::kUdim ? atlas * options.atlas.tiles : 0);
     return {corner, corner, corner};
+  };
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(mesh.faces.size()); ++f) {
+    if (face_chart[f] >= 0) continue;
+    const std::array<Vec2, 3> places = places_of(f);
+    for (int k = 0; k < 3; ++k) SetUv(3 * f + k, places[k], uv);
   }
-
- private:
-  std::int32_t AtlasOfFace(std::size_t f) const { return options_.face_atlas.empty() ? 0 : options_.face_atlas[f]; }
-  Vec2 At(std::int32_t corner) const { return {uv_[2 * corner], uv_[2 * corner + 1]}; }
-
-  const Mesh& mesh_;
-  const UnwrapOptions& options_;
-  const CornerUv& uv_;
-  std::vector<std::vector<std::int32_t>> corners_;  // with UV, per vertex of faces without
-};
+}
 
 }  // namespace
 
-std::int32_t AtlasOf(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) {
-  return options.face_atlas.empty() ? 0 : options.face_atlas[faces.front()];
+std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face) {
+  return options.face_atlas.empty() ? 0 : options.face_atlas[face];
 }
 
 absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts) {
@@ -187,32 +163,19 @@ absl::StatusOr<Atlas> PackCharts(Job* job, bool is_draft, Charts* charts) {
   Atlas atlas = Place(job->options, is_draft, job->execution, charts, &placements);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   atlas.uv.assign(6 * mesh.faces.size(), 0.0);
-  const auto set = [&](std::size_t corner, const Vec2& p) {
-    atlas.uv[2 * corner] = p.x();
-    atlas.uv[2 * corner + 1] = p.y();
-  };
   const bool stays = !job->options.pack || job->options.seams.policy == SeamPolicy::kNone;
   for (std::int32_t i = 0; i < charts->count(); ++i) {
     const Chart& chart = charts->charts[i].chart;
     const std::vector<Vec2>& positions = charts->charts[i].map.positions;
     const ChartPlacement& place = placements[i];
     job->execution.ForEach(chart.topology.num_faces(), [&](std::int64_t f) {
-      const std::size_t corner = 3 * static_cast<std::size_t>(chart.faces[f]);
-      for (std::size_t k = 0; k < 3; ++k) {
+      for (int k = 0; k < 3; ++k) {
         const Vec2& p = positions[chart.topology.faces[f][k]];
-        set(corner + k, stays ? Vec2(p + place.offset) : place(p));
+        SetUv(3 * chart.faces[f] + k, stays ? Vec2(p + place.offset) : place(p), &atlas.uv);
       }
     });
   }
-  if (!charts->ignored.empty()) {
-    const std::vector<std::int32_t> face_chart = charts->FaceChart(mesh);
-    const ElsewhereUv elsewhere(mesh, job->options, face_chart, atlas.uv);
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-      if (face_chart[f] >= 0) continue;
-      const std::array<Vec2, 3> places = elsewhere.Of(f);
-      for (std::size_t k = 0; k < 3; ++k) set(3 * f + k, places[k]);
-    }
-  }
+  if (!charts->ignored.empty()) PlaceElsewhere(mesh, job->options, charts->FaceChart(mesh), &atlas.uv);
   if (job->execution.IsCancelled()) return absl::CancelledError("cancelled");
   job->seconds.pack += timer.Restart();
   return atlas;

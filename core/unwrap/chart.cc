@@ -20,20 +20,16 @@ namespace {
 using Corners2 = std::array<Vec2, 3>;  // in the plane
 using Corners3 = std::array<Vec3, 3>;  // on the surface
 
-// Corners at different vertices of the chart that are one in the mesh: each with the one before it.
-std::vector<std::pair<std::int32_t, std::int32_t>> CornersOfOneVertex(const Mesh& mesh, const Chart& chart) {
-  std::vector<std::array<std::int32_t, 3>> outline;  // vertex of the mesh, vertex, corner
+// Half-edges of the outline: the vertex of the mesh in which each begins, that of the chart, and its number. Ascending,
+// so that vertices of the chart which are one in the mesh are neighbours.
+std::vector<std::array<std::int32_t, 3>> OutlineBySource(const Mesh& mesh, const Chart& chart) {
+  std::vector<std::array<std::int32_t, 3>> outline;
   for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
     if (chart.topology.opposite[c] >= 0) continue;
-    const std::int32_t corner = 3 * (c / 3) + Next(c % 3);
-    outline.push_back({mesh.faces[chart.faces[c / 3]][corner % 3], chart.topology.faces[c / 3][corner % 3], corner});
+    outline.push_back({mesh.faces[chart.faces[c / 3]][Next(c % 3)], Origin(chart.topology.faces, c), c});
   }
   std::sort(outline.begin(), outline.end());
-  std::vector<std::pair<std::int32_t, std::int32_t>> pairs;
-  for (std::size_t i = 1; i < outline.size(); ++i) {
-    if (outline[i][0] == outline[i - 1][0]) pairs.emplace_back(outline[i - 1][2], outline[i][2]);
-  }
-  return pairs;
+  return outline;
 }
 
 // Both sides of slits whose ends coincide, up to the errors of a solve and a layout, are moved to their middle, unless
@@ -42,24 +38,25 @@ std::vector<std::pair<std::int32_t, std::int32_t>> CornersOfOneVertex(const Mesh
 std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::vector<Vec2>* positions) {
   constexpr double kCoincide = 1e-6;  // of the edge's length
   const std::vector<Face>& faces = chart.topology.faces;
+  const std::vector<Vec2>& p = *positions;
   std::vector<std::int32_t> closed;
   std::vector<std::pair<std::int32_t, std::int32_t>> same;
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(chart.slits.size()); ++i) {
     const auto [c, d] = chart.slits[i];
-    const std::int32_t from = faces[c / 3][Next(c % 3)], to = faces[c / 3][Prev(c % 3)];
-    const std::int32_t other_from = faces[d / 3][Prev(d % 3)], other_to = faces[d / 3][Next(d % 3)];
-    const auto& p = *positions;
+    const std::int32_t from = Origin(faces, c), to = Target(faces, c);
+    const std::int32_t other_from = Target(faces, d), other_to = Origin(faces, d);
     const double near = kCoincide * (p[to] - p[from]).norm();
     if ((p[from] - p[other_from]).norm() > near || (p[to] - p[other_to]).norm() > near) continue;
     closed.push_back(i);
     same.emplace_back(from, other_from);
     same.emplace_back(to, other_to);
   }
-  for (const auto& [c, d] : CornersOfOneVertex(mesh, chart)) {
-    const std::int32_t v = faces[c / 3][c % 3], w = faces[d / 3][d % 3];
-    const auto& p = *positions;
-    const double edge =
-        std::min((p[faces[c / 3][Next(c % 3)]] - p[v]).norm(), (p[faces[d / 3][Next(d % 3)]] - p[w]).norm());
+  const std::vector<std::array<std::int32_t, 3>> outline = OutlineBySource(mesh, chart);
+  for (std::size_t i = 1; i < outline.size(); ++i) {
+    const auto& [source, v, c] = outline[i - 1];
+    const auto& [next_source, w, d] = outline[i];
+    if (source != next_source) continue;
+    const double edge = std::min((p[Target(faces, c)] - p[v]).norm(), (p[Target(faces, d)] - p[w]).norm());
     if ((p[v] - p[w]).norm() <= kCoincide * edge) same.emplace_back(v, w);
   }
   if (same.empty()) return closed;
@@ -73,29 +70,19 @@ std::vector<std::int32_t> CloseSlits(const Mesh& mesh, const Chart& chart, std::
   std::vector<int> count(positions->size(), 0);
   for (std::int32_t v = 0; v < static_cast<std::int32_t>(moves.size()); ++v) {
     if (!moves[v]) continue;
-    middle[joined.Find(v)] += (*positions)[v];
+    middle[joined.Find(v)] += p[v];
     ++count[joined.Find(v)];
   }
-  std::vector<Vec2> moved = *positions;
+  std::vector<Vec2> moved = p;
   for (std::int32_t v = 0; v < static_cast<std::int32_t>(moves.size()); ++v) {
     if (moves[v]) moved[v] = middle[joined.Find(v)] / count[joined.Find(v)];
   }
   for (const Face& face : faces) {
     if (!moves[face[0]] && !moves[face[1]] && !moves[face[2]]) continue;
-    if (Orientation(TriangleOf(*positions, face)) > 0 && Orientation(TriangleOf(moved, face)) <= 0) return {};
+    if (Orientation(TriangleOf(p, face)) > 0 && Orientation(TriangleOf(moved, face)) <= 0) return {};
   }
   *positions = std::move(moved);
   return closed;
-}
-
-// The sum of body(face of the chart, its corners in the plane, on the surface, sum) over the faces.
-template <typename Sum, typename Body>
-Sum OverFaces(const Mesh& mesh, const Chart& chart, const std::vector<Vec2>& positions, const Execution& execution,
-              const Body& body) {
-  return execution.SumUp<Sum>(chart.topology.num_faces(), [&](std::int64_t f, Sum* sum) {
-    body(static_cast<std::int32_t>(f), TriangleOf(positions, chart.topology.faces[f]),
-         TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]), sum);
-  });
 }
 
 struct Extent {
@@ -116,18 +103,18 @@ constexpr double kLeastArea = 1e-4;
 // To the area of the surface, widened faces left out; where that is next to nothing, to the length of its edges. Then
 // larger as Chart::enlargement says.
 void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execution, std::vector<Vec2>* positions) {
-  const auto extent = OverFaces<Extent>(mesh, chart, *positions, execution,
-                                        [&](std::int32_t f, const Corners2& p, const Corners3& q, Extent* sum) {
-                                          for (int k = 0; k < 3; ++k) {
-                                            sum->map_edges += (p[Next(k)] - p[k]).norm();
-                                            sum->surface_edges += (q[Next(k)] - q[k]).norm();
-                                          }
-                                          if (chart.is_widened(f)) return;
-                                          sum->map_area += std::abs(DoubleArea(p)) / 2;
-                                          sum->surface_area += DoubleArea(q) / 2;
-                                          for (int k = 0; k < 3; ++k)
-                                            sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
-                                        });
+  const auto extent = execution.SumUp<Extent>(chart.topology.num_faces(), [&](std::int32_t f, Extent* sum) {
+    const Corners2 p = TriangleOf(*positions, chart.topology.faces[f]);
+    const Corners3 q = TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]);
+    for (int k = 0; k < 3; ++k) {
+      sum->map_edges += (p[Next(k)] - p[k]).norm();
+      sum->surface_edges += (q[Next(k)] - q[k]).norm();
+    }
+    if (chart.is_widened(f)) return;
+    sum->map_area += std::abs(DoubleArea(p)) / 2;
+    sum->surface_area += DoubleArea(q) / 2;
+    for (int k = 0; k < 3; ++k) sum->surface_squares += (q[Next(k)] - q[k]).squaredNorm();
+  });
   const double by_edges = extent.map_edges > 0 ? extent.surface_edges / extent.map_edges : 1;
   const double by_area = extent.map_area > 0 ? std::sqrt(extent.surface_area / extent.map_area) : 0;
   const bool has_area = extent.surface_area > kLeastArea * extent.surface_squares && by_area > 1e-3 * by_edges;
@@ -135,74 +122,22 @@ void ScaleToSurface(const Mesh& mesh, const Chart& chart, const Execution& execu
   for (Vec2& p : *positions) p *= scale;
 }
 
-}  // namespace
-
-Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
-                const std::vector<std::pair<std::int32_t, std::int32_t>>& slits, const Execution& execution) {
-  Chart chart;
-  chart.topology = MakeTopology(disc, &chart.faces, execution);
-  std::vector<std::int32_t> place;
-  if (!slits.empty()) place.resize(chart.faces.size());
-  for (std::int32_t f = 0; f < static_cast<std::int32_t>(place.size()); ++f) place[chart.faces[f]] = f;
-  for (const auto& [c, d] : slits) chart.slits.emplace_back(3 * place[c / 3] + c % 3, 3 * place[d / 3] + d % 3);
-  for (std::int32_t& f : chart.faces) f = faces[f];
-  return chart;
+// The corners of the chart's faces, in the order of its topology.
+CornerUv UvOfChart(const Chart& chart, const std::vector<Vec2>& positions) {
+  CornerUv uv(2 * chart.topology.num_corners());
+  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+    SetUv(c, positions[chart.topology.faces[c / 3][c % 3]], &uv);
+  }
+  return uv;
 }
-
-std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map) {
-  std::vector<std::int32_t> opposite = chart.topology.opposite;
-  for (const std::int32_t i : map.closed_slits) {
-    const auto [c, d] = chart.slits[i];
-    opposite[c] = d;
-    opposite[d] = c;
-  }
-  return opposite;
-}
-
-std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions) {
-  std::vector<Vec2> outline;
-  const Loops loops = BoundaryLoops(chart.topology.opposite);
-  for (const std::int32_t c : loops[0]) {
-    outline.push_back(positions[Origin(chart.topology.faces, c)]);
-  }
-  return outline;
-}
-
-namespace {
-
-// Of a chart, with faces of its own.
-struct ChartUv {
-  CornerUv uv;
-  std::vector<char> ignored;
-
-  ChartUv(const Chart& chart, const std::vector<char>& ignored_in_mesh) : uv(2 * chart.topology.num_corners()) {
-    if (ignored_in_mesh.empty()) return;
-    for (const std::int32_t f : chart.faces) ignored.push_back(ignored_in_mesh[f]);
-  }
-
-  void Place(const Chart& chart, const std::vector<Vec2>& positions) {
-    for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-      const Vec2& p = positions[chart.topology.faces[c / 3][c % 3]];
-      uv[2 * c] = p.x();
-      uv[2 * c + 1] = p.y();
-    }
-  }
-
-  Overlaps FindOverlaps(const std::vector<std::int32_t>& opposite, const Execution& execution,
-                        OrientationFaults* orientation) const {
-    *orientation = CheckOrientations(uv, execution, ignored);
-    return CheckOverlaps(opposite, uv, *orientation, execution, ignored, /*max_pairs=*/1);
-  }
-};
 
 // How a map may be turned when it is delivered, which is not known yet: cosine and sine.
 constexpr std::array<std::array<double, 2>, 3> kTurns = {{{0.8, 0.6}, {12.0 / 13, -5.0 / 13}, {8.0 / 17, 15.0 / 17}}};
 
 // Of a map that does not overlap itself as it is: triangles that do once places are rounded to multiples of
-// `resolution`, those left out that this flips or collapses.
+// `resolution`, those left out that this flips or collapses. `ignored`: per face of the chart; empty: none.
 Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const std::vector<std::int32_t>& opposite,
-                               const ChartUv& own, double resolution, const Execution& execution) {
-  ChartUv rounded = own;
+                               const std::vector<char>& ignored, double resolution, const Execution& execution) {
   for (const auto& [cosine, sine] : kTurns) {
     std::vector<Vec2> positions(map.positions.size());
     for (std::size_t v = 0; v < positions.size(); ++v) {
@@ -211,14 +146,14 @@ Overlaps OverlapsAfterRounding(const Chart& chart, const ChartMap& map, const st
           resolution *
           (Vec2(cosine * p.x() - sine * p.y(), sine * p.x() + cosine * p.y()) / resolution).array().round().matrix();
     }
-    rounded.ignored.assign(chart.faces.size(), 0);
+    std::vector<char> left_out(chart.faces.size());
     for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
-      rounded.ignored[f] = (!own.ignored.empty() && own.ignored[f] != 0) ||
-                           Orientation(TriangleOf(positions, chart.topology.faces[f])) <= 0;
+      left_out[f] =
+          (!ignored.empty() && ignored[f] != 0) || Orientation(TriangleOf(positions, chart.topology.faces[f])) <= 0;
     }
-    rounded.Place(chart, positions);
-    OrientationFaults orientation;
-    const Overlaps overlaps = rounded.FindOverlaps(opposite, execution, &orientation);
+    const CornerUv uv = UvOfChart(chart, positions);
+    const OrientationFaults orientation = CheckOrientations(uv, execution, left_out);
+    Overlaps overlaps = CheckOverlaps(opposite, uv, orientation, execution, left_out, /*max_pairs=*/1);
     if (overlaps.pairs > 0) return overlaps;
   }
   return {};
@@ -268,59 +203,14 @@ bool StaysApart(const Chart& chart, const ChartMap& map, double resolution) {
   return true;
 }
 
-}  // namespace
-
-double ExtentOf(const std::vector<Vec2>& points) {
-  Box box;
-  for (const Vec2& p : points) box.Add(p);
-  double square = 0;
-  for (const Vec2& p : points) square = std::max(square, (p - (box.low + box.high) / 2).squaredNorm());
-  return 2 * std::sqrt(square);
-}
-
-ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
-                       double resolution, const Execution& execution) {
-  ChartFaults faults;
-  const auto sums = OverFaces<MapSums>(mesh, chart, map.positions, execution,
-                                       [&](std::int32_t f, const Corners2& p, const Corners3& q, MapSums* sum) {
-                                         const bool counts = ignored.empty() || !ignored[chart.faces[f]];
-                                         if (counts && !chart.is_widened(f)) sum->Add(p.data(), q.data());
-                                       });
-  faults.stretch = sums.StretchL2();
-  faults.extent = ExtentOf(map.positions);
-  if (StaysApart(chart, map, resolution)) return faults;
-  ChartUv own(chart, ignored);
-  own.Place(chart, map.positions);
-  OrientationFaults orientation;
-  const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map);
-  Overlaps overlaps = own.FindOverlaps(opposite, execution, &orientation);
-  if (overlaps.pairs == 0 && resolution > 0) {
-    overlaps = OverlapsAfterRounding(chart, map, opposite, own, resolution, execution);
-  }
-  faults.flipped_or_degenerate = orientation.flipped + orientation.degenerate;
-  faults.is_injective = faults.flipped_or_degenerate + overlaps.pairs == 0;
-  if (overlaps.faces.size() >= 2) {
-    faults.face = chart.faces[overlaps.faces[0]];
-    faults.other_face = chart.faces[overlaps.faces[1]];
-  }
-  return faults;
-}
-
-namespace {
-
 // A triangle by itself, by its edges. Its angles do not tell as much: where two of them are `a` radians, their rounding
 // moves a corner along the longest edge by the part eps / a of the edge, which is far more than the altitude of a
 // needle.
 std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
   const std::array<std::int32_t, 3>& corners = mesh.faces[chart.faces[0]];
-  int first = 0;  // of the longest edge
-  double longest = -1;
-  for (int k = 0; k < 3; ++k) {
-    const double length = (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm();
-    if (length <= longest) continue;
-    longest = length;
-    first = k;
-  }
+  const auto length = [&](int k) { return (mesh.positions[corners[Next(k)]] - mesh.positions[corners[k]]).norm(); };
+  const int first = std::max({0, 1, 2}, [&](int a, int b) { return length(a) < length(b); });
+  const double longest = length(first);
   const Vec3& origin = mesh.positions[corners[first]];
   const Vec3 along = (mesh.positions[corners[Next(first)]] - origin) / longest;
   const Vec3 apex = mesh.positions[corners[Prev(first)]] - origin;
@@ -334,17 +224,79 @@ std::vector<Vec2> LayOutTriangle(const Mesh& mesh, const Chart& chart) {
 
 }  // namespace
 
-bool IsTriangleAsMeasured(const Chart& chart) {
-  return chart.faces.size() == 1 && (chart.least_angle.empty() || chart.least_angle[0] == 0);
+Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
+                const std::vector<std::pair<std::int32_t, std::int32_t>>& slits, const Execution& execution) {
+  Chart chart;
+  chart.topology = MakeTopology(disc, &chart.faces, execution);
+  std::vector<std::int32_t> place;
+  if (!slits.empty()) place.resize(chart.faces.size());
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(place.size()); ++f) place[chart.faces[f]] = f;
+  for (const auto& [c, d] : slits) chart.slits.emplace_back(3 * place[c / 3] + c % 3, 3 * place[d / 3] + d % 3);
+  for (std::int32_t& f : chart.faces) f = faces[f];
+  return chart;
+}
+
+std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const std::vector<std::int32_t>& closed_slits) {
+  std::vector<std::int32_t> opposite = chart.topology.opposite;
+  for (const std::int32_t i : closed_slits) {
+    const auto [c, d] = chart.slits[i];
+    opposite[c] = d;
+    opposite[d] = c;
+  }
+  return opposite;
+}
+
+std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions) {
+  std::vector<Vec2> outline;
+  const Loops loops = BoundaryLoops(chart.topology.opposite);
+  for (const std::int32_t c : loops[0]) outline.push_back(positions[Origin(chart.topology.faces, c)]);
+  return outline;
+}
+
+double ExtentOf(const std::vector<Vec2>& points) {
+  Box box;
+  for (const Vec2& p : points) box.Add(p);
+  double square = 0;
+  for (const Vec2& p : points) square = std::max(square, (p - (box.low + box.high) / 2).squaredNorm());
+  return 2 * std::sqrt(square);
+}
+
+ChartFaults FindFaults(const Mesh& mesh, const Chart& chart, const ChartMap& map, const std::vector<char>& ignored,
+                       double resolution, const Execution& execution) {
+  ChartFaults faults;
+  const auto sums = execution.SumUp<MapSums>(chart.topology.num_faces(), [&](std::int32_t f, MapSums* sum) {
+    if (chart.is_widened(f) || (!ignored.empty() && ignored[chart.faces[f]])) return;
+    sum->Add(TriangleOf(map.positions, chart.topology.faces[f]).data(),
+             TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]).data());
+  });
+  faults.stretch = sums.StretchL2();
+  faults.extent = ExtentOf(map.positions);
+  if (StaysApart(chart, map, resolution)) return faults;
+  std::vector<char> own_ignored;
+  if (!ignored.empty()) {
+    for (const std::int32_t f : chart.faces) own_ignored.push_back(ignored[f]);
+  }
+  const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map.closed_slits);
+  const CornerUv uv = UvOfChart(chart, map.positions);
+  const OrientationFaults orientation = CheckOrientations(uv, execution, own_ignored);
+  Overlaps overlaps = CheckOverlaps(opposite, uv, orientation, execution, own_ignored, /*max_pairs=*/1);
+  if (overlaps.pairs == 0 && resolution > 0) {
+    overlaps = OverlapsAfterRounding(chart, map, opposite, own_ignored, resolution, execution);
+  }
+  faults.flipped_or_degenerate = orientation.flipped + orientation.degenerate;
+  faults.is_injective = faults.flipped_or_degenerate + overlaps.pairs == 0;
+  if (overlaps.faces.size() >= 2) {
+    faults.face = chart.faces[overlaps.faces[0]];
+    faults.other_face = chart.faces[overlaps.faces[1]];
+  }
+  return faults;
 }
 
 absl::StatusOr<ChartMap> LayOutChart(const Mesh& mesh, const Chart& chart, Flattening flattening,
                                      const Execution& execution) {
-  if (IsTriangleAsMeasured(chart)) {
-    return PlaceChart(mesh, chart, std::move(flattening.summary), LayOutTriangle(mesh, chart), execution);
-  }
-  return PlaceChart(mesh, chart, std::move(flattening.summary), LayOut(chart.topology, flattening.angles, execution),
-                    execution);
+  std::vector<Vec2> positions = chart.is_triangle_as_measured() ? LayOutTriangle(mesh, chart)
+                                                                : LayOut(chart.topology, flattening.angles, execution);
+  return PlaceChart(mesh, chart, std::move(flattening.summary), std::move(positions), execution);
 }
 
 absl::StatusOr<ChartMap> PlaceChart(const Mesh& mesh, const Chart& chart, FlattenSummary summary,

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "Eigen/Core"
 #include "absl/status/statusor.h"
 #include "core/abf/flatten.h"
 #include "core/abf/topology.h"
@@ -30,15 +29,14 @@ struct Chart {
   double enlargement = 1;
 
   bool is_widened(std::int32_t f) const { return !least_angle.empty() && least_angle[f] > 0; }
+  // Whether there is one face only, and all of its angles are those of the surface.
+  bool is_triangle_as_measured() const { return faces.size() == 1 && !is_widened(0); }
 };
 
 // The solver's arrays of a chart (core/charts/gluing.h) or a whole disc, from its mesh, which may be freed then. Face i
 // of that is face faces[i]; `slits` in the corners of the mesh. O(F).
 Chart MakeChart(const FlatMesh& disc, const std::vector<std::int32_t>& faces,
                 const std::vector<std::pair<std::int32_t, std::int32_t>>& slits = {}, const Execution& execution = {});
-
-// Whether there is one face only, and all of its angles are those of the surface.
-bool IsTriangleAsMeasured(const Chart& chart);
 
 struct ChartMap {
   std::shared_ptr<const FlattenSummary> flatten;  // of the solve; null before
@@ -49,8 +47,8 @@ struct ChartMap {
   std::vector<std::int32_t> closed_slits;  // indices into Chart::slits: both sides have become one line again
 };
 
-// Topology::opposite of the chart with the slits joined that the map has closed.
-std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const ChartMap& map);
+// Topology::opposite of the chart with these slits joined, such as ChartMap::closed_slits.
+std::vector<std::int32_t> OppositeWithClosedSlits(const Chart& chart, const std::vector<std::int32_t>& closed_slits);
 
 // The outline of the map, counter-clockwise.
 std::vector<Vec2> OutlineOf(const Chart& chart, const std::vector<Vec2>& positions);

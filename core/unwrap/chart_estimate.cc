@@ -4,7 +4,6 @@
 
 #include "core/mesh/angles.h"
 #include "core/mesh/box_tree.h"
-#include "core/mesh/predicates.h"
 
 namespace planish {
 namespace {

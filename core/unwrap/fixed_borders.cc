@@ -1,7 +1,6 @@
 #include "core/unwrap/fixed_borders.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -34,10 +33,10 @@ constexpr double kLeastAngle = 1e-3, kLeastLength = 1e-4;
 class BarycentricMap {
  public:
   BarycentricMap(const Topology& disc, const std::vector<Vec3>& places) : disc_(disc), places_(places) {
+    row_.assign(disc.num_vertices, 0);
     PutOutlineOnCircle();
-    row_.assign(disc.num_vertices, -1);
-    for (std::int32_t v = 0; v < disc.num_vertices; ++v) {
-      if (!is_outline_[v]) row_[v] = rows_++;
+    for (std::int32_t& row : row_) {
+      if (row >= 0) row = rows_++;
     }
     AddMeanValueWeights();
     OrderRows();
@@ -74,7 +73,6 @@ class BarycentricMap {
  private:
   void PutOutlineOnCircle() {
     positions_.assign(disc_.num_vertices, Vec2::Zero());
-    is_outline_.assign(disc_.num_vertices, 0);
     std::vector<std::pair<std::int32_t, double>> outline;  // vertices, and the way to each
     double length = 0;
     const Loops loops = BoundaryLoops(disc_.opposite);
@@ -89,7 +87,7 @@ class BarycentricMap {
     for (std::size_t i = 0; i < outline.size(); ++i) {
       const double turn = 2 * std::numbers::pi * (outline[i].second + even * static_cast<double>(i)) / whole;
       positions_[outline[i].first] = Vec2(portable::Cos(turn), portable::Sin(turn));
-      is_outline_[outline[i].first] = 1;
+      row_[outline[i].first] = -1;
     }
   }
 
@@ -103,7 +101,7 @@ class BarycentricMap {
     for (const Face& face : disc_.faces) {
       for (int k = 0; k < 3; ++k) {
         const std::int32_t i = face[k];
-        if (is_outline_[i]) continue;
+        if (row_[i] < 0) continue;
         const Vec3 to_next = places_[face[(k + 1) % 3]] - places_[i], to_last = places_[face[(k + 2) % 3]] - places_[i];
         const double angle = portable::Atan2(to_next.cross(to_last).norm(), to_next.dot(to_last));
         const double half = portable::Tan(std::clamp(angle, kLeastAngle, std::numbers::pi - kLeastAngle) / 2);
@@ -136,7 +134,7 @@ class BarycentricMap {
     for (const Weight& w : weights_) {
       const std::int32_t row = row_[w.from];
       const double share = w.weight * draws[w.to] / sum[row];
-      if (!is_outline_[w.to]) {
+      if (row_[w.to] >= 0) {
         entries.emplace_back(row, row_[w.to], -share);
       } else if (right != nullptr) {
         (*right)[row] += share * positions_[w.to];
@@ -168,21 +166,12 @@ class BarycentricMap {
 
   const Topology& disc_;
   const std::vector<Vec3>& places_;
-  std::vector<Vec2> positions_;  // of the outline
-  std::vector<char> is_outline_;
+  std::vector<Vec2> positions_;    // of the outline
   std::vector<std::int32_t> row_;  // of the matrix, per vertex; -1 on the outline
   std::int32_t rows_ = 0;
   std::vector<Weight> weights_;
   std::optional<SparseElimination> elimination_;  // from the first solve on
 };
-
-}  // namespace
-
-std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution) {
-  return BarycentricMap(disc, places).Run(execution);
-}
-
-namespace {
 
 constexpr double kMostStretchOfAbf = 3;       // with a barrier; others are looked for beyond, that are so much better
 constexpr double kMostStretchForHoles = 1.1;  // times that of the slit map: a tube had better be slit than be a ring
@@ -202,11 +191,7 @@ constexpr double kLeastFanAngle = 0.1;  // of a fan, radians, where the faces ro
 // The chart with its slits glued. Face f is face f of the chart.
 FlatMesh Glued(const Mesh& mesh, const Chart& chart) {
   FlatMesh glued;
-  glued.opposite = chart.topology.opposite;
-  for (const auto& [c, d] : chart.slits) {
-    glued.opposite[c] = d;
-    glued.opposite[d] = c;
-  }
+  glued.opposite = OppositeWithClosedSlits(chart, Indices(chart.slits.size()));
   glued.faces = FacesOfFans(glued.opposite, [&](std::int32_t c) {
     glued.positions.push_back(mesh.positions[mesh.faces[chart.faces[c / 3]][c % 3]]);
   });
@@ -284,7 +269,6 @@ struct Candidate {
   std::optional<FilledChart> filled;  // if it is a piece of a plane with holes, which are slit open
 
   const Topology& topology() const { return mapped->chart.topology; }
-  bool is_slit() const { return mapped->map.closed_slits.size() < mapped->chart.slits.size(); }
   // The present map overlaps itself, or a barrier keeps it open and stretches it.
   bool is_no_use() const {
     return !mapped->faults.is_injective ||
@@ -362,57 +346,47 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
 
 // A convex outline cannot run over itself.
 absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
-  auto convex = FlattenWith(c.job, *c.mapped, 0, BoundaryType::kConvex, c.execution, false);
-  if (!convex.ok()) return convex.status();
-  return LayOutChart(c.job->mesh, c.mapped->chart, *std::move(convex), c.execution);
+  PLANISH_ASSIGN_OR_RETURN(Flattening convex,
+                           FlattenWith(c.job, *c.mapped, 0, BoundaryType::kConvex, c.execution, false));
+  return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
-struct Fallback {
-  bool (*applies)(const Candidate& candidate);
-  absl::StatusOr<ChartMap> (*map)(const Candidate& candidate);
-  double better;  // how many times less stretched than the present map, if that is sound
-};
-
-// In the order in which they are tried. A chart whose holes have been filled needs no slit; once it has such a map, the
-// search ends.
-const std::array<Fallback, 4> kFallbacks = {{
-    // ABF of the chart with its holes filled, if they can be.
-    {[](const Candidate& c) { return c.filled.has_value(); }, MapByAbf, 1 / kMostStretchForHoles},
-    // A barycentric map of that.
-    {[](const Candidate& c) { return c.filled.has_value() && c.topology().num_faces() <= kMostFacesForBarycentres; },
-     MapByMeans, 1 / kMostStretchForHoles},
-    // ABF with a convex outline, where the caller has not asked for that anyway.
-    {[](const Candidate& c) {
-       return c.is_no_use() && c.job->options.flatten.boundary == BoundaryType::kFree &&
-              c.topology().num_faces() <= kMostFacesForConvex;
-     },
-     MapConvex, 1},
-    // A barycentric map within the slit outline.
-    {[](const Candidate& c) {
-       return c.is_no_use() && !c.filled && c.topology().num_faces() <= kMostFacesForBarycentres;
-     },
-     MapByMeans, kMostStretchOfAbf},
-}};
+// Takes another map if it is sound, and so many times less stretched than the present one if that is sound, too.
+// Returns whether it has.
+bool Takes(const Candidate& c, const Charts& charts, absl::StatusOr<ChartMap> map, double better) {
+  if (!map.ok() || !map->flatten->converged) return false;
+  const ChartFaults& present = c.mapped->faults;
+  const bool is_sound = present.is_injective && present.stretch <= kMostStretchForBorders;
+  const double most = is_sound ? present.stretch / better : kMostStretchForBorders;
+  const ChartFaults faults =
+      FindFaults(c.job->mesh, c.mapped->chart, *map, charts.ignored, charts.resolution, c.execution);
+  if (!faults.is_injective || faults.stretch > most) return false;
+  c.mapped->map = *std::move(map);
+  c.mapped->faults = faults;
+  return true;
+}
 
 }  // namespace
 
+std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>& places, const Execution& execution) {
+  return BarycentricMap(disc, places).Run(execution);
+}
+
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution) {
-  Candidate candidate = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
-  if (!candidate.is_slit() && !candidate.is_no_use()) return;
-  candidate.measured = AnglesToKeep(job->mesh, mapped->chart, execution);
-  if (candidate.is_slit()) candidate.filled = FillHoles(job->mesh, mapped->chart, execution);
-  for (const Fallback& fallback : kFallbacks) {
-    if (!fallback.applies(candidate)) continue;
-    const bool is_sound = mapped->faults.is_injective && mapped->faults.stretch <= kMostStretchForBorders;
-    const double most = is_sound ? mapped->faults.stretch / fallback.better : kMostStretchForBorders;
-    absl::StatusOr<ChartMap> map = fallback.map(candidate);
-    if (!map.ok() || !map->flatten->converged) continue;
-    const ChartFaults faults = FindFaults(job->mesh, mapped->chart, *map, charts.ignored, charts.resolution, execution);
-    if (!faults.is_injective || faults.stretch > most) continue;
-    mapped->map = *std::move(map);
-    mapped->faults = faults;
-    if (candidate.filled && fallback.map != MapConvex) return;
-  }
+  Candidate c = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
+  if (!mapped->is_slit() && !c.is_no_use()) return;
+  c.measured = AnglesToKeep(job->mesh, mapped->chart, execution);
+  if (mapped->is_slit()) c.filled = FillHoles(job->mesh, mapped->chart, execution);
+  const std::int32_t num_faces = c.topology().num_faces();
+  const bool is_small = num_faces <= kMostFacesForBarycentres;
+  // A chart whose holes have been filled needs no slit; once it has such a map, the search ends.
+  if (c.filled && Takes(c, charts, MapByAbf(c), 1 / kMostStretchForHoles)) return;
+  if (c.filled && is_small && Takes(c, charts, MapByMeans(c), 1 / kMostStretchForHoles)) return;
+  // ABF with a convex outline, where the caller has not asked for that anyway.
+  const bool is_free = job->options.flatten.boundary == BoundaryType::kFree;
+  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex) Takes(c, charts, MapConvex(c), 1);
+  // A barycentric map within the slit outline.
+  if (c.is_no_use() && !c.filled && is_small) Takes(c, charts, MapByMeans(c), kMostStretchOfAbf);
 }
 
 }  // namespace planish

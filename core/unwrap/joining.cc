@@ -4,7 +4,6 @@
 // they are to be glued. Then both are solved as one, and stay one if that map is sound.
 #include <algorithm>
 #include <cmath>
-#include <compare>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -12,6 +11,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
+#include "core/mesh/angles.h"
 #include "core/pack/outline.h"
 #include "core/unwrap/steps.h"
 
@@ -21,8 +21,7 @@ namespace {
 double AreaWithin(const std::vector<Vec2>& polygon) {
   double doubled = 0;
   for (std::size_t i = 2; i < polygon.size(); ++i) {
-    const Vec2 u = polygon[i - 1] - polygon[0], v = polygon[i] - polygon[0];
-    doubled += u.x() * v.y() - u.y() * v.x();
+    doubled += DoubleArea(polygon[0], polygon[i - 1], polygon[i]);
   }
   return doubled / 2;
 }
@@ -71,27 +70,12 @@ std::optional<Motion> Fit(const std::vector<Vec2>& from, const std::vector<Vec2>
   return motion;
 }
 
-// Two charts that are worth a try. The smallest are tried first, since work is counted in faces.
-struct Promising {
-  std::size_t faces;   // of both
-  std::size_t number;  // of the joint
-
-  auto operator<=>(const Promising&) const = default;
-};
-
 // The maps of solved charts. Joining looks at maps through this class or EstimatedMaps, which has the same members.
 class SolvedMaps {
  public:
   using Kept = MappedChart;  // what PutBack() needs of a chart to undo what came after Take()
 
   SolvedMaps(Job* job, Charts* charts) : job_(*job), charts_(*charts) {}
-
-  // How many faces may be mapped again.
-  double work() const {
-    const AtlasTuning& tuning = job_.options.tuning;
-    const double faces = charts_.surface->num_faces();
-    return tuning.join_faces * std::min(faces, std::sqrt(faces * tuning.join_surface));
-  }
 
   // Calls visit(h, where h begins in the map) for every half-edge h of the outline; for none if there is no map.
   template <class Visit>
@@ -124,15 +108,9 @@ class SolvedMaps {
     return SolveCharts(&job_, todo, &charts_);
   }
 
-  // After Segmentation::DropEmpty().
-  void Renumber(const std::vector<std::int32_t>& number) {
-    std::int32_t count = 0;
-    for (std::int32_t i = 0; i < static_cast<std::int32_t>(number.size()); ++i) {
-      if (number[i] < 0) continue;
-      if (number[i] != i) charts_.charts[number[i]] = std::move(charts_.charts[i]);
-      ++count;
-    }
-    charts_.charts.resize(count);
+  // As Segmentation::DropEmpty().
+  void DropEmpty() {
+    std::erase_if(charts_.charts, [](const MappedChart& mapped) { return mapped.chart.faces.empty(); });
   }
 
  private:
@@ -147,8 +125,6 @@ class EstimatedMaps {
 
   EstimatedMaps(const Job& job, const Charts& charts, ChartEstimates* estimates)
       : job_(job), charts_(charts), estimates_(*estimates) {}
-
-  double work() const { return job_.options.tuning.join_estimates * charts_.surface->num_faces(); }
 
   template <class Visit>
   void ForEachOnOutline(std::int32_t i, const Visit& visit) const {
@@ -173,7 +149,7 @@ class EstimatedMaps {
   }
 
   // The estimates are of no more use.
-  void Renumber(const std::vector<std::int32_t>&) {}
+  void DropEmpty() {}
 
  private:
   const Job& job_;
@@ -184,7 +160,8 @@ class EstimatedMaps {
 template <class Maps>
 class Joining {
  public:
-  Joining(Job* job, Charts* charts, Maps maps)
+  // `work`: how many faces may be mapped again, per face of the surface.
+  Joining(Job* job, Charts* charts, Maps maps, double work)
       : job_(*job),
         maps_(std::move(maps)),
         charts_(*charts),
@@ -192,9 +169,9 @@ class Joining {
         surface_(*charts->surface),
         tuning_(job->options.tuning),
         place_(surface_.mesh->n_halfedges()),
-        shapes_(segmentation_.charts().size()) {
+        shapes_(segmentation_.charts().size()),
+        left_(work * surface_.num_faces()) {
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(shapes_.size()); ++i) Measure(i);
-    left_ = maps_.work();
   }
 
   absl::Status Run() {
@@ -202,7 +179,8 @@ class Joining {
       PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Round());
       if (!goes_on) break;
     }
-    maps_.Renumber(segmentation_.DropEmpty());
+    segmentation_.DropEmpty();
+    maps_.DropEmpty();
     return absl::OkStatus();
   }
 
@@ -228,10 +206,8 @@ class Joining {
     shape.may_join = maps_.IsSound(i);
   }
 
-  // Where a half-edge of an outline begins in the map of its chart.
-  const Vec2& PlaceAt(HalfedgeHandle h) const { return place_[h.idx()]; }
-
-  std::optional<Promising> Consider(const Segmentation::Joint& joint, std::size_t number) const {
+  // The number of faces of two charts that are worth a try.
+  std::optional<std::size_t> Consider(const Segmentation::Joint& joint) const {
     const Shape &one = shapes_[joint.chart], &other = shapes_[joint.other];
     if (!one.may_join || !other.may_join) return std::nullopt;
     const auto failed = failed_.find({joint.chart, joint.other});
@@ -244,9 +220,10 @@ class Joining {
     if (compactness < tuning_.compactness && compactness < larger.Compactness()) return std::nullopt;
     std::vector<Vec2> from, to;
     for (const HalfedgeHandle h : joint.border) {
+      const Gluing& gluing = segmentation_.gluing();
       const HalfedgeHandle across = surface_.mesh->opposite_halfedge_handle(h);
-      from.insert(from.end(), {PlaceAt(segmentation_.gluing().After(across)), PlaceAt(across)});
-      to.insert(to.end(), {PlaceAt(h), PlaceAt(segmentation_.gluing().After(h))});
+      from.insert(from.end(), {place_[gluing.After(across).idx()], place_[across.idx()]});
+      to.insert(to.end(), {place_[h.idx()], place_[gluing.After(h).idx()]});
       mapped_length += (to[to.size() - 1] - to[to.size() - 2]).norm();
     }
     const std::optional<Motion> motion = Fit(from, to);
@@ -255,9 +232,8 @@ class Joining {
     for (const Vec2& p : other.hull) points.push_back((*motion)(p));
     const double hull = AreaWithin(ConvexHull(std::move(points)));
     if (hull < area) return std::nullopt;  // they would overlap
-    const std::size_t faces = segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
     if (job_.options.pack && hull - one.hull_area - other.hull_area > MostCost(length)) return std::nullopt;
-    return Promising{faces, number};
+    return segmentation_.charts()[joint.chart].size() + segmentation_.charts()[joint.other].size();
   }
 
   // Of convex hulls, for the packer.
@@ -269,23 +245,24 @@ class Joining {
     PLANISH_RETURN_IF_ERROR(job_.Enter(UnwrapStage::kCharts));
     necks_ = NecksOf(charts_, job_.options);
     const std::vector<Segmentation::Joint> joints = segmentation_.Joints();
-    std::vector<Promising> candidates;
+    // Faces of both charts, and the number of the joint. The smallest are tried first, since work is counted in faces.
+    std::vector<std::pair<std::size_t, std::size_t>> candidates;
     for (std::size_t i = 0; i < joints.size() && !job_.execution.IsCancelledAt(static_cast<std::int64_t>(i)); ++i) {
-      if (const std::optional<Promising> candidate = Consider(joints[i], i)) candidates.push_back(*candidate);
+      if (const std::optional<std::size_t> faces = Consider(joints[i])) candidates.emplace_back(*faces, i);
     }
     std::sort(candidates.begin(), candidates.end());
     std::vector<Attempt> attempts;
     std::vector<char> taken(shapes_.size(), 0);
-    for (const Promising& candidate : candidates) {
-      const Segmentation::Joint& joint = joints[candidate.number];
-      if (taken[joint.chart] || taken[joint.other] || static_cast<double>(candidate.faces) > left_) continue;
+    for (const auto& [faces, number] : candidates) {
+      const Segmentation::Joint& joint = joints[number];
+      if (taken[joint.chart] || taken[joint.other] || static_cast<double>(faces) > left_) continue;
       std::optional<Segmentation::Joined> joined = segmentation_.Join(joint);
       if (!joined) {
         NoteFailed(joint.chart, joint.other);
         continue;
       }
       taken[joint.chart] = taken[joint.other] = 1;
-      left_ -= static_cast<double>(candidate.faces);
+      left_ -= static_cast<double>(faces);
       attempts.push_back({maps_.Take(joined->chart), maps_.Take(joined->other), *std::move(joined)});
     }
     job_.seconds.charts += timer.Restart();
@@ -303,7 +280,10 @@ class Joining {
     const double hulls = shapes_[i].hull_area + shapes_[j].hull_area;
     const int version = std::max(shapes_[i].version, shapes_[j].version) + 1;
     Measure(i);
-    if (shapes_[i].may_join && PacksWell(*attempt, hulls)) {
+    double length = 0;
+    for (const HalfedgeHandle h : attempt->joined.border.glued) length += surface_.length(h);
+    const bool packs_well = !job_.options.pack || shapes_[i].hull_area - hulls <= MostCost(length);
+    if (shapes_[i].may_join && packs_well) {
       shapes_[i].version = version;
       shapes_[j] = {};
       return true;
@@ -320,14 +300,6 @@ class Joining {
     return false;
   }
 
-  // `hulls`: the area of those of the two charts.
-  bool PacksWell(const Attempt& attempt, double hulls) const {
-    if (!job_.options.pack) return true;
-    double length = 0;
-    for (const HalfedgeHandle h : attempt.joined.border.glued) length += surface_.length(h);
-    return shapes_[attempt.joined.chart].hull_area - hulls <= MostCost(length);
-  }
-
   void NoteFailed(std::int32_t i, std::int32_t j) { failed_[{i, j}] = {shapes_[i].version, shapes_[j].version}; }
 
   Job& job_;
@@ -339,7 +311,7 @@ class Joining {
   std::vector<Vec2> place_;    // per half-edge: where it begins in the map of its chart, if it is on the outline
   std::vector<Shape> shapes_;  // per chart
   NeckOptions necks_;
-  double left_ = 0;  // faces that may be solved again
+  double left_;  // faces that may be solved again
   // Charts that could not be joined, by their numbers, with their versions then.
   std::map<std::pair<std::int32_t, std::int32_t>, std::pair<int, int>> failed_;
 };
@@ -347,14 +319,16 @@ class Joining {
 }  // namespace
 
 absl::Status JoinCharts(Job* job, Charts* charts) {
-  if (job->options.seams.policy != SeamPolicy::kAuto || charts->count() < 2) return absl::OkStatus();
-  if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, charts, SolvedMaps(job, charts)).Run();
+  const bool may_join = job->options.seams.policy == SeamPolicy::kAuto && charts->count() > 1;
+  if (!may_join || job->execution.IsStopRequested()) return absl::OkStatus();
+  const AtlasTuning& tuning = job->options.tuning;
+  const double work = tuning.join_faces * std::min(1.0, std::sqrt(tuning.join_surface / charts->surface->num_faces()));
+  return Joining(job, charts, SolvedMaps(job, charts), work).Run();
 }
 
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts) {
   if (job->execution.IsStopRequested()) return absl::OkStatus();
-  return Joining(job, charts, EstimatedMaps(*job, *charts, estimates)).Run();
+  return Joining(job, charts, EstimatedMaps(*job, *charts, estimates), job->options.tuning.join_estimates).Run();
 }
 
 }  // namespace planish

@@ -32,7 +32,7 @@ FaceSize SizeOf(const Mesh& mesh, const Face& face) {
 double AreaOf(const Mesh& mesh, const std::vector<char>& left_out) {
   double area = 0;
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-    if (left_out.empty() || !left_out[f]) area += SizeOf(mesh, mesh.faces[f]).area;
+    if (!left_out[f]) area += SizeOf(mesh, mesh.faces[f]).area;
   }
   return area;
 }
@@ -40,7 +40,7 @@ double AreaOf(const Mesh& mesh, const std::vector<char>& left_out) {
 }  // namespace
 
 std::vector<char> FindLongNeedles(const Mesh& mesh, const AtlasTuning& tuning) {
-  std::vector<char> needles;
+  std::vector<char> needles(mesh.faces.size(), 0);
   std::int64_t count = 0, before = -1;
   // Without the longest ones the texture is smaller, and others are too long for it. Where there are any, none is drawn
   // longer than ReduceLongNeedles() draws those.
@@ -48,15 +48,15 @@ std::vector<char> FindLongNeedles(const Mesh& mesh, const AtlasTuning& tuning) {
     before = count;
     const double longest = (round == 0 ? tuning.max_extent : tuning.needle_length) * std::sqrt(AreaOf(mesh, needles));
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-      if (!needles.empty() && needles[f]) continue;
+      if (needles[f]) continue;
       const FaceSize size = SizeOf(mesh, mesh.faces[f]);
       if (size.longest <= longest || 2 * tuning.needle_aspect * size.area > size.longest * size.longest) continue;
-      if (needles.empty()) needles.resize(mesh.faces.size(), 0);
       needles[f] = 1;
       ++count;
     }
   }
-  if (static_cast<double>(count) > tuning.needle_faces * static_cast<double>(mesh.faces.size())) return {};
+  const double most = tuning.needle_faces * static_cast<double>(mesh.faces.size());
+  if (count == 0 || static_cast<double>(count) > most) return {};
   return needles;
 }
 

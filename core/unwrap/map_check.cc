@@ -29,6 +29,17 @@ struct FaceSizes {
   bool HasStretch() const { return orientation != 0 && uv_area != 0 && surface_area > 0; }
 };
 
+// Of faces, over their angles, degrees.
+struct AngleErrors {
+  double sum = 0, angles = 0;
+
+  void Add(double of_face) {
+    sum += of_face;
+    angles += 3;
+  }
+  double Mean() const { return angles > 0 ? sum / angles : 0; }
+};
+
 class MapJudge {
  public:
   MapJudge(const Mesh& mesh, const CornerUv& uv, const MapTopology& topology, const MapCheckOptions& options,
@@ -185,8 +196,8 @@ class MapJudge {
 
   void MeasureAngleErrors() {
     check_.face_angle_error.assign(mesh_.faces.size(), 0);
-    std::vector<double> sum(check_.charts.size(), 0.0), count(check_.charts.size(), 0.0);
-    double all = 0, angles = 0, largest = 0;
+    std::vector<AngleErrors> of_chart(check_.charts.size());
+    AngleErrors all;
     for (std::int64_t f = 0; f < num_faces(); ++f) {
       if (sizes_[f].orientation == 0 || !(sizes_[f].surface_area > 0)) continue;
       double in_map[3], on_surface[3];
@@ -199,17 +210,12 @@ class MapJudge {
         total += error;
       }
       check_.face_angle_error[f] = static_cast<float>(worst);
-      largest = std::max(largest, worst);
-      all += total;
-      angles += 3;
-      sum[topology_.chart_of_face[f]] += total;
-      count[topology_.chart_of_face[f]] += 3;
+      check_.angle_error_max_deg = std::max(check_.angle_error_max_deg, worst);
+      all.Add(total);
+      of_chart[topology_.chart_of_face[f]].Add(total);
     }
-    check_.angle_error_mean_deg = angles > 0 ? all / angles : 0;
-    check_.angle_error_max_deg = largest;
-    for (std::size_t c = 0; c < sum.size(); ++c) {
-      if (count[c] > 0) check_.charts[c].angle_error_mean_deg = sum[c] / count[c];
-    }
+    check_.angle_error_mean_deg = all.Mean();
+    for (std::size_t c = 0; c < of_chart.size(); ++c) check_.charts[c].angle_error_mean_deg = of_chart[c].Mean();
   }
 
   void MeasureDensities() {

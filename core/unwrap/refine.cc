@@ -26,12 +26,10 @@ constexpr int kWideningsOfParts = 4;
 // Per face of the chart: the number of its group, the faces that it must not be parted from.
 std::vector<std::int32_t> UncutGroups(const Surface& surface, const Chart& chart, std::int32_t* count) {
   const Topology& topology = chart.topology;
-  return ConnectedPieces(
-      topology.num_faces(), count, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t o = topology.opposite[3 * f + k];
-        return o >= 0 && surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
-      });
+  return ConnectedPieces(topology.num_faces(), count, [&](std::int32_t f, int k) {
+    const std::int32_t o = topology.opposite[3 * f + k];
+    return o >= 0 && surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[f] + k)) ? o / 3 : -1;
+  });
 }
 
 // `part`, per face of the chart, in the order of the segmentation.
@@ -48,19 +46,16 @@ std::vector<std::int32_t> InOrderOf(const Segmentation& segmentation, std::int32
 // Per face: the middle of all faces that it must not be parted from, itself included.
 std::vector<Vec2> Middles(const Surface& surface, const Chart& chart, const std::vector<Vec2>& positions) {
   const Topology& topology = chart.topology;
-  std::vector<Vec2> middle(topology.num_faces());
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    const auto [a, b, c] = TriangleOf(positions, topology.faces[f]);
-    middle[f] = (a + b + c) / 3;
-  }
   std::int32_t count = 0;
   const std::vector<std::int32_t> group = UncutGroups(surface, chart, &count);
   std::vector<Vec2> sum(count, Vec2::Zero());
   std::vector<double> members(count, 0);
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
-    sum[group[f]] += middle[f];
+    const auto [a, b, c] = TriangleOf(positions, topology.faces[f]);
+    sum[group[f]] += (a + b + c) / 3;
     ++members[group[f]];
   }
+  std::vector<Vec2> middle(topology.num_faces());
   for (std::int32_t f = 0; f < topology.num_faces(); ++f) middle[f] = sum[group[f]] / members[group[f]];
   return middle;
 }
@@ -70,25 +65,18 @@ std::vector<std::int32_t> Pieces(const Topology& topology, const std::vector<Vec
                                  const std::vector<std::pair<Vec2, Vec2>>& chords, std::int32_t* count) {
   std::vector<char> crossed(topology.num_corners(), 0);
   for (const auto& [a, b] : chords) {
-    Box box;
-    box.Add(a);
-    box.Add(b);
+    const Box box = Box::Around(a, b);
     for (std::int32_t c = 0; c < topology.num_corners(); ++c) {
       const std::int32_t o = topology.opposite[c];
       if (o < c) continue;
       const Vec2 &p = middle[c / 3], &q = middle[o / 3];
-      Box step;
-      step.Add(p);
-      step.Add(q);
-      if (p != q && step.Meets(box) && SegmentsMeet(a, b, p, q)) crossed[c] = crossed[o] = 1;
+      if (p != q && Box::Around(p, q).Meets(box) && SegmentsMeet(a, b, p, q)) crossed[c] = crossed[o] = 1;
     }
   }
-  return ConnectedPieces(
-      topology.num_faces(), count, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t c = 3 * f + k;
-        return topology.opposite[c] < 0 || crossed[c] ? -1 : topology.opposite[c] / 3;
-      });
+  return ConnectedPieces(topology.num_faces(), count, [&](std::int32_t f, int k) {
+    const std::int32_t c = 3 * f + k;
+    return topology.opposite[c] < 0 || crossed[c] ? -1 : topology.opposite[c] / 3;
+  });
 }
 
 // All but the largest `most` pieces go to a neighbour, the one with the longest common border, smallest pieces first.
@@ -127,42 +115,26 @@ std::vector<std::int32_t> PartAtNecks(const Surface& surface, const Chart& chart
   std::int32_t count = 0;
   std::vector<std::int32_t> piece = Pieces(chart.topology, Middles(surface, chart, positions), chords, &count);
   MergeCrumbs(chart, positions, chords.size() + 1, count, &piece);
-  std::vector<std::int32_t> number(count, -1);
-  std::int32_t parts = 0;
-  for (std::int32_t& p : piece) {
-    if (number[p] < 0) number[p] = parts++;
-    p = number[p];
-  }
-  if (parts < 2) return {};
+  if (NumberByFirst(count, &piece) < 2) return {};
   return piece;
 }
 
-// Per face of the chart: whether it is flipped or collapsed as delivered.
-std::vector<char> TurnedFaces(const Chart& chart, const CornerUv& uv, const std::vector<char>& ignored) {
-  std::vector<char> turned(chart.faces.size(), 0);
-  for (std::size_t f = 0; f < turned.size(); ++f) {
-    if (!ignored.empty() && ignored[chart.faces[f]] != 0) continue;
-    turned[f] = Orientation(TriangleOf(uv, chart.faces[f])) <= 0;
-  }
-  return turned;
-}
-
-// Per face, in the order of the segmentation: a part for each of the marked ones, with what it must not be parted from,
-// and one for each connected piece of the others. Empty if that makes no two parts.
-std::vector<std::int32_t> PartFrom(const Charts& charts, std::int32_t number, const std::vector<char>& marked) {
+// Per face, in the order of the segmentation: a part for each face that is flipped or collapsed as delivered, with what
+// it must not be parted from, and one for each connected piece of the others. Empty if that makes no two parts.
+std::vector<std::int32_t> PartTurned(const Charts& charts, std::int32_t number, const CornerUv& uv) {
   const Chart& chart = charts.charts[number].chart;
   const Topology& topology = chart.topology;
   std::int32_t groups = 0, parts = 0;
   const std::vector<std::int32_t> group = UncutGroups(*charts.surface, chart, &groups);
   std::vector<char> is_alone(groups, 0);
-  for (std::int32_t f = 0; f < topology.num_faces(); ++f) is_alone[group[f]] |= marked[f];
-  const std::vector<std::int32_t> part = ConnectedPieces(
-      topology.num_faces(), &parts, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) {
-        const std::int32_t o = topology.opposite[3 * f + k];
-        if (o < 0 || group[o / 3] == group[f]) return o < 0 ? -1 : o / 3;
-        return is_alone[group[f]] || is_alone[group[o / 3]] ? -1 : o / 3;
-      });
+  for (std::int32_t f = 0; f < topology.num_faces(); ++f) {
+    if (!charts.is_ignored(chart.faces[f]) && Orientation(TriangleOf(uv, chart.faces[f])) <= 0) is_alone[group[f]] = 1;
+  }
+  const std::vector<std::int32_t> part = ConnectedPieces(topology.num_faces(), &parts, [&](std::int32_t f, int k) {
+    const std::int32_t o = topology.opposite[3 * f + k];
+    if (o < 0 || group[o / 3] == group[f]) return o < 0 ? -1 : o / 3;
+    return is_alone[group[f]] || is_alone[group[o / 3]] ? -1 : o / 3;
+  });
   if (parts < 2 || std::find(is_alone.begin(), is_alone.end(), 1) == is_alone.end()) return {};
   return InOrderOf(*charts.segmentation, number, chart, part);
 }
@@ -223,17 +195,16 @@ absl::StatusOr<bool> Split(Job* job, const std::vector<Segmentation::Cut>& cuts,
 // Whether a chart is stretched too far, or too long for the packer.
 bool IsUnwieldy(const Job& job, const Charts& charts, const std::vector<std::int32_t>& faces, double stretch,
                 double extent) {
-  if (faces.size() < 2) return false;
   const SeamOptions& seams = job.options.seams;
   const AtlasTuning& tuning = job.options.tuning;
+  if (faces.size() < 2 || seams.policy != SeamPolicy::kAuto) return false;
   double area = 0;
   for (const std::int32_t f : faces) area += charts.surface->area[f];
-  const auto [whole, longest] = charts.SizeOfAtlas(job.options, faces);
-  const bool is_stretched = seams.policy == SeamPolicy::kAuto && stretch > tuning.stretch_slack * seams.max_stretch;
+  const auto [whole, longest] = charts.atlas_size.at(AtlasOf(job.options, faces.front()));
   // No cut makes a face shorter: others as long as the longest one need no cut either.
   const double most_extent = std::max(tuning.max_extent * std::sqrt(whole), longest);
   const bool is_long = area < tuning.whole_area * whole && extent > most_extent;
-  return is_stretched || (seams.policy == SeamPolicy::kAuto && job.options.pack && is_long);
+  return stretch > tuning.stretch_slack * seams.max_stretch || (job.options.pack && is_long);
 }
 
 // Root mean square stretch of a chart without the faces that the report names as thinner than the type can hold.
@@ -242,7 +213,7 @@ double StretchAsDelivered(const Job& job, const Charts& charts, const Atlas& atl
   MapSums sums;
   for (std::int32_t i = 0; i < chart.topology.num_faces(); ++i) {
     const std::int32_t f = chart.faces[i];
-    if (chart.is_widened(i) || (!charts.ignored.empty() && charts.ignored[f] != 0)) continue;
+    if (chart.is_widened(i) || charts.is_ignored(f)) continue;
     if (IsThin(job.mesh, delivery.uv, atlas.scale, delivery.precision, chart, f)) continue;
     sums.Add(TriangleOf(delivery.uv, f).data(), TriangleOf(job.mesh.positions, job.mesh.faces[f]).data());
   }
@@ -319,22 +290,17 @@ absl::StatusOr<bool> RefineDelivered(Job* job, const Atlas& atlas, const Deliver
   for (std::int32_t i = 0; i < charts->count(); ++i) {
     const auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
     if (chart.faces.size() < 2) continue;
-    Segmentation::Cut apart = {i};
-    if (turned > 0) apart.part = PartFrom(*charts, i, TurnedFaces(chart, delivery.uv, charts->ignored));
-    if (!apart.part.empty()) {
-      cuts.push_back(std::move(apart));
-      continue;
+    Segmentation::Cut cut = {i};
+    if (turned > 0) cut.part = PartTurned(*charts, i, delivery.uv);
+    if (cut.part.empty() && delivery.overlaps.pairs > 0) {
+      const Overlaps found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
+      if (found.faces.size() >= 2) cut = {i, found.faces[0], found.faces[1]};
     }
-    Overlaps found;
-    if (delivery.overlaps.pairs > 0) {
-      found = OverlapsWithin({&charts->charts[i]}, delivery.uv, charts->ignored, job->execution);
+    bool is_faulty = !cut.part.empty() || cut.face >= 0;
+    if (!is_faulty && seams.policy == SeamPolicy::kAuto) {
+      is_faulty = StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * seams.max_stretch;
     }
-    if (found.faces.size() >= 2) {
-      cuts.push_back({i, found.faces[0], found.faces[1]});
-    } else if (seams.policy == SeamPolicy::kAuto &&
-               StretchAsDelivered(*job, *charts, atlas, delivery, chart) > kStretchTolerance * seams.max_stretch) {
-      cuts.push_back({i});
-    }
+    if (is_faulty) cuts.push_back(std::move(cut));
   }
   PLANISH_ASSIGN_OR_RETURN(const bool goes_on, Split(job, cuts, todo, charts));
   // What is new may be widened once more.

@@ -35,10 +35,8 @@ void MapCorners(const std::vector<std::int32_t>& to, std::vector<std::int32_t>* 
 }
 
 bool WillBeRefused(const Mesh& mesh) {
-  const auto is_wrong = [&](std::int32_t v) { return v < 0 || v >= mesh.num_vertices(); };
   return std::any_of(mesh.positions.begin(), mesh.positions.end(), [](const Vec3& p) { return !p.allFinite(); }) ||
-         std::any_of(mesh.faces.begin(), mesh.faces.end(),
-                     [&](const Face& face) { return std::any_of(face.begin(), face.end(), is_wrong); });
+         !std::all_of(mesh.faces.begin(), mesh.faces.end(), [&](const Face& face) { return mesh.IsInRange(face); });
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, const CornerUv&
   }
   std::map<std::int32_t, std::vector<const MappedChart*>> layers;
   for (const MappedChart& mapped : charts.charts) {
-    layers[options.pack ? AtlasOf(options, mapped.chart.faces) : std::ssize(layers)].push_back(&mapped);
+    layers[options.pack ? AtlasOf(options, mapped.chart.faces.front()) : std::ssize(layers)].push_back(&mapped);
   }
   Overlaps all;
   for (const auto& [number, layer] : layers) {
@@ -82,31 +82,32 @@ Overlaps OverlapsInAtlases(const Job& job, const Charts& charts, const CornerUv&
   return all;
 }
 
-double RelativeSeamLength(const Mesh& mesh, const Charts& charts) {
+// `face_chart`: as UnwrapResult::face_chart.
+double RelativeSeamLength(const Mesh& mesh, const Charts& charts, const std::vector<std::int32_t>& face_chart) {
   if (!(charts.total_area > 0)) return 0;  // SeamPolicy::kNone
+  const std::vector<std::int32_t> opposite = charts.Opposite(mesh);
   std::vector<std::int32_t> ends;
-  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
-    const std::vector<std::int32_t> opposite = OppositeWithClosedSlits(chart, map);
-    for (std::size_t c = 0; c < opposite.size(); ++c) {
-      if (opposite[c] < 0) ends.push_back(3 * chart.faces[c / 3] + static_cast<std::int32_t>(c % 3));
-    }
+  for (std::int32_t c = 0; c < std::ssize(opposite); ++c) {
+    if (opposite[c] < 0 && face_chart[c / 3] >= 0) ends.push_back(c);
   }
   return SeamLength(mesh, ends, [](std::int32_t) { return false; }) / std::sqrt(charts.total_area);
 }
 
 // With how many faces each atlas has, and how full it is.
 std::vector<AtlasReport> AtlasReports(const Job& job, const Charts& charts, const Atlas& atlas, const CornerUv& uv) {
-  std::vector<AtlasReport> reports = atlas.atlases;
-  std::map<std::int32_t, AtlasReport*> by_number;
-  for (AtlasReport& report : reports) by_number[report.atlas] = &report;
+  std::map<std::int32_t, AtlasReport> by_number = atlas.atlases;
   const std::vector<std::int32_t>& face_atlas = job.options.face_atlas;
   for (std::size_t f = 0; f < face_atlas.size(); ++f) {
-    AtlasReport& report = *by_number.at(face_atlas[f]);
+    AtlasReport& report = by_number.at(face_atlas[f]);
     ++report.faces;
-    if (!charts.ignored.empty() && charts.ignored[f] != 0) continue;
+    if (charts.is_ignored(f)) continue;
     report.packing_efficiency += std::abs(DoubleArea(TriangleOf(uv, static_cast<std::int64_t>(f)))) / 2;
   }
-  for (AtlasReport& report : reports) report.packing_efficiency /= report.tiles;
+  std::vector<AtlasReport> reports;
+  for (auto& [number, report] : by_number) {
+    report.packing_efficiency /= report.tiles;
+    reports.push_back(report);
+  }
   return reports;
 }
 
@@ -119,7 +120,7 @@ Overlaps OverlapsWithin(const std::vector<const MappedChart*>& charts, const Cor
   std::vector<char> own_ignored;
   for (const MappedChart* const mapped : charts) {
     const auto first = static_cast<std::int32_t>(opposite.size());
-    for (const std::int32_t c : OppositeWithClosedSlits(mapped->chart, mapped->map)) {
+    for (const std::int32_t c : OppositeWithClosedSlits(mapped->chart, mapped->map.closed_slits)) {
       opposite.push_back(c < 0 ? -1 : first + c);
     }
     for (const std::int32_t f : mapped->chart.faces) {
@@ -178,26 +179,23 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   }
   WarnOfPadding(*job, charts, atlas, &result.warnings);
   WarnOfPrecision(delivery, &result.warnings);
-  for (std::int32_t f = 0; f < static_cast<std::int32_t>(charts.least_angle.size()); ++f) {
-    if (charts.least_angle[f] > 0) result.widened.push_back(f);
-  }
-  // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
   for (const MappedChart& mapped : charts.charts) {
-    if (job->options.seams.policy != SeamPolicy::kAuto) break;
     for (const std::int32_t f : mapped.chart.faces) {
-      if (!charts.ignored.empty() && charts.ignored[f] != 0) continue;
-      if (IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f)) result.widened.push_back(f);
+      const bool is_widened = !charts.least_angle.empty() && charts.least_angle[f] > 0;
+      // Where the scale varies by much, as it may with fewer seams, faces of any shape are small.
+      const bool may_be_thin = job->options.seams.policy == SeamPolicy::kAuto && !charts.is_ignored(f);
+      if (is_widened ||
+          (may_be_thin && IsThin(job->mesh, delivery.uv, atlas.scale, delivery.precision, mapped.chart, f))) {
+        result.widened.push_back(f);
+      }
     }
   }
   std::sort(result.widened.begin(), result.widened.end());
-  result.widened.erase(std::unique(result.widened.begin(), result.widened.end()), result.widened.end());
   WarnOfWidened(result.widened, delivery.precision, &result.warnings);
   result.tiles = atlas.tiles;
   if (job->options.pack) result.texels_per_unit = atlas.scale * job->options.atlas.texture_size;
   result.uv = std::move(delivery.uv);
   result.precision = delivery.precision;
-  const OrientationFaults& orientation = delivery.orientation;
-  const Overlaps& overlaps = delivery.overlaps;
   result.face_chart = charts.FaceChart(job->mesh);
   DistortionSums all;
   result.charts.reserve(charts.charts.size());
@@ -215,17 +213,17 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   int tiles = result.atlases.empty() ? result.tiles : 0;
   for (const AtlasReport& each : result.atlases) tiles += each.charts > 0 ? each.tiles : 0;
   result.quality.packing_efficiency /= std::max(tiles, 1);
-  result.quality.seam_length = RelativeSeamLength(job->mesh, charts);
-  result.quality.flipped = orientation.flipped;
-  result.quality.degenerate = orientation.degenerate;
-  result.quality.overlapping = overlaps.pairs;
+  result.quality.seam_length = RelativeSeamLength(job->mesh, charts, result.face_chart);
+  result.quality.flipped = delivery.orientation.flipped;
+  result.quality.degenerate = delivery.orientation.degenerate;
+  result.quality.overlapping = delivery.overlaps.pairs;
   // Faces without area count in the one energy and not in the other, and widened ones keep other angles.
   if (charts.ignored.empty() && charts.least_angle.empty()) WarnOfCoarseFloat(&result);
   if (delivery.stopped) WarnOfStop(result.charts, &result.warnings);
   const SeamOptions& seams = job->options.seams;
   WarnOfCharts(result.charts, seams.policy == SeamPolicy::kAuto ? seams.max_stretch : 0, delivery.stopped,
                &result.warnings);
-  WarnOfFaults(orientation, overlaps, &result.warnings);
+  WarnOfFaults(delivery.orientation, delivery.overlaps, &result.warnings);
   result.seconds = job->seconds;
   result.seconds.verify += timer.Restart();
   return result;

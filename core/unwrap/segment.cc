@@ -7,13 +7,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "core/base/error.h"
 #include "core/base/radix_sort.h"
 #include "core/base/status_macros.h"
 #include "core/base/timer.h"
 #include "core/charts/steps.h"
 #include "core/mesh/angles.h"
+#include "core/mesh/diagnosis.h"
 #include "core/mesh/import.h"
 #include "core/mesh/tri_mesh.h"
 #include "core/unwrap/long_needles.h"
@@ -30,56 +30,13 @@ absl::Status CheckPieces(const Segmentation& segmentation) {
     if (segmentation.HasSlit(i)) first_faces.push_back(segmentation.charts()[i].front());
   }
   if (first_faces.empty()) return absl::OkStatus();
-  const std::size_t count = first_faces.size();
-  if (first_faces.size() > kMaxNamed) first_faces.resize(kMaxNamed);
+  const std::int64_t count = std::ssize(first_faces);
   return MakeError(absl::StatusCode::kInvalidArgument, "PIECE_NOT_A_DISC",
-                   absl::StrCat(count, count == 1 ? " piece" : " pieces",
+                   absl::StrCat(Counted(count, "piece", "pieces"),
                                 " between the given seams cannot lie flat without another seam (closed, with several "
                                 "boundary loops or with a handle); give more seams, or allow them to be added"),
-                   {{"count", absl::StrCat(count)}, {"faces", absl::StrJoin(first_faces, ",")}});
+                   {{"count", absl::StrCat(count)}, {"faces", FirstFaces(first_faces)}});
 }
-
-}  // namespace
-
-absl::Status Job::Enter(UnwrapStage stage) {
-  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
-  progress.stage = stage;
-  if (control.on_progress) control.on_progress(progress);
-  return absl::OkStatus();
-}
-
-std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
-  std::vector<std::int32_t> face_chart(mesh.faces.size(), -1);
-  for (std::int32_t i = 0; i < count(); ++i) {
-    for (const std::int32_t f : charts[i].chart.faces) face_chart[f] = i;
-  }
-  return face_chart;
-}
-
-const Charts::AtlasSize& Charts::SizeOfAtlas(const UnwrapOptions& options,
-                                             const std::vector<std::int32_t>& faces) const {
-  return atlas_size.at(AtlasOf(options, faces));
-}
-
-double Charts::ReductionOf(const std::vector<std::int32_t>& faces) const {
-  double least = 1;
-  if (reduction.empty()) return least;
-  for (const std::int32_t f : faces) least = std::min(least, reduction[f]);
-  return least;
-}
-
-std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
-  std::vector<std::int32_t> opposite(3 * mesh.faces.size(), -1);
-  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts) {
-    const std::vector<std::int32_t> own = OppositeWithClosedSlits(chart, map);
-    for (std::size_t c = 0; c < own.size(); ++c) {
-      if (own[c] >= 0) opposite[3 * chart.faces[c / 3] + c % 3] = 3 * chart.faces[own[c] / 3] + own[c] % 3;
-    }
-  }
-  return opposite;
-}
-
-namespace {
 
 // Per face: numbers that differ where charts must end because of atlases and weights. Empty: nowhere.
 std::vector<std::int32_t> PartOfFaces(const UnwrapOptions& options) {
@@ -88,8 +45,8 @@ std::vector<std::int32_t> PartOfFaces(const UnwrapOptions& options) {
   if (!by_weight) return options.face_atlas;
   std::map<std::pair<std::int32_t, float>, std::int32_t> numbers;
   std::vector<std::int32_t> part(weights.size());
-  for (std::size_t f = 0; f < part.size(); ++f) {
-    const std::pair key(options.face_atlas.empty() ? 0 : options.face_atlas[f], weights[f]);
+  for (std::int32_t f = 0; f < std::ssize(part); ++f) {
+    const std::pair key(AtlasOf(options, f), weights[f]);
     part[f] = numbers.emplace(key, static_cast<std::int32_t>(numbers.size())).first->second;
   }
   return part;
@@ -113,7 +70,7 @@ void MeasureAtlases(const UnwrapOptions& options, Charts* charts) {
     const double reduction = charts->reduction.empty() ? 1 : charts->reduction[f];
     const double area = surface.area[f] * reduction * reduction;
     charts->drawn_area += area;
-    Charts::AtlasSize& size = sizes[options.face_atlas.empty() ? 0 : options.face_atlas[f]];
+    Charts::AtlasSize& size = sizes[AtlasOf(options, f)];
     size.area += area;
     if (!surface.takes_part[f]) continue;
     for (const HalfedgeHandle h : HalfEdgesOf(*surface.mesh, FaceHandle(f))) {
@@ -166,7 +123,51 @@ void RejoinCharts(const Job& job, Charts* charts) {
   charts->surface = std::move(surface);
 }
 
+constexpr std::size_t kFewestToCut = 3;
+
+// Whether there is an edge inside of the chart at which it may be cut.
+bool CanBeParted(const Surface& surface, const Chart& chart) {
+  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
+    if (chart.topology.opposite[c] < 0) continue;
+    if (!surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[c / 3] + c % 3))) return true;
+  }
+  return false;
+}
+
 }  // namespace
+
+absl::Status Job::Enter(UnwrapStage stage) {
+  if (execution.IsCancelled()) return absl::CancelledError("cancelled");
+  progress.stage = stage;
+  if (control.on_progress) control.on_progress(progress);
+  return absl::OkStatus();
+}
+
+std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
+  std::vector<std::int32_t> face_chart(mesh.faces.size(), -1);
+  for (std::int32_t i = 0; i < count(); ++i) {
+    for (const std::int32_t f : charts[i].chart.faces) face_chart[f] = i;
+  }
+  return face_chart;
+}
+
+double Charts::ReductionOf(const std::vector<std::int32_t>& faces) const {
+  double least = 1;
+  if (reduction.empty()) return least;
+  for (const std::int32_t f : faces) least = std::min(least, reduction[f]);
+  return least;
+}
+
+std::vector<std::int32_t> Charts::Opposite(const Mesh& mesh) const {
+  std::vector<std::int32_t> opposite(3 * mesh.faces.size(), -1);
+  for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts) {
+    const std::vector<std::int32_t> own = OppositeWithClosedSlits(chart, map.closed_slits);
+    for (std::size_t c = 0; c < own.size(); ++c) {
+      if (own[c] >= 0) opposite[3 * chart.faces[c / 3] + c % 3] = 3 * chart.faces[own[c] / 3] + own[c] % 3;
+    }
+  }
+  return opposite;
+}
 
 absl::StatusOr<Charts> Segment(Job* job) {
   Timer timer;
@@ -225,21 +226,6 @@ absl::StatusOr<Charts> Segment(Job* job) {
   job->seconds.charts = timer.Restart();
   return charts;
 }
-
-namespace {
-
-constexpr std::size_t kFewestToCut = 3;
-
-// Whether there is an edge inside of the chart at which it may be cut.
-bool CanBeParted(const Surface& surface, const Chart& chart) {
-  for (std::int32_t c = 0; c < chart.topology.num_corners(); ++c) {
-    if (chart.topology.opposite[c] < 0) continue;
-    if (!surface.is_uncut(HalfEdgeOf(*surface.mesh, 3 * chart.faces[c / 3] + c % 3))) return true;
-  }
-  return false;
-}
-
-}  // namespace
 
 void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts) {
   const Gluing& gluing = charts->segmentation->gluing();

@@ -71,7 +71,7 @@ void ShareSummaries(const std::vector<std::int32_t>& todo, Charts* charts) {
   std::shared_ptr<const FlattenSummary>* shared = nullptr;
   for (const std::int32_t i : todo) {
     auto& [chart, is_worth_cutting, flattening, map, faults, status] = charts->charts[i];
-    if (!status.ok() || !IsTriangleAsMeasured(chart)) continue;
+    if (!status.ok() || !chart.is_triangle_as_measured()) continue;
     if (shared != nullptr) map.flatten = *shared;
     shared = &map.flatten;
   }
@@ -91,15 +91,15 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
   const OrientationFaults& faults = delivery.orientation;
   if (faults.flipped + faults.degenerate == 0 || job->execution.IsStopRequested()) return false;
   if (charts->widenings == kMostWidenings) return false;
-  std::vector<std::int32_t> widened;
+  todo->clear();
   for (std::int32_t i = 0; i < charts->count(); ++i) {
     Chart& chart = charts->charts[i].chart;
-    if (WidenDelivered(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts->ignored, &chart))
-      widened.push_back(i);
+    if (WidenDelivered(job->mesh, delivery.uv, atlas.scale, delivery.precision, charts->ignored, &chart)) {
+      todo->push_back(i);
+    }
   }
-  if (widened.empty()) return false;
+  if (todo->empty()) return false;
   ++charts->widenings;
-  *todo = std::move(widened);
   return true;
 }
 

@@ -60,6 +60,9 @@ struct MappedChart {
   ChartMap map;
   ChartFaults faults;   // of the map; not looked for where no seam may be added
   absl::Status status;  // of solve and layout
+
+  // Whether the chart is no disc, and its map has a slit.
+  bool is_slit() const { return map.closed_slits.size() < chart.slits.size(); }
 };
 
 // All that passes between the steps: a record, each member of which several of them read.
@@ -70,8 +73,8 @@ struct Charts {
   std::vector<char> ignored;  // per face: left out of all promises, having no area; empty: none
   double total_area = 0;      // of the surface
   double drawn_area = 0;      // the same with `reduction`, which leaves next to nothing of long needles
-  // By atlas (UnwrapOptions::face_atlas): what goes into its tiles or, where all have one texel density, the most that
-  // goes into those of any atlas.
+  // By atlas (AtlasOf()): what goes into its tiles or, where all have one texel density, the most that goes into those
+  // of any atlas. The area is the square of a length that those of charts can be compared with.
   struct AtlasSize {
     double area = 0;     // as drawn
     double longest = 0;  // edge, as drawn: which sets the scale if it is longer than the texture
@@ -88,9 +91,7 @@ struct Charts {
   bool are_joined = false;          // charts that are no worse together have been joined (JoinCharts)
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
-  // Of what goes into the tiles that a chart of these faces goes into. The area is the square of a length that its own
-  // can be compared with.
-  const AtlasSize& SizeOfAtlas(const UnwrapOptions& options, const std::vector<std::int32_t>& faces) const;
+  bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
   // The least of these faces'.
   double ReductionOf(const std::vector<std::int32_t>& faces) const;
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
@@ -147,8 +148,8 @@ absl::Status JoinCharts(Job* job, Charts* charts);
 // The same by estimates, before any chart is solved for.
 absl::Status JoinEstimated(Job* job, ChartEstimates* estimates, Charts* charts);
 
-// The number of the atlas that a chart of these faces goes into.
-std::int32_t AtlasOf(const UnwrapOptions& options, const std::vector<std::int32_t>& faces);
+// The number of the atlas that a face goes into, and with it its chart.
+std::int32_t AtlasOf(const UnwrapOptions& options, std::int32_t face);
 
 // Where the charts go.
 struct Atlas {
@@ -156,7 +157,7 @@ struct Atlas {
   int tiles = 1;
   double scale = 1;    // UV length per length on the surface, at weight 1; the least of all atlases
   double padding = 0;  // texels that are free between charts, PackOptions::padding unless there is no room
-  std::vector<AtlasReport> atlases;  // as UnwrapResult::atlases; faces and efficiency are not set
+  std::map<std::int32_t, AtlasReport> atlases;  // by AtlasReport::atlas; faces and efficiency are not set
 };
 
 // Packs the charts (core/pack/pack.h). The one chart of SeamPolicy::kNone fills the unit square as far as it goes,
@@ -229,7 +230,7 @@ void WarnOfStop(const std::vector<ChartReport>& charts, std::vector<UnwrapWarnin
 // UV_FLIPPED, UV_DEGENERATE, UV_OVERLAPPING.
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps, std::vector<UnwrapWarning>* warnings);
 
-// Names the first kMaxNamed of the warning's faces in its metadata, as "faces".
-void NameFaces(UnwrapWarning* warning);
+// The first kMaxNamed of these faces, "2,3,5": "faces" in metadata.
+std::string FirstFaces(const std::vector<std::int32_t>& faces);
 
 }  // namespace planish

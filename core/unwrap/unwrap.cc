@@ -16,15 +16,14 @@
 namespace planish {
 namespace {
 
-absl::Status CheckRange(const std::string& field, int value, int low, int high) {
+template <typename Number>
+absl::Status CheckRange(const std::string& field, Number value, Number low, Number high) {
   if (value >= low && value <= high) return absl::OkStatus();
   return OptionError(field, absl::StrCat(value, " is not in [", low, ", ", high, "]"));
 }
 
 absl::Status CheckSeams(const SeamOptions& seams) {
-  if (!(seams.max_stretch >= 1.001 && seams.max_stretch <= 100)) {
-    return OptionError("max_stretch", absl::StrFormat("%g is not in [1.001, 100]", seams.max_stretch));
-  }
+  PLANISH_RETURN_IF_ERROR(CheckRange("max_stretch", seams.max_stretch, 1.001, 100.0));
   if (!(seams.hard_edge_degrees >= 0 && seams.hard_edge_degrees <= 180)) {
     return OptionError("hard_edge_degrees",
                        absl::StrFormat("%g is not in (0, 180], nor 0 for none", seams.hard_edge_degrees));
@@ -56,14 +55,13 @@ absl::Status CheckCorners(const std::string& field, const std::vector<std::int32
                      {{"corner", absl::StrCat(*beyond)}});
 }
 
-absl::Status CheckCount(const std::string& field, std::size_t count, std::int64_t num_faces) {
-  if (static_cast<std::int64_t>(count) == num_faces) return absl::OkStatus();
-  return OptionError(field,
-                     absl::StrCat(count, " numbers for a mesh of ", num_faces, " faces; one for each is needed"));
-}
-
-// What several atlases, or weights, do not go with.
-absl::Status CheckIsPacked(const std::string& field, const UnwrapOptions& options) {
+// What atlases and weights have in common: one for each face, and charts that are packed.
+absl::Status CheckPerFace(const std::string& field, std::size_t count, const UnwrapOptions& options,
+                          std::int64_t num_faces) {
+  if (static_cast<std::int64_t>(count) != num_faces) {
+    return OptionError(field,
+                       absl::StrCat(count, " numbers for a mesh of ", num_faces, " faces; one for each is needed"));
+  }
   if (!options.pack) return OptionError(field, "charts that are not packed have no atlas; leave pack on");
   if (options.seams.policy != SeamPolicy::kNone) return absl::OkStatus();
   return OptionError(field, "with seams none the mesh is one chart, which fills its tile; choose keep, needed or auto");
@@ -72,8 +70,7 @@ absl::Status CheckIsPacked(const std::string& field, const UnwrapOptions& option
 absl::Status CheckAtlases(const UnwrapOptions& options, std::int64_t num_faces) {
   const std::vector<std::int32_t>& atlas = options.face_atlas;
   if (atlas.empty()) return absl::OkStatus();
-  PLANISH_RETURN_IF_ERROR(CheckCount("face_atlas", atlas.size(), num_faces));
-  PLANISH_RETURN_IF_ERROR(CheckIsPacked("face_atlas", options));
+  PLANISH_RETURN_IF_ERROR(CheckPerFace("face_atlas", atlas.size(), options, num_faces));
   const int most = options.layout == AtlasLayout::kUdim ? kMaxTiles / options.atlas.tiles : INT32_MAX;
   const auto wrong = std::find_if(atlas.begin(), atlas.end(), [&](std::int32_t a) { return a < 0 || a >= most; });
   if (wrong == atlas.end()) return absl::OkStatus();
@@ -89,32 +86,13 @@ absl::Status CheckAtlases(const UnwrapOptions& options, std::int64_t num_faces) 
 absl::Status CheckWeights(const UnwrapOptions& options, std::int64_t num_faces) {
   const std::vector<float>& weights = options.face_weights;
   if (weights.empty()) return absl::OkStatus();
-  PLANISH_RETURN_IF_ERROR(CheckCount("face_weights", weights.size(), num_faces));
-  PLANISH_RETURN_IF_ERROR(CheckIsPacked("face_weights", options));
+  PLANISH_RETURN_IF_ERROR(CheckPerFace("face_weights", weights.size(), options, num_faces));
   const auto wrong =
       std::find_if(weights.begin(), weights.end(), [](float w) { return !(w >= kLeastWeight && w <= kMostWeight); });
   if (wrong == weights.end()) return absl::OkStatus();
   return OptionError("face_weights", absl::StrFormat("%g is not in [%g, %g]", *wrong, kLeastWeight, kMostWeight),
                      {{"face", absl::StrCat(wrong - weights.begin())}});
 }
-
-}  // namespace
-
-absl::Status UnwrapOptions::Validate() const {
-  PLANISH_RETURN_IF_ERROR(flatten.Validate());
-  PLANISH_RETURN_IF_ERROR(CheckSeams(seams));
-  PLANISH_RETURN_IF_ERROR(CheckAtlas(atlas));
-  return CheckRange("threads", threads, 1, kMaxThreads);
-}
-
-absl::Status UnwrapOptions::ValidateFor(std::int64_t num_faces) const {
-  PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", seams.corners, num_faces));
-  PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", seams.uncut_corners, num_faces));
-  PLANISH_RETURN_IF_ERROR(CheckAtlases(*this, num_faces));
-  return CheckWeights(*this, num_faces);
-}
-
-namespace {
 
 // Maps the charts in `todo`, and those that they are cut into until each map is sound. That ends: a cut makes more
 // charts, and a chart of one triangle, or polygon, is not cut.
@@ -127,13 +105,6 @@ absl::Status SolveAndRefine(Job* job, std::vector<std::int32_t> todo, Charts* ch
   if (!std::exchange(charts->are_joined, true)) PLANISH_RETURN_IF_ERROR(JoinCharts(job, charts));
   for (const MappedChart& mapped : charts->charts) PLANISH_RETURN_IF_ERROR(mapped.status);
   return absl::OkStatus();
-}
-
-// Charts that are no discs and are mapped with a slit.
-std::int64_t CountSlit(const Charts& charts) {
-  std::int64_t slit = 0;
-  for (const MappedChart& mapped : charts.charts) slit += mapped.map.closed_slits.size() < mapped.chart.slits.size();
-  return slit;
 }
 
 // What becomes of the charts after a stop: STOPPED_EARLY if there is no valid map.
@@ -153,6 +124,24 @@ absl::Status CheckStopped(const Job& job, const absl::Status& made, const Charts
   return error(absl::StrCat(Counted(turned, "triangle is", "triangles are"), " still flipped or without area"),
                {{"count", absl::StrCat(turned)}});
 }
+
+}  // namespace
+
+absl::Status UnwrapOptions::Validate() const {
+  PLANISH_RETURN_IF_ERROR(flatten.Validate());
+  PLANISH_RETURN_IF_ERROR(CheckSeams(seams));
+  PLANISH_RETURN_IF_ERROR(CheckAtlas(atlas));
+  return CheckRange("threads", threads, 1, kMaxThreads);
+}
+
+absl::Status UnwrapOptions::ValidateFor(std::int64_t num_faces) const {
+  PLANISH_RETURN_IF_ERROR(CheckCorners("seam_corners", seams.corners, num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckCorners("uncut_corners", seams.uncut_corners, num_faces));
+  PLANISH_RETURN_IF_ERROR(CheckAtlases(*this, num_faces));
+  return CheckWeights(*this, num_faces);
+}
+
+namespace {
 
 // Unwrap() of a mesh as its faces and vertices lie. Warnings do not name their faces in the metadata yet.
 absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions& options, const UnwrapControl& control,
@@ -180,7 +169,9 @@ absl::StatusOr<UnwrapResult> UnwrapInOrder(const Mesh& mesh, const UnwrapOptions
       continue;
     }
     if (options.seams.policy == SeamPolicy::kNeeded) {
-      WarnOfAddedSeams(CountSlit(charts), charts.count() - first_count, &job.warnings);
+      const auto is_slit = [](const MappedChart& mapped) { return mapped.is_slit(); };
+      WarnOfAddedSeams(std::count_if(charts.charts.begin(), charts.charts.end(), is_slit), charts.count() - first_count,
+                       &job.warnings);
     }
     return Report(&job, charts, atlas, std::move(delivery));
   }
@@ -208,7 +199,9 @@ absl::StatusOr<UnwrapResult> Unwrap(const Mesh& mesh, const UnwrapOptions& optio
     result = UnwrapInOrder(mesh, options, control, execution);
   }
   PLANISH_RETURN_IF_ERROR(result.status());
-  for (UnwrapWarning& warning : result->warnings) NameFaces(&warning);
+  for (UnwrapWarning& warning : result->warnings) {
+    if (!warning.faces.empty()) warning.metadata["faces"] = FirstFaces(warning.faces);
+  }
   return result;
 }
 

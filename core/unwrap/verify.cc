@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
-#include <functional>
 #include <iterator>
-#include <optional>
 #include <set>
 #include <span>
 #include <utility>
@@ -49,53 +47,16 @@ Vec2 To(const CornerUv& uv, std::int32_t c) {
 }
 
 struct Outlines : Loops {
-  std::vector<std::int32_t> loop_of;  // of each item
-  bool is_torn = false;
+  std::vector<std::int32_t> loop_of;   // of each item
+  std::vector<std::int32_t> chart_of;  // of each loop; FindCharts() sets it
+  std::int32_t num_charts = 0;
 };
 
-Outlines Trace(const std::vector<std::int32_t>& opposite, const CornerUv& uv, const Execution& execution) {
-  struct Part {
-    std::vector<std::int32_t> outline;
-    bool is_torn = false;
-    void Add(const Part& other) {
-      is_torn |= other.is_torn;
-      outline.insert(outline.end(), other.outline.begin(), other.outline.end());
-    }
-  };
-  const Part all = execution.SumUp<Part>(std::ssize(opposite), [&](std::int64_t i, Part* part) {
-    const auto c = static_cast<std::int32_t>(i);
-    const std::int32_t o = opposite[c];
-    if (o < 0) {
-      part->outline.push_back(c);
-    } else if (o < c && (From(uv, c) != To(uv, o) || To(uv, c) != From(uv, o))) {
-      part->is_torn = true;
-    }
-  });
-  Outlines outlines;
-  outlines.is_torn = all.is_torn;
-  if (outlines.is_torn || execution.IsCancelled()) return outlines;
-  static_cast<Loops&>(outlines) = BoundaryLoops(opposite, all.outline);
-  for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
-  return outlines;
-}
-
-// Per loop: the chart it belongs to, some number.
-std::vector<std::int32_t> ChartsOf(const std::vector<std::int32_t>& opposite, const Outlines& outlines,
-                                   std::int32_t* count) {
-  const std::vector<std::int32_t> chart = ConnectedPieces(
-      static_cast<std::int32_t>(opposite.size() / 3), count, [](std::int32_t) { return true; },
-      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
-  std::vector<std::int32_t> of_loop;
-  for (std::int32_t i = 0; i < outlines.count(); ++i) of_loop.push_back(chart[outlines[i][0] / 3]);
-  return of_loop;
-}
-
-BoxTree TreeOf(const Outlines& outlines, const CornerUv& uv, const Execution& execution) {
-  std::vector<Box> boxes(outlines.item.size());
-  for (std::size_t i = 0; i < boxes.size(); ++i) {
-    boxes[i] = Box::Around(From(uv, outlines.item[i]), To(uv, outlines.item[i]));
-  }
-  return BoxTree(std::move(boxes), execution);
+void FindCharts(const std::vector<std::int32_t>& opposite, Outlines* outlines) {
+  const std::vector<std::int32_t> chart =
+      ConnectedPieces(static_cast<std::int32_t>(opposite.size() / 3), &outlines->num_charts,
+                      [&](std::int32_t f, int k) { return opposite[3 * f + k] < 0 ? -1 : opposite[3 * f + k] / 3; });
+  for (std::int32_t i = 0; i < outlines->count(); ++i) outlines->chart_of.push_back(chart[(*outlines)[i][0] / 3]);
 }
 
 bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree, std::atomic<std::int64_t>* tests_left,
@@ -105,30 +66,27 @@ bool DoNotMeet(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree
     const std::int32_t loop = outlines.loop_of[i];
     return i + 1 == outlines.begin[loop + 1] ? outlines.begin[loop] : i + 1;
   };
-  const std::vector<char> parts = execution.Collect<char>(n, [&](std::int64_t begin, std::int64_t end) -> char {
-    for (auto i = static_cast<std::int32_t>(begin); i < end && !execution.IsCancelledAt(i); ++i) {
-      std::int64_t tests = 0;
-      const std::int64_t left = *tests_left;
-      const Vec2 from = From(uv, outlines.item[i]), to = To(uv, outlines.item[i]);
-      const bool clear = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
-        if (++tests > left) return false;
-        if (j <= i) return true;
-        const Vec2 other_from = From(uv, outlines.item[j]), other_to = To(uv, outlines.item[j]);
-        const bool follows = follower(i) == j, precedes = follower(j) == i;
-        if (!follows && !precedes) return !SegmentsMeet(from, to, other_from, other_to);
-        // Neighbours share an end; they meet elsewhere only if one folds back onto the other.
-        const Vec2 &a = follows ? from : other_from, &b = follows ? to : other_to, &c = follows ? other_to : to;
-        return !(Orientation(a, b, c) == 0 && (b - a).dot(c - b) <= 0);
-      });
-      tests_left->fetch_sub(tests, std::memory_order_relaxed);
-      if (!clear) return 1;
-    }
-    return 0;
+  std::atomic<bool> are_clear = true;
+  execution.ForEach(n, [&](std::int64_t item) {
+    if (!are_clear.load(std::memory_order_relaxed)) return;
+    const auto i = static_cast<std::int32_t>(item);
+    std::int64_t tests = 0;
+    const std::int64_t left = *tests_left;
+    const Vec2 from = From(uv, outlines.item[i]), to = To(uv, outlines.item[i]);
+    const bool is_clear = tree.ForEachMeeting(tree.boxes()[i], [&](std::int32_t j) {
+      if (++tests > left) return false;
+      if (j <= i) return true;
+      const Vec2 other_from = From(uv, outlines.item[j]), other_to = To(uv, outlines.item[j]);
+      const bool follows = follower(i) == j, precedes = follower(j) == i;
+      if (!follows && !precedes) return !SegmentsMeet(from, to, other_from, other_to);
+      // Neighbours share an end; they meet elsewhere only if one folds back onto the other.
+      const Vec2 &a = follows ? from : other_from, &b = follows ? to : other_to, &c = follows ? other_to : to;
+      return !(Orientation(a, b, c) == 0 && (b - a).dot(c - b) <= 0);
+    });
+    tests_left->fetch_sub(tests, std::memory_order_relaxed);
+    if (!is_clear) are_clear = false;
   });
-  for (const char meets : parts) {
-    if (meets) return false;
-  }
-  return !execution.IsCancelled();
+  return are_clear && !execution.IsCancelled();
 }
 
 // Which way round a simple loop runs: 1 counter-clockwise, -1 clockwise, 0 where its lowest corner has no area. By that
@@ -146,36 +104,33 @@ int SenseOf(const Outlines& outlines, std::int32_t loop, const CornerUv& uv) {
 
 // Whether one loop of each chart runs counter-clockwise and all others clockwise, as round holes. A hole that is turned
 // inside out overlaps the faces round it, though its sides meet at its corners only.
-bool HolesAreOpen(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop, std::int32_t num_charts,
-                  const CornerUv& uv) {
-  std::vector<char> has_outer(num_charts, 0);
+bool HolesAreOpen(const Outlines& outlines, const CornerUv& uv) {
+  std::vector<char> has_outer(outlines.num_charts, 0);
   for (std::int32_t loop = 0; loop < outlines.count(); ++loop) {
     const int sense = SenseOf(outlines, loop, uv);
-    if (sense == 0 || (sense > 0 && has_outer[chart_of_loop[loop]] != 0)) return false;
-    if (sense > 0) has_outer[chart_of_loop[loop]] = 1;
+    if (sense == 0 || (sense > 0 && has_outer[outlines.chart_of[loop]] != 0)) return false;
+    if (sense > 0) has_outer[outlines.chart_of[loop]] = 1;
   }
   return true;
 }
 
 // Whether the outlines of other charts wind round some point of each chart's outline; true as well after too many
 // tests.
-bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>& chart_of_loop,
-                       std::int32_t num_charts, const CornerUv& uv, const BoxTree& tree,
+bool LiesInsideAnother(const Outlines& outlines, const CornerUv& uv, const BoxTree& tree,
                        std::atomic<std::int64_t>* tests_left, const Execution& execution) {
-  std::vector<Box> box_of_chart(num_charts);
+  std::vector<Box> box_of_chart(outlines.num_charts);
   for (std::size_t j = 0; j < tree.boxes().size(); ++j) {
-    box_of_chart[chart_of_loop[outlines.loop_of[j]]].Add(tree.boxes()[j]);
+    box_of_chart[outlines.chart_of[outlines.loop_of[j]]].Add(tree.boxes()[j]);
   }
   const BoxTree charts(std::move(box_of_chart), execution);
-  std::vector<char> done(num_charts, 0);
-  for (std::size_t loop = 0; loop < chart_of_loop.size() && !execution.IsCancelled(); ++loop) {
-    const std::int32_t chart = chart_of_loop[loop];
+  std::vector<char> done(outlines.num_charts, 0);
+  for (std::size_t loop = 0; loop < outlines.chart_of.size() && !execution.IsCancelled(); ++loop) {
+    const std::int32_t chart = outlines.chart_of[loop];
     if (done[chart]) continue;
     done[chart] = 1;
     const Vec2 p = From(uv, outlines.item[outlines.begin[loop]]);
-    Box at, ray;
-    at.Add(p);
-    ray.Add(p);
+    const Box at = Box::Around(p, p);
+    Box ray = at;
     // Only charts whose box holds the point can wind round it.
     const auto may_hold = [&](std::int32_t other) { return other != chart && charts.boxes()[other].Meets(at); };
     charts.ForEachMeeting(at, [&](std::int32_t other) {
@@ -188,7 +143,7 @@ bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>
     int winding = 0;
     tree.ForEachMeeting(ray, [&](std::int32_t j) {
       if (--*tests_left < 0) return false;
-      if (!may_hold(chart_of_loop[outlines.loop_of[j]])) return true;
+      if (!may_hold(outlines.chart_of[outlines.loop_of[j]])) return true;
       const Vec2 from = From(uv, outlines.item[j]), to = To(uv, outlines.item[j]);
       if (from.y() <= p.y() && to.y() > p.y() && Orientation(from, to, p) > 0) ++winding;
       if (from.y() > p.y() && to.y() <= p.y() && Orientation(from, to, p) < 0) --winding;
@@ -204,16 +159,23 @@ bool LiesInsideAnother(const Outlines& outlines, const std::vector<std::int32_t>
 // positive orientation. False as well after a cancellation or too many tests.
 bool OutlinesAreApart(const std::vector<std::int32_t>& opposite, const CornerUv& uv, std::int64_t max_tests,
                       const Execution& execution) {
+  const std::int64_t torn = execution.Count(std::ssize(opposite), [&](std::int32_t c) {
+    const std::int32_t o = opposite[c];
+    return o >= 0 && o < c && (From(uv, c) != To(uv, o) || To(uv, c) != From(uv, o));
+  });
+  if (torn > 0 || execution.IsCancelled()) return false;
+  Outlines outlines = {BoundaryLoops(opposite), {}, {}};
+  for (std::int32_t i = 0; i < outlines.count(); ++i) outlines.loop_of.resize(outlines.begin[i + 1], i);
+  if (outlines.item.empty()) return false;
+  std::vector<Box> boxes;
+  boxes.reserve(outlines.item.size());
+  for (const std::int32_t c : outlines.item) boxes.push_back(Box::Around(From(uv, c), To(uv, c)));
+  const BoxTree tree(std::move(boxes), execution);
   std::atomic<std::int64_t> tests_left = max_tests;
-  const Outlines outlines = Trace(opposite, uv, execution);
-  if (outlines.is_torn || outlines.item.empty() || execution.IsCancelled()) return false;
-  const BoxTree tree = TreeOf(outlines, uv, execution);
   if (!DoNotMeet(outlines, uv, tree, &tests_left, execution)) return false;
   if (outlines.count() == 1) return true;  // one loop
-  std::int32_t num_charts = 0;
-  const std::vector<std::int32_t> chart_of_loop = ChartsOf(opposite, outlines, &num_charts);
-  if (!HolesAreOpen(outlines, chart_of_loop, num_charts, uv)) return false;
-  return !LiesInsideAnother(outlines, chart_of_loop, num_charts, uv, tree, &tests_left, execution) &&
+  FindCharts(opposite, &outlines);
+  return HolesAreOpen(outlines, uv) && !LiesInsideAnother(outlines, uv, tree, &tests_left, execution) &&
          !execution.IsCancelled();
 }
 
@@ -227,160 +189,114 @@ bool HasInterior(const CornerUv& uv, const std::vector<char>& ignored, std::int3
   return sign != 0 && (ignored.empty() || !ignored[f]);
 }
 
+}  // namespace
+
 // Every triangle against all later ones.
-class PairwiseCheck {
- public:
-  PairwiseCheck(const CornerUv& uv, const std::vector<char>& ignored, std::int64_t max_pairs,
-                const Execution& execution)
-      : execution_(execution),
-        max_pairs_(max_pairs),
-        num_faces_(static_cast<std::int32_t>(uv.size() / 6)),
-        triangles_(num_faces_) {
-    std::vector<Box> boxes(num_faces_);
-    execution_.ForEach(num_faces_, [&](std::int32_t f) {
-      if (!HasInterior(uv, ignored, f, &triangles_[f])) return;
-      for (const Vec2& p : triangles_[f]) boxes[f].Add(p);
-    });
-    tree_.emplace(std::move(boxes), execution_);
-  }
-
-  Overlaps Run(std::int64_t max_tests, std::vector<std::int32_t>* pairs) const {
-    // Some faces at a time, so that counting can stop early with the same result for any team.
-    constexpr std::int64_t kBlock = 64, kBlocks = 64;
-    Overlaps all;
-    Counts counts;
-    for (std::int64_t begin = 0; begin < num_faces_ && !all.limited; begin += kBlock * kBlocks) {
-      const std::int64_t end = std::min<std::int64_t>(begin + kBlock * kBlocks, num_faces_);
-      const std::int64_t tests_before = counts.tests;
-      std::array<std::vector<std::int32_t>, kBlocks> found;
-      const auto look = [&](std::int64_t i, std::int64_t) {
-        const std::int64_t from = std::min(begin + i * kBlock, end);
-        Look(from, std::min(from + kBlock, end), max_tests, &counts, &found[i]);
-      };
-      execution_.For(kBlocks, look, 1);
-      all.limited = counts.pairs >= max_pairs_ || counts.tests >= max_tests || execution_.IsCancelled();
-      if (all.limited) {
-        // Blocks were cut short, who knows where: once more, one after the other.
-        found = {};
-        counts.pairs = all.pairs;
-        counts.tests = tests_before;
-        Look(begin, end, max_tests, &counts, &found[0]);
-      }
-      all.pairs = counts.pairs;
-      for (const std::vector<std::int32_t>& faces : found) {
-        for (const std::int32_t f : faces) {
-          if (all.faces.size() < kMaxNamed) all.faces.push_back(f);
-        }
-        if (pairs != nullptr) pairs->insert(pairs->end(), faces.begin(), faces.end());
-      }
-    }
-    return all;
-  }
-
- private:
-  // So far.
-  struct Counts {
-    std::atomic<std::int64_t> pairs = 0, tests = 0;
-  };
-
+Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs,
+                      const Execution& execution, const std::vector<char>& ignored, std::int64_t max_pairs) {
+  if (execution.IsCancelled()) return {0, true, {}};
+  const auto num_faces = static_cast<std::int32_t>(uv.size() / 6);
+  std::vector<Triangle> triangles(num_faces);
+  std::vector<Box> boxes(num_faces);
+  execution.ForEach(num_faces, [&](std::int32_t f) {
+    if (!HasInterior(uv, ignored, f, &triangles[f])) return;
+    for (const Vec2& p : triangles[f]) boxes[f].Add(p);
+  });
+  const BoxTree tree(std::move(boxes), execution);
+  if (execution.IsCancelled()) return {0, true, {}};
+  std::atomic<std::int64_t> pair_count = 0, test_count = 0;  // so far
+  const auto is_at_limit = [&] { return pair_count >= max_pairs || test_count >= max_tests; };
   // Finds the pairs of the faces in [begin, end) with later ones, until either count is at its limit.
-  void Look(std::int64_t begin, std::int64_t end, std::int64_t max_tests, Counts* counts,
-            std::vector<std::int32_t>* found) const {
-    for (auto f = static_cast<std::int32_t>(begin); f < end && !execution_.IsCancelled(); ++f) {
-      if (counts->pairs >= max_pairs_ || counts->tests >= max_tests) return;
-      const Box& box = tree_->boxes()[f];
+  const auto look = [&](std::int64_t begin, std::int64_t end, std::vector<std::int32_t>* found) {
+    for (auto f = static_cast<std::int32_t>(begin); f < end && !execution.IsCancelled(); ++f) {
+      if (is_at_limit()) return;
+      const Box& box = tree.boxes()[f];
       if (!box.Meets(box)) continue;
       std::int64_t tests = 0;
-      const std::int64_t tests_left = max_tests - counts->tests;
-      tree_->ForEachMeeting(box, [&](std::int32_t g) {
+      const std::int64_t tests_left = max_tests - test_count;
+      tree.ForEachMeeting(box, [&](std::int32_t g) {
         if (++tests >= tests_left) return false;
-        if (g <= f || !InteriorsMeet(triangles_[f].data(), triangles_[g].data())) return true;
-        const std::int64_t before = counts->pairs.fetch_add(1, std::memory_order_relaxed);
-        if (before >= max_pairs_) return false;
+        if (g <= f || !InteriorsMeet(triangles[f].data(), triangles[g].data())) return true;
+        const std::int64_t before = pair_count.fetch_add(1, std::memory_order_relaxed);
+        if (before >= max_pairs) return false;
         found->insert(found->end(), {f, g});
-        return before + 1 < max_pairs_;
+        return before + 1 < max_pairs;
       });
-      counts->tests.fetch_add(tests, std::memory_order_relaxed);
+      test_count.fetch_add(tests, std::memory_order_relaxed);
+    }
+  };
+  // Some faces at a time, so that counting can stop early with the same result for any team.
+  constexpr std::int64_t kBlock = 64, kBlocks = 64;
+  Overlaps all;
+  for (std::int64_t begin = 0; begin < num_faces && !all.limited; begin += kBlock * kBlocks) {
+    const std::int64_t end = std::min<std::int64_t>(begin + kBlock * kBlocks, num_faces);
+    const std::int64_t tests_before = test_count;
+    std::array<std::vector<std::int32_t>, kBlocks> found;
+    const auto look_at_block = [&](std::int64_t i, std::int64_t) {
+      const std::int64_t from = std::min(begin + i * kBlock, end);
+      look(from, std::min(from + kBlock, end), &found[i]);
+    };
+    execution.For(kBlocks, look_at_block, 1);
+    all.limited = is_at_limit() || execution.IsCancelled();
+    if (all.limited) {
+      // Blocks were cut short, who knows where: once more, one after the other.
+      found = {};
+      pair_count = all.pairs;
+      test_count = tests_before;
+      look(begin, end, &found[0]);
+    }
+    all.pairs = pair_count;
+    for (const std::vector<std::int32_t>& faces : found) {
+      for (const std::int32_t f : faces) {
+        if (all.faces.size() < kMaxNamed) all.faces.push_back(f);
+      }
+      if (pairs != nullptr) pairs->insert(pairs->end(), faces.begin(), faces.end());
     }
   }
-
-  const Execution& execution_;
-  const std::int64_t max_pairs_;
-  const std::int32_t num_faces_;
-  std::vector<Triangle> triangles_;
-  std::optional<BoxTree> tree_;
-};
+  return all;
+}
 
 // A vertical line sweeps over the triangles from left to right (Shamos and Hoey 1976) and holds those that it crosses
 // in their order along it. Left of the first place at which two interiors meet, interiors are apart and their order is
 // one. There the two are neighbours on the line: one of them has just come, or all that lay between them have just
 // ended, since what is convex does not narrow to a point and widen again. So it is enough to compare a triangle with
 // its neighbours when it comes, and those that become neighbours when one ends. Exact, as VerticalOrder() is.
-class Sweep {
- public:
-  Sweep(const CornerUv& uv, const std::vector<char>& ignored, const Execution& execution)
-      : execution_(execution), triangles_(uv.size() / 6) {
-    for (std::int32_t f = 0; f < static_cast<std::int32_t>(triangles_.size()); ++f) {
-      if (HasInterior(uv, ignored, f, &triangles_[f])) events_.insert(events_.end(), {2 * f, 2 * f + 1});
-    }
-    const auto place = [this](std::int32_t event) {
-      const Triangle& t = triangles_[event / 2];
-      return event % 2 == 0 ? *std::min_element(t.begin(), t.end(), SweepsFirst)
-                            : *std::max_element(t.begin(), t.end(), SweepsFirst);
-    };
-    // What ends in a place ends before others come there.
-    std::sort(events_.begin(), events_.end(), [&](std::int32_t a, std::int32_t b) {
-      const Vec2 p = place(a), q = place(b);
-      if (p != q) return SweepsFirst(p, q);
-      return a % 2 != b % 2 ? a % 2 > b % 2 : a < b;
-    });
-  }
-
-  // Two faces whose interiors meet, or the same one twice: none do, or cancelled.
-  std::array<std::int32_t, 2> Run() {
-    std::set<std::int32_t, std::function<bool(std::int32_t, std::int32_t)>> line(
-        [this](std::int32_t a, std::int32_t b) { return IsBelow(a, b); });
-    std::vector<decltype(line)::iterator> place(triangles_.size());
-    for (std::size_t i = 0; i < events_.size() && !execution_.IsCancelledAt(i); ++i) {
-      const std::int32_t f = events_[i] / 2;
-      if (events_[i] % 2 == 0) {
-        place[f] = line.insert(f).first;
-      } else if (const auto next = line.erase(place[f]); next != line.begin() && next != line.end()) {
-        IsBelow(*std::prev(next), *next);
-      }
-      if (meet_[0] != meet_[1]) break;
-    }
-    return meet_;
-  }
-
- private:
-  bool IsBelow(std::int32_t a, std::int32_t b) {
-    if (a == b) return false;
-    const int order = VerticalOrder(triangles_[a].data(), triangles_[b].data());
-    if (order == 0) meet_ = {std::min(a, b), std::max(a, b)};
-    return order < 0;
-  }
-
-  const Execution& execution_;
-  std::vector<Triangle> triangles_;
-  std::vector<std::int32_t> events_;  // 2 f: face f comes, 2 f + 1: it ends; in the order of the sweep
-  std::array<std::int32_t, 2> meet_ = {0, 0};
-};
-
-}  // namespace
-
-Overlaps FindOverlaps(const CornerUv& uv, std::int64_t max_tests, std::vector<std::int32_t>* pairs,
-                      const Execution& execution, const std::vector<char>& ignored, std::int64_t max_pairs) {
-  if (execution.IsCancelled()) return {0, true, {}};
-  const PairwiseCheck check(uv, ignored, max_pairs, execution);
-  if (execution.IsCancelled()) return {0, true, {}};
-  return check.Run(max_tests, pairs);
-}
-
 Overlaps FindOneOverlap(const CornerUv& uv, const Execution& execution, const std::vector<char>& ignored) {
   if (execution.IsCancelled()) return {0, true, {}};
-  const auto [f, g] = Sweep(uv, ignored, execution).Run();
-  if (f != g) return {1, true, {f, g}};
+  std::vector<Triangle> triangles(uv.size() / 6);
+  std::vector<std::int32_t> events;  // 2 f: face f comes, 2 f + 1: it ends; in the order of the sweep
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(triangles.size()); ++f) {
+    if (HasInterior(uv, ignored, f, &triangles[f])) events.insert(events.end(), {2 * f, 2 * f + 1});
+  }
+  const auto place_of = [&](std::int32_t event) {
+    const Triangle& t = triangles[event / 2];
+    return event % 2 == 0 ? *std::min_element(t.begin(), t.end(), SweepsFirst)
+                          : *std::max_element(t.begin(), t.end(), SweepsFirst);
+  };
+  // What ends in a place ends before others come there.
+  std::sort(events.begin(), events.end(), [&](std::int32_t a, std::int32_t b) {
+    const Vec2 p = place_of(a), q = place_of(b);
+    if (p != q) return SweepsFirst(p, q);
+    return a % 2 != b % 2 ? a % 2 > b % 2 : a < b;
+  });
+  std::vector<std::int32_t> meet;  // two faces whose interiors do, the last that were compared
+  const auto is_below = [&](std::int32_t a, std::int32_t b) {
+    if (a == b) return false;
+    const int order = VerticalOrder(triangles[a].data(), triangles[b].data());
+    if (order == 0) meet = {std::min(a, b), std::max(a, b)};
+    return order < 0;
+  };
+  std::set<std::int32_t, decltype(is_below)> line(is_below);
+  std::vector<decltype(line)::iterator> place(triangles.size());
+  for (std::size_t i = 0; i < events.size() && meet.empty() && !execution.IsCancelledAt(i); ++i) {
+    const std::int32_t f = events[i] / 2;
+    if (events[i] % 2 == 0) {
+      place[f] = line.insert(f).first;
+    } else if (const auto next = line.erase(place[f]); next != line.begin() && next != line.end()) {
+      is_below(*std::prev(next), *next);
+    }
+  }
+  if (!meet.empty()) return {1, true, meet};
   return {0, execution.IsCancelled(), {}};
 }
 

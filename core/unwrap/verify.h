@@ -18,6 +18,11 @@ inline Vec2 UvOf(const CornerUv& uv, std::int32_t corner) {
   return {uv[2 * corner], uv[2 * corner + 1]};
 }
 
+inline void SetUv(std::int64_t corner, const Vec2& p, CornerUv* uv) {
+  (*uv)[2 * corner] = p.x();
+  (*uv)[2 * corner + 1] = p.y();
+}
+
 inline std::array<Vec2, 3> TriangleOf(const CornerUv& uv, std::int64_t face) {
   const auto c = static_cast<std::int32_t>(3 * face);
   return {UvOf(uv, c), UvOf(uv, c + 1), UvOf(uv, c + 2)};

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <functional>
 #include <span>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -36,12 +37,16 @@ std::map<std::string, std::string> ChartMetadata(const std::vector<int>& found) 
   return {{"charts", absl::StrJoin(first, ",")}, {"chart_count", absl::StrCat(found.size())}};
 }
 
+// A warning about `count` faces, edges or pairs, if there are any.
+void WarnOf(std::int64_t count, const std::string& reason, const std::string& message,
+            const std::vector<std::int32_t>& faces, std::vector<UnwrapWarning>* warnings) {
+  if (count > 0) warnings->push_back({reason, message, {{"count", absl::StrCat(count)}}, faces});
+}
+
 }  // namespace
 
-void NameFaces(UnwrapWarning* warning) {
-  const std::vector<std::int32_t>& faces = warning->faces;
-  if (faces.empty()) return;
-  warning->metadata["faces"] = absl::StrJoin(std::span(faces).first(std::min(faces.size(), kMaxNamed)), ",");
+std::string FirstFaces(const std::vector<std::int32_t>& faces) {
+  return absl::StrJoin(std::span(faces).first(std::min(faces.size(), kMaxNamed)), ",");
 }
 
 void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std::vector<UnwrapWarning>* warnings) {
@@ -49,38 +54,28 @@ void WarnOfSurface(const Surface& surface, const std::vector<char>& ignored, std
   for (std::int32_t f = 0; f < static_cast<std::int32_t>(ignored.size()); ++f) {
     if (ignored[f]) faces.push_back(f);
   }
-  if (const std::int64_t count = std::ssize(faces); count > 0) {
-    warnings->push_back(
-        {"FACES_WITHOUT_AREA",
-         absl::StrCat(Counted(count, "face has", "faces have"), " no area; they get UV, but no promise holds for them"),
-         {{"count", absl::StrCat(count)}},
-         faces});
-  }
-  if (surface.non_manifold_edges > 0) {
-    warnings->push_back(
-        {"EDGES_NON_MANIFOLD",
-         absl::StrCat("more than two faces meet at ", Counted(surface.non_manifold_edges, "edge", "edges"),
+  const std::int64_t without_area = std::ssize(faces), edges = surface.non_manifold_edges;
+  WarnOf(without_area, "FACES_WITHOUT_AREA",
+         absl::StrCat(Counted(without_area, "face has", "faces have"),
+                      " no area; they get UV, but no promise holds for them"),
+         faces, warnings);
+  WarnOf(edges, "EDGES_NON_MANIFOLD",
+         absl::StrCat("more than two faces meet at ", Counted(edges, "edge", "edges"),
                       "; pairs of them stay joined, the flattest first"),
-         {{"count", absl::StrCat(surface.non_manifold_edges)}}});
-  }
-  if (surface.clashing_edges > 0) {
-    warnings->push_back({"ORIENTATION_INCONSISTENT",
-                         absl::StrCat("the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
-                                      " have opposite orientations; charts end there"),
-                         {{"count", absl::StrCat(surface.clashing_edges)}}});
-  }
+         {}, warnings);
+  WarnOf(surface.clashing_edges, "ORIENTATION_INCONSISTENT",
+         absl::StrCat("the two faces at ", Counted(surface.clashing_edges, "edge", "edges"),
+                      " have opposite orientations; charts end there"),
+         {}, warnings);
 }
 
 void WarnOfWidened(const std::vector<std::int32_t>& widened, Precision precision,
                    std::vector<UnwrapWarning>* warnings) {
-  if (widened.empty()) return;
-  warnings->push_back(
-      {"FACES_WIDENED",
-       absl::StrCat(Counted(std::ssize(widened), "face is thinner", "faces are thinner"), " than ",
-                    precision == Precision::kFloat ? "float" : "double",
-                    " can hold; the map stretches them across, so that they are neither flipped nor collapsed"),
-       {{"count", absl::StrCat(widened.size())}},
-       widened});
+  WarnOf(std::ssize(widened), "FACES_WIDENED",
+         absl::StrCat(Counted(std::ssize(widened), "face is thinner", "faces are thinner"), " than ",
+                      precision == Precision::kFloat ? "float" : "double",
+                      " can hold; the map stretches them across, so that they are neither flipped nor collapsed"),
+         widened, warnings);
 }
 
 void WarnOfAddedSeams(std::int64_t slit, std::int64_t added, std::vector<UnwrapWarning>* warnings) {
@@ -178,26 +173,16 @@ void WarnOfCharts(const std::vector<ChartReport>& charts, double max_stretch, bo
 
 void WarnOfFaults(const OrientationFaults& orientation, const Overlaps& overlaps,
                   std::vector<UnwrapWarning>* warnings) {
-  if (orientation.flipped > 0) {
-    warnings->push_back({"UV_FLIPPED",
-                         absl::StrCat(Counted(orientation.flipped, "UV triangle is", "UV triangles are"), " flipped"),
-                         {{"count", absl::StrCat(orientation.flipped)}},
-                         orientation.faces});
-  }
-  if (orientation.degenerate > 0) {
-    warnings->push_back(
-        {"UV_DEGENERATE",
+  WarnOf(orientation.flipped, "UV_FLIPPED",
+         absl::StrCat(Counted(orientation.flipped, "UV triangle is", "UV triangles are"), " flipped"),
+         orientation.faces, warnings);
+  WarnOf(orientation.degenerate, "UV_DEGENERATE",
          absl::StrCat(Counted(orientation.degenerate, "UV triangle has", "UV triangles have"), " no area"),
-         {{"count", absl::StrCat(orientation.degenerate)}},
-         orientation.faces});
-  }
-  if (overlaps.pairs > 0) {
-    warnings->push_back({"UV_OVERLAPPING",
-                         absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
-                                      " of UV triangles overlap: a chart overlaps itself; a seam would open it"),
-                         {{"count", absl::StrCat(overlaps.pairs)}},
-                         overlaps.faces});
-  }
+         orientation.faces, warnings);
+  WarnOf(overlaps.pairs, "UV_OVERLAPPING",
+         absl::StrCat(overlaps.limited ? "at least " : "", Counted(overlaps.pairs, "pair", "pairs"),
+                      " of UV triangles overlap: a chart overlaps itself; a seam would open it"),
+         overlaps.faces, warnings);
 }
 
 }  // namespace planish

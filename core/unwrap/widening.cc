@@ -57,12 +57,13 @@ struct ThinFaces {
   Box box;  // round all corners of the chart
 };
 
-// The faces that rounding may collapse or turn over, and those that are collapsed or turned over as they are, which
-// must be widened. in_plane(f) are the corners of face f, grain_of(p) is what these are rounded to multiples of, and
-// `scale` is length in the plane over length on the surface.
+// The faces that rounding may collapse or turn over, and those that are collapsed or turned over as they are. All must
+// be widened, or with `as_delivered`, where altitudes say no more, the latter only. in_plane(f) are the corners of face
+// f, grain_of(p) is what these are rounded to multiples of, and `scale` is length in the plane over length on the
+// surface.
 template <typename InPlane, typename GrainOf>
 ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>& ignored, double scale,
-                   const InPlane& in_plane, const GrainOf& grain_of) {
+                   bool as_delivered, const InPlane& in_plane, const GrainOf& grain_of) {
   ThinFaces thin;
   for (std::int32_t f = 0; f < chart.topology.num_faces(); ++f) {
     const Corners p = in_plane(f);
@@ -75,20 +76,15 @@ ThinFaces FindThin(const Mesh& mesh, const Chart& chart, const std::vector<char>
     const std::array<Vec3, 3> q = TriangleOf(mesh.positions, mesh.faces[chart.faces[f]]);
     const double as_drawn = scale * std::min(1.0, chart.enlargement), on_surface = LongestEdge(q);
     const bool is_small = as_drawn * DoubleArea(q) < kHeldAltitude * grain * on_surface;
-    thin.faces.push_back({f, grain, std::max(longest, as_drawn * on_surface), altitude, is_turned, is_small});
+    thin.faces.push_back({f, grain, std::max(longest, as_drawn * on_surface), as_delivered ? 0 : altitude,
+                          is_turned || !as_delivered, is_small});
   }
   return thin;
 }
 
-// Enlarges a chart all of whose map is next to nothing: where a face of any shape is too small.
-bool Enlarge(const ThinFaces& thin, double factor, double grain, Chart* chart) {
-  if (!(factor > 1) || !((thin.box.high - thin.box.low).maxCoeff() * factor <= kMostExtent * grain)) return false;
-  chart->enlargement *= factor;
-  return true;
-}
-
 bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
-  if (thin.faces.empty()) return false;
+  // Needles beside a face that is widened would be squashed.
+  if (std::none_of(thin.faces.begin(), thin.faces.end(), [](const ThinFace& t) { return t.must_widen; })) return false;
   std::vector<std::int32_t> sources;
   for (const ThinFace& t : thin.faces) sources.push_back(chart->faces[t.face]);
   const Eigen::VectorXd measured = MeasuredAngles(mesh, sources);
@@ -113,7 +109,11 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
     any = true;
   }
   if (any) chart->least_angle = std::move(least_angle);
-  if (any || !Enlarge(thin, factor, coarsest, chart)) return any;
+  if (any) return true;
+  // A chart all of whose map is next to nothing is enlarged: a face of any shape is too small in it.
+  const double extent = factor * (thin.box.high - thin.box.low).maxCoeff();
+  if (!(factor > 1) || !(extent <= kMostExtent * coarsest)) return false;
+  chart->enlargement *= factor;
   for (std::size_t i = 0; i < thin.faces.size(); ++i) {
     if (!thin.faces[i].is_small) continue;  // the map squashes it, and must not once it is enlarged
     double& least = least_angle[thin.faces[i].face];
@@ -135,10 +135,10 @@ Eigen::VectorXd AnglesToKeep(const Mesh& mesh, const Chart& chart, const Executi
 }
 
 bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::vector<char>& ignored, Chart* chart) {
-  ThinFaces thin = FindThin(
-      mesh, *chart, ignored, 1, [&](std::int32_t f) { return TriangleOf(map.positions, chart->topology.faces[f]); },
+  const ThinFaces thin = FindThin(
+      mesh, *chart, ignored, 1, /*as_delivered=*/false,
+      [&](std::int32_t f) { return TriangleOf(map.positions, chart->topology.faces[f]); },
       [&](const Corners&) { return grain; });
-  for (ThinFace& face : thin.faces) face.must_widen = true;
   return Widen(mesh, thin, chart);
 }
 
@@ -151,13 +151,11 @@ bool IsThin(const Mesh& mesh, const CornerUv& uv, double scale, Precision precis
 
 bool WidenDelivered(const Mesh& mesh, const CornerUv& uv, double scale, Precision precision,
                     const std::vector<char>& ignored, Chart* chart) {
-  ThinFaces thin = FindThin(
-      mesh, *chart, ignored, scale, [&](std::int32_t f) { return TriangleOf(uv, chart->faces[f]); },
+  const ThinFaces thin = FindThin(
+      mesh, *chart, ignored, scale, /*as_delivered=*/true,
+      [&](std::int32_t f) { return TriangleOf(uv, chart->faces[f]); },
       [&](const Corners& p) { return GrainOf(p, precision); });
-  for (ThinFace& face : thin.faces) face.altitude = 0;
-  // Needles beside a face that is widened would be squashed.
-  return std::any_of(thin.faces.begin(), thin.faces.end(), [](const ThinFace& t) { return t.must_widen; }) &&
-         Widen(mesh, thin, chart);
+  return Widen(mesh, thin, chart);
 }
 
 }  // namespace planish

@@ -298,10 +298,9 @@ TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
   const auto is_kept = [&](const Segmentation::Joint& joint) { return segmentation.Join(joint).has_value(); };
   ASSERT_TRUE(std::any_of(joints.begin(), joints.end(), is_kept));
   const std::size_t before = segmentation.charts().size();
-  const std::vector<std::int32_t> number = segmentation.DropEmpty();
-  ASSERT_EQ(number.size(), before);
+  segmentation.DropEmpty();
   EXPECT_EQ(segmentation.charts().size(), before - 1);
-  EXPECT_EQ(std::count(number.begin(), number.end(), -1), 1);
+  for (const std::vector<std::int32_t>& faces : segmentation.charts()) EXPECT_FALSE(faces.empty());
   ExpectDiscs(surface, segmentation);
 }
 
