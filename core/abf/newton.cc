@@ -61,7 +61,7 @@ void Newton::Report(double linear_residual, std::int64_t linear_iterations) cons
                         .linear_residual = linear_residual,
                         .residual = summary_.residual,
                         .energy = summary_.energy,
-                        .step_length = step_length_});
+                        .step_length = history_.length});
 }
 
 absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, const ConstraintValues& h,
@@ -89,12 +89,12 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
   PLANISH_ASSIGN_OR_RETURN(const LinearSummary solved, steps_.Solve(gradient, h, linear, step));
   ++summary_.linear_solves;
   summary_.linear_iterations += solved.iterations;
-  if (stopping) iterations_after_stop_ += solved.iterations;
+  if (stopping) history_.iterations_after_stop += solved.iterations;
   if (solved.termination == LinearTermination::kInterrupted) {
     if (control_.IsCancelled()) return absl::CancelledError("cancelled");
-    cut_short_ = true;
+    history_.cut_short = true;
   } else if (stopping && solved.termination == LinearTermination::kIterationLimit) {
-    cut_short_ = true;
+    history_.cut_short = true;
   } else if (solved.termination != LinearTermination::kConverged) {
     ++summary_.linear_failures;
     if (summary_.linear_failure.empty()) {
@@ -106,7 +106,7 @@ absl::StatusOr<LinearSummary> Newton::Solve(const Eigen::VectorXd& gradient, con
 
 absl::StatusOr<bool> Newton::ComputeStep(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex, bool indefinite,
                                          NewtonStep* step, double* slope) {
-  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, at_.cot, indefinite, weak_faces_, control_.cancel));
+  PLANISH_RETURN_IF_ERROR(steps_.Prepare(hessian, convex, at_.cot, indefinite, history_.weak_faces, control_.cancel));
   if (summary_.preconditioner_note.empty() && !steps_.left_out().empty()) {
     summary_.preconditioner_note =
         absl::StrCat("Newton step ", summary_.newton_iterations + 1, ": ", steps_.left_out());
@@ -170,7 +170,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
     found = lowers_merit(step.x, alpha);
   }
   if (!found) return false;
-  step_length_ = alpha;
+  history_.length = alpha;
   bounds_.Follow(at_.x, trial.x, alpha);
   MoveTo(std::move(trial));
   Assign(team(), at_.mu.triangle + alpha * step.mu.triangle, &at_.mu.triangle);
@@ -179,7 +179,7 @@ absl::StatusOr<bool> Newton::SearchLine(const NewtonStep& step, double slope) {
 }
 
 absl::StatusOr<bool> Newton::TakeStep() {
-  step_length_ = 0;  // until a step has been taken
+  history_.length = 0;  // until a step has been taken
   Eigen::VectorXd convex = LagrangianHessian(topology_, at_.curvature, at_.sine, at_.mu, team());
   Eigen::VectorXd hessian;  // where it is not convex itself
   const double residual = summary_.residual.Max();
@@ -187,11 +187,11 @@ absl::StatusOr<bool> Newton::TakeStep() {
   const ConvexityTuning& convexity = tuning().convexity;
   const bool gains = residual > convexity.very_near_solution && residual <= convexity.fast_gain * before;
   const bool near = residual <= convexity.near_solution && !gains;
-  const bool try_exact =
-      options_.hessian == HessianType::kExact || (options_.hessian == HessianType::kAuto && near && indefinite_pays_);
+  const bool try_exact = options_.hessian == HessianType::kExact ||
+                         (options_.hessian == HessianType::kAuto && near && history_.indefinite_pays);
   if (try_exact) hessian = convex;
   const bool changed =
-      Convexify(at_.curvature, steps_.RequiredConvexification(), &convex, team(), &weak_faces_, convexity) > 0;
+      Convexify(at_.curvature, steps_.RequiredConvexification(), &convex, team(), &history_.weak_faces, convexity) > 0;
 
   Eigen::VectorXd absolute;
   if (changed && try_exact) absolute = AbsoluteHessian(at_.curvature, hessian, team(), convexity);
@@ -211,7 +211,7 @@ absl::StatusOr<bool> Newton::TakeStep() {
     if (found) {
       ++summary_.indefinite_iterations;
     } else {
-      indefinite_pays_ = false;
+      history_.indefinite_pays = false;
     }
   }
   if (!found) {
@@ -266,8 +266,9 @@ bool Newton::IsFlat() const {
 bool Newton::EndsEarly() {
   if (!control_.IsStopRequested()) return false;
   if (IsFlat()) return true;
-  if (iterations_after_stop_ >= tuning().stop.min_steps * MostIterationsAfterStop()) return true;
-  return steps_after_stop_++ >= std::max(tuning().stop.min_steps, tuning().stop.step_faces / topology_.num_faces());
+  if (history_.iterations_after_stop >= tuning().stop.min_steps * MostIterationsAfterStop()) return true;
+  return history_.steps_after_stop++ >=
+         std::max(tuning().stop.min_steps, tuning().stop.step_faces / topology_.num_faces());
 }
 
 absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
@@ -284,21 +285,21 @@ absl::StatusOr<Newton::Ending> Newton::Iterate(double tolerance) {
     if (summary_.newton_iterations >= options_.max_newton_iterations) return Ending::kIterationLimit;
     if (EndsEarly()) return Ending::kStopped;
     if (moved && AnglesCollapse()) return Ending::kStuck;
-    cut_short_ = false;
+    history_.cut_short = false;
     const absl::StatusOr<bool> taken = TakeStep();
     if (taken.status().code() == absl::StatusCode::kFailedPrecondition) return Ending::kStuck;  // numerically singular
     PLANISH_RETURN_IF_ERROR(taken.status());
     moved = *taken;
-    course_.whole_step = moved && step_length_ == 1 && !cut_short_;
-    if (cut_short_ && !moved) continue;  // which says nothing about whole solves
+    course_.whole_step = moved && history_.length == 1 && !history_.cut_short;
+    if (history_.cut_short && !moved) continue;  // which says nothing about whole solves
     // Where the constraints hold already, what a rough linear solve has left of them can keep the merit function from
     // ever going down.
-    if (step_length_ < tuning().line_search.tiny_step && !course_.exact_steps) {
+    if (history_.length < tuning().line_search.tiny_step && !course_.exact_steps) {
       course_.exact_steps = true;
       continue;
     }
-    if (moved && objective_.barrier() == 0 && step_length_ < barrier.cut_step) return Ending::kStuck;
-    course_.short_steps = step_length_ < barrier.short_step ? course_.short_steps + 1 : 0;
+    if (moved && objective_.barrier() == 0 && history_.length < barrier.cut_step) return Ending::kStuck;
+    course_.short_steps = history_.length < barrier.short_step ? course_.short_steps + 1 : 0;
     if (course_.short_steps > barrier.short_steps) return Ending::kStuck;
     if (!moved && std::exchange(course_.exact_steps, true)) return Ending::kStuck;
   }
@@ -367,7 +368,7 @@ FlattenSummary Newton::Finish(Ending ending) {
   summary_.preconditioner_changed = summary_.preconditioner != options_.preconditioner;
   summary_.multigrid_failure = steps_.multigrid_failure();
   summary_.converged = ending == Ending::kConverged;
-  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && steps_after_stop_ > 0);
+  summary_.stopped = ending == Ending::kStopped || (!summary_.converged && history_.steps_after_stop > 0);
   // By Ending.
   constexpr const char* kEndings[] = {"converged", "no further progress", "iteration limit reached", "stopped"};
   const Residual& r = summary_.residual;

@@ -111,6 +111,17 @@ class Newton {
   // Calls on_progress. The arguments are those of the linear solve under way.
   void Report(double linear_residual, std::int64_t linear_iterations) const;
 
+  // What Forget() leaves as it is.
+  struct History {
+    // Of the latest step.
+    double length = 0;                          // 0: no step was taken
+    bool cut_short = false;                     // a stop request ended a linear solve
+    std::vector<std::int32_t> weak_faces = {};  // of Convexify()
+    // Since a stop was requested.
+    std::int64_t steps_after_stop = 0, iterations_after_stop = 0;
+    bool indefinite_pays = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
+  };
+
   // How the steps since Forget() went.
   struct Course {
     double collapsed = 0, narrow = 0;  // ratios: BarrierTuning
@@ -137,13 +148,7 @@ class Newton {
   // Where the method is, and how it goes.
   State at_;
   Course course_;
-  // Forget() leaves the rest as it is. Of the latest step:
-  double step_length_ = 0;                // 0: no step was taken
-  bool cut_short_ = false;                // a stop request ended a linear solve
-  std::vector<std::int32_t> weak_faces_;  // of Convexify()
-  // Since a stop was requested:
-  std::int64_t steps_after_stop_ = 0, iterations_after_stop_ = 0;
-  bool indefinite_pays_ = true;  // HessianType::kAuto: false once a step with the exact Hessian has failed
+  History history_;
   FlattenSummary summary_;
 };
 

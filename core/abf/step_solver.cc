@@ -18,37 +18,35 @@ StepSolver::StepSolver(const Topology& topology, SolverType solver, SystemType s
     : topology_(topology),
       team_(team),
       tuning_(tuning),
-      solver_type_(solver),
-      system_type_(system),
-      preconditioner_type_(preconditioner),
+      types_{solver, system, preconditioner},
       solver_(solver == SolverType::kMinres  ? MakeMinresSolver()
               : solver == SolverType::kUzawa ? MakeUzawaSolver()
                                              : MakeDirectSolver()) {
-  multigrid_ = std::make_unique<Multigrid>(tuning.multigrid);
+  by_multigrid_.multigrid = std::make_unique<Multigrid>(tuning.multigrid);
 }
 
 absl::Status StepSolver::Prepare(const Eigen::VectorXd& hessian, const Eigen::VectorXd& convex,
                                  const Eigen::VectorXd& cot, bool indefinite, std::vector<std::int32_t> weak_faces,
                                  const Interrupter* interrupter) {
   iterate_ = {&hessian, &convex, &cot, indefinite, std::move(weak_faces)};
-  if (system_type_ == SystemType::kFull) {
+  if (types_.system == SystemType::kFull) {
     iterate_.full = std::make_unique<FullSystem>(topology_, hessian, cot);
   } else {
     if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
     iterate_.reduced = std::make_unique<ReducedSystem>(topology_, hessian, cot, team_);
     PLANISH_RETURN_IF_ERROR(PrepareReduced(interrupter));
   }
-  if (preconditioner_type_ == PreconditionerType::kJacobi) {
+  if (types_.preconditioner == PreconditionerType::kJacobi) {
     preconditioner_ =
         JacobiPreconditioner(iterate_.full ? iterate_.full->SchurDiagonal() : iterate_.reduced->SchurDiagonal());
-  } else if (preconditioner_type_ == PreconditionerType::kNone) {
+  } else if (types_.preconditioner == PreconditionerType::kNone) {
     preconditioner_ = IdentityPreconditioner();
   }
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
-  if (preconditioner_type_ == PreconditionerType::kAmg) {
+  if (types_.preconditioner == PreconditionerType::kAmg) {
     const absl::Status status = PrepareMultigrid(interrupter);
     if (status.ok() || absl::IsCancelled(status)) return status;
     PLANISH_RETURN_IF_ERROR(TurnToCholesky(std::string(status.message())));
@@ -57,7 +55,7 @@ absl::Status StepSolver::PrepareReduced(const Interrupter* interrupter) {
 }
 
 absl::Status StepSolver::TurnToCholesky(const std::string& why) {
-  multigrid_failure_ = why;
+  by_multigrid_.failure = why;
   if (topology_.num_faces() > kMostFallbackFaces) {
     return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
                      absl::StrFormat("%s; a Cholesky factorization in its place is for charts of at most %d triangles, "
@@ -65,58 +63,61 @@ absl::Status StepSolver::TurnToCholesky(const std::string& why) {
                                      "factorization and its memory (--preconditioner=cholesky)",
                                      why, kMostFallbackFaces, topology_.num_faces()));
   }
-  preconditioner_type_ = PreconditionerType::kCholesky;
+  types_.preconditioner = PreconditionerType::kCholesky;
   wear_.solves = -1;
-  multigrid_s_.reset();
-  multigrid_ = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
-  factorization_.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
+  by_multigrid_.s.reset();
+  by_multigrid_.multigrid = std::make_unique<Multigrid>(tuning_.multigrid);  // its memory is Cholesky's now
+  by_factorization_.factorization.set_max_bytes(kFallbackBytesPerFace * topology_.num_faces());
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareExact() {
-  if (!exact_s_) exact_s_ = std::make_unique<ReducedMatrix<double>>(topology_, team_);
-  const BlockMatrix<double>& s = exact_s_->Assemble(*iterate_.convex, *iterate_.cot);
-  if (preconditioner_type_ == PreconditionerType::kCholesky) {
-    if (wear_.IsOut(tuning_.step.worn_out_factorization) || solver_type_ == SolverType::kDirect) {
-      const absl::Status factorized = factorization_.Factorize(s);
+  if (!by_factorization_.s) by_factorization_.s = std::make_unique<ReducedMatrix<double>>(topology_, team_);
+  const BlockMatrix<double>& s = by_factorization_.s->Assemble(*iterate_.convex, *iterate_.cot);
+  if (types_.preconditioner == PreconditionerType::kCholesky) {
+    if (wear_.IsOut(tuning_.step.worn_out_factorization) || types_.solver == SolverType::kDirect) {
+      const absl::Status factorized = by_factorization_.factorization.Factorize(s);
       if (absl::IsResourceExhausted(factorized)) {
         return MakeError(absl::StatusCode::kInternal, "SOLVER_FAILED",
-                         absl::StrCat(multigrid_failure_, multigrid_failure_.empty() ? "" : "; ", factorized.message(),
-                                      ": cut the mesh into charts (--seams=auto)"));
+                         absl::StrCat(by_multigrid_.failure, by_multigrid_.failure.empty() ? "" : "; ",
+                                      factorized.message(), ": cut the mesh into charts (--seams=auto)"));
       }
       PLANISH_RETURN_IF_ERROR(factorized);
       wear_.solves = 0;
     }
-    preconditioner_ = [this](const Eigen::VectorXd& r, Eigen::VectorXd* z) { factorization_.Solve(r, z); };
+    preconditioner_ = [this](const Eigen::VectorXd& r, Eigen::VectorXd* z) {
+      by_factorization_.factorization.Solve(r, z);
+    };
   }
-  if (iterate_.hessian != iterate_.convex) exact_s_->Assemble(*iterate_.hessian, *iterate_.cot);
+  if (iterate_.hessian != iterate_.convex) by_factorization_.s->Assemble(*iterate_.hessian, *iterate_.cot);
   iterate_.reduced->set_matrix(&s);
   return absl::OkStatus();
 }
 
 absl::Status StepSolver::PrepareMultigrid(const Interrupter* interrupter) {
-  if (!multigrid_s_) multigrid_s_ = std::make_unique<ReducedMatrix<float>>(topology_, team_);
+  if (!by_multigrid_.s) by_multigrid_.s = std::make_unique<ReducedMatrix<float>>(topology_, team_);
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   // The first numbers stand on an unfolding with angles that do not close up.
   const bool first = wear_.solves < 0;
-  const bool renew = first || !is_closed_ || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
+  const bool renew =
+      first || !by_multigrid_.is_closed || iterate_.is_indefinite || wear_.IsOut(tuning_.step.worn_out_multigrid);
   std::vector<std::complex<double>> z;
-  const BlockMatrix<float>& s = multigrid_s_->Assemble(*iterate_.convex, *iterate_.cot, [&] {
+  const BlockMatrix<float>& s = by_multigrid_.s->Assemble(*iterate_.convex, *iterate_.cot, [&] {
     if (renew) z = UnfoldRows(topology_, *iterate_.cot);
   });
   if (IsInterrupted(interrupter)) return absl::CancelledError("cancelled");
   if (renew) {
     if (std::all_of(z.begin(), z.end(), [](std::complex<double> place) { return place == 0.0; })) {
-      left_out_ = "coarse spaces hold the constants alone: unfolding the triangles overflows";
+      by_multigrid_.left_out = "coarse spaces hold the constants alone: unfolding the triangles overflows";
     }
-    PLANISH_RETURN_IF_ERROR(first ? multigrid_->Build(s, z, topology_.num_interior, team_, interrupter)
-                                  : multigrid_->Refresh(s, z, interrupter));
-    is_closed_ = !first;
+    PLANISH_RETURN_IF_ERROR(first ? by_multigrid_.multigrid->Build(s, z, topology_.num_interior, team_, interrupter)
+                                  : by_multigrid_.multigrid->Refresh(s, z, interrupter));
+    by_multigrid_.is_closed = !first;
     wear_.solves = 0;
   }
-  preconditioner_ = MultigridPreconditioner(multigrid_.get());
+  preconditioner_ = MultigridPreconditioner(by_multigrid_.multigrid.get());
   SolveWeakRowsExactly(s);
-  if (iterate_.hessian != iterate_.convex) multigrid_s_->Assemble(*iterate_.hessian, *iterate_.cot);
+  if (iterate_.hessian != iterate_.convex) by_multigrid_.s->Assemble(*iterate_.hessian, *iterate_.cot);
   iterate_.reduced->set_matrix(&s);
   return absl::OkStatus();
 }
@@ -126,15 +127,16 @@ void StepSolver::SolveWeakRowsExactly(const BlockMatrix<float>& s) {
   if (rows.empty()) return;
   constexpr char kWithout[] = "no exact solves on the vertices of weak faces: ";
   if (static_cast<std::int64_t>(rows.size()) * tuning_.step.rows_per_weak_row > topology_.num_rows) {
-    left_out_ = absl::StrFormat("%sthere are %d of %d, more than one in %d", kWithout, rows.size(), topology_.num_rows,
-                                tuning_.step.rows_per_weak_row);
+    by_multigrid_.left_out = absl::StrFormat("%sthere are %d of %d, more than one in %d", kWithout, rows.size(),
+                                             topology_.num_rows, tuning_.step.rows_per_weak_row);
     return;
   }
   const std::int64_t max_bytes = std::max(kLeastPatchBytes, kPatchBytesPerFace * topology_.num_faces());
   if (auto patched = PatchedPreconditioner(preconditioner_, s, std::move(rows), max_bytes); patched.ok()) {
     preconditioner_ = *std::move(patched);
   } else {
-    left_out_ = absl::StrCat(kWithout, patched.status().message());  // multigrid alone is as good as there is
+    by_multigrid_.left_out =
+        absl::StrCat(kWithout, patched.status().message());  // multigrid alone is as good as there is
   }
 }
 
@@ -143,11 +145,11 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
   const StepTuning& tuning = tuning_.step;
   LinearSolveOptions watched = options;
   watched.tuning = tuning_.linear;
-  if (preconditioner_type_ != PreconditionerType::kAmg && preconditioner_type_ != PreconditionerType::kCholesky) {
+  if (types_.preconditioner != PreconditionerType::kAmg && types_.preconditioner != PreconditionerType::kCholesky) {
     watched.rough.clear();
   }
   // MINRES on an indefinite system may need many iterations with any preconditioner; that says nothing about multigrid.
-  const bool multigrid = preconditioner_type_ == PreconditionerType::kAmg && !iterate_.is_indefinite;
+  const bool multigrid = types_.preconditioner == PreconditionerType::kAmg && !iterate_.is_indefinite;
   if (iterate_.is_indefinite && limit_indefinite_) {
     watched.max_iterations =
         std::max(tuning.max_indefinite_iterations, tuning.indefinite_factor * wear_.last_iterations);
@@ -158,7 +160,7 @@ absl::StatusOr<LinearSummary> StepSolver::Solve(const Eigen::VectorXd& gradient,
                                                                             : tuning.max_iterations_without_fallback);
   }
   const std::int64_t most = watched.max_iterations;
-  if (preconditioner_type_ == PreconditionerType::kCholesky && solver_type_ != SolverType::kDirect &&
+  if (types_.preconditioner == PreconditionerType::kCholesky && types_.solver != SolverType::kDirect &&
       wear_.solves > 0) {
     watched.max_iterations = std::min(most, wear_.first_iterations + tuning.useless_factorization);
   }
@@ -190,7 +192,7 @@ LinearSummary StepSolver::SolveOnce(const Eigen::VectorXd& gradient, const Const
                                     const LinearSolveOptions& options, NewtonStep* step) {
   const LinearSolver& solver = iterate_.is_indefinite ? minres_ : solver_;
   LinearSummary summary;
-  if (system_type_ == SystemType::kFull) {
+  if (types_.system == SystemType::kFull) {
     SaddlePointSolution solution;
     Eigen::VectorXd g(h.triangle.size() + h.pair.size());
     g << -h.triangle, -h.pair;

@@ -56,19 +56,19 @@ class StepSolver {
                                       const LinearSolveOptions& options, NewtonStep* step);
 
   // The preconditioner in use: the one asked for, or kCholesky once multigrid has failed.
-  PreconditionerType preconditioner() const { return preconditioner_type_; }
+  PreconditionerType preconditioner() const { return types_.preconditioner; }
   // Why multigrid failed; empty if it has not.
-  const std::string& multigrid_failure() const { return multigrid_failure_; }
+  const std::string& multigrid_failure() const { return by_multigrid_.failure; }
   // What multigrid had to do without in some Prepare(), and why, for the latest one; empty if it had everything:
   // exact solves on the rows of weak faces (linalg/patch_preconditioner.h), or coarse spaces from an unfolding.
-  const std::string& left_out() const { return left_out_; }
+  const std::string& left_out() const { return by_multigrid_.left_out; }
 
   // For tests of failed solves: `solver` takes the place of all others, MINRES for indefinite systems included.
   void set_solver(LinearSolver solver) { solver_ = minres_ = std::move(solver); }
 
   // How a Hessian must be convexified for the system.
   Convexification RequiredConvexification() const {
-    return system_type_ == SystemType::kFull ? Convexification::kByAngle : Convexification::kByFace;
+    return types_.system == SystemType::kFull ? Convexification::kByAngle : Convexification::kByFace;
   }
 
  private:
@@ -110,20 +110,26 @@ class StepSolver {
   const Topology& topology_;
   ThreadTeam& team_;
   const FlattenTuning tuning_;
-  const SolverType solver_type_;
-  const SystemType system_type_;
-  PreconditionerType preconditioner_type_;             // kCholesky once multigrid has failed
+  struct {
+    SolverType solver;
+    SystemType system;
+    PreconditionerType preconditioner;  // kCholesky once multigrid has failed
+  } types_;
   LinearSolver solver_, minres_ = MakeMinresSolver();  // the chosen one; of indefinite systems
   bool limit_indefinite_ = true;
   Iterate iterate_;
   // What is kept from step to step to make preconditioners of, and S: in float for multigrid, which works in float
   // itself, in double for all others.
-  std::unique_ptr<ReducedMatrix<float>> multigrid_s_;
-  std::unique_ptr<Multigrid> multigrid_;
-  bool is_closed_ = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
-  std::string multigrid_failure_, left_out_;
-  std::unique_ptr<ReducedMatrix<double>> exact_s_;
-  SparseCholesky factorization_;
+  struct {
+    std::unique_ptr<ReducedMatrix<float>> s;
+    std::unique_ptr<Multigrid> multigrid;
+    bool is_closed = false;  // its numbers were made after the first step, from an unfolding that nearly closes up
+    std::string failure, left_out;
+  } by_multigrid_;
+  struct {
+    std::unique_ptr<ReducedMatrix<double>> s;
+    SparseCholesky factorization;
+  } by_factorization_;
   Preconditioner preconditioner_;
   Wear wear_;
 };

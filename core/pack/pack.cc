@@ -28,34 +28,34 @@ class Packer {
  public:
   Packer(std::vector<PackChart> charts, const PackOptions& options, const Execution& execution)
       : options_(options), tiles_{options.tiles, options.atlases}, tuning_(options.tuning), execution_(execution) {
-    outlines_.reserve(charts.size());
-    density_.reserve(charts.size());
-    atlas_.reserve(charts.size());
+    charts_.outlines.reserve(charts.size());
+    charts_.density.reserve(charts.size());
+    charts_.atlas.reserve(charts.size());
     std::vector<double> areas(options.atlases, 0.0);
     for (PackChart& chart : charts) {
-      outlines_.push_back(MakeOutline(chart));
-      density_.push_back(chart.density);
-      atlas_.push_back(chart.atlas);
-      num_faces_ += static_cast<double>(chart.faces.size());
-      const double area = outlines_.back().area * chart.density * chart.density;
+      charts_.outlines.push_back(MakeOutline(chart));
+      charts_.density.push_back(chart.density);
+      charts_.atlas.push_back(chart.atlas);
+      charts_.num_faces += static_cast<double>(chart.faces.size());
+      const double area = charts_.outlines.back().area * chart.density * chart.density;
       areas[chart.atlas] += area;
-      total_area_ += area;
+      charts_.total_area += area;
       chart = {};
     }
-    largest_area_ = *std::max_element(areas.begin(), areas.end());
-    budget_ = Budget();
-    size_.resize(charts.size());
+    charts_.largest_area = *std::max_element(areas.begin(), areas.end());
+    work_.budget = Budget();
+    charts_.size.resize(charts.size());
     for (std::size_t i = 0; i < charts.size(); ++i) {
-      const Box box = BoxAt(outlines_[i], outlines_[i].upright);
-      size_[i] = density_[i] * (box.high - box.low).sum();
+      const Box box = BoxAt(charts_.outlines[i], charts_.outlines[i].upright);
+      charts_.size[i] = charts_.density[i] * (box.high - box.low).sum();
     }
-    order_ = LargestFirst(size_);
+    charts_.order = LargestFirst(charts_.size);
   }
 
   Packing Run() {
     Packing packing;
-    packing.charts.resize(outlines_.size());
-    if (outlines_.empty()) return packing;
+    packing.charts.resize(charts_.outlines.size());
+    if (charts_.outlines.empty()) return packing;
     for (double padding = options_.padding;; padding = padding > 1 ? padding / 2 : 0) {
       if (Search(padding, padding == 0)) {
         Finish(&packing);
@@ -67,10 +67,10 @@ class Packer {
 
  private:
   double Budget() const {
-    const auto charts = static_cast<double>(outlines_.size());
-    const double growth = std::sqrt(std::sqrt(num_faces_ / tuning_.full_work_faces));
-    const double counting = std::min(num_faces_, tuning_.full_work_faces * growth);
-    const double faces = options_.effort == PackEffort::kBest ? num_faces_ : counting;
+    const auto charts = static_cast<double>(charts_.outlines.size());
+    const double growth = std::sqrt(std::sqrt(charts_.num_faces / tuning_.full_work_faces));
+    const double counting = std::min(charts_.num_faces, tuning_.full_work_faces * growth);
+    const double faces = options_.effort == PackEffort::kBest ? charts_.num_faces : counting;
     const double rest = tuning_.rest_per_face * faces + tuning_.rest_per_chart * charts;
     const double share = ShareOfRest(options_.effort, tuning_) * rest;
     if (options_.effort != PackEffort::kNormal) return share;
@@ -80,10 +80,10 @@ class Packer {
 
   std::vector<double> Scales(double scale) const {
     std::vector<double> scales;
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
-      const double plain = scale * density_[i];
-      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * outlines_.size()));
-      const double width = 2 * outlines_[i].radius;
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+      const double plain = scale * charts_.density[i];
+      const double least = std::min(1.0 / options_.texture_size, 0.25 / std::sqrt(1.0 * charts_.outlines.size()));
+      const double width = 2 * charts_.outlines[i].radius;
       scales.push_back(width * plain < least && width > 0 ? least / width : plain);
     }
     return scales;
@@ -91,9 +91,10 @@ class Packer {
 
   // Beyond which the area, or some chart, is too large for the tiles. 1 if all charts are points.
   double LargestScale() const {
-    double largest = largest_area_ > 0 ? std::sqrt(options_.tiles / largest_area_) : kHuge;
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
-      if (outlines_[i].radius > 0) largest = std::min(largest, 1.5 / (outlines_[i].radius * density_[i]));
+    double largest = charts_.largest_area > 0 ? std::sqrt(options_.tiles / charts_.largest_area) : kHuge;
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+      if (charts_.outlines[i].radius > 0)
+        largest = std::min(largest, 1.5 / (charts_.outlines[i].radius * charts_.density[i]));
     }
     return largest < kHuge ? largest : 1;
   }
@@ -101,20 +102,20 @@ class Packer {
   // The scale at which the charts with half of the padding round them would fill `fill` of the tiles of some atlas.
   double ScaleForFill(double fill) const {
     double low = 0, high = LargestScale();
-    const double radius = radius_ + grid_extent_ / grid_side_ / 2;
+    const double radius = grid_.radius + grid_.extent / grid_.side / 2;
     for (int step = 0; step < 60; ++step) {
       const double middle = (low + high) / 2;
       const std::vector<double> scales = Scales(middle);
       std::vector<double> areas(options_.atlases, 0.0);
-      for (std::size_t i = 0; i < outlines_.size(); ++i) {
+      for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
         double perimeter = 0;
-        const std::vector<Vec2>& hull = outlines_[i].hull;
+        const std::vector<Vec2>& hull = charts_.outlines[i].hull;
         for (std::size_t k = 0; k < hull.size(); ++k) perimeter += (hull[(k + 1) % hull.size()] - hull[k]).norm();
-        areas[atlas_[i]] +=
-            outlines_[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
+        areas[charts_.atlas[i]] +=
+            charts_.outlines[i].area * scales[i] * scales[i] + perimeter * scales[i] * radius + 3.14 * radius * radius;
       }
       const double area = *std::max_element(areas.begin(), areas.end());
-      (area > fill * options_.tiles * grid_extent_ * grid_extent_ ? high : low) = middle;
+      (area > fill * options_.tiles * grid_.extent * grid_.extent ? high : low) = middle;
     }
     return low;
   }
@@ -124,35 +125,37 @@ class Packer {
     const double distance = padding * texel + kGap;
     padding_ = padding;
     margin_ = std::ceil(padding / 2) * texel - distance / 2 + kGap;
-    const double charts = static_cast<double>(MostCharts(atlas_, options_.atlases)) / options_.tiles;
+    const double charts = static_cast<double>(MostCharts(charts_.atlas, options_.atlases)) / options_.tiles;
     const int side = static_cast<int>(tuning_.cells_per_chart * std::sqrt(charts));
-    grid_side_ = std::clamp(side, tuning_.fewest_cells, tuning_.most_cells) / kCoarsestCell * kCoarsestCell;
-    grid_extent_ = 1 - 2 * margin_;
-    radius_ = distance / 2;
-    if (outlines_.size() == 1 && outlines_[0].radius > 0) {
+    grid_.side = std::clamp(side, tuning_.fewest_cells, tuning_.most_cells) / kCoarsestCell * kCoarsestCell;
+    grid_.extent = 1 - 2 * margin_;
+    grid_.radius = distance / 2;
+    if (charts_.outlines.size() == 1 && charts_.outlines[0].radius > 0) {
       FitOne();
       return true;
     }
     // Charts of a texel each; without the padding, anything is better than nothing.
-    const double least =
-        any_scale || total_area_ == 0 ? 1e-9 * LargestScale() : texel * std::sqrt(outlines_.size() / total_area_);
+    const double least = any_scale || charts_.total_area == 0
+                             ? 1e-9 * LargestScale()
+                             : texel * std::sqrt(charts_.outlines.size() / charts_.total_area);
     if (!HasNoTime() && SearchPlaces(least)) return true;
     return HasNoTime() && FitOnShelves(least);
   }
 
-  bool HasNoTime() const { return order_.size() > tuning_.many_charts && execution_.IsStopRequested(); }
+  bool HasNoTime() const { return charts_.order.size() > tuning_.many_charts && execution_.IsStopRequested(); }
 
-  const std::vector<Outline>& simple() const { return simple_.empty() ? outlines_ : simple_; }
+  const std::vector<Outline>& simple() const { return charts_.simple.empty() ? charts_.outlines : charts_.simple; }
 
   void Simplify() {
     const std::vector<double> scales = Scales(LargestScale());
-    simple_.clear();
+    charts_.simple.clear();
     std::size_t edges = 0;
-    for (const Outline& outline : outlines_) edges += outline.edges.size();
-    if (edges <= kFewEdges * outlines_.size()) return;
-    simple_.reserve(outlines_.size());
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
-      simple_.push_back(Simplified(outlines_[i], tuning_.simple_within * grid_extent_ / grid_side_ / scales[i]));
+    for (const Outline& outline : charts_.outlines) edges += outline.edges.size();
+    if (edges <= kFewEdges * charts_.outlines.size()) return;
+    charts_.simple.reserve(charts_.outlines.size());
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+      charts_.simple.push_back(
+          Simplified(charts_.outlines[i], tuning_.simple_within * grid_.extent / grid_.side / scales[i]));
     }
   }
 
@@ -160,14 +163,14 @@ class Packer {
     Simplify();
     if (!TryScales(least)) return false;
     if (HasNoTime()) return true;
-    const double left = budget_ - static_cast<double>(work_done_);
-    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(outlines_.size());
-    if (order_.size() >= tuning_.charts_for_orders &&
-        left > tuning_.fewest_orders * static_cast<double>(work_of_trial_)) {
-      TryOrders(static_cast<double>(work_done_) + (tightens ? tuning_.orders_share : 1) * left);
+    const double left = work_.budget - static_cast<double>(work_.done);
+    const bool tightens = left > tuning_.tighten_per_chart * static_cast<double>(charts_.outlines.size());
+    if (charts_.order.size() >= tuning_.charts_for_orders &&
+        left > tuning_.fewest_orders * static_cast<double>(work_.of_trial)) {
+      TryOrders(static_cast<double>(work_.done) + (tightens ? tuning_.orders_share : 1) * left);
     }
     series_.reset();
-    if (tightens) TightenAll(std::llround(budget_ - static_cast<double>(work_done_)));
+    if (tightens) TightenAll(std::llround(work_.budget - static_cast<double>(work_.done)));
     return true;
   }
 
@@ -177,24 +180,24 @@ class Packer {
     for (const Outline& outline : simple()) {
       per_turn += tuning_.trial_work + tuning_.trial_work_per_edge * static_cast<double>(outline.edges.size());
     }
-    plan_.order = order_;
+    plan_.order = charts_.order;
     plan_.angles = tuning_.least_angles;
-    while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < budget_)
+    while (plan_.angles < tuning_.most_angles && 2 * plan_.angles * tuning_.typical_trials * per_turn < work_.budget)
       plan_.angles *= 2;
-    plan_.thorough = order_.size() <= tuning_.many_charts;
+    plan_.thorough = charts_.order.size() <= tuning_.many_charts;
     const auto kept =
-        static_cast<std::size_t>(std::clamp(num_faces_, tuning_.fewest_silhouettes, tuning_.most_silhouettes));
-    series_ = MakeTrialSeries(simple(), atlas_, tiles_, kept);
+        static_cast<std::size_t>(std::clamp(charts_.num_faces, tuning_.fewest_silhouettes, tuning_.most_silhouettes));
+    series_ = MakeTrialSeries(simple(), charts_.atlas, tiles_, kept);
     starts_.clear();
     double good = 0, bad = 0, expected = 0;  // scales at which all charts fit, and at which they do not
-    std::vector<Pose> poses(outlines_.size());
+    std::vector<Pose> poses(charts_.outlines.size());
     SetUnit(ScaleForFill(tuning_.first_fill));
-    for (int trial = 1, side = grid_side_; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
+    for (int trial = 1, side = grid_.side; ScaleOf(side) > least && !execution_.IsCancelled() && !HasNoTime();
          ++trial) {
       const double scale = ScaleOf(side);
       const TrialResult result = RunTrial(side, plan_, 0, &poses);
-      work_of_trial_ = std::max(work_of_trial_, result.work);
-      if (result.placed == order_.size()) {
+      work_.of_trial = std::max(work_.of_trial, result.work);
+      if (result.placed == charts_.order.size()) {
         good = scale;
         // Charts would fill all rows at this scale.
         expected = scale / std::sqrt(result.filled);
@@ -206,9 +209,9 @@ class Packer {
       // A wide bracket is worth more than what comes after.
       const double share = bad > tuning_.wide_bracket * good ? 1 : 0.5;
       const bool is_dear =
-          !plan_.thorough && static_cast<double>(work_done_) > budget_ && bad < tuning_.too_wide * good;
+          !plan_.thorough && static_cast<double>(work_.done) > work_.budget && bad < tuning_.too_wide * good;
       const bool may_go_on = (trial < tuning_.least_trials && !is_dear) ||
-                             (trial < tuning_.most_trials && static_cast<double>(work_done_) < share * budget_);
+                             (trial < tuning_.most_trials && static_cast<double>(work_.done) < share * work_.budget);
       if (good > 0 && !may_go_on) break;
       double next = 0;
       if (good > 0) {
@@ -239,46 +242,46 @@ class Packer {
   // The side of the grid for a trial at this scale.
   int GridFor(double scale) {
     const int side = SideOf(scale);
-    if (!plan_.thorough && side <= 2 * grid_side_ && 2 * side >= grid_side_) return side;
+    if (!plan_.thorough && side <= 2 * grid_.side && 2 * side >= grid_.side) return side;
     SetUnit(scale);
-    return grid_side_;
+    return grid_.side;
   }
   // From now on a grid of the usual side is one at this scale.
   void SetUnit(double scale) {
-    unit_ = scale * grid_side_ / grid_extent_;
-    most_made_ = -1;
+    grid_.unit = scale * grid_.side / grid_.extent;
+    made_.most_side = -1;
   }
-  double ScaleOf(int side) const { return unit_ * grid_extent_ / side; }
-  int SideOf(double scale) const { return static_cast<int>(std::lround(unit_ * grid_extent_ / scale)); }
+  double ScaleOf(int side) const { return grid_.unit * grid_.extent / side; }
+  int SideOf(double scale) const { return static_cast<int>(std::lround(grid_.unit * grid_.extent / scale)); }
 
   TrialResult RunTrial(int side, const TrialPlan& plan, double most_missing, std::vector<Pose>* poses) {
-    if (side < least_made_ || side > most_made_) MakeFor(side);
+    if (side < made_.least_side || side > made_.most_side) MakeFor(side);
     const TrialResult result = series_->Run(side, plan, most_missing, execution_, poses);
-    work_done_ += result.work;
+    work_.done += result.work;
     return result;
   }
 
   // Silhouettes for a grid of this side and some smaller ones, on which the padding has fewer cells. Charts that are
   // drawn larger than others have silhouettes for one side only.
   void MakeFor(int side) {
-    const double scale = ScaleOf(side), cells = side / grid_extent_;
+    const double scale = ScaleOf(side), cells = side / grid_.extent;
     std::vector<double> scales = Scales(scale);
     bool all_alike = true;
     for (std::size_t i = 0; i < scales.size(); ++i) {
-      all_alike = all_alike && scales[i] == scale * density_[i];
+      all_alike = all_alike && scales[i] == scale * charts_.density[i];
       scales[i] *= cells;
     }
-    const double radius = radius_ * cells;
+    const double radius = grid_.radius * cells;
     const double smaller = all_alike ? std::min(tuning_.most_smaller, tuning_.wider_padding / radius) : 0;
-    least_made_ = static_cast<int>(std::ceil((1 - smaller) * side));
-    most_made_ = side;
+    made_.least_side = static_cast<int>(std::ceil((1 - smaller) * side));
+    made_.most_side = side;
     series_->Resize(std::move(scales), radius);
   }
 
   // What was found on a grid of this side is the best so far.
   void Keep(int side, const std::vector<Pose>& poses) {
     best_ = {poses, ScaleOf(side)};
-    for (Pose& pose : best_.poses) pose.centre *= grid_extent_ / side;
+    for (Pose& pose : best_.poses) pose.centre *= grid_.extent / side;
   }
 
   // Trials with the charts in other orders, until so much work is done, each at a scale a little beyond that of the
@@ -286,7 +289,7 @@ class Packer {
   // first, and all charts only once they do. An order is changed by one chart, and by the turn it must have, and stays
   // changed if no more of the area finds no place; after some changes in vain, another order is taken.
   void TryOrders(double until) {
-    const auto n = static_cast<std::int32_t>(order_.size()), large = CountLarge();
+    const auto n = static_cast<std::int32_t>(charts_.order.size()), large = CountLarge();
     std::linear_congruential_engine<std::uint64_t, 6364136223846793005u, 1442695040888963407u, 0> knuth(1);
     const auto random = [&] { return static_cast<double>(knuth() >> 33) * 0x1p-31; };  // in [0, 1)
     std::vector<double> key(n);
@@ -301,10 +304,11 @@ class Packer {
     int side = next_side();
     int in_vain = 0;
     std::int32_t first_missing = 0;
-    while (static_cast<double>(work_done_) < until && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
+    while (static_cast<double>(work_.done) < until && !execution_.IsCancelled() && !execution_.IsStopRequested()) {
       TrialPlan other = plan;
       if (in_vain >= tuning_.orders_in_vain) {
-        for (const std::int32_t i : order_) key[i] = size_[i] * (1 + tuning_.order_spread * (random() - 0.5));
+        for (const std::int32_t i : charts_.order)
+          key[i] = charts_.size[i] * (1 + tuning_.order_spread * (random() - 0.5));
         other.order = LargestFirst(key);
         other.turn.assign(n, -1);
         missing = kHuge;
@@ -345,13 +349,13 @@ class Packer {
     }
   }
 
-  // The charts at the head of order_ that have nearly all of the area.
+  // The charts at the head of charts_.order that have nearly all of the area.
   std::int32_t CountLarge() const {
     double area = 0;
     std::int32_t count = 0;
-    while (count < std::ssize(order_) && area < tuning_.large_area * total_area_) {
-      const std::int32_t i = order_[count++];
-      area += outlines_[i].area * density_[i] * density_[i];
+    while (count < std::ssize(charts_.order) && area < tuning_.large_area * charts_.total_area) {
+      const std::int32_t i = charts_.order[count++];
+      area += charts_.outlines[i].area * charts_.density[i] * charts_.density[i];
     }
     return std::max(count, 1);
   }
@@ -366,10 +370,10 @@ class Packer {
   double AreaRatio(double scale, std::size_t count) const {
     const std::vector<double> scales = Scales(scale);
     double placed = 0, all = 0;
-    for (std::size_t k = 0; k < order_.size(); ++k) {
-      const Outline& outline = outlines_[order_[k]];
-      const double unit = scales[order_[k]], radius = outline.radius * unit + radius_;
-      const double area = outline.area * unit * unit + 4 * radius_ * radius;
+    for (std::size_t k = 0; k < charts_.order.size(); ++k) {
+      const Outline& outline = charts_.outlines[charts_.order[k]];
+      const double unit = scales[charts_.order[k]], radius = outline.radius * unit + grid_.radius;
+      const double area = outline.area * unit * unit + 4 * grid_.radius * radius;
       all += area;
       if (k < count) placed += area;
     }
@@ -379,19 +383,19 @@ class Packer {
   // Each in a box of its own.
   bool FitOnShelves(double least) {
     std::vector<Box> boxes;
-    for (const Outline& outline : outlines_) boxes.push_back(BoxAt(outline, outline.upright));
-    std::vector<Vec2> extents(outlines_.size());
+    for (const Outline& outline : charts_.outlines) boxes.push_back(BoxAt(outline, outline.upright));
+    std::vector<Vec2> extents(charts_.outlines.size());
     for (best_.scale = LargestScale(); best_.scale > least && !execution_.IsCancelled(); best_.scale /= 1.03) {
       const std::vector<double> scales = Scales(best_.scale);
-      for (std::size_t i = 0; i < outlines_.size(); ++i) {
-        extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * radius_);
+      for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+        extents[i] = scales[i] * (boxes[i].high - boxes[i].low) + Vec2::Constant(2 * grid_.radius);
       }
-      const std::vector<Shelf> shelves = LayOnShelves(extents, atlas_, tiles_, grid_extent_);
+      const std::vector<Shelf> shelves = LayOnShelves(extents, charts_.atlas, tiles_, grid_.extent);
       if (shelves.empty()) continue;
-      best_.poses.resize(outlines_.size());
-      for (std::size_t i = 0; i < outlines_.size(); ++i) {
-        const Vec2 centre = shelves[i].low + Vec2::Constant(radius_) - scales[i] * boxes[i].low;
-        best_.poses[i] = {centre, outlines_[i].upright, shelves[i].tile};
+      best_.poses.resize(charts_.outlines.size());
+      for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
+        const Vec2 centre = shelves[i].low + Vec2::Constant(grid_.radius) - scales[i] * boxes[i].low;
+        best_.poses[i] = {centre, charts_.outlines[i].upright, shelves[i].tile};
       }
       return true;
     }
@@ -400,19 +404,21 @@ class Packer {
 
   // A single chart: as large as it gets.
   void FitOne() {
-    const double angle = AngleOfSmallestSquare(outlines_[0]);
-    const Box box = BoxAt(outlines_[0], angle);
-    const double low = margin_ + radius_;
-    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * density_[0]);
-    best_.poses = {{Vec2::Constant(radius_) - best_.scale * density_[0] * box.low, angle, atlas_[0] * options_.tiles}};
+    const double angle = AngleOfSmallestSquare(charts_.outlines[0]);
+    const Box box = BoxAt(charts_.outlines[0], angle);
+    const double low = margin_ + grid_.radius;
+    best_.scale = (1 - 2 * low) / ((box.high - box.low).maxCoeff() * charts_.density[0]);
+    best_.poses = {{Vec2::Constant(grid_.radius) - best_.scale * charts_.density[0] * box.low, angle,
+                    charts_.atlas[0] * options_.tiles}};
   }
 
   void TightenAll(std::int64_t work) {
-    const bool points = std::all_of(outlines_.begin(), outlines_.end(), [](const Outline& o) { return o.radius == 0; });
+    const bool points =
+        std::all_of(charts_.outlines.begin(), charts_.outlines.end(), [](const Outline& o) { return o.radius == 0; });
     if (points) return;  // points are of any scale
     TightenOptions options;
-    options.distance = 2 * radius_;
-    options.low = margin_ + radius_;
+    options.distance = 2 * grid_.radius;
+    options.low = margin_ + grid_.radius;
     options.tiles = options_.tiles;
     options.atlases = options_.atlases;
     options.work = work;
@@ -424,7 +430,7 @@ class Packer {
     for (Arrangement& start : starts_) {
       for (Pose& pose : start.poses) pose.centre += corner;
     }
-    best_ = Tighten({outlines_, simple(), atlas_, relative}, options, execution_, starts_);
+    best_ = Tighten({charts_.outlines, simple(), charts_.atlas, relative}, options, execution_, starts_);
     for (Pose& pose : best_.poses) pose.centre -= corner;
   }
 
@@ -433,13 +439,13 @@ class Packer {
     packing->scale = best_.scale;
     packing->padding = padding_;
     double area = 0;
-    for (std::size_t i = 0; i < outlines_.size(); ++i) {
+    for (std::size_t i = 0; i < charts_.outlines.size(); ++i) {
       const auto& [centre, angle, tile] = best_.poses[i];
       ChartPlacement& chart = packing->charts[i] = {angle, scales[i], Vec2::Zero(), tile};
       const Vec2 corner = CornerOfTile(tile) + Vec2::Constant(margin_);
-      chart.offset = corner + centre - chart(outlines_[i].centre);
+      chart.offset = corner + centre - chart(charts_.outlines[i].centre);
       packing->tiles = std::max(packing->tiles, tile + 1);
-      area += outlines_[i].area * scales[i] * scales[i];
+      area += charts_.outlines[i].area * scales[i] * scales[i];
     }
     packing->efficiency = area / packing->tiles;
   }
@@ -448,25 +454,32 @@ class Packer {
   const TrialTiles tiles_;
   const PackTuning& tuning_;
   const Execution& execution_;
-  std::vector<Outline> outlines_;
-  std::vector<Outline> simple_;         // with fewer edges; empty where they have few anyway
-  std::vector<double> density_, size_;  // of each chart
-  std::vector<std::int32_t> order_;     // large to small
-  std::vector<int> atlas_;              // of each chart
-  double num_faces_ = 0;
-  double total_area_ = 0, largest_area_ = 0;  // of all charts, of those of one atlas
-  int grid_side_ = 256;                       // cells, usually
-  double grid_extent_ = 1;                    // in the texture
-  double radius_ = 0;                         // half of the padding, in the texture
-  double unit_ = 1;                           // cells along a length of 1 on the surface, at weight 1
-  double margin_ = 0;                         // of the grid, on every side of the tile
-  double padding_ = 0;                        // texels
-  Arrangement best_ = {{}, 0};                // poses are from the corner of the grid, in the texture
-  // In nanoseconds.
-  double budget_ = 0;
-  std::int64_t work_done_ = 0;
-  std::int64_t work_of_trial_ = 0;       // of the dearest one: those that end where a chart has no room take less
-  int least_made_ = 0, most_made_ = -1;  // sides of the grids that the silhouettes are for
+  struct {
+    std::vector<Outline> outlines;
+    std::vector<Outline> simple;        // with fewer edges; empty where they have few anyway
+    std::vector<double> density, size;  // of each chart
+    std::vector<std::int32_t> order;    // large to small
+    std::vector<int> atlas;             // of each chart
+    double num_faces = 0;
+    double total_area = 0, largest_area = 0;  // of all charts, of those of one atlas
+  } charts_;
+  struct {
+    int side = 256;     // cells, usually
+    double extent = 1;  // in the texture
+    double radius = 0;  // half of the padding, in the texture
+    double unit = 1;    // cells along a length of 1 on the surface, at weight 1
+  } grid_;
+  double margin_ = 0;           // of the grid, on every side of the tile
+  double padding_ = 0;          // texels
+  Arrangement best_ = {{}, 0};  // poses are from the corner of the grid, in the texture
+  struct {                      // in nanoseconds
+    double budget = 0;
+    std::int64_t done = 0;
+    std::int64_t of_trial = 0;  // of the dearest one: those that end where a chart has no room take less
+  } work_;
+  struct {
+    int least_side = 0, most_side = -1;
+  } made_;  // the grids that the silhouettes are for
   TrialPlan plan_;
   std::unique_ptr<TrialSeries> series_;
   std::vector<Arrangement> starts_;  // the last few that fitted, each at a larger scale

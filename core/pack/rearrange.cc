@@ -71,30 +71,30 @@ class Search {
   Search(const std::vector<Outline>& outlines, const std::vector<int>& atlas, const std::vector<DistanceField>& fields,
          const std::vector<double>& scales, const RearrangeOptions& options, const std::vector<Pose>& poses)
       : outlines_(outlines), atlas_(atlas), fields_(fields), scales_(scales), options_(options), random_(options.seed) {
-    pixel_ = (1 - 2 * options.low) / options.side;
-    stride_ = options.side + 2 * kBorder + 1;
-    tiles_.assign(options.tiles * options.atlases,
-                  std::vector<std::int32_t>(static_cast<std::size_t>(stride_) * stride_, 0));
+    image_.pixel = (1 - 2 * options.low) / options.side;
+    image_.stride = options.side + 2 * kBorder + 1;
+    image_.tiles.assign(options.tiles * options.atlases,
+                        std::vector<std::int32_t>(static_cast<std::size_t>(image_.stride) * image_.stride, 0));
     const std::size_t n = outlines.size();
-    pairs_.resize(n);
-    overlaps_.assign(n, 0);
-    turned_.resize(n);
-    samples_.resize(n);
-    angle_.resize(n);
-    poses_.resize(n);
+    charts_.pairs.resize(n);
+    charts_.overlaps.assign(n, 0);
+    charts_.turned.resize(n);
+    charts_.samples.resize(n);
+    charts_.angle.resize(n);
+    charts_.poses.resize(n);
     const std::vector<std::int32_t> place = Swapped();
     for (std::int32_t i = 0; i < std::ssize(outlines); ++i) {
-      samples_[i] = Samples(i);
-      angle_[i] = poses[i].angle;
-      turned_[i].resize(kTurns);
+      charts_.samples[i] = Samples(i);
+      charts_.angle[i] = poses[i].angle;
+      charts_.turned[i].resize(kTurns);
       const Pose& start = poses[place[i]];
-      const Vec2 at = (start.centre - Vec2::Constant(options.low)) / pixel_;
+      const Vec2 at = (start.centre - Vec2::Constant(options.low)) / image_.pixel;
       int first = 0;
       while (first < kTurns && !At(i, first).fits) ++first;
       if (first == kTurns) too_large_ = true;
-      poses_[i] = {first % kTurns, start.tile, static_cast<int>(std::lround(at.x())),
-                   static_cast<int>(std::lround(at.y()))};
-      Clamp(i, &poses_[i]);
+      charts_.poses[i] = {first % kTurns, start.tile, static_cast<int>(std::lround(at.x())),
+                          static_cast<int>(std::lround(at.y()))};
+      Clamp(i, &charts_.poses[i]);
       if (!too_large_) Draw(i, kWeightUnit);
     }
   }
@@ -113,10 +113,10 @@ class Search {
       if (apart) break;
       Weigh();
     }
-    for (std::size_t i = 0; i < poses_.size(); ++i) {
-      const CellPose& pose = poses_[i];
-      (*poses)[i] = {Vec2::Constant(options_.low) + pixel_ * Vec2(pose.x, pose.y), turned_[i][pose.turned]->angle,
-                     pose.tile};
+    for (std::size_t i = 0; i < charts_.poses.size(); ++i) {
+      const CellPose& pose = charts_.poses[i];
+      (*poses)[i] = {Vec2::Constant(options_.low) + image_.pixel * Vec2(pose.x, pose.y),
+                     charts_.turned[i][pose.turned]->angle, pose.tile};
     }
     *work += work_;
     return apart;
@@ -143,7 +143,7 @@ class Search {
   // Along the outline and, farther apart, inside; in an order that meets every part of the chart early.
   std::vector<Vec2> Samples(std::int32_t i) {
     const Outline& outline = outlines_[i];
-    const double unit = scales_[i] / pixel_;
+    const double unit = scales_[i] / image_.pixel;
     std::vector<Vec2> samples;
     double length = 0;
     for (const auto& [from, to] : outline.edges) length += (outline.points[to] - outline.points[from]).norm();
@@ -172,18 +172,18 @@ class Search {
   }
 
   Turned& At(std::int32_t i, int turn) const {
-    std::unique_ptr<Turned>& turned = turned_[i][turn];
+    std::unique_ptr<Turned>& turned = charts_.turned[i][turn];
     if (turned == nullptr) {
-      turned = std::make_unique<Turned>(Turn(i, angle_[i] + 2 * std::numbers::pi * turn / kTurns));
+      turned = std::make_unique<Turned>(Turn(i, charts_.angle[i] + 2 * std::numbers::pi * turn / kTurns));
     }
     return *turned;
   }
 
   Turned Turn(std::int32_t i, double angle) const {
-    const std::vector<Vec2>& samples = samples_[i];
+    const std::vector<Vec2>& samples = charts_.samples[i];
     Turned turned;
     turned.angle = angle;
-    const Rotation rotate(angle, scales_[i] / pixel_);
+    const Rotation rotate(angle, scales_[i] / image_.pixel);
     for (const Vec2& p : outlines_[i].hull) turned.box.Add(rotate(p));
     turned.fits = (turned.box.high - turned.box.low).maxCoeff() <= options_.side + 1;
     turned.range = {Range(turned, 0), Range(turned, 1)};
@@ -192,7 +192,7 @@ class Search {
     for (const Vec2& p : samples) {
       const Vec2 turned_sample = rotate(p);
       const std::int32_t x = Rounded(turned_sample.x()), y = Rounded(turned_sample.y());
-      turned.samples.push_back(y * stride_ + x);
+      turned.samples.push_back(y * image_.stride + x);
     }
     return turned;
   }
@@ -216,7 +216,7 @@ class Search {
   }
 
   void MeasureDepth(std::int32_t i, Turned* turned) const {
-    const double reach = options_.distance / pixel_ - options_.slack;  // beyond the outline, in pixels
+    const double reach = options_.distance / image_.pixel - options_.slack;  // beyond the outline, in pixels
     const double out = std::max(reach, 0.0) + 1;
     turned->left = static_cast<int>(std::floor(turned->box.low.x() - out));
     turned->bottom = static_cast<int>(std::floor(turned->box.low.y() - out));
@@ -224,7 +224,7 @@ class Search {
     turned->height = static_cast<int>(std::ceil(turned->box.high.y() + out)) - turned->bottom + 1;
     work_ += kDepthWork * turned->width * turned->height;
     turned->depth.assign(static_cast<std::size_t>(turned->width) * turned->height, 0);
-    const double unit = scales_[i] / pixel_;
+    const double unit = scales_[i] / image_.pixel;
     const double c = portable::Cos(turned->angle) / unit, s = portable::Sin(turned->angle) / unit;
     turned->rows.assign(turned->height, {0, 0});
     std::int16_t* depth = turned->depth.data();
@@ -250,8 +250,8 @@ class Search {
   void FindPlaces(Turned* turned) const {
     turned->places.reserve(turned->samples.size());
     for (const std::int32_t sample : turned->samples) {
-      const int from = sample + stride_ / 2, y = from / stride_ - (from % stride_ < 0 ? 1 : 0);
-      turned->places.push_back({static_cast<std::int16_t>(sample - y * stride_), static_cast<std::int16_t>(y)});
+      const int from = sample + image_.stride / 2, y = from / image_.stride - (from % image_.stride < 0 ? 1 : 0);
+      turned->places.push_back({static_cast<std::int16_t>(sample - y * image_.stride), static_cast<std::int16_t>(y)});
     }
   }
 
@@ -272,15 +272,16 @@ class Search {
 
   void Draw(std::int32_t i, std::int64_t weight64) {
     const auto weight = static_cast<std::int16_t>(weight64);
-    const CellPose& pose = poses_[i];
+    const CellPose& pose = charts_.poses[i];
     Turned& turned = At(i, pose.turned);
     if (turned.depth.empty()) MeasureDepth(i, &turned);
     const int left = turned.left + pose.x + kBorder, bottom = turned.bottom + pose.y + kBorder;
-    const int first = std::max(0, -bottom), last = std::min(turned.height, stride_ - bottom);
+    const int first = std::max(0, -bottom), last = std::min(turned.height, image_.stride - bottom);
     work_ += kRowWork * (last - first);
     for (int y = first; y < last; ++y) {
-      const int begin = std::max(turned.rows[y].begin, -left), end = std::min(turned.rows[y].end, stride_ - left);
-      std::int32_t* to = tiles_[pose.tile].data() + static_cast<std::ptrdiff_t>(y + bottom) * stride_ + left;
+      const int begin = std::max(turned.rows[y].begin, -left), end = std::min(turned.rows[y].end, image_.stride - left);
+      std::int32_t* to =
+          image_.tiles[pose.tile].data() + static_cast<std::ptrdiff_t>(y + bottom) * image_.stride + left;
       const std::int16_t* from = turned.depth.data() + static_cast<std::ptrdiff_t>(y) * turned.width;
       for (int x = begin; x < end; ++x) to[x] += weight * from[x];
     }
@@ -289,8 +290,8 @@ class Search {
   // What lies under the samples; any number of `bound` or more if it is not below that.
   std::int64_t Cost(std::int32_t i, const CellPose& pose, std::int64_t bound) const {
     const std::vector<std::int32_t>& samples = At(i, pose.turned).samples;
-    const std::int32_t* image =
-        tiles_[pose.tile].data() + static_cast<std::ptrdiff_t>(pose.y + kBorder) * stride_ + pose.x + kBorder;
+    const std::int32_t* image = image_.tiles[pose.tile].data() +
+                                static_cast<std::ptrdiff_t>(pose.y + kBorder) * image_.stride + pose.x + kBorder;
     std::int64_t cost = 0;
     std::size_t k = 0;
     const std::size_t n = samples.size();
@@ -351,7 +352,7 @@ class Search {
 
   // How deep the samples of i lie in j.
   std::int64_t Overlap(std::int32_t i, std::int32_t j) {
-    const CellPose &p = poses_[i], &q = poses_[j];
+    const CellPose &p = charts_.poses[i], &q = charts_.poses[j];
     if (p.tile != q.tile) return 0;
     Turned& a = At(i, p.turned);
     const Turned& b = At(j, q.turned);
@@ -362,7 +363,7 @@ class Search {
 
   // Pairs that overlap gain weight, the more the more they do; others lose some of theirs.
   void Weigh() {
-    const auto n = static_cast<std::int32_t>(poses_.size());
+    const auto n = static_cast<std::int32_t>(charts_.poses.size());
     struct Found {
       std::int32_t i, j;
       std::int64_t overlap;
@@ -370,17 +371,17 @@ class Search {
     std::vector<Found> found;
     std::int64_t most = 1;
     for (std::int32_t i = 0; i < n; ++i) {
-      if (!overlaps_[i]) continue;
+      if (!charts_.overlaps[i]) continue;
       work_ += n;
       for (std::int32_t j = 0; j < n; ++j) {
-        if (i == j || (overlaps_[j] && j < i)) continue;
+        if (i == j || (charts_.overlaps[j] && j < i)) continue;
         const std::int64_t overlap = Overlap(i, j) + Overlap(j, i);
         if (overlap == 0) continue;
         found.push_back({i, j, overlap});
         most = std::max(most, overlap);
       }
     }
-    for (auto& pairs : pairs_) {
+    for (auto& pairs : charts_.pairs) {
       for (Pair& pair : pairs) pair.weight *= 0.95;
       std::erase_if(pairs, [](const Pair& pair) { return pair.weight < 1; });
     }
@@ -392,30 +393,30 @@ class Search {
   }
 
   void Raise(std::int32_t i, std::int32_t j, double factor) {
-    for (Pair& pair : pairs_[i]) {
+    for (Pair& pair : charts_.pairs[i]) {
       if (pair.other != j) continue;
       pair.weight = std::min(kMostWeight, pair.weight / 0.95 * factor);
       return;
     }
-    pairs_[i].push_back({j, factor});
+    charts_.pairs[i].push_back({j, factor});
   }
 
   // Takes a chart out of the image and draws those that weigh more for it (times 1); or puts it back (times -1).
   void Lift(std::int32_t i, int times) {
     Draw(i, -times * kWeightUnit);
-    for (const Pair& pair : pairs_[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
+    for (const Pair& pair : charts_.pairs[i]) Draw(pair.other, times * std::lround(kWeightUnit * (pair.weight - 1)));
   }
 
   // Returns whether the chart overlapped others and still does.
   bool Move(std::int32_t i) {
     constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
-    overlaps_[i] = false;
-    const std::int64_t own = kWeightUnit * At(i, poses_[i].turned).own;
-    if (Cost(i, poses_[i], kMost) == own) return false;
+    charts_.overlaps[i] = false;
+    const std::int64_t own = kWeightUnit * At(i, charts_.poses[i].turned).own;
+    if (Cost(i, charts_.poses[i], kMost) == own) return false;
     Lift(i, 1);
-    std::int64_t cost = Cost(i, poses_[i], kMost);
+    std::int64_t cost = Cost(i, charts_.poses[i], kMost);
     ++moves_;
-    CellPose best = poses_[i];
+    CellPose best = charts_.poses[i];
     Descend(i, &best, &cost);
     constexpr int kKept = 3;
     std::array<std::pair<std::int64_t, CellPose>, kKept> kept;
@@ -436,8 +437,8 @@ class Search {
         best = pose;
       }
     }
-    poses_[i] = best;
-    overlaps_[i] = cost > 0;
+    charts_.poses[i] = best;
+    charts_.overlaps[i] = cost > 0;
     Lift(i, -1);
     return cost > 0;
   }
@@ -448,20 +449,24 @@ class Search {
   const std::vector<double>& scales_;
   const RearrangeOptions& options_;
   Random random_;
-  double pixel_;                                  // in the texture
-  int stride_;                                    // of the images of tiles
-  std::vector<std::vector<std::int32_t>> tiles_;  // how deep every pixel lies in charts
+  struct {
+    double pixel;  // in the texture
+    int stride;
+    std::vector<std::vector<std::int32_t>> tiles;  // how deep every pixel lies in charts
+  } image_;
   struct Pair {
     std::int32_t other;
     double weight;
   };
   // Per chart.
-  std::vector<std::vector<Pair>> pairs_;  // that weigh more than 1
-  std::vector<char> overlaps_;            // when it was moved last
-  std::vector<double> angle_;             // at turn 0
-  std::vector<std::vector<Vec2>> samples_;
-  mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned_;  // as far as needed
-  std::vector<CellPose> poses_;
+  struct {
+    std::vector<std::vector<Pair>> pairs;  // that weigh more than 1
+    std::vector<char> overlaps;            // when it was moved last
+    std::vector<double> angle;             // at turn 0
+    std::vector<std::vector<Vec2>> samples;
+    mutable std::vector<std::vector<std::unique_ptr<Turned>>> turned;  // as far as needed
+    std::vector<CellPose> poses;
+  } charts_;
   bool too_large_ = false;  // some chart, for the tile
   std::int64_t moves_ = 0;
   mutable std::int64_t work_ = 0;

@@ -43,7 +43,7 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
       poses_(outlines.size()),
       margins_(outlines.size(), 0),
       velocity_(outlines.size(), Vec3::Zero()),
-      skin_(2 * options.spacing) {
+      contacts_{.skin = 2 * options.spacing, .found = {}} {
   shapes_.reserve(outlines.size());
   for (std::size_t i = 0; i < outlines.size(); ++i) {
     const double unit = relative_[i] * scale_;  // length in the texture of 1
@@ -64,21 +64,21 @@ Relaxer::Relaxer(const std::vector<Outline>& outlines, const std::vector<Distanc
 }
 
 void Relaxer::FindContacts() {
-  age_ = 0;
-  contacts_.clear();
+  contacts_.age = 0;
+  contacts_.found.clear();
   const std::size_t n = poses_.size();
   // In the texture: of each body, how it is turned and scaled, where its blocks lie, and a box round them.
   std::vector<Rotation> turns(n);
   std::vector<Vec2> centres;
   std::vector<std::size_t> first_centre(n);
   std::vector<Box> boxes(n);
-  const double reach = options_.distance + skin_;
+  const double reach = options_.distance + contacts_.skin;
   const auto place = [&](std::int32_t i, const Vec2& u) { return Vec2(poses_[i].centre + turns[i](u)); };
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(n); ++i) {
     const double unit = scale_ * relative_[i];
     turns[i] = Rotation(poses_[i].angle, unit);
     first_centre[i] = centres.size();
-    const double low = options_.low + skin_, high = 1 - low;
+    const double low = options_.low + contacts_.skin, high = 1 - low;
     for (const Block& block : shapes_[i].blocks) {
       const Vec2 centre = place(i, block.centre), extent = Vec2::Constant(block.radius * unit);
       centres.push_back(centre);
@@ -88,7 +88,7 @@ void Relaxer::FindContacts() {
       for (std::int32_t k = block.begin; k < block.end; ++k) {
         const Vec2 p = place(i, shapes_[i].samples[k]);
         const auto add = [&](bool near, std::int32_t side) {
-          if (near) contacts_.push_back({i, k, side});
+          if (near) contacts_.found.push_back({i, k, side});
         };
         add(p.x() < low, -1);
         add(p.x() > high, -2);
@@ -115,11 +115,11 @@ void Relaxer::FindContacts() {
       const double around = reach + block.radius * a_unit;
       const Vec2& centre = centres[first_centre[a] + i];
       if (!boxes[b].Grown(around).Has(centre)) continue;
-      work_ += kLookWork;
+      spent_.work += kLookWork;
       if (kSureOfDistance * field.DistanceNear(local(block.centre), 0) * unit > around) continue;
-      work_ += kLookWork * (block.end - block.begin);
+      spent_.work += kLookWork * (block.end - block.begin);
       for (std::int32_t k = block.begin; k < block.end; ++k) {
-        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.push_back({a, k, b});
+        if (field.DistanceNear(local(shapes_[a].samples[k]), kFar) <= local_reach) contacts_.found.push_back({a, k, b});
       }
     }
   };
@@ -131,10 +131,10 @@ void Relaxer::FindContacts() {
 }
 
 double Relaxer::Step() {
-  ++steps_;
-  if (age_ == 0) FindContacts();
-  work_ += kContactWork * std::ssize(contacts_) + kBodyWork * std::ssize(poses_);
-  age_ = (age_ + 1) % kContactLife;
+  ++spent_.steps;
+  if (contacts_.age == 0) FindContacts();
+  spent_.work += kContactWork * std::ssize(contacts_.found) + kBodyWork * std::ssize(poses_);
+  contacts_.age = (contacts_.age + 1) % kContactLife;
   // Sums of missing * row and of row * row^T, whose upper half is kept.
   struct Pull {
     double xx = 0, xy = 0, xt = 0, yy = 0, yt = 0, tt = 0;
@@ -160,7 +160,7 @@ double Relaxer::Step() {
     pull.y += missing * y;
     pull.t += missing * t;
   };
-  for (const Contact& contact : contacts_) {
+  for (const Contact& contact : contacts_.found) {
     const std::int32_t a = contact.body;
     const double unit = scale_ * relative_[a];
     const Vec2 p = poses_[a].centre + unit * turns[a](shapes_[a].samples[contact.sample]);
@@ -202,7 +202,7 @@ double Relaxer::Step() {
       const double z1 = pull.y - l10 * pull.x, z2 = pull.t - l20 * pull.x - l21 * z1;
       const double t = z2 / d2, y = z1 / d1 - l21 * t;
       step = kShare * Vec3(pull.x / d0 - l10 * y - l20 * t, y, t);
-      const double most = skin_;
+      const double most = contacts_.skin;
       const double length = step.norm();
       if (length > most) step *= most / length;
     }
@@ -215,13 +215,14 @@ double Relaxer::Step() {
 }
 
 void Relaxer::Grow(int patience, std::int64_t most_work) {
-  const std::int64_t end = work_ + most_work;
+  const std::int64_t end = spent_.work + most_work;
   constexpr double kGrowth = 1.002;
   std::vector<Pose> best = poses_;
   double best_scale = scale_;
-  const std::int64_t most = steps_ + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(poses_.size()));
-  for (int stalled = 0;
-       stalled < patience && steps_ < most && work_ < end && !execution_.IsCancelled() && !execution_.IsStopRequested();
+  const std::int64_t most =
+      spent_.steps + std::max<std::int64_t>(40, kMostSteps / static_cast<std::int64_t>(poses_.size()));
+  for (int stalled = 0; stalled < patience && spent_.steps < most && spent_.work < end && !execution_.IsCancelled() &&
+                        !execution_.IsStopRequested();
        ++stalled) {
     const std::vector<Pose> before = poses_;
     if (Step() > options_.tolerance) continue;
@@ -232,15 +233,15 @@ void Relaxer::Grow(int patience, std::int64_t most_work) {
   }
   poses_ = best;
   scale_ = best_scale;
-  age_ = 0;
+  contacts_.age = 0;
   velocity_.assign(poses_.size(), Vec3::Zero());
 }
 
 bool Relaxer::Separate(int steps, std::int64_t most_work) {
-  const std::int64_t end = work_ + most_work;
+  const std::int64_t end = spent_.work + most_work;
   velocity_.assign(poses_.size(), Vec3::Zero());
-  age_ = 0;
-  for (int i = 0; i < steps && work_ < end && !execution_.IsCancelled(); ++i) {
+  contacts_.age = 0;
+  for (int i = 0; i < steps && spent_.work < end && !execution_.IsCancelled(); ++i) {
     const std::vector<Pose> before = poses_;
     if (Step() > options_.tolerance) continue;
     poses_ = before;

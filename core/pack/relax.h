@@ -34,7 +34,7 @@ class Relaxer {
   double scale() const { return scale_; }
   void set_scale(double scale) { scale_ = scale; }
   // What it has cost so far, in about nanoseconds, counted in steps of the algorithm.
-  std::int64_t work() const { return work_; }
+  std::int64_t work() const { return spent_.work; }
   // Per chart: kept in addition to the distance; 0 at first.
   std::vector<double>& margins() { return margins_; }
 
@@ -76,10 +76,14 @@ class Relaxer {
   std::vector<Pose> poses_;
   std::vector<double> margins_;
   std::vector<Vec3> velocity_;  // along x and y, and the turn times the turning radius
-  const double skin_;           // how much farther than the distance to be kept contacts are looked for
-  std::vector<Contact> contacts_;
-  int age_ = 0;  // of the contacts, in steps
-  std::int64_t steps_ = 0, work_ = 0;
+  struct {
+    double skin;  // how much farther than the distance to be kept they are looked for
+    std::vector<Contact> found;
+    int age = 0;  // steps since then
+  } contacts_;
+  struct {
+    std::int64_t steps = 0, work = 0;
+  } spent_;
   double last_energy_ = 0;
 };
 

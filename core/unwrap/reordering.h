@@ -1,6 +1,6 @@
 // A large mesh is unwrapped with its vertices and faces in spatial order: neighbours are near in memory then. On
-// surface nets of 444,216 and 573,048 faces, written row by row of their grids, that saves a tenth of the time, and a
-// quarter where faces come at random. What the caller hears has the numbers of the caller's mesh.
+// surface nets of 444,216 and 573,048 faces, written row by row of their grids, that saves 5 to 11 % of the time, and
+// 30 % where faces come at random. What the caller hears has the numbers of the caller's mesh.
 #pragma once
 
 #include <cstdint>
