@@ -45,8 +45,8 @@ void GluePieces(const std::vector<std::int32_t>& piece, Gluing* gluing);
 // Hands single faces over to the disc across (or across a slit of the same one), again and again, wherever that makes
 // seams shorter: a discrete curve-shortening flow, stopped after some sweeps so that seams stay about where they are.
 // Seams along bends count as shorter. Discs stay discs, of the same number; no vertex of an outline opens wider than
-// AtlasTuning::widest. `chart` has the disc of each of these faces and follows. Faces that are marked -1 there stay,
-// and all others than these must be. O(n) in the faces. Of no use after a cancellation.
+// AtlasTuning::widest. `chart`, per face of the surface, has the disc of each of `faces` and follows; -1 for faces that
+// stay, which all faces beside `faces` must be. O(n) in `faces`. Of no use after a cancellation.
 void SmoothOutlines(const AtlasTuning& tuning, const Execution& execution, std::vector<std::int32_t> faces,
                     Gluing* gluing, std::vector<std::int32_t>* chart);
 
