@@ -10,7 +10,7 @@ namespace planish {
 // stretch and by packing efficiency, both as planish_chart_count prints them. Ratios, unless a unit is given.
 struct AtlasTuning {
   // ---- Order in memory (unwrap/reordering.h).
-  // Meshes of so many faces are unwrapped in spatial order; the caches hold smaller ones in any order.
+  // Meshes of so many faces and more are unwrapped in spatial order; the caches hold smaller ones in any order.
   std::int64_t reordered_faces = 50'000;
 
   // ---- Patches (charts/patches.cc): the start, from which charts are merged.

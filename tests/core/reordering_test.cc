@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/radix_sort.h"
 #include "core/unwrap/unwrap.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -33,9 +34,7 @@ Mesh Shuffled(const Mesh& mesh, std::uint64_t seed) {
       std::swap((*order)[i - 1], (*order)[dice.Below(static_cast<int>(i))]);
     }
   };
-  std::vector<std::int32_t> vertex(mesh.positions.size()), face(mesh.faces.size());
-  for (std::size_t i = 0; i < vertex.size(); ++i) vertex[i] = static_cast<std::int32_t>(i);
-  for (std::size_t i = 0; i < face.size(); ++i) face[i] = static_cast<std::int32_t>(i);
+  std::vector<std::int32_t> vertex = Indices(mesh.positions.size()), face = Indices(mesh.faces.size());
   shuffle(&vertex);
   shuffle(&face);
   Mesh shuffled;
