@@ -53,11 +53,16 @@ int SeparatingEdge(const Vec2 s[3], const Vec2 t[3]) {
   return -1;
 }
 
-}  // namespace
+// Products of numbers of such a size, and what these are short of by rounding, neither overflow nor underflow.
+constexpr int kLeastExponent = -484, kMostExponent = 500;
 
-int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
-  // As often as triangles share a corner.
-  if (a == b || b == c || c == a) return 0;
+bool HasExactProducts(double x) {
+  const double size = std::abs(x);
+  return size == 0 || (size >= std::ldexp(1.0, kLeastExponent) && size < std::ldexp(1.0, kMostExponent));
+}
+
+// Of points whose coordinates have exact products.
+int SignByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
   Expansion determinant;
   determinant.AddProduct(a.x(), b.y());
   determinant.AddProduct(-a.x(), c.y());
@@ -66,6 +71,20 @@ int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
   determinant.AddProduct(a.y(), c.x());
   determinant.AddProduct(c.y(), b.x());
   return determinant.Sign();
+}
+
+}  // namespace
+
+int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c) {
+  // As often as triangles share a corner.
+  if (a == b || b == c || c == a) return 0;
+  const auto is_exact = [](const Vec2& p) { return HasExactProducts(p.x()) && HasExactProducts(p.y()); };
+  if (is_exact(a) && is_exact(b) && is_exact(c)) return SignByExpansion(a, b, c);
+  const double largest = std::max({a.cwiseAbs().maxCoeff(), b.cwiseAbs().maxCoeff(), c.cwiseAbs().maxCoeff()});
+  const auto scaled = [by = kMostExponent - 1 - std::ilogb(largest)](const Vec2& p) {
+    return Vec2(std::ldexp(p.x(), by), std::ldexp(p.y(), by));
+  };
+  return SignByExpansion(scaled(a), scaled(b), scaled(c));
 }
 
 bool InteriorsMeet(const Vec2 s[3], const Vec2 t[3]) {

@@ -12,15 +12,17 @@ namespace planish {
 // Orientation() without the filter.
 int OrientationByExpansion(const Vec2& a, const Vec2& b, const Vec2& c);
 
-// Sign of the area of triangle (a, b, c): 1 counter-clockwise, -1 clockwise, 0 collinear. Exact for all finite inputs
-// whose products neither overflow nor underflow: a floating-point filter, then an expansion (Shewchuk 1997).
+// Sign of the area of triangle (a, b, c): 1 counter-clockwise, -1 clockwise, 0 collinear. Exact for finite inputs of
+// any size, as long as none but zeros is smaller than 2^-980 times the largest: a floating-point filter, then an
+// expansion (Shewchuk 1997).
 inline int Orientation(const Vec2& a, const Vec2& b, const Vec2& c) {
   const double left = (a.x() - c.x()) * (b.y() - c.y());
   const double right = (a.y() - c.y()) * (b.x() - c.x());
   const double determinant = left - right;
-  // Shewchuk's bound for the rounding error of the line above.
+  // Shewchuk's bound for the rounding error of the line above, and more than products lose that underflow.
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon() / 2;
-  const double bound = (3 + 16 * kEpsilon) * kEpsilon * (std::abs(left) + std::abs(right));
+  const double bound =
+      (3 + 16 * kEpsilon) * kEpsilon * (std::abs(left) + std::abs(right)) + std::numeric_limits<double>::min();
   if (std::abs(determinant) > bound) return determinant > 0 ? 1 : -1;
   return OrientationByExpansion(a, b, c);
 }

@@ -291,7 +291,10 @@ Overlaps FindOneOverlap(const CornerUv& uv, const Execution& execution, const st
   for (std::size_t i = 0; i < events.size() && meet.empty() && !execution.IsCancelledAt(i); ++i) {
     const std::int32_t f = events[i] / 2;
     if (events[i] % 2 == 0) {
-      place[f] = line.insert(f).first;
+      const auto [at, is_new] = line.insert(f);
+      place[f] = at;
+      // An order that contradicts itself: numbers of too many magnitudes for Orientation().
+      if (!is_new && meet.empty()) meet = {std::min(f, *at), std::max(f, *at)};
     } else if (const auto next = line.erase(place[f]); next != line.begin() && next != line.end()) {
       is_below(*std::prev(next), *next);
     }

@@ -487,6 +487,24 @@ TEST(FindOneOverlap, FindsOneWhereAllPairsHaveOne) {
   }
 }
 
+// Products of such coordinates underflow. Each triangle was taken to lie above the other, and the sweep for
+// twin_needles_19704.obj as GLB ended in memory that was not its own.
+TEST(FindOneOverlap, HoldsWhereNumbersAreNextToNothing) {
+  const Vec2 corner(-4.8458843386614489e-170, -6.2735642796385467e-171);
+  CornerUv uv;
+  for (const Vec2& p : {corner, Vec2(7.4757548802185822e-161, 8.8416277202633451e-162),
+                        Vec2(3.7377161434233684e-161, 4.4344515762195479e-162), corner,
+                        Vec2(3.0273093035157616e-161, 3.595102994826252e-162),
+                        Vec2(1.5135885843972377e-161, 1.8031145893728198e-162)}) {
+    uv.insert(uv.end(), {p.x(), p.y()});
+  }
+  CornerUv larger = uv;
+  for (double& x : larger) x = std::ldexp(x, 540);
+  const std::int64_t expected = FindOverlaps(larger, 1000).pairs;
+  EXPECT_EQ(FindOverlaps(uv, 1000).pairs, expected);
+  EXPECT_EQ(FindOneOverlap(uv).pairs, expected);
+}
+
 // n needles round a vertex, of which one has no area: outlines prove nothing.
 CornerUv Fan(int n) {
   CornerUv uv;

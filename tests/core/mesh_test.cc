@@ -224,6 +224,11 @@ TEST(Orientation, IsExactWhereRoundingIsNot) {
       // b and c lie on x = y, so the sign is that of y_a - x_a.
       const int expected = (j > i) - (j < i);
       EXPECT_EQ(Orientation(b, c, a), expected) << i << " " << j;
+      // Products of much smaller numbers underflow, those of much larger ones overflow.
+      for (const int exponent : {-1020, -540, -500, 500, 1018}) {
+        const double scale = std::ldexp(1.0, exponent);
+        EXPECT_EQ(Orientation(scale * b, scale * c, scale * a), expected) << i << " " << j << " " << exponent;
+      }
       const double naive = (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
       mistakes += (naive > 0) - (naive < 0) != expected;
     }

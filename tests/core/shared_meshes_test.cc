@@ -68,6 +68,14 @@ TEST_F(SharedMeshes, LongNeedlesLeaveRoom) {
   EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0);
 }
 
+TEST_F(SharedMeshes, LongNeedlesAreMappedForFloat) {
+  UnwrapOptions options;
+  options.precision = Precision::kFloat;
+  const auto result = Unwrap(testing::ReadTriangleObj(kMeshes / "twin_needles_19704.obj"), options, {});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->quality.flipped + result->quality.degenerate + result->quality.overlapping, 0);
+}
+
 TEST_F(SharedMeshes, TheSameUvOnEveryCpu) {
   testing::ExpectTheSameOnEveryCpu([] {
     return testing::UvDigest(testing::ReadTriangleObj(kMeshes / "boot_g12_39906.obj"), {}) + " " +
