@@ -449,8 +449,9 @@ TEST(FindOneOverlap, FindsOneWhereAllPairsHaveOne) {
   for (int i = 0; i < kCases; ++i) {
     const int faces = 2 + i % 5;
     std::uniform_int_distribution<int> place(0, 3 + i % 7);
+    const double unit = i % 3 == 0 ? 0x1p-540 : 1;  // products of the first underflow
     CornerUv uv;
-    for (int k = 0; k < 6 * faces; ++k) uv.push_back(place(random));
+    for (int k = 0; k < 6 * faces; ++k) uv.push_back(unit * place(random));
     const Overlaps all = FindOverlaps(uv, 1000), one = FindOneOverlap(uv);
     ASSERT_EQ(one.pairs, std::min<std::int64_t>(all.pairs, 1)) << i;
     apart += all.pairs == 0;

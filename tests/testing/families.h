@@ -35,6 +35,7 @@ std::vector<std::string> Families();
 //   ribbons        bands and wires up to a million times as long as wide
 //   crumbs         very many pieces of a few triangles each, of all sizes
 //   spikes         a sphere with vertices far out
+//   warped         a sphere stretched along the axes, the more the farther out
 //   cut_up         isosurfaces and assemblies cut by planes that nearly go through vertices
 //   folded         planar sheets folded onto themselves, with needles
 //   offset         any of these with a shell at a distance along its normals, that touches it and runs through itself

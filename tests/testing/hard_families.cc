@@ -290,6 +290,22 @@ Mesh Spikes(Dice& dice, int faces) {
   return mesh;
 }
 
+// A sphere in space that is stretched the more the farther out along each axis: from needles that are much longer than
+// the rest of the mesh is large to specks.
+Mesh Warped(Dice& dice, int faces) {
+  const int n = std::clamp(static_cast<int>(std::sqrt(faces / 6.0)), 8, 512);
+  Mesh mesh = Isosurface([](const Vec3& p) { return p.norm() - 0.8; }, n, Contouring::kSurfaceNets);
+  const Vec3 power(dice.In(0.1, 6), dice.In(0.1, 6), dice.In(0.1, 1));
+  const double noise = dice.OneIn(2) ? 0 : 0.5 / n;
+  for (Vec3& p : mesh.positions) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double x = p[axis] + dice.In(-noise, noise);
+      p[axis] = std::copysign(std::pow(10, power[axis] * std::abs(x)) - 1, x);
+    }
+  }
+  return mesh;
+}
+
 // Isosurfaces cut by planes that nearly go through vertices, as boolean operations leave them.
 Mesh CutUp(Dice& dice, std::uint64_t seed, int faces) {
   Mesh mesh = MakeFamily(dice.OneIn(2) ? "surface_nets" : "assembly", seed, std::max(1, faces / 3));
@@ -331,6 +347,7 @@ std::vector<NamedMaker> Makers() {
                                     {"ribbons", WithoutSeed<Ribbons>},
                                     {"crumbs", WithoutSeed<Crumbs>},
                                     {"spikes", WithoutSeed<Spikes>},
+                                    {"warped", WithoutSeed<Warped>},
                                     {"cut_up", CutUp},
                                     {"folded", WithoutSeed<Folded>}};
   for (const NamedMaker& maker : WildMakers()) makers.push_back(maker);
