@@ -75,7 +75,8 @@ class GrowingHull {
       return;
     }
     // The sides that p sees from outside are a chain; their inner points go, p comes in their place.
-    const auto outside = [&](std::size_t i) { return -DoubleArea(hull_[i], hull_[i + 1 == n ? 0 : i + 1], p); };
+    const auto next = [&](std::size_t i) { return i + 1 == n ? 0 : i + 1; };
+    const auto outside = [&](std::size_t i) { return -DoubleArea(hull_[i], hull_[next(i)], p); };
     std::size_t first = 0;
     while (first < n && !(outside(first) > 0)) ++first;
     if (first == n) return;
@@ -84,18 +85,14 @@ class GrowingHull {
       while (back > 1 && outside(back - 1) > 0) --back;
       first = back % n;
     }
-    kept_.clear();
-    std::size_t i = first;
+    std::size_t end = first;
     do {
-      doubled_area_ += std::max(0.0, outside(i));
-      i = i + 1 == n ? 0 : i + 1;
-    } while (i != first && outside(i) > 0);
-    for (;; i = i + 1 == n ? 0 : i + 1) {
-      kept_.push_back(hull_[i]);
-      if (i == first) break;
-    }
-    kept_.push_back(p);
-    hull_.swap(kept_);
+      doubled_area_ += std::max(0.0, outside(end));
+      end = next(end);
+    } while (end != first && outside(end) > 0);
+    std::rotate(hull_.begin(), hull_.begin() + static_cast<std::ptrdiff_t>(end), hull_.end());
+    hull_.resize(n - (end + n - first - 1) % n);
+    hull_.push_back(p);
   }
 
   double Area() const { return doubled_area_ / 2; }
@@ -103,7 +100,7 @@ class GrowingHull {
   bool HasCorner(const Vec2& p) const { return std::find(hull_.begin(), hull_.end(), p) != hull_.end(); }
 
  private:
-  std::vector<Vec2> hull_, kept_;  // counter-clockwise
+  std::vector<Vec2> hull_;  // counter-clockwise
   double doubled_area_ = 0;
 };
 
