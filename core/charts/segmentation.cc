@@ -221,13 +221,13 @@ std::vector<std::int32_t> Segmentation::Split(const std::vector<Cut>& cuts, cons
   return changed;
 }
 
-std::vector<Segmentation::Joint> Segmentation::Joints() const {
+std::vector<HalfedgeHandle> Segmentation::Outline(std::int32_t chart) const {
+  if (faces_[chart].empty()) return {};
+  return OutlineFrom(gluing_, FirstOnOutline(gluing_, faces_[chart]));
+}
+
+std::vector<Segmentation::Joint> Segmentation::Joints(std::vector<std::vector<HalfedgeHandle>> outlines) const {
   std::vector<Joint> joints;
-  std::vector<std::vector<HalfedgeHandle>> outlines;
-  for (const std::vector<std::int32_t>& faces : faces_) {
-    outlines.push_back(faces.empty() ? std::vector<HalfedgeHandle>()
-                                     : OutlineFrom(gluing_, FirstOnOutline(gluing_, faces)));
-  }
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(faces_.size()); ++i) {
     if (faces_[i].empty()) continue;
     for (const auto& [border, other] : BordersAlong(gluing_, chart_, &outlines[i])) {

@@ -57,8 +57,11 @@ class Segmentation {
     std::int32_t chart, other;
     std::vector<HalfedgeHandle> border;
   };
-  // All joints at which two charts could become one disc, by `chart`, which is the lower number of the two.
-  std::vector<Joint> Joints() const;
+  // The outline of a chart, from FirstOnOutline() (gluing.h) on; empty if it has no faces.
+  std::vector<HalfedgeHandle> Outline(std::int32_t chart) const;
+  // All joints at which two charts could become one disc, by `chart`, which is the lower number of the two. `outlines`:
+  // Outline() of each.
+  std::vector<Joint> Joints(std::vector<std::vector<HalfedgeHandle>> outlines) const;
 
   // What Join() has done.
   struct Joined {

@@ -88,6 +88,8 @@ class SolvedMaps {
     }
   }
 
+  std::vector<HalfedgeHandle> Outline(std::int32_t i) const { return charts_.segmentation->Outline(i); }
+
   // Whether the chart is one that may be joined, or stay joined.
   bool IsSound(std::int32_t i) const {
     const MappedChart& mapped = charts_.charts[i];
@@ -131,6 +133,8 @@ class EstimatedMaps {
     const ChartEstimate& estimate = estimates_.of(i);
     for (std::size_t k = 0; k < estimate.outline.size(); ++k) visit(estimate.outline[k], estimate.points[k]);
   }
+
+  std::vector<HalfedgeHandle> Outline(std::int32_t i) const { return estimates_.of(i).outline; }
 
   bool IsSound(std::int32_t i) const {
     return charts_.ReductionOf(charts_.segmentation->charts()[i]) == 1 &&
@@ -244,7 +248,9 @@ class Joining {
     Timer timer;
     PLANISH_RETURN_IF_ERROR(job_.Enter(UnwrapStage::kCharts));
     necks_ = NecksOf(charts_, job_.options);
-    const std::vector<Segmentation::Joint> joints = segmentation_.Joints();
+    std::vector<std::vector<HalfedgeHandle>> outlines;
+    for (std::int32_t i = 0; i < std::ssize(shapes_); ++i) outlines.push_back(maps_.Outline(i));
+    const std::vector<Segmentation::Joint> joints = segmentation_.Joints(std::move(outlines));
     // Faces of both charts, and the number of the joint. The smallest are tried first, since work is counted in faces.
     std::vector<std::pair<std::size_t, std::size_t>> candidates;
     for (std::size_t i = 0; i < joints.size() && !job_.execution.IsCancelledAt(static_cast<std::int64_t>(i)); ++i) {

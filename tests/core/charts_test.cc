@@ -274,7 +274,11 @@ TEST(Segmentation, ChartsAreJoinedPartedAndNumberedAnew) {
   const Surface surface = MakeSurface(testing::Torus(16, 12), {}).value();
   Segmentation segmentation(surface, Segmentation::Kind::kStretch, 1.02, {});
   const auto chart = segmentation.chart();
-  const std::vector<Segmentation::Joint> joints = segmentation.Joints();
+  std::vector<std::vector<HalfedgeHandle>> outlines;
+  for (std::size_t i = 0; i < segmentation.charts().size(); ++i) {
+    outlines.push_back(segmentation.Outline(static_cast<std::int32_t>(i)));
+  }
+  const std::vector<Segmentation::Joint> joints = segmentation.Joints(std::move(outlines));
   ASSERT_FALSE(joints.empty());
   for (const auto& [one, other, stretch] : joints) {
     EXPECT_LT(one, other);
