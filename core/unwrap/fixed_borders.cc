@@ -345,9 +345,9 @@ absl::StatusOr<ChartMap> MapByMeans(const Candidate& c) {
 }
 
 // A convex outline cannot run over itself.
-absl::StatusOr<ChartMap> MapConvex(const Candidate& c) {
+absl::StatusOr<ChartMap> MapConvex(const Candidate& c, const Charts& charts) {
   PLANISH_ASSIGN_OR_RETURN(Flattening convex,
-                           FlattenWith(c.job, *c.mapped, 0, BoundaryType::kConvex, c.execution, false));
+                           FlattenWith(c.job, charts, *c.mapped, 0, BoundaryType::kConvex, c.execution, false));
   return LayOutChart(c.job->mesh, c.mapped->chart, std::move(convex), c.execution);
 }
 
@@ -375,7 +375,7 @@ std::vector<Vec2> MapByBarycentres(const Topology& disc, const std::vector<Vec3>
 void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, const Execution& execution) {
   Candidate c = {job, mapped, execution, {}, *mapped->map.flatten, std::nullopt};
   if (!mapped->is_slit() && !c.is_no_use()) return;
-  c.measured = AnglesToKeep(job->mesh, mapped->chart, execution);
+  c.measured = AnglesToKeep(mapped->chart, charts.AnglesOf(job->mesh, mapped->chart, execution));
   if (mapped->is_slit()) c.filled = FillHoles(job->mesh, mapped->chart, execution);
   const std::int32_t num_faces = c.topology().num_faces();
   const bool is_small = num_faces <= kMostFacesForBarycentres;
@@ -384,7 +384,7 @@ void MapWithFixedBorders(Job* job, const Charts& charts, MappedChart* mapped, co
   if (c.filled && is_small && Takes(c, charts, MapByMeans(c), 1 / kMostStretchForHoles)) return;
   // ABF with a convex outline, where the caller has not asked for that anyway.
   const bool is_free = job->options.flatten.boundary == BoundaryType::kFree;
-  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex) Takes(c, charts, MapConvex(c), 1);
+  if (c.is_no_use() && is_free && num_faces <= kMostFacesForConvex) Takes(c, charts, MapConvex(c, charts), 1);
   // A barycentric map within the slit outline.
   if (c.is_no_use() && !c.filled && is_small) Takes(c, charts, MapByMeans(c), kMostStretchOfAbf);
 }

@@ -200,7 +200,7 @@ absl::StatusOr<UnwrapResult> Report(Job* job, const Charts& charts, const Atlas&
   DistortionSums all;
   result.charts.reserve(charts.charts.size());
   for (const auto& [chart, is_worth_cutting, flattening, map, faults, status] : charts.charts) {
-    const Eigen::VectorXd measured = MeasuredAngles(job->mesh, chart.faces, job->execution);
+    const Eigen::VectorXd measured = charts.AnglesOf(job->mesh, chart, job->execution);
     const DistortionSums own =
         MeasureDistortion(job->mesh, chart.faces, measured, MakeTargetAngles(chart.topology, measured, job->execution),
                           result.uv, charts.ignored, job->execution);

@@ -151,6 +151,16 @@ std::vector<std::int32_t> Charts::FaceChart(const Mesh& mesh) const {
   return face_chart;
 }
 
+Eigen::VectorXd Charts::AnglesOf(const Mesh& mesh, const Chart& chart, const Execution& execution) const {
+  if (!surface) return MeasuredAngles(mesh, chart.faces, execution);
+  Eigen::VectorXd angles(chart.topology.num_corners());
+  execution.ForEach(chart.topology.num_faces(), [&](std::int64_t f) {
+    const std::array<HalfedgeHandle, 3> half_edges = HalfEdgesOf(*surface->mesh, FaceHandle(chart.faces[f]));
+    for (int k = 0; k < 3; ++k) angles[3 * f + k] = surface->angle[half_edges[k].idx()];
+  });
+  return angles;
+}
+
 double Charts::ReductionOf(const std::vector<std::int32_t>& faces) const {
   double least = 1;
   if (reduction.empty()) return least;

@@ -46,8 +46,9 @@ absl::Status Finish(Job* job, const Charts& charts, std::int32_t number, MappedC
   if (charts.grain > 0 && !IsCutAnyway(*job, *mapped)) {
     for (int i = 0; i < kMostWidenings; ++i) {
       if (!WidenInMap(job->mesh, mapped->map, charts.grain, charts.ignored, &mapped->chart)) break;
-      PLANISH_ASSIGN_OR_RETURN(Flattening flattening, FlattenWith(job, *mapped, number, job->options.flatten.boundary,
-                                                                  execution, /*reports=*/false));
+      PLANISH_ASSIGN_OR_RETURN(
+          Flattening flattening,
+          FlattenWith(job, charts, *mapped, number, job->options.flatten.boundary, execution, /*reports=*/false));
       PLANISH_ASSIGN_OR_RETURN(mapped->map, LayOutChart(job->mesh, mapped->chart, std::move(flattening), execution));
     }
   }
@@ -103,8 +104,8 @@ bool WidenCharts(Job* job, const Atlas& atlas, const Delivery& delivery, std::ve
   return true;
 }
 
-absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std::int32_t number, BoundaryType boundary,
-                                       const Execution& execution, bool reports) {
+absl::StatusOr<Flattening> FlattenWith(Job* job, const Charts& charts, const MappedChart& mapped, std::int32_t number,
+                                       BoundaryType boundary, const Execution& execution, bool reports) {
   FlattenControl control = {execution};
   // The sides of a slit must come to lie on each other, or overlap.
   if (!mapped.chart.slits.empty()) control.flat_enough = job->options.flatten.tolerance;
@@ -123,7 +124,8 @@ absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std:
     control.gives_up = !execution.IsStopRequested();
   }
   const Topology& topology = mapped.chart.topology;
-  const TargetAngles target = MakeTargetAngles(topology, AnglesToKeep(job->mesh, mapped.chart, execution), execution);
+  const Eigen::VectorXd angles = AnglesToKeep(mapped.chart, charts.AnglesOf(job->mesh, mapped.chart, execution));
+  const TargetAngles target = MakeTargetAngles(topology, angles, execution);
   if (execution.IsCancelled()) return absl::CancelledError("cancelled");
   return FlattenAngles(topology, target, options, control);
 }
@@ -137,7 +139,7 @@ absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* chart
   job->progress.chart_count = charts->count();
   ForEachChart(job->execution, *charts, todo, [&](std::int32_t i, const Execution& execution, bool reports) {
     MappedChart& mapped = charts->charts[i];
-    auto flattening = FlattenWith(job, mapped, i, job->options.flatten.boundary, execution, reports);
+    auto flattening = FlattenWith(job, *charts, mapped, i, job->options.flatten.boundary, execution, reports);
     mapped.status = flattening.status();
     if (flattening.ok()) mapped.flattening = std::make_unique<Flattening>(*std::move(flattening));
   });

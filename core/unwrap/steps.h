@@ -92,6 +92,8 @@ struct Charts {
 
   std::int32_t count() const { return static_cast<std::int32_t>(charts.size()); }
   bool is_ignored(std::int64_t f) const { return !ignored.empty() && ignored[f] != 0; }
+  // MeasuredAngles() of the faces of a chart of this mesh, from the surface if there is one.
+  Eigen::VectorXd AnglesOf(const Mesh& mesh, const Chart& chart, const Execution& execution) const;
   // The least of these faces'.
   double ReductionOf(const std::vector<std::int32_t>& faces) const;
   // Per face of the mesh: its chart, -1 for those that have none (Surface::takes_part).
@@ -113,8 +115,8 @@ void ExtractChart(std::int32_t i, const Execution& execution, Charts* charts);
 absl::Status SolveCharts(Job* job, std::vector<std::int32_t> todo, Charts* charts);
 
 // ABF of one chart. `reports`: to the caller, on whose thread it runs.
-absl::StatusOr<Flattening> FlattenWith(Job* job, const MappedChart& mapped, std::int32_t number, BoundaryType boundary,
-                                       const Execution& execution, bool reports);
+absl::StatusOr<Flattening> FlattenWith(Job* job, const Charts& charts, const MappedChart& mapped, std::int32_t number,
+                                       BoundaryType boundary, const Execution& execution, bool reports);
 
 // Root mean square, of a map for which the given borders are kept.
 inline constexpr double kMostStretchForBorders = 100;

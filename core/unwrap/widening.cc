@@ -125,13 +125,12 @@ bool Widen(const Mesh& mesh, const ThinFaces& thin, Chart* chart) {
 
 }  // namespace
 
-Eigen::VectorXd AnglesToKeep(const Mesh& mesh, const Chart& chart, const Execution& execution) {
-  Eigen::VectorXd angles = MeasuredAngles(mesh, chart.faces, execution);
+Eigen::VectorXd AnglesToKeep(const Chart& chart, Eigen::VectorXd measured) {
   for (std::size_t f = 0; f < chart.least_angle.size(); ++f) {
     if (chart.least_angle[f] > 0)
-      RaiseAngles(chart.least_angle[f], angles.segment<3>(3 * static_cast<Eigen::Index>(f)));
+      RaiseAngles(chart.least_angle[f], measured.segment<3>(3 * static_cast<Eigen::Index>(f)));
   }
-  return angles;
+  return measured;
 }
 
 bool WidenInMap(const Mesh& mesh, const ChartMap& map, double grain, const std::vector<char>& ignored, Chart* chart) {

@@ -26,9 +26,9 @@ inline constexpr int kDigitsOfSolve = 44;
 // did not suffice by at least 4.
 inline constexpr int kMostWidenings = 12;
 
-// The angles that a map of the chart is to keep: those on the surface, the least ones of widened faces raised
-// (Chart::least_angle), radians. Of no use after a cancellation.
-Eigen::VectorXd AnglesToKeep(const Mesh& mesh, const Chart& chart, const Execution& execution);
+// The angles that a map of the chart is to keep: those on the surface, `measured`, the least ones of widened faces
+// raised (Chart::least_angle), radians.
+Eigen::VectorXd AnglesToKeep(const Chart& chart, Eigen::VectorXd measured);
 
 // Raises Chart::least_angle of the faces that rounding to multiples of `grain` (in the units of the map) may collapse
 // or turn over, wherever the map is moved or turned to, and of thin faces that are collapsed or turned as it is.

@@ -141,9 +141,9 @@ TEST(Widening, RaisesTheLeastAngles) {
   mesh.faces = {{0, 1, 2}};
   Chart chart;
   chart.faces = {0};
-  EXPECT_EQ(AnglesToKeep(mesh, chart, {}), MeasuredAngles(mesh));
+  EXPECT_EQ(AnglesToKeep(chart, MeasuredAngles(mesh)), MeasuredAngles(mesh));
   chart.least_angle = {1e-3};
-  const Eigen::VectorXd angles = AnglesToKeep(mesh, chart, {});
+  const Eigen::VectorXd angles = AnglesToKeep(chart, MeasuredAngles(mesh));
   EXPECT_DOUBLE_EQ(angles.minCoeff(), 1e-3);
   EXPECT_NEAR(angles.sum(), std::numbers::pi, 1e-15);
 }
