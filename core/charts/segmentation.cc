@@ -46,6 +46,7 @@ std::vector<Nearness> DistancesFrom(const std::vector<std::int32_t>& sources, Me
     for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
       if (gluing.IsOutline(h)) continue;
       const std::int32_t g = gluing.surface().face_across(h);
+      if (!(nearness < (*at)[g])) continue;  // whatever the length
       const double length = measure == Measure::kEdges ? 1 : (centre - Centre(mesh, g)).norm();
       reach({nearness.first + (gluing.surface().is_uncut(h) ? 0 : length), nearness.second}, g);
     }
