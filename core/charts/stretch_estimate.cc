@@ -195,18 +195,21 @@ StretchEstimate::Sums StretchEstimate::Joined(std::span<const std::int32_t> smal
     }
   }
   Take({});
-  for (const std::int32_t f : faces_) {
-    for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) {
-      const VertexHandle v = mesh.to_vertex_handle(h);
-      if (number_[v.idx()] >= 0 || !gluing_.IsInside(v)) continue;
-      bool is_whole = true;
-      ForEachInFan(gluing_, gluing_.Prev(h),
-                   [&](HalfedgeHandle facing) { is_whole = is_whole && is_marked_[mesh.face_handle(facing).idx()]; });
-      if (!is_whole) continue;
-      number_[v.idx()] = static_cast<std::int32_t>(free_.size());
-      free_.push_back(v.idx());
+  // Vertices inside of the disc all of whose faces are among these, which are counted from -1 downwards.
+  const auto for_each_corner = [&](const auto& visit) {
+    for (const std::int32_t f : faces_) {
+      for (const HalfedgeHandle h : HalfEdgesOf(mesh, FaceHandle(f))) visit(mesh.to_vertex_handle(h));
     }
-  }
+  };
+  for_each_corner([&](VertexHandle v) { --number_[v.idx()]; });
+  for_each_corner([&](VertexHandle v) {
+    std::int32_t& number = number_[v.idx()];
+    if (number >= 0) return;
+    const auto count = static_cast<std::size_t>(-1 - std::exchange(number, -1));
+    if (!gluing_.IsInside(v) || count != NeighboursOf(v.idx()).size()) return;
+    number = static_cast<std::int32_t>(free_.size());
+    free_.push_back(v.idx());
+  });
   for (const std::int32_t f : faces_) is_marked_[f] = 0;
   return SolveFor(before, /*from_kept=*/true);
 }
